@@ -25,8 +25,9 @@ use crate::file_permissions::{LONGEST_CONFIG, UntrustedFile, read_trusted};
 
 pub use ports::{AxisConfig, Family, Framing, HomingMethod, Polling, PortConfig, Streaming};
 pub use sections::{
-    CommandConfig, CompensationConfig, ConditioningConfig, ControlConfig, IpcConfig,
-    JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig, RecordConfig,
+    AdaptationConfig, CommandConfig, CompensationConfig, ConditioningConfig, ControlConfig,
+    IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
+    RecordConfig,
 };
 pub use validation::Finding;
 
@@ -67,6 +68,9 @@ pub struct Config {
     /// Comparison of camera and model.
     #[serde(default)]
     pub plausibility: PlausibilityConfig,
+    /// Drift of the calibration, followed by the camera.
+    #[serde(default)]
+    pub adaptation: AdaptationConfig,
     /// Black box and run log.
     #[serde(default)]
     pub record: RecordConfig,

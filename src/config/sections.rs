@@ -319,6 +319,55 @@ impl Default for PlausibilityConfig {
     }
 }
 
+/// Adaptation to drift: the correction of a calibration that ages, by `external/measured_jp` of a
+/// camera; see the chapter on adaptation in the manual.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct AdaptationConfig {
+    /// Follow the drift of the calibration by the camera.
+    pub enabled: bool,
+    /// Budget of the zero of every angle, in degrees, above 0 to 10.
+    pub zero_budget_deg: f64,
+    /// Budget of every entry of the gain matrix, as a share of the calibrated gain, above 0 to 0.4.
+    pub gain_budget: f64,
+    /// Budget of the growth of the gap of every motor, as a share of the calibrated gap, above 0 to
+    /// 1.5. A gap may shrink by half of it.
+    pub gap_budget: f64,
+    /// Budget of the latency of the camera beyond its stamps, in milliseconds, above 0 to 200.
+    pub latency_budget_ms: f64,
+    /// Budget of all together: how far the correction may move the tip anywhere in the calibrated
+    /// hull, in degrees, above 0. Less than `plausibility.distance_deg`.
+    pub total_budget_deg: f64,
+    /// Fastest motion of the tip by the correction while a goal moves, in degrees per second, above
+    /// 0 to 10. A goal at rest is never moved.
+    pub slew_deg_s: f64,
+    /// The largest step of the zero that is taken to be a slip, in degrees, 0 to 10. A larger one
+    /// is taken to be a push from outside and not followed.
+    pub largest_step_deg: f64,
+    /// Standard deviation of the angles of the camera, in degrees, above 0 to 5.
+    pub camera_deviation_deg: f64,
+    /// Frames with a quality below this are not used, 0 to 1. Cameras that give none are used.
+    pub least_quality: f64,
+}
+
+impl Default for AdaptationConfig {
+    fn default() -> Self {
+        Self {
+            enabled: false,
+            zero_budget_deg: 3.0,
+            gain_budget: 0.2,
+            gap_budget: 0.6,
+            latency_budget_ms: 60.0,
+            total_budget_deg: 4.8,
+            slew_deg_s: 1.0,
+            largest_step_deg: 1.5,
+            camera_deviation_deg: 0.07,
+            least_quality: 0.3,
+        }
+    }
+}
+
 /// Black box and run log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]

@@ -101,6 +101,7 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     check_limits(config, &mut findings);
     check_joint_limits(config, &mut findings);
     check_motion(config, &mut findings);
+    check_adaptation(config, &mut findings);
     check_ports(config, &mut findings);
     findings.0
 }
@@ -320,6 +321,38 @@ fn check_motion(config: &Config, findings: &mut Findings) {
         "plausibility.debounce_ms",
         config.plausibility.debounce_ms,
         0..=MAX_MS,
+    );
+}
+
+fn check_adaptation(config: &Config, findings: &mut Findings) {
+    let adaptation = &config.adaptation;
+    for (key, value, limit) in [
+        ("zero_budget_deg", adaptation.zero_budget_deg, 10.0),
+        ("gain_budget", adaptation.gain_budget, 0.4),
+        ("gap_budget", adaptation.gap_budget, 1.5),
+        ("latency_budget_ms", adaptation.latency_budget_ms, 200.0),
+        ("total_budget_deg", adaptation.total_budget_deg, 20.0),
+        ("slew_deg_s", adaptation.slew_deg_s, 10.0),
+        ("camera_deviation_deg", adaptation.camera_deviation_deg, 5.0),
+    ] {
+        findings.above_zero(format!("adaptation.{key}"), value, limit);
+    }
+    let within = [
+        ("largest_step_deg", adaptation.largest_step_deg, 10.0),
+        ("least_quality", adaptation.least_quality, 1.0),
+    ];
+    for (key, value, limit) in within {
+        findings.within(format!("adaptation.{key}"), value, 0.0..=limit);
+    }
+    let distance = config.plausibility.distance_deg;
+    findings.require(
+        !adaptation.enabled || distance == 0.0 || adaptation.total_budget_deg < distance,
+        "adaptation.total_budget_deg",
+        adaptation.total_budget_deg,
+        format!(
+            "must be below plausibility.distance_deg = {distance}: adaptation may not lead to a \
+             fault by itself"
+        ),
     );
 }
 

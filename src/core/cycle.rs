@@ -17,6 +17,7 @@
 use std::sync::Arc;
 
 use crate::config::Config;
+use crate::core::adaptation::{Adaptation, Surroundings};
 use crate::core::command::admission::{AdmissionContext, CommandAdmission};
 use crate::core::command::clutch::Clutch;
 use crate::core::command::followed_command::FollowedCommand;
@@ -24,6 +25,8 @@ use crate::core::command::move_planning::plan_move;
 use crate::core::command::range_check::RangeCheck;
 use crate::core::drive_status::{DriveSummary, ExpectedPower};
 use crate::core::event::{CycleEventKind, EventList};
+use crate::core::event_fold::EventFold;
+use crate::core::faults::fault_excess::age_excess;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::inputs::{
@@ -42,7 +45,6 @@ use crate::core::motion::conditioning_plan::ConditioningPlan;
 use crate::core::motion::s_curve::TrajectoryLimits;
 use crate::core::outputs::{CycleOutputs, CycleReport, ModelSwapReply, StateReply};
 use crate::core::setpoint_generation::{GeneratedSetpoint, generate_setpoint};
-use crate::core::states::automatic_transitions::next_transition;
 use crate::core::states::command_transitions::{CommandEffect, command_effect, disable};
 use crate::core::states::control_state::{ControlState, EnabledActivity};
 use crate::core::states::fault_transitions::enter_fault;
@@ -50,7 +52,7 @@ use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
 use crate::drive::AxisRequest;
 use crate::model::Model;
-use crate::robot::{Fault, Refusal};
+use crate::robot::{Excess, Fault, Refusal};
 use crate::units::Nanos;
 
 const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
@@ -61,7 +63,7 @@ pub struct ControlCycle {
     period: Nanos,
     stale_after: Nanos,
     lost_after: Nanos,
-    range_check: RangeCheck,
+    pub(super) range_check: RangeCheck,
     conditioning_plan: ConditioningPlan,
     trajectory_limits: TrajectoryLimits,
     pub(super) axes: AxisGroup,
@@ -70,9 +72,13 @@ pub struct ControlCycle {
     pub(super) overruns: OverrunMonitor,
     pub(super) plausibility: PlausibilityMonitor,
     pub(super) plausibility_check: PlausibilityCheck,
+    /// `None` if it is switched off.
+    pub(super) adaptation: Option<Adaptation>,
     pub(super) machine: StateMachine,
     pub(super) admission: CommandAdmission,
     pub(super) clutch: Clutch,
+    pub(super) feedback_stops: EventFold,
+    pub(super) clips: EventFold,
     pub(super) ticks: u64,
     pub(super) stale_stops: u64,
     pub(super) lost_events: u64,
@@ -96,11 +102,14 @@ impl ControlCycle {
             conditioning_plan: ConditioningPlan::new(config),
             trajectory_limits: TrajectoryLimits::new(&config.move_jp),
             clutch: Clutch::new(config.command.motion_scale),
+            feedback_stops: EventFold::default(),
+            clips: EventFold::default(),
             axes: AxisGroup::new(config),
             history: PositionHistory::new(),
             overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),
             plausibility: PlausibilityMonitor::new(&config.plausibility),
             plausibility_check: PlausibilityCheck::default(),
+            adaptation: Adaptation::new(&config.adaptation, config.control.period()),
             models: LoadedModels::new(model.map(|model| JointModel::new(model, config))),
             machine: StateMachine::new(),
             admission: CommandAdmission::new(&config.command),
@@ -148,14 +157,12 @@ impl ControlCycle {
             self.machine.start(now);
         }
         let summary = self.update_feedback(now, inputs, events);
-        if let Some(transition) = next_transition(self.machine.state(), &summary) {
-            self.machine.change(transition, now, events);
-        }
+        self.follow_transition(&summary, events);
         if inputs.shutdown {
             self.shut_down(&summary, events);
         }
         let state_request = inputs.request.as_ref();
-        let refusal = state_request.map(|request| self.apply_command(request, &summary, events));
+        let outcome = state_request.map(|request| self.apply_command(request, &summary, events));
         let model_request = inputs.model.as_ref();
         let model_reply = model_request.map(|request| self.swap_model(request, now, events));
         self.axes
@@ -166,6 +173,7 @@ impl ControlCycle {
         }
         self.stop_if_stale(now, events);
         let setpoint = self.move_setpoints(&summary, events);
+        self.report_clip(&setpoint, now, events);
         let (events, lost_events) = list.finish();
         self.lost_events = self.lost_events.saturating_add(lost_events);
         let state = self.machine.state();
@@ -180,11 +188,12 @@ impl ControlCycle {
                 },
             ),
             reply: state_request
-                .zip(refusal)
-                .map(|(request, refusal)| StateReply {
+                .zip(outcome)
+                .map(|(request, (refusal, excess))| StateReply {
                     id: request.id,
                     refusal,
                     state: state.operating_state(),
+                    excess,
                 }),
             model_reply,
             report: self.report(now, &setpoint),
@@ -200,7 +209,8 @@ impl ControlCycle {
         events: &mut EventList,
     ) -> DriveSummary {
         self.axes.update_feedback(&inputs.feedback, now, events);
-        let is_model_finite = self.update_models().is_ok();
+        let is_model_finite = self.update_models(now).is_ok();
+        self.adapt(inputs.external.as_ref(), now, events);
         let is_overrun = self.overruns.add(u32::from(inputs.missed > 0), now);
         let check = self.plausibility_check;
         let is_implausible = self.is_implausible(inputs.external.as_ref(), now);
@@ -225,11 +235,14 @@ impl ControlCycle {
 
     /// Replays the new positions on all models. Without a feedback of every drive there is nothing
     /// to replay.
-    fn update_models(&mut self) -> Result<(), NotFinite> {
+    fn update_models(&mut self, now: Nanos) -> Result<(), NotFinite> {
         // The zero moves: a jump of the counts is no motion.
         if self.machine.state().is_homing() {
             self.history.start_epoch();
             self.plausibility.reset();
+            if let Some(adaptation) = &mut self.adaptation {
+                adaptation.begin(self.models.active_mut(), now);
+            }
         }
         let feedback = self.axes.feedback();
         let drives = feedback.get(..self.axes.count()).unwrap_or_default();
@@ -238,10 +251,27 @@ impl ControlCycle {
         }
         self.history.record(drives);
         self.models.replay_inactive(&self.history);
+        let drift = self.adaptation.as_mut().map(Adaptation::memories_mut);
         match self.models.active_mut() {
-            Some(joints) => joints.update_feedback(&self.history, drives),
+            Some(joints) => joints.update_feedback(&self.history, drives, drift),
             None => Ok(()),
         }
+    }
+
+    /// Follows the drift of the active model by a frame of the camera.
+    fn adapt(&mut self, frame: Option<&ExternalPose>, now: Nanos, events: &mut EventList) {
+        let (Some(adaptation), Some(joints)) = (&mut self.adaptation, self.models.active_mut())
+        else {
+            return;
+        };
+        let state = self.machine.state();
+        let surroundings = Surroundings {
+            now,
+            is_following: state.is_following_joints(),
+            is_unsettled: !matches!(state, ControlState::Enabled(_)) || state.is_conditioning(),
+            is_disabled: matches!(state, ControlState::Disabled(_)),
+        };
+        adaptation.step(joints, frame, &surroundings, events);
     }
 
     /// Compares the measured pose with the model.
@@ -254,7 +284,17 @@ impl ControlCycle {
         };
         let is_on = self.machine.state().expected_power() == ExpectedPower::On;
         let is_checked = is_on && self.axes.all(AxisControl::is_homed) && report.memory_known;
-        self.plausibility.record_estimate(now, report.measured);
+        // A loose wire must show, however much of it has been followed as drift.
+        let mut calibrated = report.measured;
+        if let Some(adaptation) = &self.adaptation
+            && let Some(pose) = adaptation.calibrated_pose()
+        {
+            for (calibrated, pose) in calibrated.iter_mut().zip(pose) {
+                *calibrated = pose;
+            }
+        }
+        let estimates = [report.measured, calibrated];
+        self.plausibility.record_estimates(now, estimates);
         let outputs = joints.outputs();
         let is_implausible = self
             .plausibility
@@ -271,20 +311,32 @@ impl ControlCycle {
         }
     }
 
-    /// Carries out a state command. Returns the refusal, or [`Refusal::None`].
+    /// Carries out a state command. Returns the refusal, or [`Refusal::None`], and what was
+    /// measured.
     fn apply_command(
         &mut self,
         request: &StateRequest,
         summary: &DriveSummary,
         events: &mut EventList,
-    ) -> Refusal {
-        match self.try_command(request, summary, events) {
-            Ok(()) => Refusal::None,
-            Err(refusal) => {
-                self.admission.record_refusal(refusal);
-                refusal
-            }
+    ) -> (Refusal, Option<Excess>) {
+        let (client_id, command) = (request.client_id, request.command);
+        let Err(refusal) = self.try_command(request, summary, events) else {
+            self.admission.accept_request(client_id);
+            return (Refusal::None, None);
+        };
+        let excess = self.request_excess(refusal, summary);
+        if self
+            .admission
+            .refuse_request(client_id, refusal, summary.now)
+        {
+            let kind = CycleEventKind::RequestRefused {
+                client_id,
+                command,
+                refusal,
+            };
+            events.push_measured(kind, excess);
         }
+        (refusal, excess)
     }
 
     fn try_command(
@@ -380,6 +432,9 @@ impl ControlCycle {
             let to = active(&self.models).unwrap_or_default();
             events.push(CycleEventKind::Model { from, to });
             self.plausibility.reset();
+            if let Some(adaptation) = &mut self.adaptation {
+                adaptation.begin(self.models.previous_mut(), now);
+            }
         }
         ModelSwapReply {
             id: request.id,
@@ -409,8 +464,12 @@ impl ControlCycle {
                     .progress(ControlState::Enabled(activity), summary.now, events);
             }
             Err(refusal) => {
-                self.admission
-                    .refuse(command.client_id, refusal, summary.now, events);
+                let client_id = command.client_id;
+                if self.admission.refuse(client_id, refusal, summary.now) {
+                    let excess = self.servo_excess(refusal, command, summary);
+                    let kind = CycleEventKind::Refused { client_id, refusal };
+                    events.push_measured(kind, excess);
+                }
             }
         }
     }
@@ -447,8 +506,10 @@ impl ControlCycle {
             && let Some(age) = followed.stale_age(now)
         {
             let client_id = followed.client_id;
+            let excess = age_excess(age, followed.deadline);
             self.stale_stops = self.stale_stops.saturating_add(1);
-            events.push(CycleEventKind::StaleStop { client_id, age });
+            let kind = CycleEventKind::StaleStop { client_id, age };
+            events.push_measured(kind, Some(excess));
             self.machine.progress(HOLDING, now, events);
         }
     }
@@ -509,6 +570,10 @@ impl ControlCycle {
             refusals: self.admission.refusals(),
             stale_stops: self.stale_stops,
             models: self.models.report(&self.history),
+            adaptation: self
+                .adaptation
+                .as_ref()
+                .map(|adaptation| adaptation.report(joints)),
             mark: self.history.cursor(),
             joint: joints.and_then(|joints| joints.report(setpoint.goal)),
             setpoints: self.axes.targets(),

@@ -2,10 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::adaptation::AdaptationEvent;
 use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::drive::AxisPhase;
 use crate::model::ModelId;
-use crate::robot::{Fault, OperatingState, Refusal, StateCommand};
+use crate::robot::{
+    Cause, Clip, Excess, Fault, OperatingState, Reason, Refusal, StateCommand, Stop,
+};
 use crate::units::Nanos;
 
 /// An event of the cycle.
@@ -15,6 +18,18 @@ pub struct CycleEvent {
     pub stamp: Nanos,
     /// What happened.
     pub kind: CycleEventKind,
+    /// What was measured, for an event with a cause ([`CycleEventKind::cause`]), where it is known.
+    pub excess: Option<Excess>,
+}
+
+impl CycleEvent {
+    /// Why the robot does not move as asked, for an event that says so.
+    #[must_use]
+    pub fn reason(&self) -> Option<Reason> {
+        let excess = self.excess;
+        let cause = self.kind.cause()?;
+        Some(Reason { cause, excess })
+    }
 }
 
 /// What happened.
@@ -38,6 +53,13 @@ pub enum CycleEventKind {
         /// Age of the command.
         age: Nanos,
     },
+    /// The motion stopped, because a drive gave no recent position. Folded to one per second.
+    FeedbackStop,
+    /// A goal began to be clipped to what can be reached. Folded to one per second.
+    Clipped {
+        /// Client whose command is followed; 0: that of a `move_jp`.
+        client_id: u64,
+    },
     /// The lease changed its holder.
     Lease {
         /// The new holder; 0: none.
@@ -51,6 +73,15 @@ pub enum CycleEventKind {
         /// Reason.
         refusal: Refusal,
     },
+    /// A state command or `move_jp` was refused. Repeats are folded as those of servo commands.
+    RequestRefused {
+        /// Client that had sent the command.
+        client_id: u64,
+        /// The command.
+        command: StateCommand,
+        /// Reason.
+        refusal: Refusal,
+    },
     /// The active model changed.
     Model {
         /// Model before.
@@ -60,6 +91,8 @@ pub enum CycleEventKind {
     },
     /// The comparison with the camera began, or cannot be made.
     Plausibility(PlausibilityCheck),
+    /// The adaptation learned or refused something, or took a correction back.
+    Adaptation(AdaptationEvent),
     /// A drive changed its phase.
     Axis {
         /// Index of the motor.
@@ -71,6 +104,45 @@ pub enum CycleEventKind {
         /// Error code of the drive.
         error_code: u16,
     },
+}
+
+impl CycleEventKind {
+    /// The cause of standing still, or of moving differently from what was asked.
+    #[must_use]
+    pub fn cause(&self) -> Option<Cause> {
+        match self {
+            Self::State { fault, .. } => (*fault != Fault::None).then_some(Cause::Fault(*fault)),
+            Self::StaleStop { .. } => Some(Cause::Stop(Stop::Stale)),
+            Self::FeedbackStop => Some(Cause::Stop(Stop::Feedback)),
+            Self::Clipped { .. } => Some(Cause::Clip(Clip::Reach)),
+            Self::Refused { refusal, .. } | Self::RequestRefused { refusal, .. } => {
+                Some(Cause::Refusal(*refusal))
+            }
+            Self::Lease { .. }
+            | Self::Model { .. }
+            | Self::Plausibility(_)
+            | Self::Adaptation(_)
+            | Self::Axis { .. } => None,
+        }
+    }
+
+    /// The client that the event concerns; 0: none.
+    #[must_use]
+    pub fn client_id(&self) -> u64 {
+        match self {
+            Self::StaleStop { client_id, .. }
+            | Self::Clipped { client_id }
+            | Self::Lease { client_id }
+            | Self::Refused { client_id, .. }
+            | Self::RequestRefused { client_id, .. } => *client_id,
+            Self::State { .. }
+            | Self::FeedbackStop
+            | Self::Model { .. }
+            | Self::Plausibility(_)
+            | Self::Adaptation(_)
+            | Self::Axis { .. } => 0,
+        }
+    }
 }
 
 /// Events of one tick, in order. Events that do not fit are counted.
@@ -95,13 +167,28 @@ impl EventList {
     /// Adds an event. In a full list, a change of state replaces the last event of another kind:
     /// the log must contain every change of state.
     pub fn push(&mut self, kind: CycleEventKind) {
-        if self.insert(kind) {
+        self.push_measured(kind, None);
+    }
+
+    /// As [`EventList::push`], with what was measured.
+    pub fn push_measured(&mut self, kind: CycleEventKind, excess: Option<Excess>) {
+        if self.insert(kind, excess) {
             return;
         }
         self.lost += 1;
         if is_state_change(kind) {
             self.remove_last_other();
-            self.insert(kind);
+            self.insert(kind, excess);
+        }
+    }
+
+    /// Adds what was measured to the newest event, if that is a fault.
+    pub fn explain_fault(&mut self, excess: Option<Excess>) {
+        let newest = self.list.iter_mut().rev().flatten().next();
+        if let Some(event) = newest
+            && matches!(event.kind.cause(), Some(Cause::Fault(_)))
+        {
+            event.excess = excess;
         }
     }
 
@@ -112,13 +199,14 @@ impl EventList {
     }
 
     /// Fills the first free entry. Returns false if there is none.
-    fn insert(&mut self, kind: CycleEventKind) -> bool {
+    fn insert(&mut self, kind: CycleEventKind, excess: Option<Excess>) -> bool {
         let free = self.list.iter_mut().find(|entry| entry.is_none());
         let is_free = free.is_some();
         if let Some(entry) = free {
             *entry = Some(CycleEvent {
                 stamp: self.stamp,
                 kind,
+                excess,
             });
         }
         is_free
@@ -175,6 +263,20 @@ mod tests {
             pushed((1..=6).map(lease)),
             ((1..=4).map(lease).collect(), 2)
         );
+    }
+
+    #[test]
+    fn only_a_fault_takes_the_measurement_of_a_fault() {
+        let excess = Some(Excess::new(crate::robot::Quantity::Milliseconds, 9.0, None));
+        let explained = |last| {
+            let mut events = EventList::new(Nanos(7));
+            events.push(STATE);
+            events.push(last);
+            events.explain_fault(excess);
+            events.finish().0[1].and_then(|event| event.excess)
+        };
+        assert_eq!(explained(STATE), excess);
+        assert_eq!(explained(lease(1)), None);
     }
 
     #[test]

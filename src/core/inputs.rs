@@ -97,4 +97,6 @@ pub struct ExternalPose {
     pub position: OutputVec,
     /// Number of valid entries of `position`.
     pub outputs: u32,
+    /// Confidence of the sensor, up to 1; 0: not given.
+    pub quality: f64,
 }

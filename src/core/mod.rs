@@ -16,6 +16,7 @@
 //!   `joint_trajectory` of `move_jp`; `conditioning`; `axis_control` of one motor.
 //! - `joint_space`: `joint_model`, a model with its memory; `inverse_setpoint`; `model_blend`;
 //!   `position_history`.
+//! - [`adaptation`]: follows the drift of a calibration by the camera, inside fences.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
 //! - `command`: `admission` of servo commands, `refusal_record`, `sequence_record`, `lease`,
 //!   `deadline`, `range_check`, `clutch`, `motion_scaling`.
@@ -152,12 +153,15 @@
     )
 )]
 
+pub mod adaptation;
 pub mod cycle;
 pub mod rehearsal;
 
 mod command;
+mod cycle_events;
 mod drive_status;
 mod event;
+mod event_fold;
 mod faults;
 mod inputs;
 mod joint_space;

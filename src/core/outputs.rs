@@ -2,13 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::adaptation::AdaptationReport;
 use crate::core::command::refusal_record::{ClientRefusals, REFUSED_CLIENTS};
 use crate::core::event::CycleEvent;
 use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::core::joint_space::position_history::HistoryCursor;
 use crate::drive::{AxisFeedback, AxisRequest};
 use crate::model::ModelId;
-use crate::robot::{Fault, OperatingState, Refusal};
+use crate::robot::{Excess, Fault, OperatingState, Refusal};
 use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 
 /// Outputs of one tick.
@@ -29,7 +30,7 @@ pub struct CycleOutputs {
 }
 
 /// Reply to a [`StateRequest`](super::inputs::StateRequest).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StateReply {
     /// Id of the request.
     pub id: u64,
@@ -37,6 +38,8 @@ pub struct StateReply {
     pub refusal: Refusal,
     /// State after the command.
     pub state: OperatingState,
+    /// What was measured when it was refused, where it is known.
+    pub excess: Option<Excess>,
 }
 
 /// Reply to a [`ModelSwapRequest`](super::inputs::ModelSwapRequest).
@@ -83,6 +86,8 @@ pub struct CycleReport {
     pub stale_stops: u64,
     /// Loaded models.
     pub models: ModelSlots,
+    /// Drift followed by the camera; `None` if the adaptation is off.
+    pub adaptation: Option<AdaptationReport>,
     /// Newest entry of the position history.
     pub mark: HistoryCursor,
     /// Goal, setpoint and estimate in joint space. `None` without a model, or before every drive

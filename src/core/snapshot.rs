@@ -5,9 +5,11 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
+use crate::core::adaptation::AdaptationState;
 use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
 use crate::core::cycle::ControlCycle;
+use crate::core::event_fold::EventFold;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::joint_space::position_history::PositionHistory;
@@ -19,7 +21,7 @@ use crate::core::states::state_machine::StateMachine;
 use crate::model::{Model, ModelId};
 use crate::units::MAX_MOTORS;
 
-/// All values of the cycle that change from tick to tick. About 20 kB, without pointers.
+/// All values of the cycle that change from tick to tick. About 35 kB, without pointers.
 ///
 /// Order and types of the fields are part of the file format of the black box.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -30,9 +32,12 @@ pub struct CycleSnapshot {
     overruns: OverrunMonitor,
     plausibility: PlausibilityMonitor,
     plausibility_check: PlausibilityCheck,
+    adaptation: Option<AdaptationState>,
     machine: StateMachine,
     admission: CommandAdmission,
     clutch: Clutch,
+    feedback_stops: EventFold,
+    clips: EventFold,
     ticks: u64,
     stale_stops: u64,
     lost_events: u64,
@@ -65,9 +70,12 @@ impl ControlCycle {
             overruns: self.overruns,
             plausibility: self.plausibility,
             plausibility_check: self.plausibility_check,
+            adaptation: self.adaptation.map(|adaptation| adaptation.state),
             machine: self.machine,
             admission: self.admission,
             clutch: self.clutch,
+            feedback_stops: self.feedback_stops,
+            clips: self.clips,
             ticks: self.ticks,
             stale_stops: self.stale_stops,
             lost_events: self.lost_events,
@@ -93,9 +101,14 @@ impl ControlCycle {
         cycle.overruns = snapshot.overruns;
         cycle.plausibility = snapshot.plausibility;
         cycle.plausibility_check = snapshot.plausibility_check;
+        if let (Some(adaptation), Some(state)) = (&mut cycle.adaptation, snapshot.adaptation) {
+            adaptation.state = state;
+        }
         cycle.machine = snapshot.machine;
         cycle.admission = snapshot.admission;
         cycle.clutch = snapshot.clutch;
+        cycle.feedback_stops = snapshot.feedback_stops;
+        cycle.clips = snapshot.clips;
         cycle.ticks = snapshot.ticks;
         cycle.stale_stops = snapshot.stale_stops;
         cycle.lost_events = snapshot.lost_events;

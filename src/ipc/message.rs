@@ -5,8 +5,8 @@ use std::fmt::Debug;
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 use crate::units::Nanos;
 
@@ -60,9 +60,11 @@ macro_rules! outgoing {
 message!(ExternalPosition, ServoActuator, ServoJp);
 outgoing!(
     ActuatorState,
+    AdaptationMsg,
     EventMsg,
     Health,
     JointState,
     OperatingStateMsg,
-    PeriodStatistics
+    PeriodStatistics,
+    ReasonMsg
 );

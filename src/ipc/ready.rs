@@ -13,7 +13,11 @@ use super::domain::{Domain, DomainError};
 use super::domain_lock::{DomainLock, is_served};
 
 /// Version of the payloads and services. A client of another version gets an error.
-pub const INTERFACE_VERSION: u32 = 2;
+pub const INTERFACE_VERSION: u32 = 3;
+
+/// Version of iceoryx2. Versions of it refuse each other, so a change needs a new
+/// [`INTERFACE_VERSION`].
+pub const ICEORYX2_VERSION: &str = "0.10.0";
 
 /// A controller that serves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,6 +73,13 @@ impl Ready {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_version_of_iceoryx2_is_that_of_the_build() {
+        let manifest = include_str!("../../Cargo.toml");
+        let pinned = format!("iceoryx2 = {{ version = \"={ICEORYX2_VERSION}\"");
+        assert!(manifest.contains(&pinned), "{pinned}");
+    }
 
     #[test]
     fn the_announcement_of_a_killed_controller_is_void_until_its_successor_serves() {

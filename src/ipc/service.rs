@@ -60,11 +60,22 @@ pub(super) const GOAL_JS: Stream = state("i2ris/goal_js");
 pub(super) const ACTUATORS: Stream = state("i2ris/actuators/measured_js");
 pub(super) const OPERATING_STATE: Stream = state("i2ris/operating_state");
 pub(super) const PERIOD_STATISTICS: Stream = state("i2ris/period_statistics");
+pub(super) const ADAPTATION: Stream = state("i2ris/adaptation");
 pub(super) const HEALTH: Stream = state("i2ris/health");
 pub(super) const EVENTS: Stream = Stream {
     // A client that joins after a fault sees what led to it.
     history: 16,
     ..state("i2ris/events")
+};
+/// The last faults; a client that joins later gets them, too.
+pub(super) const ERROR: Stream = Stream {
+    history: 16,
+    ..state("i2ris/error")
+};
+/// The last refusals, stops and clips.
+pub(super) const WARNING: Stream = Stream {
+    history: 16,
+    ..state("i2ris/warning")
 };
 pub(super) const EXTERNAL: Stream = Stream {
     publishers: 4,

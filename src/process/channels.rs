@@ -13,6 +13,7 @@ use crate::core::{ModelCandidate, ModelSwapReply, ModelSwapRequest};
 use crate::ipc::payload;
 use crate::process::black_box::{RecorderChannels, RecorderRequest, WriteReply};
 use crate::realtime::TickTiming;
+use crate::robot::Reason;
 use crate::units::Nanos;
 
 /// Ticks that the IPC thread may lag before reports are dropped: a quarter of a second at 1 kHz.
@@ -77,12 +78,25 @@ pub struct IpcChannels {
     pub requests: Producer<StateRequest>,
     pub replies: Consumer<StateReply>,
     pub reports: Consumer<TickReport>,
-    /// Lines of the log, from the main thread.
-    pub log_lines: Receiver<LogLine>,
+    /// Lines of the log and reasons, from the main thread.
+    pub log_entries: Receiver<LogEntry>,
 }
 
-/// A line of the log with the time of its writing.
-pub type LogLine = (Nanos, String);
+/// What the main thread passes on to clients.
+#[derive(Debug, Clone)]
+pub enum LogEntry {
+    /// A line of the log with the time of its writing.
+    Line(Nanos, String),
+    /// Why the robot does not move as asked.
+    Reason {
+        /// When it happened.
+        stamp: Nanos,
+        /// The client that it concerns; 0: none.
+        client_id: u64,
+        /// The reason.
+        reason: Reason,
+    },
+}
 
 /// The ends of the model manager.
 pub struct ModelChannels {
@@ -96,7 +110,7 @@ pub struct ModelChannels {
 #[must_use]
 pub fn loop_channels(
     recorder: RecorderChannels,
-    log_lines: Receiver<LogLine>,
+    log_entries: Receiver<LogEntry>,
 ) -> (
     LoopChannels,
     IpcChannels,
@@ -132,7 +146,7 @@ pub fn loop_channels(
         requests: requests_in,
         replies: replies_out,
         reports: reports_out,
-        log_lines,
+        log_entries,
     };
     let models = ModelChannels {
         offers: offers_in,

@@ -26,7 +26,7 @@ use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server};
 use crate::model::Model;
 use crate::process::black_box::Recorder;
-use crate::process::channels::{LogLine, WorkerQueues, loop_channels, request_queues};
+use crate::process::channels::{LogEntry, WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::ControlLoop;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
@@ -155,7 +155,7 @@ struct Threads {
     events: Consumer<CycleEvent>,
     port_events: mpsc::Receiver<(Nanos, PortEvent)>,
     recorder_lines: mpsc::Receiver<String>,
-    published: mpsc::Sender<LogLine>,
+    published: mpsc::Sender<LogEntry>,
 }
 
 fn start_threads(
@@ -166,8 +166,8 @@ fn start_threads(
     shutdown: &Arc<AtomicBool>,
 ) -> Result<Threads, ControllerError> {
     let (recorder, to_recorder) = Recorder::new(config, model, &software(), lock.boot_id());
-    let (published, log_lines) = mpsc::channel();
-    let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder, log_lines);
+    let (published, log_entries) = mpsc::channel();
+    let (channels, ipc_channels, model_channels, events) = loop_channels(to_recorder, log_entries);
     let (queues, workers) = request_queues();
     let history = SharedLoopHistory::new(config, model);
     let recorder_queue = queues.recorder.clone();

@@ -2,15 +2,20 @@
 
 use std::fmt;
 
+use crate::core::adaptation::AdaptationEvent;
 use crate::core::{CycleEvent, CycleEventKind, PlausibilityCheck};
 use crate::robot::Fault;
 
 impl fmt::Display for CycleEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.kind.fmt(f)
+        match self.reason() {
+            Some(reason) => write!(f, "{}{}", self.kind, reason.text()),
+            None => self.kind.fmt(f),
+        }
     }
 }
 
+/// What happened; for an event with a cause, all but the cause.
 impl fmt::Display for CycleEventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -24,23 +29,21 @@ impl fmt::Display for CycleEventKind {
                 if let Some(command) = command {
                     write!(f, " by command {command}")?;
                 }
-                if *fault != Fault::None {
-                    write!(f, ": {fault}")?;
+                match fault {
+                    Fault::None => Ok(()),
+                    _ => write!(f, ", "),
                 }
-                Ok(())
             }
-            Self::StaleStop { client_id, age } => {
-                let ms = age.as_seconds() * 1e3;
-                write!(
-                    f,
-                    "stopped: client {client_id:016x} has been silent for {ms:.1} ms"
-                )
-            }
+            Self::StaleStop { client_id, .. } => write!(f, "client {client_id:016x}: "),
+            Self::FeedbackStop => Ok(()),
+            Self::Clipped { client_id: 0 } => write!(f, "move_jp: "),
+            Self::Clipped { client_id } => write!(f, "client {client_id:016x}: "),
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
             Self::Lease { client_id } => write!(f, "lease taken by client {client_id:016x}"),
-            Self::Refused { client_id, refusal } => {
-                write!(f, "refused client {client_id:016x}: {refusal}")
-            }
+            Self::Refused { client_id, .. } => write!(f, "refused client {client_id:016x}: "),
+            Self::RequestRefused {
+                client_id, command, ..
+            } => write!(f, "refused `{command}` of client {client_id:016x}: "),
             Self::Model { from, to } => {
                 write!(f, "model {to} took over")?;
                 from.map_or(Ok(()), |from| write!(f, " from {from}"))
@@ -54,6 +57,26 @@ impl fmt::Display for CycleEventKind {
                 PlausibilityCheck::TooOld => {
                     "warning: frames of the camera are older than 0.5 s, or stamped by another \
                      clock; the pose is NOT compared with them"
+                }
+            }),
+            Self::Adaptation(event) => f.write_str(match event {
+                AdaptationEvent::BudgetWarning => {
+                    "warning: adaptation: 70 % of the budget are used; calibrate soon"
+                }
+                AdaptationEvent::BudgetUsed => {
+                    "warning: adaptation: the budget is used up, nothing more is learned; calibrate"
+                }
+                AdaptationEvent::TakenBack => {
+                    "warning: adaptation: the adapted model was worse than the calibration for \
+                     30 s; the correction is taken back"
+                }
+                AdaptationEvent::Slip => "adaptation: the zero has slipped; it is found anew",
+                AdaptationEvent::CameraDisbelieved => {
+                    "warning: adaptation: most frames of the camera are far from what is expected; \
+                     nothing is learned from them"
+                }
+                AdaptationEvent::CameraBelieved => {
+                    "adaptation: the frames of the camera are near what is expected again"
                 }
             }),
             Self::Axis {

@@ -11,19 +11,22 @@ use crate::clock;
 use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequest};
 use crate::ipc::Server;
 use crate::ipc::payload::{
-    BlackBoxReply, EventMsg, Health, OperatingStateMsg, StateCommandReply, StateCommandRequest,
-    Version, padded_text,
+    AdaptationMsg, BlackBoxReply, EventMsg, Health, OperatingStateMsg, StateCommandReply,
+    StateCommandRequest, Version, padded_text,
 };
 use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
-use crate::process::channels::{IpcChannels, RequestQueues, TickReport};
+use crate::process::channels::{IpcChannels, LogEntry, RequestQueues, TickReport};
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::payload_conversion as convert;
 use crate::realtime::{Granted, LoopStatistics, Ticker};
 use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_OUTPUTS, Nanos};
+
+/// Interval of the messages of the adaptation, while it is on.
+const ADAPTATION_PERIOD: Nanos = Nanos::from_millis(20);
 
 /// Window of the loop statistics.
 const STATISTICS_WINDOW: Nanos = Nanos::from_millis(1000);
@@ -33,8 +36,8 @@ const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
 /// Ticks that the loop history may lag: as many as the ring of the reports holds.
 const LATE_TICKS: usize = 256;
 
-/// Lines of the log that are published in one pass.
-const LOG_LINES: usize = 16;
+/// Lines of the log and reasons that are published in one pass.
+const LOG_ENTRIES: usize = 16;
 
 /// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
@@ -63,6 +66,9 @@ pub struct IpcThread {
     statistics: LoopStatistics,
     /// Filled by every tick, published with the statistics.
     health: Health,
+    /// Filled by every tick, published at times.
+    adaptation: AdaptationMsg,
+    next_adaptation: Nanos,
     /// Ticks for the loop history, while another thread reads it.
     late: VecDeque<CycleReport>,
     model: Option<ModelId>,
@@ -79,6 +85,8 @@ impl IpcThread {
             server,
             statistics: LoopStatistics::new(parts.period, STATISTICS_WINDOW, granted.clone()),
             health: Health::default(),
+            adaptation: AdaptationMsg::default(),
+            next_adaptation: Nanos::ZERO,
             late: VecDeque::with_capacity(LATE_TICKS),
             parts,
             granted,
@@ -127,6 +135,7 @@ impl IpcThread {
         while let Some(report) = self.take_report() {
             self.publish(&report);
         }
+        self.publish_adaptation(now);
         self.update_history();
         if let Some(statistics) = self.statistics.take(now) {
             self.server.publish_period_statistics(statistics);
@@ -135,7 +144,7 @@ impl IpcThread {
                 ..self.health
             });
         }
-        self.publish_log_lines();
+        self.publish_log();
         self.server.maintain(now);
     }
 
@@ -200,7 +209,12 @@ impl IpcThread {
         let pushed = request.and_then(|request| requests.push(request).map_err(|_| Refusal::Busy));
         if let Err(refusal) = pushed {
             let state = self.state;
-            self.reply(StateReply { id, refusal, state });
+            self.reply(StateReply {
+                id,
+                refusal,
+                state,
+                excess: None,
+            });
         }
     }
 
@@ -253,10 +267,7 @@ impl IpcThread {
     }
 
     fn reply(&mut self, reply: StateReply) {
-        let payload = StateCommandReply {
-            refusal: reply.refusal.number(),
-            state: reply.state.number(),
-        };
+        let payload = StateCommandReply::new(reply.refusal, reply.state, reply.excess);
         match reply.id & MOVE {
             0 => self.server.reply(reply.id, payload),
             _ => self.server.reply_move(reply.id & !MOVE, payload),
@@ -273,19 +284,42 @@ impl IpcThread {
         }
     }
 
-    fn publish_log_lines(&mut self) {
-        for (stamp, line) in self.parts.channels.log_lines.try_iter().take(LOG_LINES) {
-            self.server.publish_event(EventMsg {
-                stamp_ns: stamp.0,
-                text: padded_text(&line),
-                ..EventMsg::default()
-            });
+    fn publish_log(&mut self) {
+        for entry in self.parts.channels.log_entries.try_iter().take(LOG_ENTRIES) {
+            match entry {
+                LogEntry::Line(stamp, line) => self.server.publish_event(EventMsg {
+                    stamp_ns: stamp.0,
+                    text: padded_text(&line),
+                    ..EventMsg::default()
+                }),
+                LogEntry::Reason {
+                    stamp,
+                    client_id,
+                    reason,
+                } => self.server.publish_reason(&reason, client_id, stamp),
+            }
         }
+    }
+
+    /// The drift takes minutes: not every tick is published.
+    fn publish_adaptation(&mut self, now: Nanos) {
+        if now < self.next_adaptation {
+            return;
+        }
+        let is_on = self.adaptation.flags & AdaptationMsg::ON != 0;
+        self.next_adaptation = now
+            + if is_on {
+                ADAPTATION_PERIOD
+            } else {
+                STATISTICS_WINDOW
+            };
+        self.server.publish_adaptation(self.adaptation);
     }
 
     fn publish(&mut self, tick: &TickReport) {
         let report = &tick.report;
         self.health = convert::health(report, &tick.lost);
+        self.adaptation = convert::adaptation(report);
         (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
         self.statistics.record(tick.timing);
         if self.late.len() == LATE_TICKS {

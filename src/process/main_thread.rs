@@ -11,9 +11,10 @@ use crate::clock;
 use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::event::{PortEvent, PortEventKind};
 use crate::ipc::{Domain, find_client_process};
-use crate::process::channels::LogLine;
+use crate::process::channels::LogEntry;
 use crate::process::run_log::RunLog;
 use crate::process::threads::NamedThread;
+use crate::robot::Reason;
 use crate::units::Nanos;
 use crate::wall_clock;
 
@@ -31,7 +32,7 @@ pub struct MainThread<'a> {
     pub boot_id: u64,
     pub log: &'a mut dyn Write,
     /// The same lines for the stream of events.
-    pub published: Sender<LogLine>,
+    pub published: Sender<LogEntry>,
 }
 
 impl MainThread<'_> {
@@ -61,6 +62,10 @@ impl MainThread<'_> {
                 Some(client) => (event.stamp, format!("{event}: {client}")),
                 None => (event.stamp, event.to_string()),
             });
+            if let Some(reason) = event.reason() {
+                lines.push((event.stamp, format!("do: {}", reason.cause.advice())));
+                self.publish_reason(&event, reason);
+            }
             // A full disk does not stop the robot.
             let _ = self.run_log.write_event(&event, client.as_deref());
         }
@@ -79,7 +84,15 @@ impl MainThread<'_> {
     fn write_text(&mut self, line: String) {
         let _ = writeln!(self.log, "{line}");
         // The IPC thread may have ended.
-        let _ = self.published.send((clock::now(), line));
+        let _ = self.published.send(LogEntry::Line(clock::now(), line));
+    }
+
+    fn publish_reason(&self, event: &CycleEvent, reason: Reason) {
+        let _ = self.published.send(LogEntry::Reason {
+            stamp: event.stamp,
+            client_id: event.kind.client_id(),
+            reason,
+        });
     }
 
     /// The process that has taken the lease.

@@ -26,7 +26,7 @@ mod event_text;
 mod ipc_thread;
 mod loop_history;
 mod main_thread;
-mod model_comparison;
+pub mod model_comparison;
 mod model_manager;
 mod payload_conversion;
 pub mod run_log;

@@ -25,6 +25,10 @@ impl<'a> ModelState<'a> {
 /// Motor motion that keeps the outputs at the estimate of `old` when `new` takes over: at the
 /// present position, and its maximum over the hull of `old`. `None` if the models have different
 /// outputs.
+///
+/// Both models invert the same estimate from the same start, each with its memory of the same
+/// history. So a model does not differ from itself, although an inverse with compensation does not
+/// return to where the estimate was made.
 #[must_use]
 pub fn difference(
     old: ModelState<'_>,
@@ -55,8 +59,8 @@ pub fn difference(
     Some(difference)
 }
 
-/// Motion from a position to where `new` has the estimate of `old`, and whether it was clipped to
-/// the hull of `new`.
+/// Motion from where `old` has its own estimate to where `new` has it, and whether that was clipped
+/// to the hull of `new`.
 fn motion(
     old: ModelState<'_>,
     new: ModelState<'_>,
@@ -70,9 +74,10 @@ fn motion(
         compensation,
     };
     let inverse = new.model.invert(&estimate, new.memory, &query);
+    let from = old.model.invert(&estimate, old.memory, &query).counts;
     let mut counts = inverse.counts;
-    for (counts, position) in counts.iter_mut().zip(position) {
-        *counts -= position;
+    for (counts, from) in counts.iter_mut().zip(from) {
+        *counts -= from;
     }
     (counts, inverse.clipped)
 }

@@ -5,8 +5,8 @@ use crate::config::Config;
 use crate::core::{CycleReport, ExternalPose, PlausibilityCheck, ServoCommand, ServoGoal};
 use crate::ipc::drive_phase::phase_number;
 use crate::ipc::payload::{
-    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, ServoActuator, ServoJp,
-    Version, padded_text,
+    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    ServoActuator, ServoJp, Version, padded_text,
 };
 use crate::ipc::server::ReceivedCommand;
 use crate::process::channels::LostCounters;
@@ -59,6 +59,7 @@ pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
         stamp: Nanos(raw.stamp_ns),
         position: raw.position,
         outputs: raw.count,
+        quality: raw.quality,
     };
     (valid && raw.position.iter().all(|value| value.is_finite())).then_some(seen)
 }
@@ -117,6 +118,47 @@ pub fn actuator_state(report: &CycleReport, motors: u32) -> ActuatorState {
         phase: feedback.map(|axis| phase_number(axis.phase)),
         count: motors,
         ..ActuatorState::default()
+    }
+}
+
+/// `adaptation` of one tick.
+#[must_use]
+pub fn adaptation(report: &CycleReport) -> AdaptationMsg {
+    let base = AdaptationMsg {
+        stamp_ns: report.now.0,
+        ..AdaptationMsg::default()
+    };
+    let Some(adaptation) = &report.adaptation else {
+        return base;
+    };
+    let frames = &adaptation.frames;
+    let excited = adaptation.excited.iter().enumerate();
+    AdaptationMsg {
+        model_id: adaptation.model.unwrap_or_default().0,
+        estimate: adaptation.estimate.to_array(),
+        deviation: adaptation.deviations,
+        applied: adaptation.applied.to_array(),
+        budget_used: adaptation.budget_used,
+        total_used: adaptation.total_used,
+        calibrated_error: adaptation.calibrated_error,
+        adapted_error: adaptation.adapted_error,
+        frames_used: frames.used,
+        frames_refused: frames.refused,
+        frames_paused: frames.paused,
+        frames_dropped: [
+            frames.duplicate,
+            frames.out_of_order,
+            frames.future,
+            frames.too_old,
+            frames.too_frequent,
+            frames.bad,
+        ],
+        taken_back: adaptation.taken_back,
+        method: adaptation.method as u32,
+        pauses: adaptation.pauses.0,
+        excited: excited.map(|(bit, excited)| flag(*excited, 1 << bit)).sum(),
+        flags: AdaptationMsg::ON,
+        ..base
     }
 }
 

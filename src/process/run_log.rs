@@ -75,8 +75,11 @@ impl RunLog {
         let Some((name, fields)) = event_fields(&event.kind, client) else {
             return Ok(());
         };
-        let stamp = json!({ "monotonic_ns": event.stamp.0 });
-        self.write(name, merge(stamp, fields))
+        let mut first = json!({ "monotonic_ns": event.stamp.0 });
+        if let Some(reason) = event.reason() {
+            first = merge(first, json!({ "reason": reason.text() }));
+        }
+        self.write(name, merge(first, fields))
     }
 
     /// Writes the end of the run.
@@ -196,7 +199,14 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
         CycleEventKind::Plausibility(check) => {
             ("plausibility", json!({ "check": format!("{check:?}") }))
         }
-        CycleEventKind::Axis { .. } | CycleEventKind::Refused { .. } => return None,
+        CycleEventKind::Adaptation(event) => {
+            ("adaptation", json!({ "event": format!("{event:?}") }))
+        }
+        CycleEventKind::FeedbackStop => ("stop", json!({})),
+        CycleEventKind::Axis { .. }
+        | CycleEventKind::Clipped { .. }
+        | CycleEventKind::Refused { .. }
+        | CycleEventKind::RequestRefused { .. } => return None,
     })
 }
 

@@ -7,9 +7,9 @@ use i2ris::config::Config;
 use i2ris::core::CycleSnapshot;
 use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
-    CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose,
-    HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand,
-    ServoGoal, StateReply, StateRequest,
+    CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose, HistoryCursor,
+    JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal,
+    StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
@@ -21,6 +21,7 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{History, Model};
 use i2ris::process::black_box::{OfferRecord, TickRecord};
 use i2ris::realtime::{Tick, TickTiming};
+use i2ris::robot::Reason;
 use i2ris::units::{Counts, Nanos, OutputVec};
 
 use crate::invariants::InvariantCheck;
@@ -176,6 +177,7 @@ pub struct Bench {
     pub drives: [SimulatedDrive; 2],
     pub out: CycleOutputs,
     pub events: Vec<CycleEventKind>,
+    pub reasons: Vec<Reason>,
     pub shutdown: bool,
     /// Asked for in the next tick.
     pub model_request: Option<ModelSwapRequest>,
@@ -265,6 +267,7 @@ impl Bench {
             out: ControlCycle::new(&self::config(""), None)
                 .step(Nanos::ZERO, &CycleInputs::default()),
             events: Vec::with_capacity(1000),
+            reasons: Vec::with_capacity(1000),
             shutdown: false,
             model_request: None,
             clutched: false,
@@ -380,10 +383,11 @@ impl Bench {
     }
 
     fn note_events(&mut self) {
-        for CycleEvent { stamp, kind } in self.out.events.iter().flatten() {
-            assert_eq!(*stamp, self.now);
+        for event in self.out.events.iter().flatten() {
+            assert_eq!(event.stamp, self.now);
             if self.events.len() < self.events.capacity() {
-                self.events.push(*kind);
+                self.events.push(event.kind);
+                self.reasons.extend(event.reason());
             }
         }
     }

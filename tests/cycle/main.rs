@@ -18,6 +18,7 @@ mod invariants;
 mod model_swap;
 mod move_and_clutch;
 mod random_inputs;
+mod reasons;
 mod rehearsal;
 mod replay;
 mod report;

@@ -60,6 +60,7 @@ fn with_camera(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
                 stamp,
                 position,
                 outputs: 2,
+                quality: 0.0,
             });
         }
     }
@@ -91,6 +92,7 @@ fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_said() {
         stamp: bench.now,
         position: [1.0, 1.0, 0.0],
         outputs: 2,
+        quality: 0.0,
     };
     bench.run(1);
     bench.external = Some(odd);

@@ -41,6 +41,7 @@ fn h16_five_minutes_of_ordinary_use_trip_nothing() {
                 stamp,
                 position,
                 outputs,
+                quality: 0.0,
             });
         }
     }

@@ -125,7 +125,13 @@ fn a_state_command_is_answered_or_refused_with_the_reason() {
                 Refusal::None
             };
             let refusal = refusal.number();
-            server.reply(token, StateCommandReply { refusal, state: 0 });
+            server.reply(
+                token,
+                StateCommandReply {
+                    refusal,
+                    ..StateCommandReply::default()
+                },
+            );
             sender.send(request).unwrap();
         }
     });

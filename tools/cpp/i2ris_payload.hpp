@@ -179,6 +179,53 @@ static_assert(offsetof(Health, crc_errors) == 80);
 static_assert(offsetof(Health, resynchronisations) == 96);
 static_assert(offsetof(Health, retries) == 112);
 
+struct AdaptationMsg {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risAdaptationV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t boot_id;
+    std::uint8_t model_id[32];
+    double estimate[10];
+    double deviation[10];
+    double applied[10];
+    double budget_used[10];
+    double total_used;
+    double calibrated_error;
+    double adapted_error;
+    std::uint64_t frames_used;
+    std::uint64_t frames_refused;
+    std::uint64_t frames_paused;
+    std::uint64_t frames_dropped[6];
+    std::uint32_t taken_back;
+    std::uint32_t method;
+    std::uint32_t pauses;
+    std::uint32_t excited;
+    std::uint32_t flags;
+    std::uint32_t reserved;
+};
+static_assert(sizeof(AdaptationMsg) == 496);
+static_assert(offsetof(AdaptationMsg, sequence) == 0);
+static_assert(offsetof(AdaptationMsg, stamp_ns) == 8);
+static_assert(offsetof(AdaptationMsg, boot_id) == 16);
+static_assert(offsetof(AdaptationMsg, model_id) == 24);
+static_assert(offsetof(AdaptationMsg, estimate) == 56);
+static_assert(offsetof(AdaptationMsg, deviation) == 136);
+static_assert(offsetof(AdaptationMsg, applied) == 216);
+static_assert(offsetof(AdaptationMsg, budget_used) == 296);
+static_assert(offsetof(AdaptationMsg, total_used) == 376);
+static_assert(offsetof(AdaptationMsg, calibrated_error) == 384);
+static_assert(offsetof(AdaptationMsg, adapted_error) == 392);
+static_assert(offsetof(AdaptationMsg, frames_used) == 400);
+static_assert(offsetof(AdaptationMsg, frames_refused) == 408);
+static_assert(offsetof(AdaptationMsg, frames_paused) == 416);
+static_assert(offsetof(AdaptationMsg, frames_dropped) == 424);
+static_assert(offsetof(AdaptationMsg, taken_back) == 472);
+static_assert(offsetof(AdaptationMsg, method) == 476);
+static_assert(offsetof(AdaptationMsg, pauses) == 480);
+static_assert(offsetof(AdaptationMsg, excited) == 484);
+static_assert(offsetof(AdaptationMsg, flags) == 488);
+static_assert(offsetof(AdaptationMsg, reserved) == 492);
+
 struct EventMsg {
     static constexpr const char* IOX2_TYPE_NAME = "I2risEventV1";
     std::uint64_t sequence;
@@ -191,6 +238,39 @@ static_assert(offsetof(EventMsg, sequence) == 0);
 static_assert(offsetof(EventMsg, stamp_ns) == 8);
 static_assert(offsetof(EventMsg, boot_id) == 16);
 static_assert(offsetof(EventMsg, text) == 24);
+
+struct ReasonMsg {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risReasonV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t boot_id;
+    std::uint64_t client_id;
+    double measured;
+    double limit;
+    std::uint32_t kind;
+    std::uint32_t number;
+    std::uint32_t quantity;
+    std::uint32_t motor;
+    std::uint32_t flags;
+    std::uint32_t reserved;
+    std::uint8_t text[192];
+    std::uint8_t advice[128];
+};
+static_assert(sizeof(ReasonMsg) == 392);
+static_assert(offsetof(ReasonMsg, sequence) == 0);
+static_assert(offsetof(ReasonMsg, stamp_ns) == 8);
+static_assert(offsetof(ReasonMsg, boot_id) == 16);
+static_assert(offsetof(ReasonMsg, client_id) == 24);
+static_assert(offsetof(ReasonMsg, measured) == 32);
+static_assert(offsetof(ReasonMsg, limit) == 40);
+static_assert(offsetof(ReasonMsg, kind) == 48);
+static_assert(offsetof(ReasonMsg, number) == 52);
+static_assert(offsetof(ReasonMsg, quantity) == 56);
+static_assert(offsetof(ReasonMsg, motor) == 60);
+static_assert(offsetof(ReasonMsg, flags) == 64);
+static_assert(offsetof(ReasonMsg, reserved) == 68);
+static_assert(offsetof(ReasonMsg, text) == 72);
+static_assert(offsetof(ReasonMsg, advice) == 264);
 
 struct PeriodStatistics {
     static constexpr const char* IOX2_TYPE_NAME = "I2risPeriodStatisticsV1";
@@ -327,13 +407,25 @@ static_assert(offsetof(StateCommandRequest, command) == 8);
 static_assert(offsetof(StateCommandRequest, reserved) == 12);
 
 struct StateCommandReply {
-    static constexpr const char* IOX2_TYPE_NAME = "I2risStateCommandReplyV1";
+    static constexpr const char* IOX2_TYPE_NAME = "I2risStateCommandReplyV2";
     std::uint32_t refusal;
     std::uint32_t state;
+    double measured;
+    double limit;
+    std::uint32_t quantity;
+    std::uint32_t motor;
+    std::uint32_t flags;
+    std::uint32_t reserved;
 };
-static_assert(sizeof(StateCommandReply) == 8);
+static_assert(sizeof(StateCommandReply) == 40);
 static_assert(offsetof(StateCommandReply, refusal) == 0);
 static_assert(offsetof(StateCommandReply, state) == 4);
+static_assert(offsetof(StateCommandReply, measured) == 8);
+static_assert(offsetof(StateCommandReply, limit) == 16);
+static_assert(offsetof(StateCommandReply, quantity) == 24);
+static_assert(offsetof(StateCommandReply, motor) == 28);
+static_assert(offsetof(StateCommandReply, flags) == 32);
+static_assert(offsetof(StateCommandReply, reserved) == 36);
 
 struct MoveRequest {
     static constexpr const char* IOX2_TYPE_NAME = "I2risMoveRequestV1";

@@ -36,7 +36,7 @@ use crate::core::command::refusal_record::{ClientRefusals, REFUSED_CLIENTS, Refu
 use crate::core::command::sequence_record::SequenceRecord;
 use crate::core::event::{CycleEventKind, EventList};
 use crate::core::inputs::{ServoCommand, ServoGoal};
-use crate::robot::{OperatingState, Refusal};
+use crate::robot::{Excess, OperatingState, Quantity, Refusal};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
 /// What admission needs to know of the robot.
@@ -88,6 +88,8 @@ pub struct CommandAdmission {
     /// Kept when the lease ends, so that a replayed command is recognised.
     sequences: SequenceRecord,
     refusals: RefusalRecord,
+    /// Of state commands, to fold their events.
+    request_refusals: RefusalRecord,
     accepted: u64,
     refused: u64,
     last_refusal: Refusal,
@@ -102,6 +104,7 @@ impl CommandAdmission {
             lease: Lease::new(Nanos::from_millis(config.lease_timeout_ms)),
             sequences: SequenceRecord::default(),
             refusals: RefusalRecord::default(),
+            request_refusals: RefusalRecord::default(),
             accepted: 0,
             refused: 0,
             last_refusal: Refusal::None,
@@ -132,9 +135,15 @@ impl CommandAdmission {
         self.refusals.clients()
     }
 
-    /// Records the refusal of a state command.
-    pub fn record_refusal(&mut self, refusal: Refusal) {
+    /// Records the refusal of a state command. Returns whether it is an event: repeats are folded.
+    pub fn refuse_request(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
         self.last_refusal = refusal;
+        self.request_refusals.record(client_id, refusal, now)
+    }
+
+    /// Records an accepted state command.
+    pub fn accept_request(&mut self, client_id: u64) {
+        self.request_refusals.accepted(client_id);
     }
 
     /// The client that holds the lease; 0: none.
@@ -150,6 +159,20 @@ impl CommandAdmission {
     /// [`Refusal::Lease`].
     pub fn require_lease(&self, client_id: u64) -> Result<(), Refusal> {
         self.lease.require_available(client_id)
+    }
+
+    /// What makes a command stale or wrongly stamped.
+    pub fn deadline_excess(&self, command: &ServoCommand, now: Nanos) -> Option<Excess> {
+        let check = &self.check.deadline;
+        Some(check.excess(command.stamp, command.deadline, now))
+    }
+
+    /// The sequence number of a command, and the last one.
+    pub fn sequence_excess(&self, command: &ServoCommand) -> Option<Excess> {
+        let last = self.sequences.last(command.client_id);
+        let last = last.map(|last| last as f64);
+        let number = command.sequence as f64;
+        Some(Excess::new(Quantity::Sequence, number, last))
     }
 
     /// Checks 1 to 9. Returns the deadline of the command. It is at most the duration of the lease:
@@ -182,13 +205,11 @@ impl CommandAdmission {
         self.accepted = self.accepted.saturating_add(1);
     }
 
-    /// Records a refused command.
-    pub fn refuse(&mut self, client_id: u64, refusal: Refusal, now: Nanos, events: &mut EventList) {
+    /// Records a refused command. Returns whether it is an event: repeats are folded.
+    pub fn refuse(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
         self.refused = self.refused.saturating_add(1);
         self.last_refusal = refusal;
-        if self.refusals.record(client_id, refusal, now) {
-            events.push(CycleEventKind::Refused { client_id, refusal });
-        }
+        self.refusals.record(client_id, refusal, now)
     }
 
     /// Frees the lease of a client that has been silent for too long.

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::robot::Refusal;
+use crate::core::faults::fault_excess::age_excess;
+use crate::robot::{Excess, Refusal};
 use crate::units::Nanos;
 
 /// A tick begins before it reads the newest command, and other processors stamp the commands.
@@ -27,6 +28,22 @@ pub(super) struct DeadlineCheck {
 impl DeadlineCheck {
     pub fn new(default: Nanos) -> Self {
         Self { default }
+    }
+
+    /// The age, the lead or the deadline that makes a command stale or wrongly stamped.
+    pub fn excess(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Excess {
+        if stamp.since(now) > FUTURE_MARGIN {
+            age_excess(stamp.since(now), FUTURE_MARGIN)
+        } else if requested > LONGEST_DEADLINE {
+            age_excess(requested, LONGEST_DEADLINE)
+        } else {
+            let deadline = if requested == Nanos::ZERO {
+                self.default
+            } else {
+                requested
+            };
+            age_excess(now.since(stamp), deadline)
+        }
     }
 
     /// The deadline of a command that was sent at `stamp`. `requested`: zero for the default.

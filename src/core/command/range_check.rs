@@ -7,7 +7,7 @@ use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
 use crate::core::vector::{distance, first_entries, largest_difference};
 use crate::model::file::OutputUnit;
-use crate::robot::Refusal;
+use crate::robot::{Excess, Quantity, Refusal};
 use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
 /// Rounding of degrees to radians must not refuse a step of exactly the limit.
@@ -64,6 +64,43 @@ impl RangeCheck {
                 let from = before.map_or_else(|| axes.setpoints(), |before| *before.goal());
                 require(self.is_actuator_step_allowed(&counts, &from), Refusal::Step)?;
                 Ok(ExtrapolatedGoal::Actuator(extend(before, counts, command)))
+            }
+        }
+    }
+
+    /// The step of a command that is refused for it, and the limit. Only in angles or counts: the
+    /// motors of a tip position are not what the client commands.
+    pub fn step_excess(
+        &self,
+        command: &ServoCommand,
+        followed: Option<&ExtrapolatedGoal>,
+        axes: &AxisGroup,
+        joints: Option<&JointModel>,
+    ) -> Option<Excess> {
+        match command.goal {
+            ServoGoal::Joint(angles, entries) => {
+                let joints = joints.filter(|joints| joints.unit() == OutputUnit::Deg)?;
+                let from = match followed {
+                    Some(ExtrapolatedGoal::Joint(before)) => *before.goal(),
+                    Some(ExtrapolatedGoal::Actuator(_)) | None => joints.setpoint()?,
+                };
+                let angles = first_entries::<MAX_OUTPUTS>(angles, entries);
+                let step = distance(&angles, &from).to_degrees();
+                let limit = Some(self.joint_step.to_degrees());
+                Some(Excess::new(Quantity::Degrees, step, limit))
+            }
+            ServoGoal::Actuator(counts, entries) => {
+                let from = match followed {
+                    Some(ExtrapolatedGoal::Actuator(before)) => *before.goal(),
+                    Some(ExtrapolatedGoal::Joint(_)) | None => axes.setpoints(),
+                };
+                let counts = first_entries::<MAX_MOTORS>(counts.map(Counts::as_f64), entries);
+                let step = largest_difference(&counts, &from);
+                Some(Excess::new(
+                    Quantity::Counts,
+                    step,
+                    Some(self.actuator_step),
+                ))
             }
         }
     }

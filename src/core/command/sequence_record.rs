@@ -18,12 +18,18 @@ pub(super) struct SequenceRecord([Option<(u64, u64)>; CLIENTS]);
 impl SequenceRecord {
     /// Refuses a command that is not newer than the last accepted one of its client.
     pub fn require_newer(&self, client_id: u64, sequence: u64) -> Result<(), Refusal> {
-        let mut entries = self.0.iter().flatten();
-        if entries.any(|(client, last)| *client == client_id && sequence <= *last) {
+        if self.last(client_id).is_some_and(|last| sequence <= last) {
             Err(Refusal::Sequence)
         } else {
             Ok(())
         }
+    }
+
+    /// Sequence of the last accepted command of a client.
+    pub fn last(&self, client_id: u64) -> Option<u64> {
+        let mut entries = self.0.iter().flatten();
+        let own = entries.find(|(client, _)| *client == client_id);
+        own.map(|(_, sequence)| *sequence)
     }
 
     /// Records an accepted command. Forgets the client that has been silent for longest.

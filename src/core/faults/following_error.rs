@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::drive::{AxisFeedback, WrittenTarget};
+use crate::robot::{Excess, Quantity};
 use crate::units::Nanos;
 
 /// Largest distance between setpoint and encoder, counts.
@@ -18,11 +19,22 @@ impl FollowingErrorLimit {
     /// wait for its slot on the wire; the motor cannot know it. `powered_since`: when power was
     /// requested; older setpoints belong to an earlier session.
     pub fn is_exceeded(&self, feedback: &AxisFeedback, powered_since: Nanos) -> bool {
-        written_after(feedback, powered_since).is_some_and(|written| {
-            let error = i64::from(written.target.0) - i64::from(feedback.position.0);
-            error.abs() > self.0
-        })
+        error(feedback, powered_since).is_some_and(|error| error > self.0)
     }
+
+    /// The present distance and its limit.
+    pub fn excess(&self, feedback: &AxisFeedback, powered_since: Nanos) -> Option<Excess> {
+        let error = error(feedback, powered_since).filter(|error| *error > self.0)?;
+        let limit = Some(self.0 as f64);
+        Some(Excess::new(Quantity::Counts, error as f64, limit))
+    }
+}
+
+/// Distance between the setpoint that was written last and the encoder, counts.
+fn error(feedback: &AxisFeedback, powered_since: Nanos) -> Option<i64> {
+    let written = written_after(feedback, powered_since)?;
+    let error = i64::from(written.target.0) - i64::from(feedback.position.0);
+    Some(error.abs())
 }
 
 /// The setpoint that was written last, if it was written since `since`.
@@ -58,6 +70,8 @@ mod tests {
         ] {
             let found = limit.is_exceeded(&feedback(target, stamp), Nanos(5));
             assert_eq!(found, is_error, "{target} written at {stamp}");
+            let excess = limit.excess(&feedback(target, stamp), Nanos(5));
+            assert_eq!(excess.is_some(), is_error, "{target} written at {stamp}");
         }
         assert!(!limit.is_exceeded(&AxisFeedback::default(), Nanos(5)));
     }

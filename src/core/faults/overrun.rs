@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::robot::{Excess, Quantity};
 use crate::units::Nanos;
 
 /// Leaky bucket as a meter (J. S. Turner 1986). It is full after a number of overruns within a
@@ -34,6 +35,11 @@ impl OverrunMonitor {
         self.level = (self.level - leaked).max(0.0) + f64::from(overruns);
         self.last = now;
         self.limit > 0.0 && self.level >= self.limit
+    }
+
+    /// The late ticks in the bucket, and how many fill it.
+    pub fn excess(&self) -> Excess {
+        Excess::new(Quantity::LateTicks, self.level, Some(self.limit))
     }
 }
 

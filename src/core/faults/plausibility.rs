@@ -13,6 +13,7 @@ use crate::config::PlausibilityConfig;
 use crate::core::faults::debounce::Debounce;
 use crate::core::inputs::ExternalPose;
 use crate::core::vector;
+use crate::robot::{Excess, Quantity};
 use crate::units::{Nanos, OutputVec};
 
 /// The estimates are stored in rows of 32: serde has no longer arrays.
@@ -40,13 +41,17 @@ pub enum PlausibilityCheck {
     TooOld,
 }
 
+/// The pose with the correction of the adaptation, and as calibrated, rad.
+pub(crate) type Estimates = [OutputVec; 2];
+
 /// Compares measured poses with estimates.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct PlausibilityMonitor {
     /// Largest distance, rad; 0: the monitor is off.
     limit: f64,
     debounce: Debounce,
-    estimates: [[(Nanos, OutputVec); COLUMNS]; ROWS],
+    /// As adapted and as calibrated: the same without adaptation.
+    estimates: [[(Nanos, Estimates); COLUMNS]; ROWS],
     written: u64,
     last: Nanos,
     /// Stamp of the newest frame.
@@ -58,6 +63,8 @@ pub(crate) struct PlausibilityMonitor {
     /// Since when there is something to check.
     checked_since: Option<Nanos>,
     is_implausible: bool,
+    /// Distance of the last frame that was compared, rad.
+    distance: f64,
 }
 
 impl PlausibilityMonitor {
@@ -65,7 +72,7 @@ impl PlausibilityMonitor {
         Self {
             limit: config.distance_deg.to_radians(),
             debounce: Debounce::new(Nanos::from_millis(config.debounce_ms)),
-            estimates: [[(Nanos::ZERO, OutputVec::default()); COLUMNS]; ROWS],
+            estimates: [[(Nanos::ZERO, Estimates::default()); COLUMNS]; ROWS],
             written: 0,
             last: Nanos::ZERO,
             newest: Nanos::ZERO,
@@ -73,15 +80,23 @@ impl PlausibilityMonitor {
             compared: Nanos::ZERO,
             checked_since: None,
             is_implausible: false,
+            distance: 0.0,
         }
+    }
+
+    /// The distance of the last frame that was compared, and the limit.
+    pub fn excess(&self) -> Option<Excess> {
+        let (distance, limit) = (self.distance.to_degrees(), self.limit.to_degrees());
+        let excess = Excess::new(Quantity::Degrees, distance, Some(limit));
+        (self.is_on() && self.distance > self.limit).then_some(excess)
     }
 
     pub fn is_on(&self) -> bool {
         self.limit > 0.0
     }
 
-    /// Stores the estimate of this tick.
-    pub fn record_estimate(&mut self, now: Nanos, estimate: OutputVec) {
+    /// Stores the estimates of this tick.
+    pub fn record_estimates(&mut self, now: Nanos, estimates: Estimates) {
         if now.since(self.last) < SPACING || !self.is_on() {
             return;
         }
@@ -93,14 +108,14 @@ impl PlausibilityMonitor {
             .get_mut(index / COLUMNS)
             .and_then(|row| row.get_mut(index % COLUMNS))
         {
-            *entry = (now, estimate);
+            *entry = (now, estimates);
         }
     }
 
     /// Forgets the estimates: they belong to another model or another zero.
     pub fn reset(&mut self) {
         self.written = 0;
-        self.estimates = [[(Nanos::ZERO, OutputVec::default()); COLUMNS]; ROWS];
+        self.estimates = [[(Nanos::ZERO, Estimates::default()); COLUMNS]; ROWS];
         self.forget_distance();
     }
 
@@ -127,9 +142,13 @@ impl PlausibilityMonitor {
             && measured.stamp != self.newest
         {
             (self.newest, self.arrived) = (measured.stamp, now);
-            if let Some(estimate) = self.estimate_at(measured.stamp) {
+            if let Some(estimates) = self.estimates_at(measured.stamp) {
                 self.compared = now;
-                let is_far = distance(&estimate, &measured.position) > self.limit;
+                let distances = estimates
+                    .iter()
+                    .map(|from| distance(from, &measured.position));
+                self.distance = distances.fold(0.0, f64::max);
+                let is_far = self.distance > self.limit;
                 self.is_implausible = self.debounce.update(is_checked && is_far, now);
             }
         }
@@ -152,16 +171,16 @@ impl PlausibilityMonitor {
         }
     }
 
-    /// The estimate nearest to a time; `None` if there is none near it.
-    fn estimate_at(&self, stamp: Nanos) -> Option<OutputVec> {
+    /// The estimates nearest to a time; `None` if there are none near it.
+    fn estimates_at(&self, stamp: Nanos) -> Option<Estimates> {
         let difference = |recorded: &Nanos| recorded.since(stamp) + stamp.since(*recorded);
-        let (nearest, estimate) = self
+        let (nearest, estimates) = self
             .estimates
             .iter()
             .flatten()
             .filter(|(recorded, _)| *recorded > Nanos::ZERO)
             .min_by_key(|(recorded, _)| difference(recorded))?;
-        (difference(nearest) <= SPACING + SPACING).then_some(*estimate)
+        (difference(nearest) <= SPACING + SPACING).then_some(*estimates)
     }
 }
 
@@ -188,6 +207,7 @@ mod tests {
             stamp: ms(stamp),
             position: [degrees.to_radians(), 0.0, 0.0],
             outputs: 2,
+            quality: 0.0,
         }
     }
 
@@ -199,7 +219,8 @@ mod tests {
         };
         let mut monitor = PlausibilityMonitor::new(&config);
         for t in 0..400 {
-            monitor.record_estimate(ms(t), [(0.01 * t as f64).to_radians(), 0.0, 0.0]);
+            let pose = [(0.01 * t as f64).to_radians(), 0.0, 0.0];
+            monitor.record_estimates(ms(t), [pose; 2]);
         }
         monitor
     }
@@ -243,7 +264,7 @@ mod tests {
                 !monitor.is_implausible(Some(&odd), 2, true, ms(now)),
                 "{now}"
             );
-            monitor.record_estimate(ms(now), OutputVec::default());
+            monitor.record_estimates(ms(now), Estimates::default());
         }
         // Another odd one, long after the first.
         assert!(!monitor.is_implausible(Some(&measured(2990, 60.0)), 2, true, ms(3000)));

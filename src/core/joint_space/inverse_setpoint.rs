@@ -77,6 +77,7 @@ pub(crate) fn invert_goal(
     };
     let goal_now = joints.blend_goal(dead_banded.goal, now);
     let goal_before = joints.blend_goal(before, now - tick);
+    joints.set_goal_motion(difference(&goal_now, &goal_before));
     let inverse_now = clamped_inverse(&goal_now, axes, joints)?;
     joints.set_search_start(inverse_now.counts);
     let (inverse_before, end) = if goal_now == goal_before && filtered.now == *requested {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
+use crate::core::adaptation::{Correction, Drift, DriftMemories, ModelGeometry};
 use crate::core::joint_space::model_blend::ModelBlend;
 use crate::core::joint_space::position_history::{HistoryCursor, NextEntry, PositionHistory};
 use crate::core::joint_space::velocity_estimate::{filtered_velocity, rate};
@@ -27,6 +28,8 @@ pub(crate) struct JointModel {
     compensation: f64,
     /// Duration of the blend after this model has taken over.
     blend_span: Nanos,
+    /// Only with the adaptation on, and for models that are adapted.
+    geometry: Option<ModelGeometry>,
     state: JointModelState,
 }
 
@@ -48,12 +51,19 @@ pub(crate) struct JointModelState {
     /// The goal of the last tick after the dead-band, while angles are followed.
     dead_banded_goal: Option<OutputVec>,
     blend: Option<ModelBlend>,
+    /// The correction of the adaptation; `None` as calibrated.
+    correction: Option<Correction>,
+    /// Motion of the goal in the last tick, rad.
+    goal_motion: OutputVec,
 }
 
 /// The pose at the encoder positions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct Measured {
     estimate: Estimate,
+    /// The mean before the correction, rad.
+    gapped: OutputVec,
+    position: MotorVec,
     stamp: Nanos,
     /// rad/s.
     velocity: OutputVec,
@@ -65,6 +75,18 @@ struct Setpoint {
     mean: OutputVec,
     /// rad/s.
     velocity: OutputVec,
+}
+
+/// The poses at the last encoder positions, rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct MeasuredPoses {
+    pub stamp: Nanos,
+    /// counts.
+    pub position: MotorVec,
+    /// With scaled gaps.
+    pub gapped: OutputVec,
+    /// With all of the correction.
+    pub adapted: OutputVec,
 }
 
 /// The model gave a value that is not finite.
@@ -118,8 +140,12 @@ impl JointModel {
             filter: JointFilter::new(&config.command, &config.joint_limits, tick, has_angles),
             dead_banded_goal: None,
             blend: None,
+            correction: None,
+            goal_motion: OutputVec::default(),
         };
+        let adapts = config.adaptation.enabled;
         Self {
+            geometry: adapts.then(|| ModelGeometry::new(&model)).flatten(),
             model,
             compensation: config.compensation.factor,
             blend_span: Nanos::from_millis(config.model_swap.blend_ms),
@@ -185,6 +211,7 @@ impl JointModel {
         }
         self.state.dead_banded_goal = before.and_then(|before| before.dead_banded_goal);
         self.state.blend = None;
+        self.state.correction = None;
         self.update_memory(drives)?;
         self.update_measured(drives, before.and_then(|before| before.measured))?;
         let pose = self.pose(setpoints)?;
@@ -224,17 +251,30 @@ impl JointModel {
         self.state.filter.reset();
         self.state.dead_banded_goal = None;
         self.state.blend = None;
+        self.state.goal_motion = OutputVec::default();
     }
 
-    /// Replays the position history, at most [`MAX_REPLAYED`] positions. Returns whether there was
-    /// a new one.
-    pub fn replay(&mut self, history: &PositionHistory) -> bool {
+    /// Replays the position history, at most [`MAX_REPLAYED`] positions, on the memory and on those
+    /// of the adaptation. Returns whether there was a new one.
+    pub fn replay(
+        &mut self,
+        history: &PositionHistory,
+        mut drift: Option<&mut DriftMemories>,
+    ) -> bool {
+        let correction = self.state.correction;
+        if let Some(correction) = &correction {
+            let scale = correction.gap_scale();
+            self.state.measured_memory.set_gap_scale(scale);
+        }
         for replayed in 0..MAX_REPLAYED {
             match history.next_after(self.state.cursor) {
                 NextEntry::End => return replayed > 0,
                 NextEntry::Position(position, cursor) => {
                     self.model
                         .advance(&mut self.state.measured_memory, &position);
+                    if let Some(drift) = &mut drift {
+                        drift.advance(&self.model, &position, &self.gap_scale());
+                    }
                     self.state.cursor = cursor;
                 }
                 // The zero has moved, so the memory belongs to other counts; or positions are
@@ -244,6 +284,9 @@ impl JointModel {
                     self.state.cursor = history.cursor();
                     if let Some(newest) = history.newest() {
                         self.model.advance(&mut self.state.measured_memory, &newest);
+                    }
+                    if let Some(drift) = drift {
+                        *drift = DriftMemories::new(&self.state.measured_memory);
                     }
                     return true;
                 }
@@ -257,8 +300,9 @@ impl JointModel {
         &mut self,
         history: &PositionHistory,
         drives: &[AxisFeedback],
+        drift: Option<&mut DriftMemories>,
     ) -> Result<(), NotFinite> {
-        let has_new = self.replay(history);
+        let has_new = self.replay(history, drift);
         self.update_memory(drives)?;
         let before = self.state.measured;
         if has_new || before.is_none() {
@@ -276,6 +320,8 @@ impl JointModel {
             correction: state.dead_band.correction(),
             compensation: self.compensation,
         };
+        let uncorrected = state.correction.map(|correction| correction.undo(goal));
+        let goal = uncorrected.as_ref().unwrap_or(goal);
         let inverse = self.model.invert(goal, &state.memory, &query);
         if vector::is_finite(&inverse.counts) {
             Ok(inverse)
@@ -291,7 +337,64 @@ impl JointModel {
 
     /// The outputs at given counts.
     pub fn pose(&self, counts: &MotorVec) -> Result<OutputVec, NotFinite> {
-        require_finite(self.model.predict(counts, &self.state.memory)).map(|estimate| estimate.mean)
+        let estimate = require_finite(self.model.predict(counts, &self.state.memory))?;
+        Ok(self.corrected(estimate.mean))
+    }
+
+    fn corrected(&self, mean: OutputVec) -> OutputVec {
+        let correction = self.state.correction.as_ref();
+        correction.map_or(mean, |correction| correction.apply(&mean))
+    }
+
+    /// What the adaptation needs to know of the model; `None` if it is not adapted.
+    pub fn geometry(&self) -> Option<&ModelGeometry> {
+        self.geometry.as_ref()
+    }
+
+    /// The memory at the last encoder positions.
+    pub fn measured_memory(&self) -> &Memory {
+        &self.state.measured_memory
+    }
+
+    /// The poses at the last encoder positions.
+    pub fn measured_at(&self) -> Option<MeasuredPoses> {
+        self.state.measured.map(|measured| MeasuredPoses {
+            stamp: measured.stamp,
+            position: measured.position,
+            gapped: measured.gapped,
+            adapted: measured.estimate.mean,
+        })
+    }
+
+    /// The gap scale in use; 1 as calibrated.
+    pub fn gap_scale(&self) -> MotorVec {
+        *self.state.correction.unwrap_or_default().gap_scale()
+    }
+
+    /// What is applied, as a drift.
+    pub fn applied_drift(&self) -> Drift {
+        self.state.correction.unwrap_or_default().drift()
+    }
+
+    /// Motion of the goal in the last tick, rad.
+    pub fn goal_motion(&self) -> &OutputVec {
+        &self.state.goal_motion
+    }
+
+    pub fn set_goal_motion(&mut self, motion: OutputVec) {
+        self.state.goal_motion = motion;
+    }
+
+    /// From now on the model is used with this correction.
+    pub fn set_correction(&mut self, correction: Correction) {
+        self.state.correction = Some(correction);
+    }
+
+    /// From now on the model is used as calibrated, with the memory that it would have then.
+    pub fn end_correction(&mut self, calibrated: &Memory) {
+        self.state.correction = None;
+        self.state.measured_memory = *calibrated;
+        self.state.memory = *calibrated;
     }
 
     /// Takes the setpoints of this tick, and their change in it.
@@ -358,7 +461,9 @@ impl JointModel {
         let stamps = drives.iter().map(|drive| drive.stamp);
         let stamp = stamps.max().unwrap_or_default();
         let estimate = self.model.predict(&positions, &self.state.measured_memory);
-        let estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;
+        let mut estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;
+        let gapped = estimate.mean;
+        estimate.mean = self.corrected(gapped);
         let velocity = before.map_or(OutputVec::default(), |before| {
             filtered_velocity(
                 &before.velocity,
@@ -369,6 +474,8 @@ impl JointModel {
         });
         self.state.measured = Some(Measured {
             estimate,
+            gapped,
+            position: positions,
             stamp,
             velocity,
         });

@@ -87,10 +87,14 @@ impl LoadedModels {
         self.active.as_deref_mut()
     }
 
+    pub fn previous_mut(&mut self) -> Option<&mut JointModel> {
+        self.previous.as_deref_mut()
+    }
+
     /// The staged and the previous model replay new positions.
     pub fn replay_inactive(&mut self, history: &PositionHistory) {
         for joints in [&mut self.staged, &mut self.previous].into_iter().flatten() {
-            joints.replay(history);
+            joints.replay(history, None);
         }
     }
 

@@ -10,6 +10,7 @@ use crate::core::motion::jerk_limit::JerkLimiter;
 use crate::core::motion::setpoint_source::SetpointSource;
 use crate::core::motion::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
 use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
+use crate::robot::Excess;
 use crate::units::{Counts, Nanos};
 
 /// One axis.
@@ -78,6 +79,17 @@ impl AxisControl {
             has_following_error,
             has_over_current: self.over_current.is_tripped(),
         }
+    }
+
+    /// The following error and its limit, if it is exceeded.
+    pub fn following_error_excess(&self) -> Option<Excess> {
+        let since = self.source.following_since()?;
+        self.following_error.excess(&self.feedback, since)
+    }
+
+    /// The current and its limit, if it is exceeded.
+    pub fn over_current_excess(&self) -> Option<Excess> {
+        self.over_current.excess(self.feedback.current_ma)
     }
 
     /// The drive has a zero, and no command has made it invalid.

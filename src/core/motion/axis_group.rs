@@ -1,12 +1,14 @@
 //! All axes of the robot.
 
 use crate::config::Config;
+use crate::core::command::refusal_excess::position_excess;
 use crate::core::drive_status::DriveStatus;
 use crate::core::event::{CycleEventKind, EventList};
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::vector;
 use crate::drive::{AxisFeedback, AxisRequest, Demand};
+use crate::robot::Excess;
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
 
 /// All axes, in the order of the motors.
@@ -104,6 +106,24 @@ impl AxisGroup {
     pub fn allow(&self, positions: &[Counts; MAX_MOTORS]) -> bool {
         let mut pairs = self.0.iter().zip(positions);
         pairs.all(|(axis, position)| axis.allows(*position))
+    }
+
+    /// The first measurement that a motor has, with its index.
+    pub fn first(&self, excess: impl Fn(&AxisControl) -> Option<Excess>) -> Option<Excess> {
+        (0..)
+            .zip(&self.0)
+            .find_map(|(motor, axis)| Some(excess(axis)?.of_motor(motor)))
+    }
+
+    /// The first of these positions that is outside the limits of its axis.
+    pub fn range_excess(
+        &self,
+        position: impl Fn(u8, &AxisControl) -> Option<Counts>,
+    ) -> Option<Excess> {
+        (0..).zip(&self.0).find_map(|(motor, axis)| {
+            let excess = position_excess(position(motor, axis)?, axis)?;
+            Some(excess.of_motor(motor))
+        })
     }
 
     /// The setpoints before rounding, counts.

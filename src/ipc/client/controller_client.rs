@@ -192,6 +192,7 @@ fn check_reply(
         refusal => Err(ClientError::Refused {
             command,
             refusal,
+            excess: reply.excess(),
             state,
         }),
     }
@@ -202,7 +203,12 @@ mod tests {
     use super::*;
 
     fn reply(refusal: u32, state: u32) -> Result<OperatingState, ClientError> {
-        check_reply(StateCommand::Enable, StateCommandReply { refusal, state })
+        let reply = StateCommandReply {
+            refusal,
+            state,
+            ..StateCommandReply::default()
+        };
+        check_reply(StateCommand::Enable, reply)
     }
 
     #[test]
@@ -211,8 +217,8 @@ mod tests {
         let error = reply(Refusal::NotHomed.number(), disabled).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "the controller refuses `enable` in state DISABLED: not homed: an axis does not know \
-             its zero"
+            "the controller refuses `enable` in state DISABLED: refusal 6: not homed: an axis does \
+             not know its zero; do: straighten the snake, then `i2ris command state home`"
         );
     }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::ipc::domain::DomainError;
 use crate::ipc::ready::INTERFACE_VERSION;
 use crate::ipc::service::TransportError;
-use crate::robot::{ModelAction, OperatingState, Refusal, StateCommand};
+use crate::robot::{Cause, Excess, ModelAction, OperatingState, Reason, Refusal, StateCommand};
 use crate::units::Nanos;
 
 /// Errors of the client library.
@@ -24,7 +24,7 @@ pub enum ClientError {
     /// The controller has another version of the interface.
     #[error(
         "the controller of domain `{domain}` has interface version {found}, this program \
-         {INTERFACE_VERSION}; build both from one release"
+         {INTERFACE_VERSION}: take both from one release"
     )]
     Interface {
         /// The domain.
@@ -44,12 +44,18 @@ pub enum ClientError {
         limit: usize,
     },
     /// The controller refused a state command and changed nothing.
-    #[error("the controller refuses `{command}` in state {}: {refusal}", state_text(*.state))]
+    #[error(
+        "the controller refuses `{command}` in state {}: {}",
+        state_text(*.state),
+        Reason { cause: Cause::Refusal(*.refusal), excess: *.excess }
+    )]
     Refused {
         /// The command.
         command: StateCommand,
         /// Reason.
         refusal: Refusal,
+        /// What was measured, where it is known.
+        excess: Option<Excess>,
         /// State of the robot; `None`: a number that this program does not know.
         state: Option<OperatingState>,
     },

@@ -11,8 +11,8 @@ use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::message::Message;
 use crate::ipc::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 use crate::ipc::service::{self, BUFFER, Stream, TransportError, failed};
 use crate::units::Nanos;
@@ -79,6 +79,12 @@ impl Watcher {
         self.subscription(service::HEALTH)
     }
 
+    /// `adaptation`: the drift from the calibration that the camera shows.
+    #[must_use]
+    pub fn adaptation(&self) -> Subscription<AdaptationMsg> {
+        self.subscription(service::ADAPTATION)
+    }
+
     /// `events`: the log of the controller, line by line.
     #[must_use]
     pub fn events(&self) -> Subscription<EventMsg> {
@@ -95,6 +101,18 @@ impl Watcher {
     #[must_use]
     pub fn servo_jp(&self) -> Subscription<ServoJp> {
         self.subscription(service::SERVO_JP)
+    }
+
+    /// `error`: faults, with what was measured and what to do.
+    #[must_use]
+    pub fn error(&self) -> Subscription<ReasonMsg> {
+        self.subscription(service::ERROR)
+    }
+
+    /// `warning`: refusals, stops and clips, with what was measured and what to do.
+    #[must_use]
+    pub fn warning(&self) -> Subscription<ReasonMsg> {
+        self.subscription(service::WARNING)
     }
 
     /// `actuators/servo_jp`: motor commands of clients, accepted or not.

@@ -11,17 +11,21 @@
 //! - `stamp_ns` is `CLOCK_MONOTONIC`. It is valid on one machine only.
 //! - `boot_id` is new for every start of the controller.
 
+mod adaptation;
 mod command_streams;
 mod definition;
 mod model_requests;
 mod period_statistics;
+mod reason;
 mod requests;
 mod state_streams;
 mod text;
 
+pub use adaptation::AdaptationMsg;
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
 pub use period_statistics::{PeriodStatistics, SpanSummary};
+pub use reason::ReasonMsg;
 pub use requests::{
     BlackBoxReply, BlackBoxRequest, MoveRequest, StateCommandReply, StateCommandRequest, Version,
     VersionRequest,
@@ -50,11 +54,14 @@ mod tests {
         assert_eq!(size_of::<ExternalPosition>(), 80);
         assert_eq!(offset_of!(ExternalPosition, quality), 64);
         assert_eq!(size_of::<StateCommandRequest>(), 16);
-        assert_eq!(size_of::<StateCommandReply>(), 8);
+        assert_eq!(size_of::<StateCommandReply>(), 40);
         assert_eq!(size_of::<Version>(), 200);
         assert_eq!(size_of::<ModelRequest>(), 1072);
         assert_eq!(size_of::<ModelSlot>(), 240);
         assert_eq!(size_of::<ModelReply>(), 1304);
         assert_eq!(size_of::<BlackBoxReply>(), 1032);
+        assert_eq!(size_of::<ReasonMsg>(), 392);
+        assert_eq!(offset_of!(ReasonMsg, text), 72);
+        assert_eq!(size_of::<AdaptationMsg>(), 496);
     }
 }

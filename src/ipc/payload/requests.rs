@@ -3,7 +3,9 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
+use super::reason::ExcessFields;
 use super::text::unpadded_text;
+use crate::robot::{Excess, OperatingState, Refusal};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
@@ -19,11 +21,23 @@ payload! {
 
     /// `state_command`, reply, within a few ticks. Longer operations continue after it: see
     /// [`BUSY`](super::OperatingStateMsg::BUSY).
-    StateCommandReply "I2risStateCommandReplyV1" {
+    StateCommandReply "I2risStateCommandReplyV2" {
         /// [`crate::robot::Refusal`]; 0: accepted.
         pub refusal: u32,
         /// [`crate::robot::OperatingState`] after the command.
         pub state: u32,
+        /// What was measured when it was refused, as in [`ReasonMsg`](super::ReasonMsg).
+        pub measured: f64,
+        /// The limit that it broke.
+        pub limit: f64,
+        /// [`crate::robot::Quantity`] of `measured` and `limit`.
+        pub quantity: u32,
+        /// Index of the motor.
+        pub motor: u32,
+        /// Flags of [`ReasonMsg`](super::ReasonMsg).
+        pub flags: u32,
+        /// 0.
+        pub reserved: u32,
     }
 
     /// `move_jp`, request: go to a pose, from rest to rest with limited jerk. The reply is
@@ -51,7 +65,7 @@ payload! {
         pub boot_id: u64,
         /// Process id of the controller.
         pub pid: u32,
-        /// Version of the payloads: 1.
+        /// Version of the payloads: `INTERFACE_VERSION`.
         pub interface: u32,
         /// Version of the software: major, minor, patch.
         pub software: [u16; 3],
@@ -85,6 +99,37 @@ payload! {
         pub ticks: u64,
         /// Path of the file, or the reason of the failure; UTF-8, padded with 0.
         pub text: [u8; 1024],
+    }
+}
+
+impl StateCommandReply {
+    /// The reply to a command. `excess`: what was measured, if it was refused.
+    #[must_use]
+    pub fn new(refusal: Refusal, state: OperatingState, excess: Option<Excess>) -> Self {
+        let fields = ExcessFields::from(excess);
+        Self {
+            refusal: refusal.number(),
+            state: state.number(),
+            measured: fields.measured,
+            limit: fields.limit,
+            quantity: fields.quantity,
+            motor: fields.motor,
+            flags: fields.flags,
+            reserved: 0,
+        }
+    }
+
+    /// What was measured when the command was refused, where it is known.
+    #[must_use]
+    pub fn excess(&self) -> Option<Excess> {
+        let fields = ExcessFields {
+            measured: self.measured,
+            limit: self.limit,
+            quantity: self.quantity,
+            motor: self.motor,
+            flags: self.flags,
+        };
+        fields.excess()
     }
 }
 

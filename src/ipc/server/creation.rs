@@ -16,9 +16,10 @@ use super::error::IpcError;
 use crate::ipc::domain::Domain;
 use crate::ipc::domain_lock::DomainLock;
 use crate::ipc::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
-    ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator,
-    ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
+    Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
+    ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    VersionRequest,
 };
 use crate::ipc::service::{self, create_node, create_request};
 
@@ -41,7 +42,10 @@ pub(super) struct Services {
     pub operating_state: StreamFactory<OperatingStateMsg>,
     pub period_statistics: StreamFactory<PeriodStatistics>,
     pub health: StreamFactory<Health>,
+    pub adaptation: StreamFactory<AdaptationMsg>,
     pub events: StreamFactory<EventMsg>,
+    pub error: StreamFactory<ReasonMsg>,
+    pub warning: StreamFactory<ReasonMsg>,
     pub state_commands: RequestFactory<StateCommandRequest, StateCommandReply>,
     pub black_boxes: RequestFactory<BlackBoxRequest, BlackBoxReply>,
     pub models: RequestFactory<ModelRequest, ModelReply>,
@@ -97,7 +101,10 @@ impl Services {
             operating_state: service::OPERATING_STATE.create(&node)?,
             period_statistics: service::PERIOD_STATISTICS.create(&node)?,
             health: service::HEALTH.create(&node)?,
+            adaptation: service::ADAPTATION.create(&node)?,
             events: service::EVENTS.create(&node)?,
+            error: service::ERROR.create(&node)?,
+            warning: service::WARNING.create(&node)?,
             state_commands: create_request(&node, service::STATE_COMMAND)?,
             black_boxes: create_request(&node, service::BLACK_BOX)?,
             models: create_request(&node, service::MODEL)?,

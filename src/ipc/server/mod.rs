@@ -24,12 +24,14 @@ use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
 use super::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
-    ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics, ServoActuator,
-    ServoJp, StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
+    Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
+    ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    VersionRequest,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, TransportError, failed};
+use crate::robot::Reason;
 use crate::units::{MAX_OUTPUTS, Nanos};
 use command_turns::CommandTurns;
 use creation::{Services, StreamFactory};
@@ -71,7 +73,10 @@ pub struct Server {
     operating_state: StreamPublisher<OperatingStateMsg>,
     period_statistics: StreamPublisher<PeriodStatistics>,
     health: StreamPublisher<Health>,
+    adaptation: StreamPublisher<AdaptationMsg>,
     events: StreamPublisher<EventMsg>,
+    error: StreamPublisher<ReasonMsg>,
+    warning: StreamPublisher<ReasonMsg>,
     state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
     black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
     models: RequestServer<ModelRequest, ModelReply>,
@@ -141,7 +146,10 @@ impl Server {
                 boot_id,
             )?,
             health: StreamPublisher::new(&from.health, service::HEALTH, boot_id)?,
+            adaptation: StreamPublisher::new(&from.adaptation, service::ADAPTATION, boot_id)?,
             events: StreamPublisher::new(&from.events, service::EVENTS, boot_id)?,
+            error: StreamPublisher::new(&from.error, service::ERROR, boot_id)?,
+            warning: StreamPublisher::new(&from.warning, service::WARNING, boot_id)?,
             state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
             black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
             models: RequestServer::new(&from.models, service::MODEL, slow)?,
@@ -299,9 +307,26 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Publishes `adaptation`.
+    pub fn publish_adaptation(&mut self, message: AdaptationMsg) {
+        let sent = self.adaptation.send(message);
+        self.count_failure(sent);
+    }
+
     /// Publishes `events`.
     pub fn publish_event(&mut self, message: EventMsg) {
         let sent = self.events.send(message);
+        self.count_failure(sent);
+    }
+
+    /// Publishes a reason: a fault in `error`, all others in `warning`.
+    pub fn publish_reason(&mut self, reason: &Reason, client_id: u64, stamp: Nanos) {
+        let message = ReasonMsg::new(reason, client_id, stamp);
+        let sent = if reason.cause.is_error() {
+            self.error.send(message)
+        } else {
+            self.warning.send(message)
+        };
         self.count_failure(sent);
     }
 
@@ -368,6 +393,9 @@ impl Server {
         self.operating_state.serve_late_subscribers()?;
         self.period_statistics.serve_late_subscribers()?;
         self.health.serve_late_subscribers()?;
+        self.error.serve_late_subscribers()?;
+        self.warning.serve_late_subscribers()?;
+        self.adaptation.serve_late_subscribers()?;
         self.events.serve_late_subscribers()
     }
 

@@ -6,7 +6,13 @@ use crate::model::families::direction::travel::Travels;
 use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiState;
 use crate::model::families::hysteresis::stop::state::StopState;
-use crate::units::MotorVec;
+use crate::units::{MAX_MOTORS, MotorVec};
+
+/// The gap scale of a calibration.
+pub(in crate::model) const UNSCALED: MotorVec = [1.0; MAX_MOTORS];
+
+/// The smallest and the largest gap scale.
+const GAP_SCALES: std::ops::RangeInclusive<f64> = 0.2..=3.0;
 
 /// The state that a model keeps of the past motion of the motors. It has a fixed size and uses no
 /// heap. A copy is an independent memory.
@@ -65,6 +71,20 @@ pub(in crate::model) enum State {
 }
 
 impl Memory {
+    /// Scales the gaps of every motor (the thresholds of plays; slack and friction of stops) from
+    /// now on; 1 as calibrated, clamped to 0.2...3. Families without gaps ignore it, and so does a
+    /// memory without any past motion.
+    pub fn set_gap_scale(&mut self, scale: &MotorVec) {
+        let (least, most) = GAP_SCALES.into_inner();
+        let clamped = scale.map(|scale| scale.max(least).min(most));
+        match &mut self.state {
+            State::None | State::Travels(_) => {}
+            State::Plays(state) => state.gap_scale = clamped,
+            State::PrandtlIshlinskii(state) => state.gap_scale = clamped,
+            State::Stops(state) => state.gap_scale = clamped,
+        }
+    }
+
     /// Adds a position. The caller then advances the state to it.
     pub(in crate::model) fn note(&mut self, position: MotorVec) {
         match &mut self.seen {

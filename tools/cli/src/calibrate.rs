@@ -6,17 +6,41 @@ mod fit;
 mod fit_report;
 mod merge;
 mod progress_bar;
+mod walk;
 mod zoo;
 
 use i2ris_terminal::Failure;
 
-/// What `i2ris calibrate` can do.
-#[derive(Debug, clap::Subcommand)]
-#[command(after_help = "Examples:
+/// `i2ris calibrate`: a step by name, or the whole way.
+#[derive(Debug, clap::Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:
+  i2ris calibrate
   i2ris calibrate collect --config config/emulator.toml --home --output RECORDING.csv
   i2ris calibrate fit RECORDING.csv --output config/models/snake.json
-  i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv")]
-pub enum Command {
+  i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv
+
+Without a command it goes the whole way: collect, fit, compare, stage, activate, check. It says each \
+step, and goes on where it was."
+)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    walk: walk::Arguments,
+}
+
+impl Arguments {
+    /// Whether it moves nothing.
+    pub fn only_prints(&self) -> bool {
+        self.command.as_ref().is_some_and(Command::only_prints)
+    }
+}
+
+/// The steps.
+#[derive(Debug, clap::Subcommand)]
+enum Command {
     /// Move the motors through a calibration protocol and record them with what a camera sees
     Collect(collect::Arguments),
     /// Compare models on a recording
@@ -30,14 +54,16 @@ pub enum Command {
 }
 
 impl Command {
-    /// Whether it moves nothing.
-    pub fn only_prints(&self) -> bool {
+    fn only_prints(&self) -> bool {
         !matches!(self, Self::Collect(_))
     }
 }
 
 /// Runs it.
-pub fn run(command: Command) -> Result<(), Failure> {
+pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    let Some(command) = arguments.command else {
+        return walk::run(&arguments.walk);
+    };
     match command {
         Command::Collect(arguments) => collect::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),

@@ -46,9 +46,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Fit a model to a recording
-    #[command(subcommand)]
-    Calibrate(calibrate::Command),
+    /// Calibrate the robot: the whole way, or one step of it
+    Calibrate(calibrate::Arguments),
     /// Look at a model, and run it without a robot
     #[command(subcommand)]
     Model(model::Command),
@@ -85,7 +84,7 @@ impl Task {
             | Self::Config(_)
             | Self::Completions(_)
             | Self::Replay(_) => true,
-            Self::Calibrate(command) => command.only_prints(),
+            Self::Calibrate(arguments) => arguments.only_prints(),
             Self::Start(_)
             | Self::Emulate(_)
             | Self::Command(_)
@@ -96,7 +95,7 @@ impl Task {
 
     fn run(self) -> Result<(), Failure> {
         match self {
-            Self::Calibrate(command) => calibrate::run(command),
+            Self::Calibrate(arguments) => calibrate::run(arguments),
             Self::Model(command) => model::run(command),
             Self::Start(arguments) => start::run(&arguments),
             Self::Emulate(arguments) => emulate::run(arguments),

@@ -2,6 +2,7 @@
 
 mod activate;
 mod csv_table;
+mod drift;
 mod invert;
 mod list;
 mod predict;

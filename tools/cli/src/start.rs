@@ -28,7 +28,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(50);
   i2ris start --snake config/snakes/brass.toml --no-monitor
 
 Then, in another terminal:
-  i2ris calibrate collect --config i2ris-start/controller.toml --home --output first.csv
+  i2ris calibrate
 
 The monitor takes this terminal; q or Ctrl-C ends all three programs, the drives first.")]
 pub struct Arguments {
@@ -82,8 +82,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = file.display();
     until_closed(Screen::stdout().say(&format!(
         "ready: emulator and controller on domain {name}, logs in {logs}\n\
-         next, in another terminal: i2ris calibrate collect --domain {name} --config {file} --home \
-         --output first.csv"
+         next, in another terminal: i2ris calibrate --config {file}"
     )))?;
     let outcome = watch(
         arguments,
@@ -100,8 +99,16 @@ fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
     domain.clone_into(&mut config.ipc.domain);
     config.record.folder = folder.join("records");
+    // Emulated drives share the computer with everything else that runs there: when it stalls, so do
+    // they, and that is no fault of a line.
+    (
+        config.limits.feedback_stale_ms,
+        config.limits.feedback_lost_ms,
+        config.limits.following_error_counts,
+    ) = (1000, 5000, 3000);
     for (axis, port) in config.ports.iter_mut().enumerate() {
         port.device = folder.join(format!("ports/axis{axis}"));
+        port.reply_timeout_ms = 500;
     }
     Ok(config)
 }

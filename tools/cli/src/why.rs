@@ -1,16 +1,19 @@
 //! `i2ris why`: why the robot does not move, or not where it was sent, and what to do.
 
 use i2ris::clock;
-use i2ris::ipc::client::{Client, Latest};
-use i2ris::ipc::payload::{ActuatorState, JointState, OperatingStateMsg};
-use i2ris::ipc::{Fault, OperatingState, Refusal};
-use i2ris::units::{MAX_MOTORS, Nanos};
+use i2ris::ipc::client::{Client, ClientError, Subscription};
+use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
+use i2ris::robot::Reason;
+use i2ris::units::Nanos;
 use i2ris_terminal::{DomainOption, Failure, Screen, until_closed};
 
 /// Time to wait for a controller that is starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
-/// Time limit for the first messages.
-const FIRST_MESSAGES: Nanos = Nanos::from_millis(1000);
+/// Time limit for the first state.
+const FIRST_STATE: Nanos = Nanos::from_millis(1000);
+/// Time for the last messages of `error` and `warning`, which a controller sends to new
+/// subscribers every 50 ms.
+const LAST_REASONS: Nanos = Nanos::from_millis(300);
 /// Polling period for them.
 const POLL_PERIOD: Nanos = Nanos::from_millis(5);
 
@@ -19,8 +22,8 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(5);
 #[command(after_help = "Example:
   i2ris why
 
-One line per reason: code, sentence, what was measured, and what to do. The last refusal may be \
-old: the monitor and the log have times.")]
+What keeps the robot from moving now comes first, then the last refusals, stops and clips with \
+their age. Two lines each: code, sentence, measured value and limit; and what to do.")]
 pub struct Arguments {
     #[command(flatten)]
     domain: DomainOption,
@@ -29,226 +32,123 @@ pub struct Arguments {
     json: bool,
 }
 
-/// A reason for not moving as asked.
-#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-struct Reason {
+/// One answer.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+struct Answer {
     /// `fault 3`, `refusal 9`, ...
     code: String,
     /// What it means.
     sentence: String,
-    /// Measured values; may be empty.
+    /// Measured value and limit; empty where they are not known.
     measured: String,
     /// What to do.
-    advice: &'static str,
+    advice: String,
+    /// Age of a refusal, stop or clip; `None`: it keeps the robot from moving now.
+    age_s: Option<f64>,
+    /// Code, sentence, measured value and limit, as in every other outlet.
+    text: String,
+}
+
+impl Answer {
+    fn new(reason: &Reason, age_s: Option<f64>) -> Self {
+        Self {
+            code: reason.cause.to_string(),
+            sentence: reason.cause.sentence().to_owned(),
+            measured: reason
+                .excess
+                .map_or_else(String::new, |excess| excess.to_string()),
+            advice: reason.cause.advice().to_owned(),
+            age_s,
+            text: reason.text(),
+        }
+    }
+
+    fn line(&self) -> String {
+        let Self { text, advice, .. } = self;
+        match self.age_s {
+            Some(age) => format!("{text}, {age:.1} s ago\n  do: {advice}"),
+            None => format!("{text}\n  do: {advice}"),
+        }
+    }
 }
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
-    let state = client.wait_for(FIRST_MESSAGES, |_| true)?;
     let watcher = client.watcher();
-    let (mut motors, mut goal) = (
-        Latest::new(watcher.actuators()),
-        Latest::new(watcher.goal_js()),
-    );
+    let (mut error, mut warning) = (watcher.error(), watcher.warning());
+    let (mut errors, mut warnings) = (Vec::new(), Vec::new());
     let start = clock::now();
-    while (motors.refresh()?.is_none() || goal.refresh()?.is_none())
-        && clock::now().since(start) < FIRST_MESSAGES
-    {
+    let state = client.wait_for(FIRST_STATE, |_| true)?;
+    while clock::now().since(start) < LAST_REASONS {
+        receive(&mut error, &mut errors)?;
+        receive(&mut warning, &mut warnings)?;
         clock::sleep(POLL_PERIOD);
     }
-    let reasons = reasons(&state, motors.value(), goal.value());
+    let answers = answers(&state, &errors, &warnings, clock::now());
+    print(&answers, arguments.json)
+}
+
+fn receive(
+    stream: &mut Subscription<ReasonMsg>,
+    messages: &mut Vec<ReasonMsg>,
+) -> Result<(), ClientError> {
+    stream.drain(|message| messages.push(message)).map(drop)
+}
+
+fn print(answers: &[Answer], is_json: bool) -> Result<(), Failure> {
     let mut screen = Screen::stdout();
-    if arguments.json {
-        until_closed(screen.say(&serde_json::to_string(&reasons)?))?;
+    if is_json {
+        until_closed(screen.say(&serde_json::to_string(answers)?))?;
         return Ok(());
     }
-    if reasons.is_empty() {
-        until_closed(screen.say("nothing keeps the robot from moving: it waits for commands"))?;
+    if answers.iter().all(|answer| answer.age_s.is_some()) {
+        let ready = "nothing keeps the robot from moving: it waits for commands";
+        if !until_closed(screen.say(ready))? {
+            return Ok(());
+        }
     }
-    for reason in &reasons {
-        let measured = if reason.measured.is_empty() {
-            String::new()
-        } else {
-            format!(" ({})", reason.measured)
-        };
-        let Reason {
-            code,
-            sentence,
-            advice,
-            ..
-        } = reason;
-        if !until_closed(screen.say(&format!("{code}: {sentence}{measured}\n  do: {advice}")))? {
+    for answer in answers {
+        if !until_closed(screen.say(&answer.line()))? {
             break;
         }
     }
     Ok(())
 }
 
-/// All reasons, the one that matters most first.
-fn reasons(
+/// All answers: what keeps the robot from moving, then what happened, newest first.
+fn answers(
     state: &OperatingStateMsg,
-    motors: Option<&ActuatorState>,
-    goal: Option<&JointState>,
-) -> Vec<Reason> {
-    let has = |flag: u32| state.flags & flag != 0;
-    let mut reasons = Vec::new();
-    let mut add = |code: String, sentence: String, measured: String, advice| {
-        reasons.push(Reason {
-            code,
-            sentence,
-            measured,
-            advice,
-        });
-    };
-    match OperatingState::from_number(state.state) {
-        Some(OperatingState::Enabled) => {}
-        Some(OperatingState::Fault) => {
-            let fault = Fault::from_number(state.fault).unwrap_or(Fault::None);
-            let measured = motors.map(measured_motors).unwrap_or_default();
-            let code = format!("fault {}", fault.number());
-            add(code, fault.to_string(), measured, fault_advice(fault));
+    errors: &[ReasonMsg],
+    warnings: &[ReasonMsg],
+    now: Nanos,
+) -> Vec<Answer> {
+    let present = state.causes().into_iter().map(|cause| {
+        let is_same = |reason: &Reason| reason.cause == cause;
+        let latched = errors.iter().rev().filter_map(ReasonMsg::reason);
+        let reason = latched.take(1).find(is_same);
+        Answer::new(&reason.unwrap_or(Reason::from(cause)), None)
+    });
+    let mut answers: Vec<Answer> = present.collect();
+    let mut told = Vec::new();
+    for message in warnings.iter().rev() {
+        // The last one of every cause; one of a later release has no texts here.
+        if let Some(reason) = message.reason()
+            && !told.contains(&reason.cause)
+        {
+            told.push(reason.cause);
+            let age = now.since(Nanos(message.stamp_ns)).as_seconds();
+            answers.push(Answer::new(&reason, Some(age)));
         }
-        Some(OperatingState::Paused) => add(
-            "state PAUSED".to_owned(),
-            "the robot holds, and servo commands are refused".to_owned(),
-            String::new(),
-            "i2ris command state resume",
-        ),
-        Some(OperatingState::Disabled) => add(
-            "state DISABLED".to_owned(),
-            "the drives are off".to_owned(),
-            String::new(),
-            "i2ris command state enable",
-        ),
-        None => add(
-            format!("state {}", state.state),
-            "a state of another release".to_owned(),
-            String::new(),
-            "build controller and tools from one release",
-        ),
     }
-    if !has(OperatingStateMsg::HOMED) {
-        let refusal = Refusal::NotHomed;
-        let code = format!("refusal {}", refusal.number());
-        add(
-            code,
-            refusal.to_string(),
-            String::new(),
-            refusal_advice(refusal),
-        );
-    }
-    if !has(OperatingStateMsg::MODEL) {
-        let refusal = Refusal::NoModel;
-        let code = format!("refusal {}", refusal.number());
-        add(
-            code,
-            refusal.to_string(),
-            String::new(),
-            refusal_advice(refusal),
-        );
-    }
-    if has(OperatingStateMsg::BUSY) {
-        add(
-            "busy".to_owned(),
-            "a state command or a motion is being carried out".to_owned(),
-            String::new(),
-            "wait, or i2ris command state hold",
-        );
-    }
-    if has(OperatingStateMsg::CLIPPED) {
-        let measured = goal.map_or_else(String::new, |goal| {
-            let [pitch, yaw, _] = goal.position.map(f64::to_degrees);
-            format!("clipped to pitch {pitch:+.2}, yaw {yaw:+.2} deg")
-        });
-        add(
-            "clip".to_owned(),
-            "the pose is outside the calibrated hull or the position limits".to_owned(),
-            measured,
-            "command less, or calibrate a wider range",
-        );
-    }
-    if state.stale_stops > 0 {
-        add(
-            "stop".to_owned(),
-            "commands came later than their deadline, and the robot stopped in between".to_owned(),
-            format!("{} times since the start", state.stale_stops),
-            "send faster, or with a longer deadline; look at the load of the computer",
-        );
-    }
-    if let Some(refusal) = Refusal::from_number(state.last_refusal)
-        && refusal != Refusal::None
-    {
-        add(
-            format!("refusal {}", refusal.number()),
-            format!("the last refused command: {refusal}"),
-            format!("{} servo commands refused since the start", state.refused),
-            refusal_advice(refusal),
-        );
-    }
-    reasons
-}
-
-fn measured_motors(motors: &ActuatorState) -> String {
-    let count = (motors.count as usize).min(MAX_MOTORS);
-    let motor = |motor: usize| {
-        format!(
-            "motor {motor}: {} counts of {} asked, {} mA, error 0x{:04X}",
-            motors.measured_counts[motor],
-            motors.setpoint_counts[motor],
-            motors.current_ma[motor],
-            motors.error_code[motor]
-        )
-    };
-    (0..count).map(motor).collect::<Vec<_>>().join("; ")
-}
-
-fn fault_advice(fault: Fault) -> &'static str {
-    match fault {
-        Fault::None => "look at the controller's log, then i2ris command state acknowledge",
-        Fault::Drive => "look the error code up in the drive's manual; then acknowledge",
-        Fault::Link => "check cable and supply (i2ris doctor); then acknowledge",
-        Fault::FollowingError => {
-            "free the mechanism, or raise current_limit_ma or lower the velocity; then acknowledge"
-        }
-        Fault::DriveState => "check STO and supply, and close EPOS Studio; then acknowledge",
-        Fault::DriveTimeout => "i2ris doctor; then acknowledge",
-        Fault::Homing => "check the keys homing_* of the axis; then acknowledge",
-        Fault::Model => "keep the black box (i2ris dump) and report it",
-        Fault::Late => "take load off the computer, or give it real-time permission",
-        Fault::Implausible => {
-            "stop and look at the snake: slack or torn wire, wrong zero, old model, moved camera"
-        }
-        Fault::Current => "free the mechanism and look at the snake; then acknowledge",
-    }
-}
-
-fn refusal_advice(refusal: Refusal) -> &'static str {
-    match refusal {
-        Refusal::None => "nothing",
-        Refusal::NotFinite | Refusal::Malformed | Refusal::Sequence => "correct the client",
-        Refusal::Stale => "send faster; stamp with the monotonic clock of this computer",
-        Refusal::Stamp => "stamp with the monotonic clock of this computer",
-        Refusal::Step => "start at setpoint_js and interpolate (command.max_step_deg)",
-        Refusal::Lease => "end the other client, or wait until it is silent (i2ris monitor)",
-        Refusal::NotEnabled => "i2ris command state enable",
-        Refusal::NotHomed => "straighten the snake, then i2ris command state home",
-        Refusal::NoModel => "i2ris model stage FILE and activate, or name it in the configuration",
-        Refusal::Range => "command less, or correct the position limits of the axes",
-        Refusal::State => "bring the robot to the right state (i2ris monitor)",
-        Refusal::Busy | Refusal::Conditioning => "wait, or i2ris command state hold",
-        Refusal::CausePersists => "remove the cause of the fault first",
-        Refusal::Unsupported => "use a model of angles, or another command",
-        Refusal::DrivesNotReady => "see the controller's log; i2ris doctor",
-        Refusal::NothingStaged | Refusal::NoFormer => "i2ris model list",
-        Refusal::MemoryUnknown => "i2ris command state condition, or --force",
-        Refusal::BadModel => "the controller's answer to `i2ris model stage` names the reason",
-    }
+    answers
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use i2ris::ipc::{Fault, OperatingState, Refusal};
+    use i2ris::robot::{Cause, Excess, Quantity};
 
     fn ready() -> OperatingStateMsg {
         OperatingStateMsg {
@@ -258,67 +158,68 @@ mod tests {
         }
     }
 
+    fn message(cause: Cause, stamp: u64) -> ReasonMsg {
+        let excess = Some(Excess::new(Quantity::Counts, stamp as f64, Some(2000.0)));
+        ReasonMsg::new(&Reason { cause, excess }, 0, Nanos::from_millis(stamp))
+    }
+
     #[test]
     fn a_robot_that_is_ready_has_no_reason() {
-        assert_eq!(reasons(&ready(), None, None), []);
+        assert_eq!(answers(&ready(), &[], &[], Nanos::ZERO), []);
     }
 
     #[test]
-    fn every_fault_and_every_refusal_has_code_sentence_and_advice() {
-        for fault in Fault::ALL.iter().filter(|fault| **fault != Fault::None) {
-            let state = OperatingStateMsg {
-                state: OperatingState::Fault.number(),
-                fault: fault.number(),
-                ..ready()
-            };
-            let motors = ActuatorState {
-                count: 2,
-                current_ma: [70, 0],
-                ..ActuatorState::default()
-            };
-            let [reason] = &reasons(&state, Some(&motors), None)[..] else {
-                panic!("{fault}");
-            };
-            assert_eq!(reason.code, format!("fault {}", fault.number()));
-            assert_eq!(reason.sentence, fault.text());
-            assert!(reason.measured.contains("70 mA") && !reason.advice.is_empty());
-        }
-        for refusal in Refusal::ALL.iter().filter(|it| **it != Refusal::None) {
-            let state = OperatingStateMsg {
-                last_refusal: refusal.number(),
-                ..ready()
-            };
-            let [reason] = &reasons(&state, None, None)[..] else {
-                panic!("{refusal}");
-            };
-            assert_eq!(reason.code, format!("refusal {}", refusal.number()));
-            assert!(reason.sentence.contains(refusal.text()) && !reason.advice.is_empty());
-        }
+    fn a_fault_shows_its_own_measurement_and_not_that_of_another_one() {
+        let state = OperatingStateMsg {
+            state: OperatingState::Fault.number(),
+            fault: Fault::FollowingError.number(),
+            ..ready()
+        };
+        let own = Cause::Fault(Fault::FollowingError);
+        let other = message(Cause::Fault(Fault::Link), 4000);
+        let errors = [other, message(own, 5000)];
+        let [answer] = &answers(&state, &errors, &[], Nanos::ZERO)[..] else {
+            panic!()
+        };
+        assert_eq!(answer.measured, "5000 counts, limit 2000 counts");
+        let [answer] = &answers(&state, &[message(own, 5000), other], &[], Nanos::ZERO)[..] else {
+            panic!()
+        };
+        assert_eq!(
+            (answer.code.as_str(), answer.measured.as_str()),
+            ("fault 3", "")
+        );
     }
 
     #[test]
-    fn stops_clips_and_states_are_reasons_too() {
+    fn the_last_message_of_every_cause_comes_newest_first_after_what_holds_now() {
         let state = OperatingStateMsg {
             state: OperatingState::Paused.number(),
-            flags: OperatingStateMsg::CLIPPED | OperatingStateMsg::BUSY,
-            stale_stops: 3,
+            flags: OperatingStateMsg::BUSY,
             ..OperatingStateMsg::default()
         };
-        let goal = JointState {
-            position: [0.5, 0.0, 0.0],
-            ..JointState::default()
-        };
-        let reasons = reasons(&state, None, Some(&goal));
-        let codes: Vec<&str> = reasons.iter().map(|reason| reason.code.as_str()).collect();
+        let (step, lease) = (Refusal::Step, Refusal::Lease);
+        let warnings = [step, lease, step].map(Cause::Refusal);
+        let warnings: Vec<ReasonMsg> = { warnings.iter().zip([1000, 2000, 3000]) }
+            .map(|(cause, stamp)| message(*cause, stamp))
+            .collect();
+        let answers = answers(&state, &[], &warnings, Nanos::from_millis(4000));
+        let codes: Vec<(&str, Option<f64>)> = { answers.iter() }
+            .map(|answer| (answer.code.as_str(), answer.age_s))
+            .collect();
         let expected = [
-            "state PAUSED",
-            "refusal 6",
-            "refusal 7",
-            "busy",
-            "clip",
-            "stop",
+            ("state PAUSED", None),
+            ("refusal 6", None),
+            ("refusal 7", None),
+            ("refusal 11", None),
+            ("refusal 3", Some(1.0)),
+            ("refusal 4", Some(2.0)),
         ];
         assert_eq!(codes, expected);
-        assert!(reasons[4].measured.contains("+28.65"), "{:?}", reasons[4]);
+        assert!(
+            answers[4]
+                .line()
+                .contains("3000 counts, limit 2000 counts), 1.0 s ago")
+        );
     }
 }

@@ -68,8 +68,13 @@ Service connect(const std::string& domain) {
     std::ifstream ready(folder + "/ready");
     std::string boot;
     int interface_version = 0;
-    if (!is_served(folder) || !(ready >> boot >> interface_version) || interface_version != 2) {
-        std::cerr << "no controller with interface version 2 serves domain " << domain << "\n";
+    if (!is_served(folder) || !(ready >> boot >> interface_version)) {
+        std::cerr << "no controller serves domain " << domain << "\n";
+        std::exit(3);
+    }
+    if (interface_version != i2ris::INTERFACE_VERSION) {
+        std::cerr << "the controller of domain " << domain << " has interface version " << interface_version
+                  << ", this client " << i2ris::INTERFACE_VERSION << ": take both from one release\n";
         std::exit(3);
     }
     auto config = iox2::Config::global_config().to_owned();

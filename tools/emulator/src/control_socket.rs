@@ -1,7 +1,8 @@
 //! The control socket: one line in, one line out.
 //!
-//! `{axis = 0, kind = "late-reply", delay_ms = 60}` injects that fault; `state` returns the state
-//! of the drives.
+//! `{axis = 0, kind = "late-reply", delay_ms = 60}` injects that fault; `ageing = {..}` lets the
+//! snake age; `camera = {..}` spoils the camera ([`crate::scenario`] has all of them); `state`
+//! returns the state of the drives.
 
 use std::fs;
 use std::io::{self, BufRead, BufReader, Write};
@@ -70,8 +71,8 @@ fn execute(line: &str, shared: &Shared) -> String {
         return state(shared);
     }
     match parse_line(line) {
-        Ok(parsed) => {
-            shared.inject(parsed.axis, parsed.injection);
+        Ok(command) => {
+            shared.execute(&command);
             "ok".to_owned()
         }
         // The reply is one line.

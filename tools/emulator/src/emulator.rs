@@ -13,7 +13,8 @@ use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::Nanos;
 use nix::sys::prctl;
 
-use crate::camera::Camera;
+use crate::ageing::Change;
+use crate::camera::{Camera, TimedCameraFault};
 use crate::config::EmulatorConfig;
 use crate::control_socket;
 use crate::drive::{Drive, DriveSnapshot, Fault};
@@ -23,7 +24,7 @@ use crate::plant::Plant;
 use crate::port::{FolderError, Port, PortFolder};
 use crate::scenario::Scenario;
 use crate::scenario_player;
-use crate::shared::Shared;
+use crate::shared::{CameraCommand, Shared};
 
 /// How often the plant advances when no request advances it.
 const PLANT_PERIOD: Nanos = Nanos::from_millis(2);
@@ -94,7 +95,10 @@ impl Emulator {
             .drives
             .each_ref()
             .map(|config| Drive::new(config, 0.0));
-        let snake = config.snake.build(config.seed);
+        let mut snake = config.snake.build(config.seed);
+        for change in &config.scenario.ageing {
+            snake.begin_ageing(*change);
+        }
         let gateway = config.gateway_us.map(Nanos::from_micros);
         let plant = Plant::new(drives, snake, gateway, Arc::clone(&log), clock::now());
         let shared = Arc::new(Shared::new(plant, log, gateway.is_some()));
@@ -151,10 +155,19 @@ impl Emulator {
         S: FnMut(ExternalPosition),
     {
         let mut camera = Camera::new(&self.config.camera, self.config.seed + 1, clock::now());
+        for fault in &self.config.scenario.camera {
+            camera.begin_fault(fault, clock::now());
+        }
         self.spawn("camera", move |shared| {
             let mut receiver = connect();
             while !shared.is_stopping() {
                 let now = clock::now();
+                for command in shared.take_camera_commands() {
+                    match command {
+                        CameraCommand::Begin(fault) => camera.begin_fault(&fault, now),
+                        CameraCommand::Clear => camera.clear_faults(),
+                    }
+                }
                 if camera.is_exposure_due(now) {
                     let (stamp, angles_deg) = shared.true_angles(now);
                     camera.capture(stamp, angles_deg);
@@ -183,6 +196,17 @@ impl Emulator {
                 let _ = publisher.publish_with_quality(stamp, position, deviation, frame.quality);
             }
         })
+    }
+
+    /// A change of the snake begins, after its own `start_s`. It has been checked
+    /// ([`Change::check`]).
+    pub fn begin_ageing(&self, change: Change) {
+        self.shared.begin_ageing(change);
+    }
+
+    /// A fault of the camera begins, after its own `start_s`.
+    pub fn spoil_camera(&self, fault: TimedCameraFault) {
+        self.shared.tell_camera(CameraCommand::Begin(fault));
     }
 
     /// Injects a fault into an axis, its line or its wire.

@@ -13,6 +13,7 @@
 //! | module | content |
 //! |---|---|
 //! | [`snake`] | motor positions to angles, with hysteresis; pure |
+//! | [`ageing`] | parameters of a snake as functions of time; pure |
 //! | [`zoo`] | snakes of other physics, drawn by a seed; pure |
 //! | [`frame`] | V2 frames of the serial line; pure |
 //! | [`drive`] | an EPOS4 or EPOS2: objects, states, modes, motor; pure |
@@ -28,6 +29,7 @@
 //! Pure modules take time as an argument. The threads read [`i2ris::clock`].
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod ageing;
 pub mod camera;
 pub mod config;
 mod control_socket;

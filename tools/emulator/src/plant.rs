@@ -69,6 +69,11 @@ impl Plant {
                 *pulled = self.wires[axis].pull(self.drives[axis].motor_counts());
             }
             self.snake.step(STEP.as_seconds(), pulled);
+            let load = self.snake.load();
+            for ((drive, wire), load) in self.drives.iter_mut().zip(&self.wires).zip(load) {
+                let is_pulled = !matches!(wire, Wire::Broken(_));
+                drive.set_load(if is_pulled { load } else { 0.0 });
+            }
             self.record(self.time);
         }
     }

@@ -10,10 +10,21 @@
 //! [random]
 //! every_ms = 200
 //! kinds = ["flip-reply", "lose-request"]
+//! [[ageing]]
+//! parameter = "gap"
+//! by = 0.4
+//! course = "ramp"
+//! over_s = 600
+//! [[camera]]
+//! start_s = 60
+//! for_s = 30
+//! fault = "swapped"
 //! ```
 //!
 //! A line of the control socket is one `[[at]]` as an inline table without `ms`:
-//! `{axis = 1, kind = "reset"}`.
+//! `{axis = 1, kind = "reset"}`; or one of the other tables by name:
+//! `ageing = {parameter = "zero", by = 1, course = "step"}`, `camera = {fault = "frozen"}`. The
+//! line `camera = "good"` ends all faults of the camera.
 
 use std::fs;
 use std::io;
@@ -22,6 +33,8 @@ use std::path::{Path, PathBuf};
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
+use crate::ageing::{Change, ChangeError};
+use crate::camera::TimedCameraFault;
 use crate::injection::{AxisInjection, Injection};
 
 /// An injection at a fixed time.
@@ -58,6 +71,23 @@ pub struct Scenario {
     pub at: Vec<TimedInjection>,
     /// At random times.
     pub random: Option<RandomInjections>,
+    /// Changes of the snake with age.
+    pub ageing: Vec<Change>,
+    /// Faults of the camera.
+    pub camera: Vec<TimedCameraFault>,
+}
+
+/// A line of the control socket.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SocketCommand {
+    /// A fault of an axis.
+    Inject(AxisInjection),
+    /// The snake ages.
+    Age(Change),
+    /// A fault of the camera.
+    Camera(TimedCameraFault),
+    /// All faults of the camera end.
+    CameraGood,
 }
 
 /// Why a scenario is refused.
@@ -106,6 +136,10 @@ impl Scenario {
         if let Some(random) = &scenario.random {
             random.check().map_err(ScenarioError::Value)?;
         }
+        scenario.ageing.iter().try_for_each(check_change)?;
+        for fault in &scenario.camera {
+            fault.check().map_err(ScenarioError::Value)?;
+        }
         scenario.at.sort_by_key(|timed| timed.ms);
         Ok(scenario)
     }
@@ -115,15 +149,45 @@ impl Scenario {
 ///
 /// # Errors
 ///
-/// When it is not an inline table of this shape, or has an unknown axis.
-pub fn parse_line(line: &str) -> Result<AxisInjection, ScenarioError> {
+/// When it is none of the lines above, or has a value out of range.
+pub fn parse_line(line: &str) -> Result<SocketCommand, ScenarioError> {
     #[derive(Deserialize)]
-    struct Line {
-        inject: AxisInjection,
+    #[serde(rename_all = "kebab-case", deny_unknown_fields)]
+    enum Line {
+        Inject(AxisInjection),
+        Ageing(Change),
+        Camera(CameraLine),
     }
-    let Line { inject } = toml::from_str(&format!("inject = {line}")).map_err(Box::new)?;
-    check_axis(inject.axis)?;
-    Ok(inject)
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum CameraLine {
+        Word(Good),
+        Fault(TimedCameraFault),
+    }
+    #[derive(Deserialize)]
+    #[serde(rename_all = "kebab-case")]
+    enum Good {
+        Good,
+    }
+    let text = if line.starts_with('{') {
+        format!("inject = {line}")
+    } else {
+        line.to_owned()
+    };
+    match toml::from_str(&text).map_err(Box::new)? {
+        Line::Inject(inject) => check_axis(inject.axis).map(|()| SocketCommand::Inject(inject)),
+        Line::Ageing(change) => check_change(&change).map(|()| SocketCommand::Age(change)),
+        Line::Camera(CameraLine::Word(Good::Good)) => Ok(SocketCommand::CameraGood),
+        Line::Camera(CameraLine::Fault(fault)) => {
+            fault.check().map_err(ScenarioError::Value)?;
+            Ok(SocketCommand::Camera(fault))
+        }
+    }
+}
+
+fn check_change(change: &Change) -> Result<(), ScenarioError> {
+    let refused = |error: ChangeError| ScenarioError::Value(error.to_string());
+    change.check().map_err(refused)
 }
 
 fn check_axis(axis: usize) -> Result<(), ScenarioError> {
@@ -162,6 +226,7 @@ mod tests {
     use rand_pcg::Pcg64Mcg;
 
     use super::*;
+    use crate::camera::CameraFault;
 
     #[test]
     fn a_file_is_sorted_by_time() {
@@ -200,10 +265,51 @@ mod tests {
     #[test]
     fn a_line_of_the_socket_is_one_table() {
         let line = parse_line("{axis = 1, kind = \"fault\", code = 0x2310}").unwrap();
-        assert_eq!(
-            (line.axis, line.injection),
-            (1, Injection::Fault { code: 0x2310 })
-        );
+        let injection = Injection::Fault { code: 0x2310 };
+        let expected = AxisInjection { axis: 1, injection };
+        assert_eq!(line, SocketCommand::Inject(expected));
         assert!(parse_line("reset").is_err());
+    }
+
+    #[test]
+    fn a_line_of_the_socket_ages_the_snake_or_spoils_the_camera() {
+        let line = "ageing = {parameter = \"zero\", by = 1, course = \"step\"}";
+        let SocketCommand::Age(change) = parse_line(line).unwrap() else {
+            panic!("{line}")
+        };
+        assert_eq!(change.by, 1.0);
+        let line = "camera = {fault = \"late-stamps\", ms = 20, for_s = 3}";
+        let SocketCommand::Camera(timed) = parse_line(line).unwrap() else {
+            panic!("{line}")
+        };
+        assert_eq!(timed.fault, CameraFault::LateStamps { ms: 20.0 });
+        let good = parse_line("camera = \"good\"").unwrap();
+        assert_eq!(good, SocketCommand::CameraGood);
+        for (line, words) in [
+            (
+                "ageing = {parameter = \"gap\", by = -2, course = \"step\"}",
+                "above -1",
+            ),
+            (
+                "camera = {fault = \"outliers\", share = 2, size_deg = 1}",
+                "share",
+            ),
+            ("camera = \"bad\"", "camera"),
+            ("weather = 3", "weather"),
+        ] {
+            let error = parse_line(line).unwrap_err().to_string();
+            assert!(error.contains(words), "{line}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_file_holds_ageing_and_faults_of_the_camera() {
+        let text = "[[ageing]]\nparameter = \"gap\"\nby = 0.4\ncourse = \"ramp\"\n\
+                    over_s = 600\n[[camera]]\nstart_s = 60\nfault = \"swapped\"";
+        let scenario = Scenario::parse(text).unwrap();
+        assert_eq!((scenario.ageing.len(), scenario.camera.len()), (1, 1));
+        let wrong = text.replace("600", "-1");
+        let error = Scenario::parse(&wrong).unwrap_err().to_string();
+        assert!(error.contains("over_s = -1"), "{error}");
     }
 }

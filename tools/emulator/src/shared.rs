@@ -7,11 +7,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use i2ris::clock;
 use i2ris::units::Nanos;
 
+use crate::ageing::Change;
+use crate::camera::TimedCameraFault;
 use crate::drive::event::EventKind;
 use crate::drive::{Drive, Fault};
 use crate::injection::Injection;
 use crate::log::Log;
 use crate::plant::Plant;
+use crate::scenario::SocketCommand;
 use crate::wire::Wire;
 
 /// What the threads share.
@@ -24,6 +27,16 @@ pub(crate) struct Shared {
     pub(crate) gateway: bool,
     /// When the encoders of these axes count again.
     frozen: Mutex<Vec<(Nanos, usize)>>,
+    camera: Mutex<Vec<CameraCommand>>,
+}
+
+/// What the camera's thread has to do.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum CameraCommand {
+    /// A fault begins.
+    Begin(TimedCameraFault),
+    /// All faults end.
+    Clear,
 }
 
 /// Counters and pending faults of one line.
@@ -73,6 +86,7 @@ impl Shared {
             lines: Default::default(),
             gateway,
             frozen: Mutex::default(),
+            camera: Mutex::default(),
         }
     }
 
@@ -83,6 +97,32 @@ impl Shared {
     /// The line of an axis.
     pub(crate) fn line(&self, axis: usize) -> &Line {
         &self.lines[if self.gateway { 0 } else { axis }]
+    }
+
+    /// Executes a line of the control socket.
+    pub(crate) fn execute(&self, command: &SocketCommand) {
+        match *command {
+            SocketCommand::Inject(line) => self.inject(line.axis, line.injection),
+            SocketCommand::Age(change) => self.begin_ageing(change),
+            SocketCommand::Camera(fault) => self.tell_camera(CameraCommand::Begin(fault)),
+            SocketCommand::CameraGood => self.tell_camera(CameraCommand::Clear),
+        }
+    }
+
+    /// A change of the snake begins.
+    pub(crate) fn begin_ageing(&self, change: Change) {
+        let mut plant = self.plant();
+        plant.advance_to(clock::now());
+        plant.snake.begin_ageing(change);
+    }
+
+    pub(crate) fn tell_camera(&self, command: CameraCommand) {
+        lock(&self.camera).push(command);
+    }
+
+    /// What the camera has been told since the last call.
+    pub(crate) fn take_camera_commands(&self) -> Vec<CameraCommand> {
+        std::mem::take(&mut lock(&self.camera))
     }
 
     /// Injects a fault into an axis, its line or its wire.

@@ -1,13 +1,16 @@
-//! The camera and a controller that starts, stops and starts again.
+//! The camera and a controller that starts, stops and starts again; faults by the control socket.
 
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::net::UnixStream;
 use std::path::Path;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::ipc::{Domain, DomainLock, Server, random_id};
 use i2ris_emulator::snake::SnakeConfig;
-use i2ris_emulator::{Emulator, EmulatorConfig};
+use i2ris_emulator::{Emulator, EmulatorConfig, SnakeSource};
 
 /// Waits until the controller has received a frame.
 fn next_frame(server: &mut Server) -> ExternalPosition {
@@ -47,4 +50,58 @@ fn frames_reach_every_controller_of_the_domain() {
             last = frame.stamp_ns;
         }
     }
+}
+
+/// Sends a line to the control socket; the reply.
+fn tell(socket: &Path, line: &str) -> String {
+    let mut stream = UnixStream::connect(socket).unwrap();
+    writeln!(stream, "{line}").unwrap();
+    let mut reply = String::new();
+    BufReader::new(stream).read_line(&mut reply).unwrap();
+    reply.trim().to_owned()
+}
+
+/// Waits until a newer frame fulfils a condition.
+fn wait_for(frames: &Receiver<[f64; 2]>, what: &str, is_met: impl Fn([f64; 2]) -> bool) {
+    let start = Instant::now();
+    while !is_met(frames.recv_timeout(Duration::from_secs(10)).unwrap()) {
+        assert!(start.elapsed() < Duration::from_secs(10), "{what}");
+    }
+}
+
+#[test]
+fn the_control_socket_ages_the_snake_and_spoils_the_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let ports = folder.path().join("ports");
+    let source = SnakeSource::load("preisach:2").unwrap();
+    let mut emulator = Emulator::start(EmulatorConfig::new(source, &ports)).unwrap();
+    let (sender, frames) = channel();
+    let send = move |frame: ExternalPosition| {
+        let [pitch, yaw, _] = frame.position.map(f64::to_degrees);
+        let _ = sender.send([pitch, yaw]);
+    };
+    emulator.start_camera(move || send).unwrap();
+    let socket = ports.join("control");
+    let zero = "ageing = {parameter = \"zero\", by = 5, direction = [1, 0], course = \"step\"}";
+    wait_for(&frames, "straight", |[pitch, yaw]| {
+        pitch.abs() + yaw.abs() < 1.0
+    });
+    assert_eq!(tell(&socket, zero), "ok");
+    wait_for(&frames, "slipped", |[pitch, yaw]| {
+        pitch > 4.0 && yaw.abs() < 1.0
+    });
+    assert_eq!(tell(&socket, "camera = {fault = \"swapped\"}"), "ok");
+    wait_for(&frames, "swapped", |[pitch, yaw]| {
+        yaw > 4.0 && pitch.abs() < 1.0
+    });
+    assert_eq!(tell(&socket, "camera = \"good\""), "ok");
+    wait_for(&frames, "good again", |[pitch, _]| pitch > 4.0);
+    let refused = tell(
+        &socket,
+        "ageing = {parameter = \"teeth\", by = 1, course = \"step\"}",
+    );
+    assert!(
+        refused.starts_with("error: ") && refused.contains("teeth"),
+        "{refused}"
+    );
 }

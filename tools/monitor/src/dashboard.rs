@@ -11,6 +11,8 @@ use super::model_poller::Models;
 pub struct Dashboard {
     /// The last message of every stream. Kept when the controller ends, and stale then.
     pub view: LatestMessages,
+    /// The process that holds the lease, if it is known.
+    pub commander: Option<String>,
     /// Why the controller is not reachable, if it is not.
     pub problem: Option<String>,
     pub history: History,

@@ -6,6 +6,7 @@
 //! | `subscriptions` | subscribes to every stream; it only reads |
 //! | `dashboard` | what is shown: |
 //! | `latest_messages`, `history`, `event_log` | last messages, last seconds, last events |
+//! | `commander` | name of the process that commands |
 //! | `model_poller`, `hull_outline` | models and hull |
 //! | `terminal` | the screen with keys; only its `operator_commands` sends requests |
 //! | `web` | the page; it holds a dashboard and no client |
@@ -18,6 +19,8 @@
     reason = "a command-line program prints"
 )]
 
+mod adaptation;
+mod commander;
 mod dashboard;
 mod event_log;
 mod history;
@@ -32,7 +35,7 @@ use std::io::{self, IsTerminal};
 use std::path::PathBuf;
 
 use i2ris::clock;
-use i2ris::ipc::client::{Client, Watcher};
+use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 
 use clap::Parser;
@@ -103,7 +106,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     let version = client.version()?;
     let title = model_poller::title(&version, domain.name(), version.model_id);
     drop(client);
-    let mut subscriptions = Subscriptions::new(&Watcher::new(&domain));
+    let mut subscriptions = Subscriptions::new(&domain);
     if !arguments.once && io::stdout().is_terminal() && io::stdin().is_terminal() {
         return terminal::run(&domain, subscriptions, title, arguments.model, span);
     }

@@ -1,12 +1,14 @@
 //! The subscriptions to all streams of a controller. They only read, so they cannot move the robot.
 
-use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
+    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, ReasonMsg,
 };
+use i2ris::ipc::{Domain, Message};
 use i2ris::units::{MAX_MOTORS, Nanos};
 
+use super::commander::Commander;
 use super::dashboard::Dashboard;
 use super::latest_messages::LatestMessages;
 
@@ -28,12 +30,17 @@ pub struct Subscriptions {
     actuators: Subscription<ActuatorState>,
     statistics: Subscription<PeriodStatistics>,
     health: Subscription<Health>,
+    error: Subscription<ReasonMsg>,
+    warning: Subscription<ReasonMsg>,
+    commander: Commander,
+    adaptation: Subscription<AdaptationMsg>,
     exchanges: Exchanges,
     boot_id: Option<u64>,
 }
 
 impl Subscriptions {
-    pub fn new(watcher: &Watcher) -> Self {
+    pub fn new(domain: &Domain) -> Self {
+        let watcher = Watcher::new(domain);
         Self {
             state: watcher.operating_state(),
             goal: watcher.goal_js(),
@@ -43,6 +50,10 @@ impl Subscriptions {
             actuators: watcher.actuators(),
             statistics: watcher.period_statistics(),
             health: watcher.health(),
+            error: watcher.error(),
+            warning: watcher.warning(),
+            commander: Commander::new(domain),
+            adaptation: watcher.adaptation(),
             exchanges: Exchanges::default(),
             boot_id: None,
         }
@@ -57,6 +68,7 @@ impl Subscriptions {
             .event_log
             .update_connection(dashboard.problem.as_deref(), now);
         dashboard.event_log.update_camera(&dashboard.view, now);
+        dashboard.commander = self.commander.name(dashboard.view.state.as_ref(), now);
         dashboard.history.sample(&dashboard.view, now);
         outcome.unwrap_or(false)
             || model != dashboard.view.measured.map(|measured| measured.model_id)
@@ -96,7 +108,16 @@ impl Subscriptions {
                 .iter()
                 .for_each(|message| event_log.update_model(message));
         }
+        self.error.drain(|message| {
+            event_log.update_reason(&message);
+            view.error = Some(message);
+        })?;
+        self.warning.drain(|message| {
+            event_log.update_reason(&message);
+            view.warning = Some(message);
+        })?;
         replace_if_new(&mut view.health, self.health.newest()?);
+        replace_if_new(&mut view.adaptation, self.adaptation.newest()?);
         if replace_if_new(&mut view.statistics, self.statistics.newest()?) {
             view.statistics
                 .iter()

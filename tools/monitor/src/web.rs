@@ -23,7 +23,6 @@ use std::sync::Arc;
 
 use i2ris::clock;
 use i2ris::ipc::Domain;
-use i2ris::ipc::client::Watcher;
 use i2ris::units::Nanos;
 
 pub use listen_address::{DEFAULT_ADDRESS, ListenAddress};
@@ -66,7 +65,7 @@ pub fn run(
     ));
     until_closed(outcome)?;
     let model_poller = ModelPoller::start(domain, model);
-    let mut subscriptions = Subscriptions::new(&Watcher::new(domain));
+    let mut subscriptions = Subscriptions::new(domain);
     let start = clock::now();
     while !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {
         let now = clock::now();

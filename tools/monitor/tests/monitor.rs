@@ -5,8 +5,12 @@
 mod browser;
 #[path = "monitor/chromium.rs"]
 mod chromium;
+#[path = "monitor/contrast.rs"]
+mod contrast;
 #[path = "monitor/http.rs"]
 mod http;
+#[path = "monitor/pages.rs"]
+mod pages;
 #[path = "monitor/processes.rs"]
 mod processes;
 #[path = "monitor/terminal.rs"]

@@ -210,7 +210,11 @@ impl Answer {
         let refusal = Refusal::Unsupported.number();
         self.outcome
             .excuse()
-            .map(|_| StateCommandReply { refusal, state })
+            .map(|_| StateCommandReply {
+                refusal,
+                state,
+                ..StateCommandReply::default()
+            })
             .or_else(|| self.value())
     }
 

@@ -46,6 +46,7 @@ from .payload import (
     MoveRequest,
     OperatingStateMsg,
     PeriodStatistics,
+    ReasonMsg,
     ServoActuator,
     ServoJp,
     StateCommandReply,
@@ -53,6 +54,7 @@ from .payload import (
     Version,
     VersionRequest,
 )
+from .reasons import ADVICE, FAULTS, QUANTITIES, REFUSALS
 
 __all__ = [
     "Actuators",
@@ -67,6 +69,7 @@ __all__ = [
     "Operation",
     "OtherInterface",
     "OutOfReach",
+    "Reason",
     "Refused",
     "Stopped",
 ]
@@ -84,44 +87,14 @@ COMMANDS = {
     "release": 9,
     "hold": 10,
 }
-REFUSALS = {
-    1: "a value is not finite",
-    2: "stale: the command was older than its deadline when it arrived",
-    3: "step too large: commands may move only a little at a time",
-    4: "another client holds the lease",
-    5: "not enabled",
-    6: "not homed: an axis does not know its zero",
-    7: "no model is loaded",
-    8: "malformed command",
-    9: "outside the position limits",
-    10: "not allowed in this state",
-    11: "busy: a former command is being carried out",
-    12: "the cause of the fault is still there",
-    13: "sequence number did not rise",
-    14: "not supported by this controller",
-    15: "stamp in the future or deadline too long",
-    16: "the drives are not ready",
-    17: "this model is not staged",
-    18: "no model was in use before this one",
-    19: "the hysteresis memory is unknown: condition first, or force it",
-    20: "the model is refused",
-    21: "busy: the conditioning cycle is running; it ends by itself",
-}
-FAULTS = {
-    0: "none",
-    1: "a drive reports an error",
-    2: "a drive does not answer",
-    3: "set-point and encoder are too far apart",
-    4: "a drive left the enabled state by itself",
-    5: "a drive did not reach the demanded state in time",
-    6: "homing failed",
-    7: "the model gave a value that is not finite",
-    8: "too many late ticks: the computer does not keep up",
-    9: "the snake is not where the model says",
-    10: "a motor takes too much current for too long",
-}
 #: Refusal of a second commander.
 LEASE_REFUSAL = 4
+#: Kinds in ``error`` and ``warning``.
+FAULT_KIND, REFUSAL_KIND = 1, 2
+#: Messages of ``error`` and of ``warning`` that are kept.
+REASONS = 16
+#: Time for the message of a refusal, which comes after the count of refusals, s.
+REASON_TIMEOUT_S = 0.25
 
 #: Timeout for a reply, s.
 REPLY_TIMEOUT_S = 1.0
@@ -138,18 +111,57 @@ POLL_S = 0.001
 
 
 class Refused(Exception):
-    """The controller refuses a command; nothing has changed."""
+    """The controller refuses a command; nothing has changed. ``str()`` gives what ``i2ris why`` prints."""
 
-    def __init__(self, what: str, code: int, detail: str = ""):
+    def __init__(self, what: str, code: int, detail: str = "", measured: str = ""):
         #: The reason, in words.
         self.reason: str = detail or _refusal(code)
         #: The reason as a number, see ``REFUSALS``.
         self.code: int = code
-        super().__init__(f"the controller refuses {what}: {self.reason}")
+        #: The measured value and the limit; empty where they are not known.
+        self.measured: str = measured
+        #: What to do.
+        self.advice: str = ADVICE.get((REFUSAL_KIND, code), "")
+        super().__init__(f"the controller refuses {what}: {_sentence('refusal', self)}")
 
 
 class Fault(Exception):
-    """The robot is in FAULT; ``str()`` gives the cause."""
+    """The robot is in FAULT; ``str()`` gives what ``i2ris why`` prints."""
+
+    def __init__(self, what: str, code: int, measured: str = ""):
+        #: The cause, in words.
+        self.reason: str = FAULTS.get(code, f"unknown fault {code}")
+        #: The cause as a number, see ``FAULTS``.
+        self.code: int = code
+        #: The measured value and the limit; empty where they are not known.
+        self.measured: str = measured
+        #: What to do.
+        self.advice: str = ADVICE.get((FAULT_KIND, code), "")
+        super().__init__(f"{what}the robot is in FAULT: {_sentence('fault', self)}")
+
+
+def _sentence(kind: str, error: Refused | Fault) -> str:
+    """The text of every outlet: code, sentence, measured value and limit, what to do."""
+    measured = f" ({error.measured})" if error.measured else ""
+    return f"{kind} {error.code}: {error.reason}{measured}; do: {error.advice}"
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why the robot does not move as asked: a message of ``error`` or ``warning``."""
+
+    stamp_ns: int
+    #: 1 fault, 2 refusal, 3 stop, 4 clip; and the number within its kind.
+    kind: int
+    code: int
+    #: Code, sentence, measured value and limit.
+    text: str
+    #: What to do.
+    advice: str
+    #: It concerns a command of this client.
+    own: bool
+    #: Measured value and limit; empty where they are not known.
+    measured: str
 
 
 class Stopped(Exception):
@@ -239,6 +251,8 @@ class OperatingState:
     last_refusal: str
     #: The same as a number; 0 if there was none.
     last_refusal_code: int = 0
+    #: The fault as a number, see ``FAULTS``.
+    fault_code: int = 0
 
 
 class Operation:
@@ -267,7 +281,7 @@ class Operation:
 
         state = self._arm.wait_for(ended, timeout_s)
         if state.state == "FAULT":
-            raise Fault(f"{self._name}: the robot is in FAULT: {state.fault}")
+            raise self._arm._fault(state, f"{self._name}: ")
         if not self._done(state):
             raise Stopped(f"{self._name}: ended before it was carried out; the robot is {state.state}")
         if clipped is not None and self._goal is not None:
@@ -306,6 +320,7 @@ class Arm:
         self._strict = strict
         self._sequence = 0
         self._latest: dict[str, tuple] = {}
+        self._kept: dict[str, list] = {}
         self._commanded = False
         self._refused: int | None = None
         #: Motors one by one, without a model.
@@ -447,7 +462,51 @@ class Arm:
             refused=message.refused,
             last_refusal=self._last_refusal(message)[0],
             last_refusal_code=self._last_refusal(message)[1],
+            fault_code=message.fault,
         )
+
+    def errors(self) -> list[Reason]:
+        """The last faults, oldest first, also those from before this client came."""
+        return self._reasons("i2ris/error")
+
+    def warnings(self) -> list[Reason]:
+        """The last refusals, stops and clips of all clients, oldest first."""
+        return self._reasons("i2ris/warning")
+
+    def _reasons(self, service: str) -> list[Reason]:
+        boot = self._link.refresh()
+        port = subscriber(self._link, service, ReasonMsg)
+        kept = self._kept.setdefault(service, [])
+        while (sample := port.receive()) is not None:
+            kept.append((boot, ReasonMsg.from_buffer_copy(sample.payload().contents)))
+        kept[:] = [(of, message) for of, message in kept if of == boot][-REASONS:]
+        return [
+            Reason(
+                stamp_ns=message.stamp_ns,
+                kind=message.kind,
+                code=message.number,
+                text=_text(message.text),
+                advice=_text(message.advice),
+                own=message.client_id == self._client_id,
+                measured=_excess(message),
+            )
+            for _, message in kept
+        ]
+
+    def _measured(self, kind: int, code: int) -> str:
+        """Measured value and limit of the last fault, or of the last refusal of this client. The messages come a little
+        after the state.
+        """
+        end = time.monotonic() + REASON_TIMEOUT_S
+        while True:
+            reasons = self.errors() if kind == FAULT_KIND else self.warnings()
+            found = [it for it in reasons if (it.kind, it.code) == (kind, code) and (it.own or kind == FAULT_KIND)]
+            if found or time.monotonic() > end:
+                return found[-1].measured if found else ""
+            time.sleep(POLL_S)
+
+    def _fault(self, state: OperatingState, what: str = "") -> Fault:
+        return Fault(what, state.fault_code, self._measured(FAULT_KIND, state.fault_code))
 
     def _last_refusal(self, message: OperatingStateMsg) -> tuple[str, int]:
         """Reason and code of the last refusal of a servo command of this client, not of another one."""
@@ -484,7 +543,7 @@ class Arm:
         """The state in a reply. Raises Refused."""
         state = STATES.get(reply.state, f"unknown state {reply.state}")
         if reply.refusal:
-            raise Refused(f"{command!r} in state {state}", reply.refusal)
+            raise Refused(f"`{command}` in state {state}", reply.refusal, measured=_excess(reply))
         return state
 
     def _operation(self, command: str, done: Callable[[OperatingState], bool]) -> Operation:
@@ -506,12 +565,13 @@ class Arm:
         if state is None or not self._strict:
             return
         if state.state == "FAULT":
-            raise Fault(f"the robot is in FAULT: {state.fault}")
+            raise self._fault(state)
         before, self._refused = self._refused, state.refused
         # Who holds the lease is not the one who was refused for it.
         other = state.lease and state.last_refusal_code == LEASE_REFUSAL
         if self._commanded and before is not None and state.refused > before and not other:
-            raise Refused("a command of the stream", state.last_refusal_code)
+            code = state.last_refusal_code
+            raise Refused("a command of the stream", code, measured=self._measured(REFUSAL_KIND, code))
 
     def wait_for(self, wanted: Callable[[OperatingState], bool], timeout_s: float = 15.0) -> OperatingState:
         """Waits until the operating state fulfils a condition. Raises TimeoutError."""
@@ -669,6 +729,25 @@ def _model(slot: ModelSlot) -> Model | None:
 
 def _text(field) -> str:
     return bytes(field).split(b"\0", 1)[0].decode("utf-8", "replace")
+
+
+def _excess(message: ReasonMsg | StateCommandReply) -> str:
+    """What was measured and its limit, as ``src/robot/excess.rs`` writes it."""
+    if not message.flags & ReasonMsg.MEASURED:
+        return ""
+    motor = f"motor {message.motor}: " if message.flags & ReasonMsg.MOTOR else ""
+    limit = f", limit {_value(message.quantity, message.limit)}" if message.flags & ReasonMsg.LIMIT else ""
+    return f"{motor}{_value(message.quantity, message.measured)}{limit}"
+
+
+def _value(quantity: int, value: float) -> str:
+    unit = QUANTITIES.get(quantity, "")
+    if unit in ("error code", "statusword"):
+        return f"{unit} 0x{int(value):04X}"
+    if unit == "sequence number":
+        return f"{unit} {value:.0f}"
+    digits = {"deg": 2, "mm": 2, "ms": 1}.get(unit, 0)
+    return f"{value:.{digits}f} {unit}"
 
 
 def _refusal(number: int) -> str:

@@ -5,6 +5,7 @@ shared memory; ports of an old one are opened again.
 """
 
 import fcntl
+import importlib.metadata
 import os
 import re
 import struct
@@ -13,7 +14,9 @@ from pathlib import Path
 
 import iceoryx2 as iox2
 
-INTERFACE_VERSION = 2
+INTERFACE_VERSION = 3
+#: Versions of iceoryx2 refuse each other: exactly the controller's.
+ICEORYX2_VERSION = "0.10.0"
 #: Period of reading the announcement of the controller, s.
 PROBE_S = 0.02
 
@@ -31,6 +34,7 @@ class Link:
 
     def __init__(self, domain: str = "i2ris", client_id: int | None = None):
         """``client_id``: identity in the commands of this process, for logs that name it."""
+        self.check_iceoryx2(importlib.metadata.version("iceoryx2"))
         if not re.fullmatch(r"[A-Za-z0-9-]{1,32}", domain):
             raise ValueError(f"domain name {domain!r} is not valid: use 1 to 32 letters, digits or -")
         self.domain = domain
@@ -48,6 +52,15 @@ class Link:
         if key not in self._ports:
             self._ports[key] = opened(self._node)
         return self._ports[key][-1]
+
+    @staticmethod
+    def check_iceoryx2(installed: str) -> None:
+        """Raises OtherInterface for a wheel that the controller does not understand."""
+        if installed != ICEORYX2_VERSION:
+            raise OtherInterface(
+                f"iceoryx2 {installed} is installed, and interface version {INTERFACE_VERSION} speaks with iceoryx2 "
+                f"{ICEORYX2_VERSION}: pip install iceoryx2=={ICEORYX2_VERSION}"
+            )
 
     def refresh(self) -> str:
         """The boot id of the controller that serves. Raises NoController or OtherInterface."""
@@ -114,7 +127,7 @@ class Link:
             self.close()
             raise OtherInterface(
                 f"the controller of domain {self.domain} has interface version {interface}, this package "
-                f"{INTERFACE_VERSION}; install the package of the controller's release"
+                f"{INTERFACE_VERSION}: take both from one release (install the package of the controller's)"
             )
         return boot
 

@@ -172,6 +172,40 @@ class Health(Payload):
     ]
 
 
+class AdaptationMsg(Payload):
+    """``adaptation``, out: the drift from the calibration that the camera shows.
+
+    Arrays of ten: zero of both outputs (rad), gain of output 0 by outputs 0 and 1, of output 1 by
+    outputs 0 and 1, growth of the gap of both motors, latency of the camera (s), slow state (rad).
+    """
+
+    NAME = "I2risAdaptationV1"
+    ON = 1
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("model_id", c_uint8 * 32),
+        ("estimate", c_double * 10),
+        ("deviation", c_double * 10),
+        ("applied", c_double * 10),
+        ("budget_used", c_double * 10),
+        ("total_used", c_double),
+        ("calibrated_error", c_double),
+        ("adapted_error", c_double),
+        ("frames_used", c_uint64),
+        ("frames_refused", c_uint64),
+        ("frames_paused", c_uint64),
+        ("frames_dropped", c_uint64 * 6),
+        ("taken_back", c_uint32),
+        ("method", c_uint32),
+        ("pauses", c_uint32),
+        ("excited", c_uint32),
+        ("flags", c_uint32),
+        ("reserved", c_uint32),
+    ]
+
+
 class EventMsg(Payload):
     """``events``, out: a line of the log, UTF-8, padded with 0."""
 
@@ -181,6 +215,31 @@ class EventMsg(Payload):
         ("stamp_ns", c_uint64),
         ("boot_id", c_uint64),
         ("text", c_uint8 * 232),
+    ]
+
+
+class ReasonMsg(Payload):
+    """``error`` (faults) and ``warning`` (refusals, stops, clips), out: why the robot does not move as asked."""
+
+    NAME = "I2risReasonV1"
+    MEASURED = 1
+    LIMIT = 2
+    MOTOR = 4
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("client_id", c_uint64),
+        ("measured", c_double),
+        ("limit", c_double),
+        ("kind", c_uint32),
+        ("number", c_uint32),
+        ("quantity", c_uint32),
+        ("motor", c_uint32),
+        ("flags", c_uint32),
+        ("reserved", c_uint32),
+        ("text", c_uint8 * 192),
+        ("advice", c_uint8 * 128),
     ]
 
 
@@ -234,8 +293,17 @@ class StateCommandRequest(Payload):
 class StateCommandReply(Payload):
     """``state_command``, reply."""
 
-    NAME = "I2risStateCommandReplyV1"
-    _fields_ = [("refusal", c_uint32), ("state", c_uint32)]
+    NAME = "I2risStateCommandReplyV2"
+    _fields_ = [
+        ("refusal", c_uint32),
+        ("state", c_uint32),
+        ("measured", c_double),
+        ("limit", c_double),
+        ("quantity", c_uint32),
+        ("motor", c_uint32),
+        ("flags", c_uint32),
+        ("reserved", c_uint32),
+    ]
 
 
 class MoveRequest(Payload):

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use i2ris::ipc::ready::{ICEORYX2_VERSION, INTERFACE_VERSION};
+
 use crate::layout::{Field, FieldType, PayloadLayout, SPAN_MEMBERS, payload_layouts};
 
 /// The complete header. It asserts sizes and offsets, so a compiler with another layout refuses it.
@@ -14,8 +16,16 @@ pub fn cpp_header() -> String {
          compiles it.\n\
          #pragma once\n\n#include <cstddef>\n#include <cstdint>\n\nnamespace i2ris {\n\n",
     );
-    let members = SPAN_MEMBERS.map(|member| format!("    std::uint64_t {member};\n"));
     // Writing to a string cannot fail.
+    let _ = write!(
+        text,
+        "// The second word of the file `ready`. A controller with another one is of another \
+         release.\n\
+         constexpr int INTERFACE_VERSION = {INTERFACE_VERSION};\n\
+         // Versions of iceoryx2 refuse each other.\n\
+         constexpr const char* ICEORYX2_VERSION = \"{ICEORYX2_VERSION}\";\n\n"
+    );
+    let members = SPAN_MEMBERS.map(|member| format!("    std::uint64_t {member};\n"));
     let _ = write!(text, "struct SpanSummary {{\n{}}};\n\n", members.concat());
     for (type_name, payload) in payload_layouts() {
         write_struct(&mut text, type_name, &payload);

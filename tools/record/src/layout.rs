@@ -6,10 +6,10 @@
 use std::mem::{offset_of, size_of};
 
 use i2ris::ipc::payload::{
-    ActuatorState, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition, Health, JointState,
-    ModelDifference, ModelRequest, ModelSlot, MoveRequest, OperatingStateMsg, PeriodStatistics,
-    ServoActuator, ServoJp, SpanSummary, StateCommandReply, StateCommandRequest, Version,
-    VersionRequest,
+    ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
+    Health, JointState, ModelDifference, ModelRequest, ModelSlot, MoveRequest, OperatingStateMsg,
+    PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, SpanSummary, StateCommandReply,
+    StateCommandRequest, Version, VersionRequest,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -251,7 +251,19 @@ layouts! {
         lost_reports: u64, lost_records: u64, lost_replies: u64, timeouts: [u64; 2],
         crc_errors: [u64; 2], resynchronisations: [u64; 2], retries: [u64; 2],
     }
+    AdaptationMsg {
+        sequence: u64, stamp_ns: u64, boot_id: u64, model_id: [u8; 32], estimate: [f64; 10],
+        deviation: [f64; 10], applied: [f64; 10], budget_used: [f64; 10], total_used: f64,
+        calibrated_error: f64, adapted_error: f64, frames_used: u64, frames_refused: u64,
+        frames_paused: u64, frames_dropped: [u64; 6], taken_back: u32, method: u32, pauses: u32,
+        excited: u32, flags: u32, reserved: u32,
+    }
     EventMsg { sequence: u64, stamp_ns: u64, boot_id: u64, text: [u8; 232] }
+    ReasonMsg {
+        sequence: u64, stamp_ns: u64, boot_id: u64, client_id: u64, measured: f64, limit: f64,
+        kind: u32, number: u32, quantity: u32, motor: u32, flags: u32, reserved: u32,
+        text: [u8; 192], advice: [u8; 128],
+    }
     PeriodStatistics {
         sequence: u64, stamp_ns: u64, boot_id: u64, window_ns: u64, period_ns: u64, ticks: u64,
         missed: u64, total_ticks: u64, total_missed: u64, period: SpanSummary,
@@ -274,7 +286,10 @@ layouts! {
     BlackBoxRequest { client_id: u64 }
     BlackBoxReply { ticks: u64, text: [u8; 1024] }
     StateCommandRequest { client_id: u64, command: u32, reserved: u32 }
-    StateCommandReply { refusal: u32, state: u32 }
+    StateCommandReply {
+        refusal: u32, state: u32, measured: f64, limit: f64, quantity: u32, motor: u32, flags: u32,
+        reserved: u32,
+    }
     MoveRequest { client_id: u64, position: [f64; 3], count: u32, reserved: u32 }
     VersionRequest { reserved: u64 }
     Version {

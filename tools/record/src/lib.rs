@@ -6,6 +6,7 @@
 //! | `cdr` | payloads as CDR, the encoding of ROS 2 messages, and back |
 //! | `schema` | message definitions of ROS 2 |
 //! | `cpp_header` | the payloads as a C++ header |
+//! | `python_reasons` | sentence and advice of every cause as a Python module |
 //! | `joint_state` | the standard message `sensor_msgs/JointState` |
 //! | `topic` | streams and topics of a recording |
 //! | `recorder` | writes messages into a file that survives its writer |
@@ -24,6 +25,7 @@ pub mod cpp_header;
 pub mod export;
 pub mod joint_state;
 pub mod layout;
+pub mod python_reasons;
 pub mod read;
 pub mod recorder;
 pub mod recover;

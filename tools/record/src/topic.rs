@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 
 use crate::cdr;
@@ -29,8 +29,14 @@ pub enum Stream {
     Statistics,
     /// `health`.
     Health,
+    /// `adaptation`.
+    Adaptation,
     /// `events`.
     Events,
+    /// `error`.
+    Error,
+    /// `warning`.
+    Warning,
     /// `external/measured_jp`.
     External,
     /// `servo_jp`.
@@ -41,7 +47,7 @@ pub enum Stream {
 
 impl Stream {
     /// All streams.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 14] = [
         Self::Measured,
         Self::Setpoint,
         Self::Goal,
@@ -49,7 +55,10 @@ impl Stream {
         Self::State,
         Self::Statistics,
         Self::Health,
+        Self::Adaptation,
         Self::Events,
+        Self::Error,
+        Self::Warning,
         Self::External,
         Self::ServoJp,
         Self::ServoActuators,
@@ -66,7 +75,10 @@ impl Stream {
             Self::State => "operating_state",
             Self::Statistics => "period_statistics",
             Self::Health => "health",
+            Self::Adaptation => "adaptation",
             Self::Events => "events",
+            Self::Error => "error",
+            Self::Warning => "warning",
             Self::External => "external/measured_jp",
             Self::ServoJp => "servo_jp",
             Self::ServoActuators => "actuators/servo_jp",
@@ -82,7 +94,9 @@ impl Stream {
             Self::State => OperatingStateMsg::LAYOUT,
             Self::Statistics => PeriodStatistics::LAYOUT,
             Self::Health => Health::LAYOUT,
+            Self::Adaptation => AdaptationMsg::LAYOUT,
             Self::Events => EventMsg::LAYOUT,
+            Self::Error | Self::Warning => ReasonMsg::LAYOUT,
             Self::External => ExternalPosition::LAYOUT,
             Self::ServoJp => ServoJp::LAYOUT,
             Self::ServoActuators => ServoActuator::LAYOUT,

@@ -17,6 +17,7 @@ use i2ris::ipc::{
     random_id,
 };
 use i2ris::model::ModelId;
+use i2ris::robot::Reason;
 use i2ris::units::Nanos;
 
 /// What the robot is and what happened to it.
@@ -63,6 +64,8 @@ pub struct Robot {
     pub poses: Vec<(Nanos, [f64; 2])>,
     /// Every accepted position of the motors.
     pub places: Vec<[i32; 2]>,
+    /// What `error` and `warning` are to say next, with the client that it concerns.
+    pub reasons: Vec<(Reason, u64)>,
     sequence: u64,
 }
 
@@ -93,6 +96,7 @@ impl Robot {
             flags: 0,
             poses: Vec::new(),
             places: Vec::new(),
+            reasons: Vec::new(),
             sequence: 0,
         }
     }
@@ -344,14 +348,11 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
         }
     }
     for (token, request) in requests {
-        let refusal = robot.command(request).number();
-        server.reply(
-            token,
-            StateCommandReply {
-                refusal,
-                state: robot.state.number(),
-            },
-        );
+        let refusal = robot.command(request);
+        server.reply(token, StateCommandReply::new(refusal, robot.state, None));
+    }
+    for (reason, client_id) in std::mem::take(&mut robot.reasons) {
+        server.publish_reason(&reason, client_id, now);
     }
     let mut questions = Vec::new();
     server.poll_models(now, |token, request| questions.push((token, request)));

@@ -14,6 +14,7 @@ use crate::model::error::{ModelError, require};
 pub use crate::model::families::hysteresis::play_state::MAX_PLAYS;
 pub use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::memory::State;
+use crate::model::families::memory::UNSCALED;
 use crate::model::maths::matrix_checks::parameters;
 use crate::model::maths::regression::{Local, array, vector};
 use crate::units::MotorVec;
@@ -93,7 +94,7 @@ impl<const D: usize> Plays<D> {
         &'a self,
         state: &'a PlayState,
         motor: usize,
-    ) -> impl Iterator<Item = (&'a Play, f64)> {
+    ) -> impl Iterator<Item = (Play, f64)> {
         let outputs = state
             .outputs
             .get(motor)
@@ -104,7 +105,9 @@ impl<const D: usize> Plays<D> {
             .get(motor)
             .map(Vec::as_slice)
             .unwrap_or_default();
-        plays.iter().zip(outputs.iter().copied())
+        let scale = state.gap_scale.get(motor).copied().unwrap_or(1.0);
+        let scaled = plays.iter().map(move |play| play.scaled(scale));
+        scaled.zip(outputs.iter().copied())
     }
 
     /// Virtual counts and their slope for one motor.
@@ -141,6 +144,13 @@ impl<const D: usize> Plays<D> {
 }
 
 impl Play {
+    fn scaled(&self, scale: f64) -> Self {
+        Self {
+            threshold: scale * self.threshold,
+            ..*self
+        }
+    }
+
     fn drag(&self, output: f64, counts: f64) -> f64 {
         output
             .min(counts + self.threshold)
@@ -203,15 +213,18 @@ impl<const D: usize> Operator<D> for Plays<D> {
             position,
             outputs: position.map(|at| [at; MAX_PLAYS]),
             planar: [position; MAX_PLAYS],
+            gap_scale: UNSCALED,
         }
     }
 
     fn advance(&self, state: &mut PlayState, counts: &SVector<f64, D>) {
         state.position = array(counts);
         let position = state.position;
-        for ((outputs, plays), at) in state.outputs.iter_mut().zip(&self.motors).zip(position) {
+        let motors = state.outputs.iter_mut().zip(&self.motors);
+        for ((outputs, plays), (at, scale)) in motors.zip(position.into_iter().zip(state.gap_scale))
+        {
             for (output, play) in outputs.iter_mut().zip(plays) {
-                *output = play.drag(*output, at);
+                *output = play.scaled(scale).drag(*output, at);
             }
         }
         for (disc, threshold) in state.planar.iter_mut().zip(&self.planar) {

@@ -13,4 +13,6 @@ pub struct PlayState {
     pub(super) position: MotorVec,
     pub(super) outputs: [[f64; MAX_PLAYS]; MAX_MOTORS],
     pub(super) planar: [MotorVec; MAX_PLAYS],
+    /// Factor on the thresholds of every motor: 1 as calibrated.
+    pub(in crate::model) gap_scale: MotorVec,
 }

@@ -12,13 +12,13 @@
 //! the lengths: `2 s d sin(theta / 2)`.
 
 /// Radius of the rolling surfaces, mm (the robot's drawing).
-pub(in crate::model) const ROLLING_RADIUS_MM: f64 = 0.75;
+pub const ROLLING_RADIUS_MM: f64 = 0.75;
 
 /// Distance of the holes for the wires from both planes of bending, mm (the robot's drawing).
 pub(in crate::model) const HOLE_OFFSET_MM: f64 = 0.194;
 
 /// Angle of the stop of a joint, rad (8.75 deg by the robot's drawing).
-pub(in crate::model) const STOP_RAD: f64 = 8.75 * std::f64::consts::PI / 180.0;
+pub const STOP_RAD: f64 = 8.75 * std::f64::consts::PI / 180.0;
 
 /// Relative slope of a joint beyond its stop: wires and links yield. Without it the model would be
 /// flat there, and a search could not leave the flat region.

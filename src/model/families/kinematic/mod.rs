@@ -18,6 +18,9 @@ mod tip;
 
 use std::f64::consts::{SQRT_2, TAU};
 
+pub use joint::{ROLLING_RADIUS_MM, STOP_RAD};
+pub use tip::JOINT_PITCH_MM;
+
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +31,14 @@ use crate::model::output_unit::OutputUnit;
 use crate::units::MAX_OUTPUTS;
 
 /// Number of pitch joints, and of yaw joints (the robot's drawing).
-const JOINTS_PER_AXIS: usize = 6;
+pub const JOINTS_PER_AXIS: usize = 6;
+
+/// Base, twelve joints and tip of a snake that bends by `pitch` and `yaw` in all, rad: thirteen
+/// positions, mm. z is along the straight snake, yaw bends it towards x, pitch towards y.
+#[must_use]
+pub fn shape_mm(pitch: f64, yaw: f64) -> [[f64; 3]; 2 * JOINTS_PER_AXIS + 1] {
+    tip::shape(pitch, yaw)
+}
 
 /// Numbers of the chain that differ from robot to robot.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

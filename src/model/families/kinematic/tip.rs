@@ -15,7 +15,7 @@ use super::JOINTS_PER_AXIS;
 use super::joint::ROLLING_RADIUS_MM;
 
 /// Distance of neighbouring joints when straight, mm (the robot's drawing).
-const JOINT_PITCH_MM: f64 = 0.1495;
+pub const JOINT_PITCH_MM: f64 = 0.1495;
 
 /// The position of the tip, mm, and its derivative with respect to pitch and yaw of a single joint,
 /// mm per rad.
@@ -42,6 +42,22 @@ pub(in crate::model) fn tip(pitch: f64, yaw: f64) -> Tip {
         position_mm: frame.at,
         slope: SMatrix::from_columns(&frame.at_slopes),
     }
+}
+
+/// The positions of base, joints and tip of a snake that bends by these angles in all, mm.
+pub(in crate::model) fn shape(pitch: f64, yaw: f64) -> [[f64; 3]; 2 * JOINTS_PER_AXIS + 1] {
+    let joints = [
+        Joint::new(pitch / JOINTS_PER_AXIS as f64, Vector3::y()),
+        Joint::new(yaw / JOINTS_PER_AXIS as f64, Vector3::x()),
+    ];
+    let mut frame = Frame::default();
+    let mut positions = [[0.0; 3]; 2 * JOINTS_PER_AXIS + 1];
+    let crossings = joints.iter().enumerate().cycle();
+    for (position, (axis, joint)) in positions.iter_mut().skip(1).zip(crossings) {
+        frame.cross(axis, joint);
+        *position = frame.at.into();
+    }
+    positions
 }
 
 /// The motion of a joint relative to the frame before it, and its derivatives.
@@ -121,6 +137,21 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    #[test]
+    fn the_shape_ends_at_the_tip_and_its_links_keep_their_length() {
+        let (pitch, yaw) = (0.7, -0.4);
+        let shape = shape(pitch, yaw);
+        let [.., last] = shape;
+        let tip = tip(pitch / 6.0, yaw / 6.0).position_mm;
+        assert!((Vector3::from(last) - tip).norm() < 1e-12);
+        for pair in shape.windows(2) {
+            let link = (Vector3::from(pair[1]) - Vector3::from(pair[0])).norm();
+            assert!((link - JOINT_PITCH_MM).abs() < 0.01, "{link}");
+        }
+        // Pitch bends towards y, yaw towards x.
+        assert!(last[1] > 0.5 && last[0] < -0.3, "{last:?}");
+    }
 
     #[test]
     fn a_straight_snake_has_the_length_of_its_links() {

@@ -52,9 +52,9 @@ pub enum RecordingError {
     },
     /// A column that is needed is not there.
     #[error(
-        "recording {}: there is no column {wanted}; its columns are {present}; name the right ones \
-         with {option}",
-        path.display()
+        "recording {}: there is no column {wanted}; its columns are {present}{}",
+        path.display(),
+        remedy(present, option)
     )]
     MissingColumn {
         /// The file.
@@ -182,4 +182,18 @@ pub enum RecordingError {
         /// Rows needed.
         least: usize,
     },
+}
+
+/// What to do about a column that is not there. A header that is one cell is not separated by
+/// commas.
+fn remedy(present: &str, option: &str) -> String {
+    let is_one_cell = !present.contains("`, `");
+    for (separator, name) in [(';', "semicolons"), ('\t', "tabs")] {
+        if is_one_cell && present.contains(separator) {
+            return format!(
+                "; its cells are separated by {name}: save it with commas (and points in numbers)"
+            );
+        }
+    }
+    format!("; name the right ones with {option}")
 }

@@ -239,6 +239,11 @@ fn wrong_columns_are_answered_with_those_there_are() {
         "--angles",
     ];
     refused("q0_counts,b\n1,2\n", &known);
+    let semicolons = "t_s;q0_counts;pitch_deg\n1;2;3\n";
+    refused(
+        semicolons,
+        &["separated by semicolons: save it with commas"],
+    );
     let twice = "q0_counts,q0_counts,pitch_deg\n1,2,3\n";
     refused(twice, &["two columns are named `q0_counts`"]);
     for (names, parts) in [

@@ -2,6 +2,7 @@
 
 use i2ris::ipc::payload::{JointState, OperatingStateMsg};
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
+use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
 
 use super::trajectory::Angles;
@@ -17,8 +18,8 @@ const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 pub enum StopReason {
     /// The controller is in FAULT.
     #[error(
-        "the controller is in FAULT: {0}; see its log, remove the cause, then run `i2ris command \
-         state acknowledge`"
+        "the controller is in FAULT: {}",
+        Reason::from(Cause::Fault(*.0))
     )]
     Fault(Fault),
     /// The controller is not in ENABLED.
@@ -53,7 +54,10 @@ pub enum StopReason {
     #[error("lost the lease to client {0:016x}")]
     LostLease(u64),
     /// Every command is refused.
-    #[error("the controller refuses every command: {0}")]
+    #[error(
+        "the controller refuses every command: {}",
+        Reason::from(Cause::Refusal(*.0))
+    )]
     Refused(Refusal),
     /// No command is accepted, and none is refused.
     #[error("the controller accepts no command; see its log")]

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use i2ris::config::{
-    AxisConfig, CommandConfig, CompensationConfig, ConditioningConfig, Config, ControlConfig,
-    IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
-    PortConfig, RecordConfig,
+    AdaptationConfig, AxisConfig, CommandConfig, CompensationConfig, ConditioningConfig, Config,
+    ControlConfig, IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig,
+    PlausibilityConfig, PortConfig, RecordConfig,
 };
 use i2ris::core::ServoGoal;
 use i2ris::core::rehearsal::{Rehearsal, RehearsalError, start_position, without_limits};
@@ -326,6 +326,7 @@ fn standard(model: &Model) -> Config {
         joint_limits: JointLimitConfig::default(),
         move_jp: MoveConfig::default(),
         plausibility: PlausibilityConfig::default(),
+        adaptation: AdaptationConfig::default(),
         record: RecordConfig::default(),
         ports: vec![PortConfig::new(PathBuf::new(), axes)],
     }

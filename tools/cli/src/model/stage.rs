@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::ModelDifference;
 
+use super::drift;
 use super::list::{CONNECT, models, show};
 use i2ris_terminal::DomainOption;
 use i2ris_terminal::Failure;
@@ -13,10 +14,18 @@ use i2ris_terminal::while_working;
 /// Arguments of `i2ris model stage`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  i2ris model stage config/models/steel.json && i2ris model activate")]
+  i2ris model stage config/models/steel.json && i2ris model activate
+  i2ris model stage --from-drift config/models/steel.json --output config/models/steel-drifted.json")]
 pub struct Arguments {
     /// The model file; the controller reads it itself
     model: PathBuf,
+    /// Stage this model with the drift that the adaptation has applied to it; it must be the one in
+    /// use. The file itself stays as it is
+    #[arg(long, requires = "output")]
+    from_drift: bool,
+    /// The new model file of --from-drift; an existing file is not replaced
+    #[arg(long, value_name = "FILE", requires = "from_drift")]
+    output: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -27,8 +36,16 @@ pub struct Arguments {
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
+    let model = match &arguments.output {
+        Some(output) => {
+            let domain = arguments.domain.domain()?;
+            drift::write_drifted(&domain, &arguments.model, output)?;
+            output
+        }
+        None => &arguments.model,
+    };
     let reply = while_working("the controller checks the model", || {
-        client.stage_model(&arguments.model)
+        client.stage_model(model)
     })?;
     if arguments.json {
         let difference = as_json(&reply.difference);

@@ -17,8 +17,9 @@ use tempfile::TempDir;
 use crate::python::python;
 
 /// Emulated drives and a controller on them, until dropped.
-struct Robot {
-    domain: Domain,
+pub struct Robot {
+    pub domain: Domain,
+    pub config: Config,
     folder: TempDir,
     stop: Arc<AtomicBool>,
     controller: Option<JoinHandle<()>>,
@@ -26,7 +27,7 @@ struct Robot {
 }
 
 impl Robot {
-    fn start() -> Self {
+    pub fn start() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
         let snake = SnakeConfig::load(&files.join("snakes/steel.toml")).unwrap();
@@ -56,11 +57,12 @@ impl Robot {
             Arc::new(AtomicBool::new(false)),
         );
         let asked = Arc::clone(&stop);
-        let controller = thread::spawn(move || {
-            controller::run(&config, "", &asked, &mut std::io::sink()).unwrap()
-        });
+        let own = config.clone();
+        let controller =
+            thread::spawn(move || controller::run(&own, "", &asked, &mut std::io::sink()).unwrap());
         Self {
             domain,
+            config,
             folder,
             stop,
             controller: Some(controller),
@@ -78,7 +80,7 @@ impl Drop for Robot {
 }
 
 /// A linear model of the emulated snake, good to a few degrees; `factor` scales its angles.
-fn linear_model(folder: &Path, name: &str, factor: f64) -> PathBuf {
+pub fn linear_model(folder: &Path, name: &str, factor: f64) -> PathBuf {
     let gain = factor * 0.022 * std::f64::consts::FRAC_1_SQRT_2;
     let metrics = serde_json::json!({
         "training": { "r2": 1.0, "rmsd": 1.0, "nrmsd": 0.1, "mae": 1.0, "max": 2.0 },

@@ -6,6 +6,7 @@ mod configuration;
 mod emulate;
 mod external;
 mod live;
+mod mistakes;
 mod python;
 mod shell;
 mod teleop;

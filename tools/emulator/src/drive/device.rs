@@ -138,6 +138,11 @@ impl Drive {
         self.motor.position
     }
 
+    /// Sets the load of the wires on the motor, degrees of wire stretch.
+    pub fn set_load(&mut self, load: f64) {
+        self.motor.load = load;
+    }
+
     /// Timeout of an incomplete frame (object 0x2005).
     #[must_use]
     pub fn frame_timeout(&self) -> Nanos {

@@ -12,6 +12,8 @@ pub struct MotorConfig {
     pub acceleration_per_ma: f64,
     /// Current that overcomes friction, mA.
     pub friction_ma: f64,
+    /// Current that holds the load of the wires, mA per degree of wire stretch.
+    pub load_ma_per_deg: f64,
     /// Hard stops, counts from the position of the motor at the start of the emulator.
     pub stops: [f64; 2],
 }
@@ -25,6 +27,7 @@ impl Default for MotorConfig {
             bandwidth_hz: 60.0,
             acceleration_per_ma: 33_000.0,
             friction_ma: 2.0,
+            load_ma_per_deg: 4.0,
             stops: [-100_000.0, 100_000.0],
         }
     }
@@ -48,6 +51,8 @@ pub struct Motor {
     pub velocity: f64,
     /// mA.
     pub current_ma: f64,
+    /// Load of the wires, degrees of wire stretch; positive: it pulls back to lower counts.
+    pub load: f64,
     /// The last step met a limit.
     pub limited: bool,
 }
@@ -72,18 +77,38 @@ impl Motor {
     }
 
     /// One step under the position controller (proportional and derivative, critically damped) with
-    /// Coulomb friction.
+    /// Coulomb friction. The load is balanced, as by an integral part without lag, so that it shows
+    /// in the current only.
     pub fn follow(&mut self, config: &MotorConfig, demand: f64, limits: Limits, dt_s: f64) {
         let rate = std::f64::consts::TAU * config.bandwidth_hz;
         let target = rate * rate * (demand - self.position) - 2.0 * rate * self.velocity;
-        self.push(config, target / config.acceleration_per_ma, limits, dt_s);
+        let load_ma = self.load * config.load_ma_per_deg;
+        let target_ma = target / config.acceleration_per_ma + load_ma;
+        self.drive(config, target_ma, load_ma, limits, dt_s);
     }
 
-    /// One step under a given current.
+    /// One step under a given current. The gear is self-locking: the load brakes, but never drives.
     pub fn push(&mut self, config: &MotorConfig, target_ma: f64, limits: Limits, dt_s: f64) {
+        let load_ma = self.load * config.load_ma_per_deg;
+        let braking = if load_ma * target_ma > 0.0 {
+            load_ma.clamp(-target_ma.abs(), target_ma.abs())
+        } else {
+            0.0
+        };
+        self.drive(config, target_ma, braking, limits, dt_s);
+    }
+
+    fn drive(
+        &mut self,
+        config: &MotorConfig,
+        target_ma: f64,
+        load_ma: f64,
+        limits: Limits,
+        dt_s: f64,
+    ) {
         self.current_ma = target_ma.clamp(-limits.current_ma, limits.current_ma);
         let before = self.velocity;
-        let driven = before + self.current_ma * config.acceleration_per_ma * dt_s;
+        let driven = before + (self.current_ma - load_ma) * config.acceleration_per_ma * dt_s;
         let friction = config.friction_ma * config.acceleration_per_ma * dt_s;
         let velocity = (driven.abs() - friction).max(0.0).copysign(driven);
         self.limited = self.current_ma != target_ma || velocity.abs() > limits.speed;
@@ -161,6 +186,37 @@ mod tests {
         }
         assert_eq!((motor.position, motor.velocity), (100.0, 0.0));
         assert!(motor.current_ma > 100.0, "{motor:?}");
+    }
+
+    #[test]
+    fn the_current_shows_the_load_and_the_position_does_not() {
+        let run = |load: f64| {
+            let (config, mut motor) = (MotorConfig::default(), Motor::default());
+            for step in 0..400 {
+                motor.load = load;
+                motor.follow(&config, 0.5 * f64::from(step), LIMITS, DT_S);
+            }
+            motor
+        };
+        let (free, loaded) = (run(0.0), run(5.0));
+        assert_eq!(free.position, loaded.position);
+        assert!((loaded.current_ma - free.current_ma - 20.0).abs() < 1e-6);
+        // Moving takes the friction.
+        assert!((free.current_ma - 2.0).abs() < 0.5, "{free:?}");
+    }
+
+    #[test]
+    fn a_load_does_not_turn_the_gear() {
+        let mut motor = Motor {
+            load: 8.0,
+            ..Motor::default()
+        };
+        for _ in 0..100 {
+            motor.coast(&MotorConfig::default(), DT_S);
+            motor.push(&MotorConfig::default(), 20.0, LIMITS, DT_S);
+            motor.push(&MotorConfig::default(), -1.0, LIMITS, DT_S);
+        }
+        assert_eq!(motor.position, 0.0);
     }
 
     #[test]

@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::ageing::{Change, ChangeError, Wear};
+
 /// Maximum number of segments.
 pub(super) const MAX_SEGMENTS: usize = 4;
 
@@ -40,6 +42,9 @@ pub struct SnakeConfig {
     pub segments: Vec<SegmentConfig>,
     /// Slow random changes.
     pub drift: DriftConfig,
+    /// What changes as it ages.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ageing: Vec<Change>,
 }
 
 /// Gearheads and pulleys, one entry per motor.
@@ -166,6 +171,14 @@ pub enum SnakeConfigError {
         /// The rule.
         reason: &'static str,
     },
+    /// A change with age out of its range.
+    #[error("the snake {path}: {source}")]
+    Ageing {
+        /// The file.
+        path: PathBuf,
+        /// The key, its value and the rule.
+        source: ChangeError,
+    },
 }
 
 impl SnakeConfig {
@@ -192,6 +205,12 @@ impl SnakeConfig {
             path: path.to_owned(),
             source: Box::new(source),
         })?;
+        for change in &config.ageing {
+            change.check().map_err(|source| SnakeConfigError::Ageing {
+                path: path.to_owned(),
+                source,
+            })?;
+        }
         match config.check() {
             Ok(()) => Ok(config),
             Err((key, value, reason)) => Err(SnakeConfigError::Value {
@@ -201,6 +220,19 @@ impl SnakeConfig {
                 reason,
             }),
         }
+    }
+
+    /// The snake with worn gear and wires. Gains, friction of the wires and zeros change elsewhere.
+    pub(super) fn worn(&self, wear: &Wear) -> Self {
+        let mut worn = self.clone();
+        for motor in 0..2 {
+            worn.gear.backlash_deg[motor] *= wear.gap[motor];
+            worn.gear.friction[motor] *= wear.friction[motor];
+            for slack in &mut worn.wire.slack_deg[motor] {
+                *slack /= wear.preload[motor];
+            }
+        }
+        worn
     }
 
     /// Checks all values. The error is a key, its value and the rule.

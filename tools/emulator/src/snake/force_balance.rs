@@ -10,7 +10,7 @@
 //! integrated implicitly (return mapping, as in computational plasticity, Simo and Hughes 1998), so
 //! a step of any size is stable. The limits of friction are those of the state before the step.
 
-use super::config::{MAX_SEGMENTS, SnakeConfig};
+use super::config::{GearConfig, MAX_SEGMENTS, SnakeConfig};
 use super::force_law::{Force, contact, gap, return_mapping};
 use super::friction::{BreakAway, Bristles, FrictionForce};
 use super::newton::{ForceBalance, Matrix, SIZE, Vector, solve};
@@ -66,14 +66,14 @@ pub(super) struct Step<'a> {
 
 impl<'a> Step<'a> {
     /// Prepares a step of `dt_s` to the motor positions `motor`, with friction `friction` times the
-    /// normal one.
+    /// normal one, by motor.
     pub(super) fn new(
         config: &'a SnakeConfig,
         axes: [Pair; 2],
         before: State,
         motor: Pair,
         dt_s: f64,
-        friction: f64,
+        friction: Pair,
     ) -> Self {
         let mut step = Self {
             config,
@@ -134,14 +134,6 @@ impl<'a> Step<'a> {
         )
     }
 
-    /// Force of the motor on the pulley through the backlash of the gear.
-    fn flank(&self, motor: usize, pulley: f64) -> Force {
-        let gear = &self.config.gear;
-        let half = 0.5 * gear.backlash_deg[motor];
-        let travel = self.motor[motor] - pulley;
-        gap(travel, half, gear.softness_deg).scaled(gear.contact_stiffness)
-    }
-
     /// Friction under the pulley, and its bristle after the step. The bristle is as stiff as a
     /// flank.
     fn pulley_friction(&self, motor: usize, pulley: f64) -> (Force, f64) {
@@ -196,7 +188,8 @@ impl<'a> Step<'a> {
         force: &mut Vector,
         slope: &mut Matrix,
     ) {
-        let (flank, wire) = (self.flank(motor, pulley), self.wire(motor, pulley, bend));
+        let flank = flank_force(&self.config.gear, motor, self.motor[motor] - pulley);
+        let wire = self.wire(motor, pulley, bend);
         let friction = self.pulley_friction(motor, pulley).0;
         force[motor] += friction.value + wire.value - flank.value
             + self.drag * (pulley - self.before.pulley[motor]);
@@ -213,6 +206,18 @@ impl<'a> Step<'a> {
             }
         }
     }
+}
+
+/// Force of a motor on its pulley through the backlash of the gear; `travel`: of the motor less
+/// that of the pulley.
+fn flank_force(gear: &GearConfig, motor: usize, travel: f64) -> Force {
+    let half = 0.5 * gear.backlash_deg[motor];
+    gap(travel, half, gear.softness_deg).scaled(gear.contact_stiffness)
+}
+
+/// Force of a motor on its pulley in a state.
+pub(super) fn flank(gear: &GearConfig, motor: usize, state: &State) -> f64 {
+    flank_force(gear, motor, state.motor[motor] - state.pulley[motor]).value
 }
 
 impl ForceBalance for Step<'_> {
@@ -248,7 +253,7 @@ mod tests {
         ) {
             let config = crate::snake::tests::config("multi");
             let axes = [[0.6, 0.8], [-0.8, 0.6]];
-            let step = Step::new(&config, axes, State::default(), [3.0, -2.0], 1e-2, 1.0);
+            let step = Step::new(&config, axes, State::default(), [3.0, -2.0], 1e-2, [1.0; 2]);
             let size = 1e-6;
             let (mut above, mut below) = (at, at);
             above[unknown] += size;

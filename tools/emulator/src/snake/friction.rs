@@ -24,7 +24,7 @@ impl BreakAway {
         config: &FrictionConfig,
         tensions: [[Force; 2]; 2],
         bend: Pair,
-        factor: f64,
+        factor: Pair,
     ) -> Self {
         let bend_rad = bend[0].hypot(bend[1]).to_radians().min(MAX_BEND_RAD);
         let capstan = |tension: Force, wrap_deg: f64| {
@@ -38,8 +38,8 @@ impl BreakAway {
                 .sum::<f64>()
         });
         Self {
-            shared: factor * (config.base + load[0].hypot(load[1])),
-            own: load.map(|load| factor * (config.base + load)),
+            shared: 0.5 * (factor[0] + factor[1]) * (config.base + load[0].hypot(load[1])),
+            own: [0, 1].map(|motor: usize| factor[motor] * (config.base + load[motor])),
         }
     }
 }
@@ -141,7 +141,7 @@ mod tests {
     #[test]
     fn the_break_away_force_grows_with_tension_and_bend() {
         let force = |tension: f64, bend: f64| {
-            BreakAway::new(&config(0.0), tensions(tension), [bend, 0.0], 1.0).own[0]
+            BreakAway::new(&config(0.0), tensions(tension), [bend, 0.0], [1.0; 2]).own[0]
         };
         assert!(force(5.0, 0.0) > 1.1 * force(0.0, 0.0));
         assert!(force(5.0, 40.0) > 1.1 * force(5.0, 0.0));
@@ -152,7 +152,7 @@ mod tests {
     fn sliding_in_one_axis_frees_the_other_only_where_friction_is_shared() {
         for (shared, frees) in [(1.0, true), (0.0, false)] {
             let config = config(shared);
-            let break_away = BreakAway::new(&config, tensions(0.0), [0.0; 2], 1.0);
+            let break_away = BreakAway::new(&config, tensions(0.0), [0.0; 2], [1.0; 2]);
             let slide = |from: Bristles, moved| from.slide(&config, &break_away, 1.0, AXES, moved);
             let first = slide(Bristles::default(), [5.0, 0.0]);
             let second = slide(first.bristles, [0.0, 5.0]);

@@ -2,8 +2,9 @@
 
 use super::config::SnakeConfig;
 use super::drift::Drift;
-use super::force_balance::{State, Step};
+use super::force_balance::{State, Step, flank};
 use super::plane::{Pair, add, subtract};
+use crate::ageing::{Ageing, Change, Wear};
 
 /// Wire travel per inner step, degrees, about one count: the friction limits follow the tension
 /// from step to step.
@@ -21,14 +22,19 @@ const MIN_STEP_S: f64 = 1e-9;
 /// One snake. It starts straight, with loose wires and without memory.
 #[derive(Debug, Clone)]
 pub struct Snake {
+    /// As it was new.
+    new: SnakeConfig,
+    /// As it is now.
     config: SnakeConfig,
     axes: [Pair; 2],
     state: State,
     drift: Drift,
+    ageing: Ageing,
+    wear: Wear,
 }
 
 impl Snake {
-    /// A snake with these parameters. `seed` determines the drift.
+    /// A snake with these parameters. `seed` determines what is random about drift and ageing.
     #[must_use]
     pub fn new(config: &SnakeConfig, seed: u64) -> Self {
         let (sin, cos) = config.motor_axes_deg.to_radians().sin_cos();
@@ -36,6 +42,9 @@ impl Snake {
             axes: [[cos, sin], [-sin, cos]],
             state: State::default(),
             drift: Drift::new(&config.drift, seed),
+            ageing: Ageing::new(&config.ageing, seed),
+            wear: Wear::NONE,
+            new: config.clone(),
             config: config.clone(),
         }
     }
@@ -46,6 +55,10 @@ impl Snake {
     pub fn step(&mut self, dt_s: f64, motor_counts: [f64; 2]) {
         let dt_s = if dt_s.is_finite() { dt_s.max(0.0) } else { 0.0 };
         self.drift.step(dt_s);
+        if let Some(wear) = self.ageing.step(dt_s) {
+            self.config = self.new.worn(&wear);
+            self.wear = wear;
+        }
         let from = self.state.motor;
         let travel = subtract(self.wire_travel(motor_counts), from);
         let longest = travel[0].abs().max(travel[1].abs());
@@ -60,21 +73,35 @@ impl Snake {
     /// Pitch and yaw of the tip, degrees.
     #[must_use]
     pub fn angles_deg(&self) -> [f64; 2] {
-        add(self.state.total_bend(), self.drift.offset_deg())
+        let bend = add(self.state.total_bend(), self.drift.offset_deg());
+        self.wear.seen(bend)
+    }
+
+    /// Force of each motor on its gear, degrees of wire stretch; 0 inside the backlash.
+    pub(crate) fn load(&self) -> [f64; 2] {
+        [0, 1].map(|motor: usize| flank(&self.config.gear, motor, &self.state))
+    }
+
+    /// A change begins.
+    pub(crate) fn begin_ageing(&mut self, change: Change) {
+        self.ageing.begin(change);
     }
 
     fn wire_travel(&self, motor_counts: [f64; 2]) -> Pair {
         let mut travel = self.state.motor;
-        for (travel, counts) in travel.iter_mut().zip(motor_counts) {
+        for (motor, counts) in motor_counts.into_iter().enumerate() {
             if counts.is_finite() {
-                *travel = self.config.deg_per_count * counts.clamp(-MAX_COUNTS, MAX_COUNTS);
+                let gain = self.config.deg_per_count * self.wear.gain[motor];
+                let counts = counts.clamp(-MAX_COUNTS, MAX_COUNTS);
+                travel[motor] = gain * counts + self.wear.travel_deg[motor];
             }
         }
         travel
     }
 
     fn inner_step(&mut self, dt_s: f64, motor: Pair) {
-        let friction = self.drift.friction_factor();
+        let drift = self.drift.friction_factor();
+        let friction = self.wear.friction.map(|worn| drift * worn);
         let step = Step::new(&self.config, self.axes, self.state, motor, dt_s, friction);
         self.state = step.solve();
         let left = (-dt_s / self.config.drift.creep_time_s).exp();

@@ -12,6 +12,7 @@ use super::physics::Physics;
 use super::prandtl_ishlinskii::PrandtlIshlinskii;
 use super::preisach::Preisach;
 use super::wire::Wires;
+use crate::ageing::{Ageing, Change, Wear};
 use crate::snake::Snake;
 
 /// Maximum inner steps of one step: a jump takes bounded time, in coarser steps.
@@ -33,9 +34,11 @@ struct ZooSnake {
     frame: Frame,
     /// Counts, the last finite ones.
     counts: Pair,
-    /// Degrees.
+    /// Degrees, behind the play.
     travel: Pair,
     mechanism: Mechanism,
+    ageing: Ageing,
+    wear: Wear,
 }
 
 #[derive(Debug, Clone)]
@@ -83,7 +86,8 @@ impl From<Snake> for AnySnake {
 
 impl AnySnake {
     /// Straight and at rest. `physics` is not [`Physics::Springs`], which has a frame of its own.
-    pub(super) fn drawn(physics: Physics, draw: &mut Draw) -> Self {
+    /// `seed` determines what is random about ageing.
+    pub(super) fn drawn(physics: Physics, draw: &mut Draw, seed: u64) -> Self {
         let frame = Frame::draw(draw);
         let gain = frame.deg_per_count;
         let mechanism = match physics {
@@ -102,6 +106,8 @@ impl AnySnake {
             counts: Pair::default(),
             travel: Pair::default(),
             mechanism,
+            ageing: Ageing::new(&[], seed),
+            wear: Wear::NONE,
         })))
     }
 
@@ -122,8 +128,26 @@ impl AnySnake {
             Kind::Springs(snake) => snake.angles_deg(),
             Kind::Drawn(snake) => {
                 let bend = snake.mechanism.hysteresis().bend();
-                snake.frame.angles_deg(bend)
+                snake.wear.seen(snake.frame.angles_deg(bend))
             }
+        }
+    }
+
+    /// Force of each motor on its wires, degrees of wire stretch; 0 where the motor runs free.
+    #[must_use]
+    pub fn load(&self) -> [f64; 2] {
+        match &self.0 {
+            Kind::Springs(snake) => snake.load(),
+            Kind::Drawn(snake) => snake.load(),
+        }
+    }
+
+    /// A change of this snake begins, after its own `start_s`. It has been checked
+    /// ([`Change::check`]).
+    pub fn begin_ageing(&mut self, change: Change) {
+        match &mut self.0 {
+            Kind::Springs(snake) => snake.begin_ageing(change),
+            Kind::Drawn(snake) => snake.ageing.begin(change),
         }
     }
 }
@@ -131,8 +155,16 @@ impl AnySnake {
 impl ZooSnake {
     fn step(&mut self, dt_s: f64, motor_counts: Pair) {
         let dt_s = if dt_s.is_finite() { dt_s.max(0.0) } else { 0.0 };
+        if let Some(wear) = self.ageing.step(dt_s) {
+            self.mechanism.hysteresis_mut().set_wear(&wear);
+            self.wear = wear;
+        }
         let from = self.travel;
-        self.travel = self.frame.travel(motor_counts, &mut self.counts);
+        let ahead = self.ahead(motor_counts);
+        let play = self.play_deg();
+        self.travel = [0, 1].map(|motor: usize| {
+            from[motor].clamp(ahead[motor] - play[motor], ahead[motor] + play[motor])
+        });
         let way = subtract(self.travel, from);
         let hysteresis = self.mechanism.hysteresis_mut();
         let longest = way[0].abs().max(way[1].abs());
@@ -143,5 +175,30 @@ impl ZooSnake {
             let share = f64::from(step) / f64::from(steps);
             hysteresis.advance(inner_s, between(from, self.travel, share));
         }
+    }
+
+    /// Travel of the motors, degrees, in front of the play.
+    fn ahead(&mut self, motor_counts: Pair) -> Pair {
+        self.frame
+            .travel(motor_counts, &mut self.counts, &self.wear)
+    }
+
+    /// Half of the play of each motor by growth of its gap, degrees.
+    fn play_deg(&self) -> Pair {
+        let lost = self.mechanism.hysteresis().half_lost_deg();
+        lost.map_or([0.0; 2], |lost| {
+            [0, 1].map(|motor: usize| (self.wear.gap[motor] - 1.0).max(0.0) * lost[motor])
+        })
+    }
+
+    fn load(&self) -> Pair {
+        let mut counts = self.counts;
+        let ahead = self.frame.travel(counts, &mut counts, &self.wear);
+        let play = self.play_deg();
+        let load = self.mechanism.hysteresis().load(self.travel);
+        [0, 1].map(|motor: usize| {
+            let inside = (ahead[motor] - self.travel[motor]).abs() < play[motor] - 1e-9;
+            if inside { 0.0 } else { load[motor] }
+        })
     }
 }

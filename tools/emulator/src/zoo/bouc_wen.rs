@@ -17,6 +17,7 @@
 use super::draw::Draw;
 use super::hysteresis::Hysteresis;
 use super::pair::{Pair, subtract};
+use crate::ageing::Wear;
 
 /// One motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,6 +57,8 @@ pub(super) struct BoucWen {
     axes: [Axis; 2],
     /// How much sliding in one axis frees the other.
     shared: f64,
+    /// Wear of depth and yield travel.
+    friction: Pair,
     travel: Pair,
     z: Pair,
 }
@@ -66,13 +69,15 @@ impl BoucWen {
         Self {
             axes: gaps.map(|depth| Axis::draw(draw, depth)),
             shared: draw.uniform(0.0, 0.5),
+            friction: [1.0; 2],
             travel: Pair::default(),
             z: Pair::default(),
         }
     }
 
     fn slope(&self, z: Pair, way: Pair) -> Pair {
-        let u = [0, 1].map(|motor: usize| way[motor] / self.axes[motor].yield_deg);
+        let u = [0, 1]
+            .map(|motor: usize| way[motor] / (self.friction[motor] * self.axes[motor].yield_deg));
         [0, 1].map(|motor: usize| {
             let other = 1 - motor;
             let beta = self.axes[other].beta;
@@ -100,6 +105,17 @@ impl Hysteresis for BoucWen {
     }
 
     fn bend(&self) -> Pair {
-        [0, 1].map(|motor: usize| self.travel[motor] - self.axes[motor].depth * self.z[motor])
+        [0, 1].map(|motor: usize| {
+            let depth = self.friction[motor] * self.axes[motor].depth;
+            self.travel[motor] - depth * self.z[motor]
+        })
+    }
+
+    fn set_wear(&mut self, wear: &Wear) {
+        self.friction = wear.friction;
+    }
+
+    fn half_lost_deg(&self) -> Option<Pair> {
+        Some(self.axes.map(|axis| axis.depth))
     }
 }

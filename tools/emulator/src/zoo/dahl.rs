@@ -8,6 +8,7 @@
 use super::draw::Draw;
 use super::hysteresis::Hysteresis;
 use super::pair::{Pair, subtract};
+use crate::ageing::Wear;
 
 /// Bend at which the growth of the limit is counted, degrees.
 const FULL_BEND_DEG: f64 = 40.0;
@@ -49,6 +50,8 @@ impl Axis {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Dahl {
     axes: [Axis; 2],
+    /// Wear of the limits.
+    friction: Pair,
     travel: Pair,
     bend: Pair,
 }
@@ -58,6 +61,7 @@ impl Dahl {
         let gaps = draw.half_gaps_deg(deg_per_count);
         Self {
             axes: gaps.map(|limit| Axis::draw(draw, 0.8 * limit)),
+            friction: [1.0; 2],
             travel: Pair::default(),
             bend: Pair::default(),
         }
@@ -77,7 +81,7 @@ impl Hysteresis for Dahl {
             }
             let axis = &self.axes[motor];
             let sign = way[motor].signum();
-            let limit = axis.limit(before[motor], before[1 - motor], sign);
+            let limit = self.friction[motor] * axis.limit(before[motor], before[1 - motor], sign);
             let friction = self.travel[motor] - before[motor];
             let left = (1.0 - sign * friction / limit).max(0.0);
             let stiffness = axis.sigma * left.powf(axis.exponent);
@@ -88,5 +92,13 @@ impl Hysteresis for Dahl {
 
     fn bend(&self) -> Pair {
         self.bend
+    }
+
+    fn set_wear(&mut self, wear: &Wear) {
+        self.friction = wear.friction;
+    }
+
+    fn half_lost_deg(&self) -> Option<Pair> {
+        Some(self.axes.map(|axis| axis.limit))
     }
 }

@@ -3,6 +3,7 @@
 
 use super::draw::Draw;
 use super::pair::Pair;
+use crate::ageing::Wear;
 
 /// Largest valid motor position, counts.
 const MAX_COUNTS: f64 = 1e4;
@@ -42,13 +43,15 @@ impl Frame {
     }
 
     /// Wire travel, degrees. A position that is not finite leaves its motor where it was.
-    pub(super) fn travel(&self, counts: Pair, last: &mut Pair) -> Pair {
+    pub(super) fn travel(&self, counts: Pair, last: &mut Pair, wear: &Wear) -> Pair {
         for (last, counts) in last.iter_mut().zip(counts) {
             if counts.is_finite() {
                 *last = counts.clamp(-MAX_COUNTS, MAX_COUNTS);
             }
         }
-        let own = [0, 1].map(|motor: usize| self.deg_per_count[motor] * last[motor]);
+        let own = [0, 1].map(|motor: usize| {
+            wear.gain[motor] * self.deg_per_count[motor] * last[motor] + wear.travel_deg[motor]
+        });
         [0, 1].map(|motor: usize| own[motor] + self.pull[motor] * own[1 - motor])
     }
 

@@ -9,8 +9,9 @@
 //! overcome the friction. So the loop is widest around the straight pose.
 
 use super::draw::Draw;
-use super::hysteresis::Hysteresis;
+use super::hysteresis::{Hysteresis, SNAKE_STIFFNESS};
 use super::pair::Pair;
+use crate::ageing::Wear;
 
 /// Bend at which the growth of the friction is counted, degrees.
 const FULL_BEND_DEG: f64 = 40.0;
@@ -43,6 +44,9 @@ struct Gear {
     growth: Pair,
     /// Bend per travel of one flank.
     gain: f64,
+    /// Wear of the gap and of the friction.
+    worn_gap: f64,
+    worn_friction: f64,
     /// Degrees, before the gain.
     at: f64,
 }
@@ -60,6 +64,8 @@ impl Gear {
             friction: half_lost * draw.uniform(0.5, 0.7) * stiffness,
             growth: [draw.uniform(0.0, 0.5), draw.uniform(0.0, 0.3)],
             gain: stiffness / (stiffness + 1.0),
+            worn_gap: 1.0,
+            worn_friction: 1.0,
             at: 0.0,
         }
     }
@@ -67,18 +73,19 @@ impl Gear {
     /// Where the snake is when the gear leaves a force of `friction` for it.
     fn balance(&self, travel: f64, friction: f64) -> f64 {
         let way = travel + friction;
-        if way.abs() <= self.half_gap {
+        let half_gap = self.worn_gap * self.half_gap;
+        if way.abs() <= half_gap {
             return -friction;
         }
         let flank = self.flanks[usize::from(way < 0.0)];
-        let deflection = flank.deflection(way.abs() - self.half_gap);
-        travel - (self.half_gap + deflection).copysign(way)
+        let deflection = flank.deflection(way.abs() - half_gap);
+        travel - (half_gap + deflection).copysign(way)
     }
 
     fn advance(&mut self, travel: f64, other: f64) {
         let [own_growth, other_growth] = self.growth;
         let load = own_growth * self.at.abs() + other_growth * other.abs();
-        let friction = self.friction * (1.0 + load / FULL_BEND_DEG);
+        let friction = self.worn_friction * self.friction * (1.0 + load / FULL_BEND_DEG);
         let pushed = self.balance(travel, friction);
         let pulled = self.balance(travel, -friction);
         self.at = self.at.max(pushed).min(pulled);
@@ -86,6 +93,15 @@ impl Gear {
 
     fn bend(&self) -> f64 {
         self.at / self.gain
+    }
+
+    /// Force on the flanks; 0 inside the gap.
+    fn load(&self, travel: f64) -> f64 {
+        let way = travel - self.at;
+        let deflection = (way.abs() - self.worn_gap * self.half_gap).max(0.0);
+        let flank = self.flanks[usize::from(way < 0.0)];
+        let force = (flank.stiffness + flank.hardening * deflection) * deflection;
+        SNAKE_STIFFNESS * force.copysign(way)
     }
 }
 
@@ -114,5 +130,20 @@ impl Hysteresis for Gears {
 
     fn bend(&self) -> Pair {
         self.0.each_ref().map(Gear::bend)
+    }
+
+    fn set_wear(&mut self, wear: &Wear) {
+        for (motor, gear) in self.0.iter_mut().enumerate() {
+            gear.worn_gap = wear.gap[motor];
+            gear.worn_friction = wear.friction[motor];
+        }
+    }
+
+    fn half_lost_deg(&self) -> Option<Pair> {
+        None
+    }
+
+    fn load(&self, travel: Pair) -> Pair {
+        [0, 1].map(|motor: usize| self.0[motor].load(travel[motor]))
     }
 }

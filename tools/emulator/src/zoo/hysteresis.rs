@@ -1,6 +1,7 @@
 //! What a physics has to do: wire travel in, bend of each motor out.
 
 use super::pair::Pair;
+use crate::ageing::Wear;
 
 /// A hysteresis of both motors.
 pub(super) trait Hysteresis {
@@ -12,4 +13,21 @@ pub(super) trait Hysteresis {
 
     /// The bend that each motor causes, degrees.
     fn bend(&self) -> Pair;
+
+    /// Takes over what has worn.
+    fn set_wear(&mut self, wear: &Wear);
+
+    /// Half of the lost motion of each motor as it was new, degrees, where the theory has no gap
+    /// that could grow by itself.
+    fn half_lost_deg(&self) -> Option<Pair>;
+
+    /// Force of each motor on its wires at a travel, degrees of wire stretch: the spring of the
+    /// snake, and what stretches the wire.
+    fn load(&self, travel: Pair) -> Pair {
+        let bend = self.bend();
+        [0, 1].map(|motor: usize| SNAKE_STIFFNESS * bend[motor] + travel[motor] - bend[motor])
+    }
 }
+
+/// Stiffness of the snake against that of the wire.
+pub(super) const SNAKE_STIFFNESS: f64 = 0.15;

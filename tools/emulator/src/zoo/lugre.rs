@@ -15,6 +15,7 @@
 use super::draw::Draw;
 use super::hysteresis::Hysteresis;
 use super::pair::Pair;
+use crate::ageing::Wear;
 
 /// Halvings of the interval of the speed.
 const HALVINGS: u32 = 45;
@@ -90,6 +91,8 @@ impl Axis {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LuGre {
     axes: [Axis; 2],
+    /// Wear of the friction.
+    friction: Pair,
     bend: Pair,
     z: Pair,
 }
@@ -99,6 +102,7 @@ impl LuGre {
         let gaps = draw.half_gaps_deg(deg_per_count);
         Self {
             axes: gaps.map(|coulomb| Axis::draw(draw, 0.8 * coulomb)),
+            friction: [1.0; 2],
             bend: Pair::default(),
             z: Pair::default(),
         }
@@ -117,7 +121,7 @@ impl Hysteresis for LuGre {
             let axis = &self.axes[motor];
             let [own, other] = axis.growth;
             let bends = own * before[motor].abs() + other * before[1 - motor].abs();
-            let load = 1.0 + bends / FULL_BEND_DEG;
+            let load = self.friction[motor] * (1.0 + bends / FULL_BEND_DEG);
             let z = self.z[motor];
             let v = axis.speed(z, travel[motor] - before[motor], load, dt_s);
             self.z[motor] = axis.deflection(z, v, load, dt_s);
@@ -127,5 +131,13 @@ impl Hysteresis for LuGre {
 
     fn bend(&self) -> Pair {
         self.bend
+    }
+
+    fn set_wear(&mut self, wear: &Wear) {
+        self.friction = wear.friction;
+    }
+
+    fn half_lost_deg(&self) -> Option<Pair> {
+        Some(self.axes.map(|axis| axis.coulomb))
     }
 }

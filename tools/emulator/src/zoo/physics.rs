@@ -94,7 +94,7 @@ impl DrawnSnake {
                 let config = springs::draw(&mut draw, self.to_string());
                 AnySnake::from(Snake::new(&config, self.seed))
             }
-            physics => AnySnake::drawn(physics, &mut draw),
+            physics => AnySnake::drawn(physics, &mut draw, self.seed),
         }
     }
 }

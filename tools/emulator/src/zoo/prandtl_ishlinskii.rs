@@ -9,6 +9,7 @@
 use super::draw::Draw;
 use super::hysteresis::Hysteresis;
 use super::pair::Pair;
+use crate::ageing::Wear;
 
 /// Plays of a motor.
 const PLAYS: usize = 10;
@@ -42,6 +43,8 @@ struct Plays {
     rising: Envelope,
     falling: Envelope,
     thresholds: [f64; PLAYS],
+    /// Wear of the thresholds.
+    gap: f64,
     weights: [f64; PLAYS],
     /// Weight of the part without hysteresis.
     straight: f64,
@@ -62,6 +65,7 @@ impl Plays {
             rising: Envelope::draw(draw, largest),
             falling: Envelope::draw(draw, largest),
             thresholds,
+            gap: 1.0,
             weights: density.map(|density| (1.0 - straight) * density / total),
             straight,
             states: [0.0; PLAYS],
@@ -72,6 +76,7 @@ impl Plays {
     fn advance(&mut self, input: f64) {
         let (rising, falling) = (self.rising.at(input), self.falling.at(input));
         for (state, threshold) in self.states.iter_mut().zip(self.thresholds) {
+            let threshold = self.gap * threshold;
             *state = state.min(falling + threshold).max(rising - threshold);
         }
         self.input = input;
@@ -107,5 +112,15 @@ impl Hysteresis for PrandtlIshlinskii {
 
     fn bend(&self) -> Pair {
         self.0.each_ref().map(Plays::bend)
+    }
+
+    fn set_wear(&mut self, wear: &Wear) {
+        for (plays, gap) in self.0.iter_mut().zip(wear.gap) {
+            plays.gap = gap;
+        }
+    }
+
+    fn half_lost_deg(&self) -> Option<Pair> {
+        None
     }
 }

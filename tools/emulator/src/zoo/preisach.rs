@@ -13,6 +13,7 @@ use std::sync::Arc;
 use super::draw::Draw;
 use super::hysteresis::Hysteresis;
 use super::pair::Pair;
+use crate::ageing::Wear;
 
 /// Cells along each side of the plane.
 const CELLS: usize = 200;
@@ -170,12 +171,16 @@ impl Relays {
 
 /// Both motors.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Preisach([Relays; 2]);
+pub(super) struct Preisach {
+    relays: [Relays; 2],
+    /// Median of the half gaps, degrees.
+    half_gaps: Pair,
+}
 
 impl Preisach {
     pub(super) fn draw(draw: &mut Draw, deg_per_count: Pair) -> Self {
         let gaps = draw.half_gaps_deg(deg_per_count);
-        Self(gaps.map(|half_gap| {
+        let relays = gaps.map(|half_gap| {
             let tilt = draw.uniform(-0.35, 0.35);
             let (bump, place) = (draw.uniform(-0.3, 0.4), draw.uniform(-12.0, 12.0));
             let spread = draw.uniform(SPREAD[0], SPREAD[1]);
@@ -184,7 +189,11 @@ impl Preisach {
                 half_gap * (1.0 + tilt * (middle / 20.0).tanh() + bump)
             };
             Relays::new(Everett::new(median, spread))
-        }))
+        });
+        Self {
+            relays,
+            half_gaps: gaps,
+        }
     }
 }
 
@@ -194,12 +203,18 @@ impl Hysteresis for Preisach {
     }
 
     fn advance(&mut self, _dt_s: f64, travel: Pair) {
-        for (relays, travel) in self.0.iter_mut().zip(travel) {
+        for (relays, travel) in self.relays.iter_mut().zip(travel) {
             relays.advance(travel);
         }
     }
 
     fn bend(&self) -> Pair {
-        self.0.each_ref().map(|relays| relays.now.output)
+        self.relays.each_ref().map(|relays| relays.now.output)
+    }
+
+    fn set_wear(&mut self, _wear: &Wear) {}
+
+    fn half_lost_deg(&self) -> Option<Pair> {
+        Some(self.half_gaps)
     }
 }

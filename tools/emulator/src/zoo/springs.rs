@@ -42,6 +42,7 @@ pub(super) fn draw(draw: &mut Draw, name: String) -> SnakeConfig {
             friction_time_s: 600.0,
             creep_time_s: 1e12,
         },
+        ageing: Vec::new(),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Properties that every snake of the zoo has.
 
 use super::*;
+use crate::ageing::{Change, Course, Parameter};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// How far a stroke goes, counts, as in a calibration.
@@ -182,4 +183,76 @@ fn names_are_parsed_and_printed() {
     let refused = |text: &str| text.parse::<DrawnSnake>().unwrap_err().to_string();
     assert!(refused("adder:1").contains("`adder` is no physics of a snake: there are springs, "));
     assert!(refused("preisach:x").contains("`x` is no seed"));
+}
+
+/// The snake, aged at once, after the first step of the grid.
+fn aged(drawn: DrawnSnake, changes: &[(Parameter, f64)]) -> AnySnake {
+    let mut snake = drawn.build();
+    for (parameter, by) in changes {
+        snake.begin_ageing(Change {
+            parameter: *parameter,
+            by: *by,
+            start_s: 0.0,
+            motor: None,
+            direction: None,
+            course: Course::Step {},
+        });
+    }
+    snake.step(0.2, [0.0; 2]);
+    snake
+}
+
+#[test]
+fn larger_gaps_and_more_friction_widen_the_loop() {
+    for drawn in all() {
+        let width = |changes: &[(Parameter, f64)]| {
+            let [up, down] = loop_at(&mut aged(drawn, changes), 0.0, 500.0);
+            down - up
+        };
+        let (new, loose) = (width(&[]), width(&[(Parameter::Gap, 0.4)]));
+        assert!(loose > 1.04 * new, "{drawn}: {new} {loose}");
+        let rough = width(&[(Parameter::Friction, 0.25)]);
+        let has_friction = !matches!(
+            drawn.physics,
+            Physics::PrandtlIshlinskii | Physics::Preisach
+        );
+        assert_eq!(rough > 1.04 * new, has_friction, "{drawn}: {new} {rough}");
+    }
+}
+
+#[test]
+fn gain_and_zero_of_the_angles_change_without_memory() {
+    for drawn in all() {
+        let end = |changes: &[(Parameter, f64)]| {
+            let mut snake = aged(drawn, changes);
+            go(&mut snake, 0.0, 900.0, 500.0);
+            snake.angles_deg()
+        };
+        let (new, shifted) = (end(&[]), end(&[(Parameter::Zero, 1.0)]));
+        let moved = [0, 1].map(|axis: usize| shifted[axis] - new[axis]);
+        assert!((moved[0].hypot(moved[1]) - 1.0).abs() < 1e-9, "{drawn}");
+        let weaker = end(&[(Parameter::Gain, -0.1)]);
+        let ratio = weaker[0] / new[0];
+        assert!((0.8..0.95).contains(&ratio), "{drawn}: {ratio}");
+    }
+}
+
+#[test]
+fn the_load_follows_the_bend_and_vanishes_in_a_play() {
+    for drawn in all() {
+        let mut snake = aged(drawn, &[(Parameter::Gap, 0.4)]);
+        go(&mut snake, 0.0, 1500.0, 500.0);
+        let pulled = snake.load();
+        assert!(pulled[0] > 1.0 && pulled[1] < -1.0, "{drawn}: {pulled:?}");
+        // On the way back through the middle the load changes its sign.
+        go(&mut snake, 1500.0, -1500.0, 500.0);
+        let pushed = snake.load();
+        assert!(pushed[0] < -1.0 && pushed[1] > 1.0, "{drawn}: {pushed:?}");
+    }
+    for drawn in all().filter(|drawn| drawn.physics == Physics::Dahl) {
+        let mut snake = aged(drawn, &[(Parameter::Gap, 0.4)]);
+        go(&mut snake, 0.0, 1500.0, 500.0);
+        go(&mut snake, 1500.0, 1497.0, 500.0);
+        assert_eq!(snake.load(), [0.0; 2], "{drawn}");
+    }
 }

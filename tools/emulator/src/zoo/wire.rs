@@ -13,6 +13,7 @@
 use super::draw::Draw;
 use super::hysteresis::Hysteresis;
 use super::pair::Pair;
+use crate::ageing::Wear;
 
 /// Pieces of a wire.
 const PIECES: usize = 6;
@@ -35,6 +36,11 @@ struct Wire {
     pretension: f64,
     /// Coefficient of friction.
     friction: f64,
+    /// Wear of both.
+    worn_pretension: f64,
+    worn_friction: f64,
+    /// Half of the lost motion as it was new, degrees.
+    half_lost: f64,
     /// Wrap of the straight snake at each guide, radians.
     wrap: [f64; PIECES],
     /// Places of the guided points; the last is the tip.
@@ -55,6 +61,9 @@ impl Wire {
             gain: 1.0 / (1.0 + compliance),
             pretension,
             friction,
+            worn_pretension: 1.0,
+            worn_friction: 1.0,
+            half_lost: half_gap,
             wrap: shares.map(|share| wrap_rad * share / total),
             places: [0.0; PIECES],
         }
@@ -62,6 +71,8 @@ impl Wire {
 
     /// The most that each guide can hold, with the snake bent by `bend_rad` altogether.
     fn limits(&self, travel: f64, bend_rad: f64) -> [f64; PIECES] {
+        let pretension = self.worn_pretension * self.pretension;
+        let friction = self.worn_friction * self.friction;
         std::array::from_fn(|piece| {
             let before = if piece == 0 {
                 travel
@@ -70,9 +81,9 @@ impl Wire {
             };
             let force = self.stiffness * (before - self.places[piece]);
             // Beyond the pretension the other wire is slack.
-            let pressing = (2.0 * self.pretension).max(self.pretension + force.abs());
+            let pressing = (2.0 * pretension).max(pretension + force.abs());
             let wrap = self.wrap[piece] + bend_rad / PIECES as f64;
-            pressing * (self.friction * wrap).exp_m1()
+            pressing * (friction * wrap).exp_m1()
         })
     }
 
@@ -135,5 +146,16 @@ impl Hysteresis for Wires {
 
     fn bend(&self) -> Pair {
         self.0.each_ref().map(Wire::bend)
+    }
+
+    fn set_wear(&mut self, wear: &Wear) {
+        for (motor, wire) in self.0.iter_mut().enumerate() {
+            wire.worn_pretension = wear.preload[motor];
+            wire.worn_friction = wear.friction[motor];
+        }
+    }
+
+    fn half_lost_deg(&self) -> Option<Pair> {
+        Some(self.0.each_ref().map(|wire| wire.half_lost))
     }
 }

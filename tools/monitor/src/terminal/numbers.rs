@@ -8,6 +8,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::style::{CAMERA, ESTIMATE, GOAL, SETPOINT, alarm, faint, flow, warning};
+use crate::adaptation;
 use crate::dashboard::Dashboard;
 use crate::latest_messages::{
     CAMERA_STALE, STALE, STATISTICS_STALE, angles, count, granted, health_text, microseconds,
@@ -229,6 +230,12 @@ fn statistics(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'stat
             text.split(", ").map(|part| styled(part.to_owned(), old)),
             width,
         )
+    }));
+    lines.extend(dashboard.view.adaptation.iter().flat_map(|message| {
+        let texts = adaptation::lines(message);
+        let parts = texts.iter().flat_map(|text| text.split(", "));
+        let parts: Vec<_> = parts.map(|part| styled(part.to_owned(), old)).collect();
+        flow(parts.into_iter(), width)
     }));
     lines.extend(
         mark("loop", statistics.age(now), STATISTICS_STALE)

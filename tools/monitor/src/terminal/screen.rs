@@ -1,8 +1,9 @@
 //! How the screen is divided: everything at once where there is room, one view after the other
 //! where there is not.
 
-use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
 use i2ris::ipc::{Message, OperatingState, Refusal};
+use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -64,7 +65,7 @@ fn header(dashboard: &Dashboard, title: &str, width: usize, now: Nanos) -> Vec<L
         None => lines.extend(flow([Span::styled(" STATE NOT TOLD YET ", alarm())], width)),
         Some(state) => {
             lines.extend(flow(state_items(dashboard, state, now), width));
-            lines.extend(flow(command_items(state), width));
+            lines.extend(flow(command_items(dashboard, state), width));
         }
     }
     if width >= usize::from(WIDE) {
@@ -83,12 +84,7 @@ fn state_items(dashboard: &Dashboard, state: &OperatingStateMsg, now: Nanos) -> 
         format!(" {name} ")
     };
     let mut items = vec![Span::styled(badge, badge_style(state, stale))];
-    items.extend(
-        dashboard
-            .view
-            .fault()
-            .map(|fault| Span::styled(fault.to_string(), alarm())),
-    );
+    items.extend(reason_items(dashboard, now));
     items.push(Span::raw(format!(
         "for {:.0} s",
         state.stamp().since(Nanos(state.since_ns)).as_seconds()
@@ -135,6 +131,27 @@ fn state_items(dashboard: &Dashboard, state: &OperatingStateMsg, now: Nanos) -> 
     items
 }
 
+/// Why the robot does not move: the fault, and a fresh refusal, stop or clip; with what to do.
+fn reason_items(dashboard: &Dashboard, now: Nanos) -> Vec<Span<'static>> {
+    let view = &dashboard.view;
+    let Some(fault) = view.fault() else {
+        let warning_of = |reason: ReasonMsg| {
+            let text = format!("{}; do: {}", reason.text(), reason.advice());
+            Span::styled(text, warning())
+        };
+        return view
+            .recent_warning(now)
+            .map(warning_of)
+            .into_iter()
+            .collect();
+    };
+    let text = view.present_error().map_or_else(
+        || Reason::from(Cause::Fault(fault)).to_string(),
+        |error| format!("{}; do: {}", error.text(), error.advice()),
+    );
+    vec![Span::styled(text, alarm())]
+}
+
 fn badge_style(state: &OperatingStateMsg, stale: bool) -> Style {
     let colour = match OperatingState::from_number(state.state) {
         _ if stale => Color::Red,
@@ -153,10 +170,11 @@ fn badge_style(state: &OperatingStateMsg, stale: bool) -> Style {
         .add_modifier(Modifier::BOLD)
 }
 
-fn command_items(state: &OperatingStateMsg) -> Vec<Span<'static>> {
-    let lease = match state.lease_client_id {
-        0 => "no commander".to_owned(),
-        client => format!("lease {client:016x}"),
+fn command_items(dashboard: &Dashboard, state: &OperatingStateMsg) -> Vec<Span<'static>> {
+    let lease = match (state.lease_client_id, &dashboard.commander) {
+        (0, _) => "no commander".to_owned(),
+        (_, Some(name)) => format!("commander {name}"),
+        (client, None) => format!("commander {client:016x}"),
     };
     let refused = format!("refused {}", state.refused);
     let mut items = vec![

@@ -6,16 +6,26 @@ use super::cursor::Since;
 use super::http::{Request, Response};
 
 const HTML: &str = "text/html; charset=utf-8";
+const CSS: &str = "text/css; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// What can be asked for, beside what is live.
 fn file(path: &str) -> Option<(&'static str, &'static str)> {
     Some(match path {
         "/" => (HTML, include_str!("page/page.html")),
-        "/page.css" => ("text/css; charset=utf-8", include_str!("page/page.css")),
+        "/page.css" => (CSS, include_str!("page/page.css")),
+        "/operator" => (HTML, include_str!("page/operator.html")),
+        "/colours.css" => (CSS, include_str!("page/colours.css")),
+        "/operator.css" => (CSS, include_str!("page/operator.css")),
+        "/theme.js" => (SCRIPT, include_str!("page/theme.js")),
+        "/live.js" => (SCRIPT, include_str!("page/live.js")),
+        "/strips.js" => (SCRIPT, include_str!("page/strips.js")),
+        "/snake.js" => (SCRIPT, include_str!("page/snake.js")),
+        "/operator.js" => (SCRIPT, include_str!("page/operator.js")),
         "/page.js" => (SCRIPT, include_str!("page/page.js")),
         "/plots.js" => (SCRIPT, include_str!("page/plots.js")),
         "/tables.js" => (SCRIPT, include_str!("page/tables.js")),
+        "/adaptation.js" => (SCRIPT, include_str!("page/adaptation.js")),
         "/icon.svg" => ("image/svg+xml", include_str!("page/icon.svg")),
         _ => return None,
     })
@@ -129,7 +139,13 @@ mod tests {
 
     #[test]
     fn everything_that_the_page_names_is_here() {
-        let page = String::from_utf8(ask("GET", "/", Some("localhost"), true).body).unwrap();
+        for page in ["/", "/operator"] {
+            everything_is_here(page);
+        }
+    }
+
+    fn everything_is_here(target: &str) {
+        let page = String::from_utf8(ask("GET", target, Some("localhost"), true).body).unwrap();
         let named: Vec<&str> = page
             .split(['"'])
             .filter(|part| part.ends_with(".js") || part.ends_with(".css"))

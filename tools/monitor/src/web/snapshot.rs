@@ -3,13 +3,17 @@
 
 use i2ris::ipc::drive_phase::phase_text;
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, SpanSummary,
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ReasonMsg,
+    SpanSummary,
 };
 use i2ris::ipc::{Message, Refusal};
+use i2ris::model::kinematic::shape_mm;
+use i2ris::robot::Reason;
 use i2ris::units::Nanos;
 use serde_json::{Value, json};
 
 use super::cursor::Since;
+use crate::adaptation;
 use crate::dashboard::Dashboard;
 use crate::event_log::Severity;
 use crate::history::{CameraFrame, Pair, Sample};
@@ -21,6 +25,8 @@ use crate::model_poller::LoadedModel;
 
 /// Events in the answer.
 const EVENTS: usize = 30;
+/// Faults in the answer.
+const ALARMS: usize = 8;
 
 /// Everything that the page shows; of the history the new part.
 pub fn snapshot(
@@ -42,19 +48,25 @@ pub fn snapshot(
         "version": env!("CARGO_PKG_VERSION"),
         "now_s": seconds(now, origin),
         "problem": dashboard.problem,
-        "state": view.state.as_ref().map(|state| operating(view, state, now)),
+        "state": view.state.as_ref().map(|state| operating(dashboard, state, now)),
+        "error": view.present_error().as_ref().map(|error| reason(error, now)),
+        "warning": view.recent_warning(now).as_ref().map(|warning| reason(warning, now)),
+        "why": view.state.as_ref().map_or(json!([]), why),
+        "snake": snake(view, now),
         "goal": view.goal.as_ref().map(|joint| joint_state(joint, now)),
         "setpoint": view.setpoint.as_ref().map(|joint| joint_state(joint, now)),
         "estimate": view.measured.as_ref().map(|joint| joint_state(joint, now)),
         "camera": view.camera.as_ref().map(|camera| seen(view, camera, now)),
         "motors": view.actuators.as_ref().map(|motors| actuators(view, motors, now)),
+        "adaptation": view.adaptation.as_ref().map(adaptation::as_json),
         "health": view.health.as_ref().map(health_text),
         "loop": view.statistics.as_ref().map(|statistics| loop_statistics(statistics, now)),
         "models": models(dashboard),
         "hull": hull,
         "along": dashboard.models.outline.along,
         "along_names": [dashboard.models.outline.name(0), dashboard.models.outline.name(1)],
-        "events": events(dashboard, now),
+        "alarms": events(dashboard, now, true).take(ALARMS).collect::<Vec<_>>(),
+        "events": events(dashboard, now, false).take(EVENTS).collect::<Vec<_>>(),
         "samples": samples.map(|sample| sample_row(sample, origin)).collect::<Vec<_>>(),
         "next_sample": next_sample,
         "frames": frames.map(|frame| frame_row(frame, origin)).collect::<Vec<_>>(),
@@ -62,9 +74,44 @@ pub fn snapshot(
     })
 }
 
-fn operating(view: &LatestMessages, state: &OperatingStateMsg, now: Nanos) -> Value {
+/// Why the robot does not move as asked.
+fn reason(reason: &ReasonMsg, now: Nanos) -> Value {
+    json!({
+        "text": reason.text(),
+        "advice": reason.advice(),
+        "age_ms": milliseconds(reason.age(now)),
+    })
+}
+
+/// What keeps the robot from moving now.
+fn why(state: &OperatingStateMsg) -> Value {
+    let causes = state.causes().into_iter();
+    causes
+        .map(|cause| json!({ "text": Reason::from(cause).text(), "advice": cause.advice() }))
+        .collect()
+}
+
+/// Base, joints and tip of the snake, mm, for every stream that tells fresh angles.
+fn snake(view: &LatestMessages, now: Nanos) -> Value {
+    let shape = |pair: [f64; 2]| {
+        let [pitch, yaw] = pair.map(f64::to_radians);
+        shape_mm(pitch, yaw).map(|at| at.map(short))
+    };
+    let joints = |joint: Option<&JointState>| angles(joint.filter(|it| it.age(now) <= STALE));
+    let is_seen = view
+        .camera
+        .is_some_and(|camera| camera.age(now) <= CAMERA_STALE);
+    json!({
+        "estimate": joints(view.measured.as_ref()).map(shape),
+        "goal": joints(view.goal.as_ref()).map(shape),
+        "camera": view.camera_angles().filter(|_| is_seen).map(shape),
+    })
+}
+
+fn operating(dashboard: &Dashboard, state: &OperatingStateMsg, now: Nanos) -> Value {
+    let view = &dashboard.view;
     let has = |flag: u32| state.flags & flag != 0;
-    let reason = Refusal::from_number(state.last_refusal).filter(|reason| *reason != Refusal::None);
+    let last = Refusal::from_number(state.last_refusal).filter(|reason| *reason != Refusal::None);
     json!({
         "name": state_name(state),
         "fault": view.fault().map(|fault| fault.text()),
@@ -77,10 +124,11 @@ fn operating(view: &LatestMessages, state: &OperatingStateMsg, now: Nanos) -> Va
         "memory_known": has(OperatingStateMsg::MEMORY_KNOWN),
         "watched": has(OperatingStateMsg::WATCHED),
         "compared": has(OperatingStateMsg::COMPARED),
+        "commander": dashboard.commander,
         "lease": (state.lease_client_id != 0).then(|| format!("{:016x}", state.lease_client_id)),
         "accepted": state.accepted,
         "refused": state.refused,
-        "last_refusal": reason.map(Refusal::text),
+        "last_refusal": last.map(Refusal::text),
         "stale_stops": state.stale_stops,
         "age_ms": milliseconds(state.age(now)),
         "stale": state.age(now) > STALE,
@@ -184,26 +232,27 @@ fn models(dashboard: &Dashboard) -> Value {
     })
 }
 
-fn events(dashboard: &Dashboard, now: Nanos) -> Value {
+/// Faults, or everything else, the newest first.
+fn events(dashboard: &Dashboard, now: Nanos, is_alarm: bool) -> impl Iterator<Item = Value> {
     let severity = |severity| match severity {
         Severity::Info => "info",
         Severity::Warning => "warning",
         Severity::Alarm => "alarm",
     };
-    let event = |event: &crate::event_log::Event| {
+    let event = move |event: &crate::event_log::Event| {
         json!({
             "age_ms": milliseconds(now.since(event.stamp)),
             "severity": severity(event.severity),
             "text": event.text,
+            "advice": event.advice,
             "count": event.count,
         })
     };
     dashboard
         .event_log
         .newest()
-        .take(EVENTS)
+        .filter(move |event| (event.severity == Severity::Alarm) == is_alarm)
         .map(event)
-        .collect()
 }
 
 /// Time, then pairs: goal, set-point, estimate, standard deviation, set-point counts, counts,

@@ -44,7 +44,7 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
     let drawn = "[...document.querySelectorAll('canvas')].every((c) => new Set(new Uint32Array(\
                  c.getContext('2d').getImageData(0, 0, c.width, c.height).data.buffer)).size > 50)";
     page.wait("curves on every canvas", drawn);
-    for size in [[1920, 1080], [800, 600], [400, 800]] {
+    for size in [[1920, 1080], [800, 600], [360, 800]] {
         page.resize(size);
         page.wait(
             "no sideways scrolling",

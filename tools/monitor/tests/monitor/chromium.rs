@@ -168,6 +168,28 @@ impl Browser {
         }
     }
 
+    /// Presses a key.
+    pub fn press(&mut self, key: &str) {
+        for kind in ["keyDown", "keyUp"] {
+            let text = if key.len() == 1 { key } else { "" };
+            let code = if key == "Tab" { 9 } else { 0 };
+            let pressed = json!({
+                "type": kind, "key": key, "text": text, "windowsVirtualKeyCode": code,
+            });
+            self.call("Input.dispatchKeyEvent", pressed);
+        }
+    }
+
+    /// Writes a picture of the page into the folder of `I2RIS_SCREENSHOTS`, if that is set.
+    pub fn screenshot(&mut self, name: &str) {
+        let Some(folder) = std::env::var_os("I2RIS_SCREENSHOTS") else {
+            return;
+        };
+        let data = self.call("Page.captureScreenshot", json!({ "format": "png" }));
+        let bytes = base64(data["data"].as_str().unwrap());
+        std::fs::write(Path::new(&folder).join(format!("{name}.png")), bytes).unwrap();
+    }
+
     /// The addresses of everything that the page asked for.
     pub fn asked_for(&self) -> Vec<String> {
         let asked = self
@@ -200,6 +222,24 @@ impl Browser {
             .map(ToString::to_string)
             .collect()
     }
+}
+
+/// Decodes base 64 (RFC 4648).
+fn base64(text: &str) -> Vec<u8> {
+    let value = |c: u8| match c {
+        b'A'..=b'Z' => u32::from(c - b'A'),
+        b'a'..=b'z' => u32::from(c - b'a') + 26,
+        b'0'..=b'9' => u32::from(c - b'0') + 52,
+        b'+' => 62,
+        _ => 63,
+    };
+    let digits: Vec<u32> = { text.bytes() }.filter(|c| *c != b'=').map(value).collect();
+    let group = |digits: &[u32]| {
+        let bits = { digits.iter() }.fold(0, |bits, digit| bits << 6 | digit);
+        let bytes = (bits << (6 * (4 - digits.len()))).to_be_bytes();
+        bytes[1..digits.len()].to_vec()
+    };
+    digits.chunks(4).flat_map(group).collect()
 }
 
 /// Starts it with the two pipes in the places where it looks for them.

@@ -51,10 +51,10 @@ fn a_page_is_told_everything_and_then_what_is_new() {
     controller.robot().state = OperatingState::Fault;
     let live = served.wait("a fault", |live| live["state"]["name"] == json!("FAULT"));
     assert_eq!(
-        live["events"][0]["text"].as_str(),
+        live["alarms"][0]["text"].as_str(),
         Some("ENABLED to FAULT: none"),
         "{}",
-        live["events"]
+        live["alarms"]
     );
 }
 

@@ -15,6 +15,7 @@
 //!
 //! Angles are in degrees; instants are seconds since the first message of the controller.
 
+mod adaptation;
 mod events;
 mod following;
 mod hysteresis;

@@ -10,6 +10,7 @@ use i2ris_plot::{
 };
 use i2ris_statistics::TimeSeries;
 
+use super::adaptation;
 use super::hysteresis::HysteresisLoop;
 use super::latency::logarithmic_bins;
 use super::percentiles::Percentiles;
@@ -43,6 +44,7 @@ pub fn page(trial: &Trial, summary: &TrialSummary) -> Page {
     page.facts(facts(summary));
     write_tracking(&mut page, trial, summary);
     write_hysteresis(&mut page, summary);
+    adaptation::write(&mut page, trial);
     write_latencies(&mut page, trial, summary);
     write_events(&mut page, summary);
     write_streams(&mut page, summary);

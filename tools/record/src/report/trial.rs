@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+    ActuatorState, AdaptationMsg, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
 };
 use i2ris_statistics::TimeSeries;
 use mcap::records::Record;
@@ -48,6 +48,8 @@ pub struct Trial {
     /// Operating states without repetitions.
     pub states: Vec<OperatingStateMsg>,
     pub windows: Vec<PeriodStatistics>,
+    /// Messages of the adaptation, while it was on; five a second.
+    pub adaptation: Vec<AdaptationMsg>,
     pub latencies: Latencies,
     /// Outputs are positions of the tip, not angles: the series do not contain them.
     pub is_tip: bool,
@@ -188,13 +190,26 @@ impl Trial {
                     self.camera.push(seen.stamp_ns, degrees(seen.position));
                 }
             }
+            Stream::Adaptation => self.add_adaptation(cdr::decode(data)?),
             Stream::Setpoint
             | Stream::Health
             | Stream::Events
             | Stream::ServoJp
+            | Stream::Error
+            | Stream::Warning
             | Stream::ServoActuators => {}
         }
         Some(())
+    }
+
+    /// Of the messages that come 50 times a second, the drift needs no more than these.
+    fn add_adaptation(&mut self, message: AdaptationMsg) {
+        const LEAST_INTERVAL_NS: u64 = 200_000_000;
+        let last = self.adaptation.last().map_or(0, |last| last.stamp_ns);
+        let is_on = message.flags & AdaptationMsg::ON != 0;
+        if is_on && message.stamp_ns.saturating_sub(last) >= LEAST_INTERVAL_NS {
+            self.adaptation.push(message);
+        }
     }
 
     fn extend_to(&mut self, stamp_ns: u64) {

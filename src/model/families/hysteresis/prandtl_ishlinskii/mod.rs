@@ -52,6 +52,8 @@ struct Play<const D: usize> {
     threshold: f64,
     growth: [f64; 2],
     weight: SVector<f64, D>,
+    /// The share of every motor in the input: how much of its gap scale counts.
+    motor_share: SVector<f64, D>,
     /// The change of the virtual counts per count of every motor while the play follows with slope
     /// 1.
     slope: SMatrix<f64, D, D>,
@@ -60,6 +62,17 @@ struct Play<const D: usize> {
 impl<const D: usize> Play<D> {
     fn is_weighted(&self) -> bool {
         self.weight.iter().any(|weight| *weight != 0.0)
+    }
+
+    /// The play with the gap scales of the motors. The growth with the input stays as it was: it is
+    /// friction under load, and a larger one could take the inverse away.
+    fn scaled(&self, scale: &SVector<f64, D>) -> Self {
+        // As calibrated this is exactly 1.
+        let factor = 1.0 + self.motor_share.dot(&scale.add_scalar(-1.0));
+        Self {
+            threshold: factor * self.threshold,
+            ..*self
+        }
     }
 
     fn half_width(&self, input: f64) -> f64 {
@@ -107,10 +120,12 @@ impl<const D: usize> PrandtlIshlinskii<D> {
         let mut directions: Vec<SVector<f64, D>> = Vec::new();
         let mut plays = Vec::with_capacity(file.plays.len());
         for play in &file.plays {
-            let direction = vector::<D>(&play.direction);
-            let known = directions.iter().position(|other| *other == direction);
+            let direction_vector = vector::<D>(&play.direction);
+            let known = directions
+                .iter()
+                .position(|other| *other == direction_vector);
             let index = known.unwrap_or_else(|| {
-                directions.push(direction);
+                directions.push(direction_vector);
                 directions.len() - 1
             });
             let weight = vector::<D>(&play.weight);
@@ -119,7 +134,8 @@ impl<const D: usize> PrandtlIshlinskii<D> {
                 threshold: play.threshold_counts,
                 growth: play.growth,
                 weight,
-                slope: weight * direction.transpose(),
+                motor_share: shares(&direction_vector),
+                slope: weight * direction_vector.transpose(),
             });
         }
         let count = directions.len();
@@ -152,11 +168,12 @@ impl<const D: usize> PrandtlIshlinskii<D> {
         &'a self,
         state: &'a PrandtlIshlinskiiState,
         inputs: &'a [f64; MAX_DIRECTIONS],
-    ) -> impl Iterator<Item = (&'a Play<D>, f64, f64)> {
+    ) -> impl Iterator<Item = (Play<D>, f64, f64)> {
+        let scale = vector::<D>(&state.gap_scale);
         let plays = self.plays.iter().zip(state.outputs());
-        plays.map(|(play, output)| {
+        plays.map(move |(play, output)| {
             let input = inputs.get(play.direction).copied().unwrap_or_default();
-            (play, *output, input)
+            (play.scaled(&scale), *output, input)
         })
     }
 
@@ -186,6 +203,16 @@ impl<const D: usize> PrandtlIshlinskii<D> {
             slope = self.local(state, &(counts + step * part)).jacobian;
         }
         None
+    }
+}
+
+/// The share of every motor in a direction; they sum to 1.
+fn shares<const D: usize>(direction: &SVector<f64, D>) -> SVector<f64, D> {
+    let sum = direction.abs().sum();
+    if sum > 0.0 {
+        direction.abs() / sum
+    } else {
+        SVector::from_element(1.0 / D as f64)
     }
 }
 
@@ -226,9 +253,10 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
     fn advance(&self, state: &mut PrandtlIshlinskiiState, counts: &SVector<f64, D>) {
         state.position = array(counts);
         let inputs = self.inputs(counts);
+        let scale = vector::<D>(&state.gap_scale);
         for (output, play) in state.outputs_mut().iter_mut().zip(&self.plays) {
             let input = inputs.get(play.direction).copied().unwrap_or_default();
-            *output = play.follow(*output, input);
+            *output = play.scaled(&scale).follow(*output, input);
         }
         let ranges = state.low.iter_mut().zip(&mut state.high);
         for ((low, high), input) in ranges.zip(inputs) {

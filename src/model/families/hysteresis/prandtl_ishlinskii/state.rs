@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::families::memory::UNSCALED;
 use crate::units::MotorVec;
 
 /// The most plays.
@@ -21,6 +22,8 @@ pub struct PrandtlIshlinskiiState {
     outputs: [[f64; HALF]; 2],
     pub(super) low: [f64; MAX_DIRECTIONS],
     pub(super) high: [f64; MAX_DIRECTIONS],
+    /// Factor on the thresholds of every motor: 1 as calibrated.
+    pub(in crate::model) gap_scale: MotorVec,
 }
 
 impl PrandtlIshlinskiiState {
@@ -30,6 +33,7 @@ impl PrandtlIshlinskiiState {
             outputs: [[0.0; HALF]; 2],
             low: [0.0; MAX_DIRECTIONS],
             high: [0.0; MAX_DIRECTIONS],
+            gap_scale: UNSCALED,
         }
     }
 

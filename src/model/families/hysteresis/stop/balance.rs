@@ -10,6 +10,7 @@ use nalgebra::{SMatrix, SVector};
 use super::Stops;
 use super::parameters::MAX_SEGMENTS;
 use super::segment::{Bends, Reactions, WireForce};
+use super::wire::Wire;
 
 /// The most evaluations of one search. A step of the control loop takes two to four.
 const MAX_EVALUATIONS: u32 = 40;
@@ -49,17 +50,19 @@ struct Wires<const D: usize> {
 }
 
 impl<const D: usize> Stops<D> {
-    /// The bends at which the wires, at the given wire travel, balance all segments. The balance is
+    /// The bends at which the wires, at the given wire travel, balance all segments. `pairs` are the
+    /// two wires of every motor. The balance is
     /// unique, and a short enough Newton step always reduces the residual.
     pub(in crate::model) fn find_equilibrium(
         &self,
+        pairs: &[Wire; D],
         reactions: Option<&Reactions<D>>,
         travel: &SVector<f64, D>,
         start: &Bends<D>,
     ) -> Equilibrium<D> {
         let tolerance = BALANCE_TOLERANCE * (1.0 + travel.amax());
         let mut current = self.operating_point(reactions, *start);
-        let mut wires = self.wires(travel, &current);
+        let mut wires = self.wires(pairs, travel, &current);
         let mut evaluations = 1;
         while evaluations < MAX_EVALUATIONS
             && self.residual_norm(&current, &wires.along_axes.force) > tolerance
@@ -69,7 +72,7 @@ impl<const D: usize> Stops<D> {
             };
             let before = self.residual_norm(&current, &wires.along_axes.force);
             let trial = self.shorten_step(reactions, &current, &step, &mut evaluations, |next| {
-                let wires = self.wires(travel, next);
+                let wires = self.wires(pairs, travel, next);
                 (self.residual_norm(next, &wires.along_axes.force) < before).then_some(wires)
             });
             let Some((next, next_wires)) = trial else {
@@ -152,14 +155,19 @@ impl<const D: usize> Stops<D> {
         OperatingPoint { bends, forces }
     }
 
-    fn wires(&self, travel: &SVector<f64, D>, point: &OperatingPoint<D>) -> Wires<D> {
+    fn wires(
+        &self,
+        pairs: &[Wire; D],
+        travel: &SVector<f64, D>,
+        point: &OperatingPoint<D>,
+    ) -> Wires<D> {
         let stretch = travel
             - self
                 .axes
                 .tr_mul(&point.bends.iter().sum::<SVector<f64, D>>());
         let (mut force, mut slope) = (SVector::<f64, D>::zeros(), SVector::<f64, D>::zeros());
-        for (i, motor) in self.motors.iter().enumerate() {
-            (force[i], slope[i]) = motor.wire.force(stretch[i]);
+        for (i, pair) in pairs.iter().enumerate() {
+            (force[i], slope[i]) = pair.force(stretch[i]);
         }
         let along = self.axes * SMatrix::from_diagonal(&slope) * self.axes.transpose();
         Wires {

@@ -108,7 +108,11 @@ pub struct Stops<const D: usize> {
 struct Motor {
     neutral: f64,
     travel: f64,
+    /// The wires as calibrated.
     wire: Wire,
+    slack: [f64; 2],
+    softness: f64,
+    loose_stiffness: f64,
     /// Wire travel between one wire taut and the other wire taut.
     slack_travel: f64,
     friction: [f64; 2],
@@ -181,13 +185,25 @@ impl<const D: usize> Stops<D> {
     }
 
     /// The counts at which the wires hold a bend with a force along its axes.
-    fn counts(&self, bend: &SVector<f64, D>, force: &SVector<f64, D>) -> SVector<f64, D> {
+    fn counts(
+        &self,
+        pairs: &[Wire; D],
+        bend: &SVector<f64, D>,
+        force: &SVector<f64, D>,
+    ) -> SVector<f64, D> {
         let along = self.axes.tr_mul(bend);
         let mut counts = self.to_motors * force;
-        for ((counts, motor), along) in counts.iter_mut().zip(&self.motors).zip(along.iter()) {
-            *counts = motor.neutral + (along + motor.wire.stretch(*counts)) / motor.travel;
+        let motors = self.motors.iter().zip(pairs);
+        for ((counts, (motor, pair)), along) in counts.iter_mut().zip(motors).zip(along.iter()) {
+            *counts = motor.neutral + (along + pair.stretch(*counts)) / motor.travel;
         }
         counts
+    }
+
+    /// The wires of every motor, with the slack scaled as in the state.
+    fn pairs(&self, state: &StopState) -> [Wire; D] {
+        let scale = vector::<D>(&state.gap_scale);
+        std::array::from_fn(|i| self.motors[i].scaled_wire(scale[i]))
     }
 
     fn virtual_counts(&self, bend: &SVector<f64, D>) -> SVector<f64, D> {
@@ -205,9 +221,22 @@ impl Motor {
             neutral: file.neutral_counts,
             travel: file.travel_per_count,
             wire: Wire::new(file.slack, all.softness, all.loose_stiffness),
+            slack: file.slack,
+            softness: all.softness,
+            loose_stiffness: all.loose_stiffness,
             slack_travel: file.slack.iter().sum::<f64>() + 2.0 * all.softness,
             friction: file.friction,
         }
+    }
+}
+
+impl Motor {
+    fn scaled_wire(&self, scale: f64) -> Wire {
+        if scale == 1.0 {
+            return self.wire;
+        }
+        let slack = self.slack.map(|slack| scale * slack);
+        Wire::new(slack, self.softness, self.loose_stiffness)
     }
 }
 
@@ -232,6 +261,7 @@ impl<const D: usize> Operator<D> for Stops<D> {
         StopState::centred(
             counts,
             &self.find_equilibrium(
+                &self.motors.each_ref().map(|motor| motor.wire),
                 None,
                 &self.travel(counts),
                 &[SVector::zeros(); MAX_SEGMENTS],
@@ -240,6 +270,7 @@ impl<const D: usize> Operator<D> for Stops<D> {
     }
 
     fn advance(&self, state: &mut StopState, counts: &SVector<f64, D>) {
+        let pairs = self.pairs(state);
         let from = vector::<D>(&state.position);
         let motion = counts - from;
         let longest = self
@@ -254,6 +285,7 @@ impl<const D: usize> Operator<D> for Stops<D> {
             let position = from + motion * (f64::from(step) / f64::from(steps));
             let reactions = self.reactions(state);
             let equilibrium = self.find_equilibrium(
+                &pairs,
                 Some(&reactions),
                 &self.travel(&position),
                 &Self::bends(&reactions),
@@ -268,6 +300,7 @@ impl<const D: usize> Operator<D> for Stops<D> {
     fn local(&self, state: &StopState, counts: &SVector<f64, D>) -> Local<D, D> {
         let reactions = self.reactions(state);
         let equilibrium = self.find_equilibrium(
+            &self.pairs(state),
             Some(&reactions),
             &self.travel(counts),
             &Self::bends(&reactions),
@@ -288,14 +321,16 @@ impl<const D: usize> Operator<D> for Stops<D> {
         compensation: f64,
     ) -> SVector<f64, D> {
         let bend = inverse(&self.to_counts) * (goal - self.neutral());
+        let pairs = self.pairs(state);
         let with_friction = self.counts(
+            &pairs,
             &bend,
             &self.holding_force(Some(&self.reactions(state)), &bend),
         );
         if compensation == 1.0 {
             return with_friction;
         }
-        let without_friction = self.counts(&bend, &self.holding_force(None, &bend));
+        let without_friction = self.counts(&pairs, &bend, &self.holding_force(None, &bend));
         without_friction + (with_friction - without_friction) * compensation
     }
 

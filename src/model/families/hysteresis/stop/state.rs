@@ -8,6 +8,7 @@ use super::balance::Equilibrium;
 use super::parameters::{MAX_SEGMENTS, MAX_STOPS};
 use super::segment::{Bends, Reaction, Reactions};
 use crate::model::families::hysteresis::Lags;
+use crate::model::families::memory::UNSCALED;
 use crate::model::maths::regression::{array, vector};
 use crate::units::{MAX_MOTORS, MotorVec};
 
@@ -20,6 +21,8 @@ pub struct StopState {
     pub(in crate::model) position: MotorVec,
     pub(in crate::model) force: Pair,
     pub(in crate::model) segments: [SegmentState; MAX_SEGMENTS],
+    /// Factor on slack and friction of every motor: 1 as calibrated.
+    pub(in crate::model) gap_scale: MotorVec,
 }
 
 /// The bend of a segment and the positions of its stops.
@@ -44,6 +47,7 @@ impl StopState {
             position: array(position),
             force: array(&equilibrium.force),
             segments,
+            gap_scale: UNSCALED,
         }
     }
 
@@ -64,7 +68,10 @@ impl<const D: usize> Stops<D> {
         for (friction, segment) in friction.iter_mut().zip(&self.segments) {
             *friction = segment.friction;
         }
-        std::array::from_fn(|s| self.segment_reaction(&state.segments[s], &load, friction[s]))
+        let scale = vector::<D>(&state.gap_scale);
+        std::array::from_fn(|s| {
+            self.segment_reaction(&state.segments[s], &load, friction[s], &scale)
+        })
     }
 
     fn segment_reaction(
@@ -72,6 +79,7 @@ impl<const D: usize> Stops<D> {
         state: &SegmentState,
         load: &SVector<f64, D>,
         friction: f64,
+        scale: &SVector<f64, D>,
     ) -> Reaction<D> {
         let mut reaction = Reaction {
             bend: vector(&state.bend),
@@ -86,8 +94,10 @@ impl<const D: usize> Stops<D> {
             .zip(&mut reaction.shared_reach);
         for ((own, shared), element) in reaches.zip(&self.elements) {
             let reach = friction * element.reach;
-            *own = load.map(|load| reach * (self.base_friction + load));
-            *shared = reach * (self.base_friction + load.norm());
+            *own = load.zip_map(scale, |load, scale| {
+                scale * (reach * (self.base_friction + load))
+            });
+            *shared = scale.mean() * (reach * (self.base_friction + load.norm()));
         }
         reaction
     }

@@ -1,9 +1,15 @@
 // Plots on canvas. A value that is null is a gap, and what is not known is not drawn.
 'use strict';
 
-const COLOURS = Object.fromEntries(['goal', 'setpoint', 'estimate', 'camera', 'hull', 'faint', 'line', 'text', 'bad']
-  .map((name) => [name, getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim()]));
-const STRIP_S = 20;
+const COLOURS = {};
+function readColours() {
+  const style = getComputedStyle(document.documentElement);
+  for (const name of ['goal', 'setpoint', 'estimate', 'camera', 'hull', 'error', 'band', 'body', 'faint', 'line', 'edge', 'text', 'bad', 'alarm', 'panel', 'on-fill']) {
+    COLOURS[name] = style.getPropertyValue('--' + name).trim();
+  }
+}
+readColours();
+addEventListener('theme', readColours);
 const TAIL_S = 12;
 const FAMILY = 'px system-ui, "DejaVu Sans", sans-serif';
 
@@ -49,7 +55,7 @@ class Plot {
     pen.fillStyle = COLOURS.faint;
     pen.textBaseline = 'middle';
     pen.textAlign = 'right';
-    for (const value of ticks(this.rangeY, (this.bottom - this.top) / (3 * this.size))) {
+    for (const value of ticks(this.rangeY, Math.max(2, (this.bottom - this.top) / (3 * this.size)))) {
       this.stroke([[this.left, this.y(value)], [this.right, this.y(value)]]);
       pen.fillText(number(value), this.left - 5, this.y(value));
     }
@@ -136,8 +142,18 @@ class Plot {
     const [x, y] = [(this.left + this.right) / 2, (this.top + this.bottom) / 2];
     pen.fillStyle = COLOURS.bad;
     pen.fillRect(x - wide / 2, y - this.size, wide, 2 * this.size);
-    pen.fillStyle = '#fff';
+    pen.fillStyle = COLOURS['on-fill'];
     pen.fillText(text, x, y + 1);
+  }
+
+  /** The same for what is no failure. */
+  note(text) {
+    const pen = this.pen;
+    pen.font = this.size + FAMILY;
+    pen.textAlign = 'center';
+    pen.textBaseline = 'middle';
+    pen.fillStyle = COLOURS.faint;
+    pen.fillText(text, (this.left + this.right) / 2, (this.top + this.bottom) / 2);
   }
 }
 
@@ -174,25 +190,6 @@ function equal(x, y, plot) {
 }
 
 const point = (x, y, t) => (x === null || y === null || x === undefined || y === undefined ? null : [x, y, t]);
-
-function drawStrip(plot, axis, recent, now, staleText) {
-  if (!plot.begin((axis ? 'yaw' : 'pitch') + ', deg')) return;
-  const samples = recent.samples.filter((row) => row[T] >= now - STRIP_S);
-  const frames = recent.frames.filter((row) => row[T] >= now - STRIP_S);
-  const of = (place) => samples.map((row) => point(row[T] - now, row[place + axis], row[T]));
-  const camera = frames.map((row) => point(row[T] - now, row[FRAME + axis], row[T]));
-  const curves = [[camera, COLOURS.camera, 2.5], [of(GOAL), COLOURS.goal, 1.5], [of(SETPOINT), COLOURS.setpoint, 1.5], [of(ESTIMATE), COLOURS.estimate, 2]];
-  const all = curves.flatMap(([points]) => points.filter(Boolean).map((p) => p[1]));
-  plot.scales([-STRIP_S, 0], padded(all, 2));
-  plot.grid(' s');
-  plot.band(samples.map((row) => {
-    const [value, deviation] = [row[ESTIMATE + axis], row[DEVIATION + axis]];
-    return value === null || deviation === null ? null : [row[T] - now, value - deviation, value + deviation];
-  }), '#5ad17a38');
-  curves.forEach(([points, colour, width]) => plot.curve(points, colour, width));
-  plot.end();
-  if (staleText) plot.say(staleText); else if (!all.length) plot.say('no angles yet');
-}
 
 function drawPlane(plot, recent, hull, now, staleText) {
   if (!plot.begin('pitch over yaw, deg')) return;

@@ -26,32 +26,56 @@ const signed = (value) => (value === null || value === undefined ? '–' : (valu
 const age = (ms) => (ms < 10000 ? (ms / 1000).toFixed(1) + ' s' : Math.round(ms / 1000) + ' s');
 const head = (...texts) => texts.map((text) => [text, '', 'th']);
 
-function showHeader(live, lag) {
+function showBadge(live, lag) {
   const state = live.state;
   const badge = byId('badge');
   const old = state && (state.stale || live.problem || lag > 1000);
   const name = !state ? (live.problem ? 'NO CONTROLLER' : 'NO STATE YET') : old ? 'STALE, was ' + state.name : state.name;
   badge.textContent = name;
   badge.className = 'badge ' + (!state ? 'none' : old ? 'stale' : state.name.toLowerCase());
-  byId('why').textContent = state && state.fault ? state.fault : '';
+  document.title = `${name} · i2ris`;
+}
+
+/** Who commands, by name where it is known. */
+function commander(state) {
+  if (!state) return '';
+  return state.lease ? `commander: ${state.commander || 'client ' + state.lease}` : 'no commander';
+}
+
+function showHeader(live, lag, parted) {
+  showBadge(live, lag);
+  const state = live.state;
   const flags = [];
   if (state) {
     flags.push([`for ${state.for_s} s`, 'on']);
     flags.push(state.homed ? ['homed', 'on'] : ['NOT HOMED', 'warn']);
     if (state.busy) flags.push(['busy', 'on']);
     if (state.holding) flags.push(['holding', 'on']);
-    if (state.clipped) flags.push(['CLIPPED TO HULL', 'warn']);
+    if (state.clipped) flags.push(['GOAL CLIPPED', 'warn']);
+    if (parted) flags.push([`CAMERA AND ESTIMATE PART BY ${parted.toFixed(1)} deg`, 'parted']);
     flags.push(state.memory_known ? ['memory known', 'on'] : ['memory unknown', state.model ? 'warn' : '']);
     if (!state.model) flags.push(['no model', 'warn']);
     flags.push(state.watched ? ['watchdog', 'on'] : ['NO WATCHDOG', 'warn']);
     if (state.compared) flags.push(['compared with camera', 'on']);
   }
   fillList(byId('flags'), flags);
-  byId('lease').textContent = !state ? '' :
-    (state.lease ? `lease ${state.lease}` : 'no commander') + ` · accepted ${state.accepted} · refused ${state.refused}` +
-    (state.last_refusal ? ` (last: ${state.last_refusal})` : '') + (state.stale_stops ? ` · stale stops ${state.stale_stops}` : '');
+  byId('lease').textContent = !state ? '' : `${commander(state)} · accepted ${state.accepted} · refused ${state.refused}` +
+    (state.stale_stops ? ` · stale stops ${state.stale_stops}` : '');
   byId('place').textContent = `domain ${live.domain} · monitor ${live.version} · read-only`;
-  document.title = `${name} · i2ris`;
+}
+
+/** Why the robot does not move as asked, and what to do: the fault, or a fresh refusal, or what keeps it now. */
+function showWhy(live, lag) {
+  const place = byId('why');
+  const known = lag <= 1500 && !live.problem && live.state && !live.state.stale;
+  const told = !known ? null : live.error ? [live.error, 'alarm'] : live.warning ? [live.warning, 'warning'] : null;
+  const [reason, style] = told || [known && live.why[0], ''];
+  const key = JSON.stringify([reason && reason.text, style, known]);
+  if (place.dataset.key === key) return;
+  place.dataset.key = key;
+  place.className = style;
+  if (!reason) return place.replaceChildren(known ? 'nothing keeps the robot from moving' : '');
+  place.replaceChildren(reason.text, element('span', '; do: ' + reason.advice));
 }
 
 function fillList(place, items) {
@@ -72,18 +96,19 @@ function showBanner(live, lag) {
   document.body.classList.toggle('dead', lag > 1500);
 }
 
-function showJoints(live) {
+/** `error`: goal minus camera; `parted`: camera and estimate are too far apart. */
+function showJoints(live, error, parted) {
   const streams = [['goal', 'goal'], ['setpoint', 'set-point'], ['estimate', 'estimate'], ['camera', 'camera']];
   const cells = (axis) => streams.flatMap(([key]) => {
     const stream = live[key];
-    const style = key + (stream && stream.stale ? ' stale' : '');
+    const style = (key === 'camera' && parted ? 'parted' : key) + (stream && stream.stale ? ' stale' : '');
     const value = [signed(stream && stream.deg && stream.deg[axis]), style];
     if (key !== 'estimate') return [value];
     const deviation = stream && stream.deviation_deg;
     return [value, [deviation ? '±' + deviation[axis].toFixed(2) : '–', style]];
   });
-  const rows = [head('', 'goal', 'set-point', 'estimate', 'sd', 'camera'),
-    [['pitch', ''], ...cells(0)], [['yaw', ''], ...cells(1)]];
+  const rows = [head('', 'goal', 'set-pt', 'estimate', 'sd', 'camera', 'error'),
+    ...['pitch', 'yaw'].map((name, axis) => [[name, ''], ...cells(axis), [signed(error && error[axis]), 'error']])];
   const marks = [];
   for (const [key, name] of streams) {
     const stream = live[key];
@@ -156,16 +181,23 @@ function showModels(live) {
   showMarks('models', [models.problem, models.hull_problem].filter(Boolean));
 }
 
+/** Faults stand in a list of their own, so that nothing displaces them. */
 function showEvents(live, lag) {
   const time = (event) => new Date(Date.now() - event.age_ms - lag).toLocaleTimeString([], { hour12: false });
-  const rows = live.events.map((event) => [time(event), event.text + (event.count > 1 ? ` (${event.count} times)` : ''), event.severity]);
-  const place = byId('events');
+  const row = (event) => [time(event), event.text + (event.count > 1 ? ` (${event.count} times)` : ''), event.severity,
+    event.severity === 'info' ? '' : event.advice];
+  fillEvents(byId('alarms'), live.alarms.map(row));
+  fillEvents(byId('events'), live.events.map(row));
+}
+
+function fillEvents(place, rows) {
   const key = JSON.stringify(rows);
   if (place.dataset.key === key) return;
   place.dataset.key = key;
-  place.replaceChildren(...rows.map(([when, text, severity]) => {
+  place.replaceChildren(...rows.map(([when, text, severity, advice]) => {
     const line = element('li', undefined, severity);
     line.append(element('time', when), text);
+    if (advice) line.append(element('small', 'do: ' + advice));
     return line;
   }));
 }

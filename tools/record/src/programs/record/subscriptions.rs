@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
 };
 use i2ris::units::Nanos;
 use i2ris_record::layout::Layout;
@@ -20,7 +20,10 @@ pub struct Subscriptions {
     state: Subscription<OperatingStateMsg>,
     statistics: Subscription<PeriodStatistics>,
     health: Subscription<Health>,
+    adaptation: Subscription<AdaptationMsg>,
     events: Subscription<EventMsg>,
+    error: Subscription<ReasonMsg>,
+    warning: Subscription<ReasonMsg>,
     external: Subscription<ExternalPosition>,
     servo: Subscription<ServoJp>,
     servo_actuators: Subscription<ServoActuator>,
@@ -39,7 +42,10 @@ impl Subscriptions {
             state: watcher.operating_state(),
             statistics: watcher.period_statistics(),
             health: watcher.health(),
+            adaptation: watcher.adaptation(),
             events: watcher.events(),
+            error: watcher.error(),
+            warning: watcher.warning(),
             external: watcher.external(),
             servo: watcher.servo_jp(),
             servo_actuators: watcher.servo_actuators(),
@@ -55,7 +61,10 @@ impl Subscriptions {
         drain(&mut self.state, Stream::State, trial, now)?;
         drain(&mut self.statistics, Stream::Statistics, trial, now)?;
         drain(&mut self.health, Stream::Health, trial, now)?;
+        drain(&mut self.adaptation, Stream::Adaptation, trial, now)?;
         drain(&mut self.events, Stream::Events, trial, now)?;
+        drain(&mut self.error, Stream::Error, trial, now)?;
+        drain(&mut self.warning, Stream::Warning, trial, now)?;
         drain(&mut self.external, Stream::External, trial, now)?;
         drain(&mut self.servo, Stream::ServoJp, trial, now)?;
         drain(
@@ -75,7 +84,10 @@ impl Subscriptions {
             (Stream::State, self.state.missed()),
             (Stream::Statistics, self.statistics.missed()),
             (Stream::Health, self.health.missed()),
+            (Stream::Adaptation, self.adaptation.missed()),
             (Stream::Events, self.events.missed()),
+            (Stream::Error, self.error.missed()),
+            (Stream::Warning, self.warning.missed()),
         ];
         joints.chain(others).collect()
     }

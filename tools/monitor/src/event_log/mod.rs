@@ -1,48 +1,28 @@
 //! The last events: every change in the streams of the controller. Bounded; repeats are counted.
 
-use std::collections::VecDeque;
+mod groups;
+#[cfg(test)]
+mod tests;
 
 use i2ris::ipc::drive_phase::phase_text;
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ReasonMsg,
 };
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
+use i2ris::robot::{Cause, Reason, Stop};
 use i2ris::units::{MAX_MOTORS, Nanos};
 
 use super::latest_messages::{CAMERA_STALE, LatestMessages, short_id, state_name};
 
-/// Events that are kept.
-const CAPACITY: usize = 64;
-/// Repeats within this time are one event with a count.
-const REPEAT_WINDOW: Nanos = Nanos::from_millis(2000);
+pub use groups::{Event, Severity};
 
-/// How much an event matters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Severity {
-    /// Normal.
-    Info,
-    /// Needs attention.
-    Warning,
-    /// Needs action now.
-    Alarm,
-}
-
-/// Something that happened.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Event {
-    /// When it was last seen.
-    pub stamp: Nanos,
-    pub severity: Severity,
-    pub text: String,
-    /// How many times.
-    pub count: u64,
-}
+use groups::EventGroups;
 
 /// The last events, the newest at the end.
 #[derive(Debug, Clone, Default)]
 pub struct EventLog {
-    events: VecDeque<Event>,
+    events: EventGroups,
     state: Option<OperatingStateMsg>,
     motors: Option<ActuatorState>,
     model: Option<[u8; 32]>,
@@ -189,23 +169,18 @@ impl EventLog {
 
     fn counters_rose(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
         if new.refused > old.refused {
-            let reason =
-                Refusal::from_number(new.last_refusal).map_or("unknown reason", Refusal::text);
-            self.add(
-                new.stamp(),
-                Severity::Warning,
-                format!("command refused: {reason}"),
-                new.refused - old.refused,
-            );
+            let count = new.refused - old.refused;
+            match Refusal::from_number(new.last_refusal) {
+                Some(refusal) => self.add_cause(new.stamp(), Cause::Refusal(refusal), count),
+                None => {
+                    let text = "a command was refused for an unknown reason".to_owned();
+                    self.add(new.stamp(), Severity::Warning, text, count);
+                }
+            }
         }
         if new.stale_stops > old.stale_stops {
-            let text = "no command before the deadline: held".to_owned();
-            self.add(
-                new.stamp(),
-                Severity::Warning,
-                text,
-                new.stale_stops - old.stale_stops,
-            );
+            let count = new.stale_stops - old.stale_stops;
+            self.add_cause(new.stamp(), Cause::Stop(Stop::Stale), count);
         }
     }
 
@@ -293,163 +268,35 @@ impl EventLog {
         self.add(now, severity, text.to_owned(), 1);
     }
 
-    fn add(&mut self, stamp: Nanos, severity: Severity, text: String, count: u64) {
-        let recent = self
-            .events
-            .iter_mut()
-            .rev()
-            .take_while(|event| stamp.since(event.stamp) < REPEAT_WINDOW);
-        if let Some(same) = recent.into_iter().find(|event| event.text == text) {
-            same.count += count;
-            same.stamp = stamp;
-            return;
-        }
-        if self.events.len() == CAPACITY {
-            self.events.pop_front();
-        }
-        self.events.push_back(Event {
-            stamp,
-            severity,
-            text,
+    /// A message of `error` or `warning`: measured value, limit and advice.
+    pub fn update_reason(&mut self, message: &ReasonMsg) {
+        let cause = Cause::from_numbers(message.kind, message.number);
+        let is_error = cause.is_some_and(Cause::is_error);
+        let severity = if is_error {
+            Severity::Alarm
+        } else {
+            Severity::Warning
+        };
+        self.events.explain(Event {
+            key: cause.map_or_else(|| message.text(), |cause| cause.to_string()),
+            advice: message.advice(),
+            ..Event::new(message.stamp(), severity, message.text())
+        });
+    }
+
+    fn add_cause(&mut self, stamp: Nanos, cause: Cause, count: u64) {
+        self.events.add(Event {
+            key: cause.to_string(),
+            advice: cause.advice().to_owned(),
             count,
+            ..Event::new(stamp, Severity::Warning, Reason::from(cause).text())
         });
     }
-}
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn state(milliseconds: u64, change: impl FnOnce(&mut OperatingStateMsg)) -> OperatingStateMsg {
-        let mut message = OperatingStateMsg {
-            stamp_ns: Nanos::from_millis(milliseconds).0,
-            boot_id: 1,
-            state: OperatingState::Enabled.number(),
-            flags: OperatingStateMsg::HOMED,
-            ..OperatingStateMsg::default()
-        };
-        change(&mut message);
-        message
-    }
-
-    fn logged(event_log: &EventLog) -> Vec<(&str, u64)> {
-        event_log
-            .events
-            .iter()
-            .map(|event| (event.text.as_str(), event.count))
-            .collect()
-    }
-
-    #[test]
-    fn every_change_is_logged_once() {
-        let mut event_log = EventLog::default();
-        event_log.update_state(&state(1, |_| ()));
-        event_log.update_state(&state(2, |_| ()));
-        assert_eq!(logged(&event_log), []);
-        event_log.update_state(&state(3, |state| state.lease_client_id = 0xab));
-        event_log.update_state(&state(4, |state| {
-            state.lease_client_id = 0xab;
-            (state.state, state.fault) = (OperatingState::Fault.number(), Fault::Link.number());
-            state.flags = 0;
-        }));
-        assert_eq!(
-            logged(&event_log),
-            [
-                ("client 00000000000000ab has the lease", 1),
-                ("ENABLED to FAULT: a drive does not answer", 1),
-                ("zero lost: not homed", 1)
-            ]
-        );
-        assert_eq!(event_log.newest().nth(1).unwrap().severity, Severity::Alarm);
-    }
-
-    #[test]
-    fn repeats_are_counted_and_the_oldest_event_is_dropped() {
-        let mut event_log = EventLog::default();
-        for n in 0..100 {
-            event_log.update_state(&state(10 * n, |state| {
-                (state.refused, state.last_refusal) = (3 * n, Refusal::Step.number());
-            }));
-        }
-        assert_eq!(event_log.events.len(), 1);
-        assert_eq!(event_log.events[0].count, 3 * 99);
-        for n in 0..1000 {
-            event_log.log(Nanos::from_millis(n), Severity::Info, format!("event {n}"));
-        }
-        assert_eq!(
-            (
-                event_log.events.len(),
-                event_log.newest().next().unwrap().text.as_str()
-            ),
-            (CAPACITY, "event 999")
-        );
-    }
-
-    #[test]
-    fn a_restart_of_the_controller_is_no_change_of_its_counters() {
-        let mut event_log = EventLog::default();
-        event_log.update_state(&state(1, |state| state.refused = 50));
-        event_log.update_state(&state(2, |state| (state.refused, state.boot_id) = (99, 2)));
-        assert_eq!(logged(&event_log), [("the controller was restarted", 1)]);
-    }
-
-    #[test]
-    fn changes_of_drives_models_ticks_and_cameras_are_logged() {
-        let mut event_log = EventLog::default();
-        let motors = |phase, code| ActuatorState {
-            phase: [phase, 1],
-            error_code: [code, 0],
-            ..Default::default()
-        };
-        event_log.update_motors(&motors(3, 0));
-        event_log.update_motors(&motors(7, 0x8611));
-        event_log.update_model(&JointState::default());
-        event_log.update_model(&JointState {
-            model_id: [0xab; 32],
-            ..JointState::default()
+    fn add(&mut self, stamp: Nanos, severity: Severity, text: String, count: u64) {
+        self.events.add(Event {
+            count,
+            ..Event::new(stamp, severity, text)
         });
-        event_log.update_ticks(&PeriodStatistics {
-            total_missed: 4,
-            ..PeriodStatistics::default()
-        });
-        event_log.update_ticks(&PeriodStatistics {
-            total_missed: 6,
-            ..PeriodStatistics::default()
-        });
-        let seen = |flags| LatestMessages {
-            camera: Some(ExternalPosition {
-                flags,
-                ..Default::default()
-            }),
-            ..LatestMessages::default()
-        };
-        event_log.update_camera(&seen(1), Nanos(1));
-        event_log.update_camera(&seen(0), Nanos(2));
-        event_log.update_camera(&seen(0), Nanos::from_millis(5000));
-        assert_eq!(
-            logged(&event_log),
-            [
-                ("motor 0 at fault", 1),
-                ("motor 0 error 0x8611", 1),
-                ("model abababab in use", 1),
-                ("tick missed by the loop", 2),
-                ("camera sees the snake", 1),
-                ("camera sees nothing", 1),
-                ("camera is silent", 1)
-            ]
-        );
-    }
-
-    #[test]
-    fn loss_and_return_of_the_controller_are_logged() {
-        let mut event_log = EventLog::default();
-        event_log.update_connection(None, Nanos(1));
-        event_log.update_connection(Some("gone"), Nanos(2));
-        event_log.update_connection(Some("gone"), Nanos(3));
-        event_log.update_connection(None, Nanos(4));
-        assert_eq!(
-            logged(&event_log),
-            [("gone", 1), ("the controller is reachable again", 1)]
-        );
     }
 }

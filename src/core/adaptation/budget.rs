@@ -1,0 +1,91 @@
+//! Budget: the largest drift that is followed, per parameter and in total.
+
+use serde::{Deserialize, Serialize};
+
+use super::Pair;
+use super::drift::{Drift, PARAMETERS};
+use super::geometry::{ModelGeometry, add, product};
+use super::settings::{Settings, length};
+
+/// From this share of the budget on it is said.
+pub(super) const WARNING: f64 = 0.7;
+
+/// A gap may shrink by this share of what it may grow.
+const SHRINK: f64 = 0.5;
+
+/// Shares of the budget.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct BudgetUse {
+    /// Of every parameter, in the order of the array of the drift.
+    pub parameters: [f64; PARAMETERS],
+    /// Of the total at the corners of the hull.
+    pub total: f64,
+}
+
+impl BudgetUse {
+    pub fn new(
+        drift: &Drift,
+        geometry: &ModelGeometry,
+        gap_reach: Pair,
+        settings: &Settings,
+    ) -> Self {
+        let values = drift.to_array();
+        let share = |index: usize| values[index].abs() / limit(settings, index, values[index]);
+        let parameters = std::array::from_fn(share);
+        let total = largest_shift(drift, geometry, gap_reach) / settings.total_budget;
+        Self { parameters, total }
+    }
+
+    /// The largest share.
+    pub fn largest(&self) -> f64 {
+        self.parameters.iter().copied().fold(self.total, f64::max)
+    }
+}
+
+/// The drift inside the budget that is nearest to a drift: every parameter clamped, then all of
+/// them made smaller until the total fits.
+pub(super) fn inside(
+    drift: &Drift,
+    geometry: &ModelGeometry,
+    gap_reach: Pair,
+    settings: &Settings,
+) -> Drift {
+    let values = drift.to_array();
+    let clamped: [f64; PARAMETERS] = std::array::from_fn(|index| {
+        let limit = limit(settings, index, values[index]);
+        values[index].max(-limit).min(limit)
+    });
+    let clamped = Drift::from_array(clamped);
+    let shift = largest_shift(&clamped, geometry, gap_reach);
+    if shift <= settings.total_budget {
+        return clamped;
+    }
+    let factor = settings.total_budget / shift;
+    let mut scaled = clamped.to_array().map(|value| factor * value);
+    // The latency moves nothing.
+    scaled[8] = clamped.latency_s;
+    Drift::from_array(scaled)
+}
+
+/// The largest value of a parameter, by its sign.
+fn limit(settings: &Settings, index: usize, value: f64) -> f64 {
+    match index {
+        0 | 1 | 9 => settings.zero_budget,
+        2..=5 => settings.gain_budget,
+        6 | 7 if value < 0.0 => SHRINK * settings.gap_budget,
+        6 | 7 => settings.gap_budget,
+        _ => settings.latency_budget_s,
+    }
+}
+
+/// How far the drift moves the tip at the corner of the hull where it does most, rad.
+fn largest_shift(drift: &Drift, geometry: &ModelGeometry, gap_reach: Pair) -> f64 {
+    let direction = geometry.slow.map_or([0.0; 2], |slow| slow.direction);
+    let zero = add(drift.zero, direction.map(|part| part * drift.slow));
+    let corners = geometry.corners.iter();
+    let shift = corners
+        .map(|corner| length(add(zero, product(&drift.gain, *corner))))
+        .fold(0.0, f64::max);
+    let gaps = drift.gap.iter().zip(gap_reach);
+    shift + gaps.map(|(gap, reach)| (gap * reach).abs()).sum::<f64>()
+}

@@ -1,0 +1,186 @@
+//! Correction: the part of the drift that is applied, and how it moves (H23).
+//!
+//! The correction moves only while a goal moves, motor by motor, along the direction in which the
+//! goal moves the motor, no faster than a limit and no faster than half of the goal's motion. So it
+//! never moves a snake that shall rest, and never turns a motor round. It is kept per motor for
+//! that: what would have to go against the motion of a motor waits until the motor comes back.
+//!
+//! A gap may also shrink: that slows a motor by a few counts per second while it moves, and turns
+//! it round no more.
+
+use serde::{Deserialize, Serialize};
+
+use super::Pair;
+use super::drift::Drift;
+use super::geometry::{ModelGeometry, inverse, pair, product};
+use super::settings::Settings;
+use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
+
+/// The correction moves a motor by at most this share of the motion of the goal.
+const SHARE: f64 = 0.5;
+
+/// The correction comes no nearer to its target than this share per second: its parameters do not
+/// jump where they cancel each other.
+const NEARER_PER_S: f64 = 5.0;
+
+/// Fastest change of the gap scale, 1/s.
+const GAP_SLEW_PER_S: f64 = 0.02;
+
+/// A gap scale changes while its motor moves at least this fast, counts/s: many times faster than
+/// the change of the scale moves it.
+const GAP_SPEED_COUNTS_S: f64 = 20.0;
+
+/// What is applied to a model: `adapted = gapped + zero + gain gapped`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(in crate::core) struct Correction {
+    /// rad.
+    zero: Pair,
+    gain: [Pair; 2],
+    /// 1 as calibrated.
+    gap_scale: MotorVec,
+}
+
+impl Default for Correction {
+    fn default() -> Self {
+        Self {
+            zero: [0.0; 2],
+            gain: [[0.0; 2]; 2],
+            gap_scale: [1.0; MAX_MOTORS],
+        }
+    }
+}
+
+impl Correction {
+    pub fn gap_scale(&self) -> &MotorVec {
+        &self.gap_scale
+    }
+
+    /// The adapted pose.
+    pub fn apply(&self, gapped: &OutputVec) -> OutputVec {
+        let at = pair(gapped);
+        let bent = product(&self.gain, at);
+        let mut adapted = *gapped;
+        for (index, adapted) in adapted.iter_mut().enumerate().take(2) {
+            *adapted = at[index] + self.zero[index] + bent[index];
+        }
+        adapted
+    }
+
+    /// The gapped pose whose adapted pose is the goal.
+    pub fn undo(&self, goal: &OutputVec) -> OutputVec {
+        let [[a, b], [c, d]] = self.gain;
+        // The budget keeps the gain far from -1.
+        let inverse = inverse(&[[1.0 + a, b], [c, 1.0 + d]]).unwrap_or([[1.0, 0.0], [0.0, 1.0]]);
+        let from_zero = [goal[0] - self.zero[0], goal[1] - self.zero[1]];
+        let found = product(&inverse, from_zero);
+        let mut gapped = *goal;
+        for (gapped, found) in gapped.iter_mut().zip(found) {
+            *gapped = found;
+        }
+        gapped
+    }
+
+    /// As a drift.
+    pub fn drift(&self) -> Drift {
+        Drift {
+            zero: self.zero,
+            gain: self.gain,
+            gap: self.gap_scale.map(|scale| scale - 1.0),
+            ..Drift::default()
+        }
+    }
+}
+
+/// The correction as it is moved: one row per motor, in counts.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct MovingCorrection {
+    rows: [MotorRow; MAX_MOTORS],
+    gap: Pair,
+}
+
+/// The shift of a motor: `zero + gain . pose`, counts.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+struct MotorRow {
+    zero: f64,
+    gain: Pair,
+}
+
+impl MovingCorrection {
+    /// Moves one tick towards a drift. `goal_motion`: of the motors by the goal in this tick,
+    /// counts.
+    pub fn advance(
+        &mut self,
+        drift: &Drift,
+        pose: Pair,
+        goal_motion: MotorVec,
+        geometry: &ModelGeometry,
+        settings: &Settings,
+    ) {
+        let target = rows(drift, geometry);
+        for (motor, row) in self.rows.iter_mut().enumerate() {
+            let motion = goal_motion[motor];
+            let column = [geometry.slope[0][motor], geometry.slope[1][motor]];
+            let limit = settings.slew * settings.tick_s / column[0].hypot(column[1]);
+            let limit = limit.min(SHARE * motion.abs());
+            row.advance(&target[motor], pose, motion, limit, settings.tick_s);
+            if motion.abs() >= GAP_SPEED_COUNTS_S * settings.tick_s {
+                let step = GAP_SLEW_PER_S * settings.tick_s;
+                let change = drift.gap[motor] - self.gap[motor];
+                self.gap[motor] += change.max(-step).min(step);
+            }
+        }
+    }
+
+    pub fn correction(&self, geometry: &ModelGeometry) -> Correction {
+        let zero = [self.rows[0].zero, self.rows[1].zero];
+        let column = |column: usize| {
+            let rows = [self.rows[0].gain[column], self.rows[1].gain[column]];
+            product(&geometry.slope, rows)
+        };
+        let (first, second) = (column(0), column(1));
+        Correction {
+            zero: product(&geometry.slope, zero),
+            gain: [[first[0], second[0]], [first[1], second[1]]],
+            gap_scale: self.gap.map(|gap| 1.0 + gap),
+        }
+    }
+}
+
+impl MotorRow {
+    fn advance(&mut self, target: &Self, pose: Pair, motion: f64, limit: f64, tick_s: f64) {
+        if motion == 0.0 {
+            return;
+        }
+        let (zero, gain) = (
+            target.zero - self.zero,
+            [target.gain[0] - self.gain[0], target.gain[1] - self.gain[1]],
+        );
+        // The inverse takes the correction away from the goal.
+        let shift = -(zero + gain[0] * pose[0] + gain[1] * pose[1]);
+        if shift * motion < 0.0 {
+            return;
+        }
+        let mut share = NEARER_PER_S * tick_s;
+        if share * shift.abs() > limit {
+            share = limit / shift.abs();
+        }
+        self.zero += share * zero;
+        self.gain[0] += share * gain[0];
+        self.gain[1] += share * gain[1];
+    }
+}
+
+fn rows(drift: &Drift, geometry: &ModelGeometry) -> [MotorRow; MAX_MOTORS] {
+    let direction = geometry.slow.map_or([0.0; 2], |slow| slow.direction);
+    let zero = [
+        drift.zero[0] + direction[0] * drift.slow,
+        drift.zero[1] + direction[1] * drift.slow,
+    ];
+    let zero = geometry.counts(zero);
+    let column = |column: usize| geometry.counts([drift.gain[0][column], drift.gain[1][column]]);
+    let (first, second) = (column(0), column(1));
+    std::array::from_fn(|motor| MotorRow {
+        zero: zero[motor],
+        gain: [first[motor], second[motor]],
+    })
+}

@@ -1,0 +1,151 @@
+//! Excitation: which parameters the motion of the last time shows (H22).
+
+use serde::{Deserialize, Serialize};
+
+use super::Pair;
+use super::drift::PARAMETERS;
+use super::ring::Regressors;
+use super::settings::length;
+
+const DEG: f64 = std::f64::consts::PI / 180.0;
+
+/// How long motion counts, s: for zero, rate, and for ranges.
+const PATH_S: f64 = 10.0;
+const RATE_S: f64 = 5.0;
+const RANGE_S: f64 = 60.0;
+
+/// The path that shows a zero, rad.
+const LEAST_PATH: f64 = 2.0 * DEG;
+
+/// The range of an output that shows its gains, rad.
+const LEAST_RANGE: f64 = 6.0 * DEG;
+
+/// Both branches of a gap were seen this far, rad per growth of the gap: a tenth more gap would
+/// show by a hundredth of a degree.
+const LEAST_BRANCH: f64 = 0.1 * DEG;
+
+/// The rate that shows the latency, rad/s.
+const LEAST_RATE: f64 = 3.0 * DEG;
+
+/// What the motion has shown.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct Excitation {
+    last: Option<Pair>,
+    /// Path of the outputs, rad, forgotten over time.
+    path: f64,
+    low: Pair,
+    high: Pair,
+    /// Mean square of the rate.
+    square_rate: f64,
+    /// Per motor, how far the gap has shown on the one and the other branch.
+    branches: [Pair; 2],
+}
+
+impl Excitation {
+    /// Takes the motion since the last frame.
+    pub fn add(&mut self, regressors: &Regressors, seconds: f64) {
+        let moment = &regressors.moment;
+        let last = self.last.unwrap_or(moment.gapped);
+        if self.last.is_none() {
+            (self.low, self.high) = (moment.gapped, moment.gapped);
+        }
+        let step = [moment.gapped[0] - last[0], moment.gapped[1] - last[1]];
+        self.last = Some(moment.gapped);
+        self.path = forget(self.path, 0.0, PATH_S, seconds) + length(step);
+        let rate = length(regressors.rate);
+        self.square_rate = forget(self.square_rate, rate * rate, RATE_S, seconds);
+        for output in 0..2 {
+            let now = moment.gapped[output];
+            self.low[output] = forget(self.low[output], now, RANGE_S, seconds).min(now);
+            self.high[output] = forget(self.high[output], now, RANGE_S, seconds).max(now);
+        }
+        for (branches, slope) in self.branches.iter_mut().zip(moment.gap_slopes) {
+            // The larger part of the slope tells the branch.
+            let part = if slope[0].abs() > slope[1].abs() {
+                slope[0]
+            } else {
+                slope[1]
+            };
+            branches[0] = forget(branches[0], 0.0, RANGE_S, seconds).max(part);
+            branches[1] = forget(branches[1], 0.0, RANGE_S, seconds).max(-part);
+        }
+    }
+
+    /// Whether each parameter shows.
+    pub fn shown(&self) -> [bool; PARAMETERS] {
+        let moves = self.path >= LEAST_PATH;
+        let ranges = [0, 1].map(|i| moves && self.high[i] - self.low[i] >= LEAST_RANGE);
+        let gaps = self
+            .branches
+            .map(|[one, other]| moves && one.min(other) >= LEAST_BRANCH);
+        let rate = moves && self.square_rate >= LEAST_RATE * LEAST_RATE;
+        let [x, y] = ranges;
+        [moves, moves, x, y, x, y, gaps[0], gaps[1], rate, moves]
+    }
+
+    /// The largest effect of the gap of every motor, rad per growth.
+    pub fn gap_reach(&self) -> Pair {
+        self.branches.map(|[one, other]| one.max(other))
+    }
+}
+
+/// A first-order low-pass by backward Euler.
+pub(super) fn forget(value: f64, towards: f64, time_constant_s: f64, seconds: f64) -> f64 {
+    value + seconds / (time_constant_s + seconds) * (towards - value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ring::Moment;
+    use super::*;
+
+    fn seen(frames: impl Iterator<Item = (Pair, [Pair; 2], Pair)>) -> [bool; PARAMETERS] {
+        let mut excitation = Excitation::default();
+        for (gapped, gap_slopes, rate) in frames {
+            let moment = Moment {
+                gapped,
+                gap_slopes,
+                ..Moment::default()
+            };
+            let regressors = Regressors {
+                moment,
+                rate,
+                latency_s: 0.0,
+            };
+            excitation.add(&regressors, 0.033);
+        }
+        excitation.shown()
+    }
+
+    #[test]
+    fn rest_shows_nothing() {
+        let rest = (0..1000).map(|_| ([0.2, 0.1], [[0.02, 0.0], [0.0, -0.02]], [0.0; 2]));
+        assert_eq!(seen(rest), [false; PARAMETERS]);
+    }
+
+    #[test]
+    fn motion_one_way_shows_no_gap_and_one_output_shows_no_gain_of_the_other() {
+        let one_way = (0..100).map(|k| {
+            let pitch = f64::from(k) * 0.2 * DEG;
+            ([pitch, 0.0], [[-0.02, 0.0], [0.0; 2]], [6.0 * DEG, 0.0])
+        });
+        let [zero, _, by_pitch, by_yaw, .., gap, _, latency, _] = seen(one_way);
+        assert_eq!((zero, by_pitch, by_yaw), (true, true, false));
+        assert_eq!((gap, latency), (false, true));
+    }
+
+    #[test]
+    fn both_branches_show_the_gap() {
+        let to_and_fro = (0..200).map(|k| {
+            let phase = f64::from(k) * 0.1;
+            let branch = 0.02 * phase.cos().signum();
+            (
+                [10.0 * DEG * phase.sin(), 0.0],
+                [[-branch, 0.0], [0.0; 2]],
+                [0.1, 0.0],
+            )
+        });
+        let shown = seen(to_and_fro);
+        assert!(shown[6] && !shown[7], "{shown:?}");
+    }
+}

@@ -1,0 +1,168 @@
+//! What the adaptation needs to know of a model: slopes, reach, and how wrong the model is.
+
+use super::Pair;
+use crate::model::file::{FamilyParameters, OutputUnit};
+use crate::model::{MAX_CORNERS, Model};
+use crate::units::{MAX_MOTORS, MotorVec};
+
+/// The least deviation of a model, rad: no model is better than that on a robot.
+const LEAST_DEVIATION: f64 = 0.05 * std::f64::consts::PI / 180.0;
+
+/// Facts about a model that do not change. Built by a slower thread with the model.
+#[derive(Debug, Clone, PartialEq)]
+pub(in crate::core) struct ModelGeometry {
+    /// Mean slope over the hull, rad per count: rows are outputs, columns motors.
+    pub slope: [Pair; 2],
+    /// Its inverse, counts per rad.
+    pub inverse_slope: [Pair; 2],
+    /// The poses at the corners of the hull, rad.
+    pub corners: Vec<Pair>,
+    /// What the fit left of every output, rad.
+    pub deviation: Pair,
+    /// The family has gaps that can be scaled.
+    pub has_gap: bool,
+    /// Number of outputs, 1 or 2.
+    pub outputs: usize,
+    /// What the fit learned of the slow part of its error.
+    pub slow: Option<SlowError>,
+}
+
+/// The slow part of the error of a model: one number along one direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::core) struct SlowError {
+    /// Of length 1.
+    pub direction: Pair,
+    /// rad.
+    pub deviation: f64,
+    pub time_constant_s: f64,
+}
+
+impl ModelGeometry {
+    /// `None` for a model that is not adapted: its outputs are no angles, or not as many as motors.
+    #[allow(
+        clippy::disallowed_methods,
+        clippy::disallowed_types,
+        reason = "built with the model, by a slower thread"
+    )]
+    pub fn new(model: &Model) -> Option<Self> {
+        let outputs = &model.file().outputs;
+        let is_angle = outputs.iter().all(|output| output.unit == OutputUnit::Deg);
+        if !is_angle || outputs.len() != model.motors() || outputs.len() > 2 {
+            return None;
+        }
+        let memory = model.new_memory();
+        let corners: Vec<(MotorVec, Pair)> = model
+            .hull()
+            .corners()
+            .take(MAX_CORNERS)
+            .map(|counts| (counts, pair(&model.predict(&counts, &memory).mean)))
+            .collect();
+        let slope = mean_slope(&corners, outputs.len())?;
+        Some(Self {
+            slope,
+            inverse_slope: inverse(&slope)?,
+            corners: corners.into_iter().map(|(_, pose)| pose).collect(),
+            deviation: deviation(model),
+            outputs: outputs.len(),
+            slow: None,
+            has_gap: matches!(
+                model.file().family,
+                FamilyParameters::GmrPlay { .. }
+                    | FamilyParameters::GmrPrandtlIshlinskii { .. }
+                    | FamilyParameters::GmrStop { .. }
+            ),
+        })
+    }
+
+    /// The motion of the motors that moves the outputs by this, counts.
+    pub fn counts(&self, outputs: Pair) -> [f64; MAX_MOTORS] {
+        product(&self.inverse_slope, outputs)
+    }
+}
+
+/// The first two entries.
+pub(super) fn pair<const N: usize>(values: &[f64; N]) -> Pair {
+    let at = |index: usize| values.get(index).copied().unwrap_or_default();
+    [at(0), at(1)]
+}
+
+/// Matrix times vector.
+pub(super) fn product(matrix: &[Pair; 2], vector: Pair) -> Pair {
+    matrix.map(|[a, b]| a * vector[0] + b * vector[1])
+}
+
+/// The inverse of a matrix; `None` if there is none.
+pub(super) fn inverse([[a, b], [c, d]]: &[Pair; 2]) -> Option<[Pair; 2]> {
+    let determinant = a * d - b * c;
+    let largest = [a, b, c, d]
+        .map(|x| x.abs())
+        .into_iter()
+        .fold(0.0, f64::max);
+    let inverse = [
+        [d / determinant, -b / determinant],
+        [-c / determinant, a / determinant],
+    ];
+    (determinant.abs() > 1e-6 * largest * largest).then_some(inverse)
+}
+
+/// Least squares through the corners.
+fn mean_slope(corners: &[(MotorVec, Pair)], outputs: usize) -> Option<[Pair; 2]> {
+    let count = corners.len() as f64;
+    let mean = |of: &dyn Fn(&(MotorVec, Pair)) -> Pair| {
+        let sum = corners.iter().map(of).fold([0.0; 2], add);
+        sum.map(|sum| sum / count)
+    };
+    let (centre, middle) = (mean(&|corner| corner.0), mean(&|corner| corner.1));
+    let (mut spread, mut cross) = ([[0.0; 2]; 2], [[0.0; 2]; 2]);
+    for (counts, pose) in corners {
+        let (from, to) = (subtract(*counts, centre), subtract(*pose, middle));
+        for i in 0..2 {
+            for j in 0..2 {
+                spread[i][j] += from[i] * from[j];
+                cross[i][j] += to[i] * from[j];
+            }
+        }
+    }
+    if outputs == 1 {
+        spread[1][1] = 1.0;
+        cross[1][1] = 1.0;
+    }
+    let spread = inverse(&spread)?;
+    let row = |row: Pair| [0, 1].map(|j| row[0] * spread[0][j] + row[1] * spread[1][j]);
+    Some(cross.map(row))
+}
+
+pub(super) fn add(a: Pair, b: Pair) -> Pair {
+    [a[0] + b[0], a[1] + b[1]]
+}
+
+pub(super) fn subtract(a: Pair, b: Pair) -> Pair {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+/// Root mean square deviation of the fit on rows that it has not seen, if there were any.
+fn deviation(model: &Model) -> Pair {
+    let mut deviation = [LEAST_DEVIATION; 2];
+    for (deviation, metrics) in deviation.iter_mut().zip(&model.file().metrics) {
+        let fit = metrics.held_out.unwrap_or(metrics.training);
+        *deviation = fit.rmsd.to_radians().max(LEAST_DEVIATION);
+    }
+    deviation
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_slope_through_corners_is_that_of_the_plane() {
+        let plane = |counts: MotorVec| product(&[[2.0, 1.0], [-1.0, 3.0]], counts);
+        let corners = [[-3.0, -1.0], [5.0, -2.0], [4.0, 6.0], [-2.0, 3.0]];
+        let corners = corners.map(|counts| (counts, add(plane(counts), [7.0, -4.0])));
+        let slope = mean_slope(&corners, 2).unwrap();
+        for (found, expected) in slope.as_flattened().iter().zip([2.0, 1.0, -1.0, 3.0]) {
+            assert!((found - expected).abs() < 1e-12, "{slope:?}");
+        }
+        assert_eq!(inverse(&[[1.0, 2.0], [2.0, 4.0]]), None);
+    }
+}

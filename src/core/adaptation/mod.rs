@@ -1,0 +1,66 @@
+//! Adaptation: the drift of a calibration, followed by the camera, inside fences (H20 to H23).
+//!
+//! A calibration ages: zeros slip, gaps grow, the bend per count changes. The camera shows it, some
+//! hundredths of a second late. Drift takes minutes, so a late frame is no problem: the poses of the
+//! last moments are kept, and a frame is compared with the pose of its own time.
+//!
+//! # Terms
+//!
+//! - **drift**: zero of both outputs, a gain matrix, the gap scale of every motor, the latency of
+//!   the camera, and one slow state along the direction in which the model errs.
+//! - **calibrated, gapped, adapted pose**: of the model as calibrated; with scaled gaps; with all
+//!   of the correction. `adapted = gapped + zero + gain gapped`.
+//! - **estimate**: of the drift, by a Kalman filter. **Correction**: the part of the estimate that
+//!   is applied to the inverse and to `measured_js`.
+//! - **shadow**: a memory with larger gaps. Its distance from the memory in use is the regressor of
+//!   the gap scale.
+//! - **excitation**: motion that shows a parameter. Without it the parameter is not learned.
+//! - **budget**: the largest drift that is followed, per parameter and in total.
+//!
+//! # Fences
+//!
+//! 1. `budget`: a warning at 70 %; at 100 % nothing more is learned: calibrate.
+//! 2. `conditions`: only while goals are followed, inside the hull, with a known memory and good
+//!    frames; not within 2 s of a fault, a swap, a conditioning cycle or a command.
+//! 3. `excitation`: per parameter.
+//! 4. `score`: adapted against calibrated on the same frames; worse in three windows of 10 s takes
+//!    the correction back.
+//! 5. `correction`: moves with the goal only, along its direction, no faster than a limit.
+//! 6. The drift is offered as a model of its own; nothing is written over a calibration.
+//! 7. `plausibility` compares the camera with the calibrated pose, too.
+//! 8. What a push of tissue can do is bounded by the budget: `slip` follows small steps only.
+//!
+//! A family without gaps has no regressor for them. Its zero follows the error of the camera by a
+//! slow `integral` instead, never both.
+//!
+//! Sources: R. E. Kalman 1960; scalar updates: G. J. Bierman 1977; parameters without excitation
+//! are considered, not updated: S. F. Schmidt 1966. The limit of the integral, `k T < 1/e`, is that
+//! of an integrator with a delay without overshoot.
+
+mod budget;
+mod conditions;
+mod correction;
+mod drift;
+mod estimator;
+mod excitation;
+mod frames;
+mod geometry;
+mod integral;
+mod memories;
+mod report;
+mod ring;
+mod score;
+mod settings;
+mod slip;
+mod step;
+
+pub use drift::{Drift, PARAMETERS, Parameter};
+pub use report::{AdaptationEvent, AdaptationReport, FrameCounts, Method, Pause, Pauses};
+
+pub(super) use correction::Correction;
+pub(super) use geometry::ModelGeometry;
+pub(super) use memories::DriftMemories;
+pub(super) use step::{Adaptation, AdaptationState, Surroundings};
+
+/// One value per output: only models of one or two angles are adapted.
+pub(super) type Pair = [f64; 2];

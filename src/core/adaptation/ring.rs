@@ -1,0 +1,186 @@
+//! Ring of regressors: what the model said in the last moments, for frames that arrive late.
+
+use serde::{Deserialize, Serialize};
+
+use super::Pair;
+use super::geometry::{add, subtract};
+use crate::units::Nanos;
+
+/// The entries are stored in rows of 32: serde has no longer arrays.
+const ROWS: usize = 3;
+const COLUMNS: usize = 32;
+const CAPACITY: u64 = (ROWS * COLUMNS) as u64;
+
+/// Least interval between two entries. All of them cover at least 384 ms.
+pub(super) const SPACING: Nanos = Nanos::from_millis(4);
+
+/// A frame this much newer than the newest entry is taken to be of its time: positions come every
+/// few milliseconds.
+const NEWER: Nanos = Nanos::from_millis(10);
+
+/// Half of the span over which a rate is taken: one count within one interval is no rate.
+const RATE_SPAN: Nanos = Nanos::from_millis(20);
+
+/// The poses of one moment, rad.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct Moment {
+    pub stamp: Nanos,
+    /// Of the model as calibrated.
+    pub calibrated: Pair,
+    /// With the gap scale in use.
+    pub gapped: Pair,
+    /// With all of the correction in use.
+    pub adapted: Pair,
+    /// Change of `gapped` per growth of the gap, one row per motor.
+    pub gap_slopes: [Pair; 2],
+    /// Growth of the gaps in use.
+    pub gap: Pair,
+}
+
+/// The poses at the time of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Regressors {
+    pub moment: Moment,
+    /// Rate of change of `gapped`, rad/s.
+    pub rate: Pair,
+    /// The latency that was taken off the stamp, s.
+    pub latency_s: f64,
+}
+
+/// The last moments, oldest overwritten first.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct RegressorRing {
+    moments: [[Moment; COLUMNS]; ROWS],
+    written: u64,
+}
+
+impl RegressorRing {
+    pub fn newest(&self) -> Option<&Moment> {
+        self.moment(self.written.checked_sub(1)?)
+    }
+
+    /// An entry is due.
+    pub fn is_due(&self, stamp: Nanos) -> bool {
+        self.newest()
+            .is_none_or(|newest| stamp.since(newest.stamp) >= SPACING)
+    }
+
+    pub fn push(&mut self, moment: Moment) {
+        let index = (self.written % CAPACITY) as usize;
+        let row = self.moments.get_mut(index / COLUMNS);
+        if let Some(entry) = row.and_then(|row| row.get_mut(index % COLUMNS)) {
+            *entry = moment;
+            self.written += 1;
+        }
+    }
+
+    /// The poses at the stamp of a frame that is older than its stamp by a latency; `None` if that
+    /// is older or newer than the ring.
+    pub fn at(&self, stamp: Nanos, latency_s: f64) -> Option<Regressors> {
+        let shift = Nanos((1e9 * latency_s.abs()) as u64);
+        let stamp = if latency_s > 0.0 {
+            stamp - shift
+        } else {
+            stamp + shift
+        };
+        let moment = self.interpolate(stamp)?;
+        let before = self.interpolate(stamp - RATE_SPAN).unwrap_or(moment);
+        let after = self.interpolate(stamp + RATE_SPAN).unwrap_or(moment);
+        let span = after.stamp.since(before.stamp).as_seconds();
+        let change = subtract(after.gapped, before.gapped);
+        let rate = if span > 0.0 {
+            change.map(|change| change / span)
+        } else {
+            Pair::default()
+        };
+        Some(Regressors {
+            moment,
+            rate,
+            latency_s,
+        })
+    }
+
+    fn interpolate(&self, stamp: Nanos) -> Option<Moment> {
+        let newest = self.newest()?;
+        if stamp >= newest.stamp {
+            return (stamp.since(newest.stamp) <= NEWER).then_some(*newest);
+        }
+        let oldest = self.written.saturating_sub(CAPACITY);
+        let mut after = newest;
+        for number in (oldest..self.written.saturating_sub(1)).rev() {
+            let before = self.moment(number)?;
+            if before.stamp <= stamp {
+                return Some(between(before, after, stamp));
+            }
+            after = before;
+        }
+        None
+    }
+
+    fn moment(&self, number: u64) -> Option<&Moment> {
+        let index = (number % CAPACITY) as usize;
+        self.moments.get(index / COLUMNS)?.get(index % COLUMNS)
+    }
+}
+
+fn between(before: &Moment, after: &Moment, stamp: Nanos) -> Moment {
+    let span = after.stamp.since(before.stamp).as_seconds();
+    let part = if span > 0.0 {
+        stamp.since(before.stamp).as_seconds() / span
+    } else {
+        0.0
+    };
+    let mix = |a: Pair, b: Pair| add(a, subtract(b, a).map(|change| part * change));
+    Moment {
+        stamp,
+        calibrated: mix(before.calibrated, after.calibrated),
+        gapped: mix(before.gapped, after.gapped),
+        adapted: mix(before.adapted, after.adapted),
+        gap_slopes: [0, 1].map(|motor| mix(before.gap_slopes[motor], after.gap_slopes[motor])),
+        gap: after.gap,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ms(milliseconds: u64) -> Nanos {
+        Nanos::from_millis(milliseconds)
+    }
+
+    /// 500 ms at 1 rad/s.
+    fn moving() -> RegressorRing {
+        let mut ring = RegressorRing::default();
+        for t in (1000..=1500).step_by(5) {
+            assert!(ring.is_due(ms(t)));
+            ring.push(Moment {
+                stamp: ms(t),
+                gapped: [1e-3 * t as f64, 0.0],
+                ..Moment::default()
+            });
+            assert!(!ring.is_due(ms(t + 3)));
+        }
+        ring
+    }
+
+    #[test]
+    fn a_late_frame_finds_the_pose_and_the_rate_of_its_time() {
+        let ring = moving();
+        for t in [1100, 1252, 1497] {
+            let found = ring.at(ms(t + 10), 0.01).unwrap();
+            assert!((found.moment.gapped[0] - 1e-3 * t as f64).abs() < 1e-12);
+            assert!((found.rate[0] - 1.0).abs() < 1e-9, "{t} {found:?}");
+        }
+    }
+
+    #[test]
+    fn the_ring_covers_a_quarter_of_a_second_and_nothing_beyond_its_ends() {
+        let ring = moving();
+        assert!(ring.at(ms(1250), 0.0).is_some());
+        assert_eq!(ring.at(ms(1015), 0.0), None);
+        assert!(ring.at(ms(1505), 0.0).is_some());
+        assert_eq!(ring.at(ms(1511), 0.0), None);
+        assert_eq!(RegressorRing::default().at(ms(1), 0.0), None);
+    }
+}

@@ -1,0 +1,116 @@
+//! Score: adapted against calibrated, on the same frames.
+
+use serde::{Deserialize, Serialize};
+
+use super::Pair;
+use super::settings::length;
+use crate::units::Nanos;
+
+const DEG: f64 = std::f64::consts::PI / 180.0;
+
+/// Length of a window.
+const WINDOW: Nanos = Nanos::from_millis(10_000);
+
+/// Frames that a window needs; with fewer it goes on.
+const LEAST_FRAMES: u32 = 20;
+
+/// Windows in a row in which the adapted model is worse, before it is taken back.
+const WORSE_WINDOWS: u8 = 3;
+
+/// By less than this the adapted model is not worse, rad.
+const MARGIN: f64 = 0.02 * DEG;
+
+/// Larger errors count as this, rad: one outlier decides no window.
+const LARGEST: f64 = 3.0 * DEG;
+
+/// What a window said.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    Open,
+    /// The adapted model is to be taken back.
+    TakeBack,
+}
+
+/// The errors of the present window, and of the last one.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(super) struct Score {
+    begun: Option<Nanos>,
+    frames: u32,
+    /// Sums of squares: calibrated, adapted.
+    sums: Pair,
+    worse: u8,
+    /// Root mean squares of the last window, rad.
+    last: Pair,
+}
+
+impl Score {
+    /// Adds the errors of a frame.
+    pub fn add(&mut self, calibrated: Pair, adapted: Pair, now: Nanos) -> Verdict {
+        let begun = *self.begun.get_or_insert(now);
+        self.frames += 1;
+        for (sum, error) in self.sums.iter_mut().zip([calibrated, adapted]) {
+            let error = length(error).min(LARGEST);
+            *sum += error * error;
+        }
+        if now.since(begun) < WINDOW || self.frames < LEAST_FRAMES {
+            return Verdict::Open;
+        }
+        self.last = self.sums.map(|sum| (sum / f64::from(self.frames)).sqrt());
+        let [calibrated, adapted] = self.last;
+        self.worse = if adapted > calibrated + MARGIN {
+            self.worse + 1
+        } else {
+            0
+        };
+        (self.begun, self.frames, self.sums) = (None, 0, [0.0; 2]);
+        if self.worse < WORSE_WINDOWS {
+            return Verdict::Open;
+        }
+        self.worse = 0;
+        Verdict::TakeBack
+    }
+
+    /// The present window is thrown away: it would mix two states.
+    pub fn restart(&mut self) {
+        (self.begun, self.frames, self.sums) = (None, 0, [0.0; 2]);
+    }
+
+    /// Root mean square errors of the last window: calibrated, adapted; rad.
+    pub fn last(&self) -> Pair {
+        self.last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of 30 Hz for some seconds, with errors in degrees.
+    fn run(score: &mut Score, start_s: u64, seconds: u64, errors: Pair) -> Vec<Verdict> {
+        let frames = (0..seconds * 30).map(|k| Nanos::from_millis(start_s * 1000 + k * 1000 / 30));
+        frames
+            .map(|now| score.add([errors[0] * DEG, 0.0], [0.0, errors[1] * DEG], now))
+            .filter(|verdict| *verdict == Verdict::TakeBack)
+            .collect()
+    }
+
+    #[test]
+    fn three_worse_windows_in_a_row_take_the_correction_back() {
+        let mut score = Score::default();
+        assert!(run(&mut score, 1, 25, [0.5, 0.6]).is_empty());
+        // A window that is not worse begins the count again.
+        assert!(run(&mut score, 30, 12, [0.5, 0.4]).is_empty());
+        assert_eq!(run(&mut score, 60, 35, [0.5, 0.6]).len(), 1);
+    }
+
+    #[test]
+    fn equal_errors_and_single_outliers_take_nothing_back() {
+        let mut score = Score::default();
+        assert!(run(&mut score, 1, 100, [0.5, 0.51]).is_empty());
+        for second in 0..100 {
+            assert!(run(&mut score, 200 + second, 1, [0.5, 0.4]).is_empty());
+            let now = Nanos::from_millis((200 + second) * 1000 + 990);
+            assert_eq!(score.add([0.5 * DEG, 0.0], [1.0, 0.0], now), Verdict::Open);
+        }
+    }
+}

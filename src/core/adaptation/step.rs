@@ -1,0 +1,415 @@
+//! The adaptation, tick by tick.
+
+use serde::{Deserialize, Serialize};
+
+use super::budget::{BudgetUse, WARNING, inside};
+use super::conditions::Conditions;
+pub(in crate::core) use super::conditions::Surroundings;
+use super::correction::MovingCorrection;
+use super::drift::{Drift, PARAMETERS};
+use super::estimator::Estimator;
+use super::excitation::Excitation;
+use super::frames::{Frame, FrameFilter};
+use super::geometry::{ModelGeometry, pair, subtract};
+use super::integral::Integral;
+use super::memories::DriftMemories;
+use super::report::{AdaptationEvent, AdaptationReport, Method, Pause, Pauses};
+use super::ring::{Moment, RegressorRing, Regressors};
+use super::score::{Score, Verdict};
+use super::settings::{Settings, length};
+use super::slip::SlipDetector;
+use crate::config::AdaptationConfig;
+use crate::core::event::{CycleEventKind, EventList};
+use crate::core::inputs::ExternalPose;
+use crate::core::joint_space::joint_model::JointModel;
+use crate::model::ModelId;
+use crate::units::Nanos;
+
+/// The budget counts as used up after this many frames beyond it: the first frames of a filter
+/// swing.
+const FRAMES_BEYOND: u32 = 60;
+
+/// The adaptation of the active model.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::core) struct Adaptation {
+    settings: Settings,
+    pub state: AdaptationState,
+}
+
+/// Everything that changes from tick to tick.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(in crate::core) struct AdaptationState {
+    model: Option<ModelId>,
+    memories: DriftMemories,
+    ring: RegressorRing,
+    filter: FrameFilter,
+    estimator: Estimator,
+    integral: Integral,
+    excitation: Excitation,
+    slip: SlipDetector,
+    score: Score,
+    conditions: Conditions,
+    correction: MovingCorrection,
+    used: BudgetUse,
+    frames_beyond: u32,
+    is_warned: bool,
+    is_used_up: bool,
+    is_taken_back: bool,
+    taken_back: u32,
+    pauses: Pauses,
+}
+
+impl AdaptationState {
+    fn new() -> Self {
+        Self {
+            model: None,
+            memories: DriftMemories::default(),
+            ring: RegressorRing::default(),
+            filter: FrameFilter::default(),
+            estimator: Estimator::new(None),
+            integral: Integral::default(),
+            excitation: Excitation::default(),
+            slip: SlipDetector::default(),
+            score: Score::default(),
+            conditions: Conditions::default(),
+            correction: MovingCorrection::default(),
+            used: BudgetUse::default(),
+            frames_beyond: 0,
+            is_warned: false,
+            is_used_up: false,
+            is_taken_back: false,
+            taken_back: 0,
+            pauses: Pauses::NONE,
+        }
+    }
+}
+
+impl Adaptation {
+    /// `None` if it is switched off.
+    pub fn new(config: &AdaptationConfig, tick: Nanos) -> Option<Self> {
+        config.enabled.then(|| Self {
+            settings: Settings::new(config, tick),
+            state: AdaptationState::new(),
+        })
+    }
+
+    /// The memories that follow the positions with the active model.
+    pub fn memories_mut(&mut self) -> &mut DriftMemories {
+        &mut self.state.memories
+    }
+
+    /// The next model takes over, or the zero of the encoders moves: everything begins anew. `from`
+    /// is the model that was in use until now; it becomes as calibrated.
+    pub fn begin(&mut self, from: Option<&mut JointModel>, now: Nanos) {
+        if let Some(from) = from
+            && Some(from.model().id()) == self.state.model
+        {
+            from.end_correction(self.state.memories.calibrated());
+        }
+        self.state = AdaptationState {
+            filter: self.state.filter,
+            taken_back: self.state.taken_back,
+            ..AdaptationState::new()
+        };
+        self.state.conditions.unsettle(now);
+    }
+
+    /// One tick, after the feedback of it.
+    pub fn step(
+        &mut self,
+        joints: &mut JointModel,
+        frame: Option<&ExternalPose>,
+        surroundings: &Surroundings,
+        events: &mut EventList,
+    ) {
+        let now = surroundings.now;
+        let id = joints.model().id();
+        if self.state.model != Some(id) {
+            self.begin(None, now);
+            self.state.model = Some(id);
+            self.state.memories = DriftMemories::new(joints.measured_memory());
+            let slow = joints.geometry().and_then(|geometry| geometry.slow);
+            self.state.estimator = Estimator::new(slow.as_ref());
+        }
+        if surroundings.is_unsettled {
+            self.state.conditions.unsettle(now);
+        }
+        if surroundings.is_disabled {
+            self.state.is_taken_back = false;
+        }
+        if joints.geometry().is_none() {
+            return;
+        }
+        self.record(joints);
+        self.find_pauses(joints, surroundings);
+        if let Some(frame) = frame
+            && let Some(geometry) = joints.geometry()
+        {
+            self.take_frame(frame, geometry, now, events);
+        }
+        self.move_correction(joints, now);
+    }
+
+    fn record(&mut self, joints: &JointModel) {
+        let Some(measured) = joints.measured_at() else {
+            return;
+        };
+        if !self.state.ring.is_due(measured.stamp) {
+            return;
+        }
+        let (model, memories) = (joints.model(), &self.state.memories);
+        let gapped = pair(&measured.gapped);
+        self.state.ring.push(Moment {
+            stamp: measured.stamp,
+            calibrated: memories.calibrated_pose(model, &measured.position),
+            gapped,
+            adapted: pair(&measured.adapted),
+            gap_slopes: memories.gap_slopes(model, &measured.position, gapped),
+            gap: joints.gap_scale().map(|scale| scale - 1.0),
+        });
+    }
+
+    fn find_pauses(&mut self, joints: &JointModel, surroundings: &Surroundings) {
+        let state = &mut self.state;
+        let in_hull = joints
+            .measured_at()
+            .is_some_and(|measured| joints.model().hull().contains(&measured.position));
+        let silence = state.filter.silence(surroundings.now);
+        let moves = state.excitation.shown().iter().any(|shown| *shown);
+        state.pauses = state
+            .conditions
+            .pauses(surroundings, joints.is_memory_known(), in_hull, silence)
+            .with(Pause::BudgetUsed, state.is_used_up)
+            .with(Pause::TakenBack, state.is_taken_back)
+            .with(Pause::NoMotion, !moves);
+    }
+
+    fn take_frame(
+        &mut self,
+        frame: &ExternalPose,
+        geometry: &ModelGeometry,
+        now: Nanos,
+        events: &mut EventList,
+    ) {
+        let state = &mut self.state;
+        let quality = self.settings.least_quality;
+        let Some(frame) = state.filter.take(frame, geometry.outputs, quality, now) else {
+            return;
+        };
+        let latency_s = state.estimator.latency_s();
+        let Some(regressors) = state.ring.at(frame.stamp, latency_s) else {
+            state.filter.counts.too_old += 1;
+            return;
+        };
+        state.excitation.add(&regressors, frame.interval_s.min(1.0));
+        if self.state.pauses.look_away() {
+            self.state.filter.counts.paused += 1;
+            self.state.score.restart();
+            return;
+        }
+        if self.state.is_used_up || self.state.is_taken_back {
+            self.state.filter.counts.paused += 1;
+        } else if geometry.has_gap {
+            self.filter_frame(&frame, &regressors, geometry, events);
+            self.update_budget(geometry, events);
+        } else {
+            self.integrate_frame(&frame, &regressors, events);
+            self.update_budget(geometry, events);
+        }
+        self.judge(&frame, &regressors, geometry, now, events);
+    }
+
+    fn filter_frame(
+        &mut self,
+        frame: &Frame,
+        regressors: &Regressors,
+        geometry: &ModelGeometry,
+        events: &mut EventList,
+    ) {
+        let (state, settings) = (&mut self.state, &self.settings);
+        let is_learning = !state.pauses.contains(Pause::CameraDisbelieved);
+        let shown = state.excitation.shown();
+        state
+            .estimator
+            .predict(frame.interval_s, geometry.slow.as_ref());
+        let found = state.estimator.update(
+            frame.pose,
+            regressors,
+            &shown,
+            geometry,
+            settings,
+            is_learning,
+        );
+        let seconds = frame.interval_s.min(1.0);
+        let model = length(geometry.deviation);
+        let slip = state
+            .slip
+            .add(found.value, model, settings.largest_step, seconds);
+        if let Some(step) = slip {
+            state.estimator.open_zero(step);
+            state.conditions.believe();
+            events.push(CycleEventKind::Adaptation(AdaptationEvent::Slip));
+        }
+        self.count(found.is_accepted, is_learning, seconds, events);
+    }
+
+    fn integrate_frame(&mut self, frame: &Frame, regressors: &Regressors, events: &mut EventList) {
+        let state = &mut self.state;
+        let is_learning = !state.pauses.contains(Pause::CameraDisbelieved)
+            && state.excitation.shown().first() == Some(&true);
+        // Of what is applied and what is about to be.
+        let zero = state.integral.zero();
+        let expected = [0, 1].map(|output| regressors.moment.gapped[output] + zero[output]);
+        let error = subtract(frame.pose, expected);
+        let is_accepted = state.integral.add(error, frame, is_learning);
+        self.count(is_accepted, is_learning, frame.interval_s.min(1.0), events);
+    }
+
+    fn count(
+        &mut self,
+        is_accepted: bool,
+        is_learning: bool,
+        seconds: f64,
+        events: &mut EventList,
+    ) {
+        let counts = &mut self.state.filter.counts;
+        let count = match (is_accepted, is_learning) {
+            (true, true) => &mut counts.used,
+            (true, false) => &mut counts.paused,
+            (false, _) => &mut counts.refused,
+        };
+        *count += 1;
+        let changed = self.state.conditions.add_frame(is_accepted, seconds);
+        if let Some(is_believed) = changed {
+            events.push(CycleEventKind::Adaptation(if is_believed {
+                AdaptationEvent::CameraBelieved
+            } else {
+                AdaptationEvent::CameraDisbelieved
+            }));
+        }
+    }
+
+    fn update_budget(&mut self, geometry: &ModelGeometry, events: &mut EventList) {
+        let drift = self.drift(geometry);
+        let (state, settings) = (&mut self.state, &self.settings);
+        let reach = state.excitation.gap_reach();
+        state.used = BudgetUse::new(&drift, geometry, reach, settings);
+        let used = state.used.largest();
+        state.frames_beyond = if used >= 1.0 {
+            state.frames_beyond + 1
+        } else {
+            0
+        };
+        if geometry.has_gap {
+            let drift = inside(&drift, geometry, reach, settings);
+            state.estimator.set_drift(&drift);
+        }
+        let is_warned = used >= WARNING;
+        if is_warned && !state.is_warned {
+            events.push(CycleEventKind::Adaptation(AdaptationEvent::BudgetWarning));
+        }
+        // Around the limit it is said once.
+        state.is_warned = is_warned || (state.is_warned && used > 0.9 * WARNING);
+        if state.frames_beyond >= FRAMES_BEYOND && !state.is_used_up {
+            state.is_used_up = true;
+            events.push(CycleEventKind::Adaptation(AdaptationEvent::BudgetUsed));
+        }
+    }
+
+    fn judge(
+        &mut self,
+        frame: &Frame,
+        regressors: &Regressors,
+        geometry: &ModelGeometry,
+        now: Nanos,
+        events: &mut EventList,
+    ) {
+        let moment = &regressors.moment;
+        let calibrated = subtract(frame.pose, moment.calibrated);
+        let adapted = subtract(frame.pose, moment.adapted);
+        if self.state.score.add(calibrated, adapted, now) == Verdict::TakeBack {
+            let state = &mut self.state;
+            state.is_taken_back = true;
+            state.taken_back = state.taken_back.saturating_add(1);
+            state.estimator = Estimator::new(geometry.slow.as_ref());
+            state.integral = Integral::default();
+            state.used = BudgetUse::default();
+            events.push(CycleEventKind::Adaptation(AdaptationEvent::TakenBack));
+        }
+    }
+
+    /// The correction moves with the goal, and only while the robot is settled.
+    fn move_correction(&mut self, joints: &mut JointModel, now: Nanos) {
+        let Some(geometry) = joints.geometry() else {
+            return;
+        };
+        let motion = geometry.counts(pair(joints.goal_motion()));
+        if self.state.conditions.is_settled(now) {
+            let drift = self.drift(geometry);
+            let inside = inside(
+                &drift,
+                geometry,
+                self.state.excitation.gap_reach(),
+                &self.settings,
+            );
+            let pose = pair(&joints.setpoint().unwrap_or_default());
+            self.state
+                .correction
+                .advance(&inside, pose, motion, geometry, &self.settings);
+        }
+        let correction = self.state.correction.correction(geometry);
+        joints.set_correction(correction);
+    }
+
+    fn drift(&self, geometry: &ModelGeometry) -> Drift {
+        if geometry.has_gap {
+            self.state.estimator.drift()
+        } else {
+            Drift {
+                zero: self.state.integral.zero(),
+                ..Drift::default()
+            }
+        }
+    }
+
+    /// The pose as calibrated, at the last moment.
+    pub fn calibrated_pose(&self) -> Option<[f64; 2]> {
+        self.state.ring.newest().map(|moment| moment.calibrated)
+    }
+
+    pub fn report(&self, joints: Option<&JointModel>) -> AdaptationReport {
+        let state = &self.state;
+        let [calibrated_error, adapted_error] = state.score.last();
+        let Some((joints, geometry)) = joints.and_then(|joints| Some((joints, joints.geometry()?)))
+        else {
+            return AdaptationReport {
+                frames: state.filter.counts,
+                taken_back: state.taken_back,
+                ..AdaptationReport::default()
+            };
+        };
+        AdaptationReport {
+            model: state.model,
+            method: if geometry.has_gap {
+                Method::Filter
+            } else {
+                Method::Integral
+            },
+            estimate: self.drift(geometry),
+            deviations: if geometry.has_gap {
+                state.estimator.deviations()
+            } else {
+                [0.0; PARAMETERS]
+            },
+            applied: joints.applied_drift(),
+            budget_used: state.used.parameters,
+            total_used: state.used.total,
+            excited: state.excitation.shown(),
+            pauses: state.pauses,
+            frames: state.filter.counts,
+            calibrated_error,
+            adapted_error,
+            taken_back: state.taken_back,
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! Events of the cycle that concern several of its parts: faults with what was measured, stops for
+//! want of feedback, clips.
+
+use crate::core::cycle::ControlCycle;
+use crate::core::drive_status::DriveSummary;
+use crate::core::event::{CycleEventKind, EventList};
+use crate::core::setpoint_generation::GeneratedSetpoint;
+use crate::core::states::automatic_transitions::next_transition;
+use crate::core::states::control_state::{ControlState, EnabledActivity};
+use crate::core::states::state_machine::TransitionCause;
+use crate::core::vector::distance;
+use crate::model::file::OutputUnit;
+use crate::robot::{Excess, Quantity, Refusal};
+use crate::units::Nanos;
+
+const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
+
+impl ControlCycle {
+    /// The transition of this tick that no command asks for.
+    pub(super) fn follow_transition(&mut self, summary: &DriveSummary, events: &mut EventList) {
+        let Some(transition) = next_transition(self.machine.state(), summary) else {
+            self.feedback_stops.update(false, summary.now);
+            return;
+        };
+        let (next, cause) = transition;
+        let was_moving = !self.machine.state().is_holding();
+        let is_stop = matches!(self.machine.state(), ControlState::Enabled(_))
+            && was_moving
+            && next == HOLDING;
+        if self.feedback_stops.update(is_stop, summary.now) {
+            let excess = self.request_excess(Refusal::DrivesNotReady, summary);
+            events.push_measured(CycleEventKind::FeedbackStop, excess);
+        }
+        let excess = match cause {
+            TransitionCause::Fault(fault) => self.fault_excess(fault, summary),
+            _ => None,
+        };
+        self.machine.change(transition, summary.now, events);
+        events.explain_fault(excess);
+    }
+
+    /// The beginning of a clip is an event, with the distance that is cut off.
+    pub(super) fn report_clip(
+        &mut self,
+        setpoint: &GeneratedSetpoint,
+        now: Nanos,
+        events: &mut EventList,
+    ) {
+        if !self.clips.update(setpoint.is_clipped, now) {
+            return;
+        }
+        let followed = self.machine.state().followed_command();
+        let is_angle = { self.models.active() }.is_some_and(|it| it.unit() == OutputUnit::Deg);
+        let excess = followed.zip(setpoint.goal).and_then(|(followed, goal)| {
+            let requested = followed.goal.joint().filter(|_| is_angle)?;
+            let distance = distance(requested, &goal).to_degrees();
+            Some(Excess::new(Quantity::Degrees, distance, None))
+        });
+        let client_id = followed.map_or(0, |followed| followed.client_id);
+        events.push_measured(CycleEventKind::Clipped { client_id }, excess);
+    }
+}

@@ -1,0 +1,50 @@
+//! Folding of events that a client or a bad line could repeat in every tick.
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::Nanos;
+
+/// Shortest time between two events of one kind.
+const FOLD_TIME: Nanos = Nanos::from_millis(1000);
+
+/// Reports the beginning of a condition as an event, at most once per second.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(crate) struct EventFold {
+    is_present: bool,
+    last: Option<Nanos>,
+}
+
+impl EventFold {
+    /// Updates the condition. Returns whether its beginning is an event now.
+    pub fn update(&mut self, is_present: bool, now: Nanos) -> bool {
+        let is_new = is_present && !self.is_present;
+        self.is_present = is_present;
+        let is_due = self.last.is_none_or(|last| now.since(last) >= FOLD_TIME);
+        if is_new && is_due {
+            self.last = Some(now);
+        }
+        is_new && is_due
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_beginning_is_an_event_and_a_flapping_condition_is_folded() {
+        let mut fold = EventFold::default();
+        for (ms, is_present, is_event) in [
+            (0, true, true),
+            (1, true, false),
+            (2, false, false),
+            (3, true, false),
+            (4, false, false),
+            (1000, true, true),
+            (5000, true, false),
+        ] {
+            let now = Nanos::from_millis(10_000 + ms);
+            assert_eq!(fold.update(is_present, now), is_event, "{ms} ms");
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! The streams `error` and `warning`: why the robot does not move, or not as asked.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::definition::payload;
+use super::state_streams::OperatingStateMsg;
+use super::text::{padded_text, unpadded_text};
+use crate::robot::{Cause, Excess, Fault, OperatingState, Quantity, Reason, Refusal};
+use crate::units::Nanos;
+
+payload! {
+    /// `error` (faults) and `warning` (refusals, stops, clips), out. Code, sentence and advice are
+    /// the same in the log and in every program.
+    ReasonMsg "I2risReasonV1" {
+        /// Counts up by one per message of a stream.
+        pub sequence: u64,
+        /// When it happened.
+        pub stamp_ns: u64,
+        /// Identifies this start of the controller.
+        pub boot_id: u64,
+        /// The client whose command it concerns; 0: none.
+        pub client_id: u64,
+        /// The measured value, in the unit of `quantity`.
+        pub measured: f64,
+        /// The limit that it broke.
+        pub limit: f64,
+        /// 1 fault, 2 refusal, 3 stop, 4 clip.
+        pub kind: u32,
+        /// [`crate::robot::Fault`], [`crate::robot::Refusal`], [`crate::robot::Stop`] or
+        /// [`crate::robot::Clip`].
+        pub number: u32,
+        /// [`crate::robot::Quantity`] of `measured` and `limit`.
+        pub quantity: u32,
+        /// Index of the motor.
+        pub motor: u32,
+        /// Sum of [`ReasonMsg::MEASURED`], [`ReasonMsg::LIMIT`], [`ReasonMsg::MOTOR`].
+        pub flags: u32,
+        /// 0.
+        pub reserved: u32,
+        /// Code, sentence, measured value and limit; UTF-8, padded with 0.
+        pub text: [u8; 192],
+        /// What to do; UTF-8, padded with 0.
+        pub advice: [u8; 128],
+    }
+}
+
+impl ReasonMsg {
+    /// Flag: `measured` and `quantity` are valid.
+    pub const MEASURED: u32 = 1;
+    /// Flag: `limit` is valid.
+    pub const LIMIT: u32 = 2;
+    /// Flag: `motor` is valid.
+    pub const MOTOR: u32 = 4;
+
+    /// The message of a reason.
+    #[must_use]
+    pub fn new(reason: &Reason, client_id: u64, stamp: Nanos) -> Self {
+        let fields = ExcessFields::from(reason.excess);
+        Self {
+            stamp_ns: stamp.0,
+            client_id,
+            measured: fields.measured,
+            limit: fields.limit,
+            kind: reason.cause.kind(),
+            number: reason.cause.number(),
+            quantity: fields.quantity,
+            motor: fields.motor,
+            flags: fields.flags,
+            text: padded_text(&reason.text()),
+            advice: padded_text(reason.cause.advice()),
+            ..Self::default()
+        }
+    }
+
+    /// The reason; `None` for one of another release.
+    #[must_use]
+    pub fn reason(&self) -> Option<Reason> {
+        let cause = Cause::from_numbers(self.kind, self.number)?;
+        let fields = ExcessFields {
+            measured: self.measured,
+            limit: self.limit,
+            quantity: self.quantity,
+            motor: self.motor,
+            flags: self.flags,
+        };
+        let excess = fields.excess();
+        Some(Reason { cause, excess })
+    }
+
+    /// Code, sentence, measured value and limit.
+    #[must_use]
+    pub fn text(&self) -> String {
+        unpadded_text(&self.text)
+    }
+
+    /// What to do.
+    #[must_use]
+    pub fn advice(&self) -> String {
+        unpadded_text(&self.advice)
+    }
+}
+
+impl OperatingStateMsg {
+    /// What keeps the robot from moving now, the one that matters most first.
+    #[must_use]
+    pub fn causes(&self) -> Vec<Cause> {
+        let lacks = |flag: u32| self.flags & flag == 0;
+        let first = match OperatingState::from_number(self.state) {
+            Some(OperatingState::Enabled) | None => None,
+            Some(OperatingState::Fault) => {
+                let fault = Fault::from_number(self.fault).filter(|fault| *fault != Fault::None);
+                Some(fault.map_or(Cause::State(OperatingState::Fault), Cause::Fault))
+            }
+            Some(state) => Some(Cause::State(state)),
+        };
+        let others = [
+            (lacks(Self::HOMED), Refusal::NotHomed),
+            (lacks(Self::MODEL), Refusal::NoModel),
+            (!lacks(Self::BUSY), Refusal::Busy),
+        ];
+        let others = others.into_iter().filter(|(is_present, _)| *is_present);
+        first
+            .into_iter()
+            .chain(others.map(|(_, refusal)| Cause::Refusal(refusal)))
+            .collect()
+    }
+}
+
+/// An [`Excess`] as fields of a payload.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ExcessFields {
+    pub measured: f64,
+    pub limit: f64,
+    pub quantity: u32,
+    pub motor: u32,
+    pub flags: u32,
+}
+
+impl From<Option<Excess>> for ExcessFields {
+    fn from(excess: Option<Excess>) -> Self {
+        let flag = |is_known: bool, flag: u32| if is_known { flag } else { 0 };
+        let limit = excess.and_then(|it| it.limit);
+        let motor = excess.and_then(|it| it.motor);
+        Self {
+            measured: excess.map_or(0.0, |it| it.measured),
+            limit: limit.unwrap_or(0.0),
+            quantity: excess.map_or(0, |it| it.quantity.number()),
+            motor: motor.map_or(0, u32::from),
+            flags: flag(excess.is_some(), ReasonMsg::MEASURED)
+                | flag(limit.is_some(), ReasonMsg::LIMIT)
+                | flag(motor.is_some(), ReasonMsg::MOTOR),
+        }
+    }
+}
+
+impl ExcessFields {
+    pub fn excess(&self) -> Option<Excess> {
+        let has = |flag: u32| self.flags & flag != 0;
+        let quantity = Quantity::from_number(self.quantity)?;
+        has(ReasonMsg::MEASURED).then_some(Excess {
+            motor: u8::try_from(self.motor)
+                .ok()
+                .filter(|_| has(ReasonMsg::MOTOR)),
+            quantity,
+            measured: self.measured,
+            limit: has(ReasonMsg::LIMIT).then_some(self.limit),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reason_passes_through_a_message_unchanged_and_fits() {
+        let excesses = [
+            None,
+            Some(Excess::new(Quantity::ErrorCode, 34_321.0, None)),
+            Some(Excess::new(Quantity::Degrees, 123_456.78, Some(123_456.78)).of_motor(1)),
+        ];
+        for cause in Cause::all() {
+            for excess in excesses {
+                let reason = Reason { cause, excess };
+                let message = ReasonMsg::new(&reason, 7, Nanos(9));
+                assert_eq!(message.reason(), Some(reason));
+                assert_eq!(message.text(), reason.text(), "cut");
+                assert_eq!(message.advice(), cause.advice(), "cut");
+                assert_eq!((message.client_id, message.stamp_ns), (7, 9));
+            }
+        }
+        let foreign = ReasonMsg {
+            kind: 9,
+            ..ReasonMsg::new(&Cause::Fault(Fault::Late).into(), 0, Nanos(1))
+        };
+        assert_eq!(foreign.reason(), None);
+        assert!(foreign.text().contains("late ticks"));
+    }
+}

@@ -1,0 +1,192 @@
+//! A model file with a drift built in: the same robot, some time later.
+
+use super::{FamilyParameters, MixtureParameters, ModelFile};
+use crate::model::error::{ModelError, require};
+use crate::model::families::hysteresis::residual::ResidualParameters;
+
+/// A drift of the outputs, `y <- y + gain y + zero`, and of the gaps of the motors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FileDrift {
+    /// In SI units.
+    pub zero: [f64; 2],
+    /// Rows: outputs, columns: outputs.
+    pub gain: [[f64; 2]; 2],
+    /// Growth of the gap of every motor.
+    pub gap: [f64; 2],
+}
+
+/// The affine map of the outputs, in units of the file.
+struct OutputMap {
+    matrix: Vec<Vec<f64>>,
+    zero: Vec<f64>,
+}
+
+impl ModelFile {
+    /// The model with a drift built in. Training record and metrics stay those of the calibration;
+    /// `training.software` says that it is not one.
+    ///
+    /// # Errors
+    ///
+    /// When the model has more than two outputs, or a kinematic chain shall get another gain.
+    pub fn drifted(&self, drift: &FileDrift) -> Result<Self, ModelError> {
+        let outputs = self.outputs.len();
+        require(
+            (1..=2).contains(&outputs),
+            || "outputs".to_owned(),
+            outputs,
+            "a drift is known of one or two outputs",
+        )?;
+        let si = self.outputs.first().map_or(1.0, |output| output.unit.si());
+        let map = OutputMap::new(drift, outputs, si);
+        let mut file = self.clone();
+        file.training.software = format!("{}, with a drift built in", self.training.software);
+        match &mut file.family {
+            FamilyParameters::Linear {
+                gain,
+                offset,
+                covariance,
+            } => {
+                *gain = map.times(gain);
+                *offset = map.apply(offset);
+                *covariance = map.around(covariance);
+            }
+            FamilyParameters::Kinematic { offset, .. } => {
+                let is_shift = drift.gain.as_flattened().iter().all(|gain| *gain == 0.0);
+                require(
+                    is_shift,
+                    || "family.offset".to_owned(),
+                    format!("{:?}", drift.gain),
+                    "a kinematic chain has no gain that could drift",
+                )?;
+                *offset = map.apply(offset);
+            }
+            FamilyParameters::Gmr { mixture } | FamilyParameters::GmrDirection { mixture, .. } => {
+                map.mixture(mixture);
+            }
+            FamilyParameters::GmrPlay {
+                plays,
+                mixture,
+                residual,
+                ..
+            } => {
+                for (thresholds, gap) in plays.thresholds_counts.iter_mut().zip(drift.gap) {
+                    scale(thresholds, 1.0 + gap);
+                }
+                scale(&mut plays.planar_thresholds_counts, 1.0 + mean(drift));
+                map.chain(mixture, residual);
+            }
+            FamilyParameters::GmrPrandtlIshlinskii {
+                operator,
+                mixture,
+                residual,
+                ..
+            } => {
+                for play in &mut operator.plays {
+                    let sum: f64 = play.direction.iter().map(|part| part.abs()).sum();
+                    let parts = play.direction.iter().zip(drift.gap);
+                    let growth: f64 = parts.map(|(part, gap)| part.abs() * gap).sum();
+                    play.threshold_counts *= 1.0 + growth / sum;
+                }
+                map.chain(mixture, residual);
+            }
+            FamilyParameters::GmrStop {
+                stops,
+                mixture,
+                residual,
+                ..
+            } => {
+                for (motor, gap) in stops.motors.iter_mut().zip(drift.gap) {
+                    scale(&mut motor.slack, 1.0 + gap);
+                    scale(&mut motor.friction, 1.0 + gap);
+                    motor.friction = motor.friction.map(|friction| friction.min(1.0));
+                }
+                stops.base_friction *= 1.0 + mean(drift);
+                map.chain(mixture, residual);
+            }
+        }
+        Ok(file)
+    }
+}
+
+fn scale(values: &mut [f64], factor: f64) {
+    for value in values {
+        *value *= factor;
+    }
+}
+
+fn mean(drift: &FileDrift) -> f64 {
+    0.5 * (drift.gap[0] + drift.gap[1])
+}
+
+impl OutputMap {
+    fn new(drift: &FileDrift, outputs: usize, si: f64) -> Self {
+        let row = |i: usize| {
+            let columns = 0..outputs;
+            columns
+                .map(|j| drift.gain[i][j] + if i == j { 1.0 } else { 0.0 })
+                .collect()
+        };
+        Self {
+            matrix: (0..outputs).map(row).collect(),
+            zero: drift.zero[..outputs].iter().map(|zero| zero / si).collect(),
+        }
+    }
+
+    fn apply(&self, outputs: &[f64]) -> Vec<f64> {
+        let rows = self.matrix.iter().zip(&self.zero);
+        rows.map(|(row, zero)| zero + dot(row, outputs)).collect()
+    }
+
+    /// The matrix times rows of outputs.
+    fn times(&self, rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let columns = rows.first().map_or(0, Vec::len);
+        let column = |j: usize| -> Vec<f64> { rows.iter().map(|row| row[j]).collect() };
+        let columns: Vec<Vec<f64>> = (0..columns).map(column).collect();
+        let product = |row: &Vec<f64>| columns.iter().map(|column| dot(row, column)).collect();
+        self.matrix.iter().map(product).collect()
+    }
+
+    /// The covariance of the mapped outputs.
+    fn around(&self, covariance: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        self.times(&transposed(&self.times(covariance)))
+    }
+
+    /// Inputs come first, outputs last.
+    fn mixture(&self, mixture: &mut MixtureParameters) {
+        for mean in &mut mixture.means {
+            let inputs = mean.len() - self.zero.len();
+            let outputs = self.apply(&mean[inputs..]);
+            mean.truncate(inputs);
+            mean.extend(outputs);
+        }
+        for covariance in &mut mixture.covariances {
+            let rows = |matrix: &mut Vec<Vec<f64>>| {
+                let inputs = matrix.len() - self.zero.len();
+                let outputs = self.times(&matrix[inputs..]);
+                matrix.truncate(inputs);
+                matrix.extend(outputs);
+            };
+            rows(covariance);
+            *covariance = transposed(covariance);
+            rows(covariance);
+            *covariance = transposed(covariance);
+        }
+    }
+
+    fn chain(&self, mixture: &mut MixtureParameters, residual: &mut Option<ResidualParameters>) {
+        self.mixture(mixture);
+        if let Some(residual) = residual {
+            residual.coefficients = self.times(&residual.coefficients);
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn transposed(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let columns = rows.first().map_or(0, Vec::len);
+    let column = |j: usize| rows.iter().map(|row| row[j]).collect();
+    (0..columns).map(column).collect()
+}

@@ -1,0 +1,89 @@
+//! What to do about a fault, a refusal, a stop or a clip: one sentence each.
+
+use super::{Clip, Fault, OperatingState, Refusal, Stop};
+
+pub(super) fn fault_advice(fault: Fault) -> &'static str {
+    match fault {
+        Fault::None => "read the controller's log, then `i2ris command state acknowledge`",
+        Fault::Drive => "look the error code up in the drive's manual; then acknowledge",
+        Fault::Link => "check cable and supply (`i2ris doctor`); then acknowledge",
+        Fault::FollowingError => {
+            "free the mechanism, or raise `current_limit_ma`, or lower the velocity; then \
+             acknowledge"
+        }
+        Fault::DriveState => "check STO and supply, and close EPOS Studio; then acknowledge",
+        Fault::DriveTimeout => "check the drives with `i2ris doctor`; then acknowledge",
+        Fault::Homing => "check the keys `homing_*` of the axis; then acknowledge",
+        Fault::Model => "keep the black box (`i2ris dump`) and report it",
+        Fault::Late => {
+            "take load off the computer, or give it real-time permission; then acknowledge"
+        }
+        Fault::Implausible => {
+            "look at the snake: slack or torn wire, wrong zero, old model, moved camera"
+        }
+        Fault::Current => "free the mechanism and look at the snake; then acknowledge",
+    }
+}
+
+pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
+    match refusal {
+        Refusal::None => "nothing",
+        Refusal::NotFinite => "correct the client: it sends NaN or an infinite value",
+        Refusal::Malformed => "correct the client: number of values, flags and client id",
+        Refusal::Sequence => "correct the client: count the sequence number up by one per command",
+        Refusal::Stale => "send faster; stamp with the monotonic clock of this computer",
+        Refusal::Stamp => {
+            "stamp with the monotonic clock of this computer; ask for a deadline of 1 s at most"
+        }
+        Refusal::Step => "start at `setpoint_js` and interpolate (`command.max_step_deg`)",
+        Refusal::Lease => "end the other client, or wait until it is silent (`i2ris monitor`)",
+        Refusal::NotEnabled => "`i2ris command state enable`; after a fault, acknowledge it first",
+        Refusal::NotHomed => "straighten the snake, then `i2ris command state home`",
+        Refusal::NoModel => {
+            "`i2ris model stage FILE` and `i2ris model activate ID`, or name it in the \
+             configuration"
+        }
+        Refusal::Range => "command less, or correct the position limits of the axes",
+        Refusal::State => "bring the robot to the state that the command needs (`i2ris monitor`)",
+        Refusal::Busy => "wait until it is done, or `i2ris command state hold`",
+        Refusal::Conditioning => "wait until it is done, or `i2ris command state hold`",
+        Refusal::CausePersists => "remove the cause of the fault first",
+        Refusal::Unsupported => "use a model of angles, or another command",
+        Refusal::DrivesNotReady => "wait for the drives to start; else `i2ris doctor`",
+        Refusal::NothingStaged => "stage it first (`i2ris model list`)",
+        Refusal::NoFormer => "activate a model instead (`i2ris model list`)",
+        Refusal::MemoryUnknown => "`i2ris command state condition`, or `--force`",
+        Refusal::BadModel => "read the reason in the controller's answer to `i2ris model stage`",
+    }
+}
+
+pub(super) fn stop_advice(stop: Stop) -> &'static str {
+    match stop {
+        Stop::Stale => "send faster, or with a longer deadline; look at the load of the computer",
+        Stop::Feedback => "check cable and supply (`i2ris doctor`)",
+    }
+}
+
+pub(super) fn clip_advice(clip: Clip) -> &'static str {
+    match clip {
+        Clip::Reach => "command less, or calibrate a wider range",
+    }
+}
+
+pub(super) fn state_advice(state: OperatingState) -> &'static str {
+    match state {
+        OperatingState::Disabled => "`i2ris command state enable`",
+        OperatingState::Enabled => "send commands",
+        OperatingState::Paused => "`i2ris command state resume`",
+        OperatingState::Fault => "remove the cause, then `i2ris command state acknowledge`",
+    }
+}
+
+pub(super) fn state_sentence(state: OperatingState) -> &'static str {
+    match state {
+        OperatingState::Disabled => "the drives are off",
+        OperatingState::Enabled => "the robot waits for commands",
+        OperatingState::Paused => "the robot holds, and servo commands are refused",
+        OperatingState::Fault => "a fault is latched",
+    }
+}

@@ -1,0 +1,201 @@
+//! Why the robot does not move, or not as asked: one text for every outlet.
+//!
+//! The log, the streams `error` and `warning`, the recording, `i2ris why`, the monitor and the
+//! exceptions of the client libraries all show a [`Reason`]: code, sentence, measured value and
+//! limit, and what to do.
+
+use std::fmt;
+
+use super::advice;
+use super::{Clip, Excess, Fault, OperatingState, Refusal, Stop};
+
+/// A cause of standing still, or of moving differently from what was asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Cause {
+    /// The state FAULT.
+    Fault(Fault),
+    /// A refused command.
+    Refusal(Refusal),
+    /// A stop that nobody asked for.
+    Stop(Stop),
+    /// A goal that is followed only in part.
+    Clip(Clip),
+    /// A state in which the robot follows no servo command.
+    State(OperatingState),
+}
+
+impl Cause {
+    /// Every cause, by kind and number, without the two that mean "none".
+    pub fn all() -> impl Iterator<Item = Self> {
+        let faults = Fault::ALL.iter().filter(|it| **it != Fault::None);
+        let refusals = Refusal::ALL.iter().filter(|it| **it != Refusal::None);
+        faults
+            .map(|it| Self::Fault(*it))
+            .chain(refusals.map(|it| Self::Refusal(*it)))
+            .chain(Stop::ALL.iter().map(|it| Self::Stop(*it)))
+            .chain(Clip::ALL.iter().map(|it| Self::Clip(*it)))
+            .chain(OperatingState::ALL.iter().map(|it| Self::State(*it)))
+    }
+
+    /// The cause of a kind ([`Cause::kind`]) with a number ([`Cause::number`]).
+    #[must_use]
+    pub fn from_numbers(kind: u32, number: u32) -> Option<Self> {
+        Self::all().find(|cause| (cause.kind(), cause.number()) == (kind, number))
+    }
+
+    /// Number of the kind in payloads: 1 fault, 2 refusal, 3 stop, 4 clip, 5 state.
+    #[must_use]
+    pub const fn kind(self) -> u32 {
+        match self {
+            Self::Fault(_) => 1,
+            Self::Refusal(_) => 2,
+            Self::Stop(_) => 3,
+            Self::Clip(_) => 4,
+            Self::State(_) => 5,
+        }
+    }
+
+    /// Number within its kind.
+    #[must_use]
+    pub const fn number(self) -> u32 {
+        match self {
+            Self::Fault(it) => it.number(),
+            Self::Refusal(it) => it.number(),
+            Self::Stop(it) => it.number(),
+            Self::Clip(it) => it.number(),
+            Self::State(it) => it.number(),
+        }
+    }
+
+    /// Whether it belongs to the stream `error`; all others belong to `warning`.
+    #[must_use]
+    pub const fn is_error(self) -> bool {
+        matches!(self, Self::Fault(_))
+    }
+
+    /// What happened, in one sentence.
+    #[must_use]
+    pub fn sentence(self) -> &'static str {
+        match self {
+            Self::Fault(it) => it.text(),
+            Self::Refusal(it) => it.text(),
+            Self::Stop(it) => it.text(),
+            Self::Clip(it) => it.text(),
+            Self::State(it) => advice::state_sentence(it),
+        }
+    }
+
+    /// What to do, in one sentence.
+    #[must_use]
+    pub fn advice(self) -> &'static str {
+        match self {
+            Self::Fault(it) => advice::fault_advice(it),
+            Self::Refusal(it) => advice::refusal_advice(it),
+            Self::Stop(it) => advice::stop_advice(it),
+            Self::Clip(it) => advice::clip_advice(it),
+            Self::State(it) => advice::state_advice(it),
+        }
+    }
+}
+
+/// The code: `fault 3`, `refusal 9`, `stop 1`, `clip 1`, `state PAUSED`.
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fault(it) => write!(f, "fault {}", it.number()),
+            Self::Refusal(it) => write!(f, "refusal {}", it.number()),
+            Self::Stop(it) => write!(f, "stop {}", it.number()),
+            Self::Clip(it) => write!(f, "clip {}", it.number()),
+            Self::State(it) => write!(f, "state {it}"),
+        }
+    }
+}
+
+/// A cause with what was measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reason {
+    /// What happened.
+    pub cause: Cause,
+    /// The measured value and the limit that it broke, where they are known.
+    pub excess: Option<Excess>,
+}
+
+impl Reason {
+    /// The line without the advice: `fault 3: SENTENCE (MEASURED, limit LIMIT)`.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let Self { cause, excess } = self;
+        let sentence = cause.sentence();
+        match excess {
+            Some(excess) => format!("{cause}: {sentence} ({excess})"),
+            None => format!("{cause}: {sentence}"),
+        }
+    }
+}
+
+impl From<Cause> for Reason {
+    fn from(cause: Cause) -> Self {
+        Self {
+            cause,
+            excess: None,
+        }
+    }
+}
+
+/// [`Reason::text`], and what to do.
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}; do: {}", self.text(), self.cause.advice())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Quantity;
+
+    #[test]
+    fn every_cause_has_its_own_code_a_sentence_and_an_advice() {
+        let mut codes: Vec<String> = Cause::all().map(|cause| cause.to_string()).collect();
+        let all = codes.len();
+        codes.sort();
+        codes.dedup();
+        assert_eq!(codes.len(), all);
+        for cause in Cause::all() {
+            assert_eq!(
+                Cause::from_numbers(cause.kind(), cause.number()),
+                Some(cause)
+            );
+            assert!(
+                cause.sentence().len() > 3 && cause.advice().len() > 3,
+                "{cause}"
+            );
+        }
+        assert_eq!(Cause::from_numbers(9, 1), None);
+        assert_eq!(Cause::from_numbers(2, 99), None);
+    }
+
+    #[test]
+    fn the_text_names_what_was_measured_and_its_limit() {
+        let error = Excess::new(Quantity::Counts, 2314.0, Some(2000.0)).of_motor(1);
+        let reason = Reason {
+            cause: Cause::Fault(Fault::FollowingError),
+            excess: Some(error),
+        };
+        assert_eq!(
+            reason.text(),
+            "fault 3: set-point and encoder are too far apart (motor 1: 2314 counts, limit 2000 \
+             counts)"
+        );
+        let code = Excess::new(Quantity::ErrorCode, f64::from(0x8611), None);
+        assert_eq!(code.to_string(), "error code 0x8611");
+        let age = Excess::new(Quantity::Milliseconds, 62.25, Some(50.0));
+        assert_eq!(age.to_string(), "62.2 ms, limit 50.0 ms");
+        let reason = Reason::from(Cause::State(OperatingState::Paused));
+        assert_eq!(
+            reason.to_string(),
+            "state PAUSED: the robot holds, and servo commands are refused; do: `i2ris command \
+             state resume`"
+        );
+    }
+}

@@ -1,0 +1,53 @@
+//! How well a robot that drifts is tracked.
+
+use i2ris_calibration::fit::Family;
+
+use crate::ageing::Ageing;
+use crate::fitted::model;
+use crate::plant::SNAKES;
+use crate::trial::{ON, Trial};
+
+const AGED: Ageing = Ageing {
+    gap_counts: 25.0,
+    gain: 0.92,
+    zero_deg: [0.6, -0.5],
+};
+
+#[test]
+#[ignore = "a table of some minutes, for people"]
+fn table_of_errors() {
+    for family in [
+        Family::GmrPlay,
+        Family::GmrPrandtlIshlinskii,
+        Family::GmrStop,
+    ] {
+        for snake in SNAKES {
+            let model = model(snake, family, Ageing::NONE);
+            for (name, ageing) in [("none", Ageing::NONE), ("aged", AGED)] {
+                let mut off = Trial::new("", snake, &model, ageing);
+                off.move_for(60.0);
+                let off = off.move_for(60.0);
+                let mut on = Trial::new(ON, snake, &model, ageing);
+                let first = on.move_for(20.0);
+                on.move_for(40.0);
+                let last = on.move_for(60.0);
+                println!(
+                    "{family} {snake} {name}: off {off:.3}, on first {first:.3}, last {last:.3}"
+                );
+                let report = on.adaptation();
+                println!(
+                    "   est {:.3?}\n   app {:.3?}",
+                    report.estimate, report.applied
+                );
+                println!(
+                    "   {:?} used {:.2} err {:.3} {:.3} {:?}",
+                    report.frames,
+                    report.total_used,
+                    report.calibrated_error.to_degrees(),
+                    report.adapted_error.to_degrees(),
+                    report.pauses.iter().collect::<Vec<_>>()
+                );
+            }
+        }
+    }
+}

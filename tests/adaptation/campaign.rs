@@ -1,0 +1,156 @@
+//! Any camera signal at all moves the tip by no more than the budget and no faster than the limit.
+//!
+//! A robot with adaptation and one without follow the same goals, both on the same plant. What the
+//! two set-points differ by is the correction.
+
+use std::sync::Arc;
+
+use i2ris::core::ExternalPose;
+use i2ris::model::Model;
+use i2ris::units::Nanos;
+use i2ris_calibration::fit::Family;
+
+use crate::ageing::Ageing;
+use crate::fitted::model;
+use crate::plant::SNAKES;
+use crate::random::Random;
+use crate::trial::{ON, Trial};
+
+/// Kinds of signals.
+const KINDS: u64 = 12;
+
+/// A camera that lies.
+struct Signal {
+    kind: u64,
+    random: Random,
+    offset: [f64; 2],
+    frozen: [f64; 2],
+    interval_ms: u64,
+}
+
+impl Signal {
+    fn new(seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let interval_ms = match seed % 5 {
+            0 => 1,
+            1 => 1000,
+            _ => 33,
+        };
+        Self {
+            kind: seed / 5 % KINDS,
+            offset: [random.within(6.0), random.within(6.0)],
+            frozen: [random.within(12.0), random.within(12.0)],
+            random,
+            interval_ms,
+        }
+    }
+
+    fn frame(&mut self, tick: u64, now: Nanos, truth: [f64; 2]) -> Option<ExternalPose> {
+        if !tick.is_multiple_of(self.interval_ms) {
+            return None;
+        }
+        let ms = Nanos::from_millis;
+        let [pitch, yaw] = truth;
+        let [a, b] = self.offset;
+        let t = now.as_seconds();
+        let (angles, stamp) = match self.kind {
+            0 => ([self.random.within(40.0), self.random.within(40.0)], now),
+            1 => (self.frozen, now),
+            2 => ([-pitch, yaw], now - ms(30)),
+            3 => ([yaw, pitch], now - ms(30)),
+            4 => ([pitch + a, yaw + b], now - ms(40)),
+            5 => ([pitch, yaw], now + ms(700)),
+            6 => ([pitch, yaw], now - ms(self.random.next() % 500)),
+            7 => (
+                [pitch + a * (0.3 * t).sin(), yaw + b * (0.2 * t).sin()],
+                now - ms(30),
+            ),
+            8 => (
+                [pitch * (1.0 + 0.1 * a), yaw * (1.0 + 0.1 * b)],
+                now - ms(30),
+            ),
+            9 => {
+                let far = self.random.unit() < 0.3;
+                let off = if far { self.random.within(20.0) } else { 0.0 };
+                ([pitch + off, yaw - off], now - ms(30))
+            }
+            10 => ([pitch + 0.05 * a * t, yaw + 0.05 * b * t], now - ms(30)),
+            _ => ([f64::NAN, 1e300], now),
+        };
+        Some(ExternalPose {
+            stamp,
+            position: [angles[0].to_radians(), angles[1].to_radians(), 0.0],
+            outputs: 2,
+            quality: 0.0,
+        })
+    }
+}
+
+/// The largest correction, and the largest rate of it beyond what the gain adds to the goal's own
+/// motion; deg and deg/s.
+fn run(seed: u64, seconds: u64, model: &Arc<Model>) -> (f64, f64) {
+    let table = format!("{ON}\n[plausibility]\ndistance_deg = 0.0");
+    let mut on = Trial::new(&table, SNAKES[0], model, Ageing::NONE);
+    on.camera = None;
+    on.seed(seed);
+    let mut signal = Signal::new(seed);
+    let (mut largest, mut fastest) = (0.0_f64, 0.0_f64);
+    let mut before = on.adaptation().applied;
+    let mut still = 0;
+    for tick in 0..seconds * 1000 {
+        on.frame = signal.frame(tick, on.now, on.plant.angles_deg());
+        // A rest every now and then.
+        still = if tick % 4000 < 500 { still + 1 } else { 0 };
+        let goal_before = on.goal();
+        if still == 0 {
+            on.time_s += 1e-3;
+        }
+        let goal = on.goal();
+        on.follow(goal);
+        let applied = on.adaptation().applied;
+        // Where the correction is, and how much of it is the goal's own motion.
+        let shift = |drift: &i2ris::core::adaptation::Drift, at: [f64; 2]| -> [f64; 2] {
+            [0, 1].map(|i| {
+                let [x, y] = drift.gain[i];
+                drift.zero[i].to_degrees() + x * at[0] + y * at[1]
+            })
+        };
+        let now = shift(&applied, goal);
+        let change = shift(&before, goal);
+        let rate = (now[0] - change[0]).hypot(now[1] - change[1]) / 1e-3;
+        if still > 1 {
+            assert_eq!(goal, goal_before);
+            assert_eq!(applied, before, "seed {seed}: moved at rest");
+        }
+        largest = largest.max(now[0].hypot(now[1]));
+        fastest = fastest.max(rate);
+        before = applied;
+    }
+    (largest, fastest)
+}
+
+fn campaign(seeds: std::ops::Range<u64>, seconds: u64) {
+    let model = model(SNAKES[0], Family::GmrPlay, Ageing::NONE);
+    let (mut largest, mut fastest) = (0.0_f64, 0.0_f64);
+    let count = seeds.end - seeds.start;
+    for seed in seeds {
+        let (shift, rate) = run(seed, seconds, &model);
+        assert!(shift <= 4.8 + 1e-6, "seed {seed}: {shift} deg");
+        // One degree per second and motor; both may move at once.
+        assert!(rate <= 1.5, "seed {seed}: {rate} deg/s");
+        largest = largest.max(shift);
+        fastest = fastest.max(rate);
+    }
+    println!("{count} signals: largest correction {largest:.3} deg, fastest {fastest:.3} deg/s");
+}
+
+#[test]
+fn wrong_cameras_move_the_tip_within_budget_and_limit() {
+    campaign(0..60, 8);
+}
+
+#[test]
+#[ignore = "a thousand signals take minutes: for people"]
+fn a_thousand_wrong_cameras_move_the_tip_within_budget_and_limit() {
+    campaign(0..1020, 20);
+}

@@ -1,0 +1,183 @@
+//! The fences, on a snake of the zoo with a model that was fitted to another state of it.
+
+use std::sync::Arc;
+
+use i2ris::core::CycleEventKind;
+use i2ris::core::adaptation::{AdaptationEvent, Pause};
+use i2ris::model::Model;
+use i2ris::robot::StateCommand;
+use i2ris::units::Nanos;
+use i2ris_calibration::fit::Family;
+
+use crate::ageing::Ageing;
+use crate::camera::{Camera, CameraPlan};
+use crate::fitted::model;
+use crate::plant::SNAKES;
+use crate::trial::{ON, Trial};
+
+fn fitted() -> Arc<Model> {
+    model(SNAKES[0], Family::GmrPlay, Ageing::NONE)
+}
+
+fn trial(ageing: Ageing) -> Trial {
+    Trial::new(ON, SNAKES[0], &fitted(), ageing)
+}
+
+fn has_event(trial: &Trial, event: AdaptationEvent) -> bool {
+    trial.events.contains(&CycleEventKind::Adaptation(event))
+}
+
+#[test]
+fn a_zero_that_slips_by_a_degree_is_back_within_ten_seconds() {
+    let mut trial = trial(Ageing::NONE);
+    trial.move_for(30.0);
+    let before = trial.move_for(10.0);
+    trial.plant.ageing.zero_deg = [0.8, -0.6];
+    let slipped = trial.move_for(2.0);
+    trial.move_for(8.0);
+    let after = trial.move_for(10.0);
+    println!("before {before:.3}, slipped {slipped:.3}, after 10 s {after:.3} deg");
+    assert!(slipped > before + 0.3, "{slipped}");
+    assert!(after < before + 0.1, "{before} {after}");
+}
+
+#[test]
+fn a_push_of_two_degrees_leaves_nothing_behind() {
+    let mut trial = trial(Ageing::NONE);
+    trial.move_for(30.0);
+    let before = trial.move_for(10.0);
+    trial.plant.push_deg = [1.4, 1.4];
+    trial.move_for(30.0);
+    let during = trial.adaptation();
+    trial.plant.push_deg = [0.0; 2];
+    let after = trial.move_for(5.0);
+    println!("before {before:.3}, after the release {after:.3} deg; {during:?}");
+    assert!(after < before + 0.2, "{before} {after}");
+    assert!(has_event(&trial, AdaptationEvent::CameraDisbelieved));
+}
+
+#[test]
+fn nothing_moves_while_the_goal_rests() {
+    let mut trial = trial(Ageing {
+        zero_deg: [0.8, 0.5],
+        ..Ageing::NONE
+    });
+    let goal = [3.0, -2.0];
+    for k in 0..400 {
+        let share = f64::from(k) / 400.0;
+        trial.follow(goal.map(|angle| share * angle));
+    }
+    for _ in 0..500 {
+        trial.follow(goal);
+    }
+    let (targets, applied) = (trial.out.report.setpoints, trial.adaptation().applied);
+    for _ in 0..20_000 {
+        trial.follow(goal);
+        assert_eq!(trial.out.report.setpoints, targets);
+    }
+    assert_eq!(trial.adaptation().applied, applied);
+}
+
+#[test]
+fn nothing_is_learned_within_two_seconds_of_enabling_and_with_the_clutch_open() {
+    let mut trial = trial(Ageing::NONE);
+    trial.move_for(5.0);
+    trial.command(StateCommand::Disable);
+    trial.command(StateCommand::Enable);
+    let used = trial.adaptation().frames.used;
+    trial.time_s = 0.0;
+    trial.move_for(1.5);
+    assert!(trial.adaptation().pauses.contains(Pause::Settling));
+    assert_eq!(trial.adaptation().frames.used, used);
+    trial.move_for(3.0);
+    assert!(trial.adaptation().frames.used > used + 20);
+    let used = trial.adaptation().frames.used;
+    for _ in 0..3000 {
+        trial.tick(None, None);
+    }
+    // The commander is silent: the robot holds.
+    assert!(trial.adaptation().pauses.contains(Pause::NotFollowing));
+    assert!(trial.adaptation().frames.used <= used + 3);
+}
+
+#[test]
+fn a_stamp_that_is_late_by_30_ms_is_found() {
+    let mut trial = trial(Ageing::NONE);
+    trial.camera = Some(Camera::new(CameraPlan {
+        latency_ms: 80,
+        stamp_late_ms: 30,
+        ..CameraPlan::default()
+    }));
+    trial.move_for(60.0);
+    let found = trial.adaptation().estimate.latency_s;
+    assert!((0.015..0.045).contains(&found), "{found}");
+}
+
+#[test]
+fn a_drift_beyond_the_budget_is_not_followed_further_and_is_said() {
+    let mut trial = trial(Ageing {
+        gain: 0.7,
+        ..Ageing::NONE
+    });
+    trial.move_for(60.0);
+    let found = trial.adaptation();
+    println!("{found:?}");
+    assert!(has_event(&trial, AdaptationEvent::BudgetWarning));
+    assert!(has_event(&trial, AdaptationEvent::BudgetUsed));
+    assert!(found.pauses.contains(Pause::BudgetUsed));
+    for gain in found.applied.gain.as_flattened() {
+        assert!(gain.abs() <= 0.2 + 1e-9, "{found:?}");
+    }
+}
+
+#[test]
+fn without_a_camera_and_switched_off_the_outputs_are_the_same_to_the_bit() {
+    let model = fitted();
+    let mut off = Trial::new("", SNAKES[0], &model, Ageing::NONE);
+    let mut on = Trial::new(ON, SNAKES[0], &model, Ageing::NONE);
+    (off.camera, on.camera) = (None, None);
+    for _ in 0..5000 {
+        off.time_s += 1e-3;
+        let goal = off.goal();
+        off.follow(goal);
+        on.follow(goal);
+        let mut report = on.out.report;
+        report.adaptation = None;
+        assert_eq!(report, off.out.report);
+        assert_eq!(on.out.requests, off.out.requests);
+    }
+}
+
+#[test]
+fn frames_that_cannot_be_used_are_counted_and_change_nothing() {
+    let mut trial = trial(Ageing::NONE);
+    trial.camera = None;
+    let mut last = None;
+    for k in 0..6000_u64 {
+        let kind = k % 33;
+        let stamp = match (kind, k % 66) {
+            (0, 0) => trial.now + Nanos::from_millis(500),
+            (0, _) => trial.now - Nanos::from_millis(600),
+            (16, _) => Nanos::ZERO,
+            _ => {
+                trial.move_for(1e-3);
+                continue;
+            }
+        };
+        trial.frame = Some(i2ris::core::ExternalPose {
+            stamp,
+            position: [0.1, 0.1, 0.0],
+            outputs: 2,
+            quality: 0.0,
+        });
+        trial.move_for(1e-3);
+        last = Some(trial.adaptation());
+    }
+    let found = last.unwrap();
+    assert!(
+        found.frames.future > 50 && found.frames.too_old > 50,
+        "{found:?}"
+    );
+    assert_eq!((found.frames.used, found.frames.refused), (0, 0));
+    assert_eq!(found.estimate, i2ris::core::adaptation::Drift::default());
+}

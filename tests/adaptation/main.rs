@@ -1,0 +1,18 @@
+//! Adaptation in simulated time, on snakes whose physics share no code with the models.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    reason = "tests, and campaigns that print numbers"
+)]
+
+mod ageing;
+mod camera;
+mod fitted;
+mod plant;
+mod random;
+mod trial;
+
+mod accuracy;
+mod campaign;
+mod fences;

@@ -1,0 +1,173 @@
+//! What the events say of faults, refusals, stops and clips: the measured value and its limit.
+
+use i2ris::drive::AxisPhase;
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::process::model_comparison::{ModelState, difference};
+use i2ris::robot::{Cause, Clip, Excess, Quantity, Stop};
+
+use crate::bench::{Bench, config, play_model, rad, scaled_play_model};
+use crate::simulated_drive::Quirk;
+use i2ris::core::ServoGoal;
+use i2ris::units::{Counts, Nanos};
+
+/// The measurement of the last event with this cause.
+fn excess(bench: &Bench, cause: Cause) -> Option<Excess> {
+    let mut reasons = bench.reasons.iter().rev();
+    let reason = reasons.find(|reason| reason.cause == cause);
+    reason
+        .unwrap_or_else(|| panic!("{cause}: {:?}", bench.reasons))
+        .excess
+}
+
+fn fault(bench: &mut Bench, expected: Fault) -> Excess {
+    bench.until("FAULT", |bench| bench.state() == OperatingState::Fault);
+    excess(bench, Cause::Fault(expected)).unwrap()
+}
+
+#[test]
+fn a_fault_tells_what_was_measured_and_of_which_motor() {
+    let mut bench = Bench::enabled();
+    bench.drives[1].feedback.error_code = 0x8611;
+    bench.drives[1].feedback.phase = AxisPhase::Faulted;
+    let code = Excess::new(Quantity::ErrorCode, f64::from(0x8611), None);
+    assert_eq!(fault(&mut bench, Fault::Drive), code.of_motor(1));
+
+    let mut bench = Bench::enabled();
+    bench.quirk(1, Quirk::Silent);
+    let age = Excess::new(Quantity::Milliseconds, 250.0, Some(250.0));
+    assert_eq!(fault(&mut bench, Fault::Link), age.of_motor(1));
+
+    let mut bench = Bench::enabled();
+    bench.quirk(0, Quirk::Blocked);
+    for goal in (100..=800).step_by(100) {
+        if bench.state() == OperatingState::Enabled {
+            assert_eq!(bench.actuator([goal, 0]), Refusal::None);
+        }
+        bench.run(45);
+    }
+    let error = Excess::new(Quantity::Counts, 301.0, Some(300.0));
+    assert_eq!(fault(&mut bench, Fault::FollowingError), error.of_motor(0));
+
+    let limits = "[limits]\nover_current_ma = 200\nover_current_ms = 50";
+    let mut bench = Bench::enabled_with(config(limits), None);
+    bench.drives[1].feedback.current_ma = -240;
+    let current = Excess::new(Quantity::Milliamperes, 240.0, Some(200.0));
+    assert_eq!(fault(&mut bench, Fault::Current), current.of_motor(1));
+
+    let mut bench = Bench::enabled();
+    bench.missed = 3;
+    let late = fault(&mut bench, Fault::Late);
+    assert_eq!(late.quantity, Quantity::LateTicks);
+    assert!(late.measured >= late.limit.unwrap(), "{late}");
+}
+
+#[test]
+fn a_refusal_tells_what_was_measured() {
+    let mut bench = Bench::enabled();
+    assert_eq!(bench.joint(9.0, 0.0), Refusal::Step);
+    let step = excess(&bench, Cause::Refusal(Refusal::Step)).unwrap();
+    let limit = bench.config.command.max_step_deg;
+    assert_eq!(
+        (step.quantity, step.limit),
+        (Quantity::Degrees, Some(limit))
+    );
+    assert!((step.measured - 9.0).abs() < 1e-6, "{step}");
+
+    let beyond = bench.config.axis(1).unwrap().position_max_counts.0 + 7;
+    assert_eq!(bench.actuator([0, beyond]), Refusal::Range);
+    let position = Excess::new(
+        Quantity::Counts,
+        f64::from(beyond),
+        Some(f64::from(beyond - 7)),
+    );
+    let range = excess(&bench, Cause::Refusal(Refusal::Range));
+    assert_eq!(range, Some(position.of_motor(1)));
+
+    let mut stale = bench.servo(ServoGoal::Joint(rad(0.0, 0.0), 2));
+    stale.stamp = bench.now - Nanos::from_millis(80);
+    stale.deadline = Nanos::from_millis(20);
+    assert_eq!(bench.send(stale), Refusal::Stale);
+    let age = excess(&bench, Cause::Refusal(Refusal::Stale)).unwrap();
+    assert!(age.measured >= 80.0 && age.limit == Some(20.0), "{age}");
+
+    let mut entries = bench.servo(ServoGoal::Actuator([Counts(0); 2], 1));
+    entries.deadline = Nanos::ZERO;
+    assert_eq!(bench.send(entries), Refusal::Malformed);
+    let values = Excess::new(Quantity::Values, 1.0, Some(2.0));
+    assert_eq!(
+        excess(&bench, Cause::Refusal(Refusal::Malformed)),
+        Some(values)
+    );
+}
+
+#[test]
+fn a_refused_state_command_is_an_event_once_and_its_reply_tells_the_measurement() {
+    let mut bench = Bench::standard();
+    for _ in 0..20 {
+        assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
+    }
+    assert_eq!(bench.reasons.len(), 1, "{:?}", bench.reasons);
+    let mut bench = Bench::homed();
+    bench.drives[0].feedback.position = Counts(100_000);
+    bench.run(5);
+    let reply = bench.ask_as(7, StateCommand::Enable);
+    assert_eq!(reply.refusal, Refusal::Range);
+    let told = reply.excess.unwrap();
+    assert_eq!((told.motor, told.measured), (Some(0), 100_000.0));
+}
+
+#[test]
+fn a_stop_and_a_clip_are_told_with_their_measurements_and_not_repeated() {
+    let mut bench = Bench::moving();
+    bench.run(200);
+    let stale = excess(&bench, Cause::Stop(Stop::Stale)).unwrap();
+    let deadline = bench.config.command.deadline_ms as f64;
+    assert_eq!(stale.limit, Some(deadline));
+    assert!(stale.measured >= deadline, "{stale}");
+
+    let mut bench = Bench::moving();
+    bench.drives[0].feedback.stamp = bench.now;
+    bench.quirk(0, Quirk::Silent);
+    for _ in 0..120 {
+        bench.joint(0.0, 0.0);
+    }
+    let feedback = excess(&bench, Cause::Stop(Stop::Feedback)).unwrap();
+    assert_eq!(feedback.motor, Some(0), "{feedback}");
+
+    let mut bench = Bench::enabled();
+    let mut pitch = 0.0;
+    while pitch < 60.0 {
+        pitch += 0.5;
+        assert_eq!(bench.joint(pitch, 0.0), Refusal::None, "{pitch}");
+    }
+    let clips = { bench.reasons.iter() }.filter(|it| it.cause == Cause::Clip(Clip::Reach));
+    assert_eq!(clips.count(), 1);
+    let clip = excess(&bench, Cause::Clip(Clip::Reach)).unwrap();
+    assert!(clip.quantity == Quantity::Degrees && clip.measured > 0.0);
+}
+
+#[test]
+fn a_model_does_not_differ_from_itself_whatever_it_remembers() {
+    let model = play_model();
+    let mut memory = model.new_memory();
+    for counts in [[0.0, 0.0], [300.0, -200.0], [-150.0, 80.0], [40.0, 0.0]] {
+        model.advance(&mut memory, &counts);
+    }
+    let here = [40.0, 0.0];
+    let state = ModelState::new(&model, &memory);
+    for compensation in [0.0, 0.5, 1.0] {
+        let found = difference(state, state, &here, compensation).unwrap();
+        assert_eq!(found.present_counts, [0.0; 2], "{compensation}");
+        assert_eq!(found.largest_counts, [0.0; 2], "{compensation}");
+    }
+    let other = scaled_play_model(1.3);
+    let mut memory = other.new_memory();
+    other.advance(&mut memory, &here);
+    let found = difference(state, ModelState::new(&other, &memory), &here, 0.5).unwrap();
+    assert!(
+        found.largest_counts[0]
+            .abs()
+            .max(found.largest_counts[1].abs())
+            > 50.0
+    );
+}

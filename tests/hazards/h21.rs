@@ -1,0 +1,90 @@
+//! H21: the robot adapts to a wrong camera.
+
+use i2ris::core::CycleEventKind;
+use i2ris::core::adaptation::AdaptationEvent;
+use i2ris::ipc::{Fault, OperatingState};
+
+use crate::drifting::{Drifting, ON, truth, wandering};
+
+/// The corners of the calibrated hull, deg.
+const CORNERS: [[f64; 2]; 4] = [[24.9, 0.0], [-24.9, 0.0], [0.0, 24.9], [0.0, -24.9]];
+
+#[test]
+fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_said() {
+    let views: [fn(f64, [f64; 2]) -> [f64; 2]; 4] = [
+        |_, [pitch, yaw]| [yaw, pitch],
+        |_, [pitch, yaw]| [-pitch, yaw],
+        |_, _| [3.0, -2.0],
+        |t, [pitch, yaw]| [pitch + 6.0 * (7.0 * t).sin(), yaw - 6.0 * (5.0 * t).cos()],
+    ];
+    for (index, view) in views.into_iter().enumerate() {
+        let mut drifting = Drifting::new(ON);
+        let budget = drifting.bench.config.adaptation.total_budget_deg;
+        for _ in 0..40 {
+            drifting.follow(1.0, wandering, view);
+            for corner in CORNERS {
+                let shift = drifting.shift(corner);
+                assert!(
+                    shift <= budget + 1e-6,
+                    "view {index}: {shift} deg at {corner:?}"
+                );
+            }
+        }
+        let is_said = [
+            AdaptationEvent::CameraDisbelieved,
+            AdaptationEvent::BudgetUsed,
+            AdaptationEvent::TakenBack,
+        ];
+        assert!(
+            is_said.into_iter().any(|event| drifting.has(event)),
+            "view {index}: {:?}",
+            drifting.adaptation()
+        );
+    }
+}
+
+#[test]
+fn h21_a_camera_that_makes_it_worse_is_found_out_and_the_correction_is_taken_back() {
+    let mut drifting = Drifting::new(ON);
+    // A camera that is tied to the wall of a swaying room: what was learned is wrong by the time it
+    // is applied.
+    drifting.follow(200.0, wandering, |t, [pitch, yaw]| {
+        let sway = 0.9 * (std::f64::consts::TAU * t / 9.0).sin();
+        [pitch + sway, yaw - sway]
+    });
+    assert!(
+        drifting.has(AdaptationEvent::TakenBack),
+        "{:?}",
+        drifting.adaptation()
+    );
+    drifting.follow(20.0, wandering, truth);
+    assert!(
+        drifting.shift([0.0, 0.0]) < 0.05,
+        "{:?}",
+        drifting.adaptation()
+    );
+}
+
+#[test]
+fn h21_a_loose_wire_is_a_fault_although_most_of_it_was_followed() {
+    let on = "[adaptation]\nenabled = true\ntotal_budget_deg = 2.5\n\
+              [plausibility]\ndistance_deg = 3.0\ndebounce_ms = 300";
+    let mut drifting = Drifting::new(on);
+    drifting.follow(10.0, wandering, truth);
+    // 2 deg have been followed: the adapted pose is near the camera.
+    drifting.follow(60.0, wandering, |t, [pitch, yaw]| {
+        [pitch + (0.05 * (t - 10.0)).min(2.0), yaw]
+    });
+    assert!(drifting.adaptation().applied.zero[0].to_degrees() > 1.5);
+    assert_eq!(drifting.bench.state(), OperatingState::Enabled);
+    // 3.2 deg from the calibration, 1.2 deg from the adapted pose.
+    let fault = |kind: &CycleEventKind| matches!(kind, CycleEventKind::State { fault, .. } if *fault == Fault::Implausible);
+    let start = drifting.time_s;
+    let run = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+        drifting.follow(3.0, wandering, |t, [pitch, yaw]| {
+            [pitch + 2.0 + (t - start).min(1.2), yaw]
+        });
+    }));
+    assert!(run.is_err(), "commands are refused after the fault");
+    assert!(drifting.bench.events.iter().any(fault));
+}

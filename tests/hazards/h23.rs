@@ -1,0 +1,55 @@
+//! H23: the adaptation fights the operator.
+
+use crate::drifting::{Drifting, ON, truth, wandering};
+
+/// A camera that sees a zero that is off.
+fn slipped(_: f64, [pitch, yaw]: [f64; 2]) -> [f64; 2] {
+    [pitch + 0.8, yaw - 0.7]
+}
+
+#[test]
+fn h23_a_goal_at_rest_is_not_moved_by_what_was_learned() {
+    let mut drifting = Drifting::new(ON);
+    drifting.follow(20.0, wandering, truth);
+    let start = drifting.time_s;
+    let stop = move |t: f64| wandering(t.min(start + 2.0));
+    drifting.follow(2.5, stop, slipped);
+    let targets = drifting.bench.targets();
+    for _ in 0..100 {
+        drifting.follow(0.2, stop, slipped);
+        assert_eq!(drifting.bench.targets(), targets);
+    }
+}
+
+#[test]
+fn h23_the_correction_never_turns_a_motor_against_the_goal_and_keeps_its_limit() {
+    for sign in [1.0, -1.0] {
+        let mut drifting = Drifting::new(ON);
+        drifting.follow(20.0, wandering, truth);
+        let start = drifting.time_s;
+        drifting.follow(2.0, move |t| wandering(t.min(start)), truth);
+        let from = wandering(start);
+        // Both motors one way: pitch moves both of them up or down.
+        let ramp = move |t: f64| {
+            let way = 1.5 * (t - start - 2.0).clamp(0.0, 8.0);
+            [from[0] - sign * way, from[1]]
+        };
+        let mut before = drifting.bench.targets();
+        let (mut turned, mut applied) = (0, drifting.adaptation().applied);
+        for _ in 0..1600 {
+            drifting.follow(5e-3, ramp, slipped);
+            let now = drifting.bench.targets();
+            for (now, before) in now.iter().zip(before) {
+                // One count is rounding.
+                turned += i32::from(f64::from(now - before) * sign > 1.0);
+            }
+            before = now;
+            let next = drifting.adaptation().applied;
+            let step = [0, 1].map(|i| (next.zero[i] - applied.zero[i]).to_degrees());
+            let limit = drifting.bench.config.adaptation.slew_deg_s;
+            assert!(step[0].hypot(step[1]) <= 1.5 * limit * 5e-3, "{step:?}");
+            applied = next;
+        }
+        assert_eq!(turned, 0);
+    }
+}

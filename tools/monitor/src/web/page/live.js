@@ -1,0 +1,47 @@
+// Asks the monitor for what is new, ten times a second at most. It sends nothing but this question.
+'use strict';
+
+const PERIOD_MS = 100;
+const KEEP_S = 30;
+const recent = { run: 0, sample: 0, frame: 0, samples: [], frames: [] };
+let live = null;
+// When the last answer came, on the clock of this browser.
+let heard = performance.now();
+
+function take(answer) {
+  if (answer.run !== recent.run) Object.assign(recent, { run: answer.run, samples: [], frames: [] });
+  recent.samples.push(...answer.samples);
+  recent.frames.push(...answer.frames);
+  [recent.sample, recent.frame] = [answer.next_sample, answer.next_frame];
+  for (const rows of [recent.samples, recent.frames]) {
+    const fresh = rows.findIndex((row) => row[0] >= answer.now_s - KEEP_S);
+    rows.splice(0, fresh < 0 ? rows.length : fresh);
+  }
+  live = answer;
+  heard = performance.now();
+}
+
+async function ask() {
+  try {
+    const question = `live?run=${recent.run}&sample=${recent.sample}&frame=${recent.frame}`;
+    const answer = await fetch(question, { cache: 'no-store', signal: AbortSignal.timeout(3000) });
+    if (answer.ok) take(await answer.json());
+  } catch {
+    // Told on the page by its age; the next question may do better.
+  }
+  setTimeout(ask, performance.now() - heard > 2000 ? 1000 : PERIOD_MS);
+}
+
+/** Calls `show` ten times a second, and not on a page that nobody sees: requestAnimationFrame stands still there. */
+function start(show) {
+  let waits = false;
+  setInterval(() => {
+    if (waits) return;
+    waits = true;
+    requestAnimationFrame(() => {
+      waits = false;
+      show(performance.now() - heard);
+    });
+  }, PERIOD_MS);
+  ask();
+}

@@ -1,0 +1,250 @@
+//! Every cause of standing still reads the same in `i2ris why`, the monitor, the recording and the
+//! Python client.
+#![allow(clippy::unwrap_used)]
+#![allow(clippy::print_stderr, reason = "a test that skips says so")]
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use i2ris::clock;
+use i2ris::ipc::{Fault, OperatingState};
+use i2ris::robot::{Cause, Excess, Quantity, Reason};
+use i2ris::units::Nanos;
+use i2ris_testing::{Controller, Program, program};
+
+/// Messages that `error` and `warning` keep for those who come later.
+const KEPT: usize = 16;
+
+fn reasons() -> Vec<Reason> {
+    let excesses = [
+        None,
+        Some(Excess::new(Quantity::Milliseconds, 62.25, Some(50.0))),
+        Some(Excess::new(Quantity::Counts, 2314.0, Some(2000.0)).of_motor(1)),
+        Some(Excess::new(Quantity::ErrorCode, 34_321.0, None).of_motor(0)),
+        Some(Excess::new(Quantity::Sequence, 4.0, Some(9.0))),
+        Some(Excess::new(Quantity::Degrees, 9.5, Some(2.0))),
+    ];
+    let causes = Cause::all().filter(|cause| !matches!(cause, Cause::State(_)));
+    let paired = causes.zip(excesses.into_iter().cycle());
+    paired
+        .map(|(cause, excess)| Reason { cause, excess })
+        .collect()
+}
+
+/// Sets the robot into FAULT and lets the controller tell its cause.
+fn fault(controller: &Controller, reason: Reason) {
+    let Cause::Fault(fault) = reason.cause else {
+        return;
+    };
+    let mut robot = controller.robot();
+    (robot.state, robot.fault) = (OperatingState::Fault, fault);
+    robot.reasons.push((reason, 0));
+}
+
+fn why(controller: &Controller) -> (String, serde_json::Value) {
+    let (success, text, error) = Program::run(&controller.domain, &["why"]);
+    assert!(success, "{error}");
+    let (success, json, error) = Program::run(&controller.domain, &["why", "--json"]);
+    assert!(success, "{error}");
+    (text, serde_json::from_str(&json).unwrap())
+}
+
+#[test]
+fn every_cause_reads_the_same_in_why_monitor_and_recording() {
+    let controller = Controller::enabled();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("trial.mcap");
+    let name = file.to_str().unwrap();
+    let mut recorder = Program::start(&controller.domain, &["record", "--output", name]);
+    let end = clock::now() + Nanos::from_millis(30_000);
+    while !file.exists() {
+        assert!(clock::now() < end, "no recording begins");
+        clock::sleep(Nanos::from_millis(10));
+    }
+    let all = reasons();
+    let (faults, others): (Vec<&Reason>, Vec<&Reason>) =
+        all.iter().partition(|reason| reason.cause.is_error());
+    for batch in others.chunks(KEPT) {
+        for reason in batch {
+            controller.robot().reasons.push((**reason, 7));
+        }
+        let (text, json) = why(&controller);
+        for reason in batch {
+            let advice = format!("  do: {}", reason.cause.advice());
+            let line = text
+                .lines()
+                .position(|line| line.starts_with(&reason.text()));
+            let line = line.unwrap_or_else(|| panic!("{reason}\n{text}"));
+            assert_eq!(text.lines().nth(line + 1), Some(advice.as_str()));
+            let is_same = |it: &serde_json::Value| it["text"] == reason.text().as_str();
+            assert!(json.as_array().unwrap().iter().any(is_same), "{reason}");
+        }
+        let (_, page, _) = Program::run(&controller.domain, &["monitor", "--once"]);
+        let newest = batch.last().unwrap().to_string();
+        assert!(page.contains(&newest), "{newest}\n{page}");
+    }
+    for reason in &faults {
+        fault(&controller, **reason);
+        let (text, json) = why(&controller);
+        assert!(text.starts_with(&reason.text()), "{reason}\n{text}");
+        assert_eq!(json[0]["code"], reason.cause.to_string().as_str());
+        let (_, page, _) = Program::run(&controller.domain, &["monitor", "--once"]);
+        assert!(page.contains(&reason.to_string()), "{reason}\n{page}");
+    }
+    recorder.interrupt();
+    assert_eq!(recorder.code().0, Some(0));
+    let tables = folder.path().join("tables");
+    let tables_name = tables.to_str().unwrap();
+    let exported = program::output(&["record", "export", name, "--output", tables_name]);
+    assert!(exported.status.success());
+    let recorded = ["error", "warning"].map(|stream| texts(&tables.join(format!("{stream}.csv"))));
+    for reason in &all {
+        let stream = &recorded[usize::from(!reason.cause.is_error())];
+        let (text, advice) = (reason.text(), reason.cause.advice().to_owned());
+        assert!(stream.contains(&(text, advice)), "{reason}\n{stream:#?}");
+    }
+}
+
+/// Text and advice of every row; bytes are written as hexadecimal digits.
+fn texts(table: &Path) -> Vec<(String, String)> {
+    let mut reader = csv::Reader::from_path(table).unwrap();
+    let headers = reader.headers().unwrap().clone();
+    let column = |name: &str| headers.iter().position(|header| header == name).unwrap();
+    let (text, advice) = (column("text"), column("advice"));
+    let decoded = |digits: &str| {
+        let pairs = digits.as_bytes().chunks(2);
+        let digits = pairs.map(|pair| std::str::from_utf8(pair).unwrap());
+        let bytes: Vec<u8> = digits
+            .map(|pair| u8::from_str_radix(pair, 16).unwrap())
+            .collect();
+        i2ris::ipc::payload::unpadded_text(&bytes)
+    };
+    { reader.records() }
+        .map(|row| row.unwrap())
+        .map(|row| (decoded(&row[text]), decoded(&row[advice])))
+        .collect()
+}
+
+fn python_folder() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../python")
+}
+
+#[test]
+fn the_texts_of_python_are_current() {
+    let written = fs::read_to_string(python_folder().join("i2ris/reasons.py")).unwrap();
+    assert!(
+        written == i2ris_record::python_reasons::python_reasons(),
+        "run cargo run -p i2ris-record --example python_reasons > tools/python/i2ris/reasons.py"
+    );
+}
+
+#[test]
+fn the_table_of_the_manual_is_current() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../manual/src/stops-and-faults.md");
+    let text = fs::read_to_string(&file).unwrap();
+    let (head, rest) = text.split_once("<!-- reasons:").unwrap();
+    let (mark, rest) = rest.split_once("-->\n").unwrap();
+    let (_, tail) = rest.split_once("<!-- end -->").unwrap();
+    let causes = Cause::all().filter(|cause| !matches!(cause, Cause::State(_)));
+    let rows = causes.map(|cause| {
+        let (sentence, advice) = (cause.sentence(), cause.advice());
+        format!("| {cause} | {sentence} | {advice} |\n")
+    });
+    let table = format!(
+        "\n| code | what happened | what to do |\n|---|---|---|\n{}\n",
+        rows.collect::<String>()
+    );
+    let current = format!("{head}<!-- reasons:{mark}-->\n{table}<!-- end -->{tail}");
+    if std::env::var_os("I2RIS_UPDATE").is_some() {
+        fs::write(&file, &current).unwrap();
+    } else {
+        assert!(
+            text == current,
+            "run I2RIS_UPDATE=1 cargo test -p i2ris-record --test reasons"
+        );
+    }
+}
+
+#[test]
+fn python_has_the_versions_of_the_controller() {
+    use i2ris::ipc::ready::{ICEORYX2_VERSION, INTERFACE_VERSION};
+    let link = fs::read_to_string(python_folder().join("i2ris/link.py")).unwrap();
+    let project = fs::read_to_string(python_folder().join("pyproject.toml")).unwrap();
+    for (text, part) in [
+        (
+            &link,
+            format!("\nINTERFACE_VERSION = {INTERFACE_VERSION}\n"),
+        ),
+        (
+            &link,
+            format!("\nICEORYX2_VERSION = \"{ICEORYX2_VERSION}\"\n"),
+        ),
+        (&project, format!("iceoryx2=={ICEORYX2_VERSION}")),
+    ] {
+        assert!(text.contains(&part), "{part}");
+    }
+}
+
+const SCRIPT: &str = "
+import json, sys, time
+from i2ris.arm import Arm, Fault, Refused, _sentence
+
+with Arm(sys.argv[1]) as arm:
+    end = time.monotonic() + 20.0
+    while len(arm.warnings()) < int(sys.argv[2]) and time.monotonic() < end:
+        time.sleep(0.005)
+    for reason in arm.warnings() + arm.errors():
+        line = f'{reason.text}; do: {reason.advice}'
+        if reason.kind == 2:
+            error = Refused('x', reason.code, measured=reason.measured)
+            assert str(error) == 'the controller refuses x: ' + line, (str(error), line)
+        if reason.kind == 1:
+            error = Fault('', reason.code, reason.measured)
+            assert str(error) == 'the robot is in FAULT: ' + line, (str(error), line)
+        print(line)
+";
+
+#[test]
+fn every_cause_reads_the_same_in_an_exception_of_python() {
+    let python = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let probe = Command::new(&python)
+        .args(["-c", "import iceoryx2, numpy"])
+        .output();
+    if !probe.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: {python} cannot import iceoryx2; name another one in I2RIS_PYTHON");
+        return;
+    }
+    let all = reasons();
+    let (faults, others): (Vec<&Reason>, Vec<&Reason>) =
+        all.iter().partition(|reason| reason.cause.is_error());
+    for batch in others.chunks(KEPT).chain([faults.as_slice()]) {
+        let controller = Controller::enabled();
+        for reason in batch {
+            controller.robot().reasons.push((**reason, 7));
+        }
+        let warnings = batch
+            .iter()
+            .filter(|reason| !reason.cause.is_error())
+            .count();
+        let output = Command::new(&python)
+            .current_dir(python_folder())
+            .env("PYTHONDONTWRITEBYTECODE", "1")
+            .args([
+                "-c",
+                SCRIPT,
+                controller.domain.name(),
+                &warnings.to_string(),
+            ])
+            .output()
+            .unwrap();
+        let printed = String::from_utf8_lossy(&output.stdout);
+        let error = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{printed}{error}");
+        for reason in batch {
+            let line = reason.to_string();
+            assert!(printed.lines().any(|it| it == line), "{line}\n{printed}");
+        }
+    }
+    assert!(Fault::ALL.len() > 1);
+}
