@@ -79,6 +79,22 @@ const RATINGS: &[(&str, [u32; 3], &str)] = &[
         [3, 3, 1],
         "a motor that was turned by hand while the drive had no power",
     ),
+    (
+        "H20",
+        [3, 4, 2],
+        "a slow push moves the correction, within its budget",
+    ),
+    (
+        "H21",
+        [3, 3, 2],
+        "a camera that is wrong by less than the checks can tell",
+    ),
+    ("H22", [2, 4, 1], "a motion that shows a parameter badly"),
+    (
+        "H23",
+        [3, 3, 1],
+        "a correction in the direction of the goal",
+    ),
 ];
 
 const HEAD: &str = "\

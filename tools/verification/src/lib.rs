@@ -14,7 +14,7 @@
 //!
 //! Time passes in steps of [`STEP`]. In one step the watchdog looks once and the loop runs once;
 //! between two steps anything else may happen, in any order. All times are ages, and ages beyond
-//! every limit are the same, so the model has no end: every run of any length is covered.
+//! every limit are the same, so the states do not depend on how long the model has run.
 //!
 //! # Guards
 //!
