@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `sections` | tables of the process, of commands and of motion |
 //! | `ports` | serial ports, and the axes behind them |
+//! | `virtual_fixtures` | forbidden regions, and what makes one |
 //! | `validation` | ranges, and what must fit together |
 //! | `key_hint` | help for a key that does not exist |
 
@@ -16,6 +17,7 @@ mod ports;
 mod schema_file;
 mod sections;
 mod validation;
+mod virtual_fixtures;
 
 use std::path::{Path, PathBuf};
 
@@ -30,6 +32,9 @@ pub use sections::{
     RecordConfig,
 };
 pub use validation::Finding;
+pub use virtual_fixtures::{
+    FixtureRegionConfig, FixtureShape, MAX_CORNERS, MAX_REGIONS, VirtualFixtureConfig,
+};
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,6 +70,9 @@ pub struct Config {
     /// The trajectory of `move_jp`.
     #[serde(default)]
     pub move_jp: MoveConfig,
+    /// Regions that the snake may not enter.
+    #[serde(default)]
+    pub virtual_fixtures: VirtualFixtureConfig,
     /// Comparison of camera and model.
     #[serde(default)]
     pub plausibility: PlausibilityConfig,

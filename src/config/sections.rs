@@ -16,6 +16,11 @@ pub struct ControlConfig {
     /// The loop wakes this long before each tick and spins until the tick, in microseconds, 0 to
     /// 500. 0: sleeps until the tick.
     pub spin_us: u32,
+    /// Delay each tick within its period to just before a port takes its next set-point, so that
+    /// the set-point follows the newest command. There are as many ticks as without it, and limits
+    /// per tick are the same, but the time from one tick to the next varies by up to 0.9 periods,
+    /// and so does the reported velocity of set-points.
+    pub follow_lines: bool,
     /// SCHED_FIFO priority of the loop, 1 to 98; 0 keeps normal scheduling. Port threads get 10
     /// less, the thread that reads commands 20 less, both at least 1.
     pub priority: u8,
@@ -26,6 +31,8 @@ pub struct ControlConfig {
     /// The model file, relative to the folder of this file. Absent: motors move by counts only,
     /// which is what calibration needs.
     pub model: Option<PathBuf>,
+    /// Accept models that `i2ris calibrate fit --force` wrote although it found them worthless.
+    pub allow_worthless_model: bool,
 }
 
 impl Default for ControlConfig {
@@ -33,10 +40,12 @@ impl Default for ControlConfig {
         Self {
             rate_hz: 1000,
             spin_us: 100,
+            follow_lines: false,
             priority: 80,
             cpu: None,
             lock_memory: true,
             model: None,
+            allow_worthless_model: false,
         }
     }
 }
@@ -88,6 +97,15 @@ pub struct CommandConfig {
     /// Cut-off of the low-pass against hand tremor, Hz; 0: none. It delays by 1 / (2 pi f): 53 ms
     /// at 3 Hz.
     pub tremor_filter_hz: f64,
+}
+
+impl CommandConfig {
+    /// The delay of slow motion by the tremor filter, s; `None`: it is off.
+    #[must_use]
+    pub fn tremor_filter_delay_s(&self) -> Option<f64> {
+        let cut_off_hz = self.tremor_filter_hz;
+        (cut_off_hz > 0.0).then(|| 1.0 / (std::f64::consts::TAU * cut_off_hz))
+    }
 }
 
 impl Default for CommandConfig {

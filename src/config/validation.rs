@@ -6,6 +6,7 @@ use std::fmt::{self, Display};
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use super::virtual_fixtures;
 use super::{AxisConfig, Config, Family, Framing, HomingMethod, PortConfig, Streaming};
 use crate::model::Model;
 use crate::units::{Counts, LONGEST_WINDOW, MAX_MOTORS};
@@ -49,10 +50,10 @@ impl Display for Finding {
 
 /// Collects what is refused.
 #[derive(Default)]
-struct Findings(Vec<Finding>);
+pub(super) struct Findings(Vec<Finding>);
 
 impl Findings {
-    fn require(
+    pub(super) fn require(
         &mut self,
         is_valid: bool,
         key: impl Into<String>,
@@ -65,7 +66,7 @@ impl Findings {
         }
     }
 
-    fn within<T: PartialOrd + Display>(
+    pub(super) fn within<T: PartialOrd + Display>(
         &mut self,
         key: impl Into<String>,
         value: T,
@@ -76,7 +77,7 @@ impl Findings {
     }
 
     /// Above 0, up to a limit. TOML has `nan` and `inf`, and serde accepts them.
-    fn above_zero<T: PartialOrd + Default + Display>(
+    pub(super) fn above_zero<T: PartialOrd + Default + Display>(
         &mut self,
         key: impl Into<String>,
         value: T,
@@ -101,6 +102,7 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     check_limits(config, &mut findings);
     check_joint_limits(config, &mut findings);
     check_motion(config, &mut findings);
+    virtual_fixtures::check(&config.virtual_fixtures, &mut findings);
     check_adaptation(config, &mut findings);
     check_ports(config, &mut findings);
     findings.0
@@ -404,7 +406,8 @@ fn check_ports(config: &Config, findings: &mut Findings) {
 pub(super) fn check_model_file(config: &Config) -> Option<Finding> {
     let path = config.control.model.as_ref()?;
     let model = Model::load_trusted(path);
-    let checked = model.and_then(|model| model.check_robot(&config.robot_id, config.motors()));
+    let allow = config.control.allow_worthless_model;
+    let checked = model.and_then(|model| model.check_use(&config.robot_id, config.motors(), allow));
     checked.err().map(|error| Finding {
         key: "control.model".to_owned(),
         value: path.display().to_string(),

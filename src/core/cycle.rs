@@ -30,7 +30,7 @@ use crate::core::faults::fault_excess::age_excess;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::inputs::{
-    CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, StateRequest,
+    CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest,
 };
 use crate::core::joint_space::joint_model::{JointModel, NotFinite};
 use crate::core::joint_space::position_history::PositionHistory;
@@ -43,6 +43,7 @@ use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::conditioning_plan::ConditioningPlan;
 use crate::core::motion::s_curve::TrajectoryLimits;
+use crate::core::motion::virtual_fixtures::{FixtureChange, VirtualFixtures};
 use crate::core::outputs::{CycleOutputs, CycleReport, ModelSwapReply, StateReply};
 use crate::core::setpoint_generation::{GeneratedSetpoint, generate_setpoint};
 use crate::core::states::command_transitions::{CommandEffect, command_effect, disable};
@@ -77,6 +78,7 @@ pub struct ControlCycle {
     pub(super) machine: StateMachine,
     pub(super) admission: CommandAdmission,
     pub(super) clutch: Clutch,
+    pub(super) fixtures: VirtualFixtures,
     pub(super) feedback_stops: EventFold,
     pub(super) clips: EventFold,
     pub(super) ticks: u64,
@@ -102,6 +104,7 @@ impl ControlCycle {
             conditioning_plan: ConditioningPlan::new(config),
             trajectory_limits: TrajectoryLimits::new(&config.move_jp),
             clutch: Clutch::new(config.command.motion_scale),
+            fixtures: VirtualFixtures::new(&config.virtual_fixtures, config.control.period()),
             feedback_stops: EventFold::default(),
             clips: EventFold::default(),
             axes: AxisGroup::new(config),
@@ -367,6 +370,8 @@ impl ControlCycle {
             CommandEffect::Condition => {
                 // Conditioning is motion, so no other client may hold the lease.
                 self.admission.require_lease(request.client_id)?;
+                // The motors cross the whole hull.
+                self.require_no_fixture()?;
                 let model = self.models.active().map(JointModel::model);
                 let start = self.axes.setpoints();
                 let cycle = ConditioningCycle::new(&self.conditioning_plan, start, model)?;
@@ -377,9 +382,11 @@ impl ControlCycle {
                 summary.is_at_rest,
                 &self.admission,
                 self.models.active(),
+                &self.fixtures,
                 &self.trajectory_limits,
                 summary.now,
             )?)),
+            CommandEffect::ChangeFixtures => return self.change_fixtures(request, events),
             CommandEffect::Release => {
                 return self.release_lease(request.client_id, summary.now, events);
             }
@@ -387,6 +394,40 @@ impl ControlCycle {
         let cause = TransitionCause::Command(request.command);
         self.machine.change((next, cause), summary.now, events);
         Ok(())
+    }
+
+    /// Changes the virtual fixtures. What makes them fewer needs the lease and a robot that follows
+    /// nobody.
+    fn change_fixtures(
+        &mut self,
+        request: &StateRequest,
+        events: &mut EventList,
+    ) -> Result<(), Refusal> {
+        let change = request.fixture.as_ref().ok_or(Refusal::Malformed)?;
+        match change {
+            FixtureChange::SwitchOff | FixtureChange::RemoveAdded => {
+                self.admission.require_lease(request.client_id)?;
+                if self.machine.state().is_following_joints() {
+                    return Err(Refusal::Busy);
+                }
+            }
+            FixtureChange::SwitchOn | FixtureChange::Add(_) => {}
+        }
+        self.fixtures.change(change)?;
+        events.push(CycleEventKind::Fixtures {
+            client_id: request.client_id,
+            active: self.fixtures.active_bits(),
+        });
+        Ok(())
+    }
+
+    /// Refuses motion that is not planned in joint space while virtual fixtures count.
+    fn require_no_fixture(&self) -> Result<(), Refusal> {
+        if self.fixtures.is_on() {
+            Err(Refusal::Fixture)
+        } else {
+            Ok(())
+        }
     }
 
     /// A client that gives the lease back is not followed any more: the robot stops.
@@ -488,6 +529,9 @@ impl ControlCycle {
             is_fresh: summary.is_fresh(),
         };
         let deadline = self.admission.check(command, &context)?;
+        if matches!(command.goal, ServoGoal::Actuator(..)) {
+            self.require_no_fixture()?;
+        }
         let followed = state.followed_command().map(|followed| &followed.goal);
         let goal = self
             .range_check
@@ -538,7 +582,12 @@ impl ControlCycle {
     ) -> Result<GeneratedSetpoint, NotFinite> {
         let joints = self.models.active_mut();
         let state = self.machine.state();
-        let setpoint = generate_setpoint(state, &mut self.axes, joints, now, self.period)?;
+        let axes = &mut self.axes;
+        let fixtures = &mut self.fixtures;
+        let setpoint = generate_setpoint(state, axes, joints, fixtures, now, self.period)?;
+        if let Some(region) = self.fixtures.begun_limit(now) {
+            events.push(CycleEventKind::FixtureLimit { region });
+        }
         if let Some(next) = setpoint.next {
             self.machine
                 .progress(ControlState::Enabled(next), now, events);
@@ -562,6 +611,8 @@ impl ControlCycle {
             busy: state.is_busy(self.axes.all(AxisControl::is_at_rest)),
             holding: state.is_holding(),
             clipped: setpoint.is_clipped,
+            fixtures: self.fixtures.active_bits(),
+            limited_by_fixture: self.fixtures.limited_by(),
             plausibility: self.plausibility_check,
             lease_client_id: self.admission.lease_holder(),
             accepted: self.admission.accepted(),

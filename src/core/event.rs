@@ -89,6 +89,18 @@ pub enum CycleEventKind {
         /// Model after.
         to: ModelId,
     },
+    /// A request changed the virtual fixtures.
+    Fixtures {
+        /// Client that asked.
+        client_id: u64,
+        /// The fixtures that count, as bits.
+        active: u32,
+    },
+    /// A virtual fixture limits the goal, after a second in which none did.
+    FixtureLimit {
+        /// Index of the fixture.
+        region: u8,
+    },
     /// The comparison with the camera began, or cannot be made.
     Plausibility(PlausibilityCheck),
     /// The adaptation learned or refused something, or took a correction back.
@@ -115,10 +127,12 @@ impl CycleEventKind {
             Self::StaleStop { .. } => Some(Cause::Stop(Stop::Stale)),
             Self::FeedbackStop => Some(Cause::Stop(Stop::Feedback)),
             Self::Clipped { .. } => Some(Cause::Clip(Clip::Reach)),
+            Self::FixtureLimit { .. } => Some(Cause::Clip(Clip::Fixture)),
             Self::Refused { refusal, .. } | Self::RequestRefused { refusal, .. } => {
                 Some(Cause::Refusal(*refusal))
             }
             Self::Lease { .. }
+            | Self::Fixtures { .. }
             | Self::Model { .. }
             | Self::Plausibility(_)
             | Self::Adaptation(_)
@@ -133,10 +147,12 @@ impl CycleEventKind {
             Self::StaleStop { client_id, .. }
             | Self::Clipped { client_id }
             | Self::Lease { client_id }
+            | Self::Fixtures { client_id, .. }
             | Self::Refused { client_id, .. }
             | Self::RequestRefused { client_id, .. } => *client_id,
             Self::State { .. }
             | Self::FeedbackStop
+            | Self::FixtureLimit { .. }
             | Self::Model { .. }
             | Self::Plausibility(_)
             | Self::Adaptation(_)

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::motion::virtual_fixtures::FixtureChange;
 use crate::drive::AxisFeedback;
 use crate::model::ModelId;
 use crate::robot::StateCommand;
@@ -66,6 +67,8 @@ pub struct StateRequest {
     pub command: StateCommand,
     /// Goal pose, rad, and its number of entries. Only for [`StateCommand::Move`].
     pub pose: Option<(OutputVec, u32)>,
+    /// Only for [`StateCommand::Fixture`].
+    pub fixture: Option<FixtureChange>,
 }
 
 /// A request to change the active model.

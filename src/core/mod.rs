@@ -12,7 +12,8 @@
 //! - `faults`: `fault_detection`, `following_error`, `over_current`, `overrun` (late ticks),
 //!   `plausibility`, `debounce`.
 //! - `motion`: from a goal to the setpoints of the motors, by `goal_extrapolation`,
-//!   `tremor_filter`, `joint_limits`, `backlash_dead_band`, `velocity_limit` and `jerk_limit`;
+//!   `tremor_filter`, `joint_limits`, `virtual_fixtures`, `backlash_dead_band`, `velocity_limit`
+//!   and `jerk_limit`;
 //!   `joint_trajectory` of `move_jp`; `conditioning`; `axis_control` of one motor.
 //! - `joint_space`: `joint_model`, a model with its memory; `inverse_setpoint`; `model_blend`;
 //!   `position_history`.
@@ -55,6 +56,7 @@
 //! | `hold` | State | Busy | holding | no change | State | State |
 //! | `move` | State | Busy | trajectory, busy (7) | State | State | State |
 //! | `release` | (5) | (5) | (5), holding | (5) | (5) | (5) |
+//! | `fixture` | (8) | (8) | (8) | (8) | (8) | (8) |
 //!
 //! Busy, State and other words with a capital are [`Refusal`](crate::robot::Refusal)s. A client id
 //! of 0 is refused as Malformed. During shutdown, commands that would start something are refused
@@ -88,6 +90,11 @@
 //!    [`LONGEST_MOVE`] (Range for a longer one), and a client that dies
 //!    after its request has asked for nothing that it must go on confirming. `hold`, `pause` and
 //!    `disable` of any client end it.
+//! 8. By the request `virtual_fixture`. Malformed without a change. Switching on and adding is
+//!    allowed to every client at any time: it makes motion less. Switching off and removing: Lease
+//!    if another client holds it, Busy while a goal in joint space is followed. Range when there is
+//!    no place for one more. While fixtures count, servo commands in counts and `condition` are
+//!    refused with Fixture, and `move` if its line meets one.
 //!
 //! # Faults and the reaction of the drives
 //!
@@ -185,5 +192,6 @@ pub use inputs::{
 pub use joint_space::position_history::HistoryCursor;
 pub use model_slots::{CandidateState, ModelCandidate};
 pub use motion::velocity_limit;
+pub use motion::virtual_fixtures::{FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 pub use outputs::{CycleOutputs, CycleReport, JointReport, ModelSlots, ModelSwapReply, StateReply};
 pub use snapshot::CycleSnapshot;

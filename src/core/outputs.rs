@@ -70,6 +70,10 @@ pub struct CycleReport {
     pub holding: bool,
     /// The goal was clipped to the calibrated hull or the position limits.
     pub clipped: bool,
+    /// The virtual fixtures that count, as bits.
+    pub fixtures: u32,
+    /// Index of the virtual fixture that limited the goal in this tick.
+    pub limited_by_fixture: Option<u8>,
     /// Whether the pose is compared with a camera.
     pub plausibility: PlausibilityCheck,
     /// Client that holds the lease; 0: none.

@@ -141,6 +141,7 @@ impl Rehearsal {
             client_id: CLIENT,
             command: StateCommand::Enable,
             pose: None,
+            fixture: None,
         };
         self.tick(None, Some(request));
         for _ in 0..ENABLING_TICKS {

@@ -8,8 +8,10 @@ use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::joint_filter::GoalStep;
 use crate::core::motion::joint_trajectory::JointTrajectory;
+use crate::core::motion::velocity_limit::MotorTarget;
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::states::control_state::{ControlState, EnabledActivity};
-use crate::units::{Nanos, OutputVec};
+use crate::units::{MAX_MOTORS, Nanos, OutputVec};
 
 /// The goal that the setpoints of a tick move to.
 #[derive(Debug, Clone, Copy, Default)]
@@ -40,23 +42,25 @@ pub(super) fn generate_setpoint(
     state: &ControlState,
     axes: &mut AxisGroup,
     mut joints: Option<&mut JointModel>,
+    fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<GeneratedSetpoint, NotFinite> {
-    if !state.is_following_joints()
-        && let Some(joints) = &mut joints
-    {
-        joints.release_goal();
+    if !state.is_following_joints() {
+        fixtures.release_goal();
+        if let Some(joints) = &mut joints {
+            joints.release_goal();
+        }
     }
     match state {
         ControlState::Enabled(EnabledActivity::Following(command)) => {
-            follow_command(command, axes, joints, now, tick)
+            follow_command(command, axes, joints, fixtures, now, tick)
         }
         ControlState::Enabled(EnabledActivity::Conditioning(cycle)) => {
             run_conditioning(cycle, axes, joints.as_deref())
         }
         ControlState::Enabled(EnabledActivity::Moving(trajectory)) => {
-            follow_trajectory(trajectory, axes, joints, now, tick)
+            follow_trajectory(trajectory, axes, joints, fixtures, now, tick)
         }
         ControlState::Enabled(EnabledActivity::Holding)
         | ControlState::Disabled(_)
@@ -71,17 +75,54 @@ pub(super) fn generate_setpoint(
 fn follow_command(
     command: &FollowedCommand,
     axes: &mut AxisGroup,
-    joints: Option<&mut JointModel>,
+    mut joints: Option<&mut JointModel>,
+    fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<GeneratedSetpoint, NotFinite> {
-    let inverse = follow_goal(&command.goal, axes, joints, now, tick)?;
-    axes.track(&inverse.targets);
+    let inverse = follow_goal(
+        &command.goal,
+        axes,
+        joints.as_deref_mut(),
+        fixtures,
+        now,
+        tick,
+    )?;
+    track_outside(&inverse.targets, axes, joints.as_deref(), fixtures)?;
     Ok(GeneratedSetpoint {
         command_stamp: command.stamp,
         command_sequence: command.sequence,
         ..GeneratedSetpoint::from(&inverse)
     })
+}
+
+/// Moves the motors towards their targets, but no setpoint into a virtual fixture: the goal keeps
+/// out of it, but a motor that crosses its backlash lags, and then the way of the setpoints is
+/// another one. The motor that would cause it waits for the other one.
+fn track_outside(
+    targets: &[MotorTarget; MAX_MOTORS],
+    axes: &mut AxisGroup,
+    joints: Option<&JointModel>,
+    fixtures: &mut VirtualFixtures,
+) -> Result<(), NotFinite> {
+    const NONE: u32 = 0;
+    let Some((joints, start)) = joints
+        .filter(|_| fixtures.is_on())
+        .and_then(|joints| Some((joints, joints.setpoint()?)))
+    else {
+        axes.track(targets);
+        return Ok(());
+    };
+    let before = axes.to_snapshot();
+    for moving in [0b11, 0b01, 0b10, NONE] {
+        axes.track_some(targets, moving);
+        let pose = joints.pose(&axes.setpoints())?;
+        if moving == NONE || fixtures.allows_setpoint(&start, &pose, joints.unit()) {
+            break;
+        }
+        axes.take_back(&before);
+    }
+    Ok(())
 }
 
 fn run_conditioning(
@@ -107,6 +148,7 @@ fn follow_trajectory(
     trajectory: &JointTrajectory,
     axes: &mut AxisGroup,
     joints: Option<&mut JointModel>,
+    fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<GeneratedSetpoint, NotFinite> {
@@ -116,8 +158,8 @@ fn follow_trajectory(
         now: trajectory.position_at(now),
         before: trajectory.position_at(now - tick),
     };
-    let inverse = invert_goal(goal, trajectory.end(), axes, joints, now, tick)?;
-    axes.track(&inverse.targets);
+    let inverse = invert_goal(goal, trajectory.end(), axes, joints, fixtures, now, tick)?;
+    track_outside(&inverse.targets, axes, Some(joints), fixtures)?;
     let is_finished = trajectory.is_finished(now) && axes.all(AxisControl::is_at_rest);
     Ok(GeneratedSetpoint {
         is_clipped: inverse.is_clipped || trajectory.is_clipped(),

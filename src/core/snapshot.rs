@@ -16,6 +16,7 @@ use crate::core::joint_space::position_history::PositionHistory;
 use crate::core::model_slots::loaded_models::{LoadedModelStates, LoadedModels};
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::StateMachine;
 use crate::model::{Model, ModelId};
@@ -36,6 +37,7 @@ pub struct CycleSnapshot {
     machine: StateMachine,
     admission: CommandAdmission,
     clutch: Clutch,
+    fixtures: VirtualFixtures,
     feedback_stops: EventFold,
     clips: EventFold,
     ticks: u64,
@@ -74,6 +76,7 @@ impl ControlCycle {
             machine: self.machine,
             admission: self.admission,
             clutch: self.clutch,
+            fixtures: self.fixtures,
             feedback_stops: self.feedback_stops,
             clips: self.clips,
             ticks: self.ticks,
@@ -107,6 +110,7 @@ impl ControlCycle {
         cycle.machine = snapshot.machine;
         cycle.admission = snapshot.admission;
         cycle.clutch = snapshot.clutch;
+        cycle.fixtures = snapshot.fixtures;
         cycle.feedback_stops = snapshot.feedback_stops;
         cycle.clips = snapshot.clips;
         cycle.ticks = snapshot.ticks;

@@ -20,6 +20,7 @@
 //! | `inspect` | reading the state of drives without changing it |
 //! | `axis` | one axis as a state machine without I/O |
 //! | `port_runner` | the thread that owns a serial port |
+//! | `setpoint_slot` | when a port takes the next set-point |
 //! | `error`, `event` | errors and events |
 
 pub mod abort_code;
@@ -46,6 +47,7 @@ mod saved_position;
 pub mod serial_frame;
 pub mod serial_frame_parser;
 pub mod serial_transport;
+pub mod setpoint_slot;
 pub mod transport;
 
 pub use axis::interface::{AxisFeedback, AxisPhase, AxisRequest, Demand, WrittenTarget};

@@ -20,6 +20,7 @@ use super::link::{DriveLink, LinkCounters, TimedReply};
 use super::object::{self, Setting};
 use super::saved_position::{self, SavedPosition};
 use super::serial_transport::SerialTransport;
+use super::setpoint_slot::SetpointSlot;
 use super::transport::Transport;
 use crate::config::{AxisConfig, PortConfig};
 use crate::units::{Counts, Nanos};
@@ -50,6 +51,8 @@ pub struct AxisLink {
     pub requests: Input<AxisRequest>,
     /// Feedback of the axis: the newest counts.
     pub feedback: Output<AxisFeedback>,
+    /// When the port takes the next set-point.
+    pub slot: SetpointSlot,
 }
 
 /// The port thread's end of a port. It allocates nothing while it runs.
@@ -67,6 +70,8 @@ pub struct PortRunner<T = SerialTransport> {
 struct Pace {
     /// Median, measured at bring-up.
     median: Nanos,
+    /// One exchange with every axis, as long as the median.
+    turn: Nanos,
     /// The last one took more than twice as long.
     late: bool,
 }
@@ -80,6 +85,7 @@ struct AxisSlot {
     axis: AxisStateMachine,
     requests: Output<AxisRequest>,
     feedback: Input<AxisFeedback>,
+    setpoint_slot: SetpointSlot,
     next_reconnect: Nanos,
     position_check: Option<PositionCheck>,
     watchdog: RequestWatchdog,
@@ -126,10 +132,12 @@ impl AxisSlot {
         let family = family_of_axis(port, config);
         let (request_input, requests) = triple_buffer(&AxisRequest::default());
         let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
+        let setpoint_slot = SetpointSlot::default();
         let link = AxisLink {
             motor: config.motor,
             requests: request_input,
             feedback: feedback_output,
+            slot: setpoint_slot.clone(),
         };
         let slot = Self {
             config: config.clone(),
@@ -138,6 +146,7 @@ impl AxisSlot {
             axis: AxisStateMachine::new(config, family, port.polling),
             requests,
             feedback,
+            setpoint_slot,
             next_reconnect: Nanos::ZERO,
             position_check,
             watchdog: RequestWatchdog {
@@ -230,11 +239,12 @@ impl<T: Transport> PortRunner<T> {
         }
         let runner = Self {
             link,
-            slots,
             pace: Pace {
                 median: exchange,
+                turn: Nanos(exchange.0.saturating_mul(slots.len() as u64)).max(MIN_TURN),
                 late: false,
             },
+            slots,
             positions_file: port.positions_file.clone(),
         };
         (runner, links)
@@ -363,6 +373,9 @@ fn exchange(
         };
         let begin = link.now();
         let transfer = slot.axis.next_transfer(&request, begin, pace.late, events);
+        // Told before the exchange, so that the control loop has its time to plan the tick.
+        slot.setpoint_slot
+            .announce(begin, pace.turn, slot.axis.turns_to_setpoint());
         let timeouts = link.counters().timeouts;
         let map = slot.axis.object_map();
         let outcome = perform(link, slot.config.node_id, transfer, map);

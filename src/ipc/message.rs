@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use super::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
 };
 use crate::units::Nanos;
 
@@ -66,5 +66,6 @@ outgoing!(
     JointState,
     OperatingStateMsg,
     PeriodStatistics,
+    VirtualFixturesMsg,
     ReasonMsg
 );

@@ -33,7 +33,9 @@ pub mod server;
 mod service;
 pub mod watchdog_presence;
 
-pub use crate::robot::{Fault, ModelAction, OperatingState, Refusal, StateCommand};
+pub use crate::robot::{
+    Fault, FixtureAction, FixtureKind, ModelAction, OperatingState, Refusal, StateCommand,
+};
 pub use client_process::{ClientProcess, find_client_process};
 pub use domain::{Domain, DomainError};
 pub use domain_lock::DomainLock;

@@ -67,6 +67,7 @@ pub(super) const EVENTS: Stream = Stream {
     history: 16,
     ..state("i2ris/events")
 };
+pub(super) const VIRTUAL_FIXTURES: Stream = state("i2ris/virtual_fixtures");
 /// The last faults; a client that joins later gets them, too.
 pub(super) const ERROR: Stream = Stream {
     history: 16,
@@ -86,6 +87,7 @@ pub(super) const STATE_COMMAND: &str = "i2ris/state_command";
 pub(super) const BLACK_BOX: &str = "i2ris/black_box";
 pub(super) const MODEL: &str = "i2ris/model";
 pub(super) const MOVE_JP: &str = "i2ris/move_jp";
+pub(super) const VIRTUAL_FIXTURE: &str = "i2ris/virtual_fixture";
 pub(super) const VERSION: &str = "i2ris/version";
 
 /// A call into iceoryx2 failed: the step, the service, and the reason that iceoryx2 gives.

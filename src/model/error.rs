@@ -90,6 +90,40 @@ pub enum ModelError {
         /// The unit of `error` and `one_count`.
         unit: OutputUnit,
     },
+    /// The inverse does not follow the model itself.
+    #[error(
+        "commands nonsense: within the calibrated region its inverse misses {:.0} % of the motion \
+         that the model itself predicts, with {travel:.1} times the travel of the motors that it \
+         takes; fit another family, or record motion with reversals of many sizes of both motors",
+        100.0 * error
+    )]
+    Rehearsal {
+        /// RMS error at the goals over their RMS deviation.
+        error: f64,
+        /// Travel of the motors over the travel that reaches the goals.
+        travel: f64,
+    },
+    /// The model has another gain than the recording.
+    #[error(
+        "commands nonsense: a count moves its outputs by {least:.2} to {most:.2} times as much as a \
+         straight line through the recording says; fit another family, or record motion of both \
+         motors together"
+    )]
+    Gain {
+        /// In the weakest direction; negative if the model turns the other way.
+        least: f64,
+        /// In the strongest direction.
+        most: f64,
+    },
+    /// The fit found it worthless and wrote it all the same.
+    #[error(
+        "is marked as worthless: {doubt}; fit a better one, or allow it by \
+         control.allow_worthless_model = true"
+    )]
+    Worthless {
+        /// Why, as the fit said it.
+        doubt: String,
+    },
     /// The model was calibrated on another robot.
     #[error(
         "was calibrated on robot `{model}`, and this robot is `{robot}`; name a model of \

@@ -18,14 +18,17 @@
 //! | file | contents |
 //! |---|---|
 //! | `prepared` | [`Model`]: a checked and prepared model file, for the control loop |
+//! | `examination` | whether the inverse follows the model itself, before it moves motors |
 //! | `file` | model files: format, checks, reading and writing, identity |
 //! | `families` | linear, [`kinematic`], mixtures, [`direction`], [`hysteresis`]; memory |
+//! | `trial_path` | a path of the motors on which models are tried |
 //! | `maths` | Gaussian mixture, its regression, convex hull, damped Newton inverse |
 //! | `history` | past motor positions; they rebuild a memory |
 //! | `estimate`, `error`, `output_unit`, `schema_version` | results, errors, units, version |
 
 mod error;
 mod estimate;
+mod examination;
 mod families;
 pub mod file;
 mod history;
@@ -33,9 +36,11 @@ mod maths;
 mod output_unit;
 mod prepared;
 mod schema_version;
+mod trial_path;
 
 pub use error::ModelError;
 pub use estimate::{Estimate, Inverse, JacobianMatrix, OutputMatrix, Query};
+pub use examination::Examination;
 pub use families::memory::Memory;
 pub use families::{direction, hysteresis, kinematic};
 pub use file::store::ModelId;
@@ -44,3 +49,4 @@ pub use maths::gaussian_mixture::MAX_COMPONENTS;
 pub use maths::hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
 pub use maths::regression::Local;
 pub use prepared::Model;
+pub use trial_path::TrialPath;

@@ -7,6 +7,7 @@ use nalgebra::SVector;
 use crate::file_permissions::{LONGEST_MODEL, read_trusted};
 use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
+use crate::model::examination::Examination;
 use crate::model::families::direction::DirectionGmr;
 use crate::model::families::hysteresis::Operator;
 use crate::model::families::hysteresis::backlash_play::Plays;
@@ -71,22 +72,52 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// When a value is out of its valid range, or the prediction at the inverse of a prediction is
-    /// off by more than one count's worth somewhere in the hull.
+    /// When a value is out of its valid range, the prediction at the inverse of a prediction is off
+    /// by more than one count's worth somewhere in the hull, or the model fails its
+    /// [`Examination`].
     pub fn from_file(file: ModelFile) -> Result<Self, ModelError> {
         let motors = check::check(&file)?;
         let hull = Hull::new(&file.hull, motors)?;
         let runtime = prepare(&file, motors)?;
         runtime.check_round_trip(&hull, unit(&file))?;
         let conditioning_range = clamp_to_extent(runtime.conditioning_range(), &hull);
-        Ok(Self {
+        let model = Self {
             id: file.id()?,
             file,
             motors,
             hull,
             conditioning_range,
             runtime,
-        })
+        };
+        model.examine().verdict()?;
+        Ok(model)
+    }
+
+    /// How the inverse does on the model itself. [`Self::from_file`] refuses a model that fails.
+    #[must_use]
+    pub fn examine(&self) -> Examination {
+        Examination::of(&*self.runtime, &self.hull, &self.file)
+    }
+
+    /// Checks that a robot may use the model.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::check_robot`], and when the model is marked as worthless and the robot does not
+    /// allow that.
+    pub fn check_use(
+        &self,
+        robot_id: &str,
+        motors: usize,
+        allow_worthless: bool,
+    ) -> Result<(), ModelError> {
+        self.check_robot(robot_id, motors)?;
+        match &self.file.worthless {
+            Some(doubt) if !allow_worthless => Err(ModelError::Worthless {
+                doubt: doubt.clone(),
+            }),
+            _ => Ok(()),
+        }
     }
 
     /// Checks that the model belongs to a robot.
@@ -193,6 +224,34 @@ impl Model {
         self.runtime.predict(counts, memory)
     }
 
+    /// As [`Model::predict`], with the [`Model::correction`] of the memory, computed before.
+    #[must_use]
+    pub fn predict_corrected(
+        &self,
+        counts: &MotorVec,
+        memory: &Memory,
+        correction: &OutputVec,
+    ) -> Estimate {
+        self.runtime.predict_corrected(counts, memory, correction)
+    }
+
+    /// The mean of [`Model::predict_corrected`] alone, rad (m).
+    #[must_use]
+    pub fn pose(&self, counts: &MotorVec, memory: &Memory, correction: &OutputVec) -> OutputVec {
+        self.runtime.pose(counts, memory, correction)
+    }
+
+    /// [`Model::pose`] with [`Model::jacobian`]: computed together they cost little more than one.
+    #[must_use]
+    pub fn pose_and_slope(
+        &self,
+        counts: &MotorVec,
+        memory: &Memory,
+        correction: &OutputVec,
+    ) -> (OutputVec, JacobianMatrix) {
+        self.runtime.pose_and_slope(counts, memory, correction)
+    }
+
     /// Derivative of the predicted mean with respect to the counts, rad (m) per count.
     #[must_use]
     pub fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
@@ -213,6 +272,21 @@ impl Model {
     #[must_use]
     pub fn invert(&self, goal: &OutputVec, memory: &Memory, query: &Query) -> Inverse {
         self.runtime.invert(goal, memory, &self.hull, query)
+    }
+
+    /// The inverses of several goals near each other, with the same memory. The search for the
+    /// first starts as [`Model::invert`], all others start at its result.
+    #[must_use]
+    pub fn invert_each<const N: usize>(
+        &self,
+        goals: &[OutputVec; N],
+        memory: &Memory,
+        query: &Query,
+    ) -> [Inverse; N] {
+        let mut found = [Inverse::default(); N];
+        self.runtime
+            .invert_each(goals, memory, &self.hull, query, &mut found);
+        found
     }
 }
 

@@ -13,6 +13,7 @@ use crate::drive::port_runner::AxisLink;
 use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::process::black_box::{RecorderChannels, TickRecord};
 use crate::process::channels::{LoopChannels, LostCounters, TickReport};
+use crate::process::tick_plan::{SharedTick, delayed};
 use crate::realtime::{Tick, TickTiming, Ticker};
 use crate::robot::OperatingState;
 use crate::units::{MAX_MOTORS, Nanos};
@@ -23,6 +24,8 @@ pub struct ControlLoop {
     pub channels: LoopChannels,
     pub links: Vec<AxisLink>,
     pub heartbeat: HeartbeatWriter,
+    /// Tells the IPC thread when the next tick begins.
+    pub next_tick: SharedTick,
 }
 
 impl ControlLoop {
@@ -34,7 +37,8 @@ impl ControlLoop {
         recording.push_snapshot(&self.cycle, &mut self.channels.recorder);
         let mut lost = Lost::default();
         loop {
-            let tick = ticker.wait();
+            let planned = self.plan_tick(config, ticker.next());
+            let tick = ticker.wait_until(planned);
             if self.run_tick(tick, &mut recording, &mut lost, shutdown) {
                 return;
             }
@@ -105,6 +109,20 @@ impl ControlLoop {
         {
             let _ = channels.retired.push(retired);
         }
+    }
+
+    /// The start of the tick at a point of the grid: before the first port that takes a set-point
+    /// in its period.
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
+    fn plan_tick(&self, config: &ControlConfig, grid: Nanos) -> Nanos {
+        let slots = self.links.iter().filter_map(|link| link.slot.next());
+        let planned = if config.follow_lines {
+            delayed(grid, config.period(), slots)
+        } else {
+            grid
+        };
+        self.next_tick.announce(planned);
+        planned
     }
 
     /// Passes the next model to the cycle, if it can take one. Returns the number of the offer.

@@ -28,6 +28,7 @@ use crate::model::Model;
 use crate::process::black_box::Recorder;
 use crate::process::channels::{LogEntry, WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::ControlLoop;
+use crate::process::fixture_table::FixtureTable;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::main_thread::{MainThread, write_line};
@@ -38,6 +39,7 @@ use crate::process::start_up::{
     Drives, StartModelError, bring_up_ports, load_model, software, wait_for_positions,
 };
 use crate::process::threads::{NamedThread, ThreadError};
+use crate::process::tick_plan::SharedTick;
 use crate::realtime::{self, Granted, Wanted};
 use crate::service_manager;
 use crate::units::Nanos;
@@ -102,6 +104,13 @@ pub fn run(
     );
     write_granted(log, &threads.granted);
     write_ipc_granted(log, &config.control, &threads.ipc_granted);
+    if let Some(delay_s) = config.command.tremor_filter_delay_s() {
+        let delay_ms = delay_s * 1e3;
+        write_line(
+            log,
+            format_args!("the tremor filter delays the goal by {delay_ms:.0} ms"),
+        );
+    }
     let (run_log, begun) = RunLog::begin(&RunHeader {
         software: &software(),
         boot_id,
@@ -179,6 +188,7 @@ fn start_threads(
     );
     let quit = Arc::new(AtomicBool::new(false));
     let (lines, recorder_lines) = mpsc::channel();
+    let next_tick = SharedTick::default();
     let mut others = start_workers(config, recorder, manager, workers, lines, &quit)?;
     let parts = IpcThreadParts {
         channels: ipc_channels,
@@ -187,7 +197,9 @@ fn start_threads(
         command_check: CommandCheck::new(&config.command),
         history,
         queues,
+        fixtures: FixtureTable::new(&config.virtual_fixtures),
         period: config.control.period(),
+        next_tick: next_tick.clone(),
     };
     let (to_ipc, granted) = mpsc::channel();
     let (ipc, (heartbeat, ipc_granted)) = start_ipc(config, lock, parts, granted, &quit)?;
@@ -205,6 +217,7 @@ fn start_threads(
         channels,
         links,
         heartbeat,
+        next_tick,
     };
     let (control, granted) = start_control(&config.control, control_loop, first, shutdown)?;
     // If the IPC thread has ended already, the main thread detects it.

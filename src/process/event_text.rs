@@ -48,6 +48,21 @@ impl fmt::Display for CycleEventKind {
                 write!(f, "model {to} took over")?;
                 from.map_or(Ok(()), |from| write!(f, " from {from}"))
             }
+            Self::Fixtures { client_id, active } => {
+                write!(f, "virtual fixtures changed by client {client_id:016x}: ")?;
+                if *active == 0 {
+                    return f.write_str("none counts");
+                }
+                let numbers = (0..u32::BITS).filter(|index| active & (1 << index) != 0);
+                for (position, index) in numbers.enumerate() {
+                    let separator = if position == 0 { "" } else { ", " };
+                    write!(f, "{separator}{}", index + 1)?;
+                }
+                f.write_str(" count")
+            }
+            Self::FixtureLimit { region } => {
+                write!(f, "warning: virtual fixture {} limits the goal", region + 1)
+            }
             Self::Plausibility(check) => f.write_str(match check {
                 PlausibilityCheck::Inactive => "the pose is not to be compared with a camera",
                 PlausibilityCheck::Working => "the pose is compared with the camera",

@@ -12,16 +12,18 @@ use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequ
 use crate::ipc::Server;
 use crate::ipc::payload::{
     AdaptationMsg, BlackBoxReply, EventMsg, Health, OperatingStateMsg, StateCommandReply,
-    StateCommandRequest, Version, padded_text,
+    StateCommandRequest, Version, VirtualFixturesMsg, padded_text,
 };
 use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
 use crate::process::channels::{IpcChannels, LogEntry, RequestQueues, TickReport};
+use crate::process::fixture_table::FixtureTable;
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::payload_conversion as convert;
-use crate::realtime::{Granted, LoopStatistics, Ticker};
+use crate::process::tick_plan::SharedTick;
+use crate::realtime::{Granted, LoopStatistics};
 use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_OUTPUTS, Nanos};
 
@@ -39,8 +41,14 @@ const LATE_TICKS: usize = 256;
 /// Lines of the log and reasons that are published in one pass.
 const LOG_ENTRIES: usize = 16;
 
+/// From the start of a tick to reading its report: longer than the tick takes. A report that is not
+/// there yet is read before the next tick.
+const REPORT_LAG: Nanos = Nanos::from_micros(100);
+
 /// Bit that marks the token of a `move_jp`; tokens count up from 1.
 const MOVE: u64 = 1 << 63;
+/// The same for `virtual_fixture`.
+const FIXTURE: u64 = 1 << 62;
 
 /// What the IPC thread needs besides the server.
 pub struct IpcThreadParts {
@@ -51,8 +59,11 @@ pub struct IpcThreadParts {
     pub command_check: CommandCheck,
     pub history: SharedLoopHistory,
     pub queues: RequestQueues,
+    pub fixtures: FixtureTable,
     /// Period of the loop.
     pub period: Nanos,
+    /// When the next tick of the loop begins.
+    pub next_tick: SharedTick,
 }
 
 /// State of the IPC thread between two passes.
@@ -101,13 +112,20 @@ impl IpcThread {
         thread
     }
 
-    /// Makes one pass shortly before every tick of the loop, until `quit`. `first` is the first
-    /// tick of the loop.
+    /// Makes one pass shortly before every tick of the loop, so that the tick gets the newest
+    /// command, and publishes its report shortly after it, until `quit`. `first` is the first tick
+    /// of the loop.
     pub fn run(mut self, first: Nanos, quit: &AtomicBool) {
-        let mut ticker = Ticker::new(first - COMMAND_POLL_LEAD, self.parts.period, Nanos::ZERO);
+        let mut tick = first;
         while !quit.load(Ordering::Acquire) {
-            let tick = ticker.wait();
-            self.pass(tick.started);
+            clock::sleep_until(tick - COMMAND_POLL_LEAD);
+            let now = clock::now();
+            self.pass(now);
+            clock::sleep_until(tick + REPORT_LAG);
+            self.take_reports();
+            // Passes that are over are not made up for.
+            let last = tick.max(now - self.parts.period);
+            tick = self.parts.next_tick.after(last, self.parts.period);
         }
         self.pass(clock::now());
     }
@@ -127,14 +145,10 @@ impl IpcThread {
         }
         self.take_state_commands(now);
         self.take_moves(now);
+        self.take_fixture_requests(now);
         self.take_model_requests(now);
         self.take_black_box_requests(now);
-        while let Ok(reply) = self.parts.channels.replies.pop() {
-            self.reply(reply);
-        }
-        while let Some(report) = self.take_report() {
-            self.publish(&report);
-        }
+        self.take_reports();
         self.publish_adaptation(now);
         self.update_history();
         if let Some(statistics) = self.statistics.take(now) {
@@ -143,9 +157,20 @@ impl IpcThread {
                 stamp_ns: now.0,
                 ..self.health
             });
+            self.publish_fixtures(now);
         }
         self.publish_log();
         self.server.maintain(now);
+    }
+
+    /// Replies and reports of the loop.
+    fn take_reports(&mut self) {
+        while let Ok(reply) = self.parts.channels.replies.pop() {
+            self.reply(reply);
+        }
+        while let Some(report) = self.take_report() {
+            self.publish(&report);
+        }
     }
 
     /// A command that the loop has not read yet is replaced only by one of the holder of the lease.
@@ -194,6 +219,7 @@ impl IpcThread {
                 client_id: raw.client_id,
                 command: StateCommand::Move,
                 pose: Some((raw.position, raw.count)),
+                fixture: None,
             };
             new.push((request, raw.reserved == 0));
         });
@@ -201,6 +227,31 @@ impl IpcThread {
             let checked = is_known.then_some(request).ok_or(Refusal::Malformed);
             self.request(request.id, checked);
         }
+    }
+
+    /// As [`Self::take_moves`].
+    fn take_fixture_requests(&mut self, now: Nanos) {
+        let mut new = Vec::new();
+        self.server
+            .poll_fixtures(now, |token, raw| new.push((token | FIXTURE, raw)));
+        for (id, raw) in new {
+            let request = FixtureTable::parse(&raw).map(|change| StateRequest {
+                id,
+                client_id: raw.client_id,
+                command: StateCommand::Fixture,
+                pose: None,
+                fixture: Some(change),
+            });
+            self.parts.fixtures.sent(id, raw);
+            self.request(id, request);
+        }
+    }
+
+    fn publish_fixtures(&mut self, now: Nanos) {
+        self.server.publish_fixtures(VirtualFixturesMsg {
+            stamp_ns: now.0,
+            ..self.parts.fixtures.message()
+        });
     }
 
     /// Passes a request to the loop, or replies with the refusal.
@@ -268,9 +319,15 @@ impl IpcThread {
 
     fn reply(&mut self, reply: StateReply) {
         let payload = StateCommandReply::new(reply.refusal, reply.state, reply.excess);
-        match reply.id & MOVE {
-            0 => self.server.reply(reply.id, payload),
-            _ => self.server.reply_move(reply.id & !MOVE, payload),
+        if reply.id & MOVE != 0 {
+            self.server.reply_move(reply.id & !MOVE, payload);
+        } else if reply.id & FIXTURE != 0 {
+            if self.parts.fixtures.answered(reply.id, reply.refusal) {
+                self.publish_fixtures(clock::now());
+            }
+            self.server.reply_fixture(reply.id & !FIXTURE, payload);
+        } else {
+            self.server.reply(reply.id, payload);
         }
     }
 
@@ -318,6 +375,7 @@ impl IpcThread {
 
     fn publish(&mut self, tick: &TickReport) {
         let report = &tick.report;
+        self.parts.fixtures.update(report);
         self.health = convert::health(report, &tick.lost);
         self.adaptation = convert::adaptation(report);
         (self.lease_client_id, self.state) = (report.lease_client_id, report.state);
@@ -355,5 +413,6 @@ fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Ref
         client_id: raw.client_id,
         command,
         pose: None,
+        fixture: None,
     })
 }

@@ -6,11 +6,13 @@
 //! | `start_up` | model, ports and drives at the start |
 //! | `threads` | starting, naming and joining threads |
 //! | `control_loop` | the real-time loop thread; the only place that runs the cycle |
+//! | `tick_plan` | when a tick begins within its period |
 //! | `ipc_thread` | shared memory: commands in, messages out |
 //! | `model_manager` | the model thread: reads, checks, compares, frees |
 //! | `model_comparison` | difference between two models, in counts |
 //! | `loop_history` | motor positions and loaded models, shared by the slower threads |
 //! | `main_thread` | the log, and waiting for the end |
+//! | `fixture_table` | names and values of the virtual fixtures, for clients |
 //! | `channels` | everything that passes between the threads |
 //! | `payload_conversion` | conversion between payloads and values of the core |
 //! | `event_text` | events as lines of the log |
@@ -23,6 +25,7 @@ pub mod console_log;
 mod control_loop;
 pub mod controller;
 mod event_text;
+mod fixture_table;
 mod ipc_thread;
 mod loop_history;
 mod main_thread;
@@ -32,5 +35,6 @@ mod payload_conversion;
 pub mod run_log;
 mod start_up;
 mod threads;
+mod tick_plan;
 
 pub use payload_conversion::robot_description;

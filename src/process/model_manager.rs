@@ -134,8 +134,9 @@ impl ModelManager {
             message,
         };
         let model = Model::load_trusted(file).map_err(|error| bad(error.to_string()))?;
+        let allow = self.config.control.allow_worthless_model;
         model
-            .check_robot(&self.config.robot_id, self.config.motors())
+            .check_use(&self.config.robot_id, self.config.motors(), allow)
             .map_err(|error| bad(format!("model file {} {error}", file.display())))?;
         let model = Arc::new(model);
         let (history, active, position) = {

@@ -78,7 +78,8 @@ pub fn joint_states(report: &CycleReport) -> [JointState; 3] {
     base.count = joint.outputs;
     base.flags = JointState::VALID
         | flag(joint.memory_known, JointState::MEMORY_KNOWN)
-        | flag(report.clipped, JointState::CLIPPED);
+        | flag(report.clipped, JointState::CLIPPED)
+        | flag(report.limited_by_fixture.is_some(), JointState::FIXTURE);
     let state = |position: OutputVec, velocity: OutputVec, deviation: OutputVec| JointState {
         position,
         velocity,
@@ -212,6 +213,10 @@ pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStat
         flag(memory_known, OperatingStateMsg::MEMORY_KNOWN),
         flag(report.holding, OperatingStateMsg::HOLDING),
         flag(report.clipped, OperatingStateMsg::CLIPPED),
+        flag(
+            report.limited_by_fixture.is_some(),
+            OperatingStateMsg::FIXTURE,
+        ),
         flag(
             report.plausibility == PlausibilityCheck::Working,
             OperatingStateMsg::COMPARED,

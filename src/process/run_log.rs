@@ -199,12 +199,17 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
         CycleEventKind::Plausibility(check) => {
             ("plausibility", json!({ "check": format!("{check:?}") }))
         }
+        CycleEventKind::Fixtures { client_id, active } => (
+            "fixtures",
+            json!({ "client": id(client_id), "active": active }),
+        ),
         CycleEventKind::Adaptation(event) => {
             ("adaptation", json!({ "event": format!("{event:?}") }))
         }
         CycleEventKind::FeedbackStop => ("stop", json!({})),
         CycleEventKind::Axis { .. }
         | CycleEventKind::Clipped { .. }
+        | CycleEventKind::FixtureLimit { .. }
         | CycleEventKind::Refused { .. }
         | CycleEventKind::RequestRefused { .. } => return None,
     })

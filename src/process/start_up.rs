@@ -22,12 +22,12 @@ pub enum StartModelError {
     /// The model is missing, damaged or writable by others.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// The model is of another robot.
+    /// The model is of another robot, or marked as worthless.
     #[error("model file {path} {source}")]
-    Robot {
+    Use {
         /// The file.
         path: PathBuf,
-        /// How it differs.
+        /// Why this robot may not use it.
         source: ModelError,
     },
 }
@@ -39,8 +39,12 @@ pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
     };
     let model = Model::load_trusted(path)?;
     model
-        .check_robot(&config.robot_id, config.motors())
-        .map_err(|source| StartModelError::Robot {
+        .check_use(
+            &config.robot_id,
+            config.motors(),
+            config.control.allow_worthless_model,
+        )
+        .map_err(|source| StartModelError::Use {
             path: path.clone(),
             source,
         })?;

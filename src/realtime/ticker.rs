@@ -3,6 +3,9 @@
 //! Ticks are on a fixed grid: start, start + period, start + 2 periods, ... A late thread skips the
 //! ticks that have passed and continues on the grid. It never catches up, because a burst of ticks
 //! would send a burst of set-points.
+//!
+//! A tick may be delayed within its period, so that its set-point is as new as it can be when the
+//! line takes it. There is still one tick for every point of the grid.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +15,7 @@ use crate::units::Nanos;
 /// One tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Tick {
-    /// When it should have begun.
+    /// When it should have begun: its point of the grid, and the delay.
     pub planned: Nanos,
     /// When it began.
     pub started: Nanos,
@@ -47,9 +50,15 @@ impl Schedule {
     /// Begins the next tick at `started`, not before [`Schedule::next`], and plans the one after it
     /// in the future.
     pub fn begin(&mut self, started: Nanos) -> Tick {
-        let missed = started.since(self.next).0 / self.period.0;
+        self.begin_planned(self.next, started)
+    }
+
+    /// As [`Schedule::begin`], for a tick that was planned for an instant within its period. A tick
+    /// that begins late in the period of the next one takes no tick from it.
+    fn begin_planned(&mut self, planned: Nanos, started: Nanos) -> Tick {
+        let missed = started.since(planned).0 / self.period.0;
         let tick = Tick {
-            planned: self.next,
+            planned,
             started,
             missed,
         };
@@ -77,16 +86,27 @@ impl Ticker {
         }
     }
 
+    /// The point of the grid of the next tick.
+    #[must_use]
+    pub const fn next(&self) -> Nanos {
+        self.schedule.next()
+    }
+
     /// Waits for the next tick. Returns at once if it is due already.
     pub fn wait(&mut self) -> Tick {
-        let due = self.schedule.next();
-        clock::sleep_until(due - self.spin);
+        self.wait_until(self.next())
+    }
+
+    /// Waits for the next tick, which begins at `planned`, within a period from its point of the
+    /// grid on.
+    pub fn wait_until(&mut self, planned: Nanos) -> Tick {
+        clock::sleep_until(planned - self.spin);
         let mut now = clock::now();
-        while now < due {
+        while now < planned {
             std::hint::spin_loop();
             now = clock::now();
         }
-        self.schedule.begin(now)
+        self.schedule.begin_planned(planned, now)
     }
 }
 
@@ -130,6 +150,22 @@ mod tests {
         assert_eq!(schedule.next(), Nanos(6000));
         assert_eq!(schedule.begin(Nanos(7000)).missed, 1);
         assert_eq!(schedule.next(), Nanos(8000));
+    }
+
+    #[test]
+    fn a_delayed_tick_takes_none_from_the_grid() {
+        let mut schedule = Schedule::new(Nanos(5000), PERIOD);
+        let tick = schedule.begin_planned(Nanos(5750), Nanos(5760));
+        assert_eq!((tick.planned, tick.missed), (Nanos(5750), 0));
+        assert_eq!(schedule.next(), Nanos(6000));
+        // Late into the next period: that tick is still there, and only once.
+        assert_eq!(schedule.begin_planned(Nanos(6750), Nanos(7400)).missed, 0);
+        assert_eq!(schedule.next(), Nanos(7000));
+        assert_eq!(schedule.begin(Nanos(7400)).missed, 0);
+        assert_eq!(schedule.next(), Nanos(8000));
+        // A whole period late.
+        assert_eq!(schedule.begin_planned(Nanos(8500), Nanos(9600)).missed, 1);
+        assert_eq!(schedule.next(), Nanos(10_000));
     }
 
     #[test]

@@ -53,6 +53,9 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         Refusal::NothingStaged => "stage it first (`i2ris model list`)",
         Refusal::NoFormer => "activate a model instead (`i2ris model list`)",
         Refusal::MemoryUnknown => "`i2ris command state condition`, or `--force`",
+        Refusal::Fixture => {
+            "go around the region (`i2ris command fixture list`), or switch the fixtures off"
+        }
         Refusal::BadModel => "read the reason in the controller's answer to `i2ris model stage`",
     }
 }
@@ -67,6 +70,7 @@ pub(super) fn stop_advice(stop: Stop) -> &'static str {
 pub(super) fn clip_advice(clip: Clip) -> &'static str {
     match clip {
         Clip::Reach => "command less, or calibrate a wider range",
+        Clip::Fixture => "go around the region (`i2ris command fixture list`)",
     }
 }
 

@@ -11,6 +11,7 @@ mod reason;
 mod refusal;
 mod state_command;
 mod stop;
+mod virtual_fixture;
 
 pub use excess::{Excess, Quantity};
 pub use fault::Fault;
@@ -20,3 +21,4 @@ pub use reason::{Cause, Reason};
 pub use refusal::Refusal;
 pub use state_command::StateCommand;
 pub use stop::{Clip, Stop};
+pub use virtual_fixture::{FixtureAction, FixtureKind};

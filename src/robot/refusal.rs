@@ -50,5 +50,7 @@ numbered_enum! {
         BadModel = 20, "the model is refused";
         /// The conditioning cycle is in progress.
         Conditioning = 21, "busy: the conditioning cycle is running; it ends by itself";
+        /// The motion crosses a virtual fixture, or is not planned in angles while one counts.
+        Fixture = 22, "a virtual fixture is in the way";
     }
 }

@@ -33,5 +33,8 @@ numbered_enum! {
         /// ENABLED: move to a pose, from standstill to standstill; busy until it ends. It needs a
         /// pose, and only the request `move_jp` carries one.
         Move = 11, "move";
+        /// Switches virtual fixtures on or off, adds or removes one; only the request
+        /// `virtual_fixture` carries what.
+        Fixture = 12, "fixture";
     }
 }

@@ -18,5 +18,7 @@ numbered_enum! {
     Clip {
         /// The goal is outside the hull of the calibration or the position limits.
         Reach = 1, "the goal is outside the calibrated hull or the position limits";
+        /// A virtual fixture is near or in the way.
+        Fixture = 2, "a virtual fixture slows or stops the goal";
     }
 }

@@ -98,6 +98,7 @@ impl Trial {
             client_id: CLIENT,
             command,
             pose: None,
+            fixture: None,
         };
         self.tick(None, Some(request));
         for _ in 0..100_000 {

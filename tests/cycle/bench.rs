@@ -7,9 +7,9 @@ use i2ris::config::Config;
 use i2ris::core::CycleSnapshot;
 use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
-    CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose, HistoryCursor,
-    JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal,
-    StateReply, StateRequest,
+    CycleEvent, CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose,
+    FixtureChange, HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest,
+    ServoCommand, ServoGoal, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
@@ -146,7 +146,9 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
             log_likelihood: None,
             bic: None,
             software: "test".to_owned(),
+            linear_gain: None,
         },
+        worthless: None,
         metrics: vec![
             OutputMetrics {
                 training: metrics,
@@ -185,6 +187,7 @@ pub struct Bench {
     pub clutched: bool,
     /// Where to go, in the next request.
     pub pose: Option<(OutputVec, u32)>,
+    pub fixture: Option<FixtureChange>,
     /// Seen by a camera, in the next tick.
     pub external: Option<ExternalPose>,
     /// How many ticks late every tick is from now on.
@@ -272,6 +275,7 @@ impl Bench {
             model_request: None,
             clutched: false,
             pose: None,
+            fixture: None,
             external: None,
             missed: 0,
             probe: || 0,
@@ -412,6 +416,7 @@ impl Bench {
         self.request_id += 1;
         let id = self.request_id;
         let pose = self.pose.take();
+        let fixture = self.fixture.take();
         self.step(
             None,
             Some(StateRequest {
@@ -419,6 +424,7 @@ impl Bench {
                 client_id,
                 command,
                 pose,
+                fixture,
             }),
         );
         let reply = self

@@ -25,3 +25,4 @@ mod report;
 mod shutdown;
 mod simulated_drive;
 mod stopping;
+mod virtual_fixtures;

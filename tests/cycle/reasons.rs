@@ -54,7 +54,8 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
     let current = Excess::new(Quantity::Milliamperes, 240.0, Some(200.0));
     assert_eq!(fault(&mut bench, Fault::Current), current.of_motor(1));
 
-    let mut bench = Bench::enabled();
+    let limits = "[limits]\noverrun_ticks = 10\noverrun_window_ms = 1000";
+    let mut bench = Bench::enabled_with(config(limits), None);
     bench.missed = 3;
     let late = fault(&mut bench, Fault::Late);
     assert_eq!(late.quantity, Quantity::LateTicks);

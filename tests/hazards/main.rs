@@ -34,7 +34,6 @@ mod documents;
 mod drifting;
 mod h01;
 mod h02;
-mod h02_network;
 mod h03;
 mod h04;
 mod h05;

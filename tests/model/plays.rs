@@ -169,6 +169,28 @@ fn check_round_trip(file: ModelFile, path: &[MotorVec], at: MotorVec, start: Mot
     );
 }
 
+/// What the control loop computes together is what it would compute alone.
+fn check_shared_work(file: ModelFile, path: &[MotorVec], at: MotorVec, near: MotorVec) {
+    let model = Model::from_file(file).unwrap();
+    let memory = memory_after(&model, path);
+    let correction = model.correction(&memory);
+    let whole = model.predict(&at, &memory);
+    assert_eq!(model.predict_corrected(&at, &memory, &correction), whole);
+    assert_eq!(model.pose(&at, &memory, &correction), whole.mean);
+    let (pose, slope) = model.pose_and_slope(&at, &memory, &correction);
+    assert!(distance(&pose, &whole.mean) < 1e-12);
+    assert_eq!(slope, model.jacobian(&at, &memory));
+    let goals = [whole.mean, model.predict(&near, &memory).mean];
+    let [first, second] = model.invert_each(&goals, &memory, &Query::new(near));
+    assert_eq!(first, model.invert(&goals[0], &memory, &Query::new(near)));
+    // The second search starts at the first result.
+    let alone = model.invert(&goals[1], &memory, &Query::new(first.counts));
+    assert!(
+        distance(&second.counts, &alone.counts) < 1e-6,
+        "{second:?} is not {alone:?}"
+    );
+}
+
 fn check_any_goal(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: MotorVec) {
     let model = Model::from_file(file).unwrap();
     let memory = memory_after(&model, path);
@@ -198,6 +220,16 @@ fn any_number() -> impl Strategy<Value = f64> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn work_that_is_shared_gives_the_same_results(
+        file in play_file(2, 2),
+        path in path(2),
+        at in position(2),
+        near in position(2),
+    ) {
+        check_shared_work(file, &path, at, near);
+    }
 
     #[test]
     fn inverse_recovers_the_counts_with_memory_1x1(

@@ -346,3 +346,46 @@ fn a_model_of_another_robot_is_refused() {
         &["for 1 motor", "has 2"],
     );
 }
+
+#[test]
+fn a_model_that_is_marked_as_worthless_is_for_robots_that_allow_it() {
+    let mut marked = file(1, two_components(), region(1, 300.0));
+    marked.worthless = Some("on rows held out, R2 of `pitch` is -0.20".to_owned());
+    let read = ModelFile::parse(&serde_json::to_string(&marked).unwrap()).unwrap();
+    let model = Model::from_file(read).unwrap();
+    assert!(model.check_use("bench", 1, true).is_ok());
+    assert_mentions(
+        &model.check_use("bench", 1, false).unwrap_err().to_string(),
+        &[
+            "is marked as worthless: on rows held out, R2 of `pitch` is -0.20; ",
+            "control.allow_worthless_model = true",
+        ],
+    );
+    assert_mentions(
+        &model.check_use("theatre", 1, true).unwrap_err().to_string(),
+        &["`theatre`"],
+    );
+}
+
+#[test]
+fn a_model_with_another_gain_than_its_recording_is_refused() {
+    let with_line = |line: [[f64; 2]; 2]| {
+        let family = linear(&[&[0.02, -0.01], &[0.01, 0.02]], &[0.0, 0.0]);
+        let mut file = file(2, family, region(2, 300.0));
+        file.training.linear_gain = Some(line.map(|row| row.to_vec()).to_vec());
+        Model::from_file(file)
+    };
+    assert!(with_line([[0.02, -0.01], [0.01, 0.02]]).is_ok());
+    for (line, gains) in [
+        ([[-0.02, 0.01], [-0.01, -0.02]], "-1.00 to -1.00"),
+        ([[0.2, -0.1], [0.1, 0.2]], "0.10 to 0.10"),
+        ([[0.005, -0.0025], [0.0025, 0.005]], "4.00 to 4.00"),
+    ] {
+        let sentence = with_line(line).unwrap_err().to_string();
+        let start = format!("commands nonsense: a count moves its outputs by {gains} times");
+        assert_mentions(
+            &sentence,
+            &[&start, "record motion of both motors together"],
+        );
+    }
+}

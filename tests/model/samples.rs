@@ -42,7 +42,9 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
             log_likelihood: Some(-4.25),
             bic: None,
             software: "i2ris 0.1.0".to_owned(),
+            linear_gain: None,
         },
+        worthless: None,
         metrics: vec![
             OutputMetrics {
                 training: fit,

@@ -61,8 +61,7 @@ impl Rig {
     /// Drives and snake, no controller yet.
     pub fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-        let snake = SnakeConfig::load(&snake).unwrap();
+        let snake = SnakeConfig::load(&root().join("config/snakes/steel.toml")).unwrap();
         let emulation = EmulatorConfig::new(snake, &folder.path().join("ports"));
         let serial_numbers = emulation.drives.clone().map(|drive| drive.serial_number);
         let mut emulator = Emulator::start(emulation).unwrap();
@@ -129,7 +128,7 @@ impl Rig {
     fn spawn(&self, stderr: Stdio) -> Child {
         let file = self.folder.path().join("robot.toml");
         fs::write(&file, toml::to_string(&self.config).unwrap()).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-control"));
+        let mut command = Command::new(controller_program());
         command.args([Path::new("--config"), &file]);
         command.envs(self.environment.iter().cloned());
         command
@@ -299,6 +298,29 @@ pub fn settle(
     wait_for(client, |state| {
         !has(state, OperatingStateMsg::BUSY) && condition(state)
     })
+}
+
+/// The root of the repository.
+fn root() -> PathBuf {
+    let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+    let root = folders.find(|folder| folder.join("config/snakes").exists());
+    root.unwrap().to_owned()
+}
+
+/// The controller of this build. Cargo names it to the tests of its own package only; for others it
+/// lies beside their folder.
+fn controller_program() -> PathBuf {
+    if let Some(path) = option_env!("CARGO_BIN_EXE_i2ris-control") {
+        return path.into();
+    }
+    let test = std::env::current_exe().unwrap();
+    let path = test.parent().unwrap().with_file_name("i2ris-control");
+    assert!(
+        path.exists(),
+        "there is no {}: build it with `cargo build -p i2ris --bins`",
+        path.display()
+    );
+    path
 }
 
 fn port(device: &Path, axis: usize, serial_number: u32) -> PortConfig {

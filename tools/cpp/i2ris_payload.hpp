@@ -7,6 +7,11 @@
 
 namespace i2ris {
 
+// The second word of the file `ready`. A controller with another one is of another release.
+constexpr int INTERFACE_VERSION = 3;
+// Versions of iceoryx2 refuse each other.
+constexpr const char* ICEORYX2_VERSION = "0.10.0";
+
 struct SpanSummary {
     std::uint64_t p50_ns;
     std::uint64_t p90_ns;

@@ -15,6 +15,7 @@ trap 'kill $(jobs -p) 2>/dev/null; wait; rm -rf "$work"' EXIT
 
 began=$(date +%s)
 echo "\$ ${commands[0]}    (terminal 1)"
+touch start.log
 ${commands[0]} --no-monitor > start.log 2>&1 &
 until grep -q '^ready:' start.log; do
   kill -0 $! || { cat start.log; exit 1; }

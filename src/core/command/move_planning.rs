@@ -5,6 +5,7 @@ use crate::core::inputs::StateRequest;
 use crate::core::joint_space::joint_model::JointModel;
 use crate::core::motion::joint_trajectory::JointTrajectory;
 use crate::core::motion::s_curve::TrajectoryLimits;
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::{first_entries, is_finite};
 use crate::model::file::OutputUnit;
 use crate::robot::Refusal;
@@ -21,6 +22,7 @@ pub(crate) fn plan_move(
     is_at_rest: bool,
     admission: &CommandAdmission,
     joints: Option<&JointModel>,
+    fixtures: &VirtualFixtures,
     limits: &TrajectoryLimits,
     now: Nanos,
 ) -> Result<JointTrajectory, Refusal> {
@@ -49,6 +51,9 @@ pub(crate) fn plan_move(
     } else {
         pose
     };
+    if !fixtures.allows_line(&from, &to, joints.unit()) {
+        return Err(Refusal::Fixture);
+    }
     let trajectory = JointTrajectory::new(from, to, inverse.clipped, limits, now);
     if trajectory.duration_s() > LONGEST_MOVE.as_seconds() {
         return Err(Refusal::Range);

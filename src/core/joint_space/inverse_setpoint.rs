@@ -5,7 +5,9 @@ use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::ExtrapolatedGoal;
 use crate::core::motion::joint_filter::GoalStep;
 use crate::core::motion::velocity_limit::MotorTarget;
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::difference;
+use crate::model::Inverse;
 use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
 /// Targets of the motors in this tick.
@@ -35,6 +37,7 @@ pub(crate) fn follow_goal(
     goal: &ExtrapolatedGoal,
     axes: &AxisGroup,
     joints: Option<&mut JointModel>,
+    fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<InverseSetpoint, NotFinite> {
@@ -42,7 +45,7 @@ pub(crate) fn follow_goal(
         (ExtrapolatedGoal::Joint(goal), Some(joints)) => {
             let (here, before) = goal.evaluate(now, tick);
             let step = GoalStep { now: here, before };
-            invert_goal(step, goal.goal(), axes, joints, now, tick)
+            invert_goal(step, goal.goal(), axes, joints, fixtures, now, tick)
         }
         // Angles are only accepted with a model.
         (ExtrapolatedGoal::Joint(_), None) => Err(NotFinite),
@@ -65,10 +68,12 @@ pub(crate) fn invert_goal(
     requested: &OutputVec,
     axes: &AxisGroup,
     joints: &mut JointModel,
+    fixtures: &mut VirtualFixtures,
     now: Nanos,
     tick: Nanos,
 ) -> Result<InverseSetpoint, NotFinite> {
-    let filtered = joints.filter_goal(goal)?;
+    let start = joints.setpoint().ok_or(NotFinite)?;
+    let filtered = fixtures.limit(joints.filter_goal(goal)?, start, joints.unit());
     let dead_banded = joints.dead_band_goal(&filtered.now);
     let before = if dead_banded.is_held {
         dead_banded.goal
@@ -78,18 +83,17 @@ pub(crate) fn invert_goal(
     let goal_now = joints.blend_goal(dead_banded.goal, now);
     let goal_before = joints.blend_goal(before, now - tick);
     joints.set_goal_motion(difference(&goal_now, &goal_before));
-    let inverse_now = clamped_inverse(&goal_now, axes, joints)?;
-    joints.set_search_start(inverse_now.counts);
-    let (inverse_before, end) = if goal_now == goal_before && filtered.now == *requested {
-        (inverse_now, inverse_now)
+    let goal_end = if goal_now == goal_before && filtered.now == *requested {
+        goal_now
     } else {
-        let end = joints.blend_goal(*requested, now);
-        (
-            clamped_inverse(&goal_before, axes, joints)?,
-            clamped_inverse(&end, axes, joints)?,
-        )
+        joints.blend_goal(*requested, now)
     };
-    let goal = if end.is_clipped {
+    let [inverse_now, inverse_before, end] =
+        clamped_inverses(&goal_now, &goal_before, &goal_end, axes, joints)?;
+    joints.set_search_start(inverse_now.counts);
+    let goal = if fixtures.limited_by().is_some() {
+        filtered.now
+    } else if end.is_clipped {
         joints.pose(&end.counts)?
     } else {
         *requested
@@ -101,16 +105,35 @@ pub(crate) fn invert_goal(
     })
 }
 
-fn clamped_inverse(
-    goal: &OutputVec,
+/// The inverses of the goal now, of the goal before, and of the end. Each is computed once.
+fn clamped_inverses(
+    now: &OutputVec,
+    before: &OutputVec,
+    end: &OutputVec,
     axes: &AxisGroup,
     joints: &JointModel,
-) -> Result<ClampedInverse, NotFinite> {
-    let inverse = joints.solve(goal)?;
-    let counts = axes.clamp(inverse.counts);
-    Ok(ClampedInverse {
-        counts,
-        is_clipped: inverse.clipped || counts != inverse.counts,
+) -> Result<[ClampedInverse; 3], NotFinite> {
+    let clamped = |inverse: &Inverse| {
+        let counts = axes.clamp(inverse.counts);
+        ClampedInverse {
+            counts,
+            is_clipped: inverse.clipped || counts != inverse.counts,
+        }
+    };
+    Ok(match (before == now, end == now) {
+        (true, true) => [clamped(&joints.solve(now)?); 3],
+        (true, false) => {
+            let [now, end] = joints.solve_each(&[*now, *end])?;
+            [clamped(&now), clamped(&now), clamped(&end)]
+        }
+        (false, true) => {
+            let [now, before] = joints.solve_each(&[*now, *before])?;
+            [clamped(&now), clamped(&before), clamped(&now)]
+        }
+        (false, false) => joints
+            .solve_each(&[*now, *before, *end])?
+            .each_ref()
+            .map(clamped),
     })
 }
 

@@ -15,8 +15,8 @@ use crate::core::outputs::JointReport;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
-use crate::model::{Estimate, History, Inverse, Memory, Model, Query};
-use crate::units::{MotorVec, Nanos, OutputVec};
+use crate::model::{Estimate, History, Inverse, JacobianMatrix, Memory, Model, Query};
+use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
 /// Positions of the history that a model replays per tick. One takes a microsecond or two.
 const MAX_REPLAYED: usize = 8;
@@ -31,6 +31,23 @@ pub(crate) struct JointModel {
     /// Only with the adaptation on, and for models that are adapted.
     geometry: Option<ModelGeometry>,
     state: JointModelState,
+    known: Known,
+}
+
+/// What has been computed from the state and holds until the state changes. Computed again it has
+/// the same bits, so it is no part of the state.
+#[derive(Debug, Clone, Copy, Default)]
+struct Known {
+    /// The setpoints that `memory` contains after the positions, motor by motor; `None`: to be
+    /// computed.
+    written: Option<[Option<f64>; MAX_MOTORS]>,
+    /// [`Model::correction`] of `measured_memory` and of `memory`.
+    measured_residual: OutputVec,
+    residual: OutputVec,
+    /// The pose at the setpoints with `memory`, before the correction of the adaptation.
+    setpoint: Option<KnownSetpoint>,
+    /// [`Model::knows`] was true: it stays so until the memory is reset.
+    is_memory_known: bool,
 }
 
 /// Everything that changes from tick to tick.
@@ -55,6 +72,26 @@ pub(crate) struct JointModelState {
     correction: Option<Correction>,
     /// Motion of the goal in the last tick, rad.
     goal_motion: OutputVec,
+}
+
+/// A pose and its slope at setpoints.
+#[derive(Debug, Clone, Copy)]
+struct KnownSetpoint {
+    at: MotorVec,
+    mean: OutputVec,
+    slope: JacobianMatrix,
+}
+
+impl KnownSetpoint {
+    /// The pose before the setpoints moved by some increments.
+    fn before(&self, increments: &MotorVec) -> OutputVec {
+        let mut before = self.mean;
+        for (output, slope) in before.iter_mut().zip(&self.slope) {
+            let products = slope.iter().zip(increments);
+            *output -= products.map(|(slope, change)| slope * change).sum::<f64>();
+        }
+        before
+    }
 }
 
 /// The pose at the encoder positions.
@@ -150,6 +187,7 @@ impl JointModel {
             compensation: config.compensation.factor,
             blend_span: Nanos::from_millis(config.model_swap.blend_ms),
             state,
+            known: Known::default(),
         }
     }
 
@@ -163,7 +201,7 @@ impl JointModel {
 
     /// Enough motion has been seen to know the memory.
     pub fn is_memory_known(&self) -> bool {
-        self.model.knows(&self.state.measured_memory)
+        self.known.is_memory_known || self.model.knows(&self.state.measured_memory)
     }
 
     /// The whole position history has been replayed.
@@ -212,7 +250,7 @@ impl JointModel {
         self.state.dead_banded_goal = before.and_then(|before| before.dead_banded_goal);
         self.state.blend = None;
         self.state.correction = None;
-        self.update_memory(drives)?;
+        self.update_memory(drives, true)?;
         self.update_measured(drives, before.and_then(|before| before.measured))?;
         let pose = self.pose(setpoints)?;
         self.state.setpoint = Some(Setpoint {
@@ -303,7 +341,7 @@ impl JointModel {
         drift: Option<&mut DriftMemories>,
     ) -> Result<(), NotFinite> {
         let has_new = self.replay(history, drift);
-        self.update_memory(drives)?;
+        self.update_memory(drives, has_new)?;
         let before = self.state.measured;
         if has_new || before.is_none() {
             self.update_measured(drives, before)
@@ -314,17 +352,32 @@ impl JointModel {
 
     /// The counts at which the outputs are nearest to a goal.
     pub fn solve(&self, goal: &OutputVec) -> Result<Inverse, NotFinite> {
+        self.solve_each(&[*goal]).map(|[inverse]| inverse)
+    }
+
+    /// As [`JointModel::solve`], for several goals near each other. The searches for all but the
+    /// first goal start at the first result.
+    pub fn solve_each<const N: usize>(
+        &self,
+        goals: &[OutputVec; N],
+    ) -> Result<[Inverse; N], NotFinite> {
         let state = &self.state;
         let query = Query {
             start: state.search_start,
             correction: state.dead_band.correction(),
             compensation: self.compensation,
         };
-        let uncorrected = state.correction.map(|correction| correction.undo(goal));
-        let goal = uncorrected.as_ref().unwrap_or(goal);
-        let inverse = self.model.invert(goal, &state.memory, &query);
-        if vector::is_finite(&inverse.counts) {
-            Ok(inverse)
+        let uncorrected = |goal: &OutputVec| {
+            let correction = state.correction.as_ref();
+            correction.map_or(*goal, |correction| correction.undo(goal))
+        };
+        let goals = goals.each_ref().map(uncorrected);
+        let inverses = self.model.invert_each(&goals, &state.memory, &query);
+        if inverses
+            .iter()
+            .all(|inverse| vector::is_finite(&inverse.counts))
+        {
+            Ok(inverses)
         } else {
             Err(NotFinite)
         }
@@ -337,8 +390,21 @@ impl JointModel {
 
     /// The outputs at given counts.
     pub fn pose(&self, counts: &MotorVec) -> Result<OutputVec, NotFinite> {
-        let estimate = require_finite(self.model.predict(counts, &self.state.memory))?;
-        Ok(self.corrected(estimate.mean))
+        let (memory, residual) = (&self.state.memory, self.residual());
+        let pose = self.model.pose(counts, memory, &residual);
+        if vector::is_finite(&pose) {
+            Ok(self.corrected(pose))
+        } else {
+            Err(NotFinite)
+        }
+    }
+
+    /// The part of the model that depends on the memory alone.
+    fn residual(&self) -> OutputVec {
+        match self.known.written {
+            Some(_) => self.known.residual,
+            None => self.model.correction(&self.state.memory),
+        }
     }
 
     fn corrected(&self, mean: OutputVec) -> OutputVec {
@@ -392,6 +458,7 @@ impl JointModel {
 
     /// From now on the model is used as calibrated, with the memory that it would have then.
     pub fn end_correction(&mut self, calibrated: &Memory) {
+        self.known = Known::default();
         self.state.correction = None;
         self.state.measured_memory = *calibrated;
         self.state.memory = *calibrated;
@@ -404,11 +471,33 @@ impl JointModel {
         increments: &MotorVec,
         tick: Nanos,
     ) -> Result<(), NotFinite> {
-        let mean = self.pose(setpoints)?;
-        let before = self.pose(&vector::difference(setpoints, increments))?;
-        let velocity = rate(&mean, &before, tick).unwrap_or_default();
-        self.state.setpoint = Some(Setpoint { mean, velocity });
+        let known = self.known.setpoint.filter(|known| known.at == *setpoints);
+        let known = match known {
+            Some(known) => known,
+            None => self.setpoint_at(setpoints)?,
+        };
+        self.known.setpoint = Some(known);
+        let mean = self.corrected(known.mean);
+        let before = self.corrected(known.before(increments));
+        self.state.setpoint = Some(Setpoint {
+            mean,
+            velocity: rate(&mean, &before, tick).unwrap_or_default(),
+        });
         Ok(())
+    }
+
+    fn setpoint_at(&self, setpoints: &MotorVec) -> Result<KnownSetpoint, NotFinite> {
+        let (memory, residual) = (&self.state.memory, self.residual());
+        let (mean, slope) = self.model.pose_and_slope(setpoints, memory, &residual);
+        if vector::is_finite(&mean) && slope.iter().all(vector::is_finite) {
+            Ok(KnownSetpoint {
+                at: *setpoints,
+                mean,
+                slope,
+            })
+        } else {
+            Err(NotFinite)
+        }
     }
 
     /// Joint space in this tick. Without a goal, the goal is the setpoint.
@@ -432,24 +521,52 @@ impl JointModel {
         self.state.memory = self.state.measured_memory;
         self.state.measured = None;
         self.state.dead_band.reset();
+        self.known = Known::default();
     }
 
-    /// From the positions that were read to the setpoints that were written since.
-    fn update_memory(&mut self, drives: &[AxisFeedback]) -> Result<(), NotFinite> {
-        self.state.memory = self.state.measured_memory;
-        if drives.iter().any(|drive| written_since(drive).is_some()) {
-            let expected = drives
-                .iter()
-                .map(|drive| written_since(drive).unwrap_or(drive.position.as_f64()));
-            self.model
-                .advance(&mut self.state.memory, &vector::collect(expected));
+    /// From the positions that were read to the setpoints that were written since. `has_new`:
+    /// positions were replayed since the last call.
+    fn update_memory(&mut self, drives: &[AxisFeedback], has_new: bool) -> Result<(), NotFinite> {
+        let mut written = [None; MAX_MOTORS];
+        for (written, drive) in written.iter_mut().zip(drives) {
+            *written = written_since(drive);
         }
-        let correction = self.model.correction(&self.state.memory);
-        if !vector::is_finite(&correction) {
+        // A correction scales the gaps of the memory from tick to tick.
+        let is_scaled = self.state.correction.is_some();
+        if has_new || is_scaled || self.known.written != Some(written) {
+            self.rebuild_memory(drives, written);
+        }
+        let residual = &self.known.residual;
+        if !vector::is_finite(residual) {
             return Err(NotFinite);
         }
-        self.state.dead_band.filter_correction(&correction);
+        self.state.dead_band.filter_correction(residual);
         Ok(())
+    }
+
+    fn rebuild_memory(&mut self, drives: &[AxisFeedback], written: [Option<f64>; MAX_MOTORS]) {
+        let state = &mut self.state;
+        state.memory = state.measured_memory;
+        let measured_residual = self.model.correction(&state.measured_memory);
+        let mut residual = measured_residual;
+        if written.iter().any(Option::is_some) {
+            let positions = drives.iter().map(|drive| drive.position.as_f64());
+            let expected = written
+                .iter()
+                .zip(positions)
+                .map(|(written, position)| written.unwrap_or(position));
+            self.model
+                .advance(&mut state.memory, &vector::collect(expected));
+            residual = self.model.correction(&state.memory);
+        }
+        self.known = Known {
+            written: Some(written),
+            measured_residual,
+            residual,
+            setpoint: None,
+            // Scaled gaps may take the knowledge away again.
+            is_memory_known: self.state.correction.is_none() && self.is_memory_known(),
+        };
     }
 
     fn update_measured(
@@ -460,7 +577,11 @@ impl JointModel {
         let positions = vector::collect(drives.iter().map(|drive| drive.position.as_f64()));
         let stamps = drives.iter().map(|drive| drive.stamp);
         let stamp = stamps.max().unwrap_or_default();
-        let estimate = self.model.predict(&positions, &self.state.measured_memory);
+        let estimate = self.model.predict_corrected(
+            &positions,
+            &self.state.measured_memory,
+            &self.known.measured_residual,
+        );
         let mut estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;
         let gapped = estimate.mean;
         estimate.mean = self.corrected(gapped);

@@ -94,6 +94,24 @@ impl AxisGroup {
         }
     }
 
+    /// As [`AxisGroup::track`] for the motors of a mask; the others stop.
+    pub fn track_some(&mut self, targets: &[MotorTarget; MAX_MOTORS], moving: u32) {
+        for (motor, (axis, target)) in self.0.iter_mut().zip(targets).enumerate() {
+            if moving & (1 << motor) == 0 {
+                axis.stop();
+            } else {
+                axis.track(*target);
+            }
+        }
+    }
+
+    /// Takes back what has happened since [`AxisGroup::to_snapshot`].
+    pub fn take_back(&mut self, before: &[Option<AxisControl>; MAX_MOTORS]) {
+        for (axis, before) in self.0.iter_mut().zip(before.iter().flatten()) {
+            *axis = *before;
+        }
+    }
+
     /// Clamps counts to the position limits.
     pub fn clamp(&self, mut counts: MotorVec) -> MotorVec {
         for (counts, axis) in counts.iter_mut().zip(&self.0) {

@@ -14,3 +14,4 @@ pub(super) mod s_curve;
 mod setpoint_source;
 mod tremor_filter;
 pub mod velocity_limit;
+pub mod virtual_fixtures;

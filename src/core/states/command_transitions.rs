@@ -30,6 +30,8 @@ pub(crate) enum CommandEffect {
     Move,
     /// The lease is given back, if the client has it.
     Release,
+    /// The virtual fixtures change, if lease and state allow it.
+    ChangeFixtures,
 }
 
 /// The effect of a command, or the reason to refuse it.
@@ -54,6 +56,7 @@ pub(crate) fn command_effect(
         }),
         StateCommand::Release => Ok(CommandEffect::Release),
         StateCommand::Hold => hold(state),
+        StateCommand::Fixture => Ok(CommandEffect::ChangeFixtures),
         StateCommand::Move => require_motion_allowed(state, summary).map(|()| CommandEffect::Move),
     }
 }

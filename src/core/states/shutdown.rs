@@ -40,6 +40,7 @@ impl Shutdown {
             | StateCommand::Pause
             | StateCommand::Acknowledge
             | StateCommand::Release
+            | StateCommand::Fixture
             | StateCommand::Hold => false,
         };
         if is_start && self.requested.is_some() {

@@ -101,6 +101,14 @@ impl Schedule {
         }
     }
 
+    /// Transfers before the next command slot, if nothing else is requested.
+    pub(super) fn turns_to_command(&self) -> u64 {
+        match self.next {
+            TransferSlot::Command => 0,
+            TransferSlot::Position | TransferSlot::Monitor(_) => 1,
+        }
+    }
+
     /// The next slot otherwise: the position every other time. The second value is for a command
     /// slot of an axis that has nothing to command.
     pub(super) fn next_idle(&mut self) -> (TransferSlot, MonitoredValue) {

@@ -12,10 +12,11 @@ use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::payload::{
     BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest, unpadded_text,
+    StateCommandReply, StateCommandRequest, Version, VersionRequest, VirtualFixtureRequest,
+    unpadded_text,
 };
 use crate::ipc::service;
-use crate::robot::{OperatingState, Refusal, StateCommand};
+use crate::robot::{FixtureAction, FixtureKind, OperatingState, Refusal, StateCommand};
 use crate::units::Nanos;
 
 /// Polling period of calls that wait.
@@ -29,6 +30,7 @@ pub struct Client {
     black_boxes: RequestClient<BlackBoxRequest, BlackBoxReply>,
     pub(super) models: RequestClient<ModelRequest, ModelReply>,
     moves: RequestClient<MoveRequest, StateCommandReply>,
+    fixtures: RequestClient<VirtualFixtureRequest, StateCommandReply>,
     versions: RequestClient<VersionRequest, Version>,
     operating_state: Latest<OperatingStateMsg>,
 }
@@ -55,6 +57,7 @@ impl Client {
             black_boxes: RequestClient::new(service::BLACK_BOX, SLOW_REPLY_TIMEOUT),
             models: RequestClient::new(service::MODEL, SLOW_REPLY_TIMEOUT),
             moves: RequestClient::new(service::MOVE_JP, REPLY_TIMEOUT),
+            fixtures: RequestClient::new(service::VIRTUAL_FIXTURE, REPLY_TIMEOUT),
             versions: RequestClient::new(service::VERSION, REPLY_TIMEOUT),
             link,
         })
@@ -110,6 +113,28 @@ impl Client {
         };
         let reply = self.moves.request(&self.link, request)?;
         check_reply(StateCommand::Move, reply)
+    }
+
+    /// Requests a change of the virtual fixtures. `region`: the kind of the region to add and its
+    /// values as [`FixtureKind`] says, rad or m.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::state_command`].
+    pub fn virtual_fixture(
+        &mut self,
+        action: FixtureAction,
+        region: Option<(FixtureKind, [f64; 4])>,
+    ) -> Result<OperatingState, ClientError> {
+        let (kind, values) = region.unwrap_or((FixtureKind::None, [0.0; 4]));
+        let request = VirtualFixtureRequest {
+            client_id: self.id(),
+            action: action.number(),
+            kind: kind.number(),
+            values,
+        };
+        let reply = self.fixtures.request(&self.link, request)?;
+        check_reply(StateCommand::Fixture, reply)
     }
 
     /// The newest `operating_state`; `None` until the first one arrives, up to 50 ms after

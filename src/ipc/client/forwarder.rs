@@ -17,7 +17,7 @@ use crate::ipc::client_process::PidFile;
 use crate::ipc::domain::Domain;
 use crate::ipc::payload::{
     BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, ServoActuator, ServoJp,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest,
+    StateCommandReply, StateCommandRequest, Version, VersionRequest, VirtualFixtureRequest,
 };
 use crate::ipc::service;
 
@@ -94,6 +94,7 @@ pub struct RequestForwarder {
     moves: RequestClient<MoveRequest, StateCommandReply>,
     models: RequestClient<ModelRequest, ModelReply>,
     black_boxes: RequestClient<BlackBoxRequest, BlackBoxReply>,
+    fixtures: RequestClient<VirtualFixtureRequest, StateCommandReply>,
     versions: RequestClient<VersionRequest, Version>,
 }
 
@@ -107,6 +108,7 @@ impl RequestForwarder {
             moves: RequestClient::new(service::MOVE_JP, REPLY_TIMEOUT),
             models: RequestClient::new(service::MODEL, SLOW_REPLY_TIMEOUT),
             black_boxes: RequestClient::new(service::BLACK_BOX, SLOW_REPLY_TIMEOUT),
+            fixtures: RequestClient::new(service::VIRTUAL_FIXTURE, REPLY_TIMEOUT),
             versions: RequestClient::new(service::VERSION, REPLY_TIMEOUT),
         }
     }
@@ -131,6 +133,18 @@ impl RequestForwarder {
     /// As [`RequestForwarder::state_command`].
     pub fn move_jp(&mut self, request: MoveRequest) -> Result<StateCommandReply, ClientError> {
         self.moves.request(&self.link, request)
+    }
+
+    /// Forwards `virtual_fixture`.
+    ///
+    /// # Errors
+    ///
+    /// As [`RequestForwarder::state_command`].
+    pub fn virtual_fixture(
+        &mut self,
+        request: VirtualFixtureRequest,
+    ) -> Result<StateCommandReply, ClientError> {
+        self.fixtures.request(&self.link, request)
     }
 
     /// Forwards `model`.

@@ -12,7 +12,7 @@ use crate::ipc::domain::Domain;
 use crate::ipc::message::Message;
 use crate::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
 };
 use crate::ipc::service::{self, BUFFER, Stream, TransportError, failed};
 use crate::units::Nanos;
@@ -89,6 +89,12 @@ impl Watcher {
     #[must_use]
     pub fn events(&self) -> Subscription<EventMsg> {
         self.subscription(service::EVENTS)
+    }
+
+    /// `virtual_fixtures`: regions that the snake may not enter.
+    #[must_use]
+    pub fn virtual_fixtures(&self) -> Subscription<VirtualFixturesMsg> {
+        self.subscription(service::VIRTUAL_FIXTURES)
     }
 
     /// `external/measured_jp`: measurements of a camera or another sensor.

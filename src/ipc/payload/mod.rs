@@ -20,6 +20,7 @@ mod reason;
 mod requests;
 mod state_streams;
 mod text;
+mod virtual_fixtures;
 
 pub use adaptation::AdaptationMsg;
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
@@ -32,6 +33,7 @@ pub use requests::{
 };
 pub use state_streams::{ActuatorState, EventMsg, Health, JointState, OperatingStateMsg};
 pub use text::{padded_text, unpadded_text};
+pub use virtual_fixtures::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg};
 
 #[cfg(test)]
 mod tests {
@@ -60,6 +62,8 @@ mod tests {
         assert_eq!(size_of::<ModelSlot>(), 240);
         assert_eq!(size_of::<ModelReply>(), 1304);
         assert_eq!(size_of::<BlackBoxReply>(), 1032);
+        assert_eq!(size_of::<VirtualFixtureRequest>(), 48);
+        assert_eq!(size_of::<VirtualFixturesMsg>(), 1344);
         assert_eq!(size_of::<ReasonMsg>(), 392);
         assert_eq!(offset_of!(ReasonMsg, text), 72);
         assert_eq!(size_of::<AdaptationMsg>(), 496);

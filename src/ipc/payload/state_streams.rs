@@ -31,7 +31,8 @@ payload! {
         pub model_id: [u8; 32],
         /// Number of valid entries in the arrays.
         pub count: u32,
-        /// Sum of [`JointState::VALID`], [`JointState::MEMORY_KNOWN`], [`JointState::CLIPPED`].
+        /// Sum of [`JointState::VALID`], [`JointState::MEMORY_KNOWN`], [`JointState::CLIPPED`],
+        /// [`JointState::FIXTURE`].
         pub flags: u32,
     }
 
@@ -159,6 +160,8 @@ impl JointState {
     pub const MEMORY_KNOWN: u32 = 2;
     /// Flag: the goal was outside the calibrated hull and was clipped to it.
     pub const CLIPPED: u32 = 4;
+    /// Flag: a virtual fixture limited the goal.
+    pub const FIXTURE: u32 = 8;
 }
 
 impl OperatingStateMsg {
@@ -198,4 +201,6 @@ impl OperatingStateMsg {
     pub const WATCHED: u32 = 512;
     /// Flag: the pose is compared with a camera; see [`crate::config::PlausibilityConfig`].
     pub const COMPARED: u32 = 1024;
+    /// Flag: a virtual fixture limited the goal; see [`VirtualFixturesMsg`].
+    pub const FIXTURE: u32 = 2048;
 }

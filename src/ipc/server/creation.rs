@@ -19,7 +19,7 @@ use crate::ipc::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
     ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
-    VersionRequest,
+    VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use crate::ipc::service::{self, create_node, create_request};
 
@@ -44,12 +44,14 @@ pub(super) struct Services {
     pub health: StreamFactory<Health>,
     pub adaptation: StreamFactory<AdaptationMsg>,
     pub events: StreamFactory<EventMsg>,
+    pub virtual_fixtures: StreamFactory<VirtualFixturesMsg>,
     pub error: StreamFactory<ReasonMsg>,
     pub warning: StreamFactory<ReasonMsg>,
     pub state_commands: RequestFactory<StateCommandRequest, StateCommandReply>,
     pub black_boxes: RequestFactory<BlackBoxRequest, BlackBoxReply>,
     pub models: RequestFactory<ModelRequest, ModelReply>,
     pub moves: RequestFactory<MoveRequest, StateCommandReply>,
+    pub fixture_requests: RequestFactory<VirtualFixtureRequest, StateCommandReply>,
     pub versions: RequestFactory<VersionRequest, Version>,
 }
 
@@ -103,12 +105,14 @@ impl Services {
             health: service::HEALTH.create(&node)?,
             adaptation: service::ADAPTATION.create(&node)?,
             events: service::EVENTS.create(&node)?,
+            virtual_fixtures: service::VIRTUAL_FIXTURES.create(&node)?,
             error: service::ERROR.create(&node)?,
             warning: service::WARNING.create(&node)?,
             state_commands: create_request(&node, service::STATE_COMMAND)?,
             black_boxes: create_request(&node, service::BLACK_BOX)?,
             models: create_request(&node, service::MODEL)?,
             moves: create_request(&node, service::MOVE_JP)?,
+            fixture_requests: create_request(&node, service::VIRTUAL_FIXTURE)?,
             versions: create_request(&node, service::VERSION)?,
             node,
         })

@@ -27,7 +27,7 @@ use super::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
     ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
-    VersionRequest,
+    VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, TransportError, failed};
@@ -75,12 +75,14 @@ pub struct Server {
     health: StreamPublisher<Health>,
     adaptation: StreamPublisher<AdaptationMsg>,
     events: StreamPublisher<EventMsg>,
+    virtual_fixtures: StreamPublisher<VirtualFixturesMsg>,
     error: StreamPublisher<ReasonMsg>,
     warning: StreamPublisher<ReasonMsg>,
     state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
     black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
     models: RequestServer<ModelRequest, ModelReply>,
     moves: RequestServer<MoveRequest, StateCommandReply>,
+    fixture_requests: RequestServer<VirtualFixtureRequest, StateCommandReply>,
     versions: RequestServer<VersionRequest, Version>,
     version: Version,
     failures: u64,
@@ -148,12 +150,22 @@ impl Server {
             health: StreamPublisher::new(&from.health, service::HEALTH, boot_id)?,
             adaptation: StreamPublisher::new(&from.adaptation, service::ADAPTATION, boot_id)?,
             events: StreamPublisher::new(&from.events, service::EVENTS, boot_id)?,
+            virtual_fixtures: StreamPublisher::new(
+                &from.virtual_fixtures,
+                service::VIRTUAL_FIXTURES,
+                boot_id,
+            )?,
             error: StreamPublisher::new(&from.error, service::ERROR, boot_id)?,
             warning: StreamPublisher::new(&from.warning, service::WARNING, boot_id)?,
             state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
             black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
             models: RequestServer::new(&from.models, service::MODEL, slow)?,
             moves: RequestServer::new(&from.moves, service::MOVE_JP, fast)?,
+            fixture_requests: RequestServer::new(
+                &from.fixture_requests,
+                service::VIRTUAL_FIXTURE,
+                fast,
+            )?,
             versions: RequestServer::new(&from.versions, service::VERSION, fast)?,
             version: version(boot_id),
             failures: 0,
@@ -237,6 +249,18 @@ impl Server {
         self.count_failure(sent);
     }
 
+    /// Passes every new `virtual_fixture` request to `take`.
+    pub fn poll_fixtures(&mut self, now: Nanos, take: impl FnMut(u64, VirtualFixtureRequest)) {
+        let polled = self.fixture_requests.poll(now, take);
+        self.count_failure(polled);
+    }
+
+    /// Replies to a `virtual_fixture` request.
+    pub fn reply_fixture(&mut self, token: u64, reply: StateCommandReply) {
+        let sent = self.fixture_requests.reply(token, reply);
+        self.count_failure(sent);
+    }
+
     /// Passes every new request about models to `take`. These may take up to 60 s.
     pub fn poll_models(&mut self, now: Nanos, take: impl FnMut(u64, ModelRequest)) {
         let polled = self.models.poll(now, take);
@@ -297,13 +321,19 @@ impl Server {
         self.count_failure(sent);
     }
 
-    /// Publishes `health`. The server sets the number of its own failures.
+    /// Publishes `health`. The server adds the number of its own failures.
     pub fn publish_health(&mut self, message: Health) {
-        let ipc_failures = self.failures;
+        let ipc_failures = message.ipc_failures.saturating_add(self.failures);
         let sent = self.health.send(Health {
             ipc_failures,
             ..message
         });
+        self.count_failure(sent);
+    }
+
+    /// Publishes `virtual_fixtures`.
+    pub fn publish_fixtures(&mut self, message: VirtualFixturesMsg) {
+        let sent = self.virtual_fixtures.send(message);
         self.count_failure(sent);
     }
 
@@ -393,6 +423,7 @@ impl Server {
         self.operating_state.serve_late_subscribers()?;
         self.period_statistics.serve_late_subscribers()?;
         self.health.serve_late_subscribers()?;
+        self.virtual_fixtures.serve_late_subscribers()?;
         self.error.serve_late_subscribers()?;
         self.warning.serve_late_subscribers()?;
         self.adaptation.serve_late_subscribers()?;

@@ -57,15 +57,18 @@ impl<const D: usize, const M: usize> Linear<D, M> {
 impl<const D: usize, const M: usize> Regression<D, M> for Linear<D, M> {
     fn local(&self, input: &SVector<f64, D>) -> Local<D, M> {
         Local {
-            mean: self.gain * input + self.offset,
+            mean: self.mean(input),
             jacobian: self.gain,
         }
     }
 
+    fn mean(&self, input: &SVector<f64, D>) -> SVector<f64, M> {
+        self.gain * input + self.offset
+    }
+
     fn predict(&self, input: &SVector<f64, D>) -> Prediction<M> {
-        let mean = self.gain * input + self.offset;
         Prediction {
-            mean,
+            mean: self.mean(input),
             covariance: self.covariance,
             covariance_within: self.covariance,
         }

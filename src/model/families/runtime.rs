@@ -8,7 +8,7 @@ use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
 use crate::model::maths::hull::Hull;
 use crate::model::maths::newton_inverse;
-use crate::model::maths::regression::{Regression, bounded, estimate, rows, vector};
+use crate::model::maths::regression::{Regression, array, bounded, estimate, rows, vector};
 use crate::model::output_unit::OutputUnit;
 use crate::units::{MotorVec, OutputVec};
 
@@ -39,8 +39,49 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
     }
 
     fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate;
+
+    /// See [`crate::model::Model::predict_corrected`].
+    fn predict_corrected(
+        &self,
+        counts: &MotorVec,
+        memory: &Memory,
+        _correction: &OutputVec,
+    ) -> Estimate {
+        self.predict(counts, memory)
+    }
+
+    /// See [`crate::model::Model::pose`].
+    fn pose(&self, counts: &MotorVec, memory: &Memory, correction: &OutputVec) -> OutputVec;
+
+    /// See [`crate::model::Model::pose_and_slope`].
+    fn pose_and_slope(
+        &self,
+        counts: &MotorVec,
+        memory: &Memory,
+        correction: &OutputVec,
+    ) -> (OutputVec, JacobianMatrix);
+
     fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix;
     fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse;
+
+    /// See [`crate::model::Model::invert_each`].
+    fn invert_each(
+        &self,
+        goals: &[OutputVec],
+        memory: &Memory,
+        hull: &Hull,
+        query: &Query,
+        found: &mut [Inverse],
+    ) {
+        let mut query = *query;
+        for (index, (goal, found)) in goals.iter().zip(found).enumerate() {
+            *found = self.invert(goal, memory, hull, &query);
+            if index == 0 {
+                query.start = found.counts;
+            }
+        }
+    }
+
     /// See [`round_trip::check`].
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError>;
 }
@@ -54,6 +95,20 @@ pub(in crate::model) struct Memoryless<const D: usize, const M: usize>(
 impl<const D: usize, const M: usize> Runtime for Memoryless<D, M> {
     fn predict(&self, counts: &MotorVec, _memory: &Memory) -> Estimate {
         estimate(&self.0.predict(&vector(&bounded(counts))))
+    }
+
+    fn pose(&self, counts: &MotorVec, _memory: &Memory, _correction: &OutputVec) -> OutputVec {
+        array(&self.0.mean(&vector(&bounded(counts))))
+    }
+
+    fn pose_and_slope(
+        &self,
+        counts: &MotorVec,
+        _memory: &Memory,
+        _correction: &OutputVec,
+    ) -> (OutputVec, JacobianMatrix) {
+        let local = self.0.local(&vector(&bounded(counts)));
+        (array(&local.mean), rows(&local.jacobian))
     }
 
     fn jacobian(&self, counts: &MotorVec, _memory: &Memory) -> JacobianMatrix {

@@ -36,6 +36,10 @@ pub struct ModelFile {
     pub training: TrainingRecord,
     /// Quality of the fit, one entry per output.
     pub metrics: Vec<OutputMetrics>,
+    /// Why the fit found the model worthless, if it was written by `--force` all the same. The
+    /// controller refuses it unless its configuration allows such models.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worthless: Option<String>,
 }
 
 /// One output of a model.
@@ -138,6 +142,9 @@ pub struct TrainingRecord {
     pub bic: Option<f64>,
     /// Version of the software that fitted it.
     pub software: String,
+    /// Gain of the affine model of the same rows, m rows of d; absent in older files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub linear_gain: Option<Vec<Vec<f64>>>,
 }
 
 /// Quality of the fit of one output, in its unit.

@@ -30,17 +30,23 @@
 //! B_k z_k`, `g_k = -W_k^T z_k`, `C_k = S_k^O - B_k B_k^T`. The responsibilities are computed from
 //! logarithms relative to the largest one. Far from all components the nearest one therefore has
 //! the whole responsibility, instead of 0 / 0.
+//!
+//! The terms of two components stand side by side ([`Lanes`]), so that one instruction works on
+//! both. Every component is whitened once per evaluation.
 
-use nalgebra::{DMatrix, DVector, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
 
-use crate::model::error::{ModelError, require};
+use crate::model::error::ModelError;
 use crate::model::maths::gaussian_mixture::MixtureParameters;
 use crate::model::maths::gaussian_mixture::{Component, MAX_COMPONENTS, components};
+use crate::model::maths::lanes::{LANES, Lanes};
+use crate::model::maths::mixture_part::Part;
 use crate::model::maths::regression::{Local, Prediction, Regression};
 
-/// The largest entry of a whitening matrix, per count or rad (m). It keeps squared distances finite
-/// everywhere.
-const LARGEST_WHITENING: f64 = 1e12;
+/// The most blocks of components, and those of mixtures as they are fitted: for these the arrays
+/// of an evaluation are short.
+const MAX_BLOCKS: usize = MAX_COMPONENTS / LANES;
+const FEW_BLOCKS: usize = 8;
 
 /// A component whose log-density is this far below the likeliest is ignored: its share of 4e-18 is
 /// below the rounding error.
@@ -86,99 +92,126 @@ impl<const D: usize, const M: usize> Regression<D, M> for Gmr<D, M> {
         self.forward.local(input)
     }
 
+    fn mean(&self, input: &SVector<f64, D>) -> SVector<f64, M> {
+        self.forward.mean(input)
+    }
+
     fn predict(&self, input: &SVector<f64, D>) -> Prediction<M> {
         self.forward.predict(input)
     }
 
     /// The conditional mean of the inputs, given the outputs.
     fn second_start(&self, goal: &SVector<f64, M>) -> Option<SVector<f64, D>> {
-        Some(self.backward.local(goal).mean)
+        Some(self.backward.mean(goal))
     }
 }
 
 /// The distribution of the outputs given the inputs. Both are blocks of variables of a mixture.
 #[derive(Debug, Clone, PartialEq)]
 struct Conditional<const I: usize, const O: usize> {
-    parts: Vec<Part<I, O>>,
+    blocks: Vec<Block<I, O>>,
 }
 
-/// The precomputed terms of one component. The module documentation defines the symbols.
+/// The precomputed terms of as many components as there are lanes. The module documentation defines
+/// the symbols.
 #[derive(Debug, Clone, PartialEq)]
-struct Part<const I: usize, const O: usize> {
-    /// log w_k + log det W_k, without the constant that all components share.
-    log_height: f64,
-    input_mean: SVector<f64, I>,
-    output_mean: SVector<f64, O>,
-    /// W_k.
-    whitening: SMatrix<f64, I, I>,
+struct Block<const I: usize, const O: usize> {
+    /// log w_k + log det W_k, without the constant that all components share. A lane without a
+    /// component has minus infinity.
+    log_height: Lanes,
+    input_mean: [Lanes; I],
+    /// W_k: its lower triangle.
+    whitening: [[Lanes; I]; I],
+    output_mean: [Lanes; O],
     /// B_k.
-    gain: SMatrix<f64, O, I>,
+    gain: [[Lanes; I]; O],
     /// A_k.
-    slope: SMatrix<f64, O, I>,
+    slope: [[Lanes; I]; O],
     /// C_k.
-    covariance: SMatrix<f64, O, O>,
+    covariance: [[Lanes; O]; O],
 }
 
-impl<const I: usize, const O: usize> Part<I, O> {
-    /// Conditions on the I variables from `input` on, and predicts the O variables from `output`
-    /// on.
-    fn new(
-        k: usize,
-        component: &Component,
-        input: usize,
-        output: usize,
-    ) -> Result<Self, ModelError> {
-        let block = |row, column, height, width| {
-            component
-                .covariance
-                .view((row, column), (height, width))
-                .into_owned()
-        };
-        let refused = |shown: String| ModelError::Value {
-            key: format!("family.mixture.covariances[{k}]"),
-            value: shown,
-            reason: "the component is too narrow to compute with: fit with more regularisation or \
-             fewer components",
-        };
-        let inputs: DMatrix<f64> = block(input, input, I, I);
-        let factor = inputs
-            .cholesky()
-            .ok_or_else(|| refused("no Cholesky factor".to_owned()))?;
-        let whitening = factor
-            .l()
-            .try_inverse()
-            .ok_or_else(|| refused("no inverse".to_owned()))?;
-        if !whitening.iter().all(|w| w.abs() <= LARGEST_WHITENING) {
-            return Err(refused(format!("width {:.1e}", 1.0 / whitening.amax())));
+impl<const I: usize, const O: usize> Block<I, O> {
+    fn new(parts: &[Part<I, O>]) -> Self {
+        let lanes = |value: &dyn Fn(&Part<I, O>) -> f64| Lanes::of(parts, value);
+        let log_height = parts.iter().map(|part| part.log_height);
+        let mut heights = [f64::NEG_INFINITY; LANES];
+        for (height, value) in heights.iter_mut().zip(log_height) {
+            *height = value;
         }
-        let gain = block(output, input, O, I) * whitening.transpose();
-        let covariance = block(output, output, O, O) - &gain * gain.transpose();
-        let log_height = component.weight.ln() + whitening.diagonal().map(f64::ln).sum();
-        require(
-            log_height.is_finite(),
-            || format!("family.mixture.weights[{k}]"),
-            component.weight,
-            "is too small",
-        )?;
-        let part = |mean: &DVector<f64>, from, count| mean.rows(from, count).into_owned();
-        Ok(Self {
-            log_height,
-            input_mean: SVector::from_iterator(part(&component.mean, input, I).iter().copied()),
-            output_mean: SVector::from_iterator(part(&component.mean, output, O).iter().copied()),
-            whitening: SMatrix::from_iterator(whitening.iter().copied()),
-            slope: SMatrix::from_iterator((&gain * &whitening).iter().copied()),
-            gain: SMatrix::from_iterator(gain.iter().copied()),
-            covariance: SMatrix::from_iterator(covariance.iter().copied()),
-        })
+        let from_fn = std::array::from_fn::<_, I, _>;
+        Self {
+            log_height: Lanes(heights),
+            input_mean: from_fn(|i| lanes(&|part| part.input_mean[i])),
+            whitening: std::array::from_fn(|i| {
+                std::array::from_fn(|j| lanes(&|part| part.whitening[(i, j)]))
+            }),
+            output_mean: std::array::from_fn(|o| lanes(&|part| part.output_mean[o])),
+            gain: std::array::from_fn(|o| {
+                std::array::from_fn(|i| lanes(&|part| part.gain[(o, i)]))
+            }),
+            slope: std::array::from_fn(|o| {
+                std::array::from_fn(|i| lanes(&|part| part.slope[(o, i)]))
+            }),
+            covariance: std::array::from_fn(|o| {
+                std::array::from_fn(|p| lanes(&|part| part.covariance[(o, p)]))
+            }),
+        }
     }
 
-    fn whiten(&self, input: &SVector<f64, I>) -> SVector<f64, I> {
-        self.whitening * (input - self.input_mean)
+    /// z_k.
+    #[inline(always)]
+    fn whiten(&self, input: &SVector<f64, I>) -> [Lanes; I] {
+        let mut distance = [Lanes::ZERO; I];
+        for i in 0..I {
+            distance[i] = Lanes::splat(input[i]) - self.input_mean[i];
+        }
+        let mut whitened = [Lanes::ZERO; I];
+        for i in 0..I {
+            whitened[i] = self.whitening[i][0] * distance[0];
+            for j in 1..=i {
+                whitened[i] = whitened[i] + self.whitening[i][j] * distance[j];
+            }
+        }
+        whitened
     }
 
-    fn output(&self, whitened: &SVector<f64, I>) -> SVector<f64, O> {
-        self.output_mean + self.gain * whitened
+    /// y_k minus the origin.
+    #[inline(always)]
+    fn difference(&self, whitened: &[Lanes; I], origin: &SVector<f64, O>) -> [Lanes; O] {
+        let mut difference = [Lanes::ZERO; O];
+        for o in 0..O {
+            difference[o] = self.output_mean[o] - Lanes::splat(origin[o]);
+            for i in 0..I {
+                difference[o] = difference[o] + self.gain[o][i] * whitened[i];
+            }
+        }
+        difference
     }
+
+    /// W_k^T z_k.
+    #[inline(always)]
+    fn unwhiten(&self, whitened: &[Lanes; I]) -> [Lanes; I] {
+        let mut result = [Lanes::ZERO; I];
+        for j in 0..I {
+            result[j] = self.whitening[j][j] * whitened[j];
+            for i in j + 1..I {
+                result[j] = result[j] + self.whitening[i][j] * whitened[i];
+            }
+        }
+        result
+    }
+}
+
+/// The components at a point, in at most B blocks.
+struct Weighted<const I: usize, const O: usize, const B: usize> {
+    /// The responsibility of every component relative to the likeliest one, whose share is 1.
+    shares: [Lanes; B],
+    whitened: [[Lanes; I]; B],
+    /// Sum of the shares, at least 1.
+    total: f64,
+    /// Conditional mean of the likeliest component.
+    origin: SVector<f64, O>,
 }
 
 impl<const I: usize, const O: usize> Conditional<I, O> {
@@ -186,102 +219,150 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         let parts = components
             .iter()
             .enumerate()
-            .map(|(k, component)| Part::new(k, component, input, output));
+            .map(|(k, component)| Part::new(k, component, input, output))
+            .collect::<Result<Vec<_>, _>>()?;
         Ok(Self {
-            parts: parts.collect::<Result<_, _>>()?,
+            blocks: parts.chunks(LANES).map(Block::new).collect(),
         })
     }
 
-    fn responsibilities(&self, input: &SVector<f64, I>) -> Responsibilities<O> {
-        let mut shares = [0.0; MAX_COMPONENTS];
-        let mut highest = f64::NEG_INFINITY;
-        let mut origin = SVector::zeros();
-        for (log, part) in shares.iter_mut().zip(&self.parts) {
-            let whitened = part.whiten(input);
-            *log = part.log_height - 0.5 * whitened.norm_squared();
-            if *log > highest {
-                highest = *log;
-                origin = part.output(&whitened);
+    #[inline(always)]
+    fn weighted<const B: usize>(&self, input: &SVector<f64, I>) -> Weighted<I, O, B> {
+        let mut weighted = Weighted {
+            shares: [Lanes::ZERO; B],
+            whitened: [[Lanes::ZERO; I]; B],
+            total: 0.0,
+            origin: SVector::zeros(),
+        };
+        let mut highest = Lanes::splat(f64::NEG_INFINITY);
+        let entries = weighted.shares.iter_mut().zip(&mut weighted.whitened);
+        for ((log, whitened), block) in entries.zip(&self.blocks) {
+            *whitened = block.whiten(input);
+            let mut squared = whitened[0] * whitened[0];
+            for z in &whitened[1..] {
+                squared = squared + *z * *z;
             }
+            *log = block.log_height - squared * Lanes::splat(0.5);
+            highest = highest.max(*log);
         }
-        let mut total = 0.0;
-        for (share, _) in shares.iter_mut().zip(&self.parts) {
-            let below = *share - highest;
-            *share = if below < NEGLIGIBLE { 0.0 } else { below.exp() };
-            total += *share;
+        let highest = highest.highest();
+        let mut total = Lanes::ZERO;
+        for ((share, whitened), block) in weighted
+            .shares
+            .iter_mut()
+            .zip(&weighted.whitened)
+            .zip(&self.blocks)
+        {
+            if let Some(lane) = share.position(highest) {
+                let output = block.difference(whitened, &SVector::zeros());
+                weighted.origin = SVector::from_fn(|o, _| output[o].0[lane]);
+            }
+            // Shares that are not numbers are kept, so that a NaN input gives a NaN result.
+            *share = (*share - Lanes::splat(highest)).exp_above(NEGLIGIBLE);
+            total = total + *share;
         }
-        Responsibilities {
-            shares,
-            total,
-            origin,
-        }
+        weighted.total = total.sum();
+        weighted
     }
 
-    /// The components that are not negligible, each with its responsibility times `total`.
-    fn weighted<'a>(
-        &'a self,
-        responsibilities: &'a Responsibilities<O>,
-    ) -> impl Iterator<Item = (f64, &'a Part<I, O>)> + 'a {
-        let shares = responsibilities.shares.iter().zip(&self.parts);
-        // NaN shares are kept, so that a NaN input gives a NaN result.
-        shares
-            .filter(|(share, _)| **share != 0.0)
-            .map(|(share, part)| (*share, part))
+    fn has_few(&self) -> bool {
+        self.blocks.len() <= FEW_BLOCKS
     }
 
     fn local(&self, input: &SVector<f64, I>) -> Local<I, O> {
-        let responsibilities = self.responsibilities(input);
-        let origin = responsibilities.origin;
-        let mut difference_sum = SVector::<f64, O>::zeros();
-        let mut log_slope_sum = SVector::<f64, I>::zeros();
-        let mut slope_sum = SMatrix::<f64, O, I>::zeros();
-        for (share, part) in self.weighted(&responsibilities) {
-            let whitened = part.whiten(input);
-            let difference = part.output(&whitened) - origin;
-            let log_slope = part.whitening.tr_mul(&whitened) * -share;
-            difference_sum += difference * share;
-            log_slope_sum += log_slope;
-            slope_sum += part.slope * share + difference * log_slope.transpose();
+        if self.has_few() {
+            self.local_of::<FEW_BLOCKS>(input)
+        } else {
+            self.local_of::<MAX_BLOCKS>(input)
         }
-        let total = responsibilities.total;
-        let difference = difference_sum / total;
-        Local {
-            mean: origin + difference,
-            jacobian: (slope_sum - difference * log_slope_sum.transpose()) / total,
+    }
+
+    fn mean(&self, input: &SVector<f64, I>) -> SVector<f64, O> {
+        if self.has_few() {
+            self.weighted_mean(&self.weighted::<FEW_BLOCKS>(input))
+        } else {
+            self.weighted_mean(&self.weighted::<MAX_BLOCKS>(input))
         }
     }
 
     fn predict(&self, input: &SVector<f64, I>) -> Prediction<O> {
-        let responsibilities = self.responsibilities(input);
-        let Responsibilities { total, origin, .. } = responsibilities;
-        let mut difference_sum = SVector::<f64, O>::zeros();
-        for (share, part) in self.weighted(&responsibilities) {
-            difference_sum += (part.output(&part.whiten(input)) - origin) * share;
-        }
-        let mean = origin + difference_sum / total;
-        let mut covariance = SMatrix::zeros();
-        let mut covariance_within = SMatrix::zeros();
-        for (share, part) in self.weighted(&responsibilities) {
-            let share = share / total;
-            let difference = part.output(&part.whiten(input)) - mean;
-            covariance += (part.covariance + difference * difference.transpose()) * share;
-            covariance_within += part.covariance * (share * share);
-        }
-        Prediction {
-            mean,
-            covariance,
-            covariance_within,
+        if self.has_few() {
+            self.predict_of::<FEW_BLOCKS>(input)
+        } else {
+            self.predict_of::<MAX_BLOCKS>(input)
         }
     }
-}
 
-/// The responsibilities of all components at a point.
-struct Responsibilities<const O: usize> {
-    /// Relative to the likeliest component, whose share is 1. Entries beyond the last component are
-    /// 0.
-    shares: [f64; MAX_COMPONENTS],
-    /// Sum of the shares, at least 1.
-    total: f64,
-    /// Conditional mean of the likeliest component.
-    origin: SVector<f64, O>,
+    fn local_of<const B: usize>(&self, input: &SVector<f64, I>) -> Local<I, O> {
+        let weighted = self.weighted::<B>(input);
+        let mut differences = [Lanes::ZERO; O];
+        let mut log_slopes = [Lanes::ZERO; I];
+        let mut slopes = [[Lanes::ZERO; I]; O];
+        let entries = weighted.shares.iter().zip(&weighted.whitened);
+        for ((share, whitened), block) in entries.zip(&self.blocks) {
+            let difference = block.difference(whitened, &weighted.origin);
+            let back = block.unwhiten(whitened);
+            for i in 0..I {
+                log_slopes[i] = log_slopes[i] - back[i] * *share;
+            }
+            for o in 0..O {
+                let weighted_difference = difference[o] * *share;
+                differences[o] = differences[o] + weighted_difference;
+                for i in 0..I {
+                    slopes[o][i] =
+                        slopes[o][i] + (block.slope[o][i] * *share - weighted_difference * back[i]);
+                }
+            }
+        }
+        let total = weighted.total;
+        let difference = SVector::<f64, O>::from_fn(|o, _| differences[o].sum() / total);
+        let log_slope = SVector::<f64, I>::from_fn(|i, _| log_slopes[i].sum());
+        let slope = SMatrix::<f64, O, I>::from_fn(|o, i| slopes[o][i].sum());
+        Local {
+            mean: weighted.origin + difference,
+            jacobian: (slope - difference * log_slope.transpose()) / total,
+        }
+    }
+
+    #[inline(always)]
+    fn weighted_mean<const B: usize>(&self, weighted: &Weighted<I, O, B>) -> SVector<f64, O> {
+        let mut differences = [Lanes::ZERO; O];
+        let entries = weighted.shares.iter().zip(&weighted.whitened);
+        for ((share, whitened), block) in entries.zip(&self.blocks) {
+            let difference = block.difference(whitened, &weighted.origin);
+            for o in 0..O {
+                differences[o] = differences[o] + difference[o] * *share;
+            }
+        }
+        let total = weighted.total;
+        weighted.origin + SVector::<f64, O>::from_fn(|o, _| differences[o].sum() / total)
+    }
+
+    fn predict_of<const B: usize>(&self, input: &SVector<f64, I>) -> Prediction<O> {
+        let weighted = self.weighted::<B>(input);
+        let mean = self.weighted_mean(&weighted);
+        let mut total_spread = [[Lanes::ZERO; O]; O];
+        let mut within = [[Lanes::ZERO; O]; O];
+        let normal = Lanes::splat(1.0 / weighted.total);
+        let entries = weighted.shares.iter().zip(&weighted.whitened);
+        for ((share, whitened), block) in entries.zip(&self.blocks) {
+            let share = *share * normal;
+            let squared = share * share;
+            let difference = block.difference(whitened, &mean);
+            for o in 0..O {
+                for p in 0..=o {
+                    let spread = block.covariance[o][p] + difference[o] * difference[p];
+                    total_spread[o][p] = total_spread[o][p] + spread * share;
+                    within[o][p] = within[o][p] + block.covariance[o][p] * squared;
+                }
+            }
+        }
+        let symmetric =
+            |lower: &[[Lanes; O]; O]| SMatrix::from_fn(|o, p| lower[o.max(p)][o.min(p)].sum());
+        Prediction {
+            mean,
+            covariance: symmetric(&total_spread),
+            covariance_within: symmetric(&within),
+        }
+    }
 }

@@ -3,8 +3,10 @@
 pub(in crate::model) mod gaussian_mixture;
 pub(in crate::model) mod gaussian_mixture_regression;
 pub(in crate::model) mod hull;
+mod lanes;
 pub(in crate::model) mod matrix_checks;
 pub(in crate::model) mod mixture_conditioning;
+mod mixture_part;
 pub(in crate::model) mod newton_inverse;
 pub(in crate::model) mod polygon;
 pub(in crate::model) mod quadratic;

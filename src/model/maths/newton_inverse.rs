@@ -47,23 +47,59 @@ const DAMPING_FACTOR: f64 = 10.0;
 /// Goals are clamped to this, rad (m). No robot reaches it, and squares stay finite.
 const GOAL_LIMIT: f64 = 1e3;
 
+/// Where a search starts: counts inside the hull, and the regression there.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::model) struct SearchStart<const D: usize, const M: usize> {
+    counts: MotorVec,
+    local: Local<D, M>,
+}
+
+impl<const D: usize, const M: usize> SearchStart<D, M> {
+    /// The point of the hull that is nearest to some counts.
+    pub fn new<R>(regression: &R, hull: &Hull, counts: &MotorVec) -> Self
+    where
+        R: Regression<D, M> + ?Sized,
+    {
+        let counts = hull.project(counts);
+        let local = regression.local(&vector(&counts));
+        Self { counts, local }
+    }
+}
+
 /// Searches the counts for a goal from a start; see [`crate::model::Model::invert`].
-pub(in crate::model) fn invert<const D: usize, const M: usize>(
-    regression: &dyn Regression<D, M>,
+pub(in crate::model) fn invert<const D: usize, const M: usize, R>(
+    regression: &R,
     hull: &Hull,
     goal: &OutputVec,
     start: &MotorVec,
-) -> Inverse {
-    let start = hull.project(start);
+) -> Inverse
+where
+    R: Regression<D, M> + ?Sized,
+{
+    let start = SearchStart::new(regression, hull, start);
+    invert_from(regression, hull, goal, &start).0
+}
+
+/// As [`invert`]. Returns also where the search ended: the start for a goal near by.
+pub(in crate::model) fn invert_from<const D: usize, const M: usize, R>(
+    regression: &R,
+    hull: &Hull,
+    goal: &OutputVec,
+    start: &SearchStart<D, M>,
+) -> (Inverse, SearchStart<D, M>)
+where
+    R: Regression<D, M> + ?Sized,
+{
     let goal: SVector<f64, M> = vector(goal);
     if !goal.iter().all(|g| g.is_finite()) {
-        return Inverse {
-            counts: start,
+        let inverse = Inverse {
+            counts: start.counts,
             clipped: true,
             residual: f64::INFINITY,
             iterations: 0,
             fell_back: false,
         };
+        return (inverse, *start);
     }
     let search = Search {
         regression,
@@ -77,7 +113,8 @@ pub(in crate::model) fn invert<const D: usize, const M: usize>(
     let Some(second_start) = regression.second_start(&search.goal) else {
         return first.into_inverse(false);
     };
-    let second = search.descend(hull.project(&array(&second_start)), first.iterations);
+    let second_start = SearchStart::new(regression, hull, &array(&second_start));
+    let second = search.descend(&second_start, first.iterations);
     if second.residual < first.residual - BETTER_COUNTS * first.one_count() {
         second.into_inverse(true)
     } else {
@@ -89,8 +126,8 @@ pub(in crate::model) fn invert<const D: usize, const M: usize>(
     }
 }
 
-struct Search<'a, const D: usize, const M: usize> {
-    regression: &'a dyn Regression<D, M>,
+struct Search<'a, R: ?Sized, const M: usize> {
+    regression: &'a R,
     hull: &'a Hull,
     goal: SVector<f64, M>,
 }
@@ -109,9 +146,16 @@ struct Attempt<const D: usize, const M: usize> {
     iterations: u32,
 }
 
-impl<const D: usize, const M: usize> Search<'_, D, M> {
-    fn descend(&self, start: MotorVec, iterations_before: u32) -> Attempt<D, M> {
-        let mut current = self.attempt_at(start);
+impl<R: ?Sized, const M: usize> Search<'_, R, M> {
+    fn descend<const D: usize>(
+        &self,
+        start: &SearchStart<D, M>,
+        iterations_before: u32,
+    ) -> Attempt<D, M>
+    where
+        R: Regression<D, M>,
+    {
+        let mut current = self.attempt(*start);
         let mut damping = LEAST_DAMPING;
         let mut iterations = 0;
         while iterations < MAX_ITERATIONS {
@@ -122,7 +166,10 @@ impl<const D: usize, const M: usize> Search<'_, D, M> {
                 break;
             }
             iterations += 1;
-            let next = self.attempt_at(step.counts);
+            let next = self.attempt(SearchStart {
+                counts: step.counts,
+                local: self.regression.local(&vector(&step.counts)),
+            });
             let gain = current.residual - next.residual;
             if gain > 0.0 {
                 current = Attempt {
@@ -143,8 +190,8 @@ impl<const D: usize, const M: usize> Search<'_, D, M> {
         }
     }
 
-    fn attempt_at(&self, counts: MotorVec) -> Attempt<D, M> {
-        let local = self.regression.local(&vector(&counts));
+    fn attempt<const D: usize>(&self, at: SearchStart<D, M>) -> Attempt<D, M> {
+        let SearchStart { counts, local } = at;
         let error = local.mean - self.goal;
         Attempt {
             counts,
@@ -185,19 +232,24 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
 
     /// With more outputs than motors almost every goal is missed, so there `clipped` means that the
     /// hull limits the last step.
-    fn into_inverse(self, fell_back: bool) -> Inverse {
+    fn into_inverse(self, fell_back: bool) -> (Inverse, SearchStart<D, M>) {
         let clipped = if M > D {
             self.excess > REACHED_COUNTS
         } else {
             !self.reached()
         };
-        Inverse {
+        let inverse = Inverse {
             counts: self.counts,
             clipped,
             residual: self.residual,
             iterations: self.iterations,
             fell_back,
-        }
+        };
+        let end = SearchStart {
+            counts: self.counts,
+            local: self.local,
+        };
+        (inverse, end)
     }
 }
 

@@ -15,6 +15,9 @@ pub(in crate::model) trait Regression<const D: usize, const M: usize>:
     /// Mean and Jacobian, for the inverse.
     fn local(&self, input: &SVector<f64, D>) -> Local<D, M>;
 
+    /// The mean alone.
+    fn mean(&self, input: &SVector<f64, D>) -> SVector<f64, M>;
+
     /// Mean and both covariances.
     fn predict(&self, input: &SVector<f64, D>) -> Prediction<M>;
 

@@ -18,11 +18,16 @@
 //! | [`placement`] | scheduling and processors of threads |
 //! | [`machine`] | properties and load of the machine |
 //! | [`ipc`], [`control_loop`], [`inverse`], [`wire`], [`e2e`] | the measurements |
+//! | [`wire_rates`] | the serial line over baud rates and axes per port |
+//! | [`scale`] | how cost grows with rows, components, plays, clients, axes, loop rate |
+//! | [`compare`] | medians of two versions from repeated runs |
 //! | [`bare_loop`] | a loop that only talks to a drive: the floor of the serial line |
 //! | [`output`] | outcomes as JSON, HDR histogram log, figure and page |
 //! | [`model`], [`workload`] | models of any size, and the queries of the control loop |
+//! | [`tick`] | a tick of the controller with ideal drives |
 
 pub mod bare_loop;
+pub mod compare;
 pub mod control_loop;
 pub mod durations;
 pub mod e2e;
@@ -34,7 +39,10 @@ pub mod model;
 pub mod outcome;
 pub mod output;
 pub mod placement;
+pub mod scale;
+pub mod tick;
 pub mod wire;
+pub mod wire_rates;
 pub mod workload;
 
 pub use durations::{DurationPercentiles, Durations};

@@ -23,7 +23,7 @@ pub struct Variant {
     /// Its name.
     pub name: String,
     /// Variants of one group are compared with the first floor of the group.
-    pub group: &'static str,
+    pub group: String,
     /// Its purpose.
     pub role: Role,
     /// Its durations.
@@ -33,10 +33,10 @@ pub struct Variant {
 impl Variant {
     /// A variant with its durations.
     #[must_use]
-    pub fn new(name: &str, group: &'static str, role: Role, durations: Durations) -> Self {
+    pub fn new(name: &str, group: impl Into<String>, role: Role, durations: Durations) -> Self {
         Self {
             name: name.to_owned(),
-            group,
+            group: group.into(),
             role,
             durations,
         }
@@ -110,12 +110,12 @@ pub struct Ratio {
 impl BenchOutcome {
     /// The groups with their variants, in the order of their first variant.
     #[must_use]
-    pub fn groups(&self) -> Vec<(&'static str, Vec<&Variant>)> {
-        let mut groups: Vec<(&'static str, Vec<&Variant>)> = Vec::new();
+    pub fn groups(&self) -> Vec<(&str, Vec<&Variant>)> {
+        let mut groups: Vec<(&str, Vec<&Variant>)> = Vec::new();
         for variant in &self.variants {
             match groups.iter_mut().find(|(name, _)| *name == variant.group) {
                 Some((_, variants)) => variants.push(variant),
-                None => groups.push((variant.group, vec![variant])),
+                None => groups.push((&variant.group, vec![variant])),
             }
         }
         groups

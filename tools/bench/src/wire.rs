@@ -25,8 +25,8 @@ use crate::outcome::{BenchOutcome, Quantity, Role, Variant};
 use crate::placement::request_priority;
 
 /// Bytes of a request and its reply, without stuffing.
-const EXCHANGE_BYTES: f64 = 24.0;
-const BITS_PER_BYTE: f64 = 10.0;
+pub(crate) const EXCHANGE_BYTES: f64 = 24.0;
+pub(crate) const BITS_PER_BYTE: f64 = 10.0;
 const BAUD: f64 = 115_200.0;
 /// Exchanges per second that one line allows.
 const LIMIT: f64 = BAUD / BITS_PER_BYTE / EXCHANGE_BYTES;
@@ -49,9 +49,20 @@ pub(crate) struct DriveRig {
     pub folder: TempDir,
 }
 
+/// The lines of a rig.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct RigLines {
+    /// Processing time of the drives; `None`: the normal time.
+    pub processing_us: Option<u64>,
+    /// `None`: 115200.
+    pub baud: Option<u32>,
+    /// Both drives on the first port.
+    pub is_shared: bool,
+}
+
 impl DriveRig {
-    /// Starts two drives with a processing time; `None`: the normal time.
-    pub(crate) fn start(processing_us: Option<u64>) -> Result<Self, BenchError> {
+    /// Starts two drives.
+    pub(crate) fn start(lines: RigLines) -> Result<Self, BenchError> {
         let folder = tempfile::tempdir().map_err(BenchError::system("make a temporary folder"))?;
         let snake = folder.path().join("snake.toml");
         std::fs::write(&snake, SNAKE)
@@ -60,7 +71,12 @@ impl DriveRig {
             what: "the emulated snake cannot be loaded",
         })?;
         let mut config = EmulatorConfig::new(snake, &folder.path().join("ports"));
-        config.line.processing_us = processing_us.unwrap_or(config.line.processing_us);
+        config.line.processing_us = lines.processing_us.unwrap_or(config.line.processing_us);
+        config.line.baud = lines.baud.unwrap_or(config.line.baud);
+        config.gateway_us = lines.is_shared.then_some(0);
+        if lines.is_shared {
+            config.drives[1].node_id = 2;
+        }
         let serial_numbers = config.drives.clone().map(|drive| drive.serial_number);
         Ok(Self {
             emulator: Emulator::start(config)?,
@@ -75,9 +91,9 @@ impl DriveRig {
 }
 
 /// Exchanges on both lines in an interval.
-struct LineUsage {
-    begin: Nanos,
-    end: Nanos,
+pub(crate) struct LineUsage {
+    pub begin: Nanos,
+    pub end: Nanos,
     exchanges: [u64; 2],
     timeouts: u64,
 }
@@ -89,22 +105,26 @@ impl LineUsage {
             / self.end.since(self.begin).as_seconds()
     }
 
-    /// From each set-point of an axis to the next, by the stamps of the drives.
-    fn durations(&self, log: &[Event]) -> Durations {
-        let mut durations = Durations::new(0);
-        for axis in 0..2 {
-            let within = |event: &&Event| {
-                event.axis == axis
-                    && (self.begin..self.end).contains(&event.stamp)
-                    && matches!(event.kind, EventKind::Setpoint(_))
-            };
-            let stamps: Vec<Nanos> = log.iter().filter(within).map(|event| event.stamp).collect();
-            for pair in stamps.windows(2) {
-                durations.push(pair[1].since(pair[0]));
-            }
-        }
-        durations
+    pub(crate) fn durations(&self, log: &[Event]) -> Durations {
+        setpoint_intervals(log, self.begin, self.end)
     }
+}
+
+/// From each set-point of an axis to the next, by the stamps of the drives.
+pub(crate) fn setpoint_intervals(log: &[Event], begin: Nanos, end: Nanos) -> Durations {
+    let mut durations = Durations::new(0);
+    for axis in 0..2 {
+        let within = |event: &&Event| {
+            event.axis == axis
+                && (begin..end).contains(&event.stamp)
+                && matches!(event.kind, EventKind::Setpoint(_))
+        };
+        let stamps: Vec<Nanos> = log.iter().filter(within).map(|event| event.stamp).collect();
+        for pair in stamps.windows(2) {
+            durations.push(pair[1].since(pair[0]));
+        }
+    }
+    durations
 }
 
 /// Measures a bare loop and the driver for some seconds each. `priority` is that of the port
@@ -119,7 +139,10 @@ pub fn run(
     is_interrupted: &dyn Fn() -> bool,
 ) -> Result<BenchOutcome, BenchError> {
     let monitor = LoadMonitor::start();
-    let rig = DriveRig::start(Some(0))?;
+    let rig = DriveRig::start(RigLines {
+        processing_us: Some(0),
+        ..RigLines::default()
+    })?;
     let bare = bare_loop(&rig, seconds, priority, is_interrupted)?;
     let driver = driver(&rig, seconds, priority, is_interrupted)?;
     let log = rig.emulator.log();
@@ -211,7 +234,7 @@ fn bare_loop(
 }
 
 /// Calls `set` with the counts of a sine in every tick.
-fn move_sine(
+pub(crate) fn move_sine(
     begin: Nanos,
     seconds: f64,
     is_interrupted: &dyn Fn() -> bool,
@@ -236,15 +259,25 @@ fn driver(
     priority: u8,
     is_interrupted: &dyn Fn() -> bool,
 ) -> Result<LineUsage, BenchError> {
+    let ports = [rig.port(0), rig.port(1)];
+    drive(&ports, seconds, priority, is_interrupted)
+}
+
+/// Runs the driver on ports that have two axes together, with as few other objects as allowed.
+pub(crate) fn drive(
+    ports: &[PortConfig],
+    seconds: f64,
+    priority: u8,
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<LineUsage, BenchError> {
     let (mut links, mut runners) = (Vec::new(), Vec::new());
-    for motor in 0..2 {
-        // As few other objects as allowed.
+    for port in ports {
         let port = PortConfig {
             polling: Polling {
                 status_every_rounds: 50,
                 slow_every_rounds: 1000,
             },
-            ..rig.port(motor)
+            ..port.clone()
         };
         let (runner, ends) = Port::open(&port)?.bring_up()?.split();
         links.extend(ends);
@@ -261,7 +294,7 @@ fn driver(
     })
 }
 
-fn measure_driver(
+pub(crate) fn measure_driver(
     links: &mut [AxisLink],
     seconds: f64,
     is_interrupted: &dyn Fn() -> bool,
@@ -292,7 +325,7 @@ fn measure_driver(
     })
 }
 
-fn serve(runner: PortRunner, priority: u8, stop: &AtomicBool) {
+pub(crate) fn serve(runner: PortRunner, priority: u8, stop: &AtomicBool) {
     request_priority(priority);
     runner.run(stop, |_| {});
 }

@@ -58,7 +58,7 @@ fn check_outcome(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
 fn every_variant_is_measured_and_compared_with_its_floor() {
     let outcome = bench(&["ipc", "--messages", "2000"]);
     check_outcome(&outcome, &["polled", "waiting"]);
-    assert_eq!(outcome["ways"].as_array().unwrap().len(), 11);
+    assert_eq!(outcome["ways"].as_array().unwrap().len(), 12);
     let outcome = bench(&["loop", "--duration-s", "1"]);
     check_outcome(&outcome, &["lateness", "compute"]);
     check_outcome(
@@ -153,4 +153,122 @@ fn a_command_is_measured_to_the_wire_and_back() {
         p50("command to operating system") < p50(arrived) && p50(arrived) < p50(seen),
         "{outcome}"
     );
+}
+
+#[test]
+fn several_rates_of_the_loop_have_a_floor_each() {
+    let outcome = bench(&["loop", "--rate-hz", "1000,4000", "--duration-s", "1"]);
+    let groups = ["lateness, 1000 Hz", "lateness, 4000 Hz", "compute, 1000 Hz"];
+    check_outcome(&outcome, &[&groups[..], &["compute, 4000 Hz"]].concat());
+    assert_eq!(outcome["ways"].as_array().unwrap().len(), 8);
+}
+
+#[test]
+fn the_wire_is_measured_over_rates_and_axes() {
+    let outcome = bench(&[
+        "wire",
+        "--duration-s",
+        "1",
+        "--baud",
+        "115200,1000000",
+        "--axes",
+        "1,3",
+    ]);
+    let groups = [
+        "115200 baud, 1 axis per port",
+        "1000000 baud, 1 axis per port",
+    ];
+    check_outcome(&outcome, &groups);
+    let floor = |group: &str| {
+        let variants = outcome["ways"].as_array().unwrap();
+        let floor = variants
+            .iter()
+            .find(|variant| variant["group"] == group && variant["role"] == "floor");
+        floor.unwrap()["spans_ns"]["p50"].as_f64().unwrap()
+    };
+    // The emulator paces bytes: three axes take three times the bytes of one.
+    let bytes_ns = 2.0 * 24.0 * 10.0 / 115_200.0 * 1e9;
+    assert!(floor(groups[0]) >= 0.95 * bytes_ns);
+    assert!(floor("115200 baud, 3 axes per port") >= 2.85 * bytes_ns);
+}
+
+#[test]
+fn growth_is_written_as_a_page_with_exponents() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = program::output(&[
+        "bench",
+        "scale",
+        "--json",
+        "--output",
+        folder.path().to_str().unwrap(),
+    ]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let outcome: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let curves = outcome["curves"].as_array().unwrap();
+    for group in [
+        "EM over rows: time",
+        "EM over rows: memory",
+        "components",
+        "plays",
+        "rate of the loop",
+        "clients",
+        "axes",
+    ] {
+        let found: Vec<_> = curves
+            .iter()
+            .filter(|curve| curve["group"] == group)
+            .collect();
+        assert!(!found.is_empty(), "{group}");
+        for curve in found {
+            let points = curve["points"].as_array().unwrap();
+            assert!(points.len() >= 4 && curve["exponent"].is_f64(), "{curve}");
+            assert!(points.iter().all(|point| point[1].as_f64().unwrap() >= 0.0));
+        }
+    }
+    let page = fs::read_to_string(folder.path().join("scale.html")).unwrap();
+    assert!(
+        page.contains("<svg") && page.contains("exponent"),
+        "{}",
+        page.len()
+    );
+}
+
+#[test]
+fn two_versions_are_measured_in_turns_and_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let [old, new] = ["old.json", "new.json"].map(|name| folder.path().join(name));
+    let own = env!("CARGO_BIN_EXE_i2ris-bench");
+    let (old, new) = (old.to_str().unwrap(), new.to_str().unwrap());
+    let measured = program::output(&[
+        "bench",
+        "compare",
+        old,
+        new,
+        "--json",
+        "--against",
+        own,
+        "--runs",
+        "2",
+        "--",
+        "inverse",
+        "--rounds",
+        "1",
+        "--priority",
+        "0",
+        "--unpinned",
+    ]);
+    assert!(measured.status.success(), "{}", text(&measured.stderr));
+    let changes: serde_json::Value = serde_json::from_slice(&measured.stdout).unwrap();
+    let changes = changes.as_array().unwrap();
+    assert_eq!(changes.len(), 10, "{changes:?}");
+    assert!(
+        changes
+            .iter()
+            .all(|change| change["pairs"] == 2 && change["moved"].is_boolean())
+    );
+    // The files can be compared again, and are readable to the eye.
+    let again = program::output(&["bench", "compare", old, new]);
+    assert!(text(&again.stdout).contains("medians moved beyond the noise"));
+    let refused = program::output(&["bench", "compare", old, "/nonexistent.json"]);
+    assert!(text(&refused.stderr).contains("/nonexistent.json"));
 }

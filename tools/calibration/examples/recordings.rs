@@ -87,31 +87,40 @@ fn each_family(training: &Recording, test: impl Fn(&Model) -> String) {
     );
 }
 
-/// The second sweep begins where the first ended: its memory is known.
+/// The second sweep began on the other branch than the one where the first sweep ended: over its
+/// first hundred counts nothing moves. So its memory is not known, and it is tested from a cold
+/// start; the error with the memory of the first sweep is printed beside.
 fn sweeps(first: &Recording, second: &Recording) {
     each_family(first, |model| {
-        let mut memory = model.new_memory();
-        for point in first.path() {
+        let cold = sweep_error(model, None, second);
+        let warm = sweep_error(model, Some(first), second);
+        format!("{cold}, with the memory of the first sweep {warm}")
+    });
+}
+
+/// The error on a recording of one motor after another recording, its mean taken off.
+fn sweep_error(model: &Model, before: Option<&Recording>, recording: &Recording) -> String {
+    let mut memory = model.new_memory();
+    for point in before.iter().flat_map(|before| before.path()) {
+        model.advance(&mut memory, &point.counts);
+    }
+    let si = recording.outputs()[0].unit.si();
+    let mut next = 0;
+    let predict = |row: &Row| {
+        for point in &recording.path()[next..=row.path_index] {
             model.advance(&mut memory, &point.counts);
         }
-        let si = second.outputs()[0].unit.si();
-        let mut next = 0;
-        let predict = |row: &Row| {
-            for point in &second.path()[next..=row.path_index] {
-                model.advance(&mut memory, &point.counts);
-            }
-            next = row.path_index + 1;
-            model.predict(&row.counts, &memory).mean[0] / si
-        };
-        let predicted: Vec<f64> = second.rows().iter().map(predict).collect();
-        let errors = second.rows().iter().zip(&predicted);
-        let errors: Vec<f64> = errors.map(|(row, found)| row.outputs[0] - found).collect();
-        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-        let centred = errors
-            .iter()
-            .map(|error| ([*error, 0.0, 0.0], [mean, 0.0, 0.0]));
-        rms(centred, 1)
-    });
+        next = row.path_index + 1;
+        model.predict(&row.counts, &memory).mean[0] / si
+    };
+    let predicted: Vec<f64> = recording.rows().iter().map(predict).collect();
+    let errors = recording.rows().iter().zip(&predicted);
+    let errors: Vec<f64> = errors.map(|(row, found)| row.outputs[0] - found).collect();
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    let centred = errors
+        .iter()
+        .map(|error| ([*error, 0.0, 0.0], [mean, 0.0, 0.0]));
+    rms(centred, 1)
 }
 
 /// Root mean square of every output, and of the length of the error, of pairs of measured and

@@ -2,11 +2,14 @@
 
 /// Receives progress. Calls come from several threads at once.
 pub trait Progress: Sync {
-    /// Work of so many steps begins.
+    /// A part of the whole work begins: its name, and from where to where it takes the whole, 0 to
+    /// 1. It has one or more pieces.
+    fn part(&self, name: &str, from: f64, to: f64);
+    /// A piece of so many steps begins.
     fn begin(&self, steps: usize);
     /// One step is done.
     fn step(&self);
-    /// The work is over.
+    /// The piece is over.
     fn end(&self);
 }
 
@@ -15,6 +18,7 @@ pub trait Progress: Sync {
 pub struct Silent;
 
 impl Progress for Silent {
+    fn part(&self, _name: &str, _from: f64, _to: f64) {}
     fn begin(&self, _steps: usize) {}
     fn step(&self) {}
     fn end(&self) {}

@@ -1,6 +1,7 @@
 //! `i2ris calibrate`: from recordings to models.
 
 mod collect;
+mod columns;
 mod compare;
 mod fit;
 mod fit_report;

@@ -1,5 +1,6 @@
 //! `i2ris command`: moves the robot and changes its state.
 
+mod fixture;
 pub mod prepare;
 mod progress;
 mod stream;
@@ -37,6 +38,7 @@ const CONNECT: Nanos = Nanos::from_millis(2000);
   i2ris command circle --radius-deg 5 --period-s 6 --duration-s 30 --enable
   i2ris command state condition --no-wait
   i2ris command file desired.csv
+  i2ris command fixture circle 10 5 3            a circle of 3 deg around 10, 5 is forbidden
   i2ris command --keyboard --scale 0.5           space bar: dead-man switch; arrows steer
   i2ris command --gamepad /dev/input/js0         hold a shoulder button, steer with the left stick
 
@@ -152,6 +154,9 @@ enum What {
         /// The file
         csv: PathBuf,
     },
+    /// Regions that the snake may not enter
+    #[command(subcommand)]
+    Fixture(fixture::FixtureCommand),
     /// Change the state
     State {
         /// What to do
@@ -263,6 +268,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
                 print_state(true, command, state, json)
             };
         }
+        What::Fixture(command) => return fixture::run(&mut client, &command),
         What::Hold { duration_s } => ("hold", None, duration_s),
         What::Pose {
             pitch_deg,

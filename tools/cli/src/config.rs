@@ -73,6 +73,13 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
             "{}: valid; robot {robot}, {motors} motor(s)",
             file.display()
         );
+        if let Some(delay_s) = config.command.tremor_filter_delay_s() {
+            println!(
+                "the tremor filter of {} Hz delays the goal by {:.0} ms",
+                config.command.tremor_filter_hz,
+                delay_s * 1e3
+            );
+        }
     }
     Ok(())
 }

@@ -202,7 +202,9 @@ mod tests {
                 log_likelihood: None,
                 bic: None,
                 software: "test".to_owned(),
+                linear_gain: None,
             },
+            worthless: None,
             metrics: vec![
                 OutputMetrics {
                     training: fit,

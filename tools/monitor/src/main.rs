@@ -23,6 +23,7 @@ mod adaptation;
 mod commander;
 mod dashboard;
 mod event_log;
+mod fixtures;
 mod history;
 mod hull_outline;
 mod latest_messages;

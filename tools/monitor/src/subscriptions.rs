@@ -3,7 +3,7 @@
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ReasonMsg,
+    PeriodStatistics, ReasonMsg, VirtualFixturesMsg,
 };
 use i2ris::ipc::{Domain, Message};
 use i2ris::units::{MAX_MOTORS, Nanos};
@@ -34,6 +34,7 @@ pub struct Subscriptions {
     warning: Subscription<ReasonMsg>,
     commander: Commander,
     adaptation: Subscription<AdaptationMsg>,
+    fixtures: Subscription<VirtualFixturesMsg>,
     exchanges: Exchanges,
     boot_id: Option<u64>,
 }
@@ -54,6 +55,7 @@ impl Subscriptions {
             warning: watcher.warning(),
             commander: Commander::new(domain),
             adaptation: watcher.adaptation(),
+            fixtures: watcher.virtual_fixtures(),
             exchanges: Exchanges::default(),
             boot_id: None,
         }
@@ -118,6 +120,7 @@ impl Subscriptions {
         })?;
         replace_if_new(&mut view.health, self.health.newest()?);
         replace_if_new(&mut view.adaptation, self.adaptation.newest()?);
+        replace_if_new(&mut view.fixtures, self.fixtures.newest()?);
         if replace_if_new(&mut view.statistics, self.statistics.newest()?) {
             view.statistics
                 .iter()

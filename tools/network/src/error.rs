@@ -1,37 +1,26 @@
 //! What can go wrong at either end.
 
 use std::io;
-use std::net::SocketAddr;
-use std::path::PathBuf;
 
 use i2ris::ipc::{DomainError, IpcError};
+
+use crate::keys::KeyError;
 
 /// What can go wrong at either end. What can pass by itself, a link that is cut say, is no error.
 #[derive(Debug, thiserror::Error)]
 pub enum NetworkError {
-    /// Without a key, on a network.
-    #[error(
-        "{0} is not an address of this computer alone: give a key (`i2ris bridge key FILE`, the \
-         same file at both ends)"
-    )]
-    KeyNeeded(SocketAddr),
-    /// The key cannot be used.
-    #[error("key {path}: {reason}")]
-    Key {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, and what would be right.
-        reason: String,
-    },
-    /// The system refused a step.
-    #[error("cannot {action} {address}: {source}")]
-    Socket {
+    /// A key or the list of keys cannot be used.
+    #[error(transparent)]
+    Key(#[from] KeyError),
+    /// Zenoh refused a step.
+    #[error("cannot {action} {address}: {reason}")]
+    Link {
         /// What was tried.
         action: &'static str,
         /// With what.
-        address: SocketAddr,
-        /// What the system said.
-        source: io::Error,
+        address: String,
+        /// What Zenoh said.
+        reason: String,
     },
     /// A thread could not be started.
     #[error("cannot start a thread: {0}")]

@@ -1,38 +1,50 @@
 //! What either end reports while it runs.
 
 use std::fmt;
-use std::net::SocketAddr;
 
 use i2ris::units::Nanos;
 
 /// What either end reports while it runs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum BridgeEvent {
     /// The other end is there.
     Joined {
-        /// Where.
-        address: SocketAddr,
+        /// Its key or address.
+        who: String,
         /// Whether commands pass.
         commands: bool,
     },
     /// The other end has said that it ends.
-    Left(SocketAddr),
+    Left(String),
     /// The other end has been silent for too long.
-    Lost(SocketAddr),
+    Lost(String),
     /// The server serves as many clients as it can.
-    Full(SocketAddr),
+    Full(String),
     /// A client of another version of the interface was refused.
     Foreign {
-        /// Where it is.
-        address: SocketAddr,
+        /// Its key.
+        who: String,
         /// Its version.
         interface: u32,
     },
+    /// The list of keys has changed, and everyone has to begin again.
+    AccessChanged,
+    /// The list of keys or the network cannot be used, so nobody is served.
+    Closed(String),
+    /// The server cannot be reached, or refuses.
+    Refused {
+        /// Its address.
+        address: String,
+        /// The reason.
+        reason: String,
+    },
+    /// Something that Zenoh warns of, for instance a certificate that was not accepted.
+    Warning(String),
     /// The client's domain is served.
     Serving,
     /// There is no controller at the other end.
     NoController,
-    /// Once a second: the time there and back.
+    /// Once a second: the smallest time there and back.
     RoundTrip(Nanos),
 }
 
@@ -40,26 +52,26 @@ impl fmt::Display for BridgeEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Joined {
-                address,
+                who,
                 commands: true,
-            } => write!(f, "{address}: joined, commands pass"),
+            } => write!(f, "{who}: joined, commands pass"),
             Self::Joined {
-                address,
+                who,
                 commands: false,
-            } => write!(f, "{address}: joined, to watch only"),
-            Self::Left(address) => write!(f, "{address}: left"),
-            Self::Lost(address) => write!(f, "{address}: silent, connection lost"),
-            Self::Full(address) => write!(
-                f,
-                "{address}: refused, as many clients as possible are joined"
-            ),
-            Self::Foreign { address, interface } => {
-                write!(
-                    f,
-                    "{address}: refused, it has interface version {interface}; build both from \
-                     one release"
-                )
+            } => write!(f, "{who}: joined, to watch only"),
+            Self::Left(who) => write!(f, "{who}: left"),
+            Self::Lost(who) => write!(f, "{who}: silent, connection lost"),
+            Self::Full(who) => {
+                write!(f, "{who}: refused, as many clients as possible are joined")
             }
+            Self::Foreign { who, interface } => write!(
+                f,
+                "{who}: refused, it has interface version {interface}; build both from one release"
+            ),
+            Self::AccessChanged => write!(f, "the list of keys has changed; all sessions ended"),
+            Self::Closed(reason) => write!(f, "nobody is served: {reason}"),
+            Self::Refused { address, reason } => write!(f, "{address}: {reason}"),
+            Self::Warning(text) => write!(f, "warning: {text}"),
             Self::Serving => write!(f, "the controller is there"),
             Self::NoController => write!(f, "there is no controller at the other end"),
             Self::RoundTrip(span) => write!(f, "round trip {:.1} ms", span.as_seconds() * 1e3),

@@ -5,16 +5,14 @@
     reason = "a command-line program prints"
 )]
 
-use std::net::{SocketAddr, ToSocketAddrs};
-use std::path::{Path, PathBuf};
-
-use i2ris::units::Nanos;
-use i2ris_network::{BridgeClient, BridgeEvent, BridgeServer, Key};
-
-use clap::Parser;
-use i2ris_terminal::Failure;
-use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
+use std::path::PathBuf;
 use std::process::ExitCode;
+
+use clap::{Parser, ValueEnum};
+use i2ris::units::Nanos;
+use i2ris_network::keys::{Access, Lifetime, PersonalKey, make_key, revoke};
+use i2ris_network::{BridgeClient, BridgeEvent, BridgeServer};
+use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 /// Watch and command from another computer, over the network
 #[derive(Debug, Parser)]
@@ -25,19 +23,22 @@ use std::process::ExitCode;
     propagate_version = true
 )]
 #[command(after_help = "Examples:
-  i2ris bridge key bridge.key                      once; copy the file to both computers
-  i2ris bridge serve --listen 192.168.1.10:7410 --key bridge.key
-                                                   beside the controller; others may watch
-  i2ris bridge serve --listen 192.168.1.10:7410 --key bridge.key --command
-  i2ris bridge connect 192.168.1.10:7410 --key bridge.key
-                                                   on the other computer
-  i2ris monitor                                    there, in another terminal
+  i2ris bridge key alice --may command --host 192.168.1.10
+                                             on the robot's computer, whose address this is; copy
+                                             the folder that it names to alice's computer
+  i2ris bridge serve --listen 192.168.1.10:7447
+                                             beside the controller; keys may watch
+  i2ris bridge serve --listen 192.168.1.10:7447 --command
+  i2ris bridge connect 192.168.1.10:7447 --key alice-4f1c22d0
+                                             on alice's computer
+  i2ris monitor                              there, in another terminal
+  i2ris bridge revoke alice                  on the robot's computer, also while it serves
 
 While `connect` runs, every program on that computer finds a controller in its domain. The
 controller itself checks lease and deadlines. The age of a command counts from a moment before it
 was sent, so the delay of the network can only make it older. When the link is cut the snake holds
 by the deadline of the last command, and programs on the other computer see that the controller is
-gone. Packets are signed with the key and not encrypted.")]
+gone. The link is QUIC (UDP), encrypted, with certificates of both ends.")]
 struct Arguments {
     #[command(subcommand)]
     end: End,
@@ -49,24 +50,32 @@ enum End {
     Serve(ServeArguments),
     /// The end on the other computer: serves a domain there
     Connect(ConnectArguments),
-    /// Make a key for both ends
-    Key {
-        /// A file that does not exist yet
-        file: PathBuf,
+    /// Make a key for a person; the first call makes the authority that signs all keys
+    Key(KeyArguments),
+    /// Revoke all keys of a person, or one key by its id
+    Revoke {
+        /// Name of the person, or id of the key
+        name: String,
+        #[command(flatten)]
+        keys: KeysOption,
     },
 }
 
 #[derive(Debug, clap::Args)]
+struct KeysOption {
+    /// Folder of keys on the robot's computer
+    #[arg(long, default_value = "keys", value_name = "FOLDER")]
+    keys: PathBuf,
+}
+
+#[derive(Debug, clap::Args)]
 struct Shared {
-    /// The key; without one, only addresses of this computer itself are served
-    #[arg(long, value_name = "FILE")]
-    key: Option<PathBuf>,
     /// Silence after which the other end counts as lost
     #[arg(
         long,
         default_value_t = 500,
         value_name = "MS",
-        value_parser = clap::value_parser!(u64).range(100..=10_000)
+        value_parser = clap::value_parser!(u64).range(200..=10_000)
     )]
     lost_ms: u64,
     #[command(flatten)]
@@ -74,13 +83,6 @@ struct Shared {
 }
 
 impl Shared {
-    fn key(&self) -> Result<Key, Failure> {
-        Ok(self
-            .key
-            .as_deref()
-            .map_or_else(|| Ok(Key::open()), Key::load)?)
-    }
-
     fn lost_after(&self) -> Nanos {
         Nanos::from_millis(self.lost_ms)
     }
@@ -90,8 +92,8 @@ impl Shared {
 struct ServeArguments {
     /// Where to listen: address and UDP port
     #[arg(long, value_name = "ADDRESS:PORT")]
-    listen: SocketAddr,
-    /// Forward commands and requests, too; otherwise others can only watch
+    listen: String,
+    /// Forward commands and requests of keys that may command; otherwise every key may only watch
     #[arg(long)]
     command: bool,
     /// Rate of the state
@@ -103,16 +105,48 @@ struct ServeArguments {
     )]
     rate_hz: u64,
     #[command(flatten)]
+    keys: KeysOption,
+    #[command(flatten)]
     shared: Shared,
 }
 
 #[derive(Debug, clap::Args)]
 struct ConnectArguments {
-    /// Where the other end listens
+    /// Where the other end listens, by one of the names or addresses that its keys were made for
     #[arg(value_name = "ADDRESS:PORT")]
     server: String,
+    /// Folder of the key
+    #[arg(long, value_name = "FOLDER")]
+    key: PathBuf,
     #[command(flatten)]
     shared: Shared,
+}
+
+#[derive(Debug, clap::Args)]
+struct KeyArguments {
+    /// Name of the person: letters, digits, `-` and `_`
+    name: String,
+    /// What the key may do
+    #[arg(long, value_enum, default_value_t = May::Watch)]
+    may: May,
+    /// Days that the key is valid
+    #[arg(long, default_value_t = 365, value_name = "DAYS",
+        value_parser = clap::value_parser!(u16).range(1..=3650))]
+    days: u16,
+    /// Address or name of the robot's computer, as others call it; may be given several times. For
+    /// the first key, and whenever the address changes
+    #[arg(long, value_name = "ADDRESS")]
+    host: Vec<String>,
+    #[command(flatten)]
+    keys: KeysOption,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum May {
+    /// Streams, and questions that change nothing
+    Watch,
+    /// Commands and requests, too
+    Command,
 }
 
 fn main() -> ExitCode {
@@ -123,25 +157,43 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     match &arguments.end {
         End::Serve(arguments) => serve(arguments),
         End::Connect(arguments) => connect(arguments),
-        End::Key { file } => make_key(file),
+        End::Key(arguments) => key(arguments),
+        End::Revoke { name, keys } => {
+            let revoked = revoke(&keys.keys, name)?;
+            say(&format!("revoked: {}", revoked.join(", ")))
+        }
     }
 }
 
-fn make_key(file: &Path) -> Result<(), Failure> {
-    Key::make(file)?;
-    until_closed(Screen::stdout().say(&format!(
-        "{}: a new key; copy it to both computers",
-        file.display()
-    )))?;
+fn say(line: &str) -> Result<(), Failure> {
+    until_closed(Screen::stdout().say(line))?;
     Ok(())
+}
+
+fn key(arguments: &KeyArguments) -> Result<(), Failure> {
+    let access = match arguments.may {
+        May::Watch => Access::Watch,
+        May::Command => Access::Command,
+    };
+    let folder = make_key(
+        &arguments.keys.keys,
+        &arguments.name,
+        access,
+        &arguments.host,
+        Lifetime::days(arguments.days),
+    )?;
+    say(&format!(
+        "{}: the key; move this folder to the other computer",
+        folder.display()
+    ))
 }
 
 fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
     let shared = &arguments.shared;
     let server = BridgeServer {
         domain: shared.domain.domain()?,
-        listen: arguments.listen,
-        key: shared.key()?,
+        listen: arguments.listen.clone(),
+        keys: arguments.keys.keys.clone(),
         commands: arguments.command,
         period: Nanos(1_000_000_000 / arguments.rate_hz),
         lost_after: shared.lost_after(),
@@ -149,14 +201,14 @@ fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     let server = server.open()?;
     let access = if arguments.command {
-        "to watch and to command"
+        "to watch, and to command by keys that may"
     } else {
         "to watch only"
     };
     let mut output = Output::new();
     output.say(&format!(
         "listening at {}, {access}; Ctrl-C ends",
-        server.address()
+        arguments.listen
     ));
     server.run(|| interrupt.came(), |event| output.report(&event));
     Ok(())
@@ -164,23 +216,19 @@ fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
 
 fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
     let shared = &arguments.shared;
-    let address = arguments
-        .server
-        .to_socket_addrs()
-        .map_err(|error| format!("{}: {error}", arguments.server))?
-        .next();
-    let server = address.ok_or_else(|| format!("{}: no such address", arguments.server))?;
     let domain = shared.domain.domain()?;
+    let key = PersonalKey::load(&arguments.key)?;
     let mut output = Output::new();
     let interrupt = Interrupt::catch()?;
     output.say(&format!(
-        "connecting to {server} for domain {}; Ctrl-C ends",
+        "connecting to {} for domain {}; Ctrl-C ends",
+        arguments.server,
         domain.name()
     ));
     let client = BridgeClient {
         domain,
-        server,
-        key: shared.key()?,
+        server: arguments.server.clone(),
+        key,
         lost_after: shared.lost_after(),
     };
     Ok(client.run(|| interrupt.came(), |event| output.report(&event))?)

@@ -1,7 +1,5 @@
 //! Requests: asked until answered, carried out once, and not when nobody waits any more.
 
-use std::mem::size_of;
-
 use i2ris::ipc::client::{ClientError, RequestForwarder};
 use i2ris::ipc::payload::{
     BlackBoxReply, ModelReply, ModelRequest, StateCommandReply, StateCommandRequest, padded_text,
@@ -9,8 +7,9 @@ use i2ris::ipc::payload::{
 use i2ris::ipc::{ModelAction, Refusal, StateCommand};
 use i2ris::units::Nanos;
 
-use crate::wire::Rest;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::message::{AnswerHeader, QuestionHeader};
 
 /// Age at which a request is not carried out: a client waits for a second, and the answer needs its
 /// time.
@@ -18,20 +17,20 @@ pub(crate) const LATE: Nanos = Nanos::from_millis(500);
 
 /// Which service is asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub(crate) enum Service {
-    StateCommand = 1,
-    Move = 2,
-    Model = 3,
-    BlackBox = 4,
+pub enum Service {
+    /// `state_command`.
+    StateCommand,
+    /// `move_jp`.
+    Move,
+    /// `model`.
+    Model,
+    /// `black_box`.
+    BlackBox,
 }
 
 impl Service {
-    fn of(number: u32) -> Option<Self> {
-        [Self::StateCommand, Self::Move, Self::Model, Self::BlackBox]
-            .into_iter()
-            .find(|it| *it as u32 == number)
-    }
+    /// All services.
+    pub const ALL: [Self; 4] = [Self::StateCommand, Self::Move, Self::Model, Self::BlackBox];
 
     /// Whether the answer may take seconds.
     pub fn is_slow(self) -> bool {
@@ -43,32 +42,30 @@ impl Service {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Question {
     pub number: u64,
-    /// When it was asked; on the wire by the clock of the client.
+    /// When it was asked. On the way and in the server on the controller's clock, in the client on
+    /// its own.
     pub asked: u64,
     pub service: Service,
     pub payload: Vec<u8>,
 }
 
 impl Question {
-    pub fn write(&self) -> Vec<u8> {
-        let mut body = Vec::with_capacity(24 + self.payload.len());
-        body.extend(self.number.to_le_bytes());
-        body.extend(self.asked.to_le_bytes());
-        body.extend((self.service as u32).to_le_bytes());
-        body.extend([0; 4]);
-        body.extend(&self.payload);
-        body
+    /// The bytes, with `asked` on the controller's clock.
+    pub fn write(&self, asked_ns: u64) -> Vec<u8> {
+        let header = QuestionHeader {
+            number: self.number,
+            asked_ns,
+        };
+        [header.as_bytes(), &self.payload].concat()
     }
 
-    pub fn read(body: &[u8]) -> Option<Self> {
-        let mut rest = Rest(body);
-        let (number, asked, service) = (rest.u64()?, rest.u64()?, Service::of(rest.u32()?)?);
-        rest.u32()?;
+    pub fn read(service: Service, bytes: &[u8]) -> Option<Self> {
+        let (header, payload) = QuestionHeader::read_from_prefix(bytes).ok()?;
         Some(Self {
-            number,
-            asked,
+            number: header.number,
+            asked: header.asked_ns,
             service,
-            payload: rest.0.to_vec(),
+            payload: payload.to_vec(),
         })
     }
 
@@ -137,12 +134,12 @@ fn ask<Q: FromBytes + IntoBytes + Immutable, R: FromBytes + IntoBytes + Immutabl
 /// What became of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
-pub(crate) enum Outcome {
+pub enum Outcome {
     /// The controller answered.
     Answered = 1,
     /// It did not.
     Silent = 2,
-    /// The server passes no commands on.
+    /// The key may only watch, or the server passes no commands on.
     Watching = 3,
     /// It came too late and was not carried out.
     Late = 4,
@@ -160,9 +157,7 @@ impl Outcome {
     fn excuse(self) -> Option<&'static str> {
         match self {
             Self::Answered | Self::Silent | Self::Late => None,
-            Self::Watching => {
-                Some("the bridge at the controller lets watch only; start it with --command")
-            }
+            Self::Watching => Some("this key may watch only; see the list of keys"),
         }
     }
 }
@@ -186,22 +181,19 @@ impl Answer {
     }
 
     pub fn write(&self) -> Vec<u8> {
-        let mut body = Vec::with_capacity(16 + self.payload.len());
-        body.extend(self.number.to_le_bytes());
-        body.extend((self.outcome as u32).to_le_bytes());
-        body.extend([0; 4]);
-        body.extend(&self.payload);
-        body
+        let header = AnswerHeader {
+            outcome: self.outcome as u32,
+            reserved: 0,
+        };
+        [header.as_bytes(), &self.payload].concat()
     }
 
-    pub fn read(body: &[u8]) -> Option<Self> {
-        let mut rest = Rest(body);
-        let (number, outcome) = (rest.u64()?, Outcome::of(rest.u32()?)?);
-        rest.u32()?;
+    pub fn read(number: u64, bytes: &[u8]) -> Option<Self> {
+        let (header, payload) = AnswerHeader::read_from_prefix(bytes).ok()?;
         Some(Self {
             number,
-            outcome,
-            payload: rest.0.to_vec(),
+            outcome: Outcome::of(header.outcome)?,
+            payload: payload.to_vec(),
         })
     }
 
@@ -242,12 +234,6 @@ impl Answer {
     }
 }
 
-/// The longest answer fits into a packet.
-const _: () = assert!(
-    16 + size_of::<ModelReply>() + crate::packet::HEADER + crate::key::MAC_LENGTH
-        <= crate::packet::LONGEST
-);
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -269,17 +255,16 @@ mod tests {
     #[test]
     fn questions_and_answers_are_read_again() {
         let question = command(StateCommand::Enable);
-        assert_eq!(Question::read(&question.write()), Some(question));
+        let bytes = question.write(question.asked);
+        assert_eq!(Question::read(question.service, &bytes), Some(question));
         let answer = Answer {
             number: 3,
             outcome: Outcome::Answered,
             payload: vec![1, 2, 3],
         };
-        assert_eq!(Answer::read(&answer.write()), Some(answer));
-        assert_eq!(
-            (Question::read(&[0; 23]), Answer::read(&[0; 16])),
-            (None, None)
-        );
+        assert_eq!(Answer::read(3, &answer.write()), Some(answer));
+        assert_eq!(Question::read(Service::Move, &[0; 15]), None);
+        assert_eq!(Answer::read(3, &[0; 8]), None, "no outcome has this number");
     }
 
     #[test]

@@ -2,46 +2,55 @@
 
 mod controller;
 mod describe;
+mod network;
 mod session;
 mod worker;
 
-use std::io::ErrorKind;
-use std::net::{SocketAddr, UdpSocket};
-use std::os::fd::AsFd;
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::time::{Duration, SystemTime};
 
 use i2ris::clock;
+use i2ris::ipc::Domain;
 use i2ris::ipc::ready::INTERFACE_VERSION;
-use i2ris::ipc::{Domain, random_id};
 use i2ris::units::Nanos;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use zenoh::query::Query;
+use zenoh::sample::Sample;
+use zerocopy::{FromBytes, IntoBytes};
 
-use crate::key::Key;
-use crate::packet::{self, Kind, LONGEST, Packet};
-use crate::wire::Rest;
-use crate::{BridgeEvent, NetworkError};
+use crate::keys::{Access, AccessList};
+use crate::message::{Alive, AliveReply, SessionRefusal};
+use crate::names::{self, Source, What};
+use crate::pace::{Pace, lag_of_us};
+use crate::request::Question;
+use crate::{BridgeEvent, NetworkError, warnings};
 use controller::Controller;
-use session::Session;
+use network::{Arrival, Network};
+use session::{Session, reply};
 
 /// Clients at the same time.
 const CLIENTS: usize = 4;
-/// Sessions at the same time: an old one may still be waiting for its end.
-const SESSIONS: usize = 2 * CLIENTS;
-/// Packets that are read before anything else is done again.
+/// Sessions that have ended and are remembered, so that none of them lives again.
+const REMEMBERED: usize = 1024;
+/// Arrivals that are looked at before anything else is done again.
 const AT_ONCE: usize = 64;
-/// Why a client is refused.
-pub(crate) const REFUSED_FULL: u32 = 1;
-pub(crate) const REFUSED_INTERFACE: u32 = 2;
+/// Answers of the controller are looked for so often.
+const WAIT: Duration = Duration::from_millis(1);
+/// How often the list of keys is looked at.
+const ACCESS_PERIOD: Nanos = Nanos::from_millis(500);
+/// Pause after the network could not be opened.
+const OPEN_PERIOD: Nanos = Nanos::from_millis(1000);
 
 /// How a server is run.
 #[derive(Debug, Clone)]
 pub struct BridgeServer {
     /// The controller's domain.
     pub domain: Domain,
-    /// Where to listen.
-    pub listen: SocketAddr,
-    /// The key.
-    pub key: Key,
-    /// Whether commands and requests are passed on; otherwise clients can only watch.
+    /// Where to listen: address and UDP port.
+    pub listen: String,
+    /// The folder of keys.
+    pub keys: PathBuf,
+    /// Whether commands and requests are passed on; otherwise every key may only watch.
     pub commands: bool,
     /// How often the state is sent.
     pub period: Nanos,
@@ -50,237 +59,306 @@ pub struct BridgeServer {
 }
 
 impl BridgeServer {
-    /// Opens the socket.
+    /// Listens.
     ///
     /// # Errors
     ///
-    /// When the address is one of a network and there is no key, the address cannot be used, or no
-    /// thread can be started.
+    /// When the keys or the address cannot be used, or no thread can be started.
     pub fn open(self) -> Result<OpenServer, NetworkError> {
-        if self.key.is_open() && !self.listen.ip().is_loopback() {
-            return Err(NetworkError::KeyNeeded(self.listen));
-        }
-        let address = self.listen;
-        let failed = |action| {
-            move |source| NetworkError::Socket {
-                action,
-                address,
-                source,
-            }
-        };
-        let socket = UdpSocket::bind(address).map_err(failed("listen at"))?;
-        socket.set_nonblocking(true).map_err(failed("listen at"))?;
+        let changed = changed(&self);
+        let access = AccessList::load(&self.keys)?;
+        let network = Network::open(&self.listen, &self.keys, &access, self.commands)?;
         let controller = Controller::new(&self.domain)?;
+        let pace = Pace::new(self.period);
         Ok(OpenServer {
             options: self,
-            socket,
+            access,
+            changed,
+            network: Some(network),
             controller,
             sessions: Vec::new(),
-            next_state: Nanos::ZERO,
+            ended: VecDeque::new(),
+            pace,
+            next_access: Nanos::ZERO,
+            last_warning: String::new(),
         })
     }
+}
+
+/// When the list of keys was last changed.
+fn changed(options: &BridgeServer) -> Option<SystemTime> {
+    let file = AccessList::file(&options.keys);
+    file.metadata().and_then(|data| data.modified()).ok()
 }
 
 /// A server that listens.
 #[derive(Debug)]
 pub struct OpenServer {
     options: BridgeServer,
-    socket: UdpSocket,
+    access: AccessList,
+    changed: Option<SystemTime>,
+    /// `None` while it cannot be opened again.
+    network: Option<Network>,
     controller: Controller,
     sessions: Vec<Session>,
-    next_state: Nanos,
+    /// Numbers of sessions that have ended, oldest first.
+    ended: VecDeque<u64>,
+    /// How often the state is sent. The slowest client decides.
+    pace: Pace,
+    next_access: Nanos,
+    last_warning: String,
 }
 
 impl OpenServer {
-    /// Where it listens, including the port if the system chose it.
-    #[must_use]
-    pub fn address(&self) -> SocketAddr {
-        self.socket.local_addr().unwrap_or(self.options.listen)
-    }
-
     /// Serves until `stop`.
     pub fn run(mut self, stop: impl Fn() -> bool, mut report: impl FnMut(BridgeEvent)) {
-        let mut buffer = [0; 2 * LONGEST];
         while !stop() {
-            self.wait();
-            for _ in 0..AT_ONCE {
-                match self.socket.recv_from(&mut buffer) {
-                    Ok((length, from)) => self.receive(&buffer[..length], from, &mut report),
-                    // An earlier packet found nobody; that says nothing of this one.
-                    Err(error) if error.kind() == ErrorKind::ConnectionRefused => {}
-                    Err(_) => break,
-                }
-            }
+            self.receive(&mut report);
             let now = clock::now();
-            self.answer(now);
-            if now >= self.next_state {
-                self.next_state = now + self.options.period;
+            self.answer();
+            if self.pace.is_due(now) {
                 self.send_state(now);
             }
             self.expire(now, &mut report);
+            if now >= self.next_access {
+                self.next_access = now + ACCESS_PERIOD;
+                self.follow_access(now, &mut report);
+                self.tell_warnings(&mut report);
+            }
         }
-        let now = clock::now();
-        for session in &mut self.sessions {
-            let bytes = session.peer.write(Kind::End, &[], now);
-            let _ = self.socket.send_to(&bytes, session.address);
-        }
-    }
-
-    /// Sleeps until a packet comes, a millisecond at most: answers of the controller are looked
-    /// for.
-    fn wait(&self) {
-        let mut sockets = [PollFd::new(self.socket.as_fd(), PollFlags::POLLIN)];
-        if poll(&mut sockets, PollTimeout::from(1_u8)).is_err() {
-            clock::sleep(Nanos::from_millis(1));
+        if let Some(network) = self.network.take() {
+            network.close();
         }
     }
 
-    fn receive(&mut self, bytes: &[u8], from: SocketAddr, report: &mut impl FnMut(BridgeEvent)) {
+    /// Tells what Zenoh warns of, for instance who was not let in and why; a repeated warning once.
+    fn tell_warnings(&mut self, report: &mut impl FnMut(BridgeEvent)) {
+        for warning in warnings::take() {
+            if warning != self.last_warning {
+                self.last_warning.clone_from(&warning);
+                report(BridgeEvent::Warning(warning));
+            }
+        }
+    }
+
+    fn receive(&mut self, report: &mut impl FnMut(BridgeEvent)) {
+        let mut wait = WAIT;
+        for _ in 0..AT_ONCE {
+            let Some(network) = &self.network else {
+                return clock::sleep(Nanos::from_millis(1));
+            };
+            match network.next(wait) {
+                Some(Arrival::Put(sample)) => self.command(&sample),
+                Some(Arrival::Query(query)) => self.query(query, report),
+                Some(Arrival::State(query)) => self.tell(&query),
+                None => return,
+            }
+            wait = Duration::ZERO;
+        }
+    }
+
+    fn command(&mut self, sample: &Sample) {
         let now = clock::now();
-        let key = self.options.key.clone();
-        let Some(packet) = packet::read(bytes, &key) else {
+        let Some(source) = Source::of(sample.key_expr()) else {
             return;
         };
-        if packet.header.kind == Kind::Hello {
-            return self.accept(&packet, from, now, report);
-        }
-        let Some(place) = self
-            .sessions
-            .iter()
-            .position(|it| it.peer.session() == packet.header.session)
-        else {
-            return;
-        };
-        let session = &mut self.sessions[place];
-        if session.address != from || !session.peer.accept(&packet, now) {
-            return;
-        }
-        if !session.confirmed && packet.header.echo != 0 {
-            session.confirmed = true;
-            report(BridgeEvent::Joined {
-                address: from,
-                commands: self.options.commands,
-            });
-        }
-        if packet.header.kind == Kind::End {
-            self.sessions.remove(place);
-            return report(BridgeEvent::Left(from));
-        }
-        let reply = session.receive(&packet, &mut self.controller, self.options.commands, now);
-        if let Some(reply) = reply {
-            let bytes = session.peer.write(Kind::Reply, &reply.write(), now);
-            let _ = self.socket.send_to(&bytes, from);
+        if let Some(session) = find(&mut self.sessions, &source) {
+            session.heard = now;
+            let bytes = sample.payload().to_bytes();
+            session.command(source.what, &bytes, now, &mut self.controller);
         }
     }
 
-    /// A hello may be an old one that someone sends again: it gets an answer, and nothing else
-    /// changes until the client has shown that it got it.
-    fn accept(
+    fn query(&mut self, query: Query, report: &mut impl FnMut(BridgeEvent)) {
+        let now = clock::now();
+        let key = query.key_expr().clone();
+        let (Some(source), Some(payload)) = (Source::of(&key), query.payload()) else {
+            return;
+        };
+        let bytes = payload.to_bytes().into_owned();
+        match source.what {
+            What::Alive => {
+                if let Ok(alive) = Alive::read_from_bytes(&bytes) {
+                    self.alive(&source, alive, &query, now, report);
+                }
+            }
+            What::Request(service) => {
+                if let Some(session) = find(&mut self.sessions, &source)
+                    && let Some(question) = Question::read(service, &bytes)
+                {
+                    session.heard = now;
+                    session.request(question, query, &mut self.controller, now);
+                }
+            }
+            What::ServoJp | What::ServoActuators => {}
+        }
+    }
+
+    /// A sign of life: begins, continues or ends a session.
+    fn alive(
         &mut self,
-        packet: &Packet<'_>,
-        from: SocketAddr,
+        source: &Source<'_>,
+        alive: Alive,
+        query: &Query,
         now: Nanos,
         report: &mut impl FnMut(BridgeEvent),
     ) {
-        let Some(interface) = Rest(packet.body).u32() else {
-            return;
-        };
-        let call = packet.header.session;
-        if interface == INTERFACE_VERSION && self.welcome_again(call, from, packet, now) {
-            return;
+        let refusal = self.admit(source, alive, now, report).err();
+        let session = find(&mut self.sessions, source);
+        let (commands, lag_us) = session.map_or((false, 0), |session| {
+            (session.commands, session.lag.take_us())
+        });
+        if let Some(lag) = lag_of_us(alive.lag_us).filter(|_| refusal.is_none()) {
+            self.pace.note(lag);
         }
-        let mut session = Session::new(&self.options.key, random_id(), from, call, now);
-        session.peer.note(&packet.header, now);
-        let joined = self.sessions.iter().filter(|it| it.confirmed).count();
-        let refusal = match interface {
-            INTERFACE_VERSION if joined < CLIENTS && self.sessions.len() < SESSIONS => None,
-            INTERFACE_VERSION => Some((REFUSED_FULL, BridgeEvent::Full(from))),
-            interface => Some((
-                REFUSED_INTERFACE,
-                BridgeEvent::Foreign {
-                    address: from,
-                    interface,
-                },
-            )),
+        let answer = AliveReply {
+            now_ns: clock::now().0,
+            interface: INTERFACE_VERSION,
+            refusal: refusal.map_or(0, |refusal| refusal as u32),
+            commands: commands.into(),
+            controller: self.controller.is_present().into(),
+            lag_us,
+            reserved: 0,
         };
-        let mut body = call.to_le_bytes().to_vec();
-        if let Some((reason, event)) = refusal {
-            body.extend(reason.to_le_bytes());
-            body.extend(INTERFACE_VERSION.to_le_bytes());
-            let _ = self
-                .socket
-                .send_to(&session.peer.write(Kind::Refused, &body, now), from);
-            return report(event);
-        }
-        self.welcome(&mut session, now);
-        self.sessions.push(session);
+        reply(query, answer.as_bytes());
     }
 
-    /// The same call once more: its welcome was lost, or is still on its way.
-    fn welcome_again(
+    fn admit(
         &mut self,
-        call: u64,
-        from: SocketAddr,
-        packet: &Packet<'_>,
+        source: &Source<'_>,
+        alive: Alive,
         now: Nanos,
-    ) -> bool {
-        let known = |it: &Session| it.call == call && it.address == from && !it.confirmed;
-        let Some(place) = self.sessions.iter().position(known) else {
-            return false;
-        };
-        let mut session = self.sessions.swap_remove(place);
-        session.peer.note(&packet.header, now);
-        self.welcome(&mut session, now);
+        report: &mut impl FnMut(BridgeEvent),
+    ) -> Result<(), SessionRefusal> {
+        let id = || source.id.to_owned();
+        if alive.interface != INTERFACE_VERSION {
+            report(BridgeEvent::Foreign {
+                who: id(),
+                interface: alive.interface,
+            });
+            return Err(SessionRefusal::Interface);
+        }
+        let access = self.access.access(source.id);
+        let access = access.ok_or(SessionRefusal::Revoked)?;
+        if self.ended.contains(&source.session) {
+            return Err(SessionRefusal::Ended);
+        }
+        if alive.leaving != 0 {
+            self.end(source.session);
+            report(BridgeEvent::Left(id()));
+            return Err(SessionRefusal::Ended);
+        }
+        if let Some(session) = find(&mut self.sessions, source) {
+            session.heard = now;
+            return Ok(());
+        }
+        if self.sessions.len() >= CLIENTS {
+            report(BridgeEvent::Full(id()));
+            return Err(SessionRefusal::Full);
+        }
+        let commands = self.options.commands && access == Access::Command;
+        let session = Session::new(source.id, source.session, commands, now);
         self.sessions.push(session);
-        true
+        report(BridgeEvent::Joined {
+            who: id(),
+            commands,
+        });
+        Ok(())
     }
 
-    fn welcome(&self, session: &mut Session, now: Nanos) {
-        let mut body = session.call.to_le_bytes().to_vec();
-        body.extend(INTERFACE_VERSION.to_le_bytes());
-        body.extend(u32::from(self.options.commands).to_le_bytes());
-        let _ = self.socket.send_to(
-            &session.peer.write(Kind::Welcome, &body, now),
-            session.address,
-        );
+    fn end(&mut self, number: u64) {
+        self.sessions.retain(|session| session.number != number);
+        self.ended.push_back(number);
+        if self.ended.len() > REMEMBERED {
+            self.ended.pop_front();
+        }
+    }
+
+    /// Answers with everything that is known of the streams that a query asks for.
+    fn tell(&self, query: &Query) {
+        use zenoh::Wait;
+        let tell = |stream: &str, bytes: &[u8]| {
+            let key = names::state(stream);
+            let asked = zenoh::key_expr::keyexpr::new(&key);
+            if asked.is_ok_and(|key| query.key_expr().intersects(key)) {
+                let _ = query.reply(&key, bytes).wait();
+            }
+        };
+        self.controller.known().write(tell);
+        let events: Vec<u8> = { self.controller.known_events() }
+            .flat_map(|event| event.as_bytes().to_vec())
+            .collect();
+        if !events.is_empty() {
+            tell(names::EVENTS, &events);
+        }
     }
 
     /// Hands over what the controller has answered.
-    fn answer(&mut self, now: Nanos) {
-        while let Some((session, answer)) = self.controller.answered() {
-            let Some(session) = self
-                .sessions
-                .iter_mut()
-                .find(|it| it.peer.session() == session)
-            else {
-                continue;
-            };
-            let bytes = session.peer.write(Kind::Reply, &answer.write(), now);
-            session.answered(answer);
-            let _ = self.socket.send_to(&bytes, session.address);
+    fn answer(&mut self) {
+        while let Some((number, answer)) = self.controller.answered() {
+            let sessions = &mut self.sessions;
+            if let Some(session) = sessions.iter_mut().find(|it| it.number == number) {
+                session.answered(answer);
+            }
         }
     }
 
     fn send_state(&mut self, now: Nanos) {
-        let new = self.controller.look(now);
-        let known = self.controller.known();
-        for session in self.sessions.iter_mut().filter(|session| session.confirmed) {
-            let state = if session.synchronized { &new } else { known };
-            session.synchronized = true;
-            let bytes = session.peer.write(Kind::State, &state.write(), now);
-            // A link that is cut is found out by silence.
-            let _ = self.socket.send_to(&bytes, session.address);
-        }
+        let Some(network) = &mut self.network else {
+            return;
+        };
+        let new = self.controller.look(now, |event| {
+            network.publish_reliably(names::EVENTS, event.as_bytes());
+        });
+        new.write(|stream, bytes| network.publish(stream, bytes));
     }
 
     fn expire(&mut self, now: Nanos, report: &mut impl FnMut(BridgeEvent)) {
         let limit = self.options.lost_after;
-        self.sessions.retain(|session| {
-            let lost = session.peer.silence(now) > limit;
-            if lost && session.confirmed {
-                report(BridgeEvent::Lost(session.address));
-            }
-            !lost
-        });
+        let is_lost = |session: &&Session| now.since(session.heard) > limit;
+        while let Some(lost) = self.sessions.iter().find(is_lost) {
+            let number = lost.number;
+            report(BridgeEvent::Lost(lost.id.clone()));
+            self.end(number);
+        }
     }
+
+    /// Opens the network again when the list of keys has changed. All sessions end: whoever
+    /// commands has to begin again, and the snake holds by the deadline.
+    fn follow_access(&mut self, now: Nanos, report: &mut impl FnMut(BridgeEvent)) {
+        let changed = changed(&self.options);
+        if changed == self.changed && self.network.is_some() {
+            return;
+        }
+        if let Some(network) = self.network.take() {
+            network.close();
+        }
+        while let Some(number) = self.sessions.first().map(|session| session.number) {
+            self.end(number);
+        }
+        let options = &self.options;
+        let opened = AccessList::load(&options.keys)
+            .map_err(NetworkError::from)
+            .and_then(|access| {
+                let network =
+                    Network::open(&options.listen, &options.keys, &access, options.commands)?;
+                Ok((access, network))
+            });
+        match opened {
+            Ok((access, network)) => {
+                (self.access, self.changed) = (access, changed);
+                self.network = Some(network);
+                report(BridgeEvent::AccessChanged);
+            }
+            // Nobody gets in by a list that cannot be read.
+            Err(error) => {
+                self.next_access = now + OPEN_PERIOD;
+                report(BridgeEvent::Closed(error.to_string()));
+            }
+        }
+    }
+}
+
+fn find<'a>(sessions: &'a mut [Session], source: &Source<'_>) -> Option<&'a mut Session> {
+    { sessions.iter_mut() }.find(|it| it.number == source.session && it.id == source.id)
 }

@@ -1,153 +1,118 @@
-//! What the controller reports, in one packet: the newest of every stream.
-
-use std::mem::size_of;
+//! What the controller reports: the newest of every stream.
 
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, Version,
+    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
+    Version,
 };
-
-use crate::packet::Shift;
-use crate::wire::Rest;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::offset::ClockOffset;
+use i2ris::units::Nanos;
 
 /// The newest of every stream; `None`: nothing new.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct State {
-    /// There is a controller.
-    pub controller: bool,
     pub operating: Option<OperatingStateMsg>,
     pub measured: Option<JointState>,
     pub setpoint: Option<JointState>,
     pub goal: Option<JointState>,
     pub actuators: Option<ActuatorState>,
     pub statistics: Option<PeriodStatistics>,
+    pub health: Option<Health>,
     pub external: Option<ExternalPosition>,
     pub version: Option<Version>,
 }
 
+/// Calls `$each!(name, field)` for every stream with its name.
+macro_rules! for_each_stream {
+    ($each:ident) => {
+        $each!("operating_state", operating);
+        $each!("measured_js", measured);
+        $each!("setpoint_js", setpoint);
+        $each!("goal_js", goal);
+        $each!("actuators/measured_js", actuators);
+        $each!("period_statistics", statistics);
+        $each!("health", health);
+        $each!("external/measured_jp", external);
+        $each!("version", version);
+    };
+}
+
 impl State {
-    /// The body of a packet.
-    pub fn write(&self) -> Vec<u8> {
-        let mut pieces = Pieces {
-            mask: 0,
-            bit: 0,
-            bytes: vec![0; 4],
-        };
-        pieces
-            .bytes
-            .extend(u32::from(self.controller).to_le_bytes());
-        pieces.push(self.operating.as_ref());
-        pieces.push(self.measured.as_ref());
-        pieces.push(self.setpoint.as_ref());
-        pieces.push(self.goal.as_ref());
-        pieces.push(self.actuators.as_ref());
-        pieces.push(self.statistics.as_ref());
-        pieces.push(self.external.as_ref());
-        pieces.push(self.version.as_ref());
-        pieces.bytes[..4].copy_from_slice(&pieces.mask.to_le_bytes());
-        pieces.bytes
+    /// Hands over the name and the bytes of every stream that is there.
+    pub fn write(&self, mut send: impl FnMut(&'static str, &[u8])) {
+        macro_rules! write_stream {
+            ($name:literal, $field:ident) => {
+                if let Some(message) = &self.$field {
+                    send($name, message.as_bytes());
+                }
+            };
+        }
+        for_each_stream!(write_stream);
     }
 
-    /// The state in the body of a packet.
-    pub fn read(body: &[u8]) -> Option<Self> {
-        let mut rest = Rest(body);
-        let (mut mask, controller) = (rest.u32()?, rest.u32()? == 1);
-        let state = Self {
-            controller,
-            operating: piece(&mut mask, &mut rest)?,
-            measured: piece(&mut mask, &mut rest)?,
-            setpoint: piece(&mut mask, &mut rest)?,
-            goal: piece(&mut mask, &mut rest)?,
-            actuators: piece(&mut mask, &mut rest)?,
-            statistics: piece(&mut mask, &mut rest)?,
-            external: piece(&mut mask, &mut rest)?,
-            version: piece(&mut mask, &mut rest)?,
-        };
-        (mask == 0 && rest.0.is_empty()).then_some(state)
+    /// Takes in a message. `false`: there is no such stream, or this is no message of it.
+    pub fn read(&mut self, stream: &str, bytes: &[u8]) -> bool {
+        macro_rules! read_stream {
+            ($name:literal, $field:ident) => {
+                if stream == $name {
+                    let message = value(bytes);
+                    self.$field = message.or(self.$field);
+                    return message.is_some();
+                }
+            };
+        }
+        for_each_stream!(read_stream);
+        false
     }
 
-    /// The same with every stamp on our clock.
-    pub fn here(mut self, shift: &Shift) -> Self {
+    /// Keeps what was known where nothing is new.
+    pub fn update(&mut self, new: &Self) {
+        macro_rules! update_stream {
+            ($name:literal, $field:ident) => {
+                self.$field = new.$field.or(self.$field);
+            };
+        }
+        for_each_stream!(update_stream);
+    }
+
+    /// The same with every stamp on our clock; `None` while it is not known how the clocks stand.
+    pub fn here(mut self, offset: &ClockOffset, now: Nanos) -> Option<Self> {
+        let here = |stamp: &mut u64| offset.here(*stamp, now).map(|moved| *stamp = moved);
         let joints = [&mut self.measured, &mut self.setpoint, &mut self.goal];
-        joints
-            .into_iter()
-            .flatten()
-            .for_each(|joint| joint.stamp_ns = shift.here(joint.stamp_ns));
+        for joint in joints.into_iter().flatten() {
+            here(&mut joint.stamp_ns)?;
+        }
         if let Some(state) = &mut self.operating {
-            state.stamp_ns = shift.here(state.stamp_ns);
-            state.since_ns = shift.here(state.since_ns);
+            here(&mut state.stamp_ns)?;
+            here(&mut state.since_ns)?;
         }
         if let Some(motors) = &mut self.actuators {
-            motors.stamp_ns = shift.here(motors.stamp_ns);
+            here(&mut motors.stamp_ns)?;
             let lists = [
                 &mut motors.measured_stamp_ns,
                 &mut motors.written_stamp_ns,
                 &mut motors.command_stamp_ns,
             ];
-            lists
-                .into_iter()
-                .flatten()
-                .for_each(|stamp| *stamp = shift.here(*stamp));
+            for stamp in lists.into_iter().flatten() {
+                here(stamp)?;
+            }
         }
         if let Some(statistics) = &mut self.statistics {
-            statistics.stamp_ns = shift.here(statistics.stamp_ns);
+            here(&mut statistics.stamp_ns)?;
+        }
+        if let Some(health) = &mut self.health {
+            here(&mut health.stamp_ns)?;
         }
         if let Some(seen) = &mut self.external {
-            seen.stamp_ns = shift.here(seen.stamp_ns);
+            here(&mut seen.stamp_ns)?;
         }
-        self
-    }
-
-    /// Keeps what was known where nothing is new.
-    pub fn update(&mut self, new: &Self) {
-        self.controller = new.controller;
-        keep(&mut self.operating, new.operating);
-        keep(&mut self.measured, new.measured);
-        keep(&mut self.setpoint, new.setpoint);
-        keep(&mut self.goal, new.goal);
-        keep(&mut self.actuators, new.actuators);
-        keep(&mut self.statistics, new.statistics);
-        keep(&mut self.external, new.external);
-        keep(&mut self.version, new.version);
+        Some(self)
     }
 }
 
-fn keep<T>(known: &mut Option<T>, new: Option<T>) {
-    if new.is_some() {
-        *known = new;
-    }
-}
-
-struct Pieces {
-    mask: u32,
-    bit: u32,
-    bytes: Vec<u8>,
-}
-
-impl Pieces {
-    fn push<T: FromBytes + IntoBytes + Immutable>(&mut self, piece: Option<&T>) {
-        if let Some(piece) = piece {
-            self.mask |= 1 << self.bit;
-            self.bytes.extend(piece.as_bytes());
-        }
-        self.bit += 1;
-    }
-}
-
-/// `Some(None)`: it is not there; `None`: it should be and is not.
-fn piece<T: FromBytes + IntoBytes + Immutable>(
-    mask: &mut u32,
-    rest: &mut Rest<'_>,
-) -> Option<Option<T>> {
-    let present = *mask & 1 == 1;
-    *mask >>= 1;
-    if present {
-        T::read_from_bytes(rest.take(size_of::<T>())?)
-            .ok()
-            .map(Some)
-    } else {
-        Some(None)
-    }
+fn value<T: FromBytes + IntoBytes + Immutable>(bytes: &[u8]) -> Option<T> {
+    T::read_from_bytes(bytes).ok()
 }
 
 #[cfg(test)]
@@ -155,28 +120,22 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::key::MAC_LENGTH;
-    use crate::packet::{HEADER, LONGEST};
 
     fn full() -> State {
+        let joint = |stamp_ns| {
+            Some(JointState {
+                stamp_ns,
+                ..JointState::default()
+            })
+        };
         State {
-            controller: true,
             operating: Some(OperatingStateMsg {
                 stamp_ns: 1,
                 ..OperatingStateMsg::default()
             }),
-            measured: Some(JointState {
-                stamp_ns: 2,
-                ..JointState::default()
-            }),
-            setpoint: Some(JointState {
-                stamp_ns: 3,
-                ..JointState::default()
-            }),
-            goal: Some(JointState {
-                stamp_ns: 4,
-                ..JointState::default()
-            }),
+            measured: joint(2),
+            setpoint: joint(3),
+            goal: joint(4),
             actuators: Some(ActuatorState {
                 stamp_ns: 5,
                 ..ActuatorState::default()
@@ -185,65 +144,65 @@ mod tests {
                 stamp_ns: 6,
                 ..PeriodStatistics::default()
             }),
-            external: Some(ExternalPosition {
+            health: Some(Health {
                 stamp_ns: 7,
+                ..Health::default()
+            }),
+            external: Some(ExternalPosition {
+                stamp_ns: 8,
                 ..ExternalPosition::default()
             }),
             version: Some(Version {
-                pid: 8,
+                pid: 9,
                 ..Version::default()
             }),
         }
     }
 
     #[test]
-    fn everything_fits_into_one_packet() {
-        let body = full().write();
-        assert!(
-            HEADER + body.len() + MAC_LENGTH <= LONGEST,
-            "{}",
-            body.len()
-        );
-        assert_eq!(State::read(&body), Some(full()));
-        for length in 0..body.len() {
-            assert_eq!(State::read(&body[..length]), None, "cut to {length}");
-        }
+    fn every_stream_is_read_again_and_cut_ones_are_none() {
+        let (mut read, mut streams) = (State::default(), 0);
+        full().write(|name, bytes| {
+            streams += 1;
+            assert!(read.read(name, bytes), "{name}");
+            assert!(!State::default().read(name, &bytes[1..]), "{name}");
+        });
+        assert_eq!((read, streams), (full(), 9));
+        assert!(!read.read("servo_jp", &[]));
     }
 
     #[test]
     fn what_is_not_new_stays_known() {
         let mut known = full();
         let goal = Some(JointState {
-            stamp_ns: 9,
+            stamp_ns: 19,
             ..JointState::default()
         });
         known.update(&State {
-            controller: true,
             goal,
             ..State::default()
         });
         assert_eq!(known, State { goal, ..full() });
     }
 
+    #[test]
+    fn without_an_exchange_nothing_is_shown() {
+        let mut offset = ClockOffset::default();
+        assert_eq!(full().here(&offset, Nanos(100)), None);
+        offset.note(Nanos(50), Nanos(1050), Nanos(50));
+        let moved = full().here(&offset, Nanos(50)).unwrap();
+        assert_eq!(moved.version, full().version);
+        assert_eq!(
+            moved.goal.unwrap().stamp_ns,
+            1,
+            "no moment before the first"
+        );
+    }
+
     proptest! {
         #[test]
-        fn any_choice_of_streams_is_read_again(mask in 0_u32..256) {
-            let mut state = full();
-            let keep = |bit: u32| mask >> bit & 1 == 1;
-            if !keep(0) { state.operating = None }
-            if !keep(1) { state.measured = None }
-            if !keep(2) { state.setpoint = None }
-            if !keep(3) { state.goal = None }
-            if !keep(4) { state.actuators = None }
-            if !keep(5) { state.statistics = None }
-            if !keep(6) { state.external = None }
-            if !keep(7) { state.version = None }
-            prop_assert_eq!(State::read(&state.write()), Some(state));
-        }
-
-        #[test]
-        fn whatever_arrives_nothing_panics(body in prop::collection::vec(any::<u8>(), 0..300)) {
-            let _ = State::read(&body);
+        fn whatever_arrives_nothing_panics(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            let _ = State::default().read("measured_js", &bytes);
         }
     }
 }

@@ -1,14 +1,20 @@
 //! `i2ris bridge`: both ends as processes, with the tools of a client unchanged on the far side.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
 
 use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
 use std::process::ChildStdout;
 
 use i2ris::clock;
 use i2ris::ipc::{Domain, StateCommand, random_id};
 use i2ris::units::Nanos;
 
+use i2ris_network::keys::Access;
 use i2ris_testing::{Controller, Program};
+
+use common::{free_address, make};
 
 /// The other computer's domain; swept when dropped, also of what a killed end left.
 struct Far(Domain);
@@ -51,32 +57,51 @@ impl End {
     }
 }
 
+/// A folder of keys with a key of a person, and an address to listen at.
+struct Place {
+    _folder: tempfile::TempDir,
+    keys: PathBuf,
+    key: PathBuf,
+    address: String,
+}
+
+impl Place {
+    fn new(access: Access) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let keys = folder.path().join("keys");
+        let key = make(&keys, "alice", access);
+        Self {
+            _folder: folder,
+            keys,
+            key,
+            address: free_address(),
+        }
+    }
+
+    fn serve(&self, controller: &Controller, more: &[&str]) -> End {
+        let keys = text(&self.keys);
+        let arguments = ["bridge", "serve", "--lost-ms", "2000", "--keys", keys];
+        let arguments = [&arguments, &["--listen", &self.address][..], more].concat();
+        let mut server = End::start(&controller.domain, &arguments);
+        server.receive("listening at");
+        server
+    }
+
+    fn connect(&self, far: &Far) -> End {
+        let key = text(&self.key);
+        let arguments = ["bridge", "connect", &self.address, "--key", key];
+        End::start(&far.0, &[&arguments[..], &["--lost-ms", "2000"]].concat())
+    }
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
 /// Both ends, joined.
-fn bridge(controller: &Controller, far: &Far, more: &[&str]) -> (End, End) {
-    let arguments = [
-        &[
-            "bridge",
-            "serve",
-            "--listen",
-            "127.0.0.1:0",
-            "--lost-ms",
-            "2000",
-        ],
-        more,
-    ]
-    .concat();
-    let mut server = End::start(&controller.domain, &arguments);
-    let line = server.receive("listening at");
-    let address = line
-        .trim_start_matches("listening at ")
-        .split(',')
-        .next()
-        .unwrap()
-        .to_owned();
-    let mut client = End::start(
-        &far.0,
-        &["bridge", "connect", &address, "--lost-ms", "2000"],
-    );
+fn bridge(controller: &Controller, far: &Far, place: &Place, more: &[&str]) -> (End, End) {
+    let server = place.serve(controller, more);
+    let mut client = place.connect(far);
     client.receive("the controller is there");
     (server, client)
 }
@@ -84,7 +109,8 @@ fn bridge(controller: &Controller, far: &Far, more: &[&str]) -> (End, End) {
 #[test]
 fn over_a_bridge_the_robot_is_enabled_moved_and_watched_by_the_same_tools() {
     let (controller, far) = (Controller::start(), Far::new());
-    let (server, mut client) = bridge(&controller, &far, &["--command"]);
+    let place = Place::new(Access::Command);
+    let (server, mut client) = bridge(&controller, &far, &place, &["--command"]);
     let arguments = [
         "command",
         "pose",
@@ -132,6 +158,12 @@ fn over_a_bridge_the_robot_is_enabled_moved_and_watched_by_the_same_tools() {
         !success && error.contains("no controller serves domain"),
         "{error}"
     );
+    // When it is back there is another session. What moved before does not go on by itself.
+    let poses = controller.robot().poses.len();
+    let _server = place.serve(&controller, &["--command"]);
+    client.receive("the controller is there");
+    assert!(Program::run(&far.0, &["monitor", "--once"]).0);
+    assert_eq!(controller.robot().poses.len(), poses);
     client.program.interrupt();
     let (success, _, error) = client.program.end();
     assert!(success, "{error}");
@@ -139,90 +171,74 @@ fn over_a_bridge_the_robot_is_enabled_moved_and_watched_by_the_same_tools() {
 
 #[test]
 fn without_leave_to_command_others_can_only_watch() {
-    let (controller, far) = (Controller::start(), Far::new());
-    let (_server, _client) = bridge(&controller, &far, &[]);
-    let (success, _, error) = Program::run(&far.0, &["command", "state", "home"]);
-    assert!(!success && error.contains("not supported"), "{error}");
-    let (success, _, error) = Program::run(&far.0, &["model", "stage", "any.json"]);
-    assert!(
-        !success && error.contains("watch only; start it with --command"),
-        "{error}"
-    );
-    assert!(controller.robot().asked.is_empty());
-    assert!(controller.robot().poses.is_empty());
-    assert!(Program::run(&far.0, &["monitor", "--once"]).0);
+    for (access, more) in [(Access::Watch, &["--command"][..]), (Access::Command, &[])] {
+        let (controller, far) = (Controller::start(), Far::new());
+        let place = Place::new(access);
+        let (_server, _client) = bridge(&controller, &far, &place, more);
+        let (success, _, error) = Program::run(&far.0, &["command", "state", "home"]);
+        assert!(!success && error.contains("not supported"), "{error}");
+        let (success, _, error) = Program::run(&far.0, &["model", "stage", "any.json"]);
+        assert!(!success && error.contains("may watch only"), "{error}");
+        assert!(controller.robot().asked.is_empty());
+        assert!(controller.robot().poses.is_empty());
+        assert!(Program::run(&far.0, &["monitor", "--once"]).0);
+    }
 }
 
 #[test]
 fn a_client_that_starts_first_waits_and_finds_a_controller_that_comes_later() {
     let (controller, far) = (Controller::start(), Far::new());
-    // The port of a server that was there before, and is gone.
-    let port = std::net::UdpSocket::bind("127.0.0.1:0")
-        .unwrap()
-        .local_addr()
-        .unwrap();
-    let mut client = End::start(&far.0, &["bridge", "connect", &port.to_string()]);
+    let place = Place::new(Access::Watch);
+    let mut client = place.connect(&far);
     client.receive("connecting to");
     clock::sleep(Nanos::from_millis(300));
-    let _server = End::start(
-        &controller.domain,
-        &["bridge", "serve", "--listen", &port.to_string()],
-    );
+    let _server = place.serve(&controller, &[]);
     client.receive("the controller is there");
 }
 
 #[test]
-fn networks_need_a_key_and_the_wrong_one_never_joins() {
-    let (controller, far, folder) = (
-        Controller::start(),
-        Far::new(),
-        tempfile::tempdir().unwrap(),
-    );
-    for arguments in [
-        &["bridge", "serve", "--listen", "0.0.0.0:0"],
-        &["bridge", "connect", "192.0.2.1:7410"][..],
-    ] {
-        let (success, _, error) = Program::run(&far.0, arguments);
-        assert!(!success && error.contains("give a key"), "{error}");
-    }
-    let keys = ["one", "two"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
-    for key in &keys {
-        assert!(Program::run(&far.0, &["bridge", "key", key]).0);
-        let (success, _, error) = Program::run(&far.0, &["bridge", "key", key]);
-        assert!(
-            !success && error.contains("exists"),
-            "a key is never overwritten: {error}"
-        );
-    }
-    let mut server = End::start(
-        &controller.domain,
-        &[
-            "bridge",
-            "serve",
-            "--listen",
-            "127.0.0.1:0",
-            "--key",
-            &keys[0],
-        ],
-    );
-    let line = server.receive("listening at");
-    let address = line
-        .trim_start_matches("listening at ")
-        .split(',')
-        .next()
-        .unwrap()
-        .to_owned();
-    let _stranger = End::start(&far.0, &["bridge", "connect", &address, "--key", &keys[1]]);
-    clock::sleep(Nanos::from_millis(800));
-    let (success, _, error) = Program::run(&far.0, &["monitor", "--once"]);
+fn keys_are_made_and_revoked_by_one_command_and_a_wrong_one_is_named() {
+    let (controller, far) = (Controller::start(), Far::new());
+    let folder = tempfile::tempdir().unwrap();
+    let keys = folder.path().join("keys");
+    let run = |arguments: &[&str]| {
+        let arguments = [arguments, &["--keys", text(&keys)]].concat();
+        Program::run(&far.0, &arguments)
+    };
+    let (success, _, error) = run(&["bridge", "serve", "--listen", &free_address()]);
+    assert!(!success && error.contains("i2ris bridge key"), "{error}");
+    let make = ["bridge", "key", "alice", "--may", "command"];
+    let (success, _, error) = run(&make);
+    assert!(!success && error.contains("--host"), "{error}");
+    let (success, output, error) = run(&[&make[..], &["--host", "127.0.0.1"]].concat());
+    assert!(success, "{error}");
+    let key = PathBuf::from(output.split(':').next().unwrap());
+    let place = Place {
+        _folder: tempfile::tempdir().unwrap(),
+        keys: keys.clone(),
+        key,
+        address: free_address(),
+    };
+    let (mut server, mut client) = bridge(&controller, &far, &place, &[]);
+    let (success, output, error) = run(&["bridge", "revoke", "alice"]);
+    assert!(success && output.contains("alice-"), "{error}");
+    server.receive("the list of keys has changed");
+    client.receive("this key was revoked");
+    let (success, _, error) = Program::run(&far.0, &["command", "hold"]);
     assert!(
         !success && error.contains("no controller serves"),
         "{error}"
     );
-    let other = Far::new();
-    let mut friend = End::start(
-        &other.0,
-        &["bridge", "connect", &address, "--key", &keys[0]],
-    );
-    friend.receive("the controller is there");
+    // A key of another robot does not know this one.
+    let other = Place::new(Access::Command);
+    let other = Place {
+        address: place.address.clone(),
+        ..other
+    };
+    let stranger = Far::new();
+    let line = other.connect(&stranger).receive(&place.address.clone());
+    assert!(line.contains("connecting to"), "{line}");
+    let mut stranger = other.connect(&stranger);
+    let line = stranger.receive("cannot reach");
+    assert!(line.to_lowercase().contains("certificate"), "{line}");
 }

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import iceoryx2 as iox2
 
-INTERFACE_VERSION = 3
+from .payload import INTERFACE_VERSION
+
 #: Versions of iceoryx2 refuse each other: exactly the controller's.
 ICEORYX2_VERSION = "0.10.0"
 #: Period of reading the announcement of the controller, s.

@@ -7,6 +7,9 @@ A test compares names, sizes and offsets with those of the controller.
 import ctypes
 from ctypes import c_double, c_int32, c_uint8, c_uint16, c_uint32, c_uint64
 
+#: Version of all payloads together. Client and controller have the same.
+INTERFACE_VERSION = 3
+
 
 class Payload(ctypes.Structure):
     """A message of fixed size. ``NAME`` is its name in iceoryx2, with the version of its layout."""
@@ -67,6 +70,7 @@ class JointState(Payload):
     VALID = 1
     MEMORY_KNOWN = 2
     CLIPPED = 4
+    FIXTURE = 8
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),
@@ -120,6 +124,7 @@ class OperatingStateMsg(Payload):
     PINNED = 256
     WATCHED = 512
     COMPARED = 1024
+    FIXTURE = 2048
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),
@@ -203,6 +208,26 @@ class AdaptationMsg(Payload):
         ("excited", c_uint32),
         ("flags", c_uint32),
         ("reserved", c_uint32),
+    ]
+
+
+class VirtualFixturesMsg(Payload):
+    """``virtual_fixtures``, out: regions that the snake may not enter.
+
+    ``active`` has a bit per region. The values of a region depend on its kind, as in ``VirtualFixtureRequest``; a
+    polygon (5) has the number of its corners and pitch and yaw of each.
+    """
+
+    NAME = "I2risVirtualFixturesV1"
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("boot_id", c_uint64),
+        ("active", c_uint32),
+        ("limited_by", c_uint32),
+        ("kind", c_uint32 * 8),
+        ("values", (c_double * 17) * 8),
+        ("name", (c_uint8 * 24) * 8),
     ]
 
 
@@ -316,6 +341,17 @@ class MoveRequest(Payload):
         ("count", c_uint32),
         ("reserved", c_uint32),
     ]
+
+
+class VirtualFixtureRequest(Payload):
+    """``virtual_fixture``, request; the reply is a ``StateCommandReply``.
+
+    Actions: 1 on, 2 off, 3 add, 4 remove. Kinds to add, with their values: 1 circle (pitch, yaw, radius), 2 half-plane
+    (normal, normal, offset), rad; 3 ball (x, y, z, radius), 4 half-space (normal of 3, offset), m.
+    """
+
+    NAME = "I2risVirtualFixtureRequestV1"
+    _fields_ = [("client_id", c_uint64), ("action", c_uint32), ("kind", c_uint32), ("values", c_double * 4)]
 
 
 class VersionRequest(Payload):

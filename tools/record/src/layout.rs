@@ -9,7 +9,7 @@ use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, ModelDifference, ModelRequest, ModelSlot, MoveRequest, OperatingStateMsg,
     PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, SpanSummary, StateCommandReply,
-    StateCommandRequest, Version, VersionRequest,
+    StateCommandRequest, Version, VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -258,6 +258,10 @@ layouts! {
         frames_paused: u64, frames_dropped: [u64; 6], taken_back: u32, method: u32, pauses: u32,
         excited: u32, flags: u32, reserved: u32,
     }
+    VirtualFixturesMsg {
+        sequence: u64, stamp_ns: u64, boot_id: u64, active: u32, limited_by: u32, kind: [u32; 8],
+        values: [[f64; 17]; 8], name: [[u8; 24]; 8],
+    }
     EventMsg { sequence: u64, stamp_ns: u64, boot_id: u64, text: [u8; 232] }
     ReasonMsg {
         sequence: u64, stamp_ns: u64, boot_id: u64, client_id: u64, measured: f64, limit: f64,
@@ -291,6 +295,7 @@ layouts! {
         reserved: u32,
     }
     MoveRequest { client_id: u64, position: [f64; 3], count: u32, reserved: u32 }
+    VirtualFixtureRequest { client_id: u64, action: u32, kind: u32, values: [f64; 4] }
     VersionRequest { reserved: u64 }
     Version {
         boot_id: u64, pid: u32, interface: u32, software: [u16; 3], shape: [u8; 2],

@@ -159,7 +159,7 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
         if there == directions || !found.residual.is_finite() {
             return found;
         }
-        let reached = self.regression(there).local(&vector(&found.counts)).mean;
+        let reached = self.regression(there).mean(&vector(&found.counts));
         Inverse {
             clipped: true,
             residual: (reached - vector::<M>(goal)).norm(),
@@ -186,6 +186,24 @@ impl<const D: usize, const M: usize> Runtime for DirectionGmr<D, M> {
                 .regression(self.directions(memory, &counts))
                 .predict(&vector(&counts)),
         )
+    }
+
+    fn pose(&self, counts: &MotorVec, memory: &Memory, _correction: &OutputVec) -> OutputVec {
+        let counts = bounded(counts);
+        let regression = self.regression(self.directions(memory, &counts));
+        array(&regression.mean(&vector(&counts)))
+    }
+
+    fn pose_and_slope(
+        &self,
+        counts: &MotorVec,
+        memory: &Memory,
+        _correction: &OutputVec,
+    ) -> (OutputVec, JacobianMatrix) {
+        let counts = bounded(counts);
+        let regression = self.regression(self.directions(memory, &counts));
+        let local = regression.local(&vector(&counts));
+        (array(&local.mean), rows(&local.jacobian))
     }
 
     fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {

@@ -112,24 +112,61 @@ impl<const D: usize> Plays<D> {
 
     /// Virtual counts and their slope for one motor.
     fn sum(&self, state: &PlayState, motor: usize, counts: f64) -> (f64, f64) {
-        self.plays(state, motor)
-            .fold((0.0, 0.0), |(sum, slope), (play, output)| {
-                let slope_share = if play.drags(output, counts) {
-                    play.weight
-                } else {
-                    0.0
-                };
-                (
-                    sum + play.weight * play.drag(output, counts),
-                    slope + slope_share,
-                )
-            })
+        let (mut sum, mut slope) = (0.0, 0.0);
+        for (play, output) in self.plays(state, motor) {
+            let (dragged, is_dragged) = play.drag(output, counts);
+            sum += play.weight * dragged;
+            slope += if is_dragged { play.weight } else { 0.0 };
+        }
+        (sum, slope)
     }
 
-    /// Newton's method from the present position. Above this position the sum is convex, below it
-    /// concave. After the first step the search therefore never passes the goal, and it ends
-    /// exactly after at most one step per play.
+    /// Virtual counts of one motor.
+    fn value(&self, state: &PlayState, motor: usize, counts: f64) -> f64 {
+        let plays = self.plays(state, motor);
+        plays
+            .map(|(play, output)| play.weight * play.drag(output, counts).0)
+            .sum()
+    }
+
     fn invert_motor(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
+        let scale = state.gap_scale.get(motor).copied().unwrap_or(1.0);
+        if scale == 1.0 {
+            self.invert_in_order(state, motor, goal)
+        } else {
+            self.invert_by_newton(state, motor, goal)
+        }
+    }
+
+    /// From the present position towards the goal, the input pushes one play after the other, in
+    /// the order of their thresholds: outputs of neighbours differ by no more than their
+    /// thresholds. So one pass over the plays finds the piece of the sum that contains the goal.
+    fn invert_in_order(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
+        let from = state.position.get(motor).copied().unwrap_or_default();
+        let left = goal - self.value(state, motor, from);
+        let direction = if left < 0.0 { -1.0 } else { 1.0 };
+        let left = direction * left;
+        // Distance and virtual counts where the last play began to move, and the slope from there.
+        let (mut distance, mut sum, mut slope) = (0.0, 0.0, 0.0);
+        for (play, output) in self.plays(state, motor) {
+            let begin = direction * (output - from) + play.threshold;
+            // At the end of its play, up to rounding.
+            let next = if begin > distance { begin } else { distance };
+            let there = sum + slope * (next - distance);
+            if there >= left && slope > 0.0 {
+                break;
+            }
+            (distance, sum) = (next, there);
+            slope += play.weight;
+        }
+        from + direction * (distance + (left - sum) / slope)
+    }
+
+    /// For thresholds that have changed, whose outputs need not be in order. Newton's method from
+    /// the present position. Above this position the sum is convex, below it concave. After the
+    /// first step the search therefore never passes the goal, and it ends exactly after at most one
+    /// step per play.
+    fn invert_by_newton(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
         let mut counts = state.position.get(motor).copied().unwrap_or_default();
         for _ in 0..=MAX_PLAYS {
             let (sum, slope) = self.sum(state, motor, counts);
@@ -151,17 +188,19 @@ impl Play {
         }
     }
 
-    fn drag(&self, output: f64, counts: f64) -> f64 {
-        output
-            .min(counts + self.threshold)
-            .max(counts - self.threshold)
-    }
-
-    /// Whether the input pushes an output. This uses the same sums as [`Play::drag`]. The rounded
-    /// distance of input and output would not do: a slope without one of its plays makes the
-    /// inverse diverge.
-    fn drags(&self, output: f64, counts: f64) -> bool {
-        counts - self.threshold >= output || counts + self.threshold <= output
+    /// The output after a motion of the input, and whether the input pushes it. Both use the same
+    /// sums. The rounded distance of input and output would not do: a slope without one of its
+    /// plays makes the inverse diverge.
+    #[inline]
+    fn drag(&self, output: f64, counts: f64) -> (f64, bool) {
+        let (low, high) = (counts - self.threshold, counts + self.threshold);
+        if low >= output {
+            (low, true)
+        } else if high <= output {
+            (high, true)
+        } else {
+            (output, false)
+        }
     }
 }
 
@@ -224,7 +263,7 @@ impl<const D: usize> Operator<D> for Plays<D> {
         for ((outputs, plays), (at, scale)) in motors.zip(position.into_iter().zip(state.gap_scale))
         {
             for (output, play) in outputs.iter_mut().zip(plays) {
-                *output = play.scaled(scale).drag(*output, at);
+                *output = play.scaled(scale).drag(*output, at).0;
             }
         }
         for (disc, threshold) in state.planar.iter_mut().zip(&self.planar) {
@@ -253,6 +292,14 @@ impl<const D: usize> Operator<D> for Plays<D> {
         local
     }
 
+    fn virtual_counts(&self, state: &PlayState, counts: &SVector<f64, D>) -> SVector<f64, D> {
+        let mut result = *counts;
+        for (motor, counts) in result.iter_mut().enumerate() {
+            *counts = self.value(state, motor, *counts);
+        }
+        result
+    }
+
     fn invert(
         &self,
         state: &PlayState,
@@ -271,7 +318,7 @@ impl<const D: usize> Operator<D> for Plays<D> {
         let mut lags = Lags::default();
         for (motor, at) in state.position.into_iter().take(D).enumerate() {
             for (play, output) in self.plays(state, motor).skip(1) {
-                lags.push((at - play.drag(output, at)) / play.threshold);
+                lags.push((at - play.drag(output, at).0) / play.threshold);
             }
         }
         for (disc, threshold) in state.planar.iter().zip(&self.planar) {
@@ -298,9 +345,16 @@ impl<const D: usize> StoredOperator<D> for Plays<D> {
         State::Plays(state)
     }
 
-    fn unpack(state: &State) -> Option<PlayState> {
+    fn unpack(state: &State) -> Option<&PlayState> {
         match state {
-            State::Plays(state) => Some(*state),
+            State::Plays(state) => Some(state),
+            _ => None,
+        }
+    }
+
+    fn unpack_mut(state: &mut State) -> Option<&mut PlayState> {
+        match state {
+            State::Plays(state) => Some(state),
             _ => None,
         }
     }

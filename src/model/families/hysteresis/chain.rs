@@ -11,7 +11,7 @@ use crate::model::families::round_trip;
 use crate::model::families::runtime::Runtime;
 use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::{Hull, TOLERANCE_COUNTS};
-use crate::model::maths::newton_inverse;
+use crate::model::maths::newton_inverse::{self, SearchStart};
 use crate::model::maths::regression::{Local, Regression, array, bounded, estimate, rows, vector};
 use crate::model::output_unit::OutputUnit;
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
@@ -28,18 +28,24 @@ pub(in crate::model) struct Chain<O, const D: usize, const M: usize> {
 }
 
 impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
-    /// The state in a memory. Without one, the state from the present position alone.
-    fn state(&self, memory: &Memory) -> O::State {
-        let position = memory.seen.map(|seen| seen.position).unwrap_or_default();
-        O::unpack(&memory.state)
-            .unwrap_or_else(|| self.operator.begin(&vector(&bounded(&position))))
+    /// Works on the state in a memory. Without one, on the state from the present position alone.
+    #[inline]
+    fn with_state<T>(&self, memory: &Memory, work: impl FnOnce(&O::State) -> T) -> T {
+        match O::unpack(&memory.state) {
+            Some(state) => work(state),
+            None => {
+                let position = memory.seen.map(|seen| seen.position).unwrap_or_default();
+                work(&self.operator.begin(&vector(&bounded(&position))))
+            }
+        }
     }
 
     fn residual(&self, state: &O::State, position: &MotorVec) -> SVector<f64, M> {
         self.residual
             .as_ref()
             .map_or_else(SVector::zeros, |residual| {
-                let virtual_counts = self.operator.local(state, &vector(&bounded(position))).mean;
+                let position = vector(&bounded(position));
+                let virtual_counts = self.operator.virtual_counts(state, &position);
                 residual.at(&virtual_counts, &self.operator.lags(state))
             })
     }
@@ -54,24 +60,41 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
         }
     }
 
-    fn invert_without_residual(
+    /// Mean and covariances with a residual.
+    fn predict_with(
+        &self,
+        counts: &MotorVec,
+        state: &O::State,
+        residual: &SVector<f64, M>,
+    ) -> Estimate {
+        let counts = vector(&bounded(counts));
+        let virtual_counts = self.operator.virtual_counts(state, &counts);
+        let mut prediction = self.read_out.predict(&virtual_counts);
+        prediction.mean += residual;
+        estimate(&prediction)
+    }
+
+    /// Where the search of the regression starts for a query.
+    fn search_start(&self, state: &O::State, query: &Query) -> SearchStart<D, M> {
+        let start = vector(&bounded(&query.start));
+        let virtual_counts = self.operator.virtual_counts(state, &start);
+        SearchStart::new(&self.read_out, &self.virtual_hull, &array(&virtual_counts))
+    }
+
+    /// The inverse of a goal without the residual, and where the search of the regression ended.
+    fn invert_from(
         &self,
         goal: &OutputVec,
         state: &O::State,
         hull: &Hull,
         query: &Query,
-    ) -> Inverse {
-        let start = self
-            .operator
-            .local(state, &vector(&bounded(&query.start)))
-            .mean;
-        let found =
-            newton_inverse::invert(&self.read_out, &self.virtual_hull, goal, &array(&start));
+        start: &SearchStart<D, M>,
+    ) -> (Inverse, SearchStart<D, M>) {
+        let (found, end) =
+            newton_inverse::invert_from(&self.read_out, &self.virtual_hull, goal, start);
         if !found.residual.is_finite() {
-            return Inverse {
-                counts: hull.project(&query.start),
-                ..found
-            };
+            let counts = hull.project(&query.start);
+            return (Inverse { counts, ..found }, end);
         }
         let virtual_counts = vector::<D>(&found.counts);
         let unconstrained: MotorVec = array(&self.operator.invert(
@@ -85,28 +108,36 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
             .zip(unconstrained)
             .any(|(inside, outside)| (inside - outside).abs() > TOLERANCE_COUNTS);
         if !outside_hull {
-            return Inverse { counts, ..found };
+            return (Inverse { counts, ..found }, end);
         }
-        let reached = self.local(state, &vector(&counts)).mean;
-        Inverse {
+        let reached_virtual = self.operator.virtual_counts(state, &vector(&counts));
+        let reached = self.read_out.mean(&reached_virtual);
+        let inverse = Inverse {
             counts,
             clipped: true,
             residual: (reached - vector::<M>(goal)).norm(),
             ..found
-        }
+        };
+        (inverse, end)
     }
+}
+
+/// A goal without the correction.
+fn without(goal: &OutputVec, correction: &OutputVec) -> OutputVec {
+    let mut goal = *goal;
+    for (output, correction) in goal.iter_mut().zip(correction) {
+        *output -= correction;
+    }
+    goal
 }
 
 impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, D, M> {
     fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
         let counts = vector(&bounded(counts));
-        memory.state = match O::unpack(&memory.state) {
-            Some(mut state) => {
-                self.operator.advance(&mut state, &counts);
-                O::pack(state)
-            }
-            None => O::pack(self.operator.begin(&counts)),
-        };
+        match O::unpack_mut(&mut memory.state) {
+            Some(state) => self.operator.advance(state, &counts),
+            None => memory.state = O::pack(self.operator.begin(&counts)),
+        }
     }
 
     fn conditioning_range(&self) -> MotorVec {
@@ -116,49 +147,94 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
     /// An operator that forgets only over more than the hull is taken as known when the hull has
     /// been covered: calibration cannot cover more.
     fn is_known(&self, memory: &Memory, range: &MotorVec) -> bool {
-        let limited = self.operator.wipe_counts() != *range;
-        memory.covered(range) && (limited || self.operator.has_forgotten(&self.state(memory)))
+        memory.covered(range)
+            && (self.operator.wipe_counts() != *range
+                || self.with_state(memory, |state| self.operator.has_forgotten(state)))
     }
 
     fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
-        array(
-            &self
-                .operator
-                .local(&self.state(memory), &vector(&bounded(counts)))
-                .mean,
-        )
+        let counts = vector(&bounded(counts));
+        self.with_state(memory, |state| {
+            array(&self.operator.virtual_counts(state, &counts))
+        })
     }
 
     fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
-        let state = self.state(memory);
         let position = memory.seen.map_or(*counts, |seen| seen.position);
-        let virtual_counts = self.operator.local(&state, &vector(&bounded(counts))).mean;
-        let mut prediction = self.read_out.predict(&virtual_counts);
-        prediction.mean += self.residual(&state, &position);
-        estimate(&prediction)
+        self.with_state(memory, |state| {
+            self.predict_with(counts, state, &self.residual(state, &position))
+        })
+    }
+
+    fn predict_corrected(
+        &self,
+        counts: &MotorVec,
+        memory: &Memory,
+        correction: &OutputVec,
+    ) -> Estimate {
+        self.with_state(memory, |state| {
+            self.predict_with(counts, state, &vector(correction))
+        })
+    }
+
+    fn pose(&self, counts: &MotorVec, memory: &Memory, correction: &OutputVec) -> OutputVec {
+        let counts = vector(&bounded(counts));
+        self.with_state(memory, |state| {
+            let virtual_counts = self.operator.virtual_counts(state, &counts);
+            array(&(self.read_out.mean(&virtual_counts) + vector::<M>(correction)))
+        })
+    }
+
+    fn pose_and_slope(
+        &self,
+        counts: &MotorVec,
+        memory: &Memory,
+        correction: &OutputVec,
+    ) -> (OutputVec, JacobianMatrix) {
+        let counts = vector(&bounded(counts));
+        let local = self.with_state(memory, |state| self.local(state, &counts));
+        let mean = local.mean + vector::<M>(correction);
+        (array(&mean), rows(&local.jacobian))
     }
 
     fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
-        rows(
-            &self
-                .local(&self.state(memory), &vector(&bounded(counts)))
-                .jacobian,
-        )
+        let counts = vector(&bounded(counts));
+        self.with_state(memory, |state| rows(&self.local(state, &counts).jacobian))
     }
 
     fn correction(&self, memory: &Memory) -> OutputVec {
         memory.seen.map_or_else(OutputVec::default, |seen| {
-            array(&self.residual(&self.state(memory), &seen.position))
+            self.with_state(memory, |state| array(&self.residual(state, &seen.position)))
         })
     }
 
     fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
+        let mut found = [Inverse::default()];
+        self.invert_each(std::slice::from_ref(goal), memory, hull, query, &mut found);
+        let [found] = found;
+        found
+    }
+
+    fn invert_each(
+        &self,
+        goals: &[OutputVec],
+        memory: &Memory,
+        hull: &Hull,
+        query: &Query,
+        found: &mut [Inverse],
+    ) {
         let correction = query.correction.unwrap_or_else(|| self.correction(memory));
-        let mut goal = *goal;
-        for (output, correction) in goal.iter_mut().zip(correction) {
-            *output -= correction;
-        }
-        self.invert_without_residual(&goal, &self.state(memory), hull, query)
+        self.with_state(memory, |state| {
+            let mut start = self.search_start(state, query);
+            for (index, (goal, found)) in goals.iter().zip(found).enumerate() {
+                let goal = without(goal, &correction);
+                let (inverse, end) = self.invert_from(&goal, state, hull, query, &start);
+                *found = inverse;
+                if index == 0 {
+                    start = end;
+                }
+            }
+        });
     }
 
     /// Starts from the centre of the hull, without past motion. Virtual counts outside the
@@ -166,8 +242,9 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
         let state = self.operator.begin(&vector(&hull.centre()));
         let query = Query::new(hull.centre());
+        let start = self.search_start(&state, &query);
         let virtual_counts = |counts: &MotorVec| -> MotorVec {
-            array::<D, MAX_MOTORS>(&self.operator.local(&state, &vector(counts)).mean)
+            array::<D, MAX_MOTORS>(&self.operator.virtual_counts(&state, &vector(counts)))
         };
         round_trip::check(
             hull,
@@ -177,7 +254,7 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
                     .contains(&virtual_counts(counts))
                     .then(|| self.local(&state, &vector(counts)))
             },
-            |goal| self.invert_without_residual(goal, &state, hull, &query),
+            |goal| self.invert_from(goal, &state, hull, &query, &start).0,
         )
     }
 }

@@ -58,6 +58,11 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
     /// the same virtual counts (D. Gale and H. Nikaido 1965).
     fn local(&self, state: &Self::State, counts: &SVector<f64, D>) -> Local<D, D>;
 
+    /// The virtual counts alone; see [`Operator::local`].
+    fn virtual_counts(&self, state: &Self::State, counts: &SVector<f64, D>) -> SVector<f64, D> {
+        self.local(state, counts).mean
+    }
+
     /// The counts that bring the virtual counts to `goal`, from the state. `compensation` scales
     /// the part of the motion that only crosses backlash and overcomes friction. 1 is the inverse
     /// of [`Operator::local`]. 0 gives the counts of a model without memory.
@@ -88,7 +93,10 @@ pub(in crate::model) trait StoredOperator<const D: usize>: Operator<D> {
     fn pack(state: Self::State) -> State;
 
     /// The state, if it belongs to this operator.
-    fn unpack(state: &State) -> Option<Self::State>;
+    fn unpack(state: &State) -> Option<&Self::State>;
+
+    /// As [`StoredOperator::unpack`], to change it in place.
+    fn unpack_mut(state: &mut State) -> Option<&mut Self::State>;
 }
 
 /// Normalised lags in an array of fixed size.

@@ -39,9 +39,9 @@ impl<const D: usize> ReadOut<D> {
     #[must_use]
     pub fn at(&self, virtual_counts: &SVector<f64, D>) -> OutputVec {
         match &self.0 {
-            Sized::One(gmr) => array(&gmr.local(virtual_counts).mean),
-            Sized::Two(gmr) => array(&gmr.local(virtual_counts).mean),
-            Sized::Three(gmr) => array(&gmr.local(virtual_counts).mean),
+            Sized::One(gmr) => array(&gmr.mean(virtual_counts)),
+            Sized::Two(gmr) => array(&gmr.mean(virtual_counts)),
+            Sized::Three(gmr) => array(&gmr.mean(virtual_counts)),
         }
     }
 

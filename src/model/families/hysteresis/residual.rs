@@ -14,6 +14,9 @@ use crate::model::maths::matrix_checks::{matrix, parameters};
 /// The highest degree of the monomials.
 pub const MAX_DEGREE: usize = 5;
 
+/// The most monomials: those of two variables.
+const MAX_MONOMIALS: usize = (MAX_DEGREE + 1) * (MAX_DEGREE + 2) / 2;
+
 /// The parameters of a residual in a model file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -79,24 +82,79 @@ impl<const D: usize, const M: usize> Residual<D, M> {
         })
     }
 
-    /// The residual at virtual counts and lags.
+    /// The residual at virtual counts and lags. The monomials are computed once; every lag
+    /// multiplies the sum of its own.
     pub fn at(&self, virtual_counts: &SVector<f64, D>, lags: &Lags) -> SVector<f64, M> {
-        let mut coefficients = self.coefficients.iter();
-        let mut sum = SVector::<f64, M>::zeros();
-        let scaled = virtual_counts / self.scale_counts;
-        features(
-            &scaled,
-            lags,
-            self.shape_degree,
-            self.lag_degree,
-            |feature| {
-                if let Some(column) = coefficients.next() {
-                    sum += column * feature;
-                }
-            },
+        let values = monomial_values(&(virtual_counts / self.scale_counts));
+        let (shape, with_lag) = (
+            monomials::<D>(self.shape_degree).min(MAX_MONOMIALS),
+            monomials::<D>(self.lag_degree).min(MAX_MONOMIALS),
         );
-        sum
+        let (of_shape, of_lags) = self
+            .coefficients
+            .split_at_checked(shape)
+            .unwrap_or_default();
+        let (lags, sum) = (lags.as_slice(), weighted_sum(of_shape, &values));
+        // The sizes of the usual degrees of two motors are known to the compiler.
+        sum + match with_lag {
+            1 => lag_sum::<1, M>(of_lags, lags, &values),
+            3 => lag_sum::<3, M>(of_lags, lags, &values),
+            6 => lag_sum::<6, M>(of_lags, lags, &values),
+            _ => {
+                let mut sum = SVector::zeros();
+                for (lag, columns) in lags.iter().zip(of_lags.chunks_exact(with_lag)) {
+                    sum += weighted_sum(columns, &values) * *lag;
+                }
+                sum
+            }
+        }
     }
+}
+
+/// Every lag times the weighted sum of the first W monomials.
+fn lag_sum<const W: usize, const M: usize>(
+    columns: &[SVector<f64, M>],
+    lags: &[f64],
+    values: &[f64; MAX_MONOMIALS],
+) -> SVector<f64, M> {
+    let mut sum = SVector::<f64, M>::zeros();
+    let (groups, _) = columns.as_chunks::<W>();
+    for (lag, group) in lags.iter().zip(groups) {
+        sum += weighted_sum(group, values) * *lag;
+    }
+    sum
+}
+
+#[inline(always)]
+fn weighted_sum<const M: usize>(
+    columns: &[SVector<f64, M>],
+    values: &[f64; MAX_MONOMIALS],
+) -> SVector<f64, M> {
+    let mut sum = SVector::<f64, M>::zeros();
+    for (column, value) in columns.iter().zip(values) {
+        sum += column * *value;
+    }
+    sum
+}
+
+/// All monomials in the order of [`features`].
+fn monomial_values<const D: usize>(scaled: &SVector<f64, D>) -> [f64; MAX_MONOMIALS] {
+    let mut values = [1.0; MAX_MONOMIALS];
+    let mut next = 1;
+    let mut before = 0;
+    for total in 1..=MAX_DEGREE {
+        // The monomials of a degree: those of the degree before times x, and the last times y.
+        let count = if D == 1 { 1 } else { total };
+        for k in 0..count {
+            values[next + k] = values[before + k] * scaled[0];
+        }
+        if D > 1 {
+            values[next + count] = values[before + count - 1] * scaled[D - 1];
+        }
+        before = next;
+        next += if D == 1 { 1 } else { count + 1 };
+    }
+    values
 }
 
 /// Number of monomials of D variables up to a degree.
@@ -173,6 +231,25 @@ mod tests {
         });
         assert_eq!(found, [1.0, 2.0, 4.0, 8.0, 10.0, 20.0]);
         assert_eq!(found.len(), count::<1>(3, 1, 1));
+    }
+
+    #[test]
+    fn monomials_alone_are_those_of_the_features() {
+        for scaled in [[2.0, 3.0], [-0.5, 0.25]] {
+            let mut found = Vec::new();
+            features(
+                &SVector::from(scaled),
+                &Lags::default(),
+                MAX_DEGREE,
+                0,
+                |feature| {
+                    found.push(feature);
+                },
+            );
+            assert_eq!(monomial_values(&SVector::from(scaled)).as_slice(), found);
+        }
+        let values = monomial_values(&SVector::from([2.0]));
+        assert_eq!(values[..6], [1.0, 2.0, 4.0, 8.0, 16.0, 32.0]);
     }
 
     #[test]

@@ -33,6 +33,28 @@ use crate::units::MAX_OUTPUTS;
 /// Number of pitch joints, and of yaw joints (the robot's drawing).
 pub const JOINTS_PER_AXIS: usize = 6;
 
+/// The position of the tip of a bent snake.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TipPosition {
+    /// x, y and z at the base, m: z along the straight snake, yaw bends towards x, pitch towards y.
+    pub position_m: [f64; 3],
+    /// The derivative of the position with respect to pitch, and to yaw, m per rad.
+    pub slope_m_per_rad: [[f64; 3]; 2],
+}
+
+/// The tip of a snake that bends by a pitch and a yaw in total, rad, shared equally by its joints.
+#[must_use]
+pub fn tip_position(pitch: f64, yaw: f64) -> TipPosition {
+    let joints = JOINTS_PER_AXIS as f64;
+    let tip = tip::tip(pitch / joints, yaw / joints);
+    let metres = OutputUnit::Mm.si();
+    let column = |axis: usize| (tip.slope.column(axis) * (metres / joints)).into();
+    TipPosition {
+        position_m: (tip.position_mm * metres).into(),
+        slope_m_per_rad: [column(0), column(1)],
+    }
+}
+
 /// Base, twelve joints and tip of a snake that bends by `pitch` and `yaw` in all, rad: thirteen
 /// positions, mm. z is along the straight snake, yaw bends it towards x, pitch towards y.
 #[must_use]
@@ -219,9 +241,13 @@ impl<const D: usize, const M: usize> Regression<D, M> for Kinematic<D, M> {
         }
     }
 
+    fn mean(&self, input: &SVector<f64, D>) -> SVector<f64, M> {
+        self.local(input).mean
+    }
+
     fn predict(&self, input: &SVector<f64, D>) -> Prediction<M> {
         Prediction {
-            mean: self.local(input).mean,
+            mean: self.mean(input),
             covariance: self.covariance,
             covariance_within: self.covariance,
         }

@@ -67,19 +67,37 @@ pub struct CommandLatencies {
     pub overtaken: u64,
 }
 
+impl CommandLatencies {
+    /// Nothing yet.
+    #[must_use]
+    pub fn new() -> Self {
+        let [written, arrived, wire, seen] = [0; 4].map(Durations::new);
+        Self {
+            written,
+            arrived,
+            wire,
+            seen,
+            commands: 0,
+            overtaken: 0,
+        }
+    }
+
+    /// Adds those of another turn.
+    pub fn add(&mut self, other: &Self) {
+        self.written.add(&other.written);
+        self.arrived.add(&other.arrived);
+        self.wire.add(&other.wire);
+        self.seen.add(&other.seen);
+        self.commands += other.commands;
+        self.overtaken += other.overtaken;
+    }
+}
+
 /// Matches every command with the first arrival of its counts at the drive after it was written,
 /// and with the first encoder position that was measured after that.
 #[must_use]
 pub fn match_commands(observations: &Observations, log: &[Event]) -> CommandLatencies {
-    let [written, arrived, wire, seen] = [0; 4].map(Durations::new);
-    let mut matched = CommandLatencies {
-        written,
-        arrived,
-        wire,
-        seen,
-        commands: 0,
-        overtaken: 0,
-    };
+    let mut matched = CommandLatencies::new();
     for motor in 0..2 {
         let arrivals: Vec<(Nanos, i32)> = log
             .iter()

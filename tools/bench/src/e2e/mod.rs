@@ -25,13 +25,14 @@ mod process;
 use std::path::{Path, PathBuf};
 
 use i2ris::ipc::{Domain, DomainLock};
+use i2ris::realtime::Granted;
 use i2ris::units::Nanos;
 
 use crate::error::BenchError;
 use crate::machine::{LoadMonitor, Machine};
 use crate::outcome::{BenchOutcome, Quantity, Role, Variant};
 use crate::placement::describe;
-use crate::wire::DriveRig;
+use crate::wire::{DriveRig, RigLines};
 use matching::CommandLatencies;
 
 /// Range of the pause before a command, ms: not synchronous with loop or line.
@@ -54,6 +55,8 @@ pub struct EndToEndBenchmark {
     pub pinned: bool,
     /// Seed of the random pauses.
     pub seed: u64,
+    /// In each turn the floor and both ways of the loop get a part of the commands.
+    pub turns: u32,
 }
 
 const WRITTEN: &str = "command to operating system";
@@ -71,18 +74,47 @@ pub fn run(
     is_interrupted: &dyn Fn() -> bool,
 ) -> Result<BenchOutcome, BenchError> {
     let monitor = LoadMonitor::start();
-    // Drives answer after their normal processing time.
-    let rig = DriveRig::start(None)?;
-    let floor = floor::run(&rig, benchmark, is_interrupted)?;
+    let [mut floor, mut grid, mut lines] = [(); 3].map(|()| CommandLatencies::new());
+    let mut granted = None;
+    for turn in 0..benchmark.turns.max(1) {
+        // Drives answer after their normal processing time.
+        let rig = DriveRig::start(RigLines::default())?;
+        let part = EndToEndBenchmark {
+            commands: benchmark
+                .commands
+                .div_ceil(u64::from(benchmark.turns.max(1))),
+            seed: benchmark.seed.wrapping_add(u64::from(turn)),
+            ..benchmark.clone()
+        };
+        floor.add(&floor::run(&rig, &part, is_interrupted)?);
+        for (follow_lines, latencies) in [(false, &mut grid), (true, &mut lines)] {
+            let (found, scheduling) = controller(&rig, &part, follow_lines, is_interrupted)?;
+            latencies.add(&found);
+            granted = scheduling;
+        }
+    }
+    outcome(monitor, granted, floor, grid, lines)
+}
+
+/// Measures the controller on the drives of a rig.
+fn controller(
+    rig: &DriveRig,
+    benchmark: &EndToEndBenchmark,
+    follow_lines: bool,
+    is_interrupted: &dyn Fn() -> bool,
+) -> Result<(CommandLatencies, Option<Granted>), BenchError> {
     let domain = Domain::new(&format!("bench-{:08x}", i2ris::ipc::random_id() as u32))?;
     let _cleanup = Cleanup(domain.clone());
-    let (controller, mut client) = process::Controller::start(&rig, benchmark, &domain)?;
+    let (controller, mut client) =
+        process::Controller::start(rig, benchmark, &domain, follow_lines)?;
+    let begin = rig.emulator.log().len();
     let observations = client::run(&mut client, benchmark, is_interrupted);
     let granted = process::granted(&client);
     drop(client);
     controller.end()?;
-    let ours = matching::match_commands(&observations?, &rig.emulator.log());
-    outcome(monitor, granted, floor, ours)
+    let log = rig.emulator.log();
+    let log = log.get(begin..).unwrap_or_default();
+    Ok((matching::match_commands(&observations?, log), granted))
 }
 
 /// Removes the shared memory of the run, also after a failure of the controller.
@@ -96,24 +128,30 @@ impl Drop for Cleanup {
 
 fn outcome(
     monitor: LoadMonitor,
-    granted: Option<i2ris::realtime::Granted>,
+    granted: Option<Granted>,
     floor: CommandLatencies,
+    grid: CommandLatencies,
     ours: CommandLatencies,
 ) -> Result<BenchOutcome, BenchError> {
-    if ours.arrived.is_empty() || floor.arrived.is_empty() {
+    if [&floor, &grid, &ours]
+        .iter()
+        .any(|latencies| latencies.arrived.is_empty())
+    {
         return Err(BenchError::Timeout {
             what: "no command led to a set-point",
         });
     }
     let machine = Machine::detect();
-    let (bare, controller) = ("a bare loop on the same line", "the controller");
+    let bare = "a bare loop on the same line";
+    let controller = "the controller, ticks before the slots of the lines";
+    let on_grid = "the controller, ticks on their grid";
     let last_byte = "`last byte`: the stamp of the emulated drive, when a wire of 115200 baud has \
                      delivered it. `encoder position`: the first one that was read from the drive \
                      after that.";
     let parts = format!(
         "Between command and line are: the wait for the IPC thread before the next tick (up to \
-         1 ms), the tick, and the wait for the end of the exchange on the line. The client reads \
-         every {} us.",
+         1 ms; a tick before a slot of the line makes it part of the wait for the line), the \
+         tick, and the wait for the end of the exchange on the line. The client reads every {} us.",
         READ_PERIOD.0 / 1000
     );
     let notes = [last_byte.to_owned(), parts]
@@ -144,8 +182,10 @@ fn outcome(
         ],
         variants: vec![
             Variant::new(bare, ARRIVED, Role::Floor, floor.arrived),
+            Variant::new(on_grid, ARRIVED, Role::Ours, grid.arrived),
             Variant::new(controller, ARRIVED, Role::Ours, ours.arrived),
             Variant::new(bare, SEEN, Role::Floor, floor.seen),
+            Variant::new(on_grid, SEEN, Role::Ours, grid.seen),
             Variant::new(controller, SEEN, Role::Ours, ours.seen),
             Variant::new(controller, WRITTEN, Role::Ours, ours.written),
             Variant::new(controller, WIRE, Role::Ours, ours.wire),

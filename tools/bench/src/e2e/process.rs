@@ -43,8 +43,9 @@ impl Controller {
         rig: &DriveRig,
         benchmark: &EndToEndBenchmark,
         domain: &Domain,
+        follow_lines: bool,
     ) -> Result<(Self, Client), BenchError> {
-        let file = configure(rig, benchmark, domain)?;
+        let file = configure(rig, benchmark, domain, follow_lines)?;
         let log = rig.folder.path().join("controller.log");
         let system = BenchError::system;
         let output = File::create(&log).map_err(system("write to the temporary folder"))?;
@@ -132,6 +133,7 @@ fn configure(
     rig: &DriveRig,
     benchmark: &EndToEndBenchmark,
     domain: &Domain,
+    follow_lines: bool,
 ) -> Result<PathBuf, BenchError> {
     let folder = rig.folder.path();
     let model = model(10, 8)?;
@@ -140,6 +142,7 @@ fn configure(
     config.robot_id.clone_from(&model.file().robot_id);
     config.control.model = Some("model.json".into());
     config.control.priority = benchmark.priority;
+    config.control.follow_lines = follow_lines;
     config.control.lock_memory = benchmark.priority > 0;
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     config.control.cpu = (benchmark.pinned && processors >= 2).then(|| processors - 1);

@@ -1,6 +1,7 @@
 //! iceoryx2 alone: a publish-subscribe service of 64 bytes, polled or with an event service that
 //! wakes the receiver.
 
+use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 use i2ris::ipc::{Domain, DomainLock, random_id};
@@ -9,10 +10,14 @@ use iceoryx2::node::Node;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::{
-    Config, FileName, NodeBuilder, Path, SemanticString, SignalHandlingMode, ipc,
+    Config, FileDescriptorBased, FileName, NodeBuilder, Path, SemanticString, SignalHandlingMode,
+    ipc,
 };
 use iceoryx2::service::port_factory::event::PortFactory as EventFactory;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use nix::errno::Errno;
+use nix::poll::{PollFd, PollFlags, poll};
 
 use super::pair::{BYTES, Turn, measure};
 use crate::durations::Durations;
@@ -22,6 +27,18 @@ type Words = [u64; BYTES / 8];
 
 /// The longest wait of a receiver.
 const WAIT_TIMEOUT: Duration = Duration::from_millis(20);
+const WAIT_TIMEOUT_MS: u16 = 20;
+
+/// How a receiver waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Waiting {
+    /// Not at all.
+    Polled,
+    /// [`receive_or_wait`].
+    Woken,
+    /// With the wait of iceoryx2.
+    WokenByLibrary,
+}
 
 /// A domain for this run alone. Its guard removes the shared memory at the end.
 pub fn domain() -> Result<Domain, BenchError> {
@@ -85,21 +102,54 @@ pub fn listener(node: &Node<ipc::Service>) -> Result<Listener<ipc::Service>, Ben
         .map_err(failed("create a listener"))
 }
 
-/// Waits for an event, for a limited time.
-pub fn wait(listener: &Listener<ipc::Service>) -> Result<(), BenchError> {
+/// Receives a message, or waits for an event if there is none, for a limited time.
+///
+/// The wait of iceoryx2 ([`Listener::timed_wait`]) makes three system calls before it sleeps and
+/// three after it was woken, before it returns: it switches its socket between blocking and not
+/// (`fcntl` twice each time), and empties it. So the socket is polled here. What was woken for is
+/// received first; the socket is emptied before the next sleep.
+pub fn receive_or_wait<T>(
+    listener: &Listener<ipc::Service>,
+    mut receive: impl FnMut() -> Result<Option<T>, BenchError>,
+) -> Result<Option<T>, BenchError> {
+    if let Some(message) = receive()? {
+        return Ok(Some(message));
+    }
+    listener.try_wait(|_| {}).map_err(failed("take events"))?;
+    // One may have come with the events that were just taken.
+    if let Some(message) = receive()? {
+        return Ok(Some(message));
+    }
+    // SAFETY: the descriptor is not closed, and not kept beyond the listener.
+    let socket = unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) };
+    match poll(
+        &mut [PollFd::new(socket, PollFlags::POLLIN)],
+        WAIT_TIMEOUT_MS,
+    ) {
+        Ok(_) | Err(Errno::EINTR) => receive(),
+        Err(error) => Err(failed("wait for an event")(error)),
+    }
+}
+
+/// Waits for an event as iceoryx2 does it, for a limited time.
+fn wait(listener: &Listener<ipc::Service>) -> Result<(), BenchError> {
     let waited = listener.timed_wait(|_| {}, WAIT_TIMEOUT);
     waited.map(drop).map_err(failed("wait for an event"))
 }
 
 pub fn polled(turn: Turn) -> Result<Durations, BenchError> {
-    measure_service(turn, false)
+    measure_service(turn, Waiting::Polled)
 }
 
 pub fn waiting(turn: Turn) -> Result<Durations, BenchError> {
-    measure_service(turn, true)
+    measure_service(turn, Waiting::Woken)
 }
 
-fn measure_service(turn: Turn, is_woken: bool) -> Result<Durations, BenchError> {
+pub fn waiting_as_library(turn: Turn) -> Result<Durations, BenchError> {
+    measure_service(turn, Waiting::WokenByLibrary)
+}
+
+fn measure_service(turn: Turn, waiting: Waiting) -> Result<Durations, BenchError> {
     let domain = domain()?;
     let _guard = DomainLock::acquire(&domain)?;
     let sender = || {
@@ -108,7 +158,7 @@ fn measure_service(turn: Turn, is_woken: bool) -> Result<Durations, BenchError> 
             .publisher_builder()
             .create()
             .map_err(failed("create a publisher"))?;
-        let notifier = if is_woken {
+        let notifier = if waiting != Waiting::Polled {
             Some(notifier(&node)?)
         } else {
             None
@@ -130,17 +180,25 @@ fn measure_service(turn: Turn, is_woken: bool) -> Result<Durations, BenchError> 
             .subscriber_builder()
             .create()
             .map_err(failed("create a subscriber"))?;
-        let listener = if is_woken {
+        let listener = if waiting != Waiting::Polled {
             Some(listener(&node)?)
         } else {
             None
         };
         Ok(move || {
             let _ = &node;
-            if let Some(sample) = subscriber.receive().map_err(failed("receive"))? {
-                return Ok(Some(Nanos(sample[0])));
+            let receive = || -> Result<Option<Nanos>, BenchError> {
+                let sample = subscriber.receive().map_err(failed("receive"))?;
+                Ok(sample.map(|sample| Nanos(sample[0])))
+            };
+            match (&listener, waiting) {
+                (Some(listener), Waiting::Woken) => receive_or_wait(listener, receive),
+                (Some(listener), _) => match receive()? {
+                    None => wait(listener).map(|()| None),
+                    message => Ok(message),
+                },
+                (None, _) => receive(),
             }
-            listener.as_ref().map_or(Ok(()), wait).map(|()| None)
         })
     };
     measure(turn, sender, receiver)

@@ -36,7 +36,7 @@ const WAITING: &str = "waiting";
 
 type Measure = fn(Turn) -> Result<Durations, BenchError>;
 
-const VARIANTS: [(&str, &str, Role, Measure); 11] = [
+const VARIANTS: [(&str, &str, Role, Measure); 12] = [
     ("seqlock in shared memory", POLLED, Floor, seqlock::polled),
     ("iceoryx2 publish-subscribe", POLLED, Ours, iceoryx::polled),
     (
@@ -65,6 +65,12 @@ const VARIANTS: [(&str, &str, Role, Measure); 11] = [
         WAITING,
         Ours,
         streams::to_client_woken,
+    ),
+    (
+        "iceoryx2 publish-subscribe + event, own wait",
+        WAITING,
+        Peer,
+        iceoryx::waiting_as_library,
     ),
     ("Unix datagram socket", WAITING, Peer, socket::unix_waiting),
     ("UDP over loopback", WAITING, Peer, socket::udp_waiting),

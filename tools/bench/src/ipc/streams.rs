@@ -7,7 +7,7 @@ use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
 
-use super::iceoryx::{domain, failed, listener, node, notifier, wait};
+use super::iceoryx::{domain, failed, listener, node, notifier, receive_or_wait};
 use super::pair::{Turn, measure};
 use crate::durations::Durations;
 use crate::error::BenchError;
@@ -118,10 +118,9 @@ pub fn to_client_woken(turn: Turn) -> Result<Durations, BenchError> {
         let listener = listener(&node)?;
         Ok(move || {
             let _ = &node;
-            if let Some(state) = joints.read()? {
-                return Ok(Some(Nanos(state.stamp_ns)));
-            }
-            wait(&listener).map(|()| None)
+            receive_or_wait(&listener, || {
+                Ok(joints.read()?.map(|state| Nanos(state.stamp_ns)))
+            })
         })
     };
     measure(turn, sender, receiver)

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use i2ris::units::Nanos;
-use i2ris_bench::{BenchOutcome, ThreadPlacement, control_loop, e2e, inverse, ipc, wire};
+use i2ris_bench::{
+    BenchOutcome, ThreadPlacement, control_loop, e2e, inverse, ipc, wire, wire_rates,
+};
 use indicatif::ProgressBar;
 
 use i2ris_terminal::{Failure, Interrupt};
@@ -42,10 +44,10 @@ pub struct IpcArguments {
 /// Arguments of `i2ris bench loop`.
 #[derive(Debug, clap::Args)]
 pub struct LoopArguments {
-    /// Ticks per second
-    #[arg(long, value_name = "HZ", default_value_t = 1000,
+    /// Ticks per second; several rates with commas between them are measured in turns
+    #[arg(long, value_name = "HZ", default_value = "1000", value_delimiter = ',',
           value_parser = clap::value_parser!(u32).range(100..=4000))]
-    rate_hz: u32,
+    rate_hz: Vec<u32>,
     /// The ticker wakes this long before each tick and reads the clock until then
     #[arg(long, value_name = "US", default_value_t = 100)]
     spin_us: u64,
@@ -71,6 +73,14 @@ pub struct WireArguments {
     #[arg(long, value_name = "S", default_value_t = 10,
           value_parser = clap::value_parser!(u32).range(1..=3600))]
     duration_s: u32,
+    /// Baud rates, with commas between them, in place of 115200 alone; 12000000 stands for USB
+    #[arg(long, value_name = "BAUD", value_delimiter = ',',
+          value_parser = clap::value_parser!(u32).range(9600..))]
+    baud: Vec<u32>,
+    /// Axes per port, 1 to 4, with commas between them
+    #[arg(long, value_name = "N", value_delimiter = ',',
+          value_parser = clap::value_parser!(u8).range(1..=4))]
+    axes: Vec<u8>,
 }
 
 /// Arguments of `i2ris bench e2e`.
@@ -83,6 +93,10 @@ pub struct EndToEndArguments {
     /// Seed of the instants of commands
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Turns: in each, the bare loop, the loop on its grid, and the loop that follows the lines
+    #[arg(long, value_name = "N", default_value_t = 2,
+          value_parser = clap::value_parser!(u32).range(1..=100))]
+    turns: u32,
     /// The controller [default: i2ris-control beside this program]
     #[arg(long, value_name = "PROGRAM")]
     controller: Option<PathBuf>,
@@ -120,15 +134,20 @@ impl Runner<'_> {
         let all = [
             Measurement::Ipc(IpcArguments { messages: 20_000 }),
             Measurement::Loop(LoopArguments {
-                rate_hz: 1000,
+                rate_hz: vec![1000],
                 spin_us: 100,
                 duration_s: 10,
             }),
             Measurement::Inverse(InverseArguments { rounds: 50 }),
-            Measurement::Wire(WireArguments { duration_s: 10 }),
+            Measurement::Wire(WireArguments {
+                duration_s: 10,
+                baud: Vec::new(),
+                axes: Vec::new(),
+            }),
             Measurement::E2e(EndToEndArguments {
                 commands: 1000,
                 seed: 1,
+                turns: 2,
                 controller,
             }),
         ];
@@ -152,24 +171,44 @@ impl Runner<'_> {
                 spin_us,
                 duration_s,
             }) => {
-                let period = Nanos(1_000_000_000 / u64::from(*rate_hz));
+                let period = |rate_hz: &u32| Nanos(1_000_000_000 / u64::from(*rate_hz));
                 let benchmark = control_loop::LoopBenchmark {
-                    period,
+                    periods: rate_hz.iter().map(period).collect(),
                     spin: Nanos::from_micros(*spin_us),
                     turns: *duration_s,
                     placement: self.placement,
                 };
-                control_loop::run(benchmark, &is_interrupted)?
+                control_loop::run(&benchmark, &is_interrupted)?
             }
             Measurement::Inverse(InverseArguments { rounds }) => {
                 inverse::run(*rounds, self.placement, &is_interrupted)?
             }
-            Measurement::Wire(WireArguments { duration_s }) => {
-                wire::run(f64::from(*duration_s), port_priority, &is_interrupted)?
+            Measurement::Wire(WireArguments {
+                duration_s,
+                baud,
+                axes,
+            }) => {
+                let seconds = f64::from(*duration_s);
+                if baud.is_empty() && axes.is_empty() {
+                    return Ok(wire::run(seconds, port_priority, &is_interrupted)?);
+                }
+                let or = |values: Vec<u32>, default: u32| match values.is_empty() {
+                    true => vec![default],
+                    false => values,
+                };
+                let axes = or(axes.iter().copied().map(u32::from).collect(), 1);
+                let rates = wire_rates::WireRates {
+                    bauds: or(baud.clone(), 115_200),
+                    axes: axes.into_iter().map(|axes| axes as usize).collect(),
+                    seconds,
+                    priority: port_priority,
+                };
+                wire_rates::run(&rates, &is_interrupted)?
             }
             Measurement::E2e(EndToEndArguments {
                 commands,
                 seed,
+                turns,
                 controller,
             }) => {
                 let controller = match controller {
@@ -184,6 +223,7 @@ impl Runner<'_> {
                         priority,
                         pinned,
                         seed: *seed,
+                        turns: *turns,
                     },
                     &is_interrupted,
                 )?

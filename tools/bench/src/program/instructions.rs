@@ -5,7 +5,9 @@ use std::env;
 use std::hint::black_box;
 use std::process::Command;
 
-use i2ris_bench::model::model;
+use i2ris::units::Nanos;
+use i2ris_bench::model::{Operators, model};
+use i2ris_bench::tick::Cycle;
 use i2ris_bench::workload::{TICKS, workload};
 use i2ris_terminal::Failure;
 
@@ -17,8 +19,34 @@ const PLAYS: [usize; 4] = [0, 4, 8, 12];
 
 const CALLS: [&str; 4] = ["inverse", "forward", "advance", "correction"];
 
+/// Whole ticks: call, name, components, operators.
+const WHOLE_TICKS: [(&str, &str, Operators); 4] = [
+    ("tick-gmr", "gmr", Operators::None),
+    (
+        "tick-play",
+        "gmr-play, 8 plays per motor",
+        Operators::Plays(8),
+    ),
+    ("tick-stop", "gmr-stop, 3 segments", Operators::Stops(3)),
+    (
+        "tick-prandtl-ishlinskii",
+        "gmr-prandtl-ishlinskii, 8 plays per motor",
+        Operators::GeneralisedPlays(8),
+    ),
+];
+
+/// Components of the mixture of whole ticks.
+const TICK_COMPONENTS: usize = 10;
+
 /// Calls a model at every tick, `rounds` times.
 pub fn repeat(call: &str, components: usize, plays: usize, rounds: usize) -> Result<(), Failure> {
+    if let Some((.., operators)) = WHOLE_TICKS.iter().find(|(name, ..)| *name == call) {
+        let mut cycle = Cycle::new(Nanos::from_millis(1), components, *operators)?;
+        for _ in 0..rounds * TICKS {
+            cycle.step()?;
+        }
+        return Ok(());
+    }
     let model = model(components, plays)?;
     let ticks = workload(&model);
     for tick in (0..rounds).flat_map(|_| &ticks) {
@@ -60,6 +88,10 @@ pub fn table() -> Result<(), Failure> {
                 inverse?, forward?, advance?, correction?
             );
         }
+    }
+    println!("\nInstructions of a whole tick of the controller, K = {TICK_COMPONENTS}");
+    for (call, name, _) in WHOLE_TICKS {
+        println!("{:>10.0}  {name}", per_call(call, TICK_COMPONENTS, 0)?);
     }
     Ok(())
 }

@@ -4,6 +4,8 @@
 //! |---|---|
 //! | `arguments` | arguments of the measurements; runs a measurement |
 //! | `print` | the table of an outcome |
+//! | `compare` | compares two versions |
+//! | `scale` | how cost grows |
 //! | `instructions` | instructions per call, counted under valgrind |
 //! | `peers` | the Rust side of `peers.py` |
 #![allow(
@@ -13,9 +15,11 @@
 )]
 
 mod arguments;
+mod compare;
 mod instructions;
 mod peers;
 mod print;
+mod scale;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -39,6 +43,9 @@ use arguments::{Measurement, Runner};
   i2ris bench loop --duration-s 30 --json
   i2ris bench e2e --commands 2000
   i2ris bench all --output latencies
+  i2ris bench wire --baud 115200,1000000 --axes 1,2,4
+  i2ris bench scale --output growth
+  i2ris bench compare old.json new.json --against old/i2ris-bench -- inverse --rounds 5
   i2ris bench instructions
 
 `--output` makes a folder: a page with figures (index.html), figures as SVG, numbers as JSON,
@@ -69,6 +76,11 @@ struct Arguments {
 enum Task {
     #[command(flatten)]
     Measure(Measurement),
+    /// Measure how cost grows with rows, components, plays, clients, axes and the rate of the loop;
+    /// takes about a minute
+    Scale(scale::ScaleArguments),
+    /// Say which medians of two versions differ by more than the noise of repeated runs
+    Compare(compare::CompareArguments),
     /// Count the instructions of every call of a model, independent of other load; needs valgrind
     Instructions,
     /// Call a model many times; `instructions` counts this
@@ -79,6 +91,9 @@ enum Task {
         plays: usize,
         rounds: usize,
     },
+    /// Fit synthetic rows and print time and memory; `scale` measures this
+    #[command(hide = true)]
+    FitCost { rows: usize },
     /// Fit and predict the data of `peers.py`, and print the result as JSON
     #[command(hide = true)]
     Peers { file: String },
@@ -98,6 +113,9 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             plays,
             rounds,
         } => instructions::repeat(call, *components, *plays, *rounds),
+        Task::Scale(scale) => scale::measure(scale, arguments.output.as_deref(), arguments.json),
+        Task::Compare(compare) => compare::run(compare, arguments.json),
+        Task::FitCost { rows } => scale::fit(*rows),
         Task::Peers { file } => peers::answer(file),
     }
 }
@@ -120,6 +138,7 @@ fn measure(arguments: &Arguments, measurement: &Measurement) -> Result<(), Failu
         for outcome in &outcomes {
             print::print(outcome);
         }
+        print::summary(&outcomes);
     }
     if let Some(folder) = &arguments.output {
         let written = output::write(folder, &outcomes)?;

@@ -1,7 +1,7 @@
 //! Prints outcomes as tables.
 
 use i2ris_bench::outcome::Ratio;
-use i2ris_bench::{BenchOutcome, Variant};
+use i2ris_bench::{BenchOutcome, Role, Variant};
 
 /// Prints an outcome as a table.
 pub fn print(outcome: &BenchOutcome) {
@@ -33,6 +33,25 @@ pub fn print(outcome: &BenchOutcome) {
     println!();
     for note in &outcome.notes {
         println!("  note: {note}");
+    }
+}
+
+/// Prints what each measurement compares with, in the rows of the table in the manual, and the
+/// ratios of this run.
+pub fn summary(outcomes: &[BenchOutcome]) {
+    println!("\nin short (this run; multiples of the floor, p50 / p99):");
+    for outcome in outcomes {
+        for (group, variants) in outcome.groups() {
+            let floor = variants.iter().find(|variant| variant.role == Role::Floor);
+            let Some(floor) = floor else { continue };
+            println!("  {:<8} {group}, beside {}", outcome.bench, floor.name);
+            for variant in &variants {
+                if let Some(ratio) = outcome.ratio(variant) {
+                    let (name, p50, p99) = (&variant.name, ratio.p50, ratio.p99);
+                    println!("  {:<8}   {name:<46} {p50:>7.2} / {p99:.2}", "");
+                }
+            }
+        }
     }
 }
 

@@ -40,11 +40,44 @@ pub(super) struct EmResult<const N: usize> {
     /// The objective after every iteration.
     pub history: Vec<f64>,
     pub converged: bool,
+    /// Rows of the smallest component.
+    least_rows: f64,
 }
 
 impl<const N: usize> EmResult<N> {
     pub fn objective(&self) -> f64 {
         self.history.last().copied().unwrap_or(f64::NEG_INFINITY)
+    }
+
+    /// The same start with as many iterations as it takes.
+    ///
+    /// # Errors
+    ///
+    /// As [`iterate`].
+    pub fn carried_on(
+        &self,
+        samples: &Samples<N>,
+        rules: &EmRules<N>,
+    ) -> Result<Self, StartFailure> {
+        if self.converged || self.history.len() >= rules.max_iterations {
+            return self.clone().with_shapes();
+        }
+        let rest = EmRules {
+            max_iterations: rules.max_iterations - self.history.len(),
+            ..rules.clone()
+        };
+        let mut result = iterate(samples, self.mixture.clone(), &rest)?;
+        // The first pass looks again at where the last one ended.
+        result.history.splice(0..1, self.history.iter().copied());
+        Ok(result)
+    }
+
+    /// Fewer than N + 1 points span no N-dimensional shape: such a component describes the prior.
+    fn with_shapes(self) -> Result<Self, StartFailure> {
+        match self.least_rows < N as f64 + 1.0 {
+            true => Err(StartFailure::Starved),
+            false => Ok(self),
+        }
     }
 }
 
@@ -59,12 +92,26 @@ pub(super) fn iterate<const N: usize>(
     start: Vec<Component<N>>,
     rules: &EmRules<N>,
 ) -> Result<EmResult<N>, StartFailure> {
+    begin(samples, start, rules)?.with_shapes()
+}
+
+/// The same for iterations that end early: a small component may still grow.
+///
+/// # Errors
+///
+/// As [`iterate`].
+pub(super) fn begin<const N: usize>(
+    samples: &Samples<N>,
+    start: Vec<Component<N>>,
+    rules: &EmRules<N>,
+) -> Result<EmResult<N>, StartFailure> {
     let rows = samples.rows as f64;
     let mut result = EmResult {
         mixture: start,
         log_likelihood: f64::NAN,
         history: Vec::new(),
         converged: false,
+        least_rows: 0.0,
     };
     let mut pass = Pass::new(result.mixture.len());
     let prior = rules.prior * (rows / result.mixture.len() as f64);
@@ -76,7 +123,8 @@ pub(super) fn iterate<const N: usize>(
         if !objective.is_finite() {
             return Err(StartFailure::NotFinite);
         }
-        if pass.weights().any(|weight| weight < 1.0) {
+        result.least_rows = pass.weights().fold(f64::INFINITY, f64::min);
+        if result.least_rows < 1.0 {
             return Err(StartFailure::Starved);
         }
         result.history.push(objective);
@@ -85,10 +133,6 @@ pub(super) fn iterate<const N: usize>(
             break;
         }
         pass.maximise(&prepared, rows, &prior, &mut result.mixture);
-    }
-    // Fewer than N + 1 points span no N-dimensional shape: such a component describes the prior.
-    if pass.weights().any(|weight| weight < N as f64 + 1.0) {
-        return Err(StartFailure::Starved);
     }
     Ok(result)
 }

@@ -24,8 +24,11 @@ pub struct MixtureFit {
 /// Results of the starts of one fit.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Starts {
-    /// Mean log-likelihoods per row that the starts reached, nats, in falling order.
+    /// Mean log-likelihoods per row that the starts reached that went on to the end, nats, in
+    /// falling order.
     pub log_likelihoods: Vec<f64>,
+    /// Starts that were not among the best after a few iterations.
+    pub abandoned: usize,
     /// Why the others failed.
     pub failures: Vec<StartFailure>,
 }

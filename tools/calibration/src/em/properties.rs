@@ -56,9 +56,9 @@ fn another_seed_gives_other_starts() {
 fn restarts_are_counted_and_the_best_wins() {
     let fit = fit_mixture(&plane(), 4, &EmOptions::default(), &Silent).unwrap();
     let starts = &fit.starts;
-    let all = starts.log_likelihoods.len() + starts.failures.len();
+    let all = starts.log_likelihoods.len() + starts.abandoned + starts.failures.len();
     assert_eq!(all, EmOptions::default().restarts);
-    assert!(starts.spread() > 0.0);
+    assert!(starts.abandoned > starts.log_likelihoods.len() && starts.spread() > 0.0);
     let one = fit_mixture(&plane(), 4, &few_starts(1), &Silent).unwrap();
     assert!(fit.log_likelihood >= one.log_likelihood);
 }

@@ -1,6 +1,9 @@
 //! All starts for a range of numbers of components on all cores, and the best of each.
 //!
-//! Every start has its own stream of random numbers and is computed by one thread, and starts are
+//! A start gets a few iterations; only the best go on until they converge (C. Biernacki, G. Celeux,
+//! G. Govaert, "Choosing starting values for the EM algorithm for getting the highest likelihood in
+//! multivariate Gaussian mixture models", Computational Statistics & Data Analysis, 2003). Every
+//! start has its own stream of random numbers and is computed by one thread, and starts are
 //! compared in a fixed order: the result does not depend on the number of threads.
 
 use std::ops::RangeInclusive;
@@ -12,7 +15,7 @@ use rand_pcg::Pcg64;
 
 use super::component::Component;
 use super::error::{EmError, StartFailure};
-use super::iteration::{EmResult, EmRules, iterate};
+use super::iteration::{EmResult, EmRules, begin, iterate};
 use super::k_means::random_start;
 use super::mixture::{MixtureFit, Starts, bic, most_components};
 use super::options::EmOptions;
@@ -20,6 +23,12 @@ use super::samples::{Samples, Scaling};
 use crate::parallel;
 use crate::progress::Progress;
 use crate::table::DataTable;
+
+/// Iterations that every start gets.
+const FIRST_ITERATIONS: usize = 8;
+
+/// One of so many starts goes on.
+const STARTS_PER_FINALIST: usize = 6;
 
 /// Fits a mixture of `components` Gaussians to the rows of `data`.
 ///
@@ -83,7 +92,11 @@ fn from_starts<const N: usize>(
         )
     });
     let components = starts.first().map_or(0, |start| start.weights.len());
-    best(&samples, components, &results)
+    let none = Field {
+        ranked: Vec::new(),
+        failures: Vec::new(),
+    };
+    best(&samples, components, &results, &none)
 }
 
 /// A mixture in standardised variables; `None` when its sizes are wrong.
@@ -158,20 +171,61 @@ fn fit_range<const N: usize>(
     let restarts = options.restarts.max(1);
     // Large mixtures take longest, so they begin first: then no core works alone at the end.
     let sizes: Vec<usize> = range.rev().collect();
-    progress.begin(sizes.len() * restarts);
-    let results = parallel::map(sizes.len() * restarts, |job| {
+    let finalists = restarts.div_ceil(STARTS_PER_FINALIST);
+    progress.begin(sizes.len() * (restarts + finalists));
+    let short = EmRules {
+        max_iterations: FIRST_ITERATIONS.min(rules.max_iterations),
+        ..rules.clone()
+    };
+    let begun = parallel::map(sizes.len() * restarts, |job| {
         let components = sizes[job / restarts];
         let random = &mut stream(options.seed, components, job % restarts);
         let start = random_start(&samples, components, &rules.prior, random);
-        let result = start.and_then(|start| iterate(&samples, start, &rules));
+        let result = start.and_then(|start| begin(&samples, start, &short));
+        progress.step();
+        result
+    });
+    let fields: Vec<Field<N>> = begun.chunks(restarts).map(Field::new).collect();
+    let ended = parallel::map(sizes.len() * finalists, |job| {
+        let begun = fields[job / finalists].ranked.get(job % finalists);
+        let result = begun.map(|begun| begun.carried_on(&samples, &rules));
         progress.step();
         result
     });
     progress.end();
-    let fits = sizes.iter().zip(results.chunks(restarts));
+    let fits = sizes.iter().zip(&fields).zip(ended.chunks(finalists));
     fits.rev()
-        .map(|(components, results)| best(&samples, *components, results))
+        .map(|((components, field), ended)| {
+            let mut results: Vec<_> = ended.iter().flatten().cloned().collect();
+            // A start that was among the best may still collapse: then the next one has its turn.
+            let mut others = field.ranked.iter().skip(finalists);
+            while results.iter().all(Result::is_err)
+                && let Some(next) = others.next()
+            {
+                results.push(next.carried_on(&samples, &rules));
+            }
+            best(&samples, *components, &results, field)
+        })
         .collect()
+}
+
+/// All starts of one number of components after their first iterations.
+struct Field<'a, const N: usize> {
+    /// The highest objective first.
+    ranked: Vec<&'a EmResult<N>>,
+    failures: Vec<StartFailure>,
+}
+
+impl<'a, const N: usize> Field<'a, N> {
+    fn new(begun: &'a [Result<EmResult<N>, StartFailure>]) -> Self {
+        let mut ranked: Vec<_> = begun.iter().flatten().collect();
+        ranked.sort_by(|a, b| b.objective().total_cmp(&a.objective()));
+        let failures = begun.iter().filter_map(|result| result.as_ref().err());
+        Self {
+            failures: failures.copied().collect(),
+            ranked,
+        }
+    }
 }
 
 fn rules<const N: usize>(samples: &Samples<N>, options: &EmOptions) -> EmRules<N> {
@@ -194,9 +248,14 @@ fn best<const N: usize>(
     samples: &Samples<N>,
     components: usize,
     results: &[Result<EmResult<N>, StartFailure>],
+    field: &Field<N>,
 ) -> Result<MixtureFit, EmError> {
     let log_jacobian = samples.scaling.log_jacobian();
-    let mut starts = Starts::default();
+    let mut starts = Starts {
+        failures: field.failures.clone(),
+        abandoned: field.ranked.len().saturating_sub(results.len()),
+        ..Starts::default()
+    };
     let mut best: Option<&EmResult<N>> = None;
     for result in results {
         match result {

@@ -6,6 +6,8 @@
 //! | `direction` | mixtures over counts, directions of travel and outputs |
 //! | `operator_trace` | hysteresis operators along the path of a series |
 //! | `chain` | regression and residual behind a hysteresis operator |
+//! | `play_error` | why plays cannot be fitted |
+//! | `play_mechanism` | what plays say of the robot |
 //! | `play` | play operators |
 //! | `prandtl_ishlinskii` | generalised play operators along directions |
 //! | `stop` | stop operators |
@@ -15,5 +17,7 @@ pub mod direction;
 pub mod kinematic;
 pub mod operator_trace;
 pub mod play;
+pub mod play_error;
+pub mod play_mechanism;
 pub mod prandtl_ishlinskii;
 pub mod stop;

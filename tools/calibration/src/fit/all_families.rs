@@ -21,6 +21,10 @@ use crate::series::Series;
 use crate::survey::overview::{Survey, inputs, outputs};
 use crate::table::DataTable;
 
+/// More rows tell hardly more and take time and memory: of longer recordings every second, third, ...
+/// row is used. The path of the motors stays whole.
+const MOST_ROWS: usize = 20_000;
+
 /// Fits models to a recording: looks for spikes, holds rows out, fits, checks as the controller
 /// checks, and measures.
 ///
@@ -39,7 +43,8 @@ pub fn fit(
         return Err(FitError::NothingToChooseBy);
     }
     let usable = |row: &usize| options.spikes.keep || !survey.is_flagged(*row);
-    let training: Vec<usize> = split.training().filter(usable).collect();
+    let every = split.training().count().div_ceil(MOST_ROWS).max(1);
+    let training: Vec<usize> = split.training().filter(usable).step_by(every).collect();
     outputs_change(recording, &training)?;
     let data = TrainingData::new(recording, training)?;
     let fitter = data.fitter(&survey, &split, options, progress);
@@ -47,17 +52,25 @@ pub fn fit(
         .into_iter()
         .filter(|family| options.choice.includes(*family));
     let mut fitter = fitter;
-    let mut families: Vec<FamilyOutcome> = wanted.map(|family| fitter.attempt(family)).collect();
+    let parts = Parts::new(options.choice);
+    let mut families: Vec<FamilyOutcome> = wanted
+        .map(|family| {
+            parts.announce(family, progress);
+            fitter.attempt(family)
+        })
+        .collect();
     let candidates = std::mem::take(&mut fitter.candidates);
     let (linear, family, judged, scores) = choose(&mut families, options.choice)?;
-    if !options.force {
-        check_worth(family, &judged)?;
-    }
+    let doubt = match (doubt(&judged), options.force) {
+        (Some(doubt), false) => return Err(FitError::Worthless { family, doubt }),
+        (doubt, _) => doubt,
+    };
     let training: Vec<usize> = fitter.context.training.to_vec();
-    let all: Vec<usize> = (0..recording.rows().len()).filter(usable).collect();
+    let all = (0..recording.rows().len()).filter(usable).step_by(every);
+    parts.announce_refit(family, progress);
     let model = match refit(
         recording,
-        all,
+        all.collect(),
         family,
         &judged,
         (&survey, &split),
@@ -67,6 +80,7 @@ pub fn fit(
         Some(model) => Arc::new(model),
         None => judged,
     };
+    let model = marked(model, doubt);
     let linear = match family {
         Family::Linear => Arc::clone(&model),
         _ => linear,
@@ -81,6 +95,7 @@ pub fn fit(
             split,
             survey,
             training,
+            every,
             drift,
             candidates,
             scores,
@@ -88,18 +103,57 @@ pub fn fit(
     })
 }
 
-/// Refuses a model that does worse than a constant on the rows held out.
-fn check_worth(family: Family, model: &Model) -> Result<(), FitError> {
-    let file = model.file();
-    for (output, metrics) in file.outputs.iter().zip(&file.metrics) {
-        if let Some(held_out) = metrics.held_out
-            && held_out.r2 < 0.0
-        {
-            let (output, r2) = (output.name.clone(), held_out.r2);
-            return Err(FitError::Worthless { family, output, r2 });
-        }
+/// The parts of the work: every family, and the fit to all rows in the end.
+struct Parts {
+    choice: Choice,
+    total: f64,
+}
+
+/// What the fit to all rows takes of the usual duration.
+const REFIT: f64 = 4.0;
+
+impl Parts {
+    fn new(choice: Choice) -> Self {
+        let wanted = Family::ALL.into_iter().filter(|f| choice.includes(*f));
+        let total = REFIT + wanted.map(Family::usual_duration).sum::<f64>();
+        Self { choice, total }
     }
-    Ok(())
+
+    fn announce(&self, family: Family, progress: &dyn Progress) {
+        let before = Family::ALL.into_iter().take_while(|f| *f != family);
+        let before = before.filter(|f| self.choice.includes(*f));
+        let begin: f64 = before.map(Family::usual_duration).sum();
+        let end = begin + family.usual_duration();
+        progress.part(&family.to_string(), begin / self.total, end / self.total);
+    }
+
+    fn announce_refit(&self, family: Family, progress: &dyn Progress) {
+        let name = format!("{family} to all rows");
+        progress.part(&name, 1.0 - REFIT / self.total, 1.0);
+    }
+}
+
+/// Why a model is worthless: on the rows held out it does worse than a constant.
+fn doubt(model: &Model) -> Option<String> {
+    let file = model.file();
+    let mut measured = file.outputs.iter().zip(&file.metrics);
+    measured.find_map(|(output, metrics)| {
+        let r2 = metrics.held_out?.r2;
+        (r2 < 0.0).then(|| {
+            let name = &output.name;
+            format!("on rows held out, R2 of `{name}` is {r2:.2}, below that of a constant")
+        })
+    })
+}
+
+/// The model with the mark that the controller looks for.
+fn marked(model: Arc<Model>, doubt: Option<String>) -> Arc<Model> {
+    if doubt.is_none() {
+        return model;
+    }
+    let mut file = model.file().clone();
+    file.worthless = doubt;
+    Model::from_file(file).map_or(model, Arc::new)
 }
 
 /// The rows of a fit, and what all families take from them.
@@ -147,6 +201,7 @@ impl<'a> TrainingData<'a> {
                 split,
                 training: &self.rows,
                 hull: &self.hull,
+                straight: &self.straight,
                 robot_id: &options.robot_id,
                 seed: options.em.seed,
             },
@@ -157,6 +212,7 @@ impl<'a> TrainingData<'a> {
             outputs: &self.outputs,
             straight: &self.straight,
             options,
+            known: None,
             progress,
             candidates: Vec::new(),
         }
@@ -179,7 +235,14 @@ fn refit(
     }
     let data = TrainingData::new(recording, rows).ok()?;
     let mut fitter = data.fitter(survey, split, options, progress);
-    let model = fitter.attempt(family).result.ok()?;
+    fitter.known = Some(&judged.file().family);
+    let mut refined = fitter.attempt(family).result;
+    if refined.is_err() {
+        // What was chosen for most of the rows does not suit all of them.
+        fitter.known = None;
+        refined = fitter.attempt(family).result;
+    }
+    let model = refined.ok()?;
     let mut file = model.file().clone();
     let honest = file.metrics.iter_mut().zip(&judged.file().metrics);
     for (metrics, judged) in honest {

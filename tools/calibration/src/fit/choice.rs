@@ -5,11 +5,9 @@
 //! worst of them, beside its own error on the rows held out. An inverse that only its own model
 //! likes loses. A family whose error on the rows held out is far above the least is no plant.
 
-use std::f64::consts::TAU;
-
 use i2ris::model::file::OutputUnit;
-use i2ris::model::{Memory, Model, Query};
-use i2ris::units::MotorVec;
+use i2ris::model::{Model, Query, TrialPath};
+use i2ris::units::OutputVec;
 
 use super::family::Family;
 use crate::parallel;
@@ -22,6 +20,7 @@ const LEAST_GAIN: f64 = 0.03;
 
 /// Ticks of a trial, and ticks at its start that do not count.
 const TICKS: usize = 4000;
+const TURNING_TICKS: usize = 800;
 const SETTLING: usize = 400;
 
 /// The motors move by at most this part of the hull in a tick.
@@ -79,7 +78,7 @@ pub(super) fn scores(models: &[(Family, &Model)]) -> Vec<Score> {
         .filter(|index| held_out[*index] <= CREDIBLE * least)
         .collect();
     let goals = models.first().map(|(_, model)| Goals::new(model));
-    let straight = goals.as_ref().map_or(0.0, |goals| goals.travel);
+    let straight = goals.as_ref().map_or(0.0, |goals| goals.path.travel());
     let trials = parallel::map(models.len(), |index| {
         let others = plants.iter().filter(|plant| **plant != index);
         let trial = |plant: &usize| {
@@ -116,7 +115,7 @@ pub(super) fn best(scores: &[Score]) -> Option<Family> {
 }
 
 /// RMS over the rows held out of the length of the error, in SI units.
-fn held_out_error(model: &Model) -> f64 {
+pub(super) fn held_out_error(model: &Model) -> f64 {
     let outputs = model.file().outputs.iter().zip(&model.file().metrics);
     let squares = outputs.map(|(output, metrics)| {
         let rmsd = metrics.held_out.as_ref().map_or(0.0, |fit| fit.rmsd);
@@ -129,60 +128,21 @@ fn held_out_error(model: &Model) -> f64 {
 /// Goals that lie in the reach of the snake, and the way of the motors before them.
 struct Goals {
     outputs: usize,
-    centre: MotorVec,
-    half_ranges: MotorVec,
-    conditioning: Vec<MotorVec>,
-    goals: Vec<[f64; 3]>,
-    /// Travel of the motors that would follow the goals without hysteresis, counts.
-    travel: f64,
+    path: TrialPath,
+    goals: Vec<OutputVec>,
 }
 
 impl Goals {
     /// From the first model: `linear`.
     fn new(straight: &Model) -> Self {
-        let hull = straight.hull();
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for corner in hull.corners() {
-            for motor in 0..2 {
-                low[motor] = low[motor].min(corner[motor]);
-                high[motor] = high[motor].max(corner[motor]);
-            }
-        }
-        let centre = hull.centre();
-        let half_ranges = [0, 1].map(|motor| (high[motor] - low[motor]) / 2.0);
-        let at = |part: [f64; 2]| {
-            hull.project(&[0, 1].map(|motor| centre[motor] + part[motor] * half_ranges[motor]))
-        };
-        let turn = |step: usize| {
-            let angle = TAU * step as f64 / 200.0;
-            let size = 0.95 * (1.0 - step as f64 / 800.0);
-            at([size * angle.sin(), size * angle.cos()])
-        };
-        // Slow large motion with faster small reversals on it.
-        let wander = |tick: usize| {
-            let part = tick as f64 / TICKS as f64;
-            let wave = |turns: f64, phase: f64| (TAU * turns * part + phase).sin();
-            at([
-                0.45 * wave(3.0, 0.0) + 0.12 * wave(19.0, 1.0),
-                0.45 * wave(4.0, 0.5) + 0.12 * wave(23.0, 2.0),
-            ])
-        };
-        let counts: Vec<MotorVec> = (0..TICKS).map(wander).collect();
+        let path = TrialPath::new(straight.hull(), TURNING_TICKS, TICKS);
         let none = straight.new_memory();
-        let goals = counts
-            .iter()
-            .map(|counts| straight.predict(counts, &none).mean)
-            .collect();
+        let predicted = path.wander.iter();
+        let predicted = predicted.map(|counts| straight.predict(counts, &none).mean);
         Self {
             outputs: straight.outputs(),
-            centre,
-            half_ranges,
-            conditioning: (0..800).map(turn).collect(),
-            goals,
-            travel: counts
-                .windows(2)
-                .map(|pair| travel(&pair[0], &pair[1]))
-                .sum(),
+            goals: predicted.collect(),
+            path,
         }
     }
 }
@@ -195,26 +155,24 @@ struct Trial {
 /// Tracks the goals with the inverse of a model on another one.
 fn track(model: &Model, plant: &Model, goals: &Goals) -> Trial {
     let (mut known, mut real) = (model.new_memory(), plant.new_memory());
-    let mut advance = |counts: &MotorVec, known: &mut Memory| {
-        model.advance(known, counts);
+    for counts in &goals.path.turns {
+        model.advance(&mut known, counts);
         plant.advance(&mut real, counts);
-        plant.predict(counts, &real).mean
-    };
-    for counts in &goals.conditioning {
-        advance(counts, &mut known);
     }
-    let mut counts = goals.conditioning.last().copied().unwrap_or(goals.centre);
+    let mut counts = goals.path.turns.last().copied().unwrap_or_default();
     let (mut squares, mut way) = (0.0, 0.0);
     for (tick, goal) in goals.goals.iter().enumerate() {
         let target = model.invert(goal, &known, &Query::new(counts)).counts;
         let mut next = counts;
         for motor in 0..2 {
-            let fastest = FASTEST * goals.half_ranges[motor];
+            let fastest = FASTEST * goals.path.half_ranges[motor];
             next[motor] += (target[motor] - counts[motor]).clamp(-fastest, fastest);
         }
-        let reached = advance(&next, &mut known);
+        model.advance(&mut known, &next);
+        plant.advance(&mut real, &next);
+        let reached = plant.predict(&next, &real).mean;
         if tick >= SETTLING {
-            way += travel(&counts, &next);
+            way += TrialPath::distance(&counts, &next);
             let pairs = reached.iter().zip(goal).take(goals.outputs);
             squares += pairs
                 .map(|(reached, goal)| (reached - goal).powi(2))
@@ -226,13 +184,6 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Trial {
         error: (squares / (TICKS - SETTLING) as f64).sqrt(),
         travel: way,
     }
-}
-
-fn travel(from: &MotorVec, to: &MotorVec) -> f64 {
-    from.iter()
-        .zip(to)
-        .map(|(from, to)| (to - from).abs())
-        .sum()
 }
 
 #[cfg(test)]

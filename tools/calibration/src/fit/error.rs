@@ -56,19 +56,27 @@ pub enum FitError {
     /// The recording does not show the plane between the axes, and the family needs it.
     #[error("{0}")]
     OneAxisAtATime(Finding),
+    /// On the rows it was fitted to, the model is worse than a straight line.
+    #[error(
+        "on the rows used for training its error is {rms:.3} where a straight line has \
+         {linear_rms:.3}; take `linear`, or record motion with reversals of many sizes"
+    )]
+    WorseThanLinear {
+        /// RMS length of its error, in the unit of the outputs.
+        rms: f64,
+        /// Of the straight line.
+        linear_rms: f64,
+    },
     /// On rows held out the model is worse than the mean of the measurements.
     #[error(
-        "the model of family `{family}` is worthless: on rows held out, R2 of `{output}` is {r2:.2}, \
-         below that of a constant; record motion with reversals of many sizes of both motors, or \
-         write it all the same with --force"
+        "the model of family `{family}` is worthless: {doubt}; record motion with reversals of \
+         many sizes of both motors, or write it all the same, marked, with --force"
     )]
     Worthless {
         /// The family.
         family: Family,
-        /// The output.
-        output: String,
-        /// Of the output.
-        r2: f64,
+        /// Why.
+        doubt: String,
     },
     /// Nothing is held out to choose by.
     #[error(

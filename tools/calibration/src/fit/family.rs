@@ -48,6 +48,19 @@ impl Family {
         Self::GmrStop,
     ];
 
+    /// How long a fit usually takes, relative to the other families.
+    pub(super) fn usual_duration(self) -> f64 {
+        match self {
+            Self::Linear => 0.1,
+            Self::Kinematic => 0.5,
+            Self::Gmr => 6.0,
+            Self::GmrDirection => 4.0,
+            Self::GmrPlay => 5.0,
+            Self::GmrPrandtlIshlinskii => 5.0,
+            Self::GmrStop => 14.0,
+        }
+    }
+
     /// Whether a recording of one axis at a time determines the family: it has no free shape in the
     /// plane between the axes.
     #[must_use]

@@ -69,6 +69,8 @@ pub(super) struct FileContext<'a> {
     /// Indices of the rows used for training.
     pub training: &'a [usize],
     pub hull: &'a HullParameters,
+    /// The affine model of the same rows.
+    pub straight: &'a LinearFit,
     pub robot_id: &'a str,
     pub seed: u64,
 }
@@ -103,7 +105,9 @@ impl FileContext<'_> {
                 log_likelihood: fitted.log_likelihood,
                 bic: fitted.bic,
                 software: concat!("i2ris-calibration ", env!("CARGO_PKG_VERSION")).to_owned(),
+                linear_gain: Some(self.straight.gain.clone()),
             },
+            worthless: None,
             metrics: vec![NO_METRICS; self.recording.outputs().len()],
         }
     }

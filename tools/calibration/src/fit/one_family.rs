@@ -4,14 +4,15 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
-use i2ris::model::file::{FamilyParameters, OutputUnit};
+use i2ris::model::file::{FamilyParameters, OutputMetrics, OutputUnit};
 use i2ris::model::{Model, ModelError};
 
 use super::error::{FitError, refused};
 use super::family::{Choice, Family};
+use super::flatness::flat_spot;
 use super::gmr::{self, Candidate, GmrData};
 use super::model_file::{FileContext, Fitted};
-use super::options::FitOptions;
+use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, Mechanism};
 use crate::families::chain::{ChainOptions, fit_chain};
 use crate::families::direction::{DirectionOptions, fit_direction};
@@ -26,6 +27,11 @@ use crate::regression::linear::LinearFit;
 use crate::series::Series;
 use crate::survey::identifiability::Finding;
 use crate::table::DataTable;
+
+/// The error of a family may be so many times that of a straight line, or anything below this part
+/// of the range of the outputs: of a straight snake all families are good.
+const MOST_ERROR: f64 = 1.05;
+const LEAST_NRMSD: f64 = 0.01;
 
 /// Why the parameters of a family cannot be found.
 type Reason = Box<dyn Error + Send + Sync>;
@@ -42,6 +48,8 @@ pub(super) struct FamilyFitter<'a> {
     pub outputs: &'a DataTable,
     pub straight: &'a LinearFit,
     pub options: &'a FitOptions,
+    /// Parameters of the same family from most of the same rows: what was chosen there stays.
+    pub known: Option<&'a FamilyParameters>,
     pub progress: &'a dyn Progress,
     pub candidates: Vec<Candidate>,
 }
@@ -51,7 +59,9 @@ impl FamilyFitter<'_> {
     pub fn attempt(&mut self, family: Family) -> FamilyOutcome {
         let begin = Instant::now();
         let mut mechanism = None;
-        let result = self.fit(family, &mut mechanism).map(Arc::new);
+        let result = self.fit(family, &mut mechanism);
+        let result = result.and_then(|model| self.not_worse_than_linear(family, model));
+        let result = result.map(Arc::new);
         FamilyOutcome {
             family,
             result,
@@ -87,6 +97,25 @@ impl FamilyFitter<'_> {
         }
     }
 
+    /// What learns from the rows has to explain them better than a straight line. `kinematic` is
+    /// there to be compared with.
+    fn not_worse_than_linear(&self, family: Family, model: Model) -> Result<Model, FitError> {
+        let square = |metrics: &OutputMetrics| metrics.training.rmsd.powi(2);
+        let rms = model.file().metrics.iter().map(square).sum::<f64>().sqrt();
+        let covariance = self.straight.covariance.iter().enumerate();
+        let linear_rms = covariance
+            .map(|(output, row)| row[output])
+            .sum::<f64>()
+            .sqrt();
+        let is_baseline = matches!(family, Family::Linear | Family::Kinematic);
+        let mut metrics = model.file().metrics.iter();
+        let is_visible = metrics.any(|metrics| metrics.training.nrmsd > LEAST_NRMSD);
+        if !is_baseline && is_visible && rms > MOST_ERROR * linear_rms {
+            return Err(FitError::WorseThanLinear { rms, linear_rms });
+        }
+        Ok(model)
+    }
+
     fn checked(&self, family: Family, fitted: &Fitted) -> Result<Model, FitError> {
         self.context
             .model(fitted)
@@ -101,16 +130,32 @@ impl FamilyFitter<'_> {
         family: Family,
         fit: &dyn Fn(Option<usize>) -> Result<MixtureModel, Reason>,
     ) -> Result<Model, FitError> {
-        let mut components = None;
+        let mut components = self.known_components();
         loop {
             let candidate =
                 fit(components).map_err(|source| FitError::Family { family, source })?;
             match self.context.model(&candidate.fitted) {
-                Err(ModelError::NotInvertible { .. }) if candidate.components > 1 => {
+                Err(
+                    ModelError::NotInvertible { .. }
+                    | ModelError::Gain { .. }
+                    | ModelError::Rehearsal { .. },
+                ) if candidate.components > 1 => {
                     components = fewer(candidate.components);
                 }
                 checked => return checked.map_err(|source| refused(family, source)),
             }
+        }
+    }
+
+    /// The number of components of the mixture of [`Self::known`].
+    fn known_components(&self) -> Option<usize> {
+        match self.known? {
+            FamilyParameters::Gmr { mixture }
+            | FamilyParameters::GmrDirection { mixture, .. }
+            | FamilyParameters::GmrPlay { mixture, .. }
+            | FamilyParameters::GmrPrandtlIshlinskii { mixture, .. }
+            | FamilyParameters::GmrStop { mixture, .. } => Some(mixture.weights.len()),
+            FamilyParameters::Linear { .. } | FamilyParameters::Kinematic { .. } => None,
         }
     }
 
@@ -120,8 +165,22 @@ impl FamilyFitter<'_> {
             outputs: self.outputs,
             straight: self.straight,
         };
-        let (model, candidates) = gmr::fit(&self.context, data, self.options, self.progress)?;
+        let components = match self.known_components() {
+            Some(components) => Components::Exactly(components),
+            None => self.options.components,
+        };
+        let options = FitOptions {
+            components,
+            ..self.options.clone()
+        };
+        let (model, candidates) = gmr::fit(&self.context, data, &options, self.progress)?;
         self.candidates = candidates;
+        if self.known.is_some()
+            && let Some(spot) = flat_spot(&model, self.inputs, self.outputs, self.straight)
+        {
+            let components = self.known_components().unwrap_or_default();
+            return Err(FitError::TooFlat { components, spot });
+        }
         Ok(model)
     }
 
@@ -145,12 +204,16 @@ impl FamilyFitter<'_> {
 
     fn play(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
         let family = Family::GmrPlay;
-        let first = fit_play(&self.series, &self.chain(None), self.progress);
+        let first = fit_play(
+            &self.series,
+            &self.chain(self.known_components()),
+            self.progress,
+        );
         let first = first.map_err(|source| failed(family, source))?;
         *mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
         self.with_inverse(family, &|components| {
             let fit = match components {
-                None => first.clone(),
+                same if same == self.known_components() => first.clone(),
                 fewer => first.refit(&self.series, &self.chain(fewer), self.progress)?,
             };
             let quality = (fit.chain.log_likelihood, fit.chain.bic);
@@ -164,12 +227,17 @@ impl FamilyFitter<'_> {
             Some(_) => ShapeKind::Separable,
             None => ShapeKind::Plane,
         };
-        let first = fit_operator(&self.series, shape, &self.chain(None), self.progress);
+        let first = fit_operator(
+            &self.series,
+            shape,
+            &self.chain(self.known_components()),
+            self.progress,
+        );
         let first = first.map_err(|source| failed(family, source))?;
         *mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
         self.with_inverse(family, &|components| {
             let fit = match components {
-                None => first.clone(),
+                same if same == self.known_components() => first.clone(),
                 fewer => first.refit(&self.series, &self.chain(fewer), self.progress)?,
             };
             let quality = (fit.chain.log_likelihood, fit.chain.bic);
@@ -178,8 +246,13 @@ impl FamilyFitter<'_> {
     }
 
     fn stop(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
+        let known = match self.known {
+            Some(FamilyParameters::GmrStop { stops, .. }) => Some(stops.clone()),
+            _ => None,
+        };
         let options = StopOptions {
             seed: self.options.em.seed,
+            known,
             ..StopOptions::default()
         };
         let fit = fit_stop(&self.series, &options, self.progress);

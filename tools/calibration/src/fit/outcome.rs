@@ -6,13 +6,13 @@ use std::sync::Arc;
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
 
-use super::choice::Score;
+use super::choice::{Score, held_out_error};
 use super::drift::Drift;
 use super::error::FitError;
 use super::family::Family;
 use super::gmr::{Candidate, Verdict};
 use super::split::Split;
-use crate::families::play::play_mechanism::PlayMechanism;
+use crate::families::play_mechanism::PlayMechanism;
 use crate::families::stop::stop_mechanism::StopMechanism;
 use crate::survey::overview::Survey;
 
@@ -72,6 +72,8 @@ pub struct FitReport {
     pub survey: Survey,
     /// Indices of the rows used for training.
     pub training: Vec<usize>,
+    /// Every so many-th row that could be used was.
+    pub every: usize,
     /// How far the outputs wander away from the model that was taken.
     pub drift: Drift,
     /// Numbers of components that were tried for `gmr`, in rising order; none where it was not
@@ -82,7 +84,41 @@ pub struct FitReport {
     pub scores: Vec<Score>,
 }
 
+/// Another family explains a recording as well if its error is at most so many times as large.
+const AS_WELL: f64 = 1.25;
+
 impl FitOutcome {
+    /// What the parameters of a family say about the robot, and which other families explain the
+    /// recording as well: the robot is not what one of them says while others say something else.
+    #[must_use]
+    pub fn reading(&self, of: &FamilyOutcome) -> Option<String> {
+        let mut text = of.mechanism.as_ref()?.to_string().trim_end().to_owned();
+        let model = of.result.as_ref().ok()?;
+        let unit = model.file().outputs.first()?.unit;
+        let own = held_out_error(model);
+        let mut others: Vec<(Family, f64)> = self
+            .families
+            .iter()
+            .filter(|other| other.family != of.family && other.family.has_memory())
+            .filter_map(|other| Some((other.family, held_out_error(other.result.as_ref().ok()?))))
+            .filter(|(_, error)| *error <= AS_WELL * own)
+            .collect();
+        others.sort_by(|a, b| a.1.total_cmp(&b.1));
+        if let Some((other, error)) = others.first() {
+            let how = if *error * AS_WELL < own {
+                "better"
+            } else {
+                "as well"
+            };
+            let (error, own) = (error / unit.si(), own / unit.si());
+            text += &format!(
+                "\nbut {other} explains the rows held out {how} ({error:.3} {unit} against \
+                 {own:.3} {unit}): these are parameters of a model, not measurements of the robot"
+            );
+        }
+        Some(text)
+    }
+
     /// Why this family was taken: a sentence per family that was scored.
     #[must_use]
     pub fn reasons(&self) -> Vec<String> {

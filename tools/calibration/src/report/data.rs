@@ -20,12 +20,32 @@ pub struct ReportData {
     /// Whether the chosen family was chosen by its error on the rows held out: that error then
     /// flatters it.
     pub chosen_by_held_out: bool,
+    /// The scores that the family was chosen by; none where it was asked for.
+    pub choice: Vec<ChoiceScore>,
     /// How it was fitted: names and values.
     pub settings: Vec<(String, String)>,
     /// Warnings, in whole sentences.
     pub warnings: Vec<String>,
     /// The program that fitted the models, with its version.
     pub software: String,
+}
+
+/// The score of a family, in the unit of the outputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChoiceScore {
+    /// Its name.
+    pub family: String,
+    /// RMS length of the error on the rows held out.
+    pub held_out: f64,
+    /// RMS length of the tracking error of its inverse on the worst of the other families, and the
+    /// name of that one; `None` without another credible one.
+    pub worst_plant: Option<(f64, String)>,
+    /// Both together.
+    pub total: f64,
+    /// Travel of the motors, relative to that of `linear`.
+    pub travel: f64,
+    /// Whether it was taken.
+    pub chosen: bool,
 }
 
 /// A recording.

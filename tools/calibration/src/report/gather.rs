@@ -68,6 +68,7 @@ pub fn gather(
         read_out: chosen.map_or_else(Vec::new, |family| {
             read_out(family.model, recording, &track, &facts)
         }),
+        choice: Vec::new(),
         software: robot.map_or_else(String::new, |file| file.training.software.clone()),
         warnings: survey
             .warnings

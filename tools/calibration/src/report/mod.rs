@@ -20,12 +20,14 @@
 //! | `whole_fit` | the content from a whole fit |
 //! | `score` | the figures of merit of each family |
 //! | `summary` | the findings in words |
+//! | `choice` | why the family was chosen |
 //! | `tables`, `comparison` | families side by side |
 //! | `hysteresis_loops`, `mixture`, `error_map` | figures of the model |
 //! | `residual_times`, `residual_directions` | figures of the residuals |
 //! | `labels` | numbers and names in the form of the report |
 //! | `page` | the whole page |
 
+mod choice;
 mod comparison;
 mod data;
 mod error_map;

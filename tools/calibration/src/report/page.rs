@@ -4,7 +4,7 @@ use i2ris_plot::Page;
 
 use super::data::ReportData;
 use super::score::Scores;
-use super::{comparison, error_map, hysteresis_loops, mixture, residual_directions};
+use super::{choice, comparison, error_map, hysteresis_loops, mixture, residual_directions};
 use super::{residual_times, summary, tables};
 
 /// The report as an HTML document.
@@ -14,6 +14,7 @@ pub fn html(data: &ReportData) -> String {
     let mut page = Page::new(&*data.title);
     summary::write(&mut page, data, &scores);
     page.section("Families side by side");
+    choice::write(&mut page, data);
     comparison::write(&mut page, data, &scores);
     tables::write(&mut page, data, &scores);
     page.section("Hysteresis");

@@ -170,11 +170,10 @@ fn a_choice_by_the_error_that_is_shown_is_mentioned() {
     let mut data = gathered(&two_axes());
     assert!(!html(&data).contains("flatters"));
     data.chosen_by_held_out = true;
-    assert!(
-        html(&data).contains(
-            "chosen among 2 by its error on the rows held out, so that error flatters it"
-        )
-    );
+    assert!(html(&data).contains(
+        "chosen among 2 by its error on the rows held out and by its inverse on the others, so \
+             that error flatters it"
+    ));
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! The report of a whole fit.
 
-use super::data::ReportData;
+use super::data::{ChoiceScore, ReportData};
 use super::gather::{FamilyFit, gather};
+use crate::fit::choice::Score;
 use crate::fit::{Choice, Components, FitOptions, FitOutcome};
 use crate::recording::{ReadReport, Recording};
 
@@ -47,13 +48,27 @@ pub fn of_fit(
     }
     data.chosen_by_held_out = options.choice == Choice::Best && fitted.len() > 1;
     data.recording.more = read_facts(read, outcome);
-    let reasons = outcome.reasons().into_iter();
-    let reasons = reasons.map(|reason| fact("choice", reason));
-    data.recording.more.extend(reasons);
+    data.choice = choice(outcome);
     data.settings = settings(options);
     data.warnings.extend(failures(outcome));
     data.warnings.extend(flagged(outcome));
     data
+}
+
+fn choice(outcome: &FitOutcome) -> Vec<ChoiceScore> {
+    let output = outcome.model.file().outputs.first();
+    let si = output.map_or(1.0, |output| output.unit.si());
+    let score = |score: &Score| ChoiceScore {
+        family: score.family.to_string(),
+        held_out: score.held_out / si,
+        worst_plant: score
+            .worst_plant
+            .map(|(error, plant)| (error / si, plant.to_string())),
+        total: score.total() / si,
+        travel: score.travel,
+        chosen: score.family == outcome.family,
+    };
+    outcome.report.scores.iter().map(score).collect()
 }
 
 fn fact(name: &str, value: impl ToString) -> (String, String) {
@@ -86,7 +101,7 @@ fn read_facts(read: &ReadReport, outcome: &FitOutcome) -> Vec<(String, String)> 
     }));
     facts.extend(drifts(outcome));
     facts.extend(outcome.families.iter().filter_map(|family| {
-        let lines = family.mechanism.as_ref()?.to_string();
+        let lines = outcome.reading(family)?;
         Some(fact(
             &format!("reading of {}", family.family),
             lines.trim_end().replace('\n', "; "),

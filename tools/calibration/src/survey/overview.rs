@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use i2ris::model::file::OutputUnit;
+
 use super::identifiability::{Finding, findings};
 use super::noise::{NoiseFloor, noise_floor};
 use super::spike::{Spike, SpikeOptions, spikes};
@@ -37,7 +39,15 @@ pub enum Warning {
         /// Part of the motion that is independent, percent.
         percent: f64,
     },
+    /// Angles so small that they may be radians.
+    MaybeRadians {
+        /// The largest one, as recorded.
+        furthest: f64,
+    },
 }
+
+/// No snake that is calibrated bends by less than this, deg, and none by as many radians.
+const LEAST_BEND_DEG: f64 = 1.6;
 
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -47,6 +57,11 @@ impl fmt::Display for Warning {
                 f,
                 "the motors move nearly together ({percent:.1} % of their motion is independent): \
                  their effects are hard to separate; record motion in which they move separately"
+            ),
+            Self::MaybeRadians { furthest } => write!(
+                f,
+                "no angle is further from 0 than {furthest:.3} deg; if they are radians, multiply \
+                 them by 57.29578 and fit again"
             ),
         }
     }
@@ -108,7 +123,9 @@ impl Survey {
     /// Whether a row was flagged, for any output.
     #[must_use]
     pub fn is_flagged(&self, row: usize) -> bool {
-        self.spikes.iter().any(|spike| spike.row == row)
+        self.spikes
+            .binary_search_by_key(&row, |spike| spike.row)
+            .is_ok()
     }
 }
 
@@ -126,8 +143,20 @@ fn warnings(recording: &Recording, inputs: &DataTable) -> Vec<Warning> {
     let findings = findings(&Series::whole(recording)).into_iter();
     hardly
         .into_iter()
+        .chain(maybe_radians(recording))
         .chain(findings.map(Warning::Hysteresis))
         .collect()
+}
+
+fn maybe_radians(recording: &Recording) -> Option<Warning> {
+    let specs = recording.outputs();
+    let angles = recording
+        .rows()
+        .iter()
+        .flat_map(|row| &row.outputs[..specs.len()]);
+    let furthest = angles.fold(0.0, |most: f64, angle| most.max(angle.abs()));
+    let degrees = specs.iter().all(|spec| spec.unit == OutputUnit::Deg);
+    (degrees && furthest < LEAST_BEND_DEG).then_some(Warning::MaybeRadians { furthest })
 }
 
 /// The counts of some rows, one column per motor.

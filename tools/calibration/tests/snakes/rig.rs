@@ -87,7 +87,9 @@ pub fn model_file(family: FamilyParameters, recording: &Recording) -> ModelFile 
             log_likelihood: None,
             bic: None,
             software: "bench".to_owned(),
+            linear_gain: None,
         },
+        worthless: None,
         metrics: vec![
             OutputMetrics {
                 training: fit,

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use i2ris::model::Model;
 use i2ris::model::file::OutputSpec;
 use i2ris_calibration::fit::metrics::{metrics, predictions};
-use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_calibration::recording::Recording;
 use serde::Serialize;
 
+use super::columns::ColumnArguments;
 use i2ris_statistics::quantile;
 use i2ris_terminal::Failure;
 use i2ris_terminal::while_working;
@@ -29,6 +30,8 @@ pub struct Arguments {
     /// Print the table as JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    columns: ColumnArguments,
 }
 
 /// One model.
@@ -42,6 +45,12 @@ struct Entry {
     outputs: Vec<Figures>,
     /// Root mean square length of the error over all outputs, in their unit.
     rms_length: f64,
+    /// Rows at the start during which the memory of the model is not known yet.
+    unknown_memory: usize,
+    /// Rows outside the region that its calibration visited.
+    outside: usize,
+    /// As `rms_length`, of all other rows; absent without any.
+    rms_length_of_others: Option<f64>,
 }
 
 /// One output, in its unit.
@@ -59,7 +68,7 @@ struct Figures {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let (recording, _) = Recording::read(&arguments.recording, &ColumnMap::default())?;
+    let (recording, _) = Recording::read(&arguments.recording, &arguments.columns.map())?;
     let all = || {
         arguments
             .models
@@ -111,13 +120,57 @@ fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
         .map(|figures| figures.rmsd * figures.rmsd)
         .sum::<f64>()
         .sqrt();
+    let doubts = Doubts::new(&model, recording);
+    let lengths = recording.rows().iter().zip(&predicted).zip(&doubts.rows);
+    let others: Vec<f64> = lengths
+        .filter(|(_, doubtful)| !**doubtful)
+        .map(|((row, at), _)| {
+            let pairs = row.outputs.iter().zip(at).take(model.outputs());
+            pairs.map(|(measured, at)| (measured - at).powi(2)).sum()
+        })
+        .collect();
+    let rms_of_others = (others.iter().sum::<f64>() / others.len().max(1) as f64).sqrt();
     Ok(Entry {
+        unknown_memory: doubts.unknown_memory,
+        outside: doubts.outside,
+        rms_length_of_others: (!others.is_empty()).then_some(rms_of_others),
         model: file.display().to_string(),
         family: family(&model),
         trained_on_it,
         outputs,
         rms_length,
     })
+}
+
+/// Rows of which a model cannot know.
+struct Doubts {
+    unknown_memory: usize,
+    outside: usize,
+    /// Of every row: either.
+    rows: Vec<bool>,
+}
+
+impl Doubts {
+    fn new(model: &Model, recording: &Recording) -> Self {
+        let (mut memory, mut next) = (model.new_memory(), 0);
+        let mut doubts = Self {
+            unknown_memory: 0,
+            outside: 0,
+            rows: Vec::with_capacity(recording.rows().len()),
+        };
+        for row in recording.rows() {
+            for point in &recording.path()[next..=row.path_index] {
+                model.advance(&mut memory, &point.counts);
+            }
+            next = row.path_index + 1;
+            let unknown = !model.knows(&memory);
+            let outside = !model.hull().contains(&row.counts);
+            doubts.unknown_memory += usize::from(unknown);
+            doubts.outside += usize::from(outside);
+            doubts.rows.push(unknown || outside);
+        }
+        doubts
+    }
 }
 
 /// As in the file.
@@ -161,10 +214,10 @@ fn print(entries: &[Entry], recording: &Recording) {
         recording.name()
     );
     let header = ["R2", "RMSD", "NRMSD", "MAE", "p99", "max"]
-        .map(|name| format!("{name:>9}"))
+        .map(|name| format!(" {name:>9}"))
         .concat();
     println!(
-        "\n{:<16}{:<12}{header}{:>12}",
+        "\n{:<23} {:<12}{header} {:>12}",
         "family", "output", "RMS length"
     );
     for entry in entries {
@@ -175,17 +228,17 @@ fn print(entries: &[Entry], recording: &Recording) {
                 ""
             };
             let length = if place == 0 {
-                format!("{:>12.3}", entry.rms_length)
+                format!(" {:>12.3}", entry.rms_length)
             } else {
                 String::new()
             };
             let name = format!("{} ({})", figures.name, figures.unit);
             print!(
-                "{family:<16}{name:<12}{:>9.4}{:>9.3}",
+                "{family:<23} {name:<12} {:>9.4} {:>9.3}",
                 figures.r2, figures.rmsd
             );
-            print!("{:>9.4}{:>9.3}", figures.nrmsd, figures.mae);
-            println!("{:>9.3}{:>9.3}{length}", figures.p99, figures.max);
+            print!(" {:>9.4} {:>9.3}", figures.nrmsd, figures.mae);
+            println!(" {:>9.3} {:>9.3}{length}", figures.p99, figures.max);
         }
         let trained = if entry.trained_on_it {
             ", fitted to this very recording"
@@ -193,5 +246,29 @@ fn print(entries: &[Entry], recording: &Recording) {
             ""
         };
         println!("  {}{trained}", entry.model);
+        doubts(entry, recording.rows().len());
+    }
+}
+
+/// What the errors of a model include that it cannot know.
+fn doubts(entry: &Entry, rows: usize) {
+    if entry.unknown_memory > 0 {
+        println!(
+            "  the memory is unknown in the first {} of {rows} rows: there the error may be as large \
+             as the hysteresis loop is wide",
+            entry.unknown_memory
+        );
+    }
+    if entry.outside > 0 {
+        println!(
+            "  {} of {rows} rows ({:.0} %) are outside the region that its calibration visited",
+            entry.outside,
+            100.0 * entry.outside as f64 / rows as f64
+        );
+    }
+    if let Some(others) = entry.rms_length_of_others
+        && entry.unknown_memory + entry.outside > 0
+    {
+        println!("  RMS length on the other rows: {others:.3}");
     }
 }

@@ -9,11 +9,12 @@ use clap::value_parser;
 use i2ris_calibration::em::EmOptions;
 use i2ris_calibration::fit::split::HoldOut;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
-use i2ris_calibration::recording::{ColumnMap, MIN_ROWS, OutputColumn, Recording, TimeColumn};
+use i2ris_calibration::recording::{MIN_ROWS, Recording};
 use i2ris_calibration::report::{html, of_fit};
 use i2ris_calibration::survey::overview::Survey;
 use i2ris_calibration::survey::spike::SpikeOptions;
 
+use super::columns::ColumnArguments;
 use super::fit_report::report;
 use super::progress_bar::Bar;
 use i2ris_terminal::Failure;
@@ -83,32 +84,14 @@ struct ModelArguments {
     /// Train on readings that are flagged as spikes, too
     #[arg(long)]
     keep_spikes: bool,
-    /// Write a model even if it is worse than a constant on the rows held out
+    /// Write a model even if it is worse than a constant on the rows held out, marked: the
+    /// controller refuses it unless `control.allow_worthless_model` is true
     #[arg(long)]
     force: bool,
     /// Take so much off the stamps of the angles first; 0 keeps them, `auto` takes off what the
     /// recording itself says [default: what the recording says, where that is certain]
     #[arg(long, value_name = "MS", allow_negative_numbers = true)]
     latency_ms: Option<LatencyChoice>,
-}
-
-#[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Columns of the recording")]
-struct ColumnArguments {
-    /// Encoder counts of motor 0 and motor 1 [default: `q0_counts,q1_counts` or
-    /// `Encoder counts 0,Encoder counts 1`]
-    #[arg(long, value_name = "COLUMN,..", value_delimiter = ',')]
-    counts: Vec<String>,
-    /// Measured angles, deg, and what they are [default: `pitch_deg,yaw_deg` or
-    /// `pitches=pitch,yaws=yaw`]
-    #[arg(long, value_name = "COLUMN=NAME,..", value_delimiter = ',')]
-    angles: Vec<OutputColumn>,
-    /// Time stamps, s [default: `t_s` or `Enc TS`, if there is one]
-    #[arg(long, value_name = "COLUMN", conflicts_with = "no_time")]
-    time: Option<String>,
-    /// Read the recording without time stamps
-    #[arg(long)]
-    no_time: bool,
 }
 
 /// What to take off the stamps of the angles.
@@ -199,21 +182,6 @@ impl Arguments {
     }
 }
 
-impl ColumnArguments {
-    fn map(&self) -> ColumnMap {
-        let time = match &self.time {
-            Some(column) => TimeColumn::Named(column.clone()),
-            None if self.no_time => TimeColumn::Ignored,
-            None => TimeColumn::Known,
-        };
-        ColumnMap {
-            time,
-            counts: self.counts.clone(),
-            outputs: self.angles.clone(),
-        }
-    }
-}
-
 /// Runs it. The model is written when all else has succeeded, and only then is anything printed.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { file, output, .. } = arguments;
@@ -242,7 +210,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         None => recording.without_latency(),
     };
-    let outcome = fit(&recording, &options, &Bar::new("fitting"))
+    let outcome = fit(&recording, &options, &Bar::new())
         .map_err(|error| format!("recording {}: {error}", file.display()))?;
     if let Some(page) = &arguments.report {
         let mut data = of_fit(&recording, &read, &options, &outcome);

@@ -4,7 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use i2ris::model::Model;
 use i2ris::model::ModelError;
-use i2ris::model::file::{FitMetrics, OutputSpec};
+use i2ris::model::file::{FamilyParameters, FitMetrics, OutputSpec};
 use i2ris_calibration::fit::family::Family;
 use i2ris_calibration::fit::split::SplitKind;
 use i2ris_calibration::fit::{Candidate, Components, FitOptions, FitOutcome, Verdict};
@@ -121,14 +121,44 @@ impl Report<'_> {
             .zip(&report.survey.noise)
             .map(|(output, noise)| noise_text(output, noise.as_ref()));
         writeln!(f, "noise      {}", noise.collect::<Vec<_>>().join(", "))?;
+        self.axes(f)?;
         self.latency(f)?;
         self.drift(f)?;
         let (training, held_out) = (report.training.len(), report.split.held_out().count());
-        writeln!(f, "training   {training} row(s)")?;
+        let every = match report.every {
+            1 => String::new(),
+            every => format!(": every {every}th, more tell hardly more"),
+        };
+        writeln!(f, "training   {training} row(s){every}")?;
         match report.split.kind() {
             SplitKind::Nothing => writeln!(f, "held out   nothing"),
             kind => writeln!(f, "held out   {held_out} row(s): {kind}"),
         }
+    }
+
+    /// What the motors do on average: who knows the robot sees columns that are swapped, and a
+    /// picture that is mirrored.
+    fn axes(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let linear = self.outcome.linear.file();
+        let FamilyParameters::Linear { gain, .. } = &linear.family else {
+            return Ok(());
+        };
+        let motor = |motor: usize| {
+            let outputs = linear.outputs.iter().zip(gain);
+            let moves = outputs.map(|(output, row)| {
+                let gain = row.get(motor).copied().unwrap_or_default();
+                format!("{} by {gain:+.4} {}", output.name, output.unit)
+            });
+            let moves: Vec<_> = moves.collect();
+            format!("a count of motor {motor} moves {}", moves.join(" and "))
+        };
+        let motors: Vec<_> = (0..self.recording.motors()).map(motor).collect();
+        let text = format!(
+            "{}; where the robot does otherwise, two columns are swapped (--counts, \
+             --angles) or the picture is mirrored",
+            motors.join(", ")
+        );
+        write!(f, "axes{}", &Wrapped(&text).to_string()["axes".len()..])
     }
 
     /// How late the outputs are, if that stands out of its uncertainty.
@@ -176,14 +206,13 @@ impl Report<'_> {
     /// What the parameters say about the robot.
     fn readings(&self, f: &mut Formatter<'_>) -> fmt::Result {
         for outcome in &self.outcome.families {
-            if let Some(reading) = &outcome.mechanism {
+            if let Some(reading) = self.outcome.reading(outcome) {
                 writeln!(
                     f,
                     "\n{} says of the robot (lengths in the unit of the outputs):",
                     outcome.family
                 )?;
                 reading
-                    .to_string()
                     .lines()
                     .try_for_each(|line| write!(f, "{}", Wrapped(line)))?;
             }
@@ -224,9 +253,9 @@ impl Report<'_> {
 
     fn metrics(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let header = ["R2", "RMSD", "NRMSD", "MAE", "max"]
-            .map(|name| format!("{name:>9}"))
+            .map(|name| format!(" {name:>9}"))
             .concat();
-        writeln!(f, "\n{:<38}{header}", "")?;
+        writeln!(f, "\n{:<44}{header}", "")?;
         for (index, output) in self.recording.outputs().iter().enumerate() {
             let mut name = format!("{} ({})", output.name, output.unit);
             for outcome in &self.outcome.families {
@@ -299,10 +328,10 @@ fn metrics_line(f: &mut Formatter<'_>, name: &str, metrics: Option<&FitMetrics>)
         }) => {
             writeln!(
                 f,
-                "{name:<38}{r2:>9.4}{rmsd:>9.3}{nrmsd:>9.4}{mae:>9.3}{max:>9.3}"
+                "{name:<44} {r2:>9.4} {rmsd:>9.3} {nrmsd:>9.4} {mae:>9.3} {max:>9.3}"
             )
         }
-        None => writeln!(f, "{name:<38}{:>9}", "constant"),
+        None => writeln!(f, "{name:<44} {:>9}", "constant"),
     }
 }
 

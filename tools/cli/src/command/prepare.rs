@@ -116,7 +116,9 @@ fn is_done(command: StateCommand, state: &OperatingStateMsg) -> bool {
         // FAULT stays, with the drives off.
         StateCommand::Disable => is_in(OperatingState::Disabled) || is_in(OperatingState::Fault),
         StateCommand::Home => is_homed(state),
-        StateCommand::Release | StateCommand::Hold | StateCommand::Move => return true,
+        StateCommand::Release | StateCommand::Hold | StateCommand::Move | StateCommand::Fixture => {
+            return true;
+        }
         StateCommand::Acknowledge => !is_in(OperatingState::Fault),
         StateCommand::Pause | StateCommand::Unhome | StateCommand::Condition => true,
     };

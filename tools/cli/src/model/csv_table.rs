@@ -55,6 +55,20 @@ pub struct CsvTable {
 }
 
 impl CsvTable {
+    /// Whether the first line names a column.
+    pub fn has_column(path: &Path, column: &str) -> Result<bool, CsvTableError> {
+        let cannot = |source| CsvTableError::Read {
+            path: path.to_owned(),
+            source,
+        };
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .from_path(path)
+            .map_err(cannot)?;
+        let header = reader.headers().map_err(cannot)?;
+        Ok(header.iter().any(|name| name == column))
+    }
+
     /// Reads the named columns. Where the first one is `t_s`, it has to rise.
     pub fn read(path: &Path, columns: &[String]) -> Result<Self, CsvTableError> {
         let cannot = |source| CsvTableError::Read {

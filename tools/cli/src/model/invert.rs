@@ -6,7 +6,7 @@ use std::sync::Arc;
 use i2ris::config::{
     AdaptationConfig, AxisConfig, CommandConfig, CompensationConfig, ConditioningConfig, Config,
     ControlConfig, IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig,
-    PlausibilityConfig, PortConfig, RecordConfig,
+    PlausibilityConfig, PortConfig, RecordConfig, VirtualFixtureConfig,
 };
 use i2ris::core::ServoGoal;
 use i2ris::core::rehearsal::{Rehearsal, RehearsalError, start_position, without_limits};
@@ -325,6 +325,7 @@ fn standard(model: &Model) -> Config {
         model_swap: ModelSwapConfig::default(),
         joint_limits: JointLimitConfig::default(),
         move_jp: MoveConfig::default(),
+        virtual_fixtures: VirtualFixtureConfig::default(),
         plausibility: PlausibilityConfig::default(),
         adaptation: AdaptationConfig::default(),
         record: RecordConfig::default(),

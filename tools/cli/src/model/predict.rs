@@ -13,7 +13,8 @@ use i2ris_terminal::Failure;
 #[command(after_help = "Example:
   i2ris model predict steel.json --counts path.csv --history before.csv --output angles.csv
 
-The files name their columns in the first line: t_s (not in the history), q0_counts, q1_counts.")]
+The files name their columns in the first line: q0_counts, q1_counts, and t_s where time is to be
+written beside the angles.")]
 pub struct Arguments {
     /// The model
     model: PathBuf,
@@ -23,7 +24,7 @@ pub struct Arguments {
     /// The path of the motors before that: it sets the memory
     #[arg(long, value_name = "COUNTS.csv")]
     history: Option<PathBuf>,
-    /// Where to write time, angles and counts
+    /// Where to write angles and counts, and the time where the path has one
     #[arg(long, short, value_name = "ANGLES.csv")]
     output: PathBuf,
 }
@@ -33,9 +34,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { counts, output, .. } = arguments;
     check_output(output, &[&arguments.model, counts])?;
     let model = Model::load(&arguments.model)?;
-    let columns: Vec<String> = std::iter::once("t_s".to_owned())
-        .chain(counts_columns(&model))
-        .collect();
+    let time = CsvTable::has_column(counts, "t_s")?.then(|| "t_s".to_owned());
+    let columns: Vec<String> = time.iter().cloned().chain(counts_columns(&model)).collect();
     let table = CsvTable::read(counts, &columns)?;
     let mut memory = model.new_memory();
     for counts in history(arguments.history.as_ref(), &model)? {
@@ -44,19 +44,23 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (si, mut unknown) = (si(&model), 0_usize);
     let mut rows = Vec::with_capacity(table.rows.len());
     for row in &table.rows {
-        let counts = motors(row.values.get(1..).unwrap_or_default());
+        let (before, counts) = row.values.split_at(time.iter().len());
+        let counts = motors(counts);
         model.advance(&mut memory, &counts);
         unknown += usize::from(!model.knows(&memory));
         let angles = model.predict(&counts, &memory).mean;
         let angles = angles.iter().take(model.outputs()).map(|angle| angle / si);
-        let time = row.values.iter().take(1).copied();
         rows.push(
-            time.chain(angles)
+            before
+                .iter()
+                .copied()
+                .chain(angles)
                 .chain(counts.into_iter().take(model.motors()))
                 .collect(),
         );
     }
-    let header: Vec<String> = std::iter::once("t_s".to_owned())
+    let header: Vec<String> = time
+        .into_iter()
         .chain(output_columns(&model))
         .chain(counts_columns(&model))
         .collect();

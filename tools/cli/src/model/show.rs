@@ -35,6 +35,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     header(&model);
     mechanics(&model);
+    examination(&model);
     family(&model);
     metrics(&model);
     training(&model);
@@ -103,6 +104,22 @@ fn mechanics(model: &Model) {
         );
     } else {
         println!("memory     none");
+    }
+}
+
+/// How the inverse does on the model itself, and why the model is marked, if it is.
+fn examination(model: &Model) {
+    let found = model.examine();
+    let gains = found.gains.map_or_else(String::new, |[least, most]| {
+        format!("; gain {least:.2} to {most:.2} times that of a straight line")
+    });
+    println!(
+        "inverse    misses {:.1} % of the motion, with {:.2} times the travel{gains}",
+        100.0 * found.error,
+        found.travel
+    );
+    if let Some(reason) = &model.file().worthless {
+        println!("worthless  {reason}");
     }
 }
 

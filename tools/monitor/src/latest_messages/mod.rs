@@ -7,7 +7,7 @@ mod text;
 
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ReasonMsg,
+    PeriodStatistics, ReasonMsg, VirtualFixturesMsg,
 };
 use i2ris::ipc::{Fault, Message, OperatingState};
 use i2ris::units::{MAX_MOTORS, Nanos};
@@ -37,6 +37,7 @@ pub struct LatestMessages {
     pub statistics: Option<PeriodStatistics>,
     pub health: Option<Health>,
     pub adaptation: Option<AdaptationMsg>,
+    pub fixtures: Option<VirtualFixturesMsg>,
     /// The last fault.
     pub error: Option<ReasonMsg>,
     /// The last refusal, stop or clip.

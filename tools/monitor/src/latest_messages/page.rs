@@ -7,7 +7,7 @@ use i2ris::ipc::payload::{
 use i2ris::ipc::{Message, Refusal};
 use i2ris::units::{MAX_MOTORS, Nanos};
 
-use crate::adaptation;
+use crate::{adaptation, fixtures};
 
 use super::text::{granted, health_text, microseconds, state_name};
 use super::{CAMERA_STALE, LatestMessages, STALE, STATISTICS_STALE, angles, count, is_valid};
@@ -27,6 +27,8 @@ impl LatestMessages {
         );
         let adaptation = self.adaptation.iter().flat_map(adaptation::lines);
         lines.extend(adaptation.map(|line| format!("adaptation {line}")));
+        let fixtures = self.fixtures.as_ref().and_then(fixtures::line);
+        lines.extend(fixtures.map(|line| format!("fixtures   {line}")));
         lines
     }
 
@@ -91,6 +93,7 @@ impl LatestMessages {
             flag(OperatingStateMsg::BUSY, "busy"),
             flag(OperatingStateMsg::HOLDING, "holding"),
             flag(OperatingStateMsg::CLIPPED, "clipped"),
+            flag(OperatingStateMsg::FIXTURE, "limited by a virtual fixture"),
             Some(if state.flags & OperatingStateMsg::MODEL != 0 {
                 "model loaded"
             } else {

@@ -50,6 +50,7 @@ fn view() -> LatestMessages {
         health: None,
         camera: None,
         adaptation: None,
+        fixtures: None,
         error: None,
         warning: None,
         actuators: Some(ActuatorState {

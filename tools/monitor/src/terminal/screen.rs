@@ -98,6 +98,7 @@ fn state_items(dashboard: &Dashboard, state: &OperatingStateMsg, now: Nanos) -> 
         (OperatingStateMsg::BUSY, Some("busy"), None),
         (OperatingStateMsg::HOLDING, Some("holding"), None),
         (OperatingStateMsg::CLIPPED, Some("CLIPPED TO HULL"), None),
+        (OperatingStateMsg::FIXTURE, Some("AT VIRTUAL FIXTURE"), None),
         (
             OperatingStateMsg::MEMORY_KNOWN,
             Some("memory known"),
@@ -120,7 +121,12 @@ fn state_items(dashboard: &Dashboard, state: &OperatingStateMsg, now: Nanos) -> 
         ),
     ] {
         let text = if has(flag) { on } else { off };
-        let warnings = ["NOT HOMED", "NO WATCHDOG", "CLIPPED TO HULL"];
+        let warnings = [
+            "NOT HOMED",
+            "NO WATCHDOG",
+            "CLIPPED TO HULL",
+            "AT VIRTUAL FIXTURE",
+        ];
         let style = if text.is_some_and(|text| warnings.contains(&text)) {
             warning()
         } else {

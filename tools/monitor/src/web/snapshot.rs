@@ -13,7 +13,6 @@ use i2ris::units::Nanos;
 use serde_json::{Value, json};
 
 use super::cursor::Since;
-use crate::adaptation;
 use crate::dashboard::Dashboard;
 use crate::event_log::Severity;
 use crate::history::{CameraFrame, Pair, Sample};
@@ -22,6 +21,7 @@ use crate::latest_messages::{
     state_name,
 };
 use crate::model_poller::LoadedModel;
+use crate::{adaptation, fixtures};
 
 /// Events in the answer.
 const EVENTS: usize = 30;
@@ -58,6 +58,7 @@ pub fn snapshot(
         "estimate": view.measured.as_ref().map(|joint| joint_state(joint, now)),
         "camera": view.camera.as_ref().map(|camera| seen(view, camera, now)),
         "motors": view.actuators.as_ref().map(|motors| actuators(view, motors, now)),
+        "fixtures": view.fixtures.as_ref().map(fixtures::as_json),
         "adaptation": view.adaptation.as_ref().map(adaptation::as_json),
         "health": view.health.as_ref().map(health_text),
         "loop": view.statistics.as_ref().map(|statistics| loop_statistics(statistics, now)),
@@ -120,6 +121,7 @@ fn operating(dashboard: &Dashboard, state: &OperatingStateMsg, now: Nanos) -> Va
         "busy": has(OperatingStateMsg::BUSY),
         "holding": has(OperatingStateMsg::HOLDING),
         "clipped": has(OperatingStateMsg::CLIPPED),
+        "at_fixture": has(OperatingStateMsg::FIXTURE),
         "model": has(OperatingStateMsg::MODEL),
         "memory_known": has(OperatingStateMsg::MEMORY_KNOWN),
         "watched": has(OperatingStateMsg::WATCHED),

@@ -1,7 +1,7 @@
 //! The domain on the client's computer.
 
 use i2ris::ipc::client::ExternalPublisher;
-use i2ris::ipc::payload::ExternalPosition;
+use i2ris::ipc::payload::{EventMsg, ExternalPosition};
 use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
@@ -66,6 +66,9 @@ impl Service {
         if let Some(statistics) = state.statistics {
             self.server.publish_period_statistics(statistics);
         }
+        if let Some(health) = state.health {
+            self.server.publish_health(health);
+        }
         if let Some(message) = state.operating {
             (self.lease, self.state) = (message.lease_client_id, message.state);
             self.server.publish_operating_state(message);
@@ -73,6 +76,11 @@ impl Service {
         if let Some(seen) = state.external {
             self.see(&seen);
         }
+    }
+
+    /// Shows clients a line of the log.
+    pub fn log(&mut self, event: EventMsg) {
+        self.server.publish_event(event);
     }
 
     /// What the camera there saw. That nobody listens here yet is no loss.

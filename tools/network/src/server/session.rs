@@ -1,103 +1,100 @@
-//! One client that has joined, or is about to.
+//! One client in one session.
 
 use std::collections::BTreeMap;
-use std::net::SocketAddr;
 
 use i2ris::ipc::payload::{ServoActuator, ServoJp};
 use i2ris::units::Nanos;
+use zenoh::query::Query;
+use zerocopy::FromBytes;
 
 use super::controller::Controller;
-use crate::key::Key;
-use crate::packet::{Kind, Packet, Shift};
-use crate::peer::{self, Peer};
+use crate::names::What;
+use crate::pace::Lag;
 use crate::request::{Answer, Outcome, Question};
-use zerocopy::FromBytes;
 
 /// Requests that are remembered, so that one that was repeated is not carried out twice. More than
 /// can be under way.
 const REMEMBERED: usize = 128;
 
-/// One client.
+/// One client in one session.
 #[derive(Debug)]
 pub(super) struct Session {
-    pub peer: Peer,
-    pub address: SocketAddr,
-    /// The number of the hello that it began with.
-    pub call: u64,
-    /// It has answered to its welcome, so it is there and not a recording.
-    pub confirmed: bool,
-    /// It has received everything that is known.
-    pub synchronized: bool,
-    /// Requests by their number; `None`: under way.
-    requests: BTreeMap<u64, Option<Answer>>,
+    pub id: String,
+    pub number: u64,
+    pub heard: Nanos,
+    /// Whether commands and requests pass.
+    pub commands: bool,
+    /// How late commands arrive.
+    pub lag: Lag,
+    requests: BTreeMap<u64, Request>,
+}
+
+#[derive(Debug)]
+enum Request {
+    /// With the newest query that asked it.
+    UnderWay(Query),
+    Answered(Answer),
 }
 
 impl Session {
-    pub fn new(key: &Key, session: u64, address: SocketAddr, call: u64, now: Nanos) -> Self {
-        let peer = Peer::new(key, session, now);
+    pub fn new(id: &str, number: u64, commands: bool, now: Nanos) -> Self {
         Self {
-            peer,
-            address,
-            call,
-            confirmed: false,
-            synchronized: false,
+            id: id.to_owned(),
+            number,
+            heard: now,
+            commands,
+            lag: Lag::default(),
             requests: BTreeMap::new(),
         }
     }
 
-    /// Does what a packet asks for. The answer is one that is known already.
-    pub fn receive(
-        &mut self,
-        packet: &Packet<'_>,
-        controller: &mut Controller,
-        commands: bool,
-        now: Nanos,
-    ) -> Option<Answer> {
-        // Without a moment of our clock nothing has an age.
-        let shift = peer::shift(packet, now)?;
-        match packet.header.kind {
-            Kind::ServoJp if commands => servo_jp(packet.body, &shift, controller),
-            Kind::ServoActuator if commands => servo_actuators(packet.body, &shift, controller),
-            Kind::Request => return self.request(packet.body, &shift, controller, commands, now),
-            _ => {}
+    /// Passes a command on. Its stamp is on the controller's clock already.
+    pub fn command(&mut self, what: What, bytes: &[u8], now: Nanos, controller: &mut Controller) {
+        if !self.commands {
+            return;
         }
-        None
-    }
-
-    /// Takes note of an answer, for the case that it is asked for again.
-    pub fn answered(&mut self, answer: Answer) {
-        self.requests.insert(answer.number, Some(answer));
-        while self.requests.len() > REMEMBERED {
-            self.requests.pop_first();
+        let lag = &mut self.lag;
+        let mut arrived = |stamp_ns| lag.note(now.since(Nanos(stamp_ns)));
+        match what {
+            What::ServoJp => {
+                if let Ok(command) = ServoJp::read_from_bytes(bytes) {
+                    arrived(command.stamp_ns);
+                    controller.servo_jp(command);
+                }
+            }
+            What::ServoActuators => {
+                if let Ok(command) = ServoActuator::read_from_bytes(bytes) {
+                    arrived(command.stamp_ns);
+                    controller.servo_actuators(command);
+                }
+            }
+            What::Alive | What::Request(_) => {}
         }
     }
 
-    fn request(
+    /// Takes a request, and answers at once if the answer is known.
+    pub fn request(
         &mut self,
-        body: &[u8],
-        shift: &Shift,
+        question: Question,
+        query: Query,
         controller: &mut Controller,
-        commands: bool,
         now: Nanos,
-    ) -> Option<Answer> {
-        let question = Question::read(body)?;
-        let question = Question {
-            asked: shift.here(question.asked),
-            ..question
-        };
+    ) {
         let number = question.number;
-        if let Some(known) = self.requests.get(&number) {
-            return known.clone();
+        match self.requests.get_mut(&number) {
+            Some(Request::Answered(answer)) => return reply(&query, &answer.write()),
+            Some(Request::UnderWay(asked)) => {
+                *asked = query;
+                return;
+            }
+            None => {}
         }
-        if self
-            .requests
-            .first_key_value()
-            .is_some_and(|(oldest, _)| number < *oldest)
-        {
+        let oldest = self.requests.first_key_value().map(|(oldest, _)| *oldest);
+        if oldest.is_some_and(|oldest| number < oldest) {
             // Answered and forgotten long ago.
-            return None;
+            return;
         }
-        let refusal = if !commands && !question.only_looks() {
+        let refusal = if !self.commands && !question.only_looks() {
             Some(Outcome::Watching)
         } else if question.is_late(now) {
             Some(Outcome::Late)
@@ -105,32 +102,30 @@ impl Session {
             None
         };
         if let Some(outcome) = refusal {
-            let answer = Answer::empty(number, outcome);
-            self.answered(answer.clone());
-            return Some(answer);
+            self.requests.insert(number, Request::UnderWay(query));
+            return self.answered(Answer::empty(number, outcome));
         }
         // Where too many wait already it is dropped; the client will ask again.
-        if controller.ask(self.peer.session(), question) {
-            self.requests.insert(number, None);
+        if controller.ask(self.number, question) {
+            self.requests.insert(number, Request::UnderWay(query));
         }
-        None
+    }
+
+    /// Sends an answer, and keeps it for the case that it is asked for again.
+    pub fn answered(&mut self, answer: Answer) {
+        let (number, bytes) = (answer.number, answer.write());
+        let former = self.requests.insert(number, Request::Answered(answer));
+        if let Some(Request::UnderWay(query)) = former {
+            reply(&query, &bytes);
+        }
+        while self.requests.len() > REMEMBERED {
+            self.requests.pop_first();
+        }
     }
 }
 
-fn servo_jp(body: &[u8], shift: &Shift, controller: &mut Controller) {
-    if let Ok(command) = ServoJp::read_from_bytes(body) {
-        controller.servo_jp(ServoJp {
-            stamp_ns: shift.here(command.stamp_ns),
-            ..command
-        });
-    }
-}
-
-fn servo_actuators(body: &[u8], shift: &Shift, controller: &mut Controller) {
-    if let Ok(command) = ServoActuator::read_from_bytes(body) {
-        controller.servo_actuators(ServoActuator {
-            stamp_ns: shift.here(command.stamp_ns),
-            ..command
-        });
-    }
+/// Answers a query by its own key expression. A client that is gone finds out by itself.
+pub(super) fn reply(query: &Query, bytes: &[u8]) {
+    use zenoh::Wait;
+    let _ = query.reply(query.key_expr(), bytes).wait();
 }

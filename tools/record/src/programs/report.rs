@@ -69,6 +69,19 @@ fn print(report: &TrialReport) {
     println!("{}: {:.1} s", summary.file, summary.length_s);
     print_tracking("goal against camera", summary.camera.as_ref());
     print_tracking("goal against estimate", summary.estimate.as_ref());
+    if let Some(score) = &summary.reaches {
+        let arrived = 100.0 * score.arrived;
+        let times = score
+            .arrived_s
+            .map(|[median, p95]| format!(", after {median:.2} s (median), {p95:.2} s (95 %)"));
+        println!(
+            "  {} reaches: {arrived:.0} % within 0.15 deg by the {}{}; overshoot {:.2} deg (95 %)",
+            score.reaches.len(),
+            score.by,
+            times.unwrap_or_default(),
+            score.overshoot_deg[1]
+        );
+    }
     for found in &summary.hysteresis {
         let width = found.width_deg.map(|width| format!("{width:.2} deg wide"));
         let width = width.unwrap_or_else(|| "width not known".to_owned());

@@ -6,6 +6,7 @@
 //! | `trial` | the data of a recording, read once |
 //! | `following` | when the robot followed commands |
 //! | `tracking` | tracking error by the model's estimate and by the camera |
+//! | `reaches` | point-to-point motion: time and overshoot |
 //! | `hysteresis` | counts against angle, width of the loop |
 //! | `latency` | from command to serial line, age of encoder positions |
 //! | `events` | events in words |
@@ -22,6 +23,7 @@ mod hysteresis;
 mod latency;
 mod page;
 mod percentiles;
+mod reaches;
 mod summary;
 mod tracking;
 mod trial;
@@ -33,6 +35,7 @@ use i2ris_plot::Page;
 pub use events::TrialEvent;
 pub use hysteresis::HysteresisLoop;
 pub use percentiles::Percentiles;
+pub use reaches::{Reach, ReachScore};
 pub use summary::{LoopTiming, StreamCount, TrialSummary};
 pub use tracking::TrackingError;
 

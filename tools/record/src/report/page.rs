@@ -14,6 +14,7 @@ use super::adaptation;
 use super::hysteresis::HysteresisLoop;
 use super::latency::logarithmic_bins;
 use super::percentiles::Percentiles;
+use super::reaches::ARRIVED_DEG;
 use super::summary::TrialSummary;
 use super::tracking::{TimedError, tracking_errors};
 use super::trial::Trial;
@@ -30,6 +31,9 @@ const ROW_HEIGHT: f64 = 190.0;
 /// The most events in the table. Further ones are only counted.
 const MOST_EVENTS: usize = 200;
 
+/// The most reaches in the table.
+const MOST_REACHES: usize = 100;
+
 /// Samples further apart than this are not connected, seconds.
 const LINE_GAP_S: f64 = 0.25;
 
@@ -43,6 +47,7 @@ pub fn page(trial: &Trial, summary: &TrialSummary) -> Page {
     }
     page.facts(facts(summary));
     write_tracking(&mut page, trial, summary);
+    write_reaches(&mut page, summary);
     write_hysteresis(&mut page, summary);
     adaptation::write(&mut page, trial);
     write_latencies(&mut page, trial, summary);
@@ -234,6 +239,46 @@ fn write_tracking_table(page: &mut Page, summary: &TrialSummary) {
             let cells = cells.chain(degrees.map(|value| fixed(value, 3)));
             table.row(TableRow::new(cells).strong(strong));
         }
+    }
+    page.table(&table);
+}
+
+fn write_reaches(page: &mut Page, summary: &TrialSummary) {
+    let Some(score) = &summary.reaches else {
+        return;
+    };
+    page.section("Reaches");
+    let arrived = (score.arrived * score.reaches.len() as f64).round();
+    let times = score
+        .arrived_s
+        .map(|[median, p95]| format!(" Time until then: median {median:.2} s, 95 % {p95:.2} s."));
+    page.paragraph(format!(
+        "{} point-to-point motions by the {}; in {arrived} of them the snake came within \
+         {ARRIVED_DEG} deg of the end and stayed.{} Overshoot: median {:.2} deg, 95 % {:.2} deg.",
+        score.reaches.len(),
+        score.by,
+        times.unwrap_or_default(),
+        score.overshoot_deg[0],
+        score.overshoot_deg[1]
+    ));
+    let header =
+        "at (s)/from (deg)/to (deg)/way of the goal (s)/arrived (s)/overshoot (deg)/detour";
+    let mut table = Table::new(
+        "Every reach; detour: way of the goal divided by the distance.",
+        header.split('/'),
+    );
+    for reach in score.reaches.iter().take(MOST_REACHES) {
+        let pose = |[pitch, yaw]: [f64; 2]| format!("{pitch:+.2} {yaw:+.2}");
+        let arrived = reach.arrived_s.map(|time| fixed(time, 2));
+        table.row(TableRow::new([
+            fixed(reach.t_s, 2),
+            pose(reach.from_deg),
+            pose(reach.to_deg),
+            fixed(reach.goal_s, 2),
+            arrived.unwrap_or_else(|| "no".to_owned()),
+            fixed(reach.overshoot_deg, 2),
+            fixed(reach.detour, 2),
+        ]));
     }
     page.table(&table);
 }

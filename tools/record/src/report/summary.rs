@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::events::TrialEvent;
 use super::hysteresis::{HysteresisLoop, hysteresis_loops};
 use super::percentiles::Percentiles;
+use super::reaches::{ReachScore, reach_score};
 use super::tracking::{TrackingError, tracking_errors, tracking_statistics};
 use super::trial::Trial;
 
@@ -63,6 +64,8 @@ pub struct TrialSummary {
     pub camera: Option<TrackingError>,
     /// Error by the model's estimate from the encoders.
     pub estimate: Option<TrackingError>,
+    /// Point-to-point motion.
+    pub reaches: Option<ReachScore>,
     /// Hysteresis loops.
     pub hysteresis: Vec<HysteresisLoop>,
     /// From the stamp of a command until its set-point was passed to the serial line, ms.
@@ -93,6 +96,7 @@ impl TrialSummary {
             streams: streams.collect(),
             camera: tracking_statistics(&tracking_errors(trial, &trial.camera)),
             estimate: tracking_statistics(&tracking_errors(trial, &trial.measured)),
+            reaches: reach_score(trial),
             hysteresis: hysteresis_loops(trial),
             command_to_line_ms: Percentiles::of_histogram_ms(&trial.latencies.to_line),
             reading_age_ms: Percentiles::of_histogram_ms(&trial.latencies.age),

@@ -77,16 +77,21 @@ impl<const D: usize> Play<D> {
 
     fn half_width(&self, input: f64) -> f64 {
         let [above, below] = self.growth;
-        (self.threshold + above * input.max(0.0) - below * input.min(0.0)).max(0.0)
+        let growth = if input > 0.0 {
+            above * input
+        } else {
+            -below * input
+        };
+        let half_width = self.threshold + growth;
+        if half_width > 0.0 { half_width } else { 0.0 }
     }
 
     fn follow(&self, output: f64, input: f64) -> f64 {
-        let half_width = self.half_width(input);
-        output.min(input + half_width).max(input - half_width)
+        self.follow_with_slope(output, input).0
     }
 
-    /// The output at an input, and its slope: 0 where the play does not move. The comparison uses
-    /// the same sums as [`Play::follow`].
+    /// The output at an input, and its slope: 0 where the play does not move.
+    #[inline]
     fn follow_with_slope(&self, output: f64, input: f64) -> (f64, f64) {
         let half_width = self.half_width(input);
         let growth = match input {
@@ -177,33 +182,41 @@ impl<const D: usize> PrandtlIshlinskii<D> {
         })
     }
 
-    /// A step from `counts` towards the goal that comes closer, and the error after it.
+    /// A step from a point towards the goal that comes closer, and the point after it.
     fn step(
         &self,
         state: &PrandtlIshlinskiiState,
         goal: &SVector<f64, D>,
-        counts: &SVector<f64, D>,
-    ) -> Option<(SVector<f64, D>, f64)> {
-        let here = self.local(state, counts);
-        let error = goal - here.mean;
-        let mut slope = here.jacobian;
+        here: &Point<D>,
+    ) -> Option<Point<D>> {
+        let error = goal - here.local.mean;
+        let mut slope = here.local.jacobian;
         // At the corner of a play the slope depends on the direction of the step: a step that does
         // not come closer is tried again with the slope that it finds.
         for _ in 0..4 {
             let step = solve(&slope, &error)?;
             let mut part = 1.0;
             for _ in 0..MAX_HALVINGS {
-                let next = vector::<D>(&bounded(&array(&(counts + step * part))));
-                let left = (goal - self.local(state, &next).mean).norm();
-                if left < error.norm() {
-                    return Some((next, left));
+                let counts = vector::<D>(&bounded(&array(&(here.counts + step * part))));
+                let next = Point {
+                    counts,
+                    local: self.local(state, &counts),
+                };
+                if (goal - next.local.mean).norm() < error.norm() {
+                    return Some(next);
                 }
                 part *= 0.5;
             }
-            slope = self.local(state, &(counts + step * part)).jacobian;
+            slope = self.local(state, &(here.counts + step * part)).jacobian;
         }
         None
     }
+}
+
+/// Counts, and the virtual counts there.
+struct Point<const D: usize> {
+    counts: SVector<f64, D>,
+    local: Local<D, D>,
 }
 
 /// The share of every motor in a direction; they sum to 1.
@@ -279,6 +292,19 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
         Local { mean, jacobian }
     }
 
+    fn virtual_counts(
+        &self,
+        state: &PrandtlIshlinskiiState,
+        counts: &SVector<f64, D>,
+    ) -> SVector<f64, D> {
+        let inputs = self.inputs(counts);
+        let mut mean = self.centre + self.direct.component_mul(&(counts - self.centre));
+        for (play, output, input) in self.each(state, &inputs) {
+            mean += play.weight * play.follow_with_slope(output, input).0;
+        }
+        mean
+    }
+
     /// Newton's method from the present position. The virtual counts are piecewise linear in the
     /// counts, so the search ends exactly in the piece that contains the goal.
     fn invert(
@@ -287,17 +313,21 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
         goal: &SVector<f64, D>,
         compensation: f64,
     ) -> SVector<f64, D> {
-        let mut counts = vector::<D>(&state.position);
+        let counts = vector::<D>(&state.position);
+        let mut here = Point {
+            counts,
+            local: self.local(state, &counts),
+        };
         for _ in 0..MAX_STEPS {
-            let Some((next, left)) = self.step(state, goal, &counts) else {
-                break;
-            };
-            counts = next;
-            if left < CONVERGED_COUNTS {
+            if (goal - here.local.mean).norm() < CONVERGED_COUNTS {
                 break;
             }
+            let Some(next) = self.step(state, goal, &here) else {
+                break;
+            };
+            here = next;
         }
-        goal + (counts - goal) * compensation
+        goal + (here.counts - goal) * compensation
     }
 
     fn lags(&self, state: &PrandtlIshlinskiiState) -> Lags {
@@ -349,9 +379,16 @@ impl<const D: usize> StoredOperator<D> for PrandtlIshlinskii<D> {
         State::PrandtlIshlinskii(state)
     }
 
-    fn unpack(state: &State) -> Option<PrandtlIshlinskiiState> {
+    fn unpack(state: &State) -> Option<&PrandtlIshlinskiiState> {
         match state {
-            State::PrandtlIshlinskii(state) => Some(*state),
+            State::PrandtlIshlinskii(state) => Some(state),
+            _ => None,
+        }
+    }
+
+    fn unpack_mut(state: &mut State) -> Option<&mut PrandtlIshlinskiiState> {
+        match state {
+            State::PrandtlIshlinskii(state) => Some(state),
             _ => None,
         }
     }

@@ -36,8 +36,6 @@ pub(in crate::model) struct Equilibrium<const D: usize> {
     pub bends: Bends<D>,
     /// Force of the wires, per motor.
     pub force: SVector<f64, D>,
-    /// Derivative of the total bend with respect to the wire travel of the motors.
-    pub bend_per_travel: SMatrix<f64, D, D>,
 }
 
 /// Force of the wires at a bend.
@@ -56,10 +54,47 @@ impl<const D: usize> Stops<D> {
     pub(in crate::model) fn find_equilibrium(
         &self,
         pairs: &[Wire; D],
-        reactions: Option<&Reactions<D>>,
+        reactions: Option<&Reactions<'_, D>>,
         travel: &SVector<f64, D>,
         start: &Bends<D>,
     ) -> Equilibrium<D> {
+        let (point, wires) = self.balance(pairs, reactions, travel, start);
+        Equilibrium {
+            bends: point.bends,
+            force: wires.force,
+        }
+    }
+
+    /// As [`Stops::find_equilibrium`]; the total bend, and its derivative with respect to the wire
+    /// travel of the motors.
+    pub(in crate::model) fn bend_and_slope(
+        &self,
+        pairs: &[Wire; D],
+        reactions: &Reactions<'_, D>,
+        travel: &SVector<f64, D>,
+        start: &Bends<D>,
+    ) -> (SVector<f64, D>, SMatrix<f64, D, D>) {
+        let (point, wires) = self.balance(pairs, Some(reactions), travel, start);
+        let slope = self
+            .compliances(&point)
+            .map_or_else(SMatrix::zeros, |(_, compliance)| {
+                let wire_yield =
+                    (SMatrix::identity() + compliance * wires.along_axes.slope).try_inverse();
+                wire_yield.unwrap_or_else(SMatrix::zeros)
+                    * compliance
+                    * self.axes
+                    * SMatrix::from_diagonal(&wires.slope)
+            });
+        (point.bends.iter().sum(), slope)
+    }
+
+    fn balance(
+        &self,
+        pairs: &[Wire; D],
+        reactions: Option<&Reactions<'_, D>>,
+        travel: &SVector<f64, D>,
+        start: &Bends<D>,
+    ) -> (OperatingPoint<D>, Wires<D>) {
         let tolerance = BALANCE_TOLERANCE * (1.0 + travel.amax());
         let mut current = self.operating_point(reactions, *start);
         let mut wires = self.wires(pairs, travel, &current);
@@ -80,21 +115,7 @@ impl<const D: usize> Stops<D> {
             };
             (current, wires) = (next, next_wires);
         }
-        let bend_per_travel = self
-            .compliance(&current)
-            .map_or_else(SMatrix::zeros, |compliance| {
-                let wire_yield =
-                    (SMatrix::identity() + compliance * wires.along_axes.slope).try_inverse();
-                wire_yield.unwrap_or_else(SMatrix::zeros)
-                    * compliance
-                    * self.axes
-                    * SMatrix::from_diagonal(&wires.slope)
-            });
-        Equilibrium {
-            bends: current.bends,
-            force: wires.force,
-            bend_per_travel,
-        }
+        (current, wires)
     }
 
     /// The force along the axes that holds a total bend against springs and stops; without
@@ -102,7 +123,7 @@ impl<const D: usize> Stops<D> {
     /// segments, each takes the bend that the common force gives it.
     pub(in crate::model) fn holding_force(
         &self,
-        reactions: Option<&Reactions<D>>,
+        reactions: Option<&Reactions<'_, D>>,
         bend: &SVector<f64, D>,
     ) -> SVector<f64, D> {
         let mut bends = reactions.map_or([SVector::zeros(); MAX_SEGMENTS], |reactions| {
@@ -140,7 +161,7 @@ impl<const D: usize> Stops<D> {
 
     fn operating_point(
         &self,
-        reactions: Option<&Reactions<D>>,
+        reactions: Option<&Reactions<'_, D>>,
         bends: Bends<D>,
     ) -> OperatingPoint<D> {
         let mut forces = [WireForce::default(); MAX_SEGMENTS];
@@ -207,23 +228,35 @@ impl<const D: usize> Stops<D> {
         self.residual_norm(point, &self.mean_force(point))
     }
 
-    /// Total bend per force.
-    fn compliance(&self, point: &OperatingPoint<D>) -> Option<SMatrix<f64, D, D>> {
-        self.forces(point)
-            .map(|segment_force| segment_force.slope.try_inverse())
-            .sum()
+    /// Bend per force of every segment, and of all. Unused entries are 0.
+    fn compliances(
+        &self,
+        point: &OperatingPoint<D>,
+    ) -> Option<([SMatrix<f64, D, D>; MAX_SEGMENTS], SMatrix<f64, D, D>)> {
+        let mut each = [SMatrix::zeros(); MAX_SEGMENTS];
+        let mut total = SMatrix::zeros();
+        for (compliance, segment_force) in each.iter_mut().zip(self.forces(point)) {
+            *compliance = segment_force.slope.try_inverse()?;
+            total += *compliance;
+        }
+        Some((each, total))
     }
 
     /// The Newton step of all segments towards a balance with the wires.
     fn balance_step(&self, point: &OperatingPoint<D>, wires: &WireForce<D>) -> Option<Bends<D>> {
-        let coupling =
-            (SMatrix::identity() + self.compliance(point)? * wires.slope).try_inverse()?;
-        let uncoupled =
-            self.per_segment(point, |segment_force| wires.force - segment_force.force)?;
-        let total_change = coupling * uncoupled.iter().sum::<SVector<f64, D>>();
-        self.per_segment(point, |segment_force| {
-            wires.force - segment_force.force - wires.slope * total_change
-        })
+        let (each, total) = self.compliances(point)?;
+        let coupling = (SMatrix::identity() + total * wires.slope).try_inverse()?;
+        let mut bends = [SVector::zeros(); MAX_SEGMENTS];
+        let entries = bends.iter_mut().zip(&each).zip(self.forces(point));
+        for ((bend, compliance), segment_force) in entries {
+            *bend = compliance * (wires.force - segment_force.force);
+        }
+        let total_change = coupling * bends.iter().sum::<SVector<f64, D>>();
+        let common = wires.slope * total_change;
+        for (bend, compliance) in bends.iter_mut().zip(&each) {
+            *bend -= compliance * common;
+        }
+        Some(bends)
     }
 
     /// The Newton step of all segments towards a common force. After it the bends sum to the total
@@ -233,22 +266,17 @@ impl<const D: usize> Stops<D> {
         point: &OperatingPoint<D>,
         bend: &SVector<f64, D>,
     ) -> Option<Bends<D>> {
+        let (each, total) = self.compliances(point)?;
         let bend_error = bend - point.bends.iter().sum::<SVector<f64, D>>();
-        let uncoupled = self.per_segment(point, |segment_force| segment_force.force)?;
-        let force = self.compliance(point)?.try_inverse()?
-            * (bend_error + uncoupled.iter().sum::<SVector<f64, D>>());
-        self.per_segment(point, |segment_force| force - segment_force.force)
-    }
-
-    /// The linear change of every bend under a force on each segment.
-    fn per_segment(
-        &self,
-        point: &OperatingPoint<D>,
-        force: impl Fn(&WireForce<D>) -> SVector<f64, D>,
-    ) -> Option<Bends<D>> {
         let mut bends = [SVector::zeros(); MAX_SEGMENTS];
-        for (bend, segment_force) in bends.iter_mut().zip(self.forces(point)) {
-            *bend = segment_force.slope.try_inverse()? * force(segment_force);
+        let entries = bends.iter_mut().zip(&each).zip(self.forces(point));
+        for ((bend, compliance), segment_force) in entries {
+            *bend = compliance * segment_force.force;
+        }
+        let uncoupled = bends.iter().sum::<SVector<f64, D>>();
+        let force = total.try_inverse()? * (bend_error + uncoupled);
+        for (bend, compliance) in bends.iter_mut().zip(&each) {
+            *bend = compliance * force - *bend;
         }
         Some(bends)
     }
@@ -256,7 +284,7 @@ impl<const D: usize> Stops<D> {
     /// Shortens a step until `accept` returns a value. Returns the accepted point and that value.
     fn shorten_step<T>(
         &self,
-        reactions: Option<&Reactions<D>>,
+        reactions: Option<&Reactions<'_, D>>,
         from: &OperatingPoint<D>,
         step: &Bends<D>,
         evaluations: &mut u32,

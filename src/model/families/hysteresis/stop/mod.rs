@@ -206,7 +206,7 @@ impl<const D: usize> Stops<D> {
         std::array::from_fn(|i| self.motors[i].scaled_wire(scale[i]))
     }
 
-    fn virtual_counts(&self, bend: &SVector<f64, D>) -> SVector<f64, D> {
+    fn virtual_counts_of(&self, bend: &SVector<f64, D>) -> SVector<f64, D> {
         self.neutral() + self.to_counts * bend
     }
 
@@ -283,7 +283,8 @@ impl<const D: usize> Operator<D> for Stops<D> {
             .clamp(1.0, f64::from(MAX_STEPS)) as u32;
         for step in 1..=steps {
             let position = from + motion * (f64::from(step) / f64::from(steps));
-            let reactions = self.reactions(state);
+            let before = *state;
+            let reactions = self.reactions(&before);
             let equilibrium = self.find_equilibrium(
                 &pairs,
                 Some(&reactions),
@@ -299,19 +300,22 @@ impl<const D: usize> Operator<D> for Stops<D> {
     /// motion of a tick, and approximate for a long motion.
     fn local(&self, state: &StopState, counts: &SVector<f64, D>) -> Local<D, D> {
         let reactions = self.reactions(state);
-        let equilibrium = self.find_equilibrium(
-            &self.pairs(state),
-            Some(&reactions),
-            &self.travel(counts),
-            &Self::bends(&reactions),
-        );
+        let (pairs, travel) = (self.pairs(state), self.travel(counts));
+        let start = Self::bends(&reactions);
+        let (bend, slope) = self.bend_and_slope(&pairs, &reactions, &travel, &start);
         let travels = SVector::<f64, D>::from_fn(|i, _| self.motors[i].travel);
-        let jacobian =
-            self.to_counts * equilibrium.bend_per_travel * SMatrix::from_diagonal(&travels);
         Local {
-            mean: self.virtual_counts(&equilibrium.bends.iter().sum()),
-            jacobian,
+            mean: self.virtual_counts_of(&bend),
+            jacobian: self.to_counts * slope * SMatrix::from_diagonal(&travels),
         }
+    }
+
+    fn virtual_counts(&self, state: &StopState, counts: &SVector<f64, D>) -> SVector<f64, D> {
+        let reactions = self.reactions(state);
+        let start = Self::bends(&reactions);
+        let (pairs, travel) = (self.pairs(state), self.travel(counts));
+        let equilibrium = self.find_equilibrium(&pairs, Some(&reactions), &travel, &start);
+        self.virtual_counts_of(&equilibrium.bends.iter().sum())
     }
 
     fn invert(
@@ -383,9 +387,16 @@ impl<const D: usize> StoredOperator<D> for Stops<D> {
         State::Stops(state)
     }
 
-    fn unpack(state: &State) -> Option<StopState> {
+    fn unpack(state: &State) -> Option<&StopState> {
         match state {
-            State::Stops(state) => Some(*state),
+            State::Stops(state) => Some(state),
+            _ => None,
+        }
+    }
+
+    fn unpack_mut(state: &mut State) -> Option<&mut StopState> {
+        match state {
+            State::Stops(state) => Some(state),
             _ => None,
         }
     }

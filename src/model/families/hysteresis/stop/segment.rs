@@ -2,8 +2,10 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::parameters::{MAX_SEGMENTS, MAX_STOPS, StopAxis, StopSegment};
+use super::parameters::{MAX_SEGMENTS, StopAxis, StopSegment};
+use super::state::SegmentState;
 use super::wire::contact;
+use crate::model::maths::regression::vector;
 
 /// Stiffness beyond the limit of the joints, and the range around the limit, as a part of it, over
 /// which the stiffness sets in.
@@ -39,19 +41,18 @@ pub(in crate::model) struct Element {
 }
 
 /// The reaction of a segment: the part of its state that a balance keeps constant. It contains the
-/// bend and the stops before the step, and the reach of the stops.
+/// bend and the stops before the step, and the reach of the stops as a factor on
+/// [`Element::reach`].
 #[derive(Debug, Clone, Copy)]
-pub(in crate::model) struct Reaction<const D: usize> {
+pub(in crate::model) struct Reaction<'a, const D: usize> {
     pub bend: SVector<f64, D>,
-    /// Own stops: one row of motors per stop.
-    pub own: [SVector<f64, D>; MAX_STOPS],
-    pub shared: [SVector<f64, D>; MAX_STOPS],
-    pub own_reach: [SVector<f64, D>; MAX_STOPS],
-    pub shared_reach: [f64; MAX_STOPS],
+    pub state: &'a SegmentState,
+    pub own_reach: SVector<f64, D>,
+    pub shared_reach: f64,
 }
 
 /// The reactions of all segments.
-pub(in crate::model) type Reactions<const D: usize> = [Reaction<D>; MAX_SEGMENTS];
+pub(in crate::model) type Reactions<'a, const D: usize> = [Reaction<'a, D>; MAX_SEGMENTS];
 
 /// A force along the axes of the bend and its slope: of the wires, or of a segment against the
 /// wires.
@@ -84,7 +85,7 @@ impl<const D: usize> Segment<D> {
         &self,
         elements: &[Element],
         axes: &SMatrix<f64, D, D>,
-        reaction: Option<&Reaction<D>>,
+        reaction: Option<&Reaction<'_, D>>,
         bend: &SVector<f64, D>,
     ) -> WireForce<D> {
         let mut total = self.elastic(bend);
@@ -95,18 +96,19 @@ impl<const D: usize> Segment<D> {
         let along = axes.tr_mul(&moved);
         let mut own = SVector::<f64, D>::zeros();
         let mut own_slope = SVector::<f64, D>::zeros();
-        for (k, stop) in elements.iter().enumerate() {
-            let (Some(at), Some(reach)) = (reaction.own.get(k), reaction.own_reach.get(k)) else {
-                break;
-            };
+        let stops = reaction.state.own.iter().zip(&reaction.state.shared);
+        for (stop, (at_own, at_shared)) in elements.iter().zip(stops) {
             for i in 0..D {
-                let free = at[i] + along[i];
-                own[i] += stop.own * free.clamp(-reach[i], reach[i]);
-                own_slope[i] += if free.abs() < reach[i] { stop.own } else { 0.0 };
+                let free = at_own[i] + along[i];
+                let reach = stop.reach * reaction.own_reach[i];
+                // Not `clamp`, which checks the order of its limits.
+                own[i] += stop.own * free.min(reach).max(-reach);
+                own_slope[i] += if free.abs() < reach { stop.own } else { 0.0 };
             }
-            if let (Some(at), Some(reach)) = (reaction.shared.get(k), reaction.shared_reach.get(k))
-            {
-                add_shared_stop(stop.shared, &(at + moved), *reach, &mut total);
+            if stop.shared > 0.0 {
+                let free = vector::<D>(at_shared) + moved;
+                let reach = stop.reach * reaction.shared_reach;
+                add_shared_stop(stop.shared, &free, reach, &mut total);
             }
         }
         total.force += axes * own;
@@ -173,19 +175,21 @@ impl Spring {
     }
 }
 
-impl<const D: usize> Reaction<D> {
+impl<const D: usize> Reaction<'_, D> {
     /// Own stops and shared stop of one element after a movement of the bend.
     pub fn advanced(
         &self,
         stop: usize,
+        element: &Element,
         along: &SVector<f64, D>,
         moved: &SVector<f64, D>,
     ) -> Option<(SVector<f64, D>, SVector<f64, D>)> {
-        let reach = self.own_reach.get(stop)?;
-        let own = (self.own.get(stop)? + along).zip_map(reach, |x, reach| x.clamp(-reach, reach));
-        let free = self.shared.get(stop)? + moved;
+        let own_reach = self.own_reach * element.reach;
+        let own = (vector::<D>(self.state.own.get(stop)?) + along)
+            .zip_map(&own_reach, |x, reach| x.min(reach).max(-reach));
+        let free = vector::<D>(self.state.shared.get(stop)?) + moved;
         let length = free.norm();
-        let reach = *self.shared_reach.get(stop)?;
+        let reach = self.shared_reach * element.reach;
         Some((
             own,
             if length > reach {

@@ -62,44 +62,22 @@ impl StopState {
 
 impl<const D: usize> Stops<D> {
     /// The reactions for the next step. The reach of the stops follows the forces of the last step.
-    pub(in crate::model) fn reactions(&self, state: &StopState) -> Reactions<D> {
+    pub(in crate::model) fn reactions<'a>(&self, state: &'a StopState) -> Reactions<'a, D> {
         let load = self.load(&vector(&state.force), &state.bend());
-        let mut friction = [0.0; MAX_SEGMENTS];
-        for (friction, segment) in friction.iter_mut().zip(&self.segments) {
-            *friction = segment.friction;
-        }
         let scale = vector::<D>(&state.gap_scale);
-        std::array::from_fn(|s| {
-            self.segment_reaction(&state.segments[s], &load, friction[s], &scale)
-        })
-    }
-
-    fn segment_reaction(
-        &self,
-        state: &SegmentState,
-        load: &SVector<f64, D>,
-        friction: f64,
-        scale: &SVector<f64, D>,
-    ) -> Reaction<D> {
-        let mut reaction = Reaction {
+        let own_reach = load.zip_map(&scale, |load, scale| scale * (self.base_friction + load));
+        let shared_reach = scale.mean() * (self.base_friction + load.norm());
+        let mut reactions = state.segments.each_ref().map(|state| Reaction {
             bend: vector(&state.bend),
-            own: state.own.map(|own| vector(&own)),
-            shared: state.shared.map(|shared| vector(&shared)),
-            own_reach: [SVector::zeros(); MAX_STOPS],
-            shared_reach: [0.0; MAX_STOPS],
-        };
-        let reaches = reaction
-            .own_reach
-            .iter_mut()
-            .zip(&mut reaction.shared_reach);
-        for ((own, shared), element) in reaches.zip(&self.elements) {
-            let reach = friction * element.reach;
-            *own = load.zip_map(scale, |load, scale| {
-                scale * (reach * (self.base_friction + load))
-            });
-            *shared = scale.mean() * (reach * (self.base_friction + load.norm()));
+            state,
+            own_reach,
+            shared_reach,
+        });
+        for (reaction, segment) in reactions.iter_mut().zip(&self.segments) {
+            reaction.own_reach *= segment.friction;
+            reaction.shared_reach *= segment.friction;
         }
-        reaction
+        reactions
     }
 
     /// Load-dependent friction per motor, a force.
@@ -114,7 +92,7 @@ impl<const D: usize> Stops<D> {
     }
 
     /// The bends before a step. They start the search for the bends after it.
-    pub(in crate::model) fn bends(reactions: &Reactions<D>) -> Bends<D> {
+    pub(in crate::model) fn bends(reactions: &Reactions<'_, D>) -> Bends<D> {
         reactions.each_ref().map(|reaction| reaction.bend)
     }
 
@@ -122,7 +100,7 @@ impl<const D: usize> Stops<D> {
     pub(in crate::model) fn store(
         &self,
         state: &mut StopState,
-        reactions: &Reactions<D>,
+        reactions: &Reactions<'_, D>,
         equilibrium: &Equilibrium<D>,
     ) {
         let segments = state
@@ -134,8 +112,9 @@ impl<const D: usize> Stops<D> {
             let movement = bend - reaction.bend;
             let along = self.axes.tr_mul(&movement);
             let stops = segment.own.iter_mut().zip(&mut segment.shared);
-            for (k, (own, shared)) in stops.take(self.elements.len()).enumerate() {
-                if let Some((next_own, next_shared)) = reaction.advanced(k, &along, &movement) {
+            for (k, ((own, shared), element)) in stops.zip(&self.elements).enumerate() {
+                let advanced = reaction.advanced(k, element, &along, &movement);
+                if let Some((next_own, next_shared)) = advanced {
                     (*own, *shared) = (array(&next_own), array(&next_shared));
                 }
             }
@@ -149,18 +128,15 @@ impl<const D: usize> Stops<D> {
     pub(in crate::model) fn all_lags(&self, state: &StopState) -> Lags {
         let mut lags = Lags::default();
         for reaction in self.reactions(state).iter().take(self.segments.len()) {
-            let stops = reaction
-                .own
-                .iter()
-                .zip(&reaction.shared)
-                .zip(reaction.own_reach.iter().zip(reaction.shared_reach));
-            for ((own, shared), (own_reach, shared_reach)) in stops.take(self.elements.len()) {
-                for (own, reach) in own.iter().zip(own_reach.iter()) {
-                    lags.push(own / reach.max(LEAST_REACH));
+            let stops = reaction.state.own.iter().zip(&reaction.state.shared);
+            for (element, (own, shared)) in self.elements.iter().zip(stops) {
+                for (own, reach) in own.iter().zip(reaction.own_reach.iter()) {
+                    lags.push(own / (reach * element.reach).max(LEAST_REACH));
                 }
                 if D > 1 {
-                    for shared in shared.iter() {
-                        lags.push(shared / shared_reach.max(LEAST_REACH));
+                    let reach = (reaction.shared_reach * element.reach).max(LEAST_REACH);
+                    for shared in shared.iter().take(D) {
+                        lags.push(shared / reach);
                     }
                 }
             }

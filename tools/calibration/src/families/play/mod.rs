@@ -16,14 +16,12 @@
 //! | `states` | the states of the plays at every sample |
 //! | `weights` | variable projection |
 //! | `alternation` | weights behind a mixture |
-//! | [`play_mechanism`] | properties of the mechanism that the plays show |
 //! | [`linear_baseline`] | plays with a linear read-out, to compare with |
 //! | [`play_fit`] | all of it in order |
 
 mod alternation;
 pub mod linear_baseline;
 pub mod play_fit;
-pub mod play_mechanism;
 mod states;
 #[cfg(test)]
 mod tests;

@@ -1,19 +1,18 @@
 //! The whole fit of play operators.
 
-use i2ris::model::ModelError;
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 
-use super::super::chain::{ChainError, ChainFit, ChainOptions, fit_chain};
+use super::super::chain::{ChainFit, ChainOptions, fit_chain};
 use super::super::operator_trace::{UnknownMemory, trace_plays};
 use super::alternation::alternate;
-use super::play_mechanism::PlayMechanism;
 use super::states::PlayStates;
 use super::threshold_search::search;
 use super::thresholds::ThresholdRange;
+use crate::families::play_error::PlayError;
+use crate::families::play_mechanism::PlayMechanism;
 use crate::progress::Progress;
 use crate::recording::MIN_ROWS;
-use crate::regression::linear::LinearError;
 use crate::series::Series;
 use crate::table::DataTable;
 
@@ -61,35 +60,6 @@ impl PlayFit {
             virtual_hull: self.chain.virtual_hull.clone(),
         }
     }
-}
-
-/// Why no plays could be fitted.
-#[derive(Debug, thiserror::Error)]
-pub enum PlayError {
-    /// Not enough samples given, and the number needed.
-    #[error("{0} sample(s) do not determine play operators, {1} might; record more")]
-    TooFewSamples(usize, usize),
-    /// A motor, counted from 0, that hardly moves.
-    #[error(
-        "motor {0} hardly moves in the rows used for training; record motion of it, or hold out \
-         other rows"
-    )]
-    Still(usize),
-    /// Outputs that cannot be regressed on the counts.
-    #[error(
-        "the outputs cannot be regressed on the plays: numbers are too large, or there are too \
-         few samples"
-    )]
-    Degenerate,
-    /// The operator is refused.
-    #[error(transparent)]
-    Refused(#[from] ModelError),
-    /// Virtual counts that move as one.
-    #[error(transparent)]
-    Linear(#[from] LinearError),
-    /// Nothing could be fitted behind the operator.
-    #[error(transparent)]
-    Chain(#[from] ChainError),
 }
 
 /// Fits plays and the chain behind them; the seed of `options` is that of everything. The same

@@ -11,8 +11,8 @@ use super::structures::{STRUCTURES, Structure, ranges, residual_plays};
 use super::weight_search::{Columns, DIRECT_WEIGHT, Weights, fit_weights};
 use crate::families::chain::{ChainFit, ChainOptions, fit_chain};
 use crate::families::operator_trace::{UnknownMemory, trace_prandtl_ishlinskii};
-use crate::families::play::play_fit::PlayError;
-use crate::families::play::play_mechanism::PlayMechanism;
+use crate::families::play_error::PlayError;
+use crate::families::play_mechanism::PlayMechanism;
 use crate::progress::Progress;
 use crate::recording::MIN_ROWS;
 use crate::series::Series;
@@ -126,39 +126,23 @@ pub fn fit_operator(
     if let Some(still) = ranges.iter().position(|[_, half]| *half < 1.0) {
         return Err(PlayError::Still(still));
     }
-    let outputs = DMatrix::from_fn(samples.len(), series.outputs(), |row, output| {
-        samples[row].outputs[output]
-    });
-    let suitable = STRUCTURES
-        .iter()
-        .filter(|structure| structure.is_for(series.motors()))
-        .filter(|structure| shape == ShapeKind::Plane || structure.is_of_axes());
-    let mut best: Option<Candidate> = None;
-    for structure in suitable {
-        let Some(candidate) = candidate(structure, series, shape, &ranges, &outputs) else {
-            continue;
-        };
-        let error = |of: &Candidate| of.found.left_out_error.sqrt();
-        let better = best
-            .as_ref()
-            .is_none_or(|best| error(&candidate) < error(best) * (1.0 - LEAST_GAIN));
-        if better {
-            best = Some(candidate);
-        }
-    }
-    let best = best.ok_or(PlayError::Degenerate)?;
-    let operator = operator(&best, shape, &ranges, &outputs)?;
-    let mechanism = mechanism(&operator, &best, &outputs)?;
+    let fitter = OperatorFitter {
+        series,
+        shape,
+        outputs: DMatrix::from_fn(samples.len(), series.outputs(), |row, output| {
+            samples[row].outputs[output]
+        }),
+        ranges,
+        progress,
+    };
+    let best = fitter.best_candidate().ok_or(PlayError::Degenerate)?;
+    let operator = fitter.operator(&best)?;
+    let mechanism = fitter.mechanism(&operator, &best)?;
     let mut options = options.clone();
     if shape == ShapeKind::Separable {
         (options.components, options.residual) = (Some(1), false);
     }
-    let plain = ChainOptions {
-        residual: false,
-        ..options.clone()
-    };
-    let first = chain(&operator, series, shape, &plain, progress)?;
-    let (operator, chain) = with_residual(operator, first, series, &ranges, &options, progress)?;
+    let (operator, chain) = fitter.with_chain(operator, &options)?;
     Ok(OperatorFit {
         operator,
         chain,
@@ -169,31 +153,172 @@ pub fn fit_operator(
     })
 }
 
-fn candidate(
-    structure: &'static Structure,
-    series: &Series,
+/// What all steps of a fit use.
+struct OperatorFitter<'a> {
+    series: &'a Series,
     shape: ShapeKind,
-    ranges: &[[f64; 2]],
-    outputs: &DMatrix<f64>,
-) -> Option<Candidate> {
-    let centre: Vec<f64> = ranges.iter().map(|[middle, _]| *middle).collect();
-    let half_ranges: Vec<f64> = ranges.iter().map(|[_, half]| *half).collect();
-    let mut plays = structure.plays(&half_ranges);
-    let mut signals = play_columns(series, &centre, &plays);
-    // A play that hardly moves cannot be told from a constant.
-    let moves: Vec<usize> = (0..plays.len())
-        .filter(|play| signals.column(*play).variance().sqrt() > LEAST_SHARE * half_ranges[0])
-        .collect();
-    plays = moves.iter().map(|play| plays[*play].clone()).collect();
-    signals = signals.select_columns(&moves);
-    let columns = columns(count_columns(series, &centre), &signals, &plays);
-    let found = fit_weights(&columns, outputs, shape)?;
-    Some(Candidate {
-        structure,
-        plays,
-        columns,
-        found,
-    })
+    /// Middle and half of the range of every motor.
+    ranges: Vec<[f64; 2]>,
+    outputs: DMatrix<f64>,
+    progress: &'a dyn Progress,
+}
+
+impl OperatorFitter<'_> {
+    /// The simplest structure that does about as well as the best.
+    fn best_candidate(&self) -> Option<Candidate> {
+        let suitable = STRUCTURES
+            .iter()
+            .filter(|structure| structure.is_for(self.series.motors()))
+            .filter(|structure| self.shape == ShapeKind::Plane || structure.is_of_axes());
+        let error = |of: &Candidate| of.found.left_out_error.sqrt();
+        let mut best: Option<Candidate> = None;
+        for candidate in suitable.filter_map(|structure| self.candidate(structure)) {
+            let better = best
+                .as_ref()
+                .is_none_or(|best| error(&candidate) < error(best) * (1.0 - LEAST_GAIN));
+            if better {
+                best = Some(candidate);
+            }
+        }
+        best
+    }
+
+    fn half_ranges(&self) -> Vec<f64> {
+        self.ranges.iter().map(|[_, half]| *half).collect()
+    }
+
+    fn candidate(&self, structure: &'static Structure) -> Option<Candidate> {
+        let series = self.series;
+        let centre: Vec<f64> = self.ranges.iter().map(|[middle, _]| *middle).collect();
+        let half_ranges = self.half_ranges();
+        let mut plays = structure.plays(&half_ranges);
+        let mut signals = play_columns(series, &centre, &plays);
+        // A play that hardly moves cannot be told from a constant.
+        let moves: Vec<usize> = (0..plays.len())
+            .filter(|play| signals.column(*play).variance().sqrt() > LEAST_SHARE * half_ranges[0])
+            .collect();
+        plays = moves.iter().map(|play| plays[*play].clone()).collect();
+        signals = signals.select_columns(&moves);
+        let columns = columns(count_columns(series, &centre), &signals, &plays);
+        let found = fit_weights(&columns, &self.outputs, self.shape)?;
+        Some(Candidate {
+            structure,
+            plays,
+            columns,
+            found,
+        })
+    }
+
+    /// The plays that matter, with weights fitted to them alone.
+    fn operator(&self, best: &Candidate) -> Result<PrandtlIshlinskiiParameters, PlayError> {
+        let motors = self.ranges.len();
+        let share = |weights: &DVector<f64>, columns: &Columns, column: usize| {
+            let effect = columns.effects.row(column).norm();
+            weights[column] * effect * columns.signals.column(column).variance().sqrt()
+        };
+        let weights = &best.found.weights;
+        let total: f64 = (0..weights.len())
+            .map(|column| share(weights, &best.columns, column))
+            .sum();
+        let mut kept: Vec<usize> = (motors..weights.len())
+            .filter(|column| share(weights, &best.columns, *column) > LEAST_SHARE * total)
+            .collect();
+        kept.sort_by(|a, b| {
+            share(weights, &best.columns, *b).total_cmp(&share(weights, &best.columns, *a))
+        });
+        kept.truncate(MAX_PLAYS);
+        kept.sort_unstable();
+        let mut plays: Vec<PlayParameters> = kept
+            .iter()
+            .map(|column| best.plays[column - motors].clone())
+            .collect();
+        let signals = best.columns.signals.select_columns(&kept);
+        let columns = columns(best.columns.counts.clone(), &signals, &plays);
+        let found =
+            fit_weights(&columns, &self.outputs, self.shape).ok_or(PlayError::Degenerate)?;
+        for (play, weight) in plays.iter_mut().zip(found.weights.iter().skip(motors)) {
+            for part in &mut play.weight {
+                *part *= weight;
+            }
+        }
+        plays.retain(|play| play.weight.iter().any(|weight| *weight != 0.0));
+        Ok(PrandtlIshlinskiiParameters {
+            centre_counts: self.ranges.iter().map(|[middle, _]| *middle).collect(),
+            direct_weights: (0..motors)
+                .map(|motor| DIRECT_WEIGHT + found.weights[motor])
+                .collect(),
+            plays,
+        })
+    }
+
+    /// Gap and loop of every motor, from the plays that move it most.
+    fn mechanism(
+        &self,
+        operator: &PrandtlIshlinskiiParameters,
+        best: &Candidate,
+    ) -> Result<PlayMechanism, PlayError> {
+        let motor = |motor: usize| {
+            let plays = operator.plays.iter();
+            let own = plays.filter(|play| play.weight[motor] != 0.0);
+            let mut pairs: Vec<(f64, f64)> = own
+                .map(|play| {
+                    let part = play.direction[motor];
+                    (
+                        play.threshold_counts / part.abs(),
+                        play.weight[motor] * part,
+                    )
+                })
+                .collect();
+            pairs.push((0.0, operator.direct_weights[motor]));
+            pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let sum: f64 = pairs.iter().map(|(_, weight)| weight).sum();
+            pairs
+                .into_iter()
+                .map(|(threshold, weight)| (threshold, weight / sum))
+                .unzip()
+        };
+        let motors: Vec<(Vec<f64>, Vec<f64>)> =
+            (0..operator.direct_weights.len()).map(motor).collect();
+        let virtual_counts = best.columns.virtual_counts(&best.found.weights);
+        Ok(PlayMechanism::from_thresholds(
+            &motors,
+            &DataTable::from_matrix(&virtual_counts),
+            &DataTable::from_matrix(&self.outputs),
+        )?)
+    }
+
+    /// The operator with the chain behind it, and with plays for a residual if a residual does much.
+    fn with_chain(
+        &self,
+        operator: PrandtlIshlinskiiParameters,
+        options: &ChainOptions,
+    ) -> Result<(PrandtlIshlinskiiParameters, ChainFit), PlayError> {
+        let plain = ChainOptions {
+            residual: false,
+            ..options.clone()
+        };
+        let first = chain(&operator, self.series, self.shape, &plain, self.progress)?;
+        if !options.residual {
+            return Ok((operator, first));
+        }
+        let mut extended = operator.clone();
+        extended.plays.extend(residual_plays(&self.half_ranges()));
+        extended.plays.truncate(MAX_PLAYS);
+        let second = chain(
+            &extended,
+            self.series,
+            ShapeKind::Plane,
+            options,
+            self.progress,
+        )?;
+        let enough =
+            second.cross_validated_rms < first.cross_validated_rms * (1.0 - LEAST_GAIN_OF_RESIDUAL);
+        Ok(if second.residual.is_some() && enough {
+            (extended, second)
+        } else {
+            (operator, first)
+        })
+    }
 }
 
 /// The counts of the motors first, then the plays.
@@ -221,87 +346,6 @@ fn columns(counts: DMatrix<f64>, plays: &DMatrix<f64>, parameters: &[PlayParamet
     }
 }
 
-/// The plays that matter, with weights fitted to them alone.
-fn operator(
-    best: &Candidate,
-    shape: ShapeKind,
-    ranges: &[[f64; 2]],
-    outputs: &DMatrix<f64>,
-) -> Result<PrandtlIshlinskiiParameters, PlayError> {
-    let motors = ranges.len();
-    let share = |weights: &DVector<f64>, columns: &Columns, column: usize| {
-        let effect = columns.effects.row(column).norm();
-        weights[column] * effect * columns.signals.column(column).variance().sqrt()
-    };
-    let weights = &best.found.weights;
-    let total: f64 = (0..weights.len())
-        .map(|column| share(weights, &best.columns, column))
-        .sum();
-    let mut kept: Vec<usize> = (motors..weights.len())
-        .filter(|column| share(weights, &best.columns, *column) > LEAST_SHARE * total)
-        .collect();
-    kept.sort_by(|a, b| {
-        share(weights, &best.columns, *b).total_cmp(&share(weights, &best.columns, *a))
-    });
-    kept.truncate(MAX_PLAYS);
-    kept.sort_unstable();
-    let mut plays: Vec<PlayParameters> = kept
-        .iter()
-        .map(|column| best.plays[column - motors].clone())
-        .collect();
-    let signals = best.columns.signals.select_columns(&kept);
-    let columns = columns(best.columns.counts.clone(), &signals, &plays);
-    let found = fit_weights(&columns, outputs, shape).ok_or(PlayError::Degenerate)?;
-    for (play, weight) in plays.iter_mut().zip(found.weights.iter().skip(motors)) {
-        for part in &mut play.weight {
-            *part *= weight;
-        }
-    }
-    plays.retain(|play| play.weight.iter().any(|weight| *weight != 0.0));
-    Ok(PrandtlIshlinskiiParameters {
-        centre_counts: ranges.iter().map(|[middle, _]| *middle).collect(),
-        direct_weights: (0..motors)
-            .map(|motor| DIRECT_WEIGHT + found.weights[motor])
-            .collect(),
-        plays,
-    })
-}
-
-/// Gap and loop of every motor, from the plays that move it most.
-fn mechanism(
-    operator: &PrandtlIshlinskiiParameters,
-    best: &Candidate,
-    outputs: &DMatrix<f64>,
-) -> Result<PlayMechanism, PlayError> {
-    let motor = |motor: usize| {
-        let plays = operator.plays.iter();
-        let own = plays.filter(|play| play.weight[motor] != 0.0);
-        let mut pairs: Vec<(f64, f64)> = own
-            .map(|play| {
-                let part = play.direction[motor];
-                (
-                    play.threshold_counts / part.abs(),
-                    play.weight[motor] * part,
-                )
-            })
-            .collect();
-        pairs.push((0.0, operator.direct_weights[motor]));
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let sum: f64 = pairs.iter().map(|(_, weight)| weight).sum();
-        pairs
-            .into_iter()
-            .map(|(threshold, weight)| (threshold, weight / sum))
-            .unzip()
-    };
-    let motors: Vec<(Vec<f64>, Vec<f64>)> = (0..operator.direct_weights.len()).map(motor).collect();
-    let virtual_counts = best.columns.virtual_counts(&best.found.weights);
-    Ok(PlayMechanism::from_thresholds(
-        &motors,
-        &DataTable::from_matrix(&virtual_counts),
-        &DataTable::from_matrix(outputs),
-    )?)
-}
-
 fn chain(
     operator: &PrandtlIshlinskiiParameters,
     series: &Series,
@@ -311,30 +355,4 @@ fn chain(
 ) -> Result<ChainFit, PlayError> {
     let points = trace_prandtl_ishlinskii(series, operator, shape.unknown_memory())?;
     Ok(fit_chain(series, &points, options, progress)?)
-}
-
-/// The same operator with plays for a residual, if a residual does much.
-fn with_residual(
-    operator: PrandtlIshlinskiiParameters,
-    first: ChainFit,
-    series: &Series,
-    ranges: &[[f64; 2]],
-    options: &ChainOptions,
-    progress: &dyn Progress,
-) -> Result<(PrandtlIshlinskiiParameters, ChainFit), PlayError> {
-    if !options.residual {
-        return Ok((operator, first));
-    }
-    let half_ranges: Vec<f64> = ranges.iter().map(|[_, half]| *half).collect();
-    let mut extended = operator.clone();
-    extended.plays.extend(residual_plays(&half_ranges));
-    extended.plays.truncate(MAX_PLAYS);
-    let second = chain(&extended, series, ShapeKind::Plane, options, progress)?;
-    let enough =
-        second.cross_validated_rms < first.cross_validated_rms * (1.0 - LEAST_GAIN_OF_RESIDUAL);
-    Ok(if second.residual.is_some() && enough {
-        (extended, second)
-    } else {
-        (operator, first)
-    })
 }

@@ -4,7 +4,7 @@ use i2ris::model::hysteresis::prandtl_ishlinskii::MAX_PLAYS;
 
 use super::operator_fit::{OperatorFit, ShapeKind, fit_operator};
 use crate::families::chain::ChainOptions;
-use crate::families::play::play_fit::PlayError;
+use crate::families::play_error::PlayError;
 use crate::progress::Silent;
 use crate::recording::Recording;
 use crate::series::Series;

@@ -151,6 +151,16 @@ impl<const D: usize> BendTarget<D> {
         }
     }
 
+    /// The first part of the samples, and of the path.
+    pub fn beginning(&self, part: f64) -> Self {
+        let mut target = self.clone();
+        let count = (part * self.samples.len() as f64).ceil() as usize;
+        target.samples.truncate(count);
+        let last = target.samples.last().map_or(0, |last| last.path_index);
+        target.path.truncate(last + 1);
+        target
+    }
+
     /// The same with a part of the samples left out, as parts of all of them.
     pub fn without(&self, block: &std::ops::Range<usize>) -> Self {
         let mut target = self.clone();
@@ -158,6 +168,29 @@ impl<const D: usize> BendTarget<D> {
             sample.used = !block.contains(&index);
         }
         target
+    }
+
+    /// The rows of a Jacobian for all samples that belong to those used, as that of
+    /// [`Self::squares`].
+    pub fn rows_used(&self, jacobian: &DMatrix<f64>) -> DMatrix<f64> {
+        let used: Vec<usize> = (0..self.samples.len())
+            .filter(|sample| self.samples[*sample].used)
+            .collect();
+        let rows = used.iter().flat_map(|sample| sample * D..(sample + 1) * D);
+        let prior = self.samples.len() * D..jacobian.nrows();
+        let rows: Vec<usize> = rows.chain(prior).collect();
+        let mut part = jacobian.select_rows(&rows);
+        // Each row is of an error whose mean is taken off, and is scaled by their number.
+        let scale = (self.samples.len() as f64 / used.len().max(1) as f64).sqrt();
+        for mut column in part.column_iter_mut() {
+            for axis in 0..D {
+                let mut of_axis = column.rows_with_step_mut(axis, used.len(), D - 1);
+                let mean = of_axis.mean();
+                of_axis.add_scalar_mut(-mean);
+                of_axis *= scale;
+            }
+        }
+        part
     }
 
     /// Mean square of the length of the error, its mean taken off; on the samples used, or on those

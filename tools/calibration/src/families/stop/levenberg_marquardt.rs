@@ -1,8 +1,11 @@
 //! Least squares by Levenberg and Marquardt (K. Levenberg 1944; D. Marquardt 1963), with
 //! differences for derivatives.
 //!
-//! Every column of the Jacobian is one more simulation, so they are computed on all cores. Sums are
-//! taken in a fixed order: the result does not depend on the number of cores.
+//! Every column of the Jacobian is one more simulation, so they are computed on all cores, and not
+//! for every step: in between, the change of the residuals along a step corrects the Jacobian in
+//! that direction (C. G. Broyden 1965; the secant version of the method in K. Madsen, H. B. Nielsen,
+//! O. Tingleff, "Methods for non-linear least squares problems", 2004). Sums are taken in a fixed
+//! order: the result does not depend on the number of cores.
 //!
 //! The crate `levenberg-marquardt` has no parallel Jacobian, no residuals that do not exist and
 //! other steps, so every fitted model would change; hence these lines.
@@ -24,6 +27,11 @@ const MOST_DAMPING: f64 = 1e6;
 
 /// Dampings that are tried at once, relative to the last one.
 const TRIED: [f64; 4] = [0.1, 1.0, 10.0, 100.0];
+
+/// Steps with corrections of a Jacobian, and what each of them has to take off the sum of squares
+/// at least: then it is computed again.
+const MOST_CORRECTIONS: usize = 3;
+const LEAST_PROGRESS: f64 = 0.02;
 
 /// Sum of squares as a function of parameters.
 pub(super) trait LeastSquares: Sync {
@@ -54,41 +62,105 @@ pub(super) fn minimise(
     stop: StoppingRule,
     stepped: &dyn Fn(),
 ) -> Option<Minimum> {
-    let mut residuals = squares.residuals(&start)?;
-    let mut here = Minimum {
-        at: start,
-        sum_of_squares: residuals.norm_squared(),
-    };
-    let mut damping = FIRST_DAMPING;
+    let mut here = Place::new(squares, start)?;
+    let mut jacobian = here.jacobian(squares);
+    let (mut damping, mut corrections) = (FIRST_DAMPING, 0);
     let mut done = 0;
     while done < stop.iterations {
-        let normal = Normal::new(squares, &here.at, &residuals);
-        let before = here.sum_of_squares;
-        while damping <= MOST_DAMPING {
-            let best = normal.best(squares, &here.at, damping);
-            match best.filter(|step| step.residuals.norm_squared() < before) {
-                Some(step) => {
-                    residuals = step.residuals;
-                    here = Minimum {
-                        at: step.at,
-                        sum_of_squares: residuals.norm_squared(),
-                    };
-                    damping = step.damping.max(LEAST_DAMPING);
+        let before = here.square();
+        let from = here.clone();
+        let is_fresh = corrections == 0;
+        // Where a corrected Jacobian shows no way down, the true one may.
+        let most = if is_fresh { MOST_DAMPING } else { damping };
+        let normal = Normal::new(&jacobian, &here.residuals);
+        let mut trying = damping;
+        while trying <= most {
+            match normal.best(squares, &here.at, trying) {
+                Some((next, used)) if next.square() < before => {
+                    (here, damping) = (next, used.max(LEAST_DAMPING));
                     break;
                 }
-                None => damping *= 1e3,
+                _ => trying *= 1e3,
             }
         }
         done += 1;
         stepped();
-        if here.sum_of_squares >= before * (1.0 - stop.tolerance) {
+        let progress = 1.0 - here.square() / before;
+        if is_fresh && progress <= stop.tolerance || done == stop.iterations {
             break;
+        }
+        if progress < LEAST_PROGRESS || corrections == MOST_CORRECTIONS {
+            (jacobian, corrections) = (here.jacobian(squares), 0);
+        } else {
+            correct(&mut jacobian, &from, &here);
+            corrections += 1;
         }
     }
     for _ in done..stop.iterations {
         stepped();
     }
-    Some(here)
+    Some(Minimum {
+        sum_of_squares: here.square(),
+        at: here.at,
+    })
+}
+
+/// One step from a start with a Jacobian that is known; the start itself where no step is better.
+pub(super) fn one_step(
+    squares: &dyn LeastSquares,
+    start: &DVector<f64>,
+    jacobian: &DMatrix<f64>,
+) -> Option<DVector<f64>> {
+    let here = Place::new(squares, start.clone())?;
+    let normal = Normal::new(jacobian, &here.residuals);
+    let step = normal.best(squares, start, FIRST_DAMPING);
+    let better = step.filter(|(next, _)| next.square() < here.square());
+    Some(better.map_or(here.at, |(next, _)| next.at))
+}
+
+/// The Jacobian at given parameters; `None` if there is no model there.
+pub(super) fn jacobian(squares: &dyn LeastSquares, at: &DVector<f64>) -> Option<DMatrix<f64>> {
+    Some(Place::new(squares, at.clone())?.jacobian(squares))
+}
+
+/// Parameters with their residuals.
+#[derive(Clone)]
+struct Place {
+    at: DVector<f64>,
+    residuals: DVector<f64>,
+}
+
+impl Place {
+    fn new(squares: &dyn LeastSquares, at: DVector<f64>) -> Option<Self> {
+        let residuals = squares.residuals(&at)?;
+        Some(Self { at, residuals })
+    }
+
+    fn square(&self) -> f64 {
+        self.residuals.norm_squared()
+    }
+
+    fn jacobian(&self, squares: &dyn LeastSquares) -> DMatrix<f64> {
+        let column = |parameter: usize| {
+            let mut aside = self.at.clone();
+            aside[parameter] += DIFFERENCE;
+            match squares.residuals(&aside) {
+                Some(moved) => (moved - &self.residuals) / DIFFERENCE,
+                None => DVector::zeros(self.residuals.len()),
+            }
+        };
+        DMatrix::from_columns(&parallel::map(self.at.len(), column))
+    }
+}
+
+/// Broyden's correction: along the step the Jacobian now tells what happened.
+fn correct(jacobian: &mut DMatrix<f64>, from: &Place, to: &Place) {
+    let step = &to.at - &from.at;
+    let square = step.norm_squared();
+    if square > 0.0 {
+        let change = &to.residuals - &from.residuals - &*jacobian * &step;
+        jacobian.ger(1.0 / square, &change, &step, 1.0);
+    }
 }
 
 /// The normal equations of one step.
@@ -97,53 +169,27 @@ struct Normal {
     gradient: DVector<f64>,
 }
 
-struct Step {
-    at: DVector<f64>,
-    residuals: DVector<f64>,
-    damping: f64,
-}
-
 impl Normal {
-    fn new(squares: &dyn LeastSquares, at: &DVector<f64>, residuals: &DVector<f64>) -> Self {
-        let column = |parameter: usize| {
-            let mut aside = at.clone();
-            aside[parameter] += DIFFERENCE;
-            let moved = squares.residuals(&aside);
-            match moved {
-                Some(moved) => (moved - residuals) / DIFFERENCE,
-                None => DVector::zeros(residuals.len()),
-            }
-        };
-        let columns: Vec<DVector<f64>> = parallel::map(at.len(), column);
-        let squared = DMatrix::from_fn(at.len(), at.len(), |i, j| {
-            if j <= i {
-                columns[i].dot(&columns[j])
-            } else {
-                0.0
-            }
-        });
-        let gradient = DVector::from_fn(at.len(), |i, _| columns[i].dot(residuals));
+    fn new(jacobian: &DMatrix<f64>, residuals: &DVector<f64>) -> Self {
         Self {
-            squared: &squared + squared.transpose() - DMatrix::from_diagonal(&squared.diagonal()),
-            gradient,
+            squared: jacobian.tr_mul(jacobian),
+            gradient: jacobian.tr_mul(residuals),
         }
     }
 
-    /// The best of the steps with several dampings.
-    fn best(&self, squares: &dyn LeastSquares, at: &DVector<f64>, damping: f64) -> Option<Step> {
+    /// The best of the steps with several dampings, and its damping.
+    fn best(
+        &self,
+        squares: &dyn LeastSquares,
+        at: &DVector<f64>,
+        damping: f64,
+    ) -> Option<(Place, f64)> {
         let steps = parallel::map(TRIED.len(), |tried| {
             let damping = damping * TRIED[tried];
-            let at = at + self.step(damping)?;
-            let residuals = squares.residuals(&at)?;
-            Some(Step {
-                at,
-                residuals,
-                damping,
-            })
+            Some((Place::new(squares, at + self.step(damping)?)?, damping))
         });
-        let square = |step: &Step| step.residuals.norm_squared();
         let steps = steps.into_iter().flatten();
-        steps.min_by(|a, b| square(a).total_cmp(&square(b)))
+        steps.min_by(|(a, _), (b, _)| a.square().total_cmp(&b.square()))
     }
 
     fn step(&self, damping: f64) -> Option<DVector<f64>> {

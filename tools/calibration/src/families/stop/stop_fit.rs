@@ -3,13 +3,13 @@
 use std::ops::Range;
 
 use i2ris::model::hysteresis::stop::StopParameters;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::bend_target::BendTarget;
 use super::error::{StopError, StopWarning};
-use super::levenberg_marquardt::{Minimum, StoppingRule, minimise};
+use super::levenberg_marquardt::{Minimum, StoppingRule, jacobian, minimise, one_step};
 use super::parameterisation::Parameterisation;
 use super::stop_mechanism::StopMechanism;
 use super::structure::Structure;
@@ -22,6 +22,10 @@ use crate::survey::identifiability::{Finding, findings};
 const COARSE_SAMPLES: usize = 1500;
 const COARSE_SPACING: f64 = 0.8;
 
+/// Guesses see this part of the recording from its beginning: they have to tell a good start from a
+/// bad one only.
+const GUESS_PART: f64 = 0.5;
+
 /// Spacing of the path in the end.
 const FINE_SPACING: f64 = 0.4;
 
@@ -32,10 +36,6 @@ const GUESS: StoppingRule = StoppingRule {
 };
 const COARSE: StoppingRule = StoppingRule {
     iterations: 15,
-    tolerance: 1e-3,
-};
-const BLOCK: StoppingRule = StoppingRule {
-    iterations: 4,
     tolerance: 1e-3,
 };
 const FINE: StoppingRule = StoppingRule {
@@ -67,6 +67,8 @@ pub struct StopOptions {
     pub starts: usize,
     /// Of the guesses beyond the first one.
     pub seed: u64,
+    /// Parameters from a fit to most of the same samples; there is then no search.
+    pub known: Option<StopParameters>,
 }
 
 impl Default for StopOptions {
@@ -75,6 +77,7 @@ impl Default for StopOptions {
             structures: vec![Structure::new(1, 3), Structure::new(3, 3)],
             starts: 2,
             seed: 1,
+            known: None,
         }
     }
 }
@@ -191,6 +194,12 @@ struct StructureCandidate {
 
 impl<const D: usize> StopSearch<'_, D> {
     fn run(&self) -> Option<(StopParameters, Vec<(Structure, f64)>)> {
+        if let Some(known) = &self.options.known {
+            self.progress.begin(FINE.iterations);
+            let found = self.refined(&self.known(known))?;
+            self.progress.end();
+            return Some((found, Vec::new()));
+        }
         let choices = self.structures.len();
         let per_choice = self.options.starts.max(1) * GUESS.iterations + COARSE.iterations;
         self.progress.begin(choices * per_choice + FINE.iterations);
@@ -205,10 +214,29 @@ impl<const D: usize> StopSearch<'_, D> {
             Vec::new()
         };
         let chosen = choose(candidates, &tried)?;
-        let fine = self.target.thinned(1, FINE_SPACING);
-        let found = self.minimise(&fine, &chosen, chosen.at.clone(), FINE)?;
+        let found = self.refined(&chosen)?;
         self.progress.end();
-        Some((chosen.parameterisation.decode(&found.at), tried))
+        Some((found, tried))
+    }
+
+    /// The parameters of a candidate, minimised on all data.
+    fn refined(&self, candidate: &StructureCandidate) -> Option<StopParameters> {
+        let fine = self.target.thinned(1, FINE_SPACING);
+        let found = self.minimise(&fine, candidate, candidate.at.clone(), FINE)?;
+        Some(candidate.parameterisation.decode(&found.at))
+    }
+
+    /// The candidate of known parameters, held where a search would hold it.
+    fn known(&self, known: &StopParameters) -> StructureCandidate {
+        let structure = Structure::new(known.segments.len(), known.stops.len());
+        let start = self.target.initial_guess(structure);
+        let parameterisation = Parameterisation::new(&start);
+        StructureCandidate {
+            structure,
+            prior: parameterisation.encode(&start),
+            at: parameterisation.encode(known),
+            parameterisation,
+        }
     }
 
     /// The best of several guesses, minimised on the thinned data.
@@ -223,12 +251,13 @@ impl<const D: usize> StopSearch<'_, D> {
             prior,
             at,
         };
+        let beginning = self.coarse.beginning(GUESS_PART);
         let mut random = Pcg64::seed_from_u64(self.options.seed);
         let guesses = (0..self.options.starts.max(1)).filter_map(|guess| {
             let spread = if guess == 0 { 0.0 } else { SPREAD };
             let mut shift = || spread * random.random_range(-1.0..1.0);
             let aside = candidate.prior.map(|p| p + shift());
-            self.minimise(&self.coarse, &candidate, aside, GUESS)
+            self.minimise(&beginning, &candidate, aside, GUESS)
         });
         let best = guesses.min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares))?;
         let found = self.minimise(&self.coarse, &candidate, best.at, COARSE)?;
@@ -247,11 +276,19 @@ impl<const D: usize> StopSearch<'_, D> {
         minimise(&squares, from, stop, &|| self.progress.step())
     }
 
-    /// RMS error of every candidate on blocks of the thinned data that it was fitted without.
+    /// RMS error of every candidate on blocks of the thinned data, each after the one step that
+    /// the data without the block ask for (R. D. Cook and S. Weisberg, "Residuals and influence in
+    /// regression", 1982): a search for every block would find hardly more.
     fn left_out_errors(&self, candidates: &[StructureCandidate]) -> Vec<(Structure, f64)> {
         let blocks = blocks(self.coarse.samples(), BLOCKS);
         let error = |candidate: &StructureCandidate| {
-            let left_out = |block: usize| self.left_out(candidate, &blocks[block]);
+            let squares = self
+                .coarse
+                .squares(&candidate.parameterisation, &candidate.prior);
+            let Some(jacobian) = jacobian(&squares, &candidate.at) else {
+                return f64::INFINITY;
+            };
+            let left_out = |block: usize| self.left_out(candidate, &jacobian, &blocks[block]);
             let squares: Option<Vec<f64>> =
                 parallel::map(blocks.len(), left_out).into_iter().collect();
             squares.map_or(f64::INFINITY, |squares| {
@@ -264,11 +301,16 @@ impl<const D: usize> StopSearch<'_, D> {
             .collect()
     }
 
-    fn left_out(&self, candidate: &StructureCandidate, block: &Range<usize>) -> Option<f64> {
+    fn left_out(
+        &self,
+        candidate: &StructureCandidate,
+        jacobian: &DMatrix<f64>,
+        block: &Range<usize>,
+    ) -> Option<f64> {
         let data = self.coarse.without(block);
         let squares = data.squares(&candidate.parameterisation, &candidate.prior);
-        let found = minimise(&squares, candidate.at.clone(), BLOCK, &|| ())?;
-        data.mean_square(&candidate.parameterisation.decode(&found.at), false)
+        let at = one_step(&squares, &candidate.at, &data.rows_used(jacobian))?;
+        data.mean_square(&candidate.parameterisation.decode(&at), false)
     }
 }
 

@@ -21,6 +21,7 @@ fn options(structures: &[Structure]) -> StopOptions {
         structures: structures.to_vec(),
         starts: 1,
         seed: 7,
+        known: None,
     }
 }
 

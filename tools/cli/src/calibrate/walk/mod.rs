@@ -35,6 +35,7 @@ const STARTED: &str = "i2ris-start/controller.toml";
 
 /// Arguments of `i2ris calibrate` without a subcommand.
 #[derive(Debug, clap::Args)]
+#[group(id = "walk")]
 pub struct Arguments {
     /// The configuration that the controller runs with [default: that of `i2ris start` here]
     #[arg(long, value_name = "FILE")]

@@ -69,6 +69,7 @@ impl Controller {
             client_id: CLIENT,
             command,
             pose: None,
+            fixture: None,
         };
         self.tick(robot, None, Some(request));
         for _ in 0..LONGEST_WAIT_TICKS {

@@ -28,7 +28,7 @@ start((lag) => {
   drawStrip(plots.pitch, 0, recent, now, text);
   drawStrip(plots.yaw, 1, recent, now, text);
   drawError(plots.error, recent, now, text);
-  drawPlane(plots.plane, recent, live.hull, now, text);
+  drawPlane(plots.plane, recent, live.hull, live.fixtures || [], now, text);
   drawLoop(plots.loop0, 0, recent, live, now, text);
   plots.loop1.canvas.hidden = live.motors && live.motors.length < 2;
   drawLoop(plots.loop1, 1, recent, live, now, text);

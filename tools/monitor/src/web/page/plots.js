@@ -191,7 +191,33 @@ function equal(x, y, plot) {
 
 const point = (x, y, t) => (x === null || y === null || x === undefined || y === undefined ? null : [x, y, t]);
 
-function drawPlane(plot, recent, hull, now, staleText) {
+/** The virtual fixtures: filled where they count, an outline where they are off. */
+function drawFixtures(plot, fixtures) {
+  const pen = plot.pen;
+  for (const { name, active, outline } of fixtures) {
+    if (!outline) continue;
+    const points = outline.map(([pitch, yaw]) => [plot.x(yaw), plot.y(pitch)]);
+    pen.beginPath();
+    points.forEach(([x, y], place) => (place ? pen.lineTo(x, y) : pen.moveTo(x, y)));
+    pen.closePath();
+    pen.strokeStyle = pen.fillStyle = COLOURS.alarm;
+    pen.lineWidth = 1.5;
+    pen.setLineDash(active ? [] : [5, 4]);
+    pen.stroke();
+    pen.setLineDash([]);
+    if (!active) continue;
+    pen.globalAlpha = 0.2;
+    pen.fill();
+    pen.globalAlpha = 1;
+    const inside = (value, low, high) => Math.min(Math.max(value, low), high);
+    const middle = (place) => points.reduce((sum, at) => sum + at[place], 0) / points.length;
+    pen.textAlign = 'center';
+    pen.fillText(name, inside(middle(0), plot.left + 3 * plot.size, plot.right - 3 * plot.size),
+      inside(middle(1), plot.top + plot.size, plot.bottom - plot.size));
+  }
+}
+
+function drawPlane(plot, recent, hull, fixtures, now, staleText) {
   if (!plot.begin('pitch over yaw, deg')) return;
   const samples = recent.samples.filter((row) => row[T] >= now - TAIL_S);
   const of = (place) => samples.map((row) => point(row[place + 1], row[place], row[T]));
@@ -201,6 +227,7 @@ function drawPlane(plot, recent, hull, now, staleText) {
   const all = curves.flatMap(([points]) => points.filter(Boolean));
   plot.scales(...equal(padded(all.map((p) => p[0]), 2), padded(all.map((p) => p[1]), 2), plot));
   plot.grid('');
+  drawFixtures(plot, fixtures);
   curves.forEach(([points, colour, width]) => plot.curve(points, colour, width));
   const last = (points) => points.length && points[points.length - 1];
   for (const [points, colour, hollow] of [[of(GOAL), COLOURS.goal, true], [of(ESTIMATE), COLOURS.estimate, false]]) {

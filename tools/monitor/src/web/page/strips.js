@@ -70,7 +70,7 @@ function drawStrip(plot, axis, recent, now, staleText) {
 }
 
 function drawError(plot, recent, now, staleText) {
-  if (!plot.begin('error, goal − camera, deg: pitch solid, yaw dashed')) return;
+  if (!plot.begin('error, deg: pitch solid, yaw dashed')) return;
   const samples = recent.samples;
   const frames = recent.frames.filter((row) => row[T] >= now - STRIP_S);
   const errors = frames.map((row) => [row[T], errorOf(row, samples)]);

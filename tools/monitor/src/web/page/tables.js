@@ -52,6 +52,7 @@ function showHeader(live, lag, parted) {
     if (state.busy) flags.push(['busy', 'on']);
     if (state.holding) flags.push(['holding', 'on']);
     if (state.clipped) flags.push(['GOAL CLIPPED', 'warn']);
+    if (state.at_fixture) flags.push(['AT VIRTUAL FIXTURE', 'warn']);
     if (parted) flags.push([`CAMERA AND ESTIMATE PART BY ${parted.toFixed(1)} deg`, 'parted']);
     flags.push(state.memory_known ? ['memory known', 'on'] : ['memory unknown', state.model ? 'warn' : '']);
     if (!state.model) flags.push(['no model', 'warn']);

@@ -1,32 +1,42 @@
 //! H02 over a network: the commander is on another computer, and the link is cut or slow. The
 //! controller knows nothing of networks; what stops the snake is the deadline of the last command,
 //! as for any commander.
-#![allow(clippy::print_stderr, reason = "a test that skips says so")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stderr,
+    clippy::print_stdout,
+    reason = "tests, and one that skips says so"
+)]
+
+#[path = "../../../tests/rig/mod.rs"]
+mod rig;
 
 use std::collections::VecDeque;
 use std::fs;
-use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
-use std::path::PathBuf;
+use std::io::{BufRead, BufReader};
+use std::net::UdpSocket;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
-use i2ris::ipc::client::{Client, ClientError};
+use i2ris::ipc::client::{Client, ClientError, Watcher};
 use i2ris::ipc::{Domain, OperatingState, Refusal};
 use i2ris::units::Nanos;
-use i2ris_network::{BridgeClient, BridgeServer, Key};
+use i2ris_network::keys::{Access, Lifetime, PersonalKey, make_key, revoke};
+use i2ris_network::{BridgeClient, BridgeServer};
 
-use crate::rig::motion::{
+use rig::motion::{
     SEND_PERIOD, assert_constant, assert_stopped_within, setpoints_after, stream_counts, swing,
 };
-use crate::rig::{Rig, TIMEOUT, eventually, settle, wait_for, wait_until_holding, wait_until_idle};
+use rig::{Rig, TIMEOUT, eventually, settle, wait_for, wait_until_holding, wait_until_idle};
 
-const SECRET: &[u8] = b"a key of this test alone";
 /// Long compared with stalls of the machine, short compared with the timeout of the test.
 const LOST_AFTER: Nanos = Nanos::from_millis(1500);
-const ANY_PORT: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 0);
+const ANY_PORT: &str = "127.0.0.1:0";
 
 /// A thread that is stopped and joined on drop.
 struct Running {
@@ -50,28 +60,46 @@ impl Drop for Running {
     }
 }
 
-fn start_server(rig: &Rig, listen: SocketAddr) -> (SocketAddr, Running) {
+/// The folder of keys of a rig.
+fn keys(rig: &Rig) -> PathBuf {
+    rig.folder.path().join("keys")
+}
+
+/// A key that may command.
+fn key(rig: &Rig) -> PersonalKey {
+    let hosts = ["127.0.0.1", "10.77.0.1"].map(str::to_owned);
+    let lifetime = Lifetime::days(1);
+    let made = make_key(&keys(rig), "surgeon", Access::Command, &hosts, lifetime);
+    PersonalKey::load(&made.unwrap()).unwrap()
+}
+
+/// A UDP port that nobody uses.
+fn free_port() -> u16 {
+    UdpSocket::bind(ANY_PORT)
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port()
+}
+
+fn start_server(rig: &Rig, listen: &str) -> Running {
     let server = BridgeServer {
         domain: rig.domain(),
-        listen,
-        key: Key::of(SECRET),
+        listen: listen.to_owned(),
+        keys: keys(rig),
         commands: true,
         period: Nanos::from_millis(5),
         lost_after: LOST_AFTER,
     };
     let server = server.open().unwrap();
-    let address = server.address();
-    (
-        address,
-        Running::start(move |stop| server.run(|| stop.load(Ordering::Relaxed), drop)),
-    )
+    Running::start(move |stop| server.run(|| stop.load(Ordering::Relaxed), drop))
 }
 
-fn start_client(domain: &Domain, server: SocketAddr) -> Running {
+fn start_client(domain: &Domain, server: &str, key: PersonalKey) -> Running {
     let client = BridgeClient {
         domain: domain.clone(),
-        server,
-        key: Key::of(SECRET),
+        server: server.to_owned(),
+        key,
         lost_after: LOST_AFTER,
     };
     Running::start(move |stop| client.run(|| stop.load(Ordering::Relaxed), drop).unwrap())
@@ -82,18 +110,18 @@ fn start_client(domain: &Domain, server: SocketAddr) -> Running {
 struct Network {
     cut: Arc<AtomicBool>,
     delay_ms: Arc<AtomicU64>,
-    address: SocketAddr,
+    address: String,
     _running: Running,
 }
 
 impl Network {
-    fn to(server: SocketAddr) -> Self {
+    fn to(server: &str) -> Self {
         let near = UdpSocket::bind(ANY_PORT).unwrap();
         let far = UdpSocket::bind(ANY_PORT).unwrap();
         far.connect(server).unwrap();
         near.set_nonblocking(true).unwrap();
         far.set_nonblocking(true).unwrap();
-        let address = near.local_addr().unwrap();
+        let address = near.local_addr().unwrap().to_string();
         let (cut, delay_ms) = <(Arc<AtomicBool>, Arc<AtomicU64>)>::default();
         let switches = (Arc::clone(&cut), Arc::clone(&delay_ms));
         let running = Running::start(move |stop| {
@@ -116,7 +144,7 @@ fn carry(
     delay_ms: &AtomicU64,
     stop: &AtomicBool,
 ) {
-    let (mut client, mut buffer, mut delayed) = (None, [0; 2048], VecDeque::new());
+    let (mut client, mut buffer, mut delayed) = (None, [0; 65_536], VecDeque::new());
     while !stop.load(Ordering::Relaxed) {
         while let Ok((length, from)) = near.recv_from(&mut buffer) {
             client = Some(from);
@@ -168,14 +196,19 @@ fn wait_until_stopped(client: &mut Client) -> u64 {
 fn h02_the_snake_holds_when_the_network_to_the_commander_is_cut() {
     let mut rig = Rig::new();
     let mut client = rig.enabled();
-    let (server, _server) = start_server(&rig, ANY_PORT.into());
-    let network = Network::to(server);
+    let (key, server) = (key(&rig), format!("127.0.0.1:{}", free_port()));
+    let _server = start_server(&rig, &server);
+    let network = Network::to(&server);
     let far = rig.another_domain("far");
-    let _client = start_client(&far, network.address);
+    let _client = start_client(&far, &network.address, key);
     let mut remote = Client::connect(&far, TIMEOUT).unwrap();
     eventually("the number of motors arrives over the network", || {
         (remote.version().unwrap().shape[0] == 2).then_some(())
     });
+    let watcher = Watcher::new(&far);
+    let (mut health, mut events) = (watcher.health(), watcher.events());
+    eventually("the log arrives, too", || events.read().unwrap());
+    eventually("health arrives, too", || health.newest().unwrap());
     let remote = thread::spawn(move || {
         let error = stream_until_it_fails(&remote);
         (remote, error)
@@ -205,10 +238,11 @@ fn h02_the_snake_holds_when_the_network_to_the_commander_is_cut() {
 fn h02_commands_that_the_network_delays_are_refused_as_stale() {
     let mut rig = Rig::new();
     let mut client = rig.enabled();
-    let (server, _server) = start_server(&rig, ANY_PORT.into());
-    let network = Network::to(server);
+    let (key, server) = (key(&rig), format!("127.0.0.1:{}", free_port()));
+    let _server = start_server(&rig, &server);
+    let network = Network::to(&server);
     let far = rig.another_domain("far");
-    let _client = start_client(&far, network.address);
+    let _client = start_client(&far, &network.address, key);
     let remote = Client::connect(&far, TIMEOUT).unwrap();
     // Three times the deadline, but below the silence after which the link counts as lost.
     let deadline_ms = rig.config.command.deadline_ms;
@@ -223,6 +257,31 @@ fn h02_commands_that_the_network_delays_are_refused_as_stale() {
     for axis in 0..2 {
         assert_constant(&setpoints_after(&rig, axis, began), axis);
     }
+}
+
+#[test]
+fn h02_a_key_that_is_revoked_while_it_commands_ends_in_a_hold() {
+    let mut rig = Rig::new();
+    let mut client = rig.enabled();
+    let (key, server) = (key(&rig), format!("127.0.0.1:{}", free_port()));
+    let _server = start_server(&rig, &server);
+    let far = rig.another_domain("far");
+    let id = key.id().to_owned();
+    let _client = start_client(&far, &server, key);
+    let remote = Client::connect(&far, TIMEOUT).unwrap();
+    let remote = thread::spawn(move || stream_until_it_fails(&remote));
+    wait_for(&mut client, |state| state.accepted > 50);
+    revoke(&keys(&rig), &id).unwrap();
+    let accepted = wait_until_stopped(&mut client);
+    let error = remote.join().unwrap();
+    assert!(error.is_absent(), "{error}");
+    wait_for(&mut client, |state| state.lease_client_id == 0);
+    clock::sleep(Nanos::from_millis(1500));
+    assert!(
+        Client::connect(&far, Nanos::ZERO).is_err(),
+        "the key is of no use any more"
+    );
+    assert_eq!(wait_until_holding(&mut client).accepted, accepted);
 }
 
 /// A command that runs a test of this binary in new namespaces.
@@ -253,7 +312,7 @@ fn h02_the_snake_holds_when_the_cable_between_two_computers_is_pulled() {
             "skipped: this machine allows no network namespaces (`unshare -Urn true` fails)"
         );
     }
-    let mut command = command_in_a_namespace("-Urn", "h02_network::computer_of_the_robot");
+    let mut command = command_in_a_namespace("-Urn", "computer_of_the_robot");
     let output = command.env("RIG_NAMESPACE", "1").output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout) + String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{text}");
@@ -286,9 +345,14 @@ fn computer_of_the_robot() {
     }
     let mut rig = Rig::new();
     let far = rig.another_domain("far");
-    let mut surgeon = command_in_a_namespace("-n", "h02_network::computer_of_the_surgeon");
-    surgeon.env("RIG_FAR_DOMAIN", far.name());
-    let surgeon = KilledOnDrop(surgeon.spawn().unwrap());
+    let mut surgeon = command_in_a_namespace("-n", "computer_of_the_surgeon");
+    let key = key(&rig);
+    let folder = key.secret().parent().unwrap().to_owned();
+    surgeon
+        .env("RIG_FAR_DOMAIN", far.name())
+        .env("RIG_KEY", folder);
+    surgeon.stdout(Stdio::piped());
+    let mut surgeon = KilledOnDrop(surgeon.spawn().unwrap());
     let id = surgeon.0.id().to_string();
     let own = namespace("self");
     eventually("another namespace", || {
@@ -301,12 +365,19 @@ fn computer_of_the_robot() {
     }
     assert!(ip("addr add 10.77.0.1/24 dev robot") && ip("link set robot up"));
     let mut client = rig.enabled();
-    let (_, _server) = start_server(&rig, "10.77.0.1:7410".parse().unwrap());
+    let _server = start_server(&rig, "10.77.0.1:7447");
     wait_for(&mut client, |state| state.accepted > 50);
     assert!(ip("link set robot down"));
     let cut = clock::now();
     wait_until_stopped(&mut client);
     wait_for(&mut client, |state| state.lease_client_id == 0);
+    clock::sleep(Nanos::from_millis(500));
+    assert_stopped_within(&rig, cut..cut + deadline(&rig));
+    // The cable is back: a new session, and nothing goes on by itself.
+    assert!(ip("link set robot up"));
+    let back = surgeon.0.stdout.take().map(BufReader::new).unwrap();
+    let mut lines = back.lines().map_while(Result::ok);
+    assert!(lines.any(|line| line.contains("the robot is there again")));
     clock::sleep(Nanos::from_millis(500));
     assert_stopped_within(&rig, cut..cut + deadline(&rig));
     eprintln!("the cable was pulled and the snake held");
@@ -322,8 +393,15 @@ fn computer_of_the_surgeon() {
     let far = Domain::new(&domain).unwrap();
     eventually("the cable", || ip("link show surgeon").then_some(()));
     assert!(ip("addr add 10.77.0.2/24 dev surgeon") && ip("link set surgeon up"));
-    let _client = start_client(&far, "10.77.0.1:7410".parse().unwrap());
+    let key = PersonalKey::load(Path::new(&std::env::var("RIG_KEY").unwrap())).unwrap();
+    let _client = start_client(&far, "10.77.0.1:7447", key);
     let client = Client::connect(&far, TIMEOUT).unwrap();
     let error = stream_until_it_fails(&client);
     assert!(error.is_absent(), "{error}");
+    drop(client);
+    let mut again = Client::connect(&far, TIMEOUT).unwrap();
+    wait_until_holding(&mut again);
+    println!("the robot is there again");
+    // Until it is killed.
+    clock::sleep(TIMEOUT);
 }

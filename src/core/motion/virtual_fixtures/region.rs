@@ -1,0 +1,359 @@
+//! A forbidden region: a convex set with the distance to it.
+//!
+//! The distance `d` is positive outside. For a convex set it is a convex function, so that
+//! `d(x + s) >= d(x) + n s` with its slope `n` at `x`. A step `s` with `n s >= -d(x)` therefore never
+//! enters the set, however long it is.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::{FixtureShape, MAX_CORNERS, VirtualFixtureConfig};
+
+/// A point or a direction: pitch and yaw, rad, and 0; or a position of the tip, m.
+pub(crate) type Point = [f64; 3];
+
+/// The coordinates of a region.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FixtureSpace {
+    /// Pitch and yaw, rad.
+    Angles,
+    /// Position of the tip, m.
+    Tip,
+}
+
+/// A region without corners, as requests add it. Without margin.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SimpleRegion {
+    /// The coordinates.
+    pub space: FixtureSpace,
+    /// The set.
+    pub shape: SimpleShape,
+}
+
+/// The set of a [`SimpleRegion`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum SimpleShape {
+    /// A circle or a ball.
+    Ball {
+        /// Centre.
+        centre: [f64; 3],
+        /// Radius.
+        radius: f64,
+    },
+    /// Everything beyond a line or a plane.
+    HalfSpace {
+        /// Direction into the forbidden side, of length 1.
+        normal: [f64; 3],
+        /// Distance of the border from the origin along the normal.
+        offset: f64,
+    },
+}
+
+/// A region, grown by its margin.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Region {
+    pub space: FixtureSpace,
+    shape: Shape,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+enum Shape {
+    Ball {
+        centre: Point,
+        radius: f64,
+    },
+    /// The intersection of half-spaces.
+    Faces {
+        faces: [Face; MAX_CORNERS],
+        count: u8,
+    },
+}
+
+/// The half-space where `outward x <= offset`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+struct Face {
+    /// Of length 1.
+    outward: Point,
+    offset: f64,
+}
+
+/// Distance to a region and its slope.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Distance {
+    /// Negative inside.
+    pub distance: f64,
+    /// Of length 1, or 0 at the centre of a ball.
+    pub slope: Point,
+}
+
+impl Region {
+    /// A region of the configuration, which has been checked.
+    pub fn new(shape: &FixtureShape, config: &VirtualFixtureConfig) -> Self {
+        match shape {
+            FixtureShape::Polygon { corners_deg } => {
+                Self::polygon(corners_deg, config.margin_deg.to_radians())
+            }
+            FixtureShape::Circle { .. }
+            | FixtureShape::HalfPlane { .. }
+            | FixtureShape::Ball { .. }
+            | FixtureShape::HalfSpace { .. } => {
+                // The shapes without corners: never `None`.
+                SimpleRegion::new(shape).map_or_else(Self::nothing, |simple| {
+                    Self::grown(&simple, &Margins::new(config))
+                })
+            }
+        }
+    }
+
+    /// A region with its margin.
+    pub fn grown(simple: &SimpleRegion, margins: &Margins) -> Self {
+        let margin = margins.of(simple.space);
+        let shape = match simple.shape {
+            SimpleShape::Ball { centre, radius } => Shape::Ball {
+                centre,
+                radius: radius + margin,
+            },
+            SimpleShape::HalfSpace { normal, offset } => {
+                let mut faces = [Face::default(); MAX_CORNERS];
+                faces[0] = Face {
+                    outward: normal.map(|n| -n),
+                    offset: margin - offset,
+                };
+                Shape::Faces { faces, count: 1 }
+            }
+        };
+        Self {
+            space: simple.space,
+            shape,
+        }
+    }
+
+    fn nothing() -> Self {
+        let ball = Shape::Ball {
+            centre: Point::default(),
+            radius: f64::NEG_INFINITY,
+        };
+        Self {
+            space: FixtureSpace::Angles,
+            shape: ball,
+        }
+    }
+
+    fn polygon(corners_deg: &[[f64; 2]], margin: f64) -> Self {
+        let corner = |index: usize| {
+            let corner = corners_deg.get(index % corners_deg.len());
+            corner.copied().unwrap_or_default().map(f64::to_radians)
+        };
+        let area: f64 = (0..corners_deg.len())
+            .map(|index| cross(corner(index), corner(index + 1)))
+            .sum();
+        let mut faces = [Face::default(); MAX_CORNERS];
+        for (index, face) in faces.iter_mut().enumerate().take(corners_deg.len()) {
+            let (a, b) = (corner(index), corner(index + 1));
+            let length = (b[0] - a[0]).hypot(b[1] - a[1]) * area.signum();
+            let outward = [(b[1] - a[1]) / length, (a[0] - b[0]) / length, 0.0];
+            *face = Face {
+                outward,
+                offset: outward[0] * a[0] + outward[1] * a[1] + margin,
+            };
+        }
+        Self {
+            space: FixtureSpace::Angles,
+            shape: Shape::Faces {
+                faces,
+                count: corners_deg.len().min(MAX_CORNERS) as u8,
+            },
+        }
+    }
+
+    /// The distance to a point. Not less than the real one at corners, so that a corner is rounded
+    /// to the safe side.
+    pub(super) fn distance(&self, point: &Point) -> Distance {
+        match &self.shape {
+            Shape::Ball { centre, radius } => {
+                let from = crate::core::vector::difference(point, centre);
+                let length = norm(&from);
+                let slope = if length > 0.0 {
+                    from.map(|value| value / length)
+                } else {
+                    Point::default()
+                };
+                Distance {
+                    distance: length - radius,
+                    slope,
+                }
+            }
+            Shape::Faces { faces, count } => {
+                let mut farthest = Distance {
+                    distance: f64::NEG_INFINITY,
+                    slope: Point::default(),
+                };
+                for face in faces.iter().take(usize::from(*count)) {
+                    let distance = dot(&face.outward, point) - face.offset;
+                    if distance > farthest.distance {
+                        farthest = Distance {
+                            distance,
+                            slope: face.outward,
+                        };
+                    }
+                }
+                farthest
+            }
+        }
+    }
+}
+
+impl SimpleRegion {
+    /// A shape without corners in rad and m; `None` for a polygon.
+    #[must_use]
+    pub fn new(shape: &FixtureShape) -> Option<Self> {
+        let plane = |[pitch, yaw]: [f64; 2]| [pitch, yaw, 0.0];
+        let unit = |normal: Point| {
+            let length = norm(&normal);
+            normal.map(|n| n / length)
+        };
+        let metres = |mm: f64| mm * 1e-3;
+        let (space, shape) = match *shape {
+            FixtureShape::Circle {
+                centre_deg,
+                radius_deg,
+            } => (
+                FixtureSpace::Angles,
+                SimpleShape::Ball {
+                    centre: plane(centre_deg.map(f64::to_radians)),
+                    radius: radius_deg.to_radians(),
+                },
+            ),
+            FixtureShape::HalfPlane { normal, offset_deg } => (
+                FixtureSpace::Angles,
+                SimpleShape::HalfSpace {
+                    normal: unit(plane(normal)),
+                    offset: offset_deg.to_radians(),
+                },
+            ),
+            FixtureShape::Ball {
+                centre_mm,
+                radius_mm,
+            } => (
+                FixtureSpace::Tip,
+                SimpleShape::Ball {
+                    centre: centre_mm.map(metres),
+                    radius: metres(radius_mm),
+                },
+            ),
+            FixtureShape::HalfSpace { normal, offset_mm } => (
+                FixtureSpace::Tip,
+                SimpleShape::HalfSpace {
+                    normal: unit(normal),
+                    offset: metres(offset_mm),
+                },
+            ),
+            FixtureShape::Polygon { .. } => return None,
+        };
+        Some(Self { space, shape })
+    }
+}
+
+/// Distances that a goal keeps from regions.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(crate) struct Margins {
+    /// rad.
+    angles: f64,
+    /// m.
+    tip: f64,
+}
+
+impl Margins {
+    pub fn new(config: &VirtualFixtureConfig) -> Self {
+        Self {
+            angles: config.margin_deg.to_radians(),
+            tip: config.margin_mm * 1e-3,
+        }
+    }
+
+    pub(super) fn of(&self, space: FixtureSpace) -> f64 {
+        match space {
+            FixtureSpace::Angles => self.angles,
+            FixtureSpace::Tip => self.tip,
+        }
+    }
+}
+
+pub(super) fn dot(a: &Point, b: &Point) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn norm(a: &Point) -> f64 {
+    dot(a, a).sqrt()
+}
+
+fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn region(shape: &FixtureShape, margin_deg: f64) -> Region {
+        let config = VirtualFixtureConfig {
+            margin_deg,
+            ..VirtualFixtureConfig::default()
+        };
+        Region::new(shape, &config)
+    }
+
+    fn distance_deg(region: &Region, pitch_deg: f64, yaw_deg: f64) -> f64 {
+        let point = [pitch_deg.to_radians(), yaw_deg.to_radians(), 0.0];
+        region.distance(&point).distance.to_degrees()
+    }
+
+    #[test]
+    fn a_polygon_of_either_sense_has_the_distance_of_its_sides() {
+        let mut corners_deg = vec![[2.0, 1.0], [6.0, 1.0], [6.0, 5.0], [2.0, 5.0]];
+        for _ in 0..2 {
+            let corners = corners_deg.clone();
+            let square = region(
+                &FixtureShape::Polygon {
+                    corners_deg: corners,
+                },
+                0.5,
+            );
+            for (at, expected) in [
+                ([0.0, 3.0], 1.5),
+                ([4.0, 9.0], 3.5),
+                ([4.0, 3.0], -2.5),
+                ([6.4, 3.0], -0.1),
+            ] {
+                let distance = distance_deg(&square, at[0], at[1]);
+                assert!((distance - expected).abs() < 1e-9, "{at:?}: {distance}");
+            }
+            corners_deg.reverse();
+        }
+    }
+
+    #[test]
+    fn a_half_plane_forbids_the_side_of_its_normal() {
+        let wall = FixtureShape::HalfPlane {
+            normal: [0.0, -3.0],
+            offset_deg: 10.0,
+        };
+        let wall = region(&wall, 1.0);
+        assert!((distance_deg(&wall, 20.0, 0.0) - 9.0).abs() < 1e-9);
+        assert!((distance_deg(&wall, 0.0, -12.0) + 3.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_ball_of_the_tip_is_in_metres() {
+        let ball = FixtureShape::Ball {
+            centre_mm: [1.0, 0.0, 2.0],
+            radius_mm: 0.5,
+        };
+        let config = VirtualFixtureConfig {
+            margin_mm: 0.0,
+            ..VirtualFixtureConfig::default()
+        };
+        let distance = Region::new(&ball, &config).distance(&[0.0, 0.0, 2e-3]);
+        assert!((distance.distance - 0.5e-3).abs() < 1e-12);
+        assert_eq!(distance.slope, [-1.0, 0.0, 0.0]);
+    }
+}

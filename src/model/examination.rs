@@ -1,0 +1,274 @@
+//! The examination of a model before it may move motors: whether its inverse follows the model
+//! itself, and whether it has the gain of the robot.
+//!
+//! A path wanders through the hull: large slow motion with small reversals on it. What the model
+//! predicts along the path are the goals, so motors can reach every one of them, with as much travel
+//! as the path has. Then the inverse follows the goals, in whole counts and with a limit on the
+//! velocity, and with the memory of its own setpoints. A model that folds, chatters or jumps misses
+//! them or takes more travel.
+//!
+//! The work is bounded: some thousand steps of the operators, a fraction of a second.
+
+use nalgebra::DMatrix;
+
+use crate::model::error::ModelError;
+use crate::model::estimate::Query;
+use crate::model::families::memory::Memory;
+use crate::model::families::runtime::Runtime;
+use crate::model::file::ModelFile;
+use crate::model::maths::hull::Hull;
+use crate::model::trial_path::TrialPath;
+use crate::units::{MotorVec, OutputVec};
+
+/// Steps of the path, and of the decaying turns before it, after which the memory is known.
+const STEPS: usize = 600;
+const TURNING_STEPS: usize = 200;
+
+/// The motors move by at most this part of half the range in a step: twice what the path takes.
+const FASTEST: f64 = 0.1;
+
+/// Part of the way that the filtered correction goes in a step: the loop filters it, too.
+const FILTER: f64 = 0.2;
+
+/// The error at the goals may be this part of their deviation.
+const MOST_ERROR: f64 = 0.7;
+
+/// The travel of the motors may be so many times that of the path.
+const MOST_TRAVEL: f64 = 6.0;
+
+/// The gain of the model over that of a straight line through the recording.
+const GAINS: std::ops::RangeInclusive<f64> = 1.0 / 3.0..=3.0;
+
+/// Directions whose gain is less than this part of that of the strongest one are not compared.
+const LEAST_GAIN: f64 = 0.02;
+
+/// What an examination found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Examination {
+    /// RMS error at the goals over their RMS deviation from their mean.
+    pub error: f64,
+    /// Travel of the motors over that of the path.
+    pub travel: f64,
+    /// The least and the greatest gain of the model, relative to the straight line; `None` if the
+    /// file has none.
+    pub gains: Option<[f64; 2]>,
+}
+
+impl Examination {
+    /// Examines a model.
+    pub(in crate::model) fn of(runtime: &dyn Runtime, hull: &Hull, file: &ModelFile) -> Self {
+        let trial = Trial::new(runtime, hull, file);
+        let (error, travel) = trial.follow();
+        Self {
+            error,
+            travel,
+            gains: trial.gains(),
+        }
+    }
+
+    /// Refuses a model that commands nonsense.
+    pub(in crate::model) fn verdict(&self) -> Result<(), ModelError> {
+        if let Some([least, most]) = self.gains
+            && !(GAINS.contains(&least) && GAINS.contains(&most))
+        {
+            return Err(ModelError::Gain { least, most });
+        }
+        // Not a number is refused, too.
+        if self.error <= MOST_ERROR && self.travel <= MOST_TRAVEL {
+            return Ok(());
+        }
+        Err(ModelError::Rehearsal {
+            error: self.error,
+            travel: self.travel,
+        })
+    }
+}
+
+/// The examination of one model.
+struct Trial<'a> {
+    runtime: &'a dyn Runtime,
+    hull: &'a Hull,
+    file: &'a ModelFile,
+    motors: usize,
+    path: TrialPath,
+    /// What the model predicts along the path.
+    goals: Vec<OutputVec>,
+}
+
+impl<'a> Trial<'a> {
+    fn new(runtime: &'a dyn Runtime, hull: &'a Hull, file: &'a ModelFile) -> Self {
+        let mut trial = Self {
+            runtime,
+            hull,
+            file,
+            motors: file.hull.corners.first().map_or(0, Vec::len),
+            path: TrialPath::new(hull, TURNING_STEPS, STEPS),
+            goals: Vec::new(),
+        };
+        let mut memory = trial.memory_after_turns();
+        for counts in &trial.path.wander {
+            trial.advance(&mut memory, counts);
+            trial.goals.push(runtime.predict(counts, &memory).mean);
+        }
+        trial
+    }
+
+    fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
+        memory.note(*counts);
+        self.runtime.advance(memory, counts);
+    }
+
+    fn memory_after_turns(&self) -> Memory {
+        let mut memory = Memory::default();
+        for counts in &self.path.turns {
+            self.advance(&mut memory, counts);
+        }
+        memory
+    }
+
+    /// Error and travel of the inverse on the goals, relative to those of the path.
+    fn follow(&self) -> (f64, f64) {
+        let Self { path, goals, .. } = self;
+        let mut memory = self.memory_after_turns();
+        let mut counts = path.turns.last().copied().unwrap_or_default();
+        let fastest = path.half_ranges.map(|half| FASTEST * half);
+        let mut correction = self.runtime.correction(&memory);
+        let (mut squares, mut way) = (0.0, 0.0);
+        for goal in goals {
+            let query = Query {
+                correction: Some(correction),
+                ..Query::new(counts)
+            };
+            let target = self.runtime.invert(goal, &memory, self.hull, &query);
+            let target = target.counts;
+            let mut next = counts;
+            for (motor, next) in next.iter_mut().enumerate().take(self.motors) {
+                let step = (target[motor] - *next).clamp(-fastest[motor], fastest[motor]);
+                *next = (*next + step).round();
+            }
+            self.advance(&mut memory, &next);
+            let unfiltered = self.runtime.correction(&memory);
+            for (filtered, now) in correction.iter_mut().zip(&unfiltered) {
+                *filtered += FILTER * (now - *filtered);
+            }
+            way += TrialPath::distance(&counts, &next);
+            squares += square(&self.runtime.predict(&next, &memory).mean, goal);
+            counts = next;
+        }
+        let mut mean = OutputVec::default();
+        for goal in goals {
+            for (mean, goal) in mean.iter_mut().zip(goal) {
+                *mean += goal / goals.len() as f64;
+            }
+        }
+        let size: f64 = goals.iter().map(|goal| square(goal, &mean)).sum();
+        ((squares / size).sqrt(), way / path.travel().max(1.0))
+    }
+
+    /// The least and the greatest gain of the model along the path, relative to the straight line
+    /// through the recording.
+    fn gains(&self) -> Option<[f64; 2]> {
+        let Self { path, goals, .. } = self;
+        let line = self.file.training.linear_gain.as_ref()?;
+        let unit = self.file.outputs.first()?.unit.si();
+        let (motors, outputs) = (self.motors, self.file.outputs.len());
+        let line = DMatrix::from_fn(outputs, motors, |output, motor| {
+            line.get(output)
+                .and_then(|row| row.get(motor))
+                .copied()
+                .unwrap_or(f64::NAN)
+                * unit
+        });
+        let rows = path.wander.len();
+        let mut inputs = DMatrix::from_fn(rows, motors, |row, motor| path.wander[row][motor]);
+        let mut angles = DMatrix::from_fn(rows, outputs, |row, output| goals[row][output]);
+        for mut column in inputs.column_iter_mut().chain(angles.column_iter_mut()) {
+            let mean = column.mean();
+            column.add_scalar_mut(-mean);
+        }
+        if !angles
+            .iter()
+            .chain(line.iter())
+            .all(|value| value.is_finite())
+        {
+            return Some([f64::NAN; 2]);
+        }
+        let gram = inputs.tr_mul(&inputs).try_inverse()?;
+        let gain = (gram * inputs.tr_mul(&angles)).transpose();
+        relative_gains(&gain, &line)
+    }
+}
+
+/// Of each direction in which the straight line moves the outputs: by how much the model does.
+fn relative_gains(gain: &DMatrix<f64>, line: &DMatrix<f64>) -> Option<[f64; 2]> {
+    let parts = line.clone().svd(true, true);
+    let (left, right) = (parts.u?, parts.v_t?);
+    let strongest = parts.singular_values.max();
+    let mut range: Option<[f64; 2]> = None;
+    for (index, value) in parts.singular_values.iter().enumerate() {
+        if *value > LEAST_GAIN * strongest {
+            let moved = gain * right.row(index).transpose();
+            let relative = left.column(index).dot(&moved) / value;
+            let [least, most] = range.unwrap_or([relative; 2]);
+            range = Some([least.min(relative), most.max(relative)]);
+        }
+    }
+    range
+}
+
+fn square(from: &OutputVec, to: &OutputVec) -> f64 {
+    from.iter()
+        .zip(to)
+        .map(|(from, to)| (to - from).powi(2))
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gains_are_compared_along_the_directions_of_the_line() {
+        let line = DMatrix::from_row_slice(2, 2, &[0.02, 0.01, -0.01, 0.02]);
+        let same = relative_gains(&line, &line).unwrap();
+        assert!(
+            same.iter().all(|gain| (gain - 1.0).abs() < 1e-12),
+            "{same:?}"
+        );
+        let mirrored = relative_gains(&-&line, &line).unwrap();
+        assert!(
+            mirrored.iter().all(|gain| (gain + 1.0).abs() < 1e-12),
+            "{mirrored:?}"
+        );
+        let weak = DMatrix::from_row_slice(2, 2, &[0.02, 0.0, 0.0, 0.0005]);
+        let strong = DMatrix::from_row_slice(2, 2, &[0.02, 0.0, 0.0, 0.02]);
+        let [least, most] = relative_gains(&weak, &strong).unwrap();
+        assert!((least - 0.025).abs() < 1e-9 && (most - 1.0).abs() < 1e-9);
+        assert!(GAINS.contains(&most) && !GAINS.contains(&least));
+    }
+
+    #[test]
+    fn a_direction_that_the_line_does_not_move_is_not_compared() {
+        let line = DMatrix::from_row_slice(1, 2, &[0.02, 0.0]);
+        let gain = DMatrix::from_row_slice(1, 2, &[0.03, 0.01]);
+        let [least, most] = relative_gains(&gain, &line).unwrap();
+        assert!((least - 1.5).abs() < 1e-9 && (most - 1.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_inverse_that_misses_or_chatters_is_refused() {
+        let found = |error, travel| Examination {
+            error,
+            travel,
+            gains: None,
+        };
+        assert!(found(0.01, 1.0).verdict().is_ok());
+        for (error, travel) in [(0.8, 1.0), (0.01, 9.0), (f64::NAN, 1.0), (0.01, f64::NAN)] {
+            let refusal = found(error, travel).verdict();
+            assert!(matches!(refusal, Err(ModelError::Rehearsal { .. })));
+        }
+        let sentence = found(0.8, 9.0).verdict().unwrap_err().to_string();
+        assert!(sentence.contains("misses 80 % of the motion"), "{sentence}");
+        assert!(sentence.contains("with 9.0 times the travel"), "{sentence}");
+    }
+}

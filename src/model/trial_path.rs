@@ -1,0 +1,75 @@
+//! A path of the motors on which models are tried, without a robot.
+
+use std::f64::consts::TAU;
+
+use crate::model::maths::hull::Hull;
+use crate::units::{MAX_MOTORS, MotorVec};
+
+/// Decaying turns through the hull, after which the memory of a model is known, and then large slow
+/// motion with small faster reversals on it. Counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrialPath {
+    /// The turns.
+    pub turns: Vec<MotorVec>,
+    /// The motion after them.
+    pub wander: Vec<MotorVec>,
+    /// Half of the width of the hull, of every motor.
+    pub half_ranges: MotorVec,
+}
+
+impl TrialPath {
+    /// A path of so many steps inside a hull.
+    #[must_use]
+    pub fn new(hull: &Hull, turning_steps: usize, steps: usize) -> Self {
+        let mut low = [f64::INFINITY; MAX_MOTORS];
+        let mut high = [f64::NEG_INFINITY; MAX_MOTORS];
+        for corner in hull.corners() {
+            for motor in 0..MAX_MOTORS {
+                low[motor] = low[motor].min(corner[motor]);
+                high[motor] = high[motor].max(corner[motor]);
+            }
+        }
+        let centre = hull.centre();
+        let half_ranges: MotorVec = std::array::from_fn(|motor| (high[motor] - low[motor]) / 2.0);
+        let at = |part: MotorVec| {
+            hull.project(&std::array::from_fn(|motor| {
+                centre[motor] + part[motor] * half_ranges[motor]
+            }))
+        };
+        let turn = |step: usize| {
+            let part = step as f64 / turning_steps as f64;
+            let (sin, cos) = (4.0 * TAU * part).sin_cos();
+            let size = 0.95 * (1.0 - part);
+            at([size * sin, size * cos])
+        };
+        let wander = |step: usize| {
+            let part = step as f64 / steps as f64;
+            let wave = |turns: f64, phase: f64| (TAU * turns * part + phase).sin();
+            at([
+                0.45 * wave(3.0, 0.0) + 0.12 * wave(19.0, 1.0),
+                0.45 * wave(4.0, 0.5) + 0.12 * wave(23.0, 2.0),
+            ])
+        };
+        Self {
+            turns: (0..turning_steps).map(turn).collect(),
+            wander: (0..steps).map(wander).collect(),
+            half_ranges,
+        }
+    }
+
+    /// Travel of the motors after the turns, counts.
+    #[must_use]
+    pub fn travel(&self) -> f64 {
+        let steps = self.wander.windows(2);
+        steps.map(|pair| Self::distance(&pair[0], &pair[1])).sum()
+    }
+
+    /// Travel of the motors between two positions, counts.
+    #[must_use]
+    pub fn distance(from: &MotorVec, to: &MotorVec) -> f64 {
+        from.iter()
+            .zip(to)
+            .map(|(from, to)| (to - from).abs())
+            .sum()
+    }
+}

@@ -1,0 +1,247 @@
+//! The virtual fixtures as clients see them: names and values beside what the loop knows.
+//!
+//! The loop keeps regions without names. All requests pass through the IPC thread in order, so that
+//! this table finds the same places for them as the loop does.
+
+use std::collections::VecDeque;
+
+use crate::config::{FixtureShape, VirtualFixtureConfig};
+use crate::core::{CycleReport, FixtureChange, SimpleRegion};
+use crate::ipc::payload::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg, padded_text};
+use crate::robot::{FixtureAction, FixtureKind, Refusal};
+
+/// The regions, and the requests that the loop has not answered yet.
+#[derive(Debug)]
+pub struct FixtureTable {
+    message: VirtualFixturesMsg,
+    configured: usize,
+    pending: VecDeque<(u64, VirtualFixtureRequest)>,
+    added: u32,
+}
+
+impl FixtureTable {
+    /// The regions of a configuration.
+    #[must_use]
+    pub fn new(config: &VirtualFixtureConfig) -> Self {
+        let mut message = VirtualFixturesMsg::default();
+        for (index, region) in config.regions.iter().enumerate().take(FIXTURES) {
+            let (kind, values) = described(&region.shape);
+            message.kind[index] = kind.number();
+            message.values[index] = values;
+            message.name[index] = padded_text(&region.name);
+        }
+        Self {
+            message,
+            configured: config.regions.len().min(FIXTURES),
+            pending: VecDeque::new(),
+            added: 0,
+        }
+    }
+
+    /// The change that a request asks for.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal::Malformed`] for an action or a region that does not exist.
+    pub fn parse(request: &VirtualFixtureRequest) -> Result<FixtureChange, Refusal> {
+        let action = FixtureAction::from_number(request.action).ok_or(Refusal::Malformed)?;
+        let is_empty = request.kind == 0 && request.values == [0.0; 4];
+        match action {
+            FixtureAction::Add => shape(request)
+                .and_then(|shape| SimpleRegion::new(&shape))
+                .map(FixtureChange::Add)
+                .ok_or(Refusal::Malformed),
+            _ if !is_empty => Err(Refusal::Malformed),
+            FixtureAction::On => Ok(FixtureChange::SwitchOn),
+            FixtureAction::Off => Ok(FixtureChange::SwitchOff),
+            FixtureAction::Remove => Ok(FixtureChange::RemoveAdded),
+        }
+    }
+
+    /// A request went to the loop.
+    pub fn sent(&mut self, token: u64, request: VirtualFixtureRequest) {
+        self.pending.push_back((token, request));
+    }
+
+    /// The loop has answered. Returns whether the table changed.
+    pub fn answered(&mut self, token: u64, refusal: Refusal) -> bool {
+        let place = self.pending.iter().position(|(sent, _)| *sent == token);
+        let Some((_, request)) = place.and_then(|place| self.pending.remove(place)) else {
+            return false;
+        };
+        if refusal != Refusal::None {
+            return false;
+        }
+        match FixtureAction::from_number(request.action) {
+            Some(FixtureAction::Add) => self.add(&request),
+            Some(FixtureAction::Remove) => {
+                for index in self.configured..FIXTURES {
+                    self.message.kind[index] = FixtureKind::None.number();
+                    self.message.values[index] = Default::default();
+                    self.message.name[index] = Default::default();
+                }
+            }
+            Some(FixtureAction::On | FixtureAction::Off) | None => {}
+        }
+        true
+    }
+
+    /// Takes what the loop reports of a tick.
+    pub fn update(&mut self, report: &CycleReport) {
+        self.message.active = report.fixtures;
+        if let Some(index) = report.limited_by_fixture {
+            self.message.limited_by = u32::from(index) + 1;
+        }
+    }
+
+    /// The message of the stream.
+    #[must_use]
+    pub fn message(&self) -> VirtualFixturesMsg {
+        self.message
+    }
+
+    fn add(&mut self, request: &VirtualFixtureRequest) {
+        let free = (0..FIXTURES).find(|index| self.message.kind[*index] == 0);
+        if let Some(index) = free {
+            self.added += 1;
+            self.message.kind[index] = request.kind;
+            self.message.values[index] = Default::default();
+            self.message.values[index][..4].copy_from_slice(&request.values);
+            self.message.name[index] = padded_text(&format!("request {}", self.added));
+        }
+    }
+}
+
+/// The shape of a request, in degrees and mm as in the configuration; `None`: it is none.
+fn shape(request: &VirtualFixtureRequest) -> Option<FixtureShape> {
+    let [a, b, c, d] = request.values;
+    let (deg, mm) = (f64::to_degrees, |metres: f64| metres * 1e3);
+    let shape = match FixtureKind::from_number(request.kind)? {
+        FixtureKind::Circle => FixtureShape::Circle {
+            centre_deg: [deg(a), deg(b)],
+            radius_deg: deg(c),
+        },
+        FixtureKind::HalfPlane => FixtureShape::HalfPlane {
+            normal: [a, b],
+            offset_deg: deg(c),
+        },
+        FixtureKind::Ball => FixtureShape::Ball {
+            centre_mm: [mm(a), mm(b), mm(c)],
+            radius_mm: mm(d),
+        },
+        FixtureKind::HalfSpace => FixtureShape::HalfSpace {
+            normal: [a, b, c],
+            offset_mm: mm(d),
+        },
+        FixtureKind::None | FixtureKind::Polygon => return None,
+    };
+    shape.problem().is_none().then_some(shape)
+}
+
+/// Kind and values of a shape of the configuration.
+fn described(shape: &FixtureShape) -> (FixtureKind, [f64; 17]) {
+    let mut values = [0.0; 17];
+    let rad = f64::to_radians;
+    let kind = match shape {
+        FixtureShape::Circle {
+            centre_deg: [pitch, yaw],
+            radius_deg,
+        } => {
+            values[..3].copy_from_slice(&[rad(*pitch), rad(*yaw), rad(*radius_deg)]);
+            FixtureKind::Circle
+        }
+        FixtureShape::HalfPlane { normal, offset_deg } => {
+            values[..3].copy_from_slice(&[normal[0], normal[1], rad(*offset_deg)]);
+            FixtureKind::HalfPlane
+        }
+        FixtureShape::Ball {
+            centre_mm: [x, y, z],
+            radius_mm,
+        } => {
+            let metres = [x, y, z, radius_mm].map(|mm| mm * 1e-3);
+            values[..4].copy_from_slice(&metres);
+            FixtureKind::Ball
+        }
+        FixtureShape::HalfSpace {
+            normal: [x, y, z],
+            offset_mm,
+        } => {
+            values[..4].copy_from_slice(&[*x, *y, *z, offset_mm * 1e-3]);
+            FixtureKind::HalfSpace
+        }
+        FixtureShape::Polygon { corners_deg } => {
+            values[0] = corners_deg.len() as f64;
+            for (to, corner) in values[1..].chunks_exact_mut(2).zip(corners_deg) {
+                to.copy_from_slice(&corner.map(f64::to_radians));
+            }
+            FixtureKind::Polygon
+        }
+    };
+    (kind, values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::FixtureRegionConfig;
+
+    fn request(action: u32, kind: u32, values: [f64; 4]) -> VirtualFixtureRequest {
+        VirtualFixtureRequest {
+            client_id: 7,
+            action,
+            kind,
+            values,
+        }
+    }
+
+    #[test]
+    fn a_request_that_is_none_is_malformed() {
+        let circle = [0.1, 0.2, 0.05, 0.0];
+        assert!(FixtureTable::parse(&request(3, 1, circle)).is_ok());
+        for (action, kind, values) in [
+            (0, 0, [0.0; 4]),
+            (5, 0, [0.0; 4]),
+            (1, 1, [0.0; 4]),
+            (2, 0, circle),
+            (3, 0, circle),
+            (3, 5, circle),
+            (3, 9, circle),
+            (3, 1, [0.1, 0.2, 0.0, 0.0]),
+            (3, 1, [f64::NAN, 0.2, 0.1, 0.0]),
+            (3, 2, [0.0, 0.0, 0.1, 0.0]),
+        ] {
+            let parsed = FixtureTable::parse(&request(action, kind, values));
+            assert_eq!(
+                parsed,
+                Err(Refusal::Malformed),
+                "{action} {kind} {values:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_table_follows_the_answers_of_the_loop() {
+        let config = VirtualFixtureConfig {
+            regions: vec![FixtureRegionConfig {
+                name: "lens".to_owned(),
+                shape: FixtureShape::Circle {
+                    centre_deg: [10.0, 5.0],
+                    radius_deg: 3.0,
+                },
+            }],
+            ..VirtualFixtureConfig::default()
+        };
+        let mut table = FixtureTable::new(&config);
+        let wall = request(3, 2, [1.0, 0.0, 0.3, 0.0]);
+        table.sent(1, wall);
+        table.sent(2, wall);
+        assert!(!table.answered(1, Refusal::Range));
+        assert_eq!(table.message().kind[..3], [1, 0, 0]);
+        assert!(table.answered(2, Refusal::None));
+        assert_eq!(table.message().kind[..3], [1, 2, 0]);
+        assert_eq!(table.message().values[1][2], 0.3);
+        table.sent(3, request(4, 0, [0.0; 4]));
+        assert!(table.answered(3, Refusal::None));
+        assert_eq!(table.message().kind[..3], [1, 0, 0]);
+    }
+}

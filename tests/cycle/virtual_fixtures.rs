@@ -1,0 +1,171 @@
+//! Virtual fixtures in the whole cycle: the setpoints of the motors stay out of the regions.
+
+use std::sync::Arc;
+
+use i2ris::core::{CycleEventKind, FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
+use i2ris::ipc::{Refusal, StateCommand};
+use i2ris::model::Model;
+use i2ris::model::file::OutputUnit;
+use proptest::prelude::*;
+
+use crate::bench::{Bench, CLIENT, config, model, play_model, rad};
+
+const WALL: &str = r#"
+    [[virtual_fixtures.regions]]
+    name = "retina"
+    shape = { half_plane = { normal = [1.0, 0.0], offset_deg = 6.0 } }
+"#;
+
+fn enabled(tables: &str, model: Arc<Model>) -> Bench {
+    Bench::enabled_with(config(tables), Some(model))
+}
+
+fn change(bench: &mut Bench, client_id: u64, change: FixtureChange) -> Refusal {
+    bench.fixture = Some(change);
+    bench.ask_as(client_id, StateCommand::Fixture).refusal
+}
+
+/// Servo commands along a straight line, one per tick.
+fn sweep(bench: &mut Bench, from: [f64; 2], to: [f64; 2], ticks: u32) {
+    for k in 1..=ticks {
+        let at =
+            |axis: usize| from[axis] + (to[axis] - from[axis]) * f64::from(k) / f64::from(ticks);
+        assert_eq!(bench.joint(at(0), at(1)), Refusal::None);
+    }
+}
+
+fn pitch_deg(bench: &Bench) -> f64 {
+    bench.joints().setpoint[0].to_degrees()
+}
+
+#[test]
+fn the_snake_stops_before_a_wall_and_goes_along_it() {
+    let mut bench = enabled(WALL, model(OutputUnit::Deg));
+    sweep(&mut bench, [0.0, 0.0], [9.0, 0.0], 2000);
+    assert!(
+        (5.3..5.51).contains(&pitch_deg(&bench)),
+        "{}",
+        pitch_deg(&bench)
+    );
+    assert_eq!(bench.report().limited_by_fixture, Some(0));
+    let limits = |event: &&CycleEventKind| matches!(event, CycleEventKind::FixtureLimit { .. });
+    assert_eq!(bench.events.iter().filter(limits).count(), 1);
+    sweep(&mut bench, [9.0, 0.0], [9.0, 2.0], 1000);
+    let yaw_deg = bench.joints().setpoint[1].to_degrees();
+    assert!((yaw_deg - 2.0).abs() < 0.05, "{yaw_deg}");
+    assert!(pitch_deg(&bench) < 5.51);
+    // Back without delay: nothing holds the goal at the wall.
+    sweep(&mut bench, [9.0, 2.0], [3.0, 2.0], 2000);
+    assert!((pitch_deg(&bench) - 3.0).abs() < 0.05 && bench.report().limited_by_fixture.is_none());
+}
+
+#[test]
+fn motion_that_is_not_planned_in_angles_is_refused_while_a_fixture_counts() {
+    let mut bench = enabled(WALL, model(OutputUnit::Deg));
+    assert_eq!(bench.actuator([10, 10]), Refusal::Fixture);
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::Fixture);
+    bench.pose = Some((rad(8.0, 0.0), 2));
+    assert_eq!(bench.ask(StateCommand::Move), Refusal::Fixture);
+    bench.pose = Some((rad(4.0, 1.0), 2));
+    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+    bench.idle();
+    assert!((pitch_deg(&bench) - 4.0).abs() < 0.01);
+    assert_eq!(
+        change(&mut bench, CLIENT, FixtureChange::SwitchOff),
+        Refusal::None
+    );
+    assert_eq!(bench.report().fixtures, 0);
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+}
+
+#[test]
+fn anybody_may_add_a_fixture_and_only_the_commander_at_rest_takes_one_away() {
+    let mut bench = enabled("", model(OutputUnit::Deg));
+    let wall = SimpleRegion {
+        space: FixtureSpace::Angles,
+        shape: SimpleShape::HalfSpace {
+            normal: [1.0, 0.0, 0.0],
+            offset: 4.0_f64.to_radians(),
+        },
+    };
+    sweep(&mut bench, [0.0, 0.0], [1.0, 0.0], 200);
+    assert_eq!(
+        change(&mut bench, CLIENT + 1, FixtureChange::Add(wall)),
+        Refusal::None
+    );
+    assert_eq!(bench.report().fixtures, 1);
+    sweep(&mut bench, [1.0, 0.0], [8.0, 0.0], 2000);
+    assert!(pitch_deg(&bench) < 3.51, "{}", pitch_deg(&bench));
+    for taken in [FixtureChange::SwitchOff, FixtureChange::RemoveAdded] {
+        assert_eq!(change(&mut bench, CLIENT + 1, taken), Refusal::Lease);
+        assert_eq!(change(&mut bench, CLIENT, taken), Refusal::Busy);
+    }
+    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+    bench.run(100);
+    assert_eq!(
+        change(&mut bench, CLIENT, FixtureChange::RemoveAdded),
+        Refusal::None
+    );
+    assert_eq!(bench.report().fixtures, 0);
+    assert_eq!(
+        bench.ask(StateCommand::Fixture),
+        Refusal::Malformed,
+        "no change"
+    );
+}
+
+#[test]
+fn a_fixture_that_is_added_during_a_trajectory_stops_it() {
+    let mut bench = enabled("", model(OutputUnit::Deg));
+    bench.pose = Some((rad(9.0, 0.0), 2));
+    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+    bench.run(100);
+    let ball = SimpleRegion {
+        space: FixtureSpace::Angles,
+        shape: SimpleShape::Ball {
+            centre: rad(9.0, 0.0),
+            radius: 3.0_f64.to_radians(),
+        },
+    };
+    assert_eq!(
+        change(&mut bench, CLIENT, FixtureChange::Add(ball)),
+        Refusal::None
+    );
+    bench.idle();
+    assert!(pitch_deg(&bench) < 6.0, "{}", pitch_deg(&bench));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20))]
+
+    /// Whatever is commanded, with a model of 100 counts of backlash: the margin of the goal keeps
+    /// the setpoints out of the region itself.
+    #[test]
+    fn no_setpoint_enters_a_region(
+        goals in prop::collection::vec((-9.0..9.0_f64, -9.0..9.0_f64, 30_u32..400), 1..12),
+        direction in 0.0..6.3_f64,
+        offset_deg in 2.0..5.0_f64,
+    ) {
+        let tables = format!(
+            "[[virtual_fixtures.regions]]\nname = \"wall\"\nshape = {{ half_plane = {{ normal = \
+             [{}, {}], offset_deg = {offset_deg} }} }}",
+            direction.cos(),
+            direction.sin()
+        );
+        let mut bench = enabled(&tables, play_model());
+        let mut at = [0.0; 2];
+        for (pitch, yaw, ticks) in goals {
+            let length = (pitch - at[0]).hypot(yaw - at[1]);
+            // Steps of at most a tenth of a degree.
+            for k in 1..=ticks.max((10.0 * length) as u32 + 1) {
+                let share = f64::from(k) / f64::from(ticks.max((10.0 * length) as u32 + 1));
+                let goal = [at[0] + share * (pitch - at[0]), at[1] + share * (yaw - at[1])];
+                prop_assert_eq!(bench.joint(goal[0], goal[1]), Refusal::None);
+                let setpoint = bench.joints().setpoint.map(f64::to_degrees);
+                let along = setpoint[0] * direction.cos() + setpoint[1] * direction.sin();
+                prop_assert!(along < offset_deg, "{along} of {offset_deg}");
+            }
+            at = [pitch, yaw];
+        }
+    }
+}

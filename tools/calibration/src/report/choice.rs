@@ -1,0 +1,122 @@
+//! Why the family was chosen: a sentence, and the scores of all families.
+
+use i2ris_plot::number::fixed;
+use i2ris_plot::page::TableRow;
+use i2ris_plot::{Page, Table};
+
+use super::data::{ChoiceScore, ReportData};
+use super::labels::unit;
+
+/// Another family this near, relative to the score of the chosen one, would do as well on another
+/// recording.
+const NEAR: f64 = 0.1;
+
+pub(super) fn write(page: &mut Page, data: &ReportData) {
+    let scores = &data.choice;
+    let Some(chosen) = scores.iter().find(|score| score.chosen) else {
+        return;
+    };
+    page.paragraph(explanation(scores, chosen));
+    let unit = unit(data);
+    let header = [
+        "family".to_owned(),
+        format!("held out ({unit})"),
+        format!("tracking on the worst of the others ({unit})"),
+        "that one".to_owned(),
+        format!("score ({unit})"),
+        "travel".to_owned(),
+    ];
+    let caption = "The choice: RMS length of the error on the rows held out; RMS length of the \
+                   tracking error when the inverse of the family moves the worst of the other \
+                   families as a robot; the score is both together, the root of the sum of squares; \
+                   travel of the motors in these trials, relative to that of linear. A family whose \
+                   error on the rows held out is far above the least is no robot to be tried on.";
+    let mut table = Table::new(caption.to_owned(), header).text_column(3);
+    for score in scores {
+        let none = || "–".to_owned();
+        let (worst, name) = match &score.worst_plant {
+            Some((error, name)) => (fixed(*error, 3), name.clone()),
+            None => (none(), none()),
+        };
+        table.row(TableRow {
+            cells: vec![
+                score.family.clone(),
+                fixed(score.held_out, 3),
+                worst,
+                name,
+                fixed(score.total, 3),
+                if score.worst_plant.is_some() {
+                    fixed(score.travel, 2)
+                } else {
+                    none()
+                },
+            ],
+            strong: score.chosen,
+            rule: true,
+        });
+    }
+    page.table(&table);
+}
+
+/// Why this one, and how sure that is.
+fn explanation(scores: &[ChoiceScore], chosen: &ChoiceScore) -> String {
+    let family = &chosen.family;
+    let others = scores.iter().filter(|score| !score.chosen);
+    let next = others.min_by(|a, b| a.total.total_cmp(&b.total));
+    let Some(next) = next else {
+        return format!("{family} is the only family that could be fitted.");
+    };
+    let part = next.total / chosen.total - 1.0;
+    let percent = fixed(100.0 * part.abs(), 0);
+    let (other, side) = (&next.family, if part < 0.0 { "below" } else { "above" });
+    let sure = match part {
+        part if part < 0.0 => "so little that the simpler family was taken",
+        part if part < NEAR => "so near that another recording may turn it round",
+        _ => "a clear difference",
+    };
+    format!(
+        "{family} was chosen for its score. The score of the next family, {other}, is {percent} % \
+         {side} it, {sure}."
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn score(family: &str, total: f64, chosen: bool) -> ChoiceScore {
+        ChoiceScore {
+            family: family.to_owned(),
+            held_out: total,
+            worst_plant: None,
+            total,
+            travel: 0.0,
+            chosen,
+        }
+    }
+
+    #[test]
+    fn the_sentence_tells_how_sure_the_choice_is() {
+        for (next, part) in [
+            (1.5, "gmr-stop, is 50 % above it, a clear difference"),
+            (
+                1.05,
+                "is 5 % above it, so near that another recording may turn it round",
+            ),
+            (
+                0.98,
+                "is 2 % below it, so little that the simpler family was taken",
+            ),
+        ] {
+            let scores = [
+                score("linear", 9.0, false),
+                score("gmr-play", 1.0, true),
+                score("gmr-stop", next, false),
+            ];
+            let text = explanation(&scores, &scores[1]);
+            assert!(text.contains(part), "{text}");
+        }
+        let one = [score("linear", 1.0, true)];
+        assert!(explanation(&one, &one[0]).contains("the only family"));
+    }
+}

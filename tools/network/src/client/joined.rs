@@ -1,0 +1,287 @@
+//! A session that the server has admitted, and the domain that stands for its controller.
+
+use std::collections::BTreeMap;
+
+use i2ris::ipc::Domain;
+use i2ris::ipc::payload::EventMsg;
+use i2ris::ipc::ready::INTERFACE_VERSION;
+use i2ris::ipc::server::ReceivedCommand;
+use i2ris::units::Nanos;
+use zerocopy::{FromBytes, IntoBytes};
+
+use super::network::{Arrival, Network};
+use super::pending_requests::PendingRequests;
+use super::service::Service;
+use crate::message::{AliveReply, SessionRefusal};
+use crate::names::{EVENTS, What};
+use crate::offset::ClockOffset;
+use crate::pace::{Lag, Pace, lag_of_us};
+use crate::request::Answer;
+use crate::state::State;
+use crate::{BridgeEvent, NetworkError};
+
+/// How often the server receives a sign of life. Each of them is an exchange of clocks.
+const ALIVE_PERIOD: Nanos = Nanos::from_millis(50);
+/// How often the round trip is reported.
+const ROUND_TRIP_PERIOD: Nanos = Nanos::from_millis(1000);
+
+/// A connection, with the session in it.
+#[derive(Debug)]
+pub(super) struct Joined {
+    network: Network,
+    address: String,
+    heard: Nanos,
+    /// The server's last answer.
+    admitted: Option<AliveReply>,
+    offset: ClockOffset,
+    known: State,
+    /// How late messages of streams arrive.
+    lag: Lag,
+    /// How often commands are sent, and the newest of every client that waits for it.
+    pace: Pace,
+    waiting: BTreeMap<u64, ReceivedCommand>,
+    /// The domain, while there is a controller at the other end.
+    service: Option<Service>,
+    pending: PendingRequests,
+    next_alive: Nanos,
+    next_round_trip: Nanos,
+}
+
+/// How a session goes on.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Course {
+    /// It lives.
+    Lives,
+    /// The server has ended it, or does not begin it.
+    Refused(SessionRefusal),
+}
+
+impl Joined {
+    pub fn new(network: Network, address: &str, now: Nanos) -> Self {
+        Self {
+            network,
+            address: address.to_owned(),
+            heard: now,
+            admitted: None,
+            offset: ClockOffset::default(),
+            known: State::default(),
+            lag: Lag::default(),
+            pace: Pace::new(Nanos::ZERO),
+            waiting: BTreeMap::new(),
+            service: None,
+            pending: PendingRequests::default(),
+            next_alive: Nanos::ZERO,
+            next_round_trip: Nanos::ZERO,
+        }
+    }
+
+    /// The next arrival; waits for it so long at most.
+    pub fn next(&self, wait: std::time::Duration) -> Option<Arrival> {
+        self.network.next(wait)
+    }
+
+    /// How long nothing has been heard.
+    pub fn silence(&self, now: Nanos) -> Nanos {
+        now.since(self.heard)
+    }
+
+    /// Whether the server has ever admitted it.
+    pub fn is_admitted(&self) -> bool {
+        self.admitted.is_some()
+    }
+
+    /// Sends what clients here ask, and signs of life.
+    pub fn pass_on(&mut self, now: Nanos) {
+        if now >= self.next_alive {
+            self.next_alive = now + ALIVE_PERIOD;
+            self.network.alive(false, self.lag.take_us());
+        }
+        let Some(service) = &mut self.service else {
+            return;
+        };
+        for command in service.commands() {
+            self.waiting.insert(sender(&command), command);
+        }
+        if !self.waiting.is_empty() && self.pace.is_due(now) {
+            for command in std::mem::take(&mut self.waiting).into_values() {
+                send(&self.network, command, &self.offset, now);
+            }
+        }
+        service.questions(now, |token, kind, payload| {
+            self.pending.take(token, kind, payload, now);
+        });
+        self.pending.due(now, |question| {
+            if let Some(asked) = self.offset.there(question.asked, now) {
+                let (what, bytes) = (What::Request(question.service), question.write(asked));
+                self.network.request(what, question.number, &bytes);
+            }
+        });
+        service.maintain(now);
+    }
+
+    /// Takes in what has arrived.
+    pub fn receive(
+        &mut self,
+        arrival: Arrival,
+        domain: &Domain,
+        now: Nanos,
+        report: &mut impl FnMut(BridgeEvent),
+    ) -> Result<Course, NetworkError> {
+        self.heard = now;
+        match arrival {
+            Arrival::State { stream, bytes } if stream == EVENTS => self.log(&bytes, now),
+            Arrival::State { stream, bytes } => {
+                let mut new = State::default();
+                if new.read(&stream, &bytes) {
+                    self.show(&new, domain, now)?;
+                }
+            }
+            Arrival::Alive {
+                sent,
+                arrived,
+                bytes,
+            } => {
+                if let Ok(reply) = AliveReply::read_from_bytes(&bytes) {
+                    return self.admit(reply, sent, arrived, report);
+                }
+            }
+            Arrival::Answer { number, bytes } => {
+                if let (Some(answer), Some(service)) =
+                    (Answer::read(number, &bytes), &mut self.service)
+                    && let Some((token, kind)) = self.pending.answered(number)
+                {
+                    service.answer(token, kind, &answer);
+                }
+            }
+        }
+        Ok(Course::Lives)
+    }
+
+    fn admit(
+        &mut self,
+        reply: AliveReply,
+        sent: Nanos,
+        arrived: Nanos,
+        report: &mut impl FnMut(BridgeEvent),
+    ) -> Result<Course, NetworkError> {
+        match SessionRefusal::of(reply.refusal) {
+            Some(SessionRefusal::Interface) => {
+                return Err(NetworkError::Interface {
+                    theirs: reply.interface,
+                    ours: INTERFACE_VERSION,
+                });
+            }
+            Some(refusal) => return Ok(Course::Refused(refusal)),
+            None => {}
+        }
+        self.offset.note(sent, Nanos(reply.now_ns), arrived);
+        if let Some(lag) = lag_of_us(reply.lag_us) {
+            self.pace.note(lag);
+        }
+        let former = self.admitted.replace(reply);
+        if former.is_none() {
+            report(BridgeEvent::Joined {
+                who: self.address.clone(),
+                commands: reply.commands == 1,
+            });
+        }
+        if former.map(|former| former.controller) != Some(reply.controller) {
+            if reply.controller == 1 {
+                self.network.ask_for_states();
+                report(BridgeEvent::Serving);
+            } else {
+                self.end_service();
+                report(BridgeEvent::NoController);
+            }
+        }
+        if arrived >= self.next_round_trip
+            && let Some(span) = self.offset.uncertainty(arrived)
+        {
+            self.next_round_trip = arrived + ROUND_TRIP_PERIOD;
+            report(BridgeEvent::RoundTrip(span));
+        }
+        Ok(Course::Lives)
+    }
+
+    fn end_service(&mut self) {
+        self.service = None;
+        self.known = State::default();
+        self.pending = PendingRequests::default();
+        self.waiting.clear();
+    }
+
+    /// Shows clients here what the controller reports; another start of the controller is another
+    /// start of the domain.
+    fn show(&mut self, new: &State, domain: &Domain, now: Nanos) -> Result<(), NetworkError> {
+        let is_there = self.admitted.is_some_and(|reply| reply.controller == 1);
+        let Some(new) = new.here(&self.offset, now).filter(|_| is_there) else {
+            return Ok(());
+        };
+        if let Some(measured) = &new.measured {
+            self.lag.note(now.since(Nanos(measured.stamp_ns)));
+        }
+        let boot = new.operating.map(|message| message.boot_id);
+        let serves = self.service.as_ref().map(Service::boot_id);
+        if boot.is_some() && serves.is_some() && boot != serves {
+            self.end_service();
+        }
+        self.known.update(&new);
+        match &mut self.service {
+            Some(service) => service.show(&new),
+            None => {
+                if let Some(boot) = boot {
+                    let mut service = Service::start(domain, boot)?;
+                    service.show(&self.known);
+                    self.service = Some(service);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Shows lines of the log.
+    fn log(&mut self, bytes: &[u8], now: Nanos) {
+        let Some(service) = &mut self.service else {
+            return;
+        };
+        for line in bytes.chunks(size_of::<EventMsg>()) {
+            if let Ok(event) = EventMsg::read_from_bytes(line)
+                && let Some(stamp_ns) = self.offset.here(event.stamp_ns, now)
+            {
+                service.log(EventMsg { stamp_ns, ..event });
+            }
+        }
+    }
+
+    /// Ends: clients here see a controller that is gone.
+    pub fn leave(self) {
+        self.network.alive(true, 0);
+        self.network.close();
+    }
+}
+
+/// The client that sends a command.
+fn sender(command: &ReceivedCommand) -> u64 {
+    match command {
+        ReceivedCommand::Joint(command) => command.client_id,
+        ReceivedCommand::Actuator(command) => command.client_id,
+    }
+}
+
+/// Sends a command with its stamp on the controller's clock.
+fn send(network: &Network, command: ReceivedCommand, offset: &ClockOffset, now: Nanos) {
+    match command {
+        ReceivedCommand::Joint(mut command) => {
+            if let Some(stamp) = offset.there(command.stamp_ns, now) {
+                command.stamp_ns = stamp;
+                network.command(What::ServoJp, command.as_bytes());
+            }
+        }
+        ReceivedCommand::Actuator(mut command) => {
+            if let Some(stamp) = offset.there(command.stamp_ns, now) {
+                command.stamp_ns = stamp;
+                network.command(What::ServoActuators, command.as_bytes());
+            }
+        }
+    }
+}
