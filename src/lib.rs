@@ -104,6 +104,8 @@
 //!   to the bit.
 //! - **run log**: one line of JSON per change of state, fault and run.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
+// Only for `.ci/realtime`, with a nightly compiler.
+#![cfg_attr(realtime_sanitizer, feature(sanitize))]
 
 pub mod clock;
 pub mod config;

@@ -131,23 +131,27 @@ impl ControlCycle {
 
     /// Whether [`ControlCycle::stage_model`] can take a model now.
     #[must_use]
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     pub fn can_stage_model(&self) -> bool {
         self.models.can_retire()
     }
 
     /// Stages a model in place of the staged one. Call it between two ticks, and only while
     /// [`ControlCycle::can_stage_model`] is true.
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     pub fn stage_model(&mut self, candidate: ModelCandidate) {
         self.models.stage(candidate);
     }
 
     /// A model that is no longer needed, to be freed by another thread. Call it after every tick.
     #[must_use]
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     pub fn take_retired(&mut self) -> Option<ModelCandidate> {
         self.models.take_retired()
     }
 
     /// One tick. `now` is the time at which it began; it must not go backwards.
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     pub fn step(&mut self, now: Nanos, inputs: &CycleInputs) -> CycleOutputs {
         let mut list = EventList::new(now);
         let events = &mut list;

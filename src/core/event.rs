@@ -163,13 +163,15 @@ impl CycleEventKind {
 
 /// Events of one tick, in order. Events that do not fit are counted.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct EventList {
+pub struct EventList {
     stamp: Nanos,
     list: [Option<CycleEvent>; 4],
     lost: u64,
 }
 
 impl EventList {
+    /// No events yet. `stamp`: start of the tick.
+    #[must_use]
     pub fn new(stamp: Nanos) -> Self {
         Self {
             stamp,
@@ -207,6 +209,7 @@ impl EventList {
     }
 
     /// The events, and the number of events that did not fit.
+    #[must_use]
     pub fn finish(self) -> ([Option<CycleEvent>; 4], u64) {
         (self.list, self.lost)
     }

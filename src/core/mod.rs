@@ -19,8 +19,8 @@
 //!   `position_history`.
 //! - [`adaptation`]: follows the drift of a calibration by the camera, inside fences.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
-//! - `command`: `admission` of servo commands, `refusal_record`, `lease`, `deadline`,
-//!   `range_check`, `clutch`, `motion_scaling`.
+//! - `command`: `admission` of servo commands, `refusal_record`, `sequence_record`, `lease`,
+//!   `deadline`, `range_check`, `clutch`, `motion_scaling`.
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
 //! - `setpoint_generation`: moves all setpoints by one tick, as the state says.
@@ -180,10 +180,11 @@ mod snapshot;
 mod states;
 mod vector;
 
-pub use command::admission::CommandCheck;
+pub use command::admission::{AdmissionContext, CommandAdmission, CommandCheck};
+pub use command::deadline::stale_age;
 pub use command::move_planning::LONGEST_MOVE;
 pub use command::refusal_record::{ClientRefusals, REFUSED_CLIENTS};
-pub use event::{CycleEvent, CycleEventKind};
+pub use event::{CycleEvent, CycleEventKind, EventList};
 pub use faults::plausibility::PlausibilityCheck;
 pub use inputs::{
     CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest,

@@ -63,6 +63,7 @@ impl ControlCycle {
     /// All values that change from tick to tick. `None` while a model waits to be taken by
     /// [`ControlCycle::take_retired`].
     #[must_use]
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     pub fn snapshot(&self) -> Option<CycleSnapshot> {
         Some(CycleSnapshot {
             axes: self.axes.to_snapshot(),

@@ -16,7 +16,7 @@ use super::error::{AxisError, LinkError};
 use super::event::{PortEvent, PortEventKind};
 use super::family::ObjectMap;
 use super::family_selection::family_of_axis;
-use super::link::{DriveLink, TimedReply};
+use super::link::{DriveLink, LinkCounters, TimedReply};
 use super::object::{self, Setting};
 use super::saved_position::{self, SavedPosition};
 use super::serial_transport::SerialTransport;
@@ -162,7 +162,7 @@ impl AxisSlot {
 
     /// The newest request; a quick stop if the watchdog expired while the axis is enabled.
     fn newest_request(&mut self, now: Nanos, events: EventSink<'_>) -> AxisRequest {
-        let request = *self.requests.read();
+        let request = self.take_request();
         let expired = self.watchdog.expired(request.sequence, now);
         match expired {
             Some(silence) if request.demand == Demand::Enabled => {
@@ -179,6 +179,18 @@ impl AxisSlot {
         }
     }
 
+    /// Takes the newest request from the control loop: wait-free.
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
+    fn take_request(&mut self) -> AxisRequest {
+        *self.requests.read()
+    }
+
+    /// Passes the feedback to the control loop: wait-free.
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
+    fn pass_feedback(&mut self, counters: LinkCounters) {
+        self.feedback.write(self.axis.feedback(counters));
+    }
+
     fn report_ready(&mut self, events: EventSink<'_>) {
         let kind = PortEventKind::Ready {
             node_id: self.identity.node_id,
@@ -193,7 +205,7 @@ impl AxisSlot {
     }
 
     fn position_to_save(&mut self) -> Option<SavedPosition> {
-        if self.requests.read().zero_invalid {
+        if self.take_request().zero_invalid {
             return None;
         }
         Some(SavedPosition {
@@ -305,7 +317,8 @@ impl<T: Transport> PortRunner<T> {
         if !slot.axis.is_lost() {
             return exchange(link, slot, pace, stopping, events);
         }
-        slot.axis.acknowledge_counters(slot.requests.read(), events);
+        let request = slot.take_request();
+        slot.axis.acknowledge_counters(&request, events);
         if !stopping {
             let others = OtherSlots {
                 before,
@@ -314,7 +327,7 @@ impl<T: Transport> PortRunner<T> {
             };
             try_reconnect(link, slot, others, events);
         }
-        slot.feedback.write(slot.axis.feedback(link.counters()));
+        slot.pass_feedback(link.counters());
     }
 }
 
@@ -375,7 +388,7 @@ fn exchange(
         pace.late = end - begin > pace.median + pace.median;
         slot.axis.handle_outcome(transfer, outcome, end, events);
     }
-    slot.feedback.write(slot.axis.feedback(link.counters()));
+    slot.pass_feedback(link.counters());
 }
 
 /// Carries a transfer out. The value of a write is 0.

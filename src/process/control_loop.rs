@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
 use crate::config::ControlConfig;
-use crate::core::CycleInputs;
 use crate::core::cycle::ControlCycle;
+use crate::core::{CycleInputs, CycleOutputs};
 use crate::drive::AxisFeedback;
 use crate::drive::port_runner::AxisLink;
 use crate::ipc::heartbeat::HeartbeatWriter;
@@ -35,66 +35,85 @@ impl ControlLoop {
         let mut ticker = Ticker::new(first, config.period(), spin);
         let mut recording = TickRecording::new(config.rate_hz);
         recording.push_snapshot(&self.cycle, &mut self.channels.recorder);
-        let (mut lost, mut events_not_pushed) = (LostCounters::default(), 0);
+        let mut lost = Lost::default();
         loop {
             let planned = self.plan_tick(config, ticker.next());
             let tick = ticker.wait_until(planned);
-            let offered = self.take_offer();
-            let inputs = self.read_inputs(&tick, shutdown);
-            let outputs = self.cycle.step(tick.started, &inputs);
-            for link in &mut self.links {
-                if let Some(request) = outputs.requests.get(link.motor) {
-                    link.requests.write(*request);
-                }
-            }
-            // A full channel means that a slower thread stalls. Its replies and events are lost and
-            // counted; the loop continues.
-            let channels = &mut self.channels;
-            if let Some(reply) = outputs.reply {
-                lost.replies += u64::from(channels.replies.push(reply).is_err());
-            }
-            if let Some(reply) = outputs.model_reply {
-                lost.replies += u64::from(channels.model_replies.push(reply).is_err());
-            }
-            for event in outputs.events.into_iter().flatten() {
-                events_not_pushed += u64::from(channels.events.push(event).is_err());
-            }
-            lost.events = events_not_pushed + self.cycle.lost_events();
-            lost.records = recording.lost;
-            // Nothing is freed here: a model that does not fit stays in the cycle.
-            if !channels.retired.is_full()
-                && let Some(retired) = self.cycle.take_retired()
-            {
-                let _ = channels.retired.push(retired);
-            }
-            let report = outputs.report;
-            let off = report.state == OperatingState::Disabled && !report.busy;
-            self.heartbeat.write(tick.started, off);
-            let ended = clock::now();
-            let timing = TickTiming { tick, ended };
-            let tick_report = TickReport {
-                report,
-                timing,
-                lost,
-            };
-            lost.reports += u64::from(channels.reports.push(tick_report).is_err());
-            let record = TickRecord {
-                number: 0,
-                offered,
-                inputs,
-                outputs,
-                timing,
-            };
-            recording.push_tick(record, &mut channels.recorder);
-            recording.push_snapshot(&self.cycle, &mut channels.recorder);
-            if outputs.finished {
+            if self.run_tick(tick, &mut recording, &mut lost, shutdown) {
                 return;
             }
         }
     }
 
+    /// One tick, from its inputs to the black box. Returns whether the cycle has shut down.
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
+    fn run_tick(
+        &mut self,
+        tick: Tick,
+        recording: &mut TickRecording,
+        lost: &mut Lost,
+        shutdown: &AtomicBool,
+    ) -> bool {
+        let offered = self.take_offer();
+        let inputs = self.read_inputs(&tick, shutdown);
+        let outputs = self.cycle.step(tick.started, &inputs);
+        for link in &mut self.links {
+            if let Some(request) = outputs.requests.get(link.motor) {
+                link.requests.write(*request);
+            }
+        }
+        lost.counters.records = recording.lost;
+        self.pass_on(&outputs, lost);
+        let report = outputs.report;
+        let off = report.state == OperatingState::Disabled && !report.busy;
+        self.heartbeat.write(tick.started, off);
+        let ended = clock::now();
+        let timing = TickTiming { tick, ended };
+        let channels = &mut self.channels;
+        let tick_report = TickReport {
+            report,
+            timing,
+            lost: lost.counters,
+        };
+        lost.counters.reports += u64::from(channels.reports.push(tick_report).is_err());
+        let record = TickRecord {
+            number: 0,
+            offered,
+            inputs,
+            outputs,
+            timing,
+        };
+        recording.push_tick(record, &mut channels.recorder);
+        recording.push_snapshot(&self.cycle, &mut channels.recorder);
+        outputs.finished
+    }
+
+    /// Passes replies, events and models on to slower threads. A full channel means that one of
+    /// them stalls. Its replies and events are lost and counted; the loop continues.
+    fn pass_on(&mut self, outputs: &CycleOutputs, lost: &mut Lost) {
+        let channels = &mut self.channels;
+        let counters = &mut lost.counters;
+        if let Some(reply) = outputs.reply {
+            counters.replies += u64::from(channels.replies.push(reply).is_err());
+        }
+        if let Some(reply) = outputs.model_reply {
+            counters.replies += u64::from(channels.model_replies.push(reply).is_err());
+        }
+        for event in outputs.events.into_iter().flatten() {
+            lost.events_not_pushed += u64::from(channels.events.push(event).is_err());
+        }
+        counters.events = lost.events_not_pushed + self.cycle.lost_events();
+        // Nothing is freed here: a model that does not fit stays in the cycle.
+        if !channels.retired.is_full()
+            && let Some(retired) = self.cycle.take_retired()
+        {
+            let _ = channels.retired.push(retired);
+        }
+    }
+
     /// The start of the tick at a point of the grid: before the first port that takes a set-point
     /// in its period.
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     fn plan_tick(&self, config: &ControlConfig, grid: Nanos) -> Nanos {
         let slots = self.links.iter().filter_map(|link| link.slot.next());
         let planned = if config.follow_lines {
@@ -128,6 +147,14 @@ impl ControlLoop {
             shutdown: shutdown.load(Ordering::Acquire),
         }
     }
+}
+
+/// What could not be passed on, since the start.
+#[derive(Debug, Default)]
+struct Lost {
+    counters: LostCounters,
+    /// Part of the lost events: the others did not fit into a tick.
+    events_not_pushed: u64,
 }
 
 /// The value of a triple buffer, if it was written since the last call.

@@ -168,7 +168,7 @@ impl IpcThread {
         while let Ok(reply) = self.parts.channels.replies.pop() {
             self.reply(reply);
         }
-        while let Ok(report) = self.parts.channels.reports.pop() {
+        while let Some(report) = self.take_report() {
             self.publish(&report);
         }
     }
@@ -184,8 +184,20 @@ impl IpcThread {
         };
         if let Some(command) = command {
             let command = ServoCommand::from(&command);
-            self.parts.channels.servo.write(Some(command));
+            self.pass_command(command);
         }
+    }
+
+    /// Passes a command to the control loop: wait-free.
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
+    fn pass_command(&mut self, command: ServoCommand) {
+        self.parts.channels.servo.write(Some(command));
+    }
+
+    /// Takes the next tick from the control loop: wait-free.
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
+    fn take_report(&mut self) -> Option<TickReport> {
+        self.parts.channels.reports.pop().ok()
     }
 
     fn take_state_commands(&mut self, now: Nanos) {

@@ -61,10 +61,12 @@ impl HeartbeatMonitor {
             (Err(ControllerAbsent) | Ok(None), None) => ControllerStatus::Absent,
             (Err(ControllerAbsent), Some(last)) => {
                 self.last = None;
-                match (last.heartbeat.off, last.reported) {
-                    (true, _) => ControllerStatus::Ended,
-                    (false, true) => ControllerStatus::Absent,
-                    (false, false) => ControllerStatus::Died,
+                // Also if the drives were stopped because it hung: it may have gone on since the
+                // last look, and have switched them on.
+                if last.heartbeat.off {
+                    ControllerStatus::Ended
+                } else {
+                    ControllerStatus::Died
                 }
             }
             (Ok(Some(heartbeat)), last) => {
@@ -132,7 +134,8 @@ mod tests {
                 (Some((100, false)), 190, Alive),
                 (Some((200, false)), 201, Alive),
                 (Some((200, false)), 300, Hangs),
-                (None, 310, Absent),
+                (None, 310, Died),
+                (None, 312, Absent),
             ],
         );
     }

@@ -9,12 +9,16 @@
 )]
 #[path = "../cycle/bench.rs"]
 mod bench;
+mod control_loop;
 mod cycle;
+mod day;
 #[path = "../drive/fixture/mod.rs"]
 mod fixture;
 #[path = "../cycle/invariants.rs"]
 mod invariants;
 mod port_thread;
+#[path = "../rig/mod.rs"]
+mod rig;
 #[allow(
     dead_code,
     reason = "shared with the tests of the cycle, which use all of it"
@@ -24,6 +28,7 @@ mod simulated_drive;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// The system's allocator. Counts per thread every call that allocates or frees memory.
 struct CountingAllocator;
@@ -31,6 +36,29 @@ struct CountingAllocator;
 thread_local! {
     static CALLS: Cell<u64> = const { Cell::new(0) };
     static PAUSED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Name of the thread of the control loop.
+const LOOP: &[u8] = b"control\0";
+
+/// Whether the calls of the control loop are counted, and their number.
+static IS_LOOP_WATCHED: AtomicBool = AtomicBool::new(false);
+static LOOP_CALLS: AtomicU64 = AtomicU64::new(0);
+
+/// Calls of the allocator by the thread of the control loop while `work` runs in this one.
+pub fn calls_of_the_loop(work: impl FnOnce()) -> u64 {
+    let before = LOOP_CALLS.load(Ordering::SeqCst);
+    IS_LOOP_WATCHED.store(true, Ordering::SeqCst);
+    work();
+    IS_LOOP_WATCHED.store(false, Ordering::SeqCst);
+    LOOP_CALLS.load(Ordering::SeqCst) - before
+}
+
+fn is_loop() -> bool {
+    let mut name = [0_u8; 16];
+    // SAFETY: the kernel writes at most 16 bytes, the longest name of a thread.
+    unsafe { libc::prctl(libc::PR_GET_NAME, name.as_mut_ptr()) };
+    name.starts_with(LOOP)
 }
 
 /// Calls of the allocator by this thread.
@@ -47,6 +75,9 @@ pub fn uncounted<R>(work: impl FnOnce() -> R) -> R {
 }
 
 fn count() {
+    if IS_LOOP_WATCHED.load(Ordering::Relaxed) && is_loop() {
+        LOOP_CALLS.fetch_add(1, Ordering::SeqCst);
+    }
     // A thread that ends may free memory after its counter is gone.
     let _ = PAUSED.try_with(|paused| {
         if !paused.get() {

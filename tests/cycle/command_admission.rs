@@ -92,6 +92,14 @@ fn sequences_rise_per_client_even_after_the_lease_is_gone() {
         refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)),
         Refusal::Sequence
     );
+    let reply = bench.ask_as(8, StateCommand::Release);
+    assert_eq!(reply.refusal, Refusal::None);
+    assert_eq!(
+        refusal(&mut bench, |c| c.sequence = 499),
+        Refusal::Sequence,
+        "a command that the network held back while another client commanded"
+    );
+    assert_eq!(refusal(&mut bench, |c| c.sequence = 501), Refusal::None);
 }
 
 #[test]

@@ -11,10 +11,10 @@ use crate::simulated_drive::Quirk;
 /// How a state is reached, and the answers to all commands in the order of `StateCommand::ALL`:
 /// enable, disable, pause, resume, home, unhome, condition, acknowledge, release, hold, move. A
 /// state means that the command is accepted and leads to it; a refusal leaves the state unchanged.
-type Row = (&'static str, fn() -> Bench, [Answer; 11]);
+pub type Row = (&'static str, fn() -> Bench, [Answer; 11]);
 
 #[derive(Clone, Copy)]
-enum Answer {
+pub enum Answer {
     To(OperatingState),
     No(Refusal),
 }
@@ -31,7 +31,7 @@ const PERSISTS: Answer = Answer::No(Refusal::CausePersists);
 const CHANGING: [Answer; 11] = [BUSY, D, BUSY, BUSY, BUSY, BUSY, BUSY, NO, D, BUSY, BUSY];
 const OCCUPIED: [Answer; 11] = [NO, D, P, NO, NO, NO, BUSY, NO, E, E, BUSY];
 
-const TABLE: &[Row] = &[
+pub const TABLE: &[Row] = &[
     (
         "idle",
         Bench::homed,

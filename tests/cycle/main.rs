@@ -7,9 +7,11 @@
 
 mod bench;
 mod command_admission;
+mod command_flags;
 mod command_table;
 mod conditioning;
 mod enabling;
+mod endurance;
 mod faults;
 mod following;
 mod invariants;

@@ -1,10 +1,8 @@
-//! Every hazard has a test, every test of a hazard is in the table, and the list of third-party
-//! software matches the lock file.
+//! Every hazard has a test, and every test of a hazard is in the table.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
@@ -75,57 +73,4 @@ fn every_hazard_has_a_row_and_a_test_with_its_id() {
             "`{name}` is not in the table"
         );
     }
-}
-
-/// The content of `LICENSE-THIRD-PARTY.md`: the packages of the lock file, with licences.
-fn third_party() -> String {
-    let mut command = Command::new(env!("CARGO"));
-    command.args(["metadata", "--format-version", "1", "--locked", "--offline"]);
-    command.args(["--filter-platform", "x86_64-unknown-linux-gnu"]);
-    let output = command.current_dir(ROOT).output().unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    let packages = metadata["packages"].as_array().unwrap();
-    let mut rows: Vec<String> = Vec::new();
-    for package in packages
-        .iter()
-        .filter(|package| !package["source"].is_null())
-    {
-        let [name, version, licence] =
-            ["name", "version", "license"].map(|field| package[field].as_str().unwrap_or(""));
-        assert!(!licence.is_empty(), "{name} {version} names no licence");
-        rows.push(format!("| {name} | {version} | {licence} |"));
-    }
-    rows.sort();
-    format!(
-        "# Third-party software\n\n\
-         What `Cargo.lock` holds on Linux, x86-64, tests and tools included. Written by\n\
-         `I2RIS_UPDATE=1 cargo test --test hazards third_party`; a test fails when it is not up \
-         to date.\n\n\
-         | package | version | licence |\n|---|---|---|\n{}\n",
-        rows.join("\n")
-    )
-}
-
-#[test]
-fn the_list_of_third_party_software_is_up_to_date() {
-    let path = Path::new(ROOT).join("LICENSE-THIRD-PARTY.md");
-    let wanted = third_party();
-    if std::env::var_os("I2RIS_UPDATE").is_some() {
-        fs::write(&path, &wanted).unwrap();
-    }
-    let found = fs::read_to_string(&path).unwrap_or_default();
-    let missing: Vec<&str> = wanted
-        .lines()
-        .filter(|line| !found.contains(line))
-        .collect();
-    assert!(
-        found == wanted,
-        "LICENSE-THIRD-PARTY.md is out of date ({missing:?}); run I2RIS_UPDATE=1 cargo test \
-         --test hazards third_party"
-    );
 }

@@ -30,6 +30,7 @@ mod simulated_drive;
 
 mod campaign;
 mod coverage;
+mod documents;
 mod drifting;
 mod h01;
 mod h02;

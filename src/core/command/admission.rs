@@ -14,7 +14,7 @@
 //! | 6 | every axis homed | `NotHomed` | `admission` |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | `admission` |
 //! | 8 | lease free, or held by this client | `Lease` | `lease` |
-//! | 9 | sequence above that of the client's last accepted command | `Sequence` | `admission` |
+//! | 9 | sequence above that of the client's last accepted command | `Sequence` | `sequence_record` |
 //! | 10 | angles: a model is loaded | `NoModel` | `range_check` |
 //! | 11 | number of entries as the model or the motors have | `Malformed` | `range_check` |
 //! | 12 | counts: within the position limits of the axes | `Range` | `range_check` |
@@ -33,6 +33,7 @@ use crate::config::CommandConfig;
 use crate::core::command::deadline::DeadlineCheck;
 use crate::core::command::lease::Lease;
 use crate::core::command::refusal_record::{ClientRefusals, REFUSED_CLIENTS, RefusalRecord};
+use crate::core::command::sequence_record::SequenceRecord;
 use crate::core::event::{CycleEventKind, EventList};
 use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::robot::{Excess, OperatingState, Quantity, Refusal};
@@ -40,9 +41,10 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
 /// What admission needs to know of the robot.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct AdmissionContext {
+pub struct AdmissionContext {
     /// Start of the tick.
     pub now: Nanos,
+    /// Operating state.
     pub state: OperatingState,
     /// The refusal while a conditioning cycle or a trajectory is in progress.
     pub unoccupied: Result<(), Refusal>,
@@ -80,12 +82,11 @@ impl CommandCheck {
 
 /// Checks 1 to 9, the lease, and the counters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct CommandAdmission {
+pub struct CommandAdmission {
     check: CommandCheck,
     lease: Lease,
-    /// Client and sequence of the last accepted command. Kept when the lease ends, so that a
-    /// replayed command is recognised.
-    last: Option<(u64, u64)>,
+    /// Kept when the lease ends, so that a replayed command is recognised.
+    sequences: SequenceRecord,
     refusals: RefusalRecord,
     /// Of state commands, to fold their events.
     request_refusals: RefusalRecord,
@@ -95,11 +96,13 @@ pub(crate) struct CommandAdmission {
 }
 
 impl CommandAdmission {
+    /// A free lease, and nothing accepted yet.
+    #[must_use]
     pub fn new(config: &CommandConfig) -> Self {
         Self {
             check: CommandCheck::new(config),
             lease: Lease::new(Nanos::from_millis(config.lease_timeout_ms)),
-            last: None,
+            sequences: SequenceRecord::default(),
             refusals: RefusalRecord::default(),
             request_refusals: RefusalRecord::default(),
             accepted: 0,
@@ -109,21 +112,25 @@ impl CommandAdmission {
     }
 
     /// Number of accepted servo commands.
+    #[must_use]
     pub fn accepted(&self) -> u64 {
         self.accepted
     }
 
     /// Number of refused servo commands.
+    #[must_use]
     pub fn refused(&self) -> u64 {
         self.refused
     }
 
     /// The last refusal of any command.
+    #[must_use]
     pub fn last_refusal(&self) -> Refusal {
         self.last_refusal
     }
 
     /// Refused servo commands, client by client.
+    #[must_use]
     pub fn refusals(&self) -> [ClientRefusals; REFUSED_CLIENTS] {
         self.refusals.clients()
     }
@@ -140,11 +147,16 @@ impl CommandAdmission {
     }
 
     /// The client that holds the lease; 0: none.
+    #[must_use]
     pub fn lease_holder(&self) -> u64 {
         self.lease.holder()
     }
 
     /// Refuses a client while another one holds the lease.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal::Lease`].
     pub fn require_lease(&self, client_id: u64) -> Result<(), Refusal> {
         self.lease.require_available(client_id)
     }
@@ -157,13 +169,18 @@ impl CommandAdmission {
 
     /// The sequence number of a command, and the last one.
     pub fn sequence_excess(&self, command: &ServoCommand) -> Option<Excess> {
-        let last = self.last.map(|(_, last)| last as f64);
+        let last = self.sequences.last(command.client_id);
+        let last = last.map(|last| last as f64);
         let number = command.sequence as f64;
         Some(Excess::new(Quantity::Sequence, number, last))
     }
 
     /// Checks 1 to 9. Returns the deadline of the command. It is at most the duration of the lease:
     /// a client that has lost its lease is not followed.
+    ///
+    /// # Errors
+    ///
+    /// The first check that fails.
     pub fn check(
         &self,
         command: &ServoCommand,
@@ -172,7 +189,8 @@ impl CommandAdmission {
         let deadline = self.check.check(command, context.now)?;
         require_ready(context)?;
         self.lease.require_available(command.client_id)?;
-        self.require_new_sequence(command)?;
+        self.sequences
+            .require_newer(command.client_id, command.sequence)?;
         Ok(deadline.min(self.lease.duration()))
     }
 
@@ -182,7 +200,7 @@ impl CommandAdmission {
         if self.lease.renew(client_id, now) {
             events.push(CycleEventKind::Lease { client_id });
         }
-        self.last = Some((client_id, command.sequence));
+        self.sequences.record(client_id, command.sequence);
         self.refusals.accepted(client_id);
         self.accepted = self.accepted.saturating_add(1);
     }
@@ -201,23 +219,16 @@ impl CommandAdmission {
         }
     }
 
-    /// Gives the lease back; see [`Lease::release`].
+    /// Gives the lease back. To give back a free lease is no error.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal::Lease`] if another client holds it.
     pub fn release_lease(&mut self, client_id: u64, events: &mut EventList) -> Result<(), Refusal> {
         if self.lease.release(client_id)? {
             events.push(CycleEventKind::Lease { client_id: 0 });
         }
         Ok(())
-    }
-
-    fn require_new_sequence(&self, command: &ServoCommand) -> Result<(), Refusal> {
-        match self.last {
-            Some((client_id, sequence))
-                if client_id == command.client_id && command.sequence <= sequence =>
-            {
-                Err(Refusal::Sequence)
-            }
-            Some(_) | None => Ok(()),
-        }
     }
 }
 

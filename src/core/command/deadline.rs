@@ -12,6 +12,13 @@ const FUTURE_MARGIN: Nanos = Nanos::from_millis(2);
 /// A robot that moves for more than a second after its client has died is out of control.
 const LONGEST_DEADLINE: Nanos = Nanos::from_millis(1000);
 
+/// The age of a command that was sent at `stamp`, if it is stale: as old as its deadline, or older.
+#[must_use]
+pub fn stale_age(stamp: Nanos, deadline: Nanos, now: Nanos) -> Option<Nanos> {
+    let age = now.since(stamp);
+    (age >= deadline).then_some(age)
+}
+
 /// The configured deadline.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct DeadlineCheck {
@@ -54,10 +61,9 @@ impl DeadlineCheck {
         } else {
             requested
         };
-        if now.since(stamp) < deadline {
-            Ok(deadline)
-        } else {
-            Err(Refusal::Stale)
+        match stale_age(stamp, deadline, now) {
+            None => Ok(deadline),
+            Some(_) => Err(Refusal::Stale),
         }
     }
 }

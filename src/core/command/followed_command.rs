@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::command::deadline::stale_age;
 use crate::core::motion::goal_extrapolation::ExtrapolatedGoal;
 use crate::units::Nanos;
 
@@ -21,7 +22,6 @@ pub(crate) struct FollowedCommand {
 impl FollowedCommand {
     /// The age of the command, if it is stale.
     pub fn stale_age(&self, now: Nanos) -> Option<Nanos> {
-        let age = now.since(self.stamp);
-        (age >= self.deadline).then_some(age)
+        stale_age(self.stamp, self.deadline, now)
     }
 }

@@ -2,7 +2,7 @@
 
 pub(super) mod admission;
 pub(super) mod clutch;
-mod deadline;
+pub(super) mod deadline;
 pub(super) mod followed_command;
 mod lease;
 mod motion_scaling;
@@ -10,3 +10,4 @@ pub(super) mod move_planning;
 pub(super) mod range_check;
 pub(super) mod refusal_excess;
 pub(super) mod refusal_record;
+mod sequence_record;

@@ -1,0 +1,67 @@
+//! The loop around the cycle does not allocate: the thread of a whole controller in this process,
+//! with emulated drives and clients in shared memory.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use i2ris::clock;
+use i2ris::ipc::StateCommand;
+use i2ris::ipc::client::Client;
+use i2ris::process::controller;
+use i2ris::units::Nanos;
+
+use crate::calls_of_the_loop;
+use crate::rig::motion::{linear_model, stream_angles};
+use crate::rig::{self, Rig};
+
+/// Long enough for a snapshot for the black box, which is taken once per second.
+const MOTION: f64 = 1.5;
+
+fn use_robot(client: &mut Client) {
+    stream_angles(client, |t| {
+        (t < MOTION).then(|| [3.0 * t.sin(), -3.0 * t.sin()])
+    });
+    for command in [
+        StateCommand::Pause,
+        StateCommand::Resume,
+        StateCommand::Hold,
+        StateCommand::Release,
+        StateCommand::Condition,
+    ] {
+        client.state_command(command).unwrap();
+        clock::sleep(Nanos::from_millis(100));
+    }
+    assert!(client.state_command(StateCommand::Home).is_err(), "refused");
+    client.state_command(StateCommand::Disable).unwrap();
+    rig::wait_until_idle(client);
+    client.state_command(StateCommand::Unhome).unwrap();
+}
+
+#[test]
+fn the_loop_of_a_running_controller_allocates_nothing() {
+    let mut rig = Rig::new();
+    rig.config.control.model = Some(linear_model(&rig, "model.json", "rig", 1.0));
+    rig.config.record.folder = rig.folder.path().join("records");
+    let shutdown = Arc::new(AtomicBool::new(false));
+    let (config, asked) = (rig.config.clone(), Arc::clone(&shutdown));
+    let running = thread::spawn(move || controller::run(&config, "", &asked, &mut io::sink()));
+    let mut client = rig.client();
+    rig::home(&mut client);
+    rig::enable(&mut client);
+    let calls = calls_of_the_loop(|| use_robot(&mut client));
+    assert_eq!(calls, 0);
+    shutdown.store(true, Ordering::Release);
+    running.join().unwrap().unwrap();
+}
+
+#[test]
+fn calls_of_a_thread_with_the_name_of_the_loop_are_counted() {
+    let calls = calls_of_the_loop(|| {
+        let named = thread::Builder::new().name("control".to_owned());
+        let work = || drop(std::hint::black_box(Vec::<u8>::with_capacity(10)));
+        named.spawn(work).unwrap().join().unwrap();
+    });
+    assert!(calls >= 2, "{calls}");
+}

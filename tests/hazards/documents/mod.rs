@@ -1,0 +1,64 @@
+//! Documents that are written by a program and kept in the repository: what they say about the
+//! software is read from the software, and a test fails when one is out of date.
+//!
+//! `I2RIS_UPDATE=1 cargo test --test hazards up_to_date` writes all of them.
+
+mod packages;
+mod requirements;
+mod risk;
+mod sbom;
+mod soup;
+mod third_party;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// Folder of the chapters for whoever has to judge the safety of the robot.
+const SAFETY: &str = "tools/manual/src/safety";
+
+/// Writes a document if asked to, and fails when it is out of date.
+fn require_up_to_date(path: &str, wanted: &str) {
+    let file = Path::new(ROOT).join(path);
+    if std::env::var_os("I2RIS_UPDATE").is_some() {
+        fs::write(&file, wanted).unwrap();
+    }
+    let found = fs::read_to_string(&file).unwrap_or_default();
+    let known: BTreeSet<&str> = found.lines().collect();
+    let missing: Vec<&str> = wanted
+        .lines()
+        .filter(|line| !known.contains(line))
+        .take(10)
+        .collect();
+    assert!(
+        found == wanted,
+        "{path} is out of date ({missing:#?}); run I2RIS_UPDATE=1 cargo test --test hazards \
+         up_to_date"
+    );
+}
+
+fn read(path: &str) -> String {
+    fs::read_to_string(Path::new(ROOT).join(path)).unwrap()
+}
+
+/// The cells of the rows of a Markdown table that begin with `start`.
+fn rows(text: &str, start: &str) -> Vec<Vec<String>> {
+    let lines = text.lines().filter(|line| line.starts_with(start));
+    let cells = |line: &str| {
+        let cells = line.trim_matches('|').split('|');
+        cells.map(|cell| cell.trim().to_owned()).collect()
+    };
+    lines.map(cells).collect()
+}
+
+/// The words of a cell that are set as code.
+fn code(cell: &str) -> Vec<&str> {
+    cell.split('`').skip(1).step_by(2).collect()
+}
+
+/// Id, hazard, control and tests of every hazard.
+fn hazards() -> Vec<Vec<String>> {
+    rows(&read("tests/hazards/README.md"), "| H")
+}

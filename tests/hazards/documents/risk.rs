@@ -1,0 +1,166 @@
+//! The page about risk: every hazard with severity, and probability before and after its control.
+
+use super::{SAFETY, hazards, require_up_to_date};
+
+/// Severity, probability before and after, and what remains. Sorted like the hazards.
+const RATINGS: &[(&str, [u32; 3], &str)] = &[
+    (
+        "H01",
+        [4, 4, 1],
+        "a drive that reports a target which it does not have",
+    ),
+    (
+        "H02",
+        [3, 5, 1],
+        "motion until the deadline: 50 ms by default, 1 s at most",
+    ),
+    (
+        "H03",
+        [3, 3, 1],
+        "computer or cable fail as a whole: only a relay on the STO inputs acts, which is not part \
+         of this software",
+    ),
+    (
+        "H04",
+        [4, 4, 1],
+        "a damaged frame with a correct checksum of 16 bits",
+    ),
+    (
+        "H05",
+        [4, 3, 1],
+        "motors swapped between the drives and the snake",
+    ),
+    (
+        "H06",
+        [3, 4, 2],
+        "homing in a bent pose: zero is where the snake is then",
+    ),
+    (
+        "H07",
+        [3, 4, 1],
+        "a hull that was calibrated on another snake",
+    ),
+    (
+        "H08",
+        [3, 3, 2],
+        "a model that passes all checks and does not fit the snake any more",
+    ),
+    (
+        "H09",
+        [4, 3, 1],
+        "a wrong goal within all limits is followed",
+    ),
+    (
+        "H10",
+        [2, 4, 2],
+        "by default late ticks are counted and are no fault: `limits.overrun_ticks`",
+    ),
+    ("H11", [3, 3, 1], "a wrong value within its range"),
+    (
+        "H12",
+        [4, 3, 2],
+        "without a camera, slack within the following error is not seen",
+    ),
+    (
+        "H13",
+        [2, 4, 1],
+        "lines and records that are lost, and counted",
+    ),
+    ("H14", [4, 3, 1], "a commander that asks for the wrong pose"),
+    ("H15", [4, 2, 1], "a second computer on the same drives"),
+    (
+        "H16",
+        [2, 4, 2],
+        "monitors have been tried on emulated drives only",
+    ),
+    ("H17", [2, 3, 1], "names of files with a wrong date"),
+    (
+        "H18",
+        [3, 3, 1],
+        "a motor that was turned by hand while the drive had no power",
+    ),
+    (
+        "H20",
+        [3, 4, 2],
+        "a slow push moves the correction, within its budget",
+    ),
+    (
+        "H21",
+        [3, 3, 2],
+        "a camera that is wrong by less than the checks can tell",
+    ),
+    ("H22", [2, 4, 1], "a motion that shows a parameter badly"),
+    (
+        "H23",
+        [3, 3, 1],
+        "a correction in the direction of the goal",
+    ),
+];
+
+const HEAD: &str = "\
+# Risk
+
+Every [hazard](../../../../tests/hazards/README.md), with its risk before and after its control.
+This page is written by `I2RIS_UPDATE=1 cargo test --test hazards up_to_date` from the table of the
+hazards, with the ratings in `tests/hazards/documents/risk.rs`; a test fails when it is not up to
+date or a hazard has no rating.
+
+The ratings are estimates of the developers, made without clinical data and without a test on the
+robot. They are a draft for whoever is responsible for a use. No risk is called acceptable here.
+
+| severity | meaning | | probability | meaning |
+|---|---|---|---|---|
+| 1 | time is lost | | 1 | not seen in any test; needs several failures at once |
+| 2 | work has to be interrupted or repeated | | 2 | rare; a control can miss it |
+| 3 | the snake is not where it should be; the surgeon has to act | | 3 | within years of use |
+| 4 | tissue can be injured | | 4 | within months of use |
+| | | | 5 | daily |
+
+Risk is the product: up to 4 low, up to 9 medium, above high.
+
+| id | hazard | control | severity | before | after | what remains |
+|---|---|---|---|---|---|---|
+";
+
+fn page() -> String {
+    let mut page = HEAD.to_owned();
+    for hazard in hazards() {
+        let [id, name, control] = [&hazard[0], &hazard[1], &hazard[2]];
+        let rating = RATINGS.iter().find(|(rated, ..)| rated == id);
+        let (_, [severity, before, after], remains) =
+            rating.unwrap_or_else(|| panic!("{id} has no rating: add it to {}", file!()));
+        page += &format!(
+            "| {id} | {name} | {control} | {severity} | {} | {} | {remains} |\n",
+            risk(*severity, *before),
+            risk(*severity, *after)
+        );
+    }
+    page
+}
+
+fn risk(severity: u32, probability: u32) -> String {
+    let word = match severity * probability {
+        ..=4 => "low",
+        5..=9 => "medium",
+        10.. => "high",
+    };
+    format!("{probability}: {word}")
+}
+
+#[test]
+fn the_page_about_risk_is_up_to_date() {
+    require_up_to_date(&format!("{SAFETY}/risk.md"), &page());
+}
+
+#[test]
+fn every_rating_belongs_to_a_hazard_and_no_control_makes_it_worse() {
+    let hazards = hazards();
+    for (id, [severity, before, after], _) in RATINGS {
+        assert!(hazards.iter().any(|hazard| hazard[0] == *id), "{id}");
+        assert!(
+            (1..=4).contains(severity) && (1..=5).contains(before),
+            "{id}"
+        );
+        assert!((1..=*before).contains(after), "{id}");
+    }
+}

@@ -1,0 +1,183 @@
+//! Clients, network, line and watchdog.
+
+use i2ris::ipc::heartbeat::{ControllerAbsent, Heartbeat as ReadHeartbeat};
+use i2ris::units::Nanos;
+use i2ris::watchdog::{ControllerStatus, HeartbeatMonitor};
+use i2ris_network::packet::{Header, Kind, Shift};
+
+use crate::controller::{NOW, ago};
+use crate::guard::{Guard, Guards};
+use crate::state::{
+    BEHIND, Client, Command, Drive, FORGOTTEN, Heard, LOST, Process, SILENCE, SILENT, STEP, State,
+    raise,
+};
+
+/// The clock of the far computer is ahead by this much, and nobody knows it.
+const CLOCK_OFFSET: u64 = 77_000_000_000;
+
+/// A client sends a command: at most one per step.
+pub(crate) fn send(state: &mut State, client: Client) {
+    let index = client as usize;
+    let is_far = client == Client::Far;
+    let packets = state.network.iter_mut().filter(|_| is_far);
+    for command in packets.chain([&mut state.waiting[index]]).flatten() {
+        raise(&mut command.behind, BEHIND);
+    }
+    if let Some(accepted) = state.accepted.as_mut().filter(|it| it.client == client) {
+        raise(&mut accepted.behind, BEHIND);
+    }
+    if let Some(followed) = state.followed.as_mut().filter(|it| it.client == client) {
+        raise(&mut followed.command.behind, BEHIND);
+    }
+    if let Some(newest) = &mut state.truth.accepted[index] {
+        raise(newest, BEHIND);
+    }
+    let command = Command::new(0);
+    if is_far {
+        state.network = [state.network[1].or(state.network[0]), Some(command)];
+    } else {
+        state.waiting[index] = Some(command);
+    }
+    state.has_sent[index] = true;
+}
+
+/// A packet arrives at the bridge; the network may keep a copy. `held_up`: by how many steps the
+/// packet whose echo it carries was on its way.
+pub(crate) fn deliver(state: &mut State, guards: Guards, index: usize, copy: bool, held_up: u8) {
+    let Some(mut command) = state.network[index] else {
+        return;
+    };
+    if !copy {
+        state.network[index] = None;
+        if index == 1 {
+            state.network.swap(0, 1);
+        }
+    }
+    command.stamp_age = if guards.has(Guard::BridgeClock) {
+        stamp_age(command.age, held_up)
+    } else {
+        0
+    };
+    state.waiting[Client::Far as usize] = Some(command);
+}
+
+/// The age of a command of the far client by the clock of the controller: the computation of the
+/// bridge, from the numbers that the packet carries.
+fn stamp_age(age: u8, held_up: u8) -> u8 {
+    let step = |steps: u8| STEP.0 * u64::from(steps);
+    let sent = ago(age);
+    let held = step(1);
+    let header = Header {
+        kind: Kind::ServoActuator,
+        session: 1,
+        number: 1,
+        now: sent.0 + CLOCK_OFFSET,
+        echo: sent.0 - held - step(held_up),
+        held,
+    };
+    let stamp = Shift::of(&header, NOW).map_or(0, |shift| shift.here(header.now));
+    let steps = NOW.since(Nanos(stamp)).0 / STEP.0;
+    u8::try_from(steps).map_or(FORGOTTEN + 1, |steps| steps.min(FORGOTTEN + 1))
+}
+
+/// The watchdog looks once.
+pub(crate) fn watch(state: &mut State, guards: Guards) {
+    if !guards.has(Guard::Watchdog) {
+        return;
+    }
+    let silence = if guards.has(Guard::Patience) {
+        SILENCE
+    } else {
+        Nanos::ZERO
+    };
+    let mut monitor = remembered(state.heard, silence);
+    let read = match (state.process, state.heartbeat) {
+        (Process::Killed | Process::Dead, _) => Err(ControllerAbsent),
+        (_, None) => Ok(None),
+        (_, Some(heartbeat)) => Ok(Some(heartbeat_word(
+            true,
+            heartbeat.age,
+            heartbeat.drives_off,
+        ))),
+    };
+    let status = monitor.update(read, NOW);
+    let is_stop = matches!(status, ControllerStatus::Died | ControllerStatus::Hangs);
+    state.heard = match (read, state.heard) {
+        (Err(ControllerAbsent), _) => None,
+        (Ok(None), heard) => heard.map(|heard| Heard {
+            reported: heard.reported || is_stop,
+            ..heard
+        }),
+        (Ok(Some(_)), heard) => state.heartbeat.map(|heartbeat| Heard {
+            age: heartbeat.age,
+            drives_off: heartbeat.drives_off,
+            is_current: true,
+            reported: is_stop
+                || heard.is_some_and(|last| {
+                    last.reported && last.is_current && last.age == heartbeat.age
+                }),
+        }),
+    };
+    if is_stop {
+        stop_drive(state);
+    }
+}
+
+/// A monitor that has heard this.
+fn remembered(heard: Option<Heard>, silence: Nanos) -> HeartbeatMonitor {
+    let mut monitor = HeartbeatMonitor::new(silence);
+    if let Some(heard) = heard {
+        let last = heartbeat_word(heard.is_current, heard.age, heard.drives_off);
+        monitor.update(Ok(Some(last)), last.stamp);
+        if heard.reported {
+            monitor.update(Ok(Some(last)), last.stamp + silence + Nanos(1));
+        }
+    }
+    monitor
+}
+
+fn heartbeat_word(is_current: bool, age: u8, off: bool) -> ReadHeartbeat {
+    ReadHeartbeat {
+        boot_id: if is_current { 2 } else { 1 },
+        stamp: ago(age),
+        off,
+    }
+}
+
+fn stop_drive(state: &mut State) {
+    let is_live = state.process == Process::Runs && state.heartbeat.is_some_and(|it| it.age <= 1);
+    state.truth.stopped_a_live_controller |= is_live;
+    if state.drive != Drive::On {
+        return;
+    }
+    if state.line_up {
+        state.drive = Drive::QuickStopped;
+    } else {
+        state.truth.was_unreachable = true;
+    }
+}
+
+/// One step later, for what is not inside the controller.
+pub(crate) fn grow_older(state: &mut State) {
+    raise(&mut state.position_age, LOST);
+    if state.line_up {
+        state.position_age = 0;
+    }
+    if let Some(heartbeat) = &mut state.heartbeat {
+        raise(&mut heartbeat.age, SILENT);
+    }
+    if let Some(heard) = &mut state.heard {
+        raise(&mut heard.age, SILENT);
+    }
+    state.has_sent = [false; 2];
+}
+
+/// Forgets what is too old to matter, so that the number of states has an end.
+pub(crate) fn forget_old(state: &mut State) {
+    for waiting in state.waiting.iter_mut().chain(&mut state.network) {
+        *waiting = waiting.filter(|command| command.age <= FORGOTTEN);
+    }
+    if state.network[0].is_none() {
+        state.network.swap(0, 1);
+    }
+}
