@@ -180,8 +180,8 @@ fn is_convex(corners: &[[f64; 2]]) -> bool {
     for index in 0..count {
         let (a, b) = (edge(index), edge(index + 1));
         let (cross, dot) = (a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]);
-        // Also false for a number that is not finite.
-        if !(cross.abs() > 1e-9) || is_left.is_some_and(|left| left != (cross > 0.0)) {
+        let is_turn = cross.abs() > 1e-9;
+        if !is_turn || is_left.is_some_and(|left| left != (cross > 0.0)) {
             return false;
         }
         is_left = Some(cross > 0.0);

@@ -11,7 +11,8 @@ const CORNERS: [[f64; 2]; 4] = [[24.9, 0.0], [-24.9, 0.0], [0.0, 24.9], [0.0, -2
 
 #[test]
 fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_said() {
-    let views: [fn(f64, [f64; 2]) -> [f64; 2]; 4] = [
+    type View = fn(f64, [f64; 2]) -> [f64; 2];
+    let views: [View; 4] = [
         |_, [pitch, yaw]| [yaw, pitch],
         |_, [pitch, yaw]| [-pitch, yaw],
         |_, _| [3.0, -2.0],

@@ -57,9 +57,7 @@ impl Integral {
         if is_learning {
             let gain = GAIN_PER_S.min(MARGIN / (std::f64::consts::E * delay_s));
             for (zero, error) in self.zero.iter_mut().zip(error) {
-                *zero = (*zero + gain * interval_s * error)
-                    .max(-LARGEST)
-                    .min(LARGEST);
+                *zero = (*zero + gain * interval_s * error).clamp(-LARGEST, LARGEST);
             }
         }
         true

@@ -131,6 +131,7 @@ struct Block<const I: usize, const O: usize> {
     covariance: [[Lanes; O]; O],
 }
 
+#[allow(clippy::needless_range_loop, reason = "indices as in the formulas")]
 impl<const I: usize, const O: usize> Block<I, O> {
     fn new(parts: &[Part<I, O>]) -> Self {
         let lanes = |value: &dyn Fn(&Part<I, O>) -> f64| Lanes::of(parts, value);

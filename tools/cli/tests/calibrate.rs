@@ -503,7 +503,10 @@ fn the_zoo_refuses_what_it_does_not_have() {
         ("--draws 0", ["--draws", "0"]),
         ("--figure ageing.svg", ["--figure", "--ageing"]),
         ("--ageing --drift-hours 1000", ["--drift-hours", "0 to 100"]),
-        ("--ageing --json /does/not/exist/zoo.json", ["cannot write", "exist"]),
+        (
+            "--ageing --json /does/not/exist/zoo.json",
+            ["cannot write", "exist"],
+        ),
         ("--duration-s 0", ["--duration-s", "above 0"]),
         ("--json /does/not/exist/zoo.json", ["cannot write", "exist"]),
     ] {

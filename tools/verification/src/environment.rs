@@ -3,7 +3,7 @@
 use i2ris::ipc::heartbeat::{ControllerAbsent, Heartbeat as ReadHeartbeat};
 use i2ris::units::Nanos;
 use i2ris::watchdog::{ControllerStatus, HeartbeatMonitor};
-use i2ris_network::packet::{Header, Kind, Shift};
+use i2ris_network::offset::ClockOffset;
 
 use crate::controller::{NOW, ago};
 use crate::guard::{Guard, Guards};
@@ -62,20 +62,16 @@ pub(crate) fn deliver(state: &mut State, guards: Guards, index: usize, copy: boo
 }
 
 /// The age of a command of the far client by the clock of the controller: the computation of the
-/// bridge, from the numbers that the packet carries.
+/// bridge, from an exchange whose answer was held up.
 fn stamp_age(age: u8, held_up: u8) -> u8 {
     let step = |steps: u8| STEP.0 * u64::from(steps);
-    let sent = ago(age);
-    let held = step(1);
-    let header = Header {
-        kind: Kind::ServoActuator,
-        session: 1,
-        number: 1,
-        now: sent.0 + CLOCK_OFFSET,
-        echo: sent.0 - held - step(held_up),
-        held,
-    };
-    let stamp = Shift::of(&header, NOW).map_or(0, |shift| shift.here(header.now));
+    let far = |time: u64| Nanos(time + CLOCK_OFFSET);
+    let sent = ago(age).0;
+    let arrived = sent - step(1);
+    let asked = arrived - step(held_up);
+    let mut offset = ClockOffset::default();
+    offset.note(far(asked), Nanos(asked), far(arrived));
+    let stamp = offset.there(far(sent).0, far(sent)).unwrap_or(0);
     let steps = NOW.since(Nanos(stamp)).0 / STEP.0;
     u8::try_from(steps).map_or(FORGOTTEN + 1, |steps| steps.min(FORGOTTEN + 1))
 }

@@ -5,7 +5,7 @@
 //! # What is real and what is model
 //!
 //! Admission of commands, lease, deadline ([`i2ris::core`]), the shift between the clocks of two
-//! computers ([`i2ris_network::packet`]) and the heartbeat monitor of the watchdog
+//! computers ([`i2ris_network::offset`]) and the heartbeat monitor of the watchdog
 //! ([`i2ris::watchdog`]) are the functions that the programs run. The states of robot and drive are
 //! a model, small enough to be exhausted. The state machine itself is tested in every state with
 //! every command by the tests of the cycle.

@@ -56,6 +56,10 @@ pub(crate) struct Region {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "the loop may not allocate a box for it"
+)]
 enum Shape {
     Ball {
         centre: Point,

@@ -119,9 +119,9 @@ impl DriftEstimate {
             let before = scale;
             if shape.has_gap {
                 let (least, most) = GAP_SCALES.into_inner();
-                for motor in 0..shape.motors {
+                for (motor, scale) in scale.iter_mut().enumerate().take(shape.motors) {
                     let growth = found.parameters[shape.gap(motor)];
-                    scale[motor] = (1.0 + growth).clamp(least, most);
+                    *scale = (1.0 + growth).clamp(least, most);
                 }
                 now = used(&scale);
             }

@@ -41,8 +41,11 @@ pub fn html(drift: &DriftEstimate, verdict: Verdict, model: &str, recording: &Re
     );
     let outputs = recording.outputs().iter().enumerate();
     let figure = outputs.fold(figure, |figure, (output, spec)| {
-        let line = |of: fn(&(f64, [f64; 3], [f64; 3])) -> [f64; 3], stroke| {
-            let points = drift.errors.iter().map(|row| [row.0, of(row)[output]]);
+        let line = |is_after: bool, stroke| {
+            let points = drift.errors.iter().map(|(t, before, after)| {
+                let error = if is_after { after } else { before };
+                [*t, error[output]]
+            });
             Line::new(points.collect(), stroke)
         };
         let panel = Panel::new(
@@ -54,8 +57,8 @@ pub fn html(drift: &DriftEstimate, verdict: Verdict, model: &str, recording: &Re
             HEIGHT,
             vec![
                 panel
-                    .with(line(|row| row.1, BEFORE).label("as calibrated"))
-                    .with(line(|row| row.2, AFTER).label("without the drift"))
+                    .with(line(false, BEFORE).label("as calibrated"))
+                    .with(line(true, AFTER).label("without the drift"))
                     .with(ReferenceLine::horizontal(
                         0.0,
                         Stroke::new(Color::DARK, 0.6),

@@ -10,6 +10,9 @@ use i2ris_terminal::{Failure, Screen, until_closed};
 use super::finite;
 use super::stream_monitor::StopReason;
 
+/// Kind and values of a region, rad or m.
+type Region = (FixtureKind, [f64; 4]);
+
 /// The stream is sent once a second.
 const WAIT: Nanos = Nanos::from_millis(3000);
 
@@ -81,7 +84,7 @@ pub fn run(client: &mut Client, command: &FixtureCommand) -> Result<(), Failure>
 }
 
 /// The request of a command; `None`: only the list is asked for.
-fn request(command: &FixtureCommand) -> Option<(FixtureAction, Option<(FixtureKind, [f64; 4])>)> {
+fn request(command: &FixtureCommand) -> Option<(FixtureAction, Option<Region>)> {
     let rad = f64::to_radians;
     let region = match *command {
         FixtureCommand::On => return Some((FixtureAction::On, None)),

@@ -235,7 +235,7 @@ fn statistics(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'stat
         let texts = adaptation::lines(message);
         let parts = texts.iter().flat_map(|text| text.split(", "));
         let parts: Vec<_> = parts.map(|part| styled(part.to_owned(), old)).collect();
-        flow(parts.into_iter(), width)
+        flow(parts, width)
     }));
     lines.extend(
         mark("loop", statistics.age(now), STATISTICS_STALE)

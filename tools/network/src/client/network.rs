@@ -1,6 +1,6 @@
 //! The Zenoh side of the client.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
@@ -117,10 +117,7 @@ impl Network {
 
     /// The next arrival; waits for it so long at most.
     pub fn next(&self, wait: Duration) -> Option<Arrival> {
-        match self.arrivals.recv_timeout(wait) {
-            Ok(arrival) => Some(arrival),
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-        }
+        self.arrivals.recv_timeout(wait).ok()
     }
 
     /// Sends a command.

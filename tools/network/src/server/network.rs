@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::time::Duration;
 
 use zenoh::pubsub::{Publisher, Subscriber};
@@ -86,10 +86,7 @@ impl Network {
         match self.arrivals.try_recv() {
             Ok(arrival) => Some(arrival),
             Err(TryRecvError::Disconnected) => None,
-            Err(TryRecvError::Empty) => match self.arrivals.recv_timeout(wait) {
-                Ok(arrival) => Some(arrival),
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-            },
+            Err(TryRecvError::Empty) => self.arrivals.recv_timeout(wait).ok(),
         }
     }
 
