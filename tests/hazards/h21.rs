@@ -50,7 +50,7 @@ fn h21_a_camera_that_makes_it_worse_is_found_out_and_the_correction_is_taken_bac
     // A camera that is tied to the wall of a swaying room: what was learned is wrong by the time it
     // is applied.
     drifting.follow(200.0, wandering, |t, [pitch, yaw]| {
-        let sway = 0.9 * (std::f64::consts::TAU * t / 9.0).sin();
+        let sway = 0.9 * (std::f64::consts::TAU * t / 15.0).sin();
         [pitch + sway, yaw - sway]
     });
     assert!(

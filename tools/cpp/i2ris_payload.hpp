@@ -231,6 +231,27 @@ static_assert(offsetof(AdaptationMsg, excited) == 484);
 static_assert(offsetof(AdaptationMsg, flags) == 488);
 static_assert(offsetof(AdaptationMsg, reserved) == 492);
 
+struct VirtualFixturesMsg {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risVirtualFixturesV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t boot_id;
+    std::uint32_t active;
+    std::uint32_t limited_by;
+    std::uint32_t kind[8];
+    double values[136];
+    std::uint8_t name[192];
+};
+static_assert(sizeof(VirtualFixturesMsg) == 1344);
+static_assert(offsetof(VirtualFixturesMsg, sequence) == 0);
+static_assert(offsetof(VirtualFixturesMsg, stamp_ns) == 8);
+static_assert(offsetof(VirtualFixturesMsg, boot_id) == 16);
+static_assert(offsetof(VirtualFixturesMsg, active) == 24);
+static_assert(offsetof(VirtualFixturesMsg, limited_by) == 28);
+static_assert(offsetof(VirtualFixturesMsg, kind) == 32);
+static_assert(offsetof(VirtualFixturesMsg, values) == 64);
+static_assert(offsetof(VirtualFixturesMsg, name) == 1152);
+
 struct EventMsg {
     static constexpr const char* IOX2_TYPE_NAME = "I2risEventV1";
     std::uint64_t sequence;
@@ -444,6 +465,19 @@ static_assert(offsetof(MoveRequest, client_id) == 0);
 static_assert(offsetof(MoveRequest, position) == 8);
 static_assert(offsetof(MoveRequest, count) == 32);
 static_assert(offsetof(MoveRequest, reserved) == 36);
+
+struct VirtualFixtureRequest {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risVirtualFixtureRequestV1";
+    std::uint64_t client_id;
+    std::uint32_t action;
+    std::uint32_t kind;
+    double values[4];
+};
+static_assert(sizeof(VirtualFixtureRequest) == 48);
+static_assert(offsetof(VirtualFixtureRequest, client_id) == 0);
+static_assert(offsetof(VirtualFixtureRequest, action) == 8);
+static_assert(offsetof(VirtualFixtureRequest, kind) == 12);
+static_assert(offsetof(VirtualFixtureRequest, values) == 16);
 
 struct VersionRequest {
     static constexpr const char* IOX2_TYPE_NAME = "I2risVersionRequestV1";

@@ -95,6 +95,11 @@ const RATINGS: &[(&str, [u32; 3], &str)] = &[
         [3, 3, 1],
         "a correction in the direction of the goal",
     ),
+    (
+        "H24",
+        [3, 4, 1],
+        "clocks of two computers that differ by less than two seconds",
+    ),
 ];
 
 const HEAD: &str = "\

@@ -117,7 +117,7 @@ fn one_axis_at_a_time_gives_a_separable_model_and_says_so() {
     };
     let rows = Rows::new(500, motion, as_it_is);
     let text = rows.printed("");
-    let sentence = "the motors move together on 0 % of the path only, so the recording does not show \
+    let sentence = "the motors move together on 6 % of the path only, so the recording does not show \
                     the plane between their axes; record motion of both at once";
     assert_says(&text, &format!("warning {sentence}"));
     for family in ["gmr", "gmr-direction", "gmr-play", "gmr-stop"] {
@@ -185,8 +185,8 @@ fn angles_of_noise_alone_are_refused_and_forced_ones_are_marked() {
 #[test]
 fn swapped_columns_show_in_what_a_count_moves() {
     let text = Rows::new(300, wander, |[pitch, yaw]| [yaw, pitch]).printed("--family linear");
-    assert_says(&text, "a count of motor 0 moves pitch by +0.01");
-    assert_says(&text, "and yaw by +0.03");
+    assert_says(&text, "a count of motor 0 moves pitch by +0.0098 deg");
+    assert_says(&text, "and yaw by +0.0294 deg");
     assert_says(
         &text,
         "where the robot does otherwise, two columns are swapped (--counts, --angles) or the \
@@ -197,8 +197,8 @@ fn swapped_columns_show_in_what_a_count_moves() {
 #[test]
 fn a_mirrored_picture_shows_in_what_a_count_moves() {
     let text = Rows::new(300, wander, |[pitch, yaw]| [pitch, -yaw]).printed("--family linear");
-    assert_says(&text, "a count of motor 0 moves pitch by +0.03");
-    assert_says(&text, "and yaw by -0.01");
+    assert_says(&text, "a count of motor 0 moves pitch by +0.0294 deg");
+    assert_says(&text, "and yaw by -0.0098 deg");
 }
 
 #[test]

@@ -19,7 +19,8 @@ use live::Robot;
 
 #[test]
 fn the_walk_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use() {
-    let robot = Robot::start();
+    let mut robot = Robot::start();
+    robot.publish_camera();
     let mut client = Client::connect(&robot.domain, Nanos::from_millis(60_000)).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
@@ -47,7 +48,11 @@ fn the_walk_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_
         "{line}"
     );
     let busy = |state: &i2ris::ipc::payload::OperatingStateMsg| state.state == 1;
-    client.wait_for(Nanos::from_millis(60_000), busy).unwrap();
+    if client.wait_for(Nanos::from_millis(30_000), busy).is_err() {
+        first.interrupt();
+        let rest: Vec<String> = lines.by_ref().map_while(Result::ok).collect();
+        panic!("it does not enable the robot: {rest:?} {:?}", first.code());
+    }
     while fs::metadata(path("walk/recording.csv")).map_or(0, |data| data.len()) < 2000 {
         i2ris::clock::sleep(Nanos::from_millis(20));
     }

@@ -170,10 +170,11 @@ fn the_table_of_the_manual_is_current() {
 fn python_has_the_versions_of_the_controller() {
     use i2ris::ipc::ready::{ICEORYX2_VERSION, INTERFACE_VERSION};
     let link = fs::read_to_string(python_folder().join("i2ris/link.py")).unwrap();
+    let payload = fs::read_to_string(python_folder().join("i2ris/payload.py")).unwrap();
     let project = fs::read_to_string(python_folder().join("pyproject.toml")).unwrap();
     for (text, part) in [
         (
-            &link,
+            &payload,
             format!("\nINTERFACE_VERSION = {INTERFACE_VERSION}\n"),
         ),
         (

@@ -14,8 +14,8 @@ use super::Curve;
 use crate::durations::Durations;
 use crate::error::BenchError;
 
-/// The numbers of clients.
-const CLIENTS: [usize; 6] = [1, 2, 4, 8, 16, 32];
+/// The numbers of clients; a stream has places for 24.
+const CLIENTS: [usize; 6] = [1, 2, 4, 8, 16, 24];
 /// Messages of a round.
 const MESSAGES: u64 = 1000;
 const WARM_UP: u64 = 100;
@@ -43,11 +43,7 @@ fn publish(clients: usize, messages: u64) -> Result<Durations, BenchError> {
     let (ready, is_ready) = mpsc::channel();
     let domain = &domain;
     thread::scope(|scope| {
-        let publishing = scope.spawn(move || {
-            let published = serve(domain, messages, connected, &ready);
-            ended.store(true, Ordering::Release);
-            published
-        });
+        let publishing = scope.spawn(move || serve(domain, messages, connected, ended, &ready));
         // An error of the server comes from its thread.
         let read = match is_ready.recv() {
             Ok(()) => read(domain, clients, connected, ended),
@@ -63,6 +59,7 @@ fn serve(
     domain: &Domain,
     messages: u64,
     connected: &AtomicBool,
+    ended: &AtomicBool,
     ready: &mpsc::Sender<()>,
 ) -> Result<Durations, BenchError> {
     let mut server = Server::create(DomainLock::acquire(domain)?)?;
@@ -84,6 +81,8 @@ fn serve(
             left -= 1;
         }
     }
+    // Before the server goes, so that its end is no error to the clients.
+    ended.store(true, Ordering::Release);
     Ok(durations)
 }
 

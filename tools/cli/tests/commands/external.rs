@@ -1,9 +1,12 @@
 //! `i2ris NAME` runs the program `i2ris-NAME`.
 
 use std::fs;
+use std::io::ErrorKind;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output};
+use std::thread;
+use std::time::Duration;
 
 use i2ris_testing::program;
 use tempfile::TempDir;
@@ -26,7 +29,16 @@ impl Installed {
 
     fn run(&self, path: &Path, arguments: &[&str]) -> Output {
         let mut command = Command::new(self.0.path().join("i2ris"));
-        command.args(arguments).env("PATH", path).output().unwrap()
+        command.args(arguments).env("PATH", path);
+        loop {
+            match command.output() {
+                // A process that another test has just started still has the copy open for writing.
+                Err(error) if error.kind() == ErrorKind::ExecutableFileBusy => {
+                    thread::sleep(Duration::from_millis(20));
+                }
+                output => return output.unwrap(),
+            }
+        }
     }
 }
 

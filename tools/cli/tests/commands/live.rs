@@ -23,7 +23,7 @@ pub struct Robot {
     folder: TempDir,
     stop: Arc<AtomicBool>,
     controller: Option<JoinHandle<()>>,
-    _emulator: Emulator,
+    emulator: Emulator,
 }
 
 impl Robot {
@@ -66,8 +66,14 @@ impl Robot {
             folder,
             stop,
             controller: Some(controller),
-            _emulator: emulator,
+            emulator,
         }
+    }
+
+    /// The emulated camera publishes the pose.
+    #[allow(dead_code)]
+    pub fn publish_camera(&mut self) {
+        self.emulator.publish_camera(&self.domain).unwrap();
     }
 }
 
