@@ -201,6 +201,6 @@ impl OperatingStateMsg {
     pub const WATCHED: u32 = 512;
     /// Flag: the pose is compared with a camera; see [`crate::config::PlausibilityConfig`].
     pub const COMPARED: u32 = 1024;
-    /// Flag: a virtual fixture limited the goal; see [`VirtualFixturesMsg`].
+    /// Flag: a virtual fixture limited the goal; see [`super::VirtualFixturesMsg`].
     pub const FIXTURE: u32 = 2048;
 }

@@ -221,7 +221,21 @@ fn two_hundred_rows_give_a_model() {
 }
 
 #[test]
+fn a_hundred_thousand_rows_are_thinned() {
+    assert_thinned(100_000, "every 4th, more tell hardly more");
+}
+
+#[test]
+#[ignore = "two minutes"]
 fn a_million_rows_are_thinned() {
+    assert_thinned(
+        1_000_000,
+        "training 19737 row(s): every 38th, more tell hardly more",
+    );
+}
+
+#[track_caller]
+fn assert_thinned(rows: u32, sentence: &str) {
     let motion: Motion = |time| {
         let part = time / 2000.0;
         [
@@ -229,11 +243,8 @@ fn a_million_rows_are_thinned() {
             400.0 * (TAU * 11.3 * part).cos(),
         ]
     };
-    let text = Rows::new(1_000_000, motion, as_it_is).printed("--family linear --latency-ms 0");
-    assert_says(
-        &text,
-        "training 19737 row(s): every 38th, more tell hardly more",
-    );
+    let text = Rows::new(rows, motion, as_it_is).printed("--family linear --latency-ms 0");
+    assert_says(&text, sentence);
 }
 
 #[test]

@@ -34,7 +34,7 @@ fn the_walk_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_
         &walk,
         "--home",
         "--duration-s",
-        "40",
+        "20",
         "--family",
         "gmr-play",
     ];

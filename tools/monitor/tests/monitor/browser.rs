@@ -29,7 +29,7 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
     );
     page.wait(
         "a camera",
-        "/[0-9]/.test(document.querySelectorAll('#joints td.camera')[0].textContent)",
+        "/[0-9]/.test(document.querySelectorAll('#joints td.camera, #joints td.parted')[0].textContent)",
     );
     page.wait("the hull", "live.hull.length > 20");
     page.wait(

@@ -65,7 +65,8 @@ fn the_page_and_all_of_its_parts_come_from_here() {
     for (target, part) in [
         ("/", "<!doctype html>"),
         ("/page.css", "canvas"),
-        ("/page.js", "fetch("),
+        ("/page.js", "drawPlane("),
+        ("/live.js", "fetch("),
         ("/plots.js", "class Plot"),
     ] {
         let (status, body) = served.ask("GET", target);
