@@ -18,6 +18,7 @@ use i2ris_testing::Program;
 use live::Robot;
 
 #[test]
+#[ignore = "two minutes of motion"]
 fn the_walk_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use() {
     let mut robot = Robot::start();
     robot.publish_camera();
