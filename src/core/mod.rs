@@ -25,7 +25,7 @@
 //!   `homing`, `acknowledge`, `shutdown`.
 //! - `setpoint_generation`: moves all setpoints by one tick, as the state says.
 //! - [`cycle`]: one tick, inputs to outputs. `snapshot`: its state between two ticks, for the black
-//!   box. [`rehearsal`]: the cycle without a robot.
+//!   box. [`simulated_loop`], [`rehearsal`]: the cycle without a robot.
 //!
 //! # States
 //!
@@ -163,6 +163,7 @@
 pub mod adaptation;
 pub mod cycle;
 pub mod rehearsal;
+pub mod simulated_loop;
 
 mod command;
 mod cycle_events;

@@ -1,22 +1,17 @@
-//! Rehearsal: the control cycle without a robot. It runs [`ControlCycle::step`] on simulated time
-//! against ideal drives.
+//! Rehearsal: the control cycle without a robot, a [`SimulatedLoop`] with ideal motors.
 //!
-//! Its setpoints are those that the motors would get: inverse, memory, filters, limits and rounding
-//! are those of the loop, as configured. Effects of real drives, lines and clocks are not included.
+//! Its setpoints are those that the motors would get. Effects of real drives, lines and clocks are
+//! not included.
 
 use std::sync::Arc;
 
 use crate::config::Config;
-use crate::core::cycle::ControlCycle;
-use crate::core::inputs::{CycleInputs, ServoCommand, ServoGoal, StateRequest};
+use crate::core::inputs::ServoGoal;
 use crate::core::outputs::CycleReport;
-use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand, WrittenTarget};
+use crate::core::simulated_loop::{Motors, SimulatedInputs, SimulatedLoop, state_request};
 use crate::model::{Model, Query};
 use crate::robot::{Fault, OperatingState, Refusal, StateCommand};
-use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
-
-/// Client id of the rehearsal.
-const CLIENT: u64 = 1;
+use crate::units::{Counts, MotorVec, Nanos, OutputVec};
 
 /// Longest time to enable ideal drives, ticks; they take three.
 const ENABLING_TICKS: u32 = 100;
@@ -43,16 +38,7 @@ pub enum RehearsalError {
 
 /// A simulated robot that is ENABLED.
 #[derive(Debug)]
-pub struct Rehearsal {
-    cycle: ControlCycle,
-    period: Nanos,
-    now: Nanos,
-    motors: usize,
-    feedback: [AxisFeedback; MAX_MOTORS],
-    requests: [AxisRequest; MAX_MOTORS],
-    report: CycleReport,
-    sequence: u64,
-}
+pub struct Rehearsal(SimulatedLoop);
 
 impl Rehearsal {
     /// Moves the motors through `history` with the drives off, fractional counts rounded, and
@@ -67,29 +53,11 @@ impl Rehearsal {
         model: &Arc<Model>,
         history: &[MotorVec],
     ) -> Result<Self, RehearsalError> {
-        let period = config.control.period();
-        let homed = AxisFeedback {
-            phase: AxisPhase::Disabled,
-            homed: true,
-            ..AxisFeedback::default()
-        };
-        let mut cycle = ControlCycle::new(config, Some(Arc::clone(model)));
-        let now = Nanos::from_millis(1000);
-        let report = cycle.step(now, &CycleInputs::default()).report;
-        let mut rehearsal = Self {
-            cycle,
-            period,
-            now,
-            motors: config.motors().min(MAX_MOTORS),
-            feedback: [homed; MAX_MOTORS],
-            requests: [AxisRequest::default(); MAX_MOTORS],
-            report,
-            sequence: 0,
-        };
+        let mut rehearsal = Self(SimulatedLoop::new(config, model));
         let centre = [model.hull().centre()];
         for counts in if history.is_empty() { &centre } else { history } {
-            rehearsal.set_positions(counts);
-            rehearsal.tick(None, None);
+            rehearsal.0.set_positions(counts);
+            rehearsal.tick(SimulatedInputs::default());
         }
         rehearsal.enable()?;
         Ok(rehearsal)
@@ -101,102 +69,51 @@ impl Rehearsal {
     ///
     /// [`RehearsalError::Goal`] if command admission refuses the goal; [`RehearsalError::Fault`].
     pub fn follow(&mut self, goal: ServoGoal) -> Result<&CycleReport, RehearsalError> {
-        self.sequence += 1;
-        let stamp = self.now + self.period;
-        let command = ServoCommand {
-            client_id: CLIENT,
-            sequence: self.sequence,
-            stamp,
-            deadline: Nanos::ZERO,
-            goal,
-            clutched: false,
-            has_unknown_flags: false,
-        };
-        let refused = self.report.refused;
-        self.tick(Some(command), None);
-        if self.report.refused > refused {
-            return Err(RehearsalError::Goal(self.report.last_refusal));
+        let refused = self.report().refused;
+        let servo = Some(self.0.servo_command(goal));
+        self.tick(SimulatedInputs {
+            servo,
+            ..SimulatedInputs::default()
+        });
+        let report = self.0.report();
+        if report.refused > refused {
+            return Err(RehearsalError::Goal(report.last_refusal));
         }
-        if self.report.state == OperatingState::Fault {
-            return Err(RehearsalError::Fault(self.report.fault));
+        if report.state == OperatingState::Fault {
+            return Err(RehearsalError::Fault(report.fault));
         }
-        Ok(&self.report)
+        Ok(report)
     }
 
     /// The report of the last tick.
     #[must_use]
     pub fn report(&self) -> &CycleReport {
-        &self.report
+        self.0.report()
     }
 
     /// The length of a tick.
     #[must_use]
     pub fn period(&self) -> Nanos {
-        self.period
+        self.0.period()
     }
 
     fn enable(&mut self) -> Result<(), RehearsalError> {
-        let request = StateRequest {
-            id: 0,
-            client_id: CLIENT,
-            command: StateCommand::Enable,
-            pose: None,
-            fixture: None,
-        };
-        self.tick(None, Some(request));
+        self.tick(SimulatedInputs {
+            request: Some(state_request(StateCommand::Enable)),
+            ..SimulatedInputs::default()
+        });
         for _ in 0..ENABLING_TICKS {
-            if self.report.state == OperatingState::Enabled {
+            if self.report().state == OperatingState::Enabled {
                 return Ok(());
             }
-            self.tick(None, None);
+            self.tick(SimulatedInputs::default());
         }
-        Err(RehearsalError::Enable(self.report.last_refusal))
+        Err(RehearsalError::Enable(self.report().last_refusal))
     }
 
-    /// Moves the motors as if by hand.
-    fn set_positions(&mut self, counts: &MotorVec) {
-        for (feedback, counts) in self.feedback.iter_mut().zip(counts) {
-            feedback.position = Counts::from_f64(*counts).unwrap_or(feedback.position);
-        }
+    fn tick(&mut self, inputs: SimulatedInputs) {
+        self.0.tick(Motors::AtTargets, inputs);
     }
-
-    fn tick(&mut self, servo: Option<ServoCommand>, request: Option<StateRequest>) {
-        self.now = self.now + self.period;
-        let now = self.now;
-        let drives = self.feedback.iter_mut().zip(&self.requests);
-        for (feedback, request) in drives.take(self.motors) {
-            apply_request(feedback, request, now);
-        }
-        let inputs = CycleInputs {
-            servo,
-            request,
-            feedback: self.feedback,
-            ..CycleInputs::default()
-        };
-        let outputs = self.cycle.step(now, &inputs);
-        (self.requests, self.report) = (outputs.requests, outputs.report);
-    }
-}
-
-/// An ideal drive: on or off at once, and at its target.
-fn apply_request(feedback: &mut AxisFeedback, request: &AxisRequest, now: Nanos) {
-    feedback.phase = match request.demand {
-        Demand::Enabled => AxisPhase::Enabled,
-        Demand::Disabled => AxisPhase::Disabled,
-        Demand::QuickStop => AxisPhase::QuickStopped,
-    };
-    if feedback.phase == AxisPhase::Enabled {
-        feedback.position = request.target;
-        feedback.written = Some(WrittenTarget {
-            target: request.target,
-            stamp: now,
-            sequence: request.sequence,
-            command_stamp: request.command_stamp,
-            command_sequence: request.command_sequence,
-        });
-    }
-    feedback.stamp = now;
-    feedback.sequence += 1;
 }
 
 /// The counts at which a model starts to follow a goal when its memory is unknown.

@@ -97,7 +97,7 @@ fn run(seed: u64, seconds: u64, start: &Trial, model: &Arc<Model>) -> (f64, f64)
     let mut before = on.adaptation().applied;
     let mut still = 0;
     for tick in 0..seconds * 1000 {
-        on.frame = signal.frame(tick, on.now, on.plant.angles_deg());
+        on.frame = signal.frame(tick, on.now(), on.plant.angles_deg());
         // A rest every now and then.
         still = if tick % 4000 < 500 { still + 1 } else { 0 };
         let goal_before = on.goal();

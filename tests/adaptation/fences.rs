@@ -2,6 +2,7 @@
 
 use i2ris::core::CycleEventKind;
 use i2ris::core::adaptation::{AdaptationEvent, Method, Pause};
+use i2ris::core::simulated_loop::SimulatedInputs;
 use i2ris::robot::StateCommand;
 use i2ris::units::Nanos;
 use i2ris_calibration::fit::Family;
@@ -63,10 +64,10 @@ fn nothing_moves_while_the_goal_rests() {
     for _ in 0..500 {
         trial.follow(goal);
     }
-    let (targets, applied) = (trial.out.report.setpoints, trial.adaptation().applied);
+    let (targets, applied) = (trial.report().setpoints, trial.adaptation().applied);
     for _ in 0..20_000 {
         trial.follow(goal);
-        assert_eq!(trial.out.report.setpoints, targets);
+        assert_eq!(trial.report().setpoints, targets);
     }
     assert_eq!(trial.adaptation().applied, applied);
 }
@@ -90,7 +91,7 @@ fn nothing_is_learned_within_two_seconds_of_enabling_and_with_the_clutch_open() 
     assert!(trial.adaptation().frames.used > used + 20);
     let used = trial.adaptation().frames.used;
     for _ in 0..3000 {
-        trial.tick(None, None);
+        trial.tick(SimulatedInputs::default());
     }
     // The commander is silent: the robot holds.
     assert!(trial.adaptation().pauses.contains(Pause::NotFollowing));
@@ -142,10 +143,10 @@ fn without_a_camera_and_switched_off_the_outputs_are_the_same_to_the_bit() {
         let goal = off.goal();
         off.follow(goal);
         on.follow(goal);
-        let mut report = on.out.report;
+        let mut report = *on.report();
         report.adaptation = None;
-        assert_eq!(report, off.out.report);
-        assert_eq!(on.out.requests, off.out.requests);
+        assert_eq!(report, *off.report());
+        assert_eq!(on.outputs().requests, off.outputs().requests);
     }
 }
 
@@ -157,8 +158,8 @@ fn frames_that_cannot_be_used_are_counted_and_change_nothing() {
     for k in 0..6000_u64 {
         let kind = k % 33;
         let stamp = match (kind, k % 66) {
-            (0, 0) => trial.now + Nanos::from_millis(500),
-            (0, _) => trial.now - Nanos::from_millis(600),
+            (0, 0) => trial.now() + Nanos::from_millis(500),
+            (0, _) => trial.now() - Nanos::from_millis(600),
             (16, _) => Nanos::ZERO,
             _ => {
                 trial.move_for(1e-3);

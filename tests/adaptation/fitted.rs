@@ -15,7 +15,9 @@ use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
 use i2ris_emulator::zoo::DrawnSnake;
 
 use crate::ageing::Ageing;
-use crate::plant::{Plant, SNAKES, TICK_S};
+use i2ris_emulator::simulated_robot::TICK_S;
+
+use crate::plant::{Plant, SNAKES};
 use crate::random::Random;
 
 /// A model of a snake, from a recording of two minutes. Every model is made once.

@@ -6,20 +6,16 @@ use std::time::Instant;
 use i2ris::config::Config;
 use i2ris::core::adaptation::AdaptationReport;
 use i2ris::core::cycle::ControlCycle;
-use i2ris::core::{
-    CycleEventKind, CycleInputs, CycleOutputs, ExternalPose, ServoCommand, ServoGoal, StateRequest,
-};
-use i2ris::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand, WrittenTarget};
+use i2ris::core::simulated_loop::{Motors, SimulatedInputs, SimulatedLoop, state_request};
+use i2ris::core::{CycleEventKind, CycleOutputs, CycleReport, ExternalPose, ServoGoal};
 use i2ris::model::Model;
 use i2ris::robot::{OperatingState, StateCommand};
-use i2ris::units::{Counts, MAX_MOTORS, Nanos};
+use i2ris::units::Nanos;
 use i2ris_emulator::zoo::DrawnSnake;
 
 use crate::ageing::Ageing;
 use crate::camera::{Camera, CameraPlan};
 use crate::plant::Plant;
-
-const CLIENT: u64 = 1;
 
 const CONFIG: &str = include_str!("../../config/emulator.toml");
 
@@ -34,19 +30,14 @@ pub const ON: &str = "[adaptation]\nenabled = true";
 
 /// See above.
 pub struct Trial {
-    pub cycle: ControlCycle,
-    pub now: Nanos,
+    control: SimulatedLoop,
     pub plant: Plant,
     pub camera: Option<Camera>,
     /// Replaces the camera's frame, tick by tick.
     pub frame: Option<ExternalPose>,
-    pub out: CycleOutputs,
     pub events: Vec<CycleEventKind>,
     /// Of every tick: whether it had a frame, and its time, us.
     pub times: Option<Vec<(bool, f64)>>,
-    feedback: [AxisFeedback; MAX_MOTORS],
-    requests: [AxisRequest; MAX_MOTORS],
-    commands: u64,
     /// Of the hand, s.
     pub time_s: f64,
     seed: u64,
@@ -55,33 +46,19 @@ pub struct Trial {
 impl Trial {
     /// Enabled and conditioned; then the snake has aged.
     pub fn new(table: &str, snake: DrawnSnake, model: &Arc<Model>, ageing: Ageing) -> Self {
-        let config = config(table);
-        let mut cycle = ControlCycle::new(&config, Some(Arc::clone(model)));
-        let now = Nanos::from_millis(1000);
-        let out = cycle.step(now, &CycleInputs::default());
-        let homed = AxisFeedback {
-            phase: AxisPhase::Disabled,
-            homed: true,
-            ..AxisFeedback::default()
-        };
         let mut plant = Plant::new(snake);
         plant.ageing = ageing;
         let mut trial = Self {
-            cycle,
-            now,
+            control: SimulatedLoop::new(&config(table), model),
             plant,
             camera: None,
             frame: None,
-            out,
             events: Vec::new(),
             times: None,
-            feedback: [homed; MAX_MOTORS],
-            requests: [AxisRequest::default(); MAX_MOTORS],
-            commands: 0,
             time_s: 0.0,
             seed: 0,
         };
-        trial.tick(None, None);
+        trial.tick(SimulatedInputs::default());
         trial.command(StateCommand::Enable);
         trial.command(StateCommand::Condition);
         trial.camera = Some(Camera::new(CameraPlan::default()));
@@ -90,10 +67,12 @@ impl Trial {
 
     /// Another trial that goes on from here, with the same configuration and model.
     pub fn branch(&self, table: &str, model: &Arc<Model>) -> Self {
-        let snapshot = self.cycle.snapshot().expect("no model waits to be freed");
+        let snapshot = self.control.cycle().snapshot();
+        let snapshot = snapshot.expect("no model waits to be freed");
         let find = |_| Some(Arc::clone(model));
+        let cycle = ControlCycle::restored(&config(table), &snapshot, find).unwrap();
         Self {
-            cycle: ControlCycle::restored(&config(table), &snapshot, find).unwrap(),
+            control: self.control.with_cycle(cycle),
             plant: self.plant.clone(),
             camera: None,
             frame: None,
@@ -109,79 +88,60 @@ impl Trial {
     }
 
     pub fn command(&mut self, command: StateCommand) {
-        let request = StateRequest {
-            id: 0,
-            client_id: CLIENT,
-            command,
-            pose: None,
-            fixture: None,
-        };
-        self.tick(None, Some(request));
+        self.tick(SimulatedInputs {
+            request: Some(state_request(command)),
+            ..SimulatedInputs::default()
+        });
         for _ in 0..100_000 {
-            if !self.out.report.busy {
+            if !self.report().busy {
                 return;
             }
-            self.tick(None, None);
+            self.tick(SimulatedInputs::default());
         }
-        panic!("{command:?} does not end: {:?}", self.out.report);
+        panic!("{command:?} does not end: {:?}", self.report());
     }
 
-    pub fn tick(&mut self, servo: Option<ServoCommand>, request: Option<StateRequest>) {
-        let period = Nanos::from_millis(1);
-        self.now = self.now + period;
-        let encoders = self.plant.encoders();
-        let axes = self.feedback.iter_mut().zip(&self.requests).zip(encoders);
-        for ((feedback, request), counts) in axes {
-            update(feedback, request, counts, self.now, self.now - period);
-        }
-        let angles = self.plant.angles_deg();
-        let seen = self
-            .camera
-            .as_mut()
-            .and_then(|camera| camera.frame(self.now, angles));
-        let inputs = CycleInputs {
-            servo,
-            request,
-            external: self.frame.take().or(seen),
-            feedback: self.feedback,
-            ..CycleInputs::default()
-        };
+    /// Start of the last tick.
+    pub fn now(&self) -> Nanos {
+        self.control.now()
+    }
+
+    pub fn outputs(&self) -> &CycleOutputs {
+        self.control.outputs()
+    }
+
+    pub fn report(&self) -> &CycleReport {
+        self.control.report()
+    }
+
+    pub fn tick(&mut self, inputs: SimulatedInputs) {
+        let (encoders, angles) = (self.plant.encoders(), self.plant.angles_deg());
+        let now = self.control.next();
+        let camera = self.camera.as_mut();
+        let seen = camera.and_then(|camera| camera.frame(now, angles));
+        let external = self.frame.take().or(seen);
+        let inputs = SimulatedInputs { external, ..inputs };
         let begun = Instant::now();
-        self.out = self.cycle.step(self.now, &inputs);
+        let outputs = self.control.tick(Motors::At(encoders), inputs);
         if let Some(times) = &mut self.times {
             let microseconds = begun.elapsed().as_secs_f64() * 1e6;
-            times.push((inputs.external.is_some(), microseconds));
+            times.push((external.is_some(), microseconds));
         }
-        drop(self.cycle.take_retired());
-        self.requests = self.out.requests;
-        let events = self.out.events.iter().flatten();
+        let events = outputs.events.iter().flatten();
         self.events.extend(events.map(|event| event.kind));
-        let axes = self.requests.iter().zip(encoders);
-        let setpoints: Vec<f64> = axes
-            .map(|(request, counts)| match request.demand {
-                Demand::Enabled => request.target.as_f64(),
-                _ => counts,
-            })
-            .collect();
-        self.plant.tick([setpoints[0], setpoints[1]]);
+        self.plant.tick(self.control.setpoints(encoders));
     }
 
     /// One tick towards a goal, deg.
     pub fn follow(&mut self, goal: [f64; 2]) {
-        self.commands += 1;
         let [pitch, yaw] = goal.map(f64::to_radians);
-        let command = ServoCommand {
-            has_unknown_flags: false,
-            client_id: CLIENT,
-            sequence: self.commands,
-            stamp: self.now + Nanos::from_millis(1),
-            deadline: Nanos::ZERO,
-            goal: ServoGoal::Joint([pitch, yaw, 0.0], 2),
-            clutched: false,
-        };
-        let refused = self.out.report.refused;
-        self.tick(Some(command), None);
-        let report = &self.out.report;
+        let goal = ServoGoal::Joint([pitch, yaw, 0.0], 2);
+        let (servo, refused) = (self.control.servo_command(goal), self.report().refused);
+        self.tick(SimulatedInputs {
+            servo: Some(servo),
+            ..SimulatedInputs::default()
+        });
+        let report = self.report();
         assert_eq!(report.refused, refused, "{}", report.last_refusal);
         assert_eq!(report.state, OperatingState::Enabled, "{}", report.fault);
     }
@@ -219,33 +179,7 @@ impl Trial {
     }
 
     pub fn adaptation(&self) -> AdaptationReport {
-        self.out.report.adaptation.expect("the adaptation is on")
+        let adaptation = self.report().adaptation;
+        adaptation.expect("the adaptation is on")
     }
-}
-
-/// The drives answer at once.
-fn update(
-    feedback: &mut AxisFeedback,
-    request: &AxisRequest,
-    counts: f64,
-    now: Nanos,
-    before: Nanos,
-) {
-    feedback.phase = match request.demand {
-        Demand::Enabled => AxisPhase::Enabled,
-        Demand::Disabled => AxisPhase::Disabled,
-        Demand::QuickStop => AxisPhase::QuickStopped,
-    };
-    feedback.position = Counts::from_f64(counts).unwrap_or(feedback.position);
-    if feedback.phase == AxisPhase::Enabled {
-        feedback.written = Some(WrittenTarget {
-            target: request.target,
-            stamp: before,
-            sequence: request.sequence,
-            command_stamp: request.command_stamp,
-            command_sequence: request.command_sequence,
-        });
-    }
-    feedback.stamp = now;
-    feedback.sequence += 1;
 }

@@ -17,14 +17,15 @@ use std::process::{Child, Command, Stdio};
 
 use i2ris::clock;
 use i2ris::config::{AxisConfig, Config, PortConfig};
+use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Domain, OperatingState, StateCommand};
 use i2ris::process::black_box::BlackBox;
 use i2ris::realtime::{self, Wanted};
 use i2ris::units::{Counts, Nanos};
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
+use i2ris_testing::home_and_enable;
 
 /// Not a multiple of the period of the loop: commands arrive at all phases.
 const SEND_PERIOD: Nanos = Nanos::from_micros(4937);
@@ -84,7 +85,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             .spawn()?,
     );
     let mut client = Client::connect(&domain, TIMEOUT)?;
-    enable(&mut client)?;
+    home_and_enable(&mut client, TIMEOUT)?;
     let load: Vec<Running> = (0..busy)
         .map(|_| {
             Ok(Running(
@@ -116,19 +117,6 @@ fn controller_program() -> Result<PathBuf, Box<dyn Error>> {
         return Err("build the controller first: cargo build --release".into());
     }
     Ok(program)
-}
-
-fn enable(client: &mut Client) -> Result<(), Box<dyn Error>> {
-    let is_idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
-    client.wait_for(TIMEOUT, is_idle)?;
-    client.state_command(StateCommand::Home)?;
-    client.wait_for(TIMEOUT, |state| {
-        is_idle(state) && state.flags & OperatingStateMsg::HOMED != 0
-    })?;
-    client.state_command(StateCommand::Enable)?;
-    let enabled = OperatingState::Enabled.number();
-    client.wait_for(TIMEOUT, |state| is_idle(state) && state.state == enabled)?;
-    Ok(())
 }
 
 fn state(client: &mut Client) -> Result<OperatingStateMsg, Box<dyn Error>> {

@@ -5,9 +5,6 @@
 #[path = "commands/live.rs"]
 #[allow(dead_code)]
 mod live;
-#[path = "commands/python.rs"]
-#[allow(dead_code)]
-mod python;
 
 use std::fs;
 use std::io::{BufRead, BufReader};

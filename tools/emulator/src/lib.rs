@@ -24,6 +24,7 @@
 //! | [`log`] | events in memory and in a file |
 //! | `port` | pseudo-terminals, line timing, V1 handshake, damaged bytes |
 //! | `shared`, `scenario_player`, `control_socket` | state and work of the threads |
+//! | [`simulated_robot`] | motors and snake in simulated time, without lines and threads |
 //! | [`config`], [`emulator`] | configuration; the threads and the public handle |
 //!
 //! Pure modules take time as an argument. The threads read [`i2ris::clock`].
@@ -43,6 +44,7 @@ mod port;
 pub mod scenario;
 mod scenario_player;
 mod shared;
+pub mod simulated_robot;
 pub mod snake;
 mod snake_source;
 mod wire;

@@ -17,18 +17,11 @@ use i2ris::ipc::StateCommand;
 use i2ris_network::keys::Access;
 use i2ris_testing::Controller;
 
+/// Python with the example on its path.
 fn python() -> Option<Command> {
-    let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let probe = Command::new(&name).args(["-c", "import zenoh"]).output();
-    if !probe.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: {name} cannot import zenoh; name another one in I2RIS_PYTHON");
-        return None;
-    }
+    let mut command = i2ris_testing::python("zenoh")?;
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python");
-    let mut command = Command::new(name);
-    command.env("PYTHONDONTWRITEBYTECODE", "1");
     command.env("PYTHONPATH", format!("{0}:{0}/examples", folder.display()));
-    command.current_dir(folder);
     Some(command)
 }
 

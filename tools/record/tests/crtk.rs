@@ -2,8 +2,6 @@
 //! robot as a URDF.
 #![allow(clippy::unwrap_used, clippy::print_stderr)]
 
-mod python;
-
 use std::path::{Path, PathBuf};
 
 use i2ris::ipc::OperatingState;
@@ -12,7 +10,7 @@ use i2ris::units::Nanos;
 use i2ris_record::joints::snake;
 use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
 use i2ris_record::topic::Stream;
-use python::run_python;
+use i2ris_testing::run_python;
 use tempfile::TempDir;
 
 const UNIX: u64 = 1_700_000_000_000_000_000;

@@ -1,8 +1,6 @@
 //! Recordings are read as they were written, complete or damaged, in Rust and in Python.
 #![allow(clippy::unwrap_used, clippy::print_stderr)]
 
-mod python;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::mem::{offset_of, size_of};
@@ -17,9 +15,9 @@ use i2ris_record::recorder::{AttachedFile, RecordingHeader, TrialRecorder};
 use i2ris_record::recover::recover;
 use i2ris_record::report::TrialReport;
 use i2ris_record::topic::Stream;
+use i2ris_testing::run_python;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::RowAccessor;
-use python::run_python;
 use tempfile::TempDir;
 
 const UNIX: u64 = 1_700_000_000_000_000_000;

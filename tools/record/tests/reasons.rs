@@ -5,13 +5,12 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use i2ris::clock;
 use i2ris::ipc::{Fault, OperatingState};
 use i2ris::robot::{Cause, Excess, Quantity, Reason};
 use i2ris::units::Nanos;
-use i2ris_testing::{Controller, Program, program};
+use i2ris_testing::{Controller, Program, program, python};
 
 /// Messages that `error` and `warning` keep for those who come later.
 const KEPT: usize = 16;
@@ -208,31 +207,21 @@ with Arm(sys.argv[1]) as arm:
 
 #[test]
 fn every_cause_reads_the_same_in_an_exception_of_python() {
-    let python = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let probe = Command::new(&python)
-        .args(["-c", "import iceoryx2, numpy"])
-        .output();
-    if !probe.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: {python} cannot import iceoryx2; name another one in I2RIS_PYTHON");
-        return;
-    }
     let all = reasons();
     let (faults, others): (Vec<&Reason>, Vec<&Reason>) =
         all.iter().partition(|reason| reason.cause.is_error());
     for batch in others.chunks(KEPT).chain([faults.as_slice()]) {
+        let Some(mut python) = python("iceoryx2, numpy") else {
+            return;
+        };
         let controller = Controller::enabled();
         for reason in batch {
             controller.robot().reasons.push((**reason, 7));
         }
-        let output = Command::new(&python)
-            .current_dir(python_folder())
-            .env("PYTHONDONTWRITEBYTECODE", "1")
-            .args([
-                "-c",
-                SCRIPT,
-                controller.domain.name(),
-                &batch.len().to_string(),
-            ])
+        let arguments = [controller.domain.name(), &batch.len().to_string()];
+        let output = python
+            .args(["-c", SCRIPT])
+            .args(arguments)
             .output()
             .unwrap();
         let printed = String::from_utf8_lossy(&output.stdout);

@@ -22,13 +22,13 @@ use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::core::ServoGoal;
 use i2ris::ipc::client::Client;
-use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Domain, OperatingState, StateCommand, random_id};
+use i2ris::ipc::{Domain, random_id};
 use i2ris::process::black_box::BlackBox;
 use i2ris::units::Nanos;
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
 use i2ris_ros::message::JointState;
+use i2ris_testing::home_and_enable;
 use ros2_client::qos::{History, WhenFull};
 use ros2_client::{MessageTypeName, Name, Node, Publisher, QosProfile, Subscription};
 use rustdds::mio1::event::Source;
@@ -137,7 +137,7 @@ fn measure(seconds: u64) -> Result<(), Failure> {
             .arg(&file),
     )?;
     let mut client = Client::connect(&domain, TIMEOUT)?;
-    enable(&mut client)?;
+    home_and_enable(&mut client, TIMEOUT)?;
     let _ros = start(
         Command::new(beside("i2ris-ros")?)
             .args(["--name", ROBOT, "--domain", domain.name()])
@@ -160,19 +160,6 @@ fn beside(program: &str) -> Result<PathBuf, Failure> {
         return Err(format!("build {program} first, in the same profile").into());
     }
     Ok(file)
-}
-
-fn enable(client: &mut Client) -> Result<(), Failure> {
-    let is_idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
-    client.wait_for(TIMEOUT, is_idle)?;
-    client.state_command(StateCommand::Home)?;
-    client.wait_for(TIMEOUT, |state| {
-        is_idle(state) && state.flags & OperatingStateMsg::HOMED != 0
-    })?;
-    client.state_command(StateCommand::Enable)?;
-    let enabled = OperatingState::Enabled.number();
-    client.wait_for(TIMEOUT, |state| is_idle(state) && state.state == enabled)?;
-    Ok(())
 }
 
 /// Sends commands and echoes. When every command was sent, and the echoes' ways there and back.

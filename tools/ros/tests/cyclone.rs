@@ -14,18 +14,9 @@ use i2ris::clock;
 
 /// Python with the example on its path; `None` with a word where there is none.
 fn python(ros_domain: u16) -> Option<Command> {
-    let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let probe = Command::new(&name)
-        .args(["-c", "import cyclonedds.sub"])
-        .output();
-    if !probe.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: {name} cannot import cyclonedds; name another one in I2RIS_PYTHON");
-        return None;
-    }
-    let mut command = Command::new(name);
+    let mut command = i2ris_testing::python("cyclonedds.sub")?;
     command
         .env("PYTHONPATH", examples())
-        .env("PYTHONDONTWRITEBYTECODE", "1")
         .env("ROS_DOMAIN_ID", ros_domain.to_string());
     Some(command)
 }

@@ -2,31 +2,13 @@
 //! otherwise `python3`. `pip install 'tools/python[markers,publish,test]'` makes one.
 #![allow(clippy::print_stderr, reason = "a test that skips says so")]
 
-use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 use std::time::{Duration, Instant};
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::ipc::{Domain, DomainLock, Server, random_id};
-
-/// A Python that can import these modules, at work in the package's folder. `None`, said aloud:
-/// there is none.
-fn python(modules: &str) -> Option<Command> {
-    let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let probe = Command::new(&name)
-        .args(["-c", &format!("import {modules}")])
-        .output();
-    if !probe.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
-        return None;
-    }
-    let mut command = Command::new(name);
-    command
-        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python"))
-        .env("PYTHONDONTWRITEBYTECODE", "1");
-    Some(command)
-}
+use i2ris_testing::python;
 
 fn assert_success(output: &Output) {
     let (out, err) = (

@@ -4,6 +4,7 @@ use std::io::Write;
 
 use i2ris::clock;
 use i2ris::ipc::{Domain, Fault, OperatingState, Refusal, StateCommand, random_id};
+use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
 use i2ris_testing::{Controller, Program};
 
@@ -405,14 +406,17 @@ fn a_wrong_domain_is_a_wrong_command_line() {
 }
 
 #[test]
-fn why_names_the_state_and_what_is_missing_with_what_to_do() {
+fn why_names_state_and_last_refusal_with_what_to_do() {
     let controller = Controller::start();
+    let refusal = Reason::from(Cause::Refusal(Refusal::Range));
+    controller.robot().reasons.push((refusal, 7));
     let (success, output, error) = Program::run(&controller.domain, &["why"]);
     assert!(success, "{error}");
     for part in [
         "state DISABLED",
         "refusal 6: not homed",
         "straighten the snake",
+        "refusal 9: outside the position limits",
     ] {
         assert!(output.contains(part), "{part}: {output}");
     }

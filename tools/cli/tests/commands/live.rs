@@ -14,7 +14,7 @@ use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
 use tempfile::TempDir;
 
-use crate::python::python;
+use i2ris_testing::python;
 
 /// Emulated drives and a controller on them, until dropped.
 pub struct Robot {

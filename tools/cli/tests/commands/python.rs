@@ -4,30 +4,13 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use i2ris::ipc::client::Client;
 use i2ris::ipc::{Domain, DomainLock, StateCommand, find_client_process, random_id};
 use i2ris::units::Nanos;
 
-use i2ris_testing::Controller;
-
-pub fn python(modules: &str) -> Option<Command> {
-    let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let probe = Command::new(&name)
-        .args(["-c", &format!("import {modules}")])
-        .output();
-    if !probe.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
-        return None;
-    }
-    let mut command = Command::new(name);
-    command
-        .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../python"))
-        .env("PYTHONDONTWRITEBYTECODE", "1");
-    Some(command)
-}
+use i2ris_testing::{Controller, python};
 
 const SCRIPT: &str = "
 import math, sys, time

@@ -1,36 +1,24 @@
-//! The controller in simulated time: its real cycle, with a model, in front of simulated motors.
-//!
-//! Inverse, memory, filters, dead-band, limits and rounding are those of the loop. Lines and
-//! clocks are not simulated: every tick carries set-points and positions.
+//! The controller in simulated time, with a model, in front of simulated motors.
 
 use std::sync::Arc;
 
 use i2ris::config::Config;
-use i2ris::core::cycle::ControlCycle;
-use i2ris::core::{CycleInputs, CycleReport, ExternalPose, ServoCommand, ServoGoal, StateRequest};
-use i2ris::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand, WrittenTarget};
+use i2ris::core::simulated_loop::{Motors, SimulatedInputs, SimulatedLoop, state_request};
+use i2ris::core::{CycleReport, ExternalPose, ServoGoal};
 use i2ris::model::Model;
 use i2ris::robot::{OperatingState, StateCommand};
-use i2ris::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
+use i2ris::units::{Counts, MotorVec, Nanos};
 use i2ris_emulator::camera::{Camera, CameraConfig};
+use i2ris_emulator::simulated_robot::SimulatedRobot;
 
-use super::robot::SimulatedRobot;
 use super::tracking::Pilot;
-
-const CLIENT: u64 = 1;
 
 /// Conditioning and enabling take some ten thousand ticks.
 const LONGEST_WAIT_TICKS: u32 = 100_000;
 
 /// A controller that follows goals.
 pub struct Controller {
-    cycle: ControlCycle,
-    period: Nanos,
-    now: Nanos,
-    requests: [AxisRequest; MAX_MOTORS],
-    feedback: [AxisFeedback; MAX_MOTORS],
-    report: CycleReport,
-    commands: u64,
+    control: SimulatedLoop,
     camera: Option<Camera>,
 }
 
@@ -41,25 +29,11 @@ impl Controller {
         model: &Arc<Model>,
         robot: &mut SimulatedRobot,
     ) -> Result<Self, String> {
-        let mut cycle = ControlCycle::new(config, Some(Arc::clone(model)));
-        let now = Nanos::from_millis(1000);
-        let report = cycle.step(now, &CycleInputs::default()).report;
-        let homed = AxisFeedback {
-            phase: AxisPhase::Disabled,
-            homed: true,
-            ..AxisFeedback::default()
-        };
         let mut controller = Self {
-            cycle,
-            period: config.control.period(),
-            now,
-            requests: [AxisRequest::default(); MAX_MOTORS],
-            feedback: [homed; MAX_MOTORS],
-            report,
-            commands: 0,
+            control: SimulatedLoop::new(config, model),
             camera: None,
         };
-        controller.tick(robot, None, None);
+        controller.tick(robot, SimulatedInputs::default());
         for command in [StateCommand::Enable, StateCommand::Condition] {
             controller.command(robot, command)?;
         }
@@ -68,71 +42,47 @@ impl Controller {
 
     /// From now on a camera watches the robot.
     pub fn watch(&mut self, camera: &CameraConfig, seed: u64) {
-        self.camera = Some(Camera::new(camera, seed, self.now));
+        self.camera = Some(Camera::new(camera, seed, self.control.now()));
     }
 
     /// Nothing happens for a time but ageing: no commands, no ticks.
     pub fn pause(&mut self, robot: &mut SimulatedRobot, seconds: f64) {
         robot.rest(seconds);
-        self.now = self.now + Nanos((seconds * 1e9) as u64);
+        self.control.skip(Nanos((seconds * 1e9) as u64));
     }
 
     /// The report of the last tick.
     pub fn report(&self) -> &CycleReport {
-        &self.report
+        self.control.report()
     }
 
     fn command(&mut self, robot: &mut SimulatedRobot, command: StateCommand) -> Result<(), String> {
-        let request = StateRequest {
-            id: 0,
-            client_id: CLIENT,
-            command,
-            pose: None,
-            fixture: None,
-        };
-        self.tick(robot, None, Some(request));
+        let request = Some(state_request(command));
+        self.tick(
+            robot,
+            SimulatedInputs {
+                request,
+                ..SimulatedInputs::default()
+            },
+        );
         for _ in 0..LONGEST_WAIT_TICKS {
-            if self.report.state == OperatingState::Enabled && !self.report.busy {
+            let report = self.report();
+            if report.state == OperatingState::Enabled && !report.busy {
                 return Ok(());
             }
-            self.tick(robot, None, None);
+            self.tick(robot, SimulatedInputs::default());
         }
-        let refusal = self.report.last_refusal;
+        let refusal = self.report().last_refusal;
         Err(format!("{command:?} does not end: {refusal}"))
     }
 
-    fn tick(
-        &mut self,
-        robot: &mut SimulatedRobot,
-        servo: Option<ServoCommand>,
-        request: Option<StateRequest>,
-    ) {
-        self.now = self.now + self.period;
-        let encoders = robot.encoders();
-        let axes = self.feedback.iter_mut().zip(&self.requests).zip(encoders);
-        for ((feedback, request), counts) in axes {
-            let before = self.now - self.period;
-            update(feedback, request, counts, self.now, before);
-        }
-        let external = self.camera.as_mut();
-        let external = external.and_then(|camera| see(camera, robot, self.now));
-        let inputs = CycleInputs {
-            servo,
-            request,
-            external,
-            feedback: self.feedback,
-            ..CycleInputs::default()
-        };
-        let outputs = self.cycle.step(self.now, &inputs);
-        (self.requests, self.report) = (outputs.requests, outputs.report);
-        let axes = self.requests.iter().zip(encoders);
-        let setpoints: Vec<f64> = axes
-            .map(|(request, counts)| match request.demand {
-                Demand::Enabled => request.target.as_f64(),
-                _ => counts,
-            })
-            .collect();
-        robot.tick([setpoints[0], setpoints[1]]);
+    fn tick(&mut self, robot: &mut SimulatedRobot, inputs: SimulatedInputs) {
+        let (encoders, now) = (robot.encoders(), self.control.next());
+        let camera = self.camera.as_mut();
+        let external = camera.and_then(|camera| see(camera, robot, now));
+        let inputs = SimulatedInputs { external, ..inputs };
+        self.control.tick(Motors::At(encoders), inputs);
+        robot.tick(self.control.setpoints(encoders));
     }
 }
 
@@ -153,54 +103,25 @@ fn see(camera: &mut Camera, robot: &SimulatedRobot, now: Nanos) -> Option<Extern
     newest
 }
 
-/// The drives answer at once.
-fn update(
-    feedback: &mut AxisFeedback,
-    request: &AxisRequest,
-    counts: f64,
-    now: Nanos,
-    before: Nanos,
-) {
-    feedback.phase = match request.demand {
-        Demand::Enabled => AxisPhase::Enabled,
-        Demand::Disabled => AxisPhase::Disabled,
-        Demand::QuickStop => AxisPhase::QuickStopped,
-    };
-    feedback.position = Counts::from_f64(counts).unwrap_or(feedback.position);
-    if feedback.phase == AxisPhase::Enabled {
-        feedback.written = Some(WrittenTarget {
-            target: request.target,
-            stamp: before,
-            sequence: request.sequence,
-            command_stamp: request.command_stamp,
-            command_sequence: request.command_sequence,
-        });
-    }
-    feedback.stamp = now;
-    feedback.sequence += 1;
-}
-
 impl Pilot for Controller {
     fn follow(&mut self, robot: &mut SimulatedRobot, goal: [f64; 2]) -> Result<MotorVec, String> {
-        self.commands += 1;
         let [pitch, yaw] = goal.map(f64::to_radians);
-        let command = ServoCommand {
-            has_unknown_flags: false,
-            client_id: CLIENT,
-            sequence: self.commands,
-            stamp: self.now + self.period,
-            deadline: Nanos::ZERO,
-            goal: ServoGoal::Joint([pitch, yaw, 0.0], 2),
-            clutched: false,
-        };
-        let refused = self.report.refused;
-        self.tick(robot, Some(command), None);
-        if self.report.refused > refused {
-            return Err(format!("goal refused: {}", self.report.last_refusal));
+        let goal = ServoGoal::Joint([pitch, yaw, 0.0], 2);
+        let (servo, refused) = (self.control.servo_command(goal), self.report().refused);
+        self.tick(
+            robot,
+            SimulatedInputs {
+                servo: Some(servo),
+                ..SimulatedInputs::default()
+            },
+        );
+        let report = self.report();
+        if report.refused > refused {
+            return Err(format!("goal refused: {}", report.last_refusal));
         }
-        if self.report.state == OperatingState::Fault {
-            return Err(format!("FAULT: {}", self.report.fault));
+        if report.state == OperatingState::Fault {
+            return Err(format!("FAULT: {}", report.fault));
         }
-        Ok(self.report.setpoints.map(Counts::as_f64))
+        Ok(report.setpoints.map(Counts::as_f64))
     }
 }

@@ -9,6 +9,7 @@ use i2ris::model::{Model, Query};
 use i2ris_calibration::fit::{Choice, Family, FitOptions, FitOutcome, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_emulator::simulated_robot::SimulatedRobot;
 use i2ris_emulator::zoo::DrawnSnake;
 use i2ris_terminal::Failure;
 use serde::Serialize;
@@ -16,7 +17,6 @@ use serde::Serialize;
 use super::Arguments;
 use super::controller::Controller;
 use super::recording::{RecordingPlan, condition};
-use super::robot::SimulatedRobot;
 use super::tracking::{ExactPilot, Tracking, follow};
 use crate::demo::unseen_motion::Motion;
 

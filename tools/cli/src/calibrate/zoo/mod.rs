@@ -5,7 +5,6 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `robot` | motors and snake in simulated time |
 //! | `recording` | a calibration recording of it |
 //! | `controller` | the cycle of the controller in front of it |
 //! | `exact_inverse` | the inverse of the true snake |
@@ -19,7 +18,6 @@ mod controller;
 mod exact_inverse;
 mod judge;
 mod recording;
-mod robot;
 mod table;
 mod tracking;
 

@@ -1,5 +1,6 @@
 //! A calibration recording in simulated time, like that of `i2ris calibrate collect`.
 
+use i2ris_emulator::simulated_robot::{SimulatedRobot, TICK_S};
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::BufWriter;
@@ -12,7 +13,6 @@ use i2ris_terminal::Failure;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::robot::{SimulatedRobot, TICK_S};
 use crate::calibrate::collect::paced_motion::Playback;
 use crate::calibrate::collect::protocol::{MotionRequest, Protocol, Region};
 

@@ -3,9 +3,9 @@
 use i2ris::config::Config;
 use i2ris::core::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
 use i2ris::units::{MotorVec, Nanos};
+use i2ris_emulator::simulated_robot::{SimulatedRobot, TICK_S};
 
 use super::exact_inverse::ExactInverse;
-use super::robot::{SimulatedRobot, TICK_S};
 use crate::demo::unseen_motion::{Motion, RATE_HZ};
 
 /// On the way to the start of a motion, deg/s, and rest there, s.

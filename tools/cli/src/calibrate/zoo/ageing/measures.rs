@@ -3,8 +3,6 @@
 use i2ris_statistics::{quantile, sort};
 use serde::Serialize;
 
-use super::super::robot::TICK_S;
-
 /// Errors of pitch and yaw, deg, one per tick.
 pub type Errors = Vec<[f64; 2]>;
 
@@ -69,6 +67,7 @@ impl Steps {
         }
     }
 }
+use i2ris_emulator::simulated_robot::TICK_S;
 
 #[cfg(test)]
 mod tests {

@@ -1,9 +1,10 @@
 //! A robot in simulated time: motors of the emulated drives with a snake behind them.
 
 use i2ris::units::MotorVec;
-use i2ris_emulator::ageing::Change;
-use i2ris_emulator::drive::{Limits, Motor, MotorConfig};
-use i2ris_emulator::zoo::AnySnake;
+
+use crate::ageing::Change;
+use crate::drive::{Limits, Motor, MotorConfig};
+use crate::zoo::AnySnake;
 
 /// Length of a tick, s.
 pub const TICK_S: f64 = 1e-3;
@@ -28,6 +29,7 @@ pub struct SimulatedRobot {
 
 impl SimulatedRobot {
     /// At rest at 0.
+    #[must_use]
     pub fn new(snake: AnySnake) -> Self {
         Self {
             config: MotorConfig::default(),
@@ -38,13 +40,23 @@ impl SimulatedRobot {
 
     /// One tick with these set-points.
     pub fn tick(&mut self, setpoints: MotorVec) {
+        self.tick_through(setpoints, |positions| positions);
+    }
+
+    /// The same with something between motors and snake: `transmit` makes the positions that the
+    /// snake feels of those of the motors.
+    pub fn tick_through(
+        &mut self,
+        setpoints: MotorVec,
+        mut transmit: impl FnMut(MotorVec) -> MotorVec,
+    ) {
         let step_s = TICK_S / STEPS as f64;
         for _ in 0..STEPS {
             for (motor, setpoint) in self.motors.iter_mut().zip(setpoints) {
                 motor.follow(&self.config, setpoint, LIMITS, step_s);
             }
-            self.snake
-                .step(step_s, self.motors.map(|motor| motor.position));
+            let positions = self.motors.map(|motor| motor.position);
+            self.snake.step(step_s, transmit(positions));
         }
     }
 
@@ -63,16 +75,19 @@ impl SimulatedRobot {
     }
 
     /// Encoder counts.
+    #[must_use]
     pub fn encoders(&self) -> MotorVec {
         self.motors.map(|motor| motor.position.round())
     }
 
     /// True pitch and yaw, deg.
+    #[must_use]
     pub fn angles_deg(&self) -> [f64; 2] {
         self.snake.angles_deg()
     }
 
     /// The snake as it is now.
+    #[must_use]
     pub fn snake(&self) -> &AnySnake {
         &self.snake
     }

@@ -1,10 +1,12 @@
-//! Python with the modules that a test needs: `I2RIS_PYTHON` names one, otherwise `python3` is
-//! tried.
+//! A Python for tests that need one.
 
 use std::path::Path;
 use std::process::Command;
 
-fn python(modules: &str) -> Option<Command> {
+/// A Python that can import these modules (`a, b`), in the folder of the Python package:
+/// `I2RIS_PYTHON` names one, otherwise `python3` is tried. `None` if it cannot; that is printed.
+#[must_use]
+pub fn python(modules: &str) -> Option<Command> {
     let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let probe = Command::new(&name)
         .args(["-c", &format!("import {modules}")])
@@ -20,7 +22,11 @@ fn python(modules: &str) -> Option<Command> {
     Some(command)
 }
 
-/// Runs a script in Python with these modules; skips without them.
+/// Runs a script in a Python with these modules; without one, the caller's test is skipped.
+///
+/// # Panics
+///
+/// When the script fails, with its output.
 pub fn run_python(modules: &str, script: &str, arguments: &[&str]) {
     let Some(mut command) = python(modules) else {
         return;
@@ -29,7 +35,12 @@ pub fn run_python(modules: &str, script: &str, arguments: &[&str]) {
         .args(["-c", script])
         .args(arguments)
         .output()
-        .unwrap();
-    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-    assert!(output.status.success(), "{out}{err}");
+        .expect("python has been started before");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(
+        output.status.success(),
+        "{}{}",
+        text(&output.stdout),
+        text(&output.stderr)
+    );
 }
