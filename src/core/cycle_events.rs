@@ -6,14 +6,12 @@ use crate::core::drive_status::DriveSummary;
 use crate::core::event::{CycleEventKind, EventList};
 use crate::core::setpoint_generation::GeneratedSetpoint;
 use crate::core::states::automatic_transitions::next_transition;
-use crate::core::states::control_state::{ControlState, EnabledActivity};
+use crate::core::states::control_state::{ControlState, HOLDING};
 use crate::core::states::state_machine::TransitionCause;
 use crate::core::vector::distance;
 use crate::model::file::OutputUnit;
 use crate::robot::{Excess, Quantity, Refusal};
 use crate::units::Nanos;
-
-const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
 
 impl ControlCycle {
     /// The transition of this tick that no command asks for.

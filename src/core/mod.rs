@@ -24,8 +24,8 @@
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
 //! - `setpoint_generation`: moves all setpoints by one tick, as the state says.
-//! - [`cycle`]: one tick, inputs to outputs. `snapshot`: its state between two ticks, for the black
-//!   box. [`simulated_loop`], [`rehearsal`]: the cycle without a robot.
+//! - [`cycle`]: one tick, inputs to outputs, with `cycle_commands` and `cycle_events`.
+//!   `snapshot`: its state between two ticks, for the black box. [`simulated_loop`], [`rehearsal`]: the cycle without a robot.
 //!
 //! # States
 //!
@@ -166,6 +166,7 @@ pub mod rehearsal;
 pub mod simulated_loop;
 
 mod command;
+mod cycle_commands;
 mod cycle_events;
 mod drive_status;
 mod event;

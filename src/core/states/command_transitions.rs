@@ -4,12 +4,10 @@
 use crate::core::drive_status::DriveSummary;
 use crate::core::states::acknowledge::acknowledge;
 use crate::core::states::control_state::{
-    ALL_OFF, ControlState, DisabledActivity, EnabledActivity, FaultStage, FaultState,
+    ALL_OFF, ControlState, DisabledActivity, EnabledActivity, FaultStage, FaultState, HOLDING,
 };
 use crate::core::states::homing::start_homing;
 use crate::robot::{Refusal, StateCommand};
-
-const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
 
 /// What an accepted command does.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -13,6 +13,9 @@ use crate::drive::Demand;
 use crate::robot::{Fault, OperatingState, Refusal};
 use crate::units::{MAX_MOTORS, Nanos};
 
+/// ENABLED, and nothing is followed.
+pub(crate) const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
+
 /// Demands that switch every drive off.
 pub(crate) const ALL_OFF: [Demand; MAX_MOTORS] = [Demand::Disabled; MAX_MOTORS];
 

@@ -5,7 +5,7 @@
 //! | [`controller`] | a controller without drives that misbehaves on request |
 //! | `enabling` | homes and enables the robot of a real controller |
 //! | [`program`] | the programs of this build |
-//! | [`python`] | a Python with the modules of a test |
+//! | [`mod@python`] | a Python with the modules of a test |
 //! | [`terminal`] | a program on a terminal of any size |
 #![allow(
     missing_docs,

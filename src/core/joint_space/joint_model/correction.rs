@@ -1,0 +1,60 @@
+//! What the adaptation reads of a joint model, and the correction that it sets.
+
+use super::{JointModel, Known, MeasuredPoses};
+use crate::core::adaptation::{Correction, Drift, ModelGeometry};
+use crate::model::Memory;
+use crate::units::{MotorVec, OutputVec};
+
+impl JointModel {
+    /// What the adaptation needs to know of the model; `None` if it is not adapted.
+    pub fn geometry(&self) -> Option<&ModelGeometry> {
+        self.geometry.as_ref()
+    }
+
+    /// The memory at the last encoder positions.
+    pub fn measured_memory(&self) -> &Memory {
+        &self.state.measured_memory
+    }
+
+    /// The poses at the last encoder positions.
+    pub fn measured_at(&self) -> Option<MeasuredPoses> {
+        self.state.measured.map(|measured| MeasuredPoses {
+            stamp: measured.stamp,
+            position: measured.position,
+            gapped: measured.gapped,
+            adapted: measured.estimate.mean,
+        })
+    }
+
+    /// The gap scale in use; 1 as calibrated.
+    pub fn gap_scale(&self) -> MotorVec {
+        *self.state.correction.unwrap_or_default().gap_scale()
+    }
+
+    /// What is applied, as a drift.
+    pub fn applied_drift(&self) -> Drift {
+        self.state.correction.unwrap_or_default().drift()
+    }
+
+    /// Motion of the goal in the last tick, rad.
+    pub fn goal_motion(&self) -> &OutputVec {
+        &self.state.goal_motion
+    }
+
+    pub fn set_goal_motion(&mut self, motion: OutputVec) {
+        self.state.goal_motion = motion;
+    }
+
+    /// From now on the model is used with this correction.
+    pub fn set_correction(&mut self, correction: Correction) {
+        self.state.correction = Some(correction);
+    }
+
+    /// From now on the model is used as calibrated, with the memory that it would have then.
+    pub fn end_correction(&mut self, calibrated: &Memory) {
+        self.known = Known::default();
+        self.state.correction = None;
+        self.state.measured_memory = *calibrated;
+        self.state.memory = *calibrated;
+    }
+}

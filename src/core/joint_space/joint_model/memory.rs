@@ -1,0 +1,160 @@
+//! Memory of a joint model: the positions of the motors replayed into it, and the pose at them.
+
+use super::{JointModel, Known, MAX_REPLAYED, Measured, NotFinite, require_finite, written_since};
+use crate::core::adaptation::DriftMemories;
+use crate::core::joint_space::position_history::{NextEntry, PositionHistory};
+use crate::core::joint_space::velocity_estimate::filtered_velocity;
+use crate::core::vector;
+use crate::drive::AxisFeedback;
+use crate::units::{MAX_MOTORS, OutputVec};
+
+impl JointModel {
+    /// Replays the position history, at most [`MAX_REPLAYED`] positions, on the memory and on those
+    /// of the adaptation. Returns whether there was a new one.
+    pub fn replay(
+        &mut self,
+        history: &PositionHistory,
+        mut drift: Option<&mut DriftMemories>,
+    ) -> bool {
+        let correction = self.state.correction;
+        if let Some(correction) = &correction {
+            let scale = correction.gap_scale();
+            self.state.measured_memory.set_gap_scale(scale);
+        }
+        for replayed in 0..MAX_REPLAYED {
+            match history.next_after(self.state.cursor) {
+                NextEntry::End => return replayed > 0,
+                NextEntry::Position(position, cursor) => {
+                    self.model
+                        .advance(&mut self.state.measured_memory, &position);
+                    if let Some(drift) = &mut drift {
+                        drift.advance(&self.model, &position, &self.gap_scale());
+                    }
+                    self.state.cursor = cursor;
+                }
+                // The zero has moved, so the memory belongs to other counts; or positions are
+                // missing.
+                NextEntry::Lost => {
+                    self.reset_memory();
+                    self.state.cursor = history.cursor();
+                    if let Some(newest) = history.newest() {
+                        self.model.advance(&mut self.state.measured_memory, &newest);
+                    }
+                    if let Some(drift) = drift {
+                        *drift = DriftMemories::new(&self.state.measured_memory);
+                    }
+                    return true;
+                }
+            }
+        }
+        true
+    }
+
+    /// Takes new positions, and setpoints written after them. Every drive must have reported.
+    pub fn update_feedback(
+        &mut self,
+        history: &PositionHistory,
+        drives: &[AxisFeedback],
+        drift: Option<&mut DriftMemories>,
+    ) -> Result<(), NotFinite> {
+        let has_new = self.replay(history, drift);
+        self.update_memory(drives, has_new)?;
+        let before = self.state.measured;
+        if has_new || before.is_none() {
+            self.update_measured(drives, before)
+        } else {
+            Ok(())
+        }
+    }
+
+    fn reset_memory(&mut self) {
+        self.state.measured_memory = self.model.new_memory();
+        self.state.memory = self.state.measured_memory;
+        self.state.measured = None;
+        self.state.dead_band.reset();
+        self.known = Known::default();
+    }
+
+    /// From the positions that were read to the setpoints that were written since. `has_new`:
+    /// positions were replayed since the last call.
+    pub(super) fn update_memory(
+        &mut self,
+        drives: &[AxisFeedback],
+        has_new: bool,
+    ) -> Result<(), NotFinite> {
+        let mut written = [None; MAX_MOTORS];
+        for (written, drive) in written.iter_mut().zip(drives) {
+            *written = written_since(drive);
+        }
+        // A correction scales the gaps of the memory from tick to tick.
+        let is_scaled = self.state.correction.is_some();
+        if has_new || is_scaled || self.known.written != Some(written) {
+            self.rebuild_memory(drives, written);
+        }
+        let residual = &self.known.residual;
+        if !vector::is_finite(residual) {
+            return Err(NotFinite);
+        }
+        self.state.dead_band.filter_correction(residual);
+        Ok(())
+    }
+
+    fn rebuild_memory(&mut self, drives: &[AxisFeedback], written: [Option<f64>; MAX_MOTORS]) {
+        let state = &mut self.state;
+        state.memory = state.measured_memory;
+        let measured_residual = self.model.correction(&state.measured_memory);
+        let mut residual = measured_residual;
+        if written.iter().any(Option::is_some) {
+            let positions = drives.iter().map(|drive| drive.position.as_f64());
+            let expected = written
+                .iter()
+                .zip(positions)
+                .map(|(written, position)| written.unwrap_or(position));
+            self.model
+                .advance(&mut state.memory, &vector::collect(expected));
+            residual = self.model.correction(&state.memory);
+        }
+        self.known = Known {
+            written: Some(written),
+            measured_residual,
+            residual,
+            setpoint: None,
+            // Scaled gaps may take the knowledge away again.
+            is_memory_known: self.state.correction.is_none() && self.is_memory_known(),
+        };
+    }
+
+    pub(super) fn update_measured(
+        &mut self,
+        drives: &[AxisFeedback],
+        before: Option<Measured>,
+    ) -> Result<(), NotFinite> {
+        let positions = vector::collect(drives.iter().map(|drive| drive.position.as_f64()));
+        let stamps = drives.iter().map(|drive| drive.stamp);
+        let stamp = stamps.max().unwrap_or_default();
+        let estimate = self.model.predict_corrected(
+            &positions,
+            &self.state.measured_memory,
+            &self.known.measured_residual,
+        );
+        let mut estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;
+        let gapped = estimate.mean;
+        estimate.mean = self.corrected(gapped);
+        let velocity = before.map_or(OutputVec::default(), |before| {
+            filtered_velocity(
+                &before.velocity,
+                &estimate.mean,
+                &before.estimate.mean,
+                stamp.since(before.stamp),
+            )
+        });
+        self.state.measured = Some(Measured {
+            estimate,
+            gapped,
+            position: positions,
+            stamp,
+            velocity,
+        });
+        Ok(())
+    }
+}

@@ -1,0 +1,157 @@
+//! The robot of the tests and its models.
+
+use i2ris::config::Config;
+use i2ris::model::Model;
+use i2ris::model::file::{
+    FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
+    OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
+};
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use i2ris::units::OutputVec;
+use std::sync::Arc;
+
+/// One count of one motor, in each of pitch and yaw: 0.022 deg / sqrt 2.
+pub const GAIN_DEG: f64 = 0.015_556;
+
+/// Corner of the square that the model knows, counts.
+pub const HULL: f64 = 800.0;
+
+pub const ROBOT: &str = r#"
+    robot_id = "bench"
+    [[ports]]
+    device = "/dev/null"
+    [[ports.axes]]
+    motor = 0
+    node_id = 1
+    serial_number = 1
+    position_min_counts = -1000
+    position_max_counts = 1000
+    [[ports.axes]]
+    motor = 1
+    node_id = 2
+    serial_number = 2
+    position_min_counts = -700
+    position_max_counts = 1000
+"#;
+
+/// The robot with further tables in front of its ports.
+pub fn config(tables: &str) -> Config {
+    let (head, ports) = ROBOT.split_once("[[ports]]").unwrap();
+    Config::parse(
+        &format!("{head}\n{tables}\n[[ports]]{ports}"),
+        "bench.toml".as_ref(),
+    )
+    .unwrap()
+}
+
+fn output(name: &str, unit: OutputUnit) -> OutputSpec {
+    OutputSpec {
+        name: name.to_owned(),
+        unit,
+    }
+}
+
+/// A model whose motor axes are turned by 45 deg against pitch and yaw.
+pub fn model(unit: OutputUnit) -> Arc<Model> {
+    let family = FamilyParameters::Linear {
+        gain: vec![vec![GAIN_DEG, GAIN_DEG], vec![-GAIN_DEG, GAIN_DEG]],
+        offset: vec![0.0, 0.0],
+        covariance: vec![vec![0.04, 0.0], vec![0.0, 0.09]],
+    };
+    Arc::new(Model::from_file(file(unit, family)).unwrap())
+}
+
+/// The same behind gaps of 100 counts to either side of every motor.
+pub fn play_model() -> Arc<Model> {
+    scaled_play_model(1.0)
+}
+
+/// The same for a snake that bends more by a factor.
+pub fn scaled_play_model(factor: f64) -> Arc<Model> {
+    let (spread, gain, noise) = (300.0_f64.powi(2), factor * GAIN_DEG, 0.01);
+    let (cross, out) = (gain * spread, 2.0 * gain * gain * spread + noise);
+    let plays = PlayParameters {
+        thresholds_counts: vec![vec![0.0, 100.0]; 2],
+        weights: vec![vec![0.5, 0.5]; 2],
+        planar_thresholds_counts: vec![],
+    };
+    let mixture = MixtureParameters {
+        weights: vec![1.0],
+        means: vec![vec![0.0; 4]],
+        covariances: vec![vec![
+            vec![spread, 0.0, cross, -cross],
+            vec![0.0, spread, cross, cross],
+            vec![cross, cross, out, 0.0],
+            vec![-cross, cross, 0.0, out],
+        ]],
+    };
+    let family = FamilyParameters::GmrPlay {
+        plays,
+        mixture,
+        residual: None,
+        virtual_hull: square(),
+    };
+    Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
+}
+
+fn square() -> HullParameters {
+    HullParameters {
+        corners: vec![
+            vec![-HULL, -HULL],
+            vec![HULL, -HULL],
+            vec![HULL, HULL],
+            vec![-HULL, HULL],
+        ],
+    }
+}
+
+fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
+    let metrics = FitMetrics {
+        r2: 1.0,
+        rmsd: 0.1,
+        nrmsd: 0.001,
+        mae: 0.1,
+        max: 0.2,
+    };
+    ModelFile {
+        slow_error: None,
+        format: FORMAT.to_owned(),
+        schema_version: SCHEMA_VERSION,
+        robot_id: "bench".to_owned(),
+        outputs: vec![output("pitch", unit), output("yaw", unit)],
+        family,
+        hull: square(),
+        training: TrainingRecord {
+            data_file: "none".to_owned(),
+            data_sha256: "0".repeat(64),
+            rows: 100,
+            seed: 1,
+            restarts: 1,
+            log_likelihood: None,
+            bic: None,
+            software: "test".to_owned(),
+            linear_gain: None,
+        },
+        worthless: None,
+        metrics: vec![
+            OutputMetrics {
+                training: metrics,
+                held_out: None
+            };
+            2
+        ],
+    }
+}
+
+/// Angles in rad for angles in deg.
+pub fn rad(pitch_deg: f64, yaw_deg: f64) -> OutputVec {
+    [pitch_deg.to_radians(), yaw_deg.to_radians(), 0.0]
+}
+
+/// The counts at which the model says these angles.
+pub fn counts_at(pitch_deg: f64, yaw_deg: f64) -> [f64; 2] {
+    [
+        (pitch_deg - yaw_deg) / (2.0 * GAIN_DEG),
+        (pitch_deg + yaw_deg) / (2.0 * GAIN_DEG),
+    ]
+}
