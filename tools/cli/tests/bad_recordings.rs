@@ -1,5 +1,5 @@
-//! `i2ris calibrate fit` with recordings that are not as they should be: what it says, word for word,
-//! and what it writes.
+//! `i2ris calibrate fit` with recordings that are not as they should be: what it says, word for
+//! word, and what it writes.
 #![allow(clippy::unwrap_used)]
 
 use std::f64::consts::TAU;
@@ -117,8 +117,8 @@ fn one_axis_at_a_time_gives_a_separable_model_and_says_so() {
     };
     let rows = Rows::new(500, motion, as_it_is);
     let text = rows.printed("");
-    let sentence = "the motors move together on 6 % of the path only, so the recording does not show \
-                    the plane between their axes; record motion of both at once";
+    let sentence = "the motors move together on 6 % of the path only, so the recording does not \
+                    show the plane between their axes; record motion of both at once";
     assert_says(&text, &format!("warning {sentence}"));
     for family in ["gmr", "gmr-direction", "gmr-play", "gmr-stop"] {
         assert_says(&text, &format!("No `{family}`: {sentence}."));
@@ -134,7 +134,7 @@ fn one_axis_at_a_time_gives_a_separable_model_and_says_so() {
 }
 
 #[test]
-fn one_loop_is_told() {
+fn one_loop_is_reported() {
     let motion: Motion = |time| {
         // Lines between four corners.
         let phase = (time / 10.0).rem_euclid(4.0);
@@ -202,7 +202,7 @@ fn a_mirrored_picture_shows_in_what_a_count_moves() {
 }
 
 #[test]
-fn radians_in_the_place_of_degrees_are_told() {
+fn radians_in_place_of_degrees_are_reported() {
     let view: View = |angles| angles.map(f64::to_radians);
     let text = Rows::new(300, wander, view).printed("--family linear");
     assert_says(&text, "warning no angle is further from 0 than 0.");
@@ -222,7 +222,7 @@ fn two_hundred_rows_give_a_model() {
 
 #[test]
 fn a_hundred_thousand_rows_are_thinned() {
-    assert_thinned(100_000, "every 4th, more tell hardly more");
+    assert_thinned(100_000, "every 4th, more add hardly anything");
 }
 
 #[test]
@@ -230,7 +230,7 @@ fn a_hundred_thousand_rows_are_thinned() {
 fn a_million_rows_are_thinned() {
     assert_thinned(
         1_000_000,
-        "training 19737 row(s): every 38th, more tell hardly more",
+        "training 19737 row(s): every 38th, more add hardly anything",
     );
 }
 

@@ -14,7 +14,7 @@ use super::trial::Trial;
 const REST_DEG: f64 = 0.02;
 /// ... for so long, ns.
 const REST_NS: u64 = 500_000_000;
-/// A shorter way is no reach, deg.
+/// A shorter distance is no reach, deg.
 const SHORTEST_DEG: f64 = 0.5;
 /// The snake has arrived within this distance of the end, deg.
 pub const ARRIVED_DEG: f64 = 0.15;
@@ -41,7 +41,7 @@ pub struct Reach {
     pub arrived_s: Option<f64>,
     /// How far the snake went beyond the end, along the line of the reach, degrees.
     pub overshoot_deg: f64,
-    /// Length of the way of the goal divided by the distance: 1 is straight.
+    /// Length of the path of the goal divided by the distance: 1 is straight.
     pub detour: f64,
 }
 
