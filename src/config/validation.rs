@@ -390,7 +390,7 @@ fn check_ports(config: &Config, findings: &mut Findings) {
             "is turned by another axis already",
         );
         let same = |other: &&AxisConfig| other.serial_number == axis.serial_number;
-        // 0 stands in a template until the number is known; no drive has it.
+        // A template has 0 until the number is known; no drive has it.
         let is_known = axis.serial_number != 0;
         findings.require(
             !is_known || config.axes().filter(same).count() == 1,
