@@ -24,7 +24,8 @@
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
 //! - `setpoint_generation`: moves all setpoints by one tick, as the state says.
-//! - [`cycle`]: one tick, inputs to outputs, with `cycle_commands` and `cycle_events`.
+//! - [`cycle`]: one tick, inputs to outputs, with `cycle_commands`, `cycle_events`
+//!   and `cycle_excess`.
 //!   `snapshot`: its state between two ticks, for the black box. [`simulated_loop`], [`rehearsal`]:
 //!   the cycle without a robot.
 //!
@@ -169,6 +170,7 @@ pub mod simulated_loop;
 mod command;
 mod cycle_commands;
 mod cycle_events;
+mod cycle_excess;
 mod drive_status;
 mod event;
 mod event_fold;
