@@ -191,19 +191,8 @@ fn write_config(folder: &Path, domain: &Domain) -> PathBuf {
     config.record.folder = folder.join("records");
     for (axis, port) in config.ports.iter_mut().enumerate() {
         port.device = folder.join(format!("ports/axis{axis}"));
-        port.reply_timeout_ms = 500;
     }
-    // Tests share the machine: nobody spins, and stalls are not what this is about.
-    (
-        config.control.spin_us,
-        config.control.priority,
-        config.control.lock_memory,
-    ) = (0, 0, false);
-    (
-        config.limits.feedback_stale_ms,
-        config.limits.feedback_lost_ms,
-    ) = (2000, 20_000);
-    (config.command.deadline_ms, config.command.lease_timeout_ms) = (500, 2000);
+    i2ris_testing::run_on_shared_machine(&mut config);
     std::fs::write(&file, toml::to_string(&config).unwrap()).unwrap();
     file
 }
