@@ -227,7 +227,7 @@ impl Robot {
         true
     }
 
-    fn tell(&self, server: &mut Server, now: Nanos) {
+    fn publish(&self, server: &mut Server, now: Nanos) {
         let joint = JointState {
             stamp_ns: now.0,
             position: [self.pose[0].to_radians(), self.pose[1].to_radians(), 0.0],
@@ -361,7 +361,7 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
         server.reply_model(token, reply);
     }
     server.describe_robot(&robot.description);
-    robot.tell(server, now);
+    robot.publish(server, now);
     server.maintain(now);
 }
 
