@@ -1,5 +1,5 @@
-//! `i2ris calibrate fit` with recordings that are not as they should be: what it says, word for word,
-//! and what it writes.
+//! `i2ris calibrate fit` with recordings that are not as they should be: what it says, word for
+//! word, and what it writes.
 #![allow(clippy::unwrap_used)]
 
 use std::f64::consts::TAU;
@@ -117,8 +117,8 @@ fn one_axis_at_a_time_gives_a_separable_model_and_says_so() {
     };
     let rows = Rows::new(500, motion, as_it_is);
     let text = rows.printed("");
-    let sentence = "the motors move together on 6 % of the path only, so the recording does not show \
-                    the plane between their axes; record motion of both at once";
+    let sentence = "the motors move together on 6 % of the path only, so the recording does not \
+                    show the plane between their axes; record motion of both at once";
     assert_says(&text, &format!("warning {sentence}"));
     for family in ["gmr", "gmr-direction", "gmr-play", "gmr-stop"] {
         assert_says(&text, &format!("No `{family}`: {sentence}."));

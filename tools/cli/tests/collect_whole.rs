@@ -1,4 +1,4 @@
-//! The whole way of a calibration: emulated drives, snake and camera, the controller's own threads,
+//! A whole calibration: emulated drives, snake and camera, the controller's own threads,
 //! `i2ris calibrate collect` and `i2ris calibrate fit` as processes; then the same through pictures
 //! of the snake, and a command with the model that came of them.
 #![allow(clippy::unwrap_used)]

@@ -9,7 +9,7 @@ use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
 };
 use i2ris::units::Nanos;
 
@@ -59,6 +59,7 @@ pub struct Subscriptions {
     error: Subscription<ReasonMsg>,
     warning: Subscription<ReasonMsg>,
     external: Subscription<ExternalPosition>,
+    reach_target: Subscription<ReachTarget>,
     servo: Subscription<ServoJp>,
     servo_actuators: Subscription<ServoActuator>,
 }
@@ -82,6 +83,7 @@ impl Subscriptions {
             error: watcher.error(),
             warning: watcher.warning(),
             external: watcher.external(),
+            reach_target: watcher.reach_target(),
             servo: watcher.servo_jp(),
             servo_actuators: watcher.servo_actuators(),
         }
@@ -105,6 +107,7 @@ impl Subscriptions {
         drain(&mut self.error, Stream::Error, sink, now)?;
         drain(&mut self.warning, Stream::Warning, sink, now)?;
         drain(&mut self.external, Stream::External, sink, now)?;
+        drain(&mut self.reach_target, Stream::ReachTarget, sink, now)?;
         self.servo.drain(|command| sink.servo_jp(&command, now))?;
         let servo = &mut self.servo_actuators;
         drain(servo, Stream::ServoActuators, sink, now)

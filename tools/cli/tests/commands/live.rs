@@ -161,7 +161,8 @@ mover.start()
 try:
     arm.wait_for(lambda state: state.accepted > 50)
     first = arm.model.list()
-    assert first.active.family == 'linear' and first.staged is None and first.previous is None, first
+    assert first.active.family == 'linear', first
+    assert first.staged is None and first.previous is None, first
     try:
         arm.model.stage(broken)
         raise AssertionError('a broken model')

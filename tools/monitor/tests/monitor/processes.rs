@@ -17,7 +17,7 @@ use tempfile::TempDir;
 
 /// How long anything may take on a machine that does other things.
 const TIMEOUT: Nanos = Nanos::from_millis(60_000);
-/// Tells the child of a test that it is the controller.
+/// Marks the child of a test that it is the controller.
 const CONFIG: &str = "I2RIS_TEST_CONTROLLER";
 
 /// A linear model of the snake of steel: motors at 45 degrees to the axes.
@@ -71,7 +71,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // One that was stopped hears nothing else.
+        // One that was stopped receives nothing else.
         self.signal(Signal::SIGCONT);
         self.signal(Signal::SIGTERM);
         let end = Instant::now() + Duration::from_secs(10);
@@ -135,7 +135,7 @@ impl Robot {
         }
     }
 
-    /// The controller stands still and holds everything it has, as one that hangs.
+    /// The controller stops and holds everything it has, as one that hangs.
     pub fn freeze(&self) {
         self.controller.signal(Signal::SIGSTOP);
     }
