@@ -9,7 +9,7 @@ use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
 };
 use i2ris::units::Nanos;
 
@@ -55,6 +55,7 @@ pub struct Subscriptions {
     statistics: Subscription<PeriodStatistics>,
     health: Subscription<Health>,
     adaptation: Subscription<AdaptationMsg>,
+    fixtures: Subscription<VirtualFixturesMsg>,
     events: Subscription<EventMsg>,
     error: Subscription<ReasonMsg>,
     warning: Subscription<ReasonMsg>,
@@ -78,6 +79,7 @@ impl Subscriptions {
             statistics: watcher.period_statistics(),
             health: watcher.health(),
             adaptation: watcher.adaptation(),
+            fixtures: watcher.virtual_fixtures(),
             events: watcher.events(),
             error: watcher.error(),
             warning: watcher.warning(),
@@ -101,6 +103,7 @@ impl Subscriptions {
         drain(&mut self.statistics, Stream::Statistics, sink, now)?;
         drain(&mut self.health, Stream::Health, sink, now)?;
         drain(&mut self.adaptation, Stream::Adaptation, sink, now)?;
+        drain(&mut self.fixtures, Stream::VirtualFixtures, sink, now)?;
         drain(&mut self.events, Stream::Events, sink, now)?;
         drain(&mut self.error, Stream::Error, sink, now)?;
         drain(&mut self.warning, Stream::Warning, sink, now)?;
@@ -121,6 +124,7 @@ impl Subscriptions {
             (Stream::Statistics, self.statistics.missed()),
             (Stream::Health, self.health.missed()),
             (Stream::Adaptation, self.adaptation.missed()),
+            (Stream::VirtualFixtures, self.fixtures.missed()),
             (Stream::Events, self.events.missed()),
             (Stream::Error, self.error.missed()),
             (Stream::Warning, self.warning.missed()),

@@ -5,7 +5,7 @@ use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
 };
 
 use crate::cdr;
@@ -31,6 +31,8 @@ pub enum Stream {
     Health,
     /// `adaptation`.
     Adaptation,
+    /// `virtual_fixtures`.
+    VirtualFixtures,
     /// `events`.
     Events,
     /// `error`.
@@ -47,7 +49,7 @@ pub enum Stream {
 
 impl Stream {
     /// All streams.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Measured,
         Self::Setpoint,
         Self::Goal,
@@ -56,6 +58,7 @@ impl Stream {
         Self::Statistics,
         Self::Health,
         Self::Adaptation,
+        Self::VirtualFixtures,
         Self::Events,
         Self::Error,
         Self::Warning,
@@ -76,6 +79,7 @@ impl Stream {
             Self::Statistics => "period_statistics",
             Self::Health => "health",
             Self::Adaptation => "adaptation",
+            Self::VirtualFixtures => "virtual_fixtures",
             Self::Events => "events",
             Self::Error => "error",
             Self::Warning => "warning",
@@ -95,6 +99,7 @@ impl Stream {
             Self::Statistics => PeriodStatistics::LAYOUT,
             Self::Health => Health::LAYOUT,
             Self::Adaptation => AdaptationMsg::LAYOUT,
+            Self::VirtualFixtures => VirtualFixturesMsg::LAYOUT,
             Self::Events => EventMsg::LAYOUT,
             Self::Error | Self::Warning => ReasonMsg::LAYOUT,
             Self::External => ExternalPosition::LAYOUT,
@@ -103,7 +108,7 @@ impl Stream {
         }
     }
 
-    /// The standard message that tells the same, if there is one.
+    /// The standard message with the same content, if there is one.
     #[must_use]
     pub const fn standard(self) -> Option<StandardType> {
         match self {

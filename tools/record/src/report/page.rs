@@ -262,9 +262,9 @@ fn write_reaches(page: &mut Page, summary: &TrialSummary) {
         score.overshoot_deg[1]
     ));
     let header =
-        "at (s)/from (deg)/to (deg)/way of the goal (s)/arrived (s)/overshoot (deg)/detour";
+        "at (s)/from (deg)/to (deg)/path of the goal (s)/arrived (s)/overshoot (deg)/detour";
     let mut table = Table::new(
-        "Every reach; detour: way of the goal divided by the distance.",
+        "Every reach; detour: path of the goal divided by the distance.",
         header.split('/'),
     );
     for reach in score.reaches.iter().take(MOST_REACHES) {

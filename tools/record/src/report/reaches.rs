@@ -14,7 +14,7 @@ use super::trial::Trial;
 const REST_DEG: f64 = 0.02;
 /// ... for so long, ns.
 const REST_NS: u64 = 500_000_000;
-/// A shorter way is no reach, deg.
+/// A shorter path is no reach, deg.
 const SHORTEST_DEG: f64 = 0.5;
 /// The snake has arrived within this distance of the end, deg.
 pub const ARRIVED_DEG: f64 = 0.15;
@@ -41,7 +41,7 @@ pub struct Reach {
     pub arrived_s: Option<f64>,
     /// How far the snake went beyond the end, along the line of the reach, degrees.
     pub overshoot_deg: f64,
-    /// Length of the way of the goal divided by the distance: 1 is straight.
+    /// Length of the path of the goal divided by the distance: 1 is straight.
     pub detour: f64,
 }
 
@@ -155,13 +155,13 @@ fn reach(trial: &Trial, observed: &TimeSeries<2>, from: &Rest, to: &Rest) -> Opt
         .filter_map(|first| mean(&samples, first, OVERSHOOT_NS))
         .map(beyond)
         .fold(0.0, f64::max);
-    let way: Vec<[f64; 2]> = trial
+    let path: Vec<[f64; 2]> = trial
         .goal
         .iter()
         .filter(|(stamp, _)| (onset..=to.from_ns).contains(stamp))
         .map(|(_, value)| *value)
         .collect();
-    let way_deg: f64 = way.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
+    let path_deg: f64 = path.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
     Some(Reach {
         t_s: trial.seconds(onset),
         from_deg: from.at,
@@ -170,7 +170,7 @@ fn reach(trial: &Trial, observed: &TimeSeries<2>, from: &Rest, to: &Rest) -> Opt
         goal_s: (to.from_ns - onset) as f64 * 1e-9,
         arrived_s: arrival(&samples, to).map(|stamp| (stamp - onset) as f64 * 1e-9),
         overshoot_deg,
-        detour: way_deg / distance_deg,
+        detour: path_deg / distance_deg,
     })
 }
 

@@ -193,6 +193,7 @@ impl Trial {
             Stream::Adaptation => self.add_adaptation(cdr::decode(data)?),
             Stream::Setpoint
             | Stream::Health
+            | Stream::VirtualFixtures
             | Stream::Events
             | Stream::ServoJp
             | Stream::Error
