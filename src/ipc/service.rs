@@ -25,7 +25,7 @@ pub(super) struct Stream {
 /// Clients that command, or try to.
 const COMMANDERS: usize = 8;
 /// Monitors, recorders, user interfaces.
-const WATCHERS: usize = 24;
+const WATCHERS: usize = 32;
 /// Unread messages of a subscriber before the oldest are overwritten: at 1 kHz an eighth of a
 /// second.
 pub(super) const BUFFER: usize = 128;

@@ -265,7 +265,7 @@ fn is_entered(region: &Region, last: &OutputVec, step: &OutputVec, unit: OutputU
     };
     let lowest = before.distance.min(0.0);
     // In the coordinates of the region, no step that keeps to this rule meets the set. The tip moves
-    // on a curve, so points on the way are looked at, too.
+    // on a curve, so points along it are looked at, too.
     let is_beside = dot(&before.slope, step) >= -before.distance.max(0.0);
     let parts = if region.space == FixtureSpace::Tip {
         4
