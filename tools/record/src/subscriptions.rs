@@ -10,6 +10,7 @@ use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
     OperatingStateMsg, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
+    VirtualFixturesMsg,
 };
 use i2ris::units::Nanos;
 
@@ -55,6 +56,7 @@ pub struct Subscriptions {
     statistics: Subscription<PeriodStatistics>,
     health: Subscription<Health>,
     adaptation: Subscription<AdaptationMsg>,
+    fixtures: Subscription<VirtualFixturesMsg>,
     events: Subscription<EventMsg>,
     error: Subscription<ReasonMsg>,
     warning: Subscription<ReasonMsg>,
@@ -79,6 +81,7 @@ impl Subscriptions {
             statistics: watcher.period_statistics(),
             health: watcher.health(),
             adaptation: watcher.adaptation(),
+            fixtures: watcher.virtual_fixtures(),
             events: watcher.events(),
             error: watcher.error(),
             warning: watcher.warning(),
@@ -103,6 +106,7 @@ impl Subscriptions {
         drain(&mut self.statistics, Stream::Statistics, sink, now)?;
         drain(&mut self.health, Stream::Health, sink, now)?;
         drain(&mut self.adaptation, Stream::Adaptation, sink, now)?;
+        drain(&mut self.fixtures, Stream::VirtualFixtures, sink, now)?;
         drain(&mut self.events, Stream::Events, sink, now)?;
         drain(&mut self.error, Stream::Error, sink, now)?;
         drain(&mut self.warning, Stream::Warning, sink, now)?;
@@ -124,6 +128,7 @@ impl Subscriptions {
             (Stream::Statistics, self.statistics.missed()),
             (Stream::Health, self.health.missed()),
             (Stream::Adaptation, self.adaptation.missed()),
+            (Stream::VirtualFixtures, self.fixtures.missed()),
             (Stream::Events, self.events.missed()),
             (Stream::Error, self.error.missed()),
             (Stream::Warning, self.warning.missed()),

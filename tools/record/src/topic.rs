@@ -6,6 +6,7 @@ use std::io::{Seek, Write};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
     OperatingStateMsg, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
+    VirtualFixturesMsg,
 };
 
 use crate::cdr;
@@ -31,6 +32,8 @@ pub enum Stream {
     Health,
     /// `adaptation`.
     Adaptation,
+    /// `virtual_fixtures`.
+    VirtualFixtures,
     /// `events`.
     Events,
     /// `error`.
@@ -58,6 +61,7 @@ impl Stream {
         Self::Statistics,
         Self::Health,
         Self::Adaptation,
+        Self::VirtualFixtures,
         Self::Events,
         Self::Error,
         Self::Warning,
@@ -79,6 +83,7 @@ impl Stream {
             Self::Statistics => "period_statistics",
             Self::Health => "health",
             Self::Adaptation => "adaptation",
+            Self::VirtualFixtures => "virtual_fixtures",
             Self::Events => "events",
             Self::Error => "error",
             Self::Warning => "warning",
@@ -99,6 +104,7 @@ impl Stream {
             Self::Statistics => PeriodStatistics::LAYOUT,
             Self::Health => Health::LAYOUT,
             Self::Adaptation => AdaptationMsg::LAYOUT,
+            Self::VirtualFixtures => VirtualFixturesMsg::LAYOUT,
             Self::Events => EventMsg::LAYOUT,
             Self::Error | Self::Warning => ReasonMsg::LAYOUT,
             Self::External => ExternalPosition::LAYOUT,
@@ -108,7 +114,7 @@ impl Stream {
         }
     }
 
-    /// The standard message that tells the same, if there is one.
+    /// The standard message with the same content, if there is one.
     #[must_use]
     pub const fn standard(self) -> Option<StandardType> {
         match self {

@@ -197,6 +197,7 @@ impl Trial {
             Stream::ReachTarget => self.add_target(cdr::decode(data)?),
             Stream::Setpoint
             | Stream::Health
+            | Stream::VirtualFixtures
             | Stream::Events
             | Stream::ServoJp
             | Stream::Error

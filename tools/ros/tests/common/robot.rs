@@ -119,13 +119,6 @@ impl Robot {
             (!self.moved_since(from)).then_some(from)
         })
     }
-
-    /// Asserts that the snake does not move for a while from now on.
-    pub fn assert_still_for(&self, span: Nanos) {
-        let from = clock::now();
-        clock::sleep(span);
-        assert!(!self.moved_since(from), "the snake moved");
-    }
 }
 
 impl Drop for Robot {
