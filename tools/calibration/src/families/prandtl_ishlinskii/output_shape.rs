@@ -241,11 +241,13 @@ mod tests {
         )
     }
 
+    /// Angles whose distance from those at the centre is bent by a function of it and of the row.
     fn outputs(counts: &DMatrix<f64>, bend: impl Fn(f64, usize) -> f64) -> DMatrix<f64> {
         let mut random = noise(3);
+        let centre = straight([0.0; 2]);
         DMatrix::from_fn(counts.nrows(), 2, |row, output| {
             let angle = straight([counts[(row, 0)], counts[(row, 1)]])[output];
-            bend(angle, row) + 0.05 * random()
+            centre[output] + bend(angle - centre[output], row) + 0.05 * random()
         })
     }
 
@@ -256,11 +258,12 @@ mod tests {
         let shape = OutputShape::new(&counts, &outputs(&counts, |a, _| bend(a)), &lines).unwrap();
         assert!(!shape.is_straight());
         let between = DMatrix::from_row_slice(2, 2, &[150.0, 150.0, -120.0, 160.0]);
-        let found = shape.at(&between);
+        let (found, centre) = (shape.at(&between), straight([0.0; 2]));
         for row in 0..2 {
             let angles = straight([between[(row, 0)], between[(row, 1)]]);
             for output in 0..2 {
-                let error = found[(row, output)] - bend(angles[output]);
+                let expected = centre[output] + bend(angles[output] - centre[output]);
+                let error = found[(row, output)] - expected;
                 assert!(error.abs() < 0.1, "{error} deg");
             }
         }
