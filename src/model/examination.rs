@@ -27,11 +27,7 @@ const TURNING_STEPS: usize = 200;
 /// The motors move by at most this part of half the range in a step: twice what the path takes.
 const FASTEST: f64 = 0.1;
 
-<<<<<<< HEAD
-/// Share of the difference that the filtered correction takes over in a step, as in the loop.
-=======
 /// Share of the difference that the filtered correction takes in a step: the loop filters it, too.
->>>>>>> main
 const FILTER: f64 = 0.2;
 
 /// The error at the goals may be this part of their deviation.

@@ -1,14 +1,8 @@
 //! Robust least squares with a prior.
 //!
-<<<<<<< HEAD
-//! Outliers: weights of Huber, iterated (P. J. Huber, "Robust Estimation of a Location
-//! Parameter", 1964). Rows of a rest with the autocorrelation `a` count as `(1 - a) / (1 + a)`
-//! independent ones.
-=======
 //! Outliers: weights of Huber, iterated (P. J. Huber, "Robust Estimation of a Location Parameter",
 //! 1964). Rows of a rest with the autocorrelation `a` count as `(1 - a) / (1 + a)` independent
 //! ones.
->>>>>>> main
 
 use i2ris_statistics::median;
 use nalgebra::{DMatrix, DVector};
@@ -29,11 +23,7 @@ const LEAST_INDEPENDENT: f64 = 0.002;
 /// A linear problem: `target = features parameters + rest`.
 #[derive(Debug)]
 pub(super) struct Problem {
-<<<<<<< HEAD
-    /// Rows of one output are together, in the order of time.
-=======
     /// Rows of one output follow one another, in the order of time.
->>>>>>> main
     pub features: DMatrix<f64>,
     pub target: DVector<f64>,
     /// Rows of each output.

@@ -17,11 +17,7 @@ const LEAST_ROWS: f64 = 2.0;
 /// Rows between which the autocorrelation is looked at.
 const LARGEST_LAG: usize = 200;
 
-<<<<<<< HEAD
-/// The fewest rows that show a correlation.
-=======
 /// Fewer rows show no correlation.
->>>>>>> main
 const LEAST_LENGTH: usize = 100;
 
 /// The slow part of the error on these rows; `None` if there is none, or the recording has no time
