@@ -11,6 +11,7 @@
 //! | `validation` | ranges, and what must fit together |
 //! | `key_hint` | help for a key that does not exist |
 
+mod finding;
 mod key_hint;
 mod ports;
 #[cfg(test)]
@@ -25,13 +26,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::file_permissions::{LONGEST_CONFIG, UntrustedFile, read_trusted};
 
+pub use finding::Finding;
 pub use ports::{AxisConfig, Family, Framing, HomingMethod, Polling, PortConfig, Streaming};
 pub use sections::{
     AdaptationConfig, CommandConfig, CompensationConfig, ConditioningConfig, ControlConfig,
     IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
     RecordConfig,
 };
-pub use validation::Finding;
 pub use virtual_fixtures::{
     FixtureRegionConfig, FixtureShape, MAX_CORNERS, MAX_REGIONS, VirtualFixtureConfig,
 };

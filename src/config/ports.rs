@@ -107,7 +107,7 @@ pub enum Framing {
     V1,
 }
 
-/// The way in which setpoints act in the drive.
+/// How setpoints act in the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
@@ -157,7 +157,7 @@ pub struct AxisConfig {
     /// The family of the drive. Absent: that of its port.
     #[serde(default)]
     pub family: Option<Family>,
-    /// The way in which setpoints act in the drive.
+    /// How setpoints act in the drive.
     #[serde(default)]
     pub streaming: Streaming,
     /// CAN node id of the drive, 0 to 127; 0 is the drive that the port belongs to.

@@ -2,10 +2,9 @@
 //!
 //! All checks run, so that one start of the program names everything that is wrong.
 
-use std::fmt::{self, Display};
-use std::ops::RangeInclusive;
 use std::path::Path;
 
+use super::finding::{Finding, Findings};
 use super::virtual_fixtures;
 use super::{AxisConfig, Config, Family, Framing, HomingMethod, PortConfig, Streaming};
 use crate::model::Model;
@@ -31,63 +30,6 @@ const BAUD_RATES: [u32; 18] = [
     1_152_000, 1_500_000, 2_000_000, 2_500_000, 3_000_000, 3_500_000, 4_000_000,
 ];
 
-/// A key whose value is refused.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Finding {
-    /// The key, with the tables that hold it.
-    pub key: String,
-    /// The value in the file.
-    pub value: String,
-    /// What is wrong and what would be right.
-    pub reason: String,
-}
-
-impl Display for Finding {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} = {}: {}", self.key, self.value, self.reason)
-    }
-}
-
-/// Collects what is refused.
-#[derive(Default)]
-pub(super) struct Findings(Vec<Finding>);
-
-impl Findings {
-    pub(super) fn require(
-        &mut self,
-        is_valid: bool,
-        key: impl Into<String>,
-        value: impl Display,
-        reason: impl Into<String>,
-    ) {
-        if !is_valid {
-            let (key, value, reason) = (key.into(), value.to_string(), reason.into());
-            self.0.push(Finding { key, value, reason });
-        }
-    }
-
-    pub(super) fn within<T: PartialOrd + Display>(
-        &mut self,
-        key: impl Into<String>,
-        value: T,
-        range: RangeInclusive<T>,
-    ) {
-        let reason = format!("must be {} to {}", range.start(), range.end());
-        self.require(range.contains(&value), key, value, reason);
-    }
-
-    /// Above 0, up to a limit. TOML has `nan` and `inf`, and serde accepts them.
-    pub(super) fn above_zero<T: PartialOrd + Default + Display>(
-        &mut self,
-        key: impl Into<String>,
-        value: T,
-        limit: T,
-    ) {
-        let reason = format!("must be above 0 and at most {limit}");
-        self.require(value > T::default() && value <= limit, key, value, reason);
-    }
-}
-
 /// The findings of a file, one line each.
 pub(super) fn lines(path: &Path, findings: &[Finding]) -> String {
     let line = |finding| format!("configuration {}: {finding}", path.display());
@@ -105,7 +47,7 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     virtual_fixtures::check(&config.virtual_fixtures, &mut findings);
     check_adaptation(config, &mut findings);
     check_ports(config, &mut findings);
-    findings.0
+    findings.into_list()
 }
 
 fn check_process(config: &Config, findings: &mut Findings) {
@@ -390,7 +332,7 @@ fn check_ports(config: &Config, findings: &mut Findings) {
             "is turned by another axis already",
         );
         let same = |other: &&AxisConfig| other.serial_number == axis.serial_number;
-        // 0 stands in a template until the number is known; no drive has it.
+        // A template has 0 until the number is known; no drive has it.
         let is_known = axis.serial_number != 0;
         findings.require(
             !is_known || config.axes().filter(same).count() == 1,

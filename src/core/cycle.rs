@@ -24,7 +24,6 @@ use crate::core::command::range_check::RangeCheck;
 use crate::core::drive_status::{DriveSummary, ExpectedPower};
 use crate::core::event::{CycleEventKind, EventList};
 use crate::core::event_fold::EventFold;
-use crate::core::faults::fault_excess::age_excess;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::inputs::{CycleInputs, ExternalPose};
@@ -46,7 +45,7 @@ use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
 use crate::drive::AxisRequest;
 use crate::model::Model;
-use crate::robot::Fault;
+use crate::robot::{Excess, Fault};
 use crate::units::Nanos;
 
 /// The controller and its state from tick to tick.
@@ -310,7 +309,7 @@ impl ControlCycle {
             && let Some(age) = followed.stale_age(now)
         {
             let client_id = followed.client_id;
-            let excess = age_excess(age, followed.deadline);
+            let excess = Excess::of_age(age, followed.deadline);
             self.stale_stops = self.stale_stops.saturating_add(1);
             let kind = CycleEventKind::StaleStop { client_id, age };
             events.push_measured(kind, Some(excess));

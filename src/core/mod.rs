@@ -24,8 +24,10 @@
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
 //! - `setpoint_generation`: moves all setpoints by one tick, as the state says.
-//! - [`cycle`]: one tick, inputs to outputs, with `cycle_commands` and `cycle_events`.
-//!   `snapshot`: its state between two ticks, for the black box. [`simulated_loop`], [`rehearsal`]: the cycle without a robot.
+//! - [`cycle`]: one tick, inputs to outputs, with `cycle_commands`, `cycle_events`
+//!   and `cycle_excess`.
+//!   `snapshot`: its state between two ticks, for the black box. [`simulated_loop`], [`rehearsal`]:
+//!   the cycle without a robot.
 //!
 //! # States
 //!
@@ -109,7 +111,7 @@
 //! | homing ended without a zero | Homing | homing |
 //! | model not finite | Model | every state |
 //! | `overrun_ticks` within `overrun_window_ms` | Late | on |
-//! | camera and model differ by `distance_deg` in all frames of `debounce_ms` | Implausible | on, memory known |
+//! | camera and model apart, in all frames of `debounce_ms` | Implausible | on, memory known |
 //! | current above `over_current_ma` for `over_current_ms` | Current | while the drive follows |
 //!
 //! The reaction is the mildest that does not depend on what has just failed.
@@ -168,6 +170,7 @@ pub mod simulated_loop;
 mod command;
 mod cycle_commands;
 mod cycle_events;
+mod cycle_excess;
 mod drive_status;
 mod event;
 mod event_fold;

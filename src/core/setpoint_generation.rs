@@ -97,7 +97,7 @@ fn follow_command(
 }
 
 /// Moves the motors towards their targets, but no setpoint into a virtual fixture: the goal keeps
-/// out of it, but a motor that crosses its backlash lags, and then the way of the setpoints is
+/// out of it, but a motor that crosses its backlash lags, and then the path of the setpoints is
 /// another one. The motor that would cause it waits for the other one.
 fn track_outside(
     targets: &[MotorTarget; MAX_MOTORS],

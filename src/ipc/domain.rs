@@ -5,7 +5,7 @@
 //! | `/dev/shm/i2ris-UID-NAME/lock` | exclusive lock of the controller, and its process id |
 //! | `/dev/shm/i2ris-UID-NAME/ready` | boot id, interface version, process id: [`super::ready`] |
 //! | `/dev/shm/i2ris-UID-NAME/pulse` | heartbeat of the control loop, [`super::heartbeat`] |
-//! | `/dev/shm/i2ris-UID-NAME/ticks-*` | last seconds of every tick, for the black box of a killed controller |
+//! | `/dev/shm/i2ris-UID-NAME/ticks-*` | the last ticks, for the black box of a killed controller |
 //! | `/dev/shm/i2ris-UID-NAME/BOOT/` | nodes and service descriptions of iceoryx2 |
 //! | `/dev/shm/i2ris-UID-NAME_BOOT_*` | shared memory of iceoryx2 |
 //!

@@ -25,7 +25,7 @@ pub(super) struct Stream {
 /// Clients that command, or try to.
 const COMMANDERS: usize = 8;
 /// Monitors, recorders, user interfaces.
-const WATCHERS: usize = 24;
+const WATCHERS: usize = 32;
 /// Unread messages of a subscriber before the oldest are overwritten: at 1 kHz an eighth of a
 /// second.
 pub(super) const BUFFER: usize = 128;
@@ -81,6 +81,11 @@ pub(super) const WARNING: Stream = Stream {
 pub(super) const EXTERNAL: Stream = Stream {
     publishers: 4,
     ..state("i2ris/external/measured_jp")
+};
+/// From the client that runs a task to those that show and record it.
+pub(super) const REACH_TARGET: Stream = Stream {
+    publishers: 4,
+    ..state("i2ris/reach_target")
 };
 
 pub(super) const STATE_COMMAND: &str = "i2ris/state_command";

@@ -105,8 +105,8 @@ pub enum ModelError {
     },
     /// The model has another gain than the recording.
     #[error(
-        "commands nonsense: a count moves its outputs by {least:.2} to {most:.2} times as much as a \
-         straight line through the recording says; fit another family, or record motion of both \
+        "commands nonsense: a count moves its outputs by {least:.2} to {most:.2} times as much as \
+         a straight line through the recording says; fit another family, or record motion of both \
          motors together"
     )]
     Gain {

@@ -2,10 +2,10 @@
 //! itself, and whether it has the gain of the robot.
 //!
 //! A path wanders through the hull: large slow motion with small reversals on it. What the model
-//! predicts along the path are the goals, so motors can reach every one of them, with as much travel
-//! as the path has. Then the inverse follows the goals, in whole counts and with a limit on the
-//! velocity, and with the memory of its own setpoints. A model that folds, chatters or jumps misses
-//! them or takes more travel.
+//! predicts along the path are the goals, so motors can reach every one of them, with as much
+//! travel as the path has. Then the inverse follows the goals, in whole counts and with a limit on
+//! the velocity, and with the memory of its own setpoints. A model that folds, chatters or jumps
+//! misses them or takes more travel.
 //!
 //! The work is bounded: some thousand steps of the operators, a fraction of a second.
 
@@ -27,7 +27,7 @@ const TURNING_STEPS: usize = 200;
 /// The motors move by at most this part of half the range in a step: twice what the path takes.
 const FASTEST: f64 = 0.1;
 
-/// Part of the way that the filtered correction goes in a step: the loop filters it, too.
+/// Share of the difference that the filtered correction takes in a step: the loop filters it, too.
 const FILTER: f64 = 0.2;
 
 /// The error at the goals may be this part of their deviation.
@@ -133,7 +133,7 @@ impl<'a> Trial<'a> {
         let mut counts = path.turns.last().copied().unwrap_or_default();
         let fastest = path.half_ranges.map(|half| FASTEST * half);
         let mut correction = self.runtime.correction(&memory);
-        let (mut squares, mut way) = (0.0, 0.0);
+        let (mut squares, mut travel) = (0.0, 0.0);
         for goal in goals {
             let query = Query {
                 correction: Some(correction),
@@ -151,7 +151,7 @@ impl<'a> Trial<'a> {
             for (filtered, now) in correction.iter_mut().zip(&unfiltered) {
                 *filtered += FILTER * (now - *filtered);
             }
-            way += TrialPath::distance(&counts, &next);
+            travel += TrialPath::distance(&counts, &next);
             squares += square(&self.runtime.predict(&next, &memory).mean, goal);
             counts = next;
         }
@@ -162,7 +162,7 @@ impl<'a> Trial<'a> {
             }
         }
         let size: f64 = goals.iter().map(|goal| square(goal, &mean)).sum();
-        ((squares / size).sqrt(), way / path.travel().max(1.0))
+        ((squares / size).sqrt(), travel / path.travel().max(1.0))
     }
 
     /// The least and the greatest gain of the model along the path, relative to the straight line

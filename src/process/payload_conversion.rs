@@ -180,7 +180,7 @@ pub fn health(report: &CycleReport, lost: &LostCounters) -> Health {
     }
 }
 
-/// Robot and limits of a configuration, as the reply to `version` tells them.
+/// Robot and limits of a configuration, as the reply to `version` has them.
 #[must_use]
 pub fn robot_description(config: &Config) -> Version {
     let mut described = Version {

@@ -5,6 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::numbered_enum::numbered_enum;
+use crate::units::Nanos;
 
 numbered_enum! {
     /// What an [`Excess`] counts.
@@ -57,6 +58,13 @@ impl Excess {
             measured,
             limit,
         }
+    }
+
+    /// An age or a duration, and its limit.
+    #[must_use]
+    pub fn of_age(age: Nanos, limit: Nanos) -> Self {
+        let ms = |span: Nanos| span.as_seconds() * 1e3;
+        Self::new(Quantity::Milliseconds, ms(age), Some(ms(limit)))
     }
 
     /// The same value, of one motor.

@@ -188,7 +188,7 @@ fn every_command_in_every_state_does_what_the_table_says() {
                 let (found, expected) = (bench.report(), twin.report());
                 assert_eq!(bench.out.requests, twin.out.requests, "{case}");
                 assert_eq!(without_refusal(found), without_refusal(expected), "{case}");
-                // A refusal is told, and changes nothing.
+                // A refusal is reported, and changes nothing.
                 let is_told =
                     |it: &CycleEventKind| matches!(it, CycleEventKind::RequestRefused { .. });
                 bench.events.retain(|event| !is_told(event));

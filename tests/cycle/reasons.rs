@@ -113,12 +113,12 @@ fn a_refused_state_command_is_an_event_once_and_its_reply_tells_the_measurement(
     bench.run(5);
     let reply = bench.ask_as(7, StateCommand::Enable);
     assert_eq!(reply.refusal, Refusal::Range);
-    let told = reply.excess.unwrap();
-    assert_eq!((told.motor, told.measured), (Some(0), 100_000.0));
+    let excess = reply.excess.unwrap();
+    assert_eq!((excess.motor, excess.measured), (Some(0), 100_000.0));
 }
 
 #[test]
-fn a_stop_and_a_clip_are_told_with_their_measurements_and_not_repeated() {
+fn a_stop_and_a_clip_are_excess_with_their_measurements_and_not_repeated() {
     let mut bench = Bench::moving();
     bench.run(200);
     let stale = excess(&bench, Cause::Stop(Stop::Stale)).unwrap();

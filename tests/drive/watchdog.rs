@@ -304,16 +304,16 @@ fn h03_the_operating_state_says_whether_a_watchdog_holds_every_port() {
 }
 
 #[test]
-fn the_service_manager_hears_when_watchdog_and_controller_are_ready() {
+fn the_service_manager_expect_state_when_watchdog_and_controller_are_ready() {
     unprivileged(
-        "the_service_manager_hears_when_watchdog_and_controller_are_ready",
+        "the_service_manager_expect_state_when_watchdog_and_controller_are_ready",
         || {
             let mut rig = Rig::new();
             let address = rig.folder.path().join("notify");
             let manager = UnixDatagram::bind(&address).unwrap();
             let timeout = std::time::Duration::from_nanos(TIMEOUT.0);
             manager.set_read_timeout(Some(timeout)).unwrap();
-            let hears = |expected: &str| loop {
+            let expect_state = |expected: &str| loop {
                 let mut message = [0; 64];
                 let count = manager.recv(&mut message).expect(expected);
                 if message[..count] == *expected.as_bytes() {
@@ -323,13 +323,13 @@ fn the_service_manager_hears_when_watchdog_and_controller_are_ready() {
             rig.environment = vec![("NOTIFY_SOCKET".into(), address.clone().into())];
             rig.start_controller();
             drop(rig.client());
-            hears("READY=1");
+            expect_state("READY=1");
             rig.signal(Signal::SIGTERM);
             rig.wait_for_end();
-            hears("STOPPING=1");
+            expect_state("STOPPING=1");
             let watched = WatchedRig::without_controller(rig, 3000);
-            hears("READY=1");
-            hears("WATCHDOG=1");
+            expect_state("READY=1");
+            expect_state("WATCHDOG=1");
             drop(watched);
         },
     );

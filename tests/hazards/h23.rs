@@ -31,8 +31,8 @@ fn h23_the_correction_never_turns_a_motor_against_the_goal_and_keeps_its_limit()
         let from = wandering(start);
         // Both motors in one direction: pitch moves both of them up or down.
         let ramp = move |t: f64| {
-            let path = 1.5 * (t - start - 2.0).clamp(0.0, 8.0);
-            [from[0] - sign * path, from[1]]
+            let travel = 1.5 * (t - start - 2.0).clamp(0.0, 8.0);
+            [from[0] - sign * travel, from[1]]
         };
         let mut before = drifting.bench.targets();
         let (mut turned, mut applied) = (0, drifting.adaptation().applied);

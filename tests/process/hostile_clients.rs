@@ -157,7 +157,7 @@ fn every_client_learns_of_its_own_refusals() {
         assert_eq!(state.refusals_of(client.id()), (0, Refusal::None));
         assert_eq!(state.refusals_of(101).1, Refusal::Stamp);
     });
-    // A second commander is told that the lease is held; the holder is not.
+    // A second commander learns that the lease is held; the holder is not.
     let second = rig.client();
     let done = AtomicBool::new(false);
     thread::scope(|scope| {

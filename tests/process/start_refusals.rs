@@ -1,4 +1,5 @@
-//! Refusals of `i2ris-control` at its start: a sentence with the reason, and the exit code of its kind.
+//! Refusals of `i2ris-control` at its start: a sentence with the reason, and the exit code of its
+//! kind.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;

@@ -14,7 +14,7 @@
 //! | 6 | every axis homed | `NotHomed` | `admission` |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | `admission` |
 //! | 8 | lease free, or held by this client | `Lease` | `lease` |
-//! | 9 | sequence above that of the client's last accepted command | `Sequence` | `sequence_record` |
+//! | 9 | sequence above the client's last accepted one | `Sequence` | `sequence_record` |
 //! | 10 | angles: a model is loaded | `NoModel` | `range_check` |
 //! | 11 | number of entries as the model or the motors have | `Malformed` | `range_check` |
 //! | 12 | counts: within the position limits of the axes | `Range` | `range_check` |

@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::faults::fault_excess::age_excess;
 use crate::robot::{Excess, Refusal};
 use crate::units::Nanos;
 
@@ -33,16 +32,16 @@ impl DeadlineCheck {
     /// The age, the lead or the deadline that makes a command stale or wrongly stamped.
     pub fn excess(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Excess {
         if stamp.since(now) > FUTURE_MARGIN {
-            age_excess(stamp.since(now), FUTURE_MARGIN)
+            Excess::of_age(stamp.since(now), FUTURE_MARGIN)
         } else if requested > LONGEST_DEADLINE {
-            age_excess(requested, LONGEST_DEADLINE)
+            Excess::of_age(requested, LONGEST_DEADLINE)
         } else {
             let deadline = if requested == Nanos::ZERO {
                 self.default
             } else {
                 requested
             };
-            age_excess(now.since(stamp), deadline)
+            Excess::of_age(now.since(stamp), deadline)
         }
     }
 

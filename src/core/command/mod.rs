@@ -8,6 +8,5 @@ mod lease;
 mod motion_scaling;
 pub(super) mod move_planning;
 pub(super) mod range_check;
-pub(super) mod refusal_excess;
 pub(super) mod refusal_record;
 mod sequence_record;

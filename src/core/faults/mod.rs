@@ -2,7 +2,6 @@
 
 pub(super) mod debounce;
 pub(super) mod fault_detection;
-pub(super) mod fault_excess;
 pub(super) mod following_error;
 pub(super) mod over_current;
 pub(super) mod overrun;

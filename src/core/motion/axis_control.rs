@@ -10,7 +10,7 @@ use crate::core::motion::jerk_limit::JerkLimiter;
 use crate::core::motion::setpoint_source::SetpointSource;
 use crate::core::motion::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
 use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
-use crate::robot::Excess;
+use crate::robot::{Excess, Quantity};
 use crate::units::{Counts, Nanos};
 
 /// One axis.
@@ -90,6 +90,13 @@ impl AxisControl {
     /// The current and its limit, if it is exceeded.
     pub fn over_current_excess(&self) -> Option<Excess> {
         self.over_current.excess(self.feedback.current_ma)
+    }
+
+    /// The nearest limit of the axis, if a position is beyond it.
+    pub fn range_excess(&self, position: Counts) -> Option<Excess> {
+        let counts = position.as_f64();
+        (!self.allows(position))
+            .then(|| Excess::new(Quantity::Counts, counts, Some(self.clamp(counts))))
     }
 
     /// The drive has a zero, and no command has made it invalid.

@@ -1,7 +1,6 @@
 //! All axes of the robot.
 
 use crate::config::Config;
-use crate::core::command::refusal_excess::position_excess;
 use crate::core::drive_status::DriveStatus;
 use crate::core::event::{CycleEventKind, EventList};
 use crate::core::motion::axis_control::AxisControl;
@@ -139,7 +138,7 @@ impl AxisGroup {
         position: impl Fn(u8, &AxisControl) -> Option<Counts>,
     ) -> Option<Excess> {
         (0..).zip(&self.0).find_map(|(motor, axis)| {
-            let excess = position_excess(position(motor, axis)?, axis)?;
+            let excess = axis.range_excess(position(motor, axis)?)?;
             Some(excess.of_motor(motor))
         })
     }

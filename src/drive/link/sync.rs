@@ -90,7 +90,7 @@ impl<T: Transport> DriveLink<T> {
         }
     }
 
-    /// One attempt to synchronise. [`DriveLink::is_in_sync`] tells whether it succeeded.
+    /// One attempt to synchronise. [`DriveLink::is_in_sync`] says whether it succeeded.
     ///
     /// # Errors
     ///

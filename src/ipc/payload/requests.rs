@@ -150,7 +150,8 @@ impl Version {
         let positions = |of: &Self| (of.position_min_counts, of.position_max_counts);
         if positions(self) != positions(named) {
             return Some(format!(
-                "the position limits of the controller are {:?} to {:?} counts, and not {:?} to {:?}",
+                "the position limits of the controller are {:?} to {:?} counts, \
+                 and not {:?} to {:?}",
                 self.position_min_counts,
                 self.position_max_counts,
                 named.position_min_counts,

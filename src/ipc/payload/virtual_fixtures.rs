@@ -1,4 +1,4 @@
-//! Virtual fixtures: the request that changes them, and the stream that tells them.
+//! Virtual fixtures: the request that changes them, and the stream that shows them.
 
 use iceoryx2::prelude::ZeroCopySend;
 

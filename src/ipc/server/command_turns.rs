@@ -3,7 +3,7 @@
 //! 1. The newest valid command of the holder of the lease.
 //! 2. One valid command of the other publishers, in turn, so that a client that sends often cannot
 //!    displace one that sends rarely, whatever their stamps are.
-//! 3. One invalid command, in turn: its client is told the reason.
+//! 3. One invalid command, in turn: its client receives the reason.
 //!
 //! Turns go by publisher and not by client id, which a faulty client may change with every command.
 //! One publisher can send for several clients: a bridge of a network.

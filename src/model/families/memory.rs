@@ -3,16 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::families::direction::travel::Travels;
+use crate::model::families::gap_scale;
 use crate::model::families::hysteresis::play_state::PlayState;
-use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiState;
+use crate::model::families::hysteresis::prandtl_ishlinskii::state::PrandtlIshlinskiiState;
 use crate::model::families::hysteresis::stop::state::StopState;
-use crate::units::{MAX_MOTORS, MotorVec};
-
-/// The gap scale of a calibration.
-pub(in crate::model) const UNSCALED: MotorVec = [1.0; MAX_MOTORS];
-
-/// The smallest and the largest gap scale.
-const GAP_SCALES: std::ops::RangeInclusive<f64> = 0.2..=3.0;
+use crate::units::MotorVec;
 
 /// The state that a model keeps of the past motion of the motors. It has a fixed size and uses no
 /// heap. A copy is an independent memory.
@@ -75,8 +70,7 @@ impl Memory {
     /// now on; 1 as calibrated, clamped to 0.2...3. Families without gaps ignore it, and so does a
     /// memory without any past motion.
     pub fn set_gap_scale(&mut self, scale: &MotorVec) {
-        let (least, most) = GAP_SCALES.into_inner();
-        let clamped = scale.map(|scale| scale.max(least).min(most));
+        let clamped = gap_scale::clamp(scale);
         match &mut self.state {
             State::None | State::Travels(_) => {}
             State::Plays(state) => state.gap_scale = clamped,

@@ -31,7 +31,7 @@
 //! logarithms relative to the largest one. Far from all components the nearest one therefore has
 //! the whole responsibility, instead of 0 / 0.
 //!
-//! The terms of two components stand side by side ([`Lanes`]), so that one instruction works on
+//! The terms of two components are side by side ([`Lanes`]), so that one instruction works on
 //! both. Every component is whitened once per evaluation.
 
 use nalgebra::{SMatrix, SVector};

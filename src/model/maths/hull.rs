@@ -358,7 +358,7 @@ fn checked_corners(
             distinct,
             || format!("hull.corners[{i}]"),
             format!("{corner:?}"),
-            "stands there twice in a row",
+            "is there twice in a row",
         )?;
     }
     Ok(corners)

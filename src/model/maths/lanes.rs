@@ -153,7 +153,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_exponential_is_right_to_the_last_digits(a in -40.0..=0.0_f64, b in -700.0..=0.0_f64) {
+        fn the_exponential_is_right_to_the_last_digits(
+            a in -40.0..=0.0_f64,
+            b in -700.0..=0.0_f64,
+        ) {
             let found = Lanes([a, b]).exp_above(-700.0);
             for (found, x) in found.0.into_iter().zip([a, b]) {
                 let expected = x.exp();

@@ -6,7 +6,7 @@
 //! | `ring` | the last seconds, tick by tick |
 //! | `file` | the file: versioned, with a checksum |
 //! | `live` | the last seconds in shared memory: they survive SIGKILL |
-//! | `recorder` | fills the ring and writes the file: on FAULT, on request, at exit, after SIGKILL |
+//! | `recorder` | fills the ring; writes the file on FAULT, on request, at exit, after SIGKILL |
 //! | `replay` | the same ticks through the same cycle, compared bit by bit |
 //!
 //! A file is complete: it begins with a [`CycleSnapshot`] of the state of the cycle, and holds the

@@ -68,9 +68,9 @@ database of the Rust project; it needs a network.
 |---|---|---|---|
 | Linux kernel | scheduling, serial ports, shared memory, locks | C | of the computer: `uname -r` |
 | C library (glibc) | calls of the operating system | C | of the computer: `ldd --version` |
-| Rust compiler and standard library | builds the programs; part of them | C | 1.89 or newer: `rustc --version` |
-| firmware of the drives (EPOS4, EPOS2) | position control, current limit, quick stop | C | read at every start, in the run log |
-| driver and firmware of the serial adapter | the line to the drives | C | of the computer: `modinfo ftdi_sio` |
+| Rust compiler and library | builds the programs; part of them | C | from 1.89: `rustc --version` |
+| firmware of the drives | position, current limit, quick stop | C | read at every start, in the run log |
+| driver of the serial adapter | the line to the drives | C | of the computer: `modinfo ftdi_sio` |
 | systemd | starts controller and watchdog | C | of the computer: `systemctl --version` |
 ";
 

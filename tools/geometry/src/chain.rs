@@ -154,7 +154,7 @@ impl Snake {
         &self.name
     }
 
-    /// The link that stands still, where the first joint begins.
+    /// The link that does not move, where the first joint begins.
     #[must_use]
     pub fn base(&self) -> String {
         format!("{}_base", self.name)

@@ -28,6 +28,8 @@ const ADMISSION_TIMEOUT: Nanos = Nanos::from_millis(3000);
 const AT_ONCE: usize = 64;
 /// What clients ask is looked for so often.
 const WAIT: Duration = Duration::from_millis(1);
+/// The same while somebody streams commands: they wait for half of this on average.
+const STREAMING_WAIT: Duration = Duration::from_micros(200);
 
 /// How a client is run.
 #[derive(Debug, Clone)]
@@ -188,7 +190,10 @@ fn serve(
     domain: &Domain,
     report: &mut impl FnMut(BridgeEvent),
 ) -> Result<Course, NetworkError> {
-    let mut wait = WAIT;
+    let mut wait = match joined.is_streaming(clock::now()) {
+        true => STREAMING_WAIT,
+        false => WAIT,
+    };
     for _ in 0..AT_ONCE {
         let Some(arrival) = joined.next(wait) else {
             break;

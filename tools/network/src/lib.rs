@@ -12,7 +12,7 @@
 //! | [`link`] | the configuration of Zenoh: QUIC, certificates of both ends, access control |
 //! | [`names`] | key expressions |
 //! | [`message`], [`request`], [`state`] | what goes over the network |
-//! | [`offset`] | how the clocks of both computers stand |
+//! | [`offset`] | the offset between the clocks of both computers |
 //! | [`server`], [`client`] | the two ends |
 //!
 //! # Sessions
@@ -36,17 +36,17 @@
 //! # Streams and requests
 //!
 //! Streams go in QUIC datagrams, which are not sent again when they are lost: the next message is
-//! newer. Where they queue on the way they are sent less often. Requests are Zenoh queries in QUIC streams; a client asks again until it has an answer,
-//! and the server knows the numbers and carries each out once. One that is older than half a second
-//! when it arrives is not carried out, since nobody waits for it any more, unless it is one that
-//! stops.
+//! newer. Where they queue on the link they are sent less often. Requests are Zenoh queries in QUIC
+//! streams; a client asks again until it has an answer, and the server knows the numbers and carries
+//! each out once. One that is older than half a second when it arrives is not carried out, since
+//! nobody waits for it any more, unless it is one that stops.
 //!
 //! # Who may
 //!
 //! Every person has a certificate of the robot's own authority, the server has one too, and both
 //! ends check each other (TLS 1.3). Zenoh lets every key send under its own name only, and put
 //! commands only if the [`keys::AccessList`] says so; the server checks the list once more. There
-//! is no way in without a key, not even on one computer.
+//! is no access without a key, not even on one computer.
 
 pub mod client;
 mod error;
@@ -68,4 +68,4 @@ pub use event::BridgeEvent;
 pub use server::BridgeServer;
 
 #[cfg(target_endian = "big")]
-compile_error!("payloads go over the wire as they stand in memory, little endian");
+compile_error!("payloads go over the wire as they are in memory, little endian");

@@ -13,7 +13,7 @@ use crate::{NetworkError, warnings};
 const LEASE_MS: u64 = 4000;
 /// Time to connect, ms.
 const OPEN_TIMEOUT_MS: u64 = 5000;
-/// Connections at the same time: more than there are sessions, so that the next one is told why it
+/// Connections at the same time: more than there are sessions, so that the next one gets the reason why it
 /// has to wait.
 const CONNECTIONS: usize = 16;
 /// Longest message, bytes: the longest reply has less than half of it.
@@ -83,7 +83,7 @@ pub(crate) fn connect(address: &str, key: &PersonalKey) -> Result<Session, Netwo
     let mut config = common("client");
     config["connect"] = json!({
         "endpoints": [endpoint(address)],
-        // One attempt, so that its reason is told.
+        // One attempt, so that its reason is reported.
         "timeout_ms": 0,
         "exit_on_failure": true,
     });
@@ -132,7 +132,7 @@ fn access_control(access: &AccessList, commands: bool) -> Value {
     for entry in &access.key {
         let id = &entry.id;
         let own = [format!("{FROM}/{id}/**")];
-        // A revoked key may still ask, and is told.
+        // A revoked key may still ask, and gets the reason.
         let [ask, answer, command] = ["ask", "answer", "command"].map(|it| format!("{it} {id}"));
         rules.push(rule(&ask, "ingress", &["query"], &own));
         rules.push(rule(&answer, "egress", &["reply"], &own));

@@ -63,7 +63,7 @@ impl SessionRefusal {
     }
 }
 
-/// What stands before the payload of a request.
+/// What precedes the payload of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct QuestionHeader {
@@ -74,7 +74,7 @@ pub struct QuestionHeader {
     pub asked_ns: u64,
 }
 
-/// What stands before the payload of a reply.
+/// What precedes the payload of a reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct AnswerHeader {

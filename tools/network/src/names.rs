@@ -7,8 +7,12 @@ use crate::request::Service;
 
 /// All streams of the controller.
 pub const STATES: &str = "i2ris/state/**";
-/// The stream of the log, of which every message counts.
+/// The log of the controller. Of this stream and the next two every message counts.
 pub const EVENTS: &str = "events";
+/// Faults.
+pub const ERROR: &str = "error";
+/// Refusals, stops and clips.
+pub const WARNING: &str = "warning";
 /// Everything that keys send.
 pub const FROM: &str = "i2ris/from";
 

@@ -1,9 +1,9 @@
-//! How the clocks of two computers stand to each other. Without I/O.
+//! The offset between the clocks of two computers. Without I/O.
 //!
-//! An exchange tells two bounds. The client asks at `sent`, the server answers with its own time
+//! An exchange gives two bounds. The client asks at `sent`, the server answers with its own time
 //! `there`, the answer arrives at `arrived`; `sent` and `arrived` are of the client's clock. The
-//! server's clock showed `there` somewhere between them, so its lead over the client's lies between
-//! `there - arrived` and `there - sent`, whatever the ways took (F. Cristian, "Probabilistic clock
+//! server's clock showed `there` somewhere between them, so its offset from the client's lies between
+//! `there - arrived` and `there - sent`, whatever the transit took (F. Cristian, "Probabilistic clock
 //! synchronization", 1989). The best bounds of all exchanges are kept, so they are as far apart as
 //! the smallest round trip. Both widen with time, because clocks do not run equally fast.
 
@@ -13,7 +13,7 @@ use i2ris::units::Nanos;
 /// the network amount to.
 const DRIFT: f64 = 1e-3;
 
-/// The lead of the server's clock over the client's.
+/// The server's clock minus the client's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ClockOffset {
     bounds: Option<Bounds>,
@@ -120,7 +120,7 @@ mod tests {
         let uncertainty = offset.uncertainty(ms(1400)).unwrap();
         assert!(
             uncertainty < ms(11),
-            "a slow one tells nothing new: {uncertainty:?}"
+            "a slow one adds nothing: {uncertainty:?}"
         );
         let age = ms(1400 + 4000).0 - offset.there(ms(1400).0, ms(1400)).unwrap();
         assert!(age <= ms(11).0);
@@ -138,7 +138,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the clocks show and the ways take, no stamp becomes younger, in neither
+        /// Whatever the clocks show and the transit takes, no stamp becomes younger, in neither
         /// direction, and none older by more than the smallest round trip and the drift.
         #[test]
         fn no_stamp_becomes_younger(
@@ -151,11 +151,11 @@ mod tests {
         ) {
             let mut offset = ClockOffset::default();
             let (mut now, mut smallest) = (DAY, u64::MAX);
-            for (wait, way_there, way_back) in exchanges {
+            for (wait, transit_there, transit_back) in exchanges {
                 let sent = now + wait;
-                let there = server(sent + way_there, lead, rate);
-                now = sent + way_there + way_back;
-                smallest = smallest.min(way_there + way_back);
+                let there = server(sent + transit_there, lead, rate);
+                now = sent + transit_there + transit_back;
+                smallest = smallest.min(transit_there + transit_back);
                 offset.note(Nanos(sent), Nanos(there), Nanos(now));
             }
             let moment = now + later;

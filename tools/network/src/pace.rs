@@ -2,7 +2,7 @@
 //!
 //! QUIC slows down where packets are lost, and keeps what cannot be sent yet in a queue of a
 //! megabyte. With a twentieth of the packets lost over a tenth of a second there and back, streams
-//! arrived seconds late. So the receiver tells by how much messages are later than the quickest
+//! arrived seconds late. So the receiver reports by how much messages are later than the quickest
 //! one, and the sender sends less often while they queue.
 
 use i2ris::units::Nanos;
@@ -65,7 +65,7 @@ pub(crate) struct Lag {
 impl Lag {
     /// A message has arrived at this age.
     pub fn note(&mut self, age: Nanos) {
-        // Rises by a thousandth, so that a way that became longer is not late for ever.
+        // Rises by a thousandth, so that a link that became slower is not late for ever.
         let quickest = self.quickest.map_or(age.0, |quickest| {
             (quickest + quickest / 1000 + 1000).min(age.0)
         });
@@ -83,7 +83,7 @@ impl Lag {
     }
 }
 
-/// A lag as it is told; `None`: nothing arrived.
+/// A lag as it is reported; `None`: nothing arrived.
 pub(crate) fn lag_of_us(lag_us: u32) -> Option<Nanos> {
     (lag_us != 0).then(|| Nanos::from_micros(lag_us.into()))
 }
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_that_arrived_tells_nothing() {
+    fn without_an_arrival_there_is_no_lag() {
         let mut lag = Lag::default();
         assert_eq!(lag_of_us(lag.take_us()), None);
         lag.note(Nanos::from_millis(70));

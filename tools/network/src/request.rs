@@ -38,11 +38,11 @@ impl Service {
     }
 }
 
-/// A request on its way.
+/// A request in transit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Question {
     pub number: u64,
-    /// When it was asked. On the way and in the server on the controller's clock, in the client on
+    /// When it was asked. In transit and in the server on the controller's clock, in the client on
     /// its own.
     pub asked: u64,
     pub service: Service,
@@ -162,7 +162,7 @@ impl Outcome {
     }
 }
 
-/// An answer on its way.
+/// An answer in transit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Answer {
     pub number: u64,

@@ -123,7 +123,7 @@ impl OpenServer {
             if now >= self.next_access {
                 self.next_access = now + ACCESS_PERIOD;
                 self.follow_access(now, &mut report);
-                self.tell_warnings(&mut report);
+                self.report_warnings(&mut report);
             }
         }
         if let Some(network) = self.network.take() {
@@ -131,8 +131,9 @@ impl OpenServer {
         }
     }
 
-    /// Tells what Zenoh warns of, for instance who was not let in and why; a repeated warning once.
-    fn tell_warnings(&mut self, report: &mut impl FnMut(BridgeEvent)) {
+    /// Reports what Zenoh warns of, for instance who was not let in and why; a repeated warning
+    /// once.
+    fn report_warnings(&mut self, report: &mut impl FnMut(BridgeEvent)) {
         for warning in warnings::take() {
             if warning != self.last_warning {
                 self.last_warning.clone_from(&warning);
@@ -150,7 +151,7 @@ impl OpenServer {
             match network.next(wait) {
                 Some(Arrival::Put(sample)) => self.command(&sample),
                 Some(Arrival::Query(query)) => self.query(query, report),
-                Some(Arrival::State(query)) => self.tell(&query),
+                Some(Arrival::State(query)) => self.send_known(&query),
                 None => return,
             }
             wait = Duration::ZERO;
@@ -163,7 +164,7 @@ impl OpenServer {
             return;
         };
         if let Some(session) = find(&mut self.sessions, &source) {
-            session.heard = now;
+            session.received_last = now;
             let bytes = sample.payload().to_bytes();
             session.command(source.what, &bytes, now, &mut self.controller);
         }
@@ -186,7 +187,7 @@ impl OpenServer {
                 if let Some(session) = find(&mut self.sessions, &source)
                     && let Some(question) = Question::read(service, &bytes)
                 {
-                    session.heard = now;
+                    session.received_last = now;
                     session.request(question, query, &mut self.controller, now);
                 }
             }
@@ -249,7 +250,7 @@ impl OpenServer {
             return Err(SessionRefusal::Ended);
         }
         if let Some(session) = find(&mut self.sessions, source) {
-            session.heard = now;
+            session.received_last = now;
             return Ok(());
         }
         if self.sessions.len() >= CLIENTS {
@@ -275,22 +276,15 @@ impl OpenServer {
     }
 
     /// Answers with everything that is known of the streams that a query asks for.
-    fn tell(&self, query: &Query) {
+    fn send_known(&self, query: &Query) {
         use zenoh::Wait;
-        let tell = |stream: &str, bytes: &[u8]| {
+        self.controller.write_known(|stream, bytes| {
             let key = names::state(stream);
             let asked = zenoh::key_expr::keyexpr::new(&key);
             if asked.is_ok_and(|key| query.key_expr().intersects(key)) {
                 let _ = query.reply(&key, bytes).wait();
             }
-        };
-        self.controller.known().write(tell);
-        let events: Vec<u8> = { self.controller.known_events() }
-            .flat_map(|event| event.as_bytes().to_vec())
-            .collect();
-        if !events.is_empty() {
-            tell(names::EVENTS, &events);
-        }
+        });
     }
 
     /// Hands over what the controller has answered.
@@ -307,15 +301,15 @@ impl OpenServer {
         let Some(network) = &mut self.network else {
             return;
         };
-        let new = self.controller.look(now, |event| {
-            network.publish_reliably(names::EVENTS, event.as_bytes());
+        let new = self.controller.look(now, |stream, bytes| {
+            network.publish_reliably(stream, bytes);
         });
         new.write(|stream, bytes| network.publish(stream, bytes));
     }
 
     fn expire(&mut self, now: Nanos, report: &mut impl FnMut(BridgeEvent)) {
         let limit = self.options.lost_after;
-        let is_lost = |session: &&Session| now.since(session.heard) > limit;
+        let is_lost = |session: &&Session| now.since(session.received_last) > limit;
         while let Some(lost) = self.sessions.iter().find(is_lost) {
             let number = lost.number;
             report(BridgeEvent::Lost(lost.id.clone()));

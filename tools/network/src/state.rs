@@ -1,8 +1,8 @@
 //! What the controller reports: the newest of every stream.
 
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
-    Version,
+    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, Version, VirtualFixturesMsg,
 };
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
@@ -20,6 +20,8 @@ pub(crate) struct State {
     pub statistics: Option<PeriodStatistics>,
     pub health: Option<Health>,
     pub external: Option<ExternalPosition>,
+    pub adaptation: Option<AdaptationMsg>,
+    pub fixtures: Option<VirtualFixturesMsg>,
     pub version: Option<Version>,
 }
 
@@ -34,6 +36,8 @@ macro_rules! for_each_stream {
         $each!("period_statistics", statistics);
         $each!("health", health);
         $each!("external/measured_jp", external);
+        $each!("adaptation", adaptation);
+        $each!("virtual_fixtures", fixtures);
         $each!("version", version);
     };
 }
@@ -107,6 +111,12 @@ impl State {
         if let Some(seen) = &mut self.external {
             here(&mut seen.stamp_ns)?;
         }
+        if let Some(adaptation) = &mut self.adaptation {
+            here(&mut adaptation.stamp_ns)?;
+        }
+        if let Some(fixtures) = &mut self.fixtures {
+            here(&mut fixtures.stamp_ns)?;
+        }
         Some(self)
     }
 }
@@ -152,6 +162,14 @@ mod tests {
                 stamp_ns: 8,
                 ..ExternalPosition::default()
             }),
+            adaptation: Some(AdaptationMsg {
+                stamp_ns: 9,
+                ..AdaptationMsg::default()
+            }),
+            fixtures: Some(VirtualFixturesMsg {
+                stamp_ns: 10,
+                ..VirtualFixturesMsg::default()
+            }),
             version: Some(Version {
                 pid: 9,
                 ..Version::default()
@@ -167,7 +185,7 @@ mod tests {
             assert!(read.read(name, bytes), "{name}");
             assert!(!State::default().read(name, &bytes[1..]), "{name}");
         });
-        assert_eq!((read, streams), (full(), 9));
+        assert_eq!((read, streams), (full(), 11));
         assert!(!read.read("servo_jp", &[]));
     }
 

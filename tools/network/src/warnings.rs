@@ -1,4 +1,4 @@
-//! What Zenoh warns of. It returns that a connection failed, and tells why in its log only.
+//! What Zenoh warns of. It returns that a connection failed, and says why in its log only.
 
 use std::collections::VecDeque;
 use std::fmt::{self, Debug, Write as _};
@@ -10,7 +10,7 @@ use tracing::{Event, Level, Metadata, Subscriber};
 
 /// Warnings that are kept until they are taken.
 const KEPT: usize = 16;
-/// Longest part of a warning that is told.
+/// Longest part of a warning that is kept.
 const LONGEST: usize = 400;
 
 static WARNINGS: Mutex<VecDeque<String>> = Mutex::new(VecDeque::new());

@@ -7,7 +7,7 @@ mod common;
 use std::path::Path;
 use std::time::Duration;
 
-use common::{RawClient, free_address, hosts, make};
+use common::{RawClient, eventually, free_address, hosts, make};
 use i2ris::clock;
 use i2ris::ipc::payload::{ServoJp, StateCommandReply};
 use i2ris::ipc::{Refusal, StateCommand};
@@ -189,7 +189,7 @@ fn a_certificate_that_ends_ends_the_connection() {
 }
 
 #[test]
-fn a_revoked_key_is_told_so_and_others_come_back() {
+fn a_revoked_key_gets_the_reason_and_others_come_back() {
     let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
     let alice = make(folder.path(), "alice", Access::Command);
     let bob = make(folder.path(), "bob", Access::Command);
@@ -201,7 +201,7 @@ fn a_revoked_key_is_told_so_and_others_come_back() {
     let is_refused = |client: &RawClient| refusal(client) == Some(SessionRefusal::Revoked as u32);
     // Zenoh connects the former session again by itself.
     while !is_refused(&former) {
-        assert!(clock::now() < end, "never told");
+        assert!(clock::now() < end, "never refused");
         clock::sleep(Nanos::from_millis(50));
     }
     former.put(What::ServoJp, command(1, 1, 0.02).as_bytes());
@@ -247,14 +247,15 @@ fn messages_that_are_none_and_a_flood_change_nothing() {
     for number in 0..20_000 {
         alice.put(What::ServoJp, &[number as u8; 7]);
     }
-    assert!(alice.alive().is_some());
+    // A sign of life in the flood can be lost, as everything of the client that floods.
+    eventually("the session lives", || alice.alive());
     assert!(controller.robot().poses.is_empty());
     alice.put(What::ServoJp, command(1, 1, 0.02).as_bytes());
     controller.wait("a command", |robot| robot.poses.len() == 1);
 }
 
 #[test]
-fn the_newest_of_every_stream_is_told_on_request_and_then_as_it_comes() {
+fn the_newest_of_every_stream_is_sent_on_request_and_then_as_it_comes() {
     let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
     let eve = make(folder.path(), "eve", Access::Watch);
     let server = RunningServer::start(&controller, folder.path(), true);

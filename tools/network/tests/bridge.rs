@@ -8,13 +8,16 @@ use std::path::{Path, PathBuf};
 use std::process::ChildStdout;
 
 use i2ris::clock;
-use i2ris::ipc::{Domain, StateCommand, random_id};
+use i2ris::ipc::client::Watcher;
+use i2ris::ipc::payload::{AdaptationMsg, VirtualFixturesMsg};
+use i2ris::ipc::{Domain, Fault, Refusal, StateCommand, random_id};
+use i2ris::robot::{Cause, Excess, Quantity, Reason};
 use i2ris::units::Nanos;
 
 use i2ris_network::keys::Access;
 use i2ris_testing::{Controller, Program};
 
-use common::{free_address, make};
+use common::{eventually, free_address, make};
 
 /// The other computer's domain; swept when dropped, also of what a killed end left.
 struct Far(Domain);
@@ -167,6 +170,52 @@ fn over_a_bridge_the_robot_is_enabled_moved_and_watched_by_the_same_tools() {
     client.program.interrupt();
     let (success, _, error) = client.program.end();
     assert!(success, "{error}");
+}
+
+#[test]
+fn faults_warnings_drift_and_regions_are_seen_on_the_other_computer() {
+    let (controller, far) = (Controller::enabled(), Far::new());
+    let place = Place::new(Access::Watch);
+    let adaptation = AdaptationMsg {
+        total_used: 0.25,
+        frames_used: 7,
+        ..AdaptationMsg::default()
+    };
+    let fixtures = VirtualFixturesMsg {
+        active: 3,
+        limited_by: 2,
+        values: [[0.5; 17]; 8],
+        name: [[b'a'; 24]; 8],
+        ..VirtualFixturesMsg::default()
+    };
+    let fault = Reason::from(Cause::Fault(Fault::Late));
+    {
+        let mut robot = controller.robot();
+        (robot.adaptation, robot.fixtures) = (Some(adaptation), Some(fixtures));
+        robot.reasons.push((fault, 0));
+    }
+    let _ends = bridge(&controller, &far, &place, &[]);
+    let watcher = Watcher::new(&far.0);
+    // One of before the connection, and one of now.
+    let mut stream = watcher.error();
+    let found = eventually("a fault", || stream.read().ok().flatten());
+    assert_eq!((found.reason(), found.client_id), (Some(fault), 0));
+    let refusal = Reason {
+        cause: Cause::Refusal(Refusal::Step),
+        excess: Some(Excess::new(Quantity::Degrees, 12.5, Some(5.0)).of_motor(1)),
+    };
+    controller.robot().reasons.push((refusal, 77));
+    let mut stream = watcher.warning();
+    let found = eventually("a refusal", || stream.read().ok().flatten());
+    assert_eq!((found.reason(), found.client_id), (Some(refusal), 77));
+    assert!(Nanos(found.stamp_ns) <= clock::now() && found.stamp_ns > 0);
+    let mut stream = watcher.adaptation();
+    let found = eventually("the drift", || stream.newest().ok().flatten());
+    assert_eq!((found.total_used, found.frames_used), (0.25, 7));
+    let mut stream = watcher.virtual_fixtures();
+    let found = eventually("the regions", || stream.newest().ok().flatten());
+    assert_eq!((found.active, found.limited_by), (3, 2));
+    assert_eq!((found.values, found.name), (fixtures.values, fixtures.name));
 }
 
 #[test]

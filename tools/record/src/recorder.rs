@@ -105,7 +105,7 @@ pub struct RecordingHeader {
     pub unix_offset_ns: u64,
     /// Names of the joints.
     pub joints: Vec<String>,
-    /// The link that stands still.
+    /// The fixed link.
     pub frame: String,
     /// The robot as a URDF; empty: none.
     pub urdf: String,

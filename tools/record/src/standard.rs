@@ -16,7 +16,7 @@ pub struct StandardMessages {
     pub unix_offset_ns: u64,
     /// Names of the joints.
     pub joints: Vec<String>,
-    /// The link that stands still, in which angles are told.
+    /// The fixed link, in which angles are given.
     pub frame: String,
     last_state: Option<([u32; 2], u64)>,
 }
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_operating_state_is_told_on_change_with_rising_stamps() {
+    fn an_operating_state_is_sent_on_change_with_rising_stamps() {
         let mut messages = StandardMessages::new(0, Vec::new(), "base".to_owned());
         let at = |stamp_ns, state: OperatingState, flags| OperatingStateMsg {
             stamp_ns,

@@ -9,7 +9,8 @@ use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
+    VirtualFixturesMsg,
 };
 use i2ris::units::Nanos;
 
@@ -55,10 +56,12 @@ pub struct Subscriptions {
     statistics: Subscription<PeriodStatistics>,
     health: Subscription<Health>,
     adaptation: Subscription<AdaptationMsg>,
+    fixtures: Subscription<VirtualFixturesMsg>,
     events: Subscription<EventMsg>,
     error: Subscription<ReasonMsg>,
     warning: Subscription<ReasonMsg>,
     external: Subscription<ExternalPosition>,
+    reach_target: Subscription<ReachTarget>,
     servo: Subscription<ServoJp>,
     servo_actuators: Subscription<ServoActuator>,
 }
@@ -78,10 +81,12 @@ impl Subscriptions {
             statistics: watcher.period_statistics(),
             health: watcher.health(),
             adaptation: watcher.adaptation(),
+            fixtures: watcher.virtual_fixtures(),
             events: watcher.events(),
             error: watcher.error(),
             warning: watcher.warning(),
             external: watcher.external(),
+            reach_target: watcher.reach_target(),
             servo: watcher.servo_jp(),
             servo_actuators: watcher.servo_actuators(),
         }
@@ -101,10 +106,12 @@ impl Subscriptions {
         drain(&mut self.statistics, Stream::Statistics, sink, now)?;
         drain(&mut self.health, Stream::Health, sink, now)?;
         drain(&mut self.adaptation, Stream::Adaptation, sink, now)?;
+        drain(&mut self.fixtures, Stream::VirtualFixtures, sink, now)?;
         drain(&mut self.events, Stream::Events, sink, now)?;
         drain(&mut self.error, Stream::Error, sink, now)?;
         drain(&mut self.warning, Stream::Warning, sink, now)?;
         drain(&mut self.external, Stream::External, sink, now)?;
+        drain(&mut self.reach_target, Stream::ReachTarget, sink, now)?;
         self.servo.drain(|command| sink.servo_jp(&command, now))?;
         let servo = &mut self.servo_actuators;
         drain(servo, Stream::ServoActuators, sink, now)
@@ -121,6 +128,7 @@ impl Subscriptions {
             (Stream::Statistics, self.statistics.missed()),
             (Stream::Health, self.health.missed()),
             (Stream::Adaptation, self.adaptation.missed()),
+            (Stream::VirtualFixtures, self.fixtures.missed()),
             (Stream::Events, self.events.missed()),
             (Stream::Error, self.error.missed()),
             (Stream::Warning, self.warning.missed()),

@@ -5,7 +5,8 @@ use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp,
+    OperatingStateMsg, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
+    VirtualFixturesMsg,
 };
 
 use crate::cdr;
@@ -31,6 +32,8 @@ pub enum Stream {
     Health,
     /// `adaptation`.
     Adaptation,
+    /// `virtual_fixtures`.
+    VirtualFixtures,
     /// `events`.
     Events,
     /// `error`.
@@ -39,6 +42,8 @@ pub enum Stream {
     Warning,
     /// `external/measured_jp`.
     External,
+    /// `reach_target`.
+    ReachTarget,
     /// `servo_jp`.
     ServoJp,
     /// `actuators/servo_jp`.
@@ -47,7 +52,7 @@ pub enum Stream {
 
 impl Stream {
     /// All streams.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 16] = [
         Self::Measured,
         Self::Setpoint,
         Self::Goal,
@@ -56,10 +61,12 @@ impl Stream {
         Self::Statistics,
         Self::Health,
         Self::Adaptation,
+        Self::VirtualFixtures,
         Self::Events,
         Self::Error,
         Self::Warning,
         Self::External,
+        Self::ReachTarget,
         Self::ServoJp,
         Self::ServoActuators,
     ];
@@ -76,10 +83,12 @@ impl Stream {
             Self::Statistics => "period_statistics",
             Self::Health => "health",
             Self::Adaptation => "adaptation",
+            Self::VirtualFixtures => "virtual_fixtures",
             Self::Events => "events",
             Self::Error => "error",
             Self::Warning => "warning",
             Self::External => "external/measured_jp",
+            Self::ReachTarget => "reach_target",
             Self::ServoJp => "servo_jp",
             Self::ServoActuators => "actuators/servo_jp",
         }
@@ -95,15 +104,17 @@ impl Stream {
             Self::Statistics => PeriodStatistics::LAYOUT,
             Self::Health => Health::LAYOUT,
             Self::Adaptation => AdaptationMsg::LAYOUT,
+            Self::VirtualFixtures => VirtualFixturesMsg::LAYOUT,
             Self::Events => EventMsg::LAYOUT,
             Self::Error | Self::Warning => ReasonMsg::LAYOUT,
             Self::External => ExternalPosition::LAYOUT,
+            Self::ReachTarget => ReachTarget::LAYOUT,
             Self::ServoJp => ServoJp::LAYOUT,
             Self::ServoActuators => ServoActuator::LAYOUT,
         }
     }
 
-    /// The standard message that tells the same, if there is one.
+    /// The standard message with the same content, if there is one.
     #[must_use]
     pub const fn standard(self) -> Option<StandardType> {
         match self {
@@ -119,7 +130,10 @@ impl Stream {
     /// their sequence numbers do not show missing messages.
     #[must_use]
     pub const fn has_one_sender(self) -> bool {
-        !matches!(self, Self::External | Self::ServoJp | Self::ServoActuators)
+        !matches!(
+            self,
+            Self::External | Self::ReachTarget | Self::ServoJp | Self::ServoActuators
+        )
     }
 }
 

@@ -9,6 +9,7 @@ use std::process::{Output, Stdio};
 use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::VirtualFixturesMsg;
 use i2ris::model::ModelId;
 use i2ris::model::file::ModelFile;
 use i2ris::process::robot_description;
@@ -64,6 +65,12 @@ fn run(arguments: &[&str]) -> (bool, String, String) {
 #[test]
 fn a_recording_has_every_stream_and_is_exported() {
     let controller = Controller::enabled();
+    controller.robot().fixtures = Some(VirtualFixturesMsg {
+        active: 3,
+        limited_by: 2,
+        values: [[0.125; 17]; 8],
+        ..VirtualFixturesMsg::default()
+    });
     let (folder, file) = trial_path();
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
     runs_with(&controller, &config);
@@ -114,6 +121,20 @@ fn a_recording_has_every_stream_and_is_exported() {
         rows.windows(2)
             .all(|pair| sequence(&pair[0]) < sequence(&pair[1]))
     );
+    let table = fs::read_to_string(tables.join("virtual_fixtures.csv")).unwrap();
+    let mut rows = table
+        .lines()
+        .map(|line| line.split(',').collect::<Vec<_>>());
+    let names = rows.next().unwrap();
+    let place = |name: &str| names.iter().position(|it| *it == name).unwrap();
+    let row = rows.next().unwrap();
+    for (name, wanted) in [
+        ("active", "3"),
+        ("limited_by", "2"),
+        ("values_135", "0.125"),
+    ] {
+        assert_eq!(row[place(name)], wanted, "{name}");
+    }
 }
 
 #[test]
@@ -157,7 +178,7 @@ fn a_full_disk_ends_the_recording_with_a_reason_and_leaves_what_was_written() {
         !output.status.success() && error.contains("trial.mcap") && error.contains("recover"),
         "{error}"
     );
-    // The limit on the size of a file, which stands for the disk here.
+    // The limit on the size of a file, which takes the place of the disk here.
     assert!(error.contains("File too large"), "{error}");
     let whole = folder.path().join("whole.mcap");
     let (success, output, _) = run(&["record", "recover", name(&file), "--output", name(&whole)]);

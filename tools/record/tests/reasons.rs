@@ -31,7 +31,7 @@ fn reasons() -> Vec<Reason> {
         .collect()
 }
 
-/// Sets the robot into FAULT and lets the controller tell its cause.
+/// Sets the robot into FAULT and lets the controller report its cause.
 fn fault(controller: &Controller, reason: Reason) {
     let Cause::Fault(fault) = reason.cause else {
         return;

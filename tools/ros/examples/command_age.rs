@@ -5,10 +5,10 @@
 //! target/release/examples/command_age [SECONDS]
 //! ```
 //!
-//! Controller, `i2ris-ros` and the echo are processes of their own. A client sends `servo_jp`, and a
-//! message of the same kind to the echo, at about 200 Hz. The black box of the controller holds the
-//! tick that read every command; its goal says which one it is. The echo sends back what it gets,
-//! and does nothing else: its way there and back is what DDS costs here.
+//! Controller, `i2ris-ros` and the echo are processes of their own. A client sends `servo_jp`, and
+//! a message of the same kind to the echo, at about 200 Hz. The black box of the controller holds
+//! the tick that read every command; its goal says which one it is. The echo sends back what it
+//! gets, and does nothing else: its round trip is what DDS costs here.
 #![allow(clippy::print_stdout, reason = "it prints what it measured")]
 
 use std::error::Error;
@@ -119,7 +119,7 @@ fn measure(seconds: u64) -> Result<(), Failure> {
     config.limits.feedback_lost_ms = 10_000;
     config.command.deadline_ms = 500;
     config.record.folder = folder.path().join("records");
-    config.record.seconds = seconds + 5;
+    config.record.seconds = 2 * seconds + 15;
     let model = folder.path().join("model.json");
     std::fs::write(&model, MODEL)?;
     config.control.model = Some(model);
@@ -145,9 +145,14 @@ fn measure(seconds: u64) -> Result<(), Failure> {
     )?;
     let _echo =
         start(Command::new(std::env::current_exe()?).args(["echo", &ros_domain.to_string()]))?;
-    let (sent, round_trips) = stream(ros_domain, Nanos::from_millis(seconds * 1000))?;
+    let length = Nanos::from_millis(seconds * 1000);
+    let (mut sent, round_trips) = stream(ros_domain, length)?;
+    let by_ros = sent.len();
+    // The lease of the client of ROS ends.
+    clock::sleep(Nanos::from_millis(config.command.lease_timeout_ms + 500));
+    stream_by_shared_memory(&client, length, &mut sent)?;
     let recorded = BlackBox::read(&client.write_black_box()?)?;
-    report(&recorded, &sent, round_trips.try_iter().collect());
+    report(&recorded, &sent, by_ros, round_trips.try_iter().collect());
     Ok(())
 }
 
@@ -162,7 +167,7 @@ fn beside(program: &str) -> Result<PathBuf, Failure> {
     Ok(file)
 }
 
-/// Sends commands and echoes. When every command was sent, and the echoes' ways there and back.
+/// Sends commands and echoes. When every command was sent, and the round trips of the echoes.
 fn stream(ros_domain: u16, length: Nanos) -> Result<(Vec<Nanos>, Receiver<Nanos>), Failure> {
     let (_context, mut node) = i2ris_ros::join(ros_domain, &[], "client")?;
     let servo = publisher(&mut node, &format!("/{ROBOT}/servo_jp"))?;
@@ -204,24 +209,46 @@ fn stream(ros_domain: u16, length: Nanos) -> Result<(Vec<Nanos>, Receiver<Nanos>
     Ok((sent, round_trips))
 }
 
-fn report(recorded: &BlackBox, sent: &[Nanos], round_trips: Vec<Nanos>) {
+/// What every client pays: commands through shared memory alone.
+fn stream_by_shared_memory(
+    client: &Client,
+    length: Nanos,
+    sent: &mut Vec<Nanos>,
+) -> Result<(), Failure> {
+    let (mut commander, start) = (client.commander(), clock::now());
+    let mut next = start;
+    while clock::now().since(start) < length {
+        let now = clock::now();
+        commander.servo_jp(&[sent.len() as f64 * STEP, 0.0])?;
+        sent.push(now);
+        next = (next + SEND_PERIOD).max(clock::now());
+        clock::sleep_until(next);
+    }
+    clock::sleep(Nanos::from_millis(200));
+    Ok(())
+}
+
+fn report(recorded: &BlackBox, sent: &[Nanos], by_ros: usize, round_trips: Vec<Nanos>) {
     let age = |tick: &i2ris::process::black_box::TickRecord| {
         let servo = tick.inputs.servo?;
         let ServoGoal::Joint(goal, _) = servo.goal else {
             return None;
         };
-        let sent = sent.get((goal[0] / STEP).round() as usize)?;
-        Some((
-            tick.timing.tick.started.since(*sent),
-            servo.stamp.since(*sent),
-        ))
+        let index = (goal[0] / STEP).round() as usize;
+        let age = tick.timing.tick.started.since(*sent.get(index)?);
+        Some((index < by_ros, age))
     };
-    let ages: Vec<(Nanos, Nanos)> = recorded.ticks.iter().filter_map(age).collect();
-    let (whole, on_the_way) = ages.into_iter().unzip();
-    let age = print("age at the tick", whole);
-    print("  of it until i2ris-ros has it", on_the_way);
+    let ages: Vec<(bool, Nanos)> = recorded.ticks.iter().filter_map(age).collect();
+    let of = |ros: bool| { ages.iter() }.filter(move |(by_ros, _)| *by_ros == ros);
+    let [by_ros, direct] = [true, false].map(|ros| of(ros).map(|(_, age)| *age).collect());
+    let by_ros = print("age at the tick, by ROS", by_ros);
+    let direct = print("age at the tick, by shared memory", direct);
     let echo = print("echo, there and back", round_trips);
-    println!("age / echo at the median: {:.2}", age / echo);
+    println!("age / echo at the median: {:.2}", by_ros / echo);
+    println!(
+        "(age - that by shared memory) / echo: {:.2}",
+        (by_ros - direct) / echo
+    );
 }
 
 /// Prints percentiles, ms; the median.

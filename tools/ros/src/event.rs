@@ -1,4 +1,4 @@
-//! What the threads tell the one that publishes.
+//! What the threads report to the one that publishes.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -47,13 +47,13 @@ pub(crate) fn channel() -> (Events, Receiver<Event>) {
 }
 
 impl Events {
-    /// Tells an event, or drops it.
-    pub fn tell(&self, event: Event) {
+    /// Reports an event, or drops it.
+    pub fn report(&self, event: Event) {
         let _ = self.0.try_send(event);
     }
 
-    /// Tells of a motion. These are few, and none may be missing.
-    pub fn tell_of_move(&self, event: Event) {
+    /// Reports a motion. These are few, and none may be missing.
+    pub fn report_move(&self, event: Event) {
         let _ = self.0.send(event);
     }
 }

@@ -25,8 +25,8 @@ use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
   i2ris ros urdf eye > eye.urdf                 the snake for RViz and Foxglove
 
 No installation of ROS is needed. Topics, types and quality of service are those of CRTK: \
-measured_js, setpoint_js, measured_cp, operating_state, error, warning, status; servo_jp, servo_jr, \
-move_jp, move_jr, state_command, hold.
+measured_js, setpoint_js, measured_cp, operating_state, error, warning, status; servo_jp, \
+servo_jr, move_jp, move_jr, state_command, hold.
 
 ROS 2 has no access control: with --network everybody in that network can command, unless \
 --read-only is given.")]

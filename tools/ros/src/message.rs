@@ -7,7 +7,9 @@ use ros2_client::Message;
 use serde::{Deserialize, Serialize};
 
 macro_rules! messages {
-    ($($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident: $kind:ty,)* })*) => {$(
+    ($($(#[$meta:meta])* $name:ident {
+        $($(#[$field_meta:meta])* $field:ident: $kind:ty,)*
+    })*) => {$(
         $(#[$meta])*
         #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
         pub struct $name { $($(#[$field_meta])* pub $field: $kind,)* }

@@ -14,8 +14,9 @@ pub const LARGEST_DOMAIN: u16 = 232;
 /// The name of the node.
 pub const NODE: &str = "i2ris_ros";
 
-/// Joins a domain of ROS with a node of this name. Without networks only this computer is reached, whatever its interfaces
-/// are; with networks the interfaces that have these addresses, and this computer.
+/// Joins a domain of ROS with a node of this name. Without networks only this computer is reached,
+/// whatever its interfaces are; with networks the interfaces that have these addresses, and this
+/// computer.
 ///
 /// # Errors
 ///

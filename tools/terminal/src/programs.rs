@@ -25,7 +25,7 @@ const fn program(name: &'static str, package: &'static str, about: &'static str)
 }
 
 /// All of them, in the order of the help.
-pub const PROGRAMS: [Program; 7] = [
+pub const PROGRAMS: [Program; 8] = [
     program("monitor", "i2ris-monitor", "Watch the robot"),
     program(
         "record",
@@ -46,6 +46,11 @@ pub const PROGRAMS: [Program; 7] = [
         "ros",
         "i2ris-ros",
         "Show and command the robot in ROS 2, as CRTK names it",
+    ),
+    program(
+        "foxglove",
+        "i2ris-foxglove",
+        "Watch the robot live in Foxglove or Lichtblick",
     ),
     program(
         "vision",

@@ -7,9 +7,9 @@ use std::thread::{self, JoinHandle};
 
 use i2ris::clock;
 use i2ris::ipc::payload::{
-    ActuatorState, JointState, ModelReply, ModelRequest, ModelSlot, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
-    padded_text,
+    ActuatorState, AdaptationMsg, JointState, ModelReply, ModelRequest, ModelSlot,
+    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply,
+    StateCommandRequest, Version, VirtualFixturesMsg, padded_text,
 };
 use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{
@@ -66,6 +66,10 @@ pub struct Robot {
     pub places: Vec<[i32; 2]>,
     /// What `error` and `warning` are to say next, with the client that it concerns.
     pub reasons: Vec<(Reason, u64)>,
+    /// What `adaptation` is to say.
+    pub adaptation: Option<AdaptationMsg>,
+    /// What `virtual_fixtures` is to say.
+    pub fixtures: Option<VirtualFixturesMsg>,
     sequence: u64,
 }
 
@@ -97,6 +101,8 @@ impl Robot {
             poses: Vec::new(),
             places: Vec::new(),
             reasons: Vec::new(),
+            adaptation: None,
+            fixtures: None,
             sequence: 0,
         }
     }
@@ -227,7 +233,7 @@ impl Robot {
         true
     }
 
-    fn tell(&self, server: &mut Server, now: Nanos) {
+    fn publish(&self, server: &mut Server, now: Nanos) {
         let joint = JointState {
             stamp_ns: now.0,
             position: [self.pose[0].to_radians(), self.pose[1].to_radians(), 0.0],
@@ -252,6 +258,18 @@ impl Robot {
             stamp_ns: now.0,
             ..PeriodStatistics::default()
         });
+        if let Some(adaptation) = self.adaptation {
+            server.publish_adaptation(AdaptationMsg {
+                stamp_ns: now.0,
+                ..adaptation
+            });
+        }
+        if let Some(fixtures) = self.fixtures {
+            server.publish_fixtures(VirtualFixturesMsg {
+                stamp_ns: now.0,
+                ..fixtures
+            });
+        }
         server.publish_operating_state(OperatingStateMsg {
             stamp_ns: now.0,
             lease_client_id: self.lease,
@@ -361,7 +379,7 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
         server.reply_model(token, reply);
     }
     server.describe_robot(&robot.description);
-    robot.tell(server, now);
+    robot.publish(server, now);
     server.maintain(now);
 }
 

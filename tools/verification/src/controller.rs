@@ -13,7 +13,7 @@ use crate::state::{
     STEP, State, raise,
 };
 
-/// The present. Everything else is told by its age.
+/// The present. Everything else has an age.
 pub(crate) const NOW: Nanos = Nanos::from_millis(1_000_000);
 
 /// Sequence of a command that is the newest of its client.

@@ -8,8 +8,8 @@ use i2ris_network::offset::ClockOffset;
 use crate::controller::{NOW, ago};
 use crate::guard::{Guard, Guards};
 use crate::state::{
-    BEHIND, Client, Command, Drive, FORGOTTEN, Heard, LOST, Process, SILENCE, SILENT, STEP, State,
-    raise,
+    BEHIND, Client, Command, Drive, FORGOTTEN, LOST, LastHeartbeat, Process, SILENCE, SILENT, STEP,
+    State, raise,
 };
 
 /// The clock of the far computer is ahead by this much, and nobody knows it.
@@ -86,7 +86,7 @@ pub(crate) fn watch(state: &mut State, guards: Guards) {
     } else {
         Nanos::ZERO
     };
-    let mut monitor = remembered(state.heard, silence);
+    let mut monitor = remembered(state.last_heartbeat, silence);
     let read = match (state.process, state.heartbeat) {
         (Process::Killed | Process::Dead, _) => Err(ControllerAbsent),
         (_, None) => Ok(None),
@@ -98,18 +98,18 @@ pub(crate) fn watch(state: &mut State, guards: Guards) {
     };
     let status = monitor.update(read, NOW);
     let is_stop = matches!(status, ControllerStatus::Died | ControllerStatus::Hangs);
-    state.heard = match (read, state.heard) {
+    state.last_heartbeat = match (read, state.last_heartbeat) {
         (Err(ControllerAbsent), _) => None,
-        (Ok(None), heard) => heard.map(|heard| Heard {
-            reported: heard.reported || is_stop,
-            ..heard
+        (Ok(None), last_heartbeat) => last_heartbeat.map(|last_heartbeat| LastHeartbeat {
+            reported: last_heartbeat.reported || is_stop,
+            ..last_heartbeat
         }),
-        (Ok(Some(_)), heard) => state.heartbeat.map(|heartbeat| Heard {
+        (Ok(Some(_)), last_heartbeat) => state.heartbeat.map(|heartbeat| LastHeartbeat {
             age: heartbeat.age,
             drives_off: heartbeat.drives_off,
             is_current: true,
             reported: is_stop
-                || heard.is_some_and(|last| {
+                || last_heartbeat.is_some_and(|last| {
                     last.reported && last.is_current && last.age == heartbeat.age
                 }),
         }),
@@ -119,13 +119,17 @@ pub(crate) fn watch(state: &mut State, guards: Guards) {
     }
 }
 
-/// A monitor that has heard this.
-fn remembered(heard: Option<Heard>, silence: Nanos) -> HeartbeatMonitor {
+/// A monitor whose last heartbeat was this.
+fn remembered(last_heartbeat: Option<LastHeartbeat>, silence: Nanos) -> HeartbeatMonitor {
     let mut monitor = HeartbeatMonitor::new(silence);
-    if let Some(heard) = heard {
-        let last = heartbeat_word(heard.is_current, heard.age, heard.drives_off);
+    if let Some(last_heartbeat) = last_heartbeat {
+        let last = heartbeat_word(
+            last_heartbeat.is_current,
+            last_heartbeat.age,
+            last_heartbeat.drives_off,
+        );
         monitor.update(Ok(Some(last)), last.stamp);
-        if heard.reported {
+        if last_heartbeat.reported {
             monitor.update(Ok(Some(last)), last.stamp + silence + Nanos(1));
         }
     }
@@ -162,8 +166,8 @@ pub(crate) fn grow_older(state: &mut State) {
     if let Some(heartbeat) = &mut state.heartbeat {
         raise(&mut heartbeat.age, SILENT);
     }
-    if let Some(heard) = &mut state.heard {
-        raise(&mut heard.age, SILENT);
+    if let Some(last_heartbeat) = &mut state.last_heartbeat {
+        raise(&mut last_heartbeat.age, SILENT);
     }
     state.has_sent = [false; 2];
 }

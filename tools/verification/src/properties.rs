@@ -1,13 +1,12 @@
 //! What must hold in every state, and what must happen in some, so that the former is not true
 //! because nothing moves.
 
-use stateright::Property;
+use stateright::{Model, Property};
 
 use crate::controller::holder;
 use crate::state::{Client, DEADLINE, Drive, Followed, Process, Robot, SILENT, State};
-use crate::system::System;
 
-pub(crate) fn properties() -> Vec<Property<System>> {
+pub(crate) fn properties<M: Model<State = State>>() -> Vec<Property<M>> {
     let mut properties = vec![
         Property::always("never two leaders", |_, state: &State| {
             !state.truth.had_two_leaders
@@ -57,7 +56,7 @@ pub(crate) fn properties() -> Vec<Property<System>> {
     properties
 }
 
-fn reachable() -> [Property<System>; 6] {
+fn reachable<M: Model<State = State>>() -> [Property<M>; 6] {
     [
         Property::sometimes("the near client moves the robot", |_, state: &State| {
             moves(state).is_some_and(|motion| motion.client == Client::Near)

@@ -110,7 +110,7 @@ pub(crate) struct Followed {
 
 /// What the watchdog remembers: the last heartbeat.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) struct Heard {
+pub(crate) struct LastHeartbeat {
     pub age: u8,
     pub drives_off: bool,
     /// Of the present start of the controller.
@@ -156,7 +156,7 @@ pub struct State {
     /// The client has sent in this step.
     pub(crate) has_sent: [bool; 2],
     pub(crate) heartbeat: Option<Heartbeat>,
-    pub(crate) heard: Option<Heard>,
+    pub(crate) last_heartbeat: Option<LastHeartbeat>,
     /// The setpoint moved along this command in the tick that has just ended.
     pub(crate) motion: Option<Followed>,
     pub(crate) truth: Truth,

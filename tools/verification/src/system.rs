@@ -73,7 +73,7 @@ impl Model for System {
             network: [None; 2],
             has_sent: [false; 2],
             heartbeat: None,
-            heard: None,
+            last_heartbeat: None,
             motion: None,
             truth: Truth::default(),
         }]
@@ -189,8 +189,8 @@ fn kill(state: &mut State, guards: Guards) -> bool {
     }
     state.process = Process::Killed;
     forget(state, guards);
-    if let Some(heard) = &mut state.heard {
-        heard.is_current = false;
+    if let Some(last_heartbeat) = &mut state.last_heartbeat {
+        last_heartbeat.is_current = false;
     }
     true
 }

@@ -72,7 +72,7 @@ impl GreyImage {
         Some(top + fy * (bottom - top))
     }
 
-    /// A number that differs between different images, for telling a frozen camera. Not stable
+    /// A number that differs between different images, to detect a frozen camera. Not stable
     /// between releases.
     #[must_use]
     pub fn digest(&self) -> u64 {

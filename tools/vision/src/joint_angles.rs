@@ -1,7 +1,7 @@
 //! From what the views show to the joint angles and the tip.
 //!
 //! Positive directions: view `i` shows the bend in the direction `phi_i`, turned from pitch towards
-//! yaw. The direction of the tip `(x, y, z)` (pitch's way, yaw's way, along the base) has
+//! yaw. The direction of the tip `(x, y, z)` (towards pitch, towards yaw, along the base) has
 //! `tan pitch = x / z` and `tan yaw = y / z`, so
 //!
 //! ```text
@@ -38,7 +38,7 @@ pub struct JointAngles {
     pub std_rad: [Option<f64>; 2],
     /// The lower quality of both views.
     pub quality: f64,
-    /// Where the tip is, from where it is at rest, mm: along the base, pitch's way, yaw's way.
+    /// Where the tip is, from where it is at rest, mm: along the base, towards pitch, towards yaw.
     pub tip_mm: [Option<f64>; 3],
 }
 
@@ -168,7 +168,7 @@ impl PlanarView {
         }
     }
 
-    /// What of `[pitch's way, yaw's way]` goes towards the camera.
+    /// What of `[towards pitch, towards yaw]` goes towards the camera.
     fn nearer(&self, [x, y]: [f64; 2]) -> f64 {
         let (sin, cos) = self.plane_rad.sin_cos();
         cos * y - sin * x

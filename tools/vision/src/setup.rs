@@ -174,7 +174,7 @@ impl VisionSetup {
         if let [view] = self.views.as_slice()
             && view.turn_deg.abs() > 0.5
         {
-            let reason = "must be 0 with one view: only a second one tells how much of the \
+            let reason = "must be 0 with one view: only a second one shows how much of the \
                           other axis it shows";
             return Err((format!("view {}: turn_deg", view.name), reason));
         }

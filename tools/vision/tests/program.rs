@@ -306,7 +306,7 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     let place = Place::new();
     let rig = rig();
     let mut bytes = stream(&place, &rig, 30);
-    // The last frame is empty: the controller hears that nothing was seen.
+    // The last frame is empty: the controller learns that nothing was seen.
     let length = bytes.len();
     bytes[length - 640 * 480..].fill(100);
     let name = format!("t{:016x}", random_id());

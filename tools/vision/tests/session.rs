@@ -1,4 +1,4 @@
-//! The whole way of the frames, and everything that cameras and folders do wrong: named, counted,
+//! The whole path of the frames, and everything that cameras and folders do wrong: named, counted,
 //! never an angle.
 #![allow(clippy::unwrap_used, reason = "a test may")]
 

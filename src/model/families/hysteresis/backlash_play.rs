@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use super::{Lags, Operator, StoredOperator};
 use crate::model::error::{ModelError, require};
+use crate::model::families::gap_scale::UNSCALED;
 pub use crate::model::families::hysteresis::play_state::MAX_PLAYS;
 pub use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::memory::State;
-use crate::model::families::memory::UNSCALED;
 use crate::model::maths::matrix_checks::parameters;
 use crate::model::maths::regression::{Local, array, vector};
 use crate::units::MotorVec;

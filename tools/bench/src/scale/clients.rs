@@ -14,8 +14,8 @@ use super::Curve;
 use crate::durations::Durations;
 use crate::error::BenchError;
 
-/// The numbers of clients; a stream has places for 24.
-const CLIENTS: [usize; 6] = [1, 2, 4, 8, 16, 24];
+/// The numbers of clients; a stream has places for 32.
+const CLIENTS: [usize; 6] = [1, 2, 4, 8, 16, 32];
 /// Messages of a round.
 const MESSAGES: u64 = 1000;
 const WARM_UP: u64 = 100;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// A fenced block.
 pub struct Block {
-    /// What stands behind the opening fence, for example `sh run`.
+    /// What follows the opening fence, for example `sh run`.
     pub info: String,
     /// The lines, joined.
     pub text: String,

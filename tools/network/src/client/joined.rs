@@ -1,9 +1,9 @@
-//! A session that the server has admitted, and the domain that stands for its controller.
+//! A session that the server has admitted, and the domain that takes the place of its controller.
 
 use std::collections::BTreeMap;
 
 use i2ris::ipc::Domain;
-use i2ris::ipc::payload::EventMsg;
+use i2ris::ipc::payload::{EventMsg, ReasonMsg};
 use i2ris::ipc::ready::INTERFACE_VERSION;
 use i2ris::ipc::server::ReceivedCommand;
 use i2ris::units::Nanos;
@@ -13,7 +13,7 @@ use super::network::{Arrival, Network};
 use super::pending_requests::PendingRequests;
 use super::service::Service;
 use crate::message::{AliveReply, SessionRefusal};
-use crate::names::{EVENTS, What};
+use crate::names::{ERROR, EVENTS, WARNING, What};
 use crate::offset::ClockOffset;
 use crate::pace::{Lag, Pace, lag_of_us};
 use crate::request::Answer;
@@ -22,6 +22,8 @@ use crate::{BridgeEvent, NetworkError};
 
 /// How often the server receives a sign of life. Each of them is an exchange of clocks.
 const ALIVE_PERIOD: Nanos = Nanos::from_millis(50);
+/// A stream of commands counts as one for so long after its last command.
+const STREAMING: Nanos = Nanos::from_millis(100);
 /// How often the round trip is reported.
 const ROUND_TRIP_PERIOD: Nanos = Nanos::from_millis(1000);
 
@@ -30,7 +32,7 @@ const ROUND_TRIP_PERIOD: Nanos = Nanos::from_millis(1000);
 pub(super) struct Joined {
     network: Network,
     address: String,
-    heard: Nanos,
+    received_last: Nanos,
     /// The server's last answer.
     admitted: Option<AliveReply>,
     offset: ClockOffset,
@@ -40,6 +42,8 @@ pub(super) struct Joined {
     /// How often commands are sent, and the newest of every client that waits for it.
     pace: Pace,
     waiting: BTreeMap<u64, ReceivedCommand>,
+    /// When somebody here sent a command last.
+    last_command: Nanos,
     /// The domain, while there is a controller at the other end.
     service: Option<Service>,
     pending: PendingRequests,
@@ -61,13 +65,14 @@ impl Joined {
         Self {
             network,
             address: address.to_owned(),
-            heard: now,
+            received_last: now,
             admitted: None,
             offset: ClockOffset::default(),
             known: State::default(),
             lag: Lag::default(),
             pace: Pace::new(Nanos::ZERO),
             waiting: BTreeMap::new(),
+            last_command: Nanos::ZERO,
             service: None,
             pending: PendingRequests::default(),
             next_alive: Nanos::ZERO,
@@ -80,9 +85,14 @@ impl Joined {
         self.network.next(wait)
     }
 
-    /// How long nothing has been heard.
+    /// How long nothing has been received.
     pub fn silence(&self, now: Nanos) -> Nanos {
-        now.since(self.heard)
+        now.since(self.received_last)
+    }
+
+    /// Whether somebody here streams commands.
+    pub fn is_streaming(&self, now: Nanos) -> bool {
+        now.since(self.last_command) < STREAMING
     }
 
     /// Whether the server has ever admitted it.
@@ -101,6 +111,7 @@ impl Joined {
         };
         for command in service.commands() {
             self.waiting.insert(sender(&command), command);
+            self.last_command = now;
         }
         if !self.waiting.is_empty() && self.pace.is_due(now) {
             for command in std::mem::take(&mut self.waiting).into_values() {
@@ -127,15 +138,18 @@ impl Joined {
         now: Nanos,
         report: &mut impl FnMut(BridgeEvent),
     ) -> Result<Course, NetworkError> {
-        self.heard = now;
+        self.received_last = now;
         match arrival {
-            Arrival::State { stream, bytes } if stream == EVENTS => self.log(&bytes, now),
-            Arrival::State { stream, bytes } => {
-                let mut new = State::default();
-                if new.read(&stream, &bytes) {
-                    self.show(&new, domain, now)?;
+            Arrival::State { stream, bytes } => match stream.as_str() {
+                EVENTS => self.log(&bytes, now),
+                ERROR | WARNING => self.reasons(&bytes, now),
+                _ => {
+                    let mut new = State::default();
+                    if new.read(&stream, &bytes) {
+                        self.show(&new, domain, now)?;
+                    }
                 }
-            }
+            },
             Arrival::Alive {
                 sent,
                 arrived,
@@ -244,11 +258,21 @@ impl Joined {
         let Some(service) = &mut self.service else {
             return;
         };
-        for line in bytes.chunks(size_of::<EventMsg>()) {
-            if let Ok(event) = EventMsg::read_from_bytes(line)
-                && let Some(stamp_ns) = self.offset.here(event.stamp_ns, now)
-            {
+        for event in messages::<EventMsg>(bytes) {
+            if let Some(stamp_ns) = self.offset.here(event.stamp_ns, now) {
                 service.log(EventMsg { stamp_ns, ..event });
+            }
+        }
+    }
+
+    /// Shows faults, refusals, stops and clips.
+    fn reasons(&mut self, bytes: &[u8], now: Nanos) {
+        let Some(service) = &mut self.service else {
+            return;
+        };
+        for reason in messages::<ReasonMsg>(bytes) {
+            if let Some(stamp_ns) = self.offset.here(reason.stamp_ns, now) {
+                service.reason(&ReasonMsg { stamp_ns, ..reason });
             }
         }
     }
@@ -258,6 +282,11 @@ impl Joined {
         self.network.alive(true, 0);
         self.network.close();
     }
+}
+
+/// The messages that follow each other in a payload.
+fn messages<T: FromBytes>(bytes: &[u8]) -> impl Iterator<Item = T> {
+    { bytes.chunks(size_of::<T>()) }.filter_map(|bytes| T::read_from_bytes(bytes).ok())
 }
 
 /// The client that sends a command.

@@ -199,7 +199,7 @@ impl Network {
             .wait();
     }
 
-    /// Says good-bye, without waiting for a server that does not hear it.
+    /// Says good-bye, without waiting for a server that is out of reach.
     pub fn close(self) {
         drop(thread::Builder::new().spawn(move || {
             let _ = self.session.close().wait();

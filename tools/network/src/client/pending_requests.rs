@@ -1,4 +1,4 @@
-//! Requests under way: sent again until they are answered or nobody waits any more. Without I/O.
+//! Pending requests: sent again until they are answered or nobody waits any more. Without I/O.
 
 use std::collections::BTreeMap;
 
@@ -6,14 +6,14 @@ use i2ris::units::Nanos;
 
 use crate::request::{Question, Service};
 
-/// How often a request is sent again. The link repeats what it loses, but not what was on its way
+/// How often a request is sent again. The link repeats what it loses, but not what was in transit
 /// when the server opened it anew.
 const REPEAT: Nanos = Nanos::from_millis(200);
 /// How long clients wait, and a little.
 const PATIENCE: Nanos = Nanos::from_millis(1500);
 const SLOW_PATIENCE: Nanos = Nanos::from_millis(31_000);
 
-/// Requests under way, by their number.
+/// Pending requests, by their number.
 #[derive(Debug, Default)]
 pub(super) struct PendingRequests {
     next: u64,

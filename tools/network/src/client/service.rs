@@ -1,7 +1,7 @@
 //! The domain on the client's computer.
 
 use i2ris::ipc::client::ExternalPublisher;
-use i2ris::ipc::payload::{EventMsg, ExternalPosition};
+use i2ris::ipc::payload::{EventMsg, ExternalPosition, ReasonMsg};
 use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
@@ -39,7 +39,7 @@ impl Service {
         })
     }
 
-    /// Which start of the controller it stands for.
+    /// The start of the controller whose place it takes.
     pub fn boot_id(&self) -> u64 {
         self.boot_id
     }
@@ -76,11 +76,26 @@ impl Service {
         if let Some(seen) = state.external {
             self.see(&seen);
         }
+        if let Some(adaptation) = state.adaptation {
+            self.server.publish_adaptation(adaptation);
+        }
+        if let Some(fixtures) = state.fixtures {
+            self.server.publish_fixtures(fixtures);
+        }
     }
 
     /// Shows clients a line of the log.
     pub fn log(&mut self, event: EventMsg) {
         self.server.publish_event(event);
+    }
+
+    /// Shows clients a fault, a refusal, a stop or a clip.
+    pub fn reason(&mut self, message: &ReasonMsg) {
+        // Both ends have the same version of the interface, so they know the same reasons.
+        if let Some(reason) = message.reason() {
+            let (client_id, stamp) = (message.client_id, Nanos(message.stamp_ns));
+            self.server.publish_reason(&reason, client_id, stamp);
+        }
     }
 
     /// What the camera there saw. That nobody listens here yet is no loss.

@@ -4,22 +4,66 @@ use std::collections::VecDeque;
 
 use i2ris::ipc::client::{ClientError, Forwarder, Subscription, Watcher};
 use i2ris::ipc::payload::{
-    ActuatorState, EventMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ServoActuator, ServoJp, Version,
+    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
+    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, Version,
+    VirtualFixturesMsg,
 };
 use i2ris::ipc::{Domain, Message};
 use i2ris::units::Nanos;
+use zerocopy::{Immutable, IntoBytes};
 
 use super::describe::Describer;
 use super::worker::Worker;
 use crate::NetworkError;
+use crate::names::{ERROR, EVENTS, WARNING};
 use crate::request::{Answer, Question};
 use crate::state::State;
 
 /// How often the controller is asked what it is: the model may have changed.
 const VERSION_PERIOD: Nanos = Nanos::from_millis(1000);
-/// Lines of the log that a client sees that comes later, as in shared memory.
-const EVENTS_KEPT: usize = 16;
+/// Messages of a log that a client receives that comes later, as in shared memory.
+const LOG_KEPT: usize = 16;
+
+/// A stream of which every message counts, with its last ones.
+#[derive(Debug)]
+struct Log<T: Message> {
+    stream: &'static str,
+    subscription: Subscription<T>,
+    known: VecDeque<T>,
+}
+
+impl<T: Message + IntoBytes + Immutable> Log<T> {
+    fn new(stream: &'static str, subscription: Subscription<T>) -> Self {
+        Self {
+            stream,
+            subscription,
+            known: VecDeque::new(),
+        }
+    }
+
+    /// Hands over every new message.
+    fn look(&mut self, send: &mut impl FnMut(&'static str, &[u8])) -> Result<(), ClientError> {
+        let (stream, known) = (self.stream, &mut self.known);
+        let drained = self.subscription.drain(|message| {
+            send(stream, message.as_bytes());
+            known.push_back(message);
+            if known.len() > LOG_KEPT {
+                known.pop_front();
+            }
+        });
+        drained.map(drop)
+    }
+
+    /// Hands over the last messages, if there are any.
+    fn write(&self, send: &mut impl FnMut(&'static str, &[u8])) {
+        if !self.known.is_empty() {
+            let bytes: Vec<u8> = { self.known.iter() }
+                .flat_map(|message| message.as_bytes().to_vec())
+                .collect();
+            send(self.stream, &bytes);
+        }
+    }
+}
 
 /// The controller, as the server sees it.
 #[derive(Debug)]
@@ -31,15 +75,18 @@ pub(super) struct Controller {
     actuators: Subscription<ActuatorState>,
     statistics: Subscription<PeriodStatistics>,
     health: Subscription<Health>,
-    events: Subscription<EventMsg>,
     external: Subscription<ExternalPosition>,
+    adaptation: Subscription<AdaptationMsg>,
+    fixtures: Subscription<VirtualFixturesMsg>,
+    events: Log<EventMsg>,
+    error: Log<ReasonMsg>,
+    warning: Log<ReasonMsg>,
     forwarder: Forwarder,
     quick: Worker,
     slow: Worker,
     describer: Describer,
     is_present: bool,
     known: State,
-    known_events: VecDeque<EventMsg>,
     next_version: Nanos,
 }
 
@@ -55,15 +102,18 @@ impl Controller {
             actuators: watcher.actuators(),
             statistics: watcher.period_statistics(),
             health: watcher.health(),
-            events: watcher.events(),
             external: watcher.external(),
+            adaptation: watcher.adaptation(),
+            fixtures: watcher.virtual_fixtures(),
+            events: Log::new(EVENTS, watcher.events()),
+            error: Log::new(ERROR, watcher.error()),
+            warning: Log::new(WARNING, watcher.warning()),
             forwarder: Forwarder::new(domain),
             quick: Worker::start(domain, "server-quick")?,
             slow: Worker::start(domain, "server-slow")?,
             describer: Describer::start(domain)?,
             is_present: false,
             known: State::default(),
-            known_events: VecDeque::new(),
             next_version: Nanos::ZERO,
         })
     }
@@ -73,18 +123,20 @@ impl Controller {
         self.is_present
     }
 
-    /// What is new since the last call, and every new line of the log.
-    pub fn look(&mut self, now: Nanos, log: impl FnMut(&EventMsg)) -> State {
-        let new = match self.streams().and_then(|new| self.log(log).map(|()| new)) {
+    /// What is new since the last call. Every new message of a log goes to `log`.
+    pub fn look(&mut self, now: Nanos, log: impl FnMut(&'static str, &[u8])) -> State {
+        let new = match self.streams().and_then(|new| self.logs(log).map(|()| new)) {
             Ok(new) => new,
             Err(ClientError::NoController { .. } | ClientError::Interface { .. }) => {
                 // What a controller said that is gone is forgotten.
                 self.is_present = false;
                 self.known = State::default();
-                self.known_events.clear();
+                self.events.known.clear();
+                self.error.known.clear();
+                self.warning.known.clear();
                 return State::default();
             }
-            // It is there, and cannot be heard: no news, which watchers see grow old.
+            // It is there, and cannot be read: no news, which watchers see grow old.
             Err(_) => State::default(),
         };
         let new = State {
@@ -96,26 +148,18 @@ impl Controller {
         new
     }
 
-    fn log(&mut self, mut log: impl FnMut(&EventMsg)) -> Result<(), ClientError> {
-        let known = &mut self.known_events;
-        self.events.drain(|event| {
-            log(&event);
-            known.push_back(event);
-            if known.len() > EVENTS_KEPT {
-                known.pop_front();
-            }
-        })?;
-        Ok(())
+    fn logs(&mut self, mut log: impl FnMut(&'static str, &[u8])) -> Result<(), ClientError> {
+        self.events.look(&mut log)?;
+        self.error.look(&mut log)?;
+        self.warning.look(&mut log)
     }
 
-    /// The last lines of the log.
-    pub fn known_events(&self) -> impl Iterator<Item = &EventMsg> {
-        self.known_events.iter()
-    }
-
-    /// Everything that is known.
-    pub fn known(&self) -> &State {
-        &self.known
+    /// Hands over everything that is known, the state first: a client begins with it.
+    pub fn write_known(&self, mut send: impl FnMut(&'static str, &[u8])) {
+        self.known.write(&mut send);
+        self.events.write(&mut send);
+        self.error.write(&mut send);
+        self.warning.write(&mut send);
     }
 
     /// Passes a command on. One that finds no controller is lost, as it should be.
@@ -153,6 +197,8 @@ impl Controller {
             statistics: newest(&mut self.statistics)?,
             health: newest(&mut self.health)?,
             external: newest(&mut self.external)?,
+            adaptation: newest(&mut self.adaptation)?,
+            fixtures: newest(&mut self.fixtures)?,
             version: None,
         })
     }

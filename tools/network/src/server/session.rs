@@ -13,7 +13,7 @@ use crate::pace::Lag;
 use crate::request::{Answer, Outcome, Question};
 
 /// Requests that are remembered, so that one that was repeated is not carried out twice. More than
-/// can be under way.
+/// can be pending.
 const REMEMBERED: usize = 128;
 
 /// One client in one session.
@@ -21,7 +21,7 @@ const REMEMBERED: usize = 128;
 pub(super) struct Session {
     pub id: String,
     pub number: u64,
-    pub heard: Nanos,
+    pub received_last: Nanos,
     /// Whether commands and requests pass.
     pub commands: bool,
     /// How late commands arrive.
@@ -32,7 +32,7 @@ pub(super) struct Session {
 #[derive(Debug)]
 enum Request {
     /// With the newest query that asked it.
-    UnderWay(Query),
+    Pending(Query),
     Answered(Answer),
 }
 
@@ -41,7 +41,7 @@ impl Session {
         Self {
             id: id.to_owned(),
             number,
-            heard: now,
+            received_last: now,
             commands,
             lag: Lag::default(),
             requests: BTreeMap::new(),
@@ -83,7 +83,7 @@ impl Session {
         let number = question.number;
         match self.requests.get_mut(&number) {
             Some(Request::Answered(answer)) => return reply(&query, &answer.write()),
-            Some(Request::UnderWay(asked)) => {
+            Some(Request::Pending(asked)) => {
                 *asked = query;
                 return;
             }
@@ -102,12 +102,12 @@ impl Session {
             None
         };
         if let Some(outcome) = refusal {
-            self.requests.insert(number, Request::UnderWay(query));
+            self.requests.insert(number, Request::Pending(query));
             return self.answered(Answer::empty(number, outcome));
         }
         // Where too many wait already it is dropped; the client will ask again.
         if controller.ask(self.number, question) {
-            self.requests.insert(number, Request::UnderWay(query));
+            self.requests.insert(number, Request::Pending(query));
         }
     }
 
@@ -115,7 +115,7 @@ impl Session {
     pub fn answered(&mut self, answer: Answer) {
         let (number, bytes) = (answer.number, answer.write());
         let former = self.requests.insert(number, Request::Answered(answer));
-        if let Some(Request::UnderWay(query)) = former {
+        if let Some(Request::Pending(query)) = former {
             reply(&query, &bytes);
         }
         while self.requests.len() > REMEMBERED {

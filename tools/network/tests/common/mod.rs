@@ -52,6 +52,18 @@ pub fn free_address() -> String {
     socket.local_addr().unwrap().to_string()
 }
 
+/// Calls `attempt` until it returns a value.
+pub fn eventually<T>(what: &str, mut attempt: impl FnMut() -> Option<T>) -> T {
+    let end = clock::now() + Nanos::from_millis(20_000);
+    loop {
+        if let Some(value) = attempt() {
+            return value;
+        }
+        assert!(clock::now() < end, "never: {what}");
+        clock::sleep(Nanos::from_millis(2));
+    }
+}
+
 /// A server on a thread, until dropped.
 pub struct RunningServer {
     pub address: String,

@@ -43,10 +43,10 @@ pub enum Reason {
         /// It is to come.
         future: bool,
     },
-    /// A writer that says nothing of time cannot be told from one that repeats.
+    /// A writer that says nothing of time cannot be distinguished from one that repeats.
     #[error("its writer gives no time of sending")]
     NoStamp,
-    /// A participant with more writers of one topic than are told apart.
+    /// A participant with more writers of one topic than are distinguished.
     #[error("its process has too many publishers of this topic")]
     TooManyWriters,
     /// A word that is no command.

@@ -1,7 +1,7 @@
 //! The age of a message, without trust in the sender's clock.
 //!
 //! The offset between the arrival, on our monotonic clock, and the stamp, on the sender's wall
-//! clock, is the difference of the clocks plus the time on the way. The smallest offset seen is the
+//! clock, is the difference of the clocks plus the time in transit. The smallest offset seen is the
 //! best estimate of the difference; what a message has more than it is its age. So a stamp can make
 //! a message older than its arrival, never younger.
 

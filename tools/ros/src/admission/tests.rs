@@ -58,7 +58,7 @@ fn the_first_message_only_tells_the_clock_and_a_kept_one_moves_nothing() {
     let live = servo(&mut admission, one, 61_010, 61_010).unwrap();
     assert_eq!(live.stamp, times(0, 61_010).arrived);
     let late = servo(&mut admission, one, 61_020, 61_320).unwrap();
-    assert_eq!(late.stamp, times(0, 61_020).arrived, "300 ms on the way");
+    assert_eq!(late.stamp, times(0, 61_020).arrived, "300 ms in transit");
 }
 
 #[test]

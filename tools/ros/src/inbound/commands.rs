@@ -26,7 +26,7 @@ const FRESH: Nanos = Nanos::from_millis(500);
 /// How long ago an exposure of a camera may have been, and how far its clock may be ahead.
 const EXPOSURE_LIMIT: Nanos = Nanos::from_millis(1000);
 
-/// Subscriptions, and the ways to the controller.
+/// Subscriptions, and the connections to the controller.
 pub(super) struct Commands {
     pub inputs: Inputs,
     admission: Admission,
@@ -110,7 +110,7 @@ impl Commands {
         for (received, count) in arrivals.newest() {
             self.name(graph, received.writer, topic);
             let outcome = carry_out(self, &received, count);
-            self.tell(graph, received.writer, topic, count, outcome);
+            self.report(graph, received.writer, topic, count, outcome);
         }
     }
 
@@ -126,7 +126,7 @@ impl Commands {
         for received in &arrivals.messages {
             self.name(graph, received.writer, topic);
             let outcome = carry_out(self, received);
-            self.tell(graph, received.writer, topic, 1, outcome);
+            self.report(graph, received.writer, topic, 1, outcome);
         }
     }
 
@@ -274,7 +274,7 @@ impl Commands {
     fn count_undecodable(&self, topic: Topic, count: u64) {
         if count > 0 {
             let reason = Reason::Undecodable;
-            self.shared.events.tell(Event::Refused {
+            self.shared.events.report(Event::Refused {
                 client: "somebody".to_owned(),
                 kind: (topic.name(), u32::from(reason.kind())),
                 reason: reason.to_string(),
@@ -283,7 +283,7 @@ impl Commands {
         }
     }
 
-    fn tell(
+    fn report(
         &self,
         graph: &Graph,
         writer: Writer,
@@ -294,7 +294,7 @@ impl Commands {
         match outcome {
             // What was expected: the next one is followed.
             Ok(()) | Err(Reason::FirstOfStream) => {}
-            Err(reason) => self.shared.events.tell(Event::Refused {
+            Err(reason) => self.shared.events.report(Event::Refused {
                 client: graph.name(writer),
                 kind: (topic.name(), u32::from(reason.kind())),
                 reason: reason.to_string(),

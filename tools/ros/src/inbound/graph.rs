@@ -97,7 +97,7 @@ impl Graph {
                 let participant = Writer(guid.to_bytes()).participant();
                 lost(participant);
                 if let Some(name) = self.names.remove(&participant) {
-                    events.tell(Event::Status(format!("{name} is gone")));
+                    events.report(Event::Status(format!("{name} is gone")));
                 }
             }
             DomainParticipantStatusEvent::RemoteWriterQosIncompatible {
@@ -122,7 +122,7 @@ impl Graph {
                 if !self.is_own_type(&writer.topic_name, &writer.type_name) =>
             {
                 let name = self.name(Writer(writer.guid.to_bytes()));
-                events.tell(Event::Warning(format!(
+                events.report(Event::Warning(format!(
                     "{name} publishes {} as {}: that type is not read",
                     ros_name(&writer.topic_name),
                     writer.type_name
@@ -151,7 +151,7 @@ impl Graph {
         if name.contains(NODE) {
             return;
         }
-        events.tell(Event::Warning(format!(
+        events.report(Event::Warning(format!(
             "{name} {verb} {}, and here is {}: nothing is exchanged",
             words(theirs),
             words(ours)

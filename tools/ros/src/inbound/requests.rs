@@ -134,7 +134,7 @@ impl Worker {
         match ask.what {
             What::State(StateCommand::Home) if self.is_homed() => {
                 let name = self.name(ask.client_id);
-                self.events.tell(Event::Status(format!(
+                self.events.report(Event::Status(format!(
                     "{name}: home: homed already; `unhome` first to set a new zero"
                 )));
             }
@@ -153,12 +153,12 @@ impl Worker {
         if let Some(state) = done {
             let name = self.name(client_id);
             let line = format!("{name}: {command}; the controller is {state}");
-            self.events.tell(Event::Status(line));
+            self.events.report(Event::Status(line));
         }
     }
 
     fn move_to(&mut self, client_id: u64, topic: Topic, pose: &Pose) {
-        self.events.tell_of_move(Event::MoveAsked);
+        self.events.report_move(Event::MoveAsked);
         let reply = self.controller.move_jp(MoveRequest {
             client_id,
             position: pose.position,
@@ -168,7 +168,7 @@ impl Worker {
         let answered = clock::now();
         let moves = self.check(client_id, topic.name(), StateCommand::Move, reply);
         let since = moves.map(|_| answered);
-        self.events.tell_of_move(Event::MoveAnswered(since));
+        self.events.report_move(Event::MoveAnswered(since));
     }
 
     /// The state after a command that was accepted. The reason for a refusal is in the controller's
@@ -189,9 +189,9 @@ impl Worker {
                 }
                 let state = state.map_or("unknown", OperatingState::text);
                 let line = format!("{client}: {topic}: {command} refused in state {state}");
-                self.events.tell(Event::Status(line));
+                self.events.report(Event::Status(line));
             }
-            Err(error) => self.events.tell(Event::Refused {
+            Err(error) => self.events.report(Event::Refused {
                 client,
                 kind: (topic, u32::MAX),
                 reason: format!("{command} failed: {error}"),

@@ -258,7 +258,7 @@ fn following(planned: Nanos, period: Nanos, now: Nanos) -> Nanos {
     if next > now { next } else { now + period }
 }
 
-/// Publishes, or drops it where a reader is stopped: it is told the next one.
+/// Publishes, or drops it where a reader is stopped: it gets the next one.
 fn publish<M: Serialize>(publisher: &Publisher<M>, message: M) {
     let _ = publisher.publish(message);
 }

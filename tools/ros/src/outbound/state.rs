@@ -1,7 +1,7 @@
 //! When an operating state is published, and what it says. Without I/O.
 //!
 //! It is published on change. A motion by `move_jp` is two messages, busy and then not busy, also
-//! when its way has no length: CRTK's client waits for both.
+//! when its path has no length: CRTK's client waits for both.
 
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::robot::OperatingState;

@@ -195,7 +195,8 @@ impl Peer {
         }
     }
 
-    /// Sends a state command until the robot follows: matching takes a moment that no message tells.
+    /// Sends a state command until the robot follows: no message says when writer and reader have
+    /// found each other.
     pub fn command_until(&mut self, word: &str, wanted: impl Fn(&OperatingState) -> bool) {
         let mut sent = Nanos::ZERO;
         eventually(word, || {

@@ -69,7 +69,7 @@ struct LookArguments {
     /// Strong blur, noise and uneven light
     #[arg(long)]
     strong: bool,
-    /// Both cameras stand turned by this about the snake, from pitch towards yaw
+    /// Both cameras are turned by this about the snake, from pitch towards yaw
     #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = turn)]
     #[arg(allow_negative_numbers = true)]
     turned_deg: f64,

@@ -1,6 +1,6 @@
 //! A pinhole camera that looks at the snake from the side.
 
-/// Where the camera stands and what it resolves.
+/// Where the camera is and what it resolves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PinholeCamera {
     /// Columns of the image.

@@ -96,7 +96,7 @@ fn near(random: &mut impl Rng, scene: &Scene, spread_mm: f64) -> [f64; 2] {
     ]
 }
 
-/// Often the fibre's own brightness or the ground's, which is hardest to tell; else any.
+/// Often the fibre's own brightness or the ground's, which is hardest to tell apart; else any.
 fn brightness(random: &mut impl Rng, scene: &Scene) -> f32 {
     match random.random_range(0..4) {
         0 => scene.paint.fibre,

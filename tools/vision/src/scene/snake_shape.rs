@@ -4,7 +4,7 @@ use super::brightness::Brightness;
 use super::camera::PinholeCamera;
 use super::raster::Rod;
 
-/// Length of the straight pieces that stand for the arc, px. The sagitta of a piece on the tightest
+/// Length of the straight pieces that replace the arc, px. The sagitta of a piece on the tightest
 /// arc (radius 400 px) is 10^2 / (8 * 400) = 0.03 px.
 const PIECE_PX: f64 = 10.0;
 

@@ -17,7 +17,7 @@ pub struct Scene {
     pub snake: SnakeShape,
     /// How it is bent.
     pub pose: JointPose,
-    /// Where the camera stands.
+    /// Where the camera is.
     pub camera: PinholeCamera,
     /// How bright things are.
     pub paint: Brightness,

@@ -15,7 +15,7 @@
 //! C.-Y. Su 2011 (envelope functions in place of a constant threshold).
 
 mod parameters;
-mod state;
+pub(in crate::model) mod state;
 
 use nalgebra::{SMatrix, SVector};
 

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::families::memory::UNSCALED;
+use crate::model::families::gap_scale::UNSCALED;
 use crate::units::MotorVec;
 
 /// The most plays.

@@ -48,9 +48,9 @@ struct Wires<const D: usize> {
 }
 
 impl<const D: usize> Stops<D> {
-    /// The bends at which the wires, at the given wire travel, balance all segments. `pairs` are the
-    /// two wires of every motor. The balance is
-    /// unique, and a short enough Newton step always reduces the residual.
+    /// The bends at which the wires, at the given wire travel, balance all segments. `pairs` are
+    /// the two wires of every motor. The balance is unique, and a short enough Newton step always
+    /// reduces the residual.
     pub(in crate::model) fn find_equilibrium(
         &self,
         pairs: &[Wire; D],

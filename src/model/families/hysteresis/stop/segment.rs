@@ -1,16 +1,28 @@
 //! The resistance of one segment of the snake against its bend: springs with limits, and stops.
 
 use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
 
-use super::parameters::{MAX_SEGMENTS, StopAxis, StopSegment};
-use super::state::SegmentState;
+use super::parameters::{MAX_SEGMENTS, MAX_STOPS, StopAxis, StopSegment};
 use super::wire::contact;
 use crate::model::maths::regression::vector;
+use crate::units::MAX_MOTORS;
 
 /// Stiffness beyond the limit of the joints, and the range around the limit, as a part of it, over
 /// which the stiffness sets in.
 const LIMIT_STIFFNESS: f64 = 3.0;
 const LIMIT_SOFTNESS: f64 = 0.1;
+
+/// One value per axis of the bend or per motor.
+pub(in crate::model) type Pair = [f64; MAX_MOTORS];
+
+/// The bend of a segment and the positions of its stops.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(in crate::model) struct SegmentState {
+    pub bend: Pair,
+    pub own: [Pair; MAX_STOPS],
+    pub shared: [Pair; MAX_STOPS],
+}
 
 /// The bends of the segments. Unused entries are 0.
 pub(in crate::model) type Bends<const D: usize> = [SVector<f64, D>; MAX_SEGMENTS];

@@ -5,15 +5,12 @@ use serde::{Deserialize, Serialize};
 
 use super::Stops;
 use super::balance::Equilibrium;
-use super::parameters::{MAX_SEGMENTS, MAX_STOPS};
-use super::segment::{Bends, Reaction, Reactions};
+use super::parameters::MAX_SEGMENTS;
+use super::segment::{Bends, Pair, Reaction, Reactions, SegmentState};
+use crate::model::families::gap_scale::UNSCALED;
 use crate::model::families::hysteresis::Lags;
-use crate::model::families::memory::UNSCALED;
 use crate::model::maths::regression::{array, vector};
-use crate::units::{MAX_MOTORS, MotorVec};
-
-/// One value per axis of the bend or per motor.
-type Pair = [f64; MAX_MOTORS];
+use crate::units::MotorVec;
 
 /// The positions of the motors, the forces of the wires, and the state of every segment.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -23,14 +20,6 @@ pub struct StopState {
     pub(in crate::model) segments: [SegmentState; MAX_SEGMENTS],
     /// Factor on slack and friction of every motor: 1 as calibrated.
     pub(in crate::model) gap_scale: MotorVec,
-}
-
-/// The bend of a segment and the positions of its stops.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub(in crate::model) struct SegmentState {
-    pub bend: Pair,
-    pub own: [Pair; MAX_STOPS],
-    pub shared: [Pair; MAX_STOPS],
 }
 
 impl StopState {

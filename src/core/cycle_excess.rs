@@ -1,18 +1,32 @@
-//! What was measured when a command was refused, and the limit that it broke.
+//! What was measured when a fault occurred or a command was refused, and the limit that it broke.
 //!
-//! The checks answer yes or no; only a refusal that becomes an event is explained.
+//! The checks answer yes or no; only a fault, or a refusal that becomes an event, is explained.
 
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::DriveSummary;
-use crate::core::faults::fault_excess::age_excess;
 use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::core::motion::axis_control::AxisControl;
-use crate::robot::{Excess, Quantity, Refusal};
-use crate::units::{Counts, Nanos};
+use crate::drive::AxisPhase;
+use crate::robot::{Excess, Fault, Quantity, Refusal};
+use crate::units::Nanos;
 
 impl ControlCycle {
+    /// The measurement behind a fault that was just detected, where there is one.
+    pub(super) fn fault_excess(&self, fault: Fault, summary: &DriveSummary) -> Option<Excess> {
+        match fault {
+            Fault::Late => Some(self.overruns.excess()),
+            Fault::Implausible => self.plausibility.excess(),
+            Fault::None | Fault::DriveTimeout | Fault::Homing | Fault::Model => None,
+            Fault::Drive
+            | Fault::Link
+            | Fault::FollowingError
+            | Fault::DriveState
+            | Fault::Current => self.axes.first(|axis| drive_excess(axis, fault, summary)),
+        }
+    }
+
     /// The measurement behind the refusal of a servo command, where there is one.
-    pub(crate) fn servo_excess(
+    pub(super) fn servo_excess(
         &self,
         refusal: Refusal,
         command: &ServoCommand,
@@ -40,7 +54,7 @@ impl ControlCycle {
     }
 
     /// The measurement behind the refusal of a state command, where there is one.
-    pub(crate) fn request_excess(
+    pub(super) fn request_excess(
         &self,
         refusal: Refusal,
         summary: &DriveSummary,
@@ -49,7 +63,7 @@ impl ControlCycle {
             Refusal::DrivesNotReady => self.axes.first(|axis| {
                 let age = summary.now.since(axis.feedback().stamp);
                 let is_old = axis.feedback().stamp > Nanos::ZERO && age >= summary.stale_after;
-                is_old.then(|| age_excess(age, summary.stale_after))
+                is_old.then(|| Excess::of_age(age, summary.stale_after))
             }),
             Refusal::Range => self
                 .axes
@@ -69,8 +83,30 @@ impl ControlCycle {
     }
 }
 
-/// A position and the limit of an axis that it is beyond.
-pub(crate) fn position_excess(position: Counts, axis: &AxisControl) -> Option<Excess> {
-    let limit = axis.clamp(position.as_f64());
-    (!axis.allows(position)).then(|| Excess::new(Quantity::Counts, position.as_f64(), Some(limit)))
+fn drive_excess(axis: &AxisControl, fault: Fault, summary: &DriveSummary) -> Option<Excess> {
+    let feedback = axis.feedback();
+    match fault {
+        Fault::Drive if feedback.phase == AxisPhase::Faulted => {
+            let code = f64::from(feedback.error_code);
+            Some(Excess::new(Quantity::ErrorCode, code, None))
+        }
+        Fault::DriveState if feedback.phase != AxisPhase::Enabled => {
+            let statusword = f64::from(feedback.statusword);
+            Some(Excess::new(Quantity::Statusword, statusword, None))
+        }
+        Fault::Link => link_excess(axis, summary),
+        Fault::FollowingError => axis.following_error_excess(),
+        Fault::Current => axis.over_current_excess(),
+        _ => None,
+    }
+}
+
+/// The age of the position of a drive that is lost, starts again, or is silent for too long.
+fn link_excess(axis: &AxisControl, summary: &DriveSummary) -> Option<Excess> {
+    let feedback = axis.feedback();
+    let is_gone = matches!(feedback.phase, AxisPhase::Lost | AxisPhase::Starting);
+    let age = summary.now.since(feedback.stamp);
+    let has_reported = feedback.stamp > Nanos::ZERO;
+    (has_reported && (is_gone || age >= summary.lost_after))
+        .then(|| Excess::of_age(age, summary.lost_after))
 }
