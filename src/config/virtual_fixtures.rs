@@ -125,6 +125,18 @@ pub(super) fn check(config: &VirtualFixtureConfig, findings: &mut Findings) {
 }
 
 impl FixtureShape {
+    /// The corners of a polygon, degrees; other shapes have none.
+    #[must_use]
+    pub fn corners_deg(&self) -> &[[f64; 2]] {
+        match self {
+            Self::Polygon { corners_deg } => corners_deg,
+            Self::Circle { .. }
+            | Self::HalfPlane { .. }
+            | Self::Ball { .. }
+            | Self::HalfSpace { .. } => &[],
+        }
+    }
+
     /// Why this shape cannot be used; `None`: it can.
     #[must_use]
     pub fn problem(&self) -> Option<&'static str> {

@@ -6,7 +6,8 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use super::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
+    OperatingStateMsg, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
+    VirtualFixturesMsg,
 };
 use crate::units::Nanos;
 
@@ -57,7 +58,7 @@ macro_rules! outgoing {
     )*};
 }
 
-message!(ExternalPosition, ServoActuator, ServoJp);
+message!(ExternalPosition, ReachTarget, ServoActuator, ServoJp);
 outgoing!(
     ActuatorState,
     AdaptationMsg,

@@ -82,6 +82,11 @@ pub(super) const EXTERNAL: Stream = Stream {
     publishers: 4,
     ..state("i2ris/external/measured_jp")
 };
+/// From the client that runs a task to those that show and record it.
+pub(super) const REACH_TARGET: Stream = Stream {
+    publishers: 4,
+    ..state("i2ris/reach_target")
+};
 
 pub(super) const STATE_COMMAND: &str = "i2ris/state_command";
 pub(super) const BLACK_BOX: &str = "i2ris/black_box";

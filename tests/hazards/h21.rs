@@ -79,10 +79,6 @@ fn h21_a_loose_wire_is_a_fault_although_most_of_it_was_followed() {
     assert!(drifting.adaptation().applied.zero[0].to_degrees() > 1.5);
     assert_eq!(drifting.bench.state(), OperatingState::Enabled);
     // 3.2 deg from the calibration, 1.2 deg from the adapted pose.
-    let fault = |kind: &CycleEventKind| match kind {
-        CycleEventKind::State { fault, .. } => *fault == Fault::Implausible,
-        _ => false,
-    };
     let start = drifting.time_s;
     let run = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
         drifting.follow(3.0, wandering, |t, [pitch, yaw]| {
@@ -90,5 +86,12 @@ fn h21_a_loose_wire_is_a_fault_although_most_of_it_was_followed() {
         });
     }));
     assert!(run.is_err(), "commands are refused after the fault");
-    assert!(drifting.bench.events.iter().any(fault));
+    assert!(drifting.bench.events.iter().any(is_implausible));
+}
+
+fn is_implausible(kind: &CycleEventKind) -> bool {
+    let CycleEventKind::State { fault, .. } = kind else {
+        return false;
+    };
+    *fault == Fault::Implausible
 }

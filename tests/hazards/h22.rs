@@ -31,9 +31,10 @@ fn h22_a_parameter_that_the_motion_does_not_show_is_not_learned() {
 #[test]
 fn h22_without_reversals_the_gap_is_not_learned() {
     let mut drifting = Drifting::new(ON);
-    // Slowly one way, after the conditioning cycle has set all gaps to a mixture of branches.
-    let one_way = |t: f64| [0.12 * t, 0.0];
-    drifting.follow(60.0, one_way, |_, [pitch, yaw]| [pitch - 0.4, yaw]);
+    // Slowly in one direction, after the conditioning cycle has set all gaps to a mixture of
+    // branches.
+    let ramp = |t: f64| [0.12 * t, 0.0];
+    drifting.follow(60.0, ramp, |_, [pitch, yaw]| [pitch - 0.4, yaw]);
     let found = drifting.adaptation();
     assert_eq!(found.estimate.gap, [0.0; 2], "{found:?}");
 }

@@ -29,7 +29,7 @@ fn h23_the_correction_never_turns_a_motor_against_the_goal_and_keeps_its_limit()
         let start = drifting.time_s;
         drifting.follow(2.0, move |t| wandering(t.min(start)), truth);
         let from = wandering(start);
-        // Both motors one way: pitch moves both of them up or down.
+        // Both motors in one direction: pitch moves both of them up or down.
         let ramp = move |t: f64| {
             let travel = 1.5 * (t - start - 2.0).clamp(0.0, 8.0);
             [from[0] - sign * travel, from[1]]

@@ -31,7 +31,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 
 
 def recording(random):
-    """Standardised rows: two counts on a way with many turns, two angles behind them by a gap."""
+    """Standardised rows: two counts on a path with many turns, two angles behind them by a gap."""
     t = 0.1 * np.arange(ROWS)
     counts = np.stack([
         900 * np.sin(0.31 * t) + 600 * np.sin(1.13 * t),

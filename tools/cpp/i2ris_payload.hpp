@@ -354,6 +354,35 @@ static_assert(offsetof(ExternalPosition, quality) == 64);
 static_assert(offsetof(ExternalPosition, count) == 72);
 static_assert(offsetof(ExternalPosition, flags) == 76);
 
+struct ReachTarget {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risReachTargetV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t client_id;
+    std::uint64_t shown_ns;
+    std::uint64_t hold_ns;
+    std::uint64_t held_ns;
+    double position[3];
+    double tolerance;
+    std::uint32_t number;
+    std::uint32_t total;
+    std::uint32_t count;
+    std::uint32_t flags;
+};
+static_assert(sizeof(ReachTarget) == 96);
+static_assert(offsetof(ReachTarget, sequence) == 0);
+static_assert(offsetof(ReachTarget, stamp_ns) == 8);
+static_assert(offsetof(ReachTarget, client_id) == 16);
+static_assert(offsetof(ReachTarget, shown_ns) == 24);
+static_assert(offsetof(ReachTarget, hold_ns) == 32);
+static_assert(offsetof(ReachTarget, held_ns) == 40);
+static_assert(offsetof(ReachTarget, position) == 48);
+static_assert(offsetof(ReachTarget, tolerance) == 72);
+static_assert(offsetof(ReachTarget, number) == 80);
+static_assert(offsetof(ReachTarget, total) == 84);
+static_assert(offsetof(ReachTarget, count) == 88);
+static_assert(offsetof(ReachTarget, flags) == 92);
+
 struct ModelRequest {
     static constexpr const char* IOX2_TYPE_NAME = "I2risModelRequestV1";
     std::uint64_t client_id;

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# A stopwatch over the first hour: the commands of "The short way" of the manual, from a fresh folder
-# to a circle that the emulated snake follows by a calibration of its own. Tells commands and minutes,
+# A stopwatch over the first hour: the commands of "In short" of the manual, from a fresh folder
+# to a circle that the emulated snake follows by a calibration of its own. Prints commands and minutes,
 # without the build. Options after the script's name go to `i2ris calibrate`.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/../.." && pwd)
 programs=${I2RIS_PROGRAMS:-$root/target/release}
 export PATH="$programs:$PATH" I2RIS_DOMAIN=stopwatch-$$
-mapfile -t commands < <(sed -n '/^## The short way/,/^## /p' "$root/tools/manual/src/first-hour.md" |
+mapfile -t commands < <(sed -n '/^## In short/,/^## /p' "$root/tools/manual/src/first-hour.md" |
   sed -n '/^```sh/,/^```/p' | grep '^i2ris ')
 build=$(sed -n '/^## Build/,/^## /p' "$root/tools/manual/src/first-hour.md" | grep -cE '^(cargo|export) ')
 work=$(mktemp -d)

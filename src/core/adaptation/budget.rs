@@ -7,7 +7,7 @@ use super::drift::{Drift, PARAMETERS};
 use super::geometry::{ModelGeometry, add, product};
 use super::settings::{Settings, length};
 
-/// From this share of the budget on it is said.
+/// From this share of the budget on there is a warning.
 pub(super) const WARNING: f64 = 0.7;
 
 /// A gap may shrink by this share of what it may grow.

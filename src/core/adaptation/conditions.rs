@@ -18,7 +18,7 @@ const DISBELIEF: f64 = 0.5;
 const BELIEF: f64 = 0.3;
 const REFUSED_S: f64 = 3.0;
 
-/// What the cycle says of this tick.
+/// State of the cycle in this tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::core) struct Surroundings {
     pub now: Nanos,

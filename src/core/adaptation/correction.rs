@@ -145,8 +145,8 @@ impl MovingCorrection {
                 let change = drift.gap[motor] - self.gap[motor];
                 self.gap[motor] += change.max(-most).min(most);
             }
-            // The motors go their ways at different times: what they make together may be more than
-            // what was estimated at any time.
+            // The rows of the motors move at different times: together they may be more than what
+            // was estimated at any time.
             let next = self.used(gap_reach, geometry, settings);
             if next > 1.0 && next > used {
                 *self = before;

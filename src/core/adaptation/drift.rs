@@ -15,7 +15,7 @@ pub struct Drift {
     pub gain: [[f64; 2]; 2],
     /// Growth of the gap of every motor, 0 as calibrated.
     pub gap: [f64; 2],
-    /// How much older a frame is than its stamp says, s.
+    /// How much older a frame is than its stamp, s.
     pub latency_s: f64,
     /// The slow state along the direction of the model's error, rad.
     pub slow: f64,

@@ -48,7 +48,7 @@ const STAMP_S: f64 = 0.008;
 const LATENCY: usize = 8;
 const SLOW: usize = 9;
 
-/// What a frame said.
+/// A frame against what was expected.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Innovation {
     /// Frame minus expected pose, rad.

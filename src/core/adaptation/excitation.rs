@@ -60,7 +60,7 @@ impl Excitation {
             self.high[output] = forget(self.high[output], now, RANGE_S, seconds).max(now);
         }
         for (branches, slope) in self.branches.iter_mut().zip(moment.gap_slopes) {
-            // The larger part of the slope tells the branch.
+            // The sign of the larger part of the slope is the branch.
             let part = if slope[0].abs() > slope[1].abs() {
                 slope[0]
             } else {
@@ -124,12 +124,12 @@ mod tests {
     }
 
     #[test]
-    fn motion_one_way_shows_no_gap_and_one_output_shows_no_gain_of_the_other() {
-        let one_way = (0..100).map(|k| {
+    fn motion_in_one_direction_shows_no_gap_and_one_output_no_gain_of_the_other() {
+        let ramp = (0..100).map(|k| {
             let pitch = f64::from(k) * 0.2 * DEG;
             ([pitch, 0.0], [[-0.02, 0.0], [0.0; 2]], [6.0 * DEG, 0.0])
         });
-        let [zero, _, by_pitch, by_yaw, .., gap, _, latency, _] = seen(one_way);
+        let [zero, _, by_pitch, by_yaw, .., gap, _, latency, _] = seen(ramp);
         assert_eq!((zero, by_pitch, by_yaw), (true, true, false));
         assert_eq!((gap, latency), (false, true));
     }

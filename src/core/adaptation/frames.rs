@@ -9,7 +9,7 @@ use crate::core::inputs::ExternalPose;
 use crate::core::vector;
 use crate::units::Nanos;
 
-/// Frames closer together say nothing new: the error of the model is the same in all of them.
+/// Frames closer together add nothing: the error of the model is the same in all of them.
 const LEAST_INTERVAL: Nanos = Nanos::from_millis(10);
 
 /// Frames older than this are not used, whatever the ring holds.

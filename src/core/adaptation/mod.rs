@@ -1,8 +1,8 @@
 //! Adaptation: the drift of a calibration, followed by the camera, inside fences (H20 to H23).
 //!
 //! A calibration ages: zeros slip, gaps grow, the bend per count changes. The camera shows it, some
-//! hundredths of a second late. Drift takes minutes, so a late frame is no problem: the poses of the
-//! last moments are kept, and a frame is compared with the pose of its own time.
+//! hundredths of a second late. Drift takes minutes, so a late frame is no problem: the poses of
+//! the last moments are kept, and a frame is compared with the pose of its own time.
 //!
 //! # Terms
 //!

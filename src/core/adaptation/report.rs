@@ -1,4 +1,4 @@
-//! What the adaptation says of itself: report and events.
+//! Report and events of the adaptation.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ pub struct AdaptationReport {
     pub model: Option<ModelId>,
     /// How the drift is found.
     pub method: Method,
-    /// What the camera says.
+    /// From the frames of the camera.
     pub estimate: Drift,
     /// Standard deviations of the estimate, in the order of [`super::Parameter::ALL`].
     pub deviations: [f64; PARAMETERS],
@@ -117,7 +117,7 @@ impl Pauses {
         Self(self.0 | if holds { pause as u32 } else { 0 })
     }
 
-    /// The frames of this moment say nothing of the drift. A lack of motion is found by frames and
+    /// The frames of this moment do not show the drift. A lack of motion is found by frames and
     /// ended by them, and so is doubt in the camera; what is applied goes on being judged when
     /// nothing more is learned.
     pub(super) fn look_away(self) -> bool {

@@ -1,4 +1,4 @@
-//! Ring of regressors: what the model said in the last moments, for frames that arrive late.
+//! Ring of regressors: the poses of the last moments, for frames that arrive late.
 
 use serde::{Deserialize, Serialize};
 

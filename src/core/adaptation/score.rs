@@ -18,15 +18,15 @@ const LEAST_FRAMES: u32 = 20;
 /// takes one of them away.
 const WORSE_WINDOWS: u8 = 3;
 
-/// By less than this the adapted model is not worse, rad, and as a share: a push from outside, which
-/// adds to both errors, takes nothing back.
+/// By less than this the adapted model is not worse, rad, and as a share: a push from outside,
+/// which adds to both errors, takes nothing back.
 const MARGIN: f64 = 0.02 * DEG;
 const MARGIN_SHARE: f64 = 0.05;
 
 /// Larger errors count as this, rad: one outlier decides no window.
 const LARGEST: f64 = 3.0 * DEG;
 
-/// What a window said.
+/// Result of a window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Verdict {
     Open,

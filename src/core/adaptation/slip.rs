@@ -1,8 +1,9 @@
-//! Slip: a zero that has jumped, told from single outliers and from a push.
+//! Slip: a zero that has jumped, as opposed to single outliers and to a push.
 //!
 //! After a jump all frames are refused, because the filter is sure of itself. If the refused frames
 //! agree with one another and are not far away, the zero has slipped, and the filter is opened. A
-//! step beyond the limit is taken to be a push from outside, or a wrong camera, and is not followed.
+//! step beyond the limit is taken to be a push from outside, or a wrong camera, and is not
+//! followed.
 
 use serde::{Deserialize, Serialize};
 

@@ -320,7 +320,7 @@ impl Adaptation {
         if is_warned && !state.is_warned {
             events.push(CycleEventKind::Adaptation(AdaptationEvent::BudgetWarning));
         }
-        // Around the limit it is said once.
+        // One warning, although the share goes to and fro around the limit.
         state.is_warned = is_warned || (state.is_warned && used > 0.9 * WARNING);
         if state.frames_beyond >= FRAMES_BEYOND && !state.is_used_up {
             state.is_used_up = true;

@@ -26,12 +26,25 @@ impl<T: ZeroCopySend + Debug + Copy + 'static> CommandPublisher<T> {
         Self { stream, port }
     }
 
-    /// Sends the message that `message` makes at the present time.
+    /// Sends the message that `message` makes at the present time to the controller.
     pub fn send(
         &mut self,
         link: &ControllerLink,
         message: impl FnOnce(Nanos) -> T,
     ) -> Result<(), ClientError> {
+        match self.deliver(link, message)? {
+            // The controller subscribes before it announces itself, so it has ended.
+            0 => Err(link.lost()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Sends the message to whoever subscribes, and returns their number.
+    pub fn deliver(
+        &mut self,
+        link: &ControllerLink,
+        message: impl FnOnce(Nanos) -> T,
+    ) -> Result<usize, ClientError> {
         let (now, stream) = (clock::now(), self.stream);
         let publisher = self.port.get(link, now, |session| {
             let factory = stream.open::<ClientService, T>(&session.node)?;
@@ -39,11 +52,7 @@ impl<T: ZeroCopySend + Debug + Copy + 'static> CommandPublisher<T> {
             created.map_err(failed("publish", stream.name))
         })?;
         let sent = publisher.send_copy(message(now));
-        match sent.map_err(failed("send", stream.name))? {
-            // The controller subscribes before it announces itself, so it has ended.
-            0 => Err(link.lost()),
-            _ => Ok(()),
-        }
+        Ok(sent.map_err(failed("send", stream.name))?)
     }
 }
 

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::commander::{Commander, padded};
 use super::controller_link::ControllerLink;
 use super::error::ClientError;
+use super::reach_target_publisher::ReachTargetPublisher;
 use super::request_client::{REPLY_TIMEOUT, RequestClient, SLOW_REPLY_TIMEOUT};
 use super::subscription::{Latest, Watcher};
 use crate::clock;
@@ -196,6 +197,12 @@ impl Client {
     #[must_use]
     pub fn commander(&self) -> Commander {
         Commander::new(&self.link)
+    }
+
+    /// A publisher of reach-and-hold targets with the identity of this client.
+    #[must_use]
+    pub fn reach_targets(&self) -> ReachTargetPublisher {
+        ReachTargetPublisher::new(&self.link)
     }
 
     /// Access to all streams of the controller.

@@ -6,6 +6,7 @@
 //! | [`Commander`] | streaming servo commands |
 //! | [`Watcher`], [`Subscription`], [`Latest`] | receiving every message, or the last one |
 //! | [`ExternalPublisher`] | publishing measurements of cameras and other sensors |
+//! | [`ReachTargetPublisher`] | publishing the targets of a reach-and-hold task |
 //! | [`Forwarder`], [`RequestForwarder`] | forwarding commands of remote clients |
 //!
 //! ```no_run
@@ -33,6 +34,7 @@ mod error;
 mod external_publisher;
 mod forwarder;
 mod model_client;
+mod reach_target_publisher;
 mod request_client;
 mod subscription;
 
@@ -41,4 +43,5 @@ pub use controller_client::Client;
 pub use error::ClientError;
 pub use external_publisher::ExternalPublisher;
 pub use forwarder::{Forwarder, RequestForwarder};
+pub use reach_target_publisher::ReachTargetPublisher;
 pub use subscription::{Latest, Subscription, Watcher};

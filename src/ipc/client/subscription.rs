@@ -12,7 +12,8 @@ use crate::ipc::domain::Domain;
 use crate::ipc::message::Message;
 use crate::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
+    OperatingStateMsg, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
+    VirtualFixturesMsg,
 };
 use crate::ipc::service::{self, BUFFER, Stream, TransportError, failed};
 use crate::units::Nanos;
@@ -119,6 +120,12 @@ impl Watcher {
     #[must_use]
     pub fn warning(&self) -> Subscription<ReasonMsg> {
         self.subscription(service::WARNING)
+    }
+
+    /// `reach_target`: the target of a reach-and-hold task, from the client that runs it.
+    #[must_use]
+    pub fn reach_target(&self) -> Subscription<ReachTarget> {
+        self.subscription(service::REACH_TARGET)
     }
 
     /// `actuators/servo_jp`: motor commands of clients, accepted or not.

@@ -16,6 +16,7 @@ mod command_streams;
 mod definition;
 mod model_requests;
 mod period_statistics;
+mod reach_target;
 mod reason;
 mod requests;
 mod state_streams;
@@ -26,6 +27,7 @@ pub use adaptation::AdaptationMsg;
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
 pub use period_statistics::{PeriodStatistics, SpanSummary};
+pub use reach_target::ReachTarget;
 pub use reason::ReasonMsg;
 pub use requests::{
     BlackBoxReply, BlackBoxRequest, MoveRequest, StateCommandReply, StateCommandRequest, Version,
@@ -64,6 +66,7 @@ mod tests {
         assert_eq!(size_of::<BlackBoxReply>(), 1032);
         assert_eq!(size_of::<VirtualFixtureRequest>(), 48);
         assert_eq!(size_of::<VirtualFixturesMsg>(), 1344);
+        assert_eq!(size_of::<ReachTarget>(), 96);
         assert_eq!(size_of::<ReasonMsg>(), 392);
         assert_eq!(offset_of!(ReasonMsg, text), 72);
         assert_eq!(size_of::<AdaptationMsg>(), 496);

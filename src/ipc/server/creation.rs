@@ -18,8 +18,8 @@ use crate::ipc::domain_lock::DomainLock;
 use crate::ipc::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
-    ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
-    VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
+    ReachTarget, ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest,
+    Version, VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use crate::ipc::service::{self, create_node, create_request};
 
@@ -47,6 +47,7 @@ pub(super) struct Services {
     pub virtual_fixtures: StreamFactory<VirtualFixturesMsg>,
     pub error: StreamFactory<ReasonMsg>,
     pub warning: StreamFactory<ReasonMsg>,
+    pub reach_target: StreamFactory<ReachTarget>,
     pub state_commands: RequestFactory<StateCommandRequest, StateCommandReply>,
     pub black_boxes: RequestFactory<BlackBoxRequest, BlackBoxReply>,
     pub models: RequestFactory<ModelRequest, ModelReply>,
@@ -108,6 +109,7 @@ impl Services {
             virtual_fixtures: service::VIRTUAL_FIXTURES.create(&node)?,
             error: service::ERROR.create(&node)?,
             warning: service::WARNING.create(&node)?,
+            reach_target: service::REACH_TARGET.create(&node)?,
             state_commands: create_request(&node, service::STATE_COMMAND)?,
             black_boxes: create_request(&node, service::BLACK_BOX)?,
             models: create_request(&node, service::MODEL)?,

@@ -26,8 +26,8 @@ use super::heartbeat::HeartbeatWriter;
 use super::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
-    ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
-    VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
+    ReachTarget, ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest,
+    Version, VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{self, TransportError, failed};
@@ -78,6 +78,8 @@ pub struct Server {
     virtual_fixtures: StreamPublisher<VirtualFixturesMsg>,
     error: StreamPublisher<ReasonMsg>,
     warning: StreamPublisher<ReasonMsg>,
+    /// Between clients: it exists as long as somebody has it open.
+    _reach_target: StreamFactory<ReachTarget>,
     state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
     black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
     models: RequestServer<ModelRequest, ModelReply>,
@@ -157,6 +159,7 @@ impl Server {
             )?,
             error: StreamPublisher::new(&from.error, service::ERROR, boot_id)?,
             warning: StreamPublisher::new(&from.warning, service::WARNING, boot_id)?,
+            _reach_target: from.reach_target,
             state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
             black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
             models: RequestServer::new(&from.models, service::MODEL, slow)?,

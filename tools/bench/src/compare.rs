@@ -82,7 +82,7 @@ fn medians(file: &Value) -> Option<Vec<Medians>> {
     let mut all: Vec<Medians> = Vec::new();
     for run in runs {
         let bench = run["bench"].as_str()?;
-        for variant in run["ways"].as_array()? {
+        for variant in run["variants"].as_array()? {
             let (group, name) = (variant["group"].as_str()?, variant["name"].as_str()?);
             let ratio = variant["x_floor"]["p50"].as_f64();
             let microseconds = variant["spans_ns"]["p50"].as_f64()? / 1e3;
@@ -141,7 +141,7 @@ mod tests {
             let ratio = x_floor.map(|floor| json!({ "p50": ns / floor }));
             json!({
                 "bench": "loop",
-                "ways": [{
+                "variants": [{
                     "group": "compute",
                     "name": "tick",
                     "spans_ns": { "p50": ns },

@@ -26,7 +26,7 @@ const MODELS: [(usize, usize, &str, Role); 4] = [
     (
         10,
         0,
-        "gmr, no memory, K = 10 (the published way)",
+        "gmr, no memory, K = 10 (the published method)",
         Role::Peer,
     ),
     (3, 4, "gmr-play, K = 3, 4 plays per motor", Role::Ours),

@@ -27,7 +27,7 @@ fn bench(arguments: &[&str]) -> serde_json::Value {
 
 /// Checks that every variant was measured and is compared with a floor.
 fn check_outcome(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
-    let variants = outcome["ways"].as_array().unwrap();
+    let variants = outcome["variants"].as_array().unwrap();
     for variant in variants {
         let durations = &variant["spans_ns"];
         assert!(durations["count"].as_u64().unwrap() > 0, "{variant}");
@@ -58,7 +58,7 @@ fn check_outcome(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
 fn every_variant_is_measured_and_compared_with_its_floor() {
     let outcome = bench(&["ipc", "--messages", "2000"]);
     check_outcome(&outcome, &["polled", "waiting"]);
-    assert_eq!(outcome["ways"].as_array().unwrap().len(), 12);
+    assert_eq!(outcome["variants"].as_array().unwrap().len(), 12);
     let outcome = bench(&["loop", "--duration-s", "1"]);
     check_outcome(&outcome, &["lateness", "compute"]);
     check_outcome(
@@ -141,7 +141,7 @@ fn a_command_is_measured_to_the_wire_and_back() {
     let seen = "command to encoder position at the client";
     check_outcome(&outcome, &[arrived, seen]);
     let p50 = |group: &str| {
-        let variants = outcome["ways"].as_array().unwrap();
+        let variants = outcome["variants"].as_array().unwrap();
         let variant = variants
             .iter()
             .find(|variant| variant["group"] == group && variant["role"] == "ours")
@@ -160,7 +160,7 @@ fn several_rates_of_the_loop_have_a_floor_each() {
     let outcome = bench(&["loop", "--rate-hz", "1000,4000", "--duration-s", "1"]);
     let groups = ["lateness, 1000 Hz", "lateness, 4000 Hz", "compute, 1000 Hz"];
     check_outcome(&outcome, &[&groups[..], &["compute, 4000 Hz"]].concat());
-    assert_eq!(outcome["ways"].as_array().unwrap().len(), 8);
+    assert_eq!(outcome["variants"].as_array().unwrap().len(), 8);
 }
 
 #[test]
@@ -180,7 +180,7 @@ fn the_wire_is_measured_over_rates_and_axes() {
     ];
     check_outcome(&outcome, &groups);
     let floor = |group: &str| {
-        let variants = outcome["ways"].as_array().unwrap();
+        let variants = outcome["variants"].as_array().unwrap();
         let floor = variants
             .iter()
             .find(|variant| variant["group"] == group && variant["role"] == "floor");

@@ -86,7 +86,7 @@ fn the_fourth_turn_is_held_out_and_fitted_better_than_by_a_straight_model() {
 }
 
 #[test]
-fn its_noise_and_its_limits_are_told() {
+fn its_noise_and_its_limits_are_reported() {
     let Some((recording, _)) = recording() else {
         return;
     };

@@ -25,7 +25,7 @@ use i2ris_terminal::Failure;
   i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv
   i2ris calibrate update minute.csv --model config/models/snake.json --output today.json
 
-Without a command it goes the whole way: collect, fit, compare, stage, activate, check. It says each \
+Without a command it runs every step: collect, fit, compare, stage, activate, check. It says each
 step, and goes on where it was."
 )]
 pub struct Arguments {

@@ -3,6 +3,7 @@
 mod fixture;
 pub mod prepare;
 mod progress;
+mod reach;
 mod stream;
 pub mod stream_monitor;
 mod teleop;
@@ -19,6 +20,7 @@ use i2ris::units::Nanos;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
 use prepare::{PrepareOptions, carry_out};
+use reach::ReachOptions;
 use stream::{OnLate, Plan};
 use stream_monitor::StopReason;
 use teleop::DeviceOption;
@@ -26,6 +28,11 @@ use trajectory::{Angles, Trajectory, Waypoints};
 
 /// Time to wait for a controller that is starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
+
+/// How far one key press goes.
+const STEP_DEG: f64 = 0.25;
+/// The same in a task: steps of the former would miss targets.
+const FINE_STEP_DEG: f64 = 0.1;
 
 /// Arguments of `i2ris command`.
 #[derive(Debug, clap::Args)]
@@ -41,6 +48,7 @@ const CONNECT: Nanos = Nanos::from_millis(2000);
   i2ris command fixture circle 10 5 3            a circle of 3 deg around 10, 5 is forbidden
   i2ris command --keyboard --scale 0.5           space bar: dead-man switch; arrows steer
   i2ris command --gamepad /dev/input/js0         hold a shoulder button, steer with the left stick
+  i2ris command reach --targets 5                bring the snake to targets and hold it there
 
 Ctrl-C comes to rest softly, gives the lease back and ends; the snake holds."
 )]
@@ -70,9 +78,9 @@ struct TeleopOptions {
     /// How much of the motion of keys and stick reaches the snake
     #[arg(long, default_value_t = 1.0, value_name = "SHARE", value_parser = share)]
     scale: f64,
-    /// How far one key press goes
-    #[arg(long, default_value_t = 0.25, value_name = "DEG", value_parser = step)]
-    step_deg: f64,
+    /// How far one key press goes [default: 0.25, and 0.1 in `reach`]
+    #[arg(long, value_name = "DEG", value_parser = step)]
+    step_deg: Option<f64>,
 }
 
 impl TeleopOptions {
@@ -85,6 +93,28 @@ impl TeleopOptions {
             Some(DeviceOption::Keyboard)
         } else {
             self.gamepad.as_ref().map(gamepad)
+        }
+    }
+
+    fn plan(
+        &self,
+        stream: &StreamOptions,
+        device: DeviceOption,
+        task: Option<ReachOptions>,
+    ) -> teleop::Plan {
+        let step_deg = if task.is_some() {
+            FINE_STEP_DEG
+        } else {
+            STEP_DEG
+        };
+        teleop::Plan {
+            device,
+            speed_deg_s: stream.speed_deg_s,
+            step_deg: self.step_deg.unwrap_or(step_deg),
+            scale: self.scale,
+            rate_hz: stream.rate_hz,
+            prepare: stream.prepare,
+            task,
         }
     }
 }
@@ -153,6 +183,14 @@ enum What {
     File {
         /// The file
         csv: PathBuf,
+    },
+    /// A task: bring the snake to targets, one after the other, and hold it there. With the keys of
+    /// this terminal or --gamepad. The monitor shows the targets, `i2ris report` scores a recording
+    Reach {
+        #[command(flatten)]
+        task: ReachOptions,
+        #[command(flatten)]
+        teleop: TeleopOptions,
     },
     /// Regions that the snake may not enter
     #[command(subcommand)]
@@ -236,7 +274,11 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     } = arguments;
     let what = match (what, teleop.device()) {
         (Some(what), None) => what,
-        (None, Some(device)) => return teleoperate(&domain, &stream, &teleop, device),
+        (None, Some(device)) => {
+            let mut client = Client::connect(&domain.domain()?, CONNECT)?;
+            let plan = teleop.plan(&stream, device, None);
+            return teleop::run(&mut client, &plan, &Interrupt::catch()?);
+        }
         (Some(_), Some(_)) => {
             wrong_usage("give either --keyboard or --gamepad or a subcommand, not both")
         }
@@ -267,6 +309,11 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
                 let state = OperatingState::from_number(state).ok_or(StopReason::Unknown(state))?;
                 print_state(true, command, state, json)
             };
+        }
+        What::Reach { task, teleop } => {
+            let device = teleop.device().unwrap_or(DeviceOption::Keyboard);
+            let plan = teleop.plan(&stream, device, Some(task));
+            return teleop::run(&mut client, &plan, &interrupt);
         }
         What::Fixture(command) => return fixture::run(&mut client, &command),
         What::Hold { duration_s } => ("hold", None, duration_s),
@@ -332,36 +379,6 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
 /// Ends the program as clap does for a command line that is wrong.
 fn wrong_usage(what: &str) -> ! {
     clap::Error::raw(ErrorKind::ArgumentConflict, format!("{what}\n")).exit()
-}
-
-fn teleoperate(
-    domain: &DomainOption,
-    stream: &StreamOptions,
-    options: &TeleopOptions,
-    device: DeviceOption,
-) -> Result<(), Failure> {
-    let mut client = Client::connect(&domain.domain()?, CONNECT)?;
-    let interrupt = Interrupt::catch()?;
-    let (
-        TeleopOptions {
-            scale, step_deg, ..
-        },
-        StreamOptions {
-            rate_hz,
-            speed_deg_s,
-            prepare,
-            ..
-        },
-    ) = (options, stream);
-    let plan = teleop::Plan {
-        device,
-        speed_deg_s: *speed_deg_s,
-        step_deg: *step_deg,
-        scale: *scale,
-        rate_hz: *rate_hz,
-        prepare: *prepare,
-    };
-    teleop::run(&mut client, &plan, &interrupt)
 }
 
 fn print_state(

@@ -46,7 +46,7 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Calibrate the robot: the whole way, or one step of it
+    /// Calibrate the robot: all steps, or one of them
     Calibrate(calibrate::Arguments),
     /// Look at a model, and run it without a robot
     #[command(subcommand)]

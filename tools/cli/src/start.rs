@@ -99,8 +99,8 @@ fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
     domain.clone_into(&mut config.ipc.domain);
     config.record.folder = folder.join("records");
-    // Emulated drives share the computer with everything else that runs there: when it stalls, so do
-    // they, and that is no fault of a line.
+    // Emulated drives share the computer with everything else that runs there: when it stalls, so
+    // do they, and that is no fault of a line.
     (
         config.limits.feedback_stale_ms,
         config.limits.feedback_lost_ms,

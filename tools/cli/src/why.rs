@@ -130,13 +130,13 @@ fn answers(
         Answer::new(&reason.unwrap_or(Reason::from(cause)), None)
     });
     let mut answers: Vec<Answer> = present.collect();
-    let mut told = Vec::new();
+    let mut printed = Vec::new();
     for message in warnings.iter().rev() {
         // The last one of every cause; one of a later release has no texts here.
         if let Some(reason) = message.reason()
-            && !told.contains(&reason.cause)
+            && !printed.contains(&reason.cause)
         {
-            told.push(reason.cause);
+            printed.push(reason.cause);
             let age = now.since(Nanos(message.stamp_ns)).as_seconds();
             answers.push(Answer::new(&reason, Some(age)));
         }

@@ -1,4 +1,4 @@
-//! The whole way of a calibration: emulated drives, snake and camera, the controller's own threads,
+//! A whole calibration: emulated drives, snake and camera, the controller's own threads,
 //! `i2ris calibrate collect` and `i2ris calibrate fit` as processes; then the same through pictures
 //! of the snake, and a command with the model that came of them.
 #![allow(clippy::unwrap_used)]
@@ -40,20 +40,8 @@ impl Rig {
             .unwrap();
         for (axis, port) in config.ports.iter_mut().enumerate() {
             port.device = emulator.device(axis).to_owned();
-            port.reply_timeout_ms = 500;
         }
-        // Tests share the machine: nobody spins, stalls are not what this is about, and the stroke
-        // is a short one.
-        (
-            config.control.spin_us,
-            config.control.priority,
-            config.control.lock_memory,
-        ) = (0, 0, false);
-        (
-            config.limits.feedback_stale_ms,
-            config.limits.feedback_lost_ms,
-        ) = (2000, 10_000);
-        (config.command.deadline_ms, config.command.lease_timeout_ms) = (500, 2000);
+        i2ris_testing::run_on_shared_machine(&mut config);
         config.conditioning.half_width_counts = Some(400);
         (
             config.conditioning.turns,

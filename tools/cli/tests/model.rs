@@ -106,7 +106,7 @@ fn counts_lead_to_angles_and_angles_to_counts() {
     let rows = bench.rows("counts.csv", "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts");
     assert_eq!(rows.len(), 1501, "one per tick of 1 ms");
     for row in &rows {
-        // Coming up to 400 counts/s with 40,000 counts/s^2 takes 2 counts of the way; and rounding.
+        // Coming up to 400 counts/s with 40,000 counts/s^2 takes 2 counts of path; and rounding.
         assert!(
             (row[3] - 100.0 * row[1]).abs() <= 3.0 && (row[4] - 100.0 * row[2]).abs() <= 3.0,
             "{row:?}"

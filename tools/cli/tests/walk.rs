@@ -1,5 +1,5 @@
-//! `i2ris calibrate` without a command, against a whole controller with emulated drives: the whole
-//! way in a pipe, an interruption, and going on where it was.
+//! `i2ris calibrate` without a command, against a whole controller with emulated drives: all steps
+//! in a pipe, an interruption, and going on where it was.
 #![allow(clippy::unwrap_used)]
 
 #[path = "commands/live.rs"]

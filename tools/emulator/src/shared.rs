@@ -120,7 +120,7 @@ impl Shared {
         lock(&self.camera).push(command);
     }
 
-    /// What the camera has been told since the last call.
+    /// What was sent to the camera since the last call.
     pub(crate) fn take_camera_commands(&self) -> Vec<CameraCommand> {
         std::mem::take(&mut lock(&self.camera))
     }

@@ -28,6 +28,7 @@ mod history;
 mod hull_outline;
 mod latest_messages;
 mod model_poller;
+mod reach_target;
 mod subscriptions;
 mod terminal;
 mod web;

@@ -3,7 +3,7 @@
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ReasonMsg, VirtualFixturesMsg,
+    PeriodStatistics, ReachTarget, ReasonMsg, VirtualFixturesMsg,
 };
 use i2ris::ipc::{Domain, Message};
 use i2ris::units::{MAX_MOTORS, Nanos};
@@ -35,6 +35,7 @@ pub struct Subscriptions {
     commander: Commander,
     adaptation: Subscription<AdaptationMsg>,
     fixtures: Subscription<VirtualFixturesMsg>,
+    target: Subscription<ReachTarget>,
     exchanges: Exchanges,
     boot_id: Option<u64>,
 }
@@ -56,6 +57,7 @@ impl Subscriptions {
             commander: Commander::new(domain),
             adaptation: watcher.adaptation(),
             fixtures: watcher.virtual_fixtures(),
+            target: watcher.reach_target(),
             exchanges: Exchanges::default(),
             boot_id: None,
         }
@@ -121,6 +123,7 @@ impl Subscriptions {
         replace_if_new(&mut view.health, self.health.newest()?);
         replace_if_new(&mut view.adaptation, self.adaptation.newest()?);
         replace_if_new(&mut view.fixtures, self.fixtures.newest()?);
+        replace_if_new(&mut view.target, self.target.newest()?);
         if replace_if_new(&mut view.statistics, self.statistics.newest()?) {
             view.statistics
                 .iter()

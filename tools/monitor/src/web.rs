@@ -54,7 +54,7 @@ pub fn run(
         eprintln!(
             "warning: {address} can be reached from other machines: everyone there can watch, \
              without a password and \
-             without encryption. Nobody can command the robot this way."
+             without encryption. Nobody can command the robot through it."
         );
     }
     let source = Arc::new(Source::new(domain.name(), clock::now()));

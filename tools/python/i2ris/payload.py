@@ -268,6 +268,29 @@ class ReasonMsg(Payload):
     ]
 
 
+class ReachTarget(Payload):
+    """``reach_target``, between clients: the target that a person shall reach and hold."""
+
+    NAME = "I2risReachTargetV1"
+    ENDED = 1
+    HELD = 2
+    BY_CAMERA = 4
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("client_id", c_uint64),
+        ("shown_ns", c_uint64),
+        ("hold_ns", c_uint64),
+        ("held_ns", c_uint64),
+        ("position", c_double * 3),
+        ("tolerance", c_double),
+        ("number", c_uint32),
+        ("total", c_uint32),
+        ("count", c_uint32),
+        ("flags", c_uint32),
+    ]
+
+
 class PeriodStatistics(Payload):
     """``period_statistics``, out, once a second: timing of the control loop."""
 

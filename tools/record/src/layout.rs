@@ -8,8 +8,9 @@ use std::mem::{offset_of, size_of};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, ModelDifference, ModelRequest, ModelSlot, MoveRequest, OperatingStateMsg,
-    PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, SpanSummary, StateCommandReply,
-    StateCommandRequest, Version, VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
+    PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp, SpanSummary,
+    StateCommandReply, StateCommandRequest, Version, VersionRequest, VirtualFixtureRequest,
+    VirtualFixturesMsg,
 };
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -277,6 +278,10 @@ layouts! {
     ExternalPosition {
         sequence: u64, stamp_ns: u64, position: [f64; 3], deviation: [f64; 3], quality: f64,
         count: u32, flags: u32,
+    }
+    ReachTarget {
+        sequence: u64, stamp_ns: u64, client_id: u64, shown_ns: u64, hold_ns: u64, held_ns: u64,
+        position: [f64; 3], tolerance: f64, number: u32, total: u32, count: u32, flags: u32,
     }
     ModelRequest { client_id: u64, action: u32, flags: u32, model_id: [u8; 32], path: [u8; 1024] }
     ModelSlot {

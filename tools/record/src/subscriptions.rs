@@ -9,7 +9,8 @@ use i2ris::ipc::Message;
 use i2ris::ipc::client::{ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
+    OperatingStateMsg, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
+    VirtualFixturesMsg,
 };
 use i2ris::units::Nanos;
 
@@ -60,6 +61,7 @@ pub struct Subscriptions {
     error: Subscription<ReasonMsg>,
     warning: Subscription<ReasonMsg>,
     external: Subscription<ExternalPosition>,
+    reach_target: Subscription<ReachTarget>,
     servo: Subscription<ServoJp>,
     servo_actuators: Subscription<ServoActuator>,
 }
@@ -84,6 +86,7 @@ impl Subscriptions {
             error: watcher.error(),
             warning: watcher.warning(),
             external: watcher.external(),
+            reach_target: watcher.reach_target(),
             servo: watcher.servo_jp(),
             servo_actuators: watcher.servo_actuators(),
         }
@@ -108,6 +111,7 @@ impl Subscriptions {
         drain(&mut self.error, Stream::Error, sink, now)?;
         drain(&mut self.warning, Stream::Warning, sink, now)?;
         drain(&mut self.external, Stream::External, sink, now)?;
+        drain(&mut self.reach_target, Stream::ReachTarget, sink, now)?;
         self.servo.drain(|command| sink.servo_jp(&command, now))?;
         let servo = &mut self.servo_actuators;
         drain(servo, Stream::ServoActuators, sink, now)

@@ -5,7 +5,8 @@ use std::io::{Seek, Write};
 
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, VirtualFixturesMsg,
+    OperatingStateMsg, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
+    VirtualFixturesMsg,
 };
 
 use crate::cdr;
@@ -41,6 +42,8 @@ pub enum Stream {
     Warning,
     /// `external/measured_jp`.
     External,
+    /// `reach_target`.
+    ReachTarget,
     /// `servo_jp`.
     ServoJp,
     /// `actuators/servo_jp`.
@@ -49,7 +52,7 @@ pub enum Stream {
 
 impl Stream {
     /// All streams.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Measured,
         Self::Setpoint,
         Self::Goal,
@@ -63,6 +66,7 @@ impl Stream {
         Self::Error,
         Self::Warning,
         Self::External,
+        Self::ReachTarget,
         Self::ServoJp,
         Self::ServoActuators,
     ];
@@ -84,6 +88,7 @@ impl Stream {
             Self::Error => "error",
             Self::Warning => "warning",
             Self::External => "external/measured_jp",
+            Self::ReachTarget => "reach_target",
             Self::ServoJp => "servo_jp",
             Self::ServoActuators => "actuators/servo_jp",
         }
@@ -103,6 +108,7 @@ impl Stream {
             Self::Events => EventMsg::LAYOUT,
             Self::Error | Self::Warning => ReasonMsg::LAYOUT,
             Self::External => ExternalPosition::LAYOUT,
+            Self::ReachTarget => ReachTarget::LAYOUT,
             Self::ServoJp => ServoJp::LAYOUT,
             Self::ServoActuators => ServoActuator::LAYOUT,
         }
@@ -124,7 +130,10 @@ impl Stream {
     /// their sequence numbers do not show missing messages.
     #[must_use]
     pub const fn has_one_sender(self) -> bool {
-        !matches!(self, Self::External | Self::ServoJp | Self::ServoActuators)
+        !matches!(
+            self,
+            Self::External | Self::ReachTarget | Self::ServoJp | Self::ServoActuators
+        )
     }
 }
 

@@ -106,8 +106,8 @@ impl VirtualFixtures {
         self.limited_by
     }
 
-    /// The region that begins to limit the goal in this tick; folded to one per second. Call it once
-    /// per tick.
+    /// The region that begins to limit the goal in this tick; folded to one per second. Call it
+    /// once per tick.
     pub fn begun_limit(&mut self, now: Nanos) -> Option<u8> {
         let is_new = self.limits.update(self.limited_by.is_some(), now);
         self.limited_by.filter(|_| is_new)
@@ -264,8 +264,8 @@ fn is_entered(region: &Region, last: &OutputVec, step: &OutputVec, unit: OutputU
         return true;
     };
     let lowest = before.distance.min(0.0);
-    // In the coordinates of the region, no step that keeps to this rule meets the set. The tip moves
-    // on a curve, so points along it are looked at, too.
+    // In the coordinates of the region, no step that keeps to this rule meets the set. The tip
+    // moves on a curve, so points on its path are checked, too.
     let is_beside = dot(&before.slope, step) >= -before.distance.max(0.0);
     let parts = if region.space == FixtureSpace::Tip {
         4

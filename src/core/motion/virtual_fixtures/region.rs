@@ -1,8 +1,8 @@
 //! A forbidden region: a convex set with the distance to it.
 //!
 //! The distance `d` is positive outside. For a convex set it is a convex function, so that
-//! `d(x + s) >= d(x) + n s` with its slope `n` at `x`. A step `s` with `n s >= -d(x)` therefore never
-//! enters the set, however long it is.
+//! `d(x + s) >= d(x) + n s` with its slope `n` at `x`. A step `s` with `n s >= -d(x)` therefore
+//! never enters the set, however long it is.
 
 use serde::{Deserialize, Serialize};
 
@@ -92,19 +92,9 @@ pub(super) struct Distance {
 impl Region {
     /// A region of the configuration, which has been checked.
     pub fn new(shape: &FixtureShape, config: &VirtualFixtureConfig) -> Self {
-        match shape {
-            FixtureShape::Polygon { corners_deg } => {
-                Self::polygon(corners_deg, config.margin_deg.to_radians())
-            }
-            FixtureShape::Circle { .. }
-            | FixtureShape::HalfPlane { .. }
-            | FixtureShape::Ball { .. }
-            | FixtureShape::HalfSpace { .. } => {
-                // The shapes without corners: never `None`.
-                SimpleRegion::new(shape).map_or_else(Self::nothing, |simple| {
-                    Self::grown(&simple, &Margins::new(config))
-                })
-            }
+        match SimpleRegion::new(shape) {
+            Some(simple) => Self::grown(&simple, &Margins::new(config)),
+            None => Self::polygon(shape.corners_deg(), config.margin_deg.to_radians()),
         }
     }
 
@@ -128,17 +118,6 @@ impl Region {
         Self {
             space: simple.space,
             shape,
-        }
-    }
-
-    fn nothing() -> Self {
-        let ball = Shape::Ball {
-            centre: Point::default(),
-            radius: f64::NEG_INFINITY,
-        };
-        Self {
-            space: FixtureSpace::Angles,
-            shape: ball,
         }
     }
 
@@ -169,8 +148,8 @@ impl Region {
         }
     }
 
-    /// The distance to a point. Not less than the real one at corners, so that a corner is rounded
-    /// to the safe side.
+    /// The distance to a point. Beyond a corner it is that to the farther of two sides, which is
+    /// not more than the real one: to the safe side.
     pub(super) fn distance(&self, point: &Point) -> Distance {
         match &self.shape {
             Shape::Ball { centre, radius } => {

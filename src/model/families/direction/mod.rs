@@ -273,7 +273,7 @@ fn conditioned_on<const D: usize, const M: usize>(
     let refused = || ModelError::Value {
         key: "family.mixture.covariances".to_owned(),
         value: format!("{directions:?}"),
-        reason: "the components cannot be told apart by direction: fit with more regularisation \
+        reason: "the components do not differ by direction: fit with more regularisation \
          or fewer components",
     };
     Gmr::new(&condition(components, &remaining, &known).ok_or_else(refused)?)

@@ -55,7 +55,7 @@ pub struct EndToEndBenchmark {
     pub pinned: bool,
     /// Seed of the random pauses.
     pub seed: u64,
-    /// In each turn the floor and both ways of the loop get a part of the commands.
+    /// In each turn the floor and both variants of the loop get a part of the commands.
     pub turns: u32,
 }
 

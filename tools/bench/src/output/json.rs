@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use crate::outcome::BenchOutcome;
 
 /// An object with `bench`, `about`, `machine`, `weather` (load of the machine), `scheduling`,
-/// `ways` (variants: percentiles in ns, and as multiples of the floor of their group),
+/// `variants` (percentiles in ns, and as multiples of the floor of their group),
 /// `quantities`, `notes`.
 #[must_use]
 pub fn json(outcome: &BenchOutcome) -> Value {
@@ -24,7 +24,7 @@ pub fn json(outcome: &BenchOutcome) -> Value {
         "machine": outcome.machine,
         "weather": outcome.load,
         "scheduling": outcome.scheduling,
-        "ways": variants.collect::<Vec<_>>(),
+        "variants": variants.collect::<Vec<_>>(),
         "quantities": outcome.quantities,
         "notes": outcome.notes,
     })

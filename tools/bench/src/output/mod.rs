@@ -76,7 +76,7 @@ mod tests {
         assert_eq!(names.collect::<Vec<_>>(), expected);
         let json: serde_json::Value =
             serde_json::from_slice(&fs::read(&written[0]).unwrap()).unwrap();
-        let [floor, ours] = [0, 1].map(|index| &json["ways"][index]);
+        let [floor, ours] = [0, 1].map(|index| &json["variants"][index]);
         assert_eq!(ours["role"], "ours");
         assert_eq!(ours["spans_ns"]["count"], 1000);
         assert!(floor["x_floor"].is_null());

@@ -73,7 +73,7 @@ pub struct WireArguments {
     #[arg(long, value_name = "S", default_value_t = 10,
           value_parser = clap::value_parser!(u32).range(1..=3600))]
     duration_s: u32,
-    /// Baud rates, with commas between them, in place of 115200 alone; 12000000 stands for USB
+    /// Baud rates, with commas between them, in place of 115200 alone; 12000000 means USB
     #[arg(long, value_name = "BAUD", value_delimiter = ',',
           value_parser = clap::value_parser!(u32).range(9600..))]
     baud: Vec<u32>,

@@ -59,7 +59,7 @@ fn in_own_process(benchmark: &ScaleBenchmark, rows: u32) -> Result<FitCost, Benc
 ///
 /// # Errors
 ///
-/// [`BenchError`]: the fit fails, or the system does not tell the memory of the process.
+/// [`BenchError`]: the fit fails, or the system does not report the memory of the process.
 pub fn fit_cost(rows: usize) -> Result<FitCost, BenchError> {
     let before = memory_bytes("VmRSS:")?;
     let data = DataTable::from_rows(VARIABLES, (0..rows).map(row));
@@ -79,7 +79,7 @@ pub fn fit_cost(rows: usize) -> Result<FitCost, BenchError> {
     })
 }
 
-/// Two counts on a way with many turns, two angles behind them, and something irregular.
+/// Two counts on a path with many turns, two angles behind them, and something irregular.
 fn row(number: usize) -> [f64; VARIABLES] {
     let t = 0.1 * number as f64;
     let [a, b] = [
@@ -124,7 +124,7 @@ fn memory_bytes(line: &str) -> Result<f64, BenchError> {
     let found = status.lines().find_map(|text| text.strip_prefix(line));
     let kilobytes = found.and_then(|rest| rest.split_whitespace().next()?.parse::<f64>().ok());
     kilobytes.map(|kb| kb * 1024.0).ok_or(BenchError::Timeout {
-        what: "the system does not tell the memory of this process",
+        what: "the system does not report the memory of this process",
     })
 }
 

@@ -17,7 +17,7 @@ const PRIOR: [f64; 3] = [1.5, 0.1, 0.3];
 /// Rounds of the scale of the gap.
 const ROUNDS: usize = 5;
 
-/// Rows below which nothing is said.
+/// With fewer rows there is no estimate.
 const LEAST_ROWS: usize = 30;
 
 /// Range of the scale of a gap: that of [`i2ris::model::Memory::set_gap_scale`].

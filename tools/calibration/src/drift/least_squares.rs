@@ -1,7 +1,8 @@
 //! Robust least squares with a prior.
 //!
-//! Outliers: weights of Huber, iterated (P. J. Huber, "Robust Estimation of a Location
-//! Parameter", 1964). Rows of a rest with the autocorrelation `a` count as `(1 - a) / (1 + a)` independent ones.
+//! Outliers: weights of Huber, iterated (P. J. Huber, "Robust Estimation of a Location Parameter",
+//! 1964). Rows of a rest with the autocorrelation `a` count as `(1 - a) / (1 + a)` independent
+//! ones.
 
 use i2ris_statistics::median;
 use nalgebra::{DMatrix, DVector};
@@ -15,14 +16,14 @@ const HUBER: f64 = 1.5;
 /// The median of the absolute value of a normal variable, in its deviations.
 const NORMAL_MEDIAN: f64 = 0.6745;
 
-/// A share of independent rows is at least this: a rest that does not decay within a recording says
-/// little about its end.
+/// A share of independent rows is at least this: a rest that does not decay within a recording
+/// shows little of its end.
 const LEAST_INDEPENDENT: f64 = 0.002;
 
 /// A linear problem: `target = features parameters + rest`.
 #[derive(Debug)]
 pub(super) struct Problem {
-    /// Rows of one output stand together, in the order of time.
+    /// Rows of one output follow one another, in the order of time.
     pub features: DMatrix<f64>,
     pub target: DVector<f64>,
     /// Rows of each output.

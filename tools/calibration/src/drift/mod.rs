@@ -1,8 +1,8 @@
 //! The drift of a robot from its calibration, from a recording and a model.
 //!
 //! The model is right up to a few numbers: the zero of every output, a gain matrix, and the scale
-//! of the gap of every motor. They are found by least squares with the calibration as prior, so that
-//! a recording that does not show a number leaves it where it was:
+//! of the gap of every motor. They are found by least squares with the calibration as prior, so
+//! that a recording that does not show a number leaves it where it was:
 //!
 //! ```text
 //! measured = predicted(gaps scaled) + zero + gain predicted + rest

@@ -21,8 +21,8 @@ use crate::series::Series;
 use crate::survey::overview::{Survey, inputs, outputs};
 use crate::table::DataTable;
 
-/// More rows tell hardly more and take time and memory: of longer recordings every second, third, ...
-/// row is used. The path of the motors stays whole.
+/// More rows add hardly anything and take time and memory: of longer recordings every second,
+/// third, ... row is used. The path of the motors stays whole.
 const MOST_ROWS: usize = 20_000;
 
 /// Fits models to a recording: looks for spikes, holds rows out, fits, checks as the controller

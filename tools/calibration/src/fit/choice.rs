@@ -125,7 +125,7 @@ pub(super) fn held_out_error(model: &Model) -> f64 {
     if error.is_finite() { error } else { f64::MAX }
 }
 
-/// Goals that lie in the reach of the snake, and the way of the motors before them.
+/// Goals that lie in the reach of the snake, and the path of the motors before them.
 struct Goals {
     outputs: usize,
     path: TrialPath,
@@ -160,7 +160,7 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Trial {
         plant.advance(&mut real, counts);
     }
     let mut counts = goals.path.turns.last().copied().unwrap_or_default();
-    let (mut squares, mut way) = (0.0, 0.0);
+    let (mut squares, mut travel) = (0.0, 0.0);
     for (tick, goal) in goals.goals.iter().enumerate() {
         let target = model.invert(goal, &known, &Query::new(counts)).counts;
         let mut next = counts;
@@ -172,7 +172,7 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Trial {
         plant.advance(&mut real, &next);
         let reached = plant.predict(&next, &real).mean;
         if tick >= SETTLING {
-            way += TrialPath::distance(&counts, &next);
+            travel += TrialPath::distance(&counts, &next);
             let pairs = reached.iter().zip(goal).take(goals.outputs);
             squares += pairs
                 .map(|(reached, goal)| (reached - goal).powi(2))
@@ -182,7 +182,7 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Trial {
     }
     Trial {
         error: (squares / (TICKS - SETTLING) as f64).sqrt(),
-        travel: way,
+        travel,
     }
 }
 

@@ -17,7 +17,7 @@ const LEAST_ROWS: f64 = 2.0;
 /// Rows between which the autocorrelation is looked at.
 const LARGEST_LAG: usize = 200;
 
-/// Rows that tell anything of a correlation.
+/// Fewer rows show no correlation.
 const LEAST_LENGTH: usize = 100;
 
 /// The slow part of the error on these rows; `None` if there is none, or the recording has no time
@@ -33,8 +33,8 @@ pub(super) fn slow_error(
     let predicted = predictions(model, recording);
     let all = recording.rows();
     let errors = rows.iter().map(|row| {
-        let (seen, said) = (&all[*row].outputs, &predicted[*row]);
-        [seen[0] - said[0], seen[1] - said[1]]
+        let (seen, expected) = (&all[*row].outputs, &predicted[*row]);
+        [seen[0] - expected[0], seen[1] - expected[1]]
     });
     let errors: Vec<[f64; 2]> = errors.collect();
     let (direction, along, across) = principal(&errors);

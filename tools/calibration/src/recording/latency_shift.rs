@@ -10,7 +10,7 @@ use i2ris_statistics::median;
 /// eight physics without any latency it was up to 22 ms (`i2ris calibrate zoo --keep`).
 const BIAS_S: f64 = 0.025;
 
-/// An estimate has to stand out of the bias by so many standard deviations.
+/// An estimate has to exceed the bias by so many standard deviations.
 const DEVIATIONS: f64 = 3.0;
 
 /// Rows further apart in time are measured after the motors have come to rest: the path between
@@ -43,7 +43,7 @@ impl Recording {
         estimate_latency(&path, &measured, self.motors)
     }
 
-    /// The recording without a latency that is certain, and that latency, s: one that stands out of
+    /// The recording without a latency that is certain, and that latency, s: one that exceeds
     /// what hysteresis can look like.
     #[must_use]
     pub fn without_latency(self) -> (Self, Option<f64>) {

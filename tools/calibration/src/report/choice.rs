@@ -16,22 +16,23 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     let Some(chosen) = scores.iter().find(|score| score.chosen) else {
         return;
     };
-    page.paragraph(explanation(scores, chosen));
     let unit = unit(data);
+    page.paragraph(explanation(scores, chosen, &unit));
     let header = [
         "family".to_owned(),
         format!("held out ({unit})"),
-        format!("tracking on the worst of the others ({unit})"),
-        "that one".to_owned(),
+        format!("tracking, worst ({unit})"),
+        "tried on".to_owned(),
         format!("score ({unit})"),
         "travel".to_owned(),
     ];
     let caption = "The choice: RMS length of the error on the rows held out; RMS length of the \
-                   tracking error when the inverse of the family moves the worst of the other \
-                   families as a robot; the score is both together, the root of the sum of squares; \
-                   travel of the motors in these trials, relative to that of linear. A family whose \
-                   error on the rows held out is far above the least is no robot to be tried on.";
-    let mut table = Table::new(caption.to_owned(), header).text_column(3);
+                   tracking error when the inverse of the family moves another family as a robot, \
+                   the one where that goes worst; the score is both together, the root of the sum of \
+                   squares; travel of the motors in these trials, relative to that of linear. A \
+                   family whose error on the rows held out is far above the least is no robot to \
+                   be tried on.";
+    let mut table = Table::new(caption.to_owned(), header);
     for score in scores {
         let none = || "–".to_owned();
         let (worst, name) = match &score.worst_plant {
@@ -59,7 +60,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
 }
 
 /// Why this one, and how sure that is.
-fn explanation(scores: &[ChoiceScore], chosen: &ChoiceScore) -> String {
+fn explanation(scores: &[ChoiceScore], chosen: &ChoiceScore, unit: &str) -> String {
     let family = &chosen.family;
     let others = scores.iter().filter(|score| !score.chosen);
     let next = others.min_by(|a, b| a.total.total_cmp(&b.total));
@@ -74,9 +75,17 @@ fn explanation(scores: &[ChoiceScore], chosen: &ChoiceScore) -> String {
         part if part < NEAR => "so near that another recording may turn it round",
         _ => "a clear difference",
     };
+    let held_out = fixed(chosen.held_out, 3);
+    let tracking = match &chosen.worst_plant {
+        Some((error, plant)) => format!(
+            "its inverse leaves {} {unit} on {plant}, the worst of the others",
+            fixed(*error, 3)
+        ),
+        None => "no other family is near enough to try its inverse on".to_owned(),
+    };
     format!(
-        "{family} was chosen for its score. The score of the next family, {other}, is {percent} % \
-         {side} it, {sure}."
+        "{family} was chosen for its score: on the rows held out its error is {held_out} {unit}, \
+         and {tracking}. The score of the next family, {other}, is {percent} % {side} it, {sure}."
     )
 }
 
@@ -113,10 +122,11 @@ mod tests {
                 score("gmr-play", 1.0, true),
                 score("gmr-stop", next, false),
             ];
-            let text = explanation(&scores, &scores[1]);
+            let text = explanation(&scores, &scores[1], "deg");
             assert!(text.contains(part), "{text}");
+            assert!(text.contains("no other family is near enough"), "{text}");
         }
         let one = [score("linear", 1.0, true)];
-        assert!(explanation(&one, &one[0]).contains("the only family"));
+        assert!(explanation(&one, &one[0], "deg").contains("the only family"));
     }
 }

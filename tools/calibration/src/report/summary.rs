@@ -112,9 +112,9 @@ fn findings(data: &ReportData, scores: &Scores) -> Vec<String> {
     };
     if data.chosen_by_held_out {
         findings.push(format!(
-            "The family was chosen among {} by its error on the rows held out and by its inverse on \
-             the others, so that error flatters it. Quote one on another recording, which neither a fit nor the choice has \
-             seen.",
+            "The family was chosen among {} by its error on the rows held out and by its inverse \
+             on the others, so that error flatters it. Quote one on another recording, which \
+             neither a fit nor the choice has seen.",
             data.families.len()
         ));
     }

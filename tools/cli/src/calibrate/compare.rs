@@ -287,8 +287,8 @@ fn print(entries: &[Entry], recording: &Recording) {
 fn doubts(entry: &Entry, rows: usize) {
     if entry.unknown_memory > 0 {
         println!(
-            "  the memory is unknown in the first {} of {rows} rows: there the error may be as large \
-             as the hysteresis loop is wide",
+            "  the memory is unknown in the first {} of {rows} rows: there the error may be as \
+             large as the hysteresis loop is wide",
             entry.unknown_memory
         );
     }

@@ -127,7 +127,7 @@ impl Report<'_> {
         let (training, held_out) = (report.training.len(), report.split.held_out().count());
         let every = match report.every {
             1 => String::new(),
-            every => format!(": every {every}th, more tell hardly more"),
+            every => format!(": every {every}th, more add hardly anything"),
         };
         writeln!(f, "training   {training} row(s){every}")?;
         match report.split.kind() {
@@ -387,7 +387,7 @@ fn noise_text(output: &OutputSpec, noise: Option<&NoiseFloor>) -> String {
             method,
             samples,
         }) => format!("{name} {deviation:.3} {unit} ({samples} {method})"),
-        None => format!("{name} cannot be told from these rows"),
+        None => format!("{name} cannot be found from these rows"),
     }
 }
 

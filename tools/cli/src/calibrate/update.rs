@@ -16,8 +16,8 @@ use super::fit::{check_output, write};
   i2ris calibrate update minute.csv --model config/models/snake.json --output today.json
 
 The shape of the old model stays; zero, gain and scale of the gaps are found anew, with the old
-ones as prior: what the motion does not show stays as it was. Three quarters of the recording have to
-make a model that is better on the last quarter, or nothing is written. A minute of motion that
+ones as prior: what the motion does not show stays as it was. Three quarters of the recording have
+to make a model that is better on the last quarter, or nothing is written. A minute of motion that
 reverses both motors many times is enough.")]
 pub struct Arguments {
     /// The recording: a CSV file with encoder counts and measured angles

@@ -27,7 +27,7 @@ pub enum CsvTableError {
         column: String,
         value: String,
     },
-    /// Time stands still or runs backwards.
+    /// Time stops or runs backwards.
     #[error("{path}, line {line}: t_s = {time_s} does not rise; sort the rows and drop doubles")]
     Time {
         path: PathBuf,

@@ -193,7 +193,7 @@ impl DesiredTrajectory<'_> {
     }
 }
 
-/// Goes to the first pose, straight in the outputs, and waits until the motors stand.
+/// Goes to the first pose, straight in the outputs, and waits until the motors are at rest.
 fn approach(
     rehearsal: &mut Rehearsal,
     desired: &DesiredTrajectory,

@@ -15,7 +15,7 @@ use i2ris_terminal::while_working;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   i2ris model stage config/models/steel.json && i2ris model activate
-  i2ris model stage --from-drift config/models/steel.json --output config/models/steel-drifted.json")]
+  i2ris model stage --from-drift config/models/steel.json --output config/models/drifted.json")]
 pub struct Arguments {
     /// The model file; the controller reads it itself
     model: PathBuf,

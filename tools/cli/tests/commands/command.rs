@@ -303,8 +303,11 @@ fn a_pose_out_of_reach_is_told_at_once_and_is_no_success() {
         error.contains("out of reach") && error.contains("43.0 deg"),
         "{error}"
     );
-    let told = output.find("out of reach").expect(&output);
-    assert!(told < output.find("followed within").unwrap(), "{output}");
+    let clipped = output.find("out of reach").expect(&output);
+    assert!(
+        clipped < output.find("followed within").unwrap(),
+        "{output}"
+    );
     assert!(
         output.contains("43.0") && !output.contains("followed within 0.0"),
         "{output}"
@@ -379,8 +382,11 @@ fn a_stop_by_late_commands_is_told_and_can_end_the_path() {
         controller.robot().stale_stops += 1;
         let (code, output, error) = program.code();
         assert_eq!(code, Some(expected), "{output}{error}");
-        let told = "commands came late; the trajectory is";
-        assert!(format!("{output}{error}").contains(told), "{output}{error}");
+        let notice = "commands came late; the trajectory is";
+        assert!(
+            format!("{output}{error}").contains(notice),
+            "{output}{error}"
+        );
         controller.wait("the release", |robot| robot.lease == 0);
     }
 }

@@ -37,19 +37,8 @@ impl Robot {
         config.ipc.domain = format!("t{:016x}", random_id());
         for (axis, port) in config.ports.iter_mut().enumerate() {
             port.device = emulator.device(axis).to_owned();
-            port.reply_timeout_ms = 500;
         }
-        // Tests share the machine: nobody spins, and stalls are not what this is about.
-        (
-            config.control.spin_us,
-            config.control.priority,
-            config.control.lock_memory,
-        ) = (0, 0, false);
-        (
-            config.limits.feedback_stale_ms,
-            config.limits.feedback_lost_ms,
-        ) = (2000, 10_000);
-        (config.command.deadline_ms, config.command.lease_timeout_ms) = (500, 2000);
+        i2ris_testing::run_on_shared_machine(&mut config);
         config.control.model = Some(linear_model(folder.path(), "first.json", 1.0));
         config.record.folder = folder.path().join("records");
         let (domain, stop) = (
@@ -172,7 +161,8 @@ mover.start()
 try:
     arm.wait_for(lambda state: state.accepted > 50)
     first = arm.model.list()
-    assert first.active.family == 'linear' and first.staged is None and first.previous is None, first
+    assert first.active.family == 'linear', first
+    assert first.staged is None and first.previous is None, first
     try:
         arm.model.stage(broken)
         raise AssertionError('a broken model')

@@ -8,5 +8,6 @@ mod external;
 mod live;
 mod mistakes;
 mod python;
+mod reach;
 mod shell;
 mod teleop;

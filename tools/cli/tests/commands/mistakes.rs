@@ -40,7 +40,7 @@ impl Table {
             .collect();
         let arguments: Vec<&str> = words.iter().map(String::as_str).collect();
         let (found, _, error) = Program::start(domain, &arguments).code();
-        let told = |text: &str| {
+        let generic = |text: &str| {
             let text = text
                 .replace(&folder, "FOLDER")
                 .replace(domain.name(), "DOMAIN");
@@ -54,8 +54,8 @@ impl Table {
             self.wrong
                 .push(format!("{what}: {found:?}, not {code}\n{error}"));
         }
-        let command = told(&words.join(" "));
-        let message = without_decimals(&told(message.trim_start_matches("error: ")));
+        let command = generic(&words.join(" "));
+        let message = without_decimals(&generic(message.trim_start_matches("error: ")));
         self.rows.push(format!(
             "| {what} | `i2ris {command}` | {message} | {code} |\n"
         ));

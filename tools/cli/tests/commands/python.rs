@@ -170,8 +170,8 @@ try:
     Link.check_iceoryx2('0.9.1')
     raise AssertionError('another wheel')
 except OtherInterface as error:
-    assert str(error) == 'iceoryx2 0.9.1 is installed, and interface version 3 speaks with iceoryx2 0.10.0: ' \\
-        'pip install iceoryx2==0.10.0', error
+    assert str(error) == 'iceoryx2 0.9.1 is installed, and interface version 3 speaks with ' \\
+        'iceoryx2 0.10.0: pip install iceoryx2==0.10.0', error
 ";
 
 #[test]

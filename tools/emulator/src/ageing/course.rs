@@ -8,7 +8,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::change::{Change, Course};
 
-/// A change that is under way. It advances on a fixed grid, so that its path does not depend on the
+/// A change in progress. It advances on a fixed grid, so that its path does not depend on the
 /// time steps of the caller.
 #[derive(Debug, Clone)]
 pub(super) struct RunningChange {

@@ -88,7 +88,7 @@ impl TimedCameraFault {
     }
 }
 
-/// A fault under way.
+/// A fault in progress.
 #[derive(Debug)]
 struct Running {
     from: Nanos,

@@ -96,7 +96,7 @@ impl Dictionary {
     /// would have to be off.
     pub fn check_write(&self, index: u16, sub: u8, raw: u32, powered: bool) -> Result<i64, Abort> {
         let Some(object) = self.find(index, sub).map(|found| self.objects()[found]) else {
-            // Reading tells whether index or subindex is wrong. What can be read is read-only.
+            // Reading shows whether index or subindex is wrong. What can be read is read-only.
             return Err(self.read(index, sub).err().unwrap_or(Abort::ReadOnly));
         };
         match object.access {

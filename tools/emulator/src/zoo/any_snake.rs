@@ -165,9 +165,9 @@ impl ZooSnake {
         self.travel = [0, 1].map(|motor: usize| {
             from[motor].clamp(ahead[motor] - play[motor], ahead[motor] + play[motor])
         });
-        let way = subtract(self.travel, from);
+        let moved = subtract(self.travel, from);
         let hysteresis = self.mechanism.hysteresis_mut();
-        let longest = way[0].abs().max(way[1].abs());
+        let longest = moved[0].abs().max(moved[1].abs());
         let steps = (longest / hysteresis.largest_step_deg()).ceil() as u32;
         let steps = steps.clamp(1, MAX_INNER_STEPS);
         let inner_s = dt_s / f64::from(steps);

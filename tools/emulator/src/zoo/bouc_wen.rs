@@ -43,7 +43,7 @@ impl Axis {
         }
     }
 
-    /// Slope of the own `z` per unit of way, from the own motion.
+    /// Slope of the own `z` per unit of travel, from the own motion.
     fn own(&self, z: f64, u: f64) -> f64 {
         let gamma = 1.0 - self.beta;
         let yielding = z * (self.beta * (u * z).abs() + gamma * u * z);
@@ -75,9 +75,9 @@ impl BoucWen {
         }
     }
 
-    fn slope(&self, z: Pair, way: Pair) -> Pair {
+    fn slope(&self, z: Pair, moved: Pair) -> Pair {
         let u = [0, 1]
-            .map(|motor: usize| way[motor] / (self.friction[motor] * self.axes[motor].yield_deg));
+            .map(|motor: usize| moved[motor] / (self.friction[motor] * self.axes[motor].yield_deg));
         [0, 1].map(|motor: usize| {
             let other = 1 - motor;
             let beta = self.axes[other].beta;
@@ -93,10 +93,10 @@ impl Hysteresis for BoucWen {
     }
 
     fn advance(&mut self, _dt_s: f64, travel: Pair) {
-        let way = subtract(travel, self.travel);
-        let first = self.slope(self.z, way);
-        let half_way = [0, 1].map(|motor: usize| self.z[motor] + 0.5 * first[motor]);
-        let middle = self.slope(half_way, way);
+        let moved = subtract(travel, self.travel);
+        let first = self.slope(self.z, moved);
+        let halfway = [0, 1].map(|motor: usize| self.z[motor] + 0.5 * first[motor]);
+        let middle = self.slope(halfway, moved);
         for (z, slope) in self.z.iter_mut().zip(middle) {
             // A jump far beyond the yield travel comes in coarse steps.
             *z = (*z + slope).clamp(-1.2, 1.2);

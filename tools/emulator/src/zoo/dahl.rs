@@ -1,4 +1,4 @@
-//! Dahl: friction that grows with the way since the last reversal, up to a limit, behind an
+//! Dahl: friction that grows with the travel since the last reversal, up to a limit, behind an
 //! elastic wire.
 //!
 //! Source: P. R. Dahl, "A solid friction model", The Aerospace Corporation, TOR-158(3107-18),
@@ -6,21 +6,17 @@
 //! bend plus `F`, both in degrees. The limit grows with the load of both motors.
 
 use super::draw::Draw;
+use super::friction_growth::FrictionGrowth;
 use super::hysteresis::Hysteresis;
 use super::pair::{Pair, subtract};
 use crate::ageing::Wear;
-
-/// Bend at which the growth of the limit is counted, degrees.
-const FULL_BEND_DEG: f64 = 40.0;
 
 /// One motor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Axis {
     /// Friction that stops growing, degrees of wire stretch.
     limit: f64,
-    /// Growth of the limit at full bend of this motor, and of the other.
-    growth: f64,
-    shared: f64,
+    growth: FrictionGrowth,
     /// Relative difference between the directions.
     asymmetry: f64,
     /// Initial stiffness, relative to the wire.
@@ -32,8 +28,7 @@ impl Axis {
     fn draw(draw: &mut Draw, limit: f64) -> Self {
         Self {
             limit,
-            growth: draw.uniform(0.0, 0.5),
-            shared: draw.uniform(0.0, 0.3),
+            growth: FrictionGrowth::draw(draw, 0.5, 0.3),
             asymmetry: draw.uniform(-0.2, 0.2),
             sigma: draw.log_uniform(3.0, 15.0),
             exponent: draw.uniform(0.6, 1.4),
@@ -41,8 +36,7 @@ impl Axis {
     }
 
     fn limit(&self, own: f64, other: f64, sign: f64) -> f64 {
-        let load = self.growth * own.abs() + self.shared * other.abs();
-        self.limit * (1.0 + load / FULL_BEND_DEG) * (1.0 + sign * self.asymmetry)
+        self.limit * self.growth.factor(own, other) * (1.0 + sign * self.asymmetry)
     }
 }
 
@@ -74,18 +68,18 @@ impl Hysteresis for Dahl {
     }
 
     fn advance(&mut self, _dt_s: f64, travel: Pair) {
-        let (way, before) = (subtract(travel, self.travel), self.bend);
+        let (moved, before) = (subtract(travel, self.travel), self.bend);
         for motor in 0..2 {
-            if way[motor] == 0.0 {
+            if moved[motor] == 0.0 {
                 continue;
             }
             let axis = &self.axes[motor];
-            let sign = way[motor].signum();
+            let sign = moved[motor].signum();
             let limit = self.friction[motor] * axis.limit(before[motor], before[1 - motor], sign);
             let friction = self.travel[motor] - before[motor];
             let left = (1.0 - sign * friction / limit).max(0.0);
             let stiffness = axis.sigma * left.powf(axis.exponent);
-            self.bend[motor] += way[motor] / (1.0 + stiffness);
+            self.bend[motor] += moved[motor] / (1.0 + stiffness);
         }
         self.travel = travel;
     }

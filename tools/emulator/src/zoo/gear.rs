@@ -9,12 +9,10 @@
 //! overcome the friction. So the loop is widest around the straight pose.
 
 use super::draw::Draw;
+use super::friction_growth::FrictionGrowth;
 use super::hysteresis::{Hysteresis, SNAKE_STIFFNESS};
 use super::pair::Pair;
 use crate::ageing::Wear;
-
-/// Bend at which the growth of the friction is counted, degrees.
-const FULL_BEND_DEG: f64 = 40.0;
 
 /// A flank: the force at a deflection `e` is `stiffness e + hardening e^2`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,7 +22,7 @@ struct Flank {
 }
 
 impl Flank {
-    /// Deflection at which flank and snake together take a way of `beyond` the gap.
+    /// Deflection at which flank and snake together take up a travel `beyond` the gap.
     fn deflection(&self, beyond: f64) -> f64 {
         let linear = self.stiffness + 1.0;
         // The root of the quadratic in the form that has no cancellation.
@@ -40,8 +38,7 @@ struct Gear {
     /// For rising and for falling load.
     flanks: [Flank; 2],
     friction: f64,
-    /// Growth of the friction at full bend of this motor and of the other.
-    growth: Pair,
+    growth: FrictionGrowth,
     /// Bend per travel of one flank.
     gain: f64,
     /// Wear of the gap and of the friction.
@@ -62,7 +59,7 @@ impl Gear {
             half_gap: half_lost * draw.uniform(0.25, 0.5),
             flanks,
             friction: half_lost * draw.uniform(0.5, 0.7) * stiffness,
-            growth: [draw.uniform(0.0, 0.5), draw.uniform(0.0, 0.3)],
+            growth: FrictionGrowth::draw(draw, 0.5, 0.3),
             gain: stiffness / (stiffness + 1.0),
             worn_gap: 1.0,
             worn_friction: 1.0,
@@ -72,20 +69,18 @@ impl Gear {
 
     /// Where the snake is when the gear leaves a force of `friction` for it.
     fn balance(&self, travel: f64, friction: f64) -> f64 {
-        let way = travel + friction;
+        let pulled = travel + friction;
         let half_gap = self.worn_gap * self.half_gap;
-        if way.abs() <= half_gap {
+        if pulled.abs() <= half_gap {
             return -friction;
         }
-        let flank = self.flanks[usize::from(way < 0.0)];
-        let deflection = flank.deflection(way.abs() - half_gap);
-        travel - (half_gap + deflection).copysign(way)
+        let flank = self.flanks[usize::from(pulled < 0.0)];
+        let deflection = flank.deflection(pulled.abs() - half_gap);
+        travel - (half_gap + deflection).copysign(pulled)
     }
 
     fn advance(&mut self, travel: f64, other: f64) {
-        let [own_growth, other_growth] = self.growth;
-        let load = own_growth * self.at.abs() + other_growth * other.abs();
-        let friction = self.worn_friction * self.friction * (1.0 + load / FULL_BEND_DEG);
+        let friction = self.worn_friction * self.friction * self.growth.factor(self.at, other);
         let pushed = self.balance(travel, friction);
         let pulled = self.balance(travel, -friction);
         self.at = self.at.max(pushed).min(pulled);
@@ -97,11 +92,11 @@ impl Gear {
 
     /// Force on the flanks; 0 inside the gap.
     fn load(&self, travel: f64) -> f64 {
-        let way = travel - self.at;
-        let deflection = (way.abs() - self.worn_gap * self.half_gap).max(0.0);
-        let flank = self.flanks[usize::from(way < 0.0)];
+        let stretch = travel - self.at;
+        let deflection = (stretch.abs() - self.worn_gap * self.half_gap).max(0.0);
+        let flank = self.flanks[usize::from(stretch < 0.0)];
         let force = (flank.stiffness + flank.hardening * deflection) * deflection;
-        SNAKE_STIFFNESS * force.copysign(way)
+        SNAKE_STIFFNESS * force.copysign(stretch)
     }
 }
 

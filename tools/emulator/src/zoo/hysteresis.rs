@@ -5,7 +5,7 @@ use crate::ageing::Wear;
 
 /// A hysteresis of both motors.
 pub(super) trait Hysteresis {
-    /// Longest travel of a motor in one step, degrees; infinite where a straight way is exact.
+    /// Longest travel of a motor in one step, degrees; infinite where one straight step is exact.
     fn largest_step_deg(&self) -> f64;
 
     /// Moves the wires uniformly to `travel`, degrees, within `dt_s` seconds.

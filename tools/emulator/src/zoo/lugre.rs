@@ -13,6 +13,7 @@
 //! solved for its speed, implicitly, so that long steps are stable.
 
 use super::draw::Draw;
+use super::friction_growth::FrictionGrowth;
 use super::hysteresis::Hysteresis;
 use super::pair::Pair;
 use crate::ageing::Wear;
@@ -23,9 +24,6 @@ const HALVINGS: u32 = 45;
 /// Shortest time step, s, so that speeds stay finite.
 const MIN_STEP_S: f64 = 1e-6;
 
-/// Bend at which the growth of the friction is counted, degrees.
-const FULL_BEND_DEG: f64 = 40.0;
-
 /// One motor; forces in degrees of wire stretch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Axis {
@@ -34,8 +32,7 @@ struct Axis {
     static_factor: f64,
     /// deg/s.
     stribeck: f64,
-    /// Growth at full bend of this motor and of the other.
-    growth: Pair,
+    growth: FrictionGrowth,
     sigma0: f64,
     /// s.
     sigma1: f64,
@@ -50,7 +47,7 @@ impl Axis {
             coulomb,
             static_factor: draw.uniform(1.02, 1.2),
             stribeck: draw.log_uniform(1.0, 6.0),
-            growth: [draw.uniform(0.0, 0.4), draw.uniform(0.0, 0.25)],
+            growth: FrictionGrowth::draw(draw, 0.4, 0.25),
             sigma0,
             sigma1: draw.uniform(0.001, 0.004) * sigma0,
             sigma2: draw.uniform(0.004, 0.015),
@@ -119,9 +116,8 @@ impl Hysteresis for LuGre {
         let before = self.bend;
         for motor in 0..2 {
             let axis = &self.axes[motor];
-            let [own, other] = axis.growth;
-            let bends = own * before[motor].abs() + other * before[1 - motor].abs();
-            let load = self.friction[motor] * (1.0 + bends / FULL_BEND_DEG);
+            let growth = axis.growth.factor(before[motor], before[1 - motor]);
+            let load = self.friction[motor] * growth;
             let z = self.z[motor];
             let v = axis.speed(z, travel[motor] - before[motor], load, dt_s);
             self.z[motor] = axis.deflection(z, v, load, dt_s);

@@ -2,8 +2,8 @@
 //!
 //! A model that was made with one emulated snake in view may have learned the emulator. So there
 //! are many, each with the hysteresis of another theory, from the literature. Nothing is shared
-//! between them except for the geometry around the hysteresis, and nothing at all with the models
-//! of the controller.
+//! between them except for the geometry around the hysteresis and the growth of friction with the
+//! bend, and nothing at all with the models of the controller.
 //!
 //! ```text
 //! counts -> gain, pull (frame) -> hysteresis (a file each) -> planes, shape (frame) -> angles
@@ -17,6 +17,7 @@
 //! | `physics` | names, and drawing by a seed |
 //! | `any_snake` | a snake of any physics in time steps |
 //! | `frame` | gains, planes and shape, common to all but `springs` |
+//! | `friction_growth` | friction that grows with the bend |
 //! | `draw`, `pair` | random parameters; pairs of values |
 //! | `hysteresis` | what a physics has to do |
 //! | `springs` | the snake of [`crate::snake`] |
@@ -33,6 +34,7 @@ mod bouc_wen;
 mod dahl;
 mod draw;
 mod frame;
+mod friction_growth;
 mod gear;
 mod hysteresis;
 mod lugre;

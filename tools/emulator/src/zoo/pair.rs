@@ -7,7 +7,7 @@ pub(super) fn subtract(a: Pair, b: Pair) -> Pair {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-/// On the way from a pair to another.
+/// Interpolates from one pair to another.
 pub(super) fn between(from: Pair, to: Pair, share: f64) -> Pair {
     [0, 1].map(|i: usize| from[i] + share * (to[i] - from[i]))
 }

@@ -35,7 +35,7 @@ pub enum Physics {
     Preisach,
     /// A differential equation of the lost travel, in two axes.
     BoucWen,
-    /// Friction that grows with the way since a reversal.
+    /// Friction that grows with the travel since a reversal.
     Dahl,
     /// Bristles with the Stribeck effect: depends on speed.
     #[strum(serialize = "lugre")]
@@ -53,7 +53,7 @@ impl Physics {
     /// Their names.
     pub const NAMES: &[&str] = <Self as VariantNames>::VARIANTS;
 
-    /// Whether the angles depend on the way of the motors alone, at whatever speed.
+    /// Whether the angles depend on the path of the motors alone, at whatever speed.
     #[must_use]
     pub fn is_rate_independent(self) -> bool {
         !matches!(self, Self::Springs | Self::LuGre)
@@ -67,7 +67,7 @@ impl Physics {
             Self::PrandtlIshlinskii => "plays with different rising and falling branches",
             Self::Preisach => "relays with a density",
             Self::BoucWen => "a differential equation of the lost travel",
-            Self::Dahl => "friction that grows with the way since a reversal",
+            Self::Dahl => "friction that grows with the travel since a reversal",
             Self::LuGre => "bristles with the Stribeck effect; depends on speed",
             Self::Wire => "a wire in pieces with capstan friction",
             Self::Gear => "a gear with lost motion and compliance",

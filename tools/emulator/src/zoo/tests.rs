@@ -244,7 +244,7 @@ fn the_load_follows_the_bend_and_vanishes_in_a_play() {
         go(&mut snake, 0.0, 1500.0, 500.0);
         let pulled = snake.load();
         assert!(pulled[0] > 1.0 && pulled[1] < -1.0, "{drawn}: {pulled:?}");
-        // On the way back through the middle the load changes its sign.
+        // Back through the middle the load changes its sign.
         go(&mut snake, 1500.0, -1500.0, 500.0);
         let pushed = snake.load();
         assert!(pushed[0] < -1.0 && pushed[1] > 1.0, "{drawn}: {pushed:?}");

@@ -7,7 +7,7 @@
 //! Robotics 26(5), 2010.
 //!
 //! The wires of a motor pull against each other with a pretension, so the force on the guides is
-//! the sum of both. A turn frees one piece after the other, from the motor on; the tip stands until
+//! the sum of both. A turn frees one piece after the other, from the motor on; the tip rests until
 //! the last one slides.
 
 use super::draw::Draw;
@@ -69,17 +69,20 @@ impl Wire {
         }
     }
 
+    /// Where the wire enters a piece: at the motor, or at the guided point before.
+    fn before(&self, piece: usize, travel: f64) -> f64 {
+        match piece {
+            0 => travel,
+            _ => self.places[piece - 1],
+        }
+    }
+
     /// The most that each guide can hold, with the snake bent by `bend_rad` altogether.
     fn limits(&self, travel: f64, bend_rad: f64) -> [f64; PIECES] {
         let pretension = self.worn_pretension * self.pretension;
         let friction = self.worn_friction * self.friction;
         std::array::from_fn(|piece| {
-            let before = if piece == 0 {
-                travel
-            } else {
-                self.places[piece - 1]
-            };
-            let force = self.stiffness * (before - self.places[piece]);
+            let force = self.stiffness * (self.before(piece, travel) - self.places[piece]);
             // Beyond the pretension the other wire is slack.
             let pressing = (2.0 * pretension).max(pretension + force.abs());
             let wrap = self.wrap[piece] + bend_rad / PIECES as f64;
@@ -93,11 +96,7 @@ impl Wire {
         for _ in 0..MAX_SWEEPS {
             let mut moved = 0.0_f64;
             for (piece, limit) in limits.iter().enumerate() {
-                let before = if piece == 0 {
-                    travel
-                } else {
-                    self.places[piece - 1]
-                };
+                let before = self.before(piece, travel);
                 let here = self.places[piece];
                 let (onward, stiffness) = match self.places.get(piece + 1) {
                     Some(next) => (self.stiffness * (here - next), 2.0 * self.stiffness),

@@ -119,7 +119,7 @@ mod tests {
         Event::new(Nanos::from_millis(milliseconds), severity, text.to_owned())
     }
 
-    fn told(groups: &EventGroups) -> Vec<(&str, u64)> {
+    fn shown(groups: &EventGroups) -> Vec<(&str, u64)> {
         let groups = groups.iter();
         groups.map(|it| (it.text.as_str(), it.count)).collect()
     }
@@ -133,7 +133,7 @@ mod tests {
             groups.add(event(100 * step, Severity::Info, &format!("line {step}")));
         }
         assert_eq!(groups.iter().len(), CAPACITY);
-        assert_eq!(told(&groups)[..2], [("fault", 1), ("noise", 999)]);
+        assert_eq!(shown(&groups)[..2], [("fault", 1), ("noise", 999)]);
     }
 
     #[test]
@@ -149,7 +149,7 @@ mod tests {
             groups.add(event(milliseconds, severity, text));
         }
         let expected = [("fault", 1), ("lease", 2), ("fault", 1), ("lease", 1)];
-        assert_eq!(told(&groups), expected);
+        assert_eq!(shown(&groups), expected);
     }
 
     #[test]
@@ -161,8 +161,8 @@ mod tests {
         };
         groups.add(keyed(0, "refusal 3: step"));
         groups.explain(keyed(20, "refusal 3: step (9 deg)"));
-        assert_eq!(told(&groups), [("refusal 3: step (9 deg)", 1)]);
+        assert_eq!(shown(&groups), [("refusal 3: step (9 deg)", 1)]);
         groups.explain(keyed(9000, "refusal 3: step (8 deg)"));
-        assert_eq!(told(&groups), [("refusal 3: step (8 deg)", 2)]);
+        assert_eq!(shown(&groups), [("refusal 3: step (8 deg)", 2)]);
     }
 }

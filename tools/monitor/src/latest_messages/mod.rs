@@ -7,7 +7,7 @@ mod text;
 
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ReasonMsg, VirtualFixturesMsg,
+    PeriodStatistics, ReachTarget, ReasonMsg, VirtualFixturesMsg,
 };
 use i2ris::ipc::{Fault, Message, OperatingState};
 use i2ris::units::{MAX_MOTORS, Nanos};
@@ -38,6 +38,8 @@ pub struct LatestMessages {
     pub health: Option<Health>,
     pub adaptation: Option<AdaptationMsg>,
     pub fixtures: Option<VirtualFixturesMsg>,
+    /// The target of a reach-and-hold task.
+    pub target: Option<ReachTarget>,
     /// The last fault.
     pub error: Option<ReasonMsg>,
     /// The last refusal, stop or clip.

@@ -96,7 +96,7 @@ fn joints(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>>
 fn joint_marks(dashboard: &Dashboard, now: Nanos) -> Vec<String> {
     let view = &dashboard.view;
     let joint = |name: &str, joint: Option<&JointState>| match joint {
-        None => Some(format!("{name} NOT TOLD YET")),
+        None => Some(format!("{name} NOT RECEIVED YET")),
         Some(joint) => mark(name, joint.age(now), STALE),
     };
     let camera = view.camera.and_then(|camera| match view.camera_angles() {
@@ -117,7 +117,7 @@ fn joint_marks(dashboard: &Dashboard, now: Nanos) -> Vec<String> {
 
 fn motors(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>> {
     let Some(motors) = &dashboard.view.actuators else {
-        return vec![Line::from(Span::styled("motors NOT TOLD YET", alarm()))];
+        return vec![Line::from(Span::styled("motors NOT RECEIVED YET", alarm()))];
     };
     let mut lines = vec![Line::from(Span::styled(
         "motor set-pt  encoder   mA drive",
@@ -199,7 +199,7 @@ fn motor_lines(
 
 fn statistics(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>> {
     let Some(statistics) = &dashboard.view.statistics else {
-        return vec![Line::from(Span::styled("loop NOT TOLD YET", alarm()))];
+        return vec![Line::from(Span::styled("loop NOT RECEIVED YET", alarm()))];
     };
     let old = statistics.age(now) > STATISTICS_STALE;
     let text = |text: String| Line::from(styled(text, old));

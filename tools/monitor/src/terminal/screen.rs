@@ -62,7 +62,10 @@ fn header(dashboard: &Dashboard, title: &str, width: usize, now: Nanos) -> Vec<L
         .map(|problem| Span::styled(problem.clone(), alarm()));
     let mut lines = flow(problem, width);
     match &dashboard.view.state {
-        None => lines.extend(flow([Span::styled(" STATE NOT TOLD YET ", alarm())], width)),
+        None => lines.extend(flow(
+            [Span::styled(" STATE NOT RECEIVED YET ", alarm())],
+            width,
+        )),
         Some(state) => {
             lines.extend(flow(state_items(dashboard, state, now), width));
             lines.extend(flow(command_items(dashboard, state), width));

@@ -21,7 +21,7 @@ use crate::latest_messages::{
     state_name,
 };
 use crate::model_poller::LoadedModel;
-use crate::{adaptation, fixtures};
+use crate::{adaptation, fixtures, reach_target};
 
 /// Events in the answer.
 const EVENTS: usize = 30;
@@ -59,6 +59,7 @@ pub fn snapshot(
         "camera": view.camera.as_ref().map(|camera| seen(view, camera, now)),
         "motors": view.actuators.as_ref().map(|motors| actuators(view, motors, now)),
         "fixtures": view.fixtures.as_ref().map(fixtures::as_json),
+        "target": view.target.as_ref().and_then(|target| reach_target::as_json(target, now)),
         "adaptation": view.adaptation.as_ref().map(adaptation::as_json),
         "health": view.health.as_ref().map(health_text),
         "loop": view.statistics.as_ref().map(|statistics| loop_statistics(statistics, now)),
@@ -92,7 +93,7 @@ fn why(state: &OperatingStateMsg) -> Value {
         .collect()
 }
 
-/// Base, joints and tip of the snake, mm, for every stream that tells fresh angles.
+/// Base, joints and tip of the snake, mm, for every stream with fresh angles.
 fn snake(view: &LatestMessages, now: Nanos) -> Value {
     let shape = |pair: [f64; 2]| {
         let [pitch, yaw] = pair.map(f64::to_radians);

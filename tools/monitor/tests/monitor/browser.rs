@@ -29,7 +29,7 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
     );
     page.wait(
         "a camera",
-        "/[0-9]/.test(document.querySelectorAll('#joints td.camera, #joints td.parted')[0].textContent)",
+        "/[0-9]/.test(document.querySelector('#joints td.camera, #joints td.parted').textContent)",
     );
     page.wait("the hull", "live.hull.length > 20");
     page.wait(
@@ -85,7 +85,7 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
         "fetch('/live', { method: 'POST', body: 'enable' }).then((answer) => answer.status)",
     );
     assert_eq!(refused, json!(405));
-    // The browser itself tells of the refusal that was just asked for, and of nothing else.
+    // The browser itself reports the refusal that was just requested, and of nothing else.
     let complaints: Vec<_> = page
         .complaints()
         .into_iter()

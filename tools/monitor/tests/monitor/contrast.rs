@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 const CSS: &str = include_str!("../../src/web/page/colours.css");
 const GROUNDS: [&str; 2] = ["panel", "ground"];
-const TEXTS: [&str; 11] = [
+const TEXTS: [&str; 12] = [
     "text", "faint", "goal", "setpoint", "estimate", "camera", "hull", "error", "caution", "alarm",
-    "old",
+    "old", "target",
 ];
 const FILLS: [&str; 4] = ["good", "wait", "off", "bad"];
 

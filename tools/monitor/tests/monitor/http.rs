@@ -83,14 +83,14 @@ impl Served {
         )
     }
 
-    /// What a page is told.
+    /// What a page receives.
     pub fn live(&self, query: &str) -> Value {
         let (status, body) = self.ask("GET", &format!("/live?{query}"));
         assert_eq!(status, 200, "{body}");
         serde_json::from_str(&body).unwrap()
     }
 
-    /// Waits until a page is told something.
+    /// Waits until a page receives something.
     pub fn wait(&self, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         let end = std::time::Instant::now() + Duration::from_secs(30);
         loop {

@@ -44,7 +44,7 @@ fn both_pages_say_at_once_why_the_robot_does_not_follow() {
     ] {
         let expected = format!("{WHY} === {}", json!(reason.to_string()));
         for page in &mut pages {
-            // News for a few seconds only: told again for every page.
+            // News for a few seconds only: sent again for every page.
             controller.robot().reasons.push((reason, 7));
             page.wait("a refusal or a clip", &expected);
         }

@@ -17,7 +17,7 @@ use tempfile::TempDir;
 
 /// How long anything may take on a machine that does other things.
 const TIMEOUT: Nanos = Nanos::from_millis(60_000);
-/// Tells the child of a test that it is the controller.
+/// Marks the child of a test that it is the controller.
 const CONFIG: &str = "I2RIS_TEST_CONTROLLER";
 
 /// A linear model of the snake of steel: motors at 45 degrees to the axes.
@@ -71,7 +71,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // One that was stopped hears nothing else.
+        // One that was stopped receives nothing else.
         self.signal(Signal::SIGCONT);
         self.signal(Signal::SIGTERM);
         let end = Instant::now() + Duration::from_secs(10);
@@ -135,7 +135,7 @@ impl Robot {
         }
     }
 
-    /// The controller stands still and holds everything it has, as one that hangs.
+    /// The controller stops and holds everything it has, as one that hangs.
     pub fn freeze(&self) {
         self.controller.signal(Signal::SIGSTOP);
     }
@@ -191,19 +191,8 @@ fn write_config(folder: &Path, domain: &Domain) -> PathBuf {
     config.record.folder = folder.join("records");
     for (axis, port) in config.ports.iter_mut().enumerate() {
         port.device = folder.join(format!("ports/axis{axis}"));
-        port.reply_timeout_ms = 500;
     }
-    // Tests share the machine: nobody spins, and stalls are not what this is about.
-    (
-        config.control.spin_us,
-        config.control.priority,
-        config.control.lock_memory,
-    ) = (0, 0, false);
-    (
-        config.limits.feedback_stale_ms,
-        config.limits.feedback_lost_ms,
-    ) = (2000, 20_000);
-    (config.command.deadline_ms, config.command.lease_timeout_ms) = (500, 2000);
+    i2ris_testing::run_on_shared_machine(&mut config);
     std::fs::write(&file, toml::to_string(&config).unwrap()).unwrap();
     file
 }

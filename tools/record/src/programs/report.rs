@@ -82,6 +82,9 @@ fn print(report: &TrialReport) {
             score.overshoot_deg[1]
         );
     }
+    if let Some(score) = &summary.targets {
+        println!("  {}", score.line());
+    }
     for found in &summary.hysteresis {
         let width = found.width_deg.map(|width| format!("{width:.2} deg wide"));
         let width = width.unwrap_or_else(|| "width not known".to_owned());

@@ -7,6 +7,7 @@
 //! | `following` | when the robot followed commands |
 //! | `tracking` | tracking error by the model's estimate and by the camera |
 //! | `reaches` | point-to-point motion: time and overshoot |
+//! | `targets` | reach-and-hold tasks: the same, and whether the snake stayed there |
 //! | `hysteresis` | counts against angle, width of the loop |
 //! | `latency` | from command to serial line, age of encoder positions |
 //! | `events` | events in words |
@@ -25,6 +26,7 @@ mod page;
 mod percentiles;
 mod reaches;
 mod summary;
+mod targets;
 mod tracking;
 mod trial;
 
@@ -37,6 +39,7 @@ pub use hysteresis::HysteresisLoop;
 pub use percentiles::Percentiles;
 pub use reaches::{Reach, ReachScore};
 pub use summary::{LoopTiming, StreamCount, TrialSummary};
+pub use targets::{TargetReach, TargetScore};
 pub use tracking::TrackingError;
 
 use crate::read::ReadError;

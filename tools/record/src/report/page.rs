@@ -16,6 +16,7 @@ use super::latency::logarithmic_bins;
 use super::percentiles::Percentiles;
 use super::reaches::ARRIVED_DEG;
 use super::summary::TrialSummary;
+use super::targets;
 use super::tracking::{TimedError, tracking_errors};
 use super::trial::Trial;
 
@@ -48,6 +49,7 @@ pub fn page(trial: &Trial, summary: &TrialSummary) -> Page {
     page.facts(facts(summary));
     write_tracking(&mut page, trial, summary);
     write_reaches(&mut page, summary);
+    targets::write(&mut page, summary);
     write_hysteresis(&mut page, summary);
     adaptation::write(&mut page, trial);
     write_latencies(&mut page, trial, summary);
@@ -261,8 +263,7 @@ fn write_reaches(page: &mut Page, summary: &TrialSummary) {
         score.overshoot_deg[0],
         score.overshoot_deg[1]
     ));
-    let header =
-        "at (s)/from (deg)/to (deg)/path of the goal (s)/arrived (s)/overshoot (deg)/detour";
+    let header = "at (s)/from (deg)/to (deg)/goal moves (s)/arrived (s)/overshoot (deg)/detour";
     let mut table = Table::new(
         "Every reach; detour: path of the goal divided by the distance.",
         header.split('/'),

@@ -14,14 +14,17 @@ use super::trial::Trial;
 const REST_DEG: f64 = 0.02;
 /// ... for so long, ns.
 const REST_NS: u64 = 500_000_000;
-/// A shorter path is no reach, deg.
+/// A shorter motion is no reach, deg.
 const SHORTEST_DEG: f64 = 0.5;
 /// The snake has arrived within this distance of the end, deg.
 pub const ARRIVED_DEG: f64 = 0.15;
 /// Window of the mean that has to be within it, twice in a row, ns.
-const ARRIVED_NS: u64 = 200_000_000;
+pub(super) const ARRIVED_NS: u64 = 200_000_000;
 /// Window of the mean for the overshoot, ns.
 const OVERSHOOT_NS: u64 = 100_000_000;
+
+/// Stamp, pitch and yaw in degrees.
+pub(super) type Sample = (u64, [f64; 2]);
 
 /// One reach.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -64,11 +67,7 @@ pub struct ReachScore {
 /// Scores the reaches of a trial by the camera, or without one by the model's estimate; `None`: the
 /// goal made none, or nothing observed them.
 pub fn reach_score(trial: &Trial) -> Option<ReachScore> {
-    let (by, observed) = if trial.camera.is_empty() {
-        ("estimate", &trial.measured)
-    } else {
-        ("camera", &trial.camera)
-    };
+    let (by, observed) = observed(trial);
     let rests = rests(&trial.goal);
     let reaches: Vec<Reach> = rests
         .windows(2)
@@ -89,7 +88,16 @@ pub fn reach_score(trial: &Trial) -> Option<ReachScore> {
     })
 }
 
-fn median_and_p95(values: &mut [f64]) -> Option<[f64; 2]> {
+/// What observed the snake: the camera, or without one the model's estimate.
+pub(super) fn observed(trial: &Trial) -> (&'static str, &TimeSeries<2>) {
+    if trial.camera.is_empty() {
+        ("estimate", &trial.measured)
+    } else {
+        ("camera", &trial.camera)
+    }
+}
+
+pub(super) fn median_and_p95(values: &mut [f64]) -> Option<[f64; 2]> {
     Some([
         quantile_of_unsorted(values, 0.5)?,
         quantile_of_unsorted(values, 0.95)?,
@@ -139,7 +147,7 @@ fn reach(trial: &Trial, observed: &TimeSeries<2>, from: &Rest, to: &Rest) -> Opt
         return None;
     }
     let onset = from.to_ns;
-    let samples: Vec<(u64, [f64; 2])> = observed
+    let samples: Vec<Sample> = observed
         .iter()
         .filter(|(stamp, _)| (onset..=to.to_ns).contains(stamp))
         .copied()
@@ -147,37 +155,44 @@ fn reach(trial: &Trial, observed: &TimeSeries<2>, from: &Rest, to: &Rest) -> Opt
     if samples.is_empty() {
         return None;
     }
-    let direction = [0, 1].map(|axis| (to.at[axis] - from.at[axis]) / distance_deg);
-    let beyond = |value: [f64; 2]| {
-        (value[0] - to.at[0]) * direction[0] + (value[1] - to.at[1]) * direction[1]
-    };
-    let overshoot_deg = (0..samples.len())
-        .filter_map(|first| mean(&samples, first, OVERSHOOT_NS))
-        .map(beyond)
-        .fold(0.0, f64::max);
-    let path: Vec<[f64; 2]> = trial
-        .goal
-        .iter()
-        .filter(|(stamp, _)| (onset..=to.from_ns).contains(stamp))
-        .map(|(_, value)| *value)
-        .collect();
-    let path_deg: f64 = path.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
     Some(Reach {
         t_s: trial.seconds(onset),
         from_deg: from.at,
         to_deg: to.at,
         distance_deg,
         goal_s: (to.from_ns - onset) as f64 * 1e-9,
-        arrived_s: arrival(&samples, to).map(|stamp| (stamp - onset) as f64 * 1e-9),
-        overshoot_deg,
-        detour: path_deg / distance_deg,
+        arrived_s: arrival(&samples, to.at).map(|stamp| (stamp - onset) as f64 * 1e-9),
+        overshoot_deg: overshoot_deg(&samples, from.at, to.at),
+        detour: path_deg(&trial.goal, onset, to.from_ns) / distance_deg,
     })
 }
 
+/// How far the means of short windows go beyond the end, along the line from the start.
+pub(super) fn overshoot_deg(samples: &[Sample], from: [f64; 2], to: [f64; 2]) -> f64 {
+    let length = distance(from, to);
+    let direction = [0, 1].map(|axis| (to[axis] - from[axis]) / length);
+    let beyond =
+        |value: [f64; 2]| (value[0] - to[0]) * direction[0] + (value[1] - to[1]) * direction[1];
+    (0..samples.len())
+        .filter_map(|first| mean(samples, first, OVERSHOOT_NS))
+        .map(beyond)
+        .fold(0.0, f64::max)
+}
+
+/// Length of the path between two stamps.
+pub(super) fn path_deg(series: &TimeSeries<2>, from_ns: u64, to_ns: u64) -> f64 {
+    let path: Vec<[f64; 2]> = series
+        .iter()
+        .filter(|(stamp, _)| (from_ns..=to_ns).contains(stamp))
+        .map(|(_, value)| *value)
+        .collect();
+    path.windows(2).map(|pair| distance(pair[0], pair[1])).sum()
+}
+
 /// The first stamp from which two means in a row are at the end.
-fn arrival(samples: &[(u64, [f64; 2])], to: &Rest) -> Option<u64> {
+pub(super) fn arrival(samples: &[Sample], to: [f64; 2]) -> Option<u64> {
     let is_there = |first| {
-        mean(samples, first, ARRIVED_NS).is_some_and(|mean| distance(mean, to.at) <= ARRIVED_DEG)
+        mean(samples, first, ARRIVED_NS).is_some_and(|mean| distance(mean, to) <= ARRIVED_DEG)
     };
     let found = (0..samples.len()).find(|first| {
         let after = samples.partition_point(|(stamp, _)| *stamp < samples[*first].0 + ARRIVED_NS);
@@ -187,7 +202,7 @@ fn arrival(samples: &[(u64, [f64; 2])], to: &Rest) -> Option<u64> {
 }
 
 /// The mean of the samples in a window; `None` if the samples end within it.
-fn mean(samples: &[(u64, [f64; 2])], first: usize, window_ns: u64) -> Option<[f64; 2]> {
+pub(super) fn mean(samples: &[Sample], first: usize, window_ns: u64) -> Option<[f64; 2]> {
     let end_ns = samples.get(first)?.0 + window_ns;
     if samples.last()?.0 < end_ns {
         return None;
@@ -201,7 +216,7 @@ fn mean(samples: &[(u64, [f64; 2])], first: usize, window_ns: u64) -> Option<[f6
     Some(sum.map(|sum| sum / count))
 }
 
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 

@@ -10,6 +10,7 @@ use super::events::TrialEvent;
 use super::hysteresis::{HysteresisLoop, hysteresis_loops};
 use super::percentiles::Percentiles;
 use super::reaches::{ReachScore, reach_score};
+use super::targets::{TargetScore, target_score};
 use super::tracking::{TrackingError, tracking_errors, tracking_statistics};
 use super::trial::Trial;
 
@@ -66,6 +67,8 @@ pub struct TrialSummary {
     pub estimate: Option<TrackingError>,
     /// Point-to-point motion.
     pub reaches: Option<ReachScore>,
+    /// Targets of reach-and-hold tasks.
+    pub targets: Option<TargetScore>,
     /// Hysteresis loops.
     pub hysteresis: Vec<HysteresisLoop>,
     /// From the stamp of a command until its set-point was passed to the serial line, ms.
@@ -97,6 +100,7 @@ impl TrialSummary {
             camera: tracking_statistics(&tracking_errors(trial, &trial.camera)),
             estimate: tracking_statistics(&tracking_errors(trial, &trial.measured)),
             reaches: reach_score(trial),
+            targets: target_score(trial),
             hysteresis: hysteresis_loops(trial),
             command_to_line_ms: Percentiles::of_histogram_ms(&trial.latencies.to_line),
             reading_age_ms: Percentiles::of_histogram_ms(&trial.latencies.age),

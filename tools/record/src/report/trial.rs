@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use i2ris::ipc::payload::{
-    ActuatorState, AdaptationMsg, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics,
+    ActuatorState, AdaptationMsg, ExternalPosition, JointState, OperatingStateMsg,
+    PeriodStatistics, ReachTarget,
 };
 use i2ris_statistics::TimeSeries;
 use mcap::records::Record;
@@ -50,6 +51,8 @@ pub struct Trial {
     pub windows: Vec<PeriodStatistics>,
     /// Messages of the adaptation, while it was on; five a second.
     pub adaptation: Vec<AdaptationMsg>,
+    /// The targets of reach-and-hold tasks: the last message of each.
+    pub targets: Vec<ReachTarget>,
     pub latencies: Latencies,
     /// Outputs are positions of the tip, not angles: the series do not contain them.
     pub is_tip: bool,
@@ -191,6 +194,7 @@ impl Trial {
                 }
             }
             Stream::Adaptation => self.add_adaptation(cdr::decode(data)?),
+            Stream::ReachTarget => self.add_target(cdr::decode(data)?),
             Stream::Setpoint
             | Stream::Health
             | Stream::VirtualFixtures
@@ -210,6 +214,14 @@ impl Trial {
         let is_on = message.flags & AdaptationMsg::ON != 0;
         if is_on && message.stamp_ns.saturating_sub(last) >= LEAST_INTERVAL_NS {
             self.adaptation.push(message);
+        }
+    }
+
+    fn add_target(&mut self, message: ReachTarget) {
+        let identity = |target: &ReachTarget| (target.client_id, target.shown_ns);
+        match self.targets.last_mut() {
+            Some(last) if identity(last) == identity(&message) => *last = message,
+            _ => self.targets.push(message),
         }
     }
 
@@ -244,6 +256,6 @@ fn differs(a: &OperatingStateMsg, b: &OperatingStateMsg) -> bool {
     content(a) != content(b)
 }
 
-fn degrees(position: [f64; 3]) -> [f64; 2] {
+pub(super) fn degrees(position: [f64; 3]) -> [f64; 2] {
     [position[0].to_degrees(), position[1].to_degrees()]
 }

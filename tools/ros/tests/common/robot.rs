@@ -42,14 +42,8 @@ impl Robot {
         config.ipc.domain = format!("t{:016x}", random_id());
         for (axis, port) in config.ports.iter_mut().enumerate() {
             port.device = emulator.device(axis).to_owned();
-            port.reply_timeout_ms = 1000;
         }
-        // Tests share the machine: nobody spins, and stalls are not what this is about.
-        config.control.spin_us = 0;
-        config.control.priority = 0;
-        config.control.lock_memory = false;
-        config.limits.feedback_stale_ms = 2000;
-        config.limits.feedback_lost_ms = 10_000;
+        i2ris_testing::run_on_shared_machine(&mut config);
         config.command.deadline_ms = 200;
         config.command.lease_timeout_ms = 1000;
         config.record.folder = folder.path().join("records");

@@ -15,10 +15,12 @@
 //! |---|---|
 //! | `structures` | directions, thresholds and growth that are tried |
 //! | `play_columns` | the outputs of all plays at every sample |
+//! | `output_shape` | curves of the outputs where the motors move one at a time |
 //! | `weight_search` | weights, polynomial, penalty, error on blocks left out |
 //! | [`operator_fit`] | all of it in order |
 
 pub mod operator_fit;
+mod output_shape;
 mod play_columns;
 mod structures;
 #[cfg(test)]

@@ -6,8 +6,9 @@ use i2ris::model::hysteresis::prandtl_ishlinskii::{
 };
 use nalgebra::{DMatrix, DVector};
 
+use super::output_shape::points_between_axes;
 use super::play_columns::{count_columns, play_columns};
-use super::structures::{STRUCTURES, Structure, ranges, residual_plays};
+use super::structures::{IN_PLANE, ON_AXES, Structure, ranges, residual_plays};
 use super::weight_search::{Columns, DIRECT_WEIGHT, Weights, fit_weights};
 use crate::families::chain::{ChainFit, ChainOptions, fit_chain};
 use crate::families::operator_trace::{UnknownMemory, trace_prandtl_ishlinskii};
@@ -84,7 +85,8 @@ impl OperatorFit {
 pub enum ShapeKind {
     /// The plane of the motors: the shape is free.
     Plane,
-    /// One axis at a time: no plays between the axes, and a straight regression.
+    /// One axis at a time: plays near the axes only, and each output a curve of its straight
+    /// prediction.
     Separable,
 }
 
@@ -140,7 +142,7 @@ pub fn fit_operator(
     let mechanism = fitter.mechanism(&operator, &best)?;
     let mut options = options.clone();
     if shape == ShapeKind::Separable {
-        (options.components, options.residual) = (Some(1), false);
+        options.residual = false;
     }
     let (operator, chain) = fitter.with_chain(operator, &options)?;
     Ok(OperatorFit {
@@ -166,10 +168,13 @@ struct OperatorFitter<'a> {
 impl OperatorFitter<'_> {
     /// The simplest structure that does about as well as the best.
     fn best_candidate(&self) -> Option<Candidate> {
-        let suitable = STRUCTURES
+        let structures = match self.shape {
+            ShapeKind::Plane => &IN_PLANE,
+            ShapeKind::Separable => &ON_AXES,
+        };
+        let suitable = structures
             .iter()
-            .filter(|structure| structure.is_for(self.series.motors()))
-            .filter(|structure| self.shape == ShapeKind::Plane || structure.is_of_axes());
+            .filter(|structure| structure.is_for(self.series.motors()));
         let error = |of: &Candidate| of.found.left_out_error.sqrt();
         let mut best: Option<Candidate> = None;
         for candidate in suitable.filter_map(|structure| self.candidate(structure)) {
@@ -193,7 +198,7 @@ impl OperatorFitter<'_> {
         let half_ranges = self.half_ranges();
         let mut plays = structure.plays(&half_ranges);
         let mut signals = play_columns(series, &centre, &plays);
-        // A play that hardly moves cannot be told from a constant.
+        // A play that hardly moves cannot be distinguished from a constant.
         let moves: Vec<usize> = (0..plays.len())
             .filter(|play| signals.column(*play).variance().sqrt() > LEAST_SHARE * half_ranges[0])
             .collect();
@@ -287,7 +292,8 @@ impl OperatorFitter<'_> {
         )?)
     }
 
-    /// The operator with the chain behind it, and with plays for a residual if a residual does much.
+    /// The operator with the chain behind it, and with plays for a residual if a residual does
+    /// much.
     fn with_chain(
         &self,
         operator: PrandtlIshlinskiiParameters,
@@ -354,5 +360,17 @@ fn chain(
     progress: &dyn Progress,
 ) -> Result<ChainFit, PlayError> {
     let points = trace_prandtl_ishlinskii(series, operator, shape.unknown_memory())?;
-    Ok(fit_chain(series, &points, options, progress)?)
+    if shape == ShapeKind::Plane {
+        return Ok(fit_chain(series, &points, options, progress)?);
+    }
+    match points_between_axes(&points, &operator.centre_counts, series.outputs())? {
+        Some(points) => Ok(fit_chain(series, &points, options, progress)?),
+        None => {
+            let straight = ChainOptions {
+                components: Some(1),
+                ..options.clone()
+            };
+            Ok(fit_chain(series, &points, &straight, progress)?)
+        }
+    }
 }

@@ -40,20 +40,26 @@ const CHANGING: &[[f64; 2]] = &[
 ];
 const SHARES: &[f64] = &[0.1, 0.3, 0.6];
 
-/// The structures, the simplest first.
-pub(super) const STRUCTURES: [Structure; 4] = [
-    Structure {
-        name: "one motor at a time, constant widths",
-        shares: &[],
-        thresholds: 10,
-        growth: CONSTANT,
-    },
-    Structure {
-        name: "one motor at a time, changing widths",
-        shares: &[],
-        thresholds: 10,
-        growth: CHANGING,
-    },
+/// What motion along the axes shows: motor 0 at rest is pulled through its gap by a part of the
+/// motion of motor 1. Larger shares need the plane.
+const SHARES_ON_AXES: &[f64] = &[0.1];
+
+const ONE_MOTOR: Structure = Structure {
+    name: "one motor at a time, constant widths",
+    shares: &[],
+    thresholds: 10,
+    growth: CONSTANT,
+};
+const ONE_MOTOR_CHANGING: Structure = Structure {
+    name: "one motor at a time, changing widths",
+    growth: CHANGING,
+    ..ONE_MOTOR
+};
+
+/// The structures for motion in the plane, the simplest first.
+pub(super) const IN_PLANE: [Structure; 4] = [
+    ONE_MOTOR,
+    ONE_MOTOR_CHANGING,
     Structure {
         name: "directions between the motors, constant widths",
         shares: SHARES,
@@ -68,15 +74,26 @@ pub(super) const STRUCTURES: [Structure; 4] = [
     },
 ];
 
+/// The structures for motion along one axis at a time, the simplest first.
+pub(super) const ON_AXES: [Structure; 4] = [
+    ONE_MOTOR,
+    ONE_MOTOR_CHANGING,
+    Structure {
+        name: "motors that pull on each other, constant widths",
+        shares: SHARES_ON_AXES,
+        ..ONE_MOTOR
+    },
+    Structure {
+        name: "motors that pull on each other, changing widths",
+        shares: SHARES_ON_AXES,
+        ..ONE_MOTOR_CHANGING
+    },
+];
+
 impl Structure {
     /// Whether it differs from a simpler one for so many motors.
     pub fn is_for(&self, motors: usize) -> bool {
         motors == 2 || self.shares.is_empty()
-    }
-
-    /// Whether its plays are on the counts of one motor each.
-    pub fn is_of_axes(&self) -> bool {
-        self.shares.is_empty()
     }
 
     /// The plays for motors with given half ranges, with weight 1.

@@ -11,6 +11,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 use super::operator_fit::ShapeKind;
+use super::output_shape::OutputShape;
 use crate::regression::nnls::nnls;
 use crate::regression::polynomial::Polynomial;
 use crate::series::blocks;
@@ -71,12 +72,18 @@ pub(super) fn fit_weights(
     let mut target = outputs.clone();
     for _ in 0..PASSES {
         let normal = search.normal(&slope, &target);
-        if kind == ShapeKind::Separable {
-            break;
-        }
         let weights = normal.solve(None, PENALTIES[1]);
         let virtual_counts = columns.virtual_counts(&weights);
-        let shape = Shape::new(&virtual_counts, outputs)?;
+        let shape = match kind {
+            ShapeKind::Plane => Shape::new(&virtual_counts, outputs)?,
+            ShapeKind::Separable => {
+                let curves = OutputShape::new(&virtual_counts, outputs, &columns.lines())?;
+                if curves.is_straight() {
+                    break;
+                }
+                Shape::of_curves(&curves, &virtual_counts)
+            }
+        };
         target = outputs - shape.higher;
         slope = shape.slope;
     }
@@ -95,6 +102,11 @@ pub(super) fn fit_weights(
 }
 
 impl Columns {
+    /// The motor on whose axis each sample is: the one that is further from its centre.
+    pub fn lines(&self) -> Vec<usize> {
+        lines(&self.counts)
+    }
+
     /// Virtual counts relative to their centre: row: sample.
     pub fn virtual_counts(&self, weights: &DVector<f64>) -> DMatrix<f64> {
         let mut weighted = self.effects.clone();
@@ -260,15 +272,25 @@ impl NormalEquations {
     }
 }
 
-/// A polynomial behind virtual counts.
+/// What is behind virtual counts.
 struct Shape {
     /// Row: output, column: motor.
     slope: DMatrix<f64>,
-    /// What the polynomial adds to the slope, at every sample.
+    /// What is added to the slope, at every sample.
     higher: DMatrix<f64>,
 }
 
 impl Shape {
+    /// Curves of the outputs.
+    fn of_curves(curves: &OutputShape, virtual_counts: &DMatrix<f64>) -> Self {
+        let slope = curves.mean_slope();
+        Self {
+            higher: curves.at(virtual_counts) - virtual_counts * slope.transpose(),
+            slope,
+        }
+    }
+
+    /// A polynomial.
     fn new(virtual_counts: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Option<Self> {
         let scale = virtual_counts.amax().max(1.0);
         let scaled = virtual_counts / scale;
@@ -282,6 +304,19 @@ impl Shape {
         let higher = &polynomial.values * &coefficients - virtual_counts * slope.transpose();
         Some(Self { slope, higher })
     }
+}
+
+/// The motor on whose axis each row of counts is: the one that is further from 0, relative to its
+/// range.
+pub(super) fn lines(counts: &DMatrix<f64>) -> Vec<usize> {
+    let ranges: Vec<f64> = counts.column_iter().map(|column| column.amax()).collect();
+    let motor = |row: usize| {
+        let part = |motor: usize| counts[(row, motor)].abs() / ranges[motor].max(1.0);
+        (0..counts.ncols()).max_by(|a, b| part(*a).total_cmp(&part(*b)))
+    };
+    (0..counts.nrows())
+        .map(|row| motor(row).unwrap_or_default())
+        .collect()
 }
 
 fn centred(matrix: &DMatrix<f64>) -> DMatrix<f64> {

@@ -38,6 +38,8 @@ pub(super) struct BendTarget<const D: usize> {
     gain: SMatrix<f64, D, D>,
     neutral: SVector<f64, D>,
     furthest: f64,
+    /// The longest step of the operator, in bend, where it is not the usual one.
+    longest_step: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -80,6 +82,7 @@ impl<const D: usize> BendTarget<D> {
             gain: plane.gain,
             neutral: SVector::zeros(),
             furthest: 0.0,
+            longest_step: None,
         };
         target.scaled(&plane)
     }
@@ -151,6 +154,14 @@ impl<const D: usize> BendTarget<D> {
         }
     }
 
+    /// The same with an operator of longer steps.
+    pub fn with_longest_step(self, longest_step: f64) -> Self {
+        Self {
+            longest_step: Some(longest_step),
+            ..self
+        }
+    }
+
     /// The first part of the samples, and of the path.
     pub fn beginning(&self, part: f64) -> Self {
         let mut target = self.clone();
@@ -202,6 +213,10 @@ impl<const D: usize> BendTarget<D> {
     /// Bend minus measured bend, its mean taken off: the zero of the angles drifts.
     fn errors(&self, parameters: &StopParameters, used: bool) -> Option<Vec<SVector<f64, D>>> {
         let operator = Stops::<D>::prepare(parameters).ok()?;
+        let operator = match self.longest_step {
+            Some(longest_step) => operator.with_longest_step(longest_step),
+            None => operator,
+        };
         let mut state = operator.begin(self.path.first()?);
         let mut next = 0;
         let mut errors = Vec::with_capacity(self.samples.len());

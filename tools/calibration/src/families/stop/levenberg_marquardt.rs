@@ -3,9 +3,9 @@
 //!
 //! Every column of the Jacobian is one more simulation, so they are computed on all cores, and not
 //! for every step: in between, the change of the residuals along a step corrects the Jacobian in
-//! that direction (C. G. Broyden 1965; the secant version of the method in K. Madsen, H. B. Nielsen,
-//! O. Tingleff, "Methods for non-linear least squares problems", 2004). Sums are taken in a fixed
-//! order: the result does not depend on the number of cores.
+//! that direction (C. G. Broyden 1965; the secant version of the method in K. Madsen, H. B.
+//! Nielsen, O. Tingleff, "Methods for non-linear least squares problems", 2004). Sums are taken in
+//! a fixed order: the result does not depend on the number of cores.
 //!
 //! The crate `levenberg-marquardt` has no parallel Jacobian, no residuals that do not exist and
 //! other steps, so every fitted model would change; hence these lines.
@@ -70,7 +70,7 @@ pub(super) fn minimise(
         let before = here.square();
         let from = here.clone();
         let is_fresh = corrections == 0;
-        // Where a corrected Jacobian shows no way down, the true one may.
+        // Where a corrected Jacobian shows no descent, the true one may.
         let most = if is_fresh { MOST_DAMPING } else { damping };
         let normal = Normal::new(&jacobian, &here.residuals);
         let mut trying = damping;
@@ -153,7 +153,7 @@ impl Place {
     }
 }
 
-/// Broyden's correction: along the step the Jacobian now tells what happened.
+/// Broyden's correction: along the step the Jacobian now agrees with what happened.
 fn correct(jacobian: &mut DMatrix<f64>, from: &Place, to: &Place) {
     let step = &to.at - &from.at;
     let square = step.norm_squared();

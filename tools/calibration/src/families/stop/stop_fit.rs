@@ -22,8 +22,11 @@ use crate::survey::identifiability::{Finding, findings};
 const COARSE_SAMPLES: usize = 1500;
 const COARSE_SPACING: f64 = 0.8;
 
-/// Guesses see this part of the recording from its beginning: they have to tell a good start from a
-/// bad one only.
+/// Longest step of the operator on them, in bend.
+const COARSE_STEP: f64 = 0.5;
+
+/// Guesses see this part of the recording from its beginning: they only have to separate a
+/// good start from a bad one.
 const GUESS_PART: f64 = 0.5;
 
 /// Spacing of the path in the end.
@@ -150,7 +153,9 @@ fn fit_sized<const D: usize>(
     }
     let search = StopSearch {
         target: &target,
-        coarse: target.thinned(samples.div_ceil(COARSE_SAMPLES), COARSE_SPACING),
+        coarse: target
+            .thinned(samples.div_ceil(COARSE_SAMPLES), COARSE_SPACING)
+            .with_longest_step(COARSE_STEP),
         structures,
         options,
         progress,

@@ -63,7 +63,7 @@ pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Fail
 
 fn latency_text(latency: Option<&LatencyRecord>) -> String {
     match latency {
-        None => "of the camera's stamps cannot be told from this motion".to_owned(),
+        None => "of the camera's stamps cannot be found from this motion".to_owned(),
         Some(LatencyRecord {
             estimate_ms,
             deviation_ms,

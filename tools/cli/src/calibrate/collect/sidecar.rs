@@ -35,7 +35,7 @@ pub struct Sidecar {
     /// How it went; absent while it goes on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outcome: Option<Outcome>,
-    /// Of the camera's stamps; absent where it cannot be told.
+    /// Of the camera's stamps; absent where it cannot be found.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub latency: Option<LatencyRecord>,
     /// Moments to know of.

@@ -1,6 +1,6 @@
-//! `i2ris calibrate` without a word: the whole way from a straight snake to a checked model, step
-//! by step. Every step is a command of its own, is told before it runs, and is left out if it was
-//! done: the walk goes on where it was.
+//! `i2ris calibrate` without a command: from a straight snake to a checked model, step by step.
+//! Every step is a command of its own, is printed before it runs, and is left out if it was done:
+//! the walk goes on where it was.
 //!
 //! | file | contents |
 //! |---|---|

@@ -33,7 +33,7 @@ impl Keyboard {
     pub fn open() -> Result<Self, Failure> {
         let terminal = stdin();
         if !terminal.is_terminal() {
-            return Err("--keyboard needs a terminal: standard input is none".into());
+            return Err("the keyboard needs a terminal: standard input is none".into());
         }
         let modes_before = tcgetattr(&terminal)?;
         let mut modes = modes_before.clone();

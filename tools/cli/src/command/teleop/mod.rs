@@ -21,6 +21,7 @@ use i2ris::units::Nanos;
 
 use super::prepare::{PrepareOptions, prepare};
 use super::progress::Progress;
+use super::reach::{ReachOptions, ReachTask};
 use super::stream::{present_pose, two_angles};
 use super::stream_monitor::{ClipMonitor, StreamMonitor};
 use gamepad::Gamepad;
@@ -62,6 +63,8 @@ pub struct Plan {
     pub rate_hz: f64,
     /// What may be done first.
     pub prepare: PrepareOptions,
+    /// Targets to reach.
+    pub task: Option<ReachOptions>,
 }
 
 /// Commands the snake until the operator or the system ends it, or the controller cannot follow any
@@ -85,6 +88,7 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
         setpoint: Latest::new(client.watcher().setpoint_js()),
         goal: Latest::new(client.watcher().goal_js()),
         clips: ClipMonitor::new(clock::now()),
+        task: { plan.task.as_ref() }.map(|options| ReachTask::new(options, client)),
     };
     teleoperation.progress.say(source.help())?;
     let period = Nanos((1e9 / plan.rate_hz) as u64);
@@ -97,6 +101,9 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
     outcome?;
     held?;
     released?;
+    if let Some(task) = &teleoperation.task {
+        teleoperation.progress.say(&task.summary())?;
+    }
     Ok(())
 }
 
@@ -107,6 +114,7 @@ struct Teleoperation {
     setpoint: Latest<JointState>,
     goal: Latest<JointState>,
     clips: ClipMonitor,
+    task: Option<ReachTask>,
 }
 
 impl Teleoperation {
@@ -134,7 +142,16 @@ impl Teleoperation {
             {
                 self.progress.say(&clipped)?;
             }
-            if !self.progress.check(client, || line(&command))? {
+            if let Some(task) = &mut self.task {
+                if let Some(outcome) = task.update(now, input.engaged)? {
+                    self.progress.say(&outcome)?;
+                }
+                if task.is_finished() {
+                    break;
+                }
+            }
+            let task = self.task.as_ref();
+            if !self.progress.check(client, || line(&command, task, now))? {
                 break;
             }
         }
@@ -155,7 +172,15 @@ impl Teleoperation {
     }
 }
 
-fn line(command: &MasterCommand) -> String {
+fn line(command: &MasterCommand, task: Option<&ReachTask>, now: Nanos) -> String {
+    if let Some(task) = task {
+        let clutch = if command.clutch_open {
+            "HOLDS"
+        } else {
+            "FOLLOWS"
+        };
+        return format!("{clutch}; {}", task.line(now));
+    }
     let clutch = if command.clutch_open {
         "HOLDS (dead-man switch released)"
     } else {

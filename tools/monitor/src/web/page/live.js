@@ -6,7 +6,7 @@ const KEEP_S = 30;
 const recent = { run: 0, sample: 0, frame: 0, samples: [], frames: [] };
 let live = null;
 // When the last answer came, on the clock of this browser.
-let heard = performance.now();
+let answeredAt = performance.now();
 
 function take(answer) {
   if (answer.run !== recent.run) Object.assign(recent, { run: answer.run, samples: [], frames: [] });
@@ -18,7 +18,7 @@ function take(answer) {
     rows.splice(0, fresh < 0 ? rows.length : fresh);
   }
   live = answer;
-  heard = performance.now();
+  answeredAt = performance.now();
 }
 
 async function ask() {
@@ -27,12 +27,12 @@ async function ask() {
     const answer = await fetch(question, { cache: 'no-store', signal: AbortSignal.timeout(3000) });
     if (answer.ok) take(await answer.json());
   } catch {
-    // Told on the page by its age; the next question may do better.
+    // The page shows the age of the last answer; the next question may do better.
   }
-  setTimeout(ask, performance.now() - heard > 2000 ? 1000 : PERIOD_MS);
+  setTimeout(ask, performance.now() - answeredAt > 2000 ? 1000 : PERIOD_MS);
 }
 
-/** Calls `show` ten times a second, and not on a page that nobody sees: requestAnimationFrame stands still there. */
+/** Calls `show` ten times a second, and not on a page that nobody sees: requestAnimationFrame pauses there. */
 function start(show) {
   let waits = false;
   setInterval(() => {
@@ -40,7 +40,7 @@ function start(show) {
     waits = true;
     requestAnimationFrame(() => {
       waits = false;
-      show(performance.now() - heard);
+      show(performance.now() - answeredAt);
     });
   }, PERIOD_MS);
   ask();

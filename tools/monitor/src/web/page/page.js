@@ -4,7 +4,7 @@
 const plots = Object.fromEntries(
   ['pitch', 'yaw', 'error', 'plane', 'loop0', 'loop1', 'side', 'front'].map((id) => [id, new Plot(id)]));
 
-/** Why the plots stand still, if they do. */
+/** Why the plots do not move, if they do. */
 function staleText(lag) {
   if (lag > 1500) return 'NO ANSWER FROM THE MONITOR';
   if (live.problem) return 'NO CONTROLLER';
@@ -28,7 +28,7 @@ start((lag) => {
   drawStrip(plots.pitch, 0, recent, now, text);
   drawStrip(plots.yaw, 1, recent, now, text);
   drawError(plots.error, recent, now, text);
-  drawPlane(plots.plane, recent, live.hull, live.fixtures || [], now, text);
+  drawPlane(plots.plane, recent, live, now, text);
   drawLoop(plots.loop0, 0, recent, live, now, text);
   plots.loop1.canvas.hidden = live.motors && live.motors.length < 2;
   drawLoop(plots.loop1, 1, recent, live, now, text);

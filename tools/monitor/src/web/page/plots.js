@@ -4,7 +4,7 @@
 const COLOURS = {};
 function readColours() {
   const style = getComputedStyle(document.documentElement);
-  for (const name of ['goal', 'setpoint', 'estimate', 'camera', 'hull', 'error', 'band', 'body', 'faint', 'line', 'edge', 'text', 'bad', 'alarm', 'panel', 'on-fill']) {
+  for (const name of ['goal', 'setpoint', 'estimate', 'camera', 'hull', 'error', 'band', 'body', 'faint', 'line', 'edge', 'text', 'target', 'bad', 'alarm', 'panel', 'on-fill']) {
     COLOURS[name] = style.getPropertyValue('--' + name).trim();
   }
 }
@@ -217,7 +217,29 @@ function drawFixtures(plot, fixtures) {
   }
 }
 
-function drawPlane(plot, recent, hull, fixtures, now, staleText) {
+/** The target that a person shall reach: its tolerance as a circle, and around it a ring that closes while it is held. */
+function drawTarget(plot, target) {
+  const pen = plot.pen;
+  const [x, y] = [plot.x(target.deg[1]), plot.y(target.deg[0])];
+  const tolerance = Math.abs(plot.x(target.tolerance_deg) - plot.x(0));
+  const radius = Math.max(tolerance + 4, 14);
+  const circle = (size, share) => {
+    pen.beginPath();
+    pen.arc(x, y, size, -Math.PI / 2, -Math.PI / 2 + share * 2 * Math.PI);
+    pen.stroke();
+  };
+  [pen.strokeStyle, pen.lineWidth] = [COLOURS.target, 1.5];
+  circle(tolerance, 1);
+  pen.globalAlpha = 0.4;
+  pen.lineWidth = 4;
+  circle(radius, 1);
+  pen.globalAlpha = 1;
+  circle(radius, Math.min(1, target.held_s / target.hold_s));
+  [pen.fillStyle, pen.textAlign, pen.textBaseline] = [COLOURS.target, 'center', 'bottom'];
+  pen.fillText(`${target.number} of ${target.total}`, x, y - radius - 4);
+}
+
+function drawPlane(plot, recent, { hull, fixtures, target }, now, staleText) {
   if (!plot.begin('pitch over yaw, deg')) return;
   const samples = recent.samples.filter((row) => row[T] >= now - TAIL_S);
   const of = (place) => samples.map((row) => point(row[place + 1], row[place], row[T]));
@@ -225,14 +247,16 @@ function drawPlane(plot, recent, hull, fixtures, now, staleText) {
   const edge = hull.map(([pitch, yaw]) => [yaw, pitch]);
   const curves = [[edge, COLOURS.hull, 1.5], [camera, COLOURS.camera, 2], [of(GOAL), COLOURS.goal, 1.5], [of(ESTIMATE), COLOURS.estimate, 1.5]];
   const all = curves.flatMap(([points]) => points.filter(Boolean));
+  if (target) all.push([target.deg[1], target.deg[0]]);
   plot.scales(...equal(padded(all.map((p) => p[0]), 2), padded(all.map((p) => p[1]), 2), plot));
   plot.grid('');
-  drawFixtures(plot, fixtures);
+  drawFixtures(plot, fixtures || []);
   curves.forEach(([points, colour, width]) => plot.curve(points, colour, width));
   const last = (points) => points.length && points[points.length - 1];
   for (const [points, colour, hollow] of [[of(GOAL), COLOURS.goal, true], [of(ESTIMATE), COLOURS.estimate, false]]) {
     if (last(points)) plot.dot(last(points), colour, hollow ? 7 : 5, hollow);
   }
+  if (target) drawTarget(plot, target);
   plot.end();
   if (staleText) plot.say(staleText); else if (!all.length) plot.say('no angles yet');
 }

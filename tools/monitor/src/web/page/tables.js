@@ -1,4 +1,4 @@
-// What stands in words and numbers. Text goes in as text, never as markup.
+// What the page shows in words and numbers. Text goes in as text, never as markup.
 'use strict';
 
 const byId = (id) => document.getElementById(id);
@@ -69,8 +69,8 @@ function showHeader(live, lag, parted) {
 function showWhy(live, lag) {
   const place = byId('why');
   const known = lag <= 1500 && !live.problem && live.state && !live.state.stale;
-  const told = !known ? null : live.error ? [live.error, 'alarm'] : live.warning ? [live.warning, 'warning'] : null;
-  const [reason, style] = told || [known && live.why[0], ''];
+  const latest = !known ? null : live.error ? [live.error, 'alarm'] : live.warning ? [live.warning, 'warning'] : null;
+  const [reason, style] = latest || [known && live.why[0], ''];
   const key = JSON.stringify([reason && reason.text, style, known]);
   if (place.dataset.key === key) return;
   place.dataset.key = key;
@@ -91,7 +91,7 @@ function showBanner(live, lag) {
   let text = '';
   if (lag > 1500) text = `THE MONITOR DOES NOT ANSWER: everything below is ${age(lag)} old`;
   else if (live && live.problem) text = live.problem;
-  else if (live && live.state && live.state.stale) text = `STALE: the controller has not told its state for ${age(live.state.age_ms)}`;
+  else if (live && live.state && live.state.stale) text = `STALE: the controller has not sent its state for ${age(live.state.age_ms)}`;
   banner.textContent = text;
   banner.hidden = !text;
   document.body.classList.toggle('dead', lag > 1500);
@@ -117,7 +117,7 @@ function showJoints(live, error, parted) {
     if (stream.stale) marks.push(`${name} STALE ${age(stream.age_ms)}`);
     else if (key === 'camera' && !stream.deg) marks.push('camera sees nothing');
   }
-  if (live.estimate && live.estimate.is_position) marks.push('the model tells a position, not angles');
+  if (live.estimate && live.estimate.is_position) marks.push('the model gives a position, not angles');
   fill(byId('joints'), rows);
   showMarks('joints', marks);
 }
@@ -182,7 +182,7 @@ function showModels(live) {
   showMarks('models', [models.problem, models.hull_problem].filter(Boolean));
 }
 
-/** Faults stand in a list of their own, so that nothing displaces them. */
+/** Faults are in a list of their own, so that nothing displaces them. */
 function showEvents(live, lag) {
   const time = (event) => new Date(Date.now() - event.age_ms - lag).toLocaleTimeString([], { hour12: false });
   const row = (event) => [time(event), event.text + (event.count > 1 ? ` (${event.count} times)` : ''), event.severity,

@@ -1,0 +1,152 @@
+//! A reach-and-hold task: targets that a person brings the snake to, one after the other, with
+//! keyboard or gamepad.
+//!
+//! The targets are published, so that the monitor shows them and a recording has them; `i2ris
+//! report` scores them. A target counts as held when the mean of the last 200 ms has been within
+//! the tolerance for the whole time: of the camera's angles if there is a camera, otherwise of the
+//! model's estimate.
+
+mod targets;
+mod task;
+
+use i2ris::ipc::Message;
+use i2ris::ipc::client::{Client, Latest, ReachTargetPublisher};
+use i2ris::ipc::payload::{ExternalPosition, JointState, ReachTarget};
+use i2ris::units::Nanos;
+use i2ris_terminal::Failure;
+
+use super::{finite, positive};
+use targets::{Disc, seeded_targets};
+use task::{Settings, Task, outcome};
+
+/// Age at which the angles of a camera do not count any more.
+const CAMERA_STALE: Nanos = Nanos::from_millis(500);
+/// Time between two messages of a target.
+const PUBLISH_PERIOD: Nanos = Nanos::from_millis(50);
+
+/// The options of the task.
+#[derive(Debug, Clone, clap::Args)]
+pub struct ReachOptions {
+    /// Number of targets
+    #[arg(long, default_value_t = 10, value_name = "N",
+          value_parser = clap::value_parser!(u32).range(1..=1000))]
+    targets: u32,
+    /// The same number gives the same targets
+    #[arg(long, default_value_t = 1, value_name = "NUMBER")]
+    seed: u64,
+    /// Middle of the targets
+    #[arg(long, num_args = 2, value_names = ["PITCH_DEG", "YAW_DEG"], default_values_t = [0.0, 0.0],
+          value_parser = finite, allow_negative_numbers = true)]
+    center: Vec<f64>,
+    /// Largest distance of a target from the middle
+    #[arg(long, default_value_t = 8.0, value_name = "DEG", value_parser = positive)]
+    range_deg: f64,
+    /// How long a target has to be held
+    #[arg(long, default_value_t = 1.0, value_name = "S", value_parser = positive)]
+    hold_s: f64,
+    /// Distance within which it is reached
+    #[arg(long, default_value_t = 0.15, value_name = "DEG", value_parser = positive)]
+    tolerance_deg: f64,
+    /// A target that is not held by then is missed, and the next one is shown
+    #[arg(long, default_value_t = 30.0, value_name = "S", value_parser = positive)]
+    limit_s: f64,
+}
+
+/// The task with its streams.
+#[derive(Debug)]
+pub struct ReachTask {
+    task: Task,
+    publisher: ReachTargetPublisher,
+    camera: Latest<ExternalPosition>,
+    measured: Latest<JointState>,
+    by_camera: bool,
+    next_message: Nanos,
+}
+
+impl ReachTask {
+    /// Begins with the first closed clutch.
+    pub fn new(options: &ReachOptions, client: &Client) -> Self {
+        let disc = Disc {
+            center: super::pair(&options.center),
+            range_deg: options.range_deg,
+        };
+        let settings = Settings {
+            tolerance_deg: options.tolerance_deg,
+            hold: seconds(options.hold_s),
+            limit: seconds(options.limit_s),
+        };
+        let targets = seeded_targets(options.targets as usize, options.seed, disc);
+        Self {
+            task: Task::new(targets, settings),
+            publisher: client.reach_targets(),
+            camera: Latest::new(client.watcher().external()),
+            measured: Latest::new(client.watcher().measured_js()),
+            by_camera: false,
+            next_message: Nanos::ZERO,
+        }
+    }
+
+    /// Whether every target was shown for its time.
+    pub fn is_finished(&self) -> bool {
+        self.task.is_finished()
+    }
+
+    /// Takes in where the snake is, and publishes the target when a message is due. Returns a line
+    /// when a target has ended.
+    pub fn update(&mut self, now: Nanos, is_engaged: bool) -> Result<Option<String>, Failure> {
+        let seen = self.observe(now)?;
+        if let Some(ended) = self.task.update(now, is_engaged, seen) {
+            self.publish(ended)?;
+            return Ok(Some(outcome(&ended, now)));
+        }
+        if now >= self.next_message
+            && let Some(target) = self.task.message(now)
+        {
+            self.next_message = now + PUBLISH_PERIOD;
+            self.publish(target)?;
+        }
+        Ok(None)
+    }
+
+    fn publish(&mut self, mut target: ReachTarget) -> Result<(), Failure> {
+        if self.by_camera {
+            target.flags |= ReachTarget::BY_CAMERA;
+        }
+        Ok(self.publisher.publish(&target)?)
+    }
+
+    /// What to do now, for the line of progress.
+    pub fn line(&self, now: Nanos) -> String {
+        self.task.line(now)
+    }
+
+    /// The results of all targets.
+    pub fn summary(&self) -> String {
+        self.task.summary()
+    }
+
+    /// New angles of what judges, degrees, with their stamp.
+    fn observe(&mut self, now: Nanos) -> Result<Option<(Nanos, [f64; 2])>, Failure> {
+        let seen = self.camera.refresh()?.copied().filter(|camera| {
+            camera.flags & ExternalPosition::VALID != 0
+                && camera.count == 2
+                && camera.age(now) <= CAMERA_STALE
+        });
+        let estimate = self.measured.refresh()?.copied().filter(|joint| {
+            joint.flags & JointState::VALID != 0
+                && joint.count == 2
+                && joint.age(now) <= CAMERA_STALE
+        });
+        self.by_camera = seen.is_some();
+        let degrees = |position: [f64; 3]| [position[0].to_degrees(), position[1].to_degrees()];
+        Ok(match (seen, estimate) {
+            (Some(camera), _) => Some((camera.stamp(), degrees(camera.position))),
+            (None, Some(joint)) => Some((joint.stamp(), degrees(joint.position))),
+            (None, None) => None,
+        })
+    }
+}
+
+fn seconds(seconds: f64) -> Nanos {
+    Nanos((seconds * 1e9) as u64)
+}

@@ -1,0 +1,262 @@
+//! The course of a task. Pure: time and angles are arguments.
+
+use std::collections::VecDeque;
+
+use i2ris::ipc::payload::ReachTarget;
+use i2ris::units::Nanos;
+use i2ris_statistics::quantile_of_unsorted;
+
+use crate::command::trajectory::Angles;
+
+/// Window of the mean that has to be within the tolerance: a camera has noise.
+const WINDOW: Nanos = Nanos::from_millis(200);
+
+/// What counts.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// Distance within which a target is reached, deg.
+    pub tolerance_deg: f64,
+    /// How long it has to be held.
+    pub hold: Nanos,
+    /// How long it is shown at most.
+    pub limit: Nanos,
+}
+
+/// The course of a task.
+#[derive(Debug)]
+pub struct Task {
+    targets: Vec<Angles>,
+    settings: Settings,
+    index: usize,
+    /// When the present target was shown; `None` before the first.
+    shown: Option<Nanos>,
+    /// Angles of the last [`WINDOW`].
+    window: VecDeque<(Nanos, Angles)>,
+    /// Since when the mean is within the tolerance.
+    within: Option<Nanos>,
+    /// Times of the targets that were held, s.
+    held_s: Vec<f64>,
+}
+
+impl Task {
+    /// A task that has not begun.
+    pub fn new(targets: Vec<Angles>, settings: Settings) -> Self {
+        Self {
+            targets,
+            settings,
+            index: 0,
+            shown: None,
+            window: VecDeque::new(),
+            within: None,
+            held_s: Vec::new(),
+        }
+    }
+
+    /// Whether every target has ended.
+    pub fn is_finished(&self) -> bool {
+        self.index >= self.targets.len()
+    }
+
+    /// Takes in new angles and returns the last message of a target that ends now. The first target
+    /// is shown when the clutch closes for the first time: who has not begun loses no time.
+    pub fn update(
+        &mut self,
+        now: Nanos,
+        is_engaged: bool,
+        seen: Option<(Nanos, Angles)>,
+    ) -> Option<ReachTarget> {
+        let target = *self.targets.get(self.index)?;
+        let Some(shown) = self.shown else {
+            self.shown = is_engaged.then_some(now);
+            return None;
+        };
+        self.add(seen);
+        let away = self.mean().map(|mean| distance(mean, target));
+        let is_within = away.is_some_and(|away| away <= self.settings.tolerance_deg);
+        self.within = self.within.or(Some(now)).filter(|_| is_within);
+        let is_held = self.held(now) >= self.settings.hold;
+        if !is_held && now.since(shown) < self.settings.limit {
+            return None;
+        }
+        let mut ended = self.message(now)?;
+        ended.flags = ReachTarget::ENDED;
+        if is_held {
+            ended.flags |= ReachTarget::HELD;
+            self.held_s.push(now.since(shown).as_seconds());
+        }
+        self.index += 1;
+        (self.shown, self.within) = (Some(now), None);
+        Some(ended)
+    }
+
+    /// The message of the present target; `None`: none is shown.
+    pub fn message(&self, now: Nanos) -> Option<ReachTarget> {
+        let (shown, [pitch, yaw]) = (self.shown?, *self.targets.get(self.index)?);
+        Some(ReachTarget {
+            shown_ns: shown.0,
+            hold_ns: self.settings.hold.0,
+            held_ns: self.held(now).0,
+            position: [pitch.to_radians(), yaw.to_radians(), 0.0],
+            tolerance: self.settings.tolerance_deg.to_radians(),
+            number: self.index as u32 + 1,
+            total: self.targets.len() as u32,
+            count: 2,
+            ..ReachTarget::default()
+        })
+    }
+
+    /// What to do now.
+    pub fn line(&self, now: Nanos) -> String {
+        let (Some(target), true) = (self.targets.get(self.index), self.shown.is_some()) else {
+            return format!("{} targets; close the clutch to begin", self.targets.len());
+        };
+        let away = self.mean().map_or_else(
+            || "unknown".to_owned(),
+            |[pitch, yaw]| format!("{:+.2} {:+.2}", target[0] - pitch, target[1] - yaw),
+        );
+        format!(
+            "target {} of {}: to go {away} deg (pitch, yaw), held {:.1} of {:.1} s",
+            self.index + 1,
+            self.targets.len(),
+            self.held(now).as_seconds(),
+            self.settings.hold.as_seconds()
+        )
+    }
+
+    /// How many targets were held, and in what time.
+    pub fn summary(&self) -> String {
+        let mut times = self.held_s.clone();
+        let median = quantile_of_unsorted(&mut times, 0.5);
+        let median = median.map(|time| format!("; median time {time:.2} s"));
+        format!(
+            "{} of {} targets held for {:.1} s within {:.2} deg{}",
+            self.held_s.len(),
+            self.targets.len(),
+            self.settings.hold.as_seconds(),
+            self.settings.tolerance_deg,
+            median.unwrap_or_default()
+        )
+    }
+
+    fn add(&mut self, seen: Option<(Nanos, Angles)>) {
+        let Some((stamp, angles)) = seen else {
+            // Nothing shows where the snake is.
+            self.window.clear();
+            return;
+        };
+        if self.window.back().is_none_or(|(last, _)| *last != stamp) {
+            self.window.push_back((stamp, angles));
+        }
+        while let Some((first, _)) = self.window.front()
+            && stamp.since(*first) > WINDOW
+        {
+            self.window.pop_front();
+        }
+    }
+
+    fn mean(&self) -> Option<Angles> {
+        let count = self.window.len();
+        let sum = |axis: usize| self.window.iter().map(|(_, at)| at[axis]).sum::<f64>();
+        (count > 0).then(|| [sum(0) / count as f64, sum(1) / count as f64])
+    }
+
+    fn held(&self, now: Nanos) -> Nanos {
+        self.within.map_or(Nanos::ZERO, |since| now.since(since))
+    }
+}
+
+/// The outcome of a target in one line.
+pub fn outcome(ended: &ReachTarget, now: Nanos) -> String {
+    let took = now.since(Nanos(ended.shown_ns)).as_seconds();
+    let (number, total) = (ended.number, ended.total);
+    if ended.flags & ReachTarget::HELD != 0 {
+        format!("target {number} of {total}: held after {took:.2} s")
+    } else {
+        format!("target {number} of {total}: not held within {took:.0} s")
+    }
+}
+
+fn distance(a: Angles, b: Angles) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SETTINGS: Settings = Settings {
+        tolerance_deg: 0.15,
+        hold: Nanos::from_millis(1000),
+        limit: Nanos::from_millis(10_000),
+    };
+
+    fn task() -> Task {
+        Task::new(vec![[1.0, 0.0], [0.0, 2.0]], SETTINGS)
+    }
+
+    /// Keeps the snake at a place, 100 samples a second; the messages of targets that ended.
+    fn stay(task: &mut Task, at: Angles, from_ms: u64, to_ms: u64) -> Vec<(u64, ReachTarget)> {
+        let times = (from_ms..to_ms).step_by(10);
+        let seen = times.filter_map(|ms| {
+            let now = Nanos::from_millis(ms);
+            Some((ms, task.update(now, true, Some((now, at)))?))
+        });
+        seen.collect()
+    }
+
+    #[test]
+    fn nothing_is_shown_before_the_clutch_closes() {
+        let mut task = task();
+        let now = Nanos::from_millis(50);
+        assert_eq!(task.update(now, false, Some((now, [1.0, 0.0]))), None);
+        assert_eq!((task.message(now), task.is_finished()), (None, false));
+        assert!(task.line(now).contains("close the clutch"));
+        task.update(now, true, None);
+        assert_eq!(task.message(now).map(|message| message.number), Some(1));
+    }
+
+    #[test]
+    fn a_target_is_held_after_its_time_and_the_next_one_follows() {
+        let mut task = task();
+        let ended = stay(&mut task, [1.05, 0.1], 0, 1100);
+        let [(ms, message)] = ended[..] else {
+            panic!("{ended:?}")
+        };
+        assert_eq!((ms, message.number, message.total), (1010, 1, 2));
+        assert_eq!(message.flags, ReachTarget::ENDED | ReachTarget::HELD);
+        assert!(message.held_ns >= message.hold_ns);
+        assert_eq!(
+            outcome(&message, Nanos::from_millis(1010)),
+            "target 1 of 2: held after 1.01 s"
+        );
+        let next = task.message(Nanos::from_millis(1100)).unwrap();
+        assert_eq!(
+            (next.number, next.shown_ns),
+            (2, Nanos::from_millis(1010).0)
+        );
+        let ended = stay(&mut task, [0.0, 2.0], 1100, 4000);
+        assert_eq!(ended.len(), 1);
+        assert!(task.is_finished() && task.summary().starts_with("2 of 2 targets held"));
+    }
+
+    #[test]
+    fn leaving_the_target_begins_the_time_again() {
+        let mut task = task();
+        assert!(stay(&mut task, [1.0, 0.0], 0, 900).is_empty());
+        assert!(stay(&mut task, [1.4, 0.0], 900, 1100).is_empty());
+        let ended = stay(&mut task, [1.0, 0.0], 1100, 3000);
+        assert!((2100..2350).contains(&ended[0].0), "{ended:?}");
+    }
+
+    #[test]
+    fn without_angles_nothing_is_held_and_the_target_is_missed() {
+        let mut task = task();
+        stay(&mut task, [1.0, 0.0], 0, 900);
+        let mut ended = Vec::new();
+        for ms in (900..11_000).step_by(10) {
+            ended.extend(task.update(Nanos::from_millis(ms), true, None));
+        }
+        assert_eq!((ended.len(), ended[0].flags), (1, ReachTarget::ENDED));
+        assert!(outcome(&ended[0], Nanos::from_millis(10_000)).ends_with("not held within 10 s"));
+    }
+}
