@@ -125,7 +125,8 @@ console = connect()
 setpoint, start = console.read('setpoint_js', JointState).position, time.monotonic()
 try:
     while (t := time.monotonic() - start) < 60.0:
-        console.servo_jp([setpoint[0] + 0.1 * math.sin(t * 2), setpoint[1] + 0.08 * math.sin(t * 1.7)])
+        swing = [0.1 * math.sin(2.0 * t), 0.08 * math.sin(1.7 * t)]
+        console.servo_jp([at + by for at, by in zip(setpoint, swing)])
         time.sleep(0.005)
     raise AssertionError('it goes on without a robot')
 except Refused as refused:
