@@ -17,7 +17,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
         return;
     };
     let unit = unit(data);
-    page.paragraph(explanation(scores, chosen, &unit));
+    page.paragraph(explanation(scores, chosen, unit));
     let header = [
         "family".to_owned(),
         format!("held out ({unit})"),
