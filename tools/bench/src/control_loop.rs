@@ -13,7 +13,7 @@ use crate::machine::{LoadMonitor, Machine};
 use crate::model::Operators;
 use crate::outcome::{BenchOutcome, Quantity, Role, Variant};
 use crate::placement::{ThreadPlacement, ThreadRole, run_in_thread};
-use crate::tick::Cycle;
+use crate::tick::{AdaptingCycle, Cycle};
 
 /// Duration of one turn of a variant. Short turns give both variants the same load of the machine.
 const TURN: Nanos = Nanos::from_millis(1000);
@@ -38,7 +38,8 @@ pub struct LoopBenchmark {
     pub placement: ThreadPlacement,
 }
 
-/// Runs the ticker of the controller with its cycle, and a bare timer, in turns.
+/// Runs the ticker of the controller with its cycle, without and with adaptation, and a bare timer,
+/// in turns.
 ///
 /// # Errors
 ///
@@ -54,26 +55,35 @@ pub fn run(
 struct Rate {
     period: Nanos,
     cycle: Cycle,
+    adapting: AdaptingCycle,
     timer_late: Durations,
     ticker_late: Durations,
+    adapting_late: Durations,
     nothing: Durations,
     compute: Durations,
+    adapting_compute: Durations,
+    /// Of ticks in which a frame of the camera arrives.
+    frame_compute: Durations,
 }
 
 impl Rate {
     fn new(period: Nanos) -> Result<Self, BenchError> {
-        let [timer_late, ticker_late, nothing, compute] = [WARM_UP; 4].map(Durations::new);
+        let new = || Durations::new(WARM_UP);
         Ok(Self {
             period,
             cycle: Cycle::new(period, COMPONENTS, Operators::Plays(PLAYS))?,
-            timer_late,
-            ticker_late,
-            nothing,
-            compute,
+            adapting: AdaptingCycle::new(period, COMPONENTS, Operators::Plays(PLAYS))?,
+            timer_late: new(),
+            ticker_late: new(),
+            adapting_late: new(),
+            nothing: new(),
+            compute: new(),
+            adapting_compute: new(),
+            frame_compute: Durations::new(0),
         })
     }
 
-    /// One turn of the bare timer and one of the ticker.
+    /// One turn of the bare timer, and one of the ticker without and with adaptation.
     fn turns(&mut self, spin: Nanos) -> Result<(), BenchError> {
         run_turn(self.period, Nanos::ZERO, &mut self.timer_late, || {
             self.nothing.push(two_clock_readings());
@@ -84,6 +94,16 @@ impl Rate {
             self.cycle.step()?;
             self.compute.push(clock::now().since(begin));
             Ok(())
+        })?;
+        run_turn(self.period, spin, &mut self.adapting_late, || {
+            let begin = clock::now();
+            let has_frame = self.adapting.step();
+            let time = clock::now().since(begin);
+            self.adapting_compute.push(time);
+            if has_frame {
+                self.frame_compute.push(time);
+            }
+            Ok(())
         })
     }
 
@@ -92,17 +112,22 @@ impl Rate {
     }
 
     /// `suffix` names the rate where there are several.
-    fn variants(self, suffix: &str) -> [Variant; 4] {
+    fn variants(self, suffix: &str) -> [Variant; 7] {
         let [late, computing] = ["lateness", "compute"].map(|group| format!("{group}{suffix}"));
         let timer = "bare timer (clock_nanosleep)";
         let ticker = "ticker of the controller";
         let readings = "two readings of the clock";
         let tick = "one tick: gate, inverse, limits, states";
+        let adapting = "the same with adaptation";
+        let frame = "one of these with a frame of the camera";
         [
             Variant::new(timer, &late, Role::Floor, self.timer_late),
             Variant::new(ticker, &late, Role::Ours, self.ticker_late),
+            Variant::new(adapting, &late, Role::Ours, self.adapting_late),
             Variant::new(readings, &computing, Role::Floor, self.nothing),
             Variant::new(tick, &computing, Role::Ours, self.compute),
+            Variant::new(adapting, &computing, Role::Ours, self.adapting_compute),
+            Variant::new(frame, &computing, Role::Ours, self.frame_compute),
         ]
     }
 }
@@ -126,7 +151,9 @@ fn measure(benchmark: &LoopBenchmark, stop: &AtomicBool) -> Result<BenchOutcome,
         let busy = 100.0 * rate.compute.percentiles().p50 as f64 / rate.period.0 as f64;
         let hz = rate.ticks_per_s();
         quantities.push(Quantity::new("ticks per second", hz, "1/s"));
+        let learned = rate.adapting.learned() as f64;
         quantities.push(Quantity::new("computing, of the period", busy, "%"));
+        quantities.push(Quantity::new("frames that were learned from", learned, ""));
     }
     quantities.extend([
         Quantity::new("spinning before each tick", spin.0 as f64 / 1e3, "us"),

@@ -36,10 +36,11 @@
 //! # Streams and requests
 //!
 //! Streams go in QUIC datagrams, which are not sent again when they are lost: the next message is
-//! newer. Where they queue on the link they are sent less often. Requests are Zenoh queries in QUIC
-//! streams; a client asks again until it has an answer, and the server knows the numbers and carries
-//! each out once. One that is older than half a second when it arrives is not carried out, since
-//! nobody waits for it any more, unless it is one that stops.
+//! newer. Where they queue on the link they are sent less often: Zenoh 1.10 sets neither the length
+//! of QUIC's queue of datagrams nor its congestion control. Requests are Zenoh queries in QUIC
+//! streams; a client asks again until it has an answer, and the server knows the numbers and
+//! carries each out once. One that is older than half a second when it arrives is not carried out,
+//! since nobody waits for it any more, unless it is one that stops.
 //!
 //! # Who may
 //!

@@ -13,8 +13,8 @@ use crate::{NetworkError, warnings};
 const LEASE_MS: u64 = 4000;
 /// Time to connect, ms.
 const OPEN_TIMEOUT_MS: u64 = 5000;
-/// Connections at the same time: more than there are sessions, so that the next one gets the reason why it
-/// has to wait.
+/// Connections at the same time: more than there are sessions, so that the next one gets the reason
+/// why it has to wait.
 const CONNECTIONS: usize = 16;
 /// Longest message, bytes: the longest reply has less than half of it.
 const LONGEST: usize = 16_384;

@@ -2,10 +2,11 @@
 //!
 //! An exchange gives two bounds. The client asks at `sent`, the server answers with its own time
 //! `there`, the answer arrives at `arrived`; `sent` and `arrived` are of the client's clock. The
-//! server's clock showed `there` somewhere between them, so its offset from the client's lies between
-//! `there - arrived` and `there - sent`, whatever the transit took (F. Cristian, "Probabilistic clock
-//! synchronization", 1989). The best bounds of all exchanges are kept, so they are as far apart as
-//! the smallest round trip. Both widen with time, because clocks do not run equally fast.
+//! server's clock showed `there` somewhere between them, so its offset from the client's lies
+//! between `there - arrived` and `there - sent`, whatever the transit took (F. Cristian,
+//! "Probabilistic clock synchronization", 1989). The best bounds of all exchanges are kept, so they
+//! are as far apart as the smallest round trip. Both widen with time, because clocks do not run
+//! equally fast.
 
 use i2ris::units::Nanos;
 

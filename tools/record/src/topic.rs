@@ -52,7 +52,7 @@ pub enum Stream {
 
 impl Stream {
     /// All streams.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Measured,
         Self::Setpoint,
         Self::Goal,

@@ -243,8 +243,9 @@ fn campaign_a_kilohertz_without_gaps_and_with_flat_memory() {
 }
 
 /// Watches `measured_js` at 1 kHz and sends commands at 1 kHz. Lost: samples that the reader knows
-/// of and did not get. Steps: between the stamps of two samples; the sender publishes by its own clock,
-/// so an estimate can come twice or be left out. Without one, as after a fault, the stamp is 0.
+/// of and did not get. Steps: between the stamps of two samples; the sender publishes by its own
+/// clock, so an estimate can come twice or be left out. Without one, as after a fault, the stamp
+/// is 0.
 const KILOHERTZ: &str = r#"
 import math, threading, time
 from cyclonedds.core import Listener

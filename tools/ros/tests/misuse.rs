@@ -267,10 +267,10 @@ fn a_flood_ends_in_a_hold() {
     let from = clock::now();
     peer.stream(|t| (t < 1.0).then(|| swing(2.0 + t)));
     assert!(!robot.moved_since(from), "{:?}", bridge.lines());
-    // Something deliberate begins anew.
-    peer.hold();
-    let [pitch, yaw] = peer.setpoint_degrees();
+    // Something deliberate begins anew, once the flood is past.
     eventually("it is followed again", || {
+        peer.hold();
+        let [pitch, yaw] = peer.setpoint_degrees();
         peer.stream(|t| (t < 0.5).then_some([pitch + t, yaw]));
         robot.moved_since(from).then_some(())
     });

@@ -51,7 +51,10 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
     home_and_enable(&mut client, Nanos::from_millis(60_000)).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("task.mcap");
-    let mut record = Program::start(&robot.domain, &["record", file.to_str().unwrap()]);
+    let mut record = Program::start(
+        &robot.domain,
+        &["record", "--output", file.to_str().unwrap()],
+    );
     while fs::metadata(&file).map_or(0, |data| data.len()) == 0 {
         assert!(record.child().try_wait().unwrap().is_none());
         clock::sleep(Nanos::from_millis(50));

@@ -51,6 +51,7 @@ fn view() -> LatestMessages {
         camera: None,
         adaptation: None,
         fixtures: None,
+        target: None,
         error: None,
         warning: None,
         actuators: Some(ActuatorState {

@@ -143,6 +143,20 @@ fn hold_is_passed_on_however_old_it_is() {
 }
 
 #[test]
+fn hold_is_passed_on_in_a_flood_and_does_not_end_it() {
+    let (mut admission, one) = (Admission::new(START_UNIX_NS), writer(1, 1));
+    for _ in 0..5000 {
+        let _ = servo(&mut admission, one, 0, 0);
+    }
+    let held = admission.once(writer(1, 2), Topic::Hold, None, &times(10, 10));
+    assert!(held.is_ok());
+    for after_ms in [20, 1100] {
+        let refused = servo(&mut admission, one, after_ms, after_ms);
+        assert!(matches!(refused, Err(Reason::Flood { .. })), "{refused:?}");
+    }
+}
+
+#[test]
 fn a_command_that_is_refused_does_not_let_a_broken_stream_go_on() {
     let (mut admission, one) = (Admission::new(START_UNIX_NS), writer(1, 1));
     let _ = servo(&mut admission, one, 0, 0);

@@ -273,7 +273,7 @@ mod tests {
     fn curves_that_differ_from_line_to_line_are_not_taken() {
         let (counts, lines) = cross();
         let bend = |angle: f64, row: usize| {
-            let sign = if row % 2 == 0 { 1.0 } else { -1.0 };
+            let sign = if row.is_multiple_of(2) { 1.0 } else { -1.0 };
             angle + sign * 0.02 * angle * angle
         };
         let shape = OutputShape::new(&counts, &outputs(&counts, bend), &lines).unwrap();

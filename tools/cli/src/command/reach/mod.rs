@@ -137,12 +137,15 @@ impl ReachTask {
                 && joint.count == 2
                 && joint.age(now) <= CAMERA_STALE
         });
-        self.by_camera = seen.is_some();
+        // A camera that falls silent shows nothing; the estimate does not take its place.
+        self.by_camera |= seen.is_some();
         let degrees = |position: [f64; 3]| [position[0].to_degrees(), position[1].to_degrees()];
         Ok(match (seen, estimate) {
             (Some(camera), _) => Some((camera.stamp(), degrees(camera.position))),
-            (None, Some(joint)) => Some((joint.stamp(), degrees(joint.position))),
-            (None, None) => None,
+            (None, Some(joint)) if !self.by_camera => {
+                Some((joint.stamp(), degrees(joint.position)))
+            }
+            (None, _) => None,
         })
     }
 }

@@ -51,10 +51,9 @@ mod tests {
             let targets = seeded_targets(20, seed, disc);
             prop_assert_eq!(&targets, &seeded_targets(20, seed, disc));
             let distance = |a: Angles, b: Angles| (a[0] - b[0]).hypot(a[1] - b[1]);
-            prop_assert!(targets.iter().all(|at| distance(*at, disc.center) <= range_deg));
-            prop_assert!(targets.windows(2).all(|pair| {
-                distance(pair[0], pair[1]) >= 0.5 * range_deg
-            }));
+            let is_inside = targets.iter().all(|at| distance(*at, disc.center) < range_deg + 1e-9);
+            let mut steps = targets.windows(2).map(|pair| distance(pair[0], pair[1]));
+            prop_assert!(is_inside && steps.all(|step| step >= 0.5 * range_deg));
         }
     }
 }

@@ -17,8 +17,8 @@ use super::input_device::{DeviceInput, DeviceLost, InputDevice};
 /// Longer than a keyboard waits before it repeats (250 to 660 ms), short enough for someone who has
 /// left.
 const DEAD_MAN: Nanos = Nanos::from_millis(1000);
-/// Bytes that are read at once; an arrow key sends three.
-const AT_ONCE: usize = 192;
+/// Bytes that are read at once: all that a terminal of Linux keeps, so that no key is cut in two.
+const AT_ONCE: usize = 4096;
 
 /// The keyboard, in raw mode until dropped.
 #[derive(Debug)]

@@ -246,7 +246,8 @@ function drawPlane(plot, recent, { hull, fixtures, target }, now, staleText) {
   const camera = recent.frames.filter((row) => row[T] >= now - TAIL_S).map((row) => point(row[FRAME + 1], row[FRAME], row[T]));
   const edge = hull.map(([pitch, yaw]) => [yaw, pitch]);
   const curves = [[edge, COLOURS.hull, 1.5], [camera, COLOURS.camera, 2], [of(GOAL), COLOURS.goal, 1.5], [of(ESTIMATE), COLOURS.estimate, 1.5]];
-  const all = curves.flatMap(([points]) => points.filter(Boolean));
+  // A target is small: the hull does not widen the view then.
+  const all = curves.slice(target ? 1 : 0).flatMap(([points]) => points.filter(Boolean));
   if (target) all.push([target.deg[1], target.deg[0]]);
   plot.scales(...equal(padded(all.map((p) => p[0]), 2), padded(all.map((p) => p[1]), 2), plot));
   plot.grid('');

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! cargo build --release -p i2ris -p i2ris-network --bins --examples
-//! target/release/examples/command_age [SECONDS] [LOST, PERCENT] [DELAY, MS, BOTH DIRECTIONS]
+//! target/release/examples/bridge_age [SECONDS] [LOST, PERCENT] [DELAY, MS, BOTH DIRECTIONS]
 //! ```
 //!
 //! Controller and both ends of the bridge are processes of their own, on one computer; a relay

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo build --release -p i2ris -p i2ris-ros --bins --examples
-//! target/release/examples/command_age [SECONDS]
+//! target/release/examples/ros_age [SECONDS]
 //! ```
 //!
 //! Controller, `i2ris-ros` and the echo are processes of their own. A client sends `servo_jp`, and
