@@ -107,6 +107,8 @@ fn link_excess(axis: &AxisControl, summary: &DriveSummary) -> Option<Excess> {
     let is_gone = matches!(feedback.phase, AxisPhase::Lost | AxisPhase::Starting);
     let age = summary.now.since(feedback.stamp);
     let has_reported = feedback.stamp > Nanos::ZERO;
-    (has_reported && (is_gone || age >= summary.lost_after))
-        .then(|| Excess::of_age(age, summary.lost_after))
+    let excess = Excess::of_age(age, summary.lost_after);
+    // A port may give a drive up earlier, after its own time-outs: that limit was not reached.
+    let limit = excess.limit.filter(|_| age >= summary.lost_after);
+    (has_reported && (is_gone || limit.is_some())).then_some(Excess { limit, ..excess })
 }

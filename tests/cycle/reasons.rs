@@ -38,6 +38,15 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
     assert_eq!(fault(&mut bench, Fault::Link), age.of_motor(1));
 
     let mut bench = Bench::enabled();
+    bench.drives[1].feedback.phase = AxisPhase::Lost;
+    let lost = fault(&mut bench, Fault::Link);
+    assert_eq!(
+        (lost.motor, lost.limit),
+        (Some(1), None),
+        "given up before the limit"
+    );
+
+    let mut bench = Bench::enabled();
     bench.quirk(0, Quirk::Blocked);
     for goal in (100..=800).step_by(100) {
         if bench.state() == OperatingState::Enabled {

@@ -43,7 +43,5 @@ i2ris command state condition
 i2ris command circle --radius-deg 10 --period-s 6 --duration-s 40 > "$work/circle.log" 2>&1 &
 i2ris monitor --web 8799 --model "$work/first.json" > "$work/monitor.log" 2>&1 &
 sleep 14
-chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --no-first-run \
-  --disable-background-networking --user-data-dir="$work/browser" --window-size=1280,900 \
-  --virtual-time-budget=4000 --screenshot="$images/monitor.png" http://127.0.0.1:8799/ 2> /dev/null
+python3 tools/manual/screenshot.py http://127.0.0.1:8799/?theme=dark 1280 900 "$images/monitor.png"
 i2ris command state disable

@@ -69,7 +69,7 @@ database of the Rust project; it needs a network.
 | Linux kernel | scheduling, serial ports, shared memory, locks | C | of the computer: `uname -r` |
 | C library (glibc) | calls of the operating system | C | of the computer: `ldd --version` |
 | Rust compiler and library | builds the programs; part of them | C | from 1.89: `rustc --version` |
-| firmware of the drives | position, current limit, quick stop | C | read at every start, in the run log |
+| firmware of the drives | position, current limit, quick stop | C | read at every start: run log |
 | driver of the serial adapter | the line to the drives | C | of the computer: `modinfo ftdi_sio` |
 | systemd | starts controller and watchdog | C | of the computer: `systemctl --version` |
 ";

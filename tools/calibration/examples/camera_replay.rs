@@ -78,9 +78,11 @@ fn replay(family: Family, training: &Recording, tested: &Recording, from: usize)
     };
     let model = fit(training, &options, &Silent).unwrap().model;
     println!("  {family}");
+    let is_other_recording = from == 0;
+    let mut zero = [0.0; 3];
     for is_adapted in [false, true] {
         let mut robot = Robot::new(&model, is_adapted);
-        if from == 0 {
+        if is_other_recording {
             robot.follow_by_hand(training);
         }
         robot.enable();
@@ -93,21 +95,36 @@ fn replay(family: Family, training: &Recording, tested: &Recording, from: usize)
             };
             let [least, most] = ROW_BOUNDS_S;
             let frame = before.map(|(_, outputs)| outputs);
-            robot.go(row.counts, interval_s.clamp(least, most), frame);
-            before = Some((row.time_s.unwrap_or_default(), row.outputs));
+            let seen: OutputVec = std::array::from_fn(|i| row.outputs[i] - zero[i]);
+            robot.go(row.counts, seen, interval_s.clamp(least, most), frame);
+            before = Some((row.time_s.unwrap_or_default(), seen));
             if index < from {
                 continue;
             }
             let poses = [robot.applied(), robot.expected(&model)];
             for (errors, pose) in errors.iter_mut().zip(poses) {
-                errors.push([0, 1].map(|i: usize| row.outputs[i] - pose[i].to_degrees()));
+                errors.push([0, 1].map(|i: usize| seen[i] - pose[i].to_degrees()));
+            }
+        }
+        if is_other_recording && !is_adapted {
+            // The angles count from the first row of their own recording: the mean is taken off.
+            let rows = &errors[0];
+            for (output, zero) in zero.iter_mut().enumerate().take(model.outputs()) {
+                *zero = rows.iter().map(|row| row[output]).sum::<f64>() / rows.len() as f64;
+            }
+            for row in errors.iter_mut().flatten() {
+                *row = [row[0] - zero[0], row[1] - zero[1]];
             }
         }
         let [applied, expected] = &errors;
         if let Some(report) = robot.adaptation() {
             println!("    applied       {}", shown(applied, model.outputs()));
             println!("    estimate      {}", shown(expected, model.outputs()));
-            println!("    {:.3?}\n    {:?}", report.estimate, report.frames);
+            println!("    estimate {:.3?}", report.estimate);
+            println!(
+                "    applied  {:.3?}\n    {:?}",
+                report.applied, report.frames
+            );
             let pauses: Vec<_> = report.pauses.iter().collect();
             println!("    pauses {pauses:?}, taken back {}", report.taken_back);
         } else {
@@ -147,6 +164,8 @@ fn shown(errors: &[[f64; 2]], outputs: usize) -> String {
 struct Robot {
     control: SimulatedLoop,
     at: MotorVec,
+    /// rad.
+    goal: OutputVec,
     outputs: u32,
     unit: f64,
     /// When the motors were at the last row.
@@ -164,6 +183,7 @@ impl Robot {
             row_stamp: control.now(),
             control,
             at: model.hull().centre(),
+            goal: [0.0; 3],
             outputs: model.outputs() as u32,
             unit: model.file().outputs[0].unit.si(),
         }
@@ -189,8 +209,16 @@ impl Robot {
     }
 
     /// Goes to a row. The frame of the row before arrives during the motion.
-    fn go(&mut self, counts: MotorVec, interval_s: f64, frame: Option<OutputVec>) {
-        let from = self.at;
+    /// The goal, by which the correction moves, goes from angle to angle of the recording.
+    fn go(
+        &mut self,
+        counts: MotorVec,
+        outputs: OutputVec,
+        interval_s: f64,
+        frame: Option<OutputVec>,
+    ) {
+        let (from, goal_from) = (self.at, self.goal);
+        let goal_to = outputs.map(|value| value * self.unit);
         let stamp = self.row_stamp;
         let ticks = (interval_s * f64::from(RATE_HZ)).round() as u32;
         let moving = ((MOTION_SHARE * f64::from(ticks)) as u32).max(1);
@@ -199,7 +227,8 @@ impl Robot {
             self.at =
                 [0, 1].map(|motor: usize| from[motor] + share * (counts[motor] - from[motor]));
             let arrived = frame.filter(|_| tick == moving);
-            let goal = ServoGoal::Joint(self.applied(), self.outputs);
+            self.goal = std::array::from_fn(|i| goal_from[i] + share * (goal_to[i] - goal_from[i]));
+            let goal = ServoGoal::Joint(self.goal, self.outputs);
             let servo = Some(self.control.servo_command(goal));
             self.tick(SimulatedInputs {
                 servo,

@@ -1,9 +1,10 @@
 //! Does the current of a motor show how far it runs free, without a camera?
 //!
-//! Inside a gap nothing loads the motor: its current is that of its own friction. Emulated motors go
-//! to and fro with a snake behind them, new and worn; the current is read at an interval, as over a
-//! serial line, with the resolution and noise of a drive. The travel between readings without load
-//! is the free travel. It is compared with the true one, and its growth with that of the gap.
+//! Inside a gap nothing loads the motor: its current is that of its own friction. Emulated motors
+//! go to and fro with a snake behind them, new and worn; the current is read at an interval, as
+//! over a serial line, with the resolution and noise of a drive. The travel between readings
+//! without load is the free travel. It is compared with the true one, and its growth with that of
+//! the gap.
 //!
 //! `cargo run --release -p i2ris-emulator --example current_at_reversal`
 

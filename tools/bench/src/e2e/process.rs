@@ -162,9 +162,9 @@ fn configure(
     Ok(file)
 }
 
-/// Homes and enables. Tests have the same in `i2ris-testing`, which a program of users does not link
-/// (it brings a terminal and a test controller); the client library does not offer it, because homing
-/// needs the consent of a person at every robot that is not emulated.
+/// Homes and enables. Tests have the same in `i2ris-testing`, which a program of users does not
+/// link (it brings a terminal and a test controller); the client library does not offer it, because
+/// homing needs the consent of a person at every robot that is not emulated.
 fn enable(client: &mut Client) -> Result<(), BenchError> {
     let is_idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
     client.wait_for(TIMEOUT, is_idle)?;

@@ -28,8 +28,8 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     ];
     let caption = "The choice: RMS length of the error on the rows held out; RMS length of the \
                    tracking error when the inverse of the family moves another family as a robot, \
-                   the one where that goes worst; the score is both together, the root of the sum of \
-                   squares; travel of the motors in these trials, relative to that of linear. A \
+                   the one where that goes worst; the score is both together, the root of the sum \
+                   of squares; travel of the motors in these trials, relative to that of linear. A \
                    family whose error on the rows held out is far above the least is no robot to \
                    be tried on.";
     let mut table = Table::new(caption.to_owned(), header);

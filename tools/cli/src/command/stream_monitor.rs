@@ -270,8 +270,8 @@ pub struct ClipMonitor {
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "out of reach: the snake stayed up to {farthest_deg:.1} deg away from what was asked; stay \
-     inside the calibrated hull, the position limits and the virtual fixtures, or calibrate a wider \
-     range"
+     inside the calibrated hull, the position limits and the virtual fixtures, or calibrate a \
+     wider range"
 )]
 pub struct OutOfReach {
     /// Largest distance between what was asked and the goal of the controller, deg.

@@ -73,8 +73,8 @@ impl TargetScore {
             .held_s
             .map(|[median, p95]| format!(", after {median:.2} s (median), {p95:.2} s (95 %)"));
         format!(
-            "{} targets: {:.0} % held for {:.1} s within {:.2} deg by the {}{}; overshoot {:.2} deg \
-             (95 %)",
+            "{} targets: {:.0} % held for {:.1} s within {:.2} deg by the {}{}; overshoot \
+             {:.2} deg (95 %)",
             self.targets.len(),
             100.0 * self.held,
             self.hold_s,
