@@ -156,28 +156,25 @@ fn the_snake_holds_when_its_client_is_killed_and_another_one_takes_over() {
     assert!(robot.moved_since(from));
 }
 
-/// A client that moves the snake is stopped for so long and goes on. While it sends, the snake must
-/// hold, and one of these reasons must be given.
-fn stop_and_go_on(stopped: Nanos, reasons: &[&str]) {
+/// A client that moves the snake is stopped for so long and goes on: the snake holds with a reason,
+/// and goes on holding. What comes through again is refused; on a busy machine DDS may have given
+/// the client up, and nothing does.
+fn stop_and_go_on(stopped: Nanos) {
     let (robot, bridge, mut peer) = start();
     let mut swinger = Swinger::start(peer.node.domain_id());
     swinger.wait();
     swinger.signal(Signal::SIGSTOP);
     robot.wait_until_still();
+    peer.wait_for_line("warning", "later than their deadline");
     clock::sleep(stopped);
     let resumed = clock::now();
     swinger.signal(Signal::SIGCONT);
-    eventually(&format!("one of {reasons:?}"), || {
-        peer.update();
-        let mut said = peer.said.iter();
-        said.any(|(_, line)| reasons.iter().any(|reason| line.contains(reason)))
-            .then_some(())
-    });
-    clock::sleep(Nanos::from_millis(3000));
+    clock::sleep(Nanos::from_millis(5000));
     assert!(!robot.moved_since(resumed), "{:?}", bridge.lines());
     let state = robot.wait_for(|_| true);
     assert_eq!(state.state, OperatingState::Enabled.number());
     assert!(state.flags & OperatingStateMsg::HOLDING != 0, "it holds");
+    assert_eq!(state.lease_client_id, 0, "nobody commands");
     let lines = bridge.lines();
     let took = { lines.iter() }.filter(|line| line.contains("/swinger commands"));
     assert_eq!(took.count(), 1, "it does not command again: {lines:?}");
@@ -185,22 +182,15 @@ fn stop_and_go_on(stopped: Nanos, reasons: &[&str]) {
 
 #[test]
 fn h24_a_client_that_is_stopped_and_goes_on_does_not_move_the_snake() {
-    // Its messages come through again, at the latest when both ends of DDS have found each other
-    // again.
-    let refused = "/swinger: servo_jp: the stream broke off";
-    stop_and_go_on(Nanos::from_millis(2000), &[refused]);
+    stop_and_go_on(Nanos::from_millis(2000));
 }
 
-/// For `cargo test -p i2ris-ros --test misuse -- --ignored campaign`.
+/// For `cargo test -p i2ris-ros --test misuse -- --ignored campaign`: DDS counts it as gone
+/// meanwhile.
 #[test]
 #[ignore = "takes more than a minute"]
 fn campaign_h24_a_client_that_is_stopped_for_a_minute_does_not_move_the_snake() {
-    // DDS counts it as gone meanwhile.
-    let reasons = [
-        "/swinger: servo_jp: the stream broke off",
-        "/swinger is gone",
-    ];
-    stop_and_go_on(Nanos::from_millis(65_000), &reasons);
+    stop_and_go_on(Nanos::from_millis(65_000));
 }
 
 #[test]
