@@ -55,7 +55,7 @@ fn frames_reach_every_controller_of_the_domain() {
 }
 
 /// Sends a line to the control socket; the reply.
-fn tell(socket: &Path, line: &str) -> String {
+fn request(socket: &Path, line: &str) -> String {
     let mut stream = UnixStream::connect(socket).unwrap();
     writeln!(stream, "{line}").unwrap();
     let mut reply = String::new();
@@ -88,17 +88,17 @@ fn the_control_socket_ages_the_snake_and_spoils_the_camera() {
     wait_for(&frames, "straight", |[pitch, yaw]| {
         pitch.abs() + yaw.abs() < 1.0
     });
-    assert_eq!(tell(&socket, zero), "ok");
+    assert_eq!(request(&socket, zero), "ok");
     wait_for(&frames, "slipped", |[pitch, yaw]| {
         pitch > 4.0 && yaw.abs() < 1.0
     });
-    assert_eq!(tell(&socket, "camera = {fault = \"swapped\"}"), "ok");
+    assert_eq!(request(&socket, "camera = {fault = \"swapped\"}"), "ok");
     wait_for(&frames, "swapped", |[pitch, yaw]| {
         yaw > 4.0 && pitch.abs() < 1.0
     });
-    assert_eq!(tell(&socket, "camera = \"good\""), "ok");
+    assert_eq!(request(&socket, "camera = \"good\""), "ok");
     wait_for(&frames, "good again", |[pitch, _]| pitch > 4.0);
-    let refused = tell(
+    let refused = request(
         &socket,
         "ageing = {parameter = \"teeth\", by = 1, course = \"step\"}",
     );

@@ -17,7 +17,7 @@
 //! | `export` | tables as CSV and Parquet |
 //! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
 //!
-//! A topic `i2ris/NAME` has the payloads of the controller, bit by bit. The topic `NAME` tells the
+//! A topic `i2ris/NAME` has the payloads of the controller, bit by bit. The topic `NAME` has the
 //! same as a standard ROS 2 or CRTK message, as a recording of a dVRK does. Stamps in payloads are
 //! of the monotonic clock. Stamps of the file and of standard messages are Unix time; the offset
 //! between both clocks is measured at the start and written to the metadata.

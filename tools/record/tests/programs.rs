@@ -47,7 +47,7 @@ fn record(controller: &Controller, file: &Path, options: &[&str]) -> (bool, Stri
     (success, error)
 }
 
-/// The controller tells robot and limits of this configuration.
+/// The controller publishes robot and limits of this configuration.
 fn runs_with(controller: &Controller, config: &Path) {
     controller.robot().description = robot_description(&Config::load(config).unwrap());
 }

@@ -16,7 +16,7 @@ const BETWEEN_LINES: Duration = Duration::from_secs(5);
 /// Steps of the bar.
 const STEPS: f64 = 1000.0;
 
-/// Less of the work does not tell how long the rest takes.
+/// Less of the work does not show how long the rest takes.
 const LEAST_SHARE: f64 = 0.03;
 
 /// Shows progress on stderr.

@@ -289,7 +289,7 @@ fn states_are_changed_or_the_refusal_is_told() {
 }
 
 #[test]
-fn a_pose_out_of_reach_is_told_at_once_and_is_no_success() {
+fn a_pose_out_of_reach_is_reported_at_once_and_is_no_success() {
     let controller = Controller::enabled();
     controller.robot().reach = 20.0;
     let pose = ["command", "pose", "63", "-1", "--speed-deg-s", "60"];

@@ -104,9 +104,9 @@ fn a_change_of_state_is_told_to_scripts() {
     let (code, output, error) =
         Program::start(&controller.domain, &["command", "state", "home", "--json"]).code();
     assert_eq!(code, Some(0), "{error}");
-    let told: serde_json::Value = serde_json::from_str(&output).unwrap();
+    let printed: serde_json::Value = serde_json::from_str(&output).unwrap();
     assert_eq!(
-        (told["accepted"].as_str(), told["state"].as_str()),
+        (printed["accepted"].as_str(), told["state"].as_str()),
         (Some("home"), Some("DISABLED"))
     );
 }

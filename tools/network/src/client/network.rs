@@ -22,7 +22,7 @@ use crate::{NetworkError, link};
 
 /// What may wait to be looked at.
 const WAITING: usize = 1024;
-/// A sign of life whose answer takes longer tells nothing any more.
+/// A sign of life whose answer takes longer says nothing any more.
 const ALIVE_TIMEOUT: Duration = Duration::from_secs(2);
 /// The longest that anyone waits for an answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(31);

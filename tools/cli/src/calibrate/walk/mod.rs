@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut progress = Progress::read(&mut walk)?;
     for (number, step) in (1..).zip(STEPS) {
         if progress.is_done(step) {
-            tell(&format!(
+            say(&format!(
                 "step {number} of {}: {step}: done before",
                 STEPS.len()
             ))?;
@@ -97,7 +97,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             ask_for_zero(&mut walk, arguments.home)?;
         }
         let left = walk.time_left_s(&progress);
-        tell(&format!(
+        say(&format!(
             "step {number} of {}: {step}: {}; about {} to go",
             STEPS.len(),
             step.purpose(),
@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         tell_next(&walk, &progress, number)?;
     }
     let [model, report] = ["model.json", "report.html"].map(|name| walk.path(name));
-    tell(&format!(
+    say(&format!(
         "done: the robot runs with {}; the report is {}\nto have it after a restart, too: set \
          control.model in the controller's configuration; to calibrate again: --folder NEW",
         model.display(),
@@ -144,7 +144,7 @@ fn ask_for_zero(walk: &mut Walk, is_allowed: bool) -> Result<(), Failure> {
                 .into(),
         );
     }
-    tell(
+    say(
         "the robot is not homed, and it will move. Straighten the snake: its pose becomes the \
          zero. Enter starts, Ctrl-C ends.",
     )?;
@@ -152,7 +152,7 @@ fn ask_for_zero(walk: &mut Walk, is_allowed: bool) -> Result<(), Failure> {
     Ok(())
 }
 
-fn tell(line: &str) -> Result<(), Failure> {
+fn say(line: &str) -> Result<(), Failure> {
     until_closed(Screen::stdout().say(line))?;
     Ok(())
 }
@@ -161,7 +161,7 @@ fn tell_next(walk: &Walk, progress: &Progress, number: usize) -> Result<(), Fail
     let Some(next) = STEPS.get(number) else {
         return Ok(());
     };
-    tell(&format!(
+    say(&format!(
         "step {number} of {} done; next: {next}; about {} to go",
         STEPS.len(),
         minutes(walk.time_left_s(progress))
@@ -191,7 +191,7 @@ impl Walk {
     fn perform(&mut self, step: Step, interrupt: &Interrupt) -> Result<(), Failure> {
         let program = std::env::current_exe()?;
         for words in step.commands(self) {
-            tell(&format!("  $ i2ris {}", words.join(" ")))?;
+            say(&format!("  $ i2ris {}", words.join(" ")))?;
             let status = Command::new(&program)
                 .args(&words)
                 .env("I2RIS_DOMAIN", self.domain.name())
