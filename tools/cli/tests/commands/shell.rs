@@ -106,7 +106,7 @@ fn a_change_of_state_is_told_to_scripts() {
     assert_eq!(code, Some(0), "{error}");
     let printed: serde_json::Value = serde_json::from_str(&output).unwrap();
     assert_eq!(
-        (printed["accepted"].as_str(), told["state"].as_str()),
+        (printed["accepted"].as_str(), printed["state"].as_str()),
         (Some("home"), Some("DISABLED"))
     );
 }
