@@ -8,6 +8,7 @@ use std::process::{Command, Output};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
 use i2ris::config::Config;
 use i2ris::ipc::{Domain, random_id};
@@ -16,6 +17,7 @@ use i2ris::process::controller;
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_emulator::snake::SnakeConfig;
 use i2ris_emulator::{Emulator, EmulatorConfig};
+use i2ris_testing::Program;
 use tempfile::TempDir;
 
 /// Emulator and controller, until dropped.
@@ -28,6 +30,10 @@ struct Rig {
 
 impl Rig {
     fn start() -> Self {
+        Self::start_with(|_| {})
+    }
+
+    fn start_with(change: impl FnOnce(&mut Config)) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config");
         let snake = SnakeConfig::load(&files.join("snakes/steel.toml")).unwrap();
@@ -47,6 +53,7 @@ impl Rig {
             config.conditioning.turns,
             config.conditioning.velocity_counts_s,
         ) = (1, 2000.0);
+        change(&mut config);
         let mut rig = Self {
             emulator,
             folder,
@@ -85,15 +92,19 @@ impl Rig {
         self.folder.path().join(name)
     }
 
-    /// Runs `i2ris` with arguments, those that begin with `@` being files of the rig; returns what
-    /// it printed.
-    fn tool(&self, arguments: &str) -> String {
-        let file = |name: &str| self.path(name).into_os_string();
-        let arguments = arguments
+    /// Arguments of which those that begin with `@` are files of the rig.
+    fn arguments(&self, arguments: &str) -> Vec<String> {
+        let file = |name: &str| self.path(name).to_str().unwrap().to_owned();
+        arguments
             .split_whitespace()
-            .map(|text| text.strip_prefix('@').map_or_else(|| text.into(), file));
+            .map(|text| text.strip_prefix('@').map_or_else(|| text.to_owned(), file))
+            .collect()
+    }
+
+    /// Runs `i2ris` with `arguments`; returns what it printed.
+    fn tool(&self, arguments: &str) -> String {
         let output: Output = Command::new(env!("CARGO_BIN_EXE_i2ris"))
-            .args(arguments)
+            .args(self.arguments(arguments))
             .output()
             .unwrap();
         assert!(
@@ -212,4 +223,34 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     // The model has no memory: half the width of the loop, and what friction has left of the motion
     // before.
     assert!((pitch - 8.0).hypot(yaw + 6.0) < 4.0, "{pitch} {yaw}");
+}
+
+#[test]
+fn collect_goes_on_from_the_setpoint_after_a_stall() {
+    // A motor at 900 counts/s runs on by more than this until the missing commands stop it.
+    let rig = Rig::start_with(|config| config.command.max_step_counts = 20);
+    let domain = Domain::new(&rig.config.ipc.domain).unwrap();
+    let collect = "calibrate collect --config @robot.toml --output @take.csv --home --no-condition";
+    let motion = "--duration-s 8 --range-counts 1200 --speed-counts-s 900";
+    let arguments = rig.arguments(&format!("{collect} {motion}"));
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let mut collect = Program::start(&domain, &arguments);
+    let position = || -> Vec<f64> {
+        let axes = rig.emulator.snapshot().axes;
+        axes.iter().map(|axis| axis.drive.motor_counts).collect()
+    };
+    let start = position();
+    let is_under_way = || (0..2).any(|axis| (position()[axis] - start[axis]).abs() > 200.0);
+    while !is_under_way() {
+        assert!(collect.child().try_wait().unwrap().is_none(), "it ended");
+        thread::sleep(Duration::from_millis(1));
+    }
+    collect.pause();
+    thread::sleep(Duration::from_millis(500));
+    collect.resume();
+    let (ended_well, _, errors) = collect.end();
+    assert!(ended_well, "{errors}");
+    assert!(errors.contains("goes on from where it is"), "{errors}");
+    let text = std::fs::read_to_string(rig.path("take.toml")).unwrap();
+    assert!(text.contains("complete = true"), "{text}");
 }

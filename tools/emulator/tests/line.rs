@@ -304,6 +304,19 @@ fn exclusive_use_ends_with_the_last_open_descriptor() {
 }
 
 #[test]
+fn a_host_that_read_the_link_before_the_port_was_replaced_gets_the_port() {
+    let (emulator, _folder) = start();
+    let link = || std::fs::read_link(emulator.device(0)).unwrap();
+    let first = link();
+    drop(open_shared(&emulator));
+    wait_for("a new port", || link() != first);
+    let late = File::options().read(true).open(&first).unwrap();
+    wait_for("the first port again", || link() == first);
+    assert_eq!(Host::open(&emulator, 0).read(0x1018, 1), 0xFB);
+    drop(late);
+}
+
+#[test]
 fn faults_mutes_and_power_cycles_affect_one_axis() {
     let (emulator, _folder) = start();
     let mut host = Host::open(&emulator, 1);

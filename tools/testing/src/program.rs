@@ -60,8 +60,21 @@ impl Program {
     }
 
     pub fn interrupt(&mut self) {
+        self.signal(Signal::SIGINT);
+    }
+
+    /// Stops the process as a machine without time for it would, until `resume`.
+    pub fn pause(&mut self) {
+        self.signal(Signal::SIGSTOP);
+    }
+
+    pub fn resume(&mut self) {
+        self.signal(Signal::SIGCONT);
+    }
+
+    fn signal(&mut self, signal: Signal) {
         let pid = Pid::from_raw(i32::try_from(self.child().id()).unwrap());
-        kill(pid, Signal::SIGINT).unwrap();
+        kill(pid, signal).unwrap();
     }
 
     /// Waits for the end: exit code, standard output, standard error.

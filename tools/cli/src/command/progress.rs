@@ -34,6 +34,11 @@ impl Progress {
         Ok(until_closed(self.screen.say(line))?)
     }
 
+    /// What the controller makes of the stream.
+    pub fn monitor(&mut self) -> &mut StreamMonitor {
+        &mut self.monitor
+    }
+
     /// Checks the response of the controller, and prints a new refusal, or `line` when it is due.
     /// Returns whether standard output still has a reader.
     pub fn check(

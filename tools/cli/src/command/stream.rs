@@ -9,7 +9,10 @@ use i2ris::units::Nanos;
 
 use super::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
 use super::progress::Progress;
-use super::stream_monitor::{ClipMonitor, LateMonitor, StopReason, StreamMonitor, TrackingSummary};
+use super::stream_monitor::{
+    ClipMonitor, LOST_SETPOINT, LateMonitor, StopReason, StreamMonitor, TrackingSummary,
+    wait_for_rest,
+};
 use super::trajectory::{Angles, Trajectory};
 use super::trajectory_player::TrajectoryPlayer;
 use i2ris_terminal::Failure;
@@ -146,7 +149,21 @@ impl Stream {
             last = now;
             self.commander.servo_jp(&angles.map(f64::to_radians))?;
             closed |= !self.check_response(client, angles)?;
+            if self.progress.monitor().has_lost_setpoint() {
+                last = self.rejoin(client)?;
+            }
         }
+    }
+
+    /// Goes on from the set-point, where the controller stopped the snake.
+    fn rejoin(&mut self, client: &mut Client) -> Result<Nanos, Failure> {
+        let pose = wait_for_rest(|| present_pose(client))?;
+        self.player.rejoin(pose);
+        let state = client.wait_for(FIRST_MESSAGE_TIMEOUT, |_| true)?;
+        let now = clock::now();
+        self.progress.monitor().restart(&state, now);
+        self.progress.say(LOST_SETPOINT)?;
+        Ok(now)
     }
 
     /// Checks the response of the controller. Returns whether standard output still has a reader.

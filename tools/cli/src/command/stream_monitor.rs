@@ -1,5 +1,6 @@
-//! Checks the response of the controller to a stream of commands. Pure.
+//! Checks the response of the controller to a stream of commands.
 
+use i2ris::clock;
 use i2ris::ipc::payload::{JointState, OperatingStateMsg};
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::robot::{Cause, Reason};
@@ -7,11 +8,19 @@ use i2ris::units::Nanos;
 
 use super::trajectory::Angles;
 use crate::trajectory_time::LONGEST_STEP_S;
+use i2ris_terminal::Failure;
 
 /// Time without an accepted command, and age of the state, at which the program gives up.
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
+/// Set-points that do not change for so long are at rest, and how often they are read.
+const REST: Nanos = Nanos::from_millis(100);
+const REST_POLL: Nanos = Nanos::from_millis(5);
 /// Time after which the same refusal is reported again.
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
+
+/// Printed when a stream goes on from the set-point.
+pub const LOST_SETPOINT: &str = "the controller has stopped the snake, because commands came late or none were read; the \
+     motion goes on from where it is";
 
 /// Why a stream of commands ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -91,7 +100,10 @@ pub struct StreamMonitor {
     accepted: u64,
     accepted_at: Nanos,
     refused: u64,
-    refused_now: bool,
+    /// Why the newest commands are refused.
+    refused_now: Option<Refusal>,
+    /// What had been accepted when the stream began, or began again.
+    accepted_at_start: u64,
     reported: Option<(Refusal, Nanos)>,
 }
 
@@ -105,9 +117,25 @@ impl StreamMonitor {
             accepted: state.accepted,
             accepted_at: now,
             refused: state.refusals_of(client_id).0,
-            refused_now: false,
+            refused_now: None,
+            accepted_at_start: state.accepted,
             reported: None,
         }
+    }
+
+    /// Whether commands that were followed are refused now, because the controller stopped the
+    /// snake meanwhile and they went on without it.
+    pub fn has_lost_setpoint(&self) -> bool {
+        self.refused_now == Some(Refusal::Step) && self.accepted > self.accepted_at_start
+    }
+
+    /// Begins again with `state`, received at `now`: the next command starts at the set-point.
+    pub fn restart(&mut self, state: &OperatingStateMsg, now: Nanos) {
+        self.accepted = state.accepted;
+        self.accepted_at_start = state.accepted;
+        self.accepted_at = now;
+        self.refused = state.refusals_of(self.client_id).0;
+        self.refused_now = None;
     }
 
     /// Checks the newest state. Returns a refusal that is to be reported.
@@ -128,7 +156,7 @@ impl StreamMonitor {
         })?;
         self.check_lease(state.lease_client_id)?;
         let refusal = self.update_counters(state, now);
-        self.check_progress(state, now)?;
+        self.check_progress(now)?;
         Ok(refusal.filter(|refusal| self.is_worth_reporting(*refusal, now)))
     }
 
@@ -146,7 +174,7 @@ impl StreamMonitor {
         if state.accepted > self.accepted {
             self.accepted = state.accepted;
             self.accepted_at = now;
-            self.refused_now = false;
+            self.refused_now = None;
         }
         // Refusals of other clients' commands are not this client's concern.
         let (refused, reason) = state.refusals_of(self.client_id);
@@ -155,20 +183,17 @@ impl StreamMonitor {
             return None;
         }
         self.refused = refused;
-        self.refused_now = true;
+        self.refused_now = Some(reason);
         Some(reason)
     }
 
-    fn check_progress(&self, state: &OperatingStateMsg, now: Nanos) -> Result<(), StopReason> {
+    fn check_progress(&self, now: Nanos) -> Result<(), StopReason> {
         if now.since(self.accepted_at) <= TIMEOUT {
             return Ok(());
         }
-        let (_, reason) = state.refusals_of(self.client_id);
-        Err(match reason {
-            Refusal::None => StopReason::Ignored,
-            _ if !self.refused_now => StopReason::Ignored,
-            reason => StopReason::Refused(reason),
-        })
+        Err(self
+            .refused_now
+            .map_or(StopReason::Ignored, StopReason::Refused))
     }
 
     fn is_worth_reporting(&mut self, refusal: Refusal, now: Nanos) -> bool {
@@ -179,6 +204,25 @@ impl StreamMonitor {
             self.reported = Some((refusal, now));
         }
         !repeated
+    }
+}
+
+/// Waits until the set-points rest, and returns them.
+pub fn wait_for_rest<T: PartialEq>(
+    mut read: impl FnMut() -> Result<T, Failure>,
+) -> Result<T, Failure> {
+    let start = clock::now();
+    let (mut setpoints, mut changed) = (read()?, start);
+    loop {
+        clock::sleep(REST_POLL);
+        let (newest, now) = (read()?, clock::now());
+        if newest != setpoints {
+            (setpoints, changed) = (newest, now);
+        }
+        // Set-points that somebody else moves are noticed by the lease.
+        if now.since(changed) > REST || now.since(start) > TIMEOUT {
+            return Ok(setpoints);
+        }
     }
 }
 
@@ -421,6 +465,31 @@ mod tests {
         assert_eq!(
             self::monitor().check(&state(at(1100)), at(1100)),
             Err(StopReason::Ignored)
+        );
+    }
+
+    #[test]
+    fn a_followed_stream_that_is_refused_for_its_step_has_lost_the_setpoint() {
+        let mut monitor = monitor();
+        let refused = |accepted, now, count| OperatingStateMsg {
+            accepted,
+            ..refused_state(now, ME, count, Refusal::Step)
+        };
+        // Refused from the beginning: the stream does not start at the set-point.
+        monitor.check(&refused(0, at(5), 1), at(5)).unwrap();
+        assert!(!monitor.has_lost_setpoint());
+        monitor.check(&refused(1, at(10), 1), at(10)).unwrap();
+        assert!(!monitor.has_lost_setpoint());
+        monitor.check(&refused(1, at(15), 2), at(15)).unwrap();
+        assert!(monitor.has_lost_setpoint());
+        // Refused again before anything was accepted: no third start.
+        monitor.restart(&refused(1, at(900), 4), at(900));
+        assert!(!monitor.has_lost_setpoint());
+        monitor.check(&refused(1, at(905), 5), at(905)).unwrap();
+        assert!(!monitor.has_lost_setpoint());
+        assert_eq!(
+            monitor.check(&refused(1, at(1910), 6), at(1910)),
+            Err(StopReason::Refused(Refusal::Step))
         );
     }
 

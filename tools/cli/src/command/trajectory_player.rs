@@ -9,11 +9,14 @@ const PEAK_SPEED: f64 = 1.875;
 /// Peak acceleration of [`minimum_jerk`], relative to distance by time squared: 10 / sqrt(3).
 const PEAK_ACCELERATION: f64 = 5.773_503;
 
-/// Plays a trajectory. Times below 0 are the approach to its start.
+/// Plays a trajectory. Times below 0 are the approach to its start, or to where it was left.
 #[derive(Debug, Clone)]
 pub struct TrajectoryPlayer {
     from: Angles,
     trajectory: Trajectory,
+    speed_deg_s: f64,
+    /// Where on the trajectory the approach ends.
+    start_s: f64,
     approach_s: f64,
     end_s: Option<f64>,
     time: TrajectoryTime,
@@ -23,12 +26,7 @@ impl TrajectoryPlayer {
     /// From the pose `from` to the start of the trajectory, at no more than `speed_deg_s`, then
     /// along it for `end_s` seconds, or to its end, or until stopped.
     pub fn new(from: Angles, trajectory: Trajectory, speed_deg_s: f64, end_s: Option<f64>) -> Self {
-        let to = trajectory.at(0.0);
-        let distance = (to[0] - from[0]).hypot(to[1] - from[1]);
-        // Acceleration limits a short distance, speed a long one.
-        let acceleration = speed_deg_s / RAMP_S;
-        let approach_s = (PEAK_SPEED * distance / speed_deg_s)
-            .max((PEAK_ACCELERATION * distance / acceleration).sqrt());
+        let approach_s = approach_time(from, trajectory.at(0.0), speed_deg_s);
         let end_s = [end_s, trajectory.length_s()]
             .into_iter()
             .flatten()
@@ -39,6 +37,8 @@ impl TrajectoryPlayer {
         Self {
             from,
             trajectory,
+            speed_deg_s,
+            start_s: 0.0,
             approach_s,
             end_s,
             time: TrajectoryTime {
@@ -48,18 +48,43 @@ impl TrajectoryPlayer {
         }
     }
 
+    /// Goes on from rest at another pose: back to where the trajectory was, then along it.
+    pub fn rejoin(&mut self, from: Angles) {
+        if !self.is_approaching() {
+            self.start_s = self.time.time_s;
+        }
+        self.from = from;
+        self.approach_s = approach_time(from, self.trajectory.at(self.start_s), self.speed_deg_s);
+        self.time = TrajectoryTime {
+            time_s: -self.approach_s,
+            rate: 1.0,
+        };
+        if !self.is_approaching() {
+            self.begin();
+        }
+    }
+
     /// Advances by `step_s` seconds and returns the pose; `stop` asks to come to rest.
     pub fn advance(&mut self, step_s: f64, stop: bool) -> Angles {
         let was_approaching = self.is_approaching();
         self.time.advance(step_s, stop || self.is_over());
-        if was_approaching && !self.is_approaching() && self.trajectory.is_moving() {
-            // The approach has just come to rest; the trajectory starts from rest.
-            self.time = TrajectoryTime {
-                time_s: 0.0,
-                rate: 0.0,
-            };
+        if was_approaching && !self.is_approaching() {
+            self.begin();
         }
         self.angles()
+    }
+
+    /// The approach has just come to rest; a trajectory starts from rest.
+    fn begin(&mut self) {
+        let rate = if self.trajectory.is_moving() {
+            0.0
+        } else {
+            self.time.rate
+        };
+        self.time = TrajectoryTime {
+            time_s: self.start_s,
+            rate,
+        };
     }
 
     /// Whether the trajectory is over or was stopped, and the snake is at rest.
@@ -71,7 +96,12 @@ impl TrajectoryPlayer {
 
     /// Remaining time, s, if the trajectory has an end.
     pub fn left_s(&self) -> Option<f64> {
-        self.end_s.map(|end_s| (end_s - self.time.time_s).max(0.0))
+        let time_s = if self.is_approaching() {
+            self.start_s + self.time.time_s
+        } else {
+            self.time.time_s
+        };
+        self.end_s.map(|end_s| (end_s - time_s).max(0.0))
     }
 
     /// Whether the start of the trajectory is not reached yet.
@@ -88,7 +118,7 @@ impl TrajectoryPlayer {
             return self.trajectory.at(self.time.time_s);
         }
         let (to, share) = (
-            self.trajectory.at(0.0),
+            self.trajectory.at(self.start_s),
             minimum_jerk(1.0 + self.time.time_s / self.approach_s),
         );
         [
@@ -96,6 +126,13 @@ impl TrajectoryPlayer {
             self.from[1] + share * (to[1] - self.from[1]),
         ]
     }
+}
+
+/// Duration of an approach: acceleration limits a short distance, speed a long one.
+fn approach_time(from: Angles, to: Angles, speed_deg_s: f64) -> f64 {
+    let distance = (to[0] - from[0]).hypot(to[1] - from[1]);
+    let acceleration = speed_deg_s / RAMP_S;
+    (PEAK_SPEED * distance / speed_deg_s).max((PEAK_ACCELERATION * distance / acceleration).sqrt())
 }
 
 #[cfg(test)]
@@ -215,6 +252,27 @@ mod tests {
         let still = TrajectoryPlayer::new([3.0, 4.0], Trajectory::Point([3.0, 4.0]), 10.0, None);
         assert!(!still.is_finished(false) && still.is_finished(true));
         assert_eq!(still.left_s(), None);
+    }
+
+    #[test]
+    fn a_trajectory_is_rejoined_from_beside_it_without_a_jump() {
+        let mut player = TrajectoryPlayer::new([5.0, 0.0], circle(), 10.0, Some(8.0));
+        for _ in 0..700 {
+            player.advance(STEP_S, false);
+        }
+        let (left_at, left_s) = (player.angles(), player.left_s().unwrap());
+        player.rejoin([left_at[0] - 4.0, left_at[1] + 1.0]);
+        assert!(player.is_approaching() && player.left_s().unwrap() >= left_s);
+        let poses = play(player, f64::INFINITY);
+        let (_, jump) = speeds(&poses);
+        assert!(jump < 0.3, "{jump}");
+        let nearest = poses.iter().map(|pose| distance(*pose, left_at));
+        assert!(nearest.fold(f64::INFINITY, f64::min) < 1e-3);
+        let rest_s = poses.len() as f64 * STEP_S;
+        assert!(
+            rest_s > left_s,
+            "no part of the circle is left out: {rest_s} of {left_s} s"
+        );
     }
 
     #[test]

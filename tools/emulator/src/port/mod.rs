@@ -43,10 +43,18 @@ const POLL: Nanos = Nanos::from_millis(20);
 /// A thread that slept longer than this was delayed by the machine.
 const STALL: Nanos = Nanos::from_millis(30);
 
+/// A replaced pseudo-terminal stays this long for a host that read the link before.
+const REPLACED: Nanos = Nanos::from_millis(5_000);
+
+/// Maximum sleep while a replaced pseudo-terminal stays.
+const REPLACED_POLL: Nanos = Nanos::from_millis(1);
+
 /// A port that serves one axis.
 pub(crate) struct Port {
     axis: usize,
     pty: Pty,
+    /// The pseudo-terminal before the present one, and when it goes.
+    replaced: Option<(Pty, Nanos)>,
     config: LineConfig,
     timing: LineTiming,
     parser: Parser,
@@ -74,6 +82,7 @@ impl Port {
         Ok(Self {
             axis,
             pty: Pty::open()?,
+            replaced: None,
             config: config.clone(),
             timing: LineTiming::new(config),
             parser: Parser::default(),
@@ -104,8 +113,10 @@ impl Port {
             if let Some(span) = self.line().take_hang_up() {
                 self.hang_up(span);
             }
+            self.check_replaced();
             let before = clock::now();
-            if self.pty.wait(POLL) {
+            let span = self.replaced.as_ref().map_or(POLL, |_| REPLACED_POLL);
+            if self.pty.wait(span) {
                 let count = self.pty.read(&mut buffer);
                 let read = clock::now();
                 self.receive(buffer[..count].to_vec(), read, read - before > STALL);
@@ -122,6 +133,7 @@ impl Port {
             let _ = std::fs::remove_file(link);
         }
         self.pty.hang_up();
+        self.replaced = None;
         self.reset_line();
         while clock::now() < until && !self.shared.is_stopping() {
             clock::sleep_until(until.min(clock::now() + POLL));
@@ -317,11 +329,23 @@ impl Port {
             return clock::sleep(POLL);
         };
         let _ = port_folder::redirect(link, pty.path());
-        if self.pty.is_closed() {
-            self.pty = pty;
-        } else {
-            // A host was faster, and has the old one open.
-            let _ = port_folder::redirect(link, self.pty.path());
+        let old = std::mem::replace(&mut self.pty, pty);
+        self.replaced = Some((old, clock::now() + REPLACED));
+    }
+
+    /// Goes back to the replaced pseudo-terminal when a host opened it after all: it had read the
+    /// link before it was redirected. A real port is never away in between.
+    fn check_replaced(&mut self) {
+        let Some((old, until)) = self.replaced.take() else {
+            return;
+        };
+        if !old.is_closed() {
+            if let Some(link) = &self.link {
+                let _ = port_folder::redirect(link, old.path());
+            }
+            self.pty = old;
+        } else if clock::now() < until {
+            self.replaced = Some((old, until));
         }
     }
 

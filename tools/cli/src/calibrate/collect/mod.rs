@@ -176,9 +176,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         subscriptions: &mut subscriptions,
         bar: &bar,
     };
-    let ending = session.perform(&mut recorder, !arguments.no_condition, |from| {
-        request.motion(from)
-    });
+    let ending = session.perform(
+        &mut recorder,
+        !arguments.no_condition,
+        request.speed_counts_s,
+        |from| request.motion(from),
+    );
     bar.finish_and_clear();
     let recorded = recorder
         .finish()

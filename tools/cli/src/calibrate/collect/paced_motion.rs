@@ -77,6 +77,8 @@ pub struct Playback {
     motion: Motion,
     at_s: f64,
     rate: f64,
+    /// Leads back to the motion, from a position beside it.
+    approach: Option<Box<Playback>>,
 }
 
 impl Playback {
@@ -86,11 +88,27 @@ impl Playback {
             motion,
             at_s: 0.0,
             rate: 0.0,
+            approach: None,
         }
+    }
+
+    /// Goes on from rest at another position: back to where the motion was, then along it.
+    pub fn rejoin(&mut self, from: MotorVec, speed_counts_s: f64) {
+        self.rate = 0.0;
+        let to = self.motion.position(self.at_s);
+        let approach = Motion::paced([from, to], speed_counts_s);
+        self.approach = Some(Box::new(Self::new(approach)));
     }
 
     /// Advances by `step_s` seconds and returns the position; `stop` asks to come to rest.
     pub fn advance(&mut self, step_s: f64, stop: bool) -> MotorVec {
+        if let Some(approach) = &mut self.approach {
+            let position = approach.advance(step_s, stop);
+            if approach.left_s() <= 0.0 {
+                self.approach = None;
+            }
+            return position;
+        }
         let step_s = step_s.clamp(0.0, LONGEST_STEP_S);
         let ramp = if stop {
             -step_s / RAMP_S
@@ -104,7 +122,11 @@ impl Playback {
 
     /// Nothing moves any more: the motion is over, or was stopped.
     pub fn is_finished(&self, stop: bool) -> bool {
-        self.left_s() <= 0.0 || (stop && self.rate == 0.0)
+        let is_at_rest = match &self.approach {
+            Some(approach) => approach.rate == 0.0,
+            None => self.rate == 0.0,
+        };
+        self.left_s() <= 0.0 || (stop && is_at_rest)
     }
 
     /// Time left, s.
@@ -181,6 +203,30 @@ mod tests {
         while !playback.is_finished(false) {
             place = playback.advance(1.0, false);
         }
+        assert_eq!(place, [1000.0, 0.0]);
+    }
+
+    #[test]
+    fn a_motion_is_rejoined_from_beside_it_without_a_jump() {
+        let mut playback = Playback::new(Motion::paced([[0.0, 0.0], [1000.0, 0.0]], 500.0));
+        for _ in 0..200 {
+            playback.advance(0.005, false);
+        }
+        let [left_at, _] = playback.advance(0.0, false);
+        let mut place = [left_at - 300.0, 40.0];
+        playback.rejoin(place, 500.0);
+        assert!(playback.is_finished(true), "at rest");
+        let mut nearest = f64::INFINITY;
+        while !playback.is_finished(false) {
+            let next = playback.advance(0.005, false);
+            assert!(distance(&place, &next) <= 2.5 + 1e-9);
+            place = next;
+            nearest = nearest.min(distance(&place, &[left_at, 0.0]));
+        }
+        assert!(
+            nearest < 1.0,
+            "no part of the motion is left out: {nearest}"
+        );
         assert_eq!(place, [1000.0, 0.0]);
     }
 

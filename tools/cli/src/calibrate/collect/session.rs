@@ -12,7 +12,7 @@ use indicatif::ProgressBar;
 
 use super::paced_motion::{Motion, Playback};
 use super::recorder::Recorder;
-use crate::command::stream_monitor::{StreamMonitor, enabled};
+use crate::command::stream_monitor::{LOST_SETPOINT, StreamMonitor, enabled, wait_for_rest};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 
@@ -172,6 +172,7 @@ impl Session<'_> {
         &mut self,
         recorder: &mut Recorder<W>,
         condition: bool,
+        speed_counts_s: f64,
         motion: impl FnOnce(MotorVec) -> Motion,
     ) -> Result<Ending, Failure> {
         if condition && self.condition(recorder)? == Ending::Interrupted {
@@ -179,7 +180,7 @@ impl Session<'_> {
         }
         let outcome = self
             .current_setpoints(recorder)
-            .and_then(|from| self.play(recorder, motion(from)));
+            .and_then(|from| self.play(recorder, motion(from), speed_counts_s));
         // A command in transit would take the lease again.
         clock::sleep(LAST_COMMAND);
         let released = self.client.state_command(StateCommand::Release);
@@ -264,6 +265,7 @@ impl Session<'_> {
         &mut self,
         recorder: &mut Recorder<W>,
         motion: Motion,
+        speed_counts_s: f64,
     ) -> Result<Ending, Failure> {
         let state = self.client.wait_for(CAMERA_WAIT, |_| true)?;
         let mut watch = StreamMonitor::new(self.client.id(), &state, clock::now());
@@ -291,6 +293,14 @@ impl Session<'_> {
             self.subscriptions.receive(recorder)?;
             if let Some(state) = self.client.operating_state()? {
                 watch.check(&state, clock::now())?;
+            }
+            if watch.has_lost_setpoint() {
+                let from = wait_for_rest(|| self.current_setpoints(recorder))?;
+                playback.rejoin(from, speed_counts_s);
+                let state = self.client.wait_for(CAMERA_WAIT, |_| true)?;
+                last = clock::now();
+                watch.restart(&state, last);
+                self.bar.suspend(|| eprintln!("note: {LOST_SETPOINT}"));
             }
             self.bar.set_position(tenths(playback.elapsed_s()));
         }
