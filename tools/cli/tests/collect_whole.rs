@@ -228,7 +228,7 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
 #[test]
 fn collect_goes_on_from_the_setpoint_after_a_stall() {
     // After a stall, a program goes on by what a motor moves in 20 ms: 18 counts at 900 counts/s.
-    let rig = Rig::start_with(|config| config.command.max_step_counts = 12);
+    let rig = Rig::start_with(|config| config.command.max_step_counts = 8);
     let domain = Domain::new(&rig.config.ipc.domain).unwrap();
     let collect = "calibrate collect --config @robot.toml --output @take.csv --home --no-condition";
     let motion = "--duration-s 8 --range-counts 1200 --speed-counts-s 900";
