@@ -37,6 +37,16 @@ impl Estimate {
     }
 }
 
+/// What a memory alone determines, computed once for a memory and used in several predictions.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct MemoryTerms {
+    /// See [`super::Model::correction`], rad (m).
+    pub correction: OutputVec,
+    /// The virtual counts at the position of the memory. Families without virtual counts do not
+    /// use them.
+    pub virtual_counts: MotorVec,
+}
+
 /// Inverse: the counts that bring the outputs to a goal.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Inverse {

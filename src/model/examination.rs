@@ -132,7 +132,7 @@ impl<'a> Trial<'a> {
         let mut memory = self.memory_after_turns();
         let mut counts = path.turns.last().copied().unwrap_or_default();
         let fastest = path.half_ranges.map(|half| FASTEST * half);
-        let mut correction = self.runtime.correction(&memory);
+        let mut correction = self.runtime.memory_terms(&memory).correction;
         let (mut squares, mut travel) = (0.0, 0.0);
         for goal in goals {
             let query = Query {
@@ -147,7 +147,7 @@ impl<'a> Trial<'a> {
                 *next = (*next + step).round();
             }
             self.advance(&mut memory, &next);
-            let unfiltered = self.runtime.correction(&memory);
+            let unfiltered = self.runtime.memory_terms(&memory).correction;
             for (filtered, now) in correction.iter_mut().zip(&unfiltered) {
                 *filtered += FILTER * (now - *filtered);
             }

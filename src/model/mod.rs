@@ -39,7 +39,7 @@ mod schema_version;
 mod trial_path;
 
 pub use error::ModelError;
-pub use estimate::{Estimate, Inverse, JacobianMatrix, OutputMatrix, Query};
+pub use estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputMatrix, Query};
 pub use examination::Examination;
 pub use families::memory::Memory;
 pub use families::{direction, hysteresis, kinematic};

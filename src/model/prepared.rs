@@ -6,7 +6,7 @@ use nalgebra::SVector;
 
 use crate::file_permissions::{LONGEST_MODEL, read_trusted};
 use crate::model::error::ModelError;
-use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
+use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Query};
 use crate::model::examination::Examination;
 use crate::model::families::direction::DirectionGmr;
 use crate::model::families::hysteresis::Operator;
@@ -206,7 +206,13 @@ impl Model {
     /// See [`crate::model::hysteresis`].
     #[must_use]
     pub fn correction(&self, memory: &Memory) -> OutputVec {
-        self.runtime.correction(memory)
+        self.memory_terms(memory).correction
+    }
+
+    /// [`Model::correction`], and what else a memory alone determines.
+    #[must_use]
+    pub fn memory_terms(&self, memory: &Memory) -> MemoryTerms {
+        self.runtime.memory_terms(memory)
     }
 
     /// The virtual counts after a straight motion from the present position to `counts`: the input
@@ -224,18 +230,18 @@ impl Model {
         self.runtime.predict(counts, memory)
     }
 
-    /// As [`Model::predict`], with the [`Model::correction`] of the memory, computed before.
+    /// As [`Model::predict`], with the [`Model::memory_terms`] of the memory, computed before.
     #[must_use]
-    pub fn predict_corrected(
+    pub fn predict_with(
         &self,
         counts: &MotorVec,
         memory: &Memory,
-        correction: &OutputVec,
+        terms: &MemoryTerms,
     ) -> Estimate {
-        self.runtime.predict_corrected(counts, memory, correction)
+        self.runtime.predict_with(counts, memory, terms)
     }
 
-    /// The mean of [`Model::predict_corrected`] alone, rad (m).
+    /// The mean of [`Model::predict`] alone, with a [`Model::correction`], rad (m).
     #[must_use]
     pub fn pose(&self, counts: &MotorVec, memory: &Memory, correction: &OutputVec) -> OutputVec {
         self.runtime.pose(counts, memory, correction)

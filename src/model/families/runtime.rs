@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use crate::model::error::ModelError;
-use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
+use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Query};
 use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
 use crate::model::maths::hull::Hull;
@@ -28,9 +28,9 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
         memory.covered(range)
     }
 
-    /// See [`crate::model::Model::correction`].
-    fn correction(&self, _memory: &Memory) -> OutputVec {
-        OutputVec::default()
+    /// See [`crate::model::Model::memory_terms`].
+    fn memory_terms(&self, _memory: &Memory) -> MemoryTerms {
+        MemoryTerms::default()
     }
 
     /// See [`crate::model::Model::virtual_counts`].
@@ -40,13 +40,8 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
 
     fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate;
 
-    /// See [`crate::model::Model::predict_corrected`].
-    fn predict_corrected(
-        &self,
-        counts: &MotorVec,
-        memory: &Memory,
-        _correction: &OutputVec,
-    ) -> Estimate {
+    /// See [`crate::model::Model::predict_with`].
+    fn predict_with(&self, counts: &MotorVec, memory: &Memory, _terms: &MemoryTerms) -> Estimate {
         self.predict(counts, memory)
     }
 

@@ -205,14 +205,35 @@ impl<const I: usize, const O: usize> Block<I, O> {
 }
 
 /// The components at a point, in at most B blocks.
-struct Weighted<const I: usize, const O: usize, const B: usize> {
-    /// The responsibility of every component relative to the likeliest one, whose share is 1.
+struct Weighted<const I: usize, const B: usize> {
+    /// The log-density of every component; then its share: its responsibility relative to the
+    /// likeliest one, whose share is 1.
     shares: [Lanes; B],
     whitened: [[Lanes; I]; B],
-    /// Sum of the shares, at least 1.
-    total: f64,
-    /// Conditional mean of the likeliest component.
-    origin: SVector<f64, O>,
+}
+
+impl<const I: usize, const B: usize> Weighted<I, B> {
+    #[inline(always)]
+    fn none() -> Self {
+        Self {
+            shares: [Lanes::ZERO; B],
+            whitened: [[Lanes::ZERO; I]; B],
+        }
+    }
+}
+
+/// The likeliest component at a point.
+struct Likeliest<const O: usize> {
+    log_density: f64,
+    /// Its conditional mean.
+    mean: SVector<f64, O>,
+}
+
+/// The share of every component. Shares that are not numbers are kept, so that a NaN input gives a
+/// NaN result.
+#[inline(always)]
+fn share(log_density: Lanes, highest: f64) -> Lanes {
+    (log_density - Lanes::splat(highest)).exp_above(NEGLIGIBLE)
 }
 
 impl<const I: usize, const O: usize> Conditional<I, O> {
@@ -227,14 +248,13 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         })
     }
 
+    /// Whitens all components, and finds the likeliest one.
     #[inline(always)]
-    fn weighted<const B: usize>(&self, input: &SVector<f64, I>) -> Weighted<I, O, B> {
-        let mut weighted = Weighted {
-            shares: [Lanes::ZERO; B],
-            whitened: [[Lanes::ZERO; I]; B],
-            total: 0.0,
-            origin: SVector::zeros(),
-        };
+    fn weigh<const B: usize>(
+        &self,
+        input: &SVector<f64, I>,
+        weighted: &mut Weighted<I, B>,
+    ) -> Likeliest<O> {
         let mut highest = Lanes::splat(f64::NEG_INFINITY);
         let entries = weighted.shares.iter_mut().zip(&mut weighted.whitened);
         for ((log, whitened), block) in entries.zip(&self.blocks) {
@@ -246,24 +266,18 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
             *log = block.log_height - squared * Lanes::splat(0.5);
             highest = highest.max(*log);
         }
-        let highest = highest.highest();
-        let mut total = Lanes::ZERO;
-        for ((share, whitened), block) in weighted
-            .shares
-            .iter_mut()
-            .zip(&weighted.whitened)
-            .zip(&self.blocks)
-        {
-            if let Some(lane) = share.position(highest) {
+        let mut likeliest = Likeliest {
+            log_density: highest.highest(),
+            mean: SVector::zeros(),
+        };
+        let entries = weighted.shares.iter().zip(&weighted.whitened);
+        for ((log, whitened), block) in entries.zip(&self.blocks) {
+            if let Some(lane) = log.position(likeliest.log_density) {
                 let output = block.difference(whitened, &SVector::zeros());
-                weighted.origin = SVector::from_fn(|o, _| output[o].0[lane]);
+                likeliest.mean = SVector::from_fn(|o, _| output[o].0[lane]);
             }
-            // Shares that are not numbers are kept, so that a NaN input gives a NaN result.
-            *share = (*share - Lanes::splat(highest)).exp_above(NEGLIGIBLE);
-            total = total + *share;
         }
-        weighted.total = total.sum();
-        weighted
+        likeliest
     }
 
     fn has_few(&self) -> bool {
@@ -280,9 +294,9 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
 
     fn mean(&self, input: &SVector<f64, I>) -> SVector<f64, O> {
         if self.has_few() {
-            self.weighted_mean(&self.weighted::<FEW_BLOCKS>(input))
+            self.mean_of::<FEW_BLOCKS>(input, &mut Weighted::none()).0
         } else {
-            self.weighted_mean(&self.weighted::<MAX_BLOCKS>(input))
+            self.mean_of::<MAX_BLOCKS>(input, &mut Weighted::none()).0
         }
     }
 
@@ -295,56 +309,71 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
     }
 
     fn local_of<const B: usize>(&self, input: &SVector<f64, I>) -> Local<I, O> {
-        let weighted = self.weighted::<B>(input);
+        let mut weighted = Weighted::<I, B>::none();
+        let likeliest = self.weigh(input, &mut weighted);
+        let mut total = Lanes::ZERO;
         let mut differences = [Lanes::ZERO; O];
         let mut log_slopes = [Lanes::ZERO; I];
         let mut slopes = [[Lanes::ZERO; I]; O];
         let entries = weighted.shares.iter().zip(&weighted.whitened);
-        for ((share, whitened), block) in entries.zip(&self.blocks) {
-            let difference = block.difference(whitened, &weighted.origin);
+        for ((log, whitened), block) in entries.zip(&self.blocks) {
+            let share = share(*log, likeliest.log_density);
+            total = total + share;
+            let difference = block.difference(whitened, &likeliest.mean);
             let back = block.unwhiten(whitened);
             for i in 0..I {
-                log_slopes[i] = log_slopes[i] - back[i] * *share;
+                log_slopes[i] = log_slopes[i] - back[i] * share;
             }
             for o in 0..O {
-                let weighted_difference = difference[o] * *share;
+                let weighted_difference = difference[o] * share;
                 differences[o] = differences[o] + weighted_difference;
                 for i in 0..I {
                     slopes[o][i] =
-                        slopes[o][i] + (block.slope[o][i] * *share - weighted_difference * back[i]);
+                        slopes[o][i] + (block.slope[o][i] * share - weighted_difference * back[i]);
                 }
             }
         }
-        let total = weighted.total;
+        let total = total.sum();
         let difference = SVector::<f64, O>::from_fn(|o, _| differences[o].sum() / total);
         let log_slope = SVector::<f64, I>::from_fn(|i, _| log_slopes[i].sum());
         let slope = SMatrix::<f64, O, I>::from_fn(|o, i| slopes[o][i].sum());
         Local {
-            mean: weighted.origin + difference,
+            mean: likeliest.mean + difference,
             jacobian: (slope - difference * log_slope.transpose()) / total,
         }
     }
 
+    /// The mean, and the sum of the shares: at least 1.
     #[inline(always)]
-    fn weighted_mean<const B: usize>(&self, weighted: &Weighted<I, O, B>) -> SVector<f64, O> {
+    fn mean_of<const B: usize>(
+        &self,
+        input: &SVector<f64, I>,
+        weighted: &mut Weighted<I, B>,
+    ) -> (SVector<f64, O>, f64) {
+        let likeliest = self.weigh(input, weighted);
+        let mut total = Lanes::ZERO;
         let mut differences = [Lanes::ZERO; O];
-        let entries = weighted.shares.iter().zip(&weighted.whitened);
-        for ((share, whitened), block) in entries.zip(&self.blocks) {
-            let difference = block.difference(whitened, &weighted.origin);
+        let entries = weighted.shares.iter_mut().zip(&weighted.whitened);
+        for ((entry, whitened), block) in entries.zip(&self.blocks) {
+            let share = share(*entry, likeliest.log_density);
+            *entry = share;
+            total = total + share;
+            let difference = block.difference(whitened, &likeliest.mean);
             for o in 0..O {
-                differences[o] = differences[o] + difference[o] * *share;
+                differences[o] = differences[o] + difference[o] * share;
             }
         }
-        let total = weighted.total;
-        weighted.origin + SVector::<f64, O>::from_fn(|o, _| differences[o].sum() / total)
+        let total = total.sum();
+        let difference = SVector::<f64, O>::from_fn(|o, _| differences[o].sum() / total);
+        (likeliest.mean + difference, total)
     }
 
     fn predict_of<const B: usize>(&self, input: &SVector<f64, I>) -> Prediction<O> {
-        let weighted = self.weighted::<B>(input);
-        let mean = self.weighted_mean(&weighted);
+        let mut weighted = Weighted::<I, B>::none();
+        let (mean, total) = self.mean_of(input, &mut weighted);
         let mut total_spread = [[Lanes::ZERO; O]; O];
         let mut within = [[Lanes::ZERO; O]; O];
-        let normal = Lanes::splat(1.0 / weighted.total);
+        let normal = Lanes::splat(1.0 / total);
         let entries = weighted.shares.iter().zip(&weighted.whitened);
         for ((share, whitened), block) in entries.zip(&self.blocks) {
             let share = *share * normal;

@@ -88,7 +88,11 @@ impl JointModel {
         }
         // A correction scales the gaps of the memory from tick to tick.
         let is_scaled = self.state.correction.is_some();
-        if has_new || is_scaled || self.known.written != Some(written) {
+        let is_measured_known = !has_new && !is_scaled && self.known.written.is_some();
+        if !is_measured_known {
+            self.known.measured = self.model.memory_terms(&self.state.measured_memory);
+        }
+        if !is_measured_known || self.known.written != Some(written) {
             self.rebuild_memory(drives, written);
         }
         let residual = &self.known.residual;
@@ -102,8 +106,8 @@ impl JointModel {
     fn rebuild_memory(&mut self, drives: &[AxisFeedback], written: [Option<f64>; MAX_MOTORS]) {
         let state = &mut self.state;
         state.memory = state.measured_memory;
-        let measured_residual = self.model.correction(&state.measured_memory);
-        let mut residual = measured_residual;
+        let measured = self.known.measured;
+        let mut residual = measured.correction;
         if written.iter().any(Option::is_some) {
             let positions = drives.iter().map(|drive| drive.position.as_f64());
             let expected = written
@@ -116,7 +120,7 @@ impl JointModel {
         }
         self.known = Known {
             written: Some(written),
-            measured_residual,
+            measured,
             residual,
             setpoint: None,
             // Scaled gaps may take the knowledge away again.
@@ -132,10 +136,10 @@ impl JointModel {
         let positions = vector::collect(drives.iter().map(|drive| drive.position.as_f64()));
         let stamps = drives.iter().map(|drive| drive.stamp);
         let stamp = stamps.max().unwrap_or_default();
-        let estimate = self.model.predict_corrected(
+        let estimate = self.model.predict_with(
             &positions,
             &self.state.measured_memory,
-            &self.known.measured_residual,
+            &self.known.measured,
         );
         let mut estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;
         let gapped = estimate.mean;

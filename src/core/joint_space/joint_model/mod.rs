@@ -21,7 +21,7 @@ use crate::core::outputs::JointReport;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
-use crate::model::{Estimate, History, Inverse, JacobianMatrix, Memory, Model, Query};
+use crate::model::{Estimate, History, Inverse, JacobianMatrix, Memory, MemoryTerms, Model, Query};
 use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
 
 /// Positions of the history that a model replays per tick. One takes a microsecond or two.
@@ -47,8 +47,9 @@ struct Known {
     /// The setpoints that `memory` contains after the positions, motor by motor; `None`: to be
     /// computed.
     written: Option<[Option<f64>; MAX_MOTORS]>,
-    /// [`Model::correction`] of `measured_memory` and of `memory`.
-    measured_residual: OutputVec,
+    /// The terms of `measured_memory`.
+    measured: MemoryTerms,
+    /// [`Model::correction`] of `memory`.
     residual: OutputVec,
     /// The pose at the setpoints with `memory`, before the correction of the adaptation.
     setpoint: Option<KnownSetpoint>,

@@ -90,6 +90,7 @@ impl<const D: usize> Plays<D> {
     }
 
     /// The plays of one motor and their outputs, in order of the thresholds.
+    #[inline]
     fn plays<'a>(
         &'a self,
         state: &'a PlayState,
@@ -114,25 +115,27 @@ impl<const D: usize> Plays<D> {
     fn sum(&self, state: &PlayState, motor: usize, counts: f64) -> (f64, f64) {
         let (mut sum, mut slope) = (0.0, 0.0);
         for (play, output) in self.plays(state, motor) {
-            let (dragged, is_dragged) = play.drag(output, counts);
-            sum += play.weight * dragged;
-            slope += if is_dragged { play.weight } else { 0.0 };
+            sum += play.weight * play.drag(output, counts);
+            let is_pushed = play.is_pushed(output, counts);
+            slope += if is_pushed { play.weight } else { 0.0 };
         }
         (sum, slope)
     }
 
     /// Virtual counts of one motor.
     fn value(&self, state: &PlayState, motor: usize, counts: f64) -> f64 {
-        let plays = self.plays(state, motor);
-        plays
-            .map(|(play, output)| play.weight * play.drag(output, counts).0)
-            .sum()
+        let mut sum = 0.0;
+        for (play, output) in self.plays(state, motor) {
+            sum += play.weight * play.drag(output, counts);
+        }
+        sum
     }
 
-    fn invert_motor(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
+    fn invert_motor(&self, origin: &PlayOrigin<'_, D>, motor: usize, goal: f64) -> f64 {
+        let state = origin.state;
         let scale = state.gap_scale.get(motor).copied().unwrap_or(1.0);
         if scale == 1.0 {
-            self.invert_in_order(state, motor, goal)
+            self.invert_in_order(state, motor, goal, origin.virtual_counts[motor])
         } else {
             self.invert_by_newton(state, motor, goal)
         }
@@ -141,9 +144,10 @@ impl<const D: usize> Plays<D> {
     /// From the present position towards the goal, the input pushes one play after the other, in
     /// the order of their thresholds: outputs of neighbours differ by no more than their
     /// thresholds. So one pass over the plays finds the piece of the sum that contains the goal.
-    fn invert_in_order(&self, state: &PlayState, motor: usize, goal: f64) -> f64 {
+    /// `present`: the virtual counts at the present position.
+    fn invert_in_order(&self, state: &PlayState, motor: usize, goal: f64, present: f64) -> f64 {
         let from = state.position.get(motor).copied().unwrap_or_default();
-        let left = goal - self.value(state, motor, from);
+        let left = goal - present;
         let direction = if left < 0.0 { -1.0 } else { 1.0 };
         let left = direction * left;
         // Distance and virtual counts where the last play began to move, and the slope from there.
@@ -188,19 +192,21 @@ impl Play {
         }
     }
 
-    /// The output after a motion of the input, and whether the input pushes it. Both use the same
-    /// sums. The rounded distance of input and output would not do: a slope without one of its
-    /// plays makes the inverse diverge.
+    /// The output after a motion of the input. The comparisons are those of a processor's minimum
+    /// and maximum, without branches; an input that is no number changes nothing.
     #[inline]
-    fn drag(&self, output: f64, counts: f64) -> (f64, bool) {
+    fn drag(&self, output: f64, counts: f64) -> f64 {
         let (low, high) = (counts - self.threshold, counts + self.threshold);
-        if low >= output {
-            (low, true)
-        } else if high <= output {
-            (high, true)
-        } else {
-            (output, false)
-        }
+        let output = if high < output { high } else { output };
+        if low > output { low } else { output }
+    }
+
+    /// Whether the input pushes the output. It compares the same sums as [`Play::drag`]. The
+    /// rounded distance of input and output would not do: a slope without one of its plays makes
+    /// the inverse diverge.
+    #[inline]
+    fn is_pushed(&self, output: f64, counts: f64) -> bool {
+        (counts - self.threshold >= output) | (counts + self.threshold <= output)
     }
 }
 
@@ -243,8 +249,16 @@ fn one_motor(thresholds: &[f64], weights: &[f64], motor: usize) -> Result<Vec<Pl
         .collect())
 }
 
+/// A state, and the virtual counts at its position.
+#[derive(Debug, Clone, Copy)]
+pub struct PlayOrigin<'a, const D: usize> {
+    state: &'a PlayState,
+    virtual_counts: SVector<f64, D>,
+}
+
 impl<const D: usize> Operator<D> for Plays<D> {
     type State = PlayState;
+    type Origin<'a> = PlayOrigin<'a, D>;
 
     fn begin(&self, counts: &SVector<f64, D>) -> PlayState {
         let position: MotorVec = array(counts);
@@ -263,7 +277,7 @@ impl<const D: usize> Operator<D> for Plays<D> {
         for ((outputs, plays), (at, scale)) in motors.zip(position.into_iter().zip(state.gap_scale))
         {
             for (output, play) in outputs.iter_mut().zip(plays) {
-                *output = play.scaled(scale).drag(*output, at).0;
+                *output = play.scaled(scale).drag(*output, at);
             }
         }
         for (disc, threshold) in state.planar.iter_mut().zip(&self.planar) {
@@ -300,25 +314,31 @@ impl<const D: usize> Operator<D> for Plays<D> {
         result
     }
 
-    fn invert(
+    fn origin<'a>(&'a self, state: &'a PlayState) -> PlayOrigin<'a, D> {
+        PlayOrigin {
+            state,
+            virtual_counts: self.virtual_counts(state, &vector(&state.position)),
+        }
+    }
+
+    fn invert_from(
         &self,
-        state: &PlayState,
+        origin: &PlayOrigin<'_, D>,
         goal: &SVector<f64, D>,
         compensation: f64,
     ) -> SVector<f64, D> {
         let mut counts = *goal;
         for (motor, counts) in counts.iter_mut().enumerate() {
-            *counts += compensation * (self.invert_motor(state, motor, *counts) - *counts);
+            *counts += compensation * (self.invert_motor(origin, motor, *counts) - *counts);
         }
         counts
     }
 
     /// One lag per motor for every threshold above 0, then two for every planar play.
-    fn lags(&self, state: &PlayState) -> Lags {
-        let mut lags = Lags::default();
+    fn push_lags(&self, state: &PlayState, lags: &mut Lags) {
         for (motor, at) in state.position.into_iter().take(D).enumerate() {
             for (play, output) in self.plays(state, motor).skip(1) {
-                lags.push((at - play.drag(output, at).0) / play.threshold);
+                lags.push((at - play.drag(output, at)) / play.threshold);
             }
         }
         for (disc, threshold) in state.planar.iter().zip(&self.planar) {
@@ -326,7 +346,6 @@ impl<const D: usize> Operator<D> for Plays<D> {
                 lags.push((at - disc) / threshold);
             }
         }
-        lags
     }
 
     fn wipe_counts(&self) -> MotorVec {

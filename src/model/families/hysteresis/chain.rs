@@ -2,10 +2,10 @@
 
 use nalgebra::SVector;
 
-use super::StoredOperator;
 use super::residual::Residual;
+use super::{Lags, StoredOperator};
 use crate::model::error::ModelError;
-use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
+use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Query};
 use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
 use crate::model::families::runtime::Runtime;
@@ -40,14 +40,20 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
         }
     }
 
-    fn residual(&self, state: &O::State, position: &MotorVec) -> SVector<f64, M> {
-        self.residual
-            .as_ref()
-            .map_or_else(SVector::zeros, |residual| {
-                let position = vector(&bounded(position));
-                let virtual_counts = self.operator.virtual_counts(state, &position);
-                residual.at(&virtual_counts, &self.operator.lags(state))
-            })
+    /// The virtual counts at a position, and the residual there.
+    fn terms(&self, state: &O::State, position: &MotorVec) -> MemoryTerms {
+        let position = vector(&bounded(position));
+        let virtual_counts = self.operator.virtual_counts(state, &position);
+        let mut terms = MemoryTerms {
+            virtual_counts: array(&virtual_counts),
+            ..MemoryTerms::default()
+        };
+        if let Some(residual) = &self.residual {
+            let mut lags = Lags::default();
+            self.operator.push_lags(state, &mut lags);
+            terms.correction = array(&residual.at(&virtual_counts, &lags));
+        }
+        terms
     }
 
     /// Outputs without the residual, and their slope.
@@ -60,17 +66,22 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
         }
     }
 
-    /// Mean and covariances with a residual.
-    fn predict_with(
+    /// Mean and covariances at counts, with the terms at the position of the memory.
+    fn predict_from(
         &self,
         counts: &MotorVec,
         state: &O::State,
-        residual: &SVector<f64, M>,
+        position: &MotorVec,
+        terms: &MemoryTerms,
     ) -> Estimate {
-        let counts = vector(&bounded(counts));
-        let virtual_counts = self.operator.virtual_counts(state, &counts);
+        let virtual_counts = if counts == position {
+            vector(&terms.virtual_counts)
+        } else {
+            let counts = vector(&bounded(counts));
+            self.operator.virtual_counts(state, &counts)
+        };
         let mut prediction = self.read_out.predict(&virtual_counts);
-        prediction.mean += residual;
+        prediction.mean += vector::<M>(&terms.correction);
         estimate(&prediction)
     }
 
@@ -85,7 +96,7 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
     fn invert_from(
         &self,
         goal: &OutputVec,
-        state: &O::State,
+        (state, origin): (&O::State, &O::Origin<'_>),
         hull: &Hull,
         query: &Query,
         start: &SearchStart<D, M>,
@@ -97,8 +108,8 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
             return (Inverse { counts, ..found }, end);
         }
         let virtual_counts = vector::<D>(&found.counts);
-        let unconstrained: MotorVec = array(&self.operator.invert(
-            state,
+        let unconstrained: MotorVec = array(&self.operator.invert_from(
+            origin,
             &virtual_counts,
             query.compensation,
         ));
@@ -162,19 +173,20 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
     fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
         let position = memory.seen.map_or(*counts, |seen| seen.position);
         self.with_state(memory, |state| {
-            self.predict_with(counts, state, &self.residual(state, &position))
+            let terms = self.terms(state, &position);
+            self.predict_from(counts, state, &position, &terms)
         })
     }
 
-    fn predict_corrected(
-        &self,
-        counts: &MotorVec,
-        memory: &Memory,
-        correction: &OutputVec,
-    ) -> Estimate {
-        self.with_state(memory, |state| {
-            self.predict_with(counts, state, &vector(correction))
-        })
+    fn predict_with(&self, counts: &MotorVec, memory: &Memory, terms: &MemoryTerms) -> Estimate {
+        memory.seen.map_or_else(
+            || self.predict(counts, memory),
+            |seen| {
+                self.with_state(memory, |state| {
+                    self.predict_from(counts, state, &seen.position, terms)
+                })
+            },
+        )
     }
 
     fn pose(&self, counts: &MotorVec, memory: &Memory, correction: &OutputVec) -> OutputVec {
@@ -202,9 +214,9 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
         self.with_state(memory, |state| rows(&self.local(state, &counts).jacobian))
     }
 
-    fn correction(&self, memory: &Memory) -> OutputVec {
-        memory.seen.map_or_else(OutputVec::default, |seen| {
-            self.with_state(memory, |state| array(&self.residual(state, &seen.position)))
+    fn memory_terms(&self, memory: &Memory) -> MemoryTerms {
+        memory.seen.map_or_else(MemoryTerms::default, |seen| {
+            self.with_state(memory, |state| self.terms(state, &seen.position))
         })
     }
 
@@ -223,12 +235,16 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
         query: &Query,
         found: &mut [Inverse],
     ) {
-        let correction = query.correction.unwrap_or_else(|| self.correction(memory));
+        let correction = query
+            .correction
+            .unwrap_or_else(|| self.memory_terms(memory).correction);
         self.with_state(memory, |state| {
+            let origin = self.operator.origin(state);
             let mut start = self.search_start(state, query);
             for (index, (goal, found)) in goals.iter().zip(found).enumerate() {
                 let goal = without(goal, &correction);
-                let (inverse, end) = self.invert_from(&goal, state, hull, query, &start);
+                let from = (state, &origin);
+                let (inverse, end) = self.invert_from(&goal, from, hull, query, &start);
                 *found = inverse;
                 if index == 0 {
                     start = end;
@@ -241,6 +257,7 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
     /// calibrated region are left out.
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
         let state = self.operator.begin(&vector(&hull.centre()));
+        let origin = self.operator.origin(&state);
         let query = Query::new(hull.centre());
         let start = self.search_start(&state, &query);
         let virtual_counts = |counts: &MotorVec| -> MotorVec {
@@ -254,7 +271,10 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
                     .contains(&virtual_counts(counts))
                     .then(|| self.local(&state, &vector(counts)))
             },
-            |goal| self.invert_from(goal, &state, hull, &query, &start).0,
+            |goal| {
+                self.invert_from(goal, (&state, &origin), hull, &query, &start)
+                    .0
+            },
         )
     }
 }

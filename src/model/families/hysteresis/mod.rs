@@ -46,6 +46,11 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
     /// The state of the operator, including the present position of the motors.
     type State: Copy + Debug + PartialEq;
 
+    /// What the inverses of several goals from one state share.
+    type Origin<'a>
+    where
+        Self: 'a;
+
     /// The state when only the present position is known. Friction and backlash are centred as far
     /// as possible.
     fn begin(&self, counts: &SVector<f64, D>) -> Self::State;
@@ -63,19 +68,40 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
         self.local(state, counts).mean
     }
 
-    /// The counts that bring the virtual counts to `goal`, from the state. `compensation` scales
-    /// the part of the motion that only crosses backlash and overcomes friction. 1 is the inverse
-    /// of [`Operator::local`]. 0 gives the counts of a model without memory.
+    /// The origin of [`Operator::invert_from`].
+    fn origin<'a>(&'a self, state: &'a Self::State) -> Self::Origin<'a>;
+
+    /// The counts that bring the virtual counts to `goal`, from the state of an origin.
+    /// `compensation` scales the part of the motion that only crosses backlash and overcomes
+    /// friction. 1 is the inverse of [`Operator::local`]. 0 gives the counts of a model without
+    /// memory.
+    fn invert_from(
+        &self,
+        origin: &Self::Origin<'_>,
+        goal: &SVector<f64, D>,
+        compensation: f64,
+    ) -> SVector<f64, D>;
+
+    /// [`Operator::invert_from`] for a single goal.
     fn invert(
         &self,
         state: &Self::State,
         goal: &SVector<f64, D>,
         compensation: f64,
-    ) -> SVector<f64, D>;
+    ) -> SVector<f64, D> {
+        self.invert_from(&self.origin(state), goal, compensation)
+    }
 
     /// The deflection of each part of the operator from its centre, scaled to about -1...1: the
     /// features of the residual.
-    fn lags(&self, state: &Self::State) -> Lags;
+    fn lags(&self, state: &Self::State) -> Lags {
+        let mut lags = Lags::default();
+        self.push_lags(state, &mut lags);
+        lags
+    }
+
+    /// Appends the [`Operator::lags`].
+    fn push_lags(&self, state: &Self::State, lags: &mut Lags);
 
     /// Whether the state does not depend on motion before it began, given that every motor has
     /// covered the conditioning range.
@@ -117,6 +143,7 @@ impl Default for Lags {
 
 impl Lags {
     /// Adds a lag. Lags beyond [`MAX_LAGS`] are dropped.
+    #[inline]
     pub fn push(&mut self, lag: f64) {
         if let Some(value) = self.values.get_mut(self.len) {
             *value = lag;

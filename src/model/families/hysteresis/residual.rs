@@ -140,21 +140,30 @@ fn weighted_sum<const M: usize>(
 /// All monomials in the order of [`features`].
 fn monomial_values<const D: usize>(scaled: &SVector<f64, D>) -> [f64; MAX_MONOMIALS] {
     let mut values = [1.0; MAX_MONOMIALS];
-    let mut next = 1;
-    let mut before = 0;
-    for total in 1..=MAX_DEGREE {
-        // The monomials of a degree: those of the degree before times x, and the last times y.
-        let count = if D == 1 { 1 } else { total };
-        for k in 0..count {
-            values[next + k] = values[before + k] * scaled[0];
+    if D == 1 {
+        for power in 1..=MAX_DEGREE {
+            values[power] = values[power - 1] * scaled[0];
         }
-        if D > 1 {
-            values[next + count] = values[before + count - 1] * scaled[D - 1];
-        }
-        before = next;
-        next += if D == 1 { 1 } else { count + 1 };
+        return values;
     }
+    let variables = [scaled[0], scaled[D - 1]];
+    add_degree::<1>(&mut values, variables);
+    add_degree::<2>(&mut values, variables);
+    add_degree::<3>(&mut values, variables);
+    add_degree::<4>(&mut values, variables);
+    add_degree::<MAX_DEGREE>(&mut values, variables);
     values
+}
+
+/// The monomials of a degree: those of the degree before times x, and the last times y. All places
+/// are known to the compiler.
+#[inline(always)]
+fn add_degree<const DEGREE: usize>(values: &mut [f64; MAX_MONOMIALS], [x, y]: [f64; 2]) {
+    let (before, next) = (DEGREE * (DEGREE - 1) / 2, DEGREE * (DEGREE + 1) / 2);
+    for k in 0..DEGREE {
+        values[next + k] = values[before + k] * x;
+    }
+    values[next + DEGREE] = values[before + DEGREE - 1] * y;
 }
 
 /// Number of monomials of D variables up to a degree.

@@ -23,6 +23,7 @@ pub use self::parameters::{LEAST_DIRECT_WEIGHT, PlayParameters, PrandtlIshlinski
 pub use self::state::{MAX_DIRECTIONS, MAX_PLAYS, PrandtlIshlinskiiState};
 use super::{Lags, Operator, StoredOperator};
 use crate::model::error::{ModelError, require};
+use crate::model::families::gap_scale::UNSCALED;
 use crate::model::families::memory::State;
 use crate::model::maths::regression::{Local, array, bounded, vector};
 use crate::units::MotorVec;
@@ -64,54 +65,59 @@ impl<const D: usize> Play<D> {
         self.weight.iter().any(|weight| *weight != 0.0)
     }
 
-    /// The play with the gap scales of the motors. The growth with the input stays as it was: it is
-    /// friction under load, and a larger one could take the inverse away.
-    fn scaled(&self, scale: &SVector<f64, D>) -> Self {
-        // As calibrated this is exactly 1.
-        let factor = 1.0 + self.motor_share.dot(&scale.add_scalar(-1.0));
-        Self {
-            threshold: factor * self.threshold,
-            ..*self
-        }
+    /// The threshold with the gap scales of the motors; `None` as calibrated. The growth with the
+    /// input stays as it was: it is friction under load, and a larger one could take the inverse
+    /// away.
+    #[inline]
+    fn threshold(&self, scale: Option<&SVector<f64, D>>) -> f64 {
+        scale.map_or(self.threshold, |scale| {
+            (1.0 + self.motor_share.dot(&scale.add_scalar(-1.0))) * self.threshold
+        })
     }
 
-    fn half_width(&self, input: f64) -> f64 {
+    /// Half the width of a play with this threshold at an input.
+    #[inline]
+    fn half_width(&self, threshold: f64, input: f64) -> f64 {
         let [above, below] = self.growth;
-        let growth = if input > 0.0 {
-            above * input
-        } else {
-            -below * input
-        };
-        let half_width = self.threshold + growth;
+        let growth = if input > 0.0 { above } else { -below };
+        let half_width = threshold + growth * input;
         if half_width > 0.0 { half_width } else { 0.0 }
     }
 
-    fn follow(&self, output: f64, input: f64) -> f64 {
-        self.follow_with_slope(output, input).0
-    }
-
-    /// The output at an input, and its slope: 0 where the play does not move.
+    /// The slope of the output of a moving play of some half-width.
     #[inline]
-    fn follow_with_slope(&self, output: f64, input: f64) -> (f64, f64) {
-        let half_width = self.half_width(input);
+    fn moving_slope(&self, half_width: f64, input: f64, is_pushed_up: bool) -> f64 {
         let growth = match input {
             _ if half_width == 0.0 => 0.0,
             _ if input > 0.0 => self.growth[0],
             _ => -self.growth[1],
         };
-        if input - half_width >= output {
-            (input - half_width, 1.0 - growth)
-        } else if input + half_width <= output {
-            (input + half_width, 1.0 + growth)
+        if is_pushed_up {
+            1.0 - growth
         } else {
-            (output, 0.0)
+            1.0 + growth
         }
     }
 
     /// Whether the output does not depend on its past once the input has covered a range.
     fn has_forgotten(&self, low: f64, high: f64) -> bool {
-        high - self.half_width(high) >= low + self.half_width(low)
+        let half_width = |input| self.half_width(self.threshold, input);
+        high - half_width(high) >= low + half_width(low)
     }
+}
+
+/// The output of a play of some half-width at an input; without branches.
+#[inline]
+fn follow(output: f64, half_width: f64, input: f64) -> f64 {
+    let (low, high) = (input - half_width, input + half_width);
+    let output = if high < output { high } else { output };
+    if low > output { low } else { output }
+}
+
+/// The gap scales of a state; `None` as calibrated, where the factor on every threshold is exactly
+/// 1.
+fn gap_scale<const D: usize>(state: &PrandtlIshlinskiiState) -> Option<SVector<f64, D>> {
+    (state.gap_scale != UNSCALED).then(|| vector(&state.gap_scale))
 }
 
 impl<const D: usize> PrandtlIshlinskii<D> {
@@ -168,17 +174,19 @@ impl<const D: usize> PrandtlIshlinskii<D> {
         inputs
     }
 
-    /// Plays and outputs, with the input of every play.
+    /// Plays and outputs, with the input and the half-width of every play.
+    #[inline]
     fn each<'a>(
         &'a self,
         state: &'a PrandtlIshlinskiiState,
         inputs: &'a [f64; MAX_DIRECTIONS],
-    ) -> impl Iterator<Item = (Play<D>, f64, f64)> {
-        let scale = vector::<D>(&state.gap_scale);
+    ) -> impl Iterator<Item = (&'a Play<D>, f64, f64, f64)> {
+        let scale = gap_scale::<D>(state);
         let plays = self.plays.iter().zip(state.outputs());
         plays.map(move |(play, output)| {
             let input = inputs.get(play.direction).copied().unwrap_or_default();
-            (play.scaled(&scale), *output, input)
+            let half_width = play.half_width(play.threshold(scale.as_ref()), input);
+            (play, *output, input, half_width)
         })
     }
 
@@ -213,7 +221,15 @@ impl<const D: usize> PrandtlIshlinskii<D> {
     }
 }
 
+/// A state, and the virtual counts at its position.
+#[derive(Debug)]
+pub struct PrandtlIshlinskiiOrigin<'a, const D: usize> {
+    state: &'a PrandtlIshlinskiiState,
+    present: Point<D>,
+}
+
 /// Counts, and the virtual counts there.
+#[derive(Debug, Clone, Copy)]
 struct Point<const D: usize> {
     counts: SVector<f64, D>,
     local: Local<D, D>,
@@ -252,6 +268,7 @@ fn solve<const D: usize>(
 
 impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
     type State = PrandtlIshlinskiiState;
+    type Origin<'a> = PrandtlIshlinskiiOrigin<'a, D>;
 
     fn begin(&self, counts: &SVector<f64, D>) -> PrandtlIshlinskiiState {
         let mut state = PrandtlIshlinskiiState::at(array(counts));
@@ -266,10 +283,11 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
     fn advance(&self, state: &mut PrandtlIshlinskiiState, counts: &SVector<f64, D>) {
         state.position = array(counts);
         let inputs = self.inputs(counts);
-        let scale = vector::<D>(&state.gap_scale);
+        let scale = gap_scale::<D>(state);
         for (output, play) in state.outputs_mut().iter_mut().zip(&self.plays) {
             let input = inputs.get(play.direction).copied().unwrap_or_default();
-            *output = play.scaled(&scale).follow(*output, input);
+            let half_width = play.half_width(play.threshold(scale.as_ref()), input);
+            *output = follow(*output, half_width, input);
         }
         let ranges = state.low.iter_mut().zip(&mut state.high);
         for ((low, high), input) in ranges.zip(inputs) {
@@ -282,11 +300,11 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
         let inputs = self.inputs(counts);
         let mut mean = self.centre + self.direct.component_mul(&(counts - self.centre));
         let mut jacobian = SMatrix::from_diagonal(&self.direct);
-        for (play, output, input) in self.each(state, &inputs) {
-            let (output, slope) = play.follow_with_slope(output, input);
-            mean += play.weight * output;
-            if slope != 0.0 {
-                jacobian += play.slope * slope;
+        for (play, output, input, half_width) in self.each(state, &inputs) {
+            mean += play.weight * follow(output, half_width, input);
+            let is_pushed_up = input - half_width >= output;
+            if is_pushed_up || input + half_width <= output {
+                jacobian += play.slope * play.moving_slope(half_width, input, is_pushed_up);
             }
         }
         Local { mean, jacobian }
@@ -299,30 +317,35 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
     ) -> SVector<f64, D> {
         let inputs = self.inputs(counts);
         let mut mean = self.centre + self.direct.component_mul(&(counts - self.centre));
-        for (play, output, input) in self.each(state, &inputs) {
-            mean += play.weight * play.follow_with_slope(output, input).0;
+        for (play, output, input, half_width) in self.each(state, &inputs) {
+            mean += play.weight * follow(output, half_width, input);
         }
         mean
     }
 
+    fn origin<'a>(&'a self, state: &'a PrandtlIshlinskiiState) -> PrandtlIshlinskiiOrigin<'a, D> {
+        let counts = vector::<D>(&state.position);
+        let local = self.local(state, &counts);
+        PrandtlIshlinskiiOrigin {
+            state,
+            present: Point { counts, local },
+        }
+    }
+
     /// Newton's method from the present position. The virtual counts are piecewise linear in the
     /// counts, so the search ends exactly in the piece that contains the goal.
-    fn invert(
+    fn invert_from(
         &self,
-        state: &PrandtlIshlinskiiState,
+        origin: &PrandtlIshlinskiiOrigin<'_, D>,
         goal: &SVector<f64, D>,
         compensation: f64,
     ) -> SVector<f64, D> {
-        let counts = vector::<D>(&state.position);
-        let mut here = Point {
-            counts,
-            local: self.local(state, &counts),
-        };
+        let mut here = origin.present;
         for _ in 0..MAX_STEPS {
             if (goal - here.local.mean).norm() < CONVERGED_COUNTS {
                 break;
             }
-            let Some(next) = self.step(state, goal, &here) else {
+            let Some(next) = self.step(origin.state, goal, &here) else {
                 break;
             };
             here = next;
@@ -330,19 +353,16 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
         goal + (here.counts - goal) * compensation
     }
 
-    fn lags(&self, state: &PrandtlIshlinskiiState) -> Lags {
+    fn push_lags(&self, state: &PrandtlIshlinskiiState, lags: &mut Lags) {
         let inputs = self.inputs(&vector(&state.position));
-        let mut lags = Lags::default();
-        for (play, output, input) in self.each(state, &inputs) {
-            let half_width = play.half_width(input);
-            let lag = input - play.follow(output, input);
+        for (_, output, input, half_width) in self.each(state, &inputs) {
+            let lag = input - follow(output, half_width, input);
             lags.push(if half_width > 0.0 {
                 lag / half_width
             } else {
                 0.0
             });
         }
-        lags
     }
 
     fn wipe_counts(&self) -> MotorVec {

@@ -30,6 +30,16 @@ struct OperatingPoint<const D: usize> {
     forces: [WireForce<D>; MAX_SEGMENTS],
 }
 
+impl<const D: usize> OperatingPoint<D> {
+    /// Some bends, whose forces are not known yet.
+    fn at(bends: &Bends<D>) -> Self {
+        Self {
+            bends: *bends,
+            forces: [WireForce::default(); MAX_SEGMENTS],
+        }
+    }
+}
+
 /// The solution of a balance, and the wire forces there.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::model) struct Equilibrium<const D: usize> {
@@ -96,24 +106,25 @@ impl<const D: usize> Stops<D> {
         start: &Bends<D>,
     ) -> (OperatingPoint<D>, Wires<D>) {
         let tolerance = BALANCE_TOLERANCE * (1.0 + travel.amax());
-        let mut current = self.operating_point(reactions, *start);
+        let mut current = OperatingPoint::at(start);
+        self.find_forces(reactions, &mut current);
         let mut wires = self.wires(pairs, travel, &current);
+        let mut residual = self.residual_norm(&current, &wires.along_axes.force);
         let mut evaluations = 1;
-        while evaluations < MAX_EVALUATIONS
-            && self.residual_norm(&current, &wires.along_axes.force) > tolerance
-        {
+        while evaluations < MAX_EVALUATIONS && residual > tolerance {
             let Some(step) = self.balance_step(&current, &wires.along_axes) else {
                 break;
             };
-            let before = self.residual_norm(&current, &wires.along_axes.force);
-            let trial = self.shorten_step(reactions, &current, &step, &mut evaluations, |next| {
+            let accept = |next: &OperatingPoint<D>| {
                 let wires = self.wires(pairs, travel, next);
-                (self.residual_norm(next, &wires.along_axes.force) < before).then_some(wires)
-            });
-            let Some((next, next_wires)) = trial else {
+                let reached = self.residual_norm(next, &wires.along_axes.force);
+                (reached < residual).then_some((wires, reached))
+            };
+            let trial = self.shorten_step(reactions, &mut current, &step, &mut evaluations, accept);
+            let Some(accepted) = trial else {
                 break;
             };
-            (current, wires) = (next, next_wires);
+            (wires, residual) = accepted;
         }
         (current, wires)
     }
@@ -131,49 +142,43 @@ impl<const D: usize> Stops<D> {
         });
         if self.segments.len() == 1 {
             bends[0] = *bend;
-            return self.operating_point(reactions, bends).forces[0].force;
+        }
+        let mut current = OperatingPoint::at(&bends);
+        self.find_forces(reactions, &mut current);
+        if self.segments.len() == 1 {
+            return current.forces[0].force;
         }
         let tolerance = BALANCE_TOLERANCE * (1.0 + bend.amax());
-        let mut current = self.operating_point(reactions, bends);
         let mut evaluations = 1;
         // The first step makes the sum of the bends equal to the total bend. All later steps keep
         // it.
-        let mut first = true;
-        while evaluations < MAX_EVALUATIONS && (first || self.force_mismatch(&current) > tolerance)
-        {
+        let mut mismatch = f64::INFINITY;
+        while evaluations < MAX_EVALUATIONS && mismatch > tolerance {
             let Some(step) = self.common_force_step(&current, bend) else {
                 break;
             };
-            let before = if first {
-                f64::INFINITY
-            } else {
-                self.force_mismatch(&current)
+            let accept = |next: &OperatingPoint<D>| {
+                let reached = self.force_mismatch(next);
+                (reached < mismatch).then_some(reached)
             };
-            let trial = self.shorten_step(reactions, &current, &step, &mut evaluations, |next| {
-                (self.force_mismatch(next) < before).then_some(())
-            });
-            let Some((next, ())) = trial else { break };
-            current = next;
-            first = false;
+            let trial = self.shorten_step(reactions, &mut current, &step, &mut evaluations, accept);
+            let Some(accepted) = trial else { break };
+            mismatch = accepted;
         }
         self.mean_force(&current)
     }
 
-    fn operating_point(
-        &self,
-        reactions: Option<&Reactions<'_, D>>,
-        bends: Bends<D>,
-    ) -> OperatingPoint<D> {
-        let mut forces = [WireForce::default(); MAX_SEGMENTS];
-        for (s, (segment, segment_force)) in self.segments.iter().zip(&mut forces).enumerate() {
-            *segment_force = segment.resistance(
+    /// The forces of all segments at the bends of a point.
+    fn find_forces(&self, reactions: Option<&Reactions<'_, D>>, point: &mut OperatingPoint<D>) {
+        let at = self.segments.iter().zip(&point.bends);
+        for (s, ((segment, bend), force)) in at.zip(&mut point.forces).enumerate() {
+            *force = segment.resistance(
                 &self.elements,
                 &self.axes,
                 reactions.and_then(|reactions| reactions.get(s)),
-                &bends[s],
+                bend,
             );
         }
-        OperatingPoint { bends, forces }
     }
 
     fn wires(
@@ -281,25 +286,27 @@ impl<const D: usize> Stops<D> {
         Some(bends)
     }
 
-    /// Shortens a step until `accept` returns a value. Returns the accepted point and that value.
+    /// Moves a point by a step that is shortened until `accept` returns a value, which is returned.
+    /// If no step is accepted, the point stays.
     fn shorten_step<T>(
         &self,
         reactions: Option<&Reactions<'_, D>>,
-        from: &OperatingPoint<D>,
+        point: &mut OperatingPoint<D>,
         step: &Bends<D>,
         evaluations: &mut u32,
         accept: impl Fn(&OperatingPoint<D>) -> Option<T>,
-    ) -> Option<(OperatingPoint<D>, T)> {
+    ) -> Option<T> {
         let mut share = 1.0;
+        let mut next = OperatingPoint::at(&point.bends);
         loop {
-            let mut bends = from.bends;
-            for (bend, step) in bends.iter_mut().zip(step) {
-                *bend += step * share;
+            for ((next, from), step) in next.bends.iter_mut().zip(&point.bends).zip(step) {
+                *next = from + step * share;
             }
-            let next = self.operating_point(reactions, bends);
+            self.find_forces(reactions, &mut next);
             *evaluations += 1;
             if let Some(accepted) = accept(&next) {
-                return Some((next, accepted));
+                *point = next;
+                return Some(accepted);
             }
             if *evaluations >= MAX_EVALUATIONS || share < LEAST_STEP_SHARE {
                 return None;

@@ -64,7 +64,7 @@ use crate::units::MotorVec;
 pub use parameters::{
     LEAST, MAX_SEGMENTS, MAX_STOPS, StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
 };
-use segment::{Element, Segment};
+use segment::{Element, Reactions, Segment};
 pub use state::StopState;
 use wire::Wire;
 
@@ -94,8 +94,9 @@ pub struct Stops<const D: usize> {
     axes: SMatrix<f64, D, D>,
     /// From forces along the axes of the bend to forces of the motors.
     to_motors: SMatrix<f64, D, D>,
-    /// From the bend to virtual counts.
+    /// From the bend to virtual counts, and back.
     to_counts: SMatrix<f64, D, D>,
+    to_bend: SMatrix<f64, D, D>,
     elements: Vec<Element>,
     base_friction: f64,
     friction_growth: f64,
@@ -147,9 +148,11 @@ impl<const D: usize> Stops<D> {
             shared: stop.stiffness * file.shared,
             reach: stop.share / stop.stiffness,
         };
+        let to_counts = SMatrix::from_diagonal(&per_count.map(|c| 1.0 / c)) * axes.transpose();
         Ok(Self {
             to_motors: inverse(&axes),
-            to_counts: SMatrix::from_diagonal(&per_count.map(|c| 1.0 / c)) * axes.transpose(),
+            to_bend: inverse(&to_counts),
+            to_counts,
             reference_force: file.base_friction
                 + segments
                     .iter()
@@ -265,8 +268,16 @@ fn inverse<const D: usize>(matrix: &SMatrix<f64, D, D>) -> SMatrix<f64, D, D> {
     matrix.try_inverse().unwrap_or_else(SMatrix::identity)
 }
 
+/// The reactions of a state, and its wires.
+#[derive(Debug)]
+pub struct StopOrigin<'a, const D: usize> {
+    reactions: Reactions<'a, D>,
+    pairs: [Wire; D],
+}
+
 impl<const D: usize> Operator<D> for Stops<D> {
     type State = StopState;
+    type Origin<'a> = StopOrigin<'a, D>;
 
     /// All stops are centred.
     fn begin(&self, counts: &SVector<f64, D>) -> StopState {
@@ -330,30 +341,35 @@ impl<const D: usize> Operator<D> for Stops<D> {
         self.virtual_counts_of(&equilibrium.bends.iter().sum())
     }
 
-    fn invert(
+    fn origin<'a>(&'a self, state: &'a StopState) -> StopOrigin<'a, D> {
+        StopOrigin {
+            reactions: self.reactions(state),
+            pairs: self.pairs(state),
+        }
+    }
+
+    fn invert_from(
         &self,
-        state: &StopState,
+        origin: &StopOrigin<'_, D>,
         goal: &SVector<f64, D>,
         compensation: f64,
     ) -> SVector<f64, D> {
-        let bend = inverse(&self.to_counts) * (goal - self.neutral());
-        let pairs = self.pairs(state);
-        let with_friction = self.counts(
-            &pairs,
-            &bend,
-            &self.holding_force(Some(&self.reactions(state)), &bend),
-        );
+        let bend = self.to_bend * (goal - self.neutral());
+        let counts = |reactions: Option<&Reactions<'_, D>>| {
+            self.counts(&origin.pairs, &bend, &self.holding_force(reactions, &bend))
+        };
+        let with_friction = counts(Some(&origin.reactions));
         if compensation == 1.0 {
             return with_friction;
         }
-        let without_friction = self.counts(&pairs, &bend, &self.holding_force(None, &bend));
+        let without_friction = counts(None);
         without_friction + (with_friction - without_friction) * compensation
     }
 
     /// One lag per segment, stop and motor. With two motors, two more per segment and stop for the
     /// shared stop. One for the force of every motor at the end.
-    fn lags(&self, state: &StopState) -> Lags {
-        self.all_lags(state)
+    fn push_lags(&self, state: &StopState, lags: &mut Lags) {
+        self.push_all_lags(state, lags);
     }
 
     /// An estimate for the friction at the limits of the joints, with a safety factor: the range

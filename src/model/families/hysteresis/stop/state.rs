@@ -114,8 +114,7 @@ impl<const D: usize> Stops<D> {
 
     /// The lags, segment by segment: every stop relative to its reach, own stops before the shared
     /// stop. The forces of the motors follow, relative to the reference force.
-    pub(in crate::model) fn all_lags(&self, state: &StopState) -> Lags {
-        let mut lags = Lags::default();
+    pub(in crate::model) fn push_all_lags(&self, state: &StopState, lags: &mut Lags) {
         for reaction in self.reactions(state).iter().take(self.segments.len()) {
             let stops = reaction.state.own.iter().zip(&reaction.state.shared);
             for (element, (own, shared)) in self.elements.iter().zip(stops) {
@@ -133,7 +132,6 @@ impl<const D: usize> Stops<D> {
         for force in state.force.iter().take(D) {
             lags.push(force / self.reference_force);
         }
-        lags
     }
 }
 
