@@ -51,6 +51,7 @@ struct Play<const D: usize> {
     /// Index of the direction.
     direction: usize,
     threshold: f64,
+    /// Growth of the half-width with the input: `-b` below 0, `a` above.
     growth: [f64; 2],
     weight: SVector<f64, D>,
     /// The share of every motor in the input: how much of its gap scale counts.
@@ -77,20 +78,18 @@ impl<const D: usize> Play<D> {
 
     /// Half the width of a play with this threshold at an input.
     #[inline]
-    fn half_width(&self, threshold: f64, input: f64) -> f64 {
-        let [above, below] = self.growth;
-        let growth = if input > 0.0 { above } else { -below };
-        let half_width = threshold + growth * input;
+    fn half_width(&self, threshold: f64, input: Input) -> f64 {
+        let half_width = threshold + self.growth[usize::from(input.is_above)] * input.at;
         if half_width > 0.0 { half_width } else { 0.0 }
     }
 
     /// The slope of the output of a moving play of some half-width.
     #[inline]
-    fn moving_slope(&self, half_width: f64, input: f64, is_pushed_up: bool) -> f64 {
-        let growth = match input {
-            _ if half_width == 0.0 => 0.0,
-            _ if input > 0.0 => self.growth[0],
-            _ => -self.growth[1],
+    fn moving_slope(&self, half_width: f64, input: Input, is_pushed_up: bool) -> f64 {
+        let growth = if half_width == 0.0 {
+            0.0
+        } else {
+            self.growth[usize::from(input.is_above)]
         };
         if is_pushed_up {
             1.0 - growth
@@ -101,8 +100,30 @@ impl<const D: usize> Play<D> {
 
     /// Whether the output does not depend on its past once the input has covered a range.
     fn has_forgotten(&self, low: f64, high: f64) -> bool {
-        let half_width = |input| self.half_width(self.threshold, input);
+        let half_width = |input| self.half_width(self.threshold, Input::new(input));
         high - half_width(high) >= low + half_width(low)
+    }
+}
+
+/// The input of a direction.
+#[derive(Debug, Clone, Copy)]
+struct Input {
+    at: f64,
+    is_above: bool,
+}
+
+impl Input {
+    const CENTRE: Self = Self {
+        at: 0.0,
+        is_above: false,
+    };
+
+    #[inline]
+    fn new(at: f64) -> Self {
+        Self {
+            at,
+            is_above: at > 0.0,
+        }
     }
 }
 
@@ -143,7 +164,7 @@ impl<const D: usize> PrandtlIshlinskii<D> {
             plays.push(Play {
                 direction: index,
                 threshold: play.threshold_counts,
-                growth: play.growth,
+                growth: [-play.growth[1], play.growth[0]],
                 weight,
                 motor_share: shares(&direction_vector),
                 slope: weight * direction_vector.transpose(),
@@ -165,13 +186,20 @@ impl<const D: usize> PrandtlIshlinskii<D> {
     }
 
     /// The input of every direction.
-    fn inputs(&self, counts: &SVector<f64, D>) -> [f64; MAX_DIRECTIONS] {
+    #[inline]
+    fn inputs(&self, counts: &SVector<f64, D>) -> [Input; MAX_DIRECTIONS] {
         let from_centre = counts - self.centre;
-        let mut inputs = [0.0; MAX_DIRECTIONS];
+        let mut inputs = [Input::CENTRE; MAX_DIRECTIONS];
         for (input, direction) in inputs.iter_mut().zip(&self.directions) {
-            *input = direction.dot(&from_centre);
+            *input = Input::new(direction.dot(&from_centre));
         }
         inputs
+    }
+
+    /// The input of a play.
+    #[inline]
+    fn input_of(inputs: &[Input; MAX_DIRECTIONS], play: &Play<D>) -> Input {
+        inputs.get(play.direction).copied().unwrap_or(Input::CENTRE)
     }
 
     /// Plays and outputs, with the input and the half-width of every play.
@@ -179,12 +207,12 @@ impl<const D: usize> PrandtlIshlinskii<D> {
     fn each<'a>(
         &'a self,
         state: &'a PrandtlIshlinskiiState,
-        inputs: &'a [f64; MAX_DIRECTIONS],
-    ) -> impl Iterator<Item = (&'a Play<D>, f64, f64, f64)> {
+        inputs: &'a [Input; MAX_DIRECTIONS],
+    ) -> impl Iterator<Item = (&'a Play<D>, f64, Input, f64)> {
         let scale = gap_scale::<D>(state);
         let plays = self.plays.iter().zip(state.outputs());
         plays.map(move |(play, output)| {
-            let input = inputs.get(play.direction).copied().unwrap_or_default();
+            let input = Self::input_of(inputs, play);
             let half_width = play.half_width(play.threshold(scale.as_ref()), input);
             (play, *output, input, half_width)
         })
@@ -274,9 +302,10 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
         let mut state = PrandtlIshlinskiiState::at(array(counts));
         let inputs = self.inputs(counts);
         for (output, play) in state.outputs_mut().iter_mut().zip(&self.plays) {
-            *output = inputs.get(play.direction).copied().unwrap_or_default();
+            *output = Self::input_of(&inputs, play).at;
         }
-        (state.low, state.high) = (inputs, inputs);
+        let positions = inputs.map(|input| input.at);
+        (state.low, state.high) = (positions, positions);
         state
     }
 
@@ -285,14 +314,15 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
         let inputs = self.inputs(counts);
         let scale = gap_scale::<D>(state);
         for (output, play) in state.outputs_mut().iter_mut().zip(&self.plays) {
-            let input = inputs.get(play.direction).copied().unwrap_or_default();
+            let input = Self::input_of(&inputs, play);
             let half_width = play.half_width(play.threshold(scale.as_ref()), input);
-            *output = follow(*output, half_width, input);
+            *output = follow(*output, half_width, input.at);
         }
+        // Directions that are not in use stay at 0.
         let ranges = state.low.iter_mut().zip(&mut state.high);
-        for ((low, high), input) in ranges.zip(inputs) {
-            *low = low.min(input);
-            *high = high.max(input);
+        for ((low, high), input) in ranges.zip(inputs).take(self.directions.len()) {
+            *low = low.min(input.at);
+            *high = high.max(input.at);
         }
     }
 
@@ -301,9 +331,9 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
         let mut mean = self.centre + self.direct.component_mul(&(counts - self.centre));
         let mut jacobian = SMatrix::from_diagonal(&self.direct);
         for (play, output, input, half_width) in self.each(state, &inputs) {
-            mean += play.weight * follow(output, half_width, input);
-            let is_pushed_up = input - half_width >= output;
-            if is_pushed_up || input + half_width <= output {
+            mean += play.weight * follow(output, half_width, input.at);
+            let is_pushed_up = input.at - half_width >= output;
+            if is_pushed_up || input.at + half_width <= output {
                 jacobian += play.slope * play.moving_slope(half_width, input, is_pushed_up);
             }
         }
@@ -318,7 +348,7 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
         let inputs = self.inputs(counts);
         let mut mean = self.centre + self.direct.component_mul(&(counts - self.centre));
         for (play, output, input, half_width) in self.each(state, &inputs) {
-            mean += play.weight * follow(output, half_width, input);
+            mean += play.weight * follow(output, half_width, input.at);
         }
         mean
     }
@@ -356,7 +386,7 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
     fn push_lags(&self, state: &PrandtlIshlinskiiState, lags: &mut Lags) {
         let inputs = self.inputs(&vector(&state.position));
         for (_, output, input, half_width) in self.each(state, &inputs) {
-            let lag = input - follow(output, half_width, input);
+            let lag = input.at - follow(output, half_width, input.at);
             lags.push(if half_width > 0.0 {
                 lag / half_width
             } else {
@@ -371,9 +401,9 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
             let Some(direction) = self.directions.get(play.direction) else {
                 continue;
             };
-            let [above, below] = play.growth;
+            let [below, above] = play.growth;
             // The range of an input around the centre that forgets: `(1 - a) high = r + ...`.
-            let range = play.threshold / (1.0 - above) + play.threshold / (1.0 - below);
+            let range = play.threshold / (1.0 - above) + play.threshold / (1.0 + below);
             let strongest = direction.amax();
             for (motor, part) in direction.iter().enumerate() {
                 if part.abs() == strongest {
