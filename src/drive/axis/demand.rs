@@ -52,8 +52,8 @@ impl AxisStateMachine {
         transfer.unwrap_or(monitored.into())
     }
 
-    /// Transfers between the one that was chosen last and the next set-point; `None` while the
-    /// drive follows none.
+    /// Transfers between the one that was chosen last and the next set-point of a new command;
+    /// `None` while the drive follows none.
     pub(in crate::drive) fn turns_to_setpoint(&self) -> Option<u64> {
         (self.state == AxisState::Enabled).then(|| self.schedule.turns_to_command())
     }
@@ -67,14 +67,15 @@ impl AxisStateMachine {
         if let Some(transfer) = self.trigger.transfer() {
             return transfer;
         }
-        match self.schedule.next_following(late) {
+        let command = request.command_sequence;
+        match self.schedule.next_following(late, command) {
             TransferSlot::Command if self.limits.contains(&request.target.0) => {
                 Transfer::Setpoint(*request)
             }
             // Not clamped: that would move the motor to a position that was never requested.
             TransferSlot::Command => {
                 self.report_target(request.target, events);
-                self.schedule.next_following(late);
+                self.schedule.next_following(late, command);
                 Transfer::Position
             }
             TransferSlot::Position => Transfer::Position,

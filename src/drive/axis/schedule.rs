@@ -3,6 +3,10 @@
 //! Every transfer takes about 2 ms at 115200 baud, so every transfer beside set-point and position
 //! lowers the rate. While the drive follows its target, a round is set-point and position, and only
 //! some rounds carry a third transfer.
+//!
+//! A new command does not wait for its turn: its set-point goes out as soon as the line is free,
+//! before a position or a monitored value that is due. Both follow it, so that a stream with a new
+//! command at every set-point does not keep them from the line.
 
 use super::interface::AxisRequest;
 use super::transfer::Transfer;
@@ -17,6 +21,9 @@ const ERROR_CODE_ROUND: u32 = 18;
 /// On a late line, monitoring is skipped this many times in a row at most: a fault must be seen.
 const MAX_SKIPPED: u32 = 8;
 
+/// A monitored value is put off for a new command this many times at most: a fault must be seen.
+const MAX_DEFERRED: u32 = 2;
+
 /// Period, in rounds, of reading error code and current while no target is followed.
 const IDLE_PERIOD: u32 = 8;
 
@@ -27,6 +34,14 @@ pub(super) struct Schedule {
     next: TransferSlot,
     round: u32,
     skipped: u32,
+    /// Which of [`VALUES`] are due.
+    due: [bool; VALUES.len()],
+    /// How often they were put off for a new command.
+    deferrals: u32,
+    /// The command of the last set-point, as numbered in [`AxisRequest::command_sequence`].
+    command: u64,
+    /// It was the first set-point of that command.
+    carried_new: bool,
 }
 
 /// Purpose of the next transfer.
@@ -49,6 +64,13 @@ pub(super) enum MonitoredValue {
     Current,
 }
 
+/// All monitored values; of those that are due, the first one comes first.
+const VALUES: [MonitoredValue; 3] = [
+    MonitoredValue::Status,
+    MonitoredValue::ErrorCode,
+    MonitoredValue::Current,
+];
+
 impl From<MonitoredValue> for Transfer {
     fn from(value: MonitoredValue) -> Self {
         match value {
@@ -67,46 +89,89 @@ impl Schedule {
         }
     }
 
-    /// The next slot while the drive follows its target. On a late line monitoring is skipped.
-    pub(super) fn next_following(&mut self, late: bool) -> TransferSlot {
-        if matches!(self.next, TransferSlot::Monitor(_)) {
+    /// The next slot while the drive follows its target, with the number of the newest command. On
+    /// a late line monitoring is skipped.
+    pub(super) fn next_following(&mut self, late: bool, command: u64) -> TransferSlot {
+        let is_new = command != self.command;
+        if let TransferSlot::Monitor(value) = self.next {
             if late && self.skipped < MAX_SKIPPED {
                 self.skipped += 1;
+                self.set_due(value, false);
+                self.next = TransferSlot::Command;
+            } else if is_new && self.lets_command_pass() {
+                self.deferrals += 1;
                 self.next = TransferSlot::Command;
             } else {
-                self.skipped = 0;
+                (self.skipped, self.deferrals) = (0, 0);
+                self.set_due(value, false);
             }
+        } else if is_new && self.lets_command_pass() {
+            self.next = TransferSlot::Command;
         }
         let slot = self.next;
         self.next = match slot {
-            TransferSlot::Command => TransferSlot::Position,
+            TransferSlot::Command => {
+                (self.command, self.carried_new) = (command, is_new);
+                TransferSlot::Position
+            }
             TransferSlot::Position => self.begin_round(),
             TransferSlot::Monitor(_) => TransferSlot::Command,
         };
         slot
     }
 
+    /// Whether the next slot is one of a set-point, or gives way to that of a new command. The
+    /// position does so after a set-point of an earlier command.
+    fn lets_command_pass(&self) -> bool {
+        match self.next {
+            TransferSlot::Command => true,
+            TransferSlot::Position => !self.carried_new,
+            TransferSlot::Monitor(_) => self.deferrals < MAX_DEFERRED,
+        }
+    }
+
     fn begin_round(&mut self) -> TransferSlot {
         self.round = self.round.wrapping_add(1);
+        if let Some(value) = self.value_of_round() {
+            self.set_due(value, true);
+        }
+        let mut values = VALUES.iter().zip(self.due);
+        let first = values.find_map(|(value, is_due)| is_due.then_some(*value));
+        first.map_or(TransferSlot::Command, TransferSlot::Monitor)
+    }
+
+    fn set_due(&mut self, value: MonitoredValue, is_due: bool) {
+        for (due, each) in self.due.iter_mut().zip(VALUES) {
+            if each == value {
+                *due = is_due;
+            }
+        }
+    }
+
+    /// The value that is due from this round on.
+    fn value_of_round(&self) -> Option<MonitoredValue> {
         if self
             .round
             .is_multiple_of(self.polling.status_every_rounds.max(1))
         {
-            return TransferSlot::Monitor(MonitoredValue::Status);
+            return Some(MonitoredValue::Status);
         }
         match self.round % self.polling.slow_every_rounds.max(1) {
-            CURRENT_ROUND => TransferSlot::Monitor(MonitoredValue::Current),
-            ERROR_CODE_ROUND => TransferSlot::Monitor(MonitoredValue::ErrorCode),
-            _ => TransferSlot::Command,
+            CURRENT_ROUND => Some(MonitoredValue::Current),
+            ERROR_CODE_ROUND => Some(MonitoredValue::ErrorCode),
+            _ => None,
         }
     }
 
-    /// Transfers before the next command slot, if nothing else is requested.
+    /// Transfers before the next one that takes the set-point of a new command, if nothing else is
+    /// requested.
     pub(super) fn turns_to_command(&self) -> u64 {
-        match self.next {
-            TransferSlot::Command => 0,
-            TransferSlot::Position | TransferSlot::Monitor(_) => 1,
+        let (mut ahead, mut turns) = (*self, 0);
+        let new = self.command.wrapping_add(1);
+        while ahead.next_following(false, new) != TransferSlot::Command {
+            turns += 1;
         }
+        turns
     }
 
     /// The next slot otherwise: the position every other time. The second value is for a command
@@ -170,18 +235,14 @@ mod tests {
     use super::*;
 
     fn following(mut schedule: Schedule, late: bool) -> Vec<TransferSlot> {
-        (0..1000).map(|_| schedule.next_following(late)).collect()
+        (0..1000)
+            .map(|_| schedule.next_following(late, 0))
+            .collect()
     }
 
     fn count(slots: &[TransferSlot], wanted: TransferSlot) -> usize {
         slots.iter().filter(|slot| **slot == wanted).count()
     }
-
-    const VALUES: [MonitoredValue; 3] = [
-        MonitoredValue::Status,
-        MonitoredValue::ErrorCode,
-        MonitoredValue::Current,
-    ];
 
     #[test]
     fn a_late_line_skips_monitoring_but_not_for_ever() {
@@ -221,6 +282,77 @@ mod tests {
         // A quarter of the rounds and two of 32 carry a third transfer: 2.3 transfers a round.
         let setpoints = count(&slots, TransferSlot::Command);
         assert!(setpoints >= 425, "{setpoints}");
+    }
+
+    #[test]
+    fn a_new_command_goes_before_a_position_and_a_monitored_value() {
+        use TransferSlot::{Command, Monitor, Position};
+        let status = Monitor(MonitoredValue::Status);
+        let mut schedule = Schedule::new(Polling {
+            status_every_rounds: 2,
+            slow_every_rounds: 64,
+        });
+        // The newest command before every slot.
+        for (command, slot) in [
+            (1, Command),
+            (1, Position),
+            (1, Command),
+            (2, Command),
+            (3, Position),
+            (4, Command),
+            (5, Position),
+            (6, Command),
+            (6, Position),
+            (6, status),
+            (6, Command),
+            (6, Position),
+        ] {
+            assert_eq!(schedule.next_following(false, command), slot, "{command}");
+        }
+    }
+
+    #[test]
+    fn a_stream_of_new_commands_keeps_nothing_from_the_line() {
+        let mut schedule = Schedule::default();
+        let slots: Vec<_> = (1..=1000)
+            .map(|command| schedule.next_following(false, command))
+            .collect();
+        for four in slots.windows(4) {
+            assert!(four.contains(&TransferSlot::Position), "{four:?}");
+        }
+        let commands = count(&slots, TransferSlot::Command);
+        let positions = count(&slots, TransferSlot::Position);
+        assert!(commands.abs_diff(positions) <= 1, "{commands} {positions}");
+        for value in VALUES {
+            assert!(slots.contains(&TransferSlot::Monitor(value)), "{value:?}");
+        }
+        let statuses = count(&slots, TransferSlot::Monitor(MonitoredValue::Status));
+        assert!(
+            4 * statuses + 8 >= positions,
+            "{statuses} of {positions} rounds"
+        );
+    }
+
+    #[test]
+    fn the_position_after_a_new_command_is_all_that_the_next_one_waits_for() {
+        let mut schedule = Schedule::new(Polling {
+            status_every_rounds: 2,
+            slow_every_rounds: 64,
+        });
+        // The newest command before a slot, and the turns after it.
+        for (command, turns) in [
+            (1, 1),
+            (1, 0),
+            (1, 0),
+            (2, 1),
+            (2, 0),
+            (2, 0),
+            (2, 0),
+            (3, 1),
+        ] {
+            schedule.next_following(false, command);
+            assert_eq!(schedule.turns_to_command(), turns, "{command}");
+        }
     }
 
     #[test]
