@@ -175,7 +175,12 @@ fn check_shared_work(file: ModelFile, path: &[MotorVec], at: MotorVec, near: Mot
     let memory = memory_after(&model, path);
     let correction = model.correction(&memory);
     let whole = model.predict(&at, &memory);
-    assert_eq!(model.predict_corrected(&at, &memory, &correction), whole);
+    let terms = model.memory_terms(&memory);
+    assert_eq!(terms.correction, correction);
+    assert_eq!(model.predict_with(&at, &memory, &terms), whole);
+    let present = path.last().unwrap();
+    let whole_there = model.predict(present, &memory);
+    assert_eq!(model.predict_with(present, &memory, &terms), whole_there);
     assert_eq!(model.pose(&at, &memory, &correction), whole.mean);
     let (pose, slope) = model.pose_and_slope(&at, &memory, &correction);
     assert!(distance(&pose, &whole.mean) < 1e-12);

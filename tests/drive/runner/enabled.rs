@@ -36,6 +36,22 @@ fn the_written_target_is_reported_with_its_request() {
 }
 
 #[test]
+fn the_set_point_of_a_new_command_is_the_next_exchange() {
+    let mut rig = PortRig::enabled();
+    for step in 1..200 {
+        // Every phase of the rounds, with and without a monitored value.
+        rig.turns(2 + step as usize % 9);
+        let target = Counts(120 + step);
+        rig.request(|request| {
+            request.target = target;
+            request.command_sequence += 1;
+        });
+        rig.turns(1);
+        assert_eq!(rig.feedback().written.unwrap().target, target, "{step}");
+    }
+}
+
+#[test]
 fn a_target_outside_the_limits_is_not_written_and_reported_once() {
     let mut rig = PortRig::enabled();
     let refusals = |rig: &PortRig| {

@@ -33,7 +33,7 @@ pub(super) fn curves(benchmark: &ScaleBenchmark) -> Result<Vec<Curve>, BenchErro
     if benchmark.is_full {
         rows.extend([300_000, 1_000_000]);
     }
-    // The legend of the page names all curves together, so every name says what is measured.
+    // The legend of the page names all curves together: every name says what is measured.
     let name = |cost: &str| format!("{cost} of EM, {ITERATIONS} iterations, K = {COMPONENTS}");
     let mut time = Curve::new("EM over rows: time", &name("time"), "rows", "s");
     let mut memory = Curve::new("EM over rows: memory", &name("memory"), "rows", "MB");

@@ -86,7 +86,7 @@ fn panel(group: &[&Curve]) -> Panel {
         .zip(STYLES)
         .fold(panel, |panel, (curve, (color, dash, marker))| {
             let line = Line::new(curve.points.clone(), Stroke::new(color, 1.4).dash(dash));
-            let label = format!("{} ({})", curve.name, exponent(curve));
+            let label = format!("{} over {} ({})", curve.name, curve.size, exponent(curve));
             panel.with(line.marker(marker).label(label))
         })
 }
