@@ -25,6 +25,8 @@ with Arm(sys.argv[1], deadline_s=0.5) as arm:
         assert 'not homed' in str(refused), refused
     arm.state_command('home')
     assert arm.state_command('enable') == 'ENABLED'
+    arm.wait_for(lambda state: state.state == 'ENABLED')
+    assert arm.enable().wait().state == 'ENABLED', 'a script is run again'
     assert arm.wait_for(lambda state: state.state == 'ENABLED' and state.homed).fault == 'none'
     for k in range(200):
         arm.servo_jp([math.radians(5.0), math.radians(-3.0)])
