@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
 use i2ris::ipc::client::Client;
-use i2ris::ipc::{Domain, DomainLock, StateCommand, find_client_process, random_id};
+use i2ris::ipc::{StateCommand, find_client_process};
 use i2ris::units::Nanos;
 
 use i2ris_testing::{Controller, python};
@@ -181,11 +181,11 @@ fn a_controller_of_another_version_is_refused_plainly() {
     let Some(mut command) = python("iceoryx2, numpy") else {
         return;
     };
-    let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
-    let _guard = DomainLock::acquire(&domain).unwrap();
-    fs::write(domain.directory().join("ready"), "000000000000b007 99 1\n").unwrap();
+    let controller = Controller::start();
+    let ready = controller.domain.directory().join("ready");
+    fs::write(ready, "000000000000b007 99 1\n").unwrap();
     let output = command
-        .args(["-c", FOREIGN, domain.name()])
+        .args(["-c", FOREIGN, controller.domain.name()])
         .output()
         .unwrap();
     assert!(
