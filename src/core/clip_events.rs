@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn the_largest_distance_is_reported_after_the_end() {
-        let mut short = vec![f64::NAN; 30];
+        let mut short = [f64::NAN; 30];
         short[3..6].copy_from_slice(&[1.0, 4.0, 2.0]);
         assert_eq!(events(&short), [(3, 1.0), (13, 4.0)]);
     }
