@@ -18,6 +18,7 @@ use std::sync::Arc;
 
 use crate::config::Config;
 use crate::core::adaptation::{Adaptation, Surroundings};
+use crate::core::clip_events::ClipEvents;
 use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
 use crate::core::command::range_check::RangeCheck;
@@ -70,7 +71,7 @@ pub struct ControlCycle {
     pub(super) clutch: Clutch,
     pub(super) fixtures: VirtualFixtures,
     pub(super) feedback_stops: EventFold,
-    pub(super) clips: EventFold,
+    pub(super) clips: ClipEvents,
     pub(super) ticks: u64,
     pub(super) stale_stops: u64,
     pub(super) lost_events: u64,
@@ -96,7 +97,7 @@ impl ControlCycle {
             clutch: Clutch::new(config.command.motion_scale),
             fixtures: VirtualFixtures::new(&config.virtual_fixtures, config.control.period()),
             feedback_stops: EventFold::default(),
-            clips: EventFold::default(),
+            clips: ClipEvents::default(),
             axes: AxisGroup::new(config),
             history: PositionHistory::new(),
             overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),

@@ -1,6 +1,7 @@
 //! Events of the cycle that concern several of its parts: faults with what was measured, stops for
 //! want of feedback, clips.
 
+use crate::core::clip_events::ClippedGoal;
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::DriveSummary;
 use crate::core::event::{CycleEventKind, EventList};
@@ -37,24 +38,32 @@ impl ControlCycle {
         events.explain_fault(excess);
     }
 
-    /// The beginning of a clip is an event, with the distance that is cut off.
+    /// A clip is an event at its beginning, and when more is cut off than was reported.
     pub(super) fn report_clip(
         &mut self,
         setpoint: &GeneratedSetpoint,
         now: Nanos,
         events: &mut EventList,
     ) {
-        if !self.clips.update(setpoint.is_clipped, now) {
-            return;
+        let clip = setpoint.is_clipped.then(|| self.clipped_goal(setpoint));
+        if let Some(ClippedGoal {
+            client_id,
+            distance_deg,
+        }) = self.clips.update(clip, now)
+        {
+            let excess = distance_deg.map(|deg| Excess::new(Quantity::Degrees, deg, None));
+            events.push_measured(CycleEventKind::Clipped { client_id }, excess);
         }
+    }
+
+    fn clipped_goal(&self, setpoint: &GeneratedSetpoint) -> ClippedGoal {
         let followed = self.machine.state().followed_command();
         let is_angle = { self.models.active() }.is_some_and(|it| it.unit() == OutputUnit::Deg);
-        let excess = followed.zip(setpoint.goal).and_then(|(followed, goal)| {
-            let requested = followed.goal.joint().filter(|_| is_angle)?;
-            let distance = distance(requested, &goal).to_degrees();
-            Some(Excess::new(Quantity::Degrees, distance, None))
-        });
-        let client_id = followed.map_or(0, |followed| followed.client_id);
-        events.push_measured(CycleEventKind::Clipped { client_id }, excess);
+        let requested = followed.and_then(|it| it.goal.joint().filter(|_| is_angle));
+        ClippedGoal {
+            client_id: followed.map_or(0, |followed| followed.client_id),
+            distance_deg: { requested.zip(setpoint.goal) }
+                .map(|(requested, goal)| distance(requested, &goal).to_degrees()),
+        }
     }
 }

@@ -55,7 +55,8 @@ pub enum CycleEventKind {
     },
     /// The motion stopped, because a drive gave no recent position. Folded to one per second.
     FeedbackStop,
-    /// A goal began to be clipped to what can be reached. Folded to one per second.
+    /// A goal began to be clipped to what can be reached, or more is cut off than was reported.
+    /// Folded to one per second.
     Clipped {
         /// Client whose command is followed; 0: that of a `move_jp`.
         client_id: u64,

@@ -167,6 +167,7 @@ pub mod cycle;
 pub mod rehearsal;
 pub mod simulated_loop;
 
+mod clip_events;
 mod command;
 mod cycle_commands;
 mod cycle_events;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::core::adaptation::AdaptationState;
+use crate::core::clip_events::ClipEvents;
 use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
 use crate::core::cycle::ControlCycle;
@@ -39,7 +40,7 @@ pub struct CycleSnapshot {
     clutch: Clutch,
     fixtures: VirtualFixtures,
     feedback_stops: EventFold,
-    clips: EventFold,
+    clips: ClipEvents,
     ticks: u64,
     stale_stops: u64,
     lost_events: u64,

@@ -67,3 +67,39 @@ impl fmt::Display for WatchdogEvent {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lost_controller_is_described_with_the_age_of_its_heartbeat() {
+        let age = Nanos::from_micros(41_500);
+        let died = WatchdogEvent::ControllerLost(ControllerStatus::Died, age);
+        let text = "the controller is gone; its last heartbeat was 41.5 ms ago";
+        assert_eq!(died.to_string(), text);
+        let hangs = WatchdogEvent::ControllerLost(ControllerStatus::Hangs, age);
+        let text = "the controller hangs; its last heartbeat was 41.5 ms ago";
+        assert_eq!(hangs.to_string(), text);
+    }
+
+    #[test]
+    fn a_stop_has_a_line_for_every_axis() {
+        let stop = |motor, outcome| AxisStop { motor, outcome };
+        let stopped = WatchdogEvent::Stopped(
+            PathBuf::from("/dev/ttyUSB0"),
+            vec![
+                stop(0, Ok(DriveState::QuickStopActive)),
+                stop(1, Err(QuickStopError::NotHeld)),
+            ],
+        );
+        let text = stopped.to_string();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 2, "{text}");
+        assert_eq!(lines[0], "/dev/ttyUSB0, motor 0: QuickStopActive");
+        assert!(
+            lines[1].starts_with("/dev/ttyUSB0, motor 1: NOT STOPPED, "),
+            "{text}"
+        );
+    }
+}

@@ -160,6 +160,20 @@ mod tests {
     }
 
     #[test]
+    fn the_age_is_that_of_the_last_heartbeat() {
+        let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
+        assert_eq!(monitor.age(Nanos::from_millis(5)), Nanos::ZERO);
+        let read = Ok(Some(Heartbeat {
+            boot_id: 7,
+            stamp: Nanos::from_millis(100),
+            off: false,
+        }));
+        monitor.update(read, Nanos::from_millis(102));
+        let age = monitor.age(Nanos::from_millis(131));
+        assert_eq!(age, Nanos::from_millis(31));
+    }
+
+    #[test]
     fn a_restarted_controller_has_started() {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
         for (boot_id, stamp, off) in [(7, 100, false), (8, 99, true)] {

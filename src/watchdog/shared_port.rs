@@ -193,3 +193,123 @@ impl Transport for OpenPort {
         clock::sleep_until(until);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::os::fd::AsRawFd;
+    use std::path::PathBuf;
+
+    use nix::fcntl::{FcntlArg, OFlag, fcntl};
+    use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
+    use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
+
+    use super::*;
+
+    /// The drive's end of a line, and the device of the host's end.
+    fn line() -> (PtyMaster, PathBuf) {
+        let master = posix_openpt(OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_CLOEXEC).unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        let mut settings = tcgetattr(&master).unwrap();
+        cfmakeraw(&mut settings);
+        tcsetattr(&master, SetArg::TCSANOW, &settings).unwrap();
+        let device = ptsname_r(&master).unwrap().into();
+        (master, device)
+    }
+
+    fn port(device: &Path) -> SharedPort {
+        let text = format!("device = {device:?}\naxes = []");
+        SharedPort::new(&toml::from_str(&text).unwrap())
+    }
+
+    /// A descriptor of the port in exclusive use.
+    fn exclusive(device: &Path) -> File {
+        let file = open(device).unwrap();
+        // SAFETY: the request takes no argument, and the descriptor is open.
+        assert_eq!(unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCEXCL) }, 0);
+        file
+    }
+
+    #[test]
+    fn a_port_is_opened_when_it_appears_and_again_after_a_hang_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("axis0");
+        let mut port = port(&link);
+        let why = match port.open() {
+            Some(WatchdogEvent::PortRefused(device, why)) if device == link => why,
+            event => panic!("{event:?}"),
+        };
+        assert!(why.contains("No such file") && why.contains("tried again every 100 ms"));
+        assert_eq!((port.open(), port.is_open()), (None, false), "refused once");
+        let (master, device) = line();
+        std::os::unix::fs::symlink(device, &link).unwrap();
+        assert_eq!(port.open(), Some(WatchdogEvent::PortOpened(link.clone())));
+        assert_eq!((port.open(), port.is_open()), (None, true), "opened once");
+        std::fs::remove_file(&link).unwrap();
+        drop(master);
+        let event = port.open();
+        assert!(
+            matches!(event, Some(WatchdogEvent::PortRefused(..))),
+            "{event:?}"
+        );
+        assert!(!port.is_open());
+    }
+
+    #[test]
+    fn a_locked_port_is_explained() {
+        let busy = io::Error::from_raw_os_error(libc::EBUSY);
+        assert!(explain(&busy).contains("start the watchdog before the controller"));
+    }
+
+    #[test]
+    fn only_abandoned_exclusive_use_is_ended() {
+        let (_master, device) = line();
+        let mut port = port(&device);
+        port.open();
+        let file = port.file.as_ref().unwrap().try_clone().unwrap();
+        assert!(!is_exclusive(&file));
+        let controller = exclusive(&device);
+        controller.lock().unwrap();
+        port.release_if_abandoned();
+        assert!(is_exclusive(&file), "a living process has it locked");
+        drop(controller);
+        assert!(is_exclusive(&file), "the kernel leaves the flag");
+        port.release_if_abandoned();
+        assert!(!is_exclusive(&file));
+        // The lock is free for the next controller.
+        exclusive(&device).try_lock().unwrap();
+    }
+
+    #[test]
+    fn a_quick_stop_ends_the_exclusive_use() {
+        let (_master, device) = line();
+        let mut port = port(&device);
+        port.open();
+        let file = port.file.as_ref().unwrap().try_clone().unwrap();
+        let _controller = exclusive(&device);
+        port.quick_stop();
+        assert!(!is_exclusive(&file));
+    }
+
+    #[test]
+    fn a_read_waits_for_bytes_until_its_deadline_and_fails_after_a_hang_up() {
+        let (master, device) = line();
+        let file = open(&device).unwrap();
+        let flags = OFlag::from_bits_retain(fcntl(&file, FcntlArg::F_GETFL).unwrap());
+        assert!(flags.contains(OFlag::O_NONBLOCK));
+        let mut port = OpenPort(file);
+        let mut bytes = [0; 8];
+        let deadline = port.now() + Nanos::from_millis(20);
+        assert_eq!(port.read(&mut bytes, deadline).unwrap(), 0);
+        assert!(port.now() >= deadline);
+        nix::unistd::write(&master, b"abc").unwrap();
+        let deadline = port.now() + Nanos::from_millis(10_000);
+        assert_eq!(port.read(&mut bytes, deadline).unwrap(), 3);
+        assert_eq!(&bytes[..3], b"abc");
+        drop(master);
+        assert!(port.read(&mut bytes, deadline).is_err());
+        let until = port.now() + Nanos::from_millis(20);
+        port.sleep_until(until);
+        assert!(clock::now() >= until);
+    }
+}

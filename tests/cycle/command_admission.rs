@@ -53,6 +53,24 @@ fn a_command_of_the_wrong_shape_is_malformed() {
 }
 
 #[test]
+fn refusals_are_counted_client_by_client() {
+    let mut bench = Bench::enabled();
+    let other = CLIENT + 1;
+    for client_id in [other, CLIENT, other] {
+        let goal = ServoGoal::Joint([f64::NAN; 3], 2);
+        refusal(&mut bench, |c| (c.client_id, c.goal) = (client_id, goal));
+    }
+    let refusals = bench.report().refusals;
+    let counts = [CLIENT, other].map(|client_id| {
+        let mut entries = refusals.iter().filter(|entry| entry.count > 0);
+        entries
+            .find(|entry| entry.client_id == client_id)
+            .map(|entry| entry.count)
+    });
+    assert_eq!(counts, [Some(1), Some(2)]);
+}
+
+#[test]
 fn values_that_are_not_finite_are_refused_and_values_that_are_not_sent_are_ignored() {
     let mut bench = Bench::enabled();
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {

@@ -157,6 +157,35 @@ fn a_stop_and_a_clip_are_excess_with_their_measurements_and_not_repeated() {
 }
 
 #[test]
+fn the_last_event_of_a_clip_has_its_largest_distance() {
+    let mut bench = Bench::enabled();
+    let mut largest: f64 = 0.0;
+    let go = |bench: &mut Bench, largest: &mut f64, pitch: f64| {
+        assert_eq!(bench.joint(pitch, 0.0), Refusal::None, "{pitch}");
+        if bench.report().clipped {
+            let (goal, requested) = (bench.joints().goal, rad(pitch, 0.0));
+            let cut_off = (goal[0] - requested[0]).hypot(goal[1] - requested[1]);
+            *largest = largest.max(cut_off.to_degrees());
+        }
+    };
+    for half_degrees in (0..=120).chain((0..120).rev()) {
+        go(&mut bench, &mut largest, f64::from(half_degrees) / 2.0);
+    }
+    assert!(!bench.report().clipped && largest > 5.0, "{largest}");
+    for _ in 0..1500 {
+        go(&mut bench, &mut largest, 0.0);
+    }
+    let clips = { bench.reasons.iter() }.filter(|it| it.cause == Cause::Clip(Clip::Reach));
+    let distances: Vec<f64> = clips.map(|it| it.excess.unwrap().measured).collect();
+    assert_eq!(distances.len(), 2, "beginning and largest: {distances:?}");
+    assert!(distances[0] < 1.0, "{distances:?}");
+    assert!(
+        (distances[1] - largest).abs() < 1e-9,
+        "{distances:?} {largest}"
+    );
+}
+
+#[test]
 fn a_model_does_not_differ_from_itself_whatever_it_remembers() {
     let model = play_model();
     let mut memory = model.new_memory();

@@ -54,6 +54,7 @@ impl What {
             Self::Request(Service::Move) => "request/move_jp",
             Self::Request(Service::Model) => "request/model",
             Self::Request(Service::BlackBox) => "request/black_box",
+            Self::Request(Service::Fixture) => "request/virtual_fixture",
         }
     }
 

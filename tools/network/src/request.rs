@@ -26,11 +26,19 @@ pub enum Service {
     Model,
     /// `black_box`.
     BlackBox,
+    /// `virtual_fixture`.
+    Fixture,
 }
 
 impl Service {
     /// All services.
-    pub const ALL: [Self; 4] = [Self::StateCommand, Self::Move, Self::Model, Self::BlackBox];
+    pub const ALL: [Self; 5] = [
+        Self::StateCommand,
+        Self::Move,
+        Self::Model,
+        Self::BlackBox,
+        Self::Fixture,
+    ];
 
     /// Whether the answer may take seconds.
     pub fn is_slow(self) -> bool {
@@ -107,6 +115,7 @@ impl Question {
             Service::Move => ask(&self.payload, |request| controller.move_jp(request)),
             Service::Model => ask(&self.payload, |request| controller.model(request)),
             Service::BlackBox => ask(&self.payload, |request| controller.black_box(request)),
+            Service::Fixture => ask(&self.payload, |request| controller.virtual_fixture(request)),
         };
         match payload {
             Some(payload) => Answer {
@@ -197,7 +206,7 @@ impl Answer {
         })
     }
 
-    /// The answer to a state command or a motion.
+    /// The answer to a state command, a motion or a change of the virtual fixtures.
     pub fn state(&self, state: u32) -> Option<StateCommandReply> {
         let refusal = Refusal::Unsupported.number();
         self.outcome

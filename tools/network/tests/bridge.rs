@@ -10,7 +10,7 @@ use std::process::ChildStdout;
 use i2ris::clock;
 use i2ris::ipc::client::Watcher;
 use i2ris::ipc::payload::{AdaptationMsg, VirtualFixturesMsg};
-use i2ris::ipc::{Domain, Fault, Refusal, StateCommand, random_id};
+use i2ris::ipc::{Domain, Fault, FixtureAction, FixtureKind, Refusal, StateCommand, random_id};
 use i2ris::robot::{Cause, Excess, Quantity, Reason};
 use i2ris::units::Nanos;
 
@@ -219,6 +219,43 @@ fn faults_warnings_drift_and_regions_are_seen_on_the_other_computer() {
 }
 
 #[test]
+fn regions_are_added_and_switched_off_from_the_other_computer() {
+    let (controller, far) = (Controller::enabled(), Far::new());
+    let place = Place::new(Access::Command);
+    let shown = VirtualFixturesMsg {
+        active: 1,
+        kind: [1, 0, 0, 0, 0, 0, 0, 0],
+        ..VirtualFixturesMsg::default()
+    };
+    controller.robot().fixtures = Some(shown);
+    let _ends = bridge(&controller, &far, &place, &["--command"]);
+    let run = |words: &str| {
+        let words: Vec<&str> = words.split(' ').collect();
+        let (success, output, error) = Program::run(&far.0, &words);
+        assert!(success, "{output}{error}");
+    };
+    run("command fixture list");
+    assert!(
+        controller.robot().asked_of_fixtures.is_empty(),
+        "a list only reads"
+    );
+    run("command fixture circle 10 -5 3");
+    run("command fixture off");
+    let asked = controller.robot().asked_of_fixtures.clone();
+    let [circle, off] = asked[..] else {
+        panic!("each is carried out once: {asked:?}")
+    };
+    let values = [10.0_f64, -5.0, 3.0, 0.0].map(f64::to_radians);
+    assert_eq!(circle.action, FixtureAction::Add.number());
+    assert_eq!(
+        (circle.kind, circle.values),
+        (FixtureKind::Circle.number(), values)
+    );
+    assert_eq!(off.action, FixtureAction::Off.number());
+    assert_ne!(circle.client_id, 0);
+}
+
+#[test]
 fn without_leave_to_command_others_can_only_watch() {
     for (access, more) in [(Access::Watch, &["--command"][..]), (Access::Command, &[])] {
         let (controller, far) = (Controller::start(), Far::new());
@@ -228,6 +265,9 @@ fn without_leave_to_command_others_can_only_watch() {
         assert!(!success && error.contains("not supported"), "{error}");
         let (success, _, error) = Program::run(&far.0, &["model", "stage", "any.json"]);
         assert!(!success && error.contains("may watch only"), "{error}");
+        let (success, _, error) = Program::run(&far.0, &["command", "fixture", "off"]);
+        assert!(!success && error.contains("not supported"), "{error}");
+        assert!(controller.robot().asked_of_fixtures.is_empty());
         assert!(controller.robot().asked.is_empty());
         assert!(controller.robot().poses.is_empty());
         assert!(Program::run(&far.0, &["monitor", "--once"]).0);

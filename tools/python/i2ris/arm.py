@@ -382,8 +382,13 @@ class Arm:
         return operation
 
     def enable(self) -> Operation:
-        """Drives on; the robot holds. Raises ``Refused`` while it is not homed. Starting drives are waited for."""
-        return self._operation("enable", lambda state: state.state == "ENABLED")
+        """Drives on; the robot holds. Raises ``Refused`` while it is not homed. Starting drives are waited for.
+        A robot that is ENABLED stays so, so that a script can be run again.
+        """
+        def is_enabled(state: OperatingState) -> bool:
+            return state.state == "ENABLED"
+
+        return Operation(self, "enable", is_enabled) if self.is_enabled() else self._operation("enable", is_enabled)
 
     def disable(self) -> Operation:
         """Decelerate, then drives off."""

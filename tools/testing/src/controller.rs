@@ -9,7 +9,7 @@ use i2ris::clock;
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, JointState, ModelReply, ModelRequest, ModelSlot,
     OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply,
-    StateCommandRequest, Version, VirtualFixturesMsg, padded_text,
+    StateCommandRequest, Version, VirtualFixtureRequest, VirtualFixturesMsg, padded_text,
 };
 use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{
@@ -70,6 +70,8 @@ pub struct Robot {
     pub adaptation: Option<AdaptationMsg>,
     /// What `virtual_fixtures` is to say.
     pub fixtures: Option<VirtualFixturesMsg>,
+    /// Every request about virtual fixtures, in order.
+    pub asked_of_fixtures: Vec<VirtualFixtureRequest>,
     sequence: u64,
 }
 
@@ -103,6 +105,7 @@ impl Robot {
             reasons: Vec::new(),
             adaptation: None,
             fixtures: None,
+            asked_of_fixtures: Vec::new(),
             sequence: 0,
         }
     }
@@ -377,6 +380,17 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
     for (token, request) in questions {
         let reply = robot.about_models(&request);
         server.reply_model(token, reply);
+    }
+    let mut tokens = Vec::new();
+    server.poll_fixtures(now, |token, request| {
+        robot.asked_of_fixtures.push(request);
+        tokens.push(token);
+    });
+    for token in tokens {
+        server.reply_fixture(
+            token,
+            StateCommandReply::new(Refusal::None, robot.state, None),
+        );
     }
     server.describe_robot(&robot.description);
     robot.publish(server, now);

@@ -19,8 +19,8 @@ const REST_POLL: Nanos = Nanos::from_millis(5);
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 
 /// Printed when a stream goes on from the set-point.
-pub const LOST_SETPOINT: &str = "the controller has stopped the snake, because commands came late or none were read; the \
-     motion goes on from where it is";
+pub const LOST_SETPOINT: &str = "the controller has stopped the snake, because commands came late \
+     or none were read; the motion goes on from where it is";
 
 /// Why a stream of commands ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]

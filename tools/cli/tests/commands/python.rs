@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::process::Stdio;
 
 use i2ris::ipc::client::Client;
-use i2ris::ipc::{Domain, DomainLock, StateCommand, find_client_process, random_id};
+use i2ris::ipc::{StateCommand, find_client_process};
 use i2ris::units::Nanos;
 
 use i2ris_testing::{Controller, python};
@@ -25,6 +25,8 @@ with Arm(sys.argv[1], deadline_s=0.5) as arm:
         assert 'not homed' in str(refused), refused
     arm.state_command('home')
     assert arm.state_command('enable') == 'ENABLED'
+    arm.wait_for(lambda state: state.state == 'ENABLED')
+    assert arm.enable().wait().state == 'ENABLED', 'a script is run again'
     assert arm.wait_for(lambda state: state.state == 'ENABLED' and state.homed).fault == 'none'
     for k in range(200):
         arm.servo_jp([math.radians(5.0), math.radians(-3.0)])
@@ -179,11 +181,11 @@ fn a_controller_of_another_version_is_refused_plainly() {
     let Some(mut command) = python("iceoryx2, numpy") else {
         return;
     };
-    let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
-    let _guard = DomainLock::acquire(&domain).unwrap();
-    fs::write(domain.directory().join("ready"), "000000000000b007 99 1\n").unwrap();
+    let controller = Controller::start();
+    let ready = controller.domain.directory().join("ready");
+    fs::write(ready, "000000000000b007 99 1\n").unwrap();
     let output = command
-        .args(["-c", FOREIGN, domain.name()])
+        .args(["-c", FOREIGN, controller.domain.name()])
         .output()
         .unwrap();
     assert!(

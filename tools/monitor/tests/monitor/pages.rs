@@ -129,6 +129,36 @@ fn the_commander_has_a_name_and_a_camera_that_parts_is_alarmed() {
     );
 }
 
+#[test]
+fn angles_of_two_digits_fit_into_their_panel() {
+    let Some(chromium) = find() else {
+        eprintln!("SKIPPED: no Chromium is installed, so the page was not looked at");
+        return;
+    };
+    let controller = Controller::enabled();
+    controller.robot().pose = [-28.65, -34.38];
+    let served = Served::start(&controller.domain);
+    let mut camera = ExternalPublisher::new(&controller.domain);
+    let url = format!("http://{}/", served.address);
+    let mut page = Browser::open(&chromium, &url, [1280, 900]);
+    page.wait("the page", "document.getElementById('joints') !== null");
+    for size in [[1280, 900], [1920, 1080], [800, 1400], [360, 1600]] {
+        page.resize(size);
+        let is_shown = "['estimate', 'camera'].every(name => \
+            document.querySelector(`#joints td.${name}`)?.textContent === '−28.65')";
+        let shown = (0..600).any(|_| {
+            let now = i2ris::clock::now();
+            camera.publish(now, &[-0.500_037, -0.600_044], &[]).unwrap();
+            page.evaluate(is_shown) == json!(true)
+        });
+        assert!(shown, "{}", page.evaluate("document.body.innerText"));
+        let too_wide = "[...document.querySelectorAll('#numbers table')]
+            .filter(table => table.scrollWidth > table.parentElement.clientWidth - 20)
+            .map(table => `${table.id} ${table.scrollWidth}`).join()";
+        assert_eq!(page.evaluate(too_wide), json!(""), "at {size:?}");
+    }
+}
+
 /// Pictures at three widths in both themes, for people to look at.
 fn pictures(page: &mut Browser, name: &str) {
     if std::env::var_os("I2RIS_SCREENSHOTS").is_none() {

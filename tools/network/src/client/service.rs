@@ -138,6 +138,9 @@ impl Service {
         self.server.poll_black_boxes(now, |token, it| {
             take(token, request::Service::BlackBox, it.as_bytes())
         });
+        self.server.poll_fixtures(now, |token, it| {
+            take(token, request::Service::Fixture, it.as_bytes())
+        });
     }
 
     /// Answers a client; one whose request came to nothing finds out by itself.
@@ -161,6 +164,11 @@ impl Service {
             request::Service::BlackBox => {
                 if let Some(reply) = answer.black_box() {
                     self.server.reply_black_box(token, reply);
+                }
+            }
+            request::Service::Fixture => {
+                if let Some(reply) = answer.state(self.state) {
+                    self.server.reply_fixture(token, reply);
                 }
             }
         }

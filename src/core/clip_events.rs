@@ -1,0 +1,131 @@
+//! When a clipped goal is an event: at its beginning, and again when more is cut off.
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::Nanos;
+
+/// Shortest time between two events.
+const FOLD_TIME: Nanos = Nanos::from_millis(1000);
+/// A distance that grew by less is no news: it is the last digit of the log.
+const GROWTH_DEG: f64 = 0.01;
+
+/// A goal that is clipped to what can be reached.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ClippedGoal {
+    /// Client whose command is followed; 0: that of a `move_jp`.
+    pub client_id: u64,
+    /// Distance from the request, where both are angles.
+    pub distance_deg: Option<f64>,
+}
+
+impl ClippedGoal {
+    /// More is cut off than in the other, as far as both are known.
+    fn is_farther(&self, other: &Option<Self>, by_deg: f64) -> bool {
+        let Some(other) = other else { return true };
+        let other_deg = other
+            .distance_deg
+            .map_or(f64::NEG_INFINITY, |deg| deg + by_deg);
+        self.distance_deg.is_some_and(|deg| deg > other_deg)
+    }
+}
+
+/// Reports clips, at most one event per second. The last event of a clip has its largest distance,
+/// at most a second after it was reached.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub(crate) struct ClipEvents {
+    is_present: bool,
+    last: Option<Nanos>,
+    /// The farthest of this clip that was reported.
+    reported: Option<ClippedGoal>,
+    /// The farthest that waits for its event.
+    pending: Option<ClippedGoal>,
+}
+
+impl ClipEvents {
+    /// Takes the clip of this tick. Returns one that is an event now. Call it once per tick.
+    pub fn update(&mut self, clip: Option<ClippedGoal>, now: Nanos) -> Option<ClippedGoal> {
+        if let Some(clip) = clip {
+            if !self.is_present {
+                self.reported = None;
+            }
+            let is_news = clip.is_farther(&self.reported, GROWTH_DEG);
+            if is_news && clip.is_farther(&self.pending, 0.0) {
+                self.pending = Some(clip);
+            }
+        }
+        self.is_present = clip.is_some();
+        let is_due = self.last.is_none_or(|last| now.since(last) >= FOLD_TIME);
+        let event = if is_due { self.pending.take() } else { None };
+        if event.is_some() {
+            (self.last, self.reported) = (Some(now), event);
+        }
+        event
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The events of a clip with these distances, one every 100 ms; NaN: no clip.
+    fn events(distances_deg: &[f64]) -> Vec<(usize, f64)> {
+        let mut clips = ClipEvents::default();
+        let update = |(index, distance): (usize, &f64)| {
+            let now = Nanos::from_millis(10_000 + 100 * index as u64);
+            let clip = (!distance.is_nan()).then_some(ClippedGoal {
+                client_id: 7,
+                distance_deg: Some(*distance),
+            });
+            let event = clips.update(clip, now)?;
+            Some((index, event.distance_deg?))
+        };
+        distances_deg
+            .iter()
+            .enumerate()
+            .filter_map(update)
+            .collect()
+    }
+
+    #[test]
+    fn the_largest_distance_follows_the_beginning() {
+        let growing: Vec<f64> = (0..25).map(|tick| f64::from(tick).min(17.0)).collect();
+        assert_eq!(events(&growing), [(0, 0.0), (10, 10.0), (20, 17.0)]);
+    }
+
+    #[test]
+    fn the_largest_distance_is_reported_after_the_end() {
+        let mut short = [f64::NAN; 30];
+        short[3..6].copy_from_slice(&[1.0, 4.0, 2.0]);
+        assert_eq!(events(&short), [(3, 1.0), (13, 4.0)]);
+    }
+
+    #[test]
+    fn a_clip_that_does_not_grow_is_one_event() {
+        assert_eq!(events(&[5.0; 40]), [(0, 5.0)]);
+        assert_eq!(events(&[5.0, 5.005].repeat(20)), [(0, 5.0)]);
+    }
+
+    #[test]
+    fn a_flapping_clip_is_one_event_per_second_with_its_largest_distance() {
+        let mut flapping = [1.0, f64::NAN].repeat(20);
+        (flapping[6], flapping[14]) = (3.0, 2.0);
+        assert_eq!(
+            events(&flapping),
+            [(0, 1.0), (10, 3.0), (20, 2.0), (30, 1.0)]
+        );
+    }
+
+    #[test]
+    fn a_clip_of_unknown_distance_is_an_event_at_its_beginning() {
+        let mut clips = ClipEvents::default();
+        let clip = ClippedGoal {
+            client_id: 0,
+            distance_deg: None,
+        };
+        let found = (0..5000).filter(|ms| {
+            let now = Nanos::from_millis(10_000 + ms);
+            clips.update((*ms < 4000).then_some(clip), now).is_some()
+        });
+        assert_eq!(found.collect::<Vec<_>>(), [0]);
+    }
+}
