@@ -210,6 +210,24 @@ fn a_fault_stays_until_it_is_acknowledged() {
 }
 
 #[test]
+fn a_drive_that_restarts_during_its_reset_does_not_keep_the_robot_in_fault() {
+    let mut bench = Bench::enabled();
+    bench.drives[0].feedback.phase = AxisPhase::Faulted;
+    bench.run(5);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+    bench.drives[0].feedback.phase = AxisPhase::Starting;
+    bench.drives[1].feedback.phase = AxisPhase::Faulted;
+    // Longer than the reset may take.
+    bench.run(1500);
+    assert_eq!(bench.state(), OperatingState::Fault);
+    bench.drives[0].feedback.phase = AxisPhase::Disabled;
+    bench.run(5);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+    bench.idle();
+    assert_eq!(bench.state(), OperatingState::Disabled);
+}
+
+#[test]
 fn an_acknowledged_fault_resets_the_drive_that_has_it_and_moves_nothing() {
     let mut bench = Bench::faulted();
     assert_eq!(

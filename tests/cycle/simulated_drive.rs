@@ -70,6 +70,18 @@ impl SimulatedDrive {
     }
 
     fn apply_request(&mut self, now: Nanos, request: &AxisRequest) {
+        self.follow_request(now, request);
+        // As a port does: an old reset must not be carried out at a later fault.
+        let phase = self.feedback.phase;
+        if !matches!(
+            phase,
+            AxisPhase::Faulted | AxisPhase::Starting | AxisPhase::Lost
+        ) {
+            self.feedback.fault_resets = request.fault_resets;
+        }
+    }
+
+    fn follow_request(&mut self, now: Nanos, request: &AxisRequest) {
         use AxisPhase as P;
         let fresh_reset = request.fault_resets != self.feedback.fault_resets;
         let fresh_homing = request.homings != self.feedback.homings;
