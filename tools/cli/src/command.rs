@@ -4,9 +4,11 @@ mod fixture;
 pub mod prepare;
 mod progress;
 mod reach;
+pub mod rejoin;
 mod stream;
 pub mod stream_monitor;
 mod teleop;
+pub mod tracking;
 mod trajectory;
 mod trajectory_player;
 

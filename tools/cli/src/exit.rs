@@ -3,7 +3,8 @@
 use i2ris_terminal::Failure;
 use i2ris_terminal::exit::{Coded, OUT_OF_REACH};
 
-use crate::command::stream_monitor::{OutOfReach, StopReason};
+use crate::command::stream_monitor::StopReason;
+use crate::command::tracking::OutOfReach;
 
 /// Gives a failure that is a [`StopReason`] or [`OutOfReach`] its exit code.
 pub fn with_code(failure: Failure) -> Failure {

@@ -9,10 +9,9 @@ use i2ris::units::Nanos;
 
 use super::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
 use super::progress::Progress;
-use super::stream_monitor::{
-    ClipMonitor, LOST_SETPOINT, LateMonitor, StopReason, StreamMonitor, TrackingSummary,
-    wait_for_rest,
-};
+use super::rejoin::{LOST_SETPOINT, wait_for_rest};
+use super::stream_monitor::{LateMonitor, StopReason, StreamMonitor};
+use super::tracking::{ClipMonitor, TrackingSummary};
 use super::trajectory::{Angles, Trajectory};
 use super::trajectory_player::TrajectoryPlayer;
 use i2ris_terminal::Failure;

@@ -1,26 +1,16 @@
-//! Checks the response of the controller to a stream of commands.
+//! Checks the response of the controller to a stream of commands. Pure.
 
-use i2ris::clock;
-use i2ris::ipc::payload::{JointState, OperatingStateMsg};
+use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
 
-use super::trajectory::Angles;
 use crate::trajectory_time::LONGEST_STEP_S;
-use i2ris_terminal::Failure;
 
 /// Time without an accepted command, and age of the state, at which the program gives up.
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
-/// Set-points that do not change for so long are at rest, and how often they are read.
-const REST: Nanos = Nanos::from_millis(100);
-const REST_POLL: Nanos = Nanos::from_millis(5);
 /// Time after which the same refusal is reported again.
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
-
-/// Printed when a stream goes on from the set-point.
-pub const LOST_SETPOINT: &str = "the controller has stopped the snake, because commands came late \
-     or none were read; the motion goes on from where it is";
 
 /// Why a stream of commands ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -207,60 +197,6 @@ impl StreamMonitor {
     }
 }
 
-/// Waits until the set-points rest, and returns them.
-pub fn wait_for_rest<T: PartialEq>(
-    mut read: impl FnMut() -> Result<T, Failure>,
-) -> Result<T, Failure> {
-    let start = clock::now();
-    let (mut setpoints, mut changed) = (read()?, start);
-    loop {
-        clock::sleep(REST_POLL);
-        let (newest, now) = (read()?, clock::now());
-        if newest != setpoints {
-            (setpoints, changed) = (newest, now);
-        }
-        // Set-points that somebody else moves are noticed by the lease.
-        if now.since(changed) > REST || now.since(start) > TIMEOUT {
-            return Ok(setpoints);
-        }
-    }
-}
-
-/// Sums up the distance of the snake from what was asked, by the model's estimate from the
-/// encoders.
-#[derive(Debug, Default)]
-pub struct TrackingSummary {
-    samples: u64,
-    squares: f64,
-    largest: f64,
-}
-
-impl TrackingSummary {
-    /// Adds one pair: asked (deg) and measured.
-    pub fn record(&mut self, asked: Angles, measured: &JointState) {
-        if measured.flags & JointState::VALID == 0 {
-            return;
-        }
-        let error = distance_deg(asked, measured);
-        self.samples += 1;
-        self.squares += error * error;
-        self.largest = self.largest.max(error);
-    }
-
-    /// One line; `None` without samples.
-    pub fn summary(&self) -> Option<String> {
-        if self.samples == 0 {
-            return None;
-        }
-        let rms = (self.squares / self.samples as f64).sqrt();
-        let largest = self.largest;
-        Some(format!(
-            "followed within {rms:.2} deg RMS, {largest:.2} deg at most, of what was asked, by the \
-             model's own estimate"
-        ))
-    }
-}
-
 /// Notices stops by late commands, which shift a trajectory in time.
 #[derive(Debug)]
 pub struct LateMonitor {
@@ -294,93 +230,6 @@ impl LateMonitor {
             )
         })
     }
-}
-
-/// Notices poses that the controller clips to what the snake can reach.
-#[derive(Debug)]
-pub struct ClipMonitor {
-    /// Goals from before belong to another client.
-    since: Nanos,
-    is_clipped: bool,
-    /// A virtual fixture limits the newest goal.
-    is_fixture: bool,
-    /// The hull or the position limits clipped some goal.
-    was_clipped: bool,
-    reported: Option<Nanos>,
-    farthest_deg: f64,
-}
-
-/// Why a stream that went to its end is no success.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error(
-    "out of reach: the snake stayed up to {farthest_deg:.1} deg away from what was asked; stay \
-     inside the calibrated hull, the position limits and the virtual fixtures, or calibrate a \
-     wider range"
-)]
-pub struct OutOfReach {
-    /// Largest distance between what was asked and the goal of the controller, deg.
-    pub farthest_deg: f64,
-}
-
-impl ClipMonitor {
-    /// Starts at `since`.
-    pub fn new(since: Nanos) -> Self {
-        Self {
-            since,
-            is_clipped: false,
-            is_fixture: false,
-            was_clipped: false,
-            reported: None,
-            farthest_deg: 0.0,
-        }
-    }
-
-    /// Checks the newest goal of the controller. Returns a line to print when clipping begins, at
-    /// most once a second.
-    pub fn check(&mut self, asked: Angles, goal: &JointState, now: Nanos) -> Option<String> {
-        let is_new = goal.stamp_ns > self.since.0;
-        self.is_fixture = is_new && goal.flags & JointState::FIXTURE != 0;
-        if !is_new || goal.flags & (JointState::CLIPPED | JointState::FIXTURE) == 0 {
-            self.is_clipped = false;
-            return None;
-        }
-        let began = !std::mem::replace(&mut self.is_clipped, true);
-        let away = distance_deg(asked, goal);
-        self.farthest_deg = self.farthest_deg.max(away);
-        let due = |last: Nanos| now.since(last) >= REPEAT_PERIOD;
-        if !began || !self.reported.is_none_or(due) {
-            return None;
-        }
-        self.reported = Some(now);
-        self.was_clipped |= !self.is_fixture;
-        let why = if self.is_fixture {
-            "a virtual fixture is in the way"
-        } else {
-            "out of reach"
-        };
-        let [pitch, yaw, _] = goal.position.map(f64::to_degrees);
-        Some(format!(
-            "{why}: pitch, yaw {:+.2} {:+.2} deg asked; the robot goes no further than \
-             about {pitch:+.2} {yaw:+.2} deg",
-            asked[0], asked[1]
-        ))
-    }
-
-    /// Whether everything that was asked was within reach.
-    pub fn outcome(&self) -> Result<(), OutOfReach> {
-        match self.reported {
-            // A fixture may only slow the snake down: what counts is the end.
-            Some(_) if self.was_clipped || self.is_fixture => Err(OutOfReach {
-                farthest_deg: self.farthest_deg,
-            }),
-            Some(_) | None => Ok(()),
-        }
-    }
-}
-
-fn distance_deg(asked: Angles, joint: &JointState) -> f64 {
-    let [pitch, yaw, _] = joint.position.map(f64::to_degrees);
-    (asked[0] - pitch).hypot(asked[1] - yaw)
 }
 
 #[cfg(test)]
@@ -569,48 +418,5 @@ mod tests {
             monitor().check(&restarted, at(1)),
             Err(StopReason::Restarted)
         );
-    }
-
-    #[test]
-    fn tracking_is_summed_up_in_degrees() {
-        let joint = |pitch: f64, flags| JointState {
-            position: [pitch.to_radians(), 0.0, 0.0],
-            flags,
-            ..JointState::default()
-        };
-        let mut tracking = TrackingSummary::default();
-        assert_eq!(tracking.summary(), None);
-        tracking.record([3.0, 0.0], &joint(0.0, JointState::VALID));
-        tracking.record([4.0, 0.0], &joint(0.0, JointState::VALID));
-        tracking.record([90.0, 0.0], &joint(0.0, 0));
-        assert!(
-            tracking
-                .summary()
-                .unwrap()
-                .contains("3.54 deg RMS, 4.00 deg at most")
-        );
-    }
-
-    #[test]
-    fn clipping_is_reported_when_it_begins_and_remembered() {
-        let goal = |milliseconds, flags| JointState {
-            stamp_ns: at(milliseconds).0,
-            position: [20_f64.to_radians(), 0.0, 0.0],
-            flags,
-            ..JointState::default()
-        };
-        let clipped = JointState::VALID | JointState::CLIPPED;
-        let mut clips = ClipMonitor::new(at(0));
-        // The goal of the client before.
-        assert_eq!(clips.check([60.0, 0.0], &goal(0, clipped), at(1)), None);
-        assert_eq!(clips.check([5.0, 0.0], &goal(2, 1), at(2)), None);
-        assert_eq!(clips.outcome(), Ok(()));
-        let line = clips.check([30.0, 0.0], &goal(3, clipped), at(3)).unwrap();
-        assert!(line.contains("+30.00 +0.00 deg asked"), "{line}");
-        assert!(line.contains("+20.00 +0.00"), "{line}");
-        assert_eq!(clips.check([63.0, 0.0], &goal(4, clipped), at(4)), None);
-        assert_eq!(clips.check([5.0, 0.0], &goal(5, 1), at(5)), None);
-        let out_of_reach = clips.outcome().unwrap_err();
-        assert!((out_of_reach.farthest_deg - 43.0).abs() < 1e-9);
     }
 }

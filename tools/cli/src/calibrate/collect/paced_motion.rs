@@ -2,14 +2,10 @@
 
 use i2ris::units::MotorVec;
 
+use crate::trajectory_time::TrajectoryTime;
+
 /// Time between two positions of a motion, s.
 pub const STEP_S: f64 = 0.01;
-
-/// Seconds in which the motion comes up to speed, and comes to rest again.
-const RAMP_S: f64 = 0.3;
-
-/// A program that was held up goes on where it was instead of jumping ahead.
-const LONGEST_STEP_S: f64 = 0.02;
 
 /// Places of the motors, counts, [`STEP_S`] apart.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,8 +71,7 @@ impl Motion {
 #[derive(Debug)]
 pub struct Playback {
     motion: Motion,
-    at_s: f64,
-    rate: f64,
+    time: TrajectoryTime,
     /// Leads back to the motion, from a position beside it.
     approach: Option<Box<Playback>>,
 }
@@ -86,16 +81,18 @@ impl Playback {
     pub fn new(motion: Motion) -> Self {
         Self {
             motion,
-            at_s: 0.0,
-            rate: 0.0,
+            time: TrajectoryTime {
+                time_s: 0.0,
+                rate: 0.0,
+            },
             approach: None,
         }
     }
 
     /// Goes on from rest at another position: back to where the motion was, then along it.
     pub fn rejoin(&mut self, from: MotorVec, speed_counts_s: f64) {
-        self.rate = 0.0;
-        let to = self.motion.position(self.at_s);
+        self.time.rate = 0.0;
+        let to = self.motion.position(self.time.time_s);
         let approach = Motion::paced([from, to], speed_counts_s);
         self.approach = Some(Box::new(Self::new(approach)));
     }
@@ -109,34 +106,27 @@ impl Playback {
             }
             return position;
         }
-        let step_s = step_s.clamp(0.0, LONGEST_STEP_S);
-        let ramp = if stop {
-            -step_s / RAMP_S
-        } else {
-            step_s / RAMP_S
-        };
-        self.rate = (self.rate + ramp).clamp(0.0, 1.0);
-        self.at_s += self.rate * step_s;
-        self.motion.position(self.at_s)
+        self.time.advance(step_s, stop);
+        self.motion.position(self.time.time_s)
     }
 
     /// Nothing moves any more: the motion is over, or was stopped.
     pub fn is_finished(&self, stop: bool) -> bool {
         let is_at_rest = match &self.approach {
-            Some(approach) => approach.rate == 0.0,
-            None => self.rate == 0.0,
+            Some(approach) => approach.time.rate == 0.0,
+            None => self.time.rate == 0.0,
         };
         self.left_s() <= 0.0 || (stop && is_at_rest)
     }
 
     /// Time left, s.
     pub fn left_s(&self) -> f64 {
-        (self.motion.length_s() - self.at_s).max(0.0)
+        (self.motion.length_s() - self.time.time_s).max(0.0)
     }
 
     /// Time gone by along the motion, s.
     pub fn elapsed_s(&self) -> f64 {
-        self.at_s
+        self.time.time_s
     }
 }
 

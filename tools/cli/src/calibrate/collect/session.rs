@@ -12,7 +12,8 @@ use indicatif::ProgressBar;
 
 use super::paced_motion::{Motion, Playback};
 use super::recorder::Recorder;
-use crate::command::stream_monitor::{LOST_SETPOINT, StreamMonitor, enabled, wait_for_rest};
+use crate::command::rejoin::{LOST_SETPOINT, wait_for_rest};
+use crate::command::stream_monitor::{StreamMonitor, enabled};
 use i2ris_terminal::Failure;
 use i2ris_terminal::Interrupt;
 
