@@ -260,3 +260,45 @@ fn require_ready(context: &AdmissionContext) -> Result<(), Refusal> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Counts;
+
+    const NOW: Nanos = Nanos::from_millis(5000);
+
+    fn command(client_id: u64, sequence: u64) -> ServoCommand {
+        ServoCommand {
+            client_id,
+            sequence,
+            stamp: NOW,
+            deadline: Nanos::ZERO,
+            goal: ServoGoal::Actuator([Counts(0); MAX_MOTORS], 2),
+            clutched: false,
+            has_unknown_flags: false,
+        }
+    }
+
+    #[test]
+    fn an_accepted_request_ends_the_folding_of_refused_ones() {
+        let mut admission = CommandAdmission::new(&CommandConfig::default());
+        assert!(admission.refuse_request(7, Refusal::Busy, NOW));
+        assert!(!admission.refuse_request(7, Refusal::Busy, NOW));
+        admission.accept_request(8);
+        assert!(!admission.refuse_request(7, Refusal::Busy, NOW));
+        admission.accept_request(7);
+        assert!(admission.refuse_request(7, Refusal::Busy, NOW));
+        assert_eq!(admission.last_refusal(), Refusal::Busy);
+    }
+
+    #[test]
+    fn an_old_sequence_number_is_named_with_the_last_accepted_one() {
+        let mut admission = CommandAdmission::new(&CommandConfig::default());
+        let first = admission.sequence_excess(&command(7, 4)).unwrap();
+        assert_eq!(first, Excess::new(Quantity::Sequence, 4.0, None));
+        admission.accept(&command(7, 9), NOW, &mut EventList::new(NOW));
+        let old = admission.sequence_excess(&command(7, 4)).unwrap();
+        assert_eq!(old, Excess::new(Quantity::Sequence, 4.0, Some(9.0)));
+    }
+}

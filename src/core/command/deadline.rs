@@ -70,6 +70,7 @@ impl DeadlineCheck {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::Quantity;
 
     #[test]
     fn stamps_and_deadlines_have_bounds() {
@@ -91,6 +92,29 @@ mod tests {
                 check.check(stamp, requested, now),
                 expected,
                 "{stamp:?} {requested:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_excess_names_what_breaks_which_bound() {
+        let ms = Nanos::from_millis;
+        let (check, now) = (DeadlineCheck::new(ms(50)), ms(5000));
+        for (stamp, requested, measured, limit) in [
+            (now + ms(3), ms(2000), 3.0, 2.0),
+            (now + ms(2), Nanos::ZERO, 0.0, 50.0),
+            (now - ms(60), ms(1200), 1200.0, 1000.0),
+            (now - ms(1500), ms(1000), 1500.0, 1000.0),
+            (now - ms(60), Nanos::ZERO, 60.0, 50.0),
+            (now - ms(60), ms(40), 60.0, 40.0),
+        ] {
+            let excess = check.excess(stamp, requested, now);
+            assert_eq!(excess.quantity, Quantity::Milliseconds);
+            let found = [excess.measured, excess.limit.unwrap()];
+            let is_near = |(a, b): (&f64, f64)| (a - b).abs() < 1e-9;
+            assert!(
+                found.iter().zip([measured, limit]).all(is_near),
+                "{found:?} instead of {measured} of {limit} ms"
             );
         }
     }

@@ -156,4 +156,15 @@ mod tests {
             "an old entry is free"
         );
     }
+
+    #[test]
+    fn the_second_of_a_client_without_identity_begins_with_its_first_refusal() {
+        let mut record = RefusalRecord::default();
+        let reasons = [Refusal::Malformed, Refusal::NotFinite];
+        let events = (600..1500).filter(|tick| {
+            let now = Nanos::from_millis(*tick as u64);
+            record.record(0, reasons[tick % 2], now)
+        });
+        assert_eq!(events.count(), usize::from(MAX_EVENTS));
+    }
 }

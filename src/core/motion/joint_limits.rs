@@ -141,4 +141,34 @@ mod tests {
         assert!(JointLimits::new(&config, TICK, false).is_off());
         assert!(JointLimits::new(&JointLimitConfig::default(), TICK, true).is_off());
     }
+
+    #[test]
+    fn a_restart_is_at_rest_where_it_starts() {
+        let config = JointLimitConfig {
+            velocity_deg_s: Some(20.0),
+            acceleration_deg_s2: Some(400.0),
+            jerk_deg_s3: Some(40_000.0),
+            ..JointLimitConfig::default()
+        };
+        let mut joint_limits = JointLimits::new(&config, TICK, true);
+        let start = [0.3, -0.2, 0.0];
+        joint_limits.restart(&start);
+        assert_eq!(joint_limits.limit(&start, &start), start);
+    }
+
+    #[test]
+    fn lowest_and_highest_angles_are_as_configured() {
+        let config = JointLimitConfig {
+            position_min_deg: Some(vec![-4.0, -30.0]),
+            position_max_deg: Some(vec![6.0, 20.0]),
+            ..JointLimitConfig::default()
+        };
+        let of = |output| {
+            let limits = limits(&config, output);
+            [limits.lowest, limits.highest]
+        };
+        assert_eq!(of(0), [-4.0, 6.0].map(f64::to_radians));
+        assert_eq!(of(1), [-30.0, 20.0].map(f64::to_radians));
+        assert_eq!(of(2), [-NO_LIMIT, NO_LIMIT]);
+    }
 }
