@@ -22,6 +22,25 @@ fn expect_fault(bench: &mut Bench, expected: Fault) {
 }
 
 #[test]
+fn disable_in_fault_is_an_event_once() {
+    let mut bench = Bench::faulted();
+    let is_disable = |event: &&CycleEventKind| {
+        matches!(
+            event,
+            CycleEventKind::State {
+                command: Some(StateCommand::Disable),
+                ..
+            }
+        )
+    };
+    for _ in 0..3 {
+        assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+        bench.run(100);
+        assert_eq!(bench.events.iter().filter(is_disable).count(), 1);
+    }
+}
+
+#[test]
 fn a_drive_that_reports_an_error_is_a_fault_in_every_state() {
     for build in [
         Bench::standard,

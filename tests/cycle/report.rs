@@ -38,7 +38,9 @@ fn before_every_drive_has_reported_there_is_no_estimate() {
         ..CycleInputs::default()
     };
     inputs.feedback[1] = AxisFeedback::default();
-    assert_eq!(cycle.step(Nanos(100), &inputs).report.joint, None);
+    let first = cycle.step(Nanos(100), &inputs).report;
+    assert_eq!(first.joint, None);
+    assert_eq!(first.since, Nanos(100), "DISABLED since the first tick");
     inputs.feedback[1] = inputs.feedback[0];
     assert!(cycle.step(Nanos(200), &inputs).report.joint.is_some());
 }

@@ -180,7 +180,9 @@ fn a_stop_that_takes_too_long_ends_with_the_power_off() {
         bench.run(400);
     }
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
-    bench.run(1100);
+    bench.run(900);
+    assert_eq!(bench.phases(), [AxisPhase::Enabled; 2], "it still moves");
+    bench.run(200);
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
 }
 

@@ -213,6 +213,34 @@ fn a_stop_from_full_speed_takes_two_ticks_at_the_default_limits() {
 }
 
 #[test]
+fn a_target_that_is_no_number_stops() {
+    let moving = || {
+        let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
+        act_for(&mut limiter, Action::Track(MotorTarget::fixed(1000.0)), 100);
+        assert!(!limiter.is_at_rest());
+        limiter
+    };
+    let mut stopped = moving();
+    act_for(&mut stopped, Action::Stop, 10);
+    assert!(stopped.is_at_rest());
+    for (position, increment) in [
+        (f64::NAN, 0.0),
+        (500.0, f64::NAN),
+        (500.0, f64::INFINITY),
+        (500.0, f64::NEG_INFINITY),
+    ] {
+        let mut limiter = moving();
+        let target = MotorTarget {
+            position,
+            increment,
+        };
+        act_for(&mut limiter, Action::Track(target), 10);
+        assert_eq!(limiter.position(), stopped.position(), "{target:?}");
+        assert!(limiter.is_at_rest());
+    }
+}
+
+#[test]
 fn no_distance_is_no_motion() {
     let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
     limiter.restart(123.25);
