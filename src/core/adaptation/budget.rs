@@ -30,7 +30,8 @@ impl BudgetUse {
         settings: &Settings,
     ) -> Self {
         let values = drift.to_array();
-        let share = |index: usize| values[index].abs() / limit(settings, index, values[index]);
+        let share =
+            |index: usize| values[index].abs() / limit(settings, geometry, index, values[index]);
         let parameters = std::array::from_fn(share);
         let total = largest_shift(drift, geometry, gap_reach) / settings.total_budget;
         Self { parameters, total }
@@ -52,7 +53,7 @@ pub(super) fn inside(
 ) -> Drift {
     let values = drift.to_array();
     let clamped: [f64; PARAMETERS] = std::array::from_fn(|index| {
-        let limit = limit(settings, index, values[index]);
+        let limit = limit(settings, geometry, index, values[index]);
         values[index].max(-limit).min(limit)
     });
     let clamped = Drift::from_array(clamped);
@@ -62,14 +63,18 @@ pub(super) fn inside(
     }
     let factor = settings.total_budget / shift;
     let mut scaled = clamped.to_array().map(|value| factor * value);
-    // The latency moves nothing.
+    // The latency moves nothing, and a slow error that is not corrected neither.
     scaled[8] = clamped.latency_s;
+    if geometry.corrected_direction() == [0.0; 2] {
+        scaled[9] = clamped.slow;
+    }
     Drift::from_array(scaled)
 }
 
 /// The largest value of a parameter, by its sign.
-fn limit(settings: &Settings, index: usize, value: f64) -> f64 {
+fn limit(settings: &Settings, geometry: &ModelGeometry, index: usize, value: f64) -> f64 {
     match index {
+        9 if geometry.corrected_direction() == [0.0; 2] => f64::INFINITY,
         0 | 1 | 9 => settings.zero_budget,
         2..=5 => settings.gain_budget,
         6 | 7 if value < 0.0 => SHRINK * settings.gap_budget,
@@ -80,7 +85,7 @@ fn limit(settings: &Settings, index: usize, value: f64) -> f64 {
 
 /// How far the drift moves the tip at the corner of the hull where it does most, rad.
 fn largest_shift(drift: &Drift, geometry: &ModelGeometry, gap_reach: Pair) -> f64 {
-    let direction = geometry.slow.map_or([0.0; 2], |slow| slow.direction);
+    let direction = geometry.corrected_direction();
     let zero = add(drift.zero, direction.map(|part| part * drift.slow));
     let corners = geometry.corners.iter();
     let shift = corners

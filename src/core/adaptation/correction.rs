@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::Pair;
 use super::budget::BudgetUse;
 use super::drift::Drift;
-use super::geometry::{ModelGeometry, inverse, pair, product};
+use super::geometry::{ModelGeometry, add, inverse, pair, product, subtract};
 use super::settings::{Settings, length};
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
@@ -120,12 +120,15 @@ impl MovingCorrection {
     ) {
         let target = rows(drift, geometry);
         let slew = settings.slew * settings.tick_s;
-        let mut steps = [MotorStep::default(); MAX_MOTORS];
-        let mut tip = Pair::default();
-        for (motor, step) in steps.iter_mut().enumerate() {
+        let mut steps: [MotorStep; MAX_MOTORS] = std::array::from_fn(|motor| {
             let motion = goal_motion[motor];
             let limit = SHARE * motion.abs();
-            *step = self.rows[motor].step(&target[motor], pose, motion, limit, settings.tick_s);
+            self.rows[motor].step(&target[motor], pose, motion, limit, settings.tick_s)
+        });
+        let shares = shares_towards(&steps, &geometry.slope);
+        let mut tip = Pair::default();
+        for (motor, step) in steps.iter_mut().enumerate() {
+            step.scale(shares[motor]);
             for (tip, row) in tip.iter_mut().zip(&geometry.slope) {
                 *tip += row[motor] * step.shift;
             }
@@ -177,12 +180,60 @@ impl MovingCorrection {
     }
 }
 
+/// The shares, 0 to 1, of the steps of both motors that bring the tip nearest to where all of the
+/// correction would bring it. One motor alone, because the other one has to wait, may lead the tip
+/// away: where the wires of both axes are coupled, as in a wrist.
+fn shares_towards(steps: &[MotorStep; MAX_MOTORS], slope: &[Pair; 2]) -> Pair {
+    let [first, second] = [0, 1]
+        .map(|motor: usize| [0, 1].map(|output: usize| slope[output][motor] * steps[motor].shift));
+    let wanted = [0, 1].map(|output: usize| {
+        let row = &slope[output];
+        row[0] * steps[0].missing + row[1] * steps[1].missing
+    });
+    let dot = |a: Pair, b: Pair| a[0] * b[0] + a[1] * b[1];
+    // The nearest point on a step, with the other share given.
+    let best = |step: Pair, other: Pair| {
+        let square = dot(step, step);
+        let share = dot(step, subtract(wanted, other)) / square;
+        if square > 0.0 {
+            share.clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    };
+    let scaled = |step: Pair, share: f64| step.map(|part| share * part);
+    let candidates = [0.0, 1.0].into_iter().flat_map(|share| {
+        [
+            [share, best(second, scaled(first, share))],
+            [best(first, scaled(second, share)), share],
+        ]
+    });
+    let distance = |[a, b]: &Pair| {
+        let moved = add(scaled(first, *a), scaled(second, *b));
+        let left = subtract(wanted, moved);
+        dot(left, left)
+    };
+    candidates
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        .unwrap_or_default()
+}
+
 /// A step of the correction of a motor.
 #[derive(Debug, Clone, Copy, Default)]
 struct MotorStep {
     row: MotorRow,
     /// How far it moves the motor at the present pose, counts.
     shift: f64,
+    /// How far all of the correction would move it, counts.
+    missing: f64,
+}
+
+impl MotorStep {
+    fn scale(&mut self, share: f64) {
+        self.row.zero *= share;
+        self.row.gain = self.row.gain.map(|gain| share * gain);
+        self.shift *= share;
+    }
 }
 
 impl MotorRow {
@@ -196,7 +247,10 @@ impl MotorRow {
         // The inverse takes the correction away from the goal.
         let shift = -(row.zero + row.gain[0] * pose[0] + row.gain[1] * pose[1]);
         if motion == 0.0 || shift * motion < 0.0 {
-            return MotorStep::default();
+            return MotorStep {
+                missing: shift,
+                ..MotorStep::default()
+            };
         }
         let mut share = NEARER_PER_S * tick_s;
         if share * shift.abs() > limit {
@@ -208,6 +262,7 @@ impl MotorRow {
                 gain: row.gain.map(|gain| share * gain),
             },
             shift: share * shift,
+            missing: shift,
         }
     }
 
@@ -219,7 +274,7 @@ impl MotorRow {
 }
 
 fn rows(drift: &Drift, geometry: &ModelGeometry) -> [MotorRow; MAX_MOTORS] {
-    let direction = geometry.slow.map_or([0.0; 2], |slow| slow.direction);
+    let direction = geometry.corrected_direction();
     let zero = [
         drift.zero[0] + direction[0] * drift.slow,
         drift.zero[1] + direction[1] * drift.slow,
@@ -231,4 +286,36 @@ fn rows(drift: &Drift, geometry: &ModelGeometry) -> [MotorRow; MAX_MOTORS] {
         zero: zero[motor],
         gain: [first[motor], second[motor]],
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn step(shift: f64, missing: f64) -> MotorStep {
+        MotorStep {
+            shift,
+            missing,
+            ..MotorStep::default()
+        }
+    }
+
+    #[test]
+    fn a_motor_that_would_lead_the_tip_away_waits_for_the_other() {
+        let apart = [[1.0, 0.0], [0.0, 1.0]];
+        let shares = shares_towards(&[step(0.0, -1.0), step(0.01, 0.9)], &apart);
+        assert_eq!(shares[1], 1.0);
+        // Both wires bend the tip nearly alike.
+        let coupled = [[1.0, 1.0], [0.0, 0.2]];
+        let shares = shares_towards(&[step(0.0, -1.0), step(0.01, 0.9)], &coupled);
+        assert_eq!(shares[1], 0.0);
+        let shares = shares_towards(&[step(-0.01, -1.0), step(0.01, 0.9)], &coupled);
+        assert_eq!(shares, [1.0, 0.0]);
+        // Where the tip is led past, part of a step is the best.
+        let shares = shares_towards(&[step(-0.01, -1.0), step(0.5, 0.99)], &coupled);
+        assert!(
+            shares[0] == 1.0 && shares[1] > 0.0 && shares[1] < 1.0,
+            "{shares:?}"
+        );
+    }
 }

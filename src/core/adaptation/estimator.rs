@@ -4,9 +4,10 @@
 //! camera = g + zero + gain g + sum_m gap_slope_m (gap_m - gap in use) + slow d - latency rate
 //! ```
 //!
-//! `g` is the gapped pose at the time of the frame. The outputs of a frame are taken one after the
-//! other, so nothing is inverted. A parameter without excitation is considered but not updated: its
-//! uncertainty counts, its value stays.
+//! `g` is the gapped pose at the time of the frame. Two numbers of a frame are taken one after the
+//! other, so nothing is inverted: the outputs, or, for a model whose slow error is known, the error
+//! along the direction of that error and the one across it. A parameter without excitation is
+//! considered but not updated: its uncertainty counts, its value stays.
 
 use serde::{Deserialize, Serialize};
 
@@ -131,40 +132,33 @@ impl Estimator {
         settings: &Settings,
         is_learning: bool,
     ) -> Innovation {
-        let rows = [0, 1].map(|output| row(output, regressors, geometry));
+        let seen = [0, 1].map(|output| Measurement::new(output, frame, regressors, geometry));
         let value = [0, 1].map(|output| {
             if output < geometry.outputs {
-                frame[output] - self.expected(output, &rows[output], regressors)
+                seen[output].error(&self.drift)
             } else {
                 0.0
             }
         });
-        let is_accepted = (0..geometry.outputs).all(|output| {
-            let model = geometry.deviation[output].min(WIDEST_MODEL_GATE);
-            let spread = self.spread(&rows[output]) + noise(model, output, regressors, settings);
-            value[output] * value[output] <= GATE * GATE * spread
+        let taken = axes(geometry).map(|axis| (Measurement::along(axis, &seen), axis));
+        let is_accepted = (0..geometry.outputs).all(|index| {
+            let (along, axis) = &taken[index];
+            let model = deviation(index, geometry).min(WIDEST_MODEL_GATE);
+            let spread = self.spread(&along.row) + noise(model, *axis, regressors, settings);
+            let value = along.error(&self.drift);
+            value * value <= GATE * GATE * spread
         });
         if is_accepted && is_learning {
-            for output in 0..geometry.outputs {
-                let model = geometry.deviation[output] * FRAMES_PER_ERROR.sqrt();
-                let noise = noise(model, output, regressors, settings);
-                let error = frame[output] - self.expected(output, &rows[output], regressors);
-                self.take(error, &rows[output], noise, excited);
+            for (index, (along, axis)) in taken.iter().enumerate().take(geometry.outputs) {
+                // Along the slow error, what is the same for many frames has a state of its own.
+                let is_slow = geometry.slow.is_some() && index == 0;
+                let frames = if is_slow { 1.0 } else { FRAMES_PER_ERROR };
+                let model = deviation(index, geometry) * frames.sqrt();
+                let noise = noise(model, *axis, regressors, settings);
+                self.take(along.error(&self.drift), &along.row, noise, excited);
             }
         }
         Innovation { value, is_accepted }
-    }
-
-    /// The camera's value of an output. The gaps in use are in the gapped pose already.
-    fn expected(&self, output: usize, row: &Row, regressors: &Regressors) -> f64 {
-        let moment = &regressors.moment;
-        let known: f64 = (0..2)
-            .map(|motor| moment.gap_slopes[motor][output] * moment.gap[motor])
-            .sum();
-        // The latency was taken off the stamp already.
-        let known = known + row[LATENCY] * regressors.latency_s;
-        let drift: f64 = row.iter().zip(&self.drift).map(|(h, x)| h * x).sum();
-        moment.gapped[output] + drift - known
     }
 
     fn spread(&self, row: &Row) -> f64 {
@@ -233,9 +227,64 @@ fn first_variance(index: usize, slow: Option<&SlowError>) -> f64 {
     deviation * deviation
 }
 
-/// Variance of the camera's value of an output beside the drift.
-fn noise(model: f64, output: usize, regressors: &Regressors, settings: &Settings) -> f64 {
-    let stamp = STAMP_S * regressors.rate[output];
+/// A number of a frame, and its derivative by the parameters.
+#[derive(Debug, Clone, Copy)]
+struct Measurement {
+    /// The camera's value without what is expected of a robot that has not drifted.
+    value: f64,
+    row: Row,
+}
+
+impl Measurement {
+    /// An output. The gaps in use are in the gapped pose already, and the latency was taken off the
+    /// stamp.
+    fn new(output: usize, frame: Pair, regressors: &Regressors, geometry: &ModelGeometry) -> Self {
+        let moment = &regressors.moment;
+        let row = row(output, regressors, geometry);
+        let known: f64 = (0..2)
+            .map(|motor| moment.gap_slopes[motor][output] * moment.gap[motor])
+            .sum();
+        let known = known + row[LATENCY] * regressors.latency_s;
+        Self {
+            value: frame[output] - moment.gapped[output] + known,
+            row,
+        }
+    }
+
+    /// Both outputs along a direction.
+    fn along([x, y]: Pair, [first, second]: &[Self; 2]) -> Self {
+        Self {
+            value: x * first.value + y * second.value,
+            row: std::array::from_fn(|index| x * first.row[index] + y * second.row[index]),
+        }
+    }
+
+    /// What the drift does not explain.
+    fn error(&self, drift: &Row) -> f64 {
+        let expected: f64 = self.row.iter().zip(drift).map(|(h, x)| h * x).sum();
+        self.value - expected
+    }
+}
+
+/// The directions in which a frame is taken: along and across the slow error, or the outputs.
+fn axes(geometry: &ModelGeometry) -> [Pair; 2] {
+    geometry.slow.map_or([[1.0, 0.0], [0.0, 1.0]], |slow| {
+        let [x, y] = slow.direction;
+        [[x, y], [-y, x]]
+    })
+}
+
+/// What the model leaves along a direction of [`axes`] beside the slow error, rad.
+fn deviation(index: usize, geometry: &ModelGeometry) -> f64 {
+    match &geometry.slow {
+        Some(slow) if index == 0 => slow.fast,
+        _ => geometry.deviation[index],
+    }
+}
+
+/// Variance of the camera's value along a direction beside the drift.
+fn noise(model: f64, [x, y]: Pair, regressors: &Regressors, settings: &Settings) -> f64 {
+    let stamp = STAMP_S * (x * regressors.rate[0] + y * regressors.rate[1]);
     settings.camera * settings.camera + model * model + stamp * stamp
 }
 

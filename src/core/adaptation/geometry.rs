@@ -35,7 +35,13 @@ pub(in crate::core) struct SlowError {
     /// rad.
     pub deviation: f64,
     pub time_constant_s: f64,
+    /// Deviation of what changes from frame to frame along the direction, rad.
+    pub fast: f64,
 }
+
+/// A slow error that is the same for less than this is estimated, but not corrected: a correction
+/// that moves only with the goal would come too late and make it worse.
+const LEAST_CORRECTED_S: f64 = 10.0;
 
 impl ModelGeometry {
     /// `None` for a model that is not adapted: its outputs are no angles, or not as many as motors.
@@ -72,6 +78,14 @@ impl ModelGeometry {
                     | FamilyParameters::GmrStop { .. }
             ),
         })
+    }
+
+    /// The direction of the slow error; 0 if that is not corrected.
+    pub fn corrected_direction(&self) -> Pair {
+        let corrected = self
+            .slow
+            .filter(|slow| slow.time_constant_s >= LEAST_CORRECTED_S);
+        corrected.map_or([0.0; 2], |slow| slow.direction)
     }
 
     /// The motion of the motors that moves the outputs by this, counts.
@@ -146,6 +160,7 @@ fn slow_error(model: &Model) -> Option<SlowError> {
         direction: slow.direction,
         deviation: slow.deviation.to_radians(),
         time_constant_s: slow.time_constant_s,
+        fast: slow.fast.unwrap_or(slow.rest).to_radians(),
     })
 }
 

@@ -57,17 +57,17 @@ fn check_slow_error(file: &ModelFile) -> Result<(), ModelError> {
     let key = |name: &str| format!("slow_error.{name}");
     let outputs = file.outputs.len();
     require(
-        outputs == 2,
+        (1..=2).contains(&outputs),
         || "slow_error".to_owned(),
         format!("{outputs} outputs"),
-        "only a model of two outputs has one",
+        "only a model of one or two outputs has one",
     )?;
     let [x, y] = slow.direction;
     require(
-        (x.hypot(y) - 1.0).abs() < 1e-6,
+        (x.hypot(y) - 1.0).abs() < 1e-6 && (outputs == 2 || y == 0.0),
         || key("direction"),
         format!("{:?}", slow.direction),
-        "must have length 1",
+        "must have length 1, and no part beyond the outputs",
     )?;
     let positive = [
         ("deviation", slow.deviation),
@@ -82,12 +82,12 @@ fn check_slow_error(file: &ModelFile) -> Result<(), ModelError> {
             "must be above 0 and below 1000000",
         )?;
     }
-    require(
-        (0.0..LARGEST_SLOW).contains(&slow.rest),
-        || key("rest"),
-        slow.rest,
-        "must be 0 to 1000000",
-    )
+    for (name, value) in [("rest", Some(slow.rest)), ("fast", slow.fast)] {
+        let value = value.unwrap_or_default();
+        let is_valid = (0.0..LARGEST_SLOW).contains(&value);
+        require(is_valid, || key(name), value, "must be 0 to 1000000")?;
+    }
+    Ok(())
 }
 
 fn check_outputs(file: &ModelFile) -> Result<(), ModelError> {

@@ -45,7 +45,7 @@ pub struct ModelFile {
     pub worthless: Option<String>,
 }
 
-/// The slow part of the error of a model: one number along one direction of two outputs.
+/// The slow part of the error of a model: one number along one direction of one or two outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SlowErrorParameters {
@@ -57,6 +57,10 @@ pub struct SlowErrorParameters {
     pub time_constant_s: f64,
     /// Standard deviation of the error across the direction, in the unit of the outputs.
     pub rest: f64,
+    /// Standard deviation of what changes from row to row along the direction, in the unit of the
+    /// outputs. Where it is absent, it is taken to be `rest`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fast: Option<f64>,
 }
 
 /// One output of a model.

@@ -3,12 +3,15 @@
 //!
 //! A row is a frame. The encoders follow the recorded counts; what the controller expects before it
 //! has received the frame of a row is compared with the frame. Two poses are compared: the one that
-//! is applied, which moves with the goal and no faster than its limit, and the estimate.
+//! is applied, which moves with the goal and no faster than its limit, and the estimate. Of the
+//! wrist, which is wrong by more than the default budget of a snake, the same is shown with a larger
+//! one. Rows without a time are given one.
 //!
 //! `cargo run --release -p i2ris-calibration --example camera_replay`
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -32,6 +35,13 @@ const RATE_HZ: u32 = 200;
 /// the adaptation does not reach back further.
 const ROW_S: f64 = 0.1;
 const ROW_BOUNDS_S: [f64; 2] = [0.1, 0.6];
+
+/// A row was measured at rest, so long before the next motion begins.
+const REST: Nanos = Nanos::from_millis(25);
+
+/// Budgets of zero and total, deg, and speed of the correction, deg/s, for an instrument whose error
+/// is larger than that of the snake.
+const WIDE: [f64; 3] = [10.0, 20.0, 10.0];
 
 /// The motors arrive after this share of a row. The frame of the row before comes then.
 const MOTION_SHARE: f64 = 0.5;
@@ -67,6 +77,17 @@ fn read(name: &str) -> Option<Recording> {
         println!("skipped: {} is absent", path.display());
         return None;
     }
+    let text = fs::read_to_string(&path).unwrap();
+    if text.starts_with("t_s,") {
+        return Some(Recording::read(&path, &ColumnMap::default()).unwrap().0);
+    }
+    let timed = text.lines().enumerate().map(|(line, text)| match line {
+        0 => format!("t_s,{text}\n"),
+        _ => format!("{:.3},{text}\n", ROW_S * line as f64),
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("timed.csv");
+    fs::write(&path, timed.collect::<String>()).unwrap();
     Some(Recording::read(&path, &ColumnMap::default()).unwrap().0)
 }
 
@@ -77,11 +98,11 @@ fn replay(family: Family, training: &Recording, tested: &Recording, from: usize)
         ..FitOptions::default()
     };
     let model = fit(training, &options, &Silent).unwrap().model;
-    println!("  {family}");
+    println!("  {family}, slow error {:.3?}", model.file().slow_error);
     let is_other_recording = from == 0;
     let mut zero = [0.0; 3];
-    for is_adapted in [false, true] {
-        let mut robot = Robot::new(&model, is_adapted);
+    for adaptation in [None, Some(None), Some(Some(WIDE))] {
+        let mut robot = Robot::new(&model, adaptation);
         if is_other_recording {
             robot.follow_by_hand(training);
         }
@@ -94,7 +115,7 @@ fn replay(family: Family, training: &Recording, tested: &Recording, from: usize)
                 _ => ROW_S,
             };
             let [least, most] = ROW_BOUNDS_S;
-            let frame = before.map(|(_, outputs)| outputs);
+            let frame = before.filter(|_| index > from).map(|(_, outputs)| outputs);
             let seen: OutputVec = std::array::from_fn(|i| row.outputs[i] - zero[i]);
             robot.go(row.counts, seen, interval_s.clamp(least, most), frame);
             before = Some((row.time_s.unwrap_or_default(), seen));
@@ -106,7 +127,7 @@ fn replay(family: Family, training: &Recording, tested: &Recording, from: usize)
                 errors.push([0, 1].map(|i: usize| seen[i] - pose[i].to_degrees()));
             }
         }
-        if is_other_recording && !is_adapted {
+        if is_other_recording && adaptation.is_none() {
             // The angles count from the first row of their own recording: the mean is taken off.
             let rows = &errors[0];
             for (output, zero) in zero.iter_mut().enumerate().take(model.outputs()) {
@@ -118,6 +139,8 @@ fn replay(family: Family, training: &Recording, tested: &Recording, from: usize)
         }
         let [applied, expected] = &errors;
         if let Some(report) = robot.adaptation() {
+            let budget = adaptation.flatten().map_or("the default", |_| "a wide");
+            println!("    with {budget} budget");
             println!("    applied       {}", shown(applied, model.outputs()));
             println!("    estimate      {}", shown(expected, model.outputs()));
             println!("    estimate {:.3?}", report.estimate);
@@ -168,14 +191,20 @@ struct Robot {
     goal: OutputVec,
     outputs: u32,
     unit: f64,
-    /// When the motors were at the last row.
+    /// When the motors were at rest at the last row.
     row_stamp: Nanos,
 }
 
 impl Robot {
-    fn new(model: &Arc<Model>, is_adapted: bool) -> Self {
+    /// `adaptation`: with which budgets, if not those of the configuration.
+    fn new(model: &Arc<Model>, adaptation: Option<Option<[f64; 3]>>) -> Self {
         let mut config = without_limits(&config(model));
-        config.adaptation.enabled = is_adapted;
+        config.adaptation.enabled = adaptation.is_some();
+        if let Some([zero, total, slew]) = adaptation.flatten() {
+            config.adaptation.zero_budget_deg = zero;
+            config.adaptation.total_budget_deg = total;
+            config.adaptation.slew_deg_s = slew;
+        }
         // What a recording shows against its model is judged here; it is no fault.
         config.plausibility.distance_deg = 0.0;
         let control = SimulatedLoop::new(&config, model);
@@ -244,7 +273,7 @@ impl Robot {
             let (state, fault) = (report.state, report.fault);
             assert_eq!(state, OperatingState::Enabled, "{fault}");
         }
-        self.row_stamp = self.control.now();
+        self.row_stamp = self.control.now() - REST;
     }
 
     fn tick(&mut self, inputs: SimulatedInputs) {

@@ -21,13 +21,13 @@ const LARGEST_LAG: usize = 200;
 const LEAST_LENGTH: usize = 100;
 
 /// The slow part of the error on these rows; `None` if there is none, or the recording has no time
-/// stamps or not two outputs.
+/// stamps or more than two outputs.
 pub(super) fn slow_error(
     model: &Model,
     recording: &Recording,
     rows: &[usize],
 ) -> Option<SlowErrorParameters> {
-    if recording.outputs().len() != 2 || rows.len() < LEAST_LENGTH {
+    if recording.outputs().len() > 2 || rows.len() < LEAST_LENGTH {
         return None;
     }
     let predicted = predictions(model, recording);
@@ -55,7 +55,23 @@ pub(super) fn slow_error(
         deviation: along.sqrt(),
         time_constant_s: time_rows * interval_s,
         rest: across.sqrt(),
+        fast: Some(fast_part(&series).sqrt()),
     })
+}
+
+/// The variance of what changes from row to row: the autocovariance of the rest falls
+/// exponentially, so that those at a lag of one and of two rows show what it is at lag 0.
+fn fast_part(series: &[f64]) -> f64 {
+    let covariance = |lag: usize| {
+        let pairs = series.iter().zip(series.get(lag..).unwrap_or_default());
+        pairs.map(|(a, b)| a * b).sum::<f64>() / series.len() as f64
+    };
+    let [all, one, two] = [0, 1, 2].map(covariance);
+    if two > 0.0 {
+        (all - one * one / two).max(0.0)
+    } else {
+        all
+    }
 }
 
 /// The direction of the largest variance around 0, and the variances along and across it.
@@ -134,5 +150,16 @@ mod tests {
         let series: Vec<f64> = errors([1.0, 0.0]).iter().map(|error| error[0]).collect();
         let time = correlation_time(&series).unwrap();
         assert!((16.0..25.0).contains(&time), "{time}");
+    }
+
+    #[test]
+    fn what_changes_from_row_to_row_is_told_from_what_stays() {
+        let all = errors([1.0, 0.0]);
+        let slow: Vec<f64> = all.iter().map(|error| error[0]).collect();
+        // Uniform between -0.5 and 0.5: a variance of 1/12.
+        assert!(fast_part(&slow) < 0.02, "{}", fast_part(&slow));
+        let both: Vec<f64> = all.iter().map(|error| error[0] + error[1] / 0.3).collect();
+        let found = 12.0 * fast_part(&both);
+        assert!((0.7..1.3).contains(&found), "{found}");
     }
 }
