@@ -316,7 +316,11 @@ impl OperatorFitter<'_> {
             ShapeKind::Plane,
             options,
             self.progress,
-        )?;
+        );
+        // The plays of the residual may be along more directions than a model has room for.
+        let Ok(second) = second else {
+            return Ok((operator, first));
+        };
         let enough =
             second.cross_validated_rms < first.cross_validated_rms * (1.0 - LEAST_GAIN_OF_RESIDUAL);
         Ok(if second.residual.is_some() && enough {
