@@ -9,9 +9,10 @@ use i2ris::model::hysteresis::residual::{count, features};
 use i2ris::model::hysteresis::stop::{StopParameters, Stops};
 use i2ris::model::hysteresis::{Lags, Operator};
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
+use i2ris_statistics::min_max;
 use nalgebra::{DMatrix, SVector};
 
-use crate::series::Series;
+use crate::series::{Sample, Series};
 
 /// The state of an operator at one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,11 +28,15 @@ pub struct TracePoint {
 /// Samples before the memory of the operator is known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum UnknownMemory {
-    /// They are left out, unless that leaves less than half of the samples.
+    /// They are left out, unless that leaves less than half of the samples, or a smaller region of
+    /// the motors: a model of short recordings would not reach where the motors have been.
     LeaveOut,
     /// They are kept.
     Keep,
 }
+
+/// What is left has to cover so much of the range of every motor.
+const LEAST_COVERAGE: f64 = 0.9;
 
 /// Runs play operators along the path.
 ///
@@ -108,10 +113,22 @@ fn trace<O: Operator<D>, const D: usize>(
     let before = series
         .samples()
         .partition_point(|sample| sample.path_index < known);
-    if unknown == UnknownMemory::LeaveOut && 2 * before <= points.len() {
+    let can_leave_out = 2 * before <= points.len() && covers(series, before);
+    if unknown == UnknownMemory::LeaveOut && can_leave_out {
         points.drain(..before);
     }
     points
+}
+
+/// Whether the samples without the first ones cover about the same region.
+fn covers(series: &Series, first: usize) -> bool {
+    let range = |samples: &[Sample], motor: usize| {
+        let counts = samples.iter().map(|sample| series.counts(sample)[motor]);
+        let (low, high) = min_max(counts);
+        high - low
+    };
+    let (all, rest) = (series.samples(), &series.samples()[first..]);
+    (0..series.motors()).all(|motor| range(rest, motor) >= LEAST_COVERAGE * range(all, motor))
 }
 
 /// A row of residual features per sample: monomials of the scaled counts up to the first degree,
@@ -190,8 +207,13 @@ mod tests {
     #[test]
     fn samples_before_the_memory_is_known_are_left_out() {
         let series = Series::whole(&one_motor(100, |time| (10.0 * time, time)));
-        // 2 counts a row, and a play of 10 counts is known after a range of 20.
-        assert_eq!(trace(&series, 10.0).len(), 90);
+        // 2 counts a row, and a play of 8 counts is known after a range of 16.
+        assert_eq!(trace(&series, 8.0).len(), 92);
+        assert_eq!(
+            trace(&series, 30.0).len(),
+            100,
+            "the rest would not cover the lower end"
+        );
         assert_eq!(
             trace(&series, 80.0).len(),
             100,

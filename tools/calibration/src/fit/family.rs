@@ -37,14 +37,15 @@ impl fmt::Display for Family {
 }
 
 impl Family {
-    /// All of them, the simplest first.
+    /// All of them, the simplest first. Of two that do equally well the choice takes the first, so
+    /// plays with a unique inverse come before those with a residual that the inverse only follows.
     pub const ALL: [Self; 7] = [
         Self::Linear,
         Self::Kinematic,
         Self::Gmr,
         Self::GmrDirection,
-        Self::GmrPlay,
         Self::GmrPrandtlIshlinskii,
+        Self::GmrPlay,
         Self::GmrStop,
     ];
 

@@ -2,35 +2,46 @@
 //!
 //! Plain cross-correlation of angle and counts is biased here: gaps and friction make the angle lag
 //! behind the motors at any speed, and that lag is not time. The features therefore include
-//! hysteresis without time: a polynomial of the counts, and play operators of several widths, whose
-//! lag does not depend on the speed. The **multiple correlation**
-//! of these features, shifted in time, with the outputs is highest where the shift is the latency;
-//! around its peak, the squared residuals are a parabola, whose width gives the uncertainty.
+//! hysteresis without time, whose lag does not depend on the speed. The **multiple correlation** of
+//! these features, shifted in time, with the outputs is highest where the shift is the latency;
+//! around its peak, the squared residuals are a parabola.
+//!
+//! What the features miss of the hysteresis is no white noise: it comes again at every reversal,
+//! and moves the peak. So the uncertainty is that of the jackknife over blocks of the recording:
+//! leaving out a block moves the estimate as far as its reversals disagree with the others.
+//! (B. Efron, C. Stein, "The jackknife estimate of variance", Annals of Statistics 9(3), 1981.)
 
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec};
 use nalgebra::{DMatrix, DVector};
 
-use i2ris_statistics::min_max;
+use super::latency_features::Features;
+use crate::parallel;
+use crate::regression::ridge::NormalEquations;
+use crate::series::blocks;
 
 /// Shifts that are tried, s: stamps may be early by one frame, and late by a camera and its
 /// processing.
 const EARLIEST_S: f64 = -0.1;
 const LATEST_S: f64 = 0.4;
-const COARSE_S: f64 = 0.01;
-const FINE_S: f64 = 0.002;
+const COARSE_S: f64 = 0.02;
 
-/// Half-widths of the plays, as parts of the range of a motor.
-const PLAYS: [f64; 8] = [0.005, 0.01, 0.018, 0.034, 0.063, 0.12, 0.21, 0.4];
+/// Half of the width of the parabola around the best shift, and how often it is laid anew, s.
+const WIDTH_S: f64 = 0.01;
+const STEPS: usize = 4;
 
-/// Degree of the polynomial in the counts.
-const DEGREE: usize = 5;
+/// More add hardly anything: of longer recordings every second, third, ... sample is used.
+const MOST_SAMPLES: usize = 5000;
 
-/// The least number of samples for an estimate.
-const LEAST_SAMPLES: usize = 100;
+/// Blocks of the jackknife.
+const BLOCKS: usize = 8;
 
-/// Part of the features' own size that is added to the diagonal of the normal equations, against
-/// plays that are alike.
-const RIDGE: f64 = 1e-9;
+/// Penalty of the regression against features that are alike, relative to features of size 1.
+const PENALTY: f64 = 1e-9;
+
+/// The least part of what a shift changes that other features must not make good. It is 2 to 8 %
+/// where every stroke has a speed of its own, and below 1 % in decaying sines, whose estimates are
+/// wrong by up to 140 ms.
+const LEAST_VISIBLE: f64 = 0.013;
 
 /// Positions of the motors at an instant.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,7 +66,7 @@ pub struct TimedOutputs {
 pub struct Latency {
     /// s. Outputs stamped `t` belong to the motors at `t - seconds`.
     pub seconds: f64,
-    /// Standard deviation of `seconds` for white noise; with real noise rather twice that.
+    /// Standard deviation of `seconds`, by the jackknife.
     pub deviation_s: f64,
     /// Part of the outputs' variance that the features explain at this shift.
     pub r2: f64,
@@ -63,8 +74,9 @@ pub struct Latency {
 
 /// Estimates the latency of `measured` from the path of `motors` motors, both in order of time.
 ///
-/// `None` when there is too little of either, nothing moves, or the best shift is at the end of
-/// the range: -100 to 400 ms.
+/// `None` when there is too little of either, nothing moves, the motion does not show it, parts of
+/// the recording contradict each other, or the best shift is at the end of the range: -100 to
+/// 400 ms.
 #[must_use]
 pub fn estimate_latency(
     path: &[TimedCounts],
@@ -72,156 +84,143 @@ pub fn estimate_latency(
     motors: usize,
 ) -> Option<Latency> {
     let motors = motors.clamp(1, MAX_MOTORS);
-    let table = Features::new(path, motors)?;
     let first = path.first()?.time_s + LATEST_S;
     let last = path.last()?.time_s + EARLIEST_S;
-    let inside = measured
+    let inside: Vec<&TimedOutputs> = measured
         .iter()
-        .filter(|outputs| (first..=last).contains(&outputs.time_s));
-    let inside: Vec<&TimedOutputs> = inside.collect();
-    let outputs = Outputs::new(&inside)?;
-    let error = |shift: f64| table.residual(&inside, &outputs, shift);
-    let coarse = minimum(EARLIEST_S, LATEST_S, COARSE_S, &error)?;
-    let fine = minimum(coarse - COARSE_S, coarse + COARSE_S, FINE_S, &error)?;
-    if fine <= EARLIEST_S || fine >= LATEST_S {
+        .filter(|outputs| (first..=last).contains(&outputs.time_s))
+        .collect();
+    let every = inside.len().div_ceil(MOST_SAMPLES).max(1);
+    let seen: Vec<&TimedOutputs> = inside.into_iter().step_by(every).collect();
+    let search = Search {
+        features: Features::new(path, motors, seen.len())?,
+        outputs: scaled_outputs(&seen)?,
+        seen,
+    };
+    let middle = search.best_shift()?;
+    let around = search.around(middle)?;
+    let without = |block| lowest(errors(&around, Some(block))?);
+    let estimates: Vec<f64> = (0..BLOCKS).map(without).collect::<Option<_>>()?;
+    let whole = errors(&around, None)?;
+    if !search.is_visible(middle, whole)? {
         return None;
     }
-    let (before, here) = (error(fine - COARSE_S)?, error(fine)?);
-    let after = error(fine + COARSE_S)?;
-    let curvature = (before - 2.0 * here + after) / (COARSE_S * COARSE_S);
-    if curvature <= 0.0 {
-        return None;
-    }
-    let seconds = fine + (before - after) / (2.0 * COARSE_S * curvature);
-    let samples = (inside.len() * outputs.count) as f64;
     Some(Latency {
-        seconds,
-        deviation_s: (2.0 * here / (samples * curvature)).sqrt(),
-        r2: 1.0 - here / outputs.count as f64,
+        seconds: middle + lowest(whole)?,
+        deviation_s: jackknife_deviation(&estimates),
+        r2: 1.0 - whole[1] / search.outputs.ncols() as f64,
     })
 }
 
-/// Where `error` is least between two shifts, in steps.
-fn minimum(from: f64, to: f64, step: f64, error: &dyn Fn(f64) -> Option<f64>) -> Option<f64> {
-    let steps = ((to - from) / step).round() as u32;
-    let tried = (0..=steps)
-        .map(|k| from + f64::from(k) * step)
-        .filter_map(|shift| Some((shift, error(shift)?)));
-    let least = tried.min_by(|a, b| a.1.total_cmp(&b.1));
-    least.map(|(shift, _)| shift)
-}
-
 /// Outputs that vary, centred and scaled to variance 1; one column each.
-struct Outputs {
-    columns: Vec<DVector<f64>>,
-    count: usize,
+fn scaled_outputs(seen: &[&TimedOutputs]) -> Option<DMatrix<f64>> {
+    let column = |output: usize| {
+        let column = DVector::from_iterator(seen.len(), seen.iter().map(|s| s.outputs[output]));
+        let centred = column.add_scalar(-column.mean());
+        let deviation = (centred.norm_squared() / seen.len() as f64).sqrt();
+        (deviation > 0.0).then(|| centred / deviation)
+    };
+    let columns: Vec<_> = (0..MAX_OUTPUTS).filter_map(column).collect();
+    (!columns.is_empty()).then(|| DMatrix::from_columns(&columns))
 }
 
-impl Outputs {
-    fn new(seen: &[&TimedOutputs]) -> Option<Self> {
-        let column = |output: usize| {
-            let column =
-                DVector::from_iterator(seen.len(), seen.iter().map(|seen| seen.outputs[output]));
-            let centred = column.add_scalar(-column.mean());
-            let deviation = (centred.norm_squared() / seen.len() as f64).sqrt();
-            (deviation > 0.0).then(|| centred / deviation)
-        };
-        if seen.len() < LEAST_SAMPLES {
-            return None;
-        }
-        let columns: Vec<_> = (0..MAX_OUTPUTS).filter_map(column).collect();
-        (!columns.is_empty()).then_some(Self {
-            count: columns.len(),
-            columns,
-        })
-    }
+/// What all shifts are tried on.
+struct Search<'a> {
+    features: Features<'a>,
+    outputs: DMatrix<f64>,
+    seen: Vec<&'a TimedOutputs>,
 }
 
-/// The path of the motors, scaled to about -1...1, with the plays along it.
-struct Features<'a> {
-    path: &'a [TimedCounts],
-    motors: usize,
-    rows: Vec<[[f64; 1 + PLAYS.len()]; MAX_MOTORS]>,
-}
+/// The sums of every block for the regression on the features at a shift.
+type Sums = Vec<NormalEquations>;
 
-impl<'a> Features<'a> {
-    fn new(path: &'a [TimedCounts], motors: usize) -> Option<Self> {
-        let (mut middle, mut half) = (MotorVec::default(), MotorVec::default());
-        for (motor, (middle, half)) in middle.iter_mut().zip(&mut half).enumerate().take(motors) {
-            let (low, high) = min_max(path.iter().map(|place| place.counts[motor]));
-            (*middle, *half) = ((low + high) / 2.0, (high - low) / 2.0);
-        }
-        if path.len() < 2 || half.iter().take(motors).all(|half| *half <= 0.0) {
-            return None;
-        }
-        let mut row = [[0.0; 1 + PLAYS.len()]; MAX_MOTORS];
-        let rows = path.iter().map(|place| {
-            let moving = row.iter_mut().enumerate().take(motors);
-            for (motor, features) in moving.filter(|(motor, _)| half[*motor] > 0.0) {
-                let at = (place.counts[motor] - middle[motor]) / half[motor];
-                features[0] = at;
-                // A part of the range is twice that of its half, to which counts are scaled.
-                for (play, width) in features[1..].iter_mut().zip(PLAYS) {
-                    *play = play.clamp(at - 2.0 * width, at + 2.0 * width);
-                }
-            }
-            row
+impl Search<'_> {
+    fn sums(&self, shift_s: f64) -> Option<Sums> {
+        let blocks = blocks(self.seen.len(), BLOCKS);
+        let sums = parallel::map(blocks.len(), |block| {
+            let rows = &blocks[block];
+            let times = self.seen[rows.clone()].iter();
+            let features = self
+                .features
+                .matrix(times.map(|seen| seen.time_s - shift_s))?;
+            let outputs = self.outputs.rows(rows.start, rows.len()).into_owned();
+            Some(NormalEquations::new(&features, &outputs))
         });
-        Some(Self {
-            path,
-            motors,
-            rows: rows.collect(),
-        })
+        sums.into_iter().collect()
     }
 
-    /// Mean square that a linear combination of the features, taken `shift` seconds before the
-    /// stamps, leaves of the outputs; summed over them.
-    fn residual(&self, seen: &[&TimedOutputs], outputs: &Outputs, shift: f64) -> Option<f64> {
-        let monomials = match self.motors {
-            2 => DEGREE * (DEGREE + 3) / 2,
-            _ => DEGREE,
-        };
-        let width = 1 + self.motors * PLAYS.len() + monomials;
-        let mut design = DMatrix::<f64>::zeros(seen.len(), width);
-        for (mut row, seen) in design.row_iter_mut().zip(seen) {
-            let features = self.features(seen.time_s - shift)?;
-            for (cell, feature) in row.iter_mut().zip(features) {
-                *cell = feature;
-            }
-        }
-        let mut normal = design.tr_mul(&design);
-        let ridge = RIDGE * normal.diagonal().max();
-        normal.set_diagonal(&normal.diagonal().add_scalar(ridge));
-        let cholesky = normal.cholesky()?;
-        let left = outputs.columns.iter().map(|column| {
-            let coefficients = cholesky.solve(&design.tr_mul(column));
-            (column - &design * coefficients).norm_squared() / seen.len() as f64
+    /// Where the regression leaves least: on a grid, then by parabolas.
+    fn best_shift(&self) -> Option<f64> {
+        let steps = ((LATEST_S - EARLIEST_S) / COARSE_S).round() as u32;
+        let tried = (0..=steps).filter_map(|step| {
+            let shift = EARLIEST_S + f64::from(step) * COARSE_S;
+            Some((shift, left(&self.sums(shift)?, None)?))
         });
-        Some(left.sum())
+        let (mut best, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        for _ in 0..STEPS {
+            let step = lowest(errors(&self.around(best)?, None)?)?;
+            best += step.clamp(-COARSE_S, COARSE_S);
+        }
+        (EARLIEST_S..=LATEST_S).contains(&best).then_some(best)
     }
 
-    /// The features at an instant, linearly between two places.
-    fn features(&self, time_s: f64) -> Option<Vec<f64>> {
-        let after = self.path.partition_point(|place| place.time_s < time_s);
-        let after = after.clamp(1, self.path.len() - 1);
-        let (from, to) = (&self.path[after - 1], &self.path[after]);
-        let share = (time_s - from.time_s) / (to.time_s - from.time_s);
-        let blend = |motor: usize, feature: usize| {
-            let [a, b] = [after - 1, after].map(|row| self.rows[row][motor][feature]);
-            a + share * (b - a)
+    /// Whether the other features cannot imitate a shift. Of sines of one frequency, for example,
+    /// they can: there, being late looks like a wider gap.
+    fn is_visible(&self, middle: f64, errors: [f64; 3]) -> Option<bool> {
+        let sums = self.sums(middle)?;
+        let coefficients = total(&sums, None)?.solve(PENALTY)?;
+        let explained = |shift: f64| {
+            let times = self.seen.iter().map(|seen| seen.time_s - shift);
+            Some(self.features.matrix(times)? * &coefficients)
         };
-        let mut features = vec![1.0];
-        let q = [blend(0, 0), blend(1, 0)];
-        for degree in 1..=DEGREE as i32 {
-            for second in 0..=if self.motors == 2 { degree } else { 0 } {
-                features.push(q[0].powi(degree - second) * q[1].powi(second));
-            }
-        }
-        for motor in 0..self.motors {
-            features.extend((1..=PLAYS.len()).map(|play| blend(motor, play)));
-        }
-        share.is_finite().then_some(features)
+        let change = explained(middle + WIDTH_S)? - explained(middle - WIDTH_S)?;
+        // What a shift by the width changes, and what of it the regression cannot make good.
+        let changed = 0.25 * change.norm_squared() / self.seen.len() as f64;
+        let kept = 0.5 * (errors[0] - 2.0 * errors[1] + errors[2]);
+        Some(kept > LEAST_VISIBLE * changed)
     }
+
+    fn around(&self, middle: f64) -> Option<[Sums; 3]> {
+        let (before, after) = (middle - WIDTH_S, middle + WIDTH_S);
+        Some([self.sums(before)?, self.sums(middle)?, self.sums(after)?])
+    }
+}
+
+/// Mean squares that the regressions at three shifts leave, without one of the blocks.
+fn errors(around: &[Sums; 3], without: Option<usize>) -> Option<[f64; 3]> {
+    let [before, here, after] = around;
+    Some([
+        left(before, without)?,
+        left(here, without)?,
+        left(after, without)?,
+    ])
+}
+
+/// Mean square that the regression leaves of the outputs, summed over them, without one of the
+/// blocks.
+fn left(sums: &Sums, without: Option<usize>) -> Option<f64> {
+    let sum = total(sums, without)?;
+    Some(sum.mean_error(&sum.solve(PENALTY)?))
+}
+
+fn total(sums: &Sums, without: Option<usize>) -> Option<NormalEquations> {
+    let mut used = (0..sums.len()).filter(|block| Some(*block) != without);
+    let first = sums[used.next()?].clone();
+    Some(used.fold(first, |sum, block| sum.plus(&sums[block], 1.0)))
+}
+
+/// Where the parabola through three errors, [`WIDTH_S`] apart, is lowest, relative to the middle.
+fn lowest([before, here, after]: [f64; 3]) -> Option<f64> {
+    let curvature = before - 2.0 * here + after;
+    (curvature > 0.0).then(|| 0.5 * WIDTH_S * (before - after) / curvature)
+}
+
+/// Of an estimate, from the estimates without one block each.
+fn jackknife_deviation(estimates: &[f64]) -> f64 {
+    let count = estimates.len() as f64;
+    let mean = estimates.iter().sum::<f64>() / count;
+    let squares = estimates.iter().map(|estimate| (estimate - mean).powi(2));
+    ((count - 1.0) / count * squares.sum::<f64>()).sqrt()
 }
 
 #[cfg(test)]
@@ -274,6 +273,47 @@ mod tests {
             assert_near(found.seconds, late, 0.003);
             assert!(found.deviation_s < 0.002 && found.r2 > 0.99, "{found:?}");
         }
+    }
+
+    /// A snake whose axes slide together behind one gap: with plays of single motors alone it looks
+    /// late by 15 ms.
+    #[test]
+    fn axes_that_slide_together_are_not_late() {
+        let path = path(60.0);
+        let mut tip = path[0].counts;
+        let mut random = gaussian(2);
+        let mut seen = Vec::new();
+        for (k, place) in path.iter().enumerate() {
+            let behind = [tip[0] - place.counts[0], tip[1] - place.counts[1]];
+            let kept = (80.0 / behind[0].hypot(behind[1]).max(1e-9)).min(1.0);
+            for (tip, (counts, behind)) in tip.iter_mut().zip(place.counts.iter().zip(behind)) {
+                *tip = counts + kept * behind;
+            }
+            if k % 8 == 0 {
+                let [first, second] = tip.map(|counts| 0.02 * counts + 0.06 * random());
+                seen.push(TimedOutputs {
+                    time_s: place.time_s,
+                    outputs: [first, second, 0.0],
+                });
+            }
+        }
+        let found = estimate_latency(&path, &seen, 2).unwrap();
+        assert_near(found.seconds, 0.0, 0.008);
+    }
+
+    #[test]
+    fn sines_of_one_frequency_do_not_show_it() {
+        let path: Vec<TimedCounts> = (0..30_000)
+            .map(|k| {
+                let t = f64::from(k) * 0.004;
+                let size = 900.0 * (0.6 + 0.4 * (0.05 * t).sin());
+                TimedCounts {
+                    time_s: t,
+                    counts: [size * (0.5 * t).sin(), size * (0.5 * t).cos()],
+                }
+            })
+            .collect();
+        assert_eq!(estimate_latency(&path, &seen(&path, 0.05, 0.1), 2), None);
     }
 
     #[test]

@@ -7,11 +7,11 @@ use super::rows::{PathPoint, Recording, Row};
 use i2ris_statistics::median;
 
 /// An estimate below this may be hysteresis that the estimate does not know: on emulated snakes of
-/// eight physics without any latency it was up to 22 ms (`i2ris calibrate zoo --keep`).
-const BIAS_S: f64 = 0.025;
+/// eight physics without any latency it was up to 15 ms (`i2ris calibrate zoo --keep`).
+const BIAS_S: f64 = 0.015;
 
 /// An estimate has to exceed the bias by so many standard deviations.
-const DEVIATIONS: f64 = 3.0;
+const DEVIATIONS: f64 = 2.0;
 
 /// Rows further apart in time are measured after the motors have come to rest: the path between
 /// them is not known.

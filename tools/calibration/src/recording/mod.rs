@@ -9,6 +9,7 @@
 //! | `read` | reading a file: parsed, then checked |
 //! | `write` | the common format, written row by row |
 //! | `latency` | how late the stamps of the outputs are |
+//! | `latency_features` | hysteresis without time, for that |
 //! | `latency_shift` | a recording without that latency |
 //! | `error` | what is wrong with a file, where, and what to do |
 
@@ -16,6 +17,7 @@ mod check;
 mod columns;
 mod error;
 pub mod latency;
+mod latency_features;
 mod latency_shift;
 mod parse;
 mod read;

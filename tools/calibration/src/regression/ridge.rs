@@ -99,7 +99,7 @@ impl FeatureScaling {
 
 /// Sums over rows: what the normal equations need.
 #[derive(Clone)]
-struct NormalEquations {
+pub(crate) struct NormalEquations {
     features: DMatrix<f64>,
     cross: DMatrix<f64>,
     outputs: f64,
@@ -107,7 +107,7 @@ struct NormalEquations {
 }
 
 impl NormalEquations {
-    fn new(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Self {
+    pub(crate) fn new(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Self {
         Self {
             features: features.tr_mul(features),
             cross: features.tr_mul(outputs),
@@ -116,7 +116,7 @@ impl NormalEquations {
         }
     }
 
-    fn plus(&self, other: &Self, sign: f64) -> Self {
+    pub(crate) fn plus(&self, other: &Self, sign: f64) -> Self {
         Self {
             features: &self.features + sign * &other.features,
             cross: &self.cross + sign * &other.cross,
@@ -125,12 +125,17 @@ impl NormalEquations {
         }
     }
 
-    fn solve(&self, penalty: f64) -> Option<DMatrix<f64>> {
+    pub(crate) fn solve(&self, penalty: f64) -> Option<DMatrix<f64>> {
         let mut matrix = self.features.clone();
         for i in 1..matrix.nrows() {
             matrix[(i, i)] += penalty * self.rows;
         }
         Some(matrix.cholesky()?.solve(&self.cross))
+    }
+
+    /// Mean over the rows of the squared length of the error of given coefficients.
+    pub(crate) fn mean_error(&self, coefficients: &DMatrix<f64>) -> f64 {
+        self.error(coefficients) / self.rows
     }
 
     /// Sum of the squared errors of given coefficients.
