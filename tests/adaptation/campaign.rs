@@ -3,6 +3,7 @@
 //! A robot with adaptation and one without follow the same goals, both on the same plant. What the
 //! two set-points differ by is the correction.
 
+use std::iter;
 use std::sync::Arc;
 
 use i2ris::core::ExternalPose;
@@ -152,6 +153,8 @@ fn campaign(seeds: impl Iterator<Item = u64>, seconds: u64) {
 fn wrong_cameras_move_the_tip_within_budget_and_limit() {
     // One of every kind, at every rate.
     campaign((0..KINDS).map(|kind| 5 * kind + kind % 5), 12);
+    // Here the budget holds one motor back.
+    campaign(iter::once(201), 20);
 }
 
 #[test]

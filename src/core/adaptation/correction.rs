@@ -126,19 +126,18 @@ impl MovingCorrection {
             self.rows[motor].step(&target[motor], pose, motion, limit, settings.tick_s)
         });
         let shares = shares_towards(&steps, &geometry.slope);
-        let mut tip = Pair::default();
+        let mut tips = [Pair::default(); MAX_MOTORS];
         for (motor, step) in steps.iter_mut().enumerate() {
             step.scale(shares[motor]);
-            for (tip, row) in tip.iter_mut().zip(&geometry.slope) {
-                *tip += row[motor] * step.shift;
-            }
+            tips[motor] = [0, 1].map(|output: usize| geometry.slope[output][motor] * step.shift);
         }
-        // Both motors together move the tip no faster than the limit.
-        let share = if length(tip) > slew {
-            slew / length(tip)
-        } else {
-            1.0
-        };
+        // Both motors together move the tip no faster than the limit, and so does each alone: the
+        // budget may hold the other one back.
+        let [first, second] = tips;
+        let fastest = length(add(first, second))
+            .max(length(first))
+            .max(length(second));
+        let share = if fastest > slew { slew / fastest } else { 1.0 };
         let mut used = self.used(gap_reach, geometry, settings);
         for (motor, step) in steps.iter().enumerate() {
             let before = *self;
