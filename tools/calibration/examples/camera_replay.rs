@@ -3,9 +3,9 @@
 //!
 //! A row is a frame. The encoders follow the recorded counts; what the controller expects before it
 //! has received the frame of a row is compared with the frame. Two poses are compared: the one that
-//! is applied, which moves with the goal and no faster than its limit, and the estimate. Of the
-//! wrist, which is wrong by more than the default budget of a snake, the same is shown with a larger
-//! one. Rows without a time are given one.
+//! is applied, which moves with the goal and no faster than its limit, and the estimate. The same is
+//! shown with a larger budget: the wrist is wrong by more than the default one of a snake. Rows
+//! without a time are given one.
 //!
 //! `cargo run --release -p i2ris-calibration --example camera_replay`
 
@@ -15,7 +15,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use i2ris::config::{Config, PortConfig};
+use i2ris::config::{AdaptationConfig, Config, PortConfig};
 use i2ris::core::adaptation::{AdaptationReport, Drift};
 use i2ris::core::rehearsal::without_limits;
 use i2ris::core::simulated_loop::{Motors, SimulatedInputs, SimulatedLoop, state_request};
@@ -39,9 +39,15 @@ const ROW_BOUNDS_S: [f64; 2] = [0.1, 0.6];
 /// A row was measured at rest, so long before the next motion begins.
 const REST: Nanos = Nanos::from_millis(25);
 
-/// Budgets of zero and total, deg, and speed of the correction, deg/s, for an instrument whose error
-/// is larger than that of the snake.
-const WIDE: [f64; 3] = [10.0, 20.0, 10.0];
+/// For an instrument whose error is larger than that of the snake.
+fn wide() -> AdaptationConfig {
+    AdaptationConfig {
+        zero_budget_deg: 10.0,
+        total_budget_deg: 20.0,
+        slew_deg_s: 10.0,
+        ..AdaptationConfig::default()
+    }
+}
 
 /// The motors arrive after this share of a row. The frame of the row before comes then.
 const MOTION_SHARE: f64 = 0.5;
@@ -101,7 +107,13 @@ fn replay(family: Family, training: &Recording, tested: &Recording, from: usize)
     println!("  {family}, slow error {:.3?}", model.file().slow_error);
     let is_other_recording = from == 0;
     let mut zero = [0.0; 3];
-    for adaptation in [None, Some(None), Some(Some(WIDE))] {
+    let budgets = [
+        ("none", None),
+        ("the default", Some(AdaptationConfig::default())),
+        ("a wide", Some(wide())),
+    ];
+    for (name, adaptation) in budgets {
+        let is_adapted = adaptation.is_some();
         let mut robot = Robot::new(&model, adaptation);
         if is_other_recording {
             robot.follow_by_hand(training);
@@ -127,7 +139,7 @@ fn replay(family: Family, training: &Recording, tested: &Recording, from: usize)
                 errors.push([0, 1].map(|i: usize| seen[i] - pose[i].to_degrees()));
             }
         }
-        if is_other_recording && adaptation.is_none() {
+        if is_other_recording && !is_adapted {
             // The angles count from the first row of their own recording: the mean is taken off.
             let rows = &errors[0];
             for (output, zero) in zero.iter_mut().enumerate().take(model.outputs()) {
@@ -139,8 +151,7 @@ fn replay(family: Family, training: &Recording, tested: &Recording, from: usize)
         }
         let [applied, expected] = &errors;
         if let Some(report) = robot.adaptation() {
-            let budget = adaptation.flatten().map_or("the default", |_| "a wide");
-            println!("    with {budget} budget");
+            println!("    with {name} budget");
             println!("    applied       {}", shown(applied, model.outputs()));
             println!("    estimate      {}", shown(expected, model.outputs()));
             println!("    estimate {:.3?}", report.estimate);
@@ -196,15 +207,13 @@ struct Robot {
 }
 
 impl Robot {
-    /// `adaptation`: with which budgets, if not those of the configuration.
-    fn new(model: &Arc<Model>, adaptation: Option<Option<[f64; 3]>>) -> Self {
+    /// `adaptation`: `None` for none.
+    fn new(model: &Arc<Model>, adaptation: Option<AdaptationConfig>) -> Self {
         let mut config = without_limits(&config(model));
-        config.adaptation.enabled = adaptation.is_some();
-        if let Some([zero, total, slew]) = adaptation.flatten() {
-            config.adaptation.zero_budget_deg = zero;
-            config.adaptation.total_budget_deg = total;
-            config.adaptation.slew_deg_s = slew;
-        }
+        config.adaptation = AdaptationConfig {
+            enabled: adaptation.is_some(),
+            ..adaptation.unwrap_or_default()
+        };
         // What a recording shows against its model is judged here; it is no fault.
         config.plausibility.distance_deg = 0.0;
         let control = SimulatedLoop::new(&config, model);

@@ -181,8 +181,8 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     let sidecar: serde_json::Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(sidecar["outcome"]["complete"], true, "{printed}");
     assert_eq!(sidecar["robot_id"], "i2ris-emulated");
-    // The emulated camera stamps the exposure, so there is nothing to find; 20 s may be too short to
-    // see that.
+    // The emulated camera stamps the exposure, so there is nothing to find; 20 s may be too short
+    // to see that.
     let latency = sidecar["latency"]["estimate_ms"].as_f64();
     assert!(latency.is_none_or(|ms| ms.abs() < 15.0), "{printed}");
 

@@ -353,8 +353,8 @@ fn a_model_that_is_worse_than_a_constant_is_refused_unless_forced() {
     );
 }
 
-/// Both motors to and fro on one circle, with gaps of 60 counts, and waves along the circle that fold
-/// the outputs: whatever follows them has no inverse.
+/// Both motors to and fro on one circle, with gaps of 60 counts, and waves along the circle that
+/// fold the outputs: whatever follows them has no inverse.
 fn folded() -> Recording {
     let mut random = noise(2);
     let mut behind = [0.0; 2];
