@@ -21,15 +21,8 @@ fn main() {
         println!("cargo::rerun-if-changed={log}");
     }
     if let Some(commit) = git(&["rev-parse", "HEAD"]) {
-        let changed = git(&[
-            "status",
-            "--porcelain",
-            "--",
-            "src",
-            "Cargo.toml",
-            "Cargo.lock",
-        ])
-        .is_some();
+        let changed =
+            git(&["status", "--porcelain", "--", "src", "Cargo.toml", "Cargo.lock"]).is_some();
         println!(
             "cargo::rustc-env=I2RIS_COMMIT={commit}{}",
             if changed { " with changes" } else { "" }

@@ -14,23 +14,19 @@ use crate::units::Nanos;
 pub fn now() -> Nanos {
     // CLOCK_MONOTONIC exists on every Linux and the pointer is ours, so the call has no way to
     // fail; a stopped clock would make every input stale, which holds the robot.
-    clock_gettime(ClockId::CLOCK_MONOTONIC).map_or(Nanos::ZERO, |t| {
-        Nanos(t.tv_sec() as u64 * 1_000_000_000 + t.tv_nsec() as u64)
-    })
+    clock_gettime(ClockId::CLOCK_MONOTONIC)
+        .map_or(Nanos::ZERO, |t| Nanos(t.tv_sec() as u64 * 1_000_000_000 + t.tv_nsec() as u64))
 }
 
 /// Sleeps until the absolute instant `until`, or not at all if it has passed. Interrupting signals
 /// do not shorten it.
 pub fn sleep_until(until: Nanos) {
-    let deadline = TimeSpec::new(
-        (until.0 / 1_000_000_000) as i64,
-        (until.0 % 1_000_000_000) as i64,
-    );
-    while let Err(Errno::EINTR) = clock_nanosleep(
-        ClockId::CLOCK_MONOTONIC,
-        ClockNanosleepFlags::TIMER_ABSTIME,
-        &deadline,
-    ) {}
+    let deadline =
+        TimeSpec::new((until.0 / 1_000_000_000) as i64, (until.0 % 1_000_000_000) as i64);
+    while let Err(Errno::EINTR) =
+        clock_nanosleep(ClockId::CLOCK_MONOTONIC, ClockNanosleepFlags::TIMER_ABSTIME, &deadline)
+    {
+    }
 }
 
 /// Sleeps for a span.

@@ -94,10 +94,7 @@ impl UntrustedFile {
 ///
 /// [`UntrustedFile`].
 pub fn read_trusted(path: &Path, limit: u64) -> Result<String, UntrustedFile> {
-    let io = |source| UntrustedFile::Io {
-        path: path.to_owned(),
-        source,
-    };
+    let io = |source| UntrustedFile::Io { path: path.to_owned(), source };
     // Behind symbolic links: the folder of the file itself decides who can exchange it.
     let real = path.canonicalize().map_err(io)?;
     if let Some(folder) = real.parent() {
@@ -164,13 +161,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("robot.toml");
         fs::write(&file, "text").unwrap();
-        for (mode, is_accepted) in [
-            (0o600, true),
-            (0o664, true),
-            (0o444, true),
-            (0o646, false),
-            (0o666, false),
-        ] {
+        for (mode, is_accepted) in
+            [(0o600, true), (0o664, true), (0o444, true), (0o646, false), (0o666, false)]
+        {
             set_mode(&file, mode);
             assert_eq!(read_trusted(&file, LIMIT).is_ok(), is_accepted, "{mode:o}");
         }

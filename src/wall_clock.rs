@@ -19,18 +19,14 @@ pub struct WallTime {
 /// The present date and time.
 #[must_use]
 pub fn now() -> WallTime {
-    let since = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default();
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     WallTime::from_unix_seconds(since.as_secs())
 }
 
 /// Date and time so long ago.
 #[must_use]
 pub fn ago(span: Nanos) -> WallTime {
-    let since = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default();
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let then = since.saturating_sub(Duration::from_nanos(span.0));
     WallTime::from_unix_seconds(then.as_secs())
 }
@@ -57,9 +53,7 @@ impl WallTime {
     #[must_use]
     pub fn compact(&self) -> String {
         let [hour, minute, second] = self.time;
-        let Self {
-            year, month, day, ..
-        } = self;
+        let Self { year, month, day, .. } = self;
         format!("{year:04}{month:02}{day:02}-{hour:02}{minute:02}{second:02}")
     }
 }
@@ -68,13 +62,8 @@ impl WallTime {
 impl fmt::Display for WallTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [hour, minute, second] = self.time;
-        let Self {
-            year, month, day, ..
-        } = self;
-        write!(
-            f,
-            "{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z"
-        )
+        let Self { year, month, day, .. } = self;
+        write!(f, "{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
     }
 }
 

@@ -69,16 +69,9 @@ fn tick_for_a_second(model: &Model) {
         let turn = f64::from(tick) * 0.02;
         let reach = [4.0, 12.0, 60.0, 1e300, f64::NAN][tick as usize % 5] * DEG;
         let goal = [reach * turn.cos(), reach * turn.sin(), 0.3 * reach];
-        let start = if tick % 3 == 0 {
-            [1e9, f64::NEG_INFINITY]
-        } else {
-            last
-        };
+        let start = if tick % 3 == 0 { [1e9, f64::NEG_INFINITY] } else { last };
         let compensation = if tick % 2 == 0 { 1.0 } else { 0.7 };
-        let query = Query {
-            compensation,
-            ..Query::new(start)
-        };
+        let query = Query { compensation, ..Query::new(start) };
         let inverse = black_box(model.invert(black_box(&goal), &memory, &query));
         last = model.hull().project(&inverse.counts);
         model.advance(&mut memory, &last);
@@ -104,11 +97,7 @@ fn stops(motors: usize) -> Model {
         .iter()
         .map(|row| row[..motors].to_vec())
         .collect();
-    let map = SmoothMap {
-        gain,
-        bend: 0.2,
-        steps: 3,
-    };
+    let map = SmoothMap { gain, bend: 0.2, steps: 3 };
     let FamilyParameters::Gmr { mixture } = map.family() else {
         unreachable!("a smooth map is a mixture")
     };
@@ -124,9 +113,7 @@ fn stops(motors: usize) -> Model {
         lag_degree: 2,
         coefficients: vec![vec![0.01; features]; motors],
     };
-    let hull = HullParameters {
-        corners: region(motors, 500.0),
-    };
+    let hull = HullParameters { corners: region(motors, 500.0) };
     let family = FamilyParameters::GmrStop {
         stops: some_stops(motors),
         mixture,
@@ -137,9 +124,7 @@ fn stops(motors: usize) -> Model {
 }
 
 fn mixture(map: &SmoothMap) -> MixtureParameters {
-    let FamilyParameters::Gmr { mixture } = map.family() else {
-        panic!()
-    };
+    let FamilyParameters::Gmr { mixture } = map.family() else { panic!() };
     mixture
 }
 
@@ -157,15 +142,8 @@ fn plays(map: &SmoothMap) -> Model {
         lag_degree: 1,
         coefficients,
     });
-    let virtual_hull = HullParameters {
-        corners: square(REACH),
-    };
-    let family = FamilyParameters::GmrPlay {
-        plays,
-        mixture: mixture(map),
-        residual,
-        virtual_hull,
-    };
+    let virtual_hull = HullParameters { corners: square(REACH) };
+    let family = FamilyParameters::GmrPlay { plays, mixture: mixture(map), residual, virtual_hull };
     Model::from_file(file(2, family, square(REACH))).unwrap()
 }
 
@@ -179,18 +157,10 @@ fn directions(map: &SmoothMap) -> Model {
         for row in covariance.iter_mut() {
             row.splice(2..2, [0.0, 0.0]);
         }
-        covariance.splice(
-            2..2,
-            [
-                vec![0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
-                vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
-            ],
-        );
+        covariance
+            .splice(2..2, [vec![0.0, 0.0, 1.0, 0.0, 0.0, 0.0], vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0]]);
     }
-    let family = FamilyParameters::GmrDirection {
-        dead_bands_counts: vec![3.0, 3.0],
-        mixture,
-    };
+    let family = FamilyParameters::GmrDirection { dead_bands_counts: vec![3.0, 3.0], mixture };
     Model::from_file(file(2, family, square(REACH))).unwrap()
 }
 
@@ -201,16 +171,8 @@ fn chain() -> Model {
         pulley_radii_mm: vec![3.0, 3.0],
         axis_rotation_deg: 45.0,
     };
-    let covariance = vec![
-        vec![0.01, 0.0, 0.0],
-        vec![0.0, 0.01, 0.0],
-        vec![0.0, 0.0, 0.01],
-    ];
-    let family = FamilyParameters::Kinematic {
-        kinematics,
-        offset: vec![0.0; 3],
-        covariance,
-    };
+    let covariance = vec![vec![0.01, 0.0, 0.0], vec![0.0, 0.01, 0.0], vec![0.0, 0.0, 0.01]];
+    let family = FamilyParameters::Kinematic { kinematics, offset: vec![0.0; 3], covariance };
     let mut file = file(3, family, square(REACH));
     for output in &mut file.outputs {
         output.unit = i2ris::model::file::OutputUnit::Mm;
@@ -222,31 +184,15 @@ fn chain() -> Model {
 fn a_tick_with_a_model_allocates_nothing() {
     let rows = [vec![0.02, 0.01], vec![-0.01, 0.02], vec![0.005, 0.01]];
     let gmr = |motors: usize, outputs: usize| {
-        let gain = rows[..outputs]
-            .iter()
-            .map(|row| row[..motors].to_vec())
-            .collect();
-        Model::from_file(
-            SmoothMap {
-                gain,
-                bend: 0.3,
-                steps: 4,
-            }
-            .file(),
-        )
-        .unwrap()
+        let gain = rows[..outputs].iter().map(|row| row[..motors].to_vec()).collect();
+        Model::from_file(SmoothMap { gain, bend: 0.3, steps: 4 }.file()).unwrap()
     };
-    let mut models: Vec<_> = [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3)]
-        .map(|(d, m)| gmr(d, m))
-        .into();
+    let mut models: Vec<_> =
+        [(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3)].map(|(d, m)| gmr(d, m)).into();
     let family = linear(&[&[0.02, 0.01], &[-0.01, 0.02]], &[0.0, 0.0]);
     models.push(Model::from_file(file(2, family, square(500.0))).unwrap());
     models.extend([stops(1), stops(2)]);
-    let map = SmoothMap {
-        gain: vec![vec![0.02, 0.01], vec![-0.01, 0.02]],
-        bend: 0.3,
-        steps: 4,
-    };
+    let map = SmoothMap { gain: vec![vec![0.02, 0.01], vec![-0.01, 0.02]], bend: 0.3, steps: 4 };
     models.extend([plays(&map), directions(&map), chain()]);
     for model in &models {
         assert_eq!(

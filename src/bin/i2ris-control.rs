@@ -80,10 +80,9 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
     let request = parse(std::env::args_os().skip(1)).map_err(UsageError)?;
     match request {
         Request::Help => print(HELP),
-        Request::Version => print(&format!(
-            "i2ris-control {} ({COMMIT})\n",
-            env!("CARGO_PKG_VERSION")
-        )),
+        Request::Version => {
+            print(&format!("i2ris-control {} ({COMMIT})\n", env!("CARGO_PKG_VERSION")))
+        }
         Request::Run(path, note) => {
             let config = Config::load(&path)?;
             let shutdown = Arc::new(AtomicBool::new(false));

@@ -62,11 +62,9 @@ fn start() -> Result<(), Failure> {
         .map_err(|error| format!("{error}; see i2ris-watchdog --help"))?;
     match request {
         Request::Help => Ok(io::stdout().write_all(HELP.as_bytes())?),
-        Request::Version => Ok(writeln!(
-            io::stdout(),
-            "i2ris-watchdog {} ({COMMIT})",
-            env!("CARGO_PKG_VERSION")
-        )?),
+        Request::Version => {
+            Ok(writeln!(io::stdout(), "i2ris-watchdog {} ({COMMIT})", env!("CARGO_PKG_VERSION"))?)
+        }
         Request::Run(path, silence) => {
             let config = Config::load(&path)?;
             let domain = Domain::new(&config.ipc.domain)?;
@@ -74,11 +72,8 @@ fn start() -> Result<(), Failure> {
             let stop = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&stop);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
-            let wanted = Wanted {
-                priority: PRIORITY,
-                cpu: None,
-                lock_memory: config.control.lock_memory,
-            };
+            let wanted =
+                Wanted { priority: PRIORITY, cpu: None, lock_memory: config.control.lock_memory };
             let granted = realtime::request(wanted);
             for warning in &granted.warnings {
                 print(format_args!("warning: {warning}"));

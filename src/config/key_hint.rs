@@ -26,10 +26,7 @@ const RENAMED: [(&str, &str); 19] = [
 /// A sentence about the unknown key or value in a message of the parser; empty if there is nothing
 /// to say. The parser names the unknown word first and then the known ones, each in back-quotes.
 pub(super) fn hint(message: &str) -> String {
-    let Some(at) = message
-        .find("unknown field")
-        .or_else(|| message.find("unknown variant"))
-    else {
+    let Some(at) = message.find("unknown field").or_else(|| message.find("unknown variant")) else {
         return String::new();
     };
     let line = message[at..].lines().next().unwrap_or_default();
@@ -38,16 +35,11 @@ pub(super) fn hint(message: &str) -> String {
         return String::new();
     };
     let known: Vec<&str> = quoted.collect();
-    let renamed = RENAMED
-        .iter()
-        .find(|(old, new)| *old == unknown && known.contains(new));
+    let renamed = RENAMED.iter().find(|(old, new)| *old == unknown && known.contains(new));
     if let Some((old, new)) = renamed {
         return format!("`{old}` is called `{new}` in this version\n");
     }
-    let nearest = known
-        .into_iter()
-        .map(|word| (strsim::levenshtein(unknown, word), word))
-        .min();
+    let nearest = known.into_iter().map(|word| (strsim::levenshtein(unknown, word), word)).min();
     match nearest {
         Some((distance, word)) if distance <= unknown.len().max(word.len()) / 2 => {
             format!("did you mean `{word}`?\n")
@@ -66,10 +58,7 @@ mod tests {
                        `spin_us`, `rate_hz`, `cpu`";
         assert_eq!(hint(message), "did you mean `rate_hz`?\n");
         let message = "unknown field `late_ticks`, expected `overrun_ticks`";
-        assert_eq!(
-            hint(message),
-            "`late_ticks` is called `overrun_ticks` in this version\n"
-        );
+        assert_eq!(hint(message), "`late_ticks` is called `overrun_ticks` in this version\n");
         assert_eq!(hint("unknown field `velocity`, expected `robot_id`"), "");
         assert_eq!(hint("invalid type: string \"x\", expected u32"), "");
         assert_eq!(hint("unknown field"), "");

@@ -205,10 +205,7 @@ impl Config {
 
 fn read(path: &Path) -> Result<String, ConfigError> {
     read_trusted(path, LONGEST_CONFIG).map_err(|error| match error.into_io() {
-        Ok(source) => ConfigError::Read {
-            path: path.to_owned(),
-            source,
-        },
+        Ok(source) => ConfigError::Read { path: path.to_owned(), source },
         Err(untrusted) => ConfigError::Untrusted(untrusted),
     })
 }

@@ -76,10 +76,7 @@ pub struct Polling {
 
 impl Default for Polling {
     fn default() -> Self {
-        Self {
-            status_every_rounds: 4,
-            slow_every_rounds: 32,
-        }
+        Self { status_every_rounds: 4, slow_every_rounds: 32 }
     }
 }
 
@@ -221,14 +218,12 @@ fn serial_number<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<u3
         }
         Err(_) => None,
     };
-    number
-        .map(|number| (number & u64::from(u32::MAX)) as u32)
-        .ok_or_else(|| {
-            serde::de::Error::custom(
-                "must be a serial number: decimal, hexadecimal (0x...), or that of 64 bits on the \
+    number.map(|number| (number & u64::from(u32::MAX)) as u32).ok_or_else(|| {
+        serde::de::Error::custom(
+            "must be a serial number: decimal, hexadecimal (0x...), or that of 64 bits on the \
                  label of the drive",
-            )
-        })
+        )
+    })
 }
 
 impl AxisConfig {
@@ -300,28 +295,20 @@ mod tests {
     #[test]
     fn a_port_without_a_family_is_an_epos4_with_stuffed_frames() {
         let config = parse("", "").unwrap();
-        assert_eq!(
-            (config.ports[0].family, config.ports[0].framing),
-            (Family::Epos4, Framing::V2)
-        );
+        assert_eq!((config.ports[0].family, config.ports[0].framing), (Family::Epos4, Framing::V2));
         assert_eq!(config.axis(0).unwrap().homing, HomingMethod::Here);
         assert_eq!(
             PortConfig::new("/dev/null".into(), config.ports[0].axes.clone()),
             config.ports[0]
         );
-        assert_eq!(
-            AxisConfig::new(0, 1, [Counts(-100), Counts(100)]),
-            config.ports[0].axes[0]
-        );
+        assert_eq!(AxisConfig::new(0, 1, [Counts(-100), Counts(100)]), config.ports[0].axes[0]);
     }
 
     #[test]
     fn what_a_family_does_not_have_is_refused() {
         assert!(parse("family = \"epos2\"\nframing = \"v1\"", "").is_ok());
         assert!(
-            parse("framing = \"v1\"", "")
-                .unwrap_err()
-                .contains("ports[0].framing = v1: is for")
+            parse("framing = \"v1\"", "").unwrap_err().contains("ports[0].framing = v1: is for")
         );
         assert!(
             parse("family = \"epos2\"", "streaming = \"profile\"")
@@ -338,11 +325,7 @@ mod tests {
                 .unwrap_err()
                 .contains("at most 15000")
         );
-        assert!(
-            parse("family = \"epos3\"", "")
-                .unwrap_err()
-                .contains("epos2")
-        );
+        assert!(parse("family = \"epos3\"", "").unwrap_err().contains("epos2"));
     }
 
     proptest::proptest! {
@@ -397,13 +380,8 @@ mod tests {
                  serial_number = {number}"
             ))
         };
-        for number in [
-            "70124480",
-            "0x42E_03C0",
-            "\"70124480\"",
-            "\"0x042E03C0\"",
-            "0x1_042E_03C0",
-        ] {
+        for number in ["70124480", "0x42E_03C0", "\"70124480\"", "\"0x042E03C0\"", "0x1_042E_03C0"]
+        {
             let serial_number = read(number).unwrap().serial_number;
             assert_eq!(serial_number, 0x042E_03C0, "{number}");
         }

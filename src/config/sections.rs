@@ -70,9 +70,7 @@ pub struct IpcConfig {
 
 impl Default for IpcConfig {
     fn default() -> Self {
-        Self {
-            domain: "i2ris".to_owned(),
-        }
+        Self { domain: "i2ris".to_owned() }
     }
 }
 
@@ -178,8 +176,7 @@ impl LimitConfig {
     /// Length in ticks of the moving average over the setpoint that keeps the jerk limit.
     #[must_use]
     pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
-        self.jerk_counts_s3
-            .map(|jerk| window_ticks(self.stop_deceleration_counts_s2, jerk, tick))
+        self.jerk_counts_s3.map(|jerk| window_ticks(self.stop_deceleration_counts_s2, jerk, tick))
     }
 }
 
@@ -228,11 +225,7 @@ pub struct ConditioningConfig {
 
 impl Default for ConditioningConfig {
     fn default() -> Self {
-        Self {
-            half_width_counts: None,
-            turns: 4,
-            velocity_counts_s: 1000.0,
-        }
+        Self { half_width_counts: None, turns: 4, velocity_counts_s: 1000.0 }
     }
 }
 
@@ -281,11 +274,7 @@ impl JointLimitConfig {
     /// Length in ticks of the moving average that keeps the jerk limit.
     #[must_use]
     pub fn window_ticks(&self, tick: Nanos) -> Option<u32> {
-        Some(window_ticks(
-            self.acceleration_deg_s2?,
-            self.jerk_deg_s3?,
-            tick,
-        ))
+        Some(window_ticks(self.acceleration_deg_s2?, self.jerk_deg_s3?, tick))
     }
 }
 
@@ -304,11 +293,7 @@ pub struct MoveConfig {
 
 impl Default for MoveConfig {
     fn default() -> Self {
-        Self {
-            velocity_deg_s: 10.0,
-            acceleration_deg_s2: 100.0,
-            jerk_deg_s3: 2000.0,
-        }
+        Self { velocity_deg_s: 10.0, acceleration_deg_s2: 100.0, jerk_deg_s3: 2000.0 }
     }
 }
 
@@ -402,11 +387,7 @@ pub struct RecordConfig {
 
 impl Default for RecordConfig {
     fn default() -> Self {
-        Self {
-            folder: "records".into(),
-            seconds: 12,
-            files: 100,
-        }
+        Self { folder: "records".into(), seconds: 12, files: 100 }
     }
 }
 

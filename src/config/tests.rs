@@ -15,9 +15,7 @@ const AXIS: &str = r#"
 "#;
 
 fn error(extra: &str) -> String {
-    Config::parse(&format!("{AXIS}\n{extra}"), Path::new("robot.toml"))
-        .unwrap_err()
-        .to_string()
+    Config::parse(&format!("{AXIS}\n{extra}"), Path::new("robot.toml")).unwrap_err().to_string()
 }
 
 #[test]
@@ -42,35 +40,14 @@ fn an_unknown_key_is_named_with_its_line() {
 #[test]
 fn every_value_out_of_range_is_named_with_the_reason() {
     for (extra, expected) in [
-        (
-            "[control]\nrate_hz = 7",
-            "control.rate_hz = 7: must be 100 to 4000",
-        ),
-        (
-            "[limits]\nvelocity_counts_s = nan",
-            "limits.velocity_counts_s = NaN",
-        ),
+        ("[control]\nrate_hz = 7", "control.rate_hz = 7: must be 100 to 4000"),
+        ("[limits]\nvelocity_counts_s = nan", "limits.velocity_counts_s = NaN"),
         ("[command]\ndeadline_ms = 0", "command.deadline_ms"),
-        (
-            "[compensation]\nfactor = 1.5",
-            "compensation.factor = 1.5: must be 0 to 1",
-        ),
-        (
-            "[compensation]\nreversal_dead_band_deg = nan",
-            "dead_band_deg = NaN: must be 0 to 2",
-        ),
-        (
-            "[limits]\njerk_counts_s3 = 1e7",
-            "the delay would be longer than 16 ticks",
-        ),
-        (
-            "[conditioning]\nturns = 0",
-            "conditioning.turns = 0: must be 1 to 20",
-        ),
-        (
-            "[conditioning]\nhalf_width_counts = 0",
-            "conditioning.half_width_counts",
-        ),
+        ("[compensation]\nfactor = 1.5", "compensation.factor = 1.5: must be 0 to 1"),
+        ("[compensation]\nreversal_dead_band_deg = nan", "dead_band_deg = NaN: must be 0 to 2"),
+        ("[limits]\njerk_counts_s3 = 1e7", "the delay would be longer than 16 ticks"),
+        ("[conditioning]\nturns = 0", "conditioning.turns = 0: must be 1 to 20"),
+        ("[conditioning]\nhalf_width_counts = 0", "conditioning.half_width_counts"),
     ] {
         let text = error(extra);
         assert!(text.contains(expected), "{text}");
@@ -82,14 +59,8 @@ fn every_value_out_of_range_is_named_with_the_reason() {
 #[test]
 fn an_old_key_is_refused_with_its_new_name() {
     for (extra, expected) in [
-        (
-            "[condition]\nturns = 2",
-            "`condition` is called `conditioning`",
-        ),
-        (
-            "[limits]\ncurrent_trip_ma = 90",
-            "`current_trip_ma` is called `over_current_ma`",
-        ),
+        ("[condition]\nturns = 2", "`condition` is called `conditioning`"),
+        ("[limits]\ncurrent_trip_ma = 90", "`current_trip_ma` is called `over_current_ma`"),
         ("[command]\nscale = 0.5", "`scale` is called `motion_scale`"),
     ] {
         let text = error(extra);
@@ -128,10 +99,8 @@ fn a_list_of_joint_limits_has_an_entry_for_every_angle() {
 
 #[test]
 fn values_have_ceilings_and_all_of_them_are_named_at_once() {
-    let mut text = AXIS.replace(
-        "/dev/null\"",
-        "/dev/null\"\nbaud = 115201\nloop_timeout_ms = 99999999",
-    );
+    let mut text =
+        AXIS.replace("/dev/null\"", "/dev/null\"\nbaud = 115201\nloop_timeout_ms = 99999999");
     text.push_str(
         "current_limit_ma = 300000\nmotor_speed_rpm = 4000000000\nhoming_speed_rpm = 100000\n\
          following_error_counts = 4000000000\nquick_stop_rpm_s = 4000000000\n\
@@ -170,10 +139,7 @@ fn a_serial_number_belongs_to_one_axis() {
         "[[ports]]\ndevice = \"/dev/zero\"\n[[ports.axes]]\nmotor = 1\nnode_id = 0\n\
          serial_number = 1\nposition_min_counts = 0\nposition_max_counts = 1",
     );
-    assert!(
-        text.contains("serial_number = 1: is named by another axis already"),
-        "{text}"
-    );
+    assert!(text.contains("serial_number = 1: is named by another axis already"), "{text}");
 }
 
 #[test]
@@ -184,10 +150,7 @@ fn values_and_files_are_checked_at_once() {
     std::fs::write(&file, format!("{AXIS}\n{control}")).unwrap();
     let text = Config::load_and_check_files(&file).unwrap_err().to_string();
     assert!(text.contains("control.rate_hz = 7"), "{text}");
-    assert!(
-        text.contains("control.model") && text.contains("absent.json"),
-        "{text}"
-    );
+    assert!(text.contains("control.model") && text.contains("absent.json"), "{text}");
     // The watchdog and other programs that do not use the model read the file nevertheless.
     std::fs::write(&file, format!("{AXIS}\n[control]\nmodel = \"absent.json\"")).unwrap();
     assert!(Config::load(&file).is_ok());

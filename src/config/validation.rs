@@ -57,9 +57,7 @@ fn check_process(config: &Config, findings: &mut Findings) {
     findings.within("record.seconds", config.record.seconds, 10..=120);
     findings.within("record.files", config.record.files, 1..=10_000);
     let domain = &config.ipc.domain;
-    let is_plain = domain
-        .chars()
-        .all(|c| c.is_ascii_alphanumeric() || c == '-');
+    let is_plain = domain.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
     findings.require(
         is_plain && (1..=32).contains(&domain.len()),
         "ipc.domain",
@@ -83,27 +81,15 @@ fn check_command(config: &Config, findings: &mut Findings) {
         "must be between the deadline and 60000",
     );
     findings.within("command.motion_scale", command.motion_scale, 0.01..=1.0);
-    findings.within(
-        "command.tremor_filter_hz",
-        command.tremor_filter_hz,
-        0.0..=50.0,
-    );
+    findings.within("command.tremor_filter_hz", command.tremor_filter_hz, 0.0..=50.0);
     findings.above_zero("command.max_step_deg", command.max_step_deg, 90.0);
-    findings.above_zero(
-        "command.max_step_counts",
-        command.max_step_counts,
-        MAX_COUNTS,
-    );
+    findings.above_zero("command.max_step_counts", command.max_step_counts, MAX_COUNTS);
 }
 
 fn check_limits(config: &Config, findings: &mut Findings) {
     let limits = &config.limits;
     let stop = limits.stop_deceleration_counts_s2;
-    findings.above_zero(
-        "limits.velocity_counts_s",
-        limits.velocity_counts_s,
-        MAX_VELOCITY,
-    );
+    findings.above_zero("limits.velocity_counts_s", limits.velocity_counts_s, MAX_VELOCITY);
     findings.above_zero(
         "limits.acceleration_counts_s2",
         limits.acceleration_counts_s2,
@@ -129,11 +115,7 @@ fn check_limits(config: &Config, findings: &mut Findings) {
         limits.feedback_lost_ms,
         format!("must be above feedback_stale_ms and at most {MAX_MS}"),
     );
-    findings.above_zero(
-        "limits.following_error_counts",
-        limits.following_error_counts,
-        MAX_COUNTS,
-    );
+    findings.above_zero("limits.following_error_counts", limits.following_error_counts, MAX_COUNTS);
     findings.above_zero(
         "limits.over_current_ma",
         limits.over_current_ma.unwrap_or(1),
@@ -147,16 +129,8 @@ fn check_limits(config: &Config, findings: &mut Findings) {
 fn check_joint_limits(config: &Config, findings: &mut Findings) {
     let limits = &config.joint_limits;
     for (key, value, limit) in [
-        (
-            "joint_limits.velocity_deg_s",
-            limits.velocity_deg_s,
-            MAX_VELOCITY,
-        ),
-        (
-            "joint_limits.acceleration_deg_s2",
-            limits.acceleration_deg_s2,
-            MAX_ACCELERATION,
-        ),
+        ("joint_limits.velocity_deg_s", limits.velocity_deg_s, MAX_VELOCITY),
+        ("joint_limits.acceleration_deg_s2", limits.acceleration_deg_s2, MAX_ACCELERATION),
         ("joint_limits.jerk_deg_s3", limits.jerk_deg_s3, MAX_JERK),
     ] {
         if let Some(value) = value {
@@ -181,10 +155,7 @@ fn check_joint_limits(config: &Config, findings: &mut Findings) {
         }
     }
     let list = |angles: &Option<Vec<f64>>| angles.clone().unwrap_or_default();
-    let (low, high) = (
-        list(&limits.position_min_deg),
-        list(&limits.position_max_deg),
-    );
+    let (low, high) = (list(&limits.position_min_deg), list(&limits.position_max_deg));
     let is_angle = |angle: &f64| (-360.0..=360.0).contains(angle);
     let is_finite = low.iter().chain(&high).all(is_angle);
     let is_ordered = low.iter().zip(&high).all(|(low, high)| low < high);
@@ -212,21 +183,9 @@ fn check_motion(config: &Config, findings: &mut Findings) {
     let compensation = &config.compensation;
     findings.within("compensation.factor", compensation.factor, 0.0..=1.0);
     for (key, value, max) in [
-        (
-            "reversal_dead_band_deg",
-            compensation.reversal_dead_band_deg,
-            2.0,
-        ),
-        (
-            "residual_filter_ms",
-            compensation.residual_filter_ms,
-            1000.0,
-        ),
-        (
-            "residual_dead_band_deg",
-            compensation.residual_dead_band_deg,
-            1.0,
-        ),
+        ("reversal_dead_band_deg", compensation.reversal_dead_band_deg, 2.0),
+        ("residual_filter_ms", compensation.residual_filter_ms, 1000.0),
+        ("residual_dead_band_deg", compensation.residual_dead_band_deg, 1.0),
     ] {
         findings.within(format!("compensation.{key}"), value, 0.0..=max);
     }
@@ -239,33 +198,17 @@ fn check_motion(config: &Config, findings: &mut Findings) {
         conditioning.velocity_counts_s,
         MAX_VELOCITY,
     );
-    findings.within(
-        "model_swap.blend_ms",
-        config.model_swap.blend_ms,
-        0..=10_000,
-    );
+    findings.within("model_swap.blend_ms", config.model_swap.blend_ms, 0..=10_000);
     let move_jp = &config.move_jp;
     for (key, value, limit) in [
         ("velocity_deg_s", move_jp.velocity_deg_s, MAX_VELOCITY),
-        (
-            "acceleration_deg_s2",
-            move_jp.acceleration_deg_s2,
-            MAX_ACCELERATION,
-        ),
+        ("acceleration_deg_s2", move_jp.acceleration_deg_s2, MAX_ACCELERATION),
         ("jerk_deg_s3", move_jp.jerk_deg_s3, MAX_JERK),
     ] {
         findings.above_zero(format!("move_jp.{key}"), value, limit);
     }
-    findings.within(
-        "plausibility.distance_deg",
-        config.plausibility.distance_deg,
-        0.0..=90.0,
-    );
-    findings.within(
-        "plausibility.debounce_ms",
-        config.plausibility.debounce_ms,
-        0..=MAX_MS,
-    );
+    findings.within("plausibility.distance_deg", config.plausibility.distance_deg, 0.0..=90.0);
+    findings.within("plausibility.debounce_ms", config.plausibility.debounce_ms, 0..=MAX_MS);
 }
 
 fn check_adaptation(config: &Config, findings: &mut Findings) {
@@ -309,9 +252,7 @@ fn check_ports(config: &Config, findings: &mut Findings) {
         "there must be 1 or 2 axes in all",
     );
     for (index, port) in config.ports.iter().enumerate() {
-        let is_repeated = config.ports[..index]
-            .iter()
-            .any(|other| other.device == port.device);
+        let is_repeated = config.ports[..index].iter().any(|other| other.device == port.device);
         check_port(port, index, is_repeated, findings);
     }
     for axis in config.axes() {
@@ -322,11 +263,7 @@ fn check_ports(config: &Config, findings: &mut Findings) {
             "motors are numbered from 0 without gaps",
         );
         findings.require(
-            config
-                .axes()
-                .filter(|other| other.motor == axis.motor)
-                .count()
-                == 1,
+            config.axes().filter(|other| other.motor == axis.motor).count() == 1,
             axis_key(axis, "motor"),
             axis.motor,
             "is turned by another axis already",
@@ -378,16 +315,8 @@ fn check_port(port: &PortConfig, index: usize, is_repeated: bool, findings: &mut
         "is named by another port already",
     );
     let polling = &port.polling;
-    findings.within(
-        key("polling.status_every_rounds"),
-        polling.status_every_rounds,
-        1..=1000,
-    );
-    findings.within(
-        key("polling.slow_every_rounds"),
-        polling.slow_every_rounds,
-        20..=10_000,
-    );
+    findings.within(key("polling.status_every_rounds"), polling.status_every_rounds, 1..=1000);
+    findings.within(key("polling.slow_every_rounds"), polling.slow_every_rounds, 20..=10_000);
     findings.require(
         (port.family, port.framing) != (Family::Epos4, Framing::V1),
         key("framing"),
@@ -403,9 +332,7 @@ fn check_port(port: &PortConfig, index: usize, is_repeated: bool, findings: &mut
             "is for EPOS4 only; leave it out for an EPOS2",
         );
         findings.require(
-            port.axes[..position]
-                .iter()
-                .all(|other| other.node_id != axis.node_id),
+            port.axes[..position].iter().all(|other| other.node_id != axis.node_id),
             axis_key(axis, "node_id"),
             axis.node_id,
             "is named by another axis of the same port already",
@@ -430,11 +357,7 @@ fn check_axis(axis: &AxisConfig, findings: &mut Findings) {
     );
     for (name, value, limit) in [
         ("current_limit_ma", axis.current_limit_ma, MAX_CURRENT_MA),
-        (
-            "following_error_counts",
-            axis.following_error_counts,
-            MAX_COUNTS as u32,
-        ),
+        ("following_error_counts", axis.following_error_counts, MAX_COUNTS as u32),
         ("motor_speed_rpm", axis.motor_speed_rpm, 200_000),
         ("quick_stop_rpm_s", axis.quick_stop_rpm_s, 10_000_000),
         ("homing_current_ma", axis.homing_current_ma, MAX_CURRENT_MA),

@@ -28,12 +28,7 @@ pub struct VirtualFixtureConfig {
 
 impl Default for VirtualFixtureConfig {
     fn default() -> Self {
-        Self {
-            slow_down_ms: 200,
-            margin_deg: 0.5,
-            margin_mm: 0.02,
-            regions: Vec::new(),
-        }
+        Self { slow_down_ms: 200, margin_deg: 0.5, margin_mm: 0.02, regions: Vec::new() }
     }
 }
 
@@ -93,11 +88,7 @@ pub enum FixtureShape {
 const LARGEST: f64 = 360.0;
 
 pub(super) fn check(config: &VirtualFixtureConfig, findings: &mut Findings) {
-    findings.within(
-        "virtual_fixtures.slow_down_ms",
-        config.slow_down_ms,
-        20..=5000,
-    );
+    findings.within("virtual_fixtures.slow_down_ms", config.slow_down_ms, 20..=5000);
     findings.within("virtual_fixtures.margin_deg", config.margin_deg, 0.0..=20.0);
     findings.within("virtual_fixtures.margin_mm", config.margin_mm, 0.0..=2.0);
     findings.require(
@@ -146,14 +137,12 @@ impl FixtureShape {
             (1e-6..=1e6).contains(&length)
         };
         let is_valid = match self {
-            Self::Circle {
-                centre_deg,
-                radius_deg,
-            } => is_in_range(centre_deg) && *radius_deg > 0.0 && *radius_deg <= LARGEST,
-            Self::Ball {
-                centre_mm,
-                radius_mm,
-            } => is_in_range(centre_mm) && *radius_mm > 0.0 && *radius_mm <= LARGEST,
+            Self::Circle { centre_deg, radius_deg } => {
+                is_in_range(centre_deg) && *radius_deg > 0.0 && *radius_deg <= LARGEST
+            }
+            Self::Ball { centre_mm, radius_mm } => {
+                is_in_range(centre_mm) && *radius_mm > 0.0 && *radius_mm <= LARGEST
+            }
             Self::HalfPlane { normal, offset_deg } => {
                 if !is_direction(normal) {
                     return Some("needs a normal that is not zero");
@@ -207,9 +196,7 @@ mod tests {
     use super::*;
 
     fn polygon(corners_deg: &[[f64; 2]]) -> FixtureShape {
-        FixtureShape::Polygon {
-            corners_deg: corners_deg.to_vec(),
-        }
+        FixtureShape::Polygon { corners_deg: corners_deg.to_vec() }
     }
 
     #[test]
@@ -221,13 +208,7 @@ mod tests {
         assert_eq!(polygon(&reversed).problem(), None);
         let crossed = [[0.0, 0.0], [4.0, 4.0], [4.0, 0.0], [0.0, 4.0]];
         let dented = [[0.0, 0.0], [4.0, 0.0], [1.0, 1.0], [0.0, 4.0]];
-        let star = [
-            [0.0, 3.0],
-            [2.0, -3.0],
-            [-3.0, 1.0],
-            [3.0, 1.0],
-            [-2.0, -3.0],
-        ];
+        let star = [[0.0, 3.0], [2.0, -3.0], [-3.0, 1.0], [3.0, 1.0], [-2.0, -3.0]];
         for corners in [&crossed[..], &dented, &star] {
             assert!(polygon(corners).problem().is_some(), "{corners:?}");
         }
@@ -236,18 +217,12 @@ mod tests {
 
     #[test]
     fn sizes_and_numbers_that_mean_nothing_are_refused() {
-        let circle = |radius_deg| FixtureShape::Circle {
-            centre_deg: [1.0, 2.0],
-            radius_deg,
-        };
+        let circle = |radius_deg| FixtureShape::Circle { centre_deg: [1.0, 2.0], radius_deg };
         assert_eq!(circle(3.0).problem(), None);
         for radius in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(circle(radius).problem().is_some(), "{radius}");
         }
-        let wall = |normal| FixtureShape::HalfPlane {
-            normal,
-            offset_deg: 10.0,
-        };
+        let wall = |normal| FixtureShape::HalfPlane { normal, offset_deg: 10.0 };
         assert_eq!(wall([0.0, 2.0]).problem(), None);
         assert!(wall([0.0, 0.0]).problem().is_some());
         assert!(wall([f64::NAN, 1.0]).problem().is_some());

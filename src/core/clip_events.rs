@@ -22,9 +22,7 @@ impl ClippedGoal {
     /// More is cut off than in the other, as far as both are known.
     fn is_farther(&self, other: &Option<Self>, by_deg: f64) -> bool {
         let Some(other) = other else { return true };
-        let other_deg = other
-            .distance_deg
-            .map_or(f64::NEG_INFINITY, |deg| deg + by_deg);
+        let other_deg = other.distance_deg.map_or(f64::NEG_INFINITY, |deg| deg + by_deg);
         self.distance_deg.is_some_and(|deg| deg > other_deg)
     }
 }
@@ -72,18 +70,12 @@ mod tests {
         let mut clips = ClipEvents::default();
         let update = |(index, distance): (usize, &f64)| {
             let now = Nanos::from_millis(10_000 + 100 * index as u64);
-            let clip = (!distance.is_nan()).then_some(ClippedGoal {
-                client_id: 7,
-                distance_deg: Some(*distance),
-            });
+            let clip = (!distance.is_nan())
+                .then_some(ClippedGoal { client_id: 7, distance_deg: Some(*distance) });
             let event = clips.update(clip, now)?;
             Some((index, event.distance_deg?))
         };
-        distances_deg
-            .iter()
-            .enumerate()
-            .filter_map(update)
-            .collect()
+        distances_deg.iter().enumerate().filter_map(update).collect()
     }
 
     #[test]
@@ -109,19 +101,13 @@ mod tests {
     fn a_flapping_clip_is_one_event_per_second_with_its_largest_distance() {
         let mut flapping = [1.0, f64::NAN].repeat(20);
         (flapping[6], flapping[14]) = (3.0, 2.0);
-        assert_eq!(
-            events(&flapping),
-            [(0, 1.0), (10, 3.0), (20, 2.0), (30, 1.0)]
-        );
+        assert_eq!(events(&flapping), [(0, 1.0), (10, 3.0), (20, 2.0), (30, 1.0)]);
     }
 
     #[test]
     fn a_clip_of_unknown_distance_is_an_event_at_its_beginning() {
         let mut clips = ClipEvents::default();
-        let clip = ClippedGoal {
-            client_id: 0,
-            distance_deg: None,
-        };
+        let clip = ClippedGoal { client_id: 0, distance_deg: None };
         let found = (0..5000).filter(|ms| {
             let now = Nanos::from_millis(10_000 + ms);
             clips.update((*ms < 4000).then_some(clip), now).is_some()

@@ -159,8 +159,7 @@ impl ControlCycle {
         let outcome = state_request.map(|request| self.apply_command(request, &summary, events));
         let model_request = inputs.model.as_ref();
         let model_reply = model_request.map(|request| self.swap_model(request, now, events));
-        self.axes
-            .update_sources(&self.machine.state().demands(), now);
+        self.axes.update_sources(&self.machine.state().demands(), now);
         self.admission.expire_lease(now, events);
         if let Some(command) = &inputs.servo {
             self.apply_servo_command(command, &summary, events);
@@ -181,14 +180,12 @@ impl ControlCycle {
                     ..AxisRequest::default()
                 },
             ),
-            reply: state_request
-                .zip(outcome)
-                .map(|(request, (refusal, excess))| StateReply {
-                    id: request.id,
-                    refusal,
-                    state: state.operating_state(),
-                    excess,
-                }),
+            reply: state_request.zip(outcome).map(|(request, (refusal, excess))| StateReply {
+                id: request.id,
+                refusal,
+                state: state.operating_state(),
+                excess,
+            }),
             model_reply,
             report: self.report(now, &setpoint),
             events,
@@ -290,9 +287,7 @@ impl ControlCycle {
         let estimates = [report.measured, calibrated];
         self.plausibility.record_estimates(now, estimates);
         let outputs = joints.outputs();
-        let is_implausible = self
-            .plausibility
-            .is_implausible(measured, outputs, is_checked, now);
+        let is_implausible = self.plausibility.is_implausible(measured, outputs, is_checked, now);
         self.plausibility_check = self.plausibility.check(now);
         is_implausible
     }
@@ -300,8 +295,7 @@ impl ControlCycle {
     fn shut_down(&mut self, summary: &DriveSummary, events: &mut EventList) {
         self.shutdown.request(summary.now);
         if let CommandEffect::Change(next) = disable(self.machine.state(), summary) {
-            self.machine
-                .change((next, TransitionCause::Shutdown), summary.now, events);
+            self.machine.change((next, TransitionCause::Shutdown), summary.now, events);
         }
     }
 
@@ -325,14 +319,13 @@ impl ControlCycle {
         summary: &DriveSummary,
         events: &mut EventList,
     ) -> GeneratedSetpoint {
-        self.try_move_setpoints(summary.now, events)
-            .unwrap_or_else(|NotFinite| {
-                if !matches!(self.machine.state(), ControlState::Fault(_)) {
-                    let fault = enter_fault(self.machine.state(), Fault::Model, summary);
-                    self.machine.change(fault, summary.now, events);
-                }
-                GeneratedSetpoint::default()
-            })
+        self.try_move_setpoints(summary.now, events).unwrap_or_else(|NotFinite| {
+            if !matches!(self.machine.state(), ControlState::Fault(_)) {
+                let fault = enter_fault(self.machine.state(), Fault::Model, summary);
+                self.machine.change(fault, summary.now, events);
+            }
+            GeneratedSetpoint::default()
+        })
     }
 
     fn try_move_setpoints(
@@ -349,8 +342,7 @@ impl ControlCycle {
             events.push(CycleEventKind::FixtureLimit { region });
         }
         if let Some(next) = setpoint.next {
-            self.machine
-                .progress(ControlState::Enabled(next), now, events);
+            self.machine.progress(ControlState::Enabled(next), now, events);
         }
         if let Some(joints) = self.models.active_mut() {
             let (setpoints, increments) = (self.axes.setpoints(), self.axes.increments());
@@ -381,10 +373,7 @@ impl ControlCycle {
             refusals: self.admission.refusals(),
             stale_stops: self.stale_stops,
             models: self.models.report(&self.history),
-            adaptation: self
-                .adaptation
-                .as_ref()
-                .map(|adaptation| adaptation.report(joints)),
+            adaptation: self.adaptation.as_ref().map(|adaptation| adaptation.report(joints)),
             mark: self.history.cursor(),
             joint: joints.and_then(|joints| joints.report(setpoint.goal)),
             setpoints: self.axes.targets(),

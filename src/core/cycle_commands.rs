@@ -37,15 +37,8 @@ impl ControlCycle {
             return (Refusal::None, None);
         };
         let excess = self.request_excess(refusal, summary);
-        if self
-            .admission
-            .refuse_request(client_id, refusal, summary.now)
-        {
-            let kind = CycleEventKind::RequestRefused {
-                client_id,
-                command,
-                refusal,
-            };
+        if self.admission.refuse_request(client_id, refusal, summary.now) {
+            let kind = CycleEventKind::RequestRefused { client_id, command, refusal };
             events.push_measured(kind, excess);
         }
         (refusal, excess)
@@ -132,11 +125,7 @@ impl ControlCycle {
 
     /// Refuses motion that is not planned in joint space while virtual fixtures count.
     fn require_no_fixture(&self) -> Result<(), Refusal> {
-        if self.fixtures.is_on() {
-            Err(Refusal::Fixture)
-        } else {
-            Ok(())
-        }
+        if self.fixtures.is_on() { Err(Refusal::Fixture) } else { Ok(()) }
     }
 
     /// A client that gives the lease back is not followed any more: the robot stops.
@@ -186,10 +175,7 @@ impl ControlCycle {
                 adaptation.begin(self.models.previous_mut(), now);
             }
         }
-        ModelSwapReply {
-            id: request.id,
-            refusal: result.err().unwrap_or(Refusal::None),
-        }
+        ModelSwapReply { id: request.id, refusal: result.err().unwrap_or(Refusal::None) }
     }
 
     pub(super) fn apply_servo_command(
@@ -210,8 +196,7 @@ impl ControlCycle {
                 } else {
                     EnabledActivity::Following(followed)
                 };
-                self.machine
-                    .progress(ControlState::Enabled(activity), summary.now, events);
+                self.machine.progress(ControlState::Enabled(activity), summary.now, events);
             }
             Err(refusal) => {
                 let client_id = command.client_id;
@@ -242,9 +227,7 @@ impl ControlCycle {
             self.require_no_fixture()?;
         }
         let followed = state.followed_command().map(|followed| &followed.goal);
-        let goal = self
-            .range_check
-            .check(command, followed, &self.axes, self.models.active())?;
+        let goal = self.range_check.check(command, followed, &self.axes, self.models.active())?;
         Ok(FollowedCommand {
             client_id: command.client_id,
             sequence: command.sequence,

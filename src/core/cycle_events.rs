@@ -46,11 +46,7 @@ impl ControlCycle {
         events: &mut EventList,
     ) {
         let clip = setpoint.is_clipped.then(|| self.clipped_goal(setpoint));
-        if let Some(ClippedGoal {
-            client_id,
-            distance_deg,
-        }) = self.clips.update(clip, now)
-        {
+        if let Some(ClippedGoal { client_id, distance_deg }) = self.clips.update(clip, now) {
             let excess = distance_deg.map(|deg| Excess::new(Quantity::Degrees, deg, None));
             events.push_measured(CycleEventKind::Clipped { client_id }, excess);
         }

@@ -39,13 +39,12 @@ impl ControlCycle {
                 let state = self.machine.state();
                 let followed = state.followed_command().map(|followed| &followed.goal);
                 let joints = self.models.active();
-                self.range_check
-                    .step_excess(command, followed, &self.axes, joints)
+                self.range_check.step_excess(command, followed, &self.axes, joints)
             }
             Refusal::Range => match command.goal {
-                ServoGoal::Actuator(counts, _) => self
-                    .axes
-                    .range_excess(|motor, _| counts.get(usize::from(motor)).copied()),
+                ServoGoal::Actuator(counts, _) => {
+                    self.axes.range_excess(|motor, _| counts.get(usize::from(motor)).copied())
+                }
                 ServoGoal::Joint(..) => None,
             },
             Refusal::Malformed => self.entries_excess(command),
@@ -65,9 +64,9 @@ impl ControlCycle {
                 let is_old = axis.feedback().stamp > Nanos::ZERO && age >= summary.stale_after;
                 is_old.then(|| Excess::of_age(age, summary.stale_after))
             }),
-            Refusal::Range => self
-                .axes
-                .range_excess(|_, axis: &AxisControl| Some(axis.feedback().position)),
+            Refusal::Range => {
+                self.axes.range_excess(|_, axis: &AxisControl| Some(axis.feedback().position))
+            }
             _ => None,
         }
     }

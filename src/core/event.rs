@@ -174,11 +174,7 @@ impl EventList {
     /// No events yet. `stamp`: start of the tick.
     #[must_use]
     pub fn new(stamp: Nanos) -> Self {
-        Self {
-            stamp,
-            list: [None; 4],
-            lost: 0,
-        }
+        Self { stamp, list: [None; 4], lost: 0 }
     }
 
     /// Adds an event. In a full list, a change of state replaces the last event of another kind:
@@ -220,11 +216,7 @@ impl EventList {
         let free = self.list.iter_mut().find(|entry| entry.is_none());
         let is_free = free.is_some();
         if let Some(entry) = free {
-            *entry = Some(CycleEvent {
-                stamp: self.stamp,
-                kind,
-                excess,
-            });
+            *entry = Some(CycleEvent { stamp: self.stamp, kind, excess });
         }
         is_free
     }
@@ -268,18 +260,12 @@ mod tests {
             events.push(kind);
         }
         let (list, lost) = events.finish();
-        (
-            list.iter().flatten().map(|event| event.kind).collect(),
-            lost,
-        )
+        (list.iter().flatten().map(|event| event.kind).collect(), lost)
     }
 
     #[test]
     fn events_that_do_not_fit_are_counted() {
-        assert_eq!(
-            pushed((1..=6).map(lease)),
-            ((1..=4).map(lease).collect(), 2)
-        );
+        assert_eq!(pushed((1..=6).map(lease)), ((1..=4).map(lease).collect(), 2));
     }
 
     #[test]

@@ -155,11 +155,7 @@
 // Not in tests, which may allocate.
 #![cfg_attr(
     not(test),
-    deny(
-        clippy::disallowed_macros,
-        clippy::disallowed_methods,
-        clippy::disallowed_types
-    )
+    deny(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types)
 )]
 
 pub mod adaptation;

@@ -71,10 +71,7 @@ impl Rehearsal {
     pub fn follow(&mut self, goal: ServoGoal) -> Result<&CycleReport, RehearsalError> {
         let refused = self.report().refused;
         let servo = Some(self.0.servo_command(goal));
-        self.tick(SimulatedInputs {
-            servo,
-            ..SimulatedInputs::default()
-        });
+        self.tick(SimulatedInputs { servo, ..SimulatedInputs::default() });
         let report = self.0.report();
         if report.refused > refused {
             return Err(RehearsalError::Goal(report.last_refusal));
@@ -119,13 +116,7 @@ impl Rehearsal {
 /// The counts at which a model starts to follow a goal when its memory is unknown.
 #[must_use]
 pub fn start_position(model: &Model, goal: &OutputVec) -> MotorVec {
-    model
-        .invert(
-            goal,
-            &model.new_memory(),
-            &Query::new(model.hull().centre()),
-        )
-        .counts
+    model.invert(goal, &model.new_memory(), &Query::new(model.hull().centre())).counts
 }
 
 /// The configuration without limits on motion: velocity, acceleration, jerk, steps and positions.

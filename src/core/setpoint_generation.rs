@@ -29,11 +29,7 @@ pub(super) struct GeneratedSetpoint {
 
 impl From<&InverseSetpoint> for GeneratedSetpoint {
     fn from(inverse: &InverseSetpoint) -> Self {
-        Self {
-            goal: inverse.goal,
-            is_clipped: inverse.is_clipped,
-            ..Self::default()
-        }
+        Self { goal: inverse.goal, is_clipped: inverse.is_clipped, ..Self::default() }
     }
 }
 
@@ -80,14 +76,7 @@ fn follow_command(
     now: Nanos,
     tick: Nanos,
 ) -> Result<GeneratedSetpoint, NotFinite> {
-    let inverse = follow_goal(
-        &command.goal,
-        axes,
-        joints.as_deref_mut(),
-        fixtures,
-        now,
-        tick,
-    )?;
+    let inverse = follow_goal(&command.goal, axes, joints.as_deref_mut(), fixtures, now, tick)?;
     track_outside(&inverse.targets, axes, joints.as_deref(), fixtures)?;
     Ok(GeneratedSetpoint {
         command_stamp: command.stamp,
@@ -106,9 +95,8 @@ fn track_outside(
     fixtures: &mut VirtualFixtures,
 ) -> Result<(), NotFinite> {
     const NONE: u32 = 0;
-    let Some((joints, start)) = joints
-        .filter(|_| fixtures.is_on())
-        .and_then(|joints| Some((joints, joints.setpoint()?)))
+    let Some((joints, start)) =
+        joints.filter(|_| fixtures.is_on()).and_then(|joints| Some((joints, joints.setpoint()?)))
     else {
         axes.track(targets);
         return Ok(());
@@ -133,15 +121,9 @@ fn run_conditioning(
     let next = cycle.after_tick();
     let cycle = next.as_ref().unwrap_or(cycle);
     axes.track(&cycle.targets());
-    let goal = joints
-        .map(|joints| joints.pose(cycle.position()))
-        .transpose()?;
+    let goal = joints.map(|joints| joints.pose(cycle.position())).transpose()?;
     let next = next.map_or(EnabledActivity::Holding, EnabledActivity::Conditioning);
-    Ok(GeneratedSetpoint {
-        goal,
-        next: Some(next),
-        ..GeneratedSetpoint::default()
-    })
+    Ok(GeneratedSetpoint { goal, next: Some(next), ..GeneratedSetpoint::default() })
 }
 
 fn follow_trajectory(
@@ -154,10 +136,8 @@ fn follow_trajectory(
 ) -> Result<GeneratedSetpoint, NotFinite> {
     // Trajectories are only planned with a model.
     let joints = joints.ok_or(NotFinite)?;
-    let goal = GoalStep {
-        now: trajectory.position_at(now),
-        before: trajectory.position_at(now - tick),
-    };
+    let goal =
+        GoalStep { now: trajectory.position_at(now), before: trajectory.position_at(now - tick) };
     let inverse = invert_goal(goal, trajectory.end(), axes, joints, fixtures, now, tick)?;
     track_outside(&inverse.targets, axes, Some(joints), fixtures)?;
     let is_finished = trajectory.is_finished(now) && axes.all(AxisControl::is_at_rest);

@@ -58,21 +58,15 @@ impl SimulatedLoop {
         let mut cycle = ControlCycle::new(config, Some(Arc::clone(model)));
         let now = Nanos::from_millis(1000);
         let outputs = cycle.step(now, &CycleInputs::default());
-        let homed = AxisFeedback {
-            phase: AxisPhase::Disabled,
-            homed: true,
-            ..AxisFeedback::default()
-        };
+        let homed =
+            AxisFeedback { phase: AxisPhase::Disabled, homed: true, ..AxisFeedback::default() };
         Self {
             cycle,
             period: config.control.period(),
             now,
             motors: config.motors().min(MAX_MOTORS),
             feedback: [homed; MAX_MOTORS],
-            outputs: CycleOutputs {
-                requests: [AxisRequest::default(); MAX_MOTORS],
-                ..outputs
-            },
+            outputs: CycleOutputs { requests: [AxisRequest::default(); MAX_MOTORS], ..outputs },
             sequence: 0,
         }
     }
@@ -152,11 +146,7 @@ impl SimulatedLoop {
         for motor in 0..self.motors {
             self.update_drive(motor, motors, before);
         }
-        let SimulatedInputs {
-            servo,
-            request,
-            external,
-        } = inputs;
+        let SimulatedInputs { servo, request, external } = inputs;
         self.outputs = self.cycle.step(
             self.now,
             &CycleInputs {
@@ -185,10 +175,9 @@ impl SimulatedLoop {
 
     fn update_drive(&mut self, motor: usize, motors: Motors, before: Nanos) {
         let now = self.now;
-        let (Some(feedback), Some(request)) = (
-            self.feedback.get_mut(motor),
-            self.outputs.requests.get(motor),
-        ) else {
+        let (Some(feedback), Some(request)) =
+            (self.feedback.get_mut(motor), self.outputs.requests.get(motor))
+        else {
             return;
         };
         feedback.phase = match request.demand {
@@ -226,11 +215,5 @@ impl SimulatedLoop {
 /// A state command of the same client.
 #[must_use]
 pub fn state_request(command: StateCommand) -> StateRequest {
-    StateRequest {
-        id: 0,
-        client_id: CLIENT,
-        command,
-        pose: None,
-        fixture: None,
-    }
+    StateRequest { id: 0, client_id: CLIENT, command, pose: None, fixture: None }
 }

@@ -25,10 +25,7 @@ pub(crate) fn distance<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
 
 /// Largest difference of two entries with the same index.
 pub(crate) fn largest_difference<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
-    difference(a, b)
-        .map(f64::abs)
-        .into_iter()
-        .fold(0.0, f64::max)
+    difference(a, b).map(f64::abs).into_iter().fold(0.0, f64::max)
 }
 
 /// The point on the line from `from` to `to` at `fraction` of its length; exactly `to` from 1 on.
@@ -37,11 +34,7 @@ pub(crate) fn interpolate<const N: usize>(
     to: &[f64; N],
     fraction: f64,
 ) -> [f64; N] {
-    if fraction >= 1.0 {
-        *to
-    } else {
-        zip_map(from, to, |from, to| from + fraction * (to - from))
-    }
+    if fraction >= 1.0 { *to } else { zip_map(from, to, |from, to| from + fraction * (to - from)) }
 }
 
 /// The first `entries` values, and 0 for the others.

@@ -53,11 +53,7 @@ pub struct AxisIdentity {
 
 impl<'a, T: Transport> DriveNode<'a, T> {
     pub(super) fn new(link: &'a mut DriveLink<T>, node: u8) -> Self {
-        Self {
-            link,
-            node,
-            interlude: None,
-        }
+        Self { link, node, interlude: None }
     }
 
     /// Calls this after every exchange: the line may have other drives that must not wait.
@@ -75,21 +71,13 @@ impl<'a, T: Transport> DriveNode<'a, T> {
     pub(super) fn check_identity(&mut self, expected: u32) -> Result<(), AxisError> {
         self.check_vendor()?;
         let found = self.read(object::SERIAL_NUMBER)?;
-        if found == expected {
-            Ok(())
-        } else {
-            Err(AxisError::SerialNumber { expected, found })
-        }
+        if found == expected { Ok(()) } else { Err(AxisError::SerialNumber { expected, found }) }
     }
 
     fn check_vendor(&mut self) -> Result<(), AxisError> {
         let expected = object::MAXON;
         let found = self.read(object::VENDOR)?;
-        if found == expected {
-            Ok(())
-        } else {
-            Err(AxisError::Vendor { expected, found })
-        }
+        if found == expected { Ok(()) } else { Err(AxisError::Vendor { expected, found }) }
     }
 
     pub(super) fn read_identity(
@@ -181,11 +169,7 @@ impl<'a, T: Transport> DriveNode<'a, T> {
             self.write(setting)?;
             let (object, written, found) = (setting.object, setting.raw, self.read_back(setting)?);
             if found != written {
-                return Err(AxisError::ReadBack {
-                    object,
-                    written,
-                    found,
-                });
+                return Err(AxisError::ReadBack { object, written, found });
             }
         }
         Ok(())

@@ -198,12 +198,8 @@ mod tests {
         DriveState::FaultReaction,
         DriveState::Fault,
     ];
-    const GOALS: [PowerGoal; 4] = [
-        PowerGoal::Off,
-        PowerGoal::Cut,
-        PowerGoal::On,
-        PowerGoal::Stopped,
-    ];
+    const GOALS: [PowerGoal; 4] =
+        [PowerGoal::Off, PowerGoal::Cut, PowerGoal::On, PowerGoal::Stopped];
 
     /// The effect of a controlword, from the table of commands in the firmware specification,
     /// section 3.2; `None`: no effect.
@@ -247,9 +243,7 @@ mod tests {
     }
 
     fn every_state_and_goal() -> impl Iterator<Item = (DriveState, PowerGoal)> {
-        STATES
-            .into_iter()
-            .flat_map(|state| GOALS.map(|goal| (state, goal)))
+        STATES.into_iter().flat_map(|state| GOALS.map(|goal| (state, goal)))
     }
 
     #[test]
@@ -262,10 +256,7 @@ mod tests {
                 assert_eq!(goal, PowerGoal::On, "{state:?}");
             }
             let coasts = state == OperationEnabled && step == shutdown;
-            assert!(
-                !coasts,
-                "shutdown cuts the power of a moving motor: {goal:?}"
-            );
+            assert!(!coasts, "shutdown cuts the power of a moving motor: {goal:?}");
         }
         let ramp = PowerStep::Command(Controlword::DISABLE_OPERATION);
         assert_eq!(power_step(OperationEnabled, PowerGoal::Off), ramp);

@@ -23,22 +23,14 @@ impl DriveRequest {
         const { assert!(N <= 8, "a request holds at most eight bytes") };
         let mut bytes = [0; 8];
         bytes[..N].copy_from_slice(&data);
-        Self {
-            opcode,
-            data: bytes,
-            length: N as u8,
-            reply_words,
-        }
+        Self { opcode, data: bytes, length: N as u8, reply_words }
     }
 
     /// The request as a frame.
     #[must_use]
     pub fn frame(&self) -> SerialFrame<'_> {
         let data = self.data.get(..usize::from(self.length));
-        SerialFrame {
-            opcode: self.opcode,
-            data: data.unwrap_or(&self.data),
-        }
+        SerialFrame { opcode: self.opcode, data: data.unwrap_or(&self.data) }
     }
 
     /// The largest number of data words in its reply: the time of the reply on the wire.
@@ -100,11 +92,7 @@ pub trait CommandSet: fmt::Debug + Sync {
     ///
     /// When the drive refused, or the frame is no reply to a write.
     fn write_reply(&self, reply: SerialFrame<'_>) -> Result<(), ReplyError> {
-        if after_error_code(reply)?.is_empty() {
-            Ok(())
-        } else {
-            Err(ReplyError::Mismatch)
-        }
+        if after_error_code(reply)?.is_empty() { Ok(()) } else { Err(ReplyError::Mismatch) }
     }
 }
 

@@ -28,10 +28,7 @@ const COMMON: &[ErrorGroup] = &[
     ErrorGroup {
         reaction: FaultReaction::Ramp,
         clears_position: false,
-        codes: &[
-            (0x6320, 0x6320, "software parameter"),
-            (0x8611, 0x8611, "following error"),
-        ],
+        codes: &[(0x6320, 0x6320, "software parameter"), (0x8611, 0x8611, "following error")],
     },
     ErrorGroup {
         reaction: FaultReaction::ConnectionLost,
@@ -64,11 +61,7 @@ pub(super) fn look_up(family: &[ErrorGroup], code: u16) -> DriveFault {
     }
     DriveFault {
         code,
-        name: if code == 0 {
-            "no error"
-        } else {
-            "unknown error"
-        },
+        name: if code == 0 { "no error" } else { "unknown error" },
         reaction: FaultReaction::Unknown,
         clears_position: false,
     }
@@ -125,11 +118,6 @@ pub(super) fn assert_no_overlap(family: &[ErrorGroup]) {
     let mut codes: Vec<_> = groups.flat_map(|group| group.codes).collect();
     codes.sort();
     for pair in codes.windows(2) {
-        assert!(
-            pair[0].1 < pair[1].0,
-            "0x{:04X} and 0x{:04X}",
-            pair[0].0,
-            pair[1].0
-        );
+        assert!(pair[0].1 < pair[1].0, "0x{:04X} and 0x{:04X}", pair[0].0, pair[1].0);
     }
 }

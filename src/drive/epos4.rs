@@ -18,12 +18,8 @@ use crate::config::{AxisConfig, HomingMethod};
 /// Revision; the high word is the firmware version.
 const REVISION: Object<u32> = Object::new(0x1018, 3, "revision");
 /// Full serial number, 8 bytes: read in segments.
-const FULL_SERIAL_NUMBER: Address = Address {
-    index: 0x2100,
-    subindex: 1,
-    size: 8,
-    name: "full serial number",
-};
+const FULL_SERIAL_NUMBER: Address =
+    Address { index: 0x2100, subindex: 1, size: 8, name: "full serial number" };
 /// Supply voltage, tenths of a volt.
 const SUPPLY_VOLTAGE: Object<u16> = Object::new(0x2200, 1, "supply voltage");
 /// Limit of the output current, mA.
@@ -66,11 +62,8 @@ static CYCLIC: ObjectMap = ObjectMap {
     supply_voltage: Some(SUPPLY_VOLTAGE),
 };
 
-static PROFILE: ObjectMap = ObjectMap {
-    streaming_mode: 1,
-    setpoint_trigger: SetpointTrigger::Edge,
-    ..CYCLIC
-};
+static PROFILE: ObjectMap =
+    ObjectMap { streaming_mode: 1, setpoint_trigger: SetpointTrigger::Edge, ..CYCLIC };
 
 impl DriveFamily for Epos4 {
     fn name(&self) -> &'static str {
@@ -196,11 +189,8 @@ mod tests {
 
     #[test]
     fn a_hard_stop_is_searched_with_a_low_current_limit_that_is_restored() {
-        let axis = AxisConfig {
-            homing: HomingMethod::StopNegative,
-            homing_current_ma: 25,
-            ..axis()
-        };
+        let axis =
+            AxisConfig { homing: HomingMethod::StopNegative, homing_current_ma: 25, ..axis() };
         let plan = Epos4.homing(&axis);
         assert_eq!(plan.method(), -4);
         assert!(plan.settings().contains(&CURRENT_LIMIT.set(25)));

@@ -198,21 +198,14 @@ impl fmt::Display for PortEvent {
 impl fmt::Display for PortEventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Ready {
-                node_id,
-                product_code,
-                firmware,
-                serial_number,
-            } => write!(
+            Self::Ready { node_id, product_code, firmware, serial_number } => write!(
                 f,
                 "drive ready, node {node_id}, product 0x{product_code:08X}, firmware \
                  0x{firmware:04X}, serial number {serial_number}"
             ),
-            Self::Phase {
-                from,
-                to,
-                statusword,
-            } => write!(f, "{from:?} -> {to:?}, statusword 0x{statusword:04X}"),
+            Self::Phase { from, to, statusword } => {
+                write!(f, "{from:?} -> {to:?}, statusword 0x{statusword:04X}")
+            }
             Self::Fault(fault) => write!(f, "fault {fault}"),
             Self::FaultReset { cleared: true } => f.write_str("fault reset"),
             Self::FaultReset { cleared: false } => {
@@ -229,10 +222,9 @@ impl fmt::Display for PortEventKind {
             Self::HomingEnded { error: None } => f.write_str("homed"),
             Self::HomingEnded { error: Some(error) } => write!(f, "homing failed: {error}"),
             Self::UnexpectedState { state } => write!(f, "the drive went to {state:?} by itself"),
-            Self::StillPowered { state } => write!(
-                f,
-                "power stage does not go off in order ({state:?}), cutting its power"
-            ),
+            Self::StillPowered { state } => {
+                write!(f, "power stage does not go off in order ({state:?}), cutting its power")
+            }
             Self::Lost(error) => write!(f, "lost: {error}"),
             Self::Unusable(error) => write!(f, "not usable: {error}"),
             Self::PositionMismatch { before, after } => {

@@ -88,8 +88,7 @@ pub fn decode(opcode: u8, body: &[u8]) -> Option<SerialFrame<'_>> {
 fn crc(opcode: u8, body: &[u8]) -> u16 {
     let (length, data) = body.split_at(LENGTH.min(body.len()));
     let first = u16::from_be_bytes([opcode, length.first().copied().unwrap_or(0)]);
-    data.chunks(2)
-        .fold(shift_in(0, first), |crc, pair| shift_in(crc, word(pair)))
+    data.chunks(2).fold(shift_in(0, first), |crc, pair| shift_in(crc, word(pair)))
 }
 
 #[cfg(test)]
@@ -100,9 +99,7 @@ mod tests {
     use super::*;
 
     fn bytes(text: &str) -> Vec<u8> {
-        text.split_whitespace()
-            .map(|byte| u8::from_str_radix(byte, 16).unwrap())
-            .collect()
+        text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
     }
 
     fn body_of(opcode: u8, data: &[u8]) -> HandshakeBody {

@@ -34,12 +34,7 @@ impl HomingPlan {
                 object::HOMING_ACCELERATION.set(HOMING_ACCELERATION_RPM_S),
             ]);
         }
-        Self {
-            method,
-            moves,
-            settings,
-            restored: Vec::new(),
-        }
+        Self { method, moves, settings, restored: Vec::new() }
     }
 
     /// Restores a setting afterwards, if it was changed.

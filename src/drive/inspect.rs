@@ -69,10 +69,7 @@ pub fn inspect_over<T: Transport>(
 ) -> Result<PortInspection, DriveError> {
     let mut link = DriveLink::new(transport, family_of_port(config), config);
     let Some(first) = config.axes.first() else {
-        return Ok(PortInspection {
-            exchange: Nanos::ZERO,
-            axes: Vec::new(),
-        });
+        return Ok(PortInspection { exchange: Nanos::ZERO, axes: Vec::new() });
     };
     let exchange = learn_constants(&mut link)
         .and_then(|()| time_exchanges(&mut link))
@@ -81,10 +78,7 @@ pub fn inspect_over<T: Transport>(
         inspect_axis(&mut link, config, axis)
             .map_err(|error| explain(config, axis, error).to_string())
     };
-    Ok(PortInspection {
-        exchange,
-        axes: config.axes.iter().map(inspect_axis).collect(),
-    })
+    Ok(PortInspection { exchange, axes: config.axes.iter().map(inspect_axis).collect() })
 }
 
 fn inspect_axis(

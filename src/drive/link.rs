@@ -257,9 +257,8 @@ impl<T: Transport> DriveLink<T> {
     /// not synchronise the line if there is none.
     pub(super) fn write_unconfirmed(&mut self, node: u8, setting: Setting) {
         let commands = self.family.command_set();
-        let _ = self.attempt(&commands.write(node, setting), &mut |reply| {
-            commands.write_reply(reply)
-        });
+        let _ =
+            self.attempt(&commands.write(node, setting), &mut |reply| commands.write_reply(reply));
     }
 
     /// Reads an object of any length. Allocates.
@@ -309,8 +308,7 @@ impl<T: Transport> DriveLink<T> {
         }
         self.synchronise()?;
         self.counters.retries += 1;
-        self.attempt(request, decode)
-            .or_else(|error| self.fail(error))
+        self.attempt(request, decode).or_else(|error| self.fail(error))
     }
 
     /// Ends an exchange. After a missing reply the line is synchronised first.

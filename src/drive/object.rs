@@ -43,11 +43,7 @@ impl Address {
 
 impl fmt::Display for Address {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{} (0x{:04X}:{:02X})",
-            self.name, self.index, self.subindex
-        )
+        write!(f, "{} (0x{:04X}:{:02X})", self.name, self.index, self.subindex)
     }
 }
 
@@ -62,15 +58,7 @@ impl<T: Value> Object<T> {
     /// An object of the dictionary.
     #[must_use]
     pub const fn new(index: u16, subindex: u8, name: &'static str) -> Self {
-        Self {
-            address: Address {
-                index,
-                subindex,
-                size: T::SIZE,
-                name,
-            },
-            value: PhantomData,
-        }
+        Self { address: Address { index, subindex, size: T::SIZE, name }, value: PhantomData }
     }
 
     /// Its address.
@@ -82,10 +70,7 @@ impl<T: Value> Object<T> {
     /// A write of this value.
     #[must_use]
     pub fn set(self, value: T) -> Setting {
-        Setting {
-            object: self.address,
-            raw: value.into_raw(),
-        }
+        Setting { object: self.address, raw: value.into_raw() }
     }
 }
 
@@ -142,10 +127,8 @@ pub const PRODUCT: Object<u32> = Object::new(0x1018, 2, "product code");
 /// Serial number.
 pub const SERIAL_NUMBER: Object<u32> = Object::new(0x1018, 4, "serial number");
 /// How long the drive waits for the rest of a frame, ms: on RS232 and on USB.
-pub const FRAME_TIMEOUTS: [Object<u16>; 2] = [
-    Object::new(0x2005, 0, "RS232 frame timeout"),
-    Object::new(0x2006, 0, "USB frame timeout"),
-];
+pub const FRAME_TIMEOUTS: [Object<u16>; 2] =
+    [Object::new(0x2005, 0, "RS232 frame timeout"), Object::new(0x2006, 0, "USB frame timeout")];
 /// Commands to the CiA 402 state machine.
 pub const CONTROLWORD: Object<u16> = Object::new(0x6040, 0, "controlword");
 /// State of the CiA 402 state machine.
@@ -175,12 +158,8 @@ pub const QUICK_STOP_DECELERATION: Object<u32> = Object::new(0x6085, 0, "quick-s
 /// Homing method.
 pub const HOMING_METHOD: Object<i8> = Object::new(0x6098, 0, "homing method");
 /// Device name, text: read in segments.
-pub const DEVICE_NAME: Address = Address {
-    index: 0x1008,
-    subindex: 0,
-    size: 0,
-    name: "device name",
-};
+pub const DEVICE_NAME: Address =
+    Address { index: 0x1008, subindex: 0, size: 0, name: "device name" };
 /// Number of errors in the history; writing 0 clears it.
 pub const ERROR_HISTORY: Object<u8> = Object::new(0x1003, 0, "error history");
 /// Profile velocity, rpm.

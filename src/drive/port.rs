@@ -82,11 +82,7 @@ impl<T: Transport> Port<Opened, T> {
                 .map_err(|error| explain(&self.config, axis, error))?,
             None => Nanos::ZERO,
         };
-        Ok(Port {
-            link: self.link,
-            config: self.config,
-            stage: Identified { axes, exchange },
-        })
+        Ok(Port { link: self.link, config: self.config, stage: Identified { axes, exchange } })
     }
 
     /// Identifies and configures all drives.
@@ -124,10 +120,7 @@ impl<T: Transport> Port<Identified, T> {
         Ok(Port {
             link: self.link,
             config: self.config,
-            stage: Configured {
-                identified: self.stage,
-                positions,
-            },
+            stage: Configured { identified: self.stage, positions },
         })
     }
 }
@@ -143,13 +136,7 @@ impl<T: Transport> Port<Configured, T> {
     #[must_use]
     pub fn split(self) -> (PortRunner<T>, Vec<AxisLink>) {
         let Identified { axes, exchange } = self.stage.identified;
-        PortRunner::with_links(
-            self.link,
-            &self.config,
-            axes,
-            exchange,
-            &self.stage.positions,
-        )
+        PortRunner::with_links(self.link, &self.config, axes, exchange, &self.stage.positions)
     }
 }
 
@@ -170,18 +157,9 @@ fn identify(
 pub(super) fn explain(port: &PortConfig, axis: &AxisConfig, error: AxisError) -> DriveError {
     let (device, node) = (port.device.clone(), axis.node_id);
     match error {
-        AxisError::Exchange {
-            error: LinkError::Lost | LinkError::Unanswered,
-            ..
-        } => DriveError::NoAnswer {
-            device,
-            baud: port.baud,
-            node,
-        },
-        error => DriveError::Axis {
-            device,
-            node,
-            error,
-        },
+        AxisError::Exchange { error: LinkError::Lost | LinkError::Unanswered, .. } => {
+            DriveError::NoAnswer { device, baud: port.baud, node }
+        }
+        error => DriveError::Axis { device, node, error },
     }
 }

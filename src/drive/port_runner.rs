@@ -116,9 +116,7 @@ impl RequestWatchdog {
             (self.sequence, self.seen, self.reported) = (sequence, now, false);
         }
         let silence = now - self.seen;
-        self.timeout
-            .is_some_and(|timeout| silence >= timeout)
-            .then_some(silence)
+        self.timeout.is_some_and(|timeout| silence >= timeout).then_some(silence)
     }
 }
 
@@ -170,10 +168,7 @@ impl AxisSlot {
                     let kind = PortEventKind::WatchdogExpired { silence };
                     self.axis.report(kind, events);
                 }
-                AxisRequest {
-                    demand: Demand::QuickStop,
-                    ..request
-                }
+                AxisRequest { demand: Demand::QuickStop, ..request }
             }
             _ => request,
         }
@@ -320,11 +315,7 @@ impl<T: Transport> PortRunner<T> {
         let request = slot.take_request();
         slot.axis.acknowledge_counters(&request, events);
         if !stopping {
-            let others = OtherSlots {
-                before,
-                after,
-                pace,
-            };
+            let others = OtherSlots { before, after, pace };
             try_reconnect(link, slot, others, events);
         }
         slot.pass_feedback(link.counters());
@@ -374,8 +365,7 @@ fn exchange(
         let begin = link.now();
         let transfer = slot.axis.next_transfer(&request, begin, pace.late, events);
         // Told before the exchange, so that the control loop has its time to plan the tick.
-        slot.setpoint_slot
-            .announce(begin, pace.turn, slot.axis.turns_to_setpoint());
+        slot.setpoint_slot.announce(begin, pace.turn, slot.axis.turns_to_setpoint());
         let timeouts = link.counters().timeouts;
         let map = slot.axis.object_map();
         let outcome = perform(link, slot.config.node_id, transfer, map);
@@ -402,11 +392,7 @@ fn perform(
         ObjectAccess::Read(object) => link.read_raw(node, object),
         ObjectAccess::Write(setting, retry) => {
             let TimedReply { sent, received, .. } = link.write(node, setting, retry)?;
-            Ok(TimedReply {
-                value: 0,
-                sent,
-                received,
-            })
+            Ok(TimedReply { value: 0, sent, received })
         }
     }
 }

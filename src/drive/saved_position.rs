@@ -31,9 +31,7 @@ struct SavedPositions {
 pub(super) fn take(file: &Path) -> Vec<SavedPosition> {
     let text = fs::read_to_string(file).unwrap_or_default();
     let _ = fs::remove_file(file);
-    toml::from_str::<SavedPositions>(&text)
-        .unwrap_or_default()
-        .axes
+    toml::from_str::<SavedPositions>(&text).unwrap_or_default().axes
 }
 
 /// Writes the file.
@@ -57,10 +55,7 @@ mod tests {
     fn a_saved_position_is_valid_for_one_start() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("positions.toml");
-        let position = SavedPosition {
-            serial_number: 62_000_001,
-            position: Counts(-417),
-        };
+        let position = SavedPosition { serial_number: 62_000_001, position: Counts(-417) };
         save(&file, vec![position]).unwrap();
         assert_eq!(take(&file), [position]);
         assert!(take(&file).is_empty());

@@ -63,10 +63,7 @@ pub struct FrameEncoder {
 
 impl Default for FrameEncoder {
     fn default() -> Self {
-        Self {
-            wire: [0; MAX_ENCODED],
-            length: 0,
-        }
+        Self { wire: [0; MAX_ENCODED], length: 0 }
     }
 }
 
@@ -127,16 +124,11 @@ pub(super) fn shift_in(crc: u16, word: u16) -> u16 {
     const POLYNOMIAL: u16 = 0x1021;
     (0..16).rev().fold(crc, |crc, bit| {
         let shifted = crc << 1 | (word >> bit & 1);
-        if crc & 0x8000 == 0 {
-            shifted
-        } else {
-            shifted ^ POLYNOMIAL
-        }
+        if crc & 0x8000 == 0 { shifted } else { shifted ^ POLYNOMIAL }
     })
 }
 
 /// The CRC over a body with its own CRC: 0 when the body is undamaged.
 pub(super) fn residue(body: &[u8]) -> u16 {
-    body.chunks(2)
-        .fold(0, |crc, pair| shift_in(crc, word(pair)))
+    body.chunks(2).fold(0, |crc, pair| shift_in(crc, word(pair)))
 }

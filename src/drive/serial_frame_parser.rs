@@ -55,10 +55,7 @@ enum ParserState {
 
 impl Default for FrameParser {
     fn default() -> Self {
-        Self {
-            state: ParserState::Idle,
-            body: [0; MAX_BODY],
-        }
+        Self { state: ParserState::Idle, body: [0; MAX_BODY] }
     }
 }
 
@@ -121,9 +118,6 @@ impl FrameParser {
         if residue(body) != 0 {
             return ParserEvent::Error(FrameError::Crc);
         }
-        ParserEvent::Frame(SerialFrame {
-            opcode: body[0],
-            data: &body[HEADER..length - CRC],
-        })
+        ParserEvent::Frame(SerialFrame { opcode: body[0], data: &body[HEADER..length - CRC] })
     }
 }

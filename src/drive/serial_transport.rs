@@ -49,10 +49,7 @@ impl SerialTransport {
             match open(config) {
                 Err(DriveError::Busy { .. }) if clock::now() < end => clock::sleep(BUSY_PERIOD),
                 opened => {
-                    return Ok(Self {
-                        port: Some(opened?),
-                        config: config.clone(),
-                    });
+                    return Ok(Self { port: Some(opened?), config: config.clone() });
                 }
             }
         }
@@ -65,9 +62,7 @@ impl SerialTransport {
 
 fn open(config: &PortConfig) -> Result<TTYPort, DriveError> {
     let device = &config.device;
-    let path = device.to_str().ok_or_else(|| DriveError::NotFound {
-        device: device.clone(),
-    })?;
+    let path = device.to_str().ok_or_else(|| DriveError::NotFound { device: device.clone() })?;
     let port = serialport::new(path, config.baud)
         .timeout(WRITE_TIMEOUT)
         .open_native()
@@ -75,8 +70,7 @@ fn open(config: &PortConfig) -> Result<TTYPort, DriveError> {
     // Before any traffic: changing a running timer stalls the line. Without permission the timer
     // stays, and bring-up reports slow exchanges.
     latency_timer::shorten(device);
-    port.clear(ClearBuffer::All)
-        .map_err(|source| explain(device, source))?;
+    port.clear(ClearBuffer::All).map_err(|source| explain(device, source))?;
     Ok(port)
 }
 

@@ -25,9 +25,8 @@ impl SetpointSlot {
     /// An exchange begins at `begin`. The next one with this axis is a `turn` later; after as many
     /// turns as given comes the one that takes a set-point.
     pub(super) fn announce(&self, begin: Nanos, turn: Nanos, turns: Option<u64>) {
-        let next = turns.map_or(0, |turns| {
-            begin.0.saturating_add(turn.0.saturating_mul(1 + turns))
-        });
+        let next =
+            turns.map_or(0, |turns| begin.0.saturating_add(turn.0.saturating_mul(1 + turns)));
         self.0.store(next, Ordering::Relaxed);
     }
 }

@@ -26,11 +26,7 @@ pub struct ClientProcess {
 
 impl fmt::Display for ClientProcess {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{}, process {}, user {}",
-            self.program, self.pid, self.uid
-        )
+        write!(f, "{}, process {}, user {}", self.program, self.pid, self.uid)
     }
 }
 
@@ -71,9 +67,6 @@ pub fn find_client_process(domain: &Domain, boot_id: u64, client_id: u64) -> Opt
     let pid: u32 = text.trim().parse().ok()?;
     let process = Path::new("/proc").join(pid.to_string());
     let uid = fs::metadata(&process).ok()?.uid();
-    let program = fs::read_to_string(process.join("comm"))
-        .ok()?
-        .trim()
-        .to_owned();
+    let program = fs::read_to_string(process.join("comm")).ok()?.trim().to_owned();
     Some(ClientProcess { pid, uid, program })
 }

@@ -90,11 +90,7 @@ impl DomainError {
     /// Maps an I/O error of `action` on `path`.
     pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
-        move |source| Self::Io {
-            action,
-            path,
-            source,
-        }
+        move |source| Self::Io { action, path, source }
     }
 }
 
@@ -121,11 +117,7 @@ impl Domain {
         let directory = Path::new(SHARED_MEMORY).join(&base);
         // No name contains `_`, so no prefix is the start of another one.
         let prefix = format!("{base}_");
-        Ok(Self {
-            name,
-            directory,
-            prefix,
-        })
+        Ok(Self { name, directory, prefix })
     }
 
     /// The name.
@@ -190,10 +182,7 @@ mod tests {
         let global = domain.config(0xb007).unwrap().global;
         let root = format!("/dev/shm/{base}/000000000000b007");
         assert_eq!(global.root_path().to_string(), root);
-        assert_eq!(
-            global.prefix.to_string(),
-            format!("{base}_000000000000b007_")
-        );
+        assert_eq!(global.prefix.to_string(), format!("{base}_000000000000b007_"));
     }
 
     #[test]
@@ -206,13 +195,7 @@ mod tests {
 
     #[test]
     fn the_error_of_a_taken_domain_names_the_controller() {
-        let taken = |pid| {
-            DomainError::Taken {
-                name: "eye".to_owned(),
-                pid,
-            }
-            .to_string()
-        };
+        let taken = |pid| DomainError::Taken { name: "eye".to_owned(), pid }.to_string();
         assert_eq!(
             taken(Some(7)),
             "the controller with process id 7 serves domain `eye` already; stop it, or choose \

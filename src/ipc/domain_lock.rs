@@ -43,11 +43,7 @@ impl DomainLock {
         create_directory(domain.directory())?;
         let lock = lock_domain(domain)?;
         let domain = domain.clone();
-        let held = Self {
-            domain,
-            boot_id: random_id(),
-            lock,
-        };
+        let held = Self { domain, boot_id: random_id(), lock };
         held.remove_files(Ticks::Kept)?;
         Ok(held)
     }
@@ -197,9 +193,7 @@ fn check_directory(path: &Path) -> Result<(), DomainError> {
     if owned && metadata.mode() & 0o077 == 0 {
         return Ok(());
     }
-    Err(DomainError::Unsafe {
-        path: path.to_owned(),
-    })
+    Err(DomainError::Unsafe { path: path.to_owned() })
 }
 
 /// Opens and locks the lock file. A controller that ends removes the file while it still holds the
@@ -207,12 +201,7 @@ fn check_directory(path: &Path) -> Result<(), DomainError> {
 fn lock_domain(domain: &Domain) -> Result<File, DomainError> {
     let path = domain.lock_file();
     let mut options = OpenOptions::new();
-    options
-        .read(true)
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .mode(0o600);
+    options.read(true).write(true).create(true).truncate(false).mode(0o600);
     loop {
         let mut file = match options.open(&path) {
             Ok(file) => file,

@@ -47,12 +47,7 @@ impl HeartbeatWriter {
         let path = lock.domain().file(FILE);
         let create = || {
             let mut options = OpenOptions::new();
-            options
-                .read(true)
-                .write(true)
-                .create(true)
-                .truncate(true)
-                .mode(0o600);
+            options.read(true).write(true).create(true).truncate(true).mode(0o600);
             let file = options.open(&path)?;
             file.set_len(SIZE.get() as u64)?;
             let word = MappedWord::map(&file, ProtFlags::PROT_READ | ProtFlags::PROT_WRITE)?;
@@ -86,10 +81,7 @@ impl HeartbeatReader {
     /// A reader of this domain. The controller may start later.
     #[must_use]
     pub fn new(domain: &Domain) -> Self {
-        Self {
-            domain: domain.clone(),
-            mapped: None,
-        }
+        Self { domain: domain.clone(), mapped: None }
     }
 
     /// The last heartbeat; `None` before the first tick.
@@ -102,24 +94,13 @@ impl HeartbeatReader {
             self.mapped = None;
             return Err(ControllerAbsent);
         };
-        if self
-            .mapped
-            .as_ref()
-            .is_none_or(|(mapped, _)| *mapped != boot_id)
-        {
+        if self.mapped.as_ref().is_none_or(|(mapped, _)| *mapped != boot_id) {
             let word = MappedWord::open(&self.domain.file(FILE)).ok();
             self.mapped = word.map(|word| (boot_id, word));
         }
-        let word = self
-            .mapped
-            .as_ref()
-            .map_or(0, |(_, word)| word.get().load(Ordering::Acquire));
+        let word = self.mapped.as_ref().map_or(0, |(_, word)| word.get().load(Ordering::Acquire));
         let (stamp, off) = (Nanos(word >> 1), word & 1 == 1);
-        Ok((word != 0).then_some(Heartbeat {
-            boot_id,
-            stamp,
-            off,
-        }))
+        Ok((word != 0).then_some(Heartbeat { boot_id, stamp, off }))
     }
 }
 
@@ -178,14 +159,7 @@ mod tests {
             for off in [true, false] {
                 writer.write(stamp, off);
                 let boot_id = lock.boot_id();
-                assert_eq!(
-                    reader.read(),
-                    Ok(Some(Heartbeat {
-                        boot_id,
-                        stamp,
-                        off
-                    }))
-                );
+                assert_eq!(reader.read(), Ok(Some(Heartbeat { boot_id, stamp, off })));
             }
             drop(lock);
             assert_eq!(reader.read(), Err(ControllerAbsent));

@@ -41,10 +41,7 @@ impl Ready {
             let mut options = OpenOptions::new();
             options.write(true).create(true).truncate(true).mode(0o600);
             let (boot_id, pid) = (lock.boot_id(), std::process::id());
-            writeln!(
-                options.open(&draft)?,
-                "{boot_id:016x} {INTERFACE_VERSION} {pid}"
-            )?;
+            writeln!(options.open(&draft)?, "{boot_id:016x} {INTERFACE_VERSION} {pid}")?;
             fs::rename(&draft, &path)?;
             lock.serve()
         };
@@ -94,9 +91,6 @@ mod tests {
         assert_eq!(Ready::read(&domain), None);
         Ready::announce(&successor).unwrap();
         let boot_id = successor.boot_id();
-        assert_eq!(
-            Ready::read(&domain).map(|ready| ready.boot_id),
-            Some(boot_id)
-        );
+        assert_eq!(Ready::read(&domain).map(|ready| ready.boot_id), Some(boot_id));
     }
 }

@@ -34,22 +34,12 @@ const NODES: usize = 48;
 
 /// A stream into the controller; recorders can subscribe, too.
 const fn command(name: &'static str) -> Stream {
-    Stream {
-        name,
-        publishers: COMMANDERS,
-        subscribers: 4,
-        history: 0,
-    }
+    Stream { name, publishers: COMMANDERS, subscribers: 4, history: 0 }
 }
 
 /// A stream out of the controller.
 const fn state(name: &'static str) -> Stream {
-    Stream {
-        name,
-        publishers: 1,
-        subscribers: WATCHERS,
-        history: 1,
-    }
+    Stream { name, publishers: 1, subscribers: WATCHERS, history: 1 }
 }
 
 pub(super) const SERVO_JP: Stream = command("i2ris/servo_jp");
@@ -69,24 +59,12 @@ pub(super) const EVENTS: Stream = Stream {
 };
 pub(super) const VIRTUAL_FIXTURES: Stream = state("i2ris/virtual_fixtures");
 /// The last faults; a client that joins later gets them, too.
-pub(super) const ERROR: Stream = Stream {
-    history: 16,
-    ..state("i2ris/error")
-};
+pub(super) const ERROR: Stream = Stream { history: 16, ..state("i2ris/error") };
 /// The last refusals, stops and clips.
-pub(super) const WARNING: Stream = Stream {
-    history: 16,
-    ..state("i2ris/warning")
-};
-pub(super) const EXTERNAL: Stream = Stream {
-    publishers: 4,
-    ..state("i2ris/external/measured_jp")
-};
+pub(super) const WARNING: Stream = Stream { history: 16, ..state("i2ris/warning") };
+pub(super) const EXTERNAL: Stream = Stream { publishers: 4, ..state("i2ris/external/measured_jp") };
 /// From the client that runs a task to those that show and record it.
-pub(super) const REACH_TARGET: Stream = Stream {
-    publishers: 4,
-    ..state("i2ris/reach_target")
-};
+pub(super) const REACH_TARGET: Stream = Stream { publishers: 4, ..state("i2ris/reach_target") };
 
 pub(super) const STATE_COMMAND: &str = "i2ris/state_command";
 pub(super) const BLACK_BOX: &str = "i2ris/black_box";
@@ -108,11 +86,7 @@ pub(super) fn failed<E: fmt::Debug>(
     step: &'static str,
     service: &'static str,
 ) -> impl FnOnce(E) -> TransportError {
-    move |error| TransportError {
-        step,
-        service,
-        reason: format!("{error:?}"),
-    }
+    move |error| TransportError { step, service, reason: format!("{error:?}") }
 }
 
 /// A node that does not handle signals: iceoryx2 would replace the handler that stops the robot.
@@ -120,12 +94,9 @@ pub(super) fn create_node<S: Service>(
     domain: &Domain,
     boot_id: u64,
 ) -> Result<Node<S>, TransportError> {
-    let config = domain
-        .config(boot_id)
-        .map_err(failed("configure", "a node"))?;
-    let builder = NodeBuilder::new()
-        .config(&config)
-        .signal_handling_mode(SignalHandlingMode::Disabled);
+    let config = domain.config(boot_id).map_err(failed("configure", "a node"))?;
+    let builder =
+        NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
     builder.create().map_err(failed("create", "a node"))
 }
 

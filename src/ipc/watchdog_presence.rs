@@ -63,16 +63,10 @@ impl WatchdogPresence {
         let mut options = OpenOptions::new();
         options.write(true).read(true).create(true).truncate(false);
         options.mode(0o600).custom_flags(libc::O_NOFOLLOW);
-        let file = options
-            .open(&path)
-            .map_err(DomainError::io("write", &path))?;
-        set_lock(&file, LockedByte::Held, libc::F_WRLCK).map_err(|_| DomainError::Watched {
-            name: domain.name().to_owned(),
-        })?;
-        Ok(Self {
-            domain: domain.clone(),
-            file,
-        })
+        let file = options.open(&path).map_err(DomainError::io("write", &path))?;
+        set_lock(&file, LockedByte::Held, libc::F_WRLCK)
+            .map_err(|_| DomainError::Watched { name: domain.name().to_owned() })?;
+        Ok(Self { domain: domain.clone(), file })
     }
 
     /// Says whether it holds every port.
@@ -81,11 +75,7 @@ impl WatchdogPresence {
     ///
     /// When the system call fails.
     pub fn set_complete(&self, is_complete: bool) -> io::Result<()> {
-        let kind = if is_complete {
-            libc::F_WRLCK
-        } else {
-            libc::F_UNLCK
-        };
+        let kind = if is_complete { libc::F_WRLCK } else { libc::F_UNLCK };
         set_lock(&self.file, LockedByte::Serves, kind)?;
         Ok(())
     }

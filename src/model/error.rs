@@ -168,20 +168,13 @@ pub(in crate::model) fn require(
     if valid {
         Ok(())
     } else {
-        Err(ModelError::Value {
-            key: key(),
-            value: value.to_string(),
-            reason,
-        })
+        Err(ModelError::Value { key: key(), value: value.to_string(), reason })
     }
 }
 
 impl ModelError {
     /// Adds the path of the file to the error.
     pub(in crate::model) fn in_file(self, path: &std::path::Path) -> Self {
-        Self::InFile {
-            path: path.to_owned(),
-            source: Box::new(self),
-        }
+        Self::InFile { path: path.to_owned(), source: Box::new(self) }
     }
 }

@@ -29,10 +29,7 @@ impl Estimate {
     #[must_use]
     pub fn deviation(&self) -> OutputVec {
         std::array::from_fn(|i| {
-            self.covariance
-                .get(i)
-                .and_then(|row| row.get(i))
-                .map_or(0.0, |v| v.max(0.0).sqrt())
+            self.covariance.get(i).and_then(|row| row.get(i)).map_or(0.0, |v| v.max(0.0).sqrt())
         })
     }
 }
@@ -80,10 +77,6 @@ impl Query {
     /// Full compensation with the correction of the model.
     #[must_use]
     pub const fn new(start: MotorVec) -> Self {
-        Self {
-            start,
-            correction: None,
-            compensation: 1.0,
-        }
+        Self { start, correction: None, compensation: 1.0 }
     }
 }

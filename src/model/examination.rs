@@ -59,11 +59,7 @@ impl Examination {
     pub(in crate::model) fn of(runtime: &dyn Runtime, hull: &Hull, file: &ModelFile) -> Self {
         let trial = Trial::new(runtime, hull, file);
         let (error, travel) = trial.follow();
-        Self {
-            error,
-            travel,
-            gains: trial.gains(),
-        }
+        Self { error, travel, gains: trial.gains() }
     }
 
     /// Refuses a model that commands nonsense.
@@ -77,10 +73,7 @@ impl Examination {
         if self.error <= MOST_ERROR && self.travel <= MOST_TRAVEL {
             return Ok(());
         }
-        Err(ModelError::Rehearsal {
-            error: self.error,
-            travel: self.travel,
-        })
+        Err(ModelError::Rehearsal { error: self.error, travel: self.travel })
     }
 }
 
@@ -135,10 +128,7 @@ impl<'a> Trial<'a> {
         let mut correction = self.runtime.memory_terms(&memory).correction;
         let (mut squares, mut travel) = (0.0, 0.0);
         for goal in goals {
-            let query = Query {
-                correction: Some(correction),
-                ..Query::new(counts)
-            };
+            let query = Query { correction: Some(correction), ..Query::new(counts) };
             let target = self.runtime.invert(goal, &memory, self.hull, &query);
             let target = target.counts;
             let mut next = counts;
@@ -173,11 +163,7 @@ impl<'a> Trial<'a> {
         let unit = self.file.outputs.first()?.unit.si();
         let (motors, outputs) = (self.motors, self.file.outputs.len());
         let line = DMatrix::from_fn(outputs, motors, |output, motor| {
-            line.get(output)
-                .and_then(|row| row.get(motor))
-                .copied()
-                .unwrap_or(f64::NAN)
-                * unit
+            line.get(output).and_then(|row| row.get(motor)).copied().unwrap_or(f64::NAN) * unit
         });
         let rows = path.wander.len();
         let mut inputs = DMatrix::from_fn(rows, motors, |row, motor| path.wander[row][motor]);
@@ -186,11 +172,7 @@ impl<'a> Trial<'a> {
             let mean = column.mean();
             column.add_scalar_mut(-mean);
         }
-        if !angles
-            .iter()
-            .chain(line.iter())
-            .all(|value| value.is_finite())
-        {
+        if !angles.iter().chain(line.iter()).all(|value| value.is_finite()) {
             return Some([f64::NAN; 2]);
         }
         let gram = inputs.tr_mul(&inputs).try_inverse()?;
@@ -217,10 +199,7 @@ fn relative_gains(gain: &DMatrix<f64>, line: &DMatrix<f64>) -> Option<[f64; 2]> 
 }
 
 fn square(from: &OutputVec, to: &OutputVec) -> f64 {
-    from.iter()
-        .zip(to)
-        .map(|(from, to)| (to - from).powi(2))
-        .sum()
+    from.iter().zip(to).map(|(from, to)| (to - from).powi(2)).sum()
 }
 
 #[cfg(test)]
@@ -231,15 +210,9 @@ mod tests {
     fn gains_are_compared_along_the_directions_of_the_line() {
         let line = DMatrix::from_row_slice(2, 2, &[0.02, 0.01, -0.01, 0.02]);
         let same = relative_gains(&line, &line).unwrap();
-        assert!(
-            same.iter().all(|gain| (gain - 1.0).abs() < 1e-12),
-            "{same:?}"
-        );
+        assert!(same.iter().all(|gain| (gain - 1.0).abs() < 1e-12), "{same:?}");
         let mirrored = relative_gains(&-&line, &line).unwrap();
-        assert!(
-            mirrored.iter().all(|gain| (gain + 1.0).abs() < 1e-12),
-            "{mirrored:?}"
-        );
+        assert!(mirrored.iter().all(|gain| (gain + 1.0).abs() < 1e-12), "{mirrored:?}");
         let weak = DMatrix::from_row_slice(2, 2, &[0.02, 0.0, 0.0, 0.0005]);
         let strong = DMatrix::from_row_slice(2, 2, &[0.02, 0.0, 0.0, 0.02]);
         let [least, most] = relative_gains(&weak, &strong).unwrap();
@@ -257,11 +230,7 @@ mod tests {
 
     #[test]
     fn an_inverse_that_misses_or_chatters_is_refused() {
-        let found = |error, travel| Examination {
-            error,
-            travel,
-            gains: None,
-        };
+        let found = |error, travel| Examination { error, travel, gains: None };
         assert!(found(0.01, 1.0).verdict().is_ok());
         for (error, travel) in [(0.8, 1.0), (0.01, 9.0), (f64::NAN, 1.0), (0.01, f64::NAN)] {
             let refusal = found(error, travel).verdict();

@@ -28,10 +28,7 @@ pub struct History {
 
 impl Default for History {
     fn default() -> Self {
-        Self {
-            corners: VecDeque::with_capacity(CORNERS),
-            newest: None,
-        }
+        Self { corners: VecDeque::with_capacity(CORNERS), newest: None }
     }
 }
 
@@ -69,13 +66,10 @@ impl History {
         let Some(last) = self.corners.back() else {
             return true;
         };
-        last.iter()
-            .zip(newest)
-            .zip(next)
-            .any(|((last, newest), next)| {
-                let (previous_step, next_step) = (newest - last, next - newest);
-                previous_step * next_step < 0.0 || (next - last).abs() > SPACING_COUNTS
-            })
+        last.iter().zip(newest).zip(next).any(|((last, newest), next)| {
+            let (previous_step, next_step) = (newest - last, next - newest);
+            previous_step * next_step < 0.0 || (next - last).abs() > SPACING_COUNTS
+        })
     }
 }
 
@@ -103,9 +97,6 @@ mod tests {
         for i in 0..20_000 {
             history.note(&[f64::from(i % 2), 0.0]);
         }
-        assert_eq!(
-            (history.corners.len(), history.corners.capacity()),
-            (CORNERS, capacity)
-        );
+        assert_eq!((history.corners.len(), history.corners.capacity()), (CORNERS, capacity));
     }
 }

@@ -58,10 +58,7 @@ impl Model {
     /// As [`Model::load`], and [`ModelError::Untrusted`].
     pub fn load_trusted(path: &Path) -> Result<Self, ModelError> {
         let text = read_trusted(path, LONGEST_MODEL).map_err(|error| match error.into_io() {
-            Ok(source) => ModelError::Read {
-                path: path.to_owned(),
-                source,
-            },
+            Ok(source) => ModelError::Read { path: path.to_owned(), source },
             Err(untrusted) => ModelError::Untrusted(untrusted),
         })?;
         let file = ModelFile::parse(&text).map_err(|error| error.in_file(path))?;
@@ -81,14 +78,7 @@ impl Model {
         let runtime = prepare(&file, motors)?;
         runtime.check_round_trip(&hull, unit(&file))?;
         let conditioning_range = clamp_to_extent(runtime.conditioning_range(), &hull);
-        let model = Self {
-            id: file.id()?,
-            file,
-            motors,
-            hull,
-            conditioning_range,
-            runtime,
-        };
+        let model = Self { id: file.id()?, file, motors, hull, conditioning_range, runtime };
         model.examine().verdict()?;
         Ok(model)
     }
@@ -113,9 +103,7 @@ impl Model {
     ) -> Result<(), ModelError> {
         self.check_robot(robot_id, motors)?;
         match &self.file.worthless {
-            Some(doubt) if !allow_worthless => Err(ModelError::Worthless {
-                doubt: doubt.clone(),
-            }),
+            Some(doubt) if !allow_worthless => Err(ModelError::Worthless { doubt: doubt.clone() }),
             _ => Ok(()),
         }
     }
@@ -133,10 +121,7 @@ impl Model {
             });
         }
         if self.motors != motors {
-            return Err(ModelError::Motors {
-                model: self.motors,
-                robot: motors,
-            });
+            return Err(ModelError::Motors { model: self.motors, robot: motors });
         }
         Ok(())
     }
@@ -290,8 +275,7 @@ impl Model {
         query: &Query,
     ) -> [Inverse; N] {
         let mut found = [Inverse::default(); N];
-        self.runtime
-            .invert_each(goals, memory, &self.hull, query, &mut found);
+        self.runtime.invert_each(goals, memory, &self.hull, query, &mut found);
         found
     }
 }
@@ -309,9 +293,7 @@ fn clamp_to_extent(mut ranges: MotorVec, hull: &Hull) -> MotorVec {
 
 /// The unit of all outputs. [`check::check`] makes sure that they share one unit.
 fn unit(file: &ModelFile) -> OutputUnit {
-    file.outputs
-        .first()
-        .map_or(OutputUnit::Deg, |output| output.unit)
+    file.outputs.first().map_or(OutputUnit::Deg, |output| output.unit)
 }
 
 /// Selects the type for the numbers of motors and outputs.
@@ -331,70 +313,45 @@ fn prepare_sized<const D: usize, const M: usize>(
 ) -> Result<Box<dyn Runtime>, ModelError> {
     let si = unit(file).si();
     Ok(match &file.family {
-        FamilyParameters::Linear {
-            gain,
-            offset,
-            covariance,
-        } => Box::new(Memoryless(Box::new(Linear::<D, M>::prepare(
-            gain, offset, covariance, si,
-        )?))),
-        FamilyParameters::Kinematic {
-            kinematics,
-            offset,
-            covariance,
-        } => Box::new(Memoryless(Box::new(Kinematic::<D, M>::prepare(
-            kinematics,
-            offset,
-            covariance,
-            unit(file),
-        )?))),
+        FamilyParameters::Linear { gain, offset, covariance } => {
+            Box::new(Memoryless(Box::new(Linear::<D, M>::prepare(gain, offset, covariance, si)?)))
+        }
+        FamilyParameters::Kinematic { kinematics, offset, covariance } => Box::new(Memoryless(
+            Box::new(Kinematic::<D, M>::prepare(kinematics, offset, covariance, unit(file))?),
+        )),
         FamilyParameters::Gmr { mixture } => {
             Box::new(Memoryless(Box::new(Gmr::<D, M>::prepare(mixture, si)?)))
         }
-        FamilyParameters::GmrDirection {
-            dead_bands_counts,
-            mixture,
-        } => Box::new(DirectionGmr::<D, M>::prepare(
-            dead_bands_counts,
-            mixture,
-            si,
-        )?),
-        FamilyParameters::GmrPlay {
-            plays,
-            mixture,
-            residual,
-            virtual_hull,
-        } => Box::new(prepare_chain::<_, D, M>(
-            Plays::prepare(plays)?,
-            mixture,
-            residual.as_ref(),
-            virtual_hull,
-            si,
-        )?),
-        FamilyParameters::GmrPrandtlIshlinskii {
-            operator,
-            mixture,
-            residual,
-            virtual_hull,
-        } => Box::new(prepare_chain::<_, D, M>(
-            PrandtlIshlinskii::prepare(operator)?,
-            mixture,
-            residual.as_ref(),
-            virtual_hull,
-            si,
-        )?),
-        FamilyParameters::GmrStop {
-            stops,
-            mixture,
-            residual,
-            virtual_hull,
-        } => Box::new(prepare_chain::<_, D, M>(
-            Stops::prepare(stops)?,
-            mixture,
-            residual.as_ref(),
-            virtual_hull,
-            si,
-        )?),
+        FamilyParameters::GmrDirection { dead_bands_counts, mixture } => {
+            Box::new(DirectionGmr::<D, M>::prepare(dead_bands_counts, mixture, si)?)
+        }
+        FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
+            Box::new(prepare_chain::<_, D, M>(
+                Plays::prepare(plays)?,
+                mixture,
+                residual.as_ref(),
+                virtual_hull,
+                si,
+            )?)
+        }
+        FamilyParameters::GmrPrandtlIshlinskii { operator, mixture, residual, virtual_hull } => {
+            Box::new(prepare_chain::<_, D, M>(
+                PrandtlIshlinskii::prepare(operator)?,
+                mixture,
+                residual.as_ref(),
+                virtual_hull,
+                si,
+            )?)
+        }
+        FamilyParameters::GmrStop { stops, mixture, residual, virtual_hull } => {
+            Box::new(prepare_chain::<_, D, M>(
+                Stops::prepare(stops)?,
+                mixture,
+                residual.as_ref(),
+                virtual_hull,
+                si,
+            )?)
+        }
     })
 }
 
@@ -405,16 +362,11 @@ fn prepare_chain<O: Operator<D>, const D: usize, const M: usize>(
     virtual_hull: &HullParameters,
     si: f64,
 ) -> Result<Chain<O, D, M>, ModelError> {
-    let lags = operator
-        .lags(&operator.begin(&SVector::zeros()))
-        .as_slice()
-        .len();
+    let lags = operator.lags(&operator.begin(&SVector::zeros())).as_slice().len();
     Ok(Chain {
         operator,
         read_out: Gmr::prepare(mixture, si)?,
-        residual: residual
-            .map(|residual| Residual::prepare(residual, lags, si))
-            .transpose()?,
+        residual: residual.map(|residual| Residual::prepare(residual, lags, si)).transpose()?,
         virtual_hull: Hull::new(virtual_hull, D)?,
     })
 }

@@ -67,9 +67,6 @@ impl TrialPath {
     /// Travel of the motors between two positions, counts.
     #[must_use]
     pub fn distance(from: &MotorVec, to: &MotorVec) -> f64 {
-        from.iter()
-            .zip(to)
-            .map(|(from, to)| (to - from).abs())
-            .sum()
+        from.iter().zip(to).map(|(from, to)| (to - from).abs()).sum()
     }
 }

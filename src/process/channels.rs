@@ -111,12 +111,7 @@ pub struct ModelChannels {
 pub fn loop_channels(
     recorder: RecorderChannels,
     log_entries: Receiver<LogEntry>,
-) -> (
-    LoopChannels,
-    IpcChannels,
-    ModelChannels,
-    Consumer<CycleEvent>,
-) {
+) -> (LoopChannels, IpcChannels, ModelChannels, Consumer<CycleEvent>) {
     let (servo_in, servo) = triple_buffer(&None);
     let (external_in, external) = triple_buffer(&None);
     let (requests_in, requests) = RingBuffer::new(COMMANDS);
@@ -183,12 +178,7 @@ pub fn request_queues() -> (RequestQueues, WorkerQueues) {
     let (model_replies_in, model_replies) = channel();
     let (recorder, recorder_out) = channel();
     let (recorder_replies_in, recorder_replies) = channel();
-    let ipc = RequestQueues {
-        models,
-        model_replies,
-        recorder,
-        recorder_replies,
-    };
+    let ipc = RequestQueues { models, model_replies, recorder, recorder_replies };
     let workers = WorkerQueues {
         models: models_out,
         model_replies: model_replies_in,

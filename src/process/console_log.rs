@@ -33,19 +33,11 @@ impl ConsoleLog {
     pub fn start(output: impl Write + Send + 'static) -> io::Result<Self> {
         let (lines, queue) = sync_channel(LINES);
         let (ending, ended) = sync_channel(1);
-        thread::Builder::new()
-            .name("log".to_owned())
-            .spawn(move || {
-                write_all(output, &queue);
-                let _ = ending.send(());
-            })?;
-        Ok(Self {
-            lines: Some(lines),
-            ended,
-            line: Vec::new(),
-            lost: 0,
-            has_panic_hook: false,
-        })
+        thread::Builder::new().name("log".to_owned()).spawn(move || {
+            write_all(output, &queue);
+            let _ = ending.send(());
+        })?;
+        Ok(Self { lines: Some(lines), ended, line: Vec::new(), lost: 0, has_panic_hook: false })
     }
 
     /// Writes the messages of panics to this log, too: the standard hook would block a thread that
@@ -152,12 +144,7 @@ mod tests {
             thread::sleep(Duration::from_millis(1));
         }
         drop(log);
-        assert!(
-            reading
-                .join()
-                .unwrap()
-                .contains("lines of the log were lost here")
-        );
+        assert!(reading.join().unwrap().contains("lines of the log were lost here"));
         let (_unread, writer) = io::pipe().unwrap();
         let mut log = ConsoleLog::start(writer).unwrap();
         for _ in 0..LINES {

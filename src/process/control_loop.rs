@@ -70,19 +70,9 @@ impl ControlLoop {
         let ended = clock::now();
         let timing = TickTiming { tick, ended };
         let channels = &mut self.channels;
-        let tick_report = TickReport {
-            report,
-            timing,
-            lost: lost.counters,
-        };
+        let tick_report = TickReport { report, timing, lost: lost.counters };
         lost.counters.reports += u64::from(channels.reports.push(tick_report).is_err());
-        let record = TickRecord {
-            number: 0,
-            offered,
-            inputs,
-            outputs,
-            timing,
-        };
+        let record = TickRecord { number: 0, offered, inputs, outputs, timing };
         recording.push_tick(record, &mut channels.recorder);
         recording.push_snapshot(&self.cycle, &mut channels.recorder);
         outputs.finished
@@ -116,11 +106,8 @@ impl ControlLoop {
     #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     fn plan_tick(&self, config: &ControlConfig, grid: Nanos) -> Nanos {
         let slots = self.links.iter().filter_map(|link| link.slot.next());
-        let planned = if config.follow_lines {
-            delayed(grid, config.period(), slots)
-        } else {
-            grid
-        };
+        let planned =
+            if config.follow_lines { delayed(grid, config.period(), slots) } else { grid };
         self.next_tick.announce(planned);
         planned
     }
@@ -185,12 +172,7 @@ struct TickRecording {
 impl TickRecording {
     /// With one snapshot per second.
     fn new(rate_hz: u32) -> Self {
-        Self {
-            ticks: 0,
-            interval: u64::from(rate_hz),
-            next_snapshot: 0,
-            lost: 0,
-        }
+        Self { ticks: 0, interval: u64::from(rate_hz), next_snapshot: 0, lost: 0 }
     }
 
     fn push_tick(&mut self, tick: TickRecord, recorder: &mut RecorderChannels) {

@@ -98,18 +98,12 @@ pub fn run(
     let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
     service_manager::notify(service_manager::READY);
     let (name, process) = (domain.name(), std::process::id());
-    write_line(
-        log,
-        format_args!("serves domain `{name}`, process {process}"),
-    );
+    write_line(log, format_args!("serves domain `{name}`, process {process}"));
     write_granted(log, &threads.granted);
     write_ipc_granted(log, &config.control, &threads.ipc_granted);
     if let Some(delay_s) = config.command.tremor_filter_delay_s() {
         let delay_ms = delay_s * 1e3;
-        write_line(
-            log,
-            format_args!("the tremor filter delays the goal by {delay_ms:.0} ms"),
-        );
+        write_line(log, format_args!("the tremor filter delays the goal by {delay_ms:.0} ms"));
     }
     let (run_log, begun) = RunLog::begin(&RunHeader {
         software: &software(),
@@ -121,10 +115,7 @@ pub fn run(
         note,
     });
     if let Err(error) = begun {
-        write_line(
-            log,
-            format_args!("warning: the run log is not written: {error}"),
-        );
+        write_line(log, format_args!("warning: the run log is not written: {error}"));
     }
     let mut main = MainThread {
         events: threads.events,
@@ -180,12 +171,8 @@ fn start_threads(
     let (queues, workers) = request_queues();
     let history = SharedLoopHistory::new(config, model);
     let recorder_queue = queues.recorder.clone();
-    let manager = ModelManager::new(
-        config.clone(),
-        history.clone(),
-        model_channels,
-        recorder_queue,
-    );
+    let manager =
+        ModelManager::new(config.clone(), history.clone(), model_channels, recorder_queue);
     let quit = Arc::new(AtomicBool::new(false));
     let (lines, recorder_lines) = mpsc::channel();
     let next_tick = SharedTick::default();
@@ -212,13 +199,7 @@ fn start_threads(
     wait_for_positions(&mut links);
     let first = clock::now() + START_DELAY;
     let cycle = ControlCycle::new(config, model.cloned());
-    let control_loop = ControlLoop {
-        cycle,
-        channels,
-        links,
-        heartbeat,
-        next_tick,
-    };
+    let control_loop = ControlLoop { cycle, channels, links, heartbeat, next_tick };
     let (control, granted) = start_control(&config.control, control_loop, first, shutdown)?;
     // If the IPC thread has ended already, the main thread detects it.
     let _ = to_ipc.send((granted.clone(), first));
@@ -253,15 +234,10 @@ fn start_workers(
     let (cpu, quit_recorder) = (config.control.cpu, Arc::clone(quit));
     let recorder = NamedThread::spawn("black box", move || {
         realtime::keep_normal(cpu);
-        recorder.run(
-            &quit_recorder,
-            &queues.recorder,
-            &queues.recorder_replies,
-            |line| {
-                // The log may have ended.
-                let _ = lines.send(line);
-            },
-        );
+        recorder.run(&quit_recorder, &queues.recorder, &queues.recorder_replies, |line| {
+            // The log may have ended.
+            let _ = lines.send(line);
+        });
     })?;
     let quit = Arc::clone(quit);
     let models = NamedThread::spawn("models", move || {
@@ -339,11 +315,8 @@ fn start_control(
     let (config, shutdown) = (config.clone(), Arc::clone(shutdown));
     let (granted_in, granted) = mpsc::channel();
     let thread = NamedThread::spawn("control", move || {
-        let wanted = Wanted {
-            priority: config.priority,
-            cpu: config.cpu,
-            lock_memory: config.lock_memory,
-        };
+        let wanted =
+            Wanted { priority: config.priority, cpu: config.cpu, lock_memory: config.lock_memory };
         let _ = granted_in.send(realtime::request(wanted));
         drop(granted_in);
         control_loop.run(&config, first, &shutdown);
@@ -353,24 +326,11 @@ fn start_control(
 
 fn write_granted(log: &mut dyn Write, granted: &Granted) {
     let fifo = granted.priority > 0;
-    let scheduling = if fifo {
-        "SCHED_FIFO"
-    } else {
-        "normal scheduling"
-    };
-    let memory = if granted.memory_locked {
-        "locked"
-    } else {
-        "not locked"
-    };
+    let scheduling = if fifo { "SCHED_FIFO" } else { "normal scheduling" };
+    let memory = if granted.memory_locked { "locked" } else { "not locked" };
     let priority = granted.priority;
-    let cpu = granted
-        .cpu
-        .map_or_else(|| "any CPU".to_owned(), |cpu| format!("CPU {cpu}"));
-    write_line(
-        log,
-        format_args!("loop: {scheduling} {priority}, memory {memory}, {cpu}"),
-    );
+    let cpu = granted.cpu.map_or_else(|| "any CPU".to_owned(), |cpu| format!("CPU {cpu}"));
+    write_line(log, format_args!("loop: {scheduling} {priority}, memory {memory}, {cpu}"));
     for warning in &granted.warnings {
         write_line(log, format_args!("warning: {warning}"));
     }
@@ -398,23 +358,12 @@ mod tests {
 
     #[test]
     fn threads_are_below_the_loop_and_real_time_only_with_it() {
-        for (priority, expected) in [
-            (80, [70, 60]),
-            (98, [88, 78]),
-            (15, [5, 1]),
-            (2, [1, 1]),
-            (1, [1, 1]),
-            (0, [0, 0]),
-        ] {
-            let config = ControlConfig {
-                priority,
-                ..ControlConfig::default()
-            };
+        for (priority, expected) in
+            [(80, [70, 60]), (98, [88, 78]), (15, [5, 1]), (2, [1, 1]), (1, [1, 1]), (0, [0, 0])]
+        {
+            let config = ControlConfig { priority, ..ControlConfig::default() };
             let distances = [PORT_PRIORITY_DISTANCE, IPC_PRIORITY_DISTANCE];
-            assert_eq!(
-                distances.map(|distance| priority_below(&config, distance)),
-                expected
-            );
+            assert_eq!(distances.map(|distance| priority_below(&config, distance)), expected);
         }
     }
 }

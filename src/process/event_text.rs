@@ -19,12 +19,7 @@ impl fmt::Display for CycleEvent {
 impl fmt::Display for CycleEventKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::State {
-                from,
-                to,
-                command,
-                fault,
-            } => {
+            Self::State { from, to, command, fault } => {
                 write!(f, "{from} -> {to}")?;
                 if let Some(command) = command {
                     write!(f, " by command {command}")?;
@@ -41,9 +36,9 @@ impl fmt::Display for CycleEventKind {
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
             Self::Lease { client_id } => write!(f, "lease taken by client {client_id:016x}"),
             Self::Refused { client_id, .. } => write!(f, "refused client {client_id:016x}: "),
-            Self::RequestRefused {
-                client_id, command, ..
-            } => write!(f, "refused `{command}` of client {client_id:016x}: "),
+            Self::RequestRefused { client_id, command, .. } => {
+                write!(f, "refused `{command}` of client {client_id:016x}: ")
+            }
             Self::Model { from, to } => {
                 write!(f, "model {to} took over")?;
                 from.map_or(Ok(()), |from| write!(f, " from {from}"))
@@ -94,12 +89,7 @@ impl fmt::Display for CycleEventKind {
                     "adaptation: the frames of the camera are near what is expected again"
                 }
             }),
-            Self::Axis {
-                motor,
-                from,
-                to,
-                error_code,
-            } => {
+            Self::Axis { motor, from, to, error_code } => {
                 write!(f, "motor {motor}: {from:?} -> {to:?}")?;
                 match error_code {
                     0 => Ok(()),

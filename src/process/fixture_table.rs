@@ -117,22 +117,14 @@ fn shape(request: &VirtualFixtureRequest) -> Option<FixtureShape> {
     let [a, b, c, d] = request.values;
     let (deg, mm) = (f64::to_degrees, |metres: f64| metres * 1e3);
     let shape = match FixtureKind::from_number(request.kind)? {
-        FixtureKind::Circle => FixtureShape::Circle {
-            centre_deg: [deg(a), deg(b)],
-            radius_deg: deg(c),
-        },
-        FixtureKind::HalfPlane => FixtureShape::HalfPlane {
-            normal: [a, b],
-            offset_deg: deg(c),
-        },
-        FixtureKind::Ball => FixtureShape::Ball {
-            centre_mm: [mm(a), mm(b), mm(c)],
-            radius_mm: mm(d),
-        },
-        FixtureKind::HalfSpace => FixtureShape::HalfSpace {
-            normal: [a, b, c],
-            offset_mm: mm(d),
-        },
+        FixtureKind::Circle => {
+            FixtureShape::Circle { centre_deg: [deg(a), deg(b)], radius_deg: deg(c) }
+        }
+        FixtureKind::HalfPlane => FixtureShape::HalfPlane { normal: [a, b], offset_deg: deg(c) },
+        FixtureKind::Ball => {
+            FixtureShape::Ball { centre_mm: [mm(a), mm(b), mm(c)], radius_mm: mm(d) }
+        }
+        FixtureKind::HalfSpace => FixtureShape::HalfSpace { normal: [a, b, c], offset_mm: mm(d) },
         FixtureKind::None | FixtureKind::Polygon => return None,
     };
     shape.problem().is_none().then_some(shape)
@@ -143,10 +135,7 @@ fn described(shape: &FixtureShape) -> (FixtureKind, [f64; 17]) {
     let mut values = [0.0; 17];
     let rad = f64::to_radians;
     let kind = match shape {
-        FixtureShape::Circle {
-            centre_deg: [pitch, yaw],
-            radius_deg,
-        } => {
+        FixtureShape::Circle { centre_deg: [pitch, yaw], radius_deg } => {
             values[..3].copy_from_slice(&[rad(*pitch), rad(*yaw), rad(*radius_deg)]);
             FixtureKind::Circle
         }
@@ -154,18 +143,12 @@ fn described(shape: &FixtureShape) -> (FixtureKind, [f64; 17]) {
             values[..3].copy_from_slice(&[normal[0], normal[1], rad(*offset_deg)]);
             FixtureKind::HalfPlane
         }
-        FixtureShape::Ball {
-            centre_mm: [x, y, z],
-            radius_mm,
-        } => {
+        FixtureShape::Ball { centre_mm: [x, y, z], radius_mm } => {
             let metres = [x, y, z, radius_mm].map(|mm| mm * 1e-3);
             values[..4].copy_from_slice(&metres);
             FixtureKind::Ball
         }
-        FixtureShape::HalfSpace {
-            normal: [x, y, z],
-            offset_mm,
-        } => {
+        FixtureShape::HalfSpace { normal: [x, y, z], offset_mm } => {
             values[..4].copy_from_slice(&[*x, *y, *z, offset_mm * 1e-3]);
             FixtureKind::HalfSpace
         }
@@ -186,12 +169,7 @@ mod tests {
     use crate::config::FixtureRegionConfig;
 
     fn request(action: u32, kind: u32, values: [f64; 4]) -> VirtualFixtureRequest {
-        VirtualFixtureRequest {
-            client_id: 7,
-            action,
-            kind,
-            values,
-        }
+        VirtualFixtureRequest { client_id: 7, action, kind, values }
     }
 
     #[test]
@@ -211,11 +189,7 @@ mod tests {
             (3, 2, [0.0, 0.0, 0.1, 0.0]),
         ] {
             let parsed = FixtureTable::parse(&request(action, kind, values));
-            assert_eq!(
-                parsed,
-                Err(Refusal::Malformed),
-                "{action} {kind} {values:?}"
-            );
+            assert_eq!(parsed, Err(Refusal::Malformed), "{action} {kind} {values:?}");
         }
     }
 
@@ -224,10 +198,7 @@ mod tests {
         let config = VirtualFixtureConfig {
             regions: vec![FixtureRegionConfig {
                 name: "lens".to_owned(),
-                shape: FixtureShape::Circle {
-                    centre_deg: [10.0, 5.0],
-                    radius_deg: 3.0,
-                },
+                shape: FixtureShape::Circle { centre_deg: [10.0, 5.0], radius_deg: 3.0 },
             }],
             ..VirtualFixtureConfig::default()
         };

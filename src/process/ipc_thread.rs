@@ -153,10 +153,7 @@ impl IpcThread {
         self.update_history();
         if let Some(statistics) = self.statistics.take(now) {
             self.server.publish_period_statistics(statistics);
-            self.server.publish_health(Health {
-                stamp_ns: now.0,
-                ..self.health
-            });
+            self.server.publish_health(Health { stamp_ns: now.0, ..self.health });
             self.publish_fixtures(now);
         }
         self.publish_log();
@@ -202,8 +199,7 @@ impl IpcThread {
 
     fn take_state_commands(&mut self, now: Nanos) {
         let mut new = Vec::new();
-        self.server
-            .poll_state_commands(now, |id, raw| new.push((id, state_request(id, &raw))));
+        self.server.poll_state_commands(now, |id, raw| new.push((id, state_request(id, &raw))));
         for (id, request) in new {
             self.request(id, request);
         }
@@ -232,8 +228,7 @@ impl IpcThread {
     /// As [`Self::take_moves`].
     fn take_fixture_requests(&mut self, now: Nanos) {
         let mut new = Vec::new();
-        self.server
-            .poll_fixtures(now, |token, raw| new.push((token | FIXTURE, raw)));
+        self.server.poll_fixtures(now, |token, raw| new.push((token | FIXTURE, raw)));
         for (id, raw) in new {
             let request = FixtureTable::parse(&raw).map(|change| StateRequest {
                 id,
@@ -260,12 +255,7 @@ impl IpcThread {
         let pushed = request.and_then(|request| requests.push(request).map_err(|_| Refusal::Busy));
         if let Err(refusal) = pushed {
             let state = self.state;
-            self.reply(StateReply {
-                id,
-                refusal,
-                state,
-                excess: None,
-            });
+            self.reply(StateReply { id, refusal, state, excess: None });
         }
     }
 
@@ -290,8 +280,7 @@ impl IpcThread {
                 Ok((path, ticks)) => (ticks, padded_text(&path.to_string_lossy())),
                 Err(reason) => (0, padded_text(&reason)),
             };
-            self.server
-                .reply_black_box(token, BlackBoxReply { ticks, text });
+            self.server.reply_black_box(token, BlackBoxReply { ticks, text });
         }
     }
 
@@ -302,19 +291,13 @@ impl IpcThread {
             return;
         };
         self.model = model;
-        let outputs = history
-            .model(model)
-            .map_or(&[][..], |known| &known.model.file().outputs);
+        let outputs = history.model(model).map_or(&[][..], |known| &known.model.file().outputs);
         let mut names = [[0; 16]; MAX_OUTPUTS];
         for (name, output) in names.iter_mut().zip(outputs) {
             *name = padded_text(&output.name);
         }
-        let shape = [
-            self.parts.motors as u8,
-            outputs.len().min(MAX_OUTPUTS) as u8,
-        ];
-        self.server
-            .describe(shape, model.unwrap_or_default().0, names);
+        let shape = [self.parts.motors as u8, outputs.len().min(MAX_OUTPUTS) as u8];
+        self.server.describe(shape, model.unwrap_or_default().0, names);
     }
 
     fn reply(&mut self, reply: StateReply) {
@@ -349,11 +332,9 @@ impl IpcThread {
                     text: padded_text(&line),
                     ..EventMsg::default()
                 }),
-                LogEntry::Reason {
-                    stamp,
-                    client_id,
-                    reason,
-                } => self.server.publish_reason(&reason, client_id, stamp),
+                LogEntry::Reason { stamp, client_id, reason } => {
+                    self.server.publish_reason(&reason, client_id, stamp)
+                }
             }
         }
     }
@@ -364,12 +345,7 @@ impl IpcThread {
             return;
         }
         let is_on = self.adaptation.flags & AdaptationMsg::ON != 0;
-        self.next_adaptation = now
-            + if is_on {
-                ADAPTATION_PERIOD
-            } else {
-                STATISTICS_WINDOW
-            };
+        self.next_adaptation = now + if is_on { ADAPTATION_PERIOD } else { STATISTICS_WINDOW };
         self.server.publish_adaptation(self.adaptation);
     }
 
@@ -408,11 +384,5 @@ fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Ref
     if raw.client_id == 0 || raw.reserved != 0 {
         return Err(Refusal::Malformed);
     }
-    Ok(StateRequest {
-        id,
-        client_id: raw.client_id,
-        command,
-        pose: None,
-        fixture: None,
-    })
+    Ok(StateRequest { id, client_id: raw.client_id, command, pose: None, fixture: None })
 }

@@ -44,12 +44,7 @@ impl LoopHistory {
             return;
         }
         let recorded = self.mark.recorded + 1;
-        if report.mark
-            != (HistoryCursor {
-                recorded,
-                ..self.mark
-            })
-        {
+        if report.mark != (HistoryCursor { recorded, ..self.mark }) {
             self.history.forget();
         }
         for (position, drive) in self.position.iter_mut().zip(&report.feedback) {

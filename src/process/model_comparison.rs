@@ -68,11 +68,7 @@ fn motion(
     compensation: f64,
 ) -> (MotorVec, bool) {
     let estimate = old.model.predict(position, old.memory).mean;
-    let query = Query {
-        start: *position,
-        correction: None,
-        compensation,
-    };
+    let query = Query { start: *position, correction: None, compensation };
     let inverse = new.model.invert(&estimate, new.memory, &query);
     let from = old.model.invert(&estimate, old.memory, &query).counts;
     let mut counts = inverse.counts;
@@ -87,19 +83,11 @@ fn grid(model: &Model) -> Vec<MotorVec> {
     let hull = model.hull();
     let corners: Vec<MotorVec> = hull.corners().collect();
     let side = |motor: usize| {
-        let values = || {
-            corners
-                .iter()
-                .filter_map(|corner| corner.get(motor).copied())
-        };
+        let values = || corners.iter().filter_map(|corner| corner.get(motor).copied());
         let low = values().fold(f64::INFINITY, f64::min);
         let high = values().fold(f64::NEG_INFINITY, f64::max);
         let unused = motor >= model.motors();
-        let (low, high, points) = if unused {
-            (0.0, 0.0, 1)
-        } else {
-            (low, high, GRID)
-        };
+        let (low, high, points) = if unused { (0.0, 0.0, 1) } else { (low, high, GRID) };
         (0..points).map(move |k| low + (high - low) * f64::from(k) / f64::from(GRID - 1))
     };
     let all = side(0).flat_map(|first| side(1).map(move |second| [first, second]));
@@ -108,7 +96,5 @@ fn grid(model: &Model) -> Vec<MotorVec> {
 }
 
 fn max_abs(counts: &MotorVec) -> f64 {
-    counts
-        .iter()
-        .fold(0.0, |largest, counts| largest.max(counts.abs()))
+    counts.iter().fold(0.0, |largest, counts| largest.max(counts.abs()))
 }

@@ -63,14 +63,7 @@ impl ModelManager {
         channels: ModelChannels,
         recorder: Sender<RecorderRequest>,
     ) -> Self {
-        Self {
-            config,
-            history,
-            channels,
-            recorder,
-            requests: 0,
-            offers: 0,
-        }
+        Self { config, history, channels, recorder, requests: 0, offers: 0 }
     }
 
     /// Replies to requests until `quit`, or until the request queue is closed.
@@ -129,10 +122,7 @@ impl ModelManager {
     }
 
     fn stage(&mut self, file: &Path) -> Result<Option<ModelDifference>, Refused> {
-        let bad = |message: String| Refused {
-            refusal: Refusal::BadModel,
-            message,
-        };
+        let bad = |message: String| Refused { refusal: Refusal::BadModel, message };
         let model = Model::load_trusted(file).map_err(|error| bad(error.to_string()))?;
         let allow = self.config.control.allow_worthless_model;
         model
@@ -141,9 +131,7 @@ impl ModelManager {
         let model = Arc::new(model);
         let (history, active, position) = {
             let shared = self.history.lock();
-            let active = shared
-                .model(shared.slots.active)
-                .map(|known| Arc::clone(&known.model));
+            let active = shared.model(shared.slots.active).map(|known| Arc::clone(&known.model));
             (shared.history.clone(), active, shared.position)
         };
         let difference = active.and_then(|active| {
@@ -159,10 +147,7 @@ impl ModelManager {
     /// Passes a model to the loop and waits until the loop has staged it.
     fn offer(&mut self, model: Arc<Model>, file: PathBuf) -> Result<(), Refused> {
         let id = model.id();
-        let loaded = LoadedModel {
-            model: Arc::clone(&model),
-            file,
-        };
+        let loaded = LoadedModel { model: Arc::clone(&model), file };
         let (history, mark) = {
             let mut shared = self.history.lock();
             shared.known.insert(id, loaded);
@@ -171,18 +156,11 @@ impl ModelManager {
         let candidate = ModelCandidate::new(Arc::clone(&model), &self.config, &history, mark);
         self.offers += 1;
         let number = self.offers;
-        let record = Box::new(OfferRecord {
-            number,
-            model: id,
-            carried: candidate.state(),
-        });
+        let record = Box::new(OfferRecord { number, model: id, carried: candidate.state() });
         // If the recorder has ended there is no black box, and the robot continues.
         let _ = self.recorder.send(RecorderRequest::Offer(record, model));
         let offer = ModelOffer { number, candidate };
-        self.channels
-            .offers
-            .push(offer)
-            .map_err(|_| Refusal::Busy)?;
+        self.channels.offers.push(offer).map_err(|_| Refusal::Busy)?;
         self.wait_for(|manager| {
             manager.free_retired();
             (manager.history.lock().slots.staged == Some(id)).then_some(())
@@ -197,10 +175,7 @@ impl ModelManager {
             ModelChange::Rollback => self.history.lock().slots.previous,
         };
         let request = ModelSwapRequest { id, change, forced };
-        self.channels
-            .requests
-            .push(request)
-            .map_err(|_| Refusal::Busy)?;
+        self.channels.requests.push(request).map_err(|_| Refusal::Busy)?;
         let refusal = self.wait_for(|manager| {
             let reply = manager.channels.replies.pop().ok()?;
             (reply.id == id).then_some(reply.refusal)
@@ -256,31 +231,18 @@ fn path(field: &[u8]) -> Result<PathBuf, Refusal> {
 /// The loaded models as clients see them.
 fn model_slots(history: &LoopHistory) -> [ModelSlot; 3] {
     let slots = history.slots;
-    let models = [
-        (slots.active, true),
-        (slots.staged, slots.staged_known),
-        (slots.previous, true),
-    ];
+    let models = [(slots.active, true), (slots.staged, slots.staged_known), (slots.previous, true)];
     models.map(|(id, memory_known)| {
         let loaded = history.model(id);
-        loaded
-            .map(|loaded| model_slot(loaded, memory_known))
-            .unwrap_or_default()
+        loaded.map(|loaded| model_slot(loaded, memory_known)).unwrap_or_default()
     })
 }
 
 fn model_slot(loaded: &LoadedModel, memory_known: bool) -> ModelSlot {
     let file = loaded.model.file();
     let family = serde_json::to_value(&file.family).unwrap_or_default();
-    let kind = family
-        .get("kind")
-        .and_then(|kind| kind.as_str())
-        .unwrap_or_default();
-    let known = if memory_known {
-        ModelSlot::MEMORY_KNOWN
-    } else {
-        0
-    };
+    let kind = family.get("kind").and_then(|kind| kind.as_str()).unwrap_or_default();
+    let known = if memory_known { ModelSlot::MEMORY_KNOWN } else { 0 };
     let mut slot = ModelSlot {
         model_id: loaded.model.id().0,
         family: padded_text(kind),
@@ -293,10 +255,7 @@ fn model_slot(loaded: &LoadedModel, memory_known: bool) -> ModelSlot {
         *rms = metrics.training.rmsd;
     }
     for (rms, metrics) in slot.held_out_rms.iter_mut().zip(&file.metrics) {
-        *rms = metrics
-            .held_out
-            .as_ref()
-            .map_or(0.0, |metrics| metrics.rmsd);
+        *rms = metrics.held_out.as_ref().map_or(0.0, |metrics| metrics.rmsd);
     }
     slot
 }
@@ -305,9 +264,7 @@ fn model_slot(loaded: &LoadedModel, memory_known: bool) -> ModelSlot {
 fn tail(text: &str, bytes: usize) -> &str {
     let mut starts = text.len().saturating_sub(bytes)..=text.len();
     let start = starts.find(|start| text.is_char_boundary(*start));
-    start
-        .and_then(|start| text.get(start..))
-        .unwrap_or_default()
+    start.and_then(|start| text.get(start..)).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -67,10 +67,7 @@ pub fn external(raw: &ExternalPosition) -> Option<ExternalPose> {
 /// `goal_js`, `setpoint_js` and `measured_js` of one tick. Without a model they are not valid.
 #[must_use]
 pub fn joint_states(report: &CycleReport) -> [JointState; 3] {
-    let mut base = JointState {
-        stamp_ns: report.now.0,
-        ..JointState::default()
-    };
+    let mut base = JointState { stamp_ns: report.now.0, ..JointState::default() };
     let Some(joint) = report.joint else {
         return [base; 3];
     };
@@ -125,10 +122,7 @@ pub fn actuator_state(report: &CycleReport, motors: u32) -> ActuatorState {
 /// `adaptation` of one tick.
 #[must_use]
 pub fn adaptation(report: &CycleReport) -> AdaptationMsg {
-    let base = AdaptationMsg {
-        stamp_ns: report.now.0,
-        ..AdaptationMsg::default()
-    };
+    let base = AdaptationMsg { stamp_ns: report.now.0, ..AdaptationMsg::default() };
     let Some(adaptation) = &report.adaptation else {
         return base;
     };
@@ -189,10 +183,7 @@ pub fn robot_description(config: &Config) -> Version {
         acceleration_counts_s2: config.limits.acceleration_counts_s2,
         ..Version::default()
     };
-    let limits = described
-        .position_min_counts
-        .iter_mut()
-        .zip(&mut described.position_max_counts);
+    let limits = described.position_min_counts.iter_mut().zip(&mut described.position_max_counts);
     for (motor, (lowest, highest)) in limits.enumerate() {
         if let Some(axis) = config.axis(motor) {
             *lowest = axis.position_min_counts.0;
@@ -213,14 +204,8 @@ pub fn operating_state(report: &CycleReport, granted: &Granted) -> OperatingStat
         flag(memory_known, OperatingStateMsg::MEMORY_KNOWN),
         flag(report.holding, OperatingStateMsg::HOLDING),
         flag(report.clipped, OperatingStateMsg::CLIPPED),
-        flag(
-            report.limited_by_fixture.is_some(),
-            OperatingStateMsg::FIXTURE,
-        ),
-        flag(
-            report.plausibility == PlausibilityCheck::Working,
-            OperatingStateMsg::COMPARED,
-        ),
+        flag(report.limited_by_fixture.is_some(), OperatingStateMsg::FIXTURE),
+        flag(report.plausibility == PlausibilityCheck::Working, OperatingStateMsg::COMPARED),
         flag(granted.priority > 0, OperatingStateMsg::FIFO),
         flag(granted.memory_locked, OperatingStateMsg::MEMORY_LOCKED),
         flag(granted.cpu.is_some(), OperatingStateMsg::PINNED),

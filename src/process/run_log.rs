@@ -54,10 +54,7 @@ impl RunLog {
     /// When the file cannot be written. The result then contains a log that writes nothing.
     pub fn begin(run: &RunHeader<'_>) -> (Self, io::Result<()>) {
         let boot_id = run.boot_id;
-        let mut log = Self {
-            file: None,
-            boot_id,
-        };
+        let mut log = Self { file: None, boot_id };
         let opened = open(run.config).and_then(|file| {
             log.file = Some(file);
             log.write("begin", header(run))
@@ -106,10 +103,7 @@ impl RunLog {
 fn open(config: &Config) -> io::Result<File> {
     let folder = &config.record.folder;
     if !folder.is_dir() {
-        DirBuilder::new()
-            .recursive(true)
-            .mode(0o700)
-            .create(folder)?;
+        DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
     }
     // A FIFO or a device in its place would block the main thread.
     let file = OpenOptions::new()
@@ -157,12 +151,7 @@ fn drive(axis: &AxisIdentity) -> Value {
 fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static str, Value)> {
     let id = |client_id: &u64| format!("{client_id:016x}");
     Some(match kind {
-        CycleEventKind::State {
-            from,
-            to,
-            command,
-            fault,
-        } => {
+        CycleEventKind::State { from, to, command, fault } => {
             let command = command.map(|command| command.text());
             let fault = (*fault != Fault::None).then(|| fault.text());
             let (from, to) = (from.text(), to.text());
@@ -173,36 +162,23 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
             let from = from.map(|from| from.to_string());
             ("model", json!({ "from": from, "to": to.to_string() }))
         }
-        CycleEventKind::Lease { client_id } => (
-            "lease",
-            json!({ "client": id(client_id), "caller": client }),
-        ),
+        CycleEventKind::Lease { client_id } => {
+            ("lease", json!({ "client": id(client_id), "caller": client }))
+        }
         CycleEventKind::StaleStop { client_id, age } => {
             let silent_ms = age.as_seconds() * 1e3;
-            (
-                "stop",
-                json!({ "client": id(client_id), "silent_ms": silent_ms }),
-            )
+            ("stop", json!({ "client": id(client_id), "silent_ms": silent_ms }))
         }
-        CycleEventKind::Axis {
-            motor,
-            to,
-            error_code,
-            ..
-        } if *error_code != 0 => {
+        CycleEventKind::Axis { motor, to, error_code, .. } if *error_code != 0 => {
             let (phase, code) = (format!("{to:?}"), format!("{error_code:04X}"));
-            (
-                "drive",
-                json!({ "motor": motor, "phase": phase, "error_code": code }),
-            )
+            ("drive", json!({ "motor": motor, "phase": phase, "error_code": code }))
         }
         CycleEventKind::Plausibility(check) => {
             ("plausibility", json!({ "check": format!("{check:?}") }))
         }
-        CycleEventKind::Fixtures { client_id, active } => (
-            "fixtures",
-            json!({ "client": id(client_id), "active": active }),
-        ),
+        CycleEventKind::Fixtures { client_id, active } => {
+            ("fixtures", json!({ "client": id(client_id), "active": active }))
+        }
         CycleEventKind::Adaptation(event) => {
             ("adaptation", json!({ "event": format!("{event:?}") }))
         }

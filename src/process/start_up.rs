@@ -39,15 +39,8 @@ pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
     };
     let model = Model::load_trusted(path)?;
     model
-        .check_use(
-            &config.robot_id,
-            config.motors(),
-            config.control.allow_worthless_model,
-        )
-        .map_err(|source| StartModelError::Use {
-            path: path.clone(),
-            source,
-        })?;
+        .check_use(&config.robot_id, config.motors(), config.control.allow_worthless_model)
+        .map_err(|source| StartModelError::Use { path: path.clone(), source })?;
     Ok(Some(model))
 }
 
@@ -68,11 +61,7 @@ pub struct Drives {
 pub fn bring_up_ports(config: &Config) -> Result<Drives, DriveError> {
     let opened = config.ports.iter().map(Port::<Opened>::open);
     let opened = opened.collect::<Result<Vec<_>, _>>()?;
-    let mut drives = Drives {
-        runners: Vec::new(),
-        links: Vec::new(),
-        identities: Vec::new(),
-    };
+    let mut drives = Drives { runners: Vec::new(), links: Vec::new(), identities: Vec::new() };
     for port in opened {
         let port = port.bring_up()?;
         drives.identities.extend_from_slice(port.axes());

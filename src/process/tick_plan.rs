@@ -23,10 +23,7 @@ pub(super) fn delayed(grid: Nanos, period: Nanos, slots: impl Iterator<Item = Na
     let [share, whole] = LARGEST_DELAY;
     let latest = grid + Nanos(period.0.saturating_mul(share) / whole);
     let starts = slots.map(|slot| slot - SLOT_LEAD);
-    starts
-        .filter(|start| (grid..=latest).contains(start))
-        .min()
-        .unwrap_or(grid)
+    starts.filter(|start| (grid..=latest).contains(start)).min().unwrap_or(grid)
 }
 
 /// The planned start of the next tick, shared by the loop and the IPC thread. Neither waits for the
@@ -43,11 +40,7 @@ impl SharedTick {
     /// to be a period later.
     pub(super) fn after(&self, last: Nanos, period: Nanos) -> Nanos {
         let announced = Nanos(self.0.load(Ordering::Relaxed));
-        if announced > last {
-            announced
-        } else {
-            last + period
-        }
+        if announced > last { announced } else { last + period }
     }
 }
 

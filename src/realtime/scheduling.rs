@@ -52,15 +52,10 @@ pub fn request(wanted: Wanted) -> Granted {
     }
     if wanted.priority > 0 {
         warnings.extend(
-            set_fifo(wanted.priority)
-                .err()
-                .map(|errno| priority_warning(wanted.priority, errno)),
+            set_fifo(wanted.priority).err().map(|errno| priority_warning(wanted.priority, errno)),
         );
     }
-    let granted = Granted {
-        warnings,
-        ..read_back()
-    };
+    let granted = Granted { warnings, ..read_back() };
     granted.check_silent_refusals(wanted)
 }
 
@@ -84,10 +79,7 @@ pub fn keep_normal(loop_cpu: Option<usize>) {
 pub fn read_back() -> Granted {
     Granted {
         priority: fifo_priority(),
-        cpu: sched_getaffinity(SELF)
-            .ok()
-            .as_ref()
-            .and_then(only_processor),
+        cpu: sched_getaffinity(SELF).ok().as_ref().and_then(only_processor),
         memory_locked: fs::read_to_string("/proc/self/status")
             .is_ok_and(|status| locked_kilobytes(&status) > 0),
         warnings: Vec::new(),
@@ -99,14 +91,8 @@ impl Granted {
     fn check_silent_refusals(mut self, wanted: Wanted) -> Self {
         let silent = self.warnings.is_empty();
         let missing = [
-            (
-                wanted.priority > 0 && self.priority != wanted.priority,
-                "SCHED_FIFO",
-            ),
-            (
-                wanted.cpu.is_some() && self.cpu != wanted.cpu,
-                "the processor",
-            ),
+            (wanted.priority > 0 && self.priority != wanted.priority, "SCHED_FIFO"),
+            (wanted.cpu.is_some() && self.cpu != wanted.cpu, "the processor"),
             (wanted.lock_memory && !self.memory_locked, "locked memory"),
         ];
         for (_, what) in missing.iter().filter(|(missing, _)| *missing && silent) {
@@ -120,10 +106,7 @@ impl Granted {
 
 fn set_fifo(priority: u8) -> Result<(), Errno> {
     // With the flag, threads that this one starts begin under normal scheduling.
-    schedule(
-        libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK,
-        i32::from(priority),
-    )
+    schedule(libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK, i32::from(priority))
 }
 
 fn set_normal() {
@@ -134,9 +117,7 @@ fn set_normal() {
 }
 
 fn schedule(policy: i32, priority: i32) -> Result<(), Errno> {
-    let parameters = libc::sched_param {
-        sched_priority: priority,
-    };
+    let parameters = libc::sched_param { sched_priority: priority };
     // SAFETY: the pointer is to a live value of the right type, and 0 names the calling thread.
     Errno::result(unsafe { libc::sched_setscheduler(0, policy, &parameters) }).map(drop)
 }
@@ -192,8 +173,7 @@ fn without(set: &CpuSet, cpu: usize) -> Option<CpuSet> {
 /// `VmLck` of `/proc/PID/status`, kB.
 fn locked_kilobytes(status: &str) -> u64 {
     let line = status.lines().find_map(|line| line.strip_prefix("VmLck:"));
-    line.and_then(|rest| rest.split_whitespace().next()?.parse().ok())
-        .unwrap_or(0)
+    line.and_then(|rest| rest.split_whitespace().next()?.parse().ok()).unwrap_or(0)
 }
 
 fn priority_warning(priority: u8, errno: Errno) -> String {
@@ -238,10 +218,7 @@ mod tests {
     fn a_processor_that_exists_is_granted_and_read_back() {
         in_a_thread(|| {
             let cpu = allowed()[0];
-            let granted = request(Wanted {
-                cpu: Some(cpu),
-                ..Wanted::default()
-            });
+            let granted = request(Wanted { cpu: Some(cpu), ..Wanted::default() });
             assert_eq!((granted.cpu, granted.warnings), (Some(cpu), vec![]));
         });
     }
@@ -249,10 +226,7 @@ mod tests {
     #[test]
     fn a_processor_that_does_not_exist_is_warned_about() {
         in_a_thread(|| {
-            let granted = request(Wanted {
-                cpu: Some(1000),
-                ..Wanted::default()
-            });
+            let granted = request(Wanted { cpu: Some(1000), ..Wanted::default() });
             assert!(
                 granted.warnings.len() == 1 && granted.warnings[0].contains("processor 1000"),
                 "{granted:?}"
@@ -264,20 +238,10 @@ mod tests {
     #[test]
     fn fifo_is_either_there_or_warned_about() {
         in_a_thread(|| {
-            let granted = request(Wanted {
-                priority: 7,
-                ..Wanted::default()
-            });
-            assert_eq!(
-                granted.priority == 7,
-                granted.warnings.is_empty(),
-                "{granted:?}"
-            );
+            let granted = request(Wanted { priority: 7, ..Wanted::default() });
+            assert_eq!(granted.priority == 7, granted.warnings.is_empty(), "{granted:?}");
             assert!(
-                granted
-                    .warnings
-                    .iter()
-                    .all(|warning| warning.contains("rtprio")),
+                granted.warnings.iter().all(|warning| warning.contains("rtprio")),
                 "{granted:?}"
             );
         });
@@ -288,11 +252,7 @@ mod tests {
         in_a_thread(|| {
             let processors = allowed();
             let cpu = processors[0];
-            let _ = request(Wanted {
-                priority: 7,
-                cpu: Some(cpu),
-                lock_memory: false,
-            });
+            let _ = request(Wanted { priority: 7, cpu: Some(cpu), lock_memory: false });
             let child = in_a_thread(read_back);
             assert_eq!((child.priority, child.cpu), (0, Some(cpu)));
             let helper = in_a_thread(move || {
@@ -307,10 +267,7 @@ mod tests {
     #[test]
     fn a_real_time_thread_can_be_put_back() {
         in_a_thread(|| {
-            let _ = request(Wanted {
-                priority: 7,
-                ..Wanted::default()
-            });
+            let _ = request(Wanted { priority: 7, ..Wanted::default() });
             keep_normal(None);
             assert_eq!(read_back().priority, 0);
         });
@@ -318,28 +275,16 @@ mod tests {
 
     #[test]
     fn a_request_that_fails_without_an_error_is_warned_about() {
-        let wanted = Wanted {
-            priority: 80,
-            cpu: Some(1),
-            lock_memory: true,
-        };
+        let wanted = Wanted { priority: 80, cpu: Some(1), lock_memory: true };
         let granted = Granted::default().check_silent_refusals(wanted);
         assert_eq!(granted.warnings.len(), 3);
-        let granted = Granted {
-            priority: 80,
-            cpu: Some(1),
-            memory_locked: true,
-            warnings: vec![],
-        };
+        let granted = Granted { priority: 80, cpu: Some(1), memory_locked: true, warnings: vec![] };
         assert_eq!(granted.clone().check_silent_refusals(wanted), granted);
     }
 
     #[test]
     fn locked_memory_is_read_from_the_status_file() {
-        assert_eq!(
-            locked_kilobytes("VmSize:\t 10 kB\nVmLck:\t  2048 kB\nVmPin:\t 0 kB\n"),
-            2048
-        );
+        assert_eq!(locked_kilobytes("VmSize:\t 10 kB\nVmLck:\t  2048 kB\nVmPin:\t 0 kB\n"), 2048);
         assert_eq!(locked_kilobytes("VmLck:\t nonsense\n"), 0);
         assert_eq!(locked_kilobytes(""), 0);
     }

@@ -80,10 +80,7 @@ impl LoopStatistics {
     /// The message for the window that is over at `now`, and opens the next one; `None` while it is
     /// not over.
     pub fn take(&mut self, now: Nanos) -> Option<PeriodStatistics> {
-        let window = self
-            .opened
-            .map(|opened| now - opened)
-            .filter(|span| *span >= self.window)?;
+        let window = self.opened.map(|opened| now - opened).filter(|span| *span >= self.window)?;
         self.total_ticks += self.ticks;
         self.total_missed += self.missed;
         let message = PeriodStatistics {
@@ -98,11 +95,7 @@ impl LoopStatistics {
             lateness: self.lateness.take(),
             compute: self.compute.take(),
             priority: u32::from(self.granted.priority),
-            cpu: self
-                .granted
-                .cpu
-                .and_then(|cpu| u32::try_from(cpu).ok())
-                .unwrap_or(u32::MAX),
+            cpu: self.granted.cpu.and_then(|cpu| u32::try_from(cpu).ok()).unwrap_or(u32::MAX),
             memory_locked: u32::from(self.granted.memory_locked),
             ..PeriodStatistics::default()
         };
@@ -152,12 +145,7 @@ mod tests {
     const WINDOW: Nanos = Nanos::from_millis(1000);
 
     fn statistics() -> LoopStatistics {
-        let granted = Granted {
-            priority: 80,
-            cpu: Some(1),
-            memory_locked: true,
-            warnings: vec![],
-        };
+        let granted = Granted { priority: 80, cpu: Some(1), memory_locked: true, warnings: vec![] };
         LoopStatistics::new(PERIOD, WINDOW, granted)
     }
 
@@ -165,11 +153,7 @@ mod tests {
         let planned = Nanos(number * PERIOD.0);
         let started = planned + Nanos::from_micros(late_us);
         TickTiming {
-            tick: Tick {
-                planned,
-                started,
-                missed,
-            },
+            tick: Tick { planned, started, missed },
             ended: started + Nanos::from_micros(compute_us),
         }
     }
@@ -188,10 +172,7 @@ mod tests {
             statistics.record(timing(number, late, 5, u64::from(number == 0) * 2));
         }
         let message = statistics.take(Nanos(1000 * PERIOD.0)).unwrap();
-        assert_eq!(
-            (message.ticks, message.missed, message.window_ns),
-            (1000, 2, WINDOW.0)
-        );
+        assert_eq!((message.ticks, message.missed, message.window_ns), (1000, 2, WINDOW.0));
         assert!(
             near(message.lateness.p50_ns, 10) && near(message.lateness.p90_ns, 10),
             "{message:?}"
@@ -205,10 +186,7 @@ mod tests {
             "{message:?}"
         );
         assert!(near(message.compute.p999_ns, 5), "{message:?}");
-        assert_eq!(
-            (message.priority, message.cpu, message.memory_locked),
-            (80, 1, 1)
-        );
+        assert_eq!((message.priority, message.cpu, message.memory_locked), (80, 1, 1));
     }
 
     #[test]
@@ -219,12 +197,7 @@ mod tests {
         statistics.record(timing(1000, 10, 5, 1));
         let message = statistics.take(WINDOW + WINDOW).unwrap();
         assert_eq!(
-            (
-                message.ticks,
-                message.missed,
-                message.total_ticks,
-                message.total_missed
-            ),
+            (message.ticks, message.missed, message.total_ticks, message.total_missed),
             (1, 1, 2, 4)
         );
         assert!(
@@ -245,10 +218,7 @@ mod tests {
         let mut statistics = statistics();
         statistics.record(timing(0, 60_000_000, 5, 0));
         let longest = statistics.take(WINDOW).unwrap().lateness.max_ns;
-        assert!(
-            (LONGEST..LONGEST + LONGEST / 50).contains(&longest),
-            "{longest}"
-        );
+        assert!((LONGEST..LONGEST + LONGEST / 50).contains(&longest), "{longest}");
     }
 
     #[test]
@@ -256,9 +226,6 @@ mod tests {
         let mut statistics = LoopStatistics::new(PERIOD, WINDOW, Granted::default());
         statistics.record(timing(0, 1, 1, 0));
         let message = statistics.take(WINDOW).unwrap();
-        assert_eq!(
-            (message.priority, message.cpu, message.memory_locked),
-            (0, u32::MAX, 0)
-        );
+        assert_eq!((message.priority, message.cpu, message.memory_locked), (0, u32::MAX, 0));
     }
 }

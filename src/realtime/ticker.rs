@@ -35,10 +35,7 @@ impl Schedule {
     #[must_use]
     pub const fn new(first: Nanos, period: Nanos) -> Self {
         let period = if period.0 == 0 { Nanos(1) } else { period };
-        Self {
-            period,
-            next: first,
-        }
+        Self { period, next: first }
     }
 
     /// When the next tick should begin.
@@ -57,11 +54,7 @@ impl Schedule {
     /// that begins late in the period of the next one takes no tick from it.
     fn begin_planned(&mut self, planned: Nanos, started: Nanos) -> Tick {
         let missed = started.since(planned).0 / self.period.0;
-        let tick = Tick {
-            planned,
-            started,
-            missed,
-        };
+        let tick = Tick { planned, started, missed };
         self.next = self.next + Nanos(missed.saturating_add(1).saturating_mul(self.period.0));
         tick
     }
@@ -80,10 +73,7 @@ impl Ticker {
     /// than a tenth of one.
     #[must_use]
     pub const fn new(first: Nanos, period: Nanos, spin: Nanos) -> Self {
-        Self {
-            schedule: Schedule::new(first, period),
-            spin,
-        }
+        Self { schedule: Schedule::new(first, period), spin }
     }
 
     /// The point of the grid of the next tick.
@@ -125,14 +115,7 @@ mod tests {
             let planned = Nanos(5000 + number * 1000);
             assert_eq!(schedule.next(), planned);
             let started = planned + Nanos(30);
-            assert_eq!(
-                schedule.begin(started),
-                Tick {
-                    planned,
-                    started,
-                    missed: 0
-                }
-            );
+            assert_eq!(schedule.begin(started), Tick { planned, started, missed: 0 });
         }
     }
 
@@ -170,10 +153,7 @@ mod tests {
 
     #[test]
     fn a_period_of_zero_does_not_divide_by_zero() {
-        assert_eq!(
-            Schedule::new(Nanos(5), Nanos::ZERO).begin(Nanos(7)).missed,
-            2
-        );
+        assert_eq!(Schedule::new(Nanos(5), Nanos::ZERO).begin(Nanos(7)).missed, 2);
     }
 
     #[test]

@@ -52,12 +52,7 @@ impl Excess {
     /// A value of the whole robot.
     #[must_use]
     pub const fn new(quantity: Quantity, measured: f64, limit: Option<f64>) -> Self {
-        Self {
-            motor: None,
-            quantity,
-            measured,
-            limit,
-        }
+        Self { motor: None, quantity, measured, limit }
     }
 
     /// An age or a duration, and its limit.
@@ -70,10 +65,7 @@ impl Excess {
     /// The same value, of one motor.
     #[must_use]
     pub const fn of_motor(self, motor: u8) -> Self {
-        Self {
-            motor: Some(motor),
-            ..self
-        }
+        Self { motor: Some(motor), ..self }
     }
 }
 

@@ -135,10 +135,7 @@ impl Reason {
 
 impl From<Cause> for Reason {
     fn from(cause: Cause) -> Self {
-        Self {
-            cause,
-            excess: None,
-        }
+        Self { cause, excess: None }
     }
 }
 
@@ -162,14 +159,8 @@ mod tests {
         codes.dedup();
         assert_eq!(codes.len(), all);
         for cause in Cause::all() {
-            assert_eq!(
-                Cause::from_numbers(cause.kind(), cause.number()),
-                Some(cause)
-            );
-            assert!(
-                cause.sentence().len() > 3 && cause.advice().len() > 3,
-                "{cause}"
-            );
+            assert_eq!(Cause::from_numbers(cause.kind(), cause.number()), Some(cause));
+            assert!(cause.sentence().len() > 3 && cause.advice().len() > 3, "{cause}");
         }
         assert_eq!(Cause::from_numbers(9, 1), None);
         assert_eq!(Cause::from_numbers(2, 99), None);
@@ -178,10 +169,7 @@ mod tests {
     #[test]
     fn the_text_names_what_was_measured_and_its_limit() {
         let error = Excess::new(Quantity::Counts, 2314.0, Some(2000.0)).of_motor(1);
-        let reason = Reason {
-            cause: Cause::Fault(Fault::FollowingError),
-            excess: Some(error),
-        };
+        let reason = Reason { cause: Cause::Fault(Fault::FollowingError), excess: Some(error) };
         assert_eq!(
             reason.text(),
             "fault 3: set-point and encoder are too far apart (motor 1: 2314 counts, limit 2000 \

@@ -48,10 +48,7 @@ impl fmt::Display for WatchdogEvent {
                 let died = *status == ControllerStatus::Died;
                 let what = if died { "is gone" } else { "hangs" };
                 let ms = age.as_seconds() * 1e3;
-                write!(
-                    f,
-                    "the controller {what}; its last heartbeat was {ms:.1} ms ago"
-                )
+                write!(f, "the controller {what}; its last heartbeat was {ms:.1} ms ago")
             }
             Self::Stopped(device, axes) => {
                 for (index, AxisStop { motor, outcome }) in axes.iter().enumerate() {
@@ -88,18 +85,12 @@ mod tests {
         let stop = |motor, outcome| AxisStop { motor, outcome };
         let stopped = WatchdogEvent::Stopped(
             PathBuf::from("/dev/ttyUSB0"),
-            vec![
-                stop(0, Ok(DriveState::QuickStopActive)),
-                stop(1, Err(QuickStopError::NotHeld)),
-            ],
+            vec![stop(0, Ok(DriveState::QuickStopActive)), stop(1, Err(QuickStopError::NotHeld))],
         );
         let text = stopped.to_string();
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines.len(), 2, "{text}");
         assert_eq!(lines[0], "/dev/ttyUSB0, motor 0: QuickStopActive");
-        assert!(
-            lines[1].starts_with("/dev/ttyUSB0, motor 1: NOT STOPPED, "),
-            "{text}"
-        );
+        assert!(lines[1].starts_with("/dev/ttyUSB0, motor 1: NOT STOPPED, "), "{text}");
     }
 }

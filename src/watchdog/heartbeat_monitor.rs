@@ -38,17 +38,13 @@ impl HeartbeatMonitor {
     /// A controller that is silent for longer than `silence` hangs.
     #[must_use]
     pub fn new(silence: Nanos) -> Self {
-        Self {
-            silence,
-            last: None,
-        }
+        Self { silence, last: None }
     }
 
     /// Age of the last heartbeat.
     #[must_use]
     pub fn age(&self, now: Nanos) -> Nanos {
-        self.last
-            .map_or(Nanos::ZERO, |last| now - last.heartbeat.stamp)
+        self.last.map_or(Nanos::ZERO, |last| now - last.heartbeat.stamp)
     }
 
     /// Updates the status with the heartbeat that is read at `now`.
@@ -63,20 +59,13 @@ impl HeartbeatMonitor {
                 self.last = None;
                 // Also if the drives were stopped because it hung: it may have gone on since the
                 // last look, and have switched them on.
-                if last.heartbeat.off {
-                    ControllerStatus::Ended
-                } else {
-                    ControllerStatus::Died
-                }
+                if last.heartbeat.off { ControllerStatus::Ended } else { ControllerStatus::Died }
             }
             (Ok(Some(heartbeat)), last) => {
                 let same = last.filter(|last| last.heartbeat.boot_id == heartbeat.boot_id);
                 let silent = |last: LastHeartbeat| heartbeat.stamp <= last.heartbeat.stamp;
                 let reported = same.is_some_and(|last| last.reported && silent(last));
-                let last = LastHeartbeat {
-                    heartbeat,
-                    reported,
-                };
+                let last = LastHeartbeat { heartbeat, reported };
                 self.last = Some(last);
                 match same {
                     None => ControllerStatus::Started,
@@ -92,10 +81,7 @@ impl HeartbeatMonitor {
         if last.heartbeat.off || last.reported || !silent {
             return ControllerStatus::Alive;
         }
-        self.last = Some(LastHeartbeat {
-            reported: true,
-            ..last
-        });
+        self.last = Some(LastHeartbeat { reported: true, ..last });
         ControllerStatus::Hangs
     }
 }
@@ -151,11 +137,7 @@ mod tests {
         let heartbeat = Some((901, false));
         check(
             true,
-            &[
-                (Some((100, true)), 900, Alive),
-                (heartbeat, 902, Alive),
-                (heartbeat, 942, Hangs),
-            ],
+            &[(Some((100, true)), 900, Alive), (heartbeat, 902, Alive), (heartbeat, 942, Hangs)],
         );
     }
 
@@ -163,11 +145,7 @@ mod tests {
     fn the_age_is_that_of_the_last_heartbeat() {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
         assert_eq!(monitor.age(Nanos::from_millis(5)), Nanos::ZERO);
-        let read = Ok(Some(Heartbeat {
-            boot_id: 7,
-            stamp: Nanos::from_millis(100),
-            off: false,
-        }));
+        let read = Ok(Some(Heartbeat { boot_id: 7, stamp: Nanos::from_millis(100), off: false }));
         monitor.update(read, Nanos::from_millis(102));
         let age = monitor.age(Nanos::from_millis(131));
         assert_eq!(age, Nanos::from_millis(31));
@@ -178,11 +156,7 @@ mod tests {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
         for (boot_id, stamp, off) in [(7, 100, false), (8, 99, true)] {
             let stamp = Nanos::from_millis(stamp);
-            let read = Ok(Some(Heartbeat {
-                boot_id,
-                stamp,
-                off,
-            }));
+            let read = Ok(Some(Heartbeat { boot_id, stamp, off }));
             assert_eq!(monitor.update(read, Nanos::from_millis(102)), Started);
         }
     }

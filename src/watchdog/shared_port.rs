@@ -37,11 +37,7 @@ impl SharedPort {
     /// Opens nothing yet.
     #[must_use]
     pub fn new(config: &PortConfig) -> Self {
-        Self {
-            config: config.clone(),
-            file: None,
-            refusal_reported: false,
-        }
+        Self { config: config.clone(), file: None, refusal_reported: false }
     }
 
     /// Opens the port if it is not open, without a change of its settings. Returns an event when
@@ -82,10 +78,7 @@ impl SharedPort {
             end_exclusive_use(file);
         }
         let axes = self.config.axes.iter().zip(outcomes);
-        let stopped = axes.map(|(axis, outcome)| AxisStop {
-            motor: axis.motor,
-            outcome,
-        });
+        let stopped = axes.map(|(axis, outcome)| AxisStop { motor: axis.motor, outcome });
         WatchdogEvent::Stopped(self.config.device.clone(), stopped.collect())
     }
 
@@ -109,11 +102,8 @@ impl SharedPort {
             reply_timeout_ms: self.config.reply_timeout_ms.min(MAX_REPLY_TIMEOUT_MS),
             ..self.config.clone()
         };
-        let mut link = DriveLink::new(
-            OpenPort(file),
-            family_selection::family_of_port(&config),
-            &config,
-        );
+        let mut link =
+            DriveLink::new(OpenPort(file), family_selection::family_of_port(&config), &config);
         link.set_frame_timeout(FRAME_TIMEOUT);
         let nodes: Vec<u8> = config.axes.iter().map(|axis| axis.node_id).collect();
         bring_up::quick_stop_all(&mut link, &nodes)
@@ -122,11 +112,7 @@ impl SharedPort {
 
 fn open(device: &Path) -> io::Result<File> {
     let flags = libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC;
-    OpenOptions::new()
-        .read(true)
-        .write(true)
-        .custom_flags(flags)
-        .open(device)
+    OpenOptions::new().read(true).write(true).custom_flags(flags).open(device)
 }
 
 fn is_exclusive(file: &File) -> bool {
@@ -248,10 +234,7 @@ mod tests {
         std::fs::remove_file(&link).unwrap();
         drop(master);
         let event = port.open();
-        assert!(
-            matches!(event, Some(WatchdogEvent::PortRefused(..))),
-            "{event:?}"
-        );
+        assert!(matches!(event, Some(WatchdogEvent::PortRefused(..))), "{event:?}");
         assert!(!port.is_open());
     }
 

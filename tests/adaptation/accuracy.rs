@@ -7,11 +7,7 @@ use crate::fitted::{first_model, model};
 use crate::plant::SNAKES;
 use crate::trial::{ON, Trial};
 
-const AGED: Ageing = Ageing {
-    gap_counts: 25.0,
-    gain: 0.92,
-    zero_deg: [0.6, -0.5],
-};
+const AGED: Ageing = Ageing { gap_counts: 25.0, gain: 0.92, zero_deg: [0.6, -0.5] };
 
 #[test]
 fn an_aged_snake_is_tracked_nearly_as_well_as_a_new_one_and_a_new_one_no_worse() {
@@ -33,11 +29,7 @@ fn an_aged_snake_is_tracked_nearly_as_well_as_a_new_one_and_a_new_one_no_worse()
 #[test]
 #[ignore = "a table of some minutes, for people"]
 fn table_of_errors() {
-    for family in [
-        Family::GmrPlay,
-        Family::GmrPrandtlIshlinskii,
-        Family::GmrStop,
-    ] {
+    for family in [Family::GmrPlay, Family::GmrPrandtlIshlinskii, Family::GmrStop] {
         for snake in SNAKES {
             let model = model(snake, family, Ageing::NONE);
             for (name, ageing) in [("none", Ageing::NONE), ("aged", AGED)] {
@@ -52,10 +44,7 @@ fn table_of_errors() {
                     "{family} {snake} {name}: off {off:.3}, on first {first:.3}, last {last:.3}"
                 );
                 let report = on.adaptation();
-                println!(
-                    "   est {:.3?}\n   app {:.3?}",
-                    report.estimate, report.applied
-                );
+                println!("   est {:.3?}\n   app {:.3?}", report.estimate, report.applied);
                 println!(
                     "   {:?} used {:.2} err {:.3} {:.3} {:?}",
                     report.frames,

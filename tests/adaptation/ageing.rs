@@ -14,11 +14,7 @@ pub struct Ageing {
 }
 
 impl Ageing {
-    pub const NONE: Self = Self {
-        gap_counts: 0.0,
-        gain: 1.0,
-        zero_deg: [0.0; 2],
-    };
+    pub const NONE: Self = Self { gap_counts: 0.0, gain: 1.0, zero_deg: [0.0; 2] };
 }
 
 /// An extra gap: what the snake feels of the motors.

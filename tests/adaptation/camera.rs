@@ -44,12 +44,7 @@ pub struct Camera {
 
 impl Camera {
     pub fn new(plan: CameraPlan) -> Self {
-        Self {
-            plan,
-            random: Random::new(plan.seed),
-            next: 0.0,
-            pending: VecDeque::new(),
-        }
+        Self { plan, random: Random::new(plan.seed), next: 0.0, pending: VecDeque::new() }
     }
 
     /// The frame that arrives in this tick, if any.
@@ -59,11 +54,7 @@ impl Camera {
             let is_outlier = self.random.unit() < self.plan.outliers;
             let angles = angles_deg.map(|angle| {
                 let noise = self.plan.noise_deg * self.random.normal();
-                let off = if is_outlier {
-                    self.random.within(5.0)
-                } else {
-                    0.0
-                };
+                let off = if is_outlier { self.random.within(5.0) } else { 0.0 };
                 (angle + noise + off).to_radians()
             });
             let pose = ExternalPose {
@@ -75,10 +66,7 @@ impl Camera {
             let arrival = now + Nanos::from_millis(self.plan.latency_ms);
             self.pending.push_back((arrival, pose));
         }
-        let is_due = self
-            .pending
-            .front()
-            .is_some_and(|(arrival, _)| *arrival <= now);
+        let is_due = self.pending.front().is_some_and(|(arrival, _)| *arrival <= now);
         if !is_due {
             return None;
         }

@@ -61,14 +61,8 @@ impl Signal {
             4 => ([pitch + a, yaw + b], now - ms(40)),
             5 => ([pitch, yaw], now + ms(700)),
             6 => ([pitch, yaw], now - ms(self.random.next() % 500)),
-            7 => (
-                [pitch + a * (0.3 * t).sin(), yaw + b * (0.2 * t).sin()],
-                now - ms(30),
-            ),
-            8 => (
-                [pitch * (1.0 + 0.1 * a), yaw * (1.0 + 0.1 * b)],
-                now - ms(30),
-            ),
+            7 => ([pitch + a * (0.3 * t).sin(), yaw + b * (0.2 * t).sin()], now - ms(30)),
+            8 => ([pitch * (1.0 + 0.1 * a), yaw * (1.0 + 0.1 * b)], now - ms(30)),
             9 => {
                 let far = self.random.unit() < 0.3;
                 let off = if far { self.random.within(20.0) } else { 0.0 };

@@ -52,10 +52,7 @@ fn a_push_of_two_degrees_leaves_nothing_behind() {
 
 #[test]
 fn nothing_moves_while_the_goal_rests() {
-    let mut trial = trial(Ageing {
-        zero_deg: [0.8, 0.5],
-        ..Ageing::NONE
-    });
+    let mut trial = trial(Ageing { zero_deg: [0.8, 0.5], ..Ageing::NONE });
     let goal = [3.0, -2.0];
     for k in 0..400 {
         let share = f64::from(k) / 400.0;
@@ -117,10 +114,7 @@ fn a_stamp_that_is_late_by_30_ms_is_found() {
 
 #[test]
 fn a_drift_beyond_the_budget_is_not_followed_further_and_is_said() {
-    let mut trial = trial(Ageing {
-        gain: 0.7,
-        ..Ageing::NONE
-    });
+    let mut trial = trial(Ageing { gain: 0.7, ..Ageing::NONE });
     trial.move_for(60.0);
     let found = trial.adaptation();
     println!("{found:?}");
@@ -176,10 +170,7 @@ fn frames_that_cannot_be_used_are_counted_and_change_nothing() {
         last = Some(trial.adaptation());
     }
     let found = last.unwrap();
-    assert!(
-        found.frames.future > 50 && found.frames.too_old > 50,
-        "{found:?}"
-    );
+    assert!(found.frames.future > 50 && found.frames.too_old > 50, "{found:?}");
     assert_eq!((found.frames.used, found.frames.refused), (0, 0));
     assert_eq!(found.estimate, i2ris::core::adaptation::Drift::default());
 }
@@ -207,12 +198,7 @@ fn a_model_without_gaps_has_its_zero_followed_by_at_most_a_degree() {
     trial.plant.ageing.zero_deg = [2.0, -2.0];
     trial.move_for(40.0);
     let after = trial.adaptation().applied;
-    assert!(
-        after
-            .zero
-            .iter()
-            .all(|zero| zero.to_degrees().abs() <= 1.0 + 1e-9)
-    );
+    assert!(after.zero.iter().all(|zero| zero.to_degrees().abs() <= 1.0 + 1e-9));
     assert_eq!((after.gain, after.gap), ([[0.0; 2]; 2], [0.0; 2]));
 }
 

@@ -25,11 +25,7 @@ pub fn model(snake: DrawnSnake, family: Family, ageing: Ageing) -> Arc<Model> {
     static MODELS: OnceLock<Mutex<HashMap<String, Arc<Model>>>> = OnceLock::new();
     let key = format!("{snake} {family} {ageing:?}");
     let mut models = MODELS.get_or_init(Mutex::default).lock().unwrap();
-    Arc::clone(
-        models
-            .entry(key)
-            .or_insert_with(|| fit_model(snake, family, ageing)),
-    )
+    Arc::clone(models.entry(key).or_insert_with(|| fit_model(snake, family, ageing)))
 }
 
 /// The model of the first snake, as [`model`] makes it: a fit of plays takes a minute.
@@ -58,10 +54,8 @@ fn record(snake: DrawnSnake, ageing: Ageing, file: File) {
     plant.ageing = ageing;
     condition(&mut plant);
     let mut random = Random::new(77 + snake.seed);
-    let outputs = ["pitch", "yaw"].map(|name| OutputSpec {
-        name: name.to_owned(),
-        unit: OutputUnit::Deg,
-    });
+    let outputs =
+        ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg });
     let mut writer = RecordingWriter::new(BufWriter::new(file), true, 2, &outputs).unwrap();
     let (mut at, mut to) = ([0.0; 2], [0.0; 2]);
     for tick in 0..TICKS {
@@ -79,14 +73,10 @@ fn record(snake: DrawnSnake, ageing: Ageing, file: File) {
             let mut noise = || 0.07 * random.normal();
             let [pitch, yaw] = plant.angles_deg();
             let angles = [pitch + noise(), yaw + noise(), 0.0];
-            writer
-                .row(&Row::new(time_s, plant.encoders(), angles))
-                .unwrap();
+            writer.row(&Row::new(time_s, plant.encoders(), angles)).unwrap();
         } else if tick % 5 == 0 {
             let nothing = [f64::NAN; MAX_OUTPUTS];
-            writer
-                .row(&Row::new(time_s, plant.encoders(), nothing))
-                .unwrap();
+            writer.row(&Row::new(time_s, plant.encoders(), nothing)).unwrap();
         }
     }
     writer.finish().unwrap();

@@ -45,16 +45,7 @@ impl Plant {
 
 /// The snakes of the tests.
 pub const SNAKES: [DrawnSnake; 3] = [
-    DrawnSnake {
-        physics: Physics::LuGre,
-        seed: 1,
-    },
-    DrawnSnake {
-        physics: Physics::Preisach,
-        seed: 1,
-    },
-    DrawnSnake {
-        physics: Physics::BoucWen,
-        seed: 2,
-    },
+    DrawnSnake { physics: Physics::LuGre, seed: 1 },
+    DrawnSnake { physics: Physics::Preisach, seed: 1 },
+    DrawnSnake { physics: Physics::BoucWen, seed: 2 },
 ];

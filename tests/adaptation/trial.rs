@@ -137,10 +137,7 @@ impl Trial {
         let [pitch, yaw] = goal.map(f64::to_radians);
         let goal = ServoGoal::Joint([pitch, yaw, 0.0], 2);
         let (servo, refused) = (self.control.servo_command(goal), self.report().refused);
-        self.tick(SimulatedInputs {
-            servo: Some(servo),
-            ..SimulatedInputs::default()
-        });
+        self.tick(SimulatedInputs { servo: Some(servo), ..SimulatedInputs::default() });
         let report = self.report();
         assert_eq!(report.refused, refused, "{}", report.last_refusal);
         assert_eq!(report.state, OperatingState::Enabled, "{}", report.fault);

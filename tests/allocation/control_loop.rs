@@ -20,9 +20,7 @@ use crate::rig::{self, Rig};
 const MOTION: f64 = 1.5;
 
 fn use_robot(client: &mut Client) {
-    stream_angles(client, |t| {
-        (t < MOTION).then(|| [3.0 * t.sin(), -3.0 * t.sin()])
-    });
+    stream_angles(client, |t| (t < MOTION).then(|| [3.0 * t.sin(), -3.0 * t.sin()]));
     for command in [
         StateCommand::Pause,
         StateCommand::Resume,

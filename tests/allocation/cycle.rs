@@ -50,20 +50,11 @@ fn swap_models(bench: &mut Bench, models: &[Arc<Model>; 2], session: u32) {
     let next = &models[(session % 2) as usize];
     bench.offer(bench.candidate(next));
     bench.run(2);
-    assert_eq!(
-        bench.change_model(ModelChange::Activate(next.id()), true),
-        Refusal::None
-    );
+    assert_eq!(bench.change_model(ModelChange::Activate(next.id()), true), Refusal::None);
     bench.run(5);
-    assert_eq!(
-        bench.change_model(ModelChange::Rollback, true),
-        Refusal::None
-    );
+    assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::None);
     bench.run(5);
-    assert_eq!(
-        bench.change_model(ModelChange::Rollback, true),
-        Refusal::None
-    );
+    assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::None);
     bench.run(20);
 }
 

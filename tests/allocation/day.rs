@@ -57,10 +57,7 @@ fn hourly(bench: &mut Bench, hour: u32) {
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     bench.idle();
     let before = bench.probed;
-    assert_eq!(
-        bench.change_model(ModelChange::Rollback, true),
-        Refusal::None
-    );
+    assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::None);
     assert_eq!(bench.probed, before);
     bench.run(1000);
 }

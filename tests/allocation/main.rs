@@ -3,10 +3,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-#[allow(
-    dead_code,
-    reason = "shared with the tests of the cycle, which use all of it"
-)]
+#[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
 #[path = "../cycle/bench.rs"]
 mod bench;
 mod control_loop;
@@ -19,10 +16,7 @@ mod invariants;
 mod port_thread;
 #[path = "../rig/mod.rs"]
 mod rig;
-#[allow(
-    dead_code,
-    reason = "shared with the tests of the cycle, which use all of it"
-)]
+#[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
 #[path = "../cycle/simulated_drive.rs"]
 mod simulated_drive;
 

@@ -70,10 +70,8 @@ fn nothing_is_allocated_in_any_phase_with_faults_and_lost_lines() {
     let drive = one_drive();
     let config = port_config(std::slice::from_ref(&drive));
     let line = SimulatedLine::new(vec![drive]);
-    let (mut runner, mut links) = Port::over(Uncounted(line.clone()), &config)
-        .bring_up()
-        .unwrap()
-        .split();
+    let (mut runner, mut links) =
+        Port::over(Uncounted(line.clone()), &config).bring_up().unwrap().split();
     let link = &mut links[0];
     let mut request = AxisRequest::default();
     let mut ignore = |_: PortEvent| {};
@@ -113,10 +111,8 @@ fn nothing_is_allocated_in_any_phase_with_faults_and_lost_lines() {
 fn nothing_is_allocated_on_a_real_port_with_time_outs() {
     let folder = tempfile::tempdir().unwrap();
     let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-    let emulated = EmulatorConfig::new(
-        SnakeConfig::load(&snake).unwrap(),
-        &folder.path().join("ports"),
-    );
+    let emulated =
+        EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
     let emulator = Emulator::start(emulated).unwrap();
     let mut drive = one_drive();
     drive.serial_number = 62_000_001;

@@ -82,11 +82,7 @@ impl Recording {
         outputs: &CycleOutputs,
         snapshot: Option<CycleSnapshot>,
     ) {
-        let tick = Tick {
-            planned: now,
-            started: now,
-            missed: 0,
-        };
+        let tick = Tick { planned: now, started: now, missed: 0 };
         let timing = TickTiming { tick, ended: now };
         let number = outputs.requests[0].sequence;
         self.ticks.push(TickRecord {
@@ -213,11 +209,7 @@ impl Bench {
             self.history.forget();
         }
         if mark != self.mark {
-            let position = self
-                .out
-                .report
-                .feedback
-                .map(|drive| drive.position.as_f64());
+            let position = self.out.report.feedback.map(|drive| drive.position.as_f64());
             self.history.note(&position);
             self.mark = mark;
         }
@@ -242,16 +234,9 @@ impl Bench {
     /// One tick with a change of the model in use.
     pub fn change_model(&mut self, change: ModelChange, forced: bool) -> Refusal {
         self.request_id += 1;
-        self.model_request = Some(ModelSwapRequest {
-            id: self.request_id,
-            change,
-            forced,
-        });
+        self.model_request = Some(ModelSwapRequest { id: self.request_id, change, forced });
         self.tick();
-        let reply = self
-            .out
-            .model_reply
-            .expect("a change of the model is answered in its tick");
+        let reply = self.out.model_reply.expect("a change of the model is answered in its tick");
         assert_eq!(reply.id, self.request_id);
         reply.refusal
     }
@@ -294,20 +279,8 @@ impl Bench {
         let id = self.request_id;
         let pose = self.pose.take();
         let fixture = self.fixture.take();
-        self.step(
-            None,
-            Some(StateRequest {
-                id,
-                client_id,
-                command,
-                pose,
-                fixture,
-            }),
-        );
-        let reply = self
-            .out
-            .reply
-            .expect("a state command is answered in its tick");
+        self.step(None, Some(StateRequest { id, client_id, command, pose, fixture }));
+        let reply = self.out.reply.expect("a state command is answered in its tick");
         assert_eq!(reply.id, id);
         assert_eq!(reply.state, self.out.report.state);
         reply
@@ -336,10 +309,7 @@ impl Bench {
     pub fn send(&mut self, command: ServoCommand) -> Refusal {
         let (accepted, refused) = (self.report().accepted, self.report().refused);
         self.step(Some(command), None);
-        match (
-            self.report().accepted - accepted,
-            self.report().refused - refused,
-        ) {
+        match (self.report().accepted - accepted, self.report().refused - refused) {
             (1, 0) => Refusal::None,
             (0, 1) => self.report().last_refusal,
             other => panic!("one command is accepted or refused, not {other:?}"),
@@ -361,10 +331,7 @@ impl Bench {
     }
 
     pub fn joints(&self) -> JointReport {
-        self.out
-            .report
-            .joint
-            .expect("a model is loaded and drives have reported")
+        self.out.report.joint.expect("a model is loaded and drives have reported")
     }
 
     pub fn state(&self) -> OperatingState {
@@ -434,11 +401,7 @@ impl Bench {
         }
         let before = bench.targets();
         bench.tick();
-        assert_eq!(
-            bench.targets(),
-            before.map(|target| target + 2),
-            "2000 counts/s"
-        );
+        assert_eq!(bench.targets(), before.map(|target| target + 2), "2000 counts/s");
         bench
     }
 
@@ -460,10 +423,7 @@ impl Bench {
         self.drives[axis].feedback.phase = AxisPhase::Faulted;
         self.drives[axis].feedback.error_code = 0x8611;
         self.run(2);
-        assert_eq!(
-            (self.state(), self.report().fault),
-            (OperatingState::Fault, Fault::Drive)
-        );
+        assert_eq!((self.state(), self.report().fault), (OperatingState::Fault, Fault::Drive));
     }
 
     pub fn quirk(&mut self, axis: usize, quirk: Quirk) {

@@ -21,10 +21,7 @@ fn refusal(bench: &mut Bench, change: impl FnOnce(&mut ServoCommand)) -> Refusal
     let refusal = bench.send(command);
     if refusal != Refusal::None {
         let lease = bench.report().lease_client_id;
-        assert!(
-            lease == before.report.lease_client_id || lease == 0,
-            "a refusal gives no lease"
-        );
+        assert!(lease == before.report.lease_client_id || lease == 0, "a refusal gives no lease");
         assert_eq!(bench.joints().setpoint, joint, "a refusal moves nothing");
     }
     refusal
@@ -40,16 +37,12 @@ fn a_command_of_the_wrong_shape_is_malformed() {
             "{entries}"
         );
         assert_eq!(
-            refusal(&mut bench, |c| c.goal =
-                ServoGoal::Actuator([Counts(0); 2], entries)),
+            refusal(&mut bench, |c| c.goal = ServoGoal::Actuator([Counts(0); 2], entries)),
             Refusal::Malformed
         );
     }
     assert_eq!(refusal(&mut bench, |c| c.client_id = 0), Refusal::Malformed);
-    assert_eq!(
-        refusal(&mut bench, |c| c.has_unknown_flags = true),
-        Refusal::Malformed
-    );
+    assert_eq!(refusal(&mut bench, |c| c.has_unknown_flags = true), Refusal::Malformed);
 }
 
 #[test]
@@ -63,9 +56,7 @@ fn refusals_are_counted_client_by_client() {
     let refusals = bench.report().refusals;
     let counts = [CLIENT, other].map(|client_id| {
         let mut entries = refusals.iter().filter(|entry| entry.count > 0);
-        entries
-            .find(|entry| entry.client_id == client_id)
-            .map(|entry| entry.count)
+        entries.find(|entry| entry.client_id == client_id).map(|entry| entry.count)
     });
     assert_eq!(counts, [Some(1), Some(2)]);
 }
@@ -75,14 +66,12 @@ fn values_that_are_not_finite_are_refused_and_values_that_are_not_sent_are_ignor
     let mut bench = Bench::enabled();
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert_eq!(
-            refusal(&mut bench, |c| c.goal =
-                ServoGoal::Joint([0.0, value, 0.0], 2)),
+            refusal(&mut bench, |c| c.goal = ServoGoal::Joint([0.0, value, 0.0], 2)),
             Refusal::NotFinite
         );
     }
     assert_eq!(
-        refusal(&mut bench, |c| c.goal =
-            ServoGoal::Joint([0.0, 0.0, f64::NAN], 2)),
+        refusal(&mut bench, |c| c.goal = ServoGoal::Joint([0.0, 0.0, f64::NAN], 2)),
         Refusal::None
     );
     bench.run(10);
@@ -97,19 +86,9 @@ fn sequences_rise_per_client_even_after_the_lease_is_gone() {
     assert_eq!(refusal(&mut bench, |c| c.sequence = 499), Refusal::Sequence);
     bench.run(600);
     assert_eq!(bench.report().lease_client_id, 0);
-    assert_eq!(
-        refusal(&mut bench, |c| c.sequence = 500),
-        Refusal::Sequence,
-        "a replay"
-    );
-    assert_eq!(
-        refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)),
-        Refusal::None
-    );
-    assert_eq!(
-        refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)),
-        Refusal::Sequence
-    );
+    assert_eq!(refusal(&mut bench, |c| c.sequence = 500), Refusal::Sequence, "a replay");
+    assert_eq!(refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)), Refusal::None);
+    assert_eq!(refusal(&mut bench, |c| (c.client_id, c.sequence) = (8, 1)), Refusal::Sequence);
     let reply = bench.ask_as(8, StateCommand::Release);
     assert_eq!(reply.refusal, Refusal::None);
     assert_eq!(
@@ -124,8 +103,7 @@ fn sequences_rise_per_client_even_after_the_lease_is_gone() {
 fn a_refused_command_uses_up_no_sequence_number() {
     let mut bench = Bench::enabled();
     assert_eq!(
-        refusal(&mut bench, |c| (c.sequence, c.goal) =
-            (900, ServoGoal::Joint(rad(20.0, 0.0), 2))),
+        refusal(&mut bench, |c| (c.sequence, c.goal) = (900, ServoGoal::Joint(rad(20.0, 0.0), 2))),
         Refusal::Step
     );
     assert_eq!(refusal(&mut bench, |c| c.sequence = 900), Refusal::None);
@@ -139,28 +117,16 @@ fn one_client_commands_at_a_time() {
     for _ in 0..10 {
         bench.run(100);
         assert_eq!(refusal(&mut bench, |c| c.client_id = 8), Refusal::Lease);
-        assert_eq!(
-            refusal(&mut bench, |_| {}),
-            Refusal::None,
-            "which renews the lease"
-        );
+        assert_eq!(refusal(&mut bench, |_| {}), Refusal::None, "which renews the lease");
     }
     bench.run(499);
-    assert_eq!(
-        refusal(&mut bench, |c| c.client_id = 8),
-        Refusal::None,
-        "500 ms of silence"
-    );
+    assert_eq!(refusal(&mut bench, |c| c.client_id = 8), Refusal::None, "500 ms of silence");
     assert_eq!(bench.report().lease_client_id, 8);
     let leases: Vec<u64> = bench
         .events
         .iter()
         .filter_map(|event| {
-            if let CycleEventKind::Lease { client_id } = event {
-                Some(*client_id)
-            } else {
-                None
-            }
+            if let CycleEventKind::Lease { client_id } = event { Some(*client_id) } else { None }
         })
         .collect();
     assert_eq!(leases, [CLIENT, 0, 8]);
@@ -196,18 +162,8 @@ fn angles_need_a_model() {
 #[test]
 fn counts_outside_the_position_limits_are_refused() {
     let mut bench = Bench::enabled();
-    for motors in [
-        [1001, 0],
-        [0, 1001],
-        [-1001, 0],
-        [0, -701],
-        [i32::MIN, i32::MAX],
-    ] {
-        assert_eq!(
-            refusal(&mut bench, |c| c.goal = counts(motors)),
-            Refusal::Range,
-            "{motors:?}"
-        );
+    for motors in [[1001, 0], [0, 1001], [-1001, 0], [0, -701], [i32::MIN, i32::MAX]] {
+        assert_eq!(refusal(&mut bench, |c| c.goal = counts(motors)), Refusal::Range, "{motors:?}");
     }
 }
 
@@ -215,11 +171,7 @@ fn counts_outside_the_position_limits_are_refused() {
 fn the_first_step_counts_from_the_present_setpoint() {
     let mut bench = Bench::enabled();
     assert_eq!(bench.joint(5.01, 0.0), Refusal::Step);
-    assert_eq!(
-        bench.joint(3.6, 3.6),
-        Refusal::Step,
-        "the length of the step: 5.09 deg"
-    );
+    assert_eq!(bench.joint(3.6, 3.6), Refusal::Step, "the length of the step: 5.09 deg");
     assert_eq!(bench.joint(5.0, 0.0), Refusal::None);
     let mut bench = Bench::enabled();
     assert_eq!(bench.actuator([251, 0]), Refusal::Step);
@@ -278,11 +230,7 @@ fn the_first_failed_check_names_the_refusal() {
 fn repeated_refusals_are_counted_but_are_one_event() {
     let mut bench = Bench::enabled();
     let refusal_events = |bench: &Bench| {
-        bench
-            .events
-            .iter()
-            .filter(|e| matches!(e, CycleEventKind::Refused { .. }))
-            .count()
+        bench.events.iter().filter(|e| matches!(e, CycleEventKind::Refused { .. })).count()
     };
     for _ in 0..20 {
         assert_eq!(bench.joint(30.0, 0.0), Refusal::Step);
@@ -293,11 +241,7 @@ fn repeated_refusals_are_counted_but_are_one_event() {
     assert_eq!(bench.joint(0.0, 0.0), Refusal::None);
     assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
     assert_eq!(
-        (
-            bench.report().accepted,
-            bench.report().refused,
-            refusal_events(&bench)
-        ),
+        (bench.report().accepted, bench.report().refused, refusal_events(&bench)),
         (1, 22, 3)
     );
 }

@@ -93,17 +93,8 @@ fn what_moves_needs_a_zero_fresh_positions_and_the_lease() {
 #[test]
 fn a_fault_is_acknowledged_only_when_every_drive_is_where_it_was_sent() {
     use AxisPhase::*;
-    let phases = [
-        Starting,
-        Disabled,
-        Enabling,
-        Enabled,
-        Homing,
-        QuickStopped,
-        Disabling,
-        Faulted,
-        Lost,
-    ];
+    let phases =
+        [Starting, Disabled, Enabling, Enabled, Homing, QuickStopped, Disabling, Faulted, Lost];
     for phase in phases {
         for [is_fresh] in combinations() {
             let mut bench = Bench::enabled();
@@ -118,11 +109,7 @@ fn a_fault_is_acknowledged_only_when_every_drive_is_where_it_was_sent() {
             let expected = first(&[(!is_fresh || !has_settled, Refusal::CausePersists)]);
             let refusal = bench.ask(StateCommand::Acknowledge);
             assert_eq!(refusal, expected, "{phase:?}, fresh: {is_fresh}");
-            assert_eq!(
-                bench.state(),
-                OperatingState::Fault,
-                "drive 0 is reset first"
-            );
+            assert_eq!(bench.state(), OperatingState::Fault, "drive 0 is reset first");
         }
     }
 }
@@ -158,10 +145,7 @@ fn during_shutdown_nothing_is_started_in_any_state_and_what_stops_is_accepted() 
                 _ => {}
             }
             assert!(
-                matches!(
-                    bench.state(),
-                    OperatingState::Disabled | OperatingState::Fault
-                ),
+                matches!(bench.state(), OperatingState::Disabled | OperatingState::Fault),
                 "{command} when {name}"
             );
         }
@@ -206,14 +190,8 @@ fn agrees(cell: &str, column: usize, answer: Answer) -> bool {
 fn the_printed_table_is_the_tested_one() {
     let text = include_str!("../../src/core/mod.rs");
     let lines = text.lines().filter_map(|line| line.strip_prefix("//! | `"));
-    let tables: Vec<Vec<&str>> = lines
-        .map(|line| {
-            line.trim_end_matches('|')
-                .split('|')
-                .map(str::trim)
-                .collect()
-        })
-        .collect();
+    let tables: Vec<Vec<&str>> =
+        lines.map(|line| line.trim_end_matches('|').split('|').map(str::trim).collect()).collect();
     // A command and six states.
     let printed: Vec<&Vec<&str>> = tables.iter().filter(|row| row.len() == 7).collect();
     assert_eq!(printed.len(), StateCommand::ALL.len());
@@ -223,10 +201,7 @@ fn the_printed_table_is_the_tested_one() {
             let row = printed.iter().find(|row| row[0] == spelled);
             let row = row.unwrap_or_else(|| panic!("{command} is not in the table"));
             let (column, cell) = (column(name), row[column(name) + 1]);
-            assert!(
-                agrees(cell, column, *answer),
-                "{command} when {name}: {cell}"
-            );
+            assert!(agrees(cell, column, *answer), "{command} when {name}: {cell}");
         }
     }
 }

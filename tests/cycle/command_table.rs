@@ -32,58 +32,22 @@ const CHANGING: [Answer; 11] = [BUSY, D, BUSY, BUSY, BUSY, BUSY, BUSY, NO, D, BU
 const OCCUPIED: [Answer; 11] = [NO, D, P, NO, NO, NO, BUSY, NO, E, E, BUSY];
 
 pub const TABLE: &[Row] = &[
-    (
-        "idle",
-        Bench::homed,
-        [D, D, NO, NO, D, D, NO, NO, D, NO, NO],
-    ),
+    ("idle", Bench::homed, [D, D, NO, NO, D, D, NO, NO, D, NO, NO]),
     ("enabling", enabling, CHANGING),
     ("homing", homing, CHANGING),
     ("stopping", stopping, CHANGING),
     ("settling", settling, CHANGING),
     ("powering off", powering_off, CHANGING),
-    (
-        "holding",
-        Bench::enabled,
-        [NO, D, P, NO, NO, NO, E, NO, E, E, E],
-    ),
+    ("holding", Bench::enabled, [NO, D, P, NO, NO, NO, E, NO, E, E, E]),
     // A trajectory starts at rest.
-    (
-        "following",
-        Bench::moving,
-        [NO, D, P, NO, NO, NO, E, NO, E, E, BUSY],
-    ),
+    ("following", Bench::moving, [NO, D, P, NO, NO, NO, E, NO, E, E, BUSY]),
     ("moving", moving_to_pose, OCCUPIED),
-    (
-        "conditioning",
-        conditioning,
-        [NO, D, P, NO, NO, NO, CONDITIONING, NO, E, E, CONDITIONING],
-    ),
-    (
-        "paused",
-        Bench::paused,
-        [NO, D, P, E, NO, NO, NO, NO, P, P, NO],
-    ),
-    (
-        "drive fault",
-        Bench::faulted,
-        [NO, F, NO, NO, NO, NO, NO, F, F, NO, NO],
-    ),
-    (
-        "fault that is over",
-        fault_over,
-        [NO, F, NO, NO, NO, NO, NO, D, F, NO, NO],
-    ),
-    (
-        "fault that persists",
-        fault_persists,
-        [NO, F, NO, NO, NO, NO, NO, PERSISTS, F, NO, NO],
-    ),
-    (
-        "resetting",
-        resetting,
-        [NO, F, NO, NO, NO, NO, NO, BUSY, F, NO, NO],
-    ),
+    ("conditioning", conditioning, [NO, D, P, NO, NO, NO, CONDITIONING, NO, E, E, CONDITIONING]),
+    ("paused", Bench::paused, [NO, D, P, E, NO, NO, NO, NO, P, P, NO]),
+    ("drive fault", Bench::faulted, [NO, F, NO, NO, NO, NO, NO, F, F, NO, NO]),
+    ("fault that is over", fault_over, [NO, F, NO, NO, NO, NO, NO, D, F, NO, NO]),
+    ("fault that persists", fault_persists, [NO, F, NO, NO, NO, NO, NO, PERSISTS, F, NO, NO]),
+    ("resetting", resetting, [NO, F, NO, NO, NO, NO, NO, BUSY, F, NO, NO]),
 ];
 
 fn slow(mut bench: Bench) -> Bench {
@@ -164,10 +128,7 @@ fn resetting() -> Bench {
 
 /// The last refusal is the only trace of a refused command.
 fn without_refusal(report: &CycleReport) -> CycleReport {
-    CycleReport {
-        last_refusal: Refusal::None,
-        ..*report
-    }
+    CycleReport { last_refusal: Refusal::None, ..*report }
 }
 
 #[test]

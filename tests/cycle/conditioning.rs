@@ -18,10 +18,7 @@ fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {
         bench.run(4);
     }
     bench.run(600);
-    assert_eq!(
-        (bench.targets(), bench.report().lease_client_id),
-        ([120, -80], 0)
-    );
+    assert_eq!((bench.targets(), bench.report().lease_client_id), ([120, -80], 0));
     bench
 }
 
@@ -35,10 +32,7 @@ fn run_conditioning(bench: &mut Bench) -> Vec<[i32; 2]> {
         positions.push(bench.targets());
         assert!(positions.len() < 100_000, "it ends");
     }
-    assert_eq!(
-        (bench.state(), bench.report().holding),
-        (OperatingState::Enabled, true)
-    );
+    assert_eq!((bench.state(), bench.report().holding), (OperatingState::Enabled, true));
     positions
 }
 
@@ -52,20 +46,13 @@ fn it_covers_the_hull_within_the_position_limits_and_ends_where_it_began() {
     let mut bench = ready(config(""), Some(model(OutputUnit::Deg)));
     let positions = run_conditioning(&mut bench);
     assert_eq!(range(&positions, 0), (-HULL as i32, HULL as i32));
-    assert_eq!(
-        range(&positions, 1),
-        (-700, HULL as i32),
-        "motor 1 ends at -700"
-    );
+    assert_eq!(range(&positions, 1), (-700, HULL as i32), "motor 1 ends at -700");
     assert_eq!(positions.last(), Some(&[120, -80]));
     let swings: Vec<i32> = positions
         .chunks(positions.len() / 4)
         .map(|part| range(part, 0).1 - range(part, 0).0)
         .collect();
-    assert!(
-        swings[1] > swings[3] && swings[3] < 900,
-        "it decays: {swings:?}"
-    );
+    assert!(swings[1] > swings[3] && swings[3] < 900, "it decays: {swings:?}");
 }
 
 #[test]
@@ -81,10 +68,8 @@ fn afterwards_the_memory_is_known() {
 
 #[test]
 fn a_narrow_cycle_is_widened_to_what_the_model_needs() {
-    let mut bench = ready(
-        config("[conditioning]\nhalf_width_counts = 20\nturns = 2"),
-        Some(play_model()),
-    );
+    let mut bench =
+        ready(config("[conditioning]\nhalf_width_counts = 20\nturns = 2"), Some(play_model()));
     let positions = run_conditioning(&mut bench);
     assert_eq!(
         (range(&positions, 0), range(&positions, 1)),
@@ -96,10 +81,8 @@ fn a_narrow_cycle_is_widened_to_what_the_model_needs() {
 
 #[test]
 fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
-    let mut bench = ready(
-        config("[conditioning]\nhalf_width_counts = 650\nvelocity_counts_s = 1500"),
-        None,
-    );
+    let mut bench =
+        ready(config("[conditioning]\nhalf_width_counts = 650\nvelocity_counts_s = 1500"), None);
     let positions = run_conditioning(&mut bench);
     assert_eq!(
         (range(&positions, 0), range(&positions, 1)),
@@ -107,9 +90,7 @@ fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
         "as wide, but moved off the limit"
     );
     assert_eq!(positions.last(), Some(&[120, -80]));
-    let mut steps = positions
-        .windows(2)
-        .map(|pair| (pair[1][0] - pair[0][0]).abs());
+    let mut steps = positions.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs());
     assert!(
         steps.clone().any(|step| step == 2) && steps.all(|step| step <= 2),
         "1.5 counts a tick"
@@ -122,10 +103,7 @@ fn one_motor_is_conditioned_too() {
     one.ports[0].axes.truncate(1);
     let mut bench = Bench::enabled_with(one, None);
     let positions = run_conditioning(&mut bench);
-    assert_eq!(
-        (range(&positions, 0), range(&positions, 1)),
-        ((-500, 500), (0, 0))
-    );
+    assert_eq!((range(&positions, 0), range(&positions, 1)), ((-500, 500), (0, 0)));
 }
 
 #[test]
@@ -153,10 +131,7 @@ fn servo_commands_meanwhile_are_refused_and_change_nothing() {
 #[test]
 fn a_client_that_commands_is_not_disturbed_by_another() {
     let mut bench = Bench::moving();
-    assert_eq!(
-        bench.ask_as(99, StateCommand::Condition).refusal,
-        Refusal::Lease
-    );
+    assert_eq!(bench.ask_as(99, StateCommand::Condition).refusal, Refusal::Lease);
     assert!(!bench.report().holding);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     assert!(bench.report().busy);
@@ -175,10 +150,7 @@ fn pause_and_disable_stop_it_at_once() {
         bench.tick();
         let here = bench.targets();
         bench.run(1000);
-        assert_eq!(
-            (bench.targets(), bench.state(), bench.report().busy),
-            (here, state, false)
-        );
+        assert_eq!((bench.targets(), bench.state(), bench.report().busy), (here, state, false));
     }
 }
 

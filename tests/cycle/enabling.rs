@@ -11,14 +11,7 @@ use crate::simulated_drive::Quirk;
 #[test]
 fn drives_that_are_not_ready_cannot_be_enabled_or_homed() {
     use AxisPhase as P;
-    for phase in [
-        P::Starting,
-        P::Enabling,
-        P::Enabled,
-        P::Homing,
-        P::QuickStopped,
-        P::Disabling,
-    ] {
+    for phase in [P::Starting, P::Enabling, P::Enabled, P::Homing, P::QuickStopped, P::Disabling] {
         for command in [StateCommand::Enable, StateCommand::Home] {
             let mut bench = Bench::homed();
             bench.quirk(1, Quirk::Deaf);
@@ -92,10 +85,7 @@ fn homing_that_ends_without_a_zero_is_a_fault() {
     assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
     bench.until("FAULT", |bench| bench.state() == OperatingState::Fault);
     assert_eq!(bench.report().fault, Fault::Homing);
-    assert_eq!(
-        bench.out.requests.map(|request| request.demand),
-        [Demand::Disabled; 2]
-    );
+    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::Disabled; 2]);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
     bench.idle();
     bench.quirk(1, Quirk::None);
@@ -158,16 +148,8 @@ fn a_target_from_before_is_not_where_the_drive_holds() {
     bench.drives[0].feedback.position = Counts(-600);
     bench.enable();
     bench.run(20);
-    assert_eq!(
-        bench.targets()[0],
-        -600,
-        "not the target of the previous session"
-    );
-    assert_eq!(
-        bench.state(),
-        OperatingState::Enabled,
-        "and it is no following error either"
-    );
+    assert_eq!(bench.targets()[0], -600, "not the target of the previous session");
+    assert_eq!(bench.state(), OperatingState::Enabled, "and it is no following error either");
 }
 
 #[test]
@@ -177,10 +159,7 @@ fn enabled_is_claimed_only_when_every_drive_is() {
     bench.ask(StateCommand::Enable);
     bench.run(100);
     assert_eq!(bench.phases(), [AxisPhase::Enabled, AxisPhase::Enabling]);
-    assert_eq!(
-        (bench.state(), bench.report().busy),
-        (OperatingState::Disabled, true)
-    );
+    assert_eq!((bench.state(), bench.report().busy), (OperatingState::Disabled, true));
     assert_eq!(bench.joint(0.0, 0.0), Refusal::NotEnabled);
     bench.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
     assert_eq!(bench.phases(), [AxisPhase::Enabled; 2]);
@@ -202,10 +181,7 @@ fn a_drive_that_does_not_come_on_is_a_fault_and_all_go_off() {
     bench.until("FAULT", |bench| bench.state() == OperatingState::Fault);
     assert_eq!(bench.report().fault, Fault::DriveTimeout);
     assert!(bench.now.since(begin) <= Nanos::from_millis(3010));
-    assert_eq!(
-        bench.out.requests.map(|request| request.demand),
-        [Demand::Disabled; 2]
-    );
+    assert_eq!(bench.out.requests.map(|request| request.demand), [Demand::Disabled; 2]);
     bench.run(20);
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
 }
@@ -233,24 +209,15 @@ fn the_first_report_of_a_slow_drive_is_waited_for() {
         drive.feedback.phase = AxisPhase::Starting;
     });
     bench.run(2000);
-    assert_eq!(
-        (bench.state(), bench.report().fault),
-        (OperatingState::Disabled, Fault::None)
-    );
-    assert_eq!(
-        bench.ask_as(CLIENT, StateCommand::Home).refusal,
-        Refusal::DrivesNotReady
-    );
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Disabled, Fault::None));
+    assert_eq!(bench.ask_as(CLIENT, StateCommand::Home).refusal, Refusal::DrivesNotReady);
 }
 
 /// A drive that says it is off may not have received the demand to switch on yet.
 #[test]
 fn a_report_older_than_the_demand_is_not_believed() {
     let mut bench = Bench::homed();
-    bench
-        .drives
-        .iter_mut()
-        .for_each(|drive| drive.quirk = Quirk::Deaf);
+    bench.drives.iter_mut().for_each(|drive| drive.quirk = Quirk::Deaf);
     bench.ask(StateCommand::Enable);
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
     bench.run(49);

@@ -25,13 +25,7 @@ fn expect_fault(bench: &mut Bench, expected: Fault) {
 fn disable_in_fault_is_an_event_once() {
     let mut bench = Bench::faulted();
     let is_disable = |event: &&CycleEventKind| {
-        matches!(
-            event,
-            CycleEventKind::State {
-                command: Some(StateCommand::Disable),
-                ..
-            }
-        )
+        matches!(event, CycleEventKind::State { command: Some(StateCommand::Disable), .. })
     };
     for _ in 0..3 {
         assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
@@ -42,13 +36,7 @@ fn disable_in_fault_is_an_event_once() {
 
 #[test]
 fn a_drive_that_reports_an_error_is_a_fault_in_every_state() {
-    for build in [
-        Bench::standard,
-        Bench::homed,
-        Bench::enabled,
-        Bench::moving,
-        Bench::paused,
-    ] {
+    for build in [Bench::standard, Bench::homed, Bench::enabled, Bench::moving, Bench::paused] {
         let mut bench = build();
         bench.drives[1].feedback.phase = AxisPhase::Faulted;
         bench.drives[1].feedback.error_code = 0x8611;
@@ -57,12 +45,7 @@ fn a_drive_that_reports_an_error_is_a_fault_in_every_state() {
         let is_reported = bench.events.iter().any(|event| {
             matches!(
                 event,
-                CycleEventKind::Axis {
-                    motor: 1,
-                    to: AxisPhase::Faulted,
-                    error_code: 0x8611,
-                    ..
-                }
+                CycleEventKind::Axis { motor: 1, to: AxisPhase::Faulted, error_code: 0x8611, .. }
             )
         });
         assert!(is_reported, "{:?}", bench.events);
@@ -75,10 +58,7 @@ fn the_drive_at_fault_goes_off_and_the_other_holds() {
     bench.fault(1);
     assert_eq!(demands(&bench), [Demand::QuickStop, Demand::Disabled]);
     bench.run(100);
-    assert_eq!(
-        bench.phases(),
-        [AxisPhase::QuickStopped, AxisPhase::Faulted]
-    );
+    assert_eq!(bench.phases(), [AxisPhase::QuickStopped, AxisPhase::Faulted]);
 }
 
 #[test]
@@ -91,11 +71,7 @@ fn drives_without_power_get_none_in_a_fault() {
     bench.ask(StateCommand::Enable);
     bench.run(50);
     bench.fault(0);
-    assert_eq!(
-        demands(&bench),
-        [Demand::Disabled; 2],
-        "enabling was in progress"
-    );
+    assert_eq!(demands(&bench), [Demand::Disabled; 2], "enabling was in progress");
 }
 
 #[test]
@@ -145,24 +121,14 @@ fn a_drive_that_starts_anew_had_been_lost() {
 #[test]
 fn a_drive_that_leaves_the_enabled_state_is_a_fault() {
     use AxisPhase as P;
-    for phase in [
-        P::Disabled,
-        P::Enabling,
-        P::Homing,
-        P::QuickStopped,
-        P::Disabling,
-    ] {
+    for phase in [P::Disabled, P::Enabling, P::Homing, P::QuickStopped, P::Disabling] {
         for build in [Bench::enabled, Bench::paused, Bench::moving] {
             let mut bench = build();
             bench.drives[0].quirk = Quirk::Deaf;
             bench.drives[0].feedback.phase = phase;
             bench.tick();
             assert_eq!(fault(&bench), Some(Fault::DriveState), "{phase:?}");
-            assert_eq!(
-                demands(&bench),
-                [Demand::Disabled, Demand::QuickStop],
-                "{phase:?}"
-            );
+            assert_eq!(demands(&bench), [Demand::Disabled, Demand::QuickStop], "{phase:?}");
         }
     }
 }
@@ -182,10 +148,7 @@ fn a_motor_that_does_not_follow_is_a_fault_and_is_let_go() {
     assert_eq!(written, Counts(301), "the first setpoint beyond 300 counts");
     bench.quirk(0, Quirk::None);
     bench.run(20);
-    assert_eq!(
-        bench.phases(),
-        [AxisPhase::Disabled, AxisPhase::QuickStopped]
-    );
+    assert_eq!(bench.phases(), [AxisPhase::Disabled, AxisPhase::QuickStopped]);
 }
 
 /// On a slow line the newest setpoint is far ahead of the one that was written; the motor cannot
@@ -249,20 +212,11 @@ fn a_drive_that_restarts_during_its_reset_does_not_keep_the_robot_in_fault() {
 #[test]
 fn an_acknowledged_fault_resets_the_drive_that_has_it_and_moves_nothing() {
     let mut bench = Bench::faulted();
-    assert_eq!(
-        bench.out.requests.map(|request| request.fault_resets),
-        [0, 0]
-    );
+    assert_eq!(bench.out.requests.map(|request| request.fault_resets), [0, 0]);
     let before = bench.drives.map(|drive| drive.feedback.position);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
-    assert_eq!(
-        bench.out.requests.map(|request| request.fault_resets),
-        [1, 0]
-    );
-    assert_eq!(
-        (bench.state(), bench.report().busy),
-        (OperatingState::Fault, true)
-    );
+    assert_eq!(bench.out.requests.map(|request| request.fault_resets), [1, 0]);
+    assert_eq!((bench.state(), bench.report().busy), (OperatingState::Fault, true));
     bench.idle();
     assert_eq!(
         (bench.state(), bench.report().fault),

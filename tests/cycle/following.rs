@@ -26,10 +26,7 @@ fn angles_end_at_the_counts_that_the_model_says() {
     hold_goal(&mut bench, ServoGoal::Joint(rad(3.0, -1.5), 2));
     let wanted = counts_at(3.0, -1.5);
     for (target, wanted) in bench.targets().iter().zip(wanted) {
-        assert!(
-            (f64::from(*target) - wanted).abs() <= HALF,
-            "{target} for {wanted}"
-        );
+        assert!((f64::from(*target) - wanted).abs() <= HALF, "{target} for {wanted}");
     }
     let joints = bench.joints();
     assert!(
@@ -43,10 +40,7 @@ fn angles_end_at_the_counts_that_the_model_says() {
 #[test]
 fn counts_need_no_model() {
     let mut bench = Bench::enabled_with(config(""), None);
-    hold_goal(
-        &mut bench,
-        ServoGoal::Actuator([Counts(120), Counts(-77)], 2),
-    );
+    hold_goal(&mut bench, ServoGoal::Actuator([Counts(120), Counts(-77)], 2));
     assert_eq!(bench.targets(), [120, -77]);
     assert_eq!(bench.report().joint, None);
 }
@@ -58,17 +52,10 @@ fn a_tip_position_is_followed_like_an_angle() {
     hold_goal(&mut bench, ServoGoal::Joint(goal, 2));
     let wanted = counts_at(3.0, -1.5);
     for (target, wanted) in bench.targets().iter().zip(wanted) {
-        assert!(
-            (f64::from(*target) - wanted).abs() <= HALF,
-            "{target} for {wanted}"
-        );
+        assert!((f64::from(*target) - wanted).abs() <= HALF, "{target} for {wanted}");
     }
     // 4 mm in pitch are 257 counts of both motors.
-    assert_eq!(
-        bench.joint(0.0, 0.0),
-        Refusal::None,
-        "near zero in any unit"
-    );
+    assert_eq!(bench.joint(0.0, 0.0), Refusal::None, "near zero in any unit");
     let far = bench.servo(ServoGoal::Joint([0.010, 0.0, 0.0], 2));
     assert_eq!(bench.send(far), Refusal::Step);
 }
@@ -111,10 +98,7 @@ fn a_goal_outside_the_position_limits_is_cut_to_them_and_reported() {
     assert!(bench.report().clipped);
     assert_eq!(bench.targets()[1], -700);
     let joints = bench.joints();
-    assert!(
-        (joints.goal[0] - joints.setpoint[0]).abs() < 1e-9,
-        "the goal is what can be reached"
-    );
+    assert!((joints.goal[0] - joints.setpoint[0]).abs() < 1e-9, "the goal is what can be reached");
 }
 
 #[test]
@@ -200,11 +184,7 @@ const SPEED: f64 = 12.0 / (2.0 * GAIN_DEG);
 #[test]
 fn a_steady_stream_is_followed_without_lag() {
     for rate_hz in [1000.0, 500.0, 200.0, 100.0] {
-        let stream = Stream {
-            rate_hz,
-            delay_s: 0.0003,
-            jitter_s: 0.0,
-        };
+        let stream = Stream { rate_hz, delay_s: 0.0003, jitter_s: 0.0 };
         let worst = stream.worst_distance(|time| SPEED * time, 0.2, 1.0);
         assert!(worst <= HALF + 0.1, "{worst} counts at {rate_hz} Hz");
     }
@@ -212,11 +192,7 @@ fn a_steady_stream_is_followed_without_lag() {
 
 #[test]
 fn a_stream_with_jitter_is_followed_just_as_well() {
-    let stream = Stream {
-        rate_hz: 200.0,
-        delay_s: 0.0003,
-        jitter_s: 0.0015,
-    };
+    let stream = Stream { rate_hz: 200.0, delay_s: 0.0003, jitter_s: 0.0015 };
     let worst = stream.worst_distance(|time| SPEED * time, 0.2, 1.0);
     assert!(worst <= HALF + 0.1, "{worst} counts");
 }
@@ -226,16 +202,9 @@ fn a_stream_with_jitter_is_followed_just_as_well() {
 fn a_sine_is_followed_within_a_tick() {
     let goal = |time: f64| 225.0 * (std::f64::consts::PI * time).sin();
     for (rate_hz, behind) in [(1000.0, 0.1), (200.0, 0.2), (100.0, 0.5)] {
-        let stream = Stream {
-            rate_hz,
-            delay_s: 0.0003,
-            jitter_s: 0.0,
-        };
+        let stream = Stream { rate_hz, delay_s: 0.0003, jitter_s: 0.0 };
         let worst = stream.worst_distance(goal, 0.2, 4.0);
-        assert!(
-            worst <= HALF + behind,
-            "{worst} counts at {rate_hz} Hz; a tick is 0.7 counts"
-        );
+        assert!(worst <= HALF + behind, "{worst} counts at {rate_hz} Hz; a tick is 0.7 counts");
     }
 }
 
@@ -250,28 +219,18 @@ fn a_steady_stream_gives_a_steady_velocity() {
         for _ in 0..4 {
             bench.tick();
             let velocity = bench.joints().setpoint_velocity[0].to_degrees();
-            assert!(
-                k < 20 || (velocity - 12.0).abs() < 0.1,
-                "{velocity} deg/s after {k} commands"
-            );
+            assert!(k < 20 || (velocity - 12.0).abs() < 0.1, "{velocity} deg/s after {k} commands");
         }
     }
 }
 
 #[test]
 fn a_stream_that_stops_is_passed_by_at_most_two_of_its_steps() {
-    let stream = Stream {
-        rate_hz: 200.0,
-        delay_s: 0.0003,
-        jitter_s: 0.0,
-    };
+    let stream = Stream { rate_hz: 200.0, delay_s: 0.0003, jitter_s: 0.0 };
     let stop = 150.0;
     let worst = stream.worst_distance(|time| (SPEED * time).min(stop), 0.2, 1.0);
     let step = SPEED / 200.0;
-    assert!(
-        worst <= 2.0 * step + HALF,
-        "{worst} counts, steps of {step}"
-    );
+    assert!(worst <= 2.0 * step + HALF, "{worst} counts, steps of {step}");
 }
 
 #[test]

@@ -33,17 +33,13 @@ impl InvariantCheck {
     pub fn new(config: &Config) -> Self {
         let tick = config.control.period().as_seconds();
         let axes = (0..config.motors()).filter_map(|motor| config.axis(motor));
-        let limits = axes
-            .map(|axis| (axis.position_min_counts.0, axis.position_max_counts.0))
-            .collect();
+        let limits =
+            axes.map(|axis| (axis.position_min_counts.0, axis.position_max_counts.0)).collect();
         let (velocity, slow_down) = (
             config.limits.velocity_counts_s * tick,
             config.limits.stop_deceleration_counts_s2 * tick * tick,
         );
-        let window = config
-            .limits
-            .window_ticks(config.control.period())
-            .unwrap_or(1);
+        let window = config.limits.window_ticks(config.control.period()).unwrap_or(1);
         Self {
             velocity,
             slow_down,
@@ -94,44 +90,28 @@ impl InvariantCheck {
     }
 
     fn check_counters(&self, inputs: &CycleInputs, outputs: &CycleOutputs) {
-        assert_eq!(
-            outputs.reply.map(|reply| reply.id),
-            inputs.request.map(|request| request.id)
-        );
+        assert_eq!(outputs.reply.map(|reply| reply.id), inputs.request.map(|request| request.id));
         let Some(last) = &self.last else { return };
         let (before, after) = (&last.report, &outputs.report);
         let answered = (after.accepted - before.accepted) + (after.refused - before.refused);
         assert_eq!(answered, u64::from(inputs.servo.is_some()));
         if after.accepted > before.accepted {
             assert_eq!(after.state, OperatingState::Enabled);
-            assert_eq!(
-                Some(after.lease_client_id),
-                inputs.servo.map(|command| command.client_id)
-            );
+            assert_eq!(Some(after.lease_client_id), inputs.servo.map(|command| command.client_id));
         }
         if after.state != before.state {
             assert_eq!(after.since, after.now);
         }
-        for (before, after) in last
-            .requests
-            .iter()
-            .zip(&outputs.requests)
-            .take(self.limits.len())
-        {
+        for (before, after) in last.requests.iter().zip(&outputs.requests).take(self.limits.len()) {
             assert_eq!(after.sequence, before.sequence + 1);
             assert!(
                 after.homings - before.homings <= 1
                     && after.fault_resets - before.fault_resets <= 1
             );
-            let accepted = outputs
-                .reply
-                .is_some_and(|reply| reply.refusal == Refusal::None);
+            let accepted = outputs.reply.is_some_and(|reply| reply.refusal == Refusal::None);
             let raised =
                 after.homings != before.homings || after.fault_resets != before.fault_resets;
-            assert!(
-                accepted || !raised,
-                "counters rise on accepted commands only"
-            );
+            assert!(accepted || !raised, "counters rise on accepted commands only");
         }
     }
 
@@ -154,23 +134,10 @@ impl InvariantCheck {
             return;
         }
         let (lowest, highest) = self.limits[motor];
-        assert!(
-            (lowest..=highest).contains(&request.target.0),
-            "{}",
-            request.target
-        );
-        axis.quiet = if outputs.report.state == OperatingState::Enabled {
-            0
-        } else {
-            axis.quiet + 1
-        };
-        check_motion(
-            axis,
-            request,
-            self.velocity,
-            self.slow_down,
-            self.stop_ticks,
-        );
+        assert!((lowest..=highest).contains(&request.target.0), "{}", request.target);
+        axis.quiet =
+            if outputs.report.state == OperatingState::Enabled { 0 } else { axis.quiet + 1 };
+        check_motion(axis, request, self.velocity, self.slow_down, self.stop_ticks);
         axis.before = axis.target;
         axis.target = Some(request.target.0);
     }
@@ -193,10 +160,7 @@ fn check_motion(
     );
     let Some(before) = axis.before else { return };
     let step_before = f64::from(target - before);
-    assert!(
-        (step - step_before).abs() <= slow_down + 2.0,
-        "from {step_before} to {step}"
-    );
+    assert!((step - step_before).abs() <= slow_down + 2.0, "from {step_before} to {step}");
 }
 
 fn check_numbers(outputs: &CycleOutputs) {
@@ -210,15 +174,6 @@ fn check_numbers(outputs: &CycleOutputs) {
         joint.setpoint_velocity,
         joint.measured_velocity,
     ];
-    assert!(
-        values.iter().flatten().all(|value| value.is_finite()),
-        "{joint:?}"
-    );
-    assert!(
-        joint
-            .deviation
-            .iter()
-            .all(|value| value.is_finite() && *value >= 0.0),
-        "{joint:?}"
-    );
+    assert!(values.iter().flatten().all(|value| value.is_finite()), "{joint:?}");
+    assert!(joint.deviation.iter().all(|value| value.is_finite() && *value >= 0.0), "{joint:?}");
 }

@@ -23,10 +23,7 @@ fn conditioned(model: &Arc<Model>) -> Bench {
 fn figure(bench: &mut Bench, from: u32, commands: u32, mut between: impl FnMut(&mut Bench, u32)) {
     for k in from..from + commands {
         let t = f64::from(k) * 0.005;
-        assert_eq!(
-            bench.joint(4.0 * (2.0 * t).sin(), 3.0 * (3.1 * t).sin()),
-            Refusal::None
-        );
+        assert_eq!(bench.joint(4.0 * (2.0 * t).sin(), 3.0 * (3.1 * t).sin()), Refusal::None);
         between(bench, k);
         bench.run(4);
     }
@@ -56,25 +53,17 @@ fn at_a_swap_the_motors_stay_and_then_move_to_the_inverse_of_the_new_model() {
         (joints.setpoint[0].to_degrees() - 4.0).abs() > 0.5,
         "the new model sees another angle: {joints:?}"
     );
-    assert_eq!(
-        joints.goal,
-        rad(4.0, 1.0),
-        "what was asked stays what was asked"
-    );
+    assert_eq!(joints.goal, rad(4.0, 1.0), "what was asked stays what was asked");
     hold(&mut bench, 4.0, 1.0, 20);
     let half_way = bench.targets();
     assert!(half_way[0] < before[0] - 5, "{before:?} {half_way:?}");
     hold(&mut bench, 4.0, 1.0, 60);
     let joints = bench.joints();
-    assert!(
-        (joints.setpoint[0].to_degrees() - 4.0).abs() < 0.01,
-        "{joints:?}"
-    );
+    assert!((joints.setpoint[0].to_degrees() - 4.0).abs() < 0.01, "{joints:?}");
     assert!(bench.targets()[0] < half_way[0] - 5);
-    assert!(bench.events.contains(&CycleEventKind::Model {
-        from: Some(first.id()),
-        to: second.id()
-    }));
+    assert!(
+        bench.events.contains(&CycleEventKind::Model { from: Some(first.id()), to: second.id() })
+    );
 }
 
 #[test]
@@ -85,10 +74,7 @@ fn after_a_rollback_the_goal_is_met_again() {
     let before = bench.targets();
     assert_eq!(bench.swap(&second), Refusal::None);
     hold(&mut bench, 3.0, -2.0, 5);
-    assert_eq!(
-        bench.change_model(ModelChange::Rollback, false),
-        Refusal::None
-    );
+    assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::None);
     assert_eq!(bench.report().models.active, Some(first.id()));
     assert_eq!(bench.report().models.previous, Some(second.id()));
     hold(&mut bench, 3.0, -2.0, 150);
@@ -98,10 +84,7 @@ fn after_a_rollback_the_goal_is_met_again() {
         assert!((after - before).abs() <= 210, "{after} {before}");
     }
     let joints = bench.joints();
-    assert!(
-        (joints.setpoint[0].to_degrees() - 3.0).abs() < 0.01,
-        "{joints:?}"
-    );
+    assert!((joints.setpoint[0].to_degrees() - 3.0).abs() < 0.01, "{joints:?}");
 }
 
 #[test]
@@ -120,10 +103,7 @@ fn a_staged_model_remembers_what_the_model_in_use_remembers() {
     );
     bench.run(200);
     let before = bench.joints();
-    assert_eq!(
-        bench.change_model(ModelChange::Activate(first.id()), false),
-        Refusal::None
-    );
+    assert_eq!(bench.change_model(ModelChange::Activate(first.id()), false), Refusal::None);
     let after = bench.joints();
     for (before, after) in before.measured.iter().zip(after.measured) {
         assert!((before - after).abs() < 1e-9, "{before} {after}");
@@ -142,10 +122,7 @@ fn a_candidate_that_is_staged_too_late_has_an_unknown_memory() {
         bench.change_model(ModelChange::Activate(first.id()), false),
         Refusal::MemoryUnknown
     );
-    assert_eq!(
-        bench.change_model(ModelChange::Activate(first.id()), true),
-        Refusal::None
-    );
+    assert_eq!(bench.change_model(ModelChange::Activate(first.id()), true), Refusal::None);
     assert!(!bench.joints().memory_known);
 }
 
@@ -173,10 +150,7 @@ fn a_first_model_can_come_while_the_robot_is_on() {
     assert_eq!(bench.joint(0.0, 0.0), Refusal::NoModel);
     let first = model(OutputUnit::Deg);
     assert_eq!(bench.swap(&first), Refusal::None);
-    assert_eq!(
-        bench.change_model(ModelChange::Rollback, false),
-        Refusal::NoFormer
-    );
+    assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::NoFormer);
     hold(&mut bench, 2.0, 0.0, 100);
     for (target, wanted) in bench.targets().iter().zip(counts_at(2.0, 0.0)) {
         assert!((f64::from(*target) - wanted).abs() <= 0.51);
@@ -185,21 +159,12 @@ fn a_first_model_can_come_while_the_robot_is_on() {
 
 #[test]
 fn an_impossible_swap_is_refused_and_changes_nothing() {
-    let (first, second, tip) = (
-        model(OutputUnit::Deg),
-        scaled_play_model(1.1),
-        model(OutputUnit::Mm),
-    );
+    let (first, second, tip) =
+        (model(OutputUnit::Deg), scaled_play_model(1.1), model(OutputUnit::Mm));
     let mut bench = Bench::enabled();
     let activate = |model: &Arc<Model>| ModelChange::Activate(model.id());
-    assert_eq!(
-        bench.change_model(activate(&second), true),
-        Refusal::NothingStaged
-    );
-    assert_eq!(
-        bench.change_model(ModelChange::Rollback, true),
-        Refusal::NoFormer
-    );
+    assert_eq!(bench.change_model(activate(&second), true), Refusal::NothingStaged);
+    assert_eq!(bench.change_model(ModelChange::Rollback, true), Refusal::NoFormer);
     bench.offer(bench.candidate(&second));
     bench.tick();
     assert_eq!(
@@ -207,15 +172,9 @@ fn an_impossible_swap_is_refused_and_changes_nothing() {
         Refusal::NothingStaged,
         "another one is staged"
     );
-    assert_eq!(
-        bench.change_model(activate(&second), false),
-        Refusal::MemoryUnknown
-    );
+    assert_eq!(bench.change_model(activate(&second), false), Refusal::MemoryUnknown);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    assert_eq!(
-        bench.change_model(activate(&second), true),
-        Refusal::Conditioning
-    );
+    assert_eq!(bench.change_model(activate(&second), true), Refusal::Conditioning);
     bench.idle();
     bench.offer(bench.candidate(&tip));
     bench.tick();
@@ -234,19 +193,12 @@ fn an_impossible_swap_is_refused_and_changes_nothing() {
 /// bench, and every second swap is back to the model of which the angles are right.
 #[test]
 fn a_thousand_swaps_during_motion_stay_within_the_limits() {
-    let models = [
-        play_model(),
-        scaled_play_model(1.2),
-        scaled_play_model(0.85),
-    ];
+    let models = [play_model(), scaled_play_model(1.2), scaled_play_model(0.85)];
     let mut bench = conditioned(&models[0]);
     let (mut swaps, mut largest) = (0, 0.0_f64);
     figure(&mut bench, 0, 4000, |bench, k| match k % 4 {
         0 if k % 12 == 0 => {
-            assert_eq!(
-                bench.change_model(ModelChange::Rollback, false),
-                expected(swaps > 0)
-            );
+            assert_eq!(bench.change_model(ModelChange::Rollback, false), expected(swaps > 0));
             swaps += u32::from(swaps > 0);
         }
         0 => {
@@ -255,29 +207,20 @@ fn a_thousand_swaps_during_motion_stay_within_the_limits() {
             swaps += 1;
             // Two ticks: staging and activating.
             let after = bench.targets();
-            let steps = after
-                .iter()
-                .zip(before)
-                .map(|(now, before)| f64::from((now - before).abs()));
+            let steps =
+                after.iter().zip(before).map(|(now, before)| f64::from((now - before).abs()));
             largest = steps.fold(largest, |largest, step| largest.max(step / 2.0));
         }
         _ => {}
     });
     assert!(swaps >= 999, "{swaps}");
     let limit = bench.config.limits.velocity_counts_s * bench.config.control.period().as_seconds();
-    assert!(
-        largest <= limit + 0.5,
-        "{largest} counts in a tick, {limit} allowed"
-    );
+    assert!(largest <= limit + 0.5, "{largest} counts in a tick, {limit} allowed");
     assert_eq!(bench.report().stale_stops, 0);
 }
 
 fn expected(has_former: bool) -> Refusal {
-    if has_former {
-        Refusal::None
-    } else {
-        Refusal::NoFormer
-    }
+    if has_former { Refusal::None } else { Refusal::NoFormer }
 }
 
 proptest! {
@@ -308,10 +251,8 @@ proptest! {
 fn counts_that_are_followed_do_not_change() {
     let mut bench = Bench::enabled();
     for _ in 0..50 {
-        let command = bench.servo(ServoGoal::Actuator(
-            [i2ris::units::Counts(100), i2ris::units::Counts(-50)],
-            2,
-        ));
+        let command = bench
+            .servo(ServoGoal::Actuator([i2ris::units::Counts(100), i2ris::units::Counts(-50)], 2));
         assert_eq!(bench.send(command), Refusal::None);
         bench.run(4);
     }
@@ -319,9 +260,6 @@ fn counts_that_are_followed_do_not_change() {
     bench.offer(bench.candidate(&scaled_play_model(1.3)));
     bench.tick();
     let id = scaled_play_model(1.3).id();
-    assert_eq!(
-        bench.change_model(ModelChange::Activate(id), true),
-        Refusal::None
-    );
+    assert_eq!(bench.change_model(ModelChange::Activate(id), true), Refusal::None);
     assert_eq!(bench.targets(), [100, -50]);
 }

@@ -29,12 +29,7 @@ fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_ther
     while bench.report().busy {
         bench.tick();
         let here = bench.joints().setpoint;
-        fastest = fastest.max(
-            (here[0] - before[0])
-                .hypot(here[1] - before[1])
-                .to_degrees()
-                * 1e3,
-        );
+        fastest = fastest.max((here[0] - before[0]).hypot(here[1] - before[1]).to_degrees() * 1e3);
         // On the straight line.
         assert!((here[0] * 3.0 + here[1] * 8.0).abs() < 1e-3, "{here:?}");
         (before, ticks) = (here, ticks + 1);
@@ -48,11 +43,7 @@ fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_ther
 
 #[test]
 fn servo_commands_are_busy_during_a_trajectory_and_every_stop_ends_it() {
-    for stop in [
-        StateCommand::Hold,
-        StateCommand::Pause,
-        StateCommand::Disable,
-    ] {
+    for stop in [StateCommand::Hold, StateCommand::Pause, StateCommand::Disable] {
         let mut bench = enabled("");
         assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
         bench.run(300);
@@ -84,19 +75,12 @@ fn an_invalid_pose_is_refused_and_one_outside_the_hull_is_clipped() {
     assert_eq!(go(&mut bench, f64::NAN, 0.0), Refusal::NotFinite);
     assert_eq!(bench.joint(0.0, 0.0), Refusal::None);
     bench.pose = Some((rad(1.0, 0.0), 2));
-    assert_eq!(
-        bench.ask_as(CLIENT + 1, StateCommand::Move).refusal,
-        Refusal::Lease
-    );
+    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Move).refusal, Refusal::Lease);
     assert_eq!(go(&mut bench, 60.0, 0.0), Refusal::None);
     bench.run(10);
     assert!(bench.report().clipped);
     bench.idle();
-    assert!(
-        (pitch(&bench) - 2.0 * GAIN_DEG * HULL).abs() < 1e-3,
-        "{}",
-        pitch(&bench)
-    );
+    assert!((pitch(&bench) - 2.0 * GAIN_DEG * HULL).abs() < 1e-3, "{}", pitch(&bench));
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
     assert_eq!(go(&mut bench, 0.001, 0.0), Refusal::Unsupported);
     let mut bench = Bench::enabled_with(config(""), None);
@@ -112,10 +96,7 @@ fn a_model_can_take_over_during_a_trajectory() {
     bench.offer(bench.candidate(&next));
     bench.tick();
     assert_eq!(
-        bench.change_model(
-            i2ris::core::ModelChange::Activate(Arc::clone(&next).id()),
-            true
-        ),
+        bench.change_model(i2ris::core::ModelChange::Activate(Arc::clone(&next).id()), true),
         Refusal::None
     );
     bench.idle();
@@ -161,11 +142,7 @@ fn while_the_clutch_is_open_the_snake_holds_and_when_it_closes_it_goes_on_from_t
     assert_eq!(bench.targets(), before, "closing moves nothing");
     move_master(&mut bench, -12.0, -9.0, 100);
     move_master(&mut bench, -9.0, -9.0, 20);
-    assert!(
-        (pitch(&bench) - held - 3.0).abs() < 0.01,
-        "{} {held}",
-        pitch(&bench)
-    );
+    assert!((pitch(&bench) - held - 3.0).abs() < 0.01, "{} {held}", pitch(&bench));
     assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
 }
 
@@ -173,10 +150,7 @@ fn while_the_clutch_is_open_the_snake_holds_and_when_it_closes_it_goes_on_from_t
 fn a_scale_makes_the_snake_move_less_than_the_master_from_where_both_are() {
     let mut bench = enabled("[command]\nmotion_scale = 0.25");
     move_master(&mut bench, 20.0, 20.0, 5);
-    assert!(
-        pitch(&bench).abs() < 1e-9,
-        "a stream begins where the snake is"
-    );
+    assert!(pitch(&bench).abs() < 1e-9, "a stream begins where the snake is");
     move_master(&mut bench, 20.0, 28.0, 100);
     move_master(&mut bench, 28.0, 28.0, 20);
     assert!((pitch(&bench) - 2.0).abs() < 0.01, "{}", pitch(&bench));

@@ -64,10 +64,7 @@ fn goal() -> impl Strategy<Value = ServoGoal> {
     prop_oneof![
         (prop::array::uniform3(angle()), entries.clone())
             .prop_map(|(angles, entries)| ServoGoal::Joint(angles, entries)),
-        (
-            prop::array::uniform2(prop_oneof![9 => -1100..1100_i32, 1 => any::<i32>()]),
-            entries
-        )
+        (prop::array::uniform2(prop_oneof![9 => -1100..1100_i32, 1 => any::<i32>()]), entries)
             .prop_map(|(counts, entries)| ServoGoal::Actuator(counts.map(Counts), entries)),
     ]
 }
@@ -167,21 +164,11 @@ fn bring_back(bench: &mut Bench) {
     bench.run((4_000_000_000 / bench.config.control.period().0) as usize);
     bench.idle();
     if bench.state() == OperatingState::Fault {
-        assert_eq!(
-            bench.ask(StateCommand::Acknowledge),
-            Refusal::None,
-            "{:?}",
-            bench.report()
-        );
+        assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None, "{:?}", bench.report());
     }
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
     bench.idle();
-    assert_eq!(
-        bench.state(),
-        OperatingState::Disabled,
-        "{:?}",
-        bench.report()
-    );
+    assert_eq!(bench.state(), OperatingState::Disabled, "{:?}", bench.report());
     bench.home();
     bench.enable();
     assert_eq!(bench.actuator([100, 100]), Refusal::None);

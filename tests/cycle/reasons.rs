@@ -14,9 +14,7 @@ use i2ris::units::{Counts, Nanos};
 fn excess(bench: &Bench, cause: Cause) -> Option<Excess> {
     let mut reasons = bench.reasons.iter().rev();
     let reason = reasons.find(|reason| reason.cause == cause);
-    reason
-        .unwrap_or_else(|| panic!("{cause}: {:?}", bench.reasons))
-        .excess
+    reason.unwrap_or_else(|| panic!("{cause}: {:?}", bench.reasons)).excess
 }
 
 fn fault(bench: &mut Bench, expected: Fault) -> Excess {
@@ -40,11 +38,7 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
     let mut bench = Bench::enabled();
     bench.drives[1].feedback.phase = AxisPhase::Lost;
     let lost = fault(&mut bench, Fault::Link);
-    assert_eq!(
-        (lost.motor, lost.limit),
-        (Some(1), None),
-        "given up before the limit"
-    );
+    assert_eq!((lost.motor, lost.limit), (Some(1), None), "given up before the limit");
 
     let mut bench = Bench::enabled();
     bench.quirk(0, Quirk::Blocked);
@@ -77,19 +71,12 @@ fn a_refusal_tells_what_was_measured() {
     assert_eq!(bench.joint(9.0, 0.0), Refusal::Step);
     let step = excess(&bench, Cause::Refusal(Refusal::Step)).unwrap();
     let limit = bench.config.command.max_step_deg;
-    assert_eq!(
-        (step.quantity, step.limit),
-        (Quantity::Degrees, Some(limit))
-    );
+    assert_eq!((step.quantity, step.limit), (Quantity::Degrees, Some(limit)));
     assert!((step.measured - 9.0).abs() < 1e-6, "{step}");
 
     let beyond = bench.config.axis(1).unwrap().position_max_counts.0 + 7;
     assert_eq!(bench.actuator([0, beyond]), Refusal::Range);
-    let position = Excess::new(
-        Quantity::Counts,
-        f64::from(beyond),
-        Some(f64::from(beyond - 7)),
-    );
+    let position = Excess::new(Quantity::Counts, f64::from(beyond), Some(f64::from(beyond - 7)));
     let range = excess(&bench, Cause::Refusal(Refusal::Range));
     assert_eq!(range, Some(position.of_motor(1)));
 
@@ -104,10 +91,7 @@ fn a_refusal_tells_what_was_measured() {
     entries.deadline = Nanos::ZERO;
     assert_eq!(bench.send(entries), Refusal::Malformed);
     let values = Excess::new(Quantity::Values, 1.0, Some(2.0));
-    assert_eq!(
-        excess(&bench, Cause::Refusal(Refusal::Malformed)),
-        Some(values)
-    );
+    assert_eq!(excess(&bench, Cause::Refusal(Refusal::Malformed)), Some(values));
 }
 
 #[test]
@@ -179,10 +163,7 @@ fn the_last_event_of_a_clip_has_its_largest_distance() {
     let distances: Vec<f64> = clips.map(|it| it.excess.unwrap().measured).collect();
     assert_eq!(distances.len(), 2, "beginning and largest: {distances:?}");
     assert!(distances[0] < 1.0, "{distances:?}");
-    assert!(
-        (distances[1] - largest).abs() < 1e-9,
-        "{distances:?} {largest}"
-    );
+    assert!((distances[1] - largest).abs() < 1e-9, "{distances:?} {largest}");
 }
 
 #[test]
@@ -203,10 +184,5 @@ fn a_model_does_not_differ_from_itself_whatever_it_remembers() {
     let mut memory = other.new_memory();
     other.advance(&mut memory, &here);
     let found = difference(state, ModelState::new(&other, &memory), &here, 0.5).unwrap();
-    assert!(
-        found.largest_counts[0]
-            .abs()
-            .max(found.largest_counts[1].abs())
-            > 50.0
-    );
+    assert!(found.largest_counts[0].abs().max(found.largest_counts[1].abs()) > 50.0);
 }

@@ -28,10 +28,7 @@ fn without_limits_the_counts_are_those_of_the_inverse_in_the_same_tick() {
         let setpoints = rehearsal.follow(goal(pitch, yaw)).unwrap().setpoints;
         let wanted = counts_at(pitch, yaw);
         for (setpoint, wanted) in setpoints.iter().zip(wanted) {
-            assert!(
-                (setpoint.as_f64() - wanted).abs() < 1.0,
-                "{setpoints:?} {wanted:?}"
-            );
+            assert!((setpoint.as_f64() - wanted).abs() < 1.0, "{setpoints:?} {wanted:?}");
         }
     }
 }
@@ -43,10 +40,7 @@ fn with_limits_every_tick_is_that_of_the_loop() {
     let mut bench = Bench::enabled();
     for k in 0..400 {
         let angle = f64::from(k) * 0.015;
-        let setpoints = rehearsal
-            .follow(goal(angle, -0.5 * angle))
-            .unwrap()
-            .setpoints;
+        let setpoints = rehearsal.follow(goal(angle, -0.5 * angle)).unwrap().setpoints;
         assert_eq!(bench.joint(angle, -0.5 * angle), Refusal::None);
         assert_eq!(setpoints, bench.report().setpoints, "tick {k}");
     }
@@ -56,14 +50,8 @@ fn with_limits_every_tick_is_that_of_the_loop() {
 fn what_command_admission_refuses_is_refused_here() {
     let model = model(OutputUnit::Deg);
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
-    assert_eq!(
-        rehearsal.follow(goal(6.0, 0.0)),
-        Err(RehearsalError::Goal(Refusal::Step))
-    );
-    assert!(
-        rehearsal.follow(goal(4.0, 0.0)).is_ok(),
-        "and then it goes on"
-    );
+    assert_eq!(rehearsal.follow(goal(6.0, 0.0)), Err(RehearsalError::Goal(Refusal::Step)));
+    assert!(rehearsal.follow(goal(4.0, 0.0)).is_ok(), "and then it goes on");
     let outside = Rehearsal::new(&config(""), &model, &[[0.0, 0.0], [0.0, -701.0]]);
     assert_eq!(outside.err(), Some(RehearsalError::Enable(Refusal::Range)));
 }
@@ -72,11 +60,7 @@ fn what_command_admission_refuses_is_refused_here() {
 fn the_history_sets_the_memory() {
     let model = play_model();
     let free = without_limits(&config(""));
-    let from_below = rehearsal(
-        &free,
-        &model,
-        &[[0.0, 0.0], [-600.0, -600.0], [100.0, 100.0]],
-    );
+    let from_below = rehearsal(&free, &model, &[[0.0, 0.0], [-600.0, -600.0], [100.0, 100.0]]);
     let from_above = rehearsal(&free, &model, &[[0.0, 0.0], [600.0, 600.0], [100.0, 100.0]]);
     for rehearsal in [&from_below, &from_above] {
         assert_eq!(rehearsal.report().setpoints, [Counts(100); 2]);

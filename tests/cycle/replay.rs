@@ -22,21 +22,12 @@ fn run_session(bench: &mut Bench, second: &Arc<Model>) {
     bench.idle();
     for k in 0..200 {
         let t = f64::from(k) * 0.005;
-        assert_eq!(
-            bench.joint(3.0 * (4.0 * t).sin(), 2.0 * (3.0 * t).sin()),
-            Refusal::None
-        );
+        assert_eq!(bench.joint(3.0 * (4.0 * t).sin(), 2.0 * (3.0 * t).sin()), Refusal::None);
         bench.run(4);
         match k {
             60 => assert_eq!(bench.swap(second), Refusal::None),
-            90 => assert_eq!(
-                bench.change_model(ModelChange::Rollback, false),
-                Refusal::None
-            ),
-            120 => assert_eq!(
-                bench.change_model(ModelChange::Rollback, false),
-                Refusal::None
-            ),
+            90 => assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::None),
+            120 => assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::None),
             _ => {}
         }
     }
@@ -53,24 +44,14 @@ fn run_session(bench: &mut Bench, second: &Arc<Model>) {
 /// A recorded session, with the snapshots that `keep` asks for.
 fn recorded(keep: impl Fn(usize) -> bool) -> BlackBox {
     let (first, second) = (play_model(), scaled_play_model(1.2));
-    let mut bench = Bench::new(
-        config("[model_swap]\nblend_ms = 100"),
-        Some(Arc::clone(&first)),
-    );
+    let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(Arc::clone(&first)));
     bench.recording = Some(Recording::default());
     run_session(&mut bench, &second);
     let mut recording = bench.recording.take().unwrap();
     recording.keep(&first);
-    let snapshots = recording
-        .snapshots
-        .iter()
-        .enumerate()
-        .filter(|(number, _)| keep(*number));
+    let snapshots = recording.snapshots.iter().enumerate().filter(|(number, _)| keep(*number));
     BlackBox {
-        header: Header {
-            software: "test".to_owned(),
-            ..Header::default()
-        },
+        header: Header { software: "test".to_owned(), ..Header::default() },
         config: toml::to_string(&bench.config).unwrap(),
         models: recording.models,
         offers: recording.offers,
@@ -87,10 +68,7 @@ fn every_tick_comes_out_to_the_bit_through_swaps_and_faults_and_after_a_file() {
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
     // The first snapshot comes after the first tick.
-    assert_eq!(
-        (replayed.skipped, replayed.ticks),
-        (1, content.ticks.len() as u64 - 1)
-    );
+    assert_eq!((replayed.skipped, replayed.ticks), (1, content.ticks.len() as u64 - 1));
     assert_eq!(replayed.swaps, 3);
     assert!(replayed.ticks > 2000);
 }
@@ -100,10 +78,7 @@ fn run_adapting_session(bench: &mut Bench, second: &Arc<Model>) {
     let follow = |bench: &mut Bench, phase: f64| {
         for k in 0..1000 {
             let t = f64::from(k) * 0.005;
-            let goal = [
-                5.0 * (3.0 * t).sin(),
-                4.0 * (2.0 * t + phase).sin() * t.min(1.0),
-            ];
+            let goal = [5.0 * (3.0 * t).sin(), 4.0 * (2.0 * t + phase).sin() * t.min(1.0)];
             assert_eq!(bench.joint(goal[0], goal[1]), Refusal::None);
             bench.run(4);
         }
@@ -149,10 +124,7 @@ fn adaptation_is_replayed_to_the_bit_through_a_swap_a_rollback_and_a_fault() {
     let models: BTreeSet<_> = adapted.flatten().collect();
     assert_eq!(models.len(), 2, "both models were adapted");
     let mut content = BlackBox {
-        header: Header {
-            software: "test".to_owned(),
-            ..Header::default()
-        },
+        header: Header { software: "test".to_owned(), ..Header::default() },
         config: toml::to_string(&bench.config).unwrap(),
         models: recording.models,
         offers: recording.offers,
@@ -175,33 +147,21 @@ fn replay_can_start_anywhere_and_go_on_after_a_gap() {
     content.ticks.drain(1000..1010);
     let replayed = replay(&content).unwrap();
     assert_eq!(replayed.difference, None);
-    assert!(
-        replayed.skipped > 137 && replayed.skipped < 137 + 260,
-        "{replayed:?}"
-    );
-    assert_eq!(
-        replayed.ticks + replayed.skipped,
-        content.ticks.len() as u64
-    );
+    assert!(replayed.skipped > 137 && replayed.skipped < 137 + 260, "{replayed:?}");
+    assert_eq!(replayed.ticks + replayed.skipped, content.ticks.len() as u64);
 }
 
 #[test]
 fn the_first_difference_is_named() {
     let mut content = recorded(|number| number == 0);
     content.ticks[700].inputs.feedback[0].position.0 += 1;
-    let difference = replay(&content)
-        .unwrap()
-        .difference
-        .expect("a count more is another tick");
+    let difference = replay(&content).unwrap().difference.expect("a count more is another tick");
     assert_eq!(difference.number, content.ticks[700].number);
     assert_ne!(difference.recorded, difference.replayed);
     let mut content = recorded(|number| number == 0);
     content.ticks[900].outputs.report.since = Nanos(1);
     let difference = replay(&content).unwrap().difference.unwrap();
-    assert_eq!(
-        (difference.number, difference.field),
-        (content.ticks[900].number, "report")
-    );
+    assert_eq!((difference.number, difference.field), (content.ticks[900].number, "report"));
 }
 
 #[test]

@@ -19,10 +19,7 @@ fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
     let joints = bench.joints();
     assert!((joints.measured[0].to_degrees() - 60.0 * GAIN_DEG).abs() < 1e-9);
     assert!((joints.measured[1].to_degrees() + 140.0 * GAIN_DEG).abs() < 1e-9);
-    assert_eq!(
-        (joints.setpoint, joints.goal),
-        (joints.measured, joints.measured)
-    );
+    assert_eq!((joints.setpoint, joints.goal), (joints.measured, joints.measured));
     assert!(
         (joints.deviation[0].to_degrees() - 0.2).abs() < 1e-9
             && (joints.deviation[1].to_degrees() - 0.3).abs() < 1e-9
@@ -33,10 +30,8 @@ fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
 #[test]
 fn before_every_drive_has_reported_there_is_no_estimate() {
     let mut cycle = ControlCycle::new(&config(""), Some(model(OutputUnit::Deg)));
-    let mut inputs = CycleInputs {
-        feedback: [SimulatedDrive::new(3).feedback; 2],
-        ..CycleInputs::default()
-    };
+    let mut inputs =
+        CycleInputs { feedback: [SimulatedDrive::new(3).feedback; 2], ..CycleInputs::default() };
     inputs.feedback[1] = AxisFeedback::default();
     let first = cycle.step(Nanos(100), &inputs).report;
     assert_eq!(first.joint, None);
@@ -48,10 +43,7 @@ fn before_every_drive_has_reported_there_is_no_estimate() {
 #[test]
 fn a_zero_that_moves_is_no_motion() {
     let mut bench = Bench::standard();
-    bench
-        .drives
-        .iter_mut()
-        .for_each(|drive| drive.feedback.position = Counts(500));
+    bench.drives.iter_mut().for_each(|drive| drive.feedback.position = Counts(500));
     bench.run(200);
     bench.ask(StateCommand::Home);
     for _ in 0..200 {
@@ -131,18 +123,11 @@ fn every_change_of_phase_is_an_event() {
         .events
         .iter()
         .filter_map(|event| {
-            if let CycleEventKind::Axis { motor: 1, to, .. } = event {
-                Some(*to)
-            } else {
-                None
-            }
+            if let CycleEventKind::Axis { motor: 1, to, .. } = event { Some(*to) } else { None }
         })
         .collect();
     use AxisPhase as P;
-    assert_eq!(
-        phases,
-        [P::Disabled, P::Homing, P::Disabled, P::Enabling, P::Enabled]
-    );
+    assert_eq!(phases, [P::Disabled, P::Homing, P::Disabled, P::Enabling, P::Enabled]);
 }
 
 #[test]
@@ -157,9 +142,7 @@ fn the_way_through_the_states_is_written_down() {
         .events
         .iter()
         .filter_map(|event| match event {
-            CycleEventKind::State {
-                to, command, fault, ..
-            } => Some((*to, *command, *fault)),
+            CycleEventKind::State { to, command, fault, .. } => Some((*to, *command, *fault)),
             _ => None,
         })
         .collect();

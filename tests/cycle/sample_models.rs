@@ -37,18 +37,11 @@ pub const ROBOT: &str = r#"
 /// The robot with further tables in front of its ports.
 pub fn config(tables: &str) -> Config {
     let (head, ports) = ROBOT.split_once("[[ports]]").unwrap();
-    Config::parse(
-        &format!("{head}\n{tables}\n[[ports]]{ports}"),
-        "bench.toml".as_ref(),
-    )
-    .unwrap()
+    Config::parse(&format!("{head}\n{tables}\n[[ports]]{ports}"), "bench.toml".as_ref()).unwrap()
 }
 
 fn output(name: &str, unit: OutputUnit) -> OutputSpec {
-    OutputSpec {
-        name: name.to_owned(),
-        unit,
-    }
+    OutputSpec { name: name.to_owned(), unit }
 }
 
 /// A model whose motor axes are turned by 45 deg against pitch and yaw.
@@ -85,34 +78,19 @@ pub fn scaled_play_model(factor: f64) -> Arc<Model> {
             vec![-cross, cross, 0.0, out],
         ]],
     };
-    let family = FamilyParameters::GmrPlay {
-        plays,
-        mixture,
-        residual: None,
-        virtual_hull: square(),
-    };
+    let family =
+        FamilyParameters::GmrPlay { plays, mixture, residual: None, virtual_hull: square() };
     Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
 }
 
 fn square() -> HullParameters {
     HullParameters {
-        corners: vec![
-            vec![-HULL, -HULL],
-            vec![HULL, -HULL],
-            vec![HULL, HULL],
-            vec![-HULL, HULL],
-        ],
+        corners: vec![vec![-HULL, -HULL], vec![HULL, -HULL], vec![HULL, HULL], vec![-HULL, HULL]],
     }
 }
 
 fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
-    let metrics = FitMetrics {
-        r2: 1.0,
-        rmsd: 0.1,
-        nrmsd: 0.001,
-        mae: 0.1,
-        max: 0.2,
-    };
+    let metrics = FitMetrics { r2: 1.0, rmsd: 0.1, nrmsd: 0.001, mae: 0.1, max: 0.2 };
     ModelFile {
         slow_error: None,
         format: FORMAT.to_owned(),
@@ -133,13 +111,7 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
             linear_gain: None,
         },
         worthless: None,
-        metrics: vec![
-            OutputMetrics {
-                training: metrics,
-                held_out: None
-            };
-            2
-        ],
+        metrics: vec![OutputMetrics { training: metrics, held_out: None }; 2],
     }
 }
 
@@ -150,8 +122,5 @@ pub fn rad(pitch_deg: f64, yaw_deg: f64) -> OutputVec {
 
 /// The counts at which the model says these angles.
 pub fn counts_at(pitch_deg: f64, yaw_deg: f64) -> [f64; 2] {
-    [
-        (pitch_deg - yaw_deg) / (2.0 * GAIN_DEG),
-        (pitch_deg + yaw_deg) / (2.0 * GAIN_DEG),
-    ]
+    [(pitch_deg - yaw_deg) / (2.0 * GAIN_DEG), (pitch_deg + yaw_deg) / (2.0 * GAIN_DEG)]
 }

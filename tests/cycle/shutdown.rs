@@ -29,10 +29,7 @@ fn from_every_state_it_ends_with_drives_off() {
         let took = end(&mut bench);
         assert!(took <= Nanos::from_millis(150), "{took:?}");
         for phase in bench.phases() {
-            assert!(
-                matches!(phase, AxisPhase::Disabled | AxisPhase::Faulted),
-                "{phase:?}"
-            );
+            assert!(matches!(phase, AxisPhase::Disabled | AxisPhase::Faulted), "{phase:?}");
         }
     }
 }
@@ -56,22 +53,16 @@ fn the_motion_stops_before_the_power_goes() {
     bench.run(3);
     let held = bench.targets();
     bench.run(40);
-    assert_eq!(
-        (bench.targets(), bench.phases()),
-        (held, [AxisPhase::Enabled; 2])
-    );
+    assert_eq!((bench.targets(), bench.phases()), (held, [AxisPhase::Enabled; 2]));
 }
 
 #[test]
 fn nothing_is_set_going_any_more() {
     let mut bench = Bench::homed();
     end(&mut bench);
-    for command in [
-        StateCommand::Enable,
-        StateCommand::Home,
-        StateCommand::Unhome,
-        StateCommand::Resume,
-    ] {
+    for command in
+        [StateCommand::Enable, StateCommand::Home, StateCommand::Unhome, StateCommand::Resume]
+    {
         assert_eq!(bench.ask(command), Refusal::State, "{command}");
     }
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
@@ -94,8 +85,5 @@ fn a_drive_that_stays_on_cannot_keep_the_process_from_ending() {
     bench.quirk(1, Quirk::Deaf);
     let took = end(&mut bench);
     assert!(took <= Nanos::from_millis(5501), "{took:?}");
-    assert_eq!(
-        (bench.state(), bench.report().fault),
-        (OperatingState::Fault, Fault::DriveTimeout)
-    );
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::DriveTimeout));
 }

@@ -46,14 +46,7 @@ impl SimulatedDrive {
             phase: AxisPhase::Disabled,
             ..AxisFeedback::default()
         };
-        Self {
-            feedback,
-            quirk: Quirk::None,
-            slot: 1,
-            delay: 3,
-            ticks: 0,
-            left: 0,
-        }
+        Self { feedback, quirk: Quirk::None, slot: 1, delay: 3, ticks: 0, left: 0 }
     }
 
     /// One tick after `request` was sent. What is reported belongs to `now`.
@@ -73,10 +66,7 @@ impl SimulatedDrive {
         self.follow_request(now, request);
         // As a port does: an old reset must not be carried out at a later fault.
         let phase = self.feedback.phase;
-        if !matches!(
-            phase,
-            AxisPhase::Faulted | AxisPhase::Starting | AxisPhase::Lost
-        ) {
+        if !matches!(phase, AxisPhase::Faulted | AxisPhase::Starting | AxisPhase::Lost) {
             self.feedback.fault_resets = request.fault_resets;
         }
     }

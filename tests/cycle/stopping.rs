@@ -45,20 +45,15 @@ fn a_silent_client_is_followed_until_its_deadline_and_two_ticks_at_most() {
     );
     assert_eq!(bench.report().stale_stops, 1);
     assert!(bench.report().holding && bench.state() == OperatingState::Enabled);
-    let stop = CycleEventKind::StaleStop {
-        client_id: CLIENT,
-        age: Nanos::from_millis(50),
-    };
+    let stop = CycleEventKind::StaleStop { client_id: CLIENT, age: Nanos::from_millis(50) };
     assert!(bench.events.contains(&stop), "{:?}", bench.events);
 }
 
 #[test]
 fn a_command_may_set_its_own_deadline() {
     let mut bench = Bench::enabled();
-    let mut command = bench.servo(i2ris::core::ServoGoal::Actuator(
-        [i2ris::units::Counts(250); 2],
-        2,
-    ));
+    let mut command =
+        bench.servo(i2ris::core::ServoGoal::Actuator([i2ris::units::Counts(250); 2], 2));
     command.deadline = Nanos::from_millis(5);
     assert_eq!(bench.send(command), Refusal::None);
     bench.run(4);
@@ -71,22 +66,14 @@ fn a_command_may_set_its_own_deadline() {
 #[test]
 fn no_command_outlives_the_lease() {
     let mut bench = Bench::enabled_with(config("[command]\nlease_timeout_ms = 60"), None);
-    let mut command = bench.servo(i2ris::core::ServoGoal::Actuator(
-        [i2ris::units::Counts(250); 2],
-        2,
-    ));
+    let mut command =
+        bench.servo(i2ris::core::ServoGoal::Actuator([i2ris::units::Counts(250); 2], 2));
     command.deadline = Nanos::from_millis(1000);
     assert_eq!(bench.send(command), Refusal::None);
     bench.run(59);
-    assert_eq!(
-        (bench.report().holding, bench.report().lease_client_id),
-        (false, CLIENT)
-    );
+    assert_eq!((bench.report().holding, bench.report().lease_client_id), (false, CLIENT));
     bench.tick();
-    assert_eq!(
-        (bench.report().holding, bench.report().lease_client_id),
-        (true, 0)
-    );
+    assert_eq!((bench.report().holding, bench.report().lease_client_id), (true, 0));
 }
 
 #[test]
@@ -128,17 +115,11 @@ fn paused_holds_and_resumes_where_it_is() {
 #[test]
 fn a_client_that_gives_its_lease_back_is_not_followed() {
     let mut bench = Bench::moving();
-    assert_eq!(
-        bench.ask_as(99, StateCommand::Release).refusal,
-        Refusal::Lease
-    );
+    assert_eq!(bench.ask_as(99, StateCommand::Release).refusal, Refusal::Lease);
     assert!(!bench.report().holding);
     assert_eq!(bench.ask(StateCommand::Release), Refusal::None);
     assert!(bench.report().holding);
-    assert_eq!(
-        (bench.report().lease_client_id, bench.report().stale_stops),
-        (0, 0)
-    );
+    assert_eq!((bench.report().lease_client_id, bench.report().stale_stops), (0, 0));
     assert!(ticks_to_rest(&mut bench) <= 1);
 }
 
@@ -170,9 +151,7 @@ fn disable_slows_down_settles_and_only_then_takes_the_power() {
 fn a_stop_that_takes_too_long_ends_with_the_power_off() {
     let limits = "[limits]\nacceleration_counts_s2 = 200.0\nstop_deceleration_counts_s2 = 200.0";
     let mut bench = Bench::enabled_with(
-        config(&format!(
-            "{limits}\n[command]\ndeadline_ms = 1000\nlease_timeout_ms = 1000"
-        )),
+        config(&format!("{limits}\n[command]\ndeadline_ms = 1000\nlease_timeout_ms = 1000")),
         None,
     );
     for goal in [240, 480, 720, 960] {
@@ -196,19 +175,12 @@ fn old_feedback_stops_the_motion_and_fresh_feedback_lets_it_go_on() {
         assert_eq!(bench.actuator(goal), Refusal::None);
     }
     bench.tick();
-    assert!(
-        bench.report().holding,
-        "{:?} without a position",
-        bench.now.since(last_report)
-    );
+    assert!(bench.report().holding, "{:?} without a position", bench.now.since(last_report));
     let goal = bench.targets();
     assert_eq!(bench.actuator(goal), Refusal::DrivesNotReady);
     let held = bench.targets();
     bench.run(100);
-    assert_eq!(
-        (bench.targets(), bench.state()),
-        (held, OperatingState::Enabled)
-    );
+    assert_eq!((bench.targets(), bench.state()), (held, OperatingState::Enabled));
     bench.quirk(1, Quirk::None);
     bench.tick();
     assert!(bench.report().holding, "it does not go on by itself");

@@ -42,11 +42,7 @@ fn pitch_deg(bench: &Bench) -> f64 {
 fn the_snake_stops_before_a_wall_and_goes_along_it() {
     let mut bench = enabled(WALL, model(OutputUnit::Deg));
     sweep(&mut bench, [0.0, 0.0], [9.0, 0.0], 2000);
-    assert!(
-        (5.3..5.51).contains(&pitch_deg(&bench)),
-        "{}",
-        pitch_deg(&bench)
-    );
+    assert!((5.3..5.51).contains(&pitch_deg(&bench)), "{}", pitch_deg(&bench));
     assert_eq!(bench.report().limited_by_fixture, Some(0));
     let limits = |event: &&CycleEventKind| matches!(event, CycleEventKind::FixtureLimit { .. });
     assert_eq!(bench.events.iter().filter(limits).count(), 1);
@@ -70,10 +66,7 @@ fn motion_that_is_not_planned_in_angles_is_refused_while_a_fixture_counts() {
     assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
     bench.idle();
     assert!((pitch_deg(&bench) - 4.0).abs() < 0.01);
-    assert_eq!(
-        change(&mut bench, CLIENT, FixtureChange::SwitchOff),
-        Refusal::None
-    );
+    assert_eq!(change(&mut bench, CLIENT, FixtureChange::SwitchOff), Refusal::None);
     assert_eq!(bench.report().fixtures, 0);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
 }
@@ -83,16 +76,10 @@ fn anybody_may_add_a_fixture_and_only_the_commander_at_rest_takes_one_away() {
     let mut bench = enabled("", model(OutputUnit::Deg));
     let wall = SimpleRegion {
         space: FixtureSpace::Angles,
-        shape: SimpleShape::HalfSpace {
-            normal: [1.0, 0.0, 0.0],
-            offset: 4.0_f64.to_radians(),
-        },
+        shape: SimpleShape::HalfSpace { normal: [1.0, 0.0, 0.0], offset: 4.0_f64.to_radians() },
     };
     sweep(&mut bench, [0.0, 0.0], [1.0, 0.0], 200);
-    assert_eq!(
-        change(&mut bench, CLIENT + 1, FixtureChange::Add(wall)),
-        Refusal::None
-    );
+    assert_eq!(change(&mut bench, CLIENT + 1, FixtureChange::Add(wall)), Refusal::None);
     assert_eq!(bench.report().fixtures, 1);
     sweep(&mut bench, [1.0, 0.0], [8.0, 0.0], 2000);
     assert!(pitch_deg(&bench) < 3.51, "{}", pitch_deg(&bench));
@@ -102,16 +89,9 @@ fn anybody_may_add_a_fixture_and_only_the_commander_at_rest_takes_one_away() {
     }
     assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
     bench.run(100);
-    assert_eq!(
-        change(&mut bench, CLIENT, FixtureChange::RemoveAdded),
-        Refusal::None
-    );
+    assert_eq!(change(&mut bench, CLIENT, FixtureChange::RemoveAdded), Refusal::None);
     assert_eq!(bench.report().fixtures, 0);
-    assert_eq!(
-        bench.ask(StateCommand::Fixture),
-        Refusal::Malformed,
-        "no change"
-    );
+    assert_eq!(bench.ask(StateCommand::Fixture), Refusal::Malformed, "no change");
 }
 
 #[test]
@@ -122,15 +102,9 @@ fn a_fixture_that_is_added_during_a_trajectory_stops_it() {
     bench.run(100);
     let ball = SimpleRegion {
         space: FixtureSpace::Angles,
-        shape: SimpleShape::Ball {
-            centre: rad(9.0, 0.0),
-            radius: 3.0_f64.to_radians(),
-        },
+        shape: SimpleShape::Ball { centre: rad(9.0, 0.0), radius: 3.0_f64.to_radians() },
     };
-    assert_eq!(
-        change(&mut bench, CLIENT, FixtureChange::Add(ball)),
-        Refusal::None
-    );
+    assert_eq!(change(&mut bench, CLIENT, FixtureChange::Add(ball)), Refusal::None);
     bench.idle();
     assert!(pitch_deg(&bench) < 6.0, "{}", pitch_deg(&bench));
 }

@@ -28,10 +28,7 @@ fn assert_parts(text: &str, parts: &[&str]) {
 fn refusal(drives: fn() -> Vec<MiniDrive>, configure: fn(&mut PortConfig)) -> String {
     let (line, mut config, _) = open(drives());
     configure(&mut config);
-    Port::over(line, &config)
-        .bring_up()
-        .unwrap_err()
-        .to_string()
+    Port::over(line, &config).bring_up().unwrap_err().to_string()
 }
 
 #[test]
@@ -68,9 +65,7 @@ fn every_limit_is_written_and_read_back() {
 fn the_identity_of_the_drive_is_read() {
     let (_, _, port) = open(vec![one_drive()]);
     let port = port.identify().unwrap();
-    let [axis] = port.axes() else {
-        panic!("one axis")
-    };
+    let [axis] = port.axes() else { panic!("one axis") };
     assert_eq!((axis.motor, axis.node_id), (0, 1));
     assert_eq!(axis.serial_number, SERIAL_NUMBER);
     assert_eq!((axis.product_code, axis.firmware), (0x6150_0000, 0x0170));
@@ -88,10 +83,7 @@ fn nothing_is_powered_and_no_target_is_written() {
 
 #[test]
 fn another_drive_than_the_configured_one_is_refused_with_both_numbers() {
-    let text = refusal(
-        || vec![one_drive()],
-        |config| config.axes[0].serial_number = 0x1234_5678,
-    );
+    let text = refusal(|| vec![one_drive()], |config| config.axes[0].serial_number = 0x1234_5678);
     assert_parts(&text, &["0x62150001", "0x12345678", "/dev/simulated"]);
     let text = refusal(
         || vec![MiniDrive::new(1, 11), MiniDrive::new(2, 22)],
@@ -159,16 +151,8 @@ fn a_drive_without_rs232_is_accepted() {
 fn a_powered_drive_is_switched_off_and_a_fault_is_left_for_the_operator() {
     type Case<'a> = (fn(&mut MiniDrive), &'a [u32], u16);
     let cases: [Case<'_>; 3] = [
-        (
-            |drive| drive.state = OPERATION_ENABLED,
-            &[0x0007, 0x0006],
-            READY,
-        ),
-        (
-            |drive| drive.state = QUICK_STOP_ACTIVE,
-            &[0x0000],
-            SWITCH_ON_DISABLED,
-        ),
+        (|drive| drive.state = OPERATION_ENABLED, &[0x0007, 0x0006], READY),
+        (|drive| drive.state = QUICK_STOP_ACTIVE, &[0x0000], SWITCH_ON_DISABLED),
         (|drive| drive.fail(0x8611), &[], FAULT),
     ];
     for (change, controlwords, state) in cases {
@@ -212,26 +196,17 @@ fn an_unreliable_line_is_brought_up() {
 
 fn config_of(device: &Path) -> PortConfig {
     let (_, config, _) = open(vec![one_drive()]);
-    PortConfig {
-        device: device.to_owned(),
-        ..config
-    }
+    PortConfig { device: device.to_owned(), ..config }
 }
 
 #[test]
 fn a_device_that_is_missing_or_no_serial_port_is_named() {
     let error = Port::open(&config_of(Path::new("/dev/i2ris-no-such-port"))).unwrap_err();
     assert!(matches!(error, DriveError::NotFound { .. }), "{error:?}");
-    assert_parts(
-        &error.to_string(),
-        &["/dev/i2ris-no-such-port does not exist"],
-    );
+    assert_parts(&error.to_string(), &["/dev/i2ris-no-such-port does not exist"]);
     let error = Port::open(&config_of(Path::new("/dev/null"))).unwrap_err();
     assert!(matches!(error, DriveError::NotSerial { .. }), "{error:?}");
-    assert_parts(
-        &error.to_string(),
-        &["/dev/null cannot be used as a serial port"],
-    );
+    assert_parts(&error.to_string(), &["/dev/null cannot be used as a serial port"]);
 }
 
 #[test]

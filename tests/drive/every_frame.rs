@@ -27,10 +27,7 @@ impl Ends {
             assert_eq!(self.parser.push(*byte), ParserEvent::None, "{data:02X?}");
             assert_eq!(self.emulated.push(*byte), None, "{data:02X?}");
         }
-        let sent = SerialFrame {
-            opcode,
-            data: &padded,
-        };
+        let sent = SerialFrame { opcode, data: &padded };
         assert_eq!(self.parser.push(*last), ParserEvent::Frame(sent));
         match self.emulated.push(*last) {
             Some(Incoming::Request(got)) => assert_eq!((got.opcode, got.data), (opcode, padded)),

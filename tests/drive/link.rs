@@ -129,17 +129,10 @@ fn a_request_that_arrived_damaged_is_sent_again_at_once() {
 
 #[test]
 fn a_request_without_retry_is_not_repeated() {
-    for disturbance in [
-        Disturbance::LoseRequest,
-        Disturbance::LoseReply,
-        Disturbance::FlipReply(7),
-    ] {
+    for disturbance in [Disturbance::LoseRequest, Disturbance::LoseReply, Disturbance::FlipReply(7)]
+    {
         let mut test = LinkTest::disturbed([disturbance]);
-        assert_eq!(
-            test.write_target(5),
-            Err(LinkError::Unanswered),
-            "{disturbance:?}"
-        );
+        assert_eq!(test.write_target(5), Err(LinkError::Unanswered), "{disturbance:?}");
         assert!(test.written_targets() <= 1);
         assert!(test.link.is_in_sync(), "the next reply can be trusted");
         test.assert_reads("after it");
@@ -150,8 +143,7 @@ fn a_request_without_retry_is_not_repeated() {
 fn a_request_without_retry_is_not_sent_late() {
     let mut test = LinkTest::new();
     test.line.send_stale_request();
-    test.line
-        .sleep_until(test.line.time() + Nanos::from_millis(10));
+    test.line.sleep_until(test.line.time() + Nanos::from_millis(10));
     assert_eq!(test.write_target(5), Err(LinkError::Unanswered));
     assert_eq!(test.written_targets(), 0);
     assert!(test.write_target(5).is_ok());
@@ -220,8 +212,7 @@ fn replies_without_a_request_put_the_line_out_of_sync() {
     test.line.send_stale_request();
     test.line.send_stale_request();
     // The first reply has arrived, the second is still on its way.
-    test.line
-        .sleep_until(test.line.time() + Nanos::from_millis(3));
+    test.line.sleep_until(test.line.time() + Nanos::from_millis(3));
     test.assert_reads("stale replies");
 }
 
@@ -335,10 +326,7 @@ fn every_drive_of_a_line_is_stopped_before_a_silent_one_is_tried_again() {
     assert_eq!((stopped.node, stopped.index), (2, 0x6040));
     let one_time_out = Nanos::from_millis(config.reply_timeout_ms + 20);
     assert!(stopped.arrived - begin < one_time_out);
-    let expected = [
-        Err(QuickStopError::NoAnswer),
-        Ok(DriveState::QuickStopActive),
-    ];
+    let expected = [Err(QuickStopError::NoAnswer), Ok(DriveState::QuickStopActive)];
     assert_eq!(outcomes, expected);
 }
 

@@ -65,12 +65,7 @@ impl WatchedRig {
             let text = fs::read_to_string(&log).unwrap();
             text.matches("holding").count() == 2
         });
-        Self {
-            rig,
-            watchdog,
-            log,
-            client: None,
-        }
+        Self { rig, watchdog, log, client: None }
     }
 
     /// Starts a controller and enables its drives.
@@ -94,38 +89,23 @@ impl WatchedRig {
     }
 
     fn states(&self) -> [State; 2] {
-        self.rig
-            .emulator
-            .snapshot()
-            .axes
-            .map(|axis| axis.drive.state)
+        self.rig.emulator.snapshot().axes.map(|axis| axis.drive.state)
     }
 
     fn until_watching_again(&self) {
-        until("the watchdog watches again", || {
-            self.log_text().matches("watching").count() == 2
-        });
+        until("the watchdog watches again", || self.log_text().matches("watching").count() == 2);
     }
 
     fn until_stopped(&self) {
-        until("both drives are stopped", || {
-            self.states() == [State::QuickStopActive; 2]
-        });
+        until("both drives are stopped", || self.states() == [State::QuickStopActive; 2]);
     }
 
     /// When each drive was stopped, for the last time.
     fn stops(&self) -> [Option<Nanos>; 2] {
         let log = self.rig.emulator.log();
         [0, 1].map(|axis| {
-            let stopped = |kind| {
-                matches!(
-                    kind,
-                    EventKind::State {
-                        to: State::QuickStopActive,
-                        ..
-                    }
-                )
-            };
+            let stopped =
+                |kind| matches!(kind, EventKind::State { to: State::QuickStopActive, .. });
             log.iter()
                 .rev()
                 .find(|event| event.axis == axis && stopped(event.kind))
@@ -212,10 +192,7 @@ fn h03_the_drives_of_a_hanging_controller_are_stopped() {
         watched.rig.signal(Signal::SIGCONT);
         clock::sleep(Nanos::from_millis(500));
         assert!(
-            watched
-                .states()
-                .iter()
-                .all(|state| *state != State::OperationEnabled),
+            watched.states().iter().all(|state| *state != State::OperationEnabled),
             "{:?}",
             watched.states()
         );
@@ -236,103 +213,88 @@ fn an_orderly_end_of_the_controller_stops_nothing() {
 
 #[test]
 fn h03_a_controller_killed_while_disabled_starts_again() {
-    unprivileged(
-        "h03_a_controller_killed_while_disabled_starts_again",
-        || {
-            let mut watched = WatchedRig::without_controller(Rig::new(), 3000);
-            watched.rig.start_controller();
-            drop(watched.rig.client());
-            watched.until_logged("watching");
-            watched.end_with(Signal::SIGKILL);
-            watched.enable();
-            watched.until_watching_again();
-        },
-    );
+    unprivileged("h03_a_controller_killed_while_disabled_starts_again", || {
+        let mut watched = WatchedRig::without_controller(Rig::new(), 3000);
+        watched.rig.start_controller();
+        drop(watched.rig.client());
+        watched.until_logged("watching");
+        watched.end_with(Signal::SIGKILL);
+        watched.enable();
+        watched.until_watching_again();
+    });
 }
 
 #[test]
 fn h03_a_controller_killed_before_it_serves_starts_again() {
-    unprivileged(
-        "h03_a_controller_killed_before_it_serves_starts_again",
-        || {
-            let mut watched = WatchedRig::without_controller(Rig::new(), 3000);
-            // It waits for replies with its ports open.
-            watched.rig.emulator.mute(0, true);
-            watched.rig.start_controller();
-            let device = watched.rig.config.ports[0].device.clone();
-            until("the controller has opened its port", || {
-                let opened = fs::File::open(&device);
-                opened.is_err_and(|error| error.kind() == io::ErrorKind::ResourceBusy)
-            });
-            watched.end_with(Signal::SIGKILL);
-            watched.rig.emulator.mute(0, false);
-            watched.enable();
-        },
-    );
+    unprivileged("h03_a_controller_killed_before_it_serves_starts_again", || {
+        let mut watched = WatchedRig::without_controller(Rig::new(), 3000);
+        // It waits for replies with its ports open.
+        watched.rig.emulator.mute(0, true);
+        watched.rig.start_controller();
+        let device = watched.rig.config.ports[0].device.clone();
+        until("the controller has opened its port", || {
+            let opened = fs::File::open(&device);
+            opened.is_err_and(|error| error.kind() == io::ErrorKind::ResourceBusy)
+        });
+        watched.end_with(Signal::SIGKILL);
+        watched.rig.emulator.mute(0, false);
+        watched.enable();
+    });
 }
 
 #[test]
 fn h03_a_silent_port_does_not_delay_the_stop_of_the_other() {
-    unprivileged(
-        "h03_a_silent_port_does_not_delay_the_stop_of_the_other",
-        || {
-            let mut watched = WatchedRig::new(3000);
-            watched.rig.emulator.mute(0, true);
-            watched.end_with(Signal::SIGKILL);
-            until("the drive that answers is stopped", || {
-                watched.states()[1] == State::QuickStopActive
-            });
-            // It is written when the attempts with the silent drive have ended.
-            assert_eq!(watched.log_text().matches("is gone").count(), 0);
-            watched.until_logged("NOT STOPPED");
-        },
-    );
+    unprivileged("h03_a_silent_port_does_not_delay_the_stop_of_the_other", || {
+        let mut watched = WatchedRig::new(3000);
+        watched.rig.emulator.mute(0, true);
+        watched.end_with(Signal::SIGKILL);
+        until("the drive that answers is stopped", || {
+            watched.states()[1] == State::QuickStopActive
+        });
+        // It is written when the attempts with the silent drive have ended.
+        assert_eq!(watched.log_text().matches("is gone").count(), 0);
+        watched.until_logged("NOT STOPPED");
+    });
 }
 
 #[test]
 fn h03_the_operating_state_says_whether_a_watchdog_holds_every_port() {
-    unprivileged(
-        "h03_the_operating_state_says_whether_a_watchdog_holds_every_port",
-        || {
-            let mut watched = WatchedRig::new(3000);
-            let mut client = watched.client.take().unwrap();
-            wait_for(&mut client, |state| has(state, OperatingStateMsg::WATCHED));
-            watched.watchdog.kill().unwrap();
-            wait_for(&mut client, |state| !has(state, OperatingStateMsg::WATCHED));
-        },
-    );
+    unprivileged("h03_the_operating_state_says_whether_a_watchdog_holds_every_port", || {
+        let mut watched = WatchedRig::new(3000);
+        let mut client = watched.client.take().unwrap();
+        wait_for(&mut client, |state| has(state, OperatingStateMsg::WATCHED));
+        watched.watchdog.kill().unwrap();
+        wait_for(&mut client, |state| !has(state, OperatingStateMsg::WATCHED));
+    });
 }
 
 #[test]
 fn the_service_manager_expect_state_when_watchdog_and_controller_are_ready() {
-    unprivileged(
-        "the_service_manager_expect_state_when_watchdog_and_controller_are_ready",
-        || {
-            let mut rig = Rig::new();
-            let address = rig.folder.path().join("notify");
-            let manager = UnixDatagram::bind(&address).unwrap();
-            let timeout = std::time::Duration::from_nanos(TIMEOUT.0);
-            manager.set_read_timeout(Some(timeout)).unwrap();
-            let expect_state = |expected: &str| loop {
-                let mut message = [0; 64];
-                let count = manager.recv(&mut message).expect(expected);
-                if message[..count] == *expected.as_bytes() {
-                    break;
-                }
-            };
-            rig.environment = vec![("NOTIFY_SOCKET".into(), address.clone().into())];
-            rig.start_controller();
-            drop(rig.client());
-            expect_state("READY=1");
-            rig.signal(Signal::SIGTERM);
-            rig.wait_for_end();
-            expect_state("STOPPING=1");
-            let watched = WatchedRig::without_controller(rig, 3000);
-            expect_state("READY=1");
-            expect_state("WATCHDOG=1");
-            drop(watched);
-        },
-    );
+    unprivileged("the_service_manager_expect_state_when_watchdog_and_controller_are_ready", || {
+        let mut rig = Rig::new();
+        let address = rig.folder.path().join("notify");
+        let manager = UnixDatagram::bind(&address).unwrap();
+        let timeout = std::time::Duration::from_nanos(TIMEOUT.0);
+        manager.set_read_timeout(Some(timeout)).unwrap();
+        let expect_state = |expected: &str| loop {
+            let mut message = [0; 64];
+            let count = manager.recv(&mut message).expect(expected);
+            if message[..count] == *expected.as_bytes() {
+                break;
+            }
+        };
+        rig.environment = vec![("NOTIFY_SOCKET".into(), address.clone().into())];
+        rig.start_controller();
+        drop(rig.client());
+        expect_state("READY=1");
+        rig.signal(Signal::SIGTERM);
+        rig.wait_for_end();
+        expect_state("STOPPING=1");
+        let watched = WatchedRig::without_controller(rig, 3000);
+        expect_state("READY=1");
+        expect_state("WATCHDOG=1");
+        drop(watched);
+    });
 }
 
 /// Prints the time from the signal to the quick stop in the drives, with the default silence of the
@@ -351,13 +313,7 @@ fn stop_latency() {
             let begin = clock::now();
             watched.rig.signal(signal);
             watched.until_stopped();
-            spans.extend(
-                watched
-                    .stops()
-                    .into_iter()
-                    .flatten()
-                    .map(|stamp| stamp - begin),
-            );
+            spans.extend(watched.stops().into_iter().flatten().map(|stamp| stamp - begin));
             watched.end_with(Signal::SIGKILL);
         }
         spans.sort_unstable();

@@ -34,10 +34,7 @@ fn times(usual: u32) -> u32 {
 /// The value at a fraction of sorted values.
 fn quantile(sorted: &[f64], fraction: f64) -> f64 {
     let last = sorted.len().saturating_sub(1) as f64;
-    sorted
-        .get((last * fraction).round() as usize)
-        .copied()
-        .unwrap_or(f64::NAN)
+    sorted.get((last * fraction).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
 fn print_summary(what: &str, unit: &str, values: &mut [f64]) {
@@ -76,14 +73,8 @@ fn campaign_kills() {
         wait_until_holding(&mut client);
         clock::sleep(Nanos::from_millis(100));
         let setpoints = rig.setpoints(0);
-        let last_motion = setpoints
-            .windows(2)
-            .rev()
-            .find(|pair| pair[0].1 != pair[1].1);
-        match last_motion
-            .map(|pair| pair[1].0)
-            .filter(|stamp| *stamp > killed)
-        {
+        let last_motion = setpoints.windows(2).rev().find(|pair| pair[0].1 != pair[1].1);
+        match last_motion.map(|pair| pair[1].0).filter(|stamp| *stamp > killed) {
             Some(stamp) => after_kill.push((stamp - killed).as_seconds() * 1e3),
             None => constant += 1,
         }
@@ -96,11 +87,7 @@ fn campaign_kills() {
         "deadline {deadline} ms, tick 1 ms, a setpoint on the wire every 5 ms; {constant} were \
          constant already when killed"
     );
-    print_summary(
-        "last setpoint that moved, after the kill",
-        "ms",
-        &mut after_kill,
-    );
+    print_summary("last setpoint that moved, after the kill", "ms", &mut after_kill);
 }
 
 /// Moves both motors to zero, in small steps.
@@ -109,10 +96,7 @@ fn return_to_zero(client: &mut Client) {
     let start = clock::now();
     let mut goal = None::<[i32; 2]>;
     while goal != Some([0, 0]) && clock::now().since(start) < TIMEOUT {
-        goal = goal.or(actuators
-            .newest()
-            .unwrap()
-            .map(|message| message.setpoint_counts));
+        goal = goal.or(actuators.newest().unwrap().map(|message| message.setpoint_counts));
         if let Some(goal) = &mut goal {
             *goal = goal.map(|counts| counts - counts.clamp(-5, 5));
             commander.servo_actuators(goal).unwrap();
@@ -154,11 +138,7 @@ fn campaign_swaps() {
             blocks.push([begun, ended, clock::now()]);
         }
         drop(end);
-        (
-            steps.join().unwrap(),
-            idle.join().unwrap(),
-            windows.join().unwrap(),
-        )
+        (steps.join().unwrap(), idle.join().unwrap(), windows.join().unwrap())
     });
     let limit = rig.config.limits.velocity_counts_s * rig.config.control.period().as_seconds();
     println!(
@@ -171,14 +151,9 @@ fn campaign_swaps() {
         let is_inside = |window: &&PeriodStatistics| {
             let end = Nanos(window.stamp_ns);
             let begin = Nanos(window.stamp_ns - window.window_ns);
-            blocks
-                .iter()
-                .any(|block| begin >= block[part] && end <= block[part + 1])
+            blocks.iter().any(|block| begin >= block[part] && end <= block[part + 1])
         };
-        print_windows(
-            &format!("controller, {what}"),
-            windows.iter().filter(is_inside),
-        );
+        print_windows(&format!("controller, {what}"), windows.iter().filter(is_inside));
     }
     print_windows("idle loop beside it", idle.iter());
 }
@@ -195,15 +170,9 @@ fn all_windows(client: &Client, done: &AtomicBool) -> Vec<PeriodStatistics> {
 
 /// Statistics of a loop that does nothing, scheduled as the controller's, until `done`.
 fn idle_loop(config: &ControlConfig, done: &AtomicBool) -> Vec<PeriodStatistics> {
-    let granted = realtime::request(Wanted {
-        priority: config.priority,
-        cpu: None,
-        lock_memory: false,
-    });
-    let (period, spin) = (
-        config.period(),
-        Nanos::from_micros(u64::from(config.spin_us)),
-    );
+    let granted =
+        realtime::request(Wanted { priority: config.priority, cpu: None, lock_memory: false });
+    let (period, spin) = (config.period(), Nanos::from_micros(u64::from(config.spin_us)));
     let mut ticker = Ticker::new(clock::now() + period, period, spin);
     let mut statistics = LoopStatistics::new(period, Nanos::from_millis(1000), granted);
     let mut windows = Vec::with_capacity(4096);
@@ -222,16 +191,9 @@ fn print_windows<'a>(what: &str, windows: impl Iterator<Item = &'a PeriodStatist
     let ticks: u64 = windows.iter().map(|window| window.ticks).sum();
     let missed: u64 = windows.iter().map(|window| window.missed).sum();
     let us = |of: fn(&PeriodStatistics) -> u64| {
-        let mut values: Vec<f64> = windows
-            .iter()
-            .map(|window| of(window) as f64 / 1e3)
-            .collect();
+        let mut values: Vec<f64> = windows.iter().map(|window| of(window) as f64 / 1e3).collect();
         values.sort_by(f64::total_cmp);
-        format!(
-            "{:.1} ({:.1})",
-            quantile(&values, 0.5),
-            quantile(&values, 1.0)
-        )
+        format!("{:.1} ({:.1})", quantile(&values, 0.5), quantile(&values, 1.0))
     };
     println!(
         "{what}: priority {}, {ticks} ticks, {missed} missed ({:.2} %); us, median of {} windows \

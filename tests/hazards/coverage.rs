@@ -33,10 +33,7 @@ fn table() -> Vec<(String, Vec<String>)> {
     let rows = text.lines().filter(|line| line.starts_with("| H"));
     rows.map(|row| {
         let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
-        assert!(
-            cells.len() == 4 && cells.iter().all(|cell| !cell.is_empty()),
-            "{row}"
-        );
+        assert!(cells.len() == 4 && cells.iter().all(|cell| !cell.is_empty()), "{row}");
         let names = cells[3].split('`').skip(1).step_by(2);
         (cells[0].to_owned(), names.map(str::to_owned).collect())
     })
@@ -47,30 +44,18 @@ fn table() -> Vec<(String, Vec<String>)> {
 fn every_hazard_has_a_row_and_a_test_with_its_id() {
     let (tests, table) = (tests(), table());
     let ids: Vec<&str> = table.iter().map(|(id, _)| id.as_str()).collect();
-    let expected: Vec<String> = (1..=18)
-        .chain(20..=24)
-        .map(|id| format!("H{id:02}"))
-        .collect();
+    let expected: Vec<String> = (1..=18).chain(20..=24).map(|id| format!("H{id:02}")).collect();
     assert_eq!(ids, expected);
     for (id, names) in &table {
         let prefix = format!("{}_", id.to_lowercase());
-        assert!(
-            names.iter().any(|name| name.starts_with(&prefix)),
-            "{id} has no test"
-        );
+        assert!(names.iter().any(|name| name.starts_with(&prefix)), "{id} has no test");
         for name in names {
-            assert!(
-                tests.contains(name),
-                "{id} names `{name}`, which does not run by default"
-            );
+            assert!(tests.contains(name), "{id} names `{name}`, which does not run by default");
         }
     }
     let listed: BTreeSet<&String> = table.iter().flat_map(|(_, names)| names).collect();
     for name in &tests {
         let of_hazard = name.starts_with('h') && name[1..3].parse::<u32>().is_ok();
-        assert!(
-            !of_hazard || listed.contains(name),
-            "`{name}` is not in the table"
-        );
+        assert!(!of_hazard || listed.contains(name), "`{name}` is not in the table");
     }
 }

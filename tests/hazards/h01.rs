@@ -26,16 +26,8 @@ fn h01_a_stale_target_is_replaced_before_the_drive_is_enabled() {
     clock::sleep(Nanos::from_millis(300));
     let after = rig.emulator.snapshot().axes[0].drive;
     let moved = (after.position - before.position).abs();
-    assert!(
-        moved <= 2 && after.target.abs() <= 2,
-        "{before:?} {after:?}"
-    );
-    let since = rig
-        .emulator
-        .log()
-        .into_iter()
-        .skip(events)
-        .filter(|event| event.axis == 0);
+    assert!(moved <= 2 && after.target.abs() <= 2, "{before:?} {after:?}");
+    let since = rig.emulator.log().into_iter().skip(events).filter(|event| event.axis == 0);
     let since: Vec<EventKind> = since.map(|event| event.kind).collect();
     let is_target = |kind: &EventKind| matches!(kind, EventKind::Setpoint(_));
     let is_enabled = |kind: &EventKind| {
@@ -44,10 +36,7 @@ fn h01_a_stale_target_is_replaced_before_the_drive_is_enabled() {
     };
     let first_target = since.iter().position(is_target).unwrap();
     let enabled = since.iter().position(is_enabled).unwrap();
-    assert!(
-        first_target < enabled,
-        "the target comes before the power: {since:?}"
-    );
+    assert!(first_target < enabled, "the target comes before the power: {since:?}");
     for kind in &since {
         let far = matches!(kind, EventKind::Setpoint(counts) if counts.abs() > 2);
         assert!(!far, "every target is the present position: {since:?}");

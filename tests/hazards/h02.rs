@@ -28,10 +28,7 @@ fn h02_without_commands_the_setpoints_are_constant_two_ticks_after_the_deadline(
     }
     let tick = bench.config.control.period();
     let ms = last_motion.since(sent).0 / 1_000_000;
-    assert!(
-        last_motion <= sent + deadline + tick + tick,
-        "{ms} ms after the command"
-    );
+    assert!(last_motion <= sent + deadline + tick + tick, "{ms} ms after the command");
     assert!(bench.report().holding && bench.report().stale_stops == 1);
     bench.run(500);
     assert_eq!(bench.report().lease_client_id, 0);
@@ -41,10 +38,7 @@ fn h02_without_commands_the_setpoints_are_constant_two_ticks_after_the_deadline(
 pub fn spawn_commander(domain: &str) -> Child {
     let mut command = Command::new(std::env::current_exe().unwrap());
     command.args(["--ignored", "--exact", "h02::commander_process"]);
-    command
-        .env("RIG_DOMAIN", domain)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null());
+    command.env("RIG_DOMAIN", domain).stdout(Stdio::null()).stderr(Stdio::null());
     command.spawn().unwrap()
 }
 

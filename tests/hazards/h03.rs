@@ -36,16 +36,9 @@ fn check_drives_hold_after(signal: Signal) {
     let drive = rig.emulator.snapshot().axes[0].drive;
     assert_eq!(drive.state, State::OperationEnabled, "it holds under power");
     assert!((100..1500).contains(&last), "{last}");
-    assert!(
-        (drive.position - last).abs() <= 3,
-        "{drive:?}, setpoint {last}"
-    );
+    assert!((drive.position - last).abs() <= 3, "{drive:?}, setpoint {last}");
     clock::sleep(Nanos::from_millis(300));
-    assert_eq!(
-        rig.setpoints(0).len(),
-        setpoints.len(),
-        "no further setpoints"
-    );
+    assert_eq!(rig.setpoints(0).len(), setpoints.len(), "no further setpoints");
     assert_eq!(rig.positions()[0], drive.position);
     if signal == Signal::SIGSTOP {
         rig.signal(Signal::SIGKILL);

@@ -28,20 +28,10 @@ fn h04_on_a_line_that_corrupts_bytes_no_wrong_setpoint_and_no_wrong_position_get
     assert!(line.corrupted() > 10, "{}", line.corrupted());
     assert!(jumps.is_empty(), "impossible positions: {jumps:?}");
     let setpoints = rig.setpoints(0);
-    assert!(
-        setpoints.iter().all(|(_, counts)| counts.abs() <= 205),
-        "{setpoints:?}"
-    );
+    assert!(setpoints.iter().all(|(_, counts)| counts.abs() <= 205), "{setpoints:?}");
     let log = rig.emulator.log();
-    let bad_line = log
-        .iter()
-        .any(|event| matches!(event.kind, EventKind::Line(_)));
+    let bad_line = log.iter().any(|event| matches!(event.kind, EventKind::Line(_)));
     assert!(bad_line, "the drive received corrupt requests, too");
     let state = wait_until_idle(&mut client);
-    assert_eq!(
-        state.state,
-        OperatingState::Enabled.number(),
-        "{}",
-        rig.log_text("controller")
-    );
+    assert_eq!(state.state, OperatingState::Enabled.number(), "{}", rig.log_text("controller"));
 }

@@ -13,10 +13,7 @@ fn h07_a_goal_outside_the_hull_is_clipped_and_reported() {
         assert_eq!(bench.joint(pitch, 0.0), Refusal::None);
         bench.run(9);
         let targets = bench.targets();
-        assert!(
-            targets.iter().all(|target| f64::from(*target) <= HULL),
-            "{targets:?}"
-        );
+        assert!(targets.iter().all(|target| f64::from(*target) <= HULL), "{targets:?}");
         assert_eq!(bench.report().clipped, pitch > edge, "{pitch}");
     }
     assert!((bench.joints().goal[0].to_degrees() - edge).abs() < 1e-6);

@@ -21,9 +21,7 @@ use crate::rig::wait_until_idle;
 
 fn refusal(outcome: Result<ModelReply, ClientError>) -> (Refusal, String) {
     match outcome {
-        Err(ClientError::ModelRefused {
-            refusal, message, ..
-        }) => (refusal, message),
+        Err(ClientError::ModelRefused { refusal, message, .. }) => (refusal, message),
         other => panic!("{other:?}"),
     }
 }
@@ -55,10 +53,7 @@ fn h08_bad_models_are_refused_with_the_reason_and_the_one_in_use_stays() {
         ("/dev/zero".into(), "not a regular file"),
     ] {
         let (refused, message) = refusal(client.stage_model(&file));
-        assert!(
-            refused == Refusal::BadModel && message.contains(reason),
-            "{message}"
-        );
+        assert!(refused == Refusal::BadModel && message.contains(reason), "{message}");
     }
     let activated = client.activate_model(ModelId([7; 32]), true);
     assert_eq!(refusal(activated).0, Refusal::NothingStaged);
@@ -88,10 +83,7 @@ fn h08_a_model_takes_over_while_the_snake_moves_and_is_rolled_back() {
     assert!(log.contains(" took over from "));
     let limit = rig.config.limits.velocity_counts_s * rig.config.control.period().as_seconds();
     let within = f64::from(largest) <= limit + 1.0;
-    assert!(
-        pairs > 100 && within,
-        "{largest} counts in one of {pairs} ticks"
-    );
+    assert!(pairs > 100 && within, "{largest} counts in one of {pairs} ticks");
 }
 
 /// Takes another model into use, and the previous one again.
@@ -101,17 +93,12 @@ fn swap_and_roll_back(operator: &mut Client, second: &Path) {
     assert!(first.flags & ModelSlot::PRESENT != 0);
     assert_eq!(unpadded_text(&second.family), "linear");
     let difference = staged.difference;
-    assert!(
-        difference.valid == 1 && difference.unreached == 0.0,
-        "{difference:?}"
-    );
+    assert!(difference.valid == 1 && difference.unreached == 0.0, "{difference:?}");
     // 1.3 times the angle: 769 counts instead of 1000.
     let [one, two] = difference.largest_counts.map(f64::abs);
     assert!((one.max(two) - 231.0).abs() < 1.0, "{difference:?}");
     let in_use = |reply: ModelReply| [reply.slots[0].model_id, reply.slots[2].model_id];
-    let reply = operator
-        .activate_model(ModelId(second.model_id), false)
-        .unwrap();
+    let reply = operator.activate_model(ModelId(second.model_id), false).unwrap();
     assert_eq!(in_use(reply), [second.model_id, first.model_id]);
     assert_eq!(operator.version().unwrap().model_id, second.model_id);
     clock::sleep(Nanos::from_millis(200));

@@ -39,10 +39,6 @@ fn h09_invalid_values_and_huge_steps_are_refused_and_nothing_moves() {
         send_until_refused(&mut client, goal, refusal);
     }
     for axis in 0..2 {
-        assert!(
-            rig.setpoints(axis)
-                .iter()
-                .all(|(_, counts)| counts.abs() <= 1)
-        );
+        assert!(rig.setpoints(axis).iter().all(|(_, counts)| counts.abs() <= 1));
     }
 }

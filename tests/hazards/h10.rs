@@ -25,10 +25,7 @@ fn h10_too_many_late_ticks_in_a_window_are_a_fault_and_single_ones_are_none() {
     assert_eq!(bench.state(), OperatingState::Enabled);
     bench.missed = 1;
     bench.run(25);
-    assert_eq!(
-        (bench.state(), bench.report().fault),
-        (OperatingState::Fault, Fault::Late)
-    );
+    assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Late));
     bench.missed = 0;
     bench.run(50);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);

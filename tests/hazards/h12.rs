@@ -23,10 +23,7 @@ fn h12_a_blocked_motor_is_a_following_error_and_loses_its_power() {
     bench.tick();
     assert_eq!(demands(&bench), [Demand::Disabled, Demand::QuickStop]);
     // The limit, and the commands that were in flight.
-    assert!(
-        goal <= bench.config.limits.following_error_counts + 60,
-        "{goal}"
-    );
+    assert!(goal <= bench.config.limits.following_error_counts + 60, "{goal}");
 }
 
 fn demands(bench: &Bench) -> [Demand; 2] {
@@ -56,12 +53,7 @@ fn with_camera(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
             if k > 2000 {
                 position[0] += slack_deg.to_radians();
             }
-            bench.external = Some(ExternalPose {
-                stamp,
-                position,
-                outputs: 2,
-                quality: 0.0,
-            });
+            bench.external = Some(ExternalPose { stamp, position, outputs: 2, quality: 0.0 });
         }
     }
     bench
@@ -88,12 +80,8 @@ fn h12_a_late_camera_that_agrees_is_no_fault() {
 #[test]
 fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_said() {
     let mut bench = with_camera(120, 0.0, 1000);
-    let odd = ExternalPose {
-        stamp: bench.now,
-        position: [1.0, 1.0, 0.0],
-        outputs: 2,
-        quality: 0.0,
-    };
+    let odd =
+        ExternalPose { stamp: bench.now, position: [1.0, 1.0, 0.0], outputs: 2, quality: 0.0 };
     bench.run(1);
     bench.external = Some(odd);
     bench.run(2000);

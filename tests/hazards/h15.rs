@@ -15,23 +15,13 @@ fn refusal_of_second(change_domain: impl FnOnce(&mut String)) -> String {
     change_domain(&mut rig.config.ipc.domain);
     let mut second = rig.spawn_controller("second");
     rig.config.ipc.domain = domain;
-    assert_eq!(
-        wait_for_end(&mut second).expect("it ends at once").code(),
-        Some(1)
-    );
+    assert_eq!(wait_for_end(&mut second).expect("it ends at once").code(), Some(1));
     let state = wait_until_idle(&mut client).state;
     assert_eq!(state, OperatingState::Enabled.number());
     let log = rig.emulator.log();
-    assert!(
-        !log[events..]
-            .iter()
-            .any(|event| matches!(event.kind, EventKind::Line(_)))
-    );
+    assert!(!log[events..].iter().any(|event| matches!(event.kind, EventKind::Line(_))));
     let text = rig.log_text("second");
-    assert!(
-        text.starts_with("error: ") && text.lines().count() == 1,
-        "{text}"
-    );
+    assert!(text.starts_with("error: ") && text.lines().count() == 1, "{text}");
     text
 }
 

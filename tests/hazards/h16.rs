@@ -37,12 +37,7 @@ fn h16_five_minutes_of_ordinary_use_trip_nothing() {
                 *angle += noise_deg.to_radians();
             }
             let (stamp, outputs) = (bench.now, 2);
-            bench.external = Some(ExternalPose {
-                stamp,
-                position,
-                outputs,
-                quality: 0.0,
-            });
+            bench.external = Some(ExternalPose { stamp, position, outputs, quality: 0.0 });
         }
     }
     let report = bench.report();

@@ -4,13 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Names of functions and types that read a clock that can be set.
-const WALL_CLOCKS: [&str; 5] = [
-    "SystemTime",
-    "CLOCK_REALTIME",
-    "gettimeofday",
-    "time::OffsetDateTime",
-    "chrono::",
-];
+const WALL_CLOCKS: [&str; 5] =
+    ["SystemTime", "CLOCK_REALTIME", "gettimeofday", "time::OffsetDateTime", "chrono::"];
 
 fn sources(folder: &Path, into: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap().flatten() {
@@ -33,12 +28,7 @@ fn h17_only_file_names_and_headers_use_the_wall_clock() {
     let (mut readers, mut users) = (Vec::new(), Vec::new());
     for file in &files {
         let text = fs::read_to_string(file).unwrap();
-        let name = file
-            .strip_prefix(&folder)
-            .unwrap()
-            .to_str()
-            .unwrap()
-            .to_owned();
+        let name = file.strip_prefix(&folder).unwrap().to_str().unwrap().to_owned();
         if WALL_CLOCKS.iter().any(|clock| text.contains(clock)) {
             readers.push(name.clone());
         }
@@ -50,10 +40,6 @@ fn h17_only_file_names_and_headers_use_the_wall_clock() {
     assert_eq!(readers, ["wall_clock.rs"]);
     assert_eq!(
         users,
-        [
-            "process/black_box/recorder.rs",
-            "process/main_thread.rs",
-            "process/run_log.rs"
-        ]
+        ["process/black_box/recorder.rs", "process/main_thread.rs", "process/run_log.rs"]
     );
 }

@@ -18,10 +18,7 @@ fn h18_a_killed_controller_is_restarted_and_continues_with_the_same_client_and_z
         rig.start_controller();
         rig.client();
         let state = settle_in(&mut client, OperatingState::Disabled);
-        assert!(
-            has(&state, OperatingStateMsg::HOMED),
-            "the drives kept their zero"
-        );
+        assert!(has(&state, OperatingStateMsg::HOMED), "the drives kept their zero");
         enable(&mut client);
         stream_counts(&client, 0.3, |t| [(200.0 * t) as i32, 0]);
     }

@@ -26,9 +26,7 @@ fn h20_a_push_too_slow_to_be_told_from_drift_is_bounded_by_the_budget_and_said()
     let mut drifting = Drifting::new(ON);
     drifting.follow(20.0, wandering, truth);
     let start = drifting.time_s;
-    drifting.follow(120.0, wandering, |t, [pitch, yaw]| {
-        [pitch + 0.05 * (t - start), yaw]
-    });
+    drifting.follow(120.0, wandering, |t, [pitch, yaw]| [pitch + 0.05 * (t - start), yaw]);
     assert!(drifting.has(AdaptationEvent::BudgetWarning));
     assert!(drifting.has(AdaptationEvent::BudgetUsed));
     let budget = drifting.bench.config.adaptation.zero_budget_deg;

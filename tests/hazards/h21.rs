@@ -25,10 +25,7 @@ fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_said() {
             drifting.follow(1.0, wandering, view);
             for corner in CORNERS {
                 let shift = drifting.shift(corner);
-                assert!(
-                    shift <= budget + 1e-6,
-                    "view {index}: {shift} deg at {corner:?}"
-                );
+                assert!(shift <= budget + 1e-6, "view {index}: {shift} deg at {corner:?}");
             }
         }
         let is_said = [
@@ -53,17 +50,9 @@ fn h21_a_camera_that_makes_it_worse_is_found_out_and_the_correction_is_taken_bac
         let sway = 0.9 * (std::f64::consts::TAU * t / 15.0).sin();
         [pitch + sway, yaw - sway]
     });
-    assert!(
-        drifting.has(AdaptationEvent::TakenBack),
-        "{:?}",
-        drifting.adaptation()
-    );
+    assert!(drifting.has(AdaptationEvent::TakenBack), "{:?}", drifting.adaptation());
     drifting.follow(20.0, wandering, truth);
-    assert!(
-        drifting.shift([0.0, 0.0]) < 0.05,
-        "{:?}",
-        drifting.adaptation()
-    );
+    assert!(drifting.shift([0.0, 0.0]) < 0.05, "{:?}", drifting.adaptation());
 }
 
 #[test]
@@ -73,17 +62,14 @@ fn h21_a_loose_wire_is_a_fault_although_most_of_it_was_followed() {
     let mut drifting = Drifting::new(on);
     drifting.follow(10.0, wandering, truth);
     // 2 deg have been followed: the adapted pose is near the camera.
-    drifting.follow(60.0, wandering, |t, [pitch, yaw]| {
-        [pitch + (0.05 * (t - 10.0)).min(2.0), yaw]
-    });
+    drifting.follow(60.0, wandering, |t, [pitch, yaw]| [pitch + (0.05 * (t - 10.0)).min(2.0), yaw]);
     assert!(drifting.adaptation().applied.zero[0].to_degrees() > 1.5);
     assert_eq!(drifting.bench.state(), OperatingState::Enabled);
     // 3.2 deg from the calibration, 1.2 deg from the adapted pose.
     let start = drifting.time_s;
     let run = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-        drifting.follow(3.0, wandering, |t, [pitch, yaw]| {
-            [pitch + 2.0 + (t - start).min(1.2), yaw]
-        });
+        drifting
+            .follow(3.0, wandering, |t, [pitch, yaw]| [pitch + 2.0 + (t - start).min(1.2), yaw]);
     }));
     assert!(run.is_err(), "commands are refused after the fault");
     assert!(drifting.bench.events.iter().any(is_implausible));

@@ -10,10 +10,7 @@
     reason = "tests, and campaigns that print numbers"
 )]
 
-#[allow(
-    dead_code,
-    reason = "shared with the tests of the cycle, which use all of it"
-)]
+#[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
 #[path = "../cycle/bench.rs"]
 mod bench;
 #[path = "../cycle/invariants.rs"]
@@ -21,10 +18,7 @@ mod invariants;
 mod noise;
 #[path = "../rig/mod.rs"]
 mod rig;
-#[allow(
-    dead_code,
-    reason = "shared with the tests of the cycle, which use all of it"
-)]
+#[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
 #[path = "../cycle/simulated_drive.rs"]
 mod simulated_drive;
 

@@ -35,12 +35,7 @@ impl NoisyLine {
         let device = ttyname(&pty.slave).unwrap();
         let flags = (OFlag::O_NONBLOCK | OFlag::O_NOCTTY).bits();
         let mut options = OpenOptions::new();
-        let mut drive = options
-            .read(true)
-            .write(true)
-            .custom_flags(flags)
-            .open(drive)
-            .unwrap();
+        let mut drive = options.read(true).write(true).custom_flags(flags).open(drive).unwrap();
         make_raw(&pty.slave);
         make_raw(&drive);
         fcntl(&pty.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).unwrap();
@@ -62,14 +57,7 @@ impl NoisyLine {
                 }
             }
         });
-        Self {
-            device,
-            corrupted,
-            noisy,
-            stop,
-            thread: Some(thread),
-            _slave: pty.slave,
-        }
+        Self { device, corrupted, noisy, stop, thread: Some(thread), _slave: pty.slave }
     }
 
     /// Starts the noise.

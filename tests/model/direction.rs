@@ -14,9 +14,7 @@ const DEAD_BAND: f64 = 4.0;
 /// travel. The direction `s` of a motor is a variable of variance 1, and the counts of the map are
 /// `counts - lag s`.
 fn branches(map: &SmoothMap, lags: &[f64]) -> FamilyParameters {
-    let FamilyParameters::Gmr { mixture } = map.family() else {
-        panic!()
-    };
+    let FamilyParameters::Gmr { mixture } = map.family() else { panic!() };
     let motors = lags.len();
     let size = mixture.means[0].len() + motors;
     // A row of the whole mixture: coefficients of the variables of the map, and of the directions.
@@ -33,14 +31,10 @@ fn branches(map: &SmoothMap, lags: &[f64]) -> FamilyParameters {
         let entry = |i: usize, j: usize| {
             let ((a, s), (b, t)) = (row(i), row(j));
             let within = a.zip(b).map_or(0.0, |(a, b)| inner[a][b]);
-            let between = s
-                .zip(t)
-                .map_or(0.0, |((s, x), (t, y))| if s == t { x * y } else { 0.0 });
+            let between = s.zip(t).map_or(0.0, |((s, x), (t, y))| if s == t { x * y } else { 0.0 });
             within + between
         };
-        (0..size)
-            .map(|i| (0..size).map(|j| entry(i, j)).collect())
-            .collect()
+        (0..size).map(|i| (0..size).map(|j| entry(i, j)).collect()).collect()
     };
     let mean = |inner: &Vec<f64>| -> Vec<f64> {
         let (counts, outputs) = inner.split_at(motors);
@@ -51,18 +45,11 @@ fn branches(map: &SmoothMap, lags: &[f64]) -> FamilyParameters {
         means: mixture.means.iter().map(mean).collect(),
         covariances: mixture.covariances.iter().map(covariance).collect(),
     };
-    FamilyParameters::GmrDirection {
-        dead_bands_counts: vec![DEAD_BAND; motors],
-        mixture,
-    }
+    FamilyParameters::GmrDirection { dead_bands_counts: vec![DEAD_BAND; motors], mixture }
 }
 
 fn branch_file(map: &SmoothMap, lags: &[f64]) -> ModelFile {
-    file(
-        map.gain.len(),
-        branches(map, lags),
-        region(lags.len(), REACH),
-    )
+    file(map.gain.len(), branches(map, lags), region(lags.len(), REACH))
 }
 
 fn memory_after(model: &Model, path: &[MotorVec]) -> Memory {
@@ -74,19 +61,11 @@ fn memory_after(model: &Model, path: &[MotorVec]) -> Memory {
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        .sqrt()
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
 fn one_motor() -> (SmoothMap, Model) {
-    let map = SmoothMap {
-        gain: vec![vec![0.02]],
-        bend: 0.2,
-        steps: 4,
-    };
+    let map = SmoothMap { gain: vec![vec![0.02]], bend: 0.2, steps: 4 };
     let model = Model::from_file(branch_file(&map, &[15.0])).unwrap();
     (map, model)
 }
@@ -152,42 +131,20 @@ fn compensation_interpolates_from_the_mean_of_the_branches() {
     let memory = memory_after(&model, &[[-300.0, 0.0], [100.0, 0.0]]);
     let goal = model.predict(&[150.0, 0.0], &memory).mean;
     let counts = |compensation| {
-        model
-            .invert(
-                &goal,
-                &memory,
-                &Query {
-                    compensation,
-                    ..Query::new([100.0, 0.0])
-                },
-            )
-            .counts[0]
+        model.invert(&goal, &memory, &Query { compensation, ..Query::new([100.0, 0.0]) }).counts[0]
     };
-    let without = model
-        .invert(&goal, &model.new_memory(), &Query::new([100.0, 0.0]))
-        .counts[0];
+    let without = model.invert(&goal, &model.new_memory(), &Query::new([100.0, 0.0])).counts[0];
     assert!((counts(1.0) - 150.0).abs() < 0.1 && (counts(0.0) - without).abs() < 1e-9);
     assert!((counts(0.5) - 0.5 * (counts(0.0) + counts(1.0))).abs() < 1e-9);
-    assert!(
-        (counts(1.0) - counts(0.0) - 15.0).abs() < 1.0,
-        "half the gap lies between"
-    );
+    assert!((counts(1.0) - counts(0.0) - 15.0).abs() < 1.0, "half the gap lies between");
 }
 
 #[test]
 fn sizes_and_dead_bands_are_checked() {
-    let map = SmoothMap {
-        gain: vec![vec![0.02, 0.0], vec![0.0, 0.02]],
-        bend: 0.0,
-        steps: 1,
-    };
+    let map = SmoothMap { gain: vec![vec![0.02, 0.0], vec![0.0, 0.02]], bend: 0.0, steps: 1 };
     let refused = |change: fn(&mut Vec<f64>, &mut MixtureParameters)| {
         let mut file = branch_file(&map, &[5.0, 5.0]);
-        let FamilyParameters::GmrDirection {
-            dead_bands_counts,
-            mixture,
-        } = &mut file.family
-        else {
+        let FamilyParameters::GmrDirection { dead_bands_counts, mixture } = &mut file.family else {
             panic!()
         };
         change(dead_bands_counts, mixture);
@@ -218,14 +175,8 @@ fn check_round_trip(
     let worth = (0..2)
         .map(|motor| distance(&jacobian.map(|row| row[motor]), &[0.0; 3]))
         .fold(0.0, f64::max);
-    assert!(
-        missed <= worth,
-        "{inverse:?} for {at:?} misses {missed}, and a count is {worth}"
-    );
-    assert!(
-        !inverse.clipped && model.hull().contains(&inverse.counts),
-        "{inverse:?}"
-    );
+    assert!(missed <= worth, "{inverse:?} for {at:?} misses {missed}, and a count is {worth}");
+    assert!(!inverse.clipped && model.hull().contains(&inverse.counts), "{inverse:?}");
 }
 
 fn path(motors: usize) -> impl Strategy<Value = Vec<MotorVec>> {
@@ -233,13 +184,7 @@ fn path(motors: usize) -> impl Strategy<Value = Vec<MotorVec>> {
 }
 
 fn any_number() -> impl Strategy<Value = f64> {
-    prop_oneof![
-        any::<f64>(),
-        -2.0..2.0_f64,
-        Just(f64::NAN),
-        Just(f64::INFINITY),
-        Just(f64::MAX)
-    ]
+    prop_oneof![any::<f64>(), -2.0..2.0_f64, Just(f64::NAN), Just(f64::INFINITY), Just(f64::MAX)]
 }
 
 proptest! {

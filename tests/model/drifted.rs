@@ -32,9 +32,7 @@ fn play_file() -> ModelFile {
         plays,
         mixture: flat_mixture(),
         residual: None,
-        virtual_hull: i2ris::model::file::HullParameters {
-            corners: region(2, 1500.0),
-        },
+        virtual_hull: i2ris::model::file::HullParameters { corners: region(2, 1500.0) },
     };
     file(2, family, region(2, 1500.0))
 }
@@ -44,9 +42,7 @@ fn stop_file() -> ModelFile {
         stops: some_stops(2),
         mixture: flat_mixture(),
         residual: None,
-        virtual_hull: i2ris::model::file::HullParameters {
-            corners: region(2, 1500.0),
-        },
+        virtual_hull: i2ris::model::file::HullParameters { corners: region(2, 1500.0) },
     };
     file(2, family, region(2, 1500.0))
 }
@@ -62,11 +58,8 @@ fn path() -> impl Iterator<Item = [f64; 2]> {
     })
 }
 
-const DRIFT: FileDrift = FileDrift {
-    zero: [0.02, -0.01],
-    gain: [[0.1, 0.03], [-0.02, -0.08]],
-    gap: [0.4, 0.4],
-};
+const DRIFT: FileDrift =
+    FileDrift { zero: [0.02, -0.01], gain: [[0.1, 0.03], [-0.02, -0.08]], gap: [0.4, 0.4] };
 
 /// The largest distance between a file with a drift and the model with the drift beside it, rad.
 fn largest_difference(file: &ModelFile, drift: &FileDrift) -> f64 {
@@ -104,12 +97,9 @@ fn a_file_with_a_drift_predicts_what_the_model_predicts_with_the_drift_beside_it
     let gain: &[&[f64]] = &[&[0.02, 0.01], &[-0.01, 0.02]];
     let linear = file(2, linear(gain, &[1.0, -2.0]), region(2, 1500.0));
     let gmr = file(2, two_by_two(), region(2, 50.0));
-    for (name, file) in [
-        ("linear", linear),
-        ("gmr", gmr),
-        ("play", play_file()),
-        ("stop", stop_file()),
-    ] {
+    for (name, file) in
+        [("linear", linear), ("gmr", gmr), ("play", play_file()), ("stop", stop_file())]
+    {
         let largest = largest_difference(&file, &DRIFT);
         assert!(largest < 1e-9, "{name}: {largest} rad");
     }
@@ -147,10 +137,7 @@ fn a_gap_scale_of_one_changes_no_bit() {
             model.advance(&mut usual, &counts);
             scaled.set_gap_scale(&[1.0; 2]);
             model.advance(&mut scaled, &counts);
-            assert_eq!(
-                model.predict(&counts, &usual),
-                model.predict(&counts, &scaled)
-            );
+            assert_eq!(model.predict(&counts, &usual), model.predict(&counts, &scaled));
         }
         assert_eq!(usual, scaled);
     }

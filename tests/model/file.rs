@@ -24,18 +24,13 @@ fn identity_is_the_sha256_of_the_canonical_form() {
     let expected = "8d53add712bd4c4c09cafa4b28b832756534461f007d4c065c86cef5e0801218";
     assert_eq!(id(&sample()).to_string(), expected);
     assert_eq!(Model::from_file(sample()).unwrap().id(), id(&sample()));
-    assert_eq!(
-        format!("{:?}", id(&sample())),
-        format!("ModelId({expected})")
-    );
+    assert_eq!(format!("{:?}", id(&sample())), format!("ModelId({expected})"));
 }
 
 #[test]
 fn layout_and_order_of_fields_do_not_change_the_identity() {
     let compact = serde_json::to_string(&sample()).unwrap();
-    let indented = serde_json::to_string_pretty(&sample())
-        .unwrap()
-        .replace(':', " :\t");
+    let indented = serde_json::to_string_pretty(&sample()).unwrap().replace(':', " :\t");
     // A map sorts its keys by name.
     let sorted =
         serde_json::to_string(&serde_json::from_str::<serde_json::Value>(&compact).unwrap())
@@ -58,15 +53,11 @@ fn every_value_changes_the_identity() {
         |file| file.metrics[0].training.max = 1.25,
         |file| file.metrics[0].held_out = Some(file.metrics[0].training),
         |file| {
-            let FamilyParameters::Gmr { mixture } = &mut file.family else {
-                panic!()
-            };
+            let FamilyParameters::Gmr { mixture } = &mut file.family else { panic!() };
             mixture.weights[0] = mixture.weights[0].next_up();
         },
         |file| {
-            let FamilyParameters::Gmr { mixture } = &mut file.family else {
-                panic!()
-            };
+            let FamilyParameters::Gmr { mixture } = &mut file.family else { panic!() };
             mixture.covariances[1][0][0] = mixture.covariances[1][0][0].next_down();
         },
     ];
@@ -108,14 +99,8 @@ fn a_written_file_has_one_line_per_row_of_numbers() {
     let path = folder.path().join("model.json");
     file(2, two_by_two(), square(50.0)).write(&path).unwrap();
     let text = fs::read_to_string(&path).unwrap();
-    assert!(
-        text.starts_with("{\n  \"format\": \"i2ris-model\",\n"),
-        "{text}"
-    );
-    assert!(
-        text.contains("\n          [8100.0, -2700.0, 180.0, 54.0],\n"),
-        "{text}"
-    );
+    assert!(text.starts_with("{\n  \"format\": \"i2ris-model\",\n"), "{text}");
+    assert!(text.contains("\n          [8100.0, -2700.0, 180.0, 54.0],\n"), "{text}");
     assert!(text.contains("\"weights\": [0.3, 0.7],\n"), "{text}");
     assert!(text.ends_with("}\n"));
 }
@@ -127,22 +112,14 @@ fn a_failed_write_changes_no_file() {
     sample().write(&path).unwrap();
     let mut bad = sample();
     bad.robot_id.clear();
-    assert!(
-        bad.write(&path)
-            .unwrap_err()
-            .to_string()
-            .contains("robot_id")
-    );
+    assert!(bad.write(&path).unwrap_err().to_string().contains("robot_id"));
     assert_eq!(ModelFile::read(&path).unwrap(), sample());
 
     // A folder cannot be replaced by a file. This error occurs only at the final rename.
     let taken = folder.path().join("taken");
     fs::create_dir_all(taken.join("inner")).unwrap();
     let error = sample().write(&taken).unwrap_err().to_string();
-    assert!(
-        error.contains("cannot write model file") && error.contains("taken"),
-        "{error}"
-    );
+    assert!(error.contains("cannot write model file") && error.contains("taken"), "{error}");
     let mut names = names_in(folder.path());
     names.sort();
     assert_eq!(names, ["model.json", "taken"]);

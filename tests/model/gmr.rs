@@ -13,21 +13,15 @@ fn predict(model: &Model, counts: MotorVec) -> Estimate {
 
 #[track_caller]
 fn near(found: f64, expected: f64, tolerance: f64) {
-    assert!(
-        (found - expected).abs() <= tolerance,
-        "{found} is not {expected}"
-    );
+    assert!((found - expected).abs() <= tolerance, "{found} is not {expected}");
 }
 
 #[test]
 fn one_component_gives_linear_regression() {
     // slope 60 / 2500 = 0.024, variance 4 - 60^2 / 2500 = 2.56
     let covariances = vec![vec![vec![2500.0, 60.0], vec![60.0, 4.0]]];
-    let mixture = MixtureParameters {
-        weights: vec![1.0],
-        means: vec![vec![-100.0, -2.0]],
-        covariances,
-    };
+    let mixture =
+        MixtureParameters { weights: vec![1.0], means: vec![vec![-100.0, -2.0]], covariances };
     let family = FamilyParameters::Gmr { mixture };
     let model = Model::from_file(file(1, family, region(1, 300.0))).unwrap();
     for counts in [-300.0, -100.0, 250.0, 1e6] {
@@ -39,11 +33,7 @@ fn one_component_gives_linear_regression() {
         );
         near(estimate.covariance[0][0], 2.56 * DEG * DEG, 1e-15);
         near(estimate.covariance_within[0][0], 2.56 * DEG * DEG, 1e-15);
-        near(
-            model.jacobian(&[counts, 0.0], &model.new_memory())[0][0],
-            0.024 * DEG,
-            1e-15,
-        );
+        near(model.jacobian(&[counts, 0.0], &model.new_memory())[0][0], 0.024 * DEG, 1e-15);
     }
 }
 
@@ -53,24 +43,9 @@ fn two_components_match_the_moments_of_the_joint_density() {
     // points); the last column by the formula of the note. Counts, mean deg, variance deg^2,
     // variance within deg^2.
     let expected = [
-        (
-            0.0,
-            0.785_649_710_429_329_7,
-            4.210_972_949_515_980_4,
-            2.392_362_153_241_798_7,
-        ),
-        (
-            37.5,
-            1.725_642_395_075_223_3,
-            4.878_295_282_595_246,
-            4.480_869_492_820_261,
-        ),
-        (
-            -250.0,
-            -5.564_565_658_197_513,
-            2.669_476_725_553_797,
-            2.450_318_028_066_829,
-        ),
+        (0.0, 0.785_649_710_429_329_7, 4.210_972_949_515_980_4, 2.392_362_153_241_798_7),
+        (37.5, 1.725_642_395_075_223_3, 4.878_295_282_595_246, 4.480_869_492_820_261),
+        (-250.0, -5.564_565_658_197_513, 2.669_476_725_553_797, 2.450_318_028_066_829),
         (900.0, 19.0, 5.0, 5.0),
     ];
     let model = Model::from_file(file(1, two_components(), region(1, 300.0))).unwrap();
@@ -129,16 +104,8 @@ fn two_motors_and_two_angles_match_the_python_package_gmr() {
         for i in 0..2 {
             near(estimate.mean[i] / DEG, mean[i], 1e-11);
             for j in 0..2 {
-                near(
-                    estimate.covariance[i][j] / DEG / DEG,
-                    covariance[i][j],
-                    1e-11,
-                );
-                near(
-                    estimate.covariance_within[i][j] / DEG / DEG,
-                    within[i][j],
-                    1e-11,
-                );
+                near(estimate.covariance[i][j] / DEG / DEG, covariance[i][j], 1e-11);
+                near(estimate.covariance_within[i][j] / DEG / DEG, within[i][j], 1e-11);
             }
         }
     }
@@ -147,36 +114,18 @@ fn two_motors_and_two_angles_match_the_python_package_gmr() {
 #[test]
 fn prediction_is_finite_far_from_all_components() {
     let model = Model::from_file(file(2, two_by_two(), square(50.0))).unwrap();
-    for counts in [
-        [1e9, -1e9],
-        [f64::MAX, f64::MIN],
-        [f64::INFINITY, 0.0],
-        [-2e9, 3e5],
-    ] {
+    for counts in [[1e9, -1e9], [f64::MAX, f64::MIN], [f64::INFINITY, 0.0], [-2e9, 3e5]] {
         let estimate = predict(&model, counts);
-        let numbers = estimate
-            .mean
-            .iter()
-            .chain(estimate.covariance.iter().flatten());
+        let numbers = estimate.mean.iter().chain(estimate.covariance.iter().flatten());
         assert!(
-            numbers
-                .chain(estimate.covariance_within.iter().flatten())
-                .all(|v| v.is_finite()),
+            numbers.chain(estimate.covariance_within.iter().flatten()).all(|v| v.is_finite()),
             "{estimate:?}"
         );
         assert!(
-            model
-                .jacobian(&counts, &model.new_memory())
-                .iter()
-                .flatten()
-                .all(|v| v.is_finite())
+            model.jacobian(&counts, &model.new_memory()).iter().flatten().all(|v| v.is_finite())
         );
         // One component remains, with the whole responsibility.
-        near(
-            estimate.covariance_within[0][0] / estimate.covariance[0][0],
-            1.0,
-            1e-9,
-        );
+        near(estimate.covariance_within[0][0] / estimate.covariance[0][0], 1.0, 1e-9);
     }
 }
 
@@ -206,11 +155,7 @@ fn quadratic_range(matrix: [[f64; 3]; 3], outputs: usize) -> (f64, f64) {
 }
 
 fn check_covariances(model: &Model, counts: MotorVec) {
-    let Estimate {
-        covariance,
-        covariance_within,
-        ..
-    } = predict(model, counts);
+    let Estimate { covariance, covariance_within, .. } = predict(model, counts);
     let between = std::array::from_fn(|i| {
         std::array::from_fn(|j| covariance[i][j] - covariance_within[i][j])
     });

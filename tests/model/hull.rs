@@ -67,11 +67,7 @@ fn hull_of_a_circle_has_the_most_corners_on_the_circle() {
         .collect();
     let hull = Hull::from_points(2, &circle).unwrap();
     assert_eq!(hull.corners().count(), MAX_CORNERS);
-    assert!(
-        circle
-            .iter()
-            .all(|point| distance(hull.project(point), *point) < 5.0)
-    );
+    assert!(circle.iter().all(|point| distance(hull.project(point), *point) < 5.0));
     assert!(hull.corners().all(|corner| circle.contains(&corner)));
 }
 
@@ -85,50 +81,27 @@ fn invalid_polygons_are_refused() {
     );
     let dent = polygon(&[[0.0, 0.0], [9.0, 0.0], [2.0, 2.0], [0.0, 9.0]]).unwrap_err();
     assert!(dent.contains("convex"), "{dent}");
-    let star = polygon(&[
-        [0.0, 10.0],
-        [-6.0, -8.0],
-        [9.5, 3.0],
-        [-9.5, 3.0],
-        [6.0, -8.0],
-    ])
-    .unwrap_err();
+    let star =
+        polygon(&[[0.0, 10.0], [-6.0, -8.0], [9.5, 3.0], [-9.5, 3.0], [6.0, -8.0]]).unwrap_err();
     assert!(star.contains("convex"), "{star}");
     let thin = polygon(&[[0.0, 0.0], [100.0, 0.0], [50.0, 0.5]]).unwrap_err();
     assert!(thin.contains("one count wide"), "{thin}");
     let twice = polygon(&[[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [0.0, 9.0]]).unwrap_err();
     assert!(twice.contains("twice"), "{twice}");
-    assert!(
-        polygon(&[[0.0, 0.0], [9.0, 0.0]])
-            .unwrap_err()
-            .contains("3 to 64 corners")
-    );
+    assert!(polygon(&[[0.0, 0.0], [9.0, 0.0]]).unwrap_err().contains("3 to 64 corners"));
     assert!(
         polygon(&[[0.0, 0.0], [9.0, f64::NAN], [0.0, 9.0]])
             .unwrap_err()
             .contains("hull.corners[1]")
     );
-    assert!(
-        polygon(&[[0.0, 0.0], [9e9, 0.0], [0.0, 9.0]])
-            .unwrap_err()
-            .contains("32 bits")
-    );
-    let backwards = HullParameters {
-        corners: vec![vec![5.0], vec![-5.0]],
-    };
-    assert!(
-        Hull::new(&backwards, 1)
-            .unwrap_err()
-            .to_string()
-            .contains("above the first")
-    );
+    assert!(polygon(&[[0.0, 0.0], [9e9, 0.0], [0.0, 9.0]]).unwrap_err().contains("32 bits"));
+    let backwards = HullParameters { corners: vec![vec![5.0], vec![-5.0]] };
+    assert!(Hull::new(&backwards, 1).unwrap_err().to_string().contains("above the first"));
 }
 
 #[test]
 fn positions_without_area_are_refused() {
-    let line: Vec<_> = (0..20)
-        .map(|i| [f64::from(i), 2.0 * f64::from(i)])
-        .collect();
+    let line: Vec<_> = (0..20).map(|i| [f64::from(i), 2.0 * f64::from(i)]).collect();
     assert!(
         Hull::from_points(2, &line)
             .unwrap_err()

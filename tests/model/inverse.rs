@@ -12,11 +12,7 @@ fn mean(model: &Model, counts: &MotorVec) -> OutputVec {
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        .sqrt()
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
 fn one_count(model: &Model, counts: &MotorVec) -> f64 {
@@ -35,17 +31,11 @@ fn check_round_trip(map: &SmoothMap, at: MotorVec, start: MotorVec) {
     let model = Model::from_file(map.file()).unwrap();
     let inverse = invert(&model, &mean(&model, &at), &start);
     let missed = distance(&mean(&model, &inverse.counts), &mean(&model, &at));
-    assert!(
-        missed <= 0.1 * one_count(&model, &at),
-        "{inverse:?} for {at:?} misses {missed}"
-    );
+    assert!(missed <= 0.1 * one_count(&model, &at), "{inverse:?} for {at:?} misses {missed}");
     assert!((missed - inverse.residual).abs() < 1e-12);
     assert!(!inverse.clipped, "{inverse:?}");
     if model.motors() <= model.outputs() {
-        assert!(
-            distance(&inverse.counts, &at) <= 1.0,
-            "{inverse:?} is not {at:?}"
-        );
+        assert!(distance(&inverse.counts, &at) <= 1.0, "{inverse:?} is not {at:?}");
     }
 }
 
@@ -53,10 +43,7 @@ fn check_stays_in_hull(map: &SmoothMap, goal: OutputVec, start: MotorVec) {
     let model = Model::from_file(map.file()).unwrap();
     let inverse = invert(&model, &goal, &start);
     assert!(model.hull().contains(&inverse.counts), "{inverse:?}");
-    assert!(
-        !inverse.residual.is_nan() && inverse.residual >= 0.0,
-        "{inverse:?}"
-    );
+    assert!(!inverse.residual.is_nan() && inverse.residual >= 0.0, "{inverse:?}");
     let used_goal = &goal[..model.outputs()];
     if used_goal.iter().any(|g| !g.is_finite()) {
         assert!(inverse.clipped && inverse.residual.is_infinite());
@@ -183,29 +170,15 @@ proptest! {
 
 #[test]
 fn warm_start_takes_few_evaluations_and_small_steps() {
-    let map = SmoothMap {
-        gain: vec![vec![0.02, 0.02], vec![-0.02, 0.02]],
-        bend: 0.3,
-        steps: 3,
-    };
+    let map = SmoothMap { gain: vec![vec![0.02, 0.02], vec![-0.02, 0.02]], bend: 0.3, steps: 3 };
     let model = Model::from_file(map.file()).unwrap();
     let mut last = invert(&model, &[8.0 * DEG, 0.0, 0.0], &[0.0, 0.0]).counts;
     for tick in 1..2000 {
         // A circle of 8 degrees in 2 seconds at 1 kHz moves 0.025 degrees a tick: about a count.
         let turn = std::f64::consts::TAU * f64::from(tick) / 2000.0;
-        let inverse = invert(
-            &model,
-            &[8.0 * DEG * turn.cos(), 8.0 * DEG * turn.sin(), 0.0],
-            &last,
-        );
-        assert!(
-            inverse.iterations <= 3 && !inverse.clipped && !inverse.fell_back,
-            "{inverse:?}"
-        );
-        assert!(
-            distance(&inverse.counts, &last) < 5.0,
-            "{inverse:?} after {last:?}"
-        );
+        let inverse = invert(&model, &[8.0 * DEG * turn.cos(), 8.0 * DEG * turn.sin(), 0.0], &last);
+        assert!(inverse.iterations <= 3 && !inverse.clipped && !inverse.fell_back, "{inverse:?}");
+        assert!(distance(&inverse.counts, &last) < 5.0, "{inverse:?} after {last:?}");
         last = inverse.counts;
     }
 }
@@ -239,10 +212,7 @@ fn search_restarts_from_the_conditional_mean_at_a_local_minimum() {
 fn a_motor_without_effect_keeps_its_position() {
     let model = Model::from_file(file(1, linear(&[&[0.02, 0.0]], &[0.0]), square(1000.0))).unwrap();
     let inverse = invert(&model, &[2.0 * DEG, 0.0, 0.0], &[10.0, 333.0]);
-    assert!(
-        (inverse.counts[0] - 100.0).abs() < 1e-3 && inverse.counts[1] == 333.0,
-        "{inverse:?}"
-    );
+    assert!((inverse.counts[0] - 100.0).abs() < 1e-3 && inverse.counts[1] == 333.0, "{inverse:?}");
 }
 
 #[test]

@@ -29,18 +29,10 @@ fn chain_file(
 ) -> ModelFile {
     let motors = robot.pulley_radii_mm.len();
     let covariance = (0..outputs)
-        .map(|i| {
-            (0..outputs)
-                .map(|j| if i == j { 0.04 } else { 0.0 })
-                .collect()
-        })
+        .map(|i| (0..outputs).map(|j| if i == j { 0.04 } else { 0.0 }).collect())
         .collect();
     let offset = [1.0, -2.0, 0.5][..outputs].to_vec();
-    let family = FamilyParameters::Kinematic {
-        kinematics: robot,
-        offset,
-        covariance,
-    };
+    let family = FamilyParameters::Kinematic { kinematics: robot, offset, covariance };
     let mut file = file(outputs, family, region(motors, reach));
     for output in &mut file.outputs {
         output.unit = unit;
@@ -60,15 +52,9 @@ fn mean(model: &Model, counts: MotorVec) -> [f64; 3] {
 fn equal_counts_yaw_and_opposite_counts_pitch() {
     let model = model(robot(&[3.0, 3.0], 45.0), 2, OutputUnit::Deg);
     let [pitch, yaw, _] = mean(&model, [1000.0, 1000.0]);
-    assert!(
-        (pitch - DEG).abs() < 1e-12 && yaw > 10.0 * DEG,
-        "{pitch} {yaw}"
-    );
+    assert!((pitch - DEG).abs() < 1e-12 && yaw > 10.0 * DEG, "{pitch} {yaw}");
     let [pitch, yaw, _] = mean(&model, [1000.0, -1000.0]);
-    assert!(
-        pitch > 10.0 * DEG && (yaw + 2.0 * DEG).abs() < 1e-12,
-        "{pitch} {yaw}"
-    );
+    assert!(pitch > 10.0 * DEG && (yaw + 2.0 * DEG).abs() < 1e-12, "{pitch} {yaw}");
 }
 
 /// Calculation by hand: travel of both wires 3 mm * 2 pi * 1000 / 65536 = 0.287 621 mm. Both pull
@@ -85,34 +71,13 @@ fn bend_matches_the_dimensions_of_the_drawing() {
 #[test]
 fn three_angles_and_pulleys_without_radius_are_refused() {
     let refused = |file: ModelFile| Model::from_file(file).unwrap_err().to_string();
-    let text = refused(chain_file(
-        robot(&[1.0, 1.0], 45.0),
-        3,
-        OutputUnit::Deg,
-        REACH,
-    ));
+    let text = refused(chain_file(robot(&[1.0, 1.0], 45.0), 3, OutputUnit::Deg, REACH));
     assert!(text.contains("outputs = 3 angles"), "{text}");
-    let text = refused(chain_file(
-        robot(&[1.0, 0.0], 45.0),
-        2,
-        OutputUnit::Deg,
-        REACH,
-    ));
-    assert!(
-        text.contains("pulley_radii_mm = [1.0, 0.0]: a pulley must have a radius"),
-        "{text}"
-    );
-    let text = refused(chain_file(
-        robot(&[1.0, f64::NAN], 45.0),
-        2,
-        OutputUnit::Deg,
-        REACH,
-    ));
+    let text = refused(chain_file(robot(&[1.0, 0.0], 45.0), 2, OutputUnit::Deg, REACH));
+    assert!(text.contains("pulley_radii_mm = [1.0, 0.0]: a pulley must have a radius"), "{text}");
+    let text = refused(chain_file(robot(&[1.0, f64::NAN], 45.0), 2, OutputUnit::Deg, REACH));
     assert!(text.contains("pulley_radii_mm = NaN"), "{text}");
-    let zero_resolution = KinematicParameters {
-        counts_per_turn: 0.0,
-        ..robot(&[1.0, 1.0], 45.0)
-    };
+    let zero_resolution = KinematicParameters { counts_per_turn: 0.0, ..robot(&[1.0, 1.0], 45.0) };
     let text = refused(chain_file(zero_resolution, 2, OutputUnit::Deg, REACH));
     assert!(text.contains("counts_per_turn = 0"), "{text}");
 }
@@ -174,10 +139,7 @@ fn check_round_trip(
     let inverse = model.invert(&mean(&model, at), &model.new_memory(), &Query::new(start));
     assert!(!inverse.clipped, "{inverse:?} for {at:?}");
     for motor in 0..motors {
-        assert!(
-            (inverse.counts[motor] - at[motor]).abs() <= 1.0,
-            "{inverse:?} is not {at:?}"
-        );
+        assert!((inverse.counts[motor] - at[motor]).abs() <= 1.0, "{inverse:?} is not {at:?}");
     }
 }
 

@@ -27,11 +27,7 @@ fn prediction_is_the_affine_map_in_radians() {
 fn the_inverse_solves_the_map() {
     let model = model();
     let memory = model.new_memory();
-    let inverse = model.invert(
-        &[2.5 * DEG, -4.0 * DEG, 0.0],
-        &memory,
-        &Query::new([0.0, 0.0]),
-    );
+    let inverse = model.invert(&[2.5 * DEG, -4.0 * DEG, 0.0], &memory, &Query::new([0.0, 0.0]));
     assert!(
         (inverse.counts[0] - 100.0).abs() < 1e-2 && (inverse.counts[1] + 50.0).abs() < 1e-2,
         "{inverse:?}"
@@ -67,11 +63,8 @@ fn a_model_in_millimetres_predicts_in_metres() {
 fn two_motors_on_one_angle_take_the_shortest_step() {
     let model =
         Model::from_file(file(1, linear(&[&[0.03, 0.04]], &[0.0]), square(1000.0))).unwrap();
-    let inverse = model.invert(
-        &[0.5 * DEG, 0.0, 0.0],
-        &model.new_memory(),
-        &Query::new([20.0, -15.0]),
-    );
+    let inverse =
+        model.invert(&[0.5 * DEG, 0.0, 0.0], &model.new_memory(), &Query::new([20.0, -15.0]));
     // 0.03 * 20 - 0.04 * 15 = 0, and (0.03, 0.04) * 200 = (6, 8) gains 0.5 degrees.
     assert!(
         (inverse.counts[0] - 26.0).abs() < 1e-4 && (inverse.counts[1] + 7.0).abs() < 1e-4,
@@ -85,11 +78,8 @@ fn three_outputs_of_two_motors_get_the_least_squares_solution() {
     let gain: &[&[f64]] = &[&[0.02, 0.0], &[0.0, 0.02], &[0.02, 0.02]];
     let model = Model::from_file(file(3, linear(gain, &[0.0; 3]), square(1000.0))).unwrap();
     // Normal equations of [1 0; 0 1; 1 1] x = (1, 2, 6): x = (2, 3), in units of 50 counts.
-    let inverse = model.invert(
-        &[DEG, 2.0 * DEG, 6.0 * DEG],
-        &model.new_memory(),
-        &Query::new([0.0, 0.0]),
-    );
+    let inverse =
+        model.invert(&[DEG, 2.0 * DEG, 6.0 * DEG], &model.new_memory(), &Query::new([0.0, 0.0]));
     assert!(
         (inverse.counts[0] - 100.0).abs() < 0.01 && (inverse.counts[1] - 150.0).abs() < 0.01,
         "{inverse:?}"

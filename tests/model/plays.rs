@@ -18,28 +18,20 @@ const LEAST_WEIGHT: f64 = 0.1;
 
 /// Thresholds and weights of one motor.
 fn one_motor() -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
-    (
-        LEAST_WEIGHT..1.0_f64,
-        vec((2.0..60.0_f64, 0.0..1.0_f64), 0..5),
-    )
-        .prop_map(|(first, others)| {
-            let total: f64 = others
-                .iter()
-                .map(|(_, weight)| weight)
-                .sum::<f64>()
-                .max(1e-9);
-            let mut thresholds = vec![0.0];
-            let mut weights = vec![if others.is_empty() { 1.0 } else { first }];
-            for (step, weight) in others {
-                thresholds.push(thresholds[thresholds.len() - 1] + step);
-                weights.push((1.0 - first) * weight / total);
-            }
-            let sum: f64 = weights.iter().sum();
-            for weight in &mut weights {
-                *weight /= sum;
-            }
-            (thresholds, weights)
-        })
+    (LEAST_WEIGHT..1.0_f64, vec((2.0..60.0_f64, 0.0..1.0_f64), 0..5)).prop_map(|(first, others)| {
+        let total: f64 = others.iter().map(|(_, weight)| weight).sum::<f64>().max(1e-9);
+        let mut thresholds = vec![0.0];
+        let mut weights = vec![if others.is_empty() { 1.0 } else { first }];
+        for (step, weight) in others {
+            thresholds.push(thresholds[thresholds.len() - 1] + step);
+            weights.push((1.0 - first) * weight / total);
+        }
+        let sum: f64 = weights.iter().sum();
+        for weight in &mut weights {
+            *weight /= sum;
+        }
+        (thresholds, weights)
+    })
 }
 
 fn plays(motors: usize, planar: usize) -> impl Strategy<Value = PlayParameters> {
@@ -62,64 +54,30 @@ fn residual(plays: &PlayParameters, outputs: usize, size: f64) -> ResidualParame
     let motors = plays.weights.len();
     let lags = plays.weights.iter().map(|w| w.len() - 1).sum::<usize>()
         + 2 * plays.planar_thresholds_counts.len();
-    let features = if motors == 1 {
-        count::<1>(2, 1, lags)
-    } else {
-        count::<2>(2, 1, lags)
-    };
+    let features = if motors == 1 { count::<1>(2, 1, lags) } else { count::<2>(2, 1, lags) };
     let coefficient = |i: usize, j: usize| size * (1.7 * i as f64 + 2.3 * j as f64).sin();
-    let coefficients = (0..outputs)
-        .map(|i| (0..features).map(|j| coefficient(i, j)).collect())
-        .collect();
-    ResidualParameters {
-        scale_counts: REACH,
-        shape_degree: 2,
-        lag_degree: 1,
-        coefficients,
-    }
+    let coefficients =
+        (0..outputs).map(|i| (0..features).map(|j| coefficient(i, j)).collect()).collect();
+    ResidualParameters { scale_counts: REACH, shape_degree: 2, lag_degree: 1, coefficients }
 }
 
 fn play_file(motors: usize, outputs: usize) -> impl Strategy<Value = ModelFile> {
-    let parts = (
-        smooth_gmr(motors, outputs),
-        plays(motors, if motors == 2 { 3 } else { 0 }),
-        0.0..0.3_f64,
-    );
+    let parts =
+        (smooth_gmr(motors, outputs), plays(motors, if motors == 2 { 3 } else { 0 }), 0.0..0.3_f64);
     parts.prop_map(move |(map, plays, size)| {
-        let FamilyParameters::Gmr { mixture } = map.family() else {
-            panic!()
-        };
+        let FamilyParameters::Gmr { mixture } = map.family() else { panic!() };
         let corners = region(motors, REACH);
         let residual = Some(residual(&plays, outputs, size));
-        let virtual_hull = HullParameters {
-            corners: corners.clone(),
-        };
-        file(
-            outputs,
-            FamilyParameters::GmrPlay {
-                plays,
-                mixture,
-                residual,
-                virtual_hull,
-            },
-            corners,
-        )
+        let virtual_hull = HullParameters { corners: corners.clone() };
+        file(outputs, FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull }, corners)
     })
 }
 
 /// The same model without memory.
 fn memoryless(file: &ModelFile) -> Model {
-    let FamilyParameters::GmrPlay { mixture, .. } = &file.family else {
-        panic!()
-    };
-    let family = FamilyParameters::Gmr {
-        mixture: mixture.clone(),
-    };
-    Model::from_file(ModelFile {
-        family,
-        ..file.clone()
-    })
-    .unwrap()
+    let FamilyParameters::GmrPlay { mixture, .. } = &file.family else { panic!() };
+    let family = FamilyParameters::Gmr { mixture: mixture.clone() };
+    Model::from_file(ModelFile { family, ..file.clone() }).unwrap()
 }
 
 fn path(motors: usize) -> impl Strategy<Value = Vec<MotorVec>> {
@@ -135,18 +93,12 @@ fn memory_after(model: &Model, path: &[MotorVec]) -> Memory {
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        .sqrt()
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
 }
 
 fn one_count(model: &Model, counts: &MotorVec, memory: &Memory) -> f64 {
     let jacobian = model.jacobian(counts, memory);
-    (0..2)
-        .map(|motor| distance(&jacobian.map(|row| row[motor]), &[0.0; 3]))
-        .fold(0.0, f64::max)
+    (0..2).map(|motor| distance(&jacobian.map(|row| row[motor]), &[0.0; 3])).fold(0.0, f64::max)
 }
 
 fn check_round_trip(file: ModelFile, path: &[MotorVec], at: MotorVec, start: MotorVec) {
@@ -155,18 +107,9 @@ fn check_round_trip(file: ModelFile, path: &[MotorVec], at: MotorVec, start: Mot
     let goal = model.predict(&at, &memory).mean;
     let inverse = model.invert(&goal, &memory, &Query::new(start));
     let missed = distance(&model.predict(&inverse.counts, &memory).mean, &goal);
-    assert!(
-        missed <= one_count(&model, &at, &memory),
-        "{inverse:?} for {at:?} misses {missed}"
-    );
-    assert!(
-        distance(&inverse.counts, &at) <= 1.0,
-        "{inverse:?} is not {at:?}"
-    );
-    assert!(
-        !inverse.clipped && model.hull().contains(&inverse.counts),
-        "{inverse:?}"
-    );
+    assert!(missed <= one_count(&model, &at, &memory), "{inverse:?} for {at:?} misses {missed}");
+    assert!(distance(&inverse.counts, &at) <= 1.0, "{inverse:?} is not {at:?}");
+    assert!(!inverse.clipped && model.hull().contains(&inverse.counts), "{inverse:?}");
 }
 
 /// What the control loop computes together is what it would compute alone.
@@ -190,10 +133,7 @@ fn check_shared_work(file: ModelFile, path: &[MotorVec], at: MotorVec, near: Mot
     assert_eq!(first, model.invert(&goals[0], &memory, &Query::new(near)));
     // The second search starts at the first result.
     let alone = model.invert(&goals[1], &memory, &Query::new(first.counts));
-    assert!(
-        distance(&second.counts, &alone.counts) < 1e-6,
-        "{second:?} is not {alone:?}"
-    );
+    assert!(distance(&second.counts, &alone.counts) < 1e-6, "{second:?} is not {alone:?}");
 }
 
 fn check_any_goal(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: MotorVec) {
@@ -203,10 +143,7 @@ fn check_any_goal(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: Mot
     assert!(model.hull().contains(&inverse.counts), "{inverse:?}");
     assert!(inverse.residual >= 0.0, "{inverse:?}");
     if goal[..model.outputs()].iter().any(|g| !g.is_finite()) {
-        assert!(
-            inverse.clipped && inverse.residual.is_infinite(),
-            "{inverse:?}"
-        );
+        assert!(inverse.clipped && inverse.residual.is_infinite(), "{inverse:?}");
     } else if distance(&goal[..model.outputs()], &[0.0; 3]) > 3.0 {
         // No map here reaches 3 rad.
         assert!(inverse.clipped && inverse.residual > 0.0, "{inverse:?}");
@@ -214,13 +151,7 @@ fn check_any_goal(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: Mot
 }
 
 fn any_number() -> impl Strategy<Value = f64> {
-    prop_oneof![
-        any::<f64>(),
-        -2.0..2.0_f64,
-        Just(f64::NAN),
-        Just(f64::INFINITY),
-        Just(f64::MAX)
-    ]
+    prop_oneof![any::<f64>(), -2.0..2.0_f64, Just(f64::NAN), Just(f64::INFINITY), Just(f64::MAX)]
 }
 
 proptest! {
@@ -543,12 +474,9 @@ proptest! {
 fn in_steps(motion: &[MotorVec]) -> Vec<MotorVec> {
     let straight = |ends: &[MotorVec]| {
         let (from, to) = (ends[0], ends[1]);
-        let steps = from
-            .iter()
-            .zip(to)
-            .map(|(from, to)| (to - from).abs())
-            .fold(1.0, f64::max)
-            .ceil() as u32;
+        let steps =
+            from.iter().zip(to).map(|(from, to)| (to - from).abs()).fold(1.0, f64::max).ceil()
+                as u32;
         let at = move |step: u32, motor: usize| {
             from[motor] + f64::from(step) / f64::from(steps) * (to[motor] - from[motor])
         };

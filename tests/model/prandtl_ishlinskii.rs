@@ -16,23 +16,12 @@ const LEAST_WEIGHT: f64 = 0.05;
 
 /// Plays that move one motor, along its axis or a direction near it.
 fn play() -> impl Strategy<Value = PlayParameters> {
-    (
-        0..2_usize,
-        -0.8..0.8_f64,
-        2.0..150.0_f64,
-        [-0.7..0.7_f64, -0.7..0.7_f64],
-        0.0..0.5_f64,
-    )
+    (0..2_usize, -0.8..0.8_f64, 2.0..150.0_f64, [-0.7..0.7_f64, -0.7..0.7_f64], 0.0..0.5_f64)
         .prop_map(|(motor, share, threshold_counts, growth, size)| {
             let (mut direction, mut weight) = (vec![share; 2], vec![0.0; 2]);
             direction[motor] = 1.0;
             weight[motor] = size;
-            PlayParameters {
-                direction,
-                threshold_counts,
-                growth,
-                weight,
-            }
+            PlayParameters { direction, threshold_counts, growth, weight }
         })
 }
 
@@ -162,9 +151,7 @@ fn refusal(change: impl FnOnce(&mut PrandtlIshlinskiiParameters)) -> String {
     };
     PrandtlIshlinskii::<2>::prepare(&file).unwrap();
     change(&mut file);
-    PrandtlIshlinskii::<2>::prepare(&file)
-        .unwrap_err()
-        .to_string()
+    PrandtlIshlinskii::<2>::prepare(&file).unwrap_err().to_string()
 }
 
 #[test]

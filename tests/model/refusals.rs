@@ -15,9 +15,7 @@ fn refused(file: ModelFile) -> String {
 
 fn with_mixture(change: impl FnOnce(&mut MixtureParameters)) -> String {
     let mut file = file(1, two_components(), region(1, 300.0));
-    let FamilyParameters::Gmr { mixture } = &mut file.family else {
-        panic!()
-    };
+    let FamilyParameters::Gmr { mixture } = &mut file.family else { panic!() };
     change(mixture);
     refused(file)
 }
@@ -40,16 +38,10 @@ fn another_format_or_version_is_named_before_its_fields() {
         &parse(r#"{"format": "i2ris-model", "schema_version": 2, "new": 1}"#),
         &["schema_version 2", "reads 1 only"],
     );
-    assert_mentions(
-        &parse(r#"{"format": "octave"}"#),
-        &["is not a model", "`octave`"],
-    );
+    assert_mentions(&parse(r#"{"format": "octave"}"#), &["is not a model", "`octave`"]);
     assert_mentions(&parse("{}"), &["is not a model"]);
     assert_mentions(&parse("pitch,yaw"), &["line 1"]);
-    assert_mentions(
-        &with_file(|file| file.schema_version = 7),
-        &["schema_version 7"],
-    );
+    assert_mentions(&with_file(|file| file.schema_version = 7), &["schema_version 7"]);
     assert_mentions(&with_file(|file| file.format.clear()), &["is not a model"]);
 }
 
@@ -58,9 +50,7 @@ fn an_unknown_or_missing_field_is_named() {
     let text = serde_json::to_string(&file(1, two_components(), region(1, 300.0))).unwrap();
     let parse = |from: &str, to: &str| {
         assert!(text.contains(from));
-        ModelFile::parse(&text.replacen(from, to, 1))
-            .unwrap_err()
-            .to_string()
+        ModelFile::parse(&text.replacen(from, to, 1)).unwrap_err().to_string()
     };
     assert_mentions(
         &parse("\"robot_id\"", "\"robotid\""),
@@ -70,19 +60,13 @@ fn an_unknown_or_missing_field_is_named() {
         &parse("\"kind\":\"gmr\"", "\"kind\":\"gmr\",\"lag\":1"),
         &["unknown field `lag`"],
     );
-    assert_mentions(
-        &parse("\"weights\"", "\"weight\""),
-        &["unknown field `weight`"],
-    );
+    assert_mentions(&parse("\"weights\"", "\"weight\""), &["unknown field `weight`"]);
     assert_mentions(
         &parse("\"kind\":\"gmr\"", "\"kind\":\"spline\""),
         &["unknown variant `spline`", "`gmr`"],
     );
     assert_mentions(&parse("\"seed\":1,", ""), &["missing field `seed`"]);
-    assert_mentions(
-        &parse("\"deg\"", "\"rad\""),
-        &["unknown variant `rad`", "`deg`"],
-    );
+    assert_mentions(&parse("\"deg\"", "\"rad\""), &["unknown variant `rad`", "`deg`"]);
 }
 
 #[test]
@@ -101,22 +85,13 @@ fn every_error_names_the_file() {
     let mut bad = file(1, two_components(), region(1, 300.0));
     bad.robot_id = " ".to_owned();
     std::fs::write(&path, serde_json::to_string(&bad).unwrap()).unwrap();
-    assert_mentions(
-        &Model::load(&path).unwrap_err().to_string(),
-        &["snake.json", "robot_id"],
-    );
-    assert!(matches!(
-        Model::load(Path::new("/")),
-        Err(ModelError::Read { .. })
-    ));
+    assert_mentions(&Model::load(&path).unwrap_err().to_string(), &["snake.json", "robot_id"]);
+    assert!(matches!(Model::load(Path::new("/")), Err(ModelError::Read { .. })));
 }
 
 #[test]
 fn invalid_outputs_and_records_are_refused() {
-    assert_mentions(
-        &with_file(|file| file.outputs.clear()),
-        &["outputs = 0", "1 to 3"],
-    );
+    assert_mentions(&with_file(|file| file.outputs.clear()), &["outputs = 0", "1 to 3"]);
     assert_mentions(
         &with_file(|file| file.outputs[1].name = "pitch".to_owned()),
         &["outputs[1].name", "another output"],
@@ -149,10 +124,7 @@ fn invalid_outputs_and_records_are_refused() {
 
 #[test]
 fn a_hull_for_another_number_of_motors_is_refused() {
-    assert_mentions(
-        &with_file(|file| file.hull.corners.clear()),
-        &["hull.corners[0]", "1 or 2"],
-    );
+    assert_mentions(&with_file(|file| file.hull.corners.clear()), &["hull.corners[0]", "1 or 2"]);
     assert_mentions(
         &with_file(|file| file.hull.corners[2].truncate(1)),
         &["hull.corners[2]", "one number per motor"],
@@ -173,10 +145,7 @@ fn invalid_mixtures_are_refused() {
         &with_mixture(|mixture| mixture.weights = vec![0.0, 1.0]),
         &["weights[0] = 0", "above 0"],
     );
-    assert_mentions(
-        &with_mixture(|mixture| mixture.weights[1] = f64::NAN),
-        &["weights[1] = NaN"],
-    );
+    assert_mentions(&with_mixture(|mixture| mixture.weights[1] = f64::NAN), &["weights[1] = NaN"]);
     assert_mentions(
         &with_mixture(|mixture| mixture.means.truncate(1)),
         &["family.mixture.means", "per weight"],
@@ -241,38 +210,20 @@ fn a_covariance_must_be_symmetric_and_positive_definite() {
 fn invalid_linear_parameters_are_refused() {
     type Rows = Vec<Vec<f64>>;
     let refuse = |change: fn(&mut Rows, &mut Vec<f64>, &mut Rows)| {
-        let mut file = file(
-            2,
-            linear(&[&[0.02, 0.01], &[0.0, 0.03]], &[0.0, 1.0]),
-            square(100.0),
-        );
-        let FamilyParameters::Linear {
-            gain,
-            offset,
-            covariance,
-        } = &mut file.family
-        else {
+        let mut file = file(2, linear(&[&[0.02, 0.01], &[0.0, 0.03]], &[0.0, 1.0]), square(100.0));
+        let FamilyParameters::Linear { gain, offset, covariance } = &mut file.family else {
             panic!()
         };
         change(gain, offset, covariance);
         refused(file)
     };
-    assert_mentions(
-        &refuse(|gain, _, _| gain.truncate(1)),
-        &["family.gain = rows of [2] numbers"],
-    );
-    assert_mentions(
-        &refuse(|gain, _, _| gain[1][1] = f64::NAN),
-        &["family.gain = NaN"],
-    );
+    assert_mentions(&refuse(|gain, _, _| gain.truncate(1)), &["family.gain = rows of [2] numbers"]);
+    assert_mentions(&refuse(|gain, _, _| gain[1][1] = f64::NAN), &["family.gain = NaN"]);
     assert_mentions(
         &refuse(|gain, _, _| *gain = vec![vec![0.0; 2]; 2]),
         &["family.gain = all 0", "move"],
     );
-    assert_mentions(
-        &refuse(|_, offset, _| offset.push(1.0)),
-        &["family.offset = 3 numbers"],
-    );
+    assert_mentions(&refuse(|_, offset, _| offset.push(1.0)), &["family.offset = 3 numbers"]);
     assert_mentions(
         &refuse(|_, _, covariance| covariance[0][0] = -0.25),
         &["family.covariance[0][0] = -0.25"],
@@ -283,9 +234,7 @@ fn invalid_linear_parameters_are_refused() {
     );
     // A covariance of 0 is valid: the fit may be exact.
     let mut exact = file(1, linear(&[&[0.02]], &[0.0]), region(1, 100.0));
-    let FamilyParameters::Linear { covariance, .. } = &mut exact.family else {
-        panic!()
-    };
+    let FamilyParameters::Linear { covariance, .. } = &mut exact.family else { panic!() };
     covariance[0][0] = 0.0;
     assert!(Model::from_file(exact).is_ok());
 }
@@ -312,11 +261,7 @@ fn a_model_that_fails_the_round_trip_is_refused_with_the_position() {
     ]
     .into_iter()
     .unzip();
-    let mixture = MixtureParameters {
-        weights: vec![0.25; 4],
-        means,
-        covariances,
-    };
+    let mixture = MixtureParameters { weights: vec![0.25; 4], means, covariances };
     let bad = file(1, FamilyParameters::Gmr { mixture }, region(1, 440.0));
     let error = Model::from_file(bad).unwrap_err();
     assert!(matches!(
@@ -325,11 +270,7 @@ fn a_model_that_fails_the_round_trip_is_refused_with_the_position() {
     ));
     assert_mentions(
         &error.to_string(),
-        &[
-            "the inverse fails at counts [",
-            " deg, and one count is worth 0.0",
-            "fewer components",
-        ],
+        &["the inverse fails at counts [", " deg, and one count is worth 0.0", "fewer components"],
     );
 }
 
@@ -361,10 +302,7 @@ fn a_model_that_is_marked_as_worthless_is_for_robots_that_allow_it() {
             "control.allow_worthless_model = true",
         ],
     );
-    assert_mentions(
-        &model.check_use("theatre", 1, true).unwrap_err().to_string(),
-        &["`theatre`"],
-    );
+    assert_mentions(&model.check_use("theatre", 1, true).unwrap_err().to_string(), &["`theatre`"]);
 }
 
 #[test]
@@ -383,9 +321,6 @@ fn a_model_with_another_gain_than_its_recording_is_refused() {
     ] {
         let sentence = with_line(line).unwrap_err().to_string();
         let start = format!("commands nonsense: a count moves its outputs by {gains} times");
-        assert_mentions(
-            &sentence,
-            &[&start, "record motion of both motors together"],
-        );
+        assert_mentions(&sentence, &[&start, "record motion of both motors together"]);
     }
 }

@@ -14,18 +14,9 @@ pub const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// A model file with a family and a hull; all other fields have valid values.
 pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) -> ModelFile {
-    let fit = FitMetrics {
-        r2: 0.99,
-        rmsd: 0.5,
-        nrmsd: 0.01,
-        mae: 0.4,
-        max: 1.5,
-    };
+    let fit = FitMetrics { r2: 0.99, rmsd: 0.5, nrmsd: 0.01, mae: 0.4, max: 1.5 };
     let names = ["pitch", "yaw", "roll"];
-    let spec = |name: &&str| OutputSpec {
-        name: (*name).to_owned(),
-        unit: OutputUnit::Deg,
-    };
+    let spec = |name: &&str| OutputSpec { name: (*name).to_owned(), unit: OutputUnit::Deg };
     ModelFile {
         slow_error: None,
         format: FORMAT.to_owned(),
@@ -46,13 +37,7 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
             linear_gain: None,
         },
         worthless: None,
-        metrics: vec![
-            OutputMetrics {
-                training: fit,
-                held_out: None
-            };
-            outputs
-        ],
+        metrics: vec![OutputMetrics { training: fit, held_out: None }; outputs],
     }
 }
 
@@ -60,11 +45,7 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
 pub fn linear(gain: &[&[f64]], offset: &[f64]) -> FamilyParameters {
     let outputs = offset.len();
     let covariance = (0..outputs)
-        .map(|i| {
-            (0..outputs)
-                .map(|j| if i == j { 0.25 } else { 0.0 })
-                .collect()
-        })
+        .map(|i| (0..outputs).map(|j| if i == j { 0.25 } else { 0.0 }).collect())
         .collect();
     FamilyParameters::Linear {
         gain: gain.iter().map(|row| row.to_vec()).collect(),
@@ -118,11 +99,7 @@ pub fn square(half_width: f64) -> Vec<Vec<f64>> {
 
 /// The hull `[-half_width, half_width]` of one motor, the square of two.
 pub fn region(motors: usize, half_width: f64) -> Vec<Vec<f64>> {
-    if motors == 1 {
-        vec![vec![-half_width], vec![half_width]]
-    } else {
-        square(half_width)
-    }
+    if motors == 1 { vec![vec![-half_width], vec![half_width]] } else { square(half_width) }
 }
 
 /// Half the width of the hull of [`smooth_gmr`].
@@ -146,53 +123,26 @@ pub struct SmoothMap {
 impl SmoothMap {
     fn curve(&self, count: f64) -> (f64, f64) {
         let s = REACH / 2.5;
-        (
-            count + self.bend * s * (count / s).sin(),
-            1.0 + self.bend * (count / s).cos(),
-        )
+        (count + self.bend * s * (count / s).sin(), 1.0 + self.bend * (count / s).cos())
     }
 
     fn component(&self, at: &[f64], width: f64) -> (Vec<f64>, Vec<Vec<f64>>) {
         let motors = at.len();
         let curves: Vec<_> = at.iter().map(|c| self.curve(*c)).collect();
         let value = |row: &Vec<f64>| row.iter().zip(&curves).map(|(g, c)| g * c.0).sum();
-        let mean = at
-            .iter()
-            .copied()
-            .chain(self.gain.iter().map(value))
-            .collect();
+        let mean = at.iter().copied().chain(self.gain.iter().map(value)).collect();
         // Rows of [identity; slope]: counts and outputs as functions of the counts.
-        let unit = |i: usize| {
-            (0..motors)
-                .map(|j| if i == j { 1.0 } else { 0.0 })
-                .collect::<Vec<f64>>()
-        };
-        let slope = |row: &Vec<f64>| {
-            row.iter()
-                .zip(&curves)
-                .map(|(g, c)| g * c.1)
-                .collect::<Vec<f64>>()
-        };
-        let rows: Vec<_> = (0..motors)
-            .map(unit)
-            .chain(self.gain.iter().map(slope))
-            .collect();
+        let unit =
+            |i: usize| (0..motors).map(|j| if i == j { 1.0 } else { 0.0 }).collect::<Vec<f64>>();
+        let slope =
+            |row: &Vec<f64>| row.iter().zip(&curves).map(|(g, c)| g * c.1).collect::<Vec<f64>>();
+        let rows: Vec<_> = (0..motors).map(unit).chain(self.gain.iter().map(slope)).collect();
         let size = rows.len();
-        let dot = |i: usize, j: usize| {
-            rows[i]
-                .iter()
-                .zip(&rows[j])
-                .map(|(a, b)| a * b)
-                .sum::<f64>()
-        };
+        let dot =
+            |i: usize, j: usize| rows[i].iter().zip(&rows[j]).map(|(a, b)| a * b).sum::<f64>();
         let noise = |i: usize, j: usize| if i == j && i >= motors { 0.05 } else { 0.0 };
         let entry = |i: usize, j: usize| width * width * dot(i, j) + noise(i, j);
-        (
-            mean,
-            (0..size)
-                .map(|i| (0..size).map(|j| entry(i, j)).collect())
-                .collect(),
-        )
+        (mean, (0..size).map(|i| (0..size).map(|j| entry(i, j)).collect()).collect())
     }
 
     /// The mixture.
@@ -203,50 +153,30 @@ impl SmoothMap {
         let rows = if motors == 1 { 1 } else { self.steps };
         let lattice =
             (0..self.steps).flat_map(|i| (0..rows).map(move |j| [coordinate(i), coordinate(j)]));
-        let components: Vec<_> = lattice
-            .map(|at| self.component(&at[..motors], 0.6 * spacing))
-            .collect();
+        let components: Vec<_> =
+            lattice.map(|at| self.component(&at[..motors], 0.6 * spacing)).collect();
         let weights = vec![1.0 / components.len() as f64; components.len()];
         let (means, covariances) = components.into_iter().unzip();
-        FamilyParameters::Gmr {
-            mixture: MixtureParameters {
-                weights,
-                means,
-                covariances,
-            },
-        }
+        FamilyParameters::Gmr { mixture: MixtureParameters { weights, means, covariances } }
     }
 
     /// The model file, with the hull [`REACH`].
     pub fn file(&self) -> ModelFile {
-        file(
-            self.gain.len(),
-            self.family(),
-            region(self.gain[0].len(), REACH),
-        )
+        file(self.gain.len(), self.family(), region(self.gain[0].len(), REACH))
     }
 }
 
 /// Smooth maps of given sizes. Two motors act in two planes that may be oblique. A third output
 /// follows both.
 pub fn smooth_gmr(motors: usize, outputs: usize) -> impl Strategy<Value = SmoothMap> {
-    (
-        0.005..0.05_f64,
-        0.005..0.05_f64,
-        -0.4..0.4_f64,
-        0.0..0.4_f64,
-        1..6_usize,
-    )
-        .prop_map(move |(a, b, skew, bend, steps)| {
-            let rows = [
-                vec![a, skew * b],
-                vec![-skew * a, b],
-                vec![0.3 * a, 0.5 * b],
-            ];
+    (0.005..0.05_f64, 0.005..0.05_f64, -0.4..0.4_f64, 0.0..0.4_f64, 1..6_usize).prop_map(
+        move |(a, b, skew, bend, steps)| {
+            let rows = [vec![a, skew * b], vec![-skew * a, b], vec![0.3 * a, 0.5 * b]];
             let first_motors = |row: &Vec<f64>| row.iter().take(motors).copied().collect();
             let gain = rows.iter().take(outputs).map(first_motors).collect();
             SmoothMap { gain, bend, steps }
-        })
+        },
+    )
 }
 
 /// A position in the hull of [`smooth_gmr`].
@@ -306,10 +236,7 @@ fn segments(motors: usize, count: usize) -> Vec<StopSegment> {
             stiffening: 2e-5,
             limit: 45.0 * rank / count as f64,
         };
-        StopSegment {
-            axes: (0..motors).map(axis).collect(),
-            friction: rank,
-        }
+        StopSegment { axes: (0..motors).map(axis).collect(), friction: rank }
     };
     (0..count).map(segment).collect()
 }
@@ -323,15 +250,7 @@ pub fn stops(motors: usize) -> impl Strategy<Value = StopParameters> {
     let loose_and_segments = (0.03..0.2_f64, 1..=3_usize);
     (slack, friction, travel, axes, loose_and_segments).prop_map(
         move |(slack, friction, travel, axes, (loose, segments))| {
-            stops_of(
-                motors,
-                slack,
-                friction,
-                travel,
-                [axes.0, axes.1],
-                loose,
-                segments,
-            )
+            stops_of(motors, slack, friction, travel, [axes.0, axes.1], loose, segments)
         },
     )
 }

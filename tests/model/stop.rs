@@ -30,10 +30,7 @@ fn move_to<const D: usize>(
     let (from, to) = (to_vector::<D>(from), to_vector::<D>(to));
     let steps = ((to - from).amax() / step).ceil().max(1.0) as u32;
     for i in 1..=steps {
-        operator.advance(
-            state,
-            &(from + (to - from) * (f64::from(i) / f64::from(steps))),
-        );
+        operator.advance(state, &(from + (to - from) * (f64::from(i) / f64::from(steps))));
     }
 }
 
@@ -59,10 +56,7 @@ fn check_inverse<const D: usize>(file: &StopParameters, turning_points: &[[f64; 
     let operator = Stops::<D>::prepare(file).unwrap();
     let state = state_after(&operator, turning_points, 10.0);
     let back = operator.invert(&state, &mean(&operator, &state, to), 1.0);
-    assert!(
-        (back - to_vector::<D>(to)).amax() < 1e-3,
-        "{back:?} for {to:?}"
-    );
+    assert!((back - to_vector::<D>(to)).amax() < 1e-3, "{back:?} for {to:?}");
 }
 
 fn check_jacobian<const D: usize>(
@@ -88,11 +82,7 @@ fn check_jacobian<const D: usize>(
         );
     }
     let at = |row: usize, column: usize| local.jacobian[(row.min(D - 1), column.min(D - 1))];
-    let determinant = if D == 1 {
-        at(0, 0)
-    } else {
-        at(0, 0) * at(1, 1) - at(0, 1) * at(1, 0)
-    };
+    let determinant = if D == 1 { at(0, 0) } else { at(0, 0) * at(1, 1) - at(0, 1) * at(1, 0) };
     let minors = [at(0, 0), at(1, 1), determinant];
     assert!(minors.iter().all(|minor| *minor > 0.0), "{minors:?}");
 }
@@ -249,13 +239,8 @@ fn virtual_counts_have_a_mean_slope_near_one() {
             motor.axis_deg = axis;
         }
         let operator = Stops::<2>::prepare(&file).unwrap();
-        let ends = [[-600.0, 0.0], [600.0, 0.0]].map(|at| {
-            mean(
-                &operator,
-                &state_after(&operator, &[[-900.0, 0.0], at], 5.0),
-                at,
-            )
-        });
+        let ends = [[-600.0, 0.0], [600.0, 0.0]]
+            .map(|at| mean(&operator, &state_after(&operator, &[[-900.0, 0.0], at], 5.0), at));
         let slope = (ends[1][0] - ends[0][0]) / 1200.0;
         assert!((0.7..1.1).contains(&slope), "{slope} at {axes:?}");
     }
@@ -265,11 +250,7 @@ fn virtual_counts_have_a_mean_slope_near_one() {
 fn forward_and_backward_motion_differ_by_the_hysteresis_loop() {
     let operator = Stops::<1>::prepare(&some_stops(1)).unwrap();
     let from = |turn: f64| {
-        mean(
-            &operator,
-            &state_after(&operator, &[[turn, 0.0], [300.0, 0.0]], 5.0),
-            [300.0, 0.0],
-        )[0]
+        mean(&operator, &state_after(&operator, &[[turn, 0.0], [300.0, 0.0]], 5.0), [300.0, 0.0])[0]
     };
     let loop_counts = from(1000.0) - from(-1000.0);
     assert!((20.0..400.0).contains(&loop_counts), "{loop_counts}");
@@ -285,44 +266,21 @@ fn invalid_parameters_are_refused() {
         ("shared", |file| file.shared = 1.5),
         ("stops.share", |file| file.stops[0].share = 0.9),
         ("stops:", |file| file.stops.clear()),
-        ("stops =", |file| {
-            file.stops = vec![
-                StopElement {
-                    stiffness: 1.0,
-                    share: 1.0 / 6.0
-                };
-                6
-            ]
-        }),
+        ("stops =", |file| file.stops = vec![StopElement { stiffness: 1.0, share: 1.0 / 6.0 }; 6]),
         ("segments:", |file| file.segments.clear()),
         ("segments[0].axes", |file| file.segments[0].axes.truncate(1)),
-        ("segments[0].friction", |file| {
-            file.segments[0].friction = 0.0
-        }),
-        ("axis_deg", |file| {
-            file.motors[1].axis_deg = file.motors[0].axis_deg + 179.0
-        }),
-        ("travel_per_count", |file| {
-            file.motors[1].travel_per_count = -0.1
-        }),
+        ("segments[0].friction", |file| file.segments[0].friction = 0.0),
+        ("axis_deg", |file| file.motors[1].axis_deg = file.motors[0].axis_deg + 179.0),
+        ("travel_per_count", |file| file.motors[1].travel_per_count = -0.1),
     ];
     for (field, change) in change {
         let mut file = some_stops(2);
         change(&mut file);
         let error = Stops::<2>::prepare(&file).unwrap_err().to_string();
-        assert!(
-            error.contains(field.trim_end_matches([':', '=', ' '])),
-            "{field}: {error}"
-        );
+        assert!(error.contains(field.trim_end_matches([':', '=', ' '])), "{field}: {error}");
     }
-    assert!(
-        Stops::<1>::prepare(&some_stops(2)).is_err(),
-        "two motors are not one"
-    );
+    assert!(Stops::<1>::prepare(&some_stops(2)).is_err(), "two motors are not one");
     let mut shared = some_stops(1);
     shared.shared = 0.2;
-    assert!(
-        Stops::<1>::prepare(&shared).is_err(),
-        "a single motor shares with none"
-    );
+    assert!(Stops::<1>::prepare(&shared).is_err(), "a single motor shares with none");
 }

@@ -53,10 +53,7 @@ fn pause_stops_the_conditioning_cycle() {
     let paused = rig.positions();
     client.state_command(StateCommand::Resume).unwrap();
     let state = settle_in(&mut client, OperatingState::Enabled);
-    assert!(
-        has(&state, OperatingStateMsg::HOLDING),
-        "it does not continue by itself"
-    );
+    assert!(has(&state, OperatingStateMsg::HOLDING), "it does not continue by itself");
     for (before, after) in paused.into_iter().zip(rig.positions()) {
         assert!((before - after).abs() <= 3, "{before} {after}");
     }

@@ -12,9 +12,7 @@ fn link_errors_are_published_as_health() {
     let client = rig.enabled();
     let mut health = client.watcher().health();
     let mut newest = |condition: &dyn Fn(&Health) -> bool| {
-        eventually("a record of health", || {
-            health.newest().unwrap().filter(condition)
-        })
+        eventually("a record of health", || health.newest().unwrap().filter(condition))
     };
     let before = newest(&|_| true);
     assert!(before.stamp_ns <= clock::now().0);
@@ -38,17 +36,9 @@ fn the_log_is_published_line_by_line() {
     let mut events = client.watcher().events();
     let mut lines = Vec::new();
     eventually("the line of the change to ENABLED", || {
-        events
-            .drain(|event| lines.push(unpadded_text(&event.text)))
-            .unwrap();
-        lines
-            .iter()
-            .any(|line| line.contains("-> ENABLED"))
-            .then_some(())
+        events.drain(|event| lines.push(unpadded_text(&event.text))).unwrap();
+        lines.iter().any(|line| line.contains("-> ENABLED")).then_some(())
     });
     let log = rig.log_text("controller");
-    assert!(
-        lines.iter().all(|line| log.contains(line)),
-        "{lines:?}\n{log}"
-    );
+    assert!(lines.iter().all(|line| log.contains(line)), "{lines:?}\n{log}");
 }

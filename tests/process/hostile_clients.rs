@@ -27,30 +27,10 @@ struct Hostile {
 /// Every kind: a stamp in the future, no identity, a value that is not finite (only angles can be),
 /// and a command that only the loop can refuse, with the newest stamp that is allowed.
 const HOSTILE: [Hostile; 4] = [
-    Hostile {
-        client_id: 101,
-        ahead_ms: 1000,
-        value: 0.0,
-        refusal: Refusal::Stamp,
-    },
-    Hostile {
-        client_id: 0,
-        ahead_ms: 0,
-        value: 0.0,
-        refusal: Refusal::Malformed,
-    },
-    Hostile {
-        client_id: 103,
-        ahead_ms: 0,
-        value: f64::NAN,
-        refusal: Refusal::NotFinite,
-    },
-    Hostile {
-        client_id: 104,
-        ahead_ms: 1,
-        value: 1e6,
-        refusal: Refusal::Step,
-    },
+    Hostile { client_id: 101, ahead_ms: 1000, value: 0.0, refusal: Refusal::Stamp },
+    Hostile { client_id: 0, ahead_ms: 0, value: 0.0, refusal: Refusal::Malformed },
+    Hostile { client_id: 103, ahead_ms: 0, value: f64::NAN, refusal: Refusal::NotFinite },
+    Hostile { client_id: 104, ahead_ms: 1, value: 1e6, refusal: Refusal::Step },
 ];
 
 impl Hostile {
@@ -197,9 +177,6 @@ fn the_log_folds_the_refusals_of_every_client() {
     for hostile in HOSTILE {
         let name = format!("refused client {:016x}", hostile.client_id);
         let lines = log.lines().filter(|line| line.contains(&name)).count();
-        assert!(
-            (1..=4).contains(&lines),
-            "{hostile:?}: {lines} lines\n{log}"
-        );
+        assert!((1..=4).contains(&lines), "{hostile:?}: {lines} lines\n{log}");
     }
 }

@@ -82,11 +82,7 @@ fn leftovers_of_a_killed_controller_are_removed() {
     let server = serve(&domain);
     assert_eq!(Ready::read(&domain).unwrap().boot_id, server.boot_id());
     assert!(!nodes.exists());
-    assert!(
-        files(&domain)
-            .iter()
-            .all(|path| !path.to_string_lossy().contains(&old))
-    );
+    assert!(files(&domain).iter().all(|path| !path.to_string_lossy().contains(&old)));
     drop(server);
     assert_no_files(&domain);
 }
@@ -120,15 +116,10 @@ fn a_controller_with_another_interface_version_is_an_error_with_both_versions() 
     let ready = format!("{:016x} {other} 1", server.boot_id());
     fs::write(domain.directory().join("ready"), ready).unwrap();
     let error = Client::connect(&domain, Nanos::ZERO).unwrap_err();
-    assert!(
-        matches!(error, ClientError::Interface { found, .. } if found == other),
-        "{error}"
-    );
+    assert!(matches!(error, ClientError::Interface { found, .. } if found == other), "{error}");
     let text = error.to_string();
     assert!(
-        text.contains(&format!(
-            "interface version {other}, this program {INTERFACE_VERSION}"
-        )),
+        text.contains(&format!("interface version {other}, this program {INTERFACE_VERSION}")),
         "{text}"
     );
 }

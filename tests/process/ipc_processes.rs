@@ -128,16 +128,11 @@ fn a_client_survives_a_killed_controller() {
     let mut client = Client::connect(&domain, TIMEOUT).unwrap();
     let mut state = Latest::new(client.watcher().operating_state());
     let before = client.version().unwrap();
-    eventually("a state of the first controller", || {
-        state.refresh().ok().flatten().copied()
-    });
+    eventually("a state of the first controller", || state.refresh().ok().flatten().copied());
     drop(first);
     let mut is_absent = || state.refresh().is_err_and(|error| error.is_absent());
     eventually("the client detects the end", || is_absent().then_some(()));
-    assert!(
-        !files(&domain).is_empty(),
-        "a killed process cannot clean up"
-    );
+    assert!(!files(&domain).is_empty(), "a killed process cannot clean up");
 
     let second = Process::start("role_controller", &domain);
     let refreshed = || state.refresh().ok().flatten().copied();
@@ -158,12 +153,7 @@ fn a_second_controller_is_refused_with_the_process_id_of_the_first() {
     assert_eq!(first_pid, first.0.id());
     let error = DomainLock::acquire(&domain).unwrap_err();
     assert!(matches!(error, DomainError::Taken { pid: Some(pid), .. } if pid == first_pid));
-    assert!(
-        error
-            .to_string()
-            .contains(&format!("process id {first_pid}")),
-        "{error}"
-    );
+    assert!(error.to_string().contains(&format!("process id {first_pid}")), "{error}");
     drop(first);
     // The lock ends with the process, so the next controller starts at once.
     drop(serve(&domain));

@@ -32,10 +32,7 @@ fn poll_joint(server: &mut Server) -> Option<ServoJp> {
 /// A message with a stamp and zeros.
 macro_rules! stamped {
     ($kind:ident, $stamp:expr) => {
-        $kind {
-            stamp_ns: $stamp,
-            ..$kind::default()
-        }
+        $kind { stamp_ns: $stamp, ..$kind::default() }
     };
 }
 
@@ -119,19 +116,9 @@ fn a_state_command_is_answered_or_refused_with_the_reason() {
         server.poll_state_commands(now, |token, request| requests.push((token, request)));
         for (token, request) in requests {
             let enable = request.command == StateCommand::Enable.number();
-            let refusal = if enable {
-                Refusal::NotHomed
-            } else {
-                Refusal::None
-            };
+            let refusal = if enable { Refusal::NotHomed } else { Refusal::None };
             let refusal = refusal.number();
-            server.reply(
-                token,
-                StateCommandReply {
-                    refusal,
-                    ..StateCommandReply::default()
-                },
-            );
+            server.reply(token, StateCommandReply { refusal, ..StateCommandReply::default() });
             sender.send(request).unwrap();
         }
     });
@@ -141,9 +128,7 @@ fn a_state_command_is_answered_or_refused_with_the_reason() {
     assert!(matches!(error, ClientError::Refused { refusal, .. } if refusal == not_homed));
     let state = client.state_command(StateCommand::Home).unwrap();
     assert_eq!(state, OperatingState::Disabled);
-    let requests = received
-        .try_iter()
-        .map(|request| (request.client_id, request.command));
+    let requests = received.try_iter().map(|request| (request.client_id, request.command));
     let expected = [StateCommand::Enable, StateCommand::Home];
     let expected = expected.map(|command| (client.id(), command.number()));
     assert_eq!(requests.collect::<Vec<_>>(), expected);
@@ -220,9 +205,7 @@ fn a_subscription_buffers_messages_and_counts_lost_ones() {
         server.publish_measured(stamped!(JointState, stamp));
     }
     let mut stamps = Vec::new();
-    let count = subscription
-        .drain(|message| stamps.push(message.stamp_ns))
-        .unwrap();
+    let count = subscription.drain(|message| stamps.push(message.stamp_ns)).unwrap();
     assert_eq!((count, subscription.missed()), (100, 0));
     assert_eq!(stamps, (1..=100).collect::<Vec<u64>>());
     for stamp in 101..=400 {
@@ -241,9 +224,7 @@ fn measurements_of_a_sensor_reach_the_controller_and_watchers() {
     let mut camera = ExternalPublisher::new(&domain);
     let (position, deviation) = ([0.1, 0.2], [0.01, 0.02]);
     camera.publish(Nanos(5), &position, &[]).unwrap();
-    camera
-        .publish_with_quality(Nanos(6), &position, &deviation, 0.7)
-        .unwrap();
+    camera.publish_with_quality(Nanos(6), &position, &deviation, 0.7).unwrap();
     camera.publish_nothing(Nanos(7)).unwrap();
     let mut seen = Vec::new();
     let count = subscription.drain(|m| seen.push((m.stamp_ns, m.flags, m.count, m.quality)));
@@ -265,15 +246,10 @@ fn watchers_receive_commands_but_late_ones_no_old_command() {
             commander.servo_jp(&[*step]).unwrap();
         }
         let mut received = Vec::new();
-        subscription
-            .drain(|command| received.push(command.position[0]))
-            .unwrap();
+        subscription.drain(|command| received.push(command.position[0])).unwrap();
         received
     };
-    assert_eq!(
-        received_after(&[1.0, 2.0, 3.0, 4.0, 5.0]),
-        [1.0, 2.0, 3.0, 4.0, 5.0]
-    );
+    assert_eq!(received_after(&[1.0, 2.0, 3.0, 4.0, 5.0]), [1.0, 2.0, 3.0, 4.0, 5.0]);
     assert_eq!(poll_joint(&mut server).unwrap().sequence, 5);
     assert_eq!(received_after(&[6.0]), [6.0]);
 }
@@ -283,10 +259,7 @@ fn without_a_controller_a_client_gets_an_error_and_creates_nothing() {
     let domain = unique_domain();
     let start = clock::now();
     let error = Client::connect(&domain, Nanos::from_millis(30)).unwrap_err();
-    assert!(
-        error.is_absent() && error.to_string().contains(domain.name()),
-        "{error}"
-    );
+    assert!(error.is_absent() && error.to_string().contains(domain.name()), "{error}");
     assert!(clock::now().since(start) >= Nanos::from_millis(30));
     let error = Watcher::new(&domain).measured_js().read().unwrap_err();
     assert!(error.is_absent());
@@ -304,14 +277,10 @@ fn waiting_ends_with_the_condition_or_the_timeout() {
         server.publish_operating_state(message);
     });
     let mut client = connect(&domain);
-    let state = client
-        .wait_for(TIMEOUT, |state| state.accepted > 20)
-        .unwrap();
+    let state = client.wait_for(TIMEOUT, |state| state.accepted > 20).unwrap();
     assert!(state.accepted > 20);
     let short = Nanos::from_millis(20);
-    let error = client
-        .wait_for(short, |state| state.accepted == 0)
-        .unwrap_err();
+    let error = client.wait_for(short, |state| state.accepted == 0).unwrap_err();
     assert!(matches!(error, ClientError::Timeout { .. }), "{error}");
 }
 
@@ -335,17 +304,11 @@ fn a_client_finds_the_next_start_of_the_controller() {
         });
         assert_eq!((seen.stamp_ns, seen.boot_id), (round, server.boot_id()));
         drop(server);
-        let mut is_absent = || {
-            commander
-                .servo_jp(&[0.1])
-                .is_err_and(|error| error.is_absent())
-        };
+        let mut is_absent = || commander.servo_jp(&[0.1]).is_err_and(|error| error.is_absent());
         eventually("the client detects the end", || is_absent().then_some(()));
         assert!(state.refresh().is_err_and(|error| error.is_absent()) && state.value().is_none());
         server = serve(&domain);
     }
     assert_eq!(server.failures().0, 0);
-    eventually("the client connects again", || {
-        client.operating_state().ok()
-    });
+    eventually("the client connects again", || client.operating_state().ok());
 }

@@ -22,20 +22,11 @@ fn motors_follow_counts_and_the_snake_bends() {
     let client = rig.enabled();
     stream_counts(&client, 2.0, |t| [(300.0 * t).min(400.0) as i32, 0]);
     let [first, second] = rig.positions();
-    assert!(
-        (first - 400).abs() <= 3 && second.abs() <= 3,
-        "{first} {second}"
-    );
+    assert!((first - 400).abs() <= 3 && second.abs() <= 3, "{first} {second}");
     let [pitch, yaw] = rig.emulator.snapshot().angles_deg;
-    assert!(
-        pitch.hypot(yaw) > 3.0,
-        "400 counts bend the snake: {pitch} {yaw}"
-    );
+    assert!(pitch.hypot(yaw) > 3.0, "400 counts bend the snake: {pitch} {yaw}");
     let log = rig.emulator.log();
-    assert!(
-        !log.iter()
-            .any(|event| matches!(event.kind, EventKind::HostBug(_)))
-    );
+    assert!(!log.iter().any(|event| matches!(event.kind, EventKind::HostBug(_))));
 }
 
 #[test]
@@ -59,10 +50,7 @@ fn angles_commanded_by_a_client_are_reached() {
         assert!((measured.to_degrees() - goal).abs() < 0.1, "{last:?}");
     }
     let [pitch, yaw] = rig.emulator.snapshot().angles_deg;
-    assert!(
-        (pitch - goal[0]).hypot(yaw - goal[1]) < 5.0,
-        "{pitch} {yaw}"
-    );
+    assert!((pitch - goal[0]).hypot(yaw - goal[1]) < 5.0, "{pitch} {yaw}");
 }
 
 #[test]
@@ -77,32 +65,18 @@ fn sigterm_and_sigint_stop_in_order_with_exit_code_0_and_leave_no_files() {
         assert_eq!(status.code(), Some(0), "{log}");
         // Ready to switch on: the power stage is off.
         for (axis, state) in rig.emulator.snapshot().axes.iter().enumerate() {
-            assert_eq!(
-                state.drive.state,
-                State::ReadyToSwitchOn,
-                "axis {axis}: {log}"
-            );
+            assert_eq!(state.drive.state, State::ReadyToSwitchOn, "axis {axis}: {log}");
         }
         // Operation was disabled before the power stage was switched off: no coasting.
-        let events = rig
-            .emulator
-            .log()
-            .into_iter()
-            .filter(|event| event.axis == 0);
+        let events = rig.emulator.log().into_iter().filter(|event| event.axis == 0);
         let states: Vec<State> = events
             .filter_map(|event| match event.kind {
                 EventKind::State { to, .. } => Some(to),
                 _ => None,
             })
             .collect();
-        let enabled = states
-            .iter()
-            .rposition(|state| *state == State::OperationEnabled);
-        assert_eq!(
-            states.get(enabled.unwrap() + 1),
-            Some(&State::SwitchedOn),
-            "{states:?}"
-        );
+        let enabled = states.iter().rposition(|state| *state == State::OperationEnabled);
+        assert_eq!(states.get(enabled.unwrap() + 1), Some(&State::SwitchedOn), "{states:?}");
         std::thread::sleep(Duration::from_millis(100));
         assert_no_files(&rig.domain());
     }
@@ -117,10 +91,7 @@ fn a_drive_that_does_not_answer_is_named() {
     assert_eq!(wait_for_end(&mut child).expect("it ends").code(), Some(1));
     let text = rig.log_text("controller");
     let error = text.lines().last().unwrap();
-    assert!(
-        error.starts_with("error: ") && error.contains("axis1"),
-        "{text}"
-    );
+    assert!(error.starts_with("error: ") && error.contains("axis1"), "{text}");
 }
 
 #[test]
@@ -147,20 +118,10 @@ fn the_run_log_holds_every_start_end_and_change_of_state_and_who_commanded() {
     assert_eq!(begins[0]["drives"][1]["serial_number"], serial_number);
     let states = events("state");
     let enabled = states.iter().filter(|line| line["to"] == "ENABLED");
-    assert_eq!(
-        enabled.filter(|line| line["command"] == "enable").count(),
-        2,
-        "{text}"
-    );
+    assert_eq!(enabled.filter(|line| line["command"] == "enable").count(), 2, "{text}");
     let ours = format!("process {}", std::process::id());
-    let callers: Vec<_> = events("lease")
-        .iter()
-        .map(|line| line["caller"].to_string())
-        .collect();
-    assert!(
-        callers.iter().any(|caller| caller.contains(&ours)),
-        "{text}"
-    );
+    let callers: Vec<_> = events("lease").iter().map(|line| line["caller"].to_string()).collect();
+    assert!(callers.iter().any(|caller| caller.contains(&ours)), "{text}");
     assert!(rig.log_text("controller").contains(&ours));
 }
 
@@ -169,9 +130,7 @@ fn black_box(rig: &Rig, cause: &str) -> BlackBox {
     let entries = fs::read_dir(rig.folder.path().join("records")).unwrap();
     let paths = entries.map(|entry| entry.unwrap().path());
     let end = format!("-{cause}.box");
-    let paths: Vec<_> = paths
-        .filter(|path| path.to_string_lossy().ends_with(&end))
-        .collect();
+    let paths: Vec<_> = paths.filter(|path| path.to_string_lossy().ends_with(&end)).collect();
     assert_eq!(paths.len(), 1, "{paths:?}: {}", rig.log_text("controller"));
     BlackBox::read(&paths[0]).unwrap()
 }
@@ -191,21 +150,13 @@ fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_b
     rig.emulator.mute(0, false);
     clock::sleep(Nanos::from_millis(1500));
     rig.signal(Signal::SIGTERM);
-    assert_eq!(
-        rig.wait_for_end().code(),
-        Some(0),
-        "{}",
-        rig.log_text("controller")
-    );
+    assert_eq!(rig.wait_for_end().code(), Some(0), "{}", rig.log_text("controller"));
     let (on_fault, at_exit) = (black_box(&rig, "fault"), black_box(&rig, "exit"));
     let is_fault = |tick: &TickRecord| tick.outputs.report.state == fault;
     assert!(on_fault.ticks.iter().any(is_fault) && !on_fault.ticks.iter().all(is_fault));
     for black_box in [on_request, on_fault, at_exit] {
         let replayed = replay(&black_box).unwrap();
-        assert!(
-            replayed.difference.is_none() && replayed.skipped == 0,
-            "{replayed:?}"
-        );
+        assert!(replayed.difference.is_none() && replayed.skipped == 0, "{replayed:?}");
         assert_eq!(replayed.ticks, black_box.ticks.len() as u64);
     }
     assert!(rig.log_text("controller").contains("black box of"));
@@ -225,15 +176,11 @@ fn the_last_seconds_before_sigkill_are_in_a_black_box() {
     let client = rig.client();
     let found = crate::rig::eventually("the black box of the killed controller", || {
         let log = rig.log_text("controller");
-        log.contains("the last controller was killed")
-            .then(|| black_box(&rig, "killed"))
+        log.contains("the last controller was killed").then(|| black_box(&rig, "killed"))
     });
     assert!(found.ticks.len() > 500, "{}", found.ticks.len());
     let replayed = replay(&found).unwrap();
-    assert_eq!(
-        (replayed.ticks, replayed.difference),
-        (found.ticks.len() as u64, None)
-    );
+    assert_eq!((replayed.ticks, replayed.difference), (found.ticks.len() as u64, None));
     let moved = found.ticks.iter().any(|tick| tick.inputs.servo.is_some());
     assert!(moved, "the commands are in it");
     drop(client);

@@ -131,10 +131,7 @@ impl Rig {
         let mut command = Command::new(controller_program());
         command.args([Path::new("--config"), &file]);
         command.envs(self.environment.iter().cloned());
-        command
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(stderr);
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr);
         command.spawn().unwrap()
     }
 
@@ -199,19 +196,12 @@ impl Rig {
             EventKind::Setpoint(counts) if event.axis == axis => Some((event.stamp, counts)),
             _ => None,
         };
-        self.emulator
-            .log()
-            .into_iter()
-            .filter_map(setpoint)
-            .collect()
+        self.emulator.log().into_iter().filter_map(setpoint).collect()
     }
 
     /// The encoder positions of the drives.
     pub fn positions(&self) -> [i32; 2] {
-        self.emulator
-            .snapshot()
-            .axes
-            .map(|axis| axis.drive.position)
+        self.emulator.snapshot().axes.map(|axis| axis.drive.position)
     }
 }
 
@@ -295,9 +285,7 @@ pub fn settle(
     client: &mut Client,
     condition: impl Fn(&OperatingStateMsg) -> bool,
 ) -> OperatingStateMsg {
-    wait_for(client, |state| {
-        !has(state, OperatingStateMsg::BUSY) && condition(state)
-    })
+    wait_for(client, |state| !has(state, OperatingStateMsg::BUSY) && condition(state))
 }
 
 /// The root of the repository.

@@ -88,9 +88,8 @@ fn largest_shift(drift: &Drift, geometry: &ModelGeometry, gap_reach: Pair) -> f6
     let direction = geometry.corrected_direction();
     let zero = add(drift.zero, direction.map(|part| part * drift.slow));
     let corners = geometry.corners.iter();
-    let shift = corners
-        .map(|corner| length(add(zero, product(&drift.gain, *corner))))
-        .fold(0.0, f64::max);
+    let shift =
+        corners.map(|corner| length(add(zero, product(&drift.gain, *corner)))).fold(0.0, f64::max);
     let gaps = drift.gap.iter().zip(gap_reach);
     shift + gaps.map(|(gap, reach)| (gap * reach).abs()).sum::<f64>()
 }

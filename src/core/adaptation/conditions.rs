@@ -54,11 +54,7 @@ impl Conditions {
     pub fn add_frame(&mut self, is_accepted: bool, seconds: f64) -> Option<bool> {
         let refused = if is_accepted { 0.0 } else { 1.0 };
         self.refused_share = forget(self.refused_share, refused, REFUSED_S, seconds);
-        let limit = if self.is_disbelieved {
-            BELIEF
-        } else {
-            DISBELIEF
-        };
+        let limit = if self.is_disbelieved { BELIEF } else { DISBELIEF };
         let is_disbelieved = self.refused_share > limit;
         let has_changed = is_disbelieved != self.is_disbelieved;
         self.is_disbelieved = is_disbelieved;

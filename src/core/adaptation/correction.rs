@@ -43,11 +43,7 @@ pub(in crate::core) struct Correction {
 
 impl Default for Correction {
     fn default() -> Self {
-        Self {
-            zero: [0.0; 2],
-            gain: [[0.0; 2]; 2],
-            gap_scale: [1.0; MAX_MOTORS],
-        }
+        Self { zero: [0.0; 2], gain: [[0.0; 2]; 2], gap_scale: [1.0; MAX_MOTORS] }
     }
 }
 
@@ -134,9 +130,7 @@ impl MovingCorrection {
         // Both motors together move the tip no faster than the limit, and so does each alone: the
         // budget may hold the other one back.
         let [first, second] = tips;
-        let fastest = length(add(first, second))
-            .max(length(first))
-            .max(length(second));
+        let fastest = length(add(first, second)).max(length(first)).max(length(second));
         let share = if fastest > slew { slew / fastest } else { 1.0 };
         let mut used = self.used(gap_reach, geometry, settings);
         for (motor, step) in steps.iter().enumerate() {
@@ -194,27 +188,18 @@ fn shares_towards(steps: &[MotorStep; MAX_MOTORS], slope: &[Pair; 2]) -> Pair {
     let best = |step: Pair, other: Pair| {
         let square = dot(step, step);
         let share = dot(step, subtract(wanted, other)) / square;
-        if square > 0.0 {
-            share.clamp(0.0, 1.0)
-        } else {
-            0.0
-        }
+        if square > 0.0 { share.clamp(0.0, 1.0) } else { 0.0 }
     };
     let scaled = |step: Pair, share: f64| step.map(|part| share * part);
     let candidates = [0.0, 1.0].into_iter().flat_map(|share| {
-        [
-            [share, best(second, scaled(first, share))],
-            [best(first, scaled(second, share)), share],
-        ]
+        [[share, best(second, scaled(first, share))], [best(first, scaled(second, share)), share]]
     });
     let distance = |[a, b]: &Pair| {
         let moved = add(scaled(first, *a), scaled(second, *b));
         let left = subtract(wanted, moved);
         dot(left, left)
     };
-    candidates
-        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        .unwrap_or_default()
+    candidates.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or_default()
 }
 
 /// A step of the correction of a motor.
@@ -246,20 +231,14 @@ impl MotorRow {
         // The inverse takes the correction away from the goal.
         let shift = -(row.zero + row.gain[0] * pose[0] + row.gain[1] * pose[1]);
         if motion == 0.0 || shift * motion < 0.0 {
-            return MotorStep {
-                missing: shift,
-                ..MotorStep::default()
-            };
+            return MotorStep { missing: shift, ..MotorStep::default() };
         }
         let mut share = NEARER_PER_S * tick_s;
         if share * shift.abs() > limit {
             share = limit / shift.abs();
         }
         MotorStep {
-            row: Self {
-                zero: share * row.zero,
-                gain: row.gain.map(|gain| share * gain),
-            },
+            row: Self { zero: share * row.zero, gain: row.gain.map(|gain| share * gain) },
             shift: share * shift,
             missing: shift,
         }
@@ -274,17 +253,12 @@ impl MotorRow {
 
 fn rows(drift: &Drift, geometry: &ModelGeometry) -> [MotorRow; MAX_MOTORS] {
     let direction = geometry.corrected_direction();
-    let zero = [
-        drift.zero[0] + direction[0] * drift.slow,
-        drift.zero[1] + direction[1] * drift.slow,
-    ];
+    let zero =
+        [drift.zero[0] + direction[0] * drift.slow, drift.zero[1] + direction[1] * drift.slow];
     let zero = geometry.counts(zero);
     let column = |column: usize| geometry.counts([drift.gain[0][column], drift.gain[1][column]]);
     let (first, second) = (column(0), column(1));
-    std::array::from_fn(|motor| MotorRow {
-        zero: zero[motor],
-        gain: [first[motor], second[motor]],
-    })
+    std::array::from_fn(|motor| MotorRow { zero: zero[motor], gain: [first[motor], second[motor]] })
 }
 
 #[cfg(test)]
@@ -292,11 +266,7 @@ mod tests {
     use super::*;
 
     fn step(shift: f64, missing: f64) -> MotorStep {
-        MotorStep {
-            shift,
-            missing,
-            ..MotorStep::default()
-        }
+        MotorStep { shift, missing, ..MotorStep::default() }
     }
 
     #[test]
@@ -312,9 +282,6 @@ mod tests {
         assert_eq!(shares, [1.0, 0.0]);
         // Where the tip is led past, part of a step is the best.
         let shares = shares_towards(&[step(-0.01, -1.0), step(0.5, 0.99)], &coupled);
-        assert!(
-            shares[0] == 1.0 && shares[1] > 0.0 && shares[1] < 1.0,
-            "{shares:?}"
-        );
+        assert!(shares[0] == 1.0 && shares[1] > 0.0 && shares[1] < 1.0, "{shares:?}");
     }
 }

@@ -64,13 +64,7 @@ impl Drift {
     /// The opposite of [`Drift::to_array`].
     #[must_use]
     pub fn from_array([x, y, a, b, c, d, g, h, latency_s, slow]: [f64; PARAMETERS]) -> Self {
-        Self {
-            zero: [x, y],
-            gain: [[a, b], [c, d]],
-            gap: [g, h],
-            latency_s,
-            slow,
-        }
+        Self { zero: [x, y], gain: [[a, b], [c, d]], gap: [g, h], latency_s, slow }
     }
 }
 

@@ -70,10 +70,7 @@ impl Estimator {
         for (index, row) in covariance.iter_mut().enumerate() {
             row[index] = first_variance(index, slow);
         }
-        Self {
-            drift: Row::default(),
-            covariance,
-        }
+        Self { drift: Row::default(), covariance }
     }
 
     pub fn drift(&self) -> Drift {
@@ -134,11 +131,7 @@ impl Estimator {
     ) -> Innovation {
         let seen = [0, 1].map(|output| Measurement::new(output, frame, regressors, geometry));
         let value = [0, 1].map(|output| {
-            if output < geometry.outputs {
-                seen[output].error(&self.drift)
-            } else {
-                0.0
-            }
+            if output < geometry.outputs { seen[output].error(&self.drift) } else { 0.0 }
         });
         let taken = axes(geometry).map(|axis| (Measurement::along(axis, &seen), axis));
         let is_accepted = (0..geometry.outputs).all(|index| {
@@ -167,8 +160,7 @@ impl Estimator {
     }
 
     fn times(&self, row: &Row) -> Row {
-        self.covariance
-            .map(|entries| entries.iter().zip(row).map(|(p, h)| p * h).sum())
+        self.covariance.map(|entries| entries.iter().zip(row).map(|(p, h)| p * h).sum())
     }
 
     /// One scalar measurement. With a gain that is not optimal for the considered parameters, the
@@ -176,13 +168,8 @@ impl Estimator {
     fn take(&mut self, error: f64, row: &Row, noise: f64, excited: &[bool; PARAMETERS]) {
         let cross = self.times(row);
         let spread = noise + cross.iter().zip(row).map(|(p, h)| p * h).sum::<f64>();
-        let gain: Row = std::array::from_fn(|index| {
-            if excited[index] {
-                cross[index] / spread
-            } else {
-                0.0
-            }
-        });
+        let gain: Row =
+            std::array::from_fn(|index| if excited[index] { cross[index] / spread } else { 0.0 });
         for index in 0..PARAMETERS {
             self.drift[index] += gain[index] * error;
             for other in 0..PARAMETERS {
@@ -219,11 +206,8 @@ fn group(index: usize) -> usize {
 }
 
 fn first_variance(index: usize, slow: Option<&SlowError>) -> f64 {
-    let deviation = if index == SLOW {
-        slow.map_or(0.0, |slow| slow.deviation)
-    } else {
-        FIRST[group(index)]
-    };
+    let deviation =
+        if index == SLOW { slow.map_or(0.0, |slow| slow.deviation) } else { FIRST[group(index)] };
     deviation * deviation
 }
 
@@ -241,14 +225,10 @@ impl Measurement {
     fn new(output: usize, frame: Pair, regressors: &Regressors, geometry: &ModelGeometry) -> Self {
         let moment = &regressors.moment;
         let row = row(output, regressors, geometry);
-        let known: f64 = (0..2)
-            .map(|motor| moment.gap_slopes[motor][output] * moment.gap[motor])
-            .sum();
+        let known: f64 =
+            (0..2).map(|motor| moment.gap_slopes[motor][output] * moment.gap[motor]).sum();
         let known = known + row[LATENCY] * regressors.latency_s;
-        Self {
-            value: frame[output] - moment.gapped[output] + known,
-            row,
-        }
+        Self { value: frame[output] - moment.gapped[output] + known, row }
     }
 
     /// Both outputs along a direction.
@@ -300,9 +280,6 @@ fn row(output: usize, regressors: &Regressors, geometry: &ModelGeometry) -> Row 
         row[6 + motor] = moment.gap_slopes[motor][output];
     }
     row[LATENCY] = -regressors.rate[output];
-    row[SLOW] = geometry
-        .slow
-        .as_ref()
-        .map_or(0.0, |slow| slow.direction[output]);
+    row[SLOW] = geometry.slow.as_ref().map_or(0.0, |slow| slow.direction[output]);
     row
 }

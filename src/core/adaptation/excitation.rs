@@ -61,11 +61,7 @@ impl Excitation {
         }
         for (branches, slope) in self.branches.iter_mut().zip(moment.gap_slopes) {
             // The sign of the larger part of the slope is the branch.
-            let part = if slope[0].abs() > slope[1].abs() {
-                slope[0]
-            } else {
-                slope[1]
-            };
+            let part = if slope[0].abs() > slope[1].abs() { slope[0] } else { slope[1] };
             branches[0] = forget(branches[0], 0.0, RANGE_S, seconds).max(part);
             branches[1] = forget(branches[1], 0.0, RANGE_S, seconds).max(-part);
         }
@@ -75,9 +71,7 @@ impl Excitation {
     pub fn shown(&self) -> [bool; PARAMETERS] {
         let moves = self.path >= LEAST_PATH;
         let ranges = [0, 1].map(|i| moves && self.high[i] - self.low[i] >= LEAST_RANGE);
-        let gaps = self
-            .branches
-            .map(|[one, other]| moves && one.min(other) >= LEAST_BRANCH);
+        let gaps = self.branches.map(|[one, other]| moves && one.min(other) >= LEAST_BRANCH);
         let rate = moves && self.square_rate >= LEAST_RATE * LEAST_RATE;
         let [x, y] = ranges;
         [moves, moves, x, y, x, y, gaps[0], gaps[1], rate, moves]
@@ -102,16 +96,8 @@ mod tests {
     fn seen(frames: impl Iterator<Item = (Pair, [Pair; 2], Pair)>) -> [bool; PARAMETERS] {
         let mut excitation = Excitation::default();
         for (gapped, gap_slopes, rate) in frames {
-            let moment = Moment {
-                gapped,
-                gap_slopes,
-                ..Moment::default()
-            };
-            let regressors = Regressors {
-                moment,
-                rate,
-                latency_s: 0.0,
-            };
+            let moment = Moment { gapped, gap_slopes, ..Moment::default() };
+            let regressors = Regressors { moment, rate, latency_s: 0.0 };
             excitation.add(&regressors, 0.033);
         }
         excitation.shown()
@@ -139,11 +125,7 @@ mod tests {
         let to_and_fro = (0..200).map(|k| {
             let phase = f64::from(k) * 0.1;
             let branch = 0.02 * phase.cos().signum();
-            (
-                [10.0 * DEG * phase.sin(), 0.0],
-                [[-branch, 0.0], [0.0; 2]],
-                [0.1, 0.0],
-            )
+            ([10.0 * DEG * phase.sin(), 0.0], [[-branch, 0.0], [0.0; 2]], [0.1, 0.0])
         });
         let shown = seen(to_and_fro);
         assert!(shown[6] && !shown[7], "{shown:?}");

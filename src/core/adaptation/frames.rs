@@ -91,18 +91,9 @@ mod tests {
             outputs: 2,
             quality: 0.0,
         };
-        let not_finite = ExternalPose {
-            position: [f64::NAN; 3],
-            ..frame(200)
-        };
-        let poor = ExternalPose {
-            quality: 0.1,
-            ..frame(200)
-        };
-        let other = ExternalPose {
-            outputs: 1,
-            ..frame(200)
-        };
+        let not_finite = ExternalPose { position: [f64::NAN; 3], ..frame(200) };
+        let poor = ExternalPose { quality: 0.1, ..frame(200) };
+        let other = ExternalPose { outputs: 1, ..frame(200) };
         let cases = [
             (frame(0), true),
             (frame(0), false),

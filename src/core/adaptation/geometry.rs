@@ -82,9 +82,7 @@ impl ModelGeometry {
 
     /// The direction of the slow error; 0 if that is not corrected.
     pub fn corrected_direction(&self) -> Pair {
-        let corrected = self
-            .slow
-            .filter(|slow| slow.time_constant_s >= LEAST_CORRECTED_S);
+        let corrected = self.slow.filter(|slow| slow.time_constant_s >= LEAST_CORRECTED_S);
         corrected.map_or([0.0; 2], |slow| slow.direction)
     }
 
@@ -108,14 +106,8 @@ pub(super) fn product(matrix: &[Pair; 2], vector: Pair) -> Pair {
 /// The inverse of a matrix; `None` if there is none.
 pub(super) fn inverse([[a, b], [c, d]]: &[Pair; 2]) -> Option<[Pair; 2]> {
     let determinant = a * d - b * c;
-    let largest = [a, b, c, d]
-        .map(|x| x.abs())
-        .into_iter()
-        .fold(0.0, f64::max);
-    let inverse = [
-        [d / determinant, -b / determinant],
-        [-c / determinant, a / determinant],
-    ];
+    let largest = [a, b, c, d].map(|x| x.abs()).into_iter().fold(0.0, f64::max);
+    let inverse = [[d / determinant, -b / determinant], [-c / determinant, a / determinant]];
     (determinant.abs() > 1e-6 * largest * largest).then_some(inverse)
 }
 

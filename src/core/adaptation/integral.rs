@@ -72,21 +72,14 @@ mod tests {
     #[test]
     fn it_follows_slowly_and_no_further_than_a_degree() {
         let mut integral = Integral::default();
-        let frame = Frame {
-            stamp: Nanos::ZERO,
-            pose: [0.0; 2],
-            interval_s: 1.0 / 30.0,
-            age_s: 0.06,
-        };
+        let frame =
+            Frame { stamp: Nanos::ZERO, pose: [0.0; 2], interval_s: 1.0 / 30.0, age_s: 0.06 };
         for _ in 0..100 {
             let error = [0.5 * DEG - integral.zero()[0], 0.0];
             assert!(integral.add(error, 0.0, &frame, true));
         }
         // One time constant of 3.3 s.
-        assert!(
-            (integral.zero()[0] / DEG - 0.316).abs() < 0.01,
-            "{integral:?}"
-        );
+        assert!((integral.zero()[0] / DEG - 0.316).abs() < 0.01, "{integral:?}");
         for _ in 0..3000 {
             assert!(integral.add([2.0 * DEG, -2.0 * DEG], 0.0, &frame, true));
         }
@@ -96,12 +89,7 @@ mod tests {
 
     #[test]
     fn a_late_camera_is_followed_more_slowly() {
-        let frame = |age_s| Frame {
-            stamp: Nanos::ZERO,
-            pose: [0.0; 2],
-            interval_s: 1.0,
-            age_s,
-        };
+        let frame = |age_s| Frame { stamp: Nanos::ZERO, pose: [0.0; 2], interval_s: 1.0, age_s };
         let follow = |age_s| {
             let mut integral = Integral::default();
             integral.add([0.1 * DEG, 0.0], 0.0, &frame(age_s), true);

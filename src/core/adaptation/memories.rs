@@ -21,10 +21,7 @@ pub(in crate::core) struct DriftMemories {
 impl DriftMemories {
     /// Copies of the memory of a model that has just taken over.
     pub fn new(memory: &Memory) -> Self {
-        Self {
-            calibrated: *memory,
-            shadows: [*memory; MAX_MOTORS],
-        }
+        Self { calibrated: *memory, shadows: [*memory; MAX_MOTORS] }
     }
 
     /// The memory as calibrated.

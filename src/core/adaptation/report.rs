@@ -121,14 +121,9 @@ impl Pauses {
     /// ended by them, and so is doubt in the camera; what is applied goes on being judged when
     /// nothing more is learned.
     pub(super) fn look_away(self) -> bool {
-        [
-            Pause::NotFollowing,
-            Pause::Settling,
-            Pause::MemoryUnknown,
-            Pause::OutsideHull,
-        ]
-        .into_iter()
-        .any(|pause| self.contains(pause))
+        [Pause::NotFollowing, Pause::Settling, Pause::MemoryUnknown, Pause::OutsideHull]
+            .into_iter()
+            .any(|pause| self.contains(pause))
     }
 
     /// Whether a reason holds.
@@ -139,9 +134,7 @@ impl Pauses {
 
     /// The reasons that hold.
     pub fn iter(self) -> impl Iterator<Item = Pause> {
-        Pause::ALL
-            .into_iter()
-            .filter(move |pause| self.contains(*pause))
+        Pause::ALL.into_iter().filter(move |pause| self.contains(*pause))
     }
 }
 

@@ -61,8 +61,7 @@ impl RegressorRing {
 
     /// An entry is due.
     pub fn is_due(&self, stamp: Nanos) -> bool {
-        self.newest()
-            .is_none_or(|newest| stamp.since(newest.stamp) >= SPACING)
+        self.newest().is_none_or(|newest| stamp.since(newest.stamp) >= SPACING)
     }
 
     pub fn push(&mut self, moment: Moment) {
@@ -78,26 +77,14 @@ impl RegressorRing {
     /// is older or newer than the ring.
     pub fn at(&self, stamp: Nanos, latency_s: f64) -> Option<Regressors> {
         let shift = Nanos((1e9 * latency_s.abs()) as u64);
-        let stamp = if latency_s > 0.0 {
-            stamp - shift
-        } else {
-            stamp + shift
-        };
+        let stamp = if latency_s > 0.0 { stamp - shift } else { stamp + shift };
         let moment = self.interpolate(stamp)?;
         let before = self.interpolate(stamp - RATE_SPAN).unwrap_or(moment);
         let after = self.interpolate(stamp + RATE_SPAN).unwrap_or(moment);
         let span = after.stamp.since(before.stamp).as_seconds();
         let change = subtract(after.gapped, before.gapped);
-        let rate = if span > 0.0 {
-            change.map(|change| change / span)
-        } else {
-            Pair::default()
-        };
-        Some(Regressors {
-            moment,
-            rate,
-            latency_s,
-        })
+        let rate = if span > 0.0 { change.map(|change| change / span) } else { Pair::default() };
+        Some(Regressors { moment, rate, latency_s })
     }
 
     fn interpolate(&self, stamp: Nanos) -> Option<Moment> {
@@ -125,11 +112,7 @@ impl RegressorRing {
 
 fn between(before: &Moment, after: &Moment, stamp: Nanos) -> Moment {
     let span = after.stamp.since(before.stamp).as_seconds();
-    let part = if span > 0.0 {
-        stamp.since(before.stamp).as_seconds() / span
-    } else {
-        0.0
-    };
+    let part = if span > 0.0 { stamp.since(before.stamp).as_seconds() / span } else { 0.0 };
     let mix = |a: Pair, b: Pair| add(a, subtract(b, a).map(|change| part * change));
     Moment {
         stamp,
@@ -154,11 +137,7 @@ mod tests {
         let mut ring = RegressorRing::default();
         for t in (1000..=1500).step_by(5) {
             assert!(ring.is_due(ms(t)));
-            ring.push(Moment {
-                stamp: ms(t),
-                gapped: [1e-3 * t as f64, 0.0],
-                ..Moment::default()
-            });
+            ring.push(Moment { stamp: ms(t), gapped: [1e-3 * t as f64, 0.0], ..Moment::default() });
             assert!(!ring.is_due(ms(t + 3)));
         }
         ring

@@ -50,11 +50,7 @@ impl SlipDetector {
         let step = length(self.mean);
         let agrees = step * step >= AGREEMENT * self.mean_square;
         let is_slip = agrees && step >= LEAST_STEP.max(model) && step <= largest_step;
-        self.agreed_s = if is_slip {
-            self.agreed_s + seconds
-        } else {
-            0.0
-        };
+        self.agreed_s = if is_slip { self.agreed_s + seconds } else { 0.0 };
         if self.agreed_s < AGREED_S {
             return None;
         }

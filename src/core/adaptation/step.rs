@@ -90,10 +90,9 @@ impl AdaptationState {
 impl Adaptation {
     /// `None` if it is switched off.
     pub fn new(config: &AdaptationConfig, tick: Nanos) -> Option<Self> {
-        config.enabled.then(|| Self {
-            settings: Settings::new(config, tick),
-            state: AdaptationState::new(),
-        })
+        config
+            .enabled
+            .then(|| Self { settings: Settings::new(config, tick), state: AdaptationState::new() })
     }
 
     /// The memories that follow the positions with the active model.
@@ -234,22 +233,12 @@ impl Adaptation {
         let (state, settings) = (&mut self.state, &self.settings);
         let is_learning = !state.pauses.contains(Pause::CameraDisbelieved);
         let shown = state.excitation.shown();
-        state
-            .estimator
-            .predict(frame.interval_s, geometry.slow.as_ref());
-        let found = state.estimator.update(
-            frame.pose,
-            regressors,
-            &shown,
-            geometry,
-            settings,
-            is_learning,
-        );
+        state.estimator.predict(frame.interval_s, geometry.slow.as_ref());
+        let found =
+            state.estimator.update(frame.pose, regressors, &shown, geometry, settings, is_learning);
         let seconds = frame.interval_s.min(1.0);
         let model = length(geometry.deviation);
-        let slip = state
-            .slip
-            .add(found.value, model, settings.largest_step, seconds);
+        let slip = state.slip.add(found.value, model, settings.largest_step, seconds);
         if let Some(step) = slip {
             state.estimator.open_zero(step);
             state.conditions.believe();
@@ -307,11 +296,7 @@ impl Adaptation {
         let reach = state.excitation.gap_reach();
         state.used = BudgetUse::new(&drift, geometry, reach, settings);
         let used = state.used.largest();
-        state.frames_beyond = if used >= USED_UP {
-            state.frames_beyond + 1
-        } else {
-            0
-        };
+        state.frames_beyond = if used >= USED_UP { state.frames_beyond + 1 } else { 0 };
         if geometry.has_gap {
             let drift = inside(&drift, geometry, reach, settings);
             state.estimator.set_drift(&drift);
@@ -361,9 +346,7 @@ impl Adaptation {
             let reach = self.state.excitation.gap_reach();
             let inside = inside(&drift, geometry, reach, &self.settings);
             let pose = pair(&joints.setpoint().unwrap_or_default());
-            self.state
-                .correction
-                .advance(&inside, pose, motion, reach, geometry, &self.settings);
+            self.state.correction.advance(&inside, pose, motion, reach, geometry, &self.settings);
         }
         let correction = self.state.correction.correction(geometry);
         joints.set_correction(correction);
@@ -373,10 +356,7 @@ impl Adaptation {
         if geometry.has_gap {
             self.state.estimator.drift()
         } else {
-            Drift {
-                zero: self.state.integral.zero(),
-                ..Drift::default()
-            }
+            Drift { zero: self.state.integral.zero(), ..Drift::default() }
         }
     }
 
@@ -398,11 +378,7 @@ impl Adaptation {
         };
         AdaptationReport {
             model: state.model,
-            method: if geometry.has_gap {
-                Method::Filter
-            } else {
-                Method::Integral
-            },
+            method: if geometry.has_gap { Method::Filter } else { Method::Integral },
             estimate: self.drift(geometry),
             deviations: if geometry.has_gap {
                 state.estimator.deviations()

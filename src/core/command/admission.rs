@@ -64,9 +64,7 @@ impl CommandCheck {
     /// The checks with this configuration.
     #[must_use]
     pub fn new(config: &CommandConfig) -> Self {
-        Self {
-            deadline: DeadlineCheck::new(Nanos::from_millis(config.deadline_ms)),
-        }
+        Self { deadline: DeadlineCheck::new(Nanos::from_millis(config.deadline_ms)) }
     }
 
     /// Checks a command and returns its deadline.
@@ -189,8 +187,7 @@ impl CommandAdmission {
         let deadline = self.check.check(command, context.now)?;
         require_ready(context)?;
         self.lease.require_available(command.client_id)?;
-        self.sequences
-            .require_newer(command.client_id, command.sequence)?;
+        self.sequences.require_newer(command.client_id, command.sequence)?;
         Ok(deadline.min(self.lease.duration()))
     }
 

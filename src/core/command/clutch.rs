@@ -36,19 +36,11 @@ impl Clutch {
     /// With a scale other than 1, displacements need a reference: the first command couples.
     pub fn new(scale: f64) -> Self {
         let scaling = MotionScaling::new(scale);
-        Self {
-            scaling,
-            client_id: 0,
-            coupling: Self::first_coupling(scaling),
-        }
+        Self { scaling, client_id: 0, coupling: Self::first_coupling(scaling) }
     }
 
     fn first_coupling(scaling: MotionScaling) -> Coupling {
-        if scaling.is_unity() {
-            Coupling::Absolute
-        } else {
-            Coupling::Open
-        }
+        if scaling.is_unity() { Coupling::Absolute } else { Coupling::Open }
     }
 
     /// The goal of the snake for a command, and the clutch if the command is accepted. `snake`: the
@@ -75,10 +67,9 @@ impl Clutch {
             next.coupling = Coupling::Relative { master, snake };
         }
         let goal = match &next.coupling {
-            Coupling::Relative {
-                master: reference,
-                snake,
-            } => self.scaling.apply(&master, reference, snake),
+            Coupling::Relative { master: reference, snake } => {
+                self.scaling.apply(&master, reference, snake)
+            }
             Coupling::Absolute | Coupling::Open => master,
         };
         (ServoGoal::Joint(goal, entries), next)

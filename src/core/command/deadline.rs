@@ -36,11 +36,7 @@ impl DeadlineCheck {
         } else if requested > LONGEST_DEADLINE {
             Excess::of_age(requested, LONGEST_DEADLINE)
         } else {
-            let deadline = if requested == Nanos::ZERO {
-                self.default
-            } else {
-                requested
-            };
+            let deadline = if requested == Nanos::ZERO { self.default } else { requested };
             Excess::of_age(now.since(stamp), deadline)
         }
     }
@@ -55,11 +51,7 @@ impl DeadlineCheck {
         if stamp.since(now) > FUTURE_MARGIN || requested > LONGEST_DEADLINE {
             return Err(Refusal::Stamp);
         }
-        let deadline = if requested == Nanos::ZERO {
-            self.default
-        } else {
-            requested
-        };
+        let deadline = if requested == Nanos::ZERO { self.default } else { requested };
         match stale_age(stamp, deadline, now) {
             None => Ok(deadline),
             Some(_) => Err(Refusal::Stale),
@@ -88,11 +80,7 @@ mod tests {
             (now - ms(3), ms(3), Err(Refusal::Stale)),
             (Nanos::ZERO, Nanos::ZERO, Err(Refusal::Stale)),
         ] {
-            assert_eq!(
-                check.check(stamp, requested, now),
-                expected,
-                "{stamp:?} {requested:?}"
-            );
+            assert_eq!(check.check(stamp, requested, now), expected, "{stamp:?} {requested:?}");
         }
     }
 

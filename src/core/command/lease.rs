@@ -26,10 +26,7 @@ struct LeaseHolder {
 impl Lease {
     /// A free lease.
     pub fn new(duration: Nanos) -> Self {
-        Self {
-            duration,
-            holder: None,
-        }
+        Self { duration, holder: None }
     }
 
     pub fn duration(&self) -> Nanos {
@@ -43,28 +40,20 @@ impl Lease {
 
     /// Refuses a client while another one holds the lease.
     pub fn require_available(&self, client_id: u64) -> Result<(), Refusal> {
-        if [0, client_id].contains(&self.holder()) {
-            Ok(())
-        } else {
-            Err(Refusal::Lease)
-        }
+        if [0, client_id].contains(&self.holder()) { Ok(()) } else { Err(Refusal::Lease) }
     }
 
     /// Takes or renews the lease. Returns whether the holder changes.
     pub fn renew(&mut self, client_id: u64, now: Nanos) -> bool {
         let is_new = self.holder() != client_id;
-        self.holder = Some(LeaseHolder {
-            client_id,
-            renewed: now,
-        });
+        self.holder = Some(LeaseHolder { client_id, renewed: now });
         is_new
     }
 
     /// Frees the lease if it has expired. Returns whether it has.
     pub fn expire(&mut self, now: Nanos) -> bool {
-        let is_expired = self
-            .holder
-            .is_some_and(|holder| now.since(holder.renewed) >= self.duration);
+        let is_expired =
+            self.holder.is_some_and(|holder| now.since(holder.renewed) >= self.duration);
         if is_expired {
             self.holder = None;
         }

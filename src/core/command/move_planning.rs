@@ -45,9 +45,7 @@ pub(crate) fn plan_move(
     let from = joints.setpoint().ok_or(Refusal::DrivesNotReady)?;
     let inverse = joints.solve(&pose).map_err(|_| Refusal::BadModel)?;
     let to = if inverse.clipped {
-        joints
-            .pose(&inverse.counts)
-            .map_err(|_| Refusal::BadModel)?
+        joints.pose(&inverse.counts).map_err(|_| Refusal::BadModel)?
     } else {
         pose
     };

@@ -96,11 +96,7 @@ impl RangeCheck {
                 };
                 let counts = first_entries::<MAX_MOTORS>(counts.map(Counts::as_f64), entries);
                 let step = largest_difference(&counts, &from);
-                Some(Excess::new(
-                    Quantity::Counts,
-                    step,
-                    Some(self.actuator_step),
-                ))
+                Some(Excess::new(Quantity::Counts, step, Some(self.actuator_step)))
             }
         }
     }

@@ -28,11 +28,7 @@ pub struct ClientRefusals {
 
 impl Default for ClientRefusals {
     fn default() -> Self {
-        Self {
-            client_id: 0,
-            count: 0,
-            last: Refusal::None,
-        }
+        Self { client_id: 0, count: 0, last: Refusal::None }
     }
 }
 
@@ -151,10 +147,7 @@ mod tests {
         assert_eq!(events.count(), usize::from(MAX_EVENTS));
         let events = (0..1000).filter(|tick| record.record(100 + tick, Refusal::Step, ms(1000)));
         assert_eq!(events.count(), REFUSED_CLIENTS - 1);
-        assert!(
-            record.record(9, Refusal::Step, ms(2000)),
-            "an old entry is free"
-        );
+        assert!(record.record(9, Refusal::Step, ms(2000)), "an old entry is free");
     }
 
     #[test]

@@ -62,11 +62,7 @@ mod tests {
             (8, 4, Ok(())),
             (9, 0, Ok(())),
         ] {
-            assert_eq!(
-                record.require_newer(client, sequence),
-                expected,
-                "{client} {sequence}"
-            );
+            assert_eq!(record.require_newer(client, sequence), expected, "{client} {sequence}");
         }
     }
 

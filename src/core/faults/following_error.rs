@@ -61,13 +61,9 @@ mod tests {
             }),
             ..AxisFeedback::default()
         };
-        for (target, stamp, is_error) in [
-            (310, 5, false),
-            (311, 5, true),
-            (-291, 5, true),
-            (311, 4, false),
-            (i32::MIN, 9, true),
-        ] {
+        for (target, stamp, is_error) in
+            [(310, 5, false), (311, 5, true), (-291, 5, true), (311, 4, false), (i32::MIN, 9, true)]
+        {
             let found = limit.is_exceeded(&feedback(target, stamp), Nanos(5));
             assert_eq!(found, is_error, "{target} written at {stamp}");
             let excess = limit.excess(&feedback(target, stamp), Nanos(5));

@@ -27,9 +27,7 @@ impl OverCurrentMonitor {
 
     /// Updates the monitor. The current counts only while the drive follows setpoints.
     pub fn update(&mut self, current_ma: i32, is_following: bool, now: Nanos) {
-        let is_high = self
-            .limit_ma
-            .is_some_and(|limit| current_ma.unsigned_abs() > limit);
+        let is_high = self.limit_ma.is_some_and(|limit| current_ma.unsigned_abs() > limit);
         self.is_tripped = self.debounce.update(is_following && is_high, now);
     }
 

@@ -21,12 +21,7 @@ impl OverrunMonitor {
     /// Full after `limit` overruns within `window`; never, if `limit` is 0.
     pub fn new(limit: u32, window: Nanos) -> Self {
         let limit = f64::from(limit);
-        Self {
-            limit,
-            leak: limit / (window.0.max(1) as f64),
-            level: 0.0,
-            last: Nanos::ZERO,
-        }
+        Self { limit, leak: limit / (window.0.max(1) as f64), level: 0.0, last: Nanos::ZERO }
     }
 
     /// Adds overruns. Returns whether the bucket is full.

@@ -103,10 +103,8 @@ impl PlausibilityMonitor {
         self.last = now;
         let index = (self.written % (ROWS * COLUMNS) as u64) as usize;
         self.written += 1;
-        if let Some(entry) = self
-            .estimates
-            .get_mut(index / COLUMNS)
-            .and_then(|row| row.get_mut(index % COLUMNS))
+        if let Some(entry) =
+            self.estimates.get_mut(index / COLUMNS).and_then(|row| row.get_mut(index % COLUMNS))
         {
             *entry = (now, estimates);
         }
@@ -144,9 +142,7 @@ impl PlausibilityMonitor {
             (self.newest, self.arrived) = (measured.stamp, now);
             if let Some(estimates) = self.estimates_at(measured.stamp) {
                 self.compared = now;
-                let distances = estimates
-                    .iter()
-                    .map(|from| distance(from, &measured.position));
+                let distances = estimates.iter().map(|from| distance(from, &measured.position));
                 self.distance = distances.fold(0.0, f64::max);
                 let is_far = self.distance > self.limit;
                 self.is_implausible = self.debounce.update(is_checked && is_far, now);
@@ -187,11 +183,7 @@ impl PlausibilityMonitor {
 /// Euclidean distance. A value that is not a number is infinitely far.
 fn distance(a: &OutputVec, b: &OutputVec) -> f64 {
     let distance = vector::distance(a, b);
-    if distance.is_nan() {
-        f64::INFINITY
-    } else {
-        distance
-    }
+    if distance.is_nan() { f64::INFINITY } else { distance }
 }
 
 #[cfg(test)]
@@ -213,10 +205,7 @@ mod tests {
 
     /// A monitor that has recorded 0.4 s of motion at 10 deg/s.
     fn moving() -> PlausibilityMonitor {
-        let config = PlausibilityConfig {
-            distance_deg: 2.0,
-            debounce_ms: 100,
-        };
+        let config = PlausibilityConfig { distance_deg: 2.0, debounce_ms: 100 };
         let mut monitor = PlausibilityMonitor::new(&config);
         for t in 0..400 {
             let pose = [(0.01 * t as f64).to_radians(), 0.0, 0.0];
@@ -260,10 +249,7 @@ mod tests {
         let odd = measured(390, 60.0);
         // The control loop may hand the same frame over in every tick.
         for now in 400..3000 {
-            assert!(
-                !monitor.is_implausible(Some(&odd), 2, true, ms(now)),
-                "{now}"
-            );
+            assert!(!monitor.is_implausible(Some(&odd), 2, true, ms(now)), "{now}");
             monitor.record_estimates(ms(now), Estimates::default());
         }
         // Another odd one, long after the first.

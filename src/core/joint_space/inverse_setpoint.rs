@@ -75,11 +75,7 @@ pub(crate) fn invert_goal(
     let start = joints.setpoint().ok_or(NotFinite)?;
     let filtered = fixtures.limit(joints.filter_goal(goal)?, start, joints.unit());
     let dead_banded = joints.dead_band_goal(&filtered.now);
-    let before = if dead_banded.is_held {
-        dead_banded.goal
-    } else {
-        filtered.before
-    };
+    let before = if dead_banded.is_held { dead_banded.goal } else { filtered.before };
     let goal_now = joints.blend_goal(dead_banded.goal, now);
     let goal_before = joints.blend_goal(before, now - tick);
     joints.set_goal_motion(difference(&goal_now, &goal_before));
@@ -115,10 +111,7 @@ fn clamped_inverses(
 ) -> Result<[ClampedInverse; 3], NotFinite> {
     let clamped = |inverse: &Inverse| {
         let counts = axes.clamp(inverse.counts);
-        ClampedInverse {
-            counts,
-            is_clipped: inverse.clipped || counts != inverse.counts,
-        }
+        ClampedInverse { counts, is_clipped: inverse.clipped || counts != inverse.counts }
     };
     Ok(match (before == now, end == now) {
         (true, true) => [clamped(&joints.solve(now)?); 3],
@@ -130,10 +123,7 @@ fn clamped_inverses(
             let [now, before] = joints.solve_each(&[*now, *before])?;
             [clamped(&now), clamped(&before), clamped(&now)]
         }
-        (false, false) => joints
-            .solve_each(&[*now, *before, *end])?
-            .each_ref()
-            .map(clamped),
+        (false, false) => joints.solve_each(&[*now, *before, *end])?.each_ref().map(clamped),
     })
 }
 

@@ -23,11 +23,7 @@ pub(super) struct ModelBlend {
 
 impl ModelBlend {
     pub fn new(offset: OutputVec, started: Nanos, span: Nanos) -> Self {
-        Self {
-            offset,
-            started,
-            span,
-        }
+        Self { offset, started, span }
     }
 
     /// The offset at a time, rad (m); `None` once it has faded out.

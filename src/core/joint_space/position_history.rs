@@ -96,14 +96,9 @@ impl PositionHistory {
         if behind == 0 {
             return NextEntry::End;
         }
-        let next = HistoryCursor {
-            recorded: cursor.recorded + 1,
-            ..cursor
-        };
+        let next = HistoryCursor { recorded: cursor.recorded + 1, ..cursor };
         self.entry(next.recorded)
-            .map_or(NextEntry::Lost, |position| {
-                NextEntry::Position(position, next)
-            })
+            .map_or(NextEntry::Lost, |position| NextEntry::Position(position, next))
     }
 
     fn entry(&self, number: u64) -> Option<MotorVec> {
@@ -175,10 +170,7 @@ mod tests {
         let cursor = history.cursor();
         history.start_epoch();
         assert_eq!(rest(&history, cursor), None);
-        let future = HistoryCursor {
-            epoch: 1,
-            recorded: u64::MAX,
-        };
+        let future = HistoryCursor { epoch: 1, recorded: u64::MAX };
         assert_eq!(rest(&history, future), None);
     }
 }

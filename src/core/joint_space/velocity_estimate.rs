@@ -30,16 +30,8 @@ pub(super) fn filtered_velocity(
         return *last;
     };
     let gain = span.as_seconds() / (TIME_CONSTANT_S + span.as_seconds());
-    let velocity = zip_map(last, &raw, |velocity, raw| {
-        velocity + gain * (raw - velocity)
-    });
-    velocity.map(|velocity| {
-        if velocity.abs() < MIN_VELOCITY {
-            0.0
-        } else {
-            velocity
-        }
-    })
+    let velocity = zip_map(last, &raw, |velocity, raw| velocity + gain * (raw - velocity));
+    velocity.map(|velocity| if velocity.abs() < MIN_VELOCITY { 0.0 } else { velocity })
 }
 
 #[cfg(test)]

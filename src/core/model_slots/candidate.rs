@@ -19,10 +19,7 @@ pub struct ModelCandidate(pub(super) Box<JointModel>);
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CandidateState(JointModelState);
 
-#[allow(
-    clippy::disallowed_methods,
-    reason = "candidates are built by a slower thread"
-)]
+#[allow(clippy::disallowed_methods, reason = "candidates are built by a slower thread")]
 impl ModelCandidate {
     /// A model whose memory is rebuilt from a history that ends at a cursor of the cycle's position
     /// history. Takes thousands of steps: for a slower thread.
@@ -33,9 +30,7 @@ impl ModelCandidate {
         history: &History,
         cursor: HistoryCursor,
     ) -> Self {
-        Self(Box::new(JointModel::from_history(
-            model, config, history, cursor,
-        )))
+        Self(Box::new(JointModel::from_history(model, config, history, cursor)))
     }
 
     /// A model with a saved state.

@@ -34,15 +34,9 @@ impl LoadedModelStates {
 
 impl LoadedModels {
     /// One active model, or none.
-    #[allow(
-        clippy::disallowed_methods,
-        reason = "a constructor, called before the loop"
-    )]
+    #[allow(clippy::disallowed_methods, reason = "a constructor, called before the loop")]
     pub fn new(active: Option<JointModel>) -> Self {
-        Self {
-            active: active.map(Box::new),
-            ..Self::default()
-        }
+        Self { active: active.map(Box::new), ..Self::default() }
     }
 
     /// Models with saved states. The error names a model that `find` does not know.
@@ -72,8 +66,7 @@ impl LoadedModels {
     /// The states of the models; `None` while a retired model waits to be taken.
     pub fn states(&self) -> Option<LoadedModelStates> {
         let state = |slot: &Option<Box<JointModel>>| {
-            slot.as_ref()
-                .map(|joints| (joints.model().id(), *joints.state()))
+            slot.as_ref().map(|joints| (joints.model().id(), *joints.state()))
         };
         let states = [&self.active, &self.staged, &self.previous].map(state);
         self.can_retire().then_some(LoadedModelStates(states))

@@ -34,9 +34,7 @@ pub(crate) fn activate(
     context: &SwapContext<'_>,
 ) -> Result<(), Refusal> {
     let staged = models.staged.as_deref_mut();
-    let staged = staged
-        .filter(|staged| staged.model().id() == id)
-        .ok_or(Refusal::NothingStaged)?;
+    let staged = staged.filter(|staged| staged.model().id() == id).ok_or(Refusal::NothingStaged)?;
     // The previous model will be retired.
     if models.retired.is_some() {
         return Err(Refusal::Busy);
@@ -57,8 +55,7 @@ pub(super) fn take_over(
 ) -> Result<(), Refusal> {
     require_permission(next, active, context)?;
     let drives = context.drives.ok_or(Refusal::DrivesNotReady)?;
-    next.take_over(active, drives, context.setpoints, context.now)
-        .map_err(|_| Refusal::BadModel)
+    next.take_over(active, drives, context.setpoints, context.now).map_err(|_| Refusal::BadModel)
 }
 
 fn require_permission(
@@ -75,9 +72,5 @@ fn require_permission(
     if context.is_following_joints && !active.is_some_and(|active| active.has_outputs_of(next)) {
         return Err(Refusal::State);
     }
-    if context.is_forced || next.is_memory_known() {
-        Ok(())
-    } else {
-        Err(Refusal::MemoryUnknown)
-    }
+    if context.is_forced || next.is_memory_known() { Ok(()) } else { Err(Refusal::MemoryUnknown) }
 }

@@ -59,8 +59,7 @@ impl AxisControl {
 
     pub fn update_feedback(&mut self, feedback: &AxisFeedback, now: Nanos) {
         self.feedback = *feedback;
-        self.over_current
-            .update(feedback.current_ma, self.source.is_following(), now);
+        self.over_current.update(feedback.current_ma, self.source.is_following(), now);
     }
 
     /// The last feedback.
@@ -117,9 +116,7 @@ impl AxisControl {
 
     /// The nearest position within the limits.
     pub fn clamp(&self, position: f64) -> f64 {
-        position
-            .max(self.lowest.as_f64())
-            .min(self.highest.as_f64())
+        position.max(self.lowest.as_f64()).min(self.highest.as_f64())
     }
 
     /// The setpoint does not move.

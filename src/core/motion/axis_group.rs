@@ -16,10 +16,7 @@ pub(crate) struct AxisGroup(Vec<AxisControl>);
 
 impl AxisGroup {
     /// Axes whose drives have not reported yet.
-    #[allow(
-        clippy::disallowed_methods,
-        reason = "a constructor, called before the loop"
-    )]
+    #[allow(clippy::disallowed_methods, reason = "a constructor, called before the loop")]
     pub fn new(config: &Config) -> Self {
         let axes = (0..config.motors().min(MAX_MOTORS)).filter_map(|motor| config.axis(motor));
         Self(axes.map(|axis| AxisControl::new(axis, config)).collect())
@@ -59,12 +56,7 @@ impl AxisGroup {
             let (from, to) = (axis.feedback().phase, feedback.phase);
             if from != to {
                 let error_code = feedback.error_code;
-                events.push(CycleEventKind::Axis {
-                    motor,
-                    from,
-                    to,
-                    error_code,
-                });
+                events.push(CycleEventKind::Axis { motor, from, to, error_code });
             }
             axis.update_feedback(feedback, now);
         }
@@ -127,9 +119,7 @@ impl AxisGroup {
 
     /// The first measurement that a motor has, with its index.
     pub fn first(&self, excess: impl Fn(&AxisControl) -> Option<Excess>) -> Option<Excess> {
-        (0..)
-            .zip(&self.0)
-            .find_map(|(motor, axis)| Some(excess(axis)?.of_motor(motor)))
+        (0..).zip(&self.0).find_map(|(motor, axis)| Some(excess(axis)?.of_motor(motor)))
     }
 
     /// The first of these positions that is outside the limits of its axis.

@@ -90,10 +90,7 @@ impl BacklashDeadBand {
 
     /// Takes the goal of this tick through the turning band.
     pub fn apply(&mut self, goal: &OutputVec) -> DeadBandedGoal {
-        let band = self.turning_band.get_or_insert(TurningBand {
-            centre: *goal,
-            output: *goal,
-        });
+        let band = self.turning_band.get_or_insert(TurningBand { centre: *goal, output: *goal });
         let offset = distance(goal, &band.centre);
         let is_held = offset <= self.radius && self.radius > 0.0 && band.output != *goal;
         if !is_held {
@@ -104,22 +101,17 @@ impl BacklashDeadBand {
                 band.centre = zip_map(&band.centre, goal, pull);
             }
         }
-        DeadBandedGoal {
-            goal: band.output,
-            is_held,
-        }
+        DeadBandedGoal { goal: band.output, is_held }
     }
 
     /// Takes the correction of this tick through the correction filter. It must be finite.
     pub fn filter_correction(&mut self, correction: &OutputVec) {
-        let filter = self.correction.get_or_insert(CorrectionFilter {
-            low_pass: *correction,
-            output: *correction,
-        });
+        let filter = self
+            .correction
+            .get_or_insert(CorrectionFilter { low_pass: *correction, output: *correction });
         let gain = self.gain;
-        filter.low_pass = zip_map(&filter.low_pass, correction, |low, value| {
-            low + gain * (value - low)
-        });
+        filter.low_pass =
+            zip_map(&filter.low_pass, correction, |low, value| low + gain * (value - low));
         let half_width = self.correction_half_width;
         filter.output = zip_map(&filter.output, &filter.low_pass, |output, low| {
             output.max(low - half_width).min(low + half_width)
@@ -165,13 +157,7 @@ mod tests {
         ] {
             let found = dead_band.apply(&goal);
             let is_held = goal != output;
-            assert_eq!(
-                found,
-                DeadBandedGoal {
-                    goal: output,
-                    is_held
-                }
-            );
+            assert_eq!(found, DeadBandedGoal { goal: output, is_held });
         }
         dead_band.release_goal();
         assert!(!dead_band.apply(&degrees(1.0, 0.0)).is_held);

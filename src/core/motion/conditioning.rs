@@ -81,11 +81,8 @@ impl ConditioningCycle {
         }
         self.rested = if has_arrived { self.rested + 1 } else { 0 };
         self.limiter.track(MotorTarget::fixed(self.length));
-        let fraction = if self.length > 0.0 {
-            (self.limiter.position() / self.length).min(1.0)
-        } else {
-            1.0
-        };
+        let fraction =
+            if self.length > 0.0 { (self.limiter.position() / self.length).min(1.0) } else { 1.0 };
         let before = self.position;
         self.position = interpolate(&self.from, &self.to, fraction);
         self.increment = difference(&self.position, &before);

@@ -94,17 +94,11 @@ impl ConditioningPlan {
         model: Option<&Model>,
     ) -> Result<ReversalPoints, Refusal> {
         let needed = model.map_or(MotorVec::default(), Model::wipe_counts);
-        let hull = model
-            .filter(|_| self.half_width.is_none())
-            .map(|model| self.hull(model));
+        let hull = model.filter(|_| self.half_width.is_none()).map(|model| self.hull(model));
         let points = hull
             .filter(|points| points.cover(&needed))
             .unwrap_or_else(|| self.cross(start, &needed));
-        if points.cover(&needed) {
-            Ok(points)
-        } else {
-            Err(Refusal::Range)
-        }
+        if points.cover(&needed) { Ok(points) } else { Err(Refusal::Range) }
     }
 
     /// The reversal points of the calibrated hull, clamped to the position limits.
@@ -147,10 +141,7 @@ impl ConditioningPlan {
     }
 
     fn all_at(&self, point: MotorVec) -> ReversalPoints {
-        ReversalPoints {
-            points: [self.clamp(point); MAX_POINTS],
-            count: 2 * self.motors as u32,
-        }
+        ReversalPoints { points: [self.clamp(point); MAX_POINTS], count: 2 * self.motors as u32 }
     }
 
     fn clamp(&self, mut counts: MotorVec) -> MotorVec {
@@ -165,11 +156,7 @@ impl ConditioningPlan {
 /// The motor that reverses at a point of the round, and at which end: first the highest point of
 /// every motor, then the lowest.
 fn motor_and_sign(index: usize, motors: usize) -> (usize, f64) {
-    if index < motors {
-        (index, 1.0)
-    } else {
-        (index - motors, -1.0)
-    }
+    if index < motors { (index, 1.0) } else { (index - motors, -1.0) }
 }
 
 fn height(point: &MotorVec, index: usize, motors: usize) -> f64 {

@@ -73,13 +73,7 @@ pub(crate) struct GoalExtrapolation<const N: usize> {
 impl<const N: usize> GoalExtrapolation<N> {
     /// The first goal of a stream.
     pub fn first(goal: [f64; N], stamp: Nanos) -> Self {
-        Self {
-            goal,
-            stamp,
-            last_rate: [0.0; N],
-            rate: [0.0; N],
-            horizon_s: 0.0,
-        }
+        Self { goal, stamp, last_rate: [0.0; N], rate: [0.0; N], horizon_s: 0.0 }
     }
 
     /// The next goal of the same stream.
@@ -141,11 +135,7 @@ mod array {
 
 /// The lesser of two rates, or 0 if they have different signs.
 fn minmod(a: f64, b: f64) -> f64 {
-    if a * b <= 0.0 {
-        0.0
-    } else {
-        a.abs().min(b.abs()).copysign(a)
-    }
+    if a * b <= 0.0 { 0.0 } else { a.abs().min(b.abs()).copysign(a) }
 }
 
 #[cfg(test)]
@@ -191,13 +181,9 @@ mod tests {
 
     #[test]
     fn steps_reversals_pauses_and_first_commands_are_not_extrapolated() {
-        for goals in [
-            &[7.0][..],
-            &[0.0, 5.0],
-            &[0.0, 0.0, 5.0],
-            &[0.0, 1.0, 0.5],
-            &[0.0, 1.0, 2.0, 2.0],
-        ] {
+        for goals in
+            [&[7.0][..], &[0.0, 5.0], &[0.0, 0.0, 5.0], &[0.0, 1.0, 0.5], &[0.0, 1.0, 2.0, 2.0]]
+        {
             let last = *goals.last().unwrap();
             let found = stream(goals, 5).evaluate(ms(5 * goals.len() as u64), TICK);
             assert_eq!(found, ([last], [last]), "{goals:?}");

@@ -27,13 +27,7 @@ impl JerkLimiter {
     /// At rest at 0. The window is clamped to 1 to [`LONGEST_WINDOW`].
     pub fn new(window: u32) -> Self {
         let window = window.clamp(1, LONGEST_WINDOW as u32);
-        Self {
-            past: [0.0; LONGEST_WINDOW],
-            ticks: 0,
-            window,
-            output: 0.0,
-            increment: 0.0,
-        }
+        Self { past: [0.0; LONGEST_WINDOW], ticks: 0, window, output: 0.0, increment: 0.0 }
     }
 
     /// Starts again at rest at a value.

@@ -59,26 +59,14 @@ impl JointFilter {
         }
         let last = self.last.unwrap_or_else(|| {
             self.limits.restart(&start);
-            FilterOutputs {
-                tremor_filter: start,
-                limits: start,
-            }
+            FilterOutputs { tremor_filter: start, limits: start }
         });
         let smooth = self.tremor_filter.filter(&last.tremor_filter, &goal.now);
-        let smooth_before = if self.tremor_filter.is_off() {
-            goal.before
-        } else {
-            last.tremor_filter
-        };
+        let smooth_before =
+            if self.tremor_filter.is_off() { goal.before } else { last.tremor_filter };
         let limited = self.limits.limit(&smooth, &smooth_before);
-        self.last = Some(FilterOutputs {
-            tremor_filter: smooth,
-            limits: limited,
-        });
-        GoalStep {
-            now: limited,
-            before: last.limits,
-        }
+        self.last = Some(FilterOutputs { tremor_filter: smooth, limits: limited });
+        GoalStep { now: limited, before: last.limits }
     }
 }
 
@@ -87,20 +75,12 @@ mod tests {
     use super::*;
 
     fn filter(joints: &JointLimitConfig) -> JointFilter {
-        JointFilter::new(
-            &CommandConfig::default(),
-            joints,
-            Nanos::from_millis(1),
-            true,
-        )
+        JointFilter::new(&CommandConfig::default(), joints, Nanos::from_millis(1), true)
     }
 
     #[test]
     fn without_limits_and_filter_a_goal_passes_unchanged() {
-        let step = GoalStep {
-            now: [0.3, 0.2, 0.1],
-            before: [0.2, 0.1, 0.0],
-        };
+        let step = GoalStep { now: [0.3, 0.2, 0.1], before: [0.2, 0.1, 0.0] };
         let mut filter = filter(&JointLimitConfig::default());
         assert_eq!(filter.filter(step, [9.0; 3]), step);
     }
@@ -112,10 +92,7 @@ mod tests {
             acceleration_deg_s2: Some(100.0),
             ..JointLimitConfig::default()
         });
-        let goal = GoalStep {
-            now: [0.1; 3],
-            before: [0.1; 3],
-        };
+        let goal = GoalStep { now: [0.1; 3], before: [0.1; 3] };
         for _ in 0..2 {
             let first = filter.filter(goal, [0.05; 3]);
             assert!((first.now[0] - 0.05).abs() < 0.001 && first.before == [0.05; 3]);

@@ -29,10 +29,7 @@ impl JointLimits {
             std::array::from_fn(|output| VelocityLimiter::new(&limits(config, output), tick))
         });
         let window = config.window_ticks(tick).filter(|_| is_on).unwrap_or(1);
-        Self {
-            limiters,
-            jerk_limiters: [JerkLimiter::new(window); MAX_OUTPUTS],
-        }
+        Self { limiters, jerk_limiters: [JerkLimiter::new(window); MAX_OUTPUTS] }
     }
 
     pub fn is_off(&self) -> bool {
@@ -52,16 +49,9 @@ impl JointLimits {
     /// Moves one tick towards a goal, which was at `before` one tick ago.
     pub fn limit(&mut self, goal: &OutputVec, before: &OutputVec) -> OutputVec {
         let mut limited = *goal;
-        let limiters = self
-            .limiters
-            .iter_mut()
-            .flatten()
-            .zip(&mut self.jerk_limiters);
+        let limiters = self.limiters.iter_mut().flatten().zip(&mut self.jerk_limiters);
         for (((limiter, jerk_limiter), value), before) in limiters.zip(&mut limited).zip(before) {
-            limiter.track(MotorTarget {
-                position: *value,
-                increment: *value - before,
-            });
+            limiter.track(MotorTarget { position: *value, increment: *value - before });
             jerk_limiter.update(limiter.position());
             *value = jerk_limiter.output();
         }
@@ -92,9 +82,7 @@ mod tests {
     const TICK: Nanos = Nanos::from_millis(1);
 
     fn largest(values: &[f64]) -> f64 {
-        values
-            .iter()
-            .fold(0.0, |largest, value| largest.max(value.abs()))
+        values.iter().fold(0.0, |largest, value| largest.max(value.abs()))
     }
 
     fn derivative(values: &[f64]) -> Vec<f64> {
@@ -124,20 +112,13 @@ mod tests {
         let acceleration = derivative(&velocity);
         let jerk = derivative(&acceleration);
         assert!(largest(&velocity) <= 20.0 + 1e-6, "{}", largest(&velocity));
-        assert!(
-            largest(&acceleration) <= 400.0 + 1e-3,
-            "{}",
-            largest(&acceleration)
-        );
+        assert!(largest(&acceleration) <= 400.0 + 1e-3, "{}", largest(&acceleration));
         assert!(largest(&jerk) <= 40_000.0 + 1.0, "{}", largest(&jerk));
     }
 
     #[test]
     fn limits_on_angles_are_off_for_other_outputs() {
-        let config = JointLimitConfig {
-            velocity_deg_s: Some(20.0),
-            ..JointLimitConfig::default()
-        };
+        let config = JointLimitConfig { velocity_deg_s: Some(20.0), ..JointLimitConfig::default() };
         assert!(JointLimits::new(&config, TICK, false).is_off());
         assert!(JointLimits::new(&JointLimitConfig::default(), TICK, true).is_off());
     }

@@ -68,11 +68,7 @@ mod tests {
 
     #[test]
     fn it_moves_on_a_straight_line_from_start_to_end() {
-        let limits = TrajectoryLimits {
-            velocity: 10.0,
-            acceleration: 100.0,
-            jerk: 2000.0,
-        };
+        let limits = TrajectoryLimits { velocity: 10.0, acceleration: 100.0, jerk: 2000.0 };
         let (from, to) = ([0.1, 0.2, 0.0], [0.3, 1.4, 0.0]);
         let started = Nanos::from_millis(1000);
         let trajectory = JointTrajectory::new(from, to, false, &limits, started);

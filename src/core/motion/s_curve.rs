@@ -47,11 +47,7 @@ impl TrajectoryLimits {
 impl SCurve {
     /// The fastest motion over a length within the limits.
     pub fn new(length: f64, limits: &TrajectoryLimits) -> Self {
-        let TrajectoryLimits {
-            velocity,
-            acceleration,
-            jerk,
-        } = *limits;
+        let TrajectoryLimits { velocity, acceleration, jerk } = *limits;
         let jerk_s = (acceleration / jerk).min((velocity / jerk).sqrt());
         let constant_acceleration_s = (velocity / (jerk * jerk_s) - jerk_s).max(0.0);
         let peak = jerk * jerk_s * (jerk_s + constant_acceleration_s);
@@ -69,13 +65,7 @@ impl SCurve {
         let constant_acceleration_s =
             ((jerk_s * jerk_s + 4.0 * length / (jerk * jerk_s)).sqrt() - 3.0 * jerk_s) / 2.0;
         if constant_acceleration_s >= 0.0 {
-            return Self {
-                length,
-                jerk,
-                jerk_s,
-                constant_acceleration_s,
-                cruise_s: 0.0,
-            };
+            return Self { length, jerk, jerk_s, constant_acceleration_s, cruise_s: 0.0 };
         }
         Self {
             length,
@@ -154,11 +144,8 @@ mod tests {
         }
     }
 
-    const LIMITS: TrajectoryLimits = TrajectoryLimits {
-        velocity: 10.0,
-        acceleration: 100.0,
-        jerk: 2000.0,
-    };
+    const LIMITS: TrajectoryLimits =
+        TrajectoryLimits { velocity: 10.0, acceleration: 100.0, jerk: 2000.0 };
 
     #[test]
     fn a_long_motion_takes_length_over_velocity_plus_the_ramps() {

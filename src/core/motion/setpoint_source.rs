@@ -71,11 +71,7 @@ mod tests {
     const FOLLOWING: SetpointSource = SetpointSource::Following { since: Nanos(5) };
 
     fn feedback(phase: AxisPhase) -> AxisFeedback {
-        AxisFeedback {
-            phase,
-            position: Counts(37),
-            ..AxisFeedback::default()
-        }
+        AxisFeedback { phase, position: Counts(37), ..AxisFeedback::default() }
     }
 
     #[test]
@@ -90,11 +86,7 @@ mod tests {
             (FOLLOWING, Demand::Enabled, AxisPhase::Disabled, ENGAGING),
             (FOLLOWING, Demand::QuickStop, AxisPhase::Enabled, Tracking),
         ] {
-            assert_eq!(
-                source.next(demand, &feedback(phase), Nanos(5)),
-                next,
-                "{source:?}"
-            );
+            assert_eq!(source.next(demand, &feedback(phase), Nanos(5)), next, "{source:?}");
         }
     }
 
@@ -114,9 +106,6 @@ mod tests {
             assert_eq!(found, Some(Counts(start)), "{last:?}");
         }
         assert_eq!(FOLLOWING.restart_position(FOLLOWING, &enabled), None);
-        assert_eq!(
-            ENGAGING.restart_position(FOLLOWING, &enabled),
-            Some(Counts(37))
-        );
+        assert_eq!(ENGAGING.restart_position(FOLLOWING, &enabled), Some(Counts(37)));
     }
 }

@@ -21,11 +21,8 @@ impl TremorFilter {
     /// With a cut-off frequency; 0: off.
     pub fn new(cut_off_hz: f64, tick: Nanos) -> Self {
         let tick_s = tick.as_seconds();
-        let gain = if cut_off_hz > 0.0 {
-            tick_s / (tick_s + 1.0 / (TAU * cut_off_hz))
-        } else {
-            1.0
-        };
+        let gain =
+            if cut_off_hz > 0.0 { tick_s / (tick_s + 1.0 / (TAU * cut_off_hz)) } else { 1.0 };
         Self { gain }
     }
 
@@ -61,11 +58,7 @@ mod tests {
     #[test]
     fn slow_motion_lags_by_the_time_constant_and_tremor_is_attenuated() {
         let ramp = run(3.0, |t| 10.0 * t);
-        assert!(
-            (20.0 - ramp[1999] - 10.0 * 0.053).abs() < 0.02,
-            "{}",
-            ramp[1999]
-        );
+        assert!((20.0 - ramp[1999] - 10.0 * 0.053).abs() < 0.02, "{}", ramp[1999]);
         let tremor = run(3.0, |t| (TAU * 10.0 * t).sin());
         let amplitude = tremor[1000..].iter().fold(0.0_f64, |a, v| a.max(v.abs()));
         assert!((amplitude - 0.29).abs() < 0.02, "{amplitude}");

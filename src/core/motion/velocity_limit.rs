@@ -73,20 +73,14 @@ impl MotorTarget {
     /// A target that does not move.
     #[must_use]
     pub fn fixed(position: f64) -> Self {
-        Self {
-            position,
-            increment: 0.0,
-        }
+        Self { position, increment: 0.0 }
     }
 
     /// One target per motor.
     pub(crate) fn from_vectors(positions: &MotorVec, increments: &MotorVec) -> [Self; MAX_MOTORS] {
         let mut targets = [Self::default(); MAX_MOTORS];
         for ((target, position), increment) in targets.iter_mut().zip(positions).zip(increments) {
-            *target = Self {
-                position: *position,
-                increment: *increment,
-            };
+            *target = Self { position: *position, increment: *increment };
         }
         targets
     }

@@ -37,9 +37,7 @@ pub(super) fn acknowledge(
         let (cause, stage) = (fault.cause, FaultStage::Resetting { since });
         Ok(ControlState::Fault(FaultState { cause, stage }))
     } else {
-        Ok(ControlState::Disabled(DisabledActivity::PoweringOff {
-            since,
-        }))
+        Ok(ControlState::Disabled(DisabledActivity::PoweringOff { since }))
     }
 }
 
@@ -55,10 +53,7 @@ pub(super) fn update_reset(
         let command = StateCommand::Acknowledge;
         Some((off, TransitionCause::Progress(Some(command))))
     } else if now.since(since) >= RESET_TIMEOUT {
-        let stage = FaultStage::Latched {
-            since: now,
-            demands: ALL_OFF,
-        };
+        let stage = FaultStage::Latched { since: now, demands: ALL_OFF };
         let latched = ControlState::Fault(FaultState { cause, stage });
         Some((latched, TransitionCause::Fault(cause)))
     } else {

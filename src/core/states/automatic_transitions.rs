@@ -49,12 +49,7 @@ fn update_disabled(activity: &DisabledActivity, summary: &DriveSummary) -> Optio
     use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
     let now = summary.now;
     let has_passed = |since: Nanos, span: Nanos| now.since(since) >= span;
-    let step = |next| {
-        Some((
-            ControlState::Disabled(next),
-            TransitionCause::Progress(None),
-        ))
-    };
+    let step = |next| Some((ControlState::Disabled(next), TransitionCause::Progress(None)));
     let timeout = || {
         let state = ControlState::Disabled(*activity);
         Some(enter_fault(&state, Fault::DriveTimeout, summary))

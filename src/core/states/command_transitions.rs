@@ -89,10 +89,7 @@ pub(crate) fn disable(state: &ControlState, summary: &DriveSummary) -> CommandEf
         }
         ControlState::Fault(fault) => match fault.stage {
             FaultStage::Latched { demands, .. } if demands != ALL_OFF => {
-                let stage = FaultStage::Latched {
-                    since,
-                    demands: ALL_OFF,
-                };
+                let stage = FaultStage::Latched { since, demands: ALL_OFF };
                 CommandEffect::Change(ControlState::Fault(FaultState { stage, ..*fault }))
             }
             FaultStage::Latched { .. } | FaultStage::Resetting { .. } => CommandEffect::NoChange,

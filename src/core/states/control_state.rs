@@ -75,10 +75,7 @@ pub(crate) struct FaultState {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum FaultStage {
     /// Waits for the operator. `demands`: to the drives meanwhile.
-    Latched {
-        since: Nanos,
-        demands: [Demand; MAX_MOTORS],
-    },
+    Latched { since: Nanos, demands: [Demand; MAX_MOTORS] },
     /// The operator has acknowledged the fault; drives are being reset.
     Resetting { since: Nanos },
 }

@@ -23,10 +23,7 @@ pub(crate) fn enter_fault(
         since: summary.now,
         demands: fault_demands(summary, state.expected_power()),
     };
-    let state = FaultState {
-        cause: fault,
-        stage,
-    };
+    let state = FaultState { cause: fault, stage };
     (ControlState::Fault(state), TransitionCause::Fault(fault))
 }
 
@@ -49,10 +46,7 @@ pub(super) fn update_latched(
             _ => {}
         }
     }
-    let stage = FaultStage::Latched {
-        since,
-        demands: updated,
-    };
+    let stage = FaultStage::Latched { since, demands: updated };
     let next = ControlState::Fault(FaultState { cause, stage });
     (updated != demands).then_some((next, TransitionCause::Progress(None)))
 }

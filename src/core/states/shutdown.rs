@@ -43,11 +43,7 @@ impl Shutdown {
             | StateCommand::Fixture
             | StateCommand::Hold => false,
         };
-        if is_start && self.requested.is_some() {
-            Err(Refusal::State)
-        } else {
-            Ok(())
-        }
+        if is_start && self.requested.is_some() { Err(Refusal::State) } else { Ok(()) }
     }
 
     /// The process may end.

@@ -92,12 +92,7 @@ impl StateMachine {
         }
         let is_command = matches!(cause, TransitionCause::Command(_));
         if from != to || is_command || fault != Fault::None {
-            events.push(CycleEventKind::State {
-                from,
-                to,
-                command,
-                fault,
-            });
+            events.push(CycleEventKind::State { from, to, command, fault });
         }
         self.state = next;
     }

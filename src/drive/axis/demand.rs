@@ -96,11 +96,7 @@ impl AxisStateMachine {
         let reset = request.fault_resets != self.feedback.fault_resets;
         match (self.state, request.demand) {
             (AxisState::Disabled, Demand::Disabled | Demand::QuickStop) if homing => {
-                let timeout = if self.plan.moves() {
-                    STOP_SEARCH_TIMEOUT
-                } else {
-                    HOMING_TIMEOUT
-                };
+                let timeout = if self.plan.moves() { STOP_SEARCH_TIMEOUT } else { HOMING_TIMEOUT };
                 let (step, deadline) = (HomingStep::Position, now + timeout);
                 self.enter(AxisState::Homing(step, deadline, request.homings), events);
             }
@@ -170,9 +166,7 @@ impl AxisStateMachine {
     }
 
     fn check_deadline(&mut self, now: Nanos, events: EventSink<'_>) {
-        let error = TransitionError::Timeout {
-            statusword: self.feedback.statusword,
-        };
+        let error = TransitionError::Timeout { statusword: self.feedback.statusword };
         match self.state {
             AxisState::Enabling(_, deadline) if now > deadline => {
                 self.report(PortEventKind::EnableFailed(error), events);

@@ -158,11 +158,7 @@ impl HomingStep {
     }
 
     fn restore(index: usize, plan: &HomingPlan) -> Self {
-        if index < plan.restored().len() {
-            Self::Restore(index)
-        } else {
-            Self::SetModeBack
-        }
+        if index < plan.restored().len() { Self::Restore(index) } else { Self::SetModeBack }
     }
 
     /// The drive refused a step.
@@ -192,11 +188,9 @@ impl HomingStep {
 /// Compares the value that was read back with the setting.
 fn compare(setting: Option<&Setting>, found: u32) -> Result<(), TransitionError> {
     match setting {
-        Some(&Setting { object, raw }) if raw != found => Err(TransitionError::ReadBack {
-            object,
-            written: raw,
-            found,
-        }),
+        Some(&Setting { object, raw }) if raw != found => {
+            Err(TransitionError::ReadBack { object, written: raw, found })
+        }
         _ => Ok(()),
     }
 }

@@ -46,11 +46,7 @@ impl AxisStateMachine {
             Err(LinkError::Refused(_))
                 if transfer == Transfer::ErrorCode && self.object_map().error_code_is_history =>
             {
-                let none = TimedReply {
-                    value: 0,
-                    sent: now,
-                    received: now,
-                };
+                let none = TimedReply { value: 0, sent: now, received: now };
                 self.handle_outcome(transfer, Ok(none), now, events);
             }
             Err(LinkError::Refused(AbortCode::NO_NODE) | LinkError::Unanswered) => {
@@ -97,11 +93,7 @@ impl AxisStateMachine {
             Transfer::ErrorCode => {
                 let state = Statusword(feedback.statusword).state();
                 let is_old = map.error_code_is_history && !state.is_some_and(DriveState::is_fault);
-                feedback.error_code = if is_old {
-                    0
-                } else {
-                    u16::from_raw(reply.value)
-                };
+                feedback.error_code = if is_old { 0 } else { u16::from_raw(reply.value) };
             }
             Transfer::Current => feedback.current_ma = map.current.signed(reply.value),
             Transfer::Setpoint(request) => {
@@ -185,11 +177,7 @@ impl AxisStateMachine {
     /// The power is off. Settings that homing changed and did not restore are restored by the port
     /// thread: it brings a lost axis up again.
     fn enter_off(&mut self, events: EventSink<'_>) {
-        let state = if self.settings_changed {
-            AxisState::Lost
-        } else {
-            AxisState::Disabled
-        };
+        let state = if self.settings_changed { AxisState::Lost } else { AxisState::Disabled };
         self.enter(state, events);
     }
 

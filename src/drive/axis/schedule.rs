@@ -65,11 +65,8 @@ pub(super) enum MonitoredValue {
 }
 
 /// All monitored values; of those that are due, the first one comes first.
-const VALUES: [MonitoredValue; 3] = [
-    MonitoredValue::Status,
-    MonitoredValue::ErrorCode,
-    MonitoredValue::Current,
-];
+const VALUES: [MonitoredValue; 3] =
+    [MonitoredValue::Status, MonitoredValue::ErrorCode, MonitoredValue::Current];
 
 impl From<MonitoredValue> for Transfer {
     fn from(value: MonitoredValue) -> Self {
@@ -83,10 +80,7 @@ impl From<MonitoredValue> for Transfer {
 
 impl Schedule {
     pub(super) fn new(polling: Polling) -> Self {
-        Self {
-            polling,
-            ..Self::default()
-        }
+        Self { polling, ..Self::default() }
     }
 
     /// The next slot while the drive follows its target, with the number of the newest command. On
@@ -150,10 +144,7 @@ impl Schedule {
 
     /// The value that is due from this round on.
     fn value_of_round(&self) -> Option<MonitoredValue> {
-        if self
-            .round
-            .is_multiple_of(self.polling.status_every_rounds.max(1))
-        {
+        if self.round.is_multiple_of(self.polling.status_every_rounds.max(1)) {
             return Some(MonitoredValue::Status);
         }
         match self.round % self.polling.slow_every_rounds.max(1) {
@@ -235,9 +226,7 @@ mod tests {
     use super::*;
 
     fn following(mut schedule: Schedule, late: bool) -> Vec<TransferSlot> {
-        (0..1000)
-            .map(|_| schedule.next_following(late, 0))
-            .collect()
+        (0..1000).map(|_| schedule.next_following(late, 0)).collect()
     }
 
     fn count(slots: &[TransferSlot], wanted: TransferSlot) -> usize {
@@ -256,17 +245,11 @@ mod tests {
     #[test]
     fn the_status_period_is_as_configured() {
         let slots = following(
-            Schedule::new(Polling {
-                status_every_rounds: 2,
-                slow_every_rounds: 64,
-            }),
+            Schedule::new(Polling { status_every_rounds: 2, slow_every_rounds: 64 }),
             false,
         );
         let statuses = count(&slots, TransferSlot::Monitor(MonitoredValue::Status));
-        assert!(
-            (195..=200).contains(&statuses),
-            "every other round of 2.5 slots: {statuses}"
-        );
+        assert!((195..=200).contains(&statuses), "every other round of 2.5 slots: {statuses}");
     }
 
     #[test]
@@ -288,10 +271,7 @@ mod tests {
     fn a_new_command_goes_before_a_position_and_a_monitored_value() {
         use TransferSlot::{Command, Monitor, Position};
         let status = Monitor(MonitoredValue::Status);
-        let mut schedule = Schedule::new(Polling {
-            status_every_rounds: 2,
-            slow_every_rounds: 64,
-        });
+        let mut schedule = Schedule::new(Polling { status_every_rounds: 2, slow_every_rounds: 64 });
         // The newest command before every slot.
         for (command, slot) in [
             (1, Command),
@@ -314,9 +294,8 @@ mod tests {
     #[test]
     fn a_stream_of_new_commands_keeps_nothing_from_the_line() {
         let mut schedule = Schedule::default();
-        let slots: Vec<_> = (1..=1000)
-            .map(|command| schedule.next_following(false, command))
-            .collect();
+        let slots: Vec<_> =
+            (1..=1000).map(|command| schedule.next_following(false, command)).collect();
         for four in slots.windows(4) {
             assert!(four.contains(&TransferSlot::Position), "{four:?}");
         }
@@ -327,29 +306,14 @@ mod tests {
             assert!(slots.contains(&TransferSlot::Monitor(value)), "{value:?}");
         }
         let statuses = count(&slots, TransferSlot::Monitor(MonitoredValue::Status));
-        assert!(
-            4 * statuses + 8 >= positions,
-            "{statuses} of {positions} rounds"
-        );
+        assert!(4 * statuses + 8 >= positions, "{statuses} of {positions} rounds");
     }
 
     #[test]
     fn the_position_after_a_new_command_is_all_that_the_next_one_waits_for() {
-        let mut schedule = Schedule::new(Polling {
-            status_every_rounds: 2,
-            slow_every_rounds: 64,
-        });
+        let mut schedule = Schedule::new(Polling { status_every_rounds: 2, slow_every_rounds: 64 });
         // The newest command before a slot, and the turns after it.
-        for (command, turns) in [
-            (1, 1),
-            (1, 0),
-            (1, 0),
-            (2, 1),
-            (2, 0),
-            (2, 0),
-            (2, 0),
-            (3, 1),
-        ] {
+        for (command, turns) in [(1, 1), (1, 0), (1, 0), (2, 1), (2, 0), (2, 0), (2, 0), (3, 1)] {
             schedule.next_following(false, command);
             assert_eq!(schedule.turns_to_command(), turns, "{command}");
         }

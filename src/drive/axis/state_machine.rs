@@ -177,10 +177,7 @@ impl AxisStateMachine {
 
     /// The feedback for the control loop.
     pub(in crate::drive) fn feedback(&self, counters: LinkCounters) -> AxisFeedback {
-        AxisFeedback {
-            counters,
-            ..self.feedback
-        }
+        AxisFeedback { counters, ..self.feedback }
     }
 
     pub(in crate::drive) fn is_lost(&self) -> bool {
@@ -296,11 +293,7 @@ impl AxisStateMachine {
         let (to, statusword) = (state.phase(), self.feedback.statusword);
         self.feedback.phase = to;
         if from != to {
-            let kind = PortEventKind::Phase {
-                from,
-                to,
-                statusword,
-            };
+            let kind = PortEventKind::Phase { from, to, statusword };
             self.report(kind, events);
         }
     }

@@ -72,26 +72,17 @@ enum SegmentState {
 
 impl Epos2SegmentedRead {
     pub(super) fn new(node: u8, object: Address) -> Self {
-        Self {
-            node,
-            object,
-            bytes: Vec::new(),
-            state: SegmentState::First,
-        }
+        Self { node, object, bytes: Vec::new(), state: SegmentState::First }
     }
 
     fn take_segment(&mut self, rest: &[u8], toggle: u8) -> Result<bool, ReplyError> {
         let (&control, data) = rest.split_first().ok_or(ReplyError::Mismatch)?;
-        let segment = data
-            .get(..usize::from(control & LENGTH))
-            .ok_or(ReplyError::Mismatch)?;
+        let segment = data.get(..usize::from(control & LENGTH)).ok_or(ReplyError::Mismatch)?;
         if control & TOGGLE != toggle || self.bytes.len() + segment.len() > MAX_SEGMENTED {
             return Err(ReplyError::Mismatch);
         }
         self.bytes.extend_from_slice(segment);
-        self.state = SegmentState::Next {
-            toggle: toggle ^ TOGGLE,
-        };
+        self.state = SegmentState::Next { toggle: toggle ^ TOGGLE };
         Ok(control & MORE == 0)
     }
 }
@@ -136,18 +127,11 @@ mod tests {
 
     const TARGET: Object<i32> = Object::new(0x2062, 0, "position mode setting value");
 
-    const FULL_SERIAL_NUMBER: Address = Address {
-        index: 0x2004,
-        subindex: 0,
-        size: 8,
-        name: "full serial number",
-    };
+    const FULL_SERIAL_NUMBER: Address =
+        Address { index: 0x2004, subindex: 0, size: 8, name: "full serial number" };
 
     fn reply(data: &[u8]) -> SerialFrame<'_> {
-        SerialFrame {
-            opcode: REPLY_OPCODE,
-            data,
-        }
+        SerialFrame { opcode: REPLY_OPCODE, data }
     }
 
     #[test]
@@ -155,30 +139,15 @@ mod tests {
         let mut encoder = FrameEncoder::default();
         let commands = Epos2CommandSet;
         for (request, wire) in [
-            (
-                commands.read(1, STATUSWORD.address()),
-                "90 02 10 02 41 60 00 01 64 CF",
-            ),
-            (
-                commands.read(1, POSITION.address()),
-                "90 02 10 02 64 60 00 01 52 A2",
-            ),
+            (commands.read(1, STATUSWORD.address()), "90 02 10 02 41 60 00 01 64 CF"),
+            (commands.read(1, POSITION.address()), "90 02 10 02 64 60 00 01 52 A2"),
             (
                 commands.write(1, CONTROLWORD.set(0x000F)),
                 "90 02 11 04 40 60 00 01 0F 00 00 00 2D 2C",
             ),
-            (
-                commands.write(1, MODE.set(-1)),
-                "90 02 11 04 60 60 00 01 FF 00 00 00 89 A1",
-            ),
-            (
-                commands.write(1, TARGET.set(1000)),
-                "90 02 11 04 62 20 00 01 E8 03 00 00 95 6A",
-            ),
-            (
-                commands.write(2, TARGET.set(1000)),
-                "90 02 11 04 62 20 00 02 E8 03 00 00 75 A4",
-            ),
+            (commands.write(1, MODE.set(-1)), "90 02 11 04 60 60 00 01 FF 00 00 00 89 A1"),
+            (commands.write(1, TARGET.set(1000)), "90 02 11 04 62 20 00 01 E8 03 00 00 95 6A"),
+            (commands.write(2, TARGET.set(1000)), "90 02 11 04 62 20 00 02 E8 03 00 00 75 A4"),
         ] {
             let bytes = encoder.encode(request.frame()).unwrap();
             let hex: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
@@ -204,10 +173,7 @@ mod tests {
     #[test]
     fn the_first_segment_may_come_at_once() {
         let mut read = Epos2SegmentedRead::new(1, FULL_SERIAL_NUMBER);
-        assert_eq!(
-            read.take_reply(reply(&[0, 0, 0, 0, 0x03, 1, 2, 3])),
-            Ok(true)
-        );
+        assert_eq!(read.take_reply(reply(&[0, 0, 0, 0, 0x03, 1, 2, 3])), Ok(true));
         assert_eq!(read.bytes(), [1, 2, 3]);
     }
 

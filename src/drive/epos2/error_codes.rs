@@ -56,17 +56,11 @@ mod tests {
     #[test]
     fn the_same_number_can_be_another_error_than_on_an_epos4() {
         let hall = look_up_error(0xFF01);
-        assert_eq!(
-            (hall.name, hall.reaction),
-            ("Hall sensor", FaultReaction::Off)
-        );
+        assert_eq!((hall.name, hall.reaction), ("Hall sensor", FaultReaction::Off));
         assert!(look_up_error(0xFF0A).clears_position);
         assert_eq!(look_up_error(0x8611).name, "following error");
         let unknown = look_up_error(0x7380);
-        assert_eq!(
-            (unknown.name, unknown.reaction),
-            ("unknown error", FaultReaction::Unknown)
-        );
+        assert_eq!((unknown.name, unknown.reaction), ("unknown error", FaultReaction::Unknown));
     }
 
     #[test]

@@ -70,12 +70,7 @@ enum SegmentState {
 
 impl Epos4SegmentedRead {
     pub(super) fn new(node: u8, object: Address) -> Self {
-        Self {
-            node,
-            object,
-            bytes: Vec::new(),
-            state: SegmentState::First,
-        }
+        Self { node, object, bytes: Vec::new(), state: SegmentState::First }
     }
 
     fn take_first(&mut self, rest: &[u8]) -> Result<bool, ReplyError> {
@@ -98,10 +93,7 @@ impl Epos4SegmentedRead {
             return Err(ReplyError::Mismatch);
         }
         self.append(length, data, total)?;
-        self.state = SegmentState::Next {
-            total,
-            toggle: toggle ^ TOGGLE,
-        };
+        self.state = SegmentState::Next { total, toggle: toggle ^ TOGGLE };
         match (control & LAST != 0, self.bytes.len() == total) {
             (_, true) => Ok(true),
             (false, false) => Ok(false),
@@ -110,9 +102,7 @@ impl Epos4SegmentedRead {
     }
 
     fn append(&mut self, length: u8, data: &[u8], total: usize) -> Result<(), ReplyError> {
-        let segment = data
-            .get(..usize::from(length))
-            .ok_or(ReplyError::Mismatch)?;
+        let segment = data.get(..usize::from(length)).ok_or(ReplyError::Mismatch)?;
         if self.bytes.len() + segment.len() > total {
             return Err(ReplyError::Mismatch);
         }
@@ -156,10 +146,7 @@ mod tests {
     use crate::drive::object::{DEVICE_NAME, POSITION, TARGET};
 
     fn reply(data: &[u8]) -> SerialFrame<'_> {
-        SerialFrame {
-            opcode: REPLY_OPCODE,
-            data,
-        }
+        SerialFrame { opcode: REPLY_OPCODE, data }
     }
 
     fn request_bytes(request: DriveRequest) -> Vec<u8> {
@@ -172,10 +159,7 @@ mod tests {
         let read = Epos4CommandSet.read(1, POSITION.address());
         assert_eq!(request_bytes(read), [0x60, 0x01, 0x64, 0x60, 0x00]);
         let write = Epos4CommandSet.write(2, TARGET.set(-3988));
-        assert_eq!(
-            request_bytes(write),
-            [0x68, 0x02, 0x7A, 0x60, 0x00, 0x6C, 0xF0, 0xFF, 0xFF]
-        );
+        assert_eq!(request_bytes(write), [0x68, 0x02, 0x7A, 0x60, 0x00, 0x6C, 0xF0, 0xFF, 0xFF]);
     }
 
     #[test]
@@ -196,34 +180,21 @@ mod tests {
 
     #[test]
     fn a_reply_to_another_kind_of_request_is_a_mismatch() {
-        let echo = SerialFrame {
-            opcode: 0x60,
-            data: &[0; 8],
-        };
+        let echo = SerialFrame { opcode: 0x60, data: &[0; 8] };
         for frame in [reply(&[0; 4]), echo, reply(&[1, 0, 0, 0, 0, 0])] {
             assert_eq!(Epos4CommandSet.read_reply(frame), Err(ReplyError::Mismatch));
         }
         for frame in [reply(&[0; 8]), reply(&[])] {
-            assert_eq!(
-                Epos4CommandSet.write_reply(frame),
-                Err(ReplyError::Mismatch)
-            );
+            assert_eq!(Epos4CommandSet.write_reply(frame), Err(ReplyError::Mismatch));
         }
     }
 
     #[test]
     fn a_serial_number_comes_in_one_reply() {
-        let full_serial_number = Address {
-            index: 0x2100,
-            subindex: 1,
-            size: 8,
-            name: "full serial number",
-        };
+        let full_serial_number =
+            Address { index: 0x2100, subindex: 1, size: 8, name: "full serial number" };
         let mut read = Epos4SegmentedRead::new(1, full_serial_number);
-        assert_eq!(
-            request_bytes(read.request()),
-            [0x81, 0x01, 0x00, 0x21, 0x01]
-        );
+        assert_eq!(request_bytes(read.request()), [0x81, 0x01, 0x00, 0x21, 0x01]);
         // Seventeen bytes, padded to whole words.
         let data = [0, 0, 0, 0, 8, 0, 0, 0, 8, 1, 2, 3, 4, 5, 6, 7, 8, 0];
         assert_eq!(read.take_reply(reply(&data)), Ok(true));
@@ -240,11 +211,7 @@ mod tests {
         assert_eq!(read.take_reply(reply(&second)), Ok(false));
         assert_eq!(request_bytes(read.request()), [0x62, 1, 0]);
         let repeated = read.take_reply(reply(&second));
-        assert_eq!(
-            repeated,
-            Err(ReplyError::Mismatch),
-            "the toggle bit did not change"
-        );
+        assert_eq!(repeated, Err(ReplyError::Mismatch), "the toggle bit did not change");
         let third = [0, 0, 0, 0, 2, 3, b'S', b'4'];
         assert_eq!(read.take_reply(reply(&third)), Ok(true));
         assert_eq!(read.bytes(), b"EPOS4");
@@ -253,15 +220,9 @@ mod tests {
     #[test]
     fn a_refusal_is_returned_and_nonsense_is_a_mismatch() {
         for (data, error) in [
-            (
-                &[0, 0, 2, 6][..],
-                ReplyError::Refused(AbortCode(0x0602_0000)),
-            ),
+            (&[0, 0, 2, 6][..], ReplyError::Refused(AbortCode(0x0602_0000))),
             (&[0; 4], ReplyError::Mismatch),
-            (
-                &[0, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0],
-                ReplyError::Mismatch,
-            ),
+            (&[0, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0], ReplyError::Mismatch),
             (&[0, 0, 0, 0, 1, 0, 0, 0, 9, 1], ReplyError::Mismatch),
         ] {
             let mut read = Epos4SegmentedRead::new(1, DEVICE_NAME);

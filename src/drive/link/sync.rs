@@ -83,11 +83,7 @@ impl<T: Transport> DriveLink<T> {
             }
             self.try_to_synchronise()?;
         }
-        if self.is_in_sync() {
-            Ok(())
-        } else {
-            Err(LinkError::Lost)
-        }
+        if self.is_in_sync() { Ok(()) } else { Err(LinkError::Lost) }
     }
 
     /// One attempt to synchronise. [`DriveLink::is_in_sync`] says whether it succeeded.

@@ -60,11 +60,7 @@ impl<T: Transport> DriveLink<T> {
             }
         }
         let received = self.transport.now();
-        outcome.map(|(sent, value)| TimedReply {
-            value,
-            sent,
-            received,
-        })
+        outcome.map(|(sent, value)| TimedReply { value, sent, received })
     }
 
     /// Sends a request in one frame and reads its reply. Returns when the request was handed over,
@@ -134,11 +130,7 @@ impl<T: Transport> DriveLink<T> {
         let Ok(body) = HandshakeBody::new(frame) else {
             return Err(TransferError::Disturbed);
         };
-        let mut buffer = ReceiveBuffer {
-            bytes: [0; CHUNK],
-            next: 0,
-            count: 0,
-        };
+        let mut buffer = ReceiveBuffer { bytes: [0; CHUNK], next: 0, count: 0 };
         let on_wire = V1_OVERHEAD + body.bytes().len() + 2 * usize::from(request.reply_words());
         let deadline =
             self.transport.now() + self.reply_timeout + Nanos(self.byte_time.0 * on_wire as u64);

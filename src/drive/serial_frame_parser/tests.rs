@@ -82,12 +82,7 @@ fn reference() -> impl Iterator<Item = Reference> {
         let [name, wire, opcode, data]: [&str; 4] =
             line.split('|').collect::<Vec<_>>().try_into().unwrap();
         let (wire, opcode, data) = (bytes(wire), bytes(opcode)[0], bytes(data));
-        Reference {
-            name,
-            wire,
-            opcode,
-            data,
-        }
+        Reference { name, wire, opcode, data }
     })
 }
 
@@ -97,16 +92,11 @@ fn good_wire() -> Vec<u8> {
 }
 
 fn bytes(hex: &str) -> Vec<u8> {
-    hex.split_whitespace()
-        .map(|byte| u8::from_str_radix(byte, 16).unwrap())
-        .collect()
+    hex.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
 }
 
 fn encode(opcode: u8, data: &[u8]) -> Vec<u8> {
-    FrameEncoder::default()
-        .encode(SerialFrame { opcode, data })
-        .unwrap()
-        .to_vec()
+    FrameEncoder::default().encode(SerialFrame { opcode, data }).unwrap().to_vec()
 }
 
 /// The frames and the damage that a parser finds in some bytes.
@@ -125,12 +115,7 @@ fn feed(parser: &mut FrameParser, wire: &[u8]) -> (Vec<(u8, Vec<u8>)>, Vec<Frame
 #[test]
 fn every_reference_frame_is_encoded_byte_for_byte() {
     for frame in reference() {
-        assert_eq!(
-            encode(frame.opcode, &frame.data),
-            frame.wire,
-            "{}",
-            frame.name
-        );
+        assert_eq!(encode(frame.opcode, &frame.data), frame.wire, "{}", frame.name);
     }
 }
 
@@ -138,12 +123,7 @@ fn every_reference_frame_is_encoded_byte_for_byte() {
 fn every_reference_frame_is_parsed() {
     for frame in reference() {
         let found = feed(&mut FrameParser::default(), &frame.wire);
-        assert_eq!(
-            found,
-            (vec![(frame.opcode, frame.data)], vec![]),
-            "{}",
-            frame.name
-        );
+        assert_eq!(found, (vec![(frame.opcode, frame.data)], vec![]), "{}", frame.name);
     }
 }
 
@@ -151,10 +131,7 @@ fn every_reference_frame_is_parsed() {
 fn data_beyond_the_longest_frame_is_refused() {
     assert_eq!(encode(1, &[DLE; MAX_DATA]).len(), 2 + 2 * MAX_DATA + 4);
     assert_eq!(
-        FrameEncoder::default().encode(SerialFrame {
-            opcode: 1,
-            data: &[0; 287]
-        }),
+        FrameEncoder::default().encode(SerialFrame { opcode: 1, data: &[0; 287] }),
         Err(FrameTooLong { bytes: 287 })
     );
 }
@@ -254,10 +231,7 @@ fn after_every_state_and_byte_the_next_frame_is_found_unless_half_a_pair_came_be
 }
 
 fn any_data() -> impl Strategy<Value = Vec<u8>> {
-    vec(
-        prop_oneof![3 => any::<u8>(), 1 => Just(DLE), 1 => Just(STX)],
-        0..=MAX_DATA,
-    )
+    vec(prop_oneof![3 => any::<u8>(), 1 => Just(DLE), 1 => Just(STX)], 0..=MAX_DATA)
 }
 
 /// Damage to the bytes of a frame; the numbers select the position.

@@ -157,10 +157,7 @@ pub(super) fn padded<T: Copy + Default, const N: usize>(
     match array.get_mut(..values.len()) {
         Some(entries) if !values.is_empty() => entries.copy_from_slice(values),
         _ => {
-            return Err(ClientError::Count {
-                given: values.len(),
-                limit: N,
-            });
+            return Err(ClientError::Count { given: values.len(), limit: N });
         }
     }
     Ok((array, values.len() as u32))

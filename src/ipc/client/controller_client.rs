@@ -88,11 +88,8 @@ impl Client {
     /// [`ClientError::Refused`] with the reason; [`ClientError::NoController`],
     /// [`ClientError::NoReply`], [`ClientError::Transport`].
     pub fn state_command(&mut self, command: StateCommand) -> Result<OperatingState, ClientError> {
-        let request = StateCommandRequest {
-            client_id: self.id(),
-            command: command.number(),
-            reserved: 0,
-        };
+        let request =
+            StateCommandRequest { client_id: self.id(), command: command.number(), reserved: 0 };
         let reply = self.state_commands.request(&self.link, request)?;
         check_reply(command, reply)
     }
@@ -106,12 +103,7 @@ impl Client {
     /// As [`Client::state_command`], and [`ClientError::Count`] for a wrong number of values.
     pub fn move_jp(&mut self, position: &[f64]) -> Result<OperatingState, ClientError> {
         let (position, count) = padded(position)?;
-        let request = MoveRequest {
-            client_id: self.id(),
-            position,
-            count,
-            reserved: 0,
-        };
+        let request = MoveRequest { client_id: self.id(), position, count, reserved: 0 };
         let reply = self.moves.request(&self.link, request)?;
         check_reply(StateCommand::Move, reply)
     }
@@ -145,9 +137,7 @@ impl Client {
     ///
     /// As [`super::Subscription::read`].
     pub fn operating_state(&mut self) -> Result<Option<OperatingStateMsg>, ClientError> {
-        self.operating_state
-            .refresh()
-            .map(|message| message.copied())
+        self.operating_state.refresh().map(|message| message.copied())
     }
 
     /// Waits until the operating state fulfils `condition`, at most `timeout`, and returns it.
@@ -183,9 +173,7 @@ impl Client {
     /// [`ClientError::NoReply`], [`ClientError::Transport`].
     pub fn write_black_box(&mut self) -> Result<PathBuf, ClientError> {
         let client_id = self.id();
-        let reply = self
-            .black_boxes
-            .request(&self.link, BlackBoxRequest { client_id })?;
+        let reply = self.black_boxes.request(&self.link, BlackBoxRequest { client_id })?;
         let text = unpadded_text(&reply.text);
         if reply.ticks == 0 {
             return Err(ClientError::BlackBox { reason: text });
@@ -221,12 +209,7 @@ fn check_reply(
     let state = OperatingState::from_number(reply.state);
     match Refusal::from_number(reply.refusal).ok_or_else(|| unknown(reply.refusal))? {
         Refusal::None => state.ok_or_else(|| unknown(reply.state)),
-        refusal => Err(ClientError::Refused {
-            command,
-            refusal,
-            excess: reply.excess(),
-            state,
-        }),
+        refusal => Err(ClientError::Refused { command, refusal, excess: reply.excess(), state }),
     }
 }
 
@@ -235,11 +218,7 @@ mod tests {
     use super::*;
 
     fn reply(refusal: u32, state: u32) -> Result<OperatingState, ClientError> {
-        let reply = StateCommandReply {
-            refusal,
-            state,
-            ..StateCommandReply::default()
-        };
+        let reply = StateCommandReply { refusal, state, ..StateCommandReply::default() };
         check_reply(StateCommand::Enable, reply)
     }
 

@@ -78,10 +78,9 @@ impl ControllerLink {
         }
         match (&state.session, state.foreign) {
             (Some(session), _) => Ok(Arc::clone(session)),
-            (None, Some(found)) => Err(ClientError::Interface {
-                domain: self.domain.name().to_owned(),
-                found,
-            }),
+            (None, Some(found)) => {
+                Err(ClientError::Interface { domain: self.domain.name().to_owned(), found })
+            }
             (None, None) => Err(self.no_controller()),
         }
     }
@@ -106,9 +105,7 @@ impl LinkState {
     fn probe(&mut self, domain: &Domain, client_id: u64) -> Result<(), TransportError> {
         let found = Ready::read(domain);
         let ready = found.filter(|ready| ready.interface == INTERFACE_VERSION);
-        self.foreign = found
-            .map(|ready| ready.interface)
-            .filter(|_| ready.is_none());
+        self.foreign = found.map(|ready| ready.interface).filter(|_| ready.is_none());
         if let (Some(session), Some(ready)) = (&self.session, ready)
             && session.ready == ready
         {
@@ -118,11 +115,7 @@ impl LinkState {
         if let Some(ready) = ready {
             let node = create_node(domain, ready.boot_id)?;
             let _pid_file = PidFile::write(domain, ready.boot_id, client_id);
-            self.session = Some(Arc::new(ControllerSession {
-                ready,
-                _pid_file,
-                node,
-            }));
+            self.session = Some(Arc::new(ControllerSession { ready, _pid_file, node }));
         }
         Ok(())
     }
@@ -138,10 +131,7 @@ pub(super) struct SessionPort<P> {
 
 impl<P> Default for SessionPort<P> {
     fn default() -> Self {
-        Self {
-            opened: None,
-            failed: None,
-        }
+        Self { opened: None, failed: None }
     }
 }
 
@@ -154,10 +144,7 @@ impl<P> SessionPort<P> {
         open: impl FnOnce(&ControllerSession) -> Result<P, TransportError>,
     ) -> Result<&P, ClientError> {
         let session = link.session(now).inspect_err(|_| self.opened = None)?;
-        let present = self
-            .opened
-            .take()
-            .filter(|(old, _)| Arc::ptr_eq(old, &session));
+        let present = self.opened.take().filter(|(old, _)| Arc::ptr_eq(old, &session));
         let opened = match present {
             Some(opened) => opened,
             None => (Arc::clone(&session), self.open(&session, now, open)?),
@@ -175,17 +162,12 @@ impl<P> SessionPort<P> {
             return Err(error.clone());
         }
         let opened = open(session);
-        self.failed = opened
-            .as_ref()
-            .err()
-            .map(|error| (error.clone(), now + PROBE_PERIOD));
+        self.failed = opened.as_ref().err().map(|error| (error.clone(), now + PROBE_PERIOD));
         opened
     }
 
     /// Boot id of the controller for which the port is open.
     pub fn boot_id(&self) -> Option<u64> {
-        self.opened
-            .as_ref()
-            .map(|(session, _)| session.ready.boot_id)
+        self.opened.as_ref().map(|(session, _)| session.ready.boot_id)
     }
 }

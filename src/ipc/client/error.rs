@@ -108,11 +108,7 @@ pub enum ClientError {
 }
 
 fn reason(message: &str, refusal: Refusal) -> String {
-    if message.is_empty() {
-        refusal.to_string()
-    } else {
-        message.to_owned()
-    }
+    if message.is_empty() { refusal.to_string() } else { message.to_owned() }
 }
 
 const fn ms(span: Nanos) -> u64 {

@@ -86,19 +86,13 @@ impl ExternalPublisher {
     ///
     /// As [`ExternalPublisher::publish`].
     pub fn publish_nothing(&mut self, stamp: Nanos) -> Result<(), ClientError> {
-        self.send(ExternalPosition {
-            stamp_ns: stamp.0,
-            ..ExternalPosition::default()
-        })
+        self.send(ExternalPosition { stamp_ns: stamp.0, ..ExternalPosition::default() })
     }
 
     fn send(&mut self, message: ExternalPosition) -> Result<(), ClientError> {
         self.sequence += 1;
         let sequence = self.sequence;
-        let numbered = ExternalPosition {
-            sequence,
-            ..message
-        };
+        let numbered = ExternalPosition { sequence, ..message };
         self.publisher.send(&self.link, |_| numbered)
     }
 }

@@ -53,11 +53,8 @@ impl Client {
         model: ModelId,
         force: bool,
     ) -> Result<ModelReply, ClientError> {
-        let request = ModelRequest {
-            model_id: model.0,
-            flags: flags(force),
-            ..ModelRequest::default()
-        };
+        let request =
+            ModelRequest { model_id: model.0, flags: flags(force), ..ModelRequest::default() };
         self.request_models(ModelAction::Activate, request)
     }
 
@@ -67,10 +64,7 @@ impl Client {
     ///
     /// As [`Client::models`].
     pub fn roll_back_model(&mut self, force: bool) -> Result<ModelReply, ClientError> {
-        let request = ModelRequest {
-            flags: flags(force),
-            ..ModelRequest::default()
-        };
+        let request = ModelRequest { flags: flags(force), ..ModelRequest::default() };
         self.request_models(ModelAction::Rollback, request)
     }
 
@@ -89,10 +83,7 @@ impl Client {
                 refusal,
                 message: unpadded_text(&reply.message),
             }),
-            None => Err(ClientError::Unknown {
-                request: service::MODEL,
-                number: reply.refusal,
-            }),
+            None => Err(ClientError::Unknown { request: service::MODEL, number: reply.refusal }),
         }
     }
 }

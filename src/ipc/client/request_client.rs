@@ -39,11 +39,7 @@ where
     R: ZeroCopySend + Debug + Copy + 'static,
 {
     pub fn new(name: &'static str, timeout: Nanos) -> Self {
-        Self {
-            port: SessionPort::default(),
-            name,
-            timeout,
-        }
+        Self { port: SessionPort::default(), name, timeout }
     }
 
     /// Sends a request and waits for its reply.
@@ -59,10 +55,7 @@ where
             let now = clock::now();
             link.session(now)?;
             if now.since(start) > self.timeout {
-                return Err(ClientError::NoReply {
-                    request: name,
-                    waited: self.timeout,
-                });
+                return Err(ClientError::NoReply { request: name, waited: self.timeout });
             }
             clock::sleep(POLL_PERIOD);
         }
@@ -78,8 +71,5 @@ where
     R: ZeroCopySend + Debug + 'static,
 {
     let factory = open_request::<ClientService, Q, R>(&session.node, name)?;
-    factory
-        .client_builder()
-        .create()
-        .map_err(failed("ask", name))
+    factory.client_builder().create().map_err(failed("ask", name))
 }

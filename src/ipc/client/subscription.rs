@@ -218,9 +218,7 @@ impl<T: Message> Subscription<T> {
 
     fn read_at(&mut self, now: Nanos) -> Result<Option<T>, ClientError> {
         let (stream, previous) = (self.stream, self.port.boot_id());
-        let port = self
-            .port
-            .get(&self.link, now, |session| open(session, stream))?;
+        let port = self.port.get(&self.link, now, |session| open(session, stream))?;
         let received = port.receive().map_err(failed("receive", stream.name))?;
         let message = received.map(|sample| *sample);
         if self.port.boot_id() != previous {
@@ -261,10 +259,7 @@ impl<T: Message> Latest<T> {
     /// Keeps the last message of this subscription.
     #[must_use]
     pub fn new(subscription: Subscription<T>) -> Self {
-        Self {
-            subscription,
-            value: None,
-        }
+        Self { subscription, value: None }
     }
 
     /// Receives new messages. The message of a controller that has ended is dropped.
@@ -274,10 +269,7 @@ impl<T: Message> Latest<T> {
     /// As [`Subscription::read`].
     pub fn refresh(&mut self) -> Result<Option<&T>, ClientError> {
         let previous = self.subscription.boot_id();
-        let newest = self
-            .subscription
-            .newest()
-            .inspect_err(|_| self.value = None)?;
+        let newest = self.subscription.newest().inspect_err(|_| self.value = None)?;
         if newest.is_some() || self.subscription.boot_id() != previous {
             self.value = newest;
         }

@@ -119,10 +119,7 @@ impl OperatingStateMsg {
             (!lacks(Self::BUSY), Refusal::Busy),
         ];
         let others = others.into_iter().filter(|(is_present, _)| *is_present);
-        first
-            .into_iter()
-            .chain(others.map(|(_, refusal)| Cause::Refusal(refusal)))
-            .collect()
+        first.into_iter().chain(others.map(|(_, refusal)| Cause::Refusal(refusal))).collect()
     }
 }
 
@@ -158,9 +155,7 @@ impl ExcessFields {
         let has = |flag: u32| self.flags & flag != 0;
         let quantity = Quantity::from_number(self.quantity)?;
         has(ReasonMsg::MEASURED).then_some(Excess {
-            motor: u8::try_from(self.motor)
-                .ok()
-                .filter(|_| has(ReasonMsg::MOTOR)),
+            motor: u8::try_from(self.motor).ok().filter(|_| has(ReasonMsg::MOTOR)),
             quantity,
             measured: self.measured,
             limit: has(ReasonMsg::LIMIT).then_some(self.limit),
@@ -189,10 +184,8 @@ mod tests {
                 assert_eq!((message.client_id, message.stamp_ns), (7, 9));
             }
         }
-        let foreign = ReasonMsg {
-            kind: 9,
-            ..ReasonMsg::new(&Cause::Fault(Fault::Late).into(), 0, Nanos(1))
-        };
+        let foreign =
+            ReasonMsg { kind: 9, ..ReasonMsg::new(&Cause::Fault(Fault::Late).into(), 0, Nanos(1)) };
         assert_eq!(foreign.reason(), None);
         assert!(foreign.text().contains("late ticks"));
     }

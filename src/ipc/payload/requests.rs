@@ -138,14 +138,9 @@ impl Version {
     /// `None`: it does not. Only robot and limits of `named` count.
     #[must_use]
     pub fn robot_difference(&self, named: &Self) -> Option<String> {
-        let (here, there) = (
-            unpadded_text(&self.robot_id),
-            unpadded_text(&named.robot_id),
-        );
+        let (here, there) = (unpadded_text(&self.robot_id), unpadded_text(&named.robot_id));
         if here != there {
-            return Some(format!(
-                "the controller moves robot `{here}`, and not `{there}`"
-            ));
+            return Some(format!("the controller moves robot `{here}`, and not `{there}`"));
         }
         let positions = |of: &Self| (of.position_min_counts, of.position_max_counts);
         if positions(self) != positions(named) {

@@ -67,10 +67,7 @@ pub(super) fn create(lock: &mut DomainLock) -> Result<Services, IpcError> {
 
 fn attempt(lock: &DomainLock) -> Result<Services, IpcError> {
     let (domain, boot_id) = (lock.domain().clone(), lock.boot_id());
-    let hangs = IpcError::Hangs {
-        domain: domain.name().to_owned(),
-        seconds: TIMEOUT.as_secs(),
-    };
+    let hangs = IpcError::Hangs { domain: domain.name().to_owned(), seconds: TIMEOUT.as_secs() };
     run_with_timeout(TIMEOUT, move || Services::create(&domain, boot_id)).unwrap_or(Err(hangs))
 }
 
@@ -85,9 +82,7 @@ fn run_with_timeout<T: Send + 'static>(
     let spawned = thread.spawn(move || {
         let _ = sender.send(work());
     });
-    spawned
-        .ok()
-        .and_then(|_| receiver.recv_timeout(timeout).ok())
+    spawned.ok().and_then(|_| receiver.recv_timeout(timeout).ok())
 }
 
 impl Services {

@@ -327,10 +327,7 @@ impl Server {
     /// Publishes `health`. The server adds the number of its own failures.
     pub fn publish_health(&mut self, message: Health) {
         let ipc_failures = message.ipc_failures.saturating_add(self.failures);
-        let sent = self.health.send(Health {
-            ipc_failures,
-            ..message
-        });
+        let sent = self.health.send(Health { ipc_failures, ..message });
         self.count_failure(sent);
     }
 

@@ -51,8 +51,7 @@ where
 
     /// Passes new requests to `take`, each with a token for its reply, and drops old requests.
     pub fn poll(&mut self, now: Nanos, mut take: impl FnMut(u64, Q)) -> Result<(), TransportError> {
-        self.pending
-            .retain(|_, (since, _)| now.since(*since) < self.timeout);
+        self.pending.retain(|_, (since, _)| now.since(*since) < self.timeout);
         loop {
             let received = self.port.receive().map_err(failed("receive", self.name))?;
             let Some(active) = received else {
@@ -70,17 +69,13 @@ where
         let Some((_, request)) = self.pending.remove(&token) else {
             return Ok(());
         };
-        request
-            .send_copy(reply)
-            .map_err(failed("answer", self.name))
+        request.send_copy(reply).map_err(failed("answer", self.name))
     }
 
     /// Sends the same reply to all new requests.
     pub fn reply_to_all(&mut self, now: Nanos, reply: R) -> Result<(), TransportError> {
         let mut tokens = Vec::new();
         self.poll(now, |token, _| tokens.push(token))?;
-        tokens
-            .into_iter()
-            .try_for_each(|token| self.reply(token, reply))
+        tokens.into_iter().try_for_each(|token| self.reply(token, reply))
     }
 }

@@ -27,26 +27,17 @@ impl<T: Outgoing> StreamPublisher<T> {
     ) -> Result<Self, TransportError> {
         let (name, created) = (stream.name, factory.publisher_builder().create());
         let publisher = created.map_err(failed("publish", name))?;
-        Ok(Self {
-            publisher,
-            name,
-            boot_id,
-            sequence: 0,
-        })
+        Ok(Self { publisher, name, boot_id, sequence: 0 })
     }
 
     pub fn send(&mut self, message: T) -> Result<usize, TransportError> {
         self.sequence += 1;
         let message = message.with_sender(self.boot_id, self.sequence);
-        self.publisher
-            .send_copy(message)
-            .map_err(failed("send", self.name))
+        self.publisher.send_copy(message).map_err(failed("send", self.name))
     }
 
     /// Sends the last message to subscribers that joined since the last send.
     pub fn serve_late_subscribers(&self) -> Result<(), TransportError> {
-        self.publisher
-            .update_connections()
-            .map_err(failed("update", self.name))
+        self.publisher.update_connections().map_err(failed("update", self.name))
     }
 }

@@ -11,11 +11,5 @@ const MOST: f64 = 3.0;
 
 /// The nearest gap scale that a memory takes; as calibrated for what is no number.
 pub(in crate::model) fn clamp(scale: &MotorVec) -> MotorVec {
-    scale.map(|scale| {
-        if scale.is_nan() {
-            1.0
-        } else {
-            scale.clamp(LEAST, MOST)
-        }
-    })
+    scale.map(|scale| if scale.is_nan() { 1.0 } else { scale.clamp(LEAST, MOST) })
 }

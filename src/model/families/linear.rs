@@ -56,10 +56,7 @@ impl<const D: usize, const M: usize> Linear<D, M> {
 
 impl<const D: usize, const M: usize> Regression<D, M> for Linear<D, M> {
     fn local(&self, input: &SVector<f64, D>) -> Local<D, M> {
-        Local {
-            mean: self.mean(input),
-            jacobian: self.gain,
-        }
+        Local { mean: self.mean(input), jacobian: self.gain }
     }
 
     fn mean(&self, input: &SVector<f64, D>) -> SVector<f64, M> {

@@ -32,11 +32,7 @@ pub(in crate::model) struct Seen {
 
 impl Seen {
     fn first(position: MotorVec) -> Self {
-        Self {
-            position,
-            low: position,
-            high: position,
-        }
+        Self { position, low: position, high: position }
     }
 
     fn extend(&mut self, position: MotorVec) {
@@ -91,12 +87,8 @@ impl Memory {
     /// forgotten.
     pub(in crate::model) fn covered(&self, ranges: &MotorVec) -> bool {
         self.seen.is_some_and(|seen| {
-            let mut covered = seen
-                .high
-                .iter()
-                .zip(seen.low)
-                .map(|(high, low)| high - low)
-                .zip(ranges);
+            let mut covered =
+                seen.high.iter().zip(seen.low).map(|(high, low)| high - low).zip(ranges);
             covered.all(|(covered, range)| covered >= *range)
         })
     }

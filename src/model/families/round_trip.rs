@@ -70,11 +70,7 @@ fn positions(hull: &Hull) -> Vec<MotorVec> {
         low[motor] + (high[motor] - low[motor]) * step as f64 / (STEPS - 1) as f64
     };
     let rows = if low[1] < high[1] { STEPS } else { 1 };
-    let lattice = (0..STEPS)
-        .flat_map(|i| (0..rows).map(move |j| (i, j)))
-        .map(|(i, j)| [at(0, i), at(1, j)]);
-    lattice
-        .filter(|counts| hull.contains(counts))
-        .chain(hull.corners())
-        .collect()
+    let lattice =
+        (0..STEPS).flat_map(|i| (0..rows).map(move |j| (i, j))).map(|(i, j)| [at(0, i), at(1, j)]);
+    lattice.filter(|counts| hull.contains(counts)).chain(hull.corners()).collect()
 }

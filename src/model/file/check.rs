@@ -38,14 +38,10 @@ pub(in crate::model) fn check(file: &ModelFile) -> Result<usize, ModelError> {
 /// Checks that a file is a model of the supported schema version.
 pub(in crate::model) fn check_header(format: &str, schema_version: u64) -> Result<(), ModelError> {
     if format != FORMAT {
-        return Err(ModelError::Format {
-            found: format.to_owned(),
-        });
+        return Err(ModelError::Format { found: format.to_owned() });
     }
     if schema_version != u64::from(SCHEMA_VERSION) {
-        return Err(ModelError::SchemaVersion {
-            found: schema_version,
-        });
+        return Err(ModelError::SchemaVersion { found: schema_version });
     }
     Ok(())
 }
@@ -69,18 +65,10 @@ fn check_slow_error(file: &ModelFile) -> Result<(), ModelError> {
         format!("{:?}", slow.direction),
         "must have length 1, and no part beyond the outputs",
     )?;
-    let positive = [
-        ("deviation", slow.deviation),
-        ("time_constant_s", slow.time_constant_s),
-    ];
+    let positive = [("deviation", slow.deviation), ("time_constant_s", slow.time_constant_s)];
     for (name, value) in positive {
         let is_valid = value > 0.0 && value < LARGEST_SLOW;
-        require(
-            is_valid,
-            || key(name),
-            value,
-            "must be above 0 and below 1000000",
-        )?;
+        require(is_valid, || key(name), value, "must be above 0 and below 1000000")?;
     }
     for (name, value) in [("rest", Some(slow.rest)), ("fast", slow.fast)] {
         let value = value.unwrap_or_default();
@@ -104,16 +92,8 @@ fn check_outputs(file: &ModelFile) -> Result<(), ModelError> {
         let key = || format!("outputs[{i}].name");
         let valid_length = (1..=MAX_NAME_BYTES).contains(&output.name.len());
         require(valid_length, key, &shown, "must be 1 to 16 bytes long")?;
-        let duplicate = outputs
-            .iter()
-            .take(i)
-            .any(|other| other.name == output.name);
-        require(
-            !duplicate,
-            key,
-            &shown,
-            "is the name of another output already",
-        )?;
+        let duplicate = outputs.iter().take(i).any(|other| other.name == output.name);
+        require(!duplicate, key, &shown, "is the name of another output already")?;
         let same_unit = outputs.iter().all(|other| other.unit == output.unit);
         let key = || format!("outputs[{i}].unit");
         require(
@@ -127,14 +107,8 @@ fn check_outputs(file: &ModelFile) -> Result<(), ModelError> {
 }
 
 fn check_records(file: &ModelFile) -> Result<(), ModelError> {
-    let TrainingRecord {
-        log_likelihood,
-        bic,
-        ..
-    } = &file.training;
-    finite(log_likelihood.as_slice(), || {
-        "training.log_likelihood".to_owned()
-    })?;
+    let TrainingRecord { log_likelihood, bic, .. } = &file.training;
+    finite(log_likelihood.as_slice(), || "training.log_likelihood".to_owned())?;
     finite(bic.as_slice(), || "training.bic".to_owned())?;
     let (entries, outputs) = (file.metrics.len(), file.outputs.len());
     require(
@@ -145,13 +119,7 @@ fn check_records(file: &ModelFile) -> Result<(), ModelError> {
     )?;
     for (i, metrics) in file.metrics.iter().enumerate() {
         for fit in std::iter::once(&metrics.training).chain(&metrics.held_out) {
-            let FitMetrics {
-                r2,
-                rmsd,
-                nrmsd,
-                mae,
-                max,
-            } = *fit;
+            let FitMetrics { r2, rmsd, nrmsd, mae, max } = *fit;
             finite(&[r2, rmsd, nrmsd, mae, max], || format!("metrics[{i}]"))?;
         }
     }

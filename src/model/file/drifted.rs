@@ -41,11 +41,7 @@ impl ModelFile {
         let mut file = self.clone();
         file.training.software = format!("{}, with a drift built in", self.training.software);
         match &mut file.family {
-            FamilyParameters::Linear {
-                gain,
-                offset,
-                covariance,
-            } => {
+            FamilyParameters::Linear { gain, offset, covariance } => {
                 *gain = map.times(gain);
                 *offset = map.apply(offset);
                 *covariance = map.around(covariance);
@@ -63,24 +59,14 @@ impl ModelFile {
             FamilyParameters::Gmr { mixture } | FamilyParameters::GmrDirection { mixture, .. } => {
                 map.mixture(mixture);
             }
-            FamilyParameters::GmrPlay {
-                plays,
-                mixture,
-                residual,
-                ..
-            } => {
+            FamilyParameters::GmrPlay { plays, mixture, residual, .. } => {
                 for (thresholds, gap) in plays.thresholds_counts.iter_mut().zip(drift.gap) {
                     scale(thresholds, 1.0 + gap);
                 }
                 scale(&mut plays.planar_thresholds_counts, 1.0 + mean(drift));
                 map.chain(mixture, residual);
             }
-            FamilyParameters::GmrPrandtlIshlinskii {
-                operator,
-                mixture,
-                residual,
-                ..
-            } => {
+            FamilyParameters::GmrPrandtlIshlinskii { operator, mixture, residual, .. } => {
                 for play in &mut operator.plays {
                     let sum: f64 = play.direction.iter().map(|part| part.abs()).sum();
                     let parts = play.direction.iter().zip(drift.gap);
@@ -89,12 +75,7 @@ impl ModelFile {
                 }
                 map.chain(mixture, residual);
             }
-            FamilyParameters::GmrStop {
-                stops,
-                mixture,
-                residual,
-                ..
-            } => {
+            FamilyParameters::GmrStop { stops, mixture, residual, .. } => {
                 for (motor, gap) in stops.motors.iter_mut().zip(drift.gap) {
                     scale(&mut motor.slack, 1.0 + gap);
                     scale(&mut motor.friction, 1.0 + gap);
@@ -122,9 +103,7 @@ impl OutputMap {
     fn new(drift: &FileDrift, outputs: usize, si: f64) -> Self {
         let row = |i: usize| {
             let columns = 0..outputs;
-            columns
-                .map(|j| drift.gain[i][j] + if i == j { 1.0 } else { 0.0 })
-                .collect()
+            columns.map(|j| drift.gain[i][j] + if i == j { 1.0 } else { 0.0 }).collect()
         };
         Self {
             matrix: (0..outputs).map(row).collect(),

@@ -66,10 +66,8 @@ impl ModelFile {
     /// When the file cannot be read, and the errors of [`ModelFile::parse`]. Every error names the
     /// file.
     pub fn read(path: &Path) -> Result<Self, ModelError> {
-        let text = fs::read_to_string(path).map_err(|source| ModelError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let text = fs::read_to_string(path)
+            .map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
         Self::parse(&text).map_err(|error| error.in_file(path))
     }
 
@@ -97,10 +95,8 @@ impl ModelFile {
     /// then renamed.
     pub(in crate::model) fn save(&self, path: &Path) -> Result<(), ModelError> {
         let text = join_number_rows(&serde_json::to_string_pretty(self)?);
-        replace(path, text.as_bytes()).map_err(|source| ModelError::Write {
-            path: path.to_owned(),
-            source,
-        })
+        replace(path, text.as_bytes())
+            .map_err(|source| ModelError::Write { path: path.to_owned(), source })
     }
 }
 
@@ -127,8 +123,7 @@ fn join_number_rows(pretty: &str) -> String {
 }
 
 fn is_number(line: &str) -> bool {
-    line.trim_start()
-        .starts_with(|c: char| c == '-' || c.is_ascii_digit())
+    line.trim_start().starts_with(|c: char| c == '-' || c.is_ascii_digit())
 }
 
 /// Writes a file under a temporary name, flushes it to the disk and renames it to `path`.
@@ -162,11 +157,7 @@ fn create_beside(path: &Path) -> io::Result<(File, PathBuf)> {
             NUMBER.fetch_add(1, Ordering::Relaxed)
         ));
         let temporary = path.with_file_name(hidden_name);
-        match OpenOptions::new()
-            .write(true)
-            .create_new(true)
-            .open(&temporary)
-        {
+        match OpenOptions::new().write(true).create_new(true).open(&temporary) {
             // A killed process with the same number left this file: take the next name.
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             Err(error) => return Err(error),

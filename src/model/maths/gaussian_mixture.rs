@@ -68,16 +68,10 @@ fn check_weights(mixture: &MixtureParameters) -> Result<(), ModelError> {
     let key = || "family.mixture.weights".to_owned();
     let count = mixture.weights.len();
     let shown = format!("{count} components");
-    require(
-        (1..=MAX_COMPONENTS).contains(&count),
-        key,
-        &shown,
-        "there must be 1 to 64",
-    )?;
-    for (name, entries) in [
-        ("means", mixture.means.len()),
-        ("covariances", mixture.covariances.len()),
-    ] {
+    require((1..=MAX_COMPONENTS).contains(&count), key, &shown, "there must be 1 to 64")?;
+    for (name, entries) in
+        [("means", mixture.means.len()), ("covariances", mixture.covariances.len())]
+    {
         require(
             entries == count,
             || format!("family.mixture.{name}"),
@@ -106,12 +100,7 @@ fn check_weights(mixture: &MixtureParameters) -> Result<(), ModelError> {
 fn checked_mean(k: usize, mean: &[f64], variables: usize) -> Result<DVector<f64>, ModelError> {
     let key = || format!("family.mixture.means[{k}]");
     let reason = "must have one number per motor and output";
-    require(
-        mean.len() == variables,
-        key,
-        format!("{} numbers", mean.len()),
-        reason,
-    )?;
+    require(mean.len() == variables, key, format!("{} numbers", mean.len()), reason)?;
     parameters(mean, key)?;
     Ok(DVector::from_column_slice(mean))
 }

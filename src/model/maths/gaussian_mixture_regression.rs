@@ -215,10 +215,7 @@ struct Weighted<const I: usize, const B: usize> {
 impl<const I: usize, const B: usize> Weighted<I, B> {
     #[inline(always)]
     fn none() -> Self {
-        Self {
-            shares: [Lanes::ZERO; B],
-            whitened: [[Lanes::ZERO; I]; B],
-        }
+        Self { shares: [Lanes::ZERO; B], whitened: [[Lanes::ZERO; I]; B] }
     }
 }
 
@@ -243,9 +240,7 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
             .enumerate()
             .map(|(k, component)| Part::new(k, component, input, output))
             .collect::<Result<Vec<_>, _>>()?;
-        Ok(Self {
-            blocks: parts.chunks(LANES).map(Block::new).collect(),
-        })
+        Ok(Self { blocks: parts.chunks(LANES).map(Block::new).collect() })
     }
 
     /// Whitens all components, and finds the likeliest one.
@@ -266,10 +261,7 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
             *log = block.log_height - squared * Lanes::splat(0.5);
             highest = highest.max(*log);
         }
-        let mut likeliest = Likeliest {
-            log_density: highest.highest(),
-            mean: SVector::zeros(),
-        };
+        let mut likeliest = Likeliest { log_density: highest.highest(), mean: SVector::zeros() };
         let entries = weighted.shares.iter().zip(&weighted.whitened);
         for ((log, whitened), block) in entries.zip(&self.blocks) {
             if let Some(lane) = log.position(likeliest.log_density) {

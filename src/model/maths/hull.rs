@@ -66,12 +66,7 @@ impl Edge {
         let along = subtract(next, corner);
         let length = along[0].hypot(along[1]);
         let normal = [along[1] / length, -along[0] / length];
-        Self {
-            corner,
-            along,
-            normal,
-            offset: dot(normal, corner),
-        }
+        Self { corner, along, normal, offset: dot(normal, corner) }
     }
 
     fn excess(&self, counts: MotorVec) -> f64 {
@@ -100,20 +95,12 @@ impl Hull {
         let corners = checked_corners(parameters, motors)?;
         let centre = mean(&corners);
         let shape = match (motors, corners.as_slice()) {
-            (1, [low, high]) => Shape::Interval {
-                low: low[0],
-                high: high[0],
-            },
+            (1, [low, high]) => Shape::Interval { low: low[0], high: high[0] },
             _ => {
                 let edges = edges(&corners);
-                let inner_radius = edges
-                    .iter()
-                    .map(|edge| -edge.excess(centre))
-                    .fold(f64::INFINITY, f64::min);
-                Shape::Polygon {
-                    edges,
-                    inner_radius,
-                }
+                let inner_radius =
+                    edges.iter().map(|edge| -edge.excess(centre)).fold(f64::INFINITY, f64::min);
+                Shape::Polygon { edges, inner_radius }
             }
         };
         let hull = Self { shape, centre };
@@ -146,10 +133,8 @@ impl Hull {
         if corners.len() < motors + 1 {
             return Err(ModelError::FlatHull { near: mean(points) });
         }
-        let corners = corners
-            .iter()
-            .map(|corner| corner.iter().take(motors).copied().collect())
-            .collect();
+        let corners =
+            corners.iter().map(|corner| corner.iter().take(motors).copied().collect()).collect();
         Self::new(&HullParameters { corners }, motors)
     }
 
@@ -171,9 +156,7 @@ impl Hull {
             }
             Shape::Polygon { edges, .. } => ([None, None], edges.as_slice()),
         };
-        ends.into_iter()
-            .flatten()
-            .chain(edges.iter().map(|edge| edge.corner))
+        ends.into_iter().flatten().chain(edges.iter().map(|edge| edge.corner))
     }
 
     /// The mean of the corners, a point inside the hull.
@@ -190,9 +173,9 @@ impl Hull {
             Shape::Interval { low, high } => {
                 counts[0] >= low - TOLERANCE_COUNTS && counts[0] <= high + TOLERANCE_COUNTS
             }
-            Shape::Polygon { edges, .. } => edges
-                .iter()
-                .all(|edge| edge.excess(*counts) <= TOLERANCE_COUNTS),
+            Shape::Polygon { edges, .. } => {
+                edges.iter().all(|edge| edge.excess(*counts) <= TOLERANCE_COUNTS)
+            }
         }
     }
 
@@ -217,21 +200,13 @@ impl Hull {
                 counts: [free[0].clamp(*low, *high), 0.0],
                 excess: (low - free[0]).max(free[0] - high),
             },
-            Shape::Polygon {
-                edges,
-                inner_radius,
-            } => {
+            Shape::Polygon { edges, inner_radius } => {
                 let [across_0, across_1] = subtract(free, self.centre);
                 if across_0 * across_0 + across_1 * across_1 <= inner_radius * inner_radius {
-                    return Minimum {
-                        counts: free,
-                        excess: 0.0,
-                    };
+                    return Minimum { counts: free, excess: 0.0 };
                 }
-                let excess = edges
-                    .iter()
-                    .map(|edge| edge.excess(free))
-                    .fold(f64::NEG_INFINITY, f64::max);
+                let excess =
+                    edges.iter().map(|edge| edge.excess(free)).fold(f64::NEG_INFINITY, f64::max);
                 let counts = if excess <= 0.0 {
                     free
                 } else {
@@ -272,10 +247,9 @@ impl Hull {
                 format!("[[{low}], [{high}]]"),
                 "the second must lie at least one count above the first",
             ),
-            Shape::Polygon { edges, .. } => edges
-                .iter()
-                .enumerate()
-                .try_for_each(|(i, edge)| edge.check(i, corners)),
+            Shape::Polygon { edges, .. } => {
+                edges.iter().enumerate().try_for_each(|(i, edge)| edge.check(i, corners))
+            }
         }
     }
 }
@@ -342,16 +316,9 @@ fn checked_corners(
             "two motors take 3 to 64 corners of a convex polygon",
         )?,
     }
-    let corners = rows
-        .iter()
-        .enumerate()
-        .map(|(i, corner)| checked_corner(i, corner, motors));
+    let corners = rows.iter().enumerate().map(|(i, corner)| checked_corner(i, corner, motors));
     let corners = corners.collect::<Result<Vec<_>, _>>()?;
-    for (i, (corner, next)) in corners
-        .iter()
-        .zip(corners.iter().cycle().skip(1))
-        .enumerate()
-    {
+    for (i, (corner, next)) in corners.iter().zip(corners.iter().cycle().skip(1)).enumerate() {
         let side = subtract(*next, *corner);
         let distinct = side[0].hypot(side[1]) > TOLERANCE_COUNTS;
         require(
@@ -367,22 +334,10 @@ fn checked_corners(
 fn checked_corner(number: usize, corner: &[f64], motors: usize) -> Result<MotorVec, ModelError> {
     let key = || format!("hull.corners[{number}]");
     let shown = format!("{corner:?}");
-    require(
-        corner.len() == motors,
-        key,
-        &shown,
-        "must have one number per motor",
-    )?;
+    require(corner.len() == motors, key, &shown, "must have one number per motor")?;
     // `contains` is false for NaN too.
-    let counts = corner
-        .iter()
-        .all(|c| (-MAX_COUNTS..=MAX_COUNTS).contains(c));
-    require(
-        counts,
-        key,
-        &shown,
-        "must be finite counts that fit 32 bits",
-    )?;
+    let counts = corner.iter().all(|c| (-MAX_COUNTS..=MAX_COUNTS).contains(c));
+    require(counts, key, &shown, "must be finite counts that fit 32 bits")?;
     let mut padded = [0.0; MAX_MOTORS];
     for (entry, counts) in padded.iter_mut().zip(corner) {
         *entry = *counts;
@@ -399,8 +354,6 @@ fn edges(corners: &[MotorVec]) -> Vec<Edge> {
 }
 
 fn mean(points: &[MotorVec]) -> MotorVec {
-    let sum = points
-        .iter()
-        .fold([0.0; MAX_MOTORS], |sum, point| add(sum, *point));
+    let sum = points.iter().fold([0.0; MAX_MOTORS], |sum, point| add(sum, *point));
     sum.map(|s| s / points.len().max(1) as f64)
 }

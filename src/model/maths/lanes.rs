@@ -66,22 +66,14 @@ impl Lanes {
     #[inline(always)]
     pub fn max(self, other: Self) -> Self {
         let larger = |lane: usize| {
-            if other.0[lane] > self.0[lane] {
-                other.0[lane]
-            } else {
-                self.0[lane]
-            }
+            if other.0[lane] > self.0[lane] { other.0[lane] } else { self.0[lane] }
         };
         Self([larger(0), larger(1)])
     }
 
     #[inline(always)]
     pub fn highest(self) -> f64 {
-        if self.0[1] > self.0[0] {
-            self.0[1]
-        } else {
-            self.0[0]
-        }
+        if self.0[1] > self.0[0] { self.0[1] } else { self.0[0] }
     }
 
     /// The first lane with a value.
@@ -168,17 +160,8 @@ mod tests {
     #[test]
     fn the_exponential_is_exact_at_0_drops_what_is_negligible_and_keeps_nan() {
         assert_eq!(Lanes([0.0, -40.5]).exp_above(-40.0).0, [1.0, 0.0]);
-        assert_eq!(
-            Lanes([f64::NEG_INFINITY, -0.0]).exp_above(-40.0).0,
-            [0.0, 1.0]
-        );
-        assert!(
-            Lanes([f64::NAN, -f64::NAN])
-                .exp_above(-40.0)
-                .0
-                .iter()
-                .all(|x| x.is_nan())
-        );
+        assert_eq!(Lanes([f64::NEG_INFINITY, -0.0]).exp_above(-40.0).0, [0.0, 1.0]);
+        assert!(Lanes([f64::NAN, -f64::NAN]).exp_above(-40.0).0.iter().all(|x| x.is_nan()));
     }
 
     #[test]

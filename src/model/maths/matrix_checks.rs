@@ -21,12 +21,7 @@ pub(in crate::model) fn finite(
     key: impl FnOnce() -> String,
 ) -> Result<(), ModelError> {
     let invalid = numbers.iter().find(|number| !number.is_finite());
-    require(
-        invalid.is_none(),
-        key,
-        invalid.unwrap_or(&0.0),
-        "must be a finite number",
-    )
+    require(invalid.is_none(), key, invalid.unwrap_or(&0.0), "must be a finite number")
 }
 
 /// Checks that numbers are finite and of a plausible size, so that their squares stay finite.
@@ -34,9 +29,7 @@ pub(in crate::model) fn parameters(
     numbers: &[f64],
     key: impl FnOnce() -> String,
 ) -> Result<(), ModelError> {
-    let invalid = numbers
-        .iter()
-        .find(|number| !(-LARGEST..=LARGEST).contains(*number));
+    let invalid = numbers.iter().find(|number| !(-LARGEST..=LARGEST).contains(*number));
     require(
         invalid.is_none(),
         key,
@@ -55,20 +48,11 @@ pub(in crate::model) fn matrix(
     let valid = rows.len() == height && rows.iter().all(|row| row.len() == width);
     let sizes: Vec<usize> = rows.iter().map(Vec::len).collect();
     let shown = format!("rows of {sizes:?} numbers");
-    require(
-        valid,
-        &key,
-        shown,
-        "its size must follow the number of motors and outputs",
-    )?;
+    require(valid, &key, shown, "its size must follow the number of motors and outputs")?;
     for row in rows {
         parameters(row, &key)?;
     }
-    Ok(DMatrix::from_row_iterator(
-        height,
-        width,
-        rows.iter().flatten().copied(),
-    ))
+    Ok(DMatrix::from_row_iterator(height, width, rows.iter().flatten().copied()))
 }
 
 /// Converts rows to a covariance matrix, and checks that it is square and symmetric, with variances
@@ -80,10 +64,8 @@ pub(in crate::model) fn square(
 ) -> Result<DMatrix<f64>, ModelError> {
     let matrix = matrix(rows, size, size, &key)?;
     for (i, j) in (0..size).flat_map(|i| (0..=i).map(move |j| (i, j))) {
-        let (variances, difference) = (
-            matrix[(i, i)] * matrix[(j, j)],
-            matrix[(i, j)] - matrix[(j, i)],
-        );
+        let (variances, difference) =
+            (matrix[(i, i)] * matrix[(j, j)], matrix[(i, j)] - matrix[(j, i)]);
         let entry_key = || format!("{}[{i}][{j}]", key());
         require(
             matrix[(i, i)] >= 0.0,
@@ -92,12 +74,7 @@ pub(in crate::model) fn square(
             "a variance is not negative",
         )?;
         let symmetric = difference.abs() <= ROUNDING * variances.sqrt();
-        require(
-            symmetric,
-            entry_key,
-            matrix[(i, j)],
-            "the matrix must be symmetric",
-        )?;
+        require(symmetric, entry_key, matrix[(i, j)], "the matrix must be symmetric")?;
     }
     Ok((&matrix + matrix.transpose()) * 0.5)
 }
@@ -112,25 +89,16 @@ pub(in crate::model) fn positive_definite(
         "the matrix must be positive definite: fit with more regularisation or fewer components";
     let variances = matrix.diagonal();
     let positive = variances.iter().all(|v| *v > 0.0);
-    require(
-        positive,
-        &key,
-        format!("variances {:?}", variances.as_slice()),
-        reason,
-    )?;
+    require(positive, &key, format!("variances {:?}", variances.as_slice()), reason)?;
     let inverse_deviations = DMatrix::from_diagonal(&variances.map(|v| 1.0 / v.sqrt()));
     let correlation = &inverse_deviations * matrix * &inverse_deviations;
-    let least = correlation
-        .cholesky()
-        .map(|factor| factor.l().diagonal().map(|pivot| pivot * pivot).min());
+    let least =
+        correlation.cholesky().map(|factor| factor.l().diagonal().map(|pivot| pivot * pivot).min());
     let definite = least.is_some_and(|pivot| pivot > LEAST_PIVOT);
     require(
         definite,
         key,
-        format!(
-            "least pivot {:.1e} of the correlations",
-            least.unwrap_or(0.0)
-        ),
+        format!("least pivot {:.1e} of the correlations", least.unwrap_or(0.0)),
         reason,
     )
 }

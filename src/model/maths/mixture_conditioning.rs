@@ -33,15 +33,10 @@ pub(in crate::model) fn condition(
         .map(|component| condition_one(component, remaining, &known_indices, &values))
         .collect();
     let mut conditioned = conditioned?;
-    let highest = conditioned
-        .iter()
-        .map(|(log_weight, _)| *log_weight)
-        .fold(f64::NEG_INFINITY, f64::max);
+    let highest =
+        conditioned.iter().map(|(log_weight, _)| *log_weight).fold(f64::NEG_INFINITY, f64::max);
     conditioned.retain(|(log_weight, _)| log_weight - highest > LEAST_LOG_WEIGHT);
-    let total: f64 = conditioned
-        .iter()
-        .map(|(log_weight, _)| (log_weight - highest).exp())
-        .sum();
+    let total: f64 = conditioned.iter().map(|(log_weight, _)| (log_weight - highest).exp()).sum();
     let weighted = |(log_weight, component): (f64, Component)| Component {
         weight: (log_weight - highest).exp() / total,
         ..component
@@ -61,14 +56,7 @@ fn condition_one(
     let covariance = block(&component.covariance, remaining, remaining);
     let log_weight = component.weight.ln();
     if known.is_empty() {
-        return Some((
-            log_weight,
-            Component {
-                weight: component.weight,
-                mean,
-                covariance,
-            },
-        ));
+        return Some((log_weight, Component { weight: component.weight, mean, covariance }));
     }
     let factor = block(&component.covariance, known, known).cholesky()?;
     let difference = values - component.mean.select_rows(known);

@@ -37,10 +37,7 @@ impl<const I: usize, const O: usize> Part<I, O> {
         output: usize,
     ) -> Result<Self, ModelError> {
         let block = |row, column, height, width| {
-            component
-                .covariance
-                .view((row, column), (height, width))
-                .into_owned()
+            component.covariance.view((row, column), (height, width)).into_owned()
         };
         let refused = |shown: String| ModelError::Value {
             key: format!("family.mixture.covariances[{k}]"),
@@ -49,13 +46,8 @@ impl<const I: usize, const O: usize> Part<I, O> {
              fewer components",
         };
         let inputs: DMatrix<f64> = block(input, input, I, I);
-        let factor = inputs
-            .cholesky()
-            .ok_or_else(|| refused("no Cholesky factor".to_owned()))?;
-        let whitening = factor
-            .l()
-            .try_inverse()
-            .ok_or_else(|| refused("no inverse".to_owned()))?;
+        let factor = inputs.cholesky().ok_or_else(|| refused("no Cholesky factor".to_owned()))?;
+        let whitening = factor.l().try_inverse().ok_or_else(|| refused("no inverse".to_owned()))?;
         if !whitening.iter().all(|w| w.abs() <= LARGEST_WHITENING) {
             return Err(refused(format!("width {:.1e}", 1.0 / whitening.amax())));
         }

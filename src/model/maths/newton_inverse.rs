@@ -101,11 +101,7 @@ where
         };
         return (inverse, *start);
     }
-    let search = Search {
-        regression,
-        hull,
-        goal: goal.map(|g| g.clamp(-GOAL_LIMIT, GOAL_LIMIT)),
-    };
+    let search = Search { regression, hull, goal: goal.map(|g| g.clamp(-GOAL_LIMIT, GOAL_LIMIT)) };
     let first = search.descend(start, 0);
     if first.reached() {
         return first.into_inverse(false);
@@ -118,11 +114,7 @@ where
     if second.residual < first.residual - BETTER_COUNTS * first.one_count() {
         second.into_inverse(true)
     } else {
-        Attempt {
-            iterations: second.iterations,
-            ..first
-        }
-        .into_inverse(false)
+        Attempt { iterations: second.iterations, ..first }.into_inverse(false)
     }
 }
 
@@ -172,10 +164,7 @@ impl<R: ?Sized, const M: usize> Search<'_, R, M> {
             });
             let gain = current.residual - next.residual;
             if gain > 0.0 {
-                current = Attempt {
-                    excess: current.excess,
-                    ..next
-                };
+                current = Attempt { excess: current.excess, ..next };
                 if gain < CONVERGED_COUNTS * current.one_count() {
                     break;
                 }
@@ -184,23 +173,13 @@ impl<R: ?Sized, const M: usize> Search<'_, R, M> {
                 damping = (damping * DAMPING_FACTOR).max(FIRST_DAMPING);
             }
         }
-        Attempt {
-            iterations: iterations_before + iterations,
-            ..current
-        }
+        Attempt { iterations: iterations_before + iterations, ..current }
     }
 
     fn attempt<const D: usize>(&self, at: SearchStart<D, M>) -> Attempt<D, M> {
         let SearchStart { counts, local } = at;
         let error = local.mean - self.goal;
-        Attempt {
-            counts,
-            local,
-            error,
-            residual: error.norm(),
-            excess: 0.0,
-            iterations: 0,
-        }
+        Attempt { counts, local, error, residual: error.norm(), excess: 0.0, iterations: 0 }
     }
 }
 
@@ -213,13 +192,9 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
         let diagonal_damping = damping * squared.trace() / D as f64;
         let quadratic = Quadratic::new(array(&gradient), rows(&squared), diagonal_damping);
         // Without any slope there is no step.
-        quadratic.map_or(
-            Minimum {
-                counts: self.counts,
-                excess: 0.0,
-            },
-            |q| hull.minimise(&q, self.counts),
-        )
+        quadratic.map_or(Minimum { counts: self.counts, excess: 0.0 }, |q| {
+            hull.minimise(&q, self.counts)
+        })
     }
 
     fn one_count(&self) -> f64 {
@@ -233,11 +208,7 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
     /// With more outputs than motors almost every goal is missed, so there `clipped` means that the
     /// hull limits the last step.
     fn into_inverse(self, fell_back: bool) -> (Inverse, SearchStart<D, M>) {
-        let clipped = if M > D {
-            self.excess > REACHED_COUNTS
-        } else {
-            !self.reached()
-        };
+        let clipped = if M > D { self.excess > REACHED_COUNTS } else { !self.reached() };
         let inverse = Inverse {
             counts: self.counts,
             clipped,
@@ -245,10 +216,7 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
             iterations: self.iterations,
             fell_back,
         };
-        let end = SearchStart {
-            counts: self.counts,
-            local: self.local,
-        };
+        let end = SearchStart { counts: self.counts, local: self.local };
         (inverse, end)
     }
 }
@@ -257,8 +225,5 @@ impl<const D: usize, const M: usize> Attempt<D, M> {
 pub(in crate::model) fn one_count<const D: usize, const M: usize>(
     jacobian: &SMatrix<f64, M, D>,
 ) -> f64 {
-    jacobian
-        .column_iter()
-        .map(|column| column.norm())
-        .fold(0.0, f64::max)
+    jacobian.column_iter().map(|column| column.norm()).fold(0.0, f64::max)
 }

@@ -40,11 +40,7 @@ impl Quadratic {
         let second = -(gradient[1] - ratio * gradient[0]) / pivot;
         let first = -gradient[0] / a - ratio * second;
         let finite = first.is_finite() && second.is_finite();
-        finite.then_some(Self {
-            gradient,
-            hessian: [[a, b], [b, c]],
-            minimum: [first, second],
-        })
+        finite.then_some(Self { gradient, hessian: [[a, b], [b, c]], minimum: [first, second] })
     }
 
     /// The step with the least value.
@@ -97,22 +93,10 @@ mod tests {
 
     #[test]
     fn non_convex_or_non_finite_input_gives_none() {
-        assert_eq!(
-            Quadratic::new([1.0, 0.0], [[0.0, 0.0], [0.0, 0.0]], 0.0),
-            None
-        );
-        assert_eq!(
-            Quadratic::new([1.0, 0.0], [[1.0, 2.0], [2.0, 1.0]], 0.5),
-            None
-        );
-        assert_eq!(
-            Quadratic::new([1.0, f64::NAN], [[1.0, 0.0], [0.0, 1.0]], 0.0),
-            None
-        );
-        assert_eq!(
-            Quadratic::new([1.0, 0.0], [[f64::NAN, 0.0], [0.0, 1.0]], 0.0),
-            None
-        );
+        assert_eq!(Quadratic::new([1.0, 0.0], [[0.0, 0.0], [0.0, 0.0]], 0.0), None);
+        assert_eq!(Quadratic::new([1.0, 0.0], [[1.0, 2.0], [2.0, 1.0]], 0.5), None);
+        assert_eq!(Quadratic::new([1.0, f64::NAN], [[1.0, 0.0], [0.0, 1.0]], 0.0), None);
+        assert_eq!(Quadratic::new([1.0, 0.0], [[f64::NAN, 0.0], [0.0, 1.0]], 0.0), None);
     }
 
     #[test]

@@ -141,11 +141,7 @@ pub enum BlackBoxError {
 impl BlackBoxError {
     pub(super) fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
         let path = path.to_owned();
-        move |source| Self::Io {
-            action,
-            path,
-            source,
-        }
+        move |source| Self::Io { action, path, source }
     }
 }
 
@@ -167,11 +163,8 @@ impl BlackBox {
     /// When they are no black box of this version, or damaged.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self, BlackBoxError> {
         let path = || path.to_owned();
-        let wrong_length = |expected| BlackBoxError::Length {
-            path: path(),
-            expected,
-            found: bytes.len() as u64,
-        };
+        let wrong_length =
+            |expected| BlackBoxError::Length { path: path(), expected, found: bytes.len() as u64 };
         let too_short = || wrong_length(HEAD as u64);
         let foreign = || BlackBoxError::Foreign { path: path() };
         let rest = bytes.strip_prefix(&MAGIC).ok_or_else(foreign)?;
@@ -190,10 +183,8 @@ impl BlackBox {
         if Sha256::digest(body).as_slice() != digest {
             return Err(BlackBoxError::Damaged { path: path() });
         }
-        postcard::from_bytes(body).map_err(|error| BlackBoxError::Decode {
-            path: path(),
-            reason: error.to_string(),
-        })
+        postcard::from_bytes(body)
+            .map_err(|error| BlackBoxError::Decode { path: path(), reason: error.to_string() })
     }
 
     /// Reads a file.
@@ -218,11 +209,7 @@ impl BlackBox {
         })?;
         let write = || -> io::Result<()> {
             let mut options = OpenOptions::new();
-            let mut file = options
-                .write(true)
-                .create_new(true)
-                .mode(0o600)
-                .open(path)?;
+            let mut file = options.write(true).create_new(true).mode(0o600).open(path)?;
             file.write_all(&bytes)?;
             file.sync_all()
         };
@@ -271,9 +258,7 @@ mod tests {
         assert_eq!(BlackBox::read(&path).unwrap(), example());
         let error = example().write(&path).unwrap_err().to_string();
         assert!(error.contains("File exists"), "{error}");
-        let error = BlackBox::read(&folder.path().join("b.box"))
-            .unwrap_err()
-            .to_string();
+        let error = BlackBox::read(&folder.path().join("b.box")).unwrap_err().to_string();
         assert!(error.contains("cannot read"), "{error}");
     }
 

@@ -68,11 +68,7 @@ impl LiveFiles {
             self.begun = now;
             self.number += 1;
             let [even, odd] = &self.paths;
-            let path = if self.number.is_multiple_of(2) {
-                even
-            } else {
-                odd
-            };
+            let path = if self.number.is_multiple_of(2) { even } else { odd };
             self.file = create(path).ok().map(BufWriter::new);
             self.write(&Record::Begin(self.number, Box::new(begin())));
         }
@@ -120,10 +116,7 @@ impl LiveFiles {
         found.sort_by_key(|(number, _)| *number);
         let joined = found.into_iter().map(|(_, part)| part).reduce(join)?;
         (!joined.ticks.is_empty()).then(|| BlackBox {
-            header: BlackBoxHeader {
-                cause: "killed".to_owned(),
-                ..joined.header
-            },
+            header: BlackBoxHeader { cause: "killed".to_owned(), ..joined.header },
             ..joined
         })
     }
@@ -133,9 +126,7 @@ impl LiveFiles {
 fn join(mut earlier: BlackBox, later: BlackBox) -> BlackBox {
     earlier.header = later.header;
     let models = later.models.into_iter();
-    let models: Vec<Vec<u8>> = models
-        .filter(|model| !earlier.models.contains(model))
-        .collect();
+    let models: Vec<Vec<u8>> = models.filter(|model| !earlier.models.contains(model)).collect();
     let offers = later.offers.into_iter();
     let offers = offers.filter(|offer| !earlier.offers.contains(offer));
     let offers: Vec<OfferRecord> = offers.collect();
@@ -241,10 +232,7 @@ mod tests {
             let found = live.take_leftovers().unwrap();
             let numbers: Vec<u64> = found.ticks.iter().map(|tick| tick.number).collect();
             assert_eq!(numbers, (first..=last).collect::<Vec<_>>(), "{last}");
-            assert_eq!(
-                (found.header.cause.as_str(), found.models.len()),
-                ("killed", 1)
-            );
+            assert_eq!((found.header.cause.as_str(), found.models.len()), ("killed", 1));
             assert!(found.snapshots[0].ticks() < first);
             assert!(live.take_leftovers().is_none());
         }

@@ -104,20 +104,14 @@ impl Recorder {
                 let span = Nanos::from_millis(config.record.seconds * 1000);
                 LiveFiles::new(domain.directory(), span)
             }),
-            models: model
-                .into_iter()
-                .map(|model| (model.id(), Arc::clone(model)))
-                .collect(),
+            models: model.into_iter().map(|model| (model.id(), Arc::clone(model))).collect(),
             offers: VecDeque::new(),
             newest: 0,
             lost: 0,
             fault: None,
             last_fault: None,
         };
-        let channels = RecorderChannels {
-            ticks: ticks_in,
-            snapshots: snapshots_in,
-        };
+        let channels = RecorderChannels { ticks: ticks_in, snapshots: snapshots_in };
         (recorder, channels)
     }
 
@@ -134,10 +128,7 @@ impl Recorder {
             let last = quit.load(Ordering::Acquire);
             self.drain(requests, replies);
             let now = clock::now();
-            if self
-                .fault
-                .is_some_and(|fault| last || now.since(fault) >= AFTER_FAULT)
-            {
+            if self.fault.is_some_and(|fault| last || now.since(fault) >= AFTER_FAULT) {
                 self.fault = None;
                 self.last_fault = Some(now);
                 self.write_and_report("fault", &mut report);
@@ -201,16 +192,9 @@ impl Recorder {
             let fault = OperatingState::Fault;
             matches!(kind, CycleEventKind::State { to, .. } if to == fault)
         };
-        let faulted = tick
-            .outputs
-            .events
-            .iter()
-            .flatten()
-            .any(|event| to_fault(event.kind));
+        let faulted = tick.outputs.events.iter().flatten().any(|event| to_fault(event.kind));
         let now = clock::now();
-        let quiet = self
-            .last_fault
-            .is_none_or(|last| now.since(last) >= BETWEEN_FAULTS);
+        let quiet = self.last_fault.is_none_or(|last| now.since(last) >= BETWEEN_FAULTS);
         if faulted && quiet && self.fault.is_none() {
             self.fault = Some(now);
         }
@@ -236,9 +220,7 @@ impl Recorder {
                 BlackBox {
                     header: self.header("killed", &written),
                     config: toml::to_string(&self.config).unwrap_or_default(),
-                    models: models
-                        .filter_map(|model| model.file().canonical_form().ok())
-                        .collect(),
+                    models: models.filter_map(|model| model.file().canonical_form().ok()).collect(),
                     offers: self.offers.iter().cloned().collect(),
                     snapshots: vec![],
                     ticks: vec![],
@@ -321,9 +303,7 @@ impl Recorder {
         BlackBox {
             header: self.header(cause, written),
             config: toml::to_string(&self.config).unwrap_or_default(),
-            models: models
-                .filter_map(|(_, model)| model.file().canonical_form().ok())
-                .collect(),
+            models: models.filter_map(|(_, model)| model.file().canonical_form().ok()).collect(),
             offers: self.offers.iter().cloned().collect(),
             snapshots: self.ring.snapshots().copied().collect(),
             ticks: self.ring.ticks().copied().collect(),
@@ -346,9 +326,8 @@ fn remove_oldest(folder: &Path, keep: usize) {
         return;
     };
     let paths = entries.flatten().map(|entry| entry.path());
-    let mut boxes: Vec<PathBuf> = paths
-        .filter(|path| path.extension().is_some_and(|extension| extension == "box"))
-        .collect();
+    let mut boxes: Vec<PathBuf> =
+        paths.filter(|path| path.extension().is_some_and(|extension| extension == "box")).collect();
     boxes.sort();
     let excess = boxes.len().saturating_sub(keep);
     for path in boxes.iter().take(excess) {
@@ -364,11 +343,8 @@ mod tests {
     #[test]
     fn only_the_oldest_black_boxes_are_removed() {
         let folder = tempfile::tempdir().unwrap();
-        let names = [
-            "20260101-000000-exit.box",
-            "20260102-000000-fault.box",
-            "20260103-000000-exit.box",
-        ];
+        let names =
+            ["20260101-000000-exit.box", "20260102-000000-fault.box", "20260103-000000-exit.box"];
         for name in names.iter().chain(&["runs.jsonl", "0-notes.txt"]) {
             fs::write(folder.path().join(name), "").unwrap();
         }

@@ -66,19 +66,8 @@ pub struct ReplayDifference {
 pub fn replay(content: &BlackBox) -> Result<ReplayResult, ReplayError> {
     let config = Config::parse(&content.config, Path::new("in the black box"))?;
     let models = models(content)?;
-    let mut player = Player {
-        content,
-        config,
-        models,
-        cycle: None,
-        next: 0,
-    };
-    let mut replayed = ReplayResult {
-        ticks: 0,
-        swaps: 0,
-        skipped: 0,
-        difference: None,
-    };
+    let mut player = Player { content, config, models, cycle: None, next: 0 };
+    let mut replayed = ReplayResult { ticks: 0, swaps: 0, skipped: 0, difference: None };
     for tick in &content.ticks {
         if !player.restore_before(tick)? {
             replayed.skipped += 1;
@@ -86,9 +75,7 @@ pub fn replay(content: &BlackBox) -> Result<ReplayResult, ReplayError> {
         }
         let outputs = player.step(tick)?;
         replayed.ticks += 1;
-        let swapped = outputs
-            .model_reply
-            .is_some_and(|reply| reply.refusal == Refusal::None);
+        let swapped = outputs.model_reply.is_some_and(|reply| reply.refusal == Refusal::None);
         replayed.swaps += u64::from(swapped);
         if let Some(difference) = difference(tick, &outputs) {
             replayed.difference = Some(difference);
@@ -138,10 +125,7 @@ impl Player<'_> {
     }
 
     fn step(&mut self, tick: &TickRecord) -> Result<CycleOutputs, ReplayError> {
-        let candidate = tick
-            .offered
-            .map(|number| self.candidate(number))
-            .transpose()?;
+        let candidate = tick.offered.map(|number| self.candidate(number)).transpose()?;
         let Some(cycle) = &mut self.cycle else {
             return Err(ReplayError::NoSnapshot);
         };
@@ -157,21 +141,9 @@ impl Player<'_> {
     fn candidate(&self, number: u64) -> Result<ModelCandidate, ReplayError> {
         let missing = || ReplayError::NoModel(ModelId::default());
         let of_number = |offer: &&OfferRecord| offer.number == number;
-        let offer = self
-            .content
-            .offers
-            .iter()
-            .find(of_number)
-            .ok_or_else(missing)?;
-        let model = self
-            .models
-            .get(&offer.model)
-            .ok_or(ReplayError::NoModel(offer.model))?;
-        Ok(ModelCandidate::restored(
-            Arc::clone(model),
-            &self.config,
-            offer.carried,
-        ))
+        let offer = self.content.offers.iter().find(of_number).ok_or_else(missing)?;
+        let model = self.models.get(&offer.model).ok_or(ReplayError::NoModel(offer.model))?;
+        Ok(ModelCandidate::restored(Arc::clone(model), &self.config, offer.carried))
     }
 }
 
@@ -185,28 +157,15 @@ fn difference(tick: &TickRecord, now: &CycleOutputs) -> Option<ReplayDifference>
     let fields = [
         ("requests", text(&before.requests), text(&now.requests)),
         ("reply", text(&before.reply), text(&now.reply)),
-        (
-            "model_reply",
-            text(&before.model_reply),
-            text(&now.model_reply),
-        ),
+        ("model_reply", text(&before.model_reply), text(&now.model_reply)),
         ("events", text(&before.events), text(&now.events)),
-        (
-            "report.joint",
-            text(&before.report.joint),
-            text(&now.report.joint),
-        ),
+        ("report.joint", text(&before.report.joint), text(&now.report.joint)),
         ("report", text(&before.report), text(&now.report)),
         ("finished", text(&before.finished), text(&now.finished)),
     ];
     let differs = fields.into_iter().find(|(_, before, now)| before != now);
     let (field, recorded, replayed) = differs.unwrap_or(("a bit", text(before), text(now)));
-    Some(ReplayDifference {
-        number: tick.number,
-        field,
-        recorded,
-        replayed,
-    })
+    Some(ReplayDifference { number: tick.number, field, recorded, replayed })
 }
 
 fn text(value: &impl std::fmt::Debug) -> String {

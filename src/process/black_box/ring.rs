@@ -18,11 +18,7 @@ impl Ring {
     /// Keeps `span`, plus up to one interval between two snapshots.
     #[must_use]
     pub fn new(span: Nanos) -> Self {
-        Self {
-            span,
-            ticks: VecDeque::new(),
-            snapshots: VecDeque::new(),
-        }
+        Self { span, ticks: VecDeque::new(), snapshots: VecDeque::new() }
     }
 
     /// Adds a tick.

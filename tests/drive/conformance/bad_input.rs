@@ -20,34 +20,22 @@ use super::test_bench::{SETUPS, TestBench};
 fn refusal(port: &PortConfig) -> String {
     let error = Port::open(port).and_then(Port::bring_up).unwrap_err();
     let text = error.to_string();
-    assert!(
-        !text.contains('\n') && text.len() < 300,
-        "one sentence: {text}"
-    );
+    assert!(!text.contains('\n') && text.len() < 300, "one sentence: {text}");
     text
 }
 
 fn quick(port: PortConfig) -> PortConfig {
-    PortConfig {
-        reply_timeout_ms: 100,
-        ..port
-    }
+    PortConfig { reply_timeout_ms: 100, ..port }
 }
 
 #[test]
 fn a_wrong_bit_rate_is_reported_with_the_remedy() {
     let bench = TestBench::with(&SETUPS[0], |config| config.line.strict_baud = true);
-    let text = refusal(&quick(PortConfig {
-        baud: 38_400,
-        ..bench.port()
-    }));
+    let text = refusal(&quick(PortConfig { baud: 38_400, ..bench.port() }));
     for part in ["no drive answers", "38400 baud", "check"] {
         assert!(text.contains(part), "{text}");
     }
-    assert!(
-        bench.bring_up().is_ok(),
-        "at the correct bit rate it answers"
-    );
+    assert!(bench.bring_up().is_ok(), "at the correct bit rate it answers");
 }
 
 #[test]
@@ -56,10 +44,7 @@ fn a_missing_node_is_named() {
         let bench = TestBench::emulated(setup);
         let text = refusal(&bench.port_with(|axis| axis.node_id = 9));
         assert!(text.contains("node 9"), "{text}");
-        assert!(
-            text.contains("gateway") || text.contains("`node_id`"),
-            "{text}"
-        );
+        assert!(text.contains("gateway") || text.contains("`node_id`"), "{text}");
         assert!(!bench.drive().state.is_powered());
     }
 }
@@ -70,9 +55,7 @@ fn another_device_on_the_port_is_no_drive() {
     let device = slave.name().unwrap();
     let stop = Arc::new(AtomicBool::new(false));
     let stopped = Arc::clone(&stop);
-    master
-        .set_timeout(std::time::Duration::from_millis(20))
-        .unwrap();
+    master.set_timeout(std::time::Duration::from_millis(20)).unwrap();
     // It echoes: a terminal server, or a wire loop.
     let echo = thread::spawn(move || {
         let mut bytes = [0; 64];
@@ -84,10 +67,7 @@ fn another_device_on_the_port_is_no_drive() {
     });
     drop(slave);
     let bench = TestBench::emulated(&SETUPS[0]);
-    let text = refusal(&quick(PortConfig {
-        device: device.into(),
-        ..bench.port()
-    }));
+    let text = refusal(&quick(PortConfig { device: device.into(), ..bench.port() }));
     assert!(text.contains("no drive answers"), "{text}");
     stop.store(true, Ordering::Relaxed);
     echo.join().unwrap();
@@ -105,10 +85,7 @@ fn a_limit_that_the_drive_refuses_is_named_with_the_reason() {
 #[test]
 fn a_drive_of_the_other_family_is_refused() {
     let bench = TestBench::emulated(&SETUPS[3]);
-    let text = refusal(&quick(PortConfig {
-        family: i2ris::config::Family::Epos4,
-        ..bench.port()
-    }));
+    let text = refusal(&quick(PortConfig { family: i2ris::config::Family::Epos4, ..bench.port() }));
     let is_refused = text.contains("unknown command") || text.contains("no drive answers");
     assert!(is_refused, "{text}");
     assert!(!bench.drive().state.is_powered());
@@ -118,21 +95,14 @@ fn a_drive_of_the_other_family_is_refused() {
 fn a_drive_left_running_in_another_mode_is_switched_off_and_configured() {
     let bench = TestBench::emulated(&SETUPS[0]);
     {
-        let mut host = serialport::new(bench.port().device.to_string_lossy(), 115_200)
-            .open_native()
-            .unwrap();
+        let mut host =
+            serialport::new(bench.port().device.to_string_lossy(), 115_200).open_native().unwrap();
         host.set_timeout(std::time::Duration::from_secs(5)).unwrap();
-        let writes = [
-            (0x6060u16, 3u8),
-            (0x60FF, 20),
-            (0x6040, 0x06),
-            (0x6040, 0x0F),
-        ];
+        let writes = [(0x6060u16, 3u8), (0x60FF, 20), (0x6040, 0x06), (0x6040, 0x0F)];
         for (index, value) in writes {
             let [low, high] = index.to_le_bytes();
             let request = [0, low, high, 0, value, 0, 0, 0];
-            host.write_all(&i2ris_emulator::frame::encode(0x68, &request))
-                .unwrap();
+            host.write_all(&i2ris_emulator::frame::encode(0x68, &request)).unwrap();
             host.read_exact(&mut [0; 10]).unwrap();
         }
     }
@@ -188,17 +158,12 @@ fn a_port_in_use_is_refused() {
 #[test]
 fn a_port_without_permission_is_reported_with_the_remedy() {
     let bench = TestBench::emulated(&SETUPS[0]);
-    let port = PortConfig {
-        device: fs::canonicalize(bench.port().device).unwrap(),
-        ..bench.port()
-    };
+    let port =
+        PortConfig { device: fs::canonicalize(bench.port().device).unwrap(), ..bench.port() };
     fs::set_permissions(&port.device, fs::Permissions::from_mode(0o000)).unwrap();
     // Root may open everything, so this thread accesses files as `nobody`.
     let before = setfsuid(Uid::from_raw(65_534));
     let text = refusal(&port);
     setfsuid(before);
-    assert!(
-        text.contains("no permission") && text.contains("dialout"),
-        "{text}"
-    );
+    assert!(text.contains("no permission") && text.contains("dialout"), "{text}");
 }

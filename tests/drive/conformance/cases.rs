@@ -30,16 +30,9 @@ pub fn identified(bench: &TestBench) {
 /// Another drive is refused with both numbers.
 pub fn swapped(bench: &TestBench) {
     let port = bench.port_with(|axis| axis.serial_number = 4711);
-    let text = Port::open(&port)
-        .unwrap()
-        .bring_up()
-        .unwrap_err()
-        .to_string();
+    let text = Port::open(&port).unwrap().bring_up().unwrap_err().to_string();
     assert!(text.contains("4711"), "{text}");
-    assert!(
-        text.contains(&SERIAL_NUMBERS[bench.axis].to_string()),
-        "{text}"
-    );
+    assert!(text.contains(&SERIAL_NUMBERS[bench.axis].to_string()), "{text}");
     assert!(!bench.drive().state.is_powered());
 }
 
@@ -68,9 +61,7 @@ pub fn followed(bench: &TestBench) {
     axis.move_to(600);
     let sequence = axis.request.sequence;
     axis.until("writes the last target", |feedback| {
-        feedback
-            .written
-            .is_some_and(|written| written.sequence >= sequence)
+        feedback.written.is_some_and(|written| written.sequence >= sequence)
     });
     axis.until("arrives", |feedback| (feedback.position.0 - 600).abs() <= 2);
     let written = &bench.setpoints()[before..];
@@ -100,11 +91,7 @@ pub fn faulted(bench: &TestBench) {
     axis.demand(Demand::Disabled);
     axis.request(|request| request.fault_resets = 1);
     axis.until("acknowledges", |feedback| feedback.fault_resets == 1);
-    assert_eq!(
-        axis.feedback().phase,
-        AxisPhase::Faulted,
-        "the cause remains"
-    );
+    assert_eq!(axis.feedback().phase, AxisPhase::Faulted, "the cause remains");
     bench.emulator().remove_cause(bench.axis);
     axis.request(|request| request.fault_resets = 2);
     axis.until("is reset", |feedback| {
@@ -151,10 +138,7 @@ pub fn homed_at_stop(bench: &TestBench) {
     let motor = bench.drive().motor_counts;
     assert!((motor + 400.0).abs() <= 2.0, "at the stop: {motor}");
     let position = axis.feedback().position.0;
-    assert!(
-        (position + 300).abs() <= 2,
-        "the position of the stop: {position}"
-    );
+    assert!((position + 300).abs() <= 2, "the position of the stop: {position}");
     // With the current limit of homing this would be a following error.
     axis.enable();
     axis.move_to(0);
@@ -184,9 +168,7 @@ pub fn restarted(bench: &TestBench) {
     bench.emulator().power_cycle(bench.axis);
     axis.until("notices", |feedback| feedback.phase != AxisPhase::Enabled);
     axis.disable();
-    axis.until("is back", |feedback| {
-        feedback.phase == AxisPhase::Disabled && !feedback.homed
-    });
+    axis.until("is back", |feedback| feedback.phase == AxisPhase::Disabled && !feedback.homed);
     assert!(!bench.drive().state.is_powered());
     enable_again(&mut axis);
     // A step of 1900 is a following error by the restored limit, and none by the 2000 of the drive.
@@ -218,10 +200,7 @@ pub fn lost(bench: &TestBench) {
     axis.enable();
     bench.emulator().mute(bench.axis, true);
     axis.until_phase(AxisPhase::Lost);
-    assert!(
-        bench.drive().state.is_powered(),
-        "a silent line stops no drive"
-    );
+    assert!(bench.drive().state.is_powered(), "a silent line stops no drive");
     bench.emulator().mute(bench.axis, false);
     comes_back_disabled(bench, &mut axis);
 }
@@ -240,11 +219,7 @@ fn comes_back_disabled(bench: &TestBench, axis: &mut RunningAxis) {
     axis.until_phase(AxisPhase::Disabled);
     assert!(!bench.drive().state.is_powered());
     axis.wait_for_positions(21);
-    assert_eq!(
-        axis.feedback().phase,
-        AxisPhase::Disabled,
-        "though enabled is demanded"
-    );
+    assert_eq!(axis.feedback().phase, AxisPhase::Disabled, "though enabled is demanded");
     axis.disable();
     axis.enable();
 }

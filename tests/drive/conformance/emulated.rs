@@ -23,10 +23,7 @@ fn a_name_in_several_segments_is_read() {
 fn a_drive_left_enabled_by_a_killed_controller_is_switched_off_at_the_next_start() {
     let bench = TestBench::emulated(&SETUPS[0]);
     let (mut runner, mut links) = bench.bring_up().unwrap().split();
-    let request = AxisRequest {
-        demand: Demand::Enabled,
-        ..AxisRequest::default()
-    };
+    let request = AxisRequest { demand: Demand::Enabled, ..AxisRequest::default() };
     let mut ignore = |_| {};
     for _ in 0..2 {
         runner.turn(&mut ignore);
@@ -46,9 +43,7 @@ fn a_drive_left_enabled_by_a_killed_controller_is_switched_off_at_the_next_start
 
 #[test]
 fn a_fault_at_boot_waits_for_the_operator() {
-    let bench = TestBench::with(&SETUPS[0], |config| {
-        config.drives[0].boot_fault = Some(0x8120)
-    });
+    let bench = TestBench::with(&SETUPS[0], |config| config.drives[0].boot_fault = Some(0x8120));
     let mut axis = bench.run();
     axis.until_fault(0x8120);
     axis.request(|request| request.fault_resets = 1);
@@ -78,9 +73,7 @@ fn an_axis_whose_position_jumped_while_the_line_was_lost_is_not_homed() {
     axis.home();
     bench.emulator().mute(0, true);
     axis.until_phase(AxisPhase::Lost);
-    bench
-        .emulator()
-        .inject(0, Injection::SlipEncoder { counts: 900 });
+    bench.emulator().inject(0, Injection::SlipEncoder { counts: 900 });
     bench.emulator().mute(0, false);
     axis.until_phase(AxisPhase::Disabled);
     axis.wait_for_positions(21);
@@ -112,10 +105,8 @@ fn a_frozen_encoder_is_a_following_error() {
 fn h06_an_encoder_that_moved_while_the_controller_was_away_is_not_homed() {
     let bench = TestBench::emulated(&SETUPS[0]);
     let folder = tempfile::tempdir().unwrap();
-    let port = PortConfig {
-        positions_file: Some(folder.path().join("positions.toml")),
-        ..bench.port()
-    };
+    let port =
+        PortConfig { positions_file: Some(folder.path().join("positions.toml")), ..bench.port() };
     // No position was saved yet, and the drive is not homed.
     let mut axis = bench.run_with(&port);
     axis.home();
@@ -125,9 +116,7 @@ fn h06_an_encoder_that_moved_while_the_controller_was_away_is_not_homed() {
     axis.until("is still homed", |feedback| feedback.homed);
     axis.stop();
     // Moved by hand meanwhile.
-    bench
-        .emulator()
-        .inject(0, Injection::SlipEncoder { counts: 900 });
+    bench.emulator().inject(0, Injection::SlipEncoder { counts: 900 });
     let mut axis = bench.run_with(&port);
     axis.wait_for_positions(21);
     assert!(bench.drive().homed && !axis.feedback().homed);

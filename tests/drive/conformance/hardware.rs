@@ -24,11 +24,7 @@ fn real_drives_conform() {
     println!("swap refused: {refused}");
 
     let mut axis = bench.run();
-    assert_eq!(
-        axis.feedback().phase,
-        AxisPhase::Disabled,
-        "clear the fault first"
-    );
+    assert_eq!(axis.feedback().phase, AxisPhase::Disabled, "clear the fault first");
     axis.enable();
     let start = axis.feedback().position.0;
     axis.move_to(start + DISTANCE);
@@ -37,9 +33,6 @@ fn real_drives_conform() {
     axis.quick_stop();
     axis.enable();
     println!("quick stop and back");
-    assert_eq!(
-        axis.stop().last(),
-        Some(&PortEventKind::Ended { off: true })
-    );
+    assert_eq!(axis.stop().last(), Some(&PortEventKind::Ended { off: true }));
     println!("ended in order");
 }

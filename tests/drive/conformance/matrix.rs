@@ -11,29 +11,18 @@ use super::test_bench::{SETUPS, Setup, TestBench};
 #[ignore = "prints the matrix; the single tests report more"]
 fn matrix() {
     let columns: Vec<Vec<bool>> = thread::scope(|scope| {
-        let threads: Vec<_> = SETUPS
-            .iter()
-            .map(|setup| scope.spawn(|| column(setup)))
-            .collect();
-        threads
-            .into_iter()
-            .map(|thread| thread.join().unwrap())
-            .collect()
+        let threads: Vec<_> = SETUPS.iter().map(|setup| scope.spawn(|| column(setup))).collect();
+        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
     });
     let names: Vec<&str> = SETUPS.iter().map(|setup| setup.name).collect();
     println!("| | {} |", names.join(" | "));
     println!("|---|{}", "---|".repeat(SETUPS.len()));
     for (row, (name, _)) in ALL.iter().enumerate() {
-        let cells: Vec<&str> = columns
-            .iter()
-            .map(|column| if column[row] { "yes" } else { "NO" })
-            .collect();
+        let cells: Vec<&str> =
+            columns.iter().map(|column| if column[row] { "yes" } else { "NO" }).collect();
         println!("| {name} | {} |", cells.join(" | "));
     }
-    assert!(
-        columns.iter().flatten().all(|passed| *passed),
-        "see the matrix"
-    );
+    assert!(columns.iter().flatten().all(|passed| *passed), "see the matrix");
 }
 
 fn column(setup: &Setup) -> Vec<bool> {

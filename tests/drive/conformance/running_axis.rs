@@ -56,9 +56,7 @@ impl RunningAxis {
             events,
             thread: Some(thread),
         };
-        running.until("has started", |feedback| {
-            feedback.phase != AxisPhase::Starting
-        });
+        running.until("has started", |feedback| feedback.phase != AxisPhase::Starting);
         running
     }
 
@@ -143,9 +141,7 @@ impl RunningAxis {
             self.request(|request| request.target.0 += step);
             sleep(Duration::from_millis(1));
         }
-        self.until("arrives", |feedback| {
-            (feedback.position.0 - target).abs() <= 2
-        });
+        self.until("arrives", |feedback| (feedback.position.0 - target).abs() <= 2);
     }
 
     /// As after `kill -9`: the port is free, the drive stays enabled.

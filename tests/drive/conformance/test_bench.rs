@@ -43,48 +43,18 @@ const EPOS4: Setup = Setup {
     gateway: false,
 };
 
-const EPOS2: Setup = Setup {
-    name: "EPOS2, V2 (USB)",
-    port: Family::Epos2,
-    drive: Family::Epos2,
-    ..EPOS4
-};
+const EPOS2: Setup =
+    Setup { name: "EPOS2, V2 (USB)", port: Family::Epos2, drive: Family::Epos2, ..EPOS4 };
 
 pub const SETUPS: [Setup; 8] = [
     EPOS4,
-    Setup {
-        name: "EPOS4, V2, profile",
-        streaming: Streaming::Profile,
-        ..EPOS4
-    },
-    Setup {
-        name: "EPOS4, V2, gateway",
-        gateway: true,
-        ..EPOS4
-    },
+    Setup { name: "EPOS4, V2, profile", streaming: Streaming::Profile, ..EPOS4 },
+    Setup { name: "EPOS4, V2, gateway", gateway: true, ..EPOS4 },
     EPOS2,
-    Setup {
-        name: "EPOS2, V1 (RS232)",
-        framing: Framing::V1,
-        ..EPOS2
-    },
-    Setup {
-        name: "EPOS2, V2 (USB), gateway",
-        gateway: true,
-        ..EPOS2
-    },
-    Setup {
-        name: "EPOS2, V1 (RS232), gateway",
-        framing: Framing::V1,
-        gateway: true,
-        ..EPOS2
-    },
-    Setup {
-        name: "EPOS2 behind EPOS4, V2",
-        drive: Family::Epos2,
-        gateway: true,
-        ..EPOS4
-    },
+    Setup { name: "EPOS2, V1 (RS232)", framing: Framing::V1, ..EPOS2 },
+    Setup { name: "EPOS2, V2 (USB), gateway", gateway: true, ..EPOS2 },
+    Setup { name: "EPOS2, V1 (RS232), gateway", framing: Framing::V1, gateway: true, ..EPOS2 },
+    Setup { name: "EPOS2 behind EPOS4, V2", drive: Family::Epos2, gateway: true, ..EPOS4 },
 ];
 
 /// Drives, one of them under test.
@@ -105,10 +75,8 @@ impl TestBench {
     pub fn with(setup: &Setup, change: impl FnOnce(&mut EmulatorConfig)) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
-        let mut config = EmulatorConfig::new(
-            SnakeConfig::load(&snake).unwrap(),
-            &folder.path().join("ports"),
-        );
+        let mut config =
+            EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
         let axis = usize::from(setup.gateway);
         config.drives[0].family = emulated_family(setup.port);
         config.drives[axis].family = emulated_family(setup.drive);
@@ -136,13 +104,7 @@ impl TestBench {
     /// Real drives, the first of them under test.
     pub fn real(config: Config) -> Self {
         let streaming = config.ports[0].axes[0].streaming;
-        Self {
-            emulator: None,
-            ports: config.ports,
-            axis: 0,
-            streaming,
-            _folder: None,
-        }
+        Self { emulator: None, ports: config.ports, axis: 0, streaming, _folder: None }
     }
 
     pub fn emulator(&self) -> &Emulator {
@@ -222,11 +184,7 @@ fn ports(setup: &Setup, emulator: &Emulator) -> Vec<PortConfig> {
         streaming: setup.streaming,
         ..axis(usize::from(setup.gateway))
     };
-    let axes = if setup.gateway {
-        vec![axis(0), tested]
-    } else {
-        vec![tested]
-    };
+    let axes = if setup.gateway { vec![axis(0), tested] } else { vec![tested] };
     vec![PortConfig {
         // Cases write a request only when something changes.
         loop_timeout_ms: 0,

@@ -8,10 +8,7 @@ fn position_status_error_and_current_are_reported() {
     let feedback = rig.feedback();
     assert_eq!((feedback.position, feedback.current_ma), (Counts(-7), 12));
     assert_eq!((feedback.statusword, feedback.error_code), (0x8240, 0));
-    assert_eq!(
-        (feedback.phase, feedback.homed),
-        (AxisPhase::Disabled, true)
-    );
+    assert_eq!((feedback.phase, feedback.homed), (AxisPhase::Disabled, true));
     assert!(feedback.counters.exchanges > 40);
     assert_eq!(feedback.written, None);
     assert!(rig.line.time().since(feedback.stamp) < Nanos::from_millis(10));

@@ -27,10 +27,7 @@ fn the_written_target_is_reported_with_its_request() {
     let (now, sequence) = (rig.line.time(), rig.requests[0].sequence);
     let written = rig.feedback().written.unwrap();
     assert_eq!((written.target, written.sequence), (Counts(130), sequence));
-    assert_eq!(
-        (written.command_stamp, written.command_sequence),
-        (Nanos(77), 9)
-    );
+    assert_eq!((written.command_stamp, written.command_sequence), (Nanos(77), 9));
     assert!(written.stamp <= now && now.since(written.stamp) < Nanos::from_millis(20));
     assert_eq!(rig.feedback().position, Counts(130));
 }
@@ -64,10 +61,7 @@ fn a_target_outside_the_limits_is_not_written_and_reported_once() {
     assert_eq!(refusals(&rig), 1);
     let sequence = rig.feedback().sequence;
     rig.turns(20);
-    assert!(
-        rig.feedback().sequence > sequence,
-        "positions are still read"
-    );
+    assert!(rig.feedback().sequence > sequence, "positions are still read");
 
     rig.request(|request| request.target = Counts(2000));
     rig.turns(5);
@@ -87,10 +81,7 @@ fn the_line_is_never_idle() {
     let span = rig.line.time().since(begin).as_seconds();
     // 24 bytes of ten bits at 115200 baud, and 0.3 ms of processing.
     let possible = span / (24.0 * 10.0 / 115_200.0 + 0.3e-3);
-    assert!(
-        exchanges as f64 > 0.99 * possible,
-        "{exchanges} of {possible:.0}"
-    );
+    assert!(exchanges as f64 > 0.99 * possible, "{exchanges} of {possible:.0}");
     assert_eq!(rig.line.state().pipelined, 0, "no request before the reply");
 }
 
@@ -108,11 +99,7 @@ fn a_drive_that_does_not_switch_off_in_order_has_its_power_cut() {
     rig.drive(|drive| drive.stuck = true);
     rig.demand(Demand::Disabled);
     rig.turns(3000);
-    assert!(
-        rig.controlwords().contains(&0x0000),
-        "{:?}",
-        rig.controlwords()
-    );
+    assert!(rig.controlwords().contains(&0x0000), "{:?}", rig.controlwords());
     assert!(rig.count_events(|kind| matches!(kind, PortEventKind::StillPowered { .. })) > 0);
     assert_eq!(rig.phase(), AxisPhase::Disabling);
     rig.drive(|drive| drive.stuck = false);
@@ -145,9 +132,6 @@ fn a_lost_target_is_replaced_by_the_newest_and_not_repeated() {
     let written = rig.drive(|drive| drive.written(0x607A, 0));
     let is_newest = |target: &u32| *target == 120 || target % 2 == 1;
     assert!(written.iter().all(is_newest), "{written:?}");
-    assert_eq!(
-        (rig.phase(), rig.feedback().counters.timeouts),
-        (AxisPhase::Enabled, 400)
-    );
+    assert_eq!((rig.phase(), rig.feedback().counters.timeouts), (AxisPhase::Enabled, 400));
     assert!(rig.count_events(|kind| matches!(kind, PortEventKind::TimedOut { .. })) > 0);
 }

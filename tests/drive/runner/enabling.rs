@@ -11,12 +11,8 @@ fn the_target_is_the_position_before_there_is_power() {
     rig.until(AxisPhase::Enabled);
     rig.drive(|drive| {
         let position = -55_i32 as u32;
-        let expected = [
-            (0x607A, 0, position),
-            (0x6060, 0, 8),
-            (0x6040, 0, 0x0006),
-            (0x6040, 0, 0x000F),
-        ];
+        let expected =
+            [(0x607A, 0, position), (0x6060, 0, 8), (0x6040, 0, 0x0006), (0x6040, 0, 0x000F)];
         assert_eq!(drive.writes[..4], expected);
         assert_eq!((drive.jumps, drive.position), (0, -55));
     });
@@ -69,11 +65,7 @@ fn a_failed_step_ends_disabled_with_its_reason() {
     type Case = (fn(&mut MiniDrive), fn(&TransitionError) -> bool);
     let outside_limits: Case = (
         |drive| drive.position = 2001,
-        |error| {
-            error
-                .to_string()
-                .contains("position 2001 is outside -2000 to 2000")
-        },
+        |error| error.to_string().contains("position 2001 is outside -2000 to 2000"),
     );
     let target_differs: Case = (
         |drive| drive.ignores.push((0x607A, 0)),
@@ -99,13 +91,9 @@ fn a_failed_step_ends_disabled_with_its_reason() {
         |drive| drive.stuck = true,
         |error| matches!(error, TransitionError::Timeout { statusword: 0x8240 }),
     );
-    for (change, is_expected) in [
-        outside_limits,
-        target_differs,
-        mode_refused,
-        mode_without_effect,
-        command_without_effect,
-    ] {
+    for (change, is_expected) in
+        [outside_limits, target_differs, mode_refused, mode_without_effect, command_without_effect]
+    {
         let mut rig = PortRig::disabled();
         rig.drive(change);
         let error = failure(&mut rig);

@@ -11,9 +11,7 @@ fn faulted() -> PortRig {
 fn reset(rig: &mut PortRig) {
     rig.request(|request| request.fault_resets += 1);
     let count = rig.requests[0].fault_resets;
-    rig.until_feedback("acknowledges the reset", |feedback| {
-        feedback.fault_resets == count
-    });
+    rig.until_feedback("acknowledges the reset", |feedback| feedback.fault_resets == count);
 }
 
 #[test]
@@ -40,10 +38,7 @@ fn a_reset_is_an_edge_and_ends_disabled() {
     rig.until(AxisPhase::Disabled);
     assert_eq!(rig.controlwords(), [0x0000, 0x0080]);
     rig.turns(100);
-    assert_eq!(
-        (rig.phase(), rig.feedback().error_code),
-        (AxisPhase::Disabled, 0)
-    );
+    assert_eq!((rig.phase(), rig.feedback().error_code), (AxisPhase::Disabled, 0));
     assert!(rig.has_event(PortEventKind::FaultReset { cleared: true }));
 }
 

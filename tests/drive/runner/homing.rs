@@ -27,15 +27,9 @@ fn the_present_position_becomes_zero_and_the_axis_ends_disabled_in_its_mode() {
     assert!(!rig.feedback().homed);
     home(&mut rig);
     let feedback = rig.feedback();
-    assert_eq!(
-        (feedback.phase, feedback.homed),
-        (AxisPhase::Disabled, true)
-    );
+    assert_eq!((feedback.phase, feedback.homed), (AxisPhase::Disabled, true));
     assert_eq!(feedback.position, Counts(0));
-    assert_eq!(
-        rig.controlwords(),
-        [0x0006, 0x000F, 0x001F, 0x000F, 0x0007, 0x0006]
-    );
+    assert_eq!(rig.controlwords(), [0x0006, 0x000F, 0x001F, 0x000F, 0x0007, 0x0006]);
     assert_eq!(rig.drive(|drive| drive.written(0x6060, 0)), [6, 8]);
     assert_eq!(rig.drive(|drive| drive.written(0x6098, 0)), [37]);
     assert!(rig.has_event(PortEventKind::HomingEnded { error: None }));
@@ -112,10 +106,7 @@ fn a_restart_of_the_drive_ends_it_without_a_start_in_another_mode() {
         rig.turns(turns);
         rig.line.restart(NODE, Nanos::from_millis(60));
         rig.turns(300);
-        assert!(
-            matches!(rig.state(), SWITCH_ON_DISABLED | READY),
-            "after {turns} turns"
-        );
+        assert!(matches!(rig.state(), SWITCH_ON_DISABLED | READY), "after {turns} turns");
         let starts = rig.drive(|drive| drive.starts_outside_homing);
         assert_eq!(starts, 0, "after {turns} turns");
     }
@@ -128,8 +119,5 @@ fn a_homing_mode_without_effect_starts_nothing() {
     home(&mut rig);
     rig.until(AxisPhase::Disabled);
     let words = rig.controlwords();
-    assert!(
-        !words.contains(&0x000F) && !words.contains(&0x001F),
-        "{words:X?}"
-    );
+    assert!(!words.contains(&0x000F) && !words.contains(&0x001F), "{words:X?}");
 }

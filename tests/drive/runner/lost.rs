@@ -56,10 +56,7 @@ fn another_drive_on_the_same_cable_is_refused_and_reported_once() {
     assert_eq!(rig.phase(), AxisPhase::Lost);
     let texts = texts(&rig, "not usable");
     assert_eq!(texts.len(), 1, "{texts:?}");
-    assert!(
-        texts[0].contains("0x00000BAD") && texts[0].contains("0x62150001"),
-        "{texts:?}"
-    );
+    assert!(texts[0].contains("0x00000BAD") && texts[0].contains("0x62150001"), "{texts:?}");
 }
 
 #[test]
@@ -129,18 +126,11 @@ fn a_drive_that_was_gone_for_ten_seconds_does_not_jump_to_what_was_commanded_mea
         rig.enable(target);
         rig.turns(1);
     }
-    assert_eq!(
-        rig.phase(),
-        AxisPhase::Disabled,
-        "until a person enables it"
-    );
+    assert_eq!(rig.phase(), AxisPhase::Disabled, "until a person enables it");
     assert_eq!(rig.drive(|drive| drive.position), position);
     enable_where_it_is(&mut rig);
     rig.turns(20);
-    assert_eq!(
-        rig.drive(|drive| (drive.position, drive.jumps)),
-        (position, 0)
-    );
+    assert_eq!(rig.drive(|drive| (drive.position, drive.jumps)), (position, 0));
 }
 
 #[test]

@@ -60,11 +60,7 @@ fn an_input_that_stops_the_drive_is_respected() {
     rig.drive(|drive| drive.state = QUICK_STOP_ACTIVE);
     rig.until(AxisPhase::QuickStopped);
     rig.turns(100);
-    assert_eq!(
-        rig.phase(),
-        AxisPhase::QuickStopped,
-        "though enabled is demanded"
-    );
+    assert_eq!(rig.phase(), AxisPhase::QuickStopped, "though enabled is demanded");
     rig.demand(Demand::QuickStop);
     rig.turns(2);
     rig.demand(Demand::Enabled);
@@ -76,10 +72,7 @@ fn an_axis_without_power_stays_off() {
     let mut rig = PortRig::disabled();
     rig.demand(Demand::QuickStop);
     rig.turns(50);
-    assert_eq!(
-        (rig.phase(), rig.controlwords()),
-        (AxisPhase::Disabled, vec![])
-    );
+    assert_eq!((rig.phase(), rig.controlwords()), (AxisPhase::Disabled, vec![]));
 }
 
 #[test]
@@ -100,19 +93,14 @@ fn a_silent_control_loop_stops_the_axis_until_it_writes_again() {
     let port = Port::over(line, &config).bring_up().unwrap();
     let (mut runner, mut links) = port.split();
     let mut events = Vec::new();
-    let mut request = AxisRequest {
-        demand: Demand::Enabled,
-        ..AxisRequest::default()
-    };
+    let mut request = AxisRequest { demand: Demand::Enabled, ..AxisRequest::default() };
     links[0].requests.write(AxisRequest::default());
     for _ in 0..10 {
         runner.turn(&mut |_| {});
     }
-    for (writes, phase) in [
-        (true, AxisPhase::Enabled),
-        (false, AxisPhase::QuickStopped),
-        (true, AxisPhase::Enabled),
-    ] {
+    for (writes, phase) in
+        [(true, AxisPhase::Enabled), (false, AxisPhase::QuickStopped), (true, AxisPhase::Enabled)]
+    {
         let reached = (0..2000).any(|_| {
             if writes {
                 request.sequence += 1;

@@ -20,10 +20,7 @@ fn each_follows_its_own_target() {
         rig.request_of(axis, |request| request.target = Counts(target));
     }
     rig.turns(20);
-    assert_eq!(
-        [1, 2].map(|node| rig.line.drive(node, |drive| drive.position)),
-        targets
-    );
+    assert_eq!([1, 2].map(|node| rig.line.drive(node, |drive| drive.position)), targets);
     assert_eq!([0, 1].map(|axis| rig.feedback_of(axis).position.0), targets);
 }
 
@@ -39,10 +36,7 @@ fn a_fault_of_one_leaves_the_other_to_the_control_loop() {
 fn both_are_left_switched_off() {
     let mut rig = two_enabled();
     rig.shut_down();
-    assert_eq!(
-        [1, 2].map(|node| rig.line.drive(node, |drive| drive.state)),
-        [READY; 2]
-    );
+    assert_eq!([1, 2].map(|node| rig.line.drive(node, |drive| drive.state)), [READY; 2]);
 }
 
 #[test]
@@ -53,10 +47,7 @@ fn a_silent_node_is_lost_alone() {
     assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Lost]);
     let sequence = rig.feedback_of(0).sequence;
     rig.turns(200);
-    assert!(
-        rig.feedback_of(0).sequence > sequence + 80,
-        "the other continues"
-    );
+    assert!(rig.feedback_of(0).sequence > sequence + 80, "the other continues");
     rig.line.state().silent_node = None;
     rig.turns(2000);
     assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Disabled]);
@@ -83,10 +74,7 @@ fn at_shutdown_one_starts_nothing_while_the_other_is_still_ending() {
     rig.line.drive(1, |drive| drive.writes.clear());
     rig.shut_down();
     assert_eq!(rig.controlwords(), [0x0007, 0x0006]);
-    assert!(
-        rig.kinds()
-            .ends_with(&[true, false].map(|off| PortEventKind::Ended { off }))
-    );
+    assert!(rig.kinds().ends_with(&[true, false].map(|off| PortEventKind::Ended { off })));
 }
 
 /// The longest time without a request to a node.
@@ -109,11 +97,7 @@ fn a_silent_node_costs_the_other_one_attempt_at_a_time() {
     assert_eq!(rig.phases(), [AxisPhase::Enabled, AxisPhase::Lost]);
     rig.line.state().requests.clear();
     rig.turns(2000);
-    assert!(
-        longest_gap(&rig, 1) < ONE_ATTEMPT,
-        "{}",
-        longest_gap(&rig, 1).0
-    );
+    assert!(longest_gap(&rig, 1) < ONE_ATTEMPT, "{}", longest_gap(&rig, 1).0);
 }
 
 #[test]
@@ -127,19 +111,11 @@ fn the_other_is_served_after_every_exchange_while_one_is_brought_up_again() {
         rig.line.state().silent_node = None;
         rig.line.state().requests.clear();
         rig.turns(2000);
-        let end = if stuck {
-            AxisPhase::Lost
-        } else {
-            AxisPhase::Disabled
-        };
+        let end = if stuck { AxisPhase::Lost } else { AxisPhase::Disabled };
         assert_eq!(rig.phases(), [AxisPhase::Enabled, end]);
         let nodes: Vec<u8> = rig.line.state().requests.iter().map(|r| r.node).collect();
         let mut between = nodes.split(|node| *node == 1).map(<[u8]>::len);
         assert!(between.all(|count| count <= 2), "{nodes:?}");
-        assert!(
-            longest_gap(&rig, 1) < ONE_ATTEMPT,
-            "{}",
-            longest_gap(&rig, 1).0
-        );
+        assert!(longest_gap(&rig, 1) < ONE_ATTEMPT, "{}", longest_gap(&rig, 1).0);
     }
 }

@@ -27,11 +27,7 @@ fn require_up_to_date(path: &str, wanted: &str) {
     }
     let found = fs::read_to_string(&file).unwrap_or_default();
     let known: BTreeSet<&str> = found.lines().collect();
-    let missing: Vec<&str> = wanted
-        .lines()
-        .filter(|line| !known.contains(line))
-        .take(10)
-        .collect();
+    let missing: Vec<&str> = wanted.lines().filter(|line| !known.contains(line)).take(10).collect();
     assert!(
         found == wanted,
         "{path} is out of date ({missing:#?}); run I2RIS_UPDATE=1 cargo test --test hazards \

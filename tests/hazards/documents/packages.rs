@@ -55,14 +55,10 @@ pub fn packages() -> Vec<Package> {
     let list = metadata["packages"].as_array().unwrap();
     let mut sorted: Vec<&Value> = list.iter().collect();
     sorted.sort_by_key(|package| (text(package, "name"), text(package, "version")));
-    let index: BTreeMap<String, usize> = (0..)
-        .zip(&sorted)
-        .map(|(index, package)| (text(package, "id"), index))
-        .collect();
-    let mut packages: Vec<Package> = sorted
-        .iter()
-        .map(|package| new_package(package, &checksums))
-        .collect();
+    let index: BTreeMap<String, usize> =
+        (0..).zip(&sorted).map(|(index, package)| (text(package, "id"), index)).collect();
+    let mut packages: Vec<Package> =
+        sorted.iter().map(|package| new_package(package, &checksums)).collect();
     for node in metadata["resolve"]["nodes"].as_array().unwrap() {
         let package = &mut packages[index[&text(node, "id")]];
         for dependency in node["deps"].as_array().unwrap() {
@@ -115,11 +111,7 @@ fn checksums() -> BTreeMap<(String, String), String> {
     let lock = read("Cargo.lock");
     let value = |entry: &str, key: &str| {
         let line = entry.lines().find_map(|line| line.strip_prefix(key))?;
-        Some(
-            line.trim_start_matches([' ', '='])
-                .trim_matches('"')
-                .to_owned(),
-        )
+        Some(line.trim_start_matches([' ', '=']).trim_matches('"').to_owned())
     };
     let entries = lock.split("[[package]]").skip(1);
     entries
@@ -173,10 +165,7 @@ fn every_package_has_a_class_and_uses_none_of_a_lower_one() {
     let classes = classes(&packages);
     for (package, class) in packages.iter().zip(&classes).filter(|(it, _)| it.is_own) {
         let name = &package.name;
-        assert_eq!(
-            own[name], *class,
-            "{name} is used by a part of a higher class"
-        );
+        assert_eq!(own[name], *class, "{name} is used by a part of a higher class");
     }
     let is_there = |name: &String| packages.iter().any(|it| it.is_own && it.name == *name);
     for name in own.keys() {

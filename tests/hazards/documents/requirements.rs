@@ -62,10 +62,7 @@ fn every_requirement_has_a_test_and_every_hazard_a_requirement() {
         assert_eq!(*id, format!("R{number:02}"));
         assert!(!text.is_empty());
         for hazard in causes.split(", ").filter(|hazard| *hazard != "-") {
-            assert!(
-                hazards.iter().any(|known| known == hazard),
-                "{id}: {hazard}"
-            );
+            assert!(hazards.iter().any(|known| known == hazard), "{id}: {hazard}");
             traced.insert(hazard.to_owned());
         }
         assert!(!code(names).is_empty(), "{id} has no test");
@@ -76,9 +73,6 @@ fn every_requirement_has_a_test_and_every_hazard_a_requirement() {
     }
     for hazard in &hazards {
         let is_traced = traced.contains(hazard);
-        assert!(
-            is_traced,
-            "{hazard} has no requirement: see {SAFETY}/requirements.md"
-        );
+        assert!(is_traced, "{hazard} has no requirement: see {SAFETY}/requirements.md");
     }
 }

@@ -4,102 +4,38 @@ use super::{SAFETY, hazards, require_up_to_date};
 
 /// Severity, probability before and after, and what remains. Sorted like the hazards.
 const RATINGS: &[(&str, [u32; 3], &str)] = &[
-    (
-        "H01",
-        [4, 4, 1],
-        "a drive that reports a target which it does not have",
-    ),
-    (
-        "H02",
-        [3, 5, 1],
-        "motion until the deadline: 50 ms by default, 1 s at most",
-    ),
+    ("H01", [4, 4, 1], "a drive that reports a target which it does not have"),
+    ("H02", [3, 5, 1], "motion until the deadline: 50 ms by default, 1 s at most"),
     (
         "H03",
         [3, 3, 1],
         "computer or cable fail as a whole: only a relay on the STO inputs acts, which is not part \
          of this software",
     ),
-    (
-        "H04",
-        [4, 4, 1],
-        "a damaged frame with a correct checksum of 16 bits",
-    ),
-    (
-        "H05",
-        [4, 3, 1],
-        "motors swapped between the drives and the snake",
-    ),
-    (
-        "H06",
-        [3, 4, 2],
-        "homing in a bent pose: zero is where the snake is then",
-    ),
-    (
-        "H07",
-        [3, 4, 1],
-        "a hull that was calibrated on another snake",
-    ),
-    (
-        "H08",
-        [3, 3, 2],
-        "a model that passes all checks and does not fit the snake any more",
-    ),
-    (
-        "H09",
-        [4, 3, 1],
-        "a wrong goal within all limits is followed",
-    ),
+    ("H04", [4, 4, 1], "a damaged frame with a correct checksum of 16 bits"),
+    ("H05", [4, 3, 1], "motors swapped between the drives and the snake"),
+    ("H06", [3, 4, 2], "homing in a bent pose: zero is where the snake is then"),
+    ("H07", [3, 4, 1], "a hull that was calibrated on another snake"),
+    ("H08", [3, 3, 2], "a model that passes all checks and does not fit the snake any more"),
+    ("H09", [4, 3, 1], "a wrong goal within all limits is followed"),
     (
         "H10",
         [2, 4, 2],
         "by default late ticks are counted and are no fault: `limits.overrun_ticks`",
     ),
     ("H11", [3, 3, 1], "a wrong value within its range"),
-    (
-        "H12",
-        [4, 3, 2],
-        "without a camera, slack within the following error is not seen",
-    ),
-    (
-        "H13",
-        [2, 4, 1],
-        "lines and records that are lost, and counted",
-    ),
+    ("H12", [4, 3, 2], "without a camera, slack within the following error is not seen"),
+    ("H13", [2, 4, 1], "lines and records that are lost, and counted"),
     ("H14", [4, 3, 1], "a commander that asks for the wrong pose"),
     ("H15", [4, 2, 1], "a second computer on the same drives"),
-    (
-        "H16",
-        [2, 4, 2],
-        "monitors have been tried on emulated drives only",
-    ),
+    ("H16", [2, 4, 2], "monitors have been tried on emulated drives only"),
     ("H17", [2, 3, 1], "names of files with a wrong date"),
-    (
-        "H18",
-        [3, 3, 1],
-        "a motor that was turned by hand while the drive had no power",
-    ),
-    (
-        "H20",
-        [3, 4, 2],
-        "a slow push moves the correction, within its budget",
-    ),
-    (
-        "H21",
-        [3, 3, 2],
-        "a camera that is wrong by less than the checks can tell",
-    ),
+    ("H18", [3, 3, 1], "a motor that was turned by hand while the drive had no power"),
+    ("H20", [3, 4, 2], "a slow push moves the correction, within its budget"),
+    ("H21", [3, 3, 2], "a camera that is wrong by less than the checks can tell"),
     ("H22", [2, 4, 1], "a motion that shows a parameter badly"),
-    (
-        "H23",
-        [3, 3, 1],
-        "a correction in the direction of the goal",
-    ),
-    (
-        "H24",
-        [3, 4, 1],
-        "clocks of two computers that differ by less than two seconds",
-    ),
+    ("H23", [3, 3, 1], "a correction in the direction of the goal"),
+    ("H24", [3, 4, 1], "clocks of two computers that differ by less than two seconds"),
 ];
 
 const HEAD: &str = "\
@@ -162,10 +98,7 @@ fn every_rating_belongs_to_a_hazard_and_no_control_makes_it_worse() {
     let hazards = hazards();
     for (id, [severity, before, after], _) in RATINGS {
         assert!(hazards.iter().any(|hazard| hazard[0] == *id), "{id}");
-        assert!(
-            (1..=4).contains(severity) && (1..=5).contains(before),
-            "{id}"
-        );
+        assert!((1..=4).contains(severity) && (1..=5).contains(before), "{id}");
         assert!((1..=*before).contains(after), "{id}");
     }
 }

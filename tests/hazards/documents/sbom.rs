@@ -41,10 +41,7 @@ fn dependencies(packages: &[Package], package: &Package) -> Value {
 fn bill() -> String {
     let packages = packages();
     let classes = classes(&packages);
-    let main = packages
-        .iter()
-        .position(|package| package.name == "i2ris")
-        .unwrap();
+    let main = packages.iter().position(|package| package.name == "i2ris").unwrap();
     let lines = |values: Vec<Value>| {
         let lines: Vec<String> = values.iter().map(|value| format!("    {value}")).collect();
         lines.join(",\n")
@@ -52,9 +49,7 @@ fn bill() -> String {
     let components = (0..packages.len())
         .filter(|index| *index != main)
         .map(|index| component(&packages[index], classes[index]));
-    let edges = packages
-        .iter()
-        .map(|package| dependencies(&packages, package));
+    let edges = packages.iter().map(|package| dependencies(&packages, package));
     format!(
         "{{\n  \"bomFormat\": \"CycloneDX\",\n  \"specVersion\": \"1.5\",\n  \"version\": 1,\n  \
          \"metadata\": {{ \"component\": {} }},\n  \"components\": [\n{}\n  ],\n  \
@@ -75,10 +70,7 @@ fn the_bill_is_complete_and_the_same_every_time() {
     let (text, packages) = (bill(), packages());
     assert_eq!(text, bill());
     let bill: Value = serde_json::from_str(&text).unwrap();
-    assert_eq!(
-        bill["components"].as_array().unwrap().len(),
-        packages.len() - 1
-    );
+    assert_eq!(bill["components"].as_array().unwrap().len(), packages.len() - 1);
     let edges = bill["dependencies"].as_array().unwrap();
     assert_eq!(edges.len(), packages.len());
     for component in bill["components"].as_array().unwrap() {

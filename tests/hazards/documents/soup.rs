@@ -6,46 +6,22 @@ use super::{SAFETY, require_up_to_date};
 /// What the controller and the watchdog use directly, and what for.
 const ROLES: &[(&str, &str)] = &[
     ("ctrlc", "requests the orderly end on SIGINT and SIGTERM"),
-    (
-        "hdrhistogram",
-        "statistics of periods and delays; nothing depends on them",
-    ),
-    (
-        "iceoryx2",
-        "shared memory between processes: commands in, states out",
-    ),
-    (
-        "lexopt",
-        "options of the command line, before anything starts",
-    ),
+    ("hdrhistogram", "statistics of periods and delays; nothing depends on them"),
+    ("iceoryx2", "shared memory between processes: commands in, states out"),
+    ("lexopt", "options of the command line, before anything starts"),
     ("libc", "constants and calls of the operating system"),
-    (
-        "nalgebra",
-        "matrices of the model, of fixed size inside the loop",
-    ),
-    (
-        "nix",
-        "calls of the operating system: scheduling, locks, terminals, memory",
-    ),
+    ("nalgebra", "matrices of the model, of fixed size inside the loop"),
+    ("nix", "calls of the operating system: scheduling, locks, terminals, memory"),
     ("postcard", "encoding of the black box"),
     ("rtrb", "wait-free ring between the loop and slower threads"),
     ("serde", "reading of configuration and models"),
     ("serde_json", "reading of models, writing of the run log"),
     ("serialport", "opening and setting up a serial port"),
     ("sha2", "identity of a model"),
-    (
-        "strsim",
-        "the nearest key, in messages about the configuration",
-    ),
+    ("strsim", "the nearest key, in messages about the configuration"),
     ("thiserror", "texts of errors; code at build time only"),
-    (
-        "toml",
-        "reading of the configuration, before anything starts",
-    ),
-    (
-        "triple_buffer",
-        "wait-free newest value between loop and port threads",
-    ),
+    ("toml", "reading of the configuration, before anything starts"),
+    ("triple_buffer", "wait-free newest value between loop and port threads"),
     ("zerocopy", "payloads as bytes, checked at build time"),
 ];
 
@@ -135,18 +111,10 @@ fn the_page_about_third_party_software_is_up_to_date() {
 fn what_the_controller_uses_directly_has_a_role() {
     let packages = packages();
     let controller = packages.iter().find(|package| package.name == "i2ris");
-    let used: Vec<&str> = controller
-        .unwrap()
-        .uses
-        .iter()
-        .map(|index| packages[*index].name.as_str())
-        .collect();
+    let used: Vec<&str> =
+        controller.unwrap().uses.iter().map(|index| packages[*index].name.as_str()).collect();
     for name in &used {
-        assert!(
-            role(name).is_some(),
-            "{name} has no role: add it to {}",
-            file!()
-        );
+        assert!(role(name).is_some(), "{name} has no role: add it to {}", file!());
     }
     for (name, _) in ROLES {
         assert!(used.contains(name), "{name} has a role, and is not used");

@@ -87,13 +87,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut client = Client::connect(&domain, TIMEOUT)?;
     home_and_enable(&mut client, TIMEOUT)?;
     let load: Vec<Running> = (0..busy)
-        .map(|_| {
-            Ok(Running(
-                Command::new("sh")
-                    .args(["-c", "while :; do :; done"])
-                    .spawn()?,
-            ))
-        })
+        .map(|_| Ok(Running(Command::new("sh").args(["-c", "while :; do :; done"]).spawn()?)))
         .collect::<Result<_, std::io::Error>>()?;
     let stale_before = state(&mut client)?.stale_stops;
     let longest_gap = stream(&client, Nanos::from_millis(seconds * 1000))?;
@@ -127,10 +121,7 @@ fn state(client: &mut Client) -> Result<OperatingStateMsg, Box<dyn Error>> {
 fn stream(client: &Client, length: Nanos) -> Result<Nanos, Box<dyn Error>> {
     let mut commander = client.commander();
     let streaming = std::thread::spawn(move || {
-        let granted = realtime::request(Wanted {
-            priority: CLIENT_PRIORITY,
-            ..Wanted::default()
-        });
+        let granted = realtime::request(Wanted { priority: CLIENT_PRIORITY, ..Wanted::default() });
         println!("client: SCHED_FIFO {}", granted.priority);
         let start = clock::now();
         let (mut last, mut next, mut longest) = (start, start, Nanos::ZERO);

@@ -72,11 +72,8 @@ struct CampaignCounts {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let mut number = |default: u64| {
-        arguments
-            .next()
-            .map_or(Ok(default), |text| text.parse::<u64>())
-    };
+    let mut number =
+        |default: u64| arguments.next().map_or(Ok(default), |text| text.parse::<u64>());
     let (injections, seed, rigs) = (number(2000)?, number(1)?, number(4)?.max(1));
     let begin = clock::now();
     let threads: Vec<_> = (0..rigs)
@@ -98,11 +95,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         && total.wrong.is_empty()
         && total.unexplained.is_empty()
         && total.hangs.is_empty();
-    if clean {
-        Ok(())
-    } else {
-        Err("see above".into())
-    }
+    if clean { Ok(()) } else { Err("see above".into()) }
 }
 
 /// Splitmix64 (G. L. Steele et al., 2014).
@@ -137,30 +130,18 @@ impl Random {
             17 | 18 => Injection::DoubleReply { offset: place },
             19 | 20 => Injection::CutReply { offset: place },
             21 | 22 => Injection::CutReplyInPair,
-            23..=26 => Injection::LateReply {
-                delay_ms: self.between(1, 300),
-            },
+            23..=26 => Injection::LateReply { delay_ms: self.between(1, 300) },
             27 | 28 => Injection::WrongLength,
             29 | 30 => Injection::StrayReply,
-            31 => Injection::HangUp {
-                for_ms: self.between(50, 400),
-            },
-            32 => Injection::Mute {
-                for_ms: self.between(20, 600),
-            },
+            31 => Injection::HangUp { for_ms: self.between(50, 400) },
+            32 => Injection::Mute { for_ms: self.between(20, 600) },
             33 => Injection::Reset,
             34 => Injection::Fault {
                 code: [0x2310, 0x3210, 0x3220, 0x8611, 0x4210][self.between(0, 5) as usize],
             },
-            35 => Injection::FreezeEncoder {
-                for_ms: self.between(50, 500),
-            },
-            36 => Injection::SlipEncoder {
-                counts: self.between(0, 600) as i32 - 300,
-            },
-            37 => Injection::SlackWire {
-                counts: self.between(20, 200) as u32,
-            },
+            35 => Injection::FreezeEncoder { for_ms: self.between(50, 500) },
+            36 => Injection::SlipEncoder { counts: self.between(0, 600) as i32 - 300 },
+            37 => Injection::SlackWire { counts: self.between(20, 200) as u32 },
             38 => Injection::BreakWire,
             _ => Injection::MendWire,
         }
@@ -224,9 +205,7 @@ impl CampaignRig {
         for count in 0..injections {
             let (axis, what) = (self.random.between(0, 2) as usize, self.random.injection());
             if !self.wait_for_motion() {
-                self.counts
-                    .hangs
-                    .push(format!("before injection {count} ({})", what.name()));
+                self.counts.hangs.push(format!("before injection {count} ({})", what.name()));
                 break;
             }
             let moment = clock::now() + Nanos::from_millis(self.random.between(20, 200));
@@ -241,11 +220,7 @@ impl CampaignRig {
             EventKind::Setpoint(counts) => !(-LIMIT..=LIMIT).contains(&counts),
             _ => false,
         };
-        for (place, event) in log
-            .iter()
-            .enumerate()
-            .filter(|(_, event)| outside(event.kind))
-        {
+        for (place, event) in log.iter().enumerate().filter(|(_, event)| outside(event.kind)) {
             let before = || {
                 log[..place]
                     .iter()
@@ -254,11 +229,7 @@ impl CampaignRig {
                     .map(|earlier| earlier.kind)
             };
             let state = before().find_map(|kind| {
-                if let EventKind::State { to, .. } = kind {
-                    Some(to)
-                } else {
-                    None
-                }
+                if let EventKind::State { to, .. } = kind { Some(to) } else { None }
             });
             // An axis that lost its zero can be at any position. Before homing, its target is set
             // to its position.
@@ -305,9 +276,7 @@ impl CampaignRig {
         }
         let span = clock::now() - begin;
         if span > HANG_TIMEOUT {
-            self.counts
-                .hangs
-                .push(format!("{}: {:?}", what.name(), self.axes[axis].last));
+            self.counts.hangs.push(format!("{}: {:?}", what.name(), self.axes[axis].last));
         }
         self.counts.safe.entry(what.name()).or_default().push(span);
         *self.counts.stayed_enabled.entry(what.name()).or_default() += usize::from(!was_disabled);
@@ -316,11 +285,7 @@ impl CampaignRig {
     /// Waits until both axes move again.
     fn wait_for_motion(&mut self) -> bool {
         let begin = clock::now();
-        while !self
-            .axes
-            .iter()
-            .all(|side| side.last.phase == AxisPhase::Enabled)
-        {
+        while !self.axes.iter().all(|side| side.last.phase == AxisPhase::Enabled) {
             if clock::now() - begin > HANG_TIMEOUT {
                 return false;
             }
@@ -368,11 +333,7 @@ impl CampaignAxis {
 
     fn add_true_position(&mut self, stamp: Nanos, position: i32) {
         self.truth.push_back((stamp, position));
-        while self
-            .truth
-            .front()
-            .is_some_and(|(old, _)| *old + HISTORY < stamp)
-        {
+        while self.truth.front().is_some_and(|(old, _)| *old + HISTORY < stamp) {
             self.truth.pop_front();
         }
     }
@@ -384,22 +345,14 @@ impl CampaignAxis {
         }
         let feedback = *self.link.feedback.read();
         if feedback.sequence != self.last.sequence && !self.was_at(&feedback) {
-            counts.wrong.push(format!(
-                "position {} at {:?}",
-                feedback.position, feedback.stamp
-            ));
+            counts.wrong.push(format!("position {} at {:?}", feedback.position, feedback.stamp));
         }
         let (fell, now) = (
             self.last.phase == AxisPhase::Enabled && feedback.phase != AxisPhase::Enabled,
             clock::now(),
         );
         if fell && self.request.demand == Demand::Enabled {
-            let AxisFeedback {
-                phase,
-                statusword,
-                error_code,
-                ..
-            } = feedback;
+            let AxisFeedback { phase, statusword, error_code, .. } = feedback;
             self.disabled = Some((
                 now,
                 format!("{phase:?}, statusword {statusword:04X}, error code {error_code:04X}"),
@@ -407,9 +360,8 @@ impl CampaignAxis {
         }
         if self.is_explained {
             self.disabled = None;
-        } else if let Some((_, how)) = self
-            .disabled
-            .take_if(|(since, _)| now - *since > CAUSE_TIMEOUT)
+        } else if let Some((_, how)) =
+            self.disabled.take_if(|(since, _)| now - *since > CAUSE_TIMEOUT)
         {
             counts.unexplained.push(how);
         }
@@ -424,9 +376,8 @@ impl CampaignAxis {
             .iter()
             .filter(|(stamp, _)| *stamp >= from && *stamp <= to)
             .map(|(_, position)| *position);
-        let (low, high) = span.fold((i32::MAX, i32::MIN), |(low, high), at| {
-            (low.min(at), high.max(at))
-        });
+        let (low, high) =
+            span.fold((i32::MAX, i32::MIN), |(low, high), at| (low.min(at), high.max(at)));
         low > high || (low - TOLERANCE..=high + TOLERANCE).contains(&feedback.position.0)
     }
 
@@ -510,10 +461,7 @@ impl CampaignCounts {
         println!("wrong positions accepted: {}", self.wrong.len());
         println!("hangs: {}", self.hangs.len());
         println!("unexplained states: {}", self.unexplained.len());
-        println!(
-            "protocol errors of the host: {} (a late reply looks like one)",
-            self.host_bugs
-        );
+        println!("protocol errors of the host: {} (a late reply looks like one)", self.host_bugs);
         for line in self
             .outside
             .iter()

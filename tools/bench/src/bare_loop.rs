@@ -56,9 +56,7 @@ pub fn serve(port: &PortConfig, priority: u8, shared: &SharedState) -> Result<()
         let written = link.write(LOCAL, target, Retry::Safe);
         match written.and_then(|_| link.read_raw(LOCAL, POSITION.address())) {
             Ok(reply) => {
-                shared
-                    .measured_ns
-                    .store(reply.received.0, Ordering::Release);
+                shared.measured_ns.store(reply.received.0, Ordering::Release);
                 shared.exchanges.fetch_add(2, Ordering::Relaxed);
             }
             Err(error) if link.is_broken() => return Err(error.into()),

@@ -90,11 +90,7 @@ fn medians(file: &Value) -> Option<Vec<Medians>> {
             let (value, is_ratio) = (ratio.unwrap_or(microseconds), ratio.is_some());
             match all.iter_mut().find(|known| known.name == name) {
                 Some(known) => known.runs.push(value),
-                None => all.push(Medians {
-                    name,
-                    is_ratio,
-                    runs: vec![value],
-                }),
+                None => all.push(Medians { name, is_ratio, runs: vec![value] }),
             }
         }
     }
@@ -158,10 +154,7 @@ mod tests {
         let faster = compare(&old, &runs(&[5000.0, 5100.0, 5050.0], None)).unwrap();
         let found = &faster[0];
         assert_eq!((found.pairs, found.is_ratio), (3, false));
-        assert!(
-            (found.change - 0.5).abs() < 0.01 && found.has_moved(),
-            "{found:?}"
-        );
+        assert!((found.change - 0.5).abs() < 0.01 && found.has_moved(), "{found:?}");
         assert!((found.medians[0] - 10.1).abs() < 1e-9);
         let same = compare(&old, &runs(&[10_200.0, 10_300.0, 10_000.0], None)).unwrap();
         assert!(!same[0].has_moved(), "{same:?}");
@@ -182,9 +175,6 @@ mod tests {
         let one = runs(&[10.0], None);
         assert_eq!(compare(&one, &one), Err(CompareError::NothingInCommon));
         let nonsense = json!({ "any": 1 });
-        assert_eq!(
-            compare(&nonsense, &one),
-            Err(CompareError::NoOutcome("the old file"))
-        );
+        assert_eq!(compare(&nonsense, &one), Err(CompareError::NoOutcome("the old file")));
     }
 }

@@ -102,8 +102,6 @@ impl BenchError {
 
     /// A thread of the measurement panicked.
     pub(crate) fn panicked<T>(_: T) -> Self {
-        Self::Timeout {
-            what: "a thread of the measurement panicked",
-        }
+        Self::Timeout { what: "a thread of the measurement panicked" }
     }
 }

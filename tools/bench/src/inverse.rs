@@ -23,12 +23,7 @@ const FORWARD: &str = "forward";
 
 /// The models: components, plays per motor, name, role.
 const MODELS: [(usize, usize, &str, Role); 4] = [
-    (
-        10,
-        0,
-        "gmr, no memory, K = 10 (the published method)",
-        Role::Peer,
-    ),
+    (10, 0, "gmr, no memory, K = 10 (the published method)", Role::Peer),
     (3, 4, "gmr-play, K = 3, 4 plays per motor", Role::Ours),
     (10, 8, "gmr-play, K = 10, 8 plays per motor", Role::Ours),
     (20, 12, "gmr-play, K = 20, 12 plays per motor", Role::Ours),
@@ -81,11 +76,7 @@ fn measure(
         let name = "two readings of the clock";
         variants.push(Variant::new(name, group, Role::Floor, floor.clone()));
         for ((.., name, role), measured) in MODELS.iter().zip(&models) {
-            let durations = if group == INVERSE {
-                &measured.inverse
-            } else {
-                &measured.forward
-            };
+            let durations = if group == INVERSE { &measured.inverse } else { &measured.forward };
             variants.push(Variant::new(name, group, *role, durations.clone()));
         }
     }
@@ -99,10 +90,7 @@ fn measure(
                 covariance (forward)",
         load: monitor.stop(),
         scheduling: vec![scheduling.replace("receiving thread", "calling thread")],
-        notes: [note.to_owned()]
-            .into_iter()
-            .chain(machine.notes())
-            .collect(),
+        notes: [note.to_owned()].into_iter().chain(machine.notes()).collect(),
         machine,
         variants,
         quantities: Vec::new(),
@@ -129,16 +117,10 @@ impl MeasuredModel {
     fn call_all(&mut self) {
         for tick in &self.ticks {
             let begin = clock::now();
-            black_box(
-                self.model
-                    .invert(black_box(&tick.goal), &tick.memory, &tick.query),
-            );
+            black_box(self.model.invert(black_box(&tick.goal), &tick.memory, &tick.query));
             self.inverse.push(clock::now().since(begin));
             let begin = clock::now();
-            black_box(
-                self.model
-                    .predict(black_box(&tick.query.start), &tick.memory),
-            );
+            black_box(self.model.predict(black_box(&tick.query.start), &tick.memory));
             self.forward.push(clock::now().since(begin));
         }
     }

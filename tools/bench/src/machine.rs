@@ -29,10 +29,7 @@ pub struct Machine {
 }
 
 fn read(path: &str) -> String {
-    fs::read_to_string(path)
-        .unwrap_or_default()
-        .trim()
-        .to_owned()
+    fs::read_to_string(path).unwrap_or_default().trim().to_owned()
 }
 
 /// The preemption model in the version of the kernel.
@@ -43,9 +40,7 @@ fn preemption(version: &str, real_time: bool) -> String {
     let word = version
         .split_whitespace()
         .find(|word| word.starts_with("PREEMPT") || word.starts_with("(PREEMPT"));
-    word.unwrap_or("no preemption named")
-        .trim_matches(['(', ')'])
-        .to_owned()
+    word.unwrap_or("no preemption named").trim_matches(['(', ')']).to_owned()
 }
 
 fn real_time_share(runtime: &str, period: &str) -> Option<f64> {
@@ -63,10 +58,7 @@ impl Machine {
             line.and_then(|line| line.split(": ").nth(1))
         };
         // All processors, not only those that this thread may use.
-        let processors = cpu
-            .lines()
-            .filter(|line| line.starts_with("processor"))
-            .count();
+        let processors = cpu.lines().filter(|line| line.starts_with("processor")).count();
         let is_realtime = Path::new("/sys/kernel/realtime").exists();
         Self {
             processor: value("model name").unwrap_or("unknown").to_owned(),
@@ -88,11 +80,7 @@ impl Machine {
     /// The machine in one sentence.
     #[must_use]
     pub fn description(&self) -> String {
-        let kind = if self.is_virtual {
-            "virtual machine"
-        } else {
-            "no virtual machine"
-        };
+        let kind = if self.is_virtual { "virtual machine" } else { "no virtual machine" };
         let mut text = format!(
             "{}, {} processors, {kind}; Linux {}, {}, clock {}",
             self.processor, self.processors, self.kernel, self.preemption, self.clock
@@ -110,16 +98,8 @@ impl Machine {
     #[must_use]
     pub fn notes(&self) -> Vec<String> {
         let debug = cfg!(debug_assertions).then_some(DEBUG_NOTE);
-        let notes = if self.is_virtual {
-            VIRTUAL_NOTES
-        } else {
-            REAL_NOTES
-        };
-        debug
-            .iter()
-            .chain(notes)
-            .map(|note| (*note).to_owned())
-            .collect()
+        let notes = if self.is_virtual { VIRTUAL_NOTES } else { REAL_NOTES };
+        debug.iter().chain(notes).map(|note| (*note).to_owned()).collect()
     }
 }
 
@@ -154,10 +134,7 @@ impl SystemLoad {
     /// The load in one sentence.
     #[must_use]
     pub fn description(&self) -> String {
-        let Self {
-            busy_percent: busy,
-            stolen_percent: stolen,
-        } = self;
+        let Self { busy_percent: busy, stolen_percent: stolen } = self;
         format!("{busy:.0} % of all processors in use, {stolen:.1} % stolen by the host")
     }
 }
@@ -188,10 +165,7 @@ impl LoadMonitor {
         let share = |before: u64, after: u64| 100.0 * after.saturating_sub(before) as f64 / total;
         let stolen_percent = share(before.stolen, after.stolen);
         let busy = 100.0 - share(before.idle, after.idle) - stolen_percent;
-        SystemLoad {
-            busy_percent: busy.clamp(0.0, 100.0),
-            stolen_percent,
-        }
+        SystemLoad { busy_percent: busy.clamp(0.0, 100.0), stolen_percent }
     }
 }
 
@@ -201,11 +175,7 @@ fn times(stat: &str) -> Times {
     let fields = first.split_whitespace().skip(1).take(8);
     let fields: Vec<u64> = fields.map(|field| field.parse().unwrap_or(0)).collect();
     let field = |index: usize| fields.get(index).copied().unwrap_or(0);
-    Times {
-        idle: field(3) + field(4),
-        stolen: field(7),
-        total: fields.iter().sum(),
-    }
+    Times { idle: field(3) + field(4), stolen: field(7), total: fields.iter().sum() }
 }
 
 #[cfg(test)]
@@ -214,16 +184,9 @@ mod tests {
 
     #[test]
     fn the_files_of_the_kernel_are_read() {
-        let Times {
-            idle,
-            stolen,
-            total,
-        } = times("cpu  100 1 50 800 20 3 4 22 5 6\ncpu0 1 2 3");
+        let Times { idle, stolen, total } = times("cpu  100 1 50 800 20 3 4 22 5 6\ncpu0 1 2 3");
         assert_eq!((idle, stolen, total), (820, 22, 1000));
-        assert_eq!(
-            preemption("#1 SMP PREEMPT_DYNAMIC Debian 6.1", false),
-            "PREEMPT_DYNAMIC"
-        );
+        assert_eq!(preemption("#1 SMP PREEMPT_DYNAMIC Debian 6.1", false), "PREEMPT_DYNAMIC");
         assert_eq!(preemption("#1 SMP", false), "no preemption named");
         assert_eq!(preemption("", true), "PREEMPT_RT");
         assert_eq!(real_time_share("950000", "1000000"), Some(95.0));
@@ -232,16 +195,8 @@ mod tests {
 
     #[test]
     fn the_notes_of_a_virtual_machine_name_its_limits() {
-        let machine = Machine {
-            is_virtual: true,
-            ..Machine::detect()
-        };
-        assert!(
-            machine
-                .notes()
-                .iter()
-                .any(|note| note.contains("Cannot be shown here"))
-        );
+        let machine = Machine { is_virtual: true, ..Machine::detect() };
+        assert!(machine.notes().iter().any(|note| note.contains("Cannot be shown here")));
         assert!(machine.description().contains("virtual machine"));
     }
 }

@@ -114,10 +114,7 @@ fn map(counts: [f64; 2]) -> ([f64; 2], [[f64; 2]; 2]) {
     let gain = GAIN_DEG * 0.5_f64.sqrt();
     (
         [gain * (a - b), gain * (a + b)],
-        [
-            [gain * a_slope, -gain * b_slope],
-            [gain * a_slope, gain * b_slope],
-        ],
+        [[gain * a_slope, -gain * b_slope], [gain * a_slope, gain * b_slope]],
     )
 }
 
@@ -126,10 +123,8 @@ fn mixture(components: usize) -> MixtureParameters {
     const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
     let width = 1.1 * REACH / (components as f64).sqrt();
     let center = |k: usize| {
-        let (radius, angle) = (
-            REACH * ((k as f64 + 0.5) / components as f64).sqrt(),
-            GOLDEN_ANGLE * k as f64,
-        );
+        let (radius, angle) =
+            (REACH * ((k as f64 + 0.5) / components as f64).sqrt(), GOLDEN_ANGLE * k as f64);
         [radius * angle.cos(), radius * angle.sin()]
     };
     let mean = |k: usize| center(k).into_iter().chain(map(center(k)).0).collect();
@@ -140,9 +135,7 @@ fn mixture(components: usize) -> MixtureParameters {
         let entry = |i: usize, j: usize| {
             width * width * (rows[i][0] * rows[j][0] + rows[i][1] * rows[j][1]) + noise(i, j)
         };
-        (0..4)
-            .map(|i| (0..4).map(|j| entry(i, j)).collect())
-            .collect()
+        (0..4).map(|i| (0..4).map(|j| entry(i, j)).collect()).collect()
     };
     MixtureParameters {
         weights: vec![1.0 / components as f64; components],
@@ -152,12 +145,9 @@ fn mixture(components: usize) -> MixtureParameters {
 }
 
 fn play_parameters(plays: usize) -> PlayParameters {
-    let thresholds: Vec<f64> = (0..=plays)
-        .map(|j| WIDEST * j as f64 / plays as f64)
-        .collect();
-    let weights: Vec<f64> = (0..=plays)
-        .map(|j| if j == 0 { 0.4 } else { 0.6 / plays as f64 })
-        .collect();
+    let thresholds: Vec<f64> = (0..=plays).map(|j| WIDEST * j as f64 / plays as f64).collect();
+    let weights: Vec<f64> =
+        (0..=plays).map(|j| if j == 0 { 0.4 } else { 0.6 / plays as f64 }).collect();
     PlayParameters {
         thresholds_counts: vec![thresholds; 2],
         weights: vec![weights; 2],
@@ -179,9 +169,7 @@ fn generalised_plays(plays: usize) -> PrandtlIshlinskiiParameters {
     PrandtlIshlinskiiParameters {
         centre_counts: vec![0.0; 2],
         direct_weights: vec![0.4; 2],
-        plays: (0..2)
-            .flat_map(|motor| (0..plays).map(move |j| play(motor, j)))
-            .collect(),
+        plays: (0..2).flat_map(|motor| (0..plays).map(move |j| play(motor, j))).collect(),
     }
 }
 
@@ -201,10 +189,7 @@ fn stop_parameters(segments: usize) -> StopParameters {
             stiffening: 2e-5,
             limit: 60.0 * rank / segments as f64,
         };
-        StopSegment {
-            axes: vec![axis; 2],
-            friction: rank,
-        }
+        StopSegment { axes: vec![axis; 2], friction: rank }
     };
     let stop = |(stiffness, share)| StopElement { stiffness, share };
     StopParameters {
@@ -224,38 +209,20 @@ fn residual(lags: usize) -> ResidualParameters {
     let (shape_degree, lag_degree) = (5, 2);
     let features = count::<2>(shape_degree, lag_degree, lags);
     let coefficients = (0..2)
-        .map(|i| {
-            (0..features)
-                .map(|j| 0.01 * ((i + 3 * j) as f64).sin())
-                .collect()
-        })
+        .map(|i| (0..features).map(|j| 0.01 * ((i + 3 * j) as f64).sin()).collect())
         .collect();
-    ResidualParameters {
-        scale_counts: REACH,
-        shape_degree,
-        lag_degree,
-        coefficients,
-    }
+    ResidualParameters { scale_counts: REACH, shape_degree, lag_degree, coefficients }
 }
 
 fn file(family: FamilyParameters, hull: HullParameters) -> ModelFile {
-    let fit = FitMetrics {
-        r2: 1.0,
-        rmsd: 0.0,
-        nrmsd: 0.0,
-        mae: 0.0,
-        max: 0.0,
-    };
+    let fit = FitMetrics { r2: 1.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 };
     ModelFile {
         slow_error: None,
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),
         outputs: ["pitch", "yaw"]
-            .map(|name| OutputSpec {
-                name: name.to_owned(),
-                unit: OutputUnit::Deg,
-            })
+            .map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg })
             .to_vec(),
         family,
         hull,
@@ -271,12 +238,6 @@ fn file(family: FamilyParameters, hull: HullParameters) -> ModelFile {
             linear_gain: None,
         },
         worthless: None,
-        metrics: vec![
-            OutputMetrics {
-                training: fit,
-                held_out: None
-            };
-            2
-        ],
+        metrics: vec![OutputMetrics { training: fit, held_out: None }; 2],
     }
 }

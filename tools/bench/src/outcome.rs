@@ -34,22 +34,13 @@ impl Variant {
     /// A variant with its durations.
     #[must_use]
     pub fn new(name: &str, group: impl Into<String>, role: Role, durations: Durations) -> Self {
-        Self {
-            name: name.to_owned(),
-            group: group.into(),
-            role,
-            durations,
-        }
+        Self { name: name.to_owned(), group: group.into(), role, durations }
     }
 
     /// Its name, with a remark if it is the floor.
     #[must_use]
     pub fn display_name(&self) -> String {
-        let remark = if self.role == Role::Floor {
-            " (floor)"
-        } else {
-            ""
-        };
+        let remark = if self.role == Role::Floor { " (floor)" } else { "" };
         format!("{}{remark}", self.name)
     }
 }
@@ -69,11 +60,7 @@ impl Quantity {
     /// A number with its name and unit.
     #[must_use]
     pub fn new(name: impl Into<String>, value: f64, unit: &'static str) -> Self {
-        Self {
-            name: name.into(),
-            value,
-            unit,
-        }
+        Self { name: name.into(), value, unit }
     }
 }
 
@@ -130,15 +117,9 @@ impl BenchOutcome {
         if variant.role == Role::Floor || is_empty {
             return None;
         }
-        let (own, least) = (
-            variant.durations.percentiles(),
-            floor.durations.percentiles(),
-        );
+        let (own, least) = (variant.durations.percentiles(), floor.durations.percentiles());
         let ratio = |own: u64, least: u64| own as f64 / least.max(1) as f64;
-        Some(Ratio {
-            p50: ratio(own.p50, least.p50),
-            p99: ratio(own.p99, least.p99),
-        })
+        Some(Ratio { p50: ratio(own.p50, least.p50), p99: ratio(own.p99, least.p99) })
     }
 }
 
@@ -179,19 +160,12 @@ pub(crate) mod tests {
             variant("socket", "waiting", Role::Peer, 200_000),
             variant("alone", "other", Role::Ours, 5),
         ]);
-        let p50 = |index: usize| {
-            outcome
-                .ratio(&outcome.variants[index])
-                .map(|ratio| ratio.p50)
-        };
+        let p50 = |index: usize| outcome.ratio(&outcome.variants[index]).map(|ratio| ratio.p50);
         assert_eq!((p50(0), p50(2), p50(4)), (None, None, None));
         assert!((p50(1).unwrap() - 30_500.0 / 10_500.0).abs() < 0.01);
         assert!((p50(3).unwrap() - 200_500.0 / 100_500.0).abs() < 0.01);
         let groups = outcome.groups();
-        let names: Vec<_> = groups
-            .iter()
-            .map(|(name, variants)| (*name, variants.len()))
-            .collect();
+        let names: Vec<_> = groups.iter().map(|(name, variants)| (*name, variants.len())).collect();
         assert_eq!(names, [("polled", 2), ("waiting", 2), ("other", 1)]);
     }
 }

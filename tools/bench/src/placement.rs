@@ -56,10 +56,7 @@ impl ThreadPlacement {
 
 /// Requests a SCHED_FIFO priority for the calling thread.
 pub(crate) fn request_priority(priority: u8) {
-    let _ = request(Wanted {
-        priority,
-        ..Wanted::default()
-    });
+    let _ = request(Wanted { priority, ..Wanted::default() });
 }
 
 /// What was granted, and what was refused with the reason.

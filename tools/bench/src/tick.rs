@@ -130,11 +130,7 @@ impl AdaptingCycle {
             self.frames.pop_front();
         }
         let servo = Some(self.control.servo_command(goal(self.seconds)));
-        let inputs = SimulatedInputs {
-            servo,
-            external,
-            ..SimulatedInputs::default()
-        };
+        let inputs = SimulatedInputs { servo, external, ..SimulatedInputs::default() };
         self.control.tick(Motors::AtTargets, inputs);
         external.is_some()
     }

@@ -67,9 +67,8 @@ impl DriveRig {
         let snake = folder.path().join("snake.toml");
         std::fs::write(&snake, SNAKE)
             .map_err(BenchError::system("write to the temporary folder"))?;
-        let snake = SnakeConfig::load(&snake).map_err(|_| BenchError::Timeout {
-            what: "the emulated snake cannot be loaded",
-        })?;
+        let snake = SnakeConfig::load(&snake)
+            .map_err(|_| BenchError::Timeout { what: "the emulated snake cannot be loaded" })?;
         let mut config = EmulatorConfig::new(snake, &folder.path().join("ports"));
         config.line.processing_us = lines.processing_us.unwrap_or(config.line.processing_us);
         config.line.baud = lines.baud.unwrap_or(config.line.baud);
@@ -78,11 +77,7 @@ impl DriveRig {
             config.drives[1].node_id = 2;
         }
         let serial_numbers = config.drives.clone().map(|drive| drive.serial_number);
-        Ok(Self {
-            emulator: Emulator::start(config)?,
-            serial_numbers,
-            folder,
-        })
+        Ok(Self { emulator: Emulator::start(config)?, serial_numbers, folder })
     }
 
     pub(crate) fn port(&self, motor: usize) -> PortConfig {
@@ -139,10 +134,7 @@ pub fn run(
     is_interrupted: &dyn Fn() -> bool,
 ) -> Result<BenchOutcome, BenchError> {
     let monitor = LoadMonitor::start();
-    let rig = DriveRig::start(RigLines {
-        processing_us: Some(0),
-        ..RigLines::default()
-    })?;
+    let rig = DriveRig::start(RigLines { processing_us: Some(0), ..RigLines::default() })?;
     let bare = bare_loop(&rig, seconds, priority, is_interrupted)?;
     let driver = driver(&rig, seconds, priority, is_interrupted)?;
     let log = rig.emulator.log();
@@ -156,28 +148,15 @@ pub fn run(
             "threads that own a port: SCHED_FIFO {priority} requested (0: none)"
         )],
         variants: vec![
-            Variant::new(
-                "a loop that does nothing else",
-                GROUP,
-                Role::Floor,
-                bare.durations(&log),
-            ),
+            Variant::new("a loop that does nothing else", GROUP, Role::Floor, bare.durations(&log)),
             Variant::new("the driver", GROUP, Role::Ours, driver.durations(&log)),
         ],
         quantities: vec![
             Quantity::new("the wire allows, a line", LIMIT, "exchanges/s"),
             Quantity::new("two exchanges on the wire", 2e6 / LIMIT, "us"),
-            Quantity::new(
-                "a bare loop reaches, a line",
-                bare.exchanges_per_s(),
-                "exchanges/s",
-            ),
+            Quantity::new("a bare loop reaches, a line", bare.exchanges_per_s(), "exchanges/s"),
             Quantity::new("a bare loop uses", share(&bare), "% of the wire"),
-            Quantity::new(
-                "the driver reaches, a line",
-                driver.exchanges_per_s(),
-                "exchanges/s",
-            ),
+            Quantity::new("the driver reaches, a line", driver.exchanges_per_s(), "exchanges/s"),
             Quantity::new("the driver uses", share(&driver), "% of the wire"),
             Quantity::new(
                 "the driver against the bare loop",
@@ -185,11 +164,7 @@ pub fn run(
                 "%",
             ),
             Quantity::new("time-outs of the driver", driver.timeouts as f64, ""),
-            Quantity::new(
-                "rules broken by the host",
-                rig.emulator.host_bugs() as f64,
-                "",
-            ),
+            Quantity::new("rules broken by the host", rig.emulator.host_bugs() as f64, ""),
         ],
         notes: machine.notes(),
         machine,
@@ -273,10 +248,7 @@ pub(crate) fn drive(
     let (mut links, mut runners) = (Vec::new(), Vec::new());
     for port in ports {
         let port = PortConfig {
-            polling: Polling {
-                status_every_rounds: 50,
-                slow_every_rounds: 1000,
-            },
+            polling: Polling { status_every_rounds: 50, slow_every_rounds: 1000 },
             ..port.clone()
         };
         let (runner, ends) = Port::open(&port)?.bring_up()?.split();
@@ -336,14 +308,9 @@ fn wait_for_phase(
     phase: AxisPhase,
 ) -> Result<(), BenchError> {
     let start = clock::now();
-    while links
-        .iter_mut()
-        .any(|link| link.feedback.read().phase != phase)
-    {
+    while links.iter_mut().any(|link| link.feedback.read().phase != phase) {
         if clock::now().since(start) > TIMEOUT {
-            return Err(BenchError::Timeout {
-                what: "the emulated drives were not enabled",
-            });
+            return Err(BenchError::Timeout { what: "the emulated drives were not enabled" });
         }
         for (link, request) in links.iter_mut().zip(&mut *requests) {
             write(link, request);
@@ -359,8 +326,5 @@ fn write(link: &mut AxisLink, request: &mut AxisRequest) {
 }
 
 fn counters(links: &mut [AxisLink]) -> Vec<LinkCounters> {
-    links
-        .iter_mut()
-        .map(|link| link.feedback.read().counters)
-        .collect()
+    links.iter_mut().map(|link| link.feedback.read().counters).collect()
 }

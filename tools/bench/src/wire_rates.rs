@@ -65,11 +65,7 @@ pub fn run(
             let floor = bare_round(rates, *baud, *axes, is_interrupted)?;
             let wire_us = 2.0 * wire_time_us(*baud) * *axes as f64;
             let share = 100.0 * wire_us * 1e3 / floor.percentiles().p50.max(1) as f64;
-            quantities.push(Quantity::new(
-                format!("{group}: bytes alone"),
-                wire_us,
-                "us",
-            ));
+            quantities.push(Quantity::new(format!("{group}: bytes alone"), wire_us, "us"));
             quantities.push(Quantity::new(
                 format!("{group}: use of the wire by the bare loop"),
                 share,
@@ -96,10 +92,7 @@ pub fn run(
         )],
         variants,
         quantities,
-        notes: [note.to_owned()]
-            .into_iter()
-            .chain(machine.notes())
-            .collect(),
+        notes: [note.to_owned()].into_iter().chain(machine.notes()).collect(),
         machine,
     })
 }
@@ -119,11 +112,7 @@ fn wire_time_us(baud: u32) -> f64 {
 }
 
 fn rig(baud: u32, axes: usize) -> Result<DriveRig, BenchError> {
-    DriveRig::start(RigLines {
-        processing_us: Some(0),
-        baud: Some(baud),
-        is_shared: axes > 1,
-    })
+    DriveRig::start(RigLines { processing_us: Some(0), baud: Some(baud), is_shared: axes > 1 })
 }
 
 /// The time of a round of a bare loop over all axes of a port.

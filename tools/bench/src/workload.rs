@@ -33,15 +33,8 @@ pub fn workload(model: &Model) -> Vec<QueryTick> {
         let turn = TAU * number as f64 / TICKS as f64;
         let radius = (12.0 + 4.0 * (7.0 * turn).sin()) * PI / 180.0;
         let goal = [radius * turn.cos(), radius * turn.sin(), 0.0];
-        let query = Query {
-            correction: Some(model.correction(&memory)),
-            ..Query::new(start)
-        };
-        let tick = QueryTick {
-            memory,
-            goal,
-            query,
-        };
+        let query = Query { correction: Some(model.correction(&memory)), ..Query::new(start) };
+        let tick = QueryTick { memory, goal, query };
         start = model.invert(&goal, &memory, &query).counts;
         model.advance(&mut memory, &start);
         tick

@@ -14,12 +14,7 @@ fn text(bytes: &[u8]) -> String {
 /// Runs a benchmark as JSON, with normal scheduling, because other tests run at the same time.
 fn bench(arguments: &[&str]) -> serde_json::Value {
     let output = program::output(
-        &[
-            &["bench"],
-            arguments,
-            &["--json", "--priority", "0", "--unpinned"],
-        ]
-        .concat(),
+        &[&["bench"], arguments, &["--json", "--priority", "0", "--unpinned"]].concat(),
     );
     assert!(output.status.success(), "{}", text(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
@@ -37,21 +32,11 @@ fn check_outcome(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
             "{variant}"
         );
         let compared = variant["role"] != "floor"
-            && groups_with_floor
-                .iter()
-                .any(|group| variant["group"] == *group);
+            && groups_with_floor.iter().any(|group| variant["group"] == *group);
         assert_eq!(variant["x_floor"]["p50"].is_f64(), compared, "{variant}");
     }
-    assert!(
-        outcome["machine"]["kernel"]
-            .as_str()
-            .is_some_and(|kernel| !kernel.is_empty())
-    );
-    assert!(
-        outcome["notes"]
-            .as_array()
-            .is_some_and(|notes| !notes.is_empty())
-    );
+    assert!(outcome["machine"]["kernel"].as_str().is_some_and(|kernel| !kernel.is_empty()));
+    assert!(outcome["notes"].as_array().is_some_and(|notes| !notes.is_empty()));
 }
 
 #[test]
@@ -61,45 +46,26 @@ fn every_variant_is_measured_and_compared_with_its_floor() {
     assert_eq!(outcome["variants"].as_array().unwrap().len(), 12);
     let outcome = bench(&["loop", "--duration-s", "1"]);
     check_outcome(&outcome, &["lateness", "compute"]);
-    check_outcome(
-        &bench(&["inverse", "--rounds", "1"]),
-        &["inverse", "forward"],
-    );
+    check_outcome(&bench(&["inverse", "--rounds", "1"]), &["inverse", "forward"]);
 }
 
 #[test]
 fn the_use_of_the_wire_is_measured_and_written_as_a_page() {
     let folder = tempfile::tempdir().unwrap();
-    let outcome = bench(&[
-        "wire",
-        "--duration-s",
-        "1",
-        "--output",
-        folder.path().to_str().unwrap(),
-    ]);
+    let outcome =
+        bench(&["wire", "--duration-s", "1", "--output", folder.path().to_str().unwrap()]);
     check_outcome(&outcome, &["set-point to set-point"]);
     let quantity = |name: &str| {
         let all = outcome["quantities"].as_array().unwrap();
-        all.iter()
-            .find(|quantity| quantity["name"] == name)
-            .unwrap()["value"]
-            .as_f64()
-            .unwrap()
+        all.iter().find(|quantity| quantity["name"] == name).unwrap()["value"].as_f64().unwrap()
     };
     // The emulator paces bytes: the wire is the upper limit.
     for name in ["a bare loop uses", "the driver uses"] {
-        assert!(
-            (1.0..103.0).contains(&quantity(name)),
-            "{name}: {}",
-            quantity(name)
-        );
+        assert!((1.0..103.0).contains(&quantity(name)), "{name}: {}", quantity(name));
     }
     assert_eq!(quantity("rules broken by the host"), 0.0);
     for name in ["wire.json", "wire.hlog", "wire.svg", "index.html"] {
-        assert!(
-            fs::metadata(folder.path().join(name)).unwrap().len() > 500,
-            "{name}"
-        );
+        assert!(fs::metadata(folder.path().join(name)).unwrap().len() > 500, "{name}");
     }
 }
 
@@ -116,10 +82,7 @@ fn without_a_controller_e2e_fails_with_a_reason() {
         "/nonexistent/i2ris-control",
     ]);
     let error = text(&output.stderr);
-    assert!(
-        !output.status.success() && error.contains("cannot start the controller"),
-        "{error}"
-    );
+    assert!(!output.status.success() && error.contains("cannot start the controller"), "{error}");
 }
 
 /// The controller is a program of another package: it exists after a build of the workspace.
@@ -130,13 +93,7 @@ fn a_command_is_measured_to_the_wire_and_back() {
         eprintln!("skipped: there is no {}", controller.display());
         return;
     }
-    let outcome = bench(&[
-        "e2e",
-        "--commands",
-        "80",
-        "--controller",
-        controller.to_str().unwrap(),
-    ]);
+    let outcome = bench(&["e2e", "--commands", "80", "--controller", controller.to_str().unwrap()]);
     let arrived = "command to last byte of the set-point";
     let seen = "command to encoder position at the client";
     check_outcome(&outcome, &[arrived, seen]);
@@ -165,25 +122,14 @@ fn several_rates_of_the_loop_have_a_floor_each() {
 
 #[test]
 fn the_wire_is_measured_over_rates_and_axes() {
-    let outcome = bench(&[
-        "wire",
-        "--duration-s",
-        "1",
-        "--baud",
-        "115200,1000000",
-        "--axes",
-        "1,3",
-    ]);
-    let groups = [
-        "115200 baud, 1 axis per port",
-        "1000000 baud, 1 axis per port",
-    ];
+    let outcome =
+        bench(&["wire", "--duration-s", "1", "--baud", "115200,1000000", "--axes", "1,3"]);
+    let groups = ["115200 baud, 1 axis per port", "1000000 baud, 1 axis per port"];
     check_outcome(&outcome, &groups);
     let floor = |group: &str| {
         let variants = outcome["variants"].as_array().unwrap();
-        let floor = variants
-            .iter()
-            .find(|variant| variant["group"] == group && variant["role"] == "floor");
+        let floor =
+            variants.iter().find(|variant| variant["group"] == group && variant["role"] == "floor");
         floor.unwrap()["spans_ns"]["p50"].as_f64().unwrap()
     };
     // The emulator paces bytes: three axes take three times the bytes of one.
@@ -195,13 +141,8 @@ fn the_wire_is_measured_over_rates_and_axes() {
 #[test]
 fn growth_is_written_as_a_page_with_exponents() {
     let folder = tempfile::tempdir().unwrap();
-    let output = program::output(&[
-        "bench",
-        "scale",
-        "--json",
-        "--output",
-        folder.path().to_str().unwrap(),
-    ]);
+    let output =
+        program::output(&["bench", "scale", "--json", "--output", folder.path().to_str().unwrap()]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let outcome: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let curves = outcome["curves"].as_array().unwrap();
@@ -214,10 +155,7 @@ fn growth_is_written_as_a_page_with_exponents() {
         "clients",
         "axes",
     ] {
-        let found: Vec<_> = curves
-            .iter()
-            .filter(|curve| curve["group"] == group)
-            .collect();
+        let found: Vec<_> = curves.iter().filter(|curve| curve["group"] == group).collect();
         assert!(!found.is_empty(), "{group}");
         for curve in found {
             let points = curve["points"].as_array().unwrap();
@@ -226,11 +164,7 @@ fn growth_is_written_as_a_page_with_exponents() {
         }
     }
     let page = fs::read_to_string(folder.path().join("scale.html")).unwrap();
-    assert!(
-        page.contains("<svg") && page.contains("exponent"),
-        "{}",
-        page.len()
-    );
+    assert!(page.contains("<svg") && page.contains("exponent"), "{}", page.len());
 }
 
 #[test]
@@ -261,11 +195,7 @@ fn two_versions_are_measured_in_turns_and_compared() {
     let changes: serde_json::Value = serde_json::from_slice(&measured.stdout).unwrap();
     let changes = changes.as_array().unwrap();
     assert_eq!(changes.len(), 10, "{changes:?}");
-    assert!(
-        changes
-            .iter()
-            .all(|change| change["pairs"] == 2 && change["moved"].is_boolean())
-    );
+    assert!(changes.iter().all(|change| change["pairs"] == 2 && change["moved"].is_boolean()));
     // The files can be compared again, and are readable to the eye.
     let again = program::output(&["bench", "compare", old, new]);
     assert!(text(&again.stdout).contains("medians moved beyond the noise"));

@@ -58,10 +58,9 @@ const PARTS: usize = 4;
 const FAMILIES: [Family; 2] = [Family::GmrPlay, Family::GmrPrandtlIshlinskii];
 
 fn main() {
-    if let (Some(first), Some(second)) = (
-        read("tee_probe/motor1_first.csv"),
-        read("tee_probe/motor1_second.csv"),
-    ) {
+    if let (Some(first), Some(second)) =
+        (read("tee_probe/motor1_first.csv"), read("tee_probe/motor1_second.csv"))
+    {
         println!("tee_probe: the second sweep by models of the first");
         for family in FAMILIES {
             replay(family, &first, &second, 0);
@@ -99,10 +98,7 @@ fn read(name: &str) -> Option<Recording> {
 
 /// Errors from row `from` on: as calibrated, as applied, and of the estimate.
 fn replay(family: Family, training: &Recording, tested: &Recording, from: usize) {
-    let options = FitOptions {
-        choice: Choice::One(family),
-        ..FitOptions::default()
-    };
+    let options = FitOptions { choice: Choice::One(family), ..FitOptions::default() };
     let model = fit(training, &options, &Silent).unwrap().model;
     println!("  {family}, slow error {:.3?}", model.file().slow_error);
     let is_other_recording = from == 0;
@@ -155,10 +151,7 @@ fn replay(family: Family, training: &Recording, tested: &Recording, from: usize)
             println!("    applied       {}", shown(applied, model.outputs()));
             println!("    estimate      {}", shown(expected, model.outputs()));
             println!("    estimate {:.3?}", report.estimate);
-            println!(
-                "    applied  {:.3?}\n    {:?}",
-                report.applied, report.frames
-            );
+            println!("    applied  {:.3?}\n    {:?}", report.applied, report.frames);
             let pauses: Vec<_> = report.pauses.iter().collect();
             println!("    pauses {pauses:?}, taken back {}", report.taken_back);
         } else {
@@ -187,10 +180,7 @@ fn shown(errors: &[[f64; 2]], outputs: usize) -> String {
         let each = (0..outputs).map(|output| format!("{:.3}", rms(errors, output)));
         each.collect::<Vec<_>>().join("/")
     };
-    let parts: Vec<_> = errors
-        .chunks(errors.len().div_ceil(PARTS))
-        .map(of)
-        .collect();
+    let parts: Vec<_> = errors.chunks(errors.len().div_ceil(PARTS)).map(of).collect();
     format!("{} deg; in parts {}", of(errors), parts.join("  "))
 }
 
@@ -210,10 +200,8 @@ impl Robot {
     /// `adaptation`: `None` for none.
     fn new(model: &Arc<Model>, adaptation: Option<AdaptationConfig>) -> Self {
         let mut config = without_limits(&config(model));
-        config.adaptation = AdaptationConfig {
-            enabled: adaptation.is_some(),
-            ..adaptation.unwrap_or_default()
-        };
+        config.adaptation =
+            AdaptationConfig { enabled: adaptation.is_some(), ..adaptation.unwrap_or_default() };
         // What a recording shows against its model is judged here; it is no fault.
         config.plausibility.distance_deg = 0.0;
         let control = SimulatedLoop::new(&config, model);
@@ -316,17 +304,11 @@ fn without(applied: &Drift, pose: OutputVec) -> [f64; 2] {
     let [[a, b], [c, d]] = applied.gain;
     let determinant = (1.0 + a) * (1.0 + d) - b * c;
     let [x, y] = [pose[0] - applied.zero[0], pose[1] - applied.zero[1]];
-    [
-        ((1.0 + d) * x - b * y) / determinant,
-        ((1.0 + a) * y - c * x) / determinant,
-    ]
+    [((1.0 + d) * x - b * y) / determinant, ((1.0 + a) * y - c * x) / determinant]
 }
 
 fn with(drift: &Drift, model: &Model, pose: [f64; 2]) -> [f64; 2] {
-    let slow = model
-        .file()
-        .slow_error
-        .map_or([0.0; 2], |slow| slow.direction);
+    let slow = model.file().slow_error.map_or([0.0; 2], |slow| slow.direction);
     [0, 1].map(|output| {
         let [a, b] = drift.gain[output];
         let zero = drift.zero[output] + slow[output] * drift.slow;

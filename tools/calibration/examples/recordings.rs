@@ -28,19 +28,16 @@ fn main() {
         let split = Split::new(&snake, HoldOut::LastCycle).unwrap();
         later_rows(&snake, split.training().count());
     }
-    if let (Some(first), Some(second)) = (
-        read("tee_probe/motor1_first.csv"),
-        read("tee_probe/motor1_second.csv"),
-    ) {
+    if let (Some(first), Some(second)) =
+        (read("tee_probe/motor1_first.csv"), read("tee_probe/motor1_second.csv"))
+    {
         println!("tee_probe: trained on the first sweep, tested on the second, means taken off");
         sweeps(&first, &second);
     }
 }
 
 fn read(name: &str) -> Option<Recording> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../../../shared/data")
-        .join(name);
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
     if !path.exists() {
         println!("skipped: {} is absent", path.display());
         return None;
@@ -74,17 +71,10 @@ fn each_family(training: &Recording, test: impl Fn(&Model) -> String) {
         };
         println!("  {name:<24} {result}   ({:.1} s)", family.seconds);
         if let Some(mechanism) = &family.mechanism {
-            println!(
-                "    {}",
-                mechanism.to_string().trim_end().replace('\n', "\n    ")
-            );
+            println!("    {}", mechanism.to_string().trim_end().replace('\n', "\n    "));
         }
     }
-    println!(
-        "  default: {}   tested {}",
-        outcome.family,
-        test(&outcome.model)
-    );
+    println!("  default: {}   tested {}", outcome.family, test(&outcome.model));
 }
 
 /// The second sweep began on the other branch than the one where the first sweep ended: over its
@@ -117,9 +107,7 @@ fn sweep_error(model: &Model, before: Option<&Recording>, recording: &Recording)
     let errors = recording.rows().iter().zip(&predicted);
     let errors: Vec<f64> = errors.map(|(row, found)| row.outputs[0] - found).collect();
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-    let centred = errors
-        .iter()
-        .map(|error| ([*error, 0.0, 0.0], [mean, 0.0, 0.0]));
+    let centred = errors.iter().map(|error| ([*error, 0.0, 0.0], [mean, 0.0, 0.0]));
     rms(centred, 1)
 }
 
@@ -133,13 +121,7 @@ fn rms(pairs: impl Iterator<Item = (Outputs, Outputs)>, outputs: usize) -> Strin
             *sum += (m - p).powi(2);
         }
     }
-    let each: Vec<String> = squares
-        .iter()
-        .map(|sum| format!("{:.3}", (sum / rows).sqrt()))
-        .collect();
-    format!(
-        "{} ({:.3})",
-        each.join("/"),
-        (squares.iter().sum::<f64>() / rows).sqrt()
-    )
+    let each: Vec<String> =
+        squares.iter().map(|sum| format!("{:.3}", (sum / rows).sqrt())).collect();
+    format!("{} ({:.3})", each.join("/"), (squares.iter().sum::<f64>() / rows).sqrt())
 }

@@ -31,10 +31,7 @@ mod tests {
 
     #[test]
     fn results_are_in_order() {
-        assert_eq!(
-            map(100, |i| i * i),
-            (0..100).map(|i| i * i).collect::<Vec<_>>()
-        );
+        assert_eq!(map(100, |i| i * i), (0..100).map(|i| i * i).collect::<Vec<_>>());
         assert!(map(0, |i| i).is_empty());
     }
 }

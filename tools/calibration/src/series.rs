@@ -100,10 +100,7 @@ impl Series {
 impl From<&crate::recording::Row> for Sample {
     fn from(row: &crate::recording::Row) -> Self {
         let (path_index, outputs) = (row.path_index, row.outputs);
-        Self {
-            path_index,
-            outputs,
-        }
+        Self { path_index, outputs }
     }
 }
 

@@ -13,10 +13,7 @@ impl DataTable {
     /// An empty table whose rows will have `width` numbers.
     #[must_use]
     pub fn new(width: usize) -> Self {
-        Self {
-            width,
-            values: Vec::new(),
-        }
+        Self { width, values: Vec::new() }
     }
 
     /// The rows of a matrix.

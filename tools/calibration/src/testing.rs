@@ -42,10 +42,7 @@ fn recorded(
 
 /// An output in degrees.
 pub(crate) fn degrees(name: &str) -> OutputSpec {
-    OutputSpec {
-        name: name.to_owned(),
-        unit: OutputUnit::Deg,
-    }
+    OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg }
 }
 
 /// Two motors on a circle about a centre, 2 rad per 4 s.
@@ -83,10 +80,7 @@ pub(crate) fn straight([a, b]: [f64; 2]) -> [f64; 2] {
 
 /// Options for tests that do not need the best of many starts.
 pub(crate) fn few_starts(restarts: usize) -> EmOptions {
-    EmOptions {
-        restarts,
-        ..EmOptions::default()
-    }
+    EmOptions { restarts, ..EmOptions::default() }
 }
 
 /// Runs something on so many threads.

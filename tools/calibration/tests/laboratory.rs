@@ -22,9 +22,7 @@ fn recording() -> Option<(Recording, ReadReport)> {
 }
 
 fn read(name: &str) -> Option<(Recording, ReadReport)> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../../../shared/data")
-        .join(name);
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
     if !path.exists() {
         println!("skipped: {} is absent", path.display());
         return None;
@@ -39,11 +37,7 @@ fn the_file_is_read_as_it_is() {
     };
     assert_eq!((report.rows, recording.rows().len()), (249, 244));
     assert_eq!(
-        report
-            .dropped
-            .iter()
-            .map(|row| row.line)
-            .collect::<Vec<_>>(),
+        report.dropped.iter().map(|row| row.line).collect::<Vec<_>>(),
         [38, 74, 97, 155, 160]
     );
     assert!(report.dropped.iter().all(|row| row.column == "yaws"));
@@ -52,10 +46,7 @@ fn the_file_is_read_as_it_is() {
         (first.line, first.time_s, first.counts),
         (2, Some(1_746_051_712.544_110_3), [257.0, -237.0])
     );
-    assert_eq!(
-        first.outputs,
-        [0.025_360_903_652_710_93, -2.566_746_434_736_078_4, 0.0]
-    );
+    assert_eq!(first.outputs, [0.025_360_903_652_710_93, -2.566_746_434_736_078_4, 0.0]);
 }
 
 #[test]
@@ -65,10 +56,7 @@ fn the_fourth_turn_is_held_out_and_a_mixture_fits_it_better_than_a_straight_mode
     };
     let options = FitOptions {
         choice: Choice::One(Family::Gmr),
-        em: EmOptions {
-            restarts: 5,
-            ..EmOptions::default()
-        },
+        em: EmOptions { restarts: 5, ..EmOptions::default() },
         hold_out: HoldOut::LastCycle,
         ..FitOptions::default()
     };
@@ -87,22 +75,12 @@ fn its_noise_and_its_limits_are_reported() {
         return;
     };
     let options = FitOptions {
-        em: EmOptions {
-            restarts: 1,
-            ..EmOptions::default()
-        },
+        em: EmOptions { restarts: 1, ..EmOptions::default() },
         ..FitOptions::default()
     };
     let survey = fit(&recording, &options, &Silent).unwrap().report.survey;
-    let noise: Vec<_> = survey
-        .noise
-        .iter()
-        .map(|noise| noise.unwrap().deviation)
-        .collect();
-    assert!(
-        (noise[0] - 0.2).abs() < 0.05 && (noise[1] - 0.4).abs() < 0.05,
-        "{noise:?}"
-    );
+    let noise: Vec<_> = survey.noise.iter().map(|noise| noise.unwrap().deviation).collect();
+    assert!((noise[0] - 0.2).abs() < 0.05 && (noise[1] - 0.4).abs() < 0.05, "{noise:?}");
     assert!(survey.spikes.is_empty());
     let [Warning::Hysteresis(Finding::Circulation { turns })] = survey.warnings[..] else {
         panic!("{:?}", survey.warnings)
@@ -115,29 +93,15 @@ fn flat(recording: &Recording, components: usize) -> Option<FlatSpot> {
     let options = FitOptions {
         choice: Choice::One(Family::Gmr),
         components: Components::Exactly(components),
-        em: EmOptions {
-            restarts: 5,
-            ..EmOptions::default()
-        },
+        em: EmOptions { restarts: 5, ..EmOptions::default() },
         hold_out: HoldOut::LastCycle,
         ..FitOptions::default()
     };
     let outcome = fit(recording, &options, &Silent).unwrap();
-    let rows = || {
-        outcome
-            .report
-            .training
-            .iter()
-            .map(|row| &recording.rows()[*row])
-    };
+    let rows = || outcome.report.training.iter().map(|row| &recording.rows()[*row]);
     let inputs = DataTable::from_rows(recording.motors(), rows().map(|row| row.counts));
     let outputs = DataTable::from_rows(recording.outputs().len(), rows().map(|row| row.outputs));
-    flat_spot(
-        &outcome.model,
-        &inputs,
-        &outputs,
-        &fit_linear(&inputs, &outputs).unwrap(),
-    )
+    flat_spot(&outcome.model, &inputs, &outputs, &fit_linear(&inputs, &outputs).unwrap())
 }
 
 #[test]
@@ -157,11 +121,7 @@ fn the_slack_zone_of_the_echo_probe_is_honest() {
             return;
         };
         for components in [4, 6] {
-            assert_eq!(
-                flat(&recording, components),
-                None,
-                "{name}, {components} components"
-            );
+            assert_eq!(flat(&recording, components), None, "{name}, {components} components");
         }
     }
 }

@@ -87,10 +87,8 @@ struct TeleopOptions {
 
 impl TeleopOptions {
     fn device(&self) -> Option<DeviceOption> {
-        let gamepad = |path: &PathBuf| DeviceOption::Gamepad {
-            path: path.clone(),
-            dead_man: self.dead_man,
-        };
+        let gamepad =
+            |path: &PathBuf| DeviceOption::Gamepad { path: path.clone(), dead_man: self.dead_man };
         if self.keyboard {
             Some(DeviceOption::Keyboard)
         } else {
@@ -104,11 +102,7 @@ impl TeleopOptions {
         device: DeviceOption,
         task: Option<ReachOptions>,
     ) -> teleop::Plan {
-        let step_deg = if task.is_some() {
-            FINE_STEP_DEG
-        } else {
-            STEP_DEG
-        };
+        let step_deg = if task.is_some() { FINE_STEP_DEG } else { STEP_DEG };
         teleop::Plan {
             device,
             speed_deg_s: stream.speed_deg_s,
@@ -268,12 +262,7 @@ impl StateWord {
 
 /// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    let Arguments {
-        domain,
-        stream,
-        teleop,
-        what,
-    } = arguments;
+    let Arguments { domain, stream, teleop, what } = arguments;
     let what = match (what, teleop.device()) {
         (Some(what), None) => what,
         (None, Some(device)) => {
@@ -289,19 +278,11 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         }
     };
     // A wrong file is refused before the robot moves.
-    let waypoints = if let What::File { csv } = &what {
-        Some(Waypoints::load(csv)?)
-    } else {
-        None
-    };
+    let waypoints = if let What::File { csv } = &what { Some(Waypoints::load(csv)?) } else { None };
     let mut client = Client::connect(&domain.domain()?, CONNECT)?;
     let interrupt = Interrupt::catch()?;
     let (name, path, duration_s) = match what {
-        What::State {
-            command,
-            no_wait,
-            json,
-        } => {
+        What::State { command, no_wait, json } => {
             let command = command.command();
             return if no_wait {
                 let state = client.state_command(command)?;
@@ -319,61 +300,29 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         }
         What::Fixture(command) => return fixture::run(&mut client, &command),
         What::Hold { duration_s } => ("hold", None, duration_s),
-        What::Pose {
-            pitch_deg,
-            yaw_deg,
-            duration_s,
-        } => (
-            "pose",
-            Some(Trajectory::Point([pitch_deg, yaw_deg])),
-            duration_s,
-        ),
-        What::Sine {
-            amplitude_deg,
-            periodic,
-        } => {
+        What::Pose { pitch_deg, yaw_deg, duration_s } => {
+            ("pose", Some(Trajectory::Point([pitch_deg, yaw_deg])), duration_s)
+        }
+        What::Sine { amplitude_deg, periodic } => {
             let (center, amplitude) = (pair(&periodic.center), pair(&amplitude_deg));
             (
                 "sine",
-                Some(Trajectory::Sine {
-                    center,
-                    amplitude,
-                    period_s: periodic.period_s,
-                }),
+                Some(Trajectory::Sine { center, amplitude, period_s: periodic.period_s }),
                 periodic.duration_s,
             )
         }
-        What::Circle {
-            radius_deg,
-            periodic,
-        } => {
+        What::Circle { radius_deg, periodic } => {
             let center = pair(&periodic.center);
-            let path = Trajectory::Circle {
-                center,
-                radius: radius_deg,
-                period_s: periodic.period_s,
-            };
+            let path =
+                Trajectory::Circle { center, radius: radius_deg, period_s: periodic.period_s };
             ("circle", Some(path), periodic.duration_s)
         }
         What::File { .. } => ("file", waypoints.map(Trajectory::Waypoints), None),
     };
-    let StreamOptions {
-        rate_hz,
-        speed_deg_s,
-        on_late,
-        prepare,
-    } = stream;
+    let StreamOptions { rate_hz, speed_deg_s, on_late, prepare } = stream;
     stream::run(
         &mut client,
-        Plan {
-            name,
-            trajectory: path,
-            duration_s,
-            rate_hz,
-            speed_deg_s,
-            on_late,
-            prepare,
-        },
+        Plan { name, trajectory: path, duration_s, rate_hz, speed_deg_s, on_late, prepare },
         &interrupt,
     )
 }
@@ -404,51 +353,33 @@ fn print_state(
 
 /// The command line takes exactly two values.
 fn pair(values: &[f64]) -> Angles {
-    [
-        values.first().copied().unwrap_or(0.0),
-        values.get(1).copied().unwrap_or(0.0),
-    ]
+    [values.first().copied().unwrap_or(0.0), values.get(1).copied().unwrap_or(0.0)]
 }
 
 fn finite(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if number.is_finite() {
-        Ok(number)
-    } else {
-        Err("must be finite".to_owned())
-    }
+    if number.is_finite() { Ok(number) } else { Err("must be finite".to_owned()) }
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    finite(text).and_then(|number| {
-        if number > 0.0 {
-            Ok(number)
-        } else {
-            Err("must be above 0".to_owned())
-        }
-    })
+    finite(text).and_then(
+        |number| {
+            if number > 0.0 { Ok(number) } else { Err("must be above 0".to_owned()) }
+        },
+    )
 }
 
 fn rate(text: &str) -> Result<f64, String> {
     let in_range = |number: &f64| (10.0..=1000.0).contains(number);
-    finite(text)
-        .ok()
-        .filter(in_range)
-        .ok_or_else(|| "must be 10 to 1000".to_owned())
+    finite(text).ok().filter(in_range).ok_or_else(|| "must be 10 to 1000".to_owned())
 }
 
 fn share(text: &str) -> Result<f64, String> {
     let in_range = |number: &f64| (0.01..=1.0).contains(number);
-    finite(text)
-        .ok()
-        .filter(in_range)
-        .ok_or_else(|| "must be 0.01 to 1".to_owned())
+    finite(text).ok().filter(in_range).ok_or_else(|| "must be 0.01 to 1".to_owned())
 }
 
 fn step(text: &str) -> Result<f64, String> {
     let in_range = |number: &f64| (0.01..=2.0).contains(number);
-    finite(text)
-        .ok()
-        .filter(in_range)
-        .ok_or_else(|| "must be 0.01 to 2".to_owned())
+    finite(text).ok().filter(in_range).ok_or_else(|| "must be 0.01 to 2".to_owned())
 }

@@ -69,10 +69,7 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
             serde_json::json!({ "file": file, "valid": true, "robot_id": robot, "motors": motors })
         );
     } else {
-        println!(
-            "{}: valid; robot {robot}, {motors} motor(s)",
-            file.display()
-        );
+        println!("{}: valid; robot {robot}, {motors} motor(s)", file.display());
         if let Some(delay_s) = config.command.tremor_filter_delay_s() {
             println!(
                 "the tremor filter of {} Hz delays the goal by {:.0} ms",

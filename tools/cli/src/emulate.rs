@@ -51,12 +51,7 @@ pub struct Arguments {
     )]
     ports: PathBuf,
     /// Domain of the controller that receives the frames of the camera
-    #[arg(
-        long,
-        env = "I2RIS_DOMAIN",
-        value_name = "NAME",
-        default_value = "i2ris"
-    )]
+    #[arg(long, env = "I2RIS_DOMAIN", value_name = "NAME", default_value = "i2ris")]
     domain: String,
     /// Write every set-point, change of state and broken rule to a CSV file
     #[arg(long, value_name = "FILE")]
@@ -130,10 +125,7 @@ impl Arguments {
         config.camera.noise_deg = self.camera_noise_deg;
         config.log.clone_from(&self.log);
         if self.family == FamilyName::Epos2 {
-            config
-                .drives
-                .iter_mut()
-                .for_each(|drive| drive.family = Family::Epos2);
+            config.drives.iter_mut().for_each(|drive| drive.family = Family::Epos2);
         }
         if self.framing == FramingName::V1 {
             config.line.framing = Framing::V1;
@@ -203,12 +195,8 @@ fn status(snapshot: &Snapshot, host_bugs: u64) -> String {
     let [pitch, yaw] = snapshot.angles_deg;
     let mut line = format!("pitch {pitch:+7.2} yaw {yaw:+7.2} deg");
     for (number, axis) in snapshot.axes.iter().enumerate() {
-        let _ = write!(
-            line,
-            " | axis {number} {} {:+}",
-            axis.drive.state.name(),
-            axis.drive.position
-        );
+        let _ =
+            write!(line, " | axis {number} {} {:+}", axis.drive.state.name(), axis.drive.position);
     }
     let _ = write!(line, " | broken rules {host_bugs}");
     line
@@ -232,10 +220,7 @@ fn print_over(line: &str) {
 
 /// Parses a standard deviation.
 fn noise(text: &str) -> Result<f64, String> {
-    let value = text
-        .parse()
-        .ok()
-        .filter(|deg: &f64| (0.0..=10.0).contains(deg));
+    let value = text.parse().ok().filter(|deg: &f64| (0.0..=10.0).contains(deg));
     value.ok_or_else(|| "must be a number of degrees from 0 to 10".to_owned())
 }
 

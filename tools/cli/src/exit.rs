@@ -10,11 +10,7 @@ use crate::command::tracking::OutOfReach;
 pub fn with_code(failure: Failure) -> Failure {
     if failure.is::<OutOfReach>() {
         let sentence = failure.to_string();
-        return Coded {
-            code: OUT_OF_REACH,
-            sentence,
-        }
-        .into();
+        return Coded { code: OUT_OF_REACH, sentence }.into();
     }
     let Some(stop) = failure.downcast_ref::<StopReason>() else {
         return failure;

@@ -73,10 +73,7 @@ pub fn with_descriptions(command: clap::Command) -> clap::Command {
 }
 
 fn describe(program: &Path) -> Option<Description> {
-    let output = Command::new(program)
-        .arg(OsStr::new(DESCRIBE))
-        .output()
-        .ok()?;
+    let output = Command::new(program).arg(OsStr::new(DESCRIBE)).output().ok()?;
     serde_json::from_slice(&output.stdout).ok()
 }
 
@@ -90,17 +87,11 @@ mod tests {
         let requested = |words: &[&str]| {
             let words: Vec<OsString> = words.iter().map(OsString::from).collect();
             let call = Call::requested(&own, &words)?;
-            let arguments = call
-                .arguments
-                .into_iter()
-                .map(|word| word.into_string().unwrap());
+            let arguments = call.arguments.into_iter().map(|word| word.into_string().unwrap());
             Some((call.name, arguments.collect::<Vec<_>>().join(" ")))
         };
         for (words, expected) in [
-            (
-                &["record", "info", "x.mcap"][..],
-                Some(("record", "info x.mcap")),
-            ),
+            (&["record", "info", "x.mcap"][..], Some(("record", "info x.mcap"))),
             (&["record", "--help"], Some(("record", "--help"))),
             (&["help", "record"], Some(("record", "--help"))),
             (&["help", "record", "info"], Some(("record", "help info"))),

@@ -2,11 +2,7 @@
 //!
 //! One file per subcommand: its arguments, and `run`. The libraries do the work. What is heavy to
 //! build and rarely needed is a program of its own, see [`external`].
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command-line program prints"
-)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -135,10 +131,7 @@ mod tests {
     fn every_subcommand_has_an_example_and_the_command_line_is_consistent() {
         let mut command = Cli::command();
         command.build();
-        for subcommand in command
-            .get_subcommands_mut()
-            .filter(|it| it.get_name() != "help")
-        {
+        for subcommand in command.get_subcommands_mut().filter(|it| it.get_name() != "help") {
             let name = subcommand.get_name().to_owned();
             let help = subcommand.render_long_help().to_string();
             let has_example = help.contains("Example") && help.contains(&format!("i2ris {name}"));

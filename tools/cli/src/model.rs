@@ -58,9 +58,7 @@ pub fn run(command: Command) -> Result<(), Failure> {
 
 /// The columns of a model's motors.
 fn counts_columns(model: &Model) -> Vec<String> {
-    (0..model.motors())
-        .map(|motor| format!("q{motor}_counts"))
-        .collect()
+    (0..model.motors()).map(|motor| format!("q{motor}_counts")).collect()
 }
 
 /// The columns of a model's outputs.
@@ -79,11 +77,7 @@ fn output_columns(model: &Model) -> Vec<String> {
 
 /// The unit of a model's outputs, in radians or metres.
 fn si(model: &Model) -> f64 {
-    model
-        .file()
-        .outputs
-        .first()
-        .map_or(1.0, |output| output.unit.si())
+    model.file().outputs.first().map_or(1.0, |output| output.unit.si())
 }
 
 /// The path of the motors before; empty without a file.
@@ -98,20 +92,14 @@ fn history(file: Option<&PathBuf>, model: &Model) -> Result<Vec<MotorVec>, Failu
 /// Values of a row as one per motor.
 fn motors(values: &[f64]) -> MotorVec {
     let mut counts = [0.0; MAX_MOTORS];
-    counts
-        .iter_mut()
-        .zip(values)
-        .for_each(|(to, from)| *to = *from);
+    counts.iter_mut().zip(values).for_each(|(to, from)| *to = *from);
     counts
 }
 
 /// Values of a row, in the unit of the file, as one per output in radians or metres.
 fn outputs(values: &[f64], si: f64) -> OutputVec {
     let mut outputs = [0.0; MAX_OUTPUTS];
-    outputs
-        .iter_mut()
-        .zip(values)
-        .for_each(|(to, from)| *to = from * si);
+    outputs.iter_mut().zip(values).for_each(|(to, from)| *to = from * si);
     outputs
 }
 

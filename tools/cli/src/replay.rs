@@ -39,10 +39,7 @@ pub struct DumpArguments {
 /// Has the controller write its black box, and prints where.
 pub fn dump(arguments: &DumpArguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
-    println!(
-        "{}",
-        while_working("the controller writes", || client.write_black_box())?.display()
-    );
+    println!("{}", while_working("the controller writes", || client.write_black_box())?.display());
     Ok(())
 }
 
@@ -54,12 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         content.ticks.iter().for_each(|tick| events(&tick.outputs));
     }
     let replayed = while_working("replaying", || replay(&content))?;
-    let ReplayResult {
-        ticks,
-        swaps,
-        skipped,
-        difference,
-    } = &replayed;
+    let ReplayResult { ticks, swaps, skipped, difference } = &replayed;
     if *skipped > 0 {
         println!(
             "skipped    {skipped} ticks that come after a gap, or before the first state that was \
@@ -85,16 +77,8 @@ fn header(content: &BlackBox) {
     }
     let (first, last) = (content.ticks.first(), content.ticks.last());
     if let (Some(first), Some(last)) = (first, last) {
-        let seconds = last
-            .timing
-            .tick
-            .started
-            .since(first.timing.tick.started)
-            .as_seconds();
-        println!(
-            "ticks      {} to {}, {seconds:.3} s",
-            first.number, last.number
-        );
+        let seconds = last.timing.tick.started.since(first.timing.tick.started).as_seconds();
+        println!("ticks      {} to {}, {seconds:.3} s", first.number, last.number);
         println!(
             "state      {} at the end, last fault: {}",
             last.outputs.report.state, last.outputs.report.fault
@@ -118,12 +102,7 @@ fn events(outputs: &CycleOutputs) {
 }
 
 fn describe(difference: &ReplayDifference, ticks: u64) -> String {
-    let ReplayDifference {
-        number,
-        field,
-        recorded,
-        replayed,
-    } = difference;
+    let ReplayDifference { number, field, recorded, replayed } = difference;
     format!(
         "tick {number} differs, after {} that came out the same; the first field that does is \
          {field}\n  recorded: {recorded}\n  \

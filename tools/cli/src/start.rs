@@ -68,15 +68,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let words = ["--config".to_owned(), text(&file)?];
     let mut control = Process::start("controller", &controller, &words, &folder)?;
     let mut client = None;
-    wait(
-        &interrupt,
-        &mut [&mut emulator, &mut control],
-        "the controller",
-        || {
-            client = Client::connect(&domain, Nanos::ZERO).ok();
-            client.is_some()
-        },
-    )?;
+    wait(&interrupt, &mut [&mut emulator, &mut control], "the controller", || {
+        client = Client::connect(&domain, Nanos::ZERO).ok();
+        client.is_some()
+    })?;
     drop(client);
     let (name, logs) = (domain.name(), folder.display());
     let file = file.display();
@@ -84,12 +79,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         "ready: emulator and controller on domain {name}, logs in {logs}\n\
          next, in another terminal: i2ris calibrate --config {file}"
     )))?;
-    let outcome = watch(
-        arguments,
-        name,
-        &interrupt,
-        &mut [&mut emulator, &mut control],
-    );
+    let outcome = watch(arguments, name, &interrupt, &mut [&mut emulator, &mut control]);
     // The controller first: it switches the drives off in order.
     let ended = control.end().and_then(|()| emulator.end());
     outcome.and(ended)
@@ -115,9 +105,7 @@ fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
 
 fn start_emulator(arguments: &Arguments, folder: &Path, domain: &str) -> Result<Process, Failure> {
     let ports = text(&folder.join("ports"))?;
-    let mut words = ["emulate", "--domain", domain, "--ports", &ports]
-        .map(str::to_owned)
-        .to_vec();
+    let mut words = ["emulate", "--domain", domain, "--ports", &ports].map(str::to_owned).to_vec();
     if let Some(snake) = &arguments.snake {
         words.extend(["--snake".to_owned(), text(&fs::canonicalize(snake)?)?]);
     }

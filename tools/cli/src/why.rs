@@ -54,9 +54,7 @@ impl Answer {
         Self {
             code: reason.cause.to_string(),
             sentence: reason.cause.sentence().to_owned(),
-            measured: reason
-                .excess
-                .map_or_else(String::new, |excess| excess.to_string()),
+            measured: reason.excess.map_or_else(String::new, |excess| excess.to_string()),
             advice: reason.cause.advice().to_owned(),
             age_s,
             text: reason.text(),
@@ -178,17 +176,12 @@ mod tests {
         let own = Cause::Fault(Fault::FollowingError);
         let other = message(Cause::Fault(Fault::Link), 4000);
         let errors = [other, message(own, 5000)];
-        let [answer] = &answers(&state, &errors, &[], Nanos::ZERO)[..] else {
-            panic!()
-        };
+        let [answer] = &answers(&state, &errors, &[], Nanos::ZERO)[..] else { panic!() };
         assert_eq!(answer.measured, "5000 counts, limit 2000 counts");
         let [answer] = &answers(&state, &[message(own, 5000), other], &[], Nanos::ZERO)[..] else {
             panic!()
         };
-        assert_eq!(
-            (answer.code.as_str(), answer.measured.as_str()),
-            ("fault 3", "")
-        );
+        assert_eq!((answer.code.as_str(), answer.measured.as_str()), ("fault 3", ""));
     }
 
     #[test]
@@ -204,9 +197,8 @@ mod tests {
             .map(|(cause, stamp)| message(*cause, stamp))
             .collect();
         let answers = answers(&state, &[], &warnings, Nanos::from_millis(4000));
-        let codes: Vec<(&str, Option<f64>)> = { answers.iter() }
-            .map(|answer| (answer.code.as_str(), answer.age_s))
-            .collect();
+        let codes: Vec<(&str, Option<f64>)> =
+            { answers.iter() }.map(|answer| (answer.code.as_str(), answer.age_s)).collect();
         let expected = [
             ("state PAUSED", None),
             ("refusal 6", None),
@@ -216,10 +208,6 @@ mod tests {
             ("refusal 4", Some(2.0)),
         ];
         assert_eq!(codes, expected);
-        assert!(
-            answers[4]
-                .line()
-                .contains("3000 counts, limit 2000 counts), 1.0 s ago")
-        );
+        assert!(answers[4].line().contains("3000 counts, limit 2000 counts), 1.0 s ago"));
     }
 }

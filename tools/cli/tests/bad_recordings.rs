@@ -103,10 +103,7 @@ fn one_line(text: &str) -> String {
 
 #[track_caller]
 fn assert_says(text: &str, sentence: &str) {
-    assert!(
-        text.contains(sentence),
-        "`{sentence}` is missing in: {text}"
-    );
+    assert!(text.contains(sentence), "`{sentence}` is missing in: {text}");
 }
 
 #[test]
@@ -127,10 +124,7 @@ fn one_axis_at_a_time_gives_a_separable_model_and_says_so() {
     // Beyond the measured lines it is no further off than a straight line may be.
     let [pitch, yaw, _] = model.predict(&[200.0, 200.0], &model.new_memory()).mean;
     let (pitch, yaw) = (pitch.to_degrees(), yaw.to_degrees());
-    assert!(
-        (pitch - 4.0).abs() < 1.5 && (yaw - 8.0).abs() < 1.5,
-        "{pitch} {yaw}"
-    );
+    assert!((pitch - 4.0).abs() < 1.5 && (yaw - 8.0).abs() < 1.5, "{pitch} {yaw}");
 }
 
 #[test]
@@ -184,10 +178,7 @@ fn angles_of_noise_alone_are_refused_and_forced_ones_are_marked() {
     rows.printed("--family linear --force");
     let model = Model::load(&rows.model()).unwrap();
     let refusal = model.check_use("i2ris", 2, false).unwrap_err();
-    assert!(
-        matches!(&refusal, ModelError::Worthless { .. }),
-        "{refusal}"
-    );
+    assert!(matches!(&refusal, ModelError::Worthless { .. }), "{refusal}");
     assert_says(
         &refusal.to_string(),
         "fit a better one, or allow it by control.allow_worthless_model = true",
@@ -243,20 +234,14 @@ fn a_hundred_thousand_rows_are_thinned() {
 #[test]
 #[ignore = "two minutes"]
 fn a_million_rows_are_thinned() {
-    assert_thinned(
-        1_000_000,
-        "training 19737 row(s): every 38th, more add hardly anything",
-    );
+    assert_thinned(1_000_000, "training 19737 row(s): every 38th, more add hardly anything");
 }
 
 #[track_caller]
 fn assert_thinned(rows: u32, sentence: &str) {
     let motion: Motion = |time| {
         let part = time / 2000.0;
-        [
-            400.0 * (TAU * 7.0 * part).sin(),
-            400.0 * (TAU * 11.3 * part).cos(),
-        ]
+        [400.0 * (TAU * 7.0 * part).sin(), 400.0 * (TAU * 11.3 * part).cos()]
     };
     let text = Rows::new(rows, motion, as_it_is).printed("--family linear --latency-ms 0");
     assert_says(&text, sentence);

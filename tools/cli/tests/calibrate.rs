@@ -38,11 +38,7 @@ impl Bench {
     #[track_caller]
     fn succeeds(&self, options: &str) -> String {
         let output = self.fit(options);
-        assert!(
-            output.status.success(),
-            "{}",
-            String::from_utf8_lossy(&output.stderr)
-        );
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         assert_eq!(said(&output), "");
         Model::load(&self.model()).unwrap();
         String::from_utf8(output.stdout).unwrap()
@@ -52,15 +48,9 @@ impl Bench {
     #[track_caller]
     fn fails(&self, options: &str, parts: &[&str]) {
         let sentence = failure(&self.fit(options));
-        assert!(
-            sentence.contains(&*self.path("rows.csv").to_string_lossy()),
-            "{sentence}"
-        );
+        assert!(sentence.contains(&*self.path("rows.csv").to_string_lossy()), "{sentence}");
         for part in parts {
-            assert!(
-                sentence.contains(part),
-                "`{part}` is missing in: {sentence}"
-            );
+            assert!(sentence.contains(part), "`{part}` is missing in: {sentence}");
         }
         let left: Vec<_> = fs::read_dir(self.folder.path())
             .unwrap()
@@ -94,10 +84,7 @@ fn said(output: &Output) -> String {
 fn failure(output: &Output) -> String {
     let sentence = said(output);
     assert!(!output.status.success() && output.stdout.is_empty());
-    assert!(
-        sentence.starts_with("error: ") && sentence.lines().count() == 1,
-        "{sentence}"
-    );
+    assert!(sentence.starts_with("error: ") && sentence.lines().count() == 1, "{sentence}");
     sentence
 }
 
@@ -109,23 +96,14 @@ fn rows(rows: u32) -> Vec<[f64; 5]> {
         let q1 = (300.0 * (0.23 * time + 1.0).cos() + 150.0 * (0.97 * time).sin()).round();
         let wobble = 0.1 * (57.0 * time).sin();
         let bend = |angle: f64| 12.0 * (angle / 12.0).tanh() + wobble;
-        [
-            time,
-            q0,
-            q1,
-            bend(0.02 * q0 - 0.015 * q1),
-            bend(0.015 * q0 + 0.02 * q1),
-        ]
+        [time, q0, q1, bend(0.02 * q0 - 0.015 * q1), bend(0.015 * q0 + 0.02 * q1)]
     };
     (0..rows).map(row).collect()
 }
 
 fn csv(rows: &[[f64; 5]]) -> String {
     let line = |row: &[f64; 5]| row.map(|number| number.to_string()).join(",");
-    std::iter::once(HEADER.to_owned())
-        .chain(rows.iter().map(line))
-        .collect::<Vec<_>>()
-        .join("\n")
+    std::iter::once(HEADER.to_owned()).chain(rows.iter().map(line)).collect::<Vec<_>>().join("\n")
 }
 
 /// A good recording with one cell replaced.
@@ -169,17 +147,11 @@ fn a_good_recording_gives_a_model_and_a_table() {
     for name in ["pitch (deg)", "yaw (deg)"] {
         assert!(printed.contains(&format!("{name:<12}linear")), "{printed}");
     }
-    assert!(
-        printed.lines().all(|line| line.chars().count() <= 100),
-        "{printed}"
-    );
+    assert!(printed.lines().all(|line| line.chars().count() <= 100), "{printed}");
     let model = Model::load(&bench.model()).unwrap();
     assert_eq!(model.file().robot_id, "left");
     assert_eq!(model.file().training.data_file, "rows.csv");
-    assert!(
-        printed.contains(&format!("model id   {}", model.id())),
-        "{printed}"
-    );
+    assert!(printed.contains(&format!("model id   {}", model.id())), "{printed}");
 }
 
 #[test]
@@ -227,10 +199,7 @@ fn a_report_that_cannot_be_written_is_found_before_the_work() {
 fn the_linear_family_needs_no_mixture() {
     let bench = Bench::new(&csv(&rows(100)));
     let printed = bench.succeeds("--family linear --hold-out none");
-    assert!(
-        printed.contains("held out   nothing") && !printed.contains("gmr"),
-        "{printed}"
-    );
+    assert!(printed.contains("held out   nothing") && !printed.contains("gmr"), "{printed}");
 }
 
 #[test]
@@ -253,10 +222,7 @@ fn dropped_and_flagged_rows_are_named() {
         printed.contains("1 dropped for an empty cell:\n           line 22 (t_s)"),
         "{printed}"
     );
-    assert!(
-        printed.contains("1 reading(s) flagged:\n           line 60 (yaw "),
-        "{printed}"
-    );
+    assert!(printed.contains("1 reading(s) flagged:\n           line 60 (yaw "), "{printed}");
 }
 
 #[test]
@@ -297,15 +263,9 @@ fn wrong_columns_are_refused() {
     Bench::new(&csv(&rows(100)).replace("q0_counts", "q0"))
         .fails("", &["`q0_counts`", "`q0`, `q1_counts`", "--counts"]);
     let good = Bench::new(&csv(&rows(100)));
-    good.fails(
-        "--angles bend=pitch",
-        &["no column `bend`", "`pitch_deg`, `yaw_deg`", "--angles"],
-    );
+    good.fails("--angles bend=pitch", &["no column `bend`", "`pitch_deg`, `yaw_deg`", "--angles"]);
     good.fails("--time clock", &["no column `clock`", "--time"]);
-    good.fails(
-        "--counts q0_counts,q0_counts",
-        &["`q0_counts` is named for two purposes"],
-    );
+    good.fails("--counts q0_counts,q0_counts", &["`q0_counts` is named for two purposes"]);
 }
 
 #[test]
@@ -325,27 +285,17 @@ fn too_few_rows_are_refused() {
     let most = ["60 rows of 4 variables carry at most 4", "9 are asked for"];
     few.fails("--family gmr --components 9 --hold-out none", &most);
     few.fails("--hold-out none", &["takes rows held out", "--family"]);
-    few.fails(
-        "--hold-out 0.9",
-        &[
-            "holding out 54 of 60 rows leaves 6 for training",
-            "--hold-out",
-        ],
-    );
+    few.fails("--hold-out 0.9", &["holding out 54 of 60 rows leaves 6 for training", "--hold-out"]);
 }
 
 #[test]
 fn cells_that_make_no_sense_are_refused() {
     Bench::new(&with_cell(7, 1, "left"))
         .fails("", &["line 7, column `q0_counts`: `left` is not a number"]);
-    Bench::new(&with_cell(8, 3, "nan")).fails(
-        "",
-        &["line 8, column `pitch_deg`: `nan` is not a finite number"],
-    );
-    Bench::new(&with_cell(9, 4, "-181")).fails(
-        "",
-        &["line 9, column `yaw_deg`: `-181` is not between -180 and 180"],
-    );
+    Bench::new(&with_cell(8, 3, "nan"))
+        .fails("", &["line 8, column `pitch_deg`: `nan` is not a finite number"]);
+    Bench::new(&with_cell(9, 4, "-181"))
+        .fails("", &["line 9, column `yaw_deg`: `-181` is not between -180 and 180"]);
     Bench::new(&with_cell(9, 4, "1,2")).fails("", &["line 9: has 6 cells, and the header names 5"]);
 }
 
@@ -354,22 +304,14 @@ fn time_that_does_not_go_forward_is_refused() {
     Bench::new(&with_cell(10, 0, "0.3"))
         .fails("", &["line 10, column `t_s`: time 0.3 s goes backwards"]);
     let twice = Bench::new(&with_cell(10, 0, &rows(10)[7][0].to_string()));
-    twice.fails(
-        "",
-        &[
-            "line 10, column `t_s`: time 1.4000000000000001 s occurs twice",
-            "line 9",
-        ],
-    );
+    twice.fails("", &["line 10, column `t_s`: time 1.4000000000000001 s occurs twice", "line 9"]);
     twice.succeeds("--no-time --family linear");
 }
 
 #[test]
 fn motors_that_move_as_one_are_refused() {
-    let together: Vec<_> = rows(100)
-        .into_iter()
-        .map(|[t, q0, _, pitch, yaw]| [t, q0, 2.0 * q0, pitch, yaw])
-        .collect();
+    let together: Vec<_> =
+        rows(100).into_iter().map(|[t, q0, _, pitch, yaw]| [t, q0, 2.0 * q0, pitch, yaw]).collect();
     Bench::new(&csv(&together)).fails("", &["the motors move together", "--counts"]);
 }
 
@@ -388,10 +330,7 @@ fn a_model_that_cannot_be_inverted_is_not_written() {
     let bench = Bench::new(&csv(&(0..250).map(on_a_circle).collect::<Vec<_>>()));
     bench.fails(
         "--family gmr --components 8",
-        &[
-            "the model of family `gmr` is refused",
-            "the inverse fails at counts",
-        ],
+        &["the model of family `gmr` is refused", "the inverse fails at counts"],
     );
 }
 
@@ -419,10 +358,7 @@ fn options_that_make_no_sense_are_refused() {
     ] {
         let output = bench.fit(options);
         let message = String::from_utf8(output.stderr).unwrap();
-        assert!(
-            !output.status.success() && message.contains(part),
-            "{message}"
-        );
+        assert!(!output.status.success() && message.contains(part), "{message}");
         assert!(!bench.model().exists());
     }
 }
@@ -439,25 +375,15 @@ fn the_laboratorys_recording_is_fitted_as_it_is() {
     let model = folder.path().join("model.json");
     let output = calibrate(&recording, &model, "--restarts 3");
     let printed = String::from_utf8(output.stdout).unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(
         printed.contains(
             "249; 5 dropped for an empty cell:\n           line 38 (yaws), 74 (yaws), 97"
         ),
         "{printed}"
     );
-    assert!(
-        printed.contains("5 blocks all over the recording"),
-        "{printed}"
-    );
-    assert!(
-        printed.contains("warning    both motors go round"),
-        "{printed}"
-    );
+    assert!(printed.contains("5 blocks all over the recording"), "{printed}");
+    assert!(printed.contains("warning    both motors go round"), "{printed}");
     assert_eq!(Model::load(&model).unwrap().outputs(), 2);
 }
 
@@ -483,9 +409,7 @@ fn the_zoo_judges_a_snake_beside_linear_and_the_exact_inverse() {
     assert!(output.status.success(), "{output:?}");
     assert!(text.contains("preisach           linear"), "{text}");
     let judged: serde_json::Value = serde_json::from_slice(&fs::read(json).unwrap()).unwrap();
-    let [judged] = judged.as_array().unwrap().as_slice() else {
-        panic!("{judged}")
-    };
+    let [judged] = judged.as_array().unwrap().as_slice() else { panic!("{judged}") };
     let rms = |of: &str| judged[of]["rms_deg"].as_f64().unwrap();
     // The exact inverse leaves what the limits of the motors cost.
     assert!(rms("exact") < 0.15, "{judged}");
@@ -503,10 +427,7 @@ fn the_zoo_refuses_what_it_does_not_have() {
         ("--draws 0", ["--draws", "0"]),
         ("--figure ageing.svg", ["--figure", "--ageing"]),
         ("--ageing --drift-hours 1000", ["--drift-hours", "0 to 100"]),
-        (
-            "--ageing --json /does/not/exist/zoo.json",
-            ["cannot write", "exist"],
-        ),
+        ("--ageing --json /does/not/exist/zoo.json", ["cannot write", "exist"]),
         ("--duration-s 0", ["--duration-s", "above 0"]),
         ("--json /does/not/exist/zoo.json", ["cannot write", "exist"]),
     ] {
@@ -522,19 +443,12 @@ fn the_zoo_refuses_what_it_does_not_have() {
 #[test]
 fn a_model_gets_its_folder_and_the_robot_of_its_recording() {
     let bench = Bench::new(&csv(&rows(400)));
-    fs::write(
-        bench.path("rows.toml"),
-        "format = \"i2ris-recording\"\nrobot_id = \"left\"\n",
-    )
-    .unwrap();
+    fs::write(bench.path("rows.toml"), "format = \"i2ris-recording\"\nrobot_id = \"left\"\n")
+        .unwrap();
     let model = bench.path("models/new/x.json");
     let linear = "--family linear";
     let output = calibrate(&bench.path("rows.csv"), &model, linear);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert_eq!(Model::load(&model).unwrap().file().robot_id, "left");
 }
 

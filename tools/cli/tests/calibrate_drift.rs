@@ -71,10 +71,7 @@ fn the_drift_of_a_snake_is_printed_with_a_verdict_and_a_page() {
     let bench = Bench::new();
     let text = bench.says("compare model.json --recording today.csv --drift --report page.html");
     assert!(text.contains("zero       pitch  +1.0"), "{text}");
-    assert!(
-        text.contains("it has drifted: `i2ris calibrate update`"),
-        "{text}"
-    );
+    assert!(text.contains("it has drifted: `i2ris calibrate update`"), "{text}");
     let page = fs::read_to_string(bench.path("page.html")).unwrap();
     assert!(page.contains("<svg") && page.contains("zero of pitch (deg)"));
     let text = bench.says("compare model.json --recording new.csv --drift");
@@ -101,10 +98,7 @@ fn an_update_writes_a_model_of_today_and_nothing_over() {
     let origin = &model.file().training.data_file;
     assert_eq!(origin, "new.csv updated by today.csv");
     let again = bench.refuses("update today.csv --model model.json --output model.json");
-    assert!(
-        again.contains("model.json: exists") && again.contains("--overwrite"),
-        "{again}"
-    );
+    assert!(again.contains("model.json: exists") && again.contains("--overwrite"), "{again}");
     assert_eq!(fs::read(bench.path("model.json")).unwrap(), old);
     bench.says("update today.csv --model model.json --output today.json --overwrite");
     let needless = bench.refuses("update new.csv --model model.json --output other.json");

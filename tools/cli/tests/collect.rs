@@ -73,10 +73,7 @@ impl Camera {
                 clock::sleep(Nanos::from_millis(20));
             }
         });
-        Self {
-            stop,
-            thread: Some(thread),
-        }
+        Self { stop, thread: Some(thread) }
     }
 }
 
@@ -122,18 +119,12 @@ impl Bench {
             "--output",
             output.to_str().unwrap(),
         ];
-        own.iter()
-            .chain(more)
-            .map(|&argument| argument.to_owned())
-            .collect()
+        own.iter().chain(more).map(|&argument| argument.to_owned()).collect()
     }
 
     fn start(&self, domain: &Domain, more: &[&str]) -> Program {
         let arguments = self.arguments(more);
-        Program::start(
-            domain,
-            &arguments.iter().map(String::as_str).collect::<Vec<_>>(),
-        )
+        Program::start(domain, &arguments.iter().map(String::as_str).collect::<Vec<_>>())
     }
 
     /// What it says when it fails; nothing may have been written.
@@ -155,14 +146,7 @@ fn nobody() -> Domain {
 fn a_short_run_moves_records_and_lets_go() {
     let (bench, controller) = (Bench::new(), described(Controller::start()));
     let _camera = Camera::start(&controller.domain, Shows::Angles);
-    let more = [
-        "--duration-s",
-        "3",
-        "--home",
-        "--json",
-        "--speed-counts-s",
-        "400",
-    ];
+    let more = ["--duration-s", "3", "--home", "--json", "--speed-counts-s", "400"];
     let (success, output, error) = bench.start(&controller.domain, &more).end();
     assert!(success, "{error}");
     let robot = controller.robot();
@@ -180,18 +164,12 @@ fn a_short_run_moves_records_and_lets_go() {
     assert!(robot.places.len() > 100, "{}", robot.places.len());
     for place in &robot.places {
         // Three quarters of the 300 counts to the nearest limit, and rounding.
-        assert!(
-            f64::from(place[0]).hypot(f64::from(place[1])) < 226.0,
-            "{place:?}"
-        );
+        assert!(f64::from(place[0]).hypot(f64::from(place[1])) < 226.0, "{place:?}");
     }
     assert_eq!(robot.counts, [0, 0], "it ends in the centre");
     let (recording, report) =
         Recording::read(&bench.path("take.csv"), &ColumnMap::default()).unwrap();
-    assert!(
-        recording.rows().len() > 50 && report.positions > 500,
-        "{report:?}"
-    );
+    assert!(recording.rows().len() > 50 && report.positions > 500, "{report:?}");
     let outcome: serde_json::Value = serde_json::from_str(&output).unwrap();
     assert_eq!(outcome["outcome"]["complete"], true);
     assert_eq!(outcome["outcome"]["samples"], recording.rows().len());
@@ -209,19 +187,13 @@ fn an_interrupt_stops_softly_and_keeps_the_recording() {
     controller.wait("it moves", |robot| robot.places.len() > 300);
     program.interrupt();
     let (success, output, error) = program.end();
-    assert!(
-        !success && error.contains("interrupted") && error.contains("kept"),
-        "{error}"
-    );
+    assert!(!success && error.contains("interrupted") && error.contains("kept"), "{error}");
     assert!(output.contains("recorded"), "{output}");
     assert_eq!(controller.robot().lease, 0);
     let (recording, _) = Recording::read(&bench.path("take.csv"), &ColumnMap::default()).unwrap();
     assert!(recording.rows().len() > 20);
     let sidecar = fs::read_to_string(bench.path("take.toml")).unwrap();
-    assert!(
-        sidecar.contains("complete = false") && sidecar.contains("interrupted"),
-        "{sidecar}"
-    );
+    assert!(sidecar.contains("complete = false") && sidecar.contains("interrupted"), "{sidecar}");
 }
 
 #[test]
@@ -233,16 +205,8 @@ fn a_killed_program_leaves_what_it_had() {
     program.child().kill().unwrap();
     drop(program);
     let text = fs::read_to_string(bench.path("take.csv")).unwrap();
-    assert!(
-        text.lines().count() > 200 && text.ends_with('\n'),
-        "{} lines",
-        text.lines().count()
-    );
-    assert!(
-        fs::read_to_string(bench.path("take.toml"))
-            .unwrap()
-            .contains("protocol")
-    );
+    assert!(text.lines().count() > 200 && text.ends_with('\n'), "{} lines", text.lines().count());
+    assert!(fs::read_to_string(bench.path("take.toml")).unwrap().contains("protocol"));
 }
 
 #[test]
@@ -274,18 +238,8 @@ fn a_camera_that_falls_silent_ends_the_run_and_keeps_the_recording() {
     let (success, _, error) = program.end();
     assert!(!success && error.contains("silent"), "{error}");
     assert_eq!(controller.robot().lease, 0);
-    assert!(
-        fs::read_to_string(bench.path("take.toml"))
-            .unwrap()
-            .contains("silent")
-    );
-    assert!(
-        fs::read_to_string(bench.path("take.csv"))
-            .unwrap()
-            .lines()
-            .count()
-            > 100
-    );
+    assert!(fs::read_to_string(bench.path("take.toml")).unwrap().contains("silent"));
+    assert!(fs::read_to_string(bench.path("take.csv")).unwrap().lines().count() > 100);
 }
 
 #[test]
@@ -308,10 +262,7 @@ fn a_robot_that_is_not_enabled_or_refuses_is_not_moved() {
     controller.robot().state = OperatingState::Enabled;
     controller.robot().refuse = Some(Refusal::Range);
     let (success, _, error) = bench.start(&controller.domain, &[]).end();
-    assert!(
-        !success && error.contains("outside the position limits"),
-        "{error}"
-    );
+    assert!(!success && error.contains("outside the position limits"), "{error}");
     assert!(controller.robot().places.is_empty());
 }
 
@@ -320,32 +271,19 @@ fn what_makes_no_sense_is_refused_before_a_controller_is_looked_for() {
     let (bench, domain) = (Bench::new(), nobody());
     for (more, said) in [
         (&["--range-counts", "320"][..], "leave 300 counts"),
-        (
-            &["--centre-counts", "500,0"],
-            "not within the position limits",
-        ),
+        (&["--centre-counts", "500,0"], "not within the position limits"),
         (&["--centre-counts", "5"], "1 value(s) for the 2 motor(s)"),
         (&["--speed-counts-s", "2500"], "the controller allows 2000"),
         (&["--speed-counts-s", "0"], "must be a number above 0"),
         (&["--duration-s", "nan"], "must be a number above 0"),
-        (
-            &["--protocol", "dance"],
-            "possible values: reversals, cycles, decaying-sine, axes",
-        ),
-        (
-            &["--camera-latency-ms", "5000"],
-            "must be a number from -1000 to 1000",
-        ),
+        (&["--protocol", "dance"], "possible values: reversals, cycles, decaying-sine, axes"),
+        (&["--camera-latency-ms", "5000"], "must be a number from -1000 to 1000"),
         (&[], "no controller serves domain"),
     ] {
         let error = bench.refusal(&domain, more);
         assert!(error.contains(said), "{more:?}: {error}");
     }
-    assert!(
-        bench
-            .refusal(&domain, &["--protocol", "axes"])
-            .contains("trap")
-    );
+    assert!(bench.refusal(&domain, &["--protocol", "axes"]).contains("trap"));
 }
 
 #[test]
@@ -354,23 +292,13 @@ fn recordings_are_not_written_over_and_folders_not_invented() {
     fs::write(bench.path("take.toml"), "precious").unwrap();
     let (success, _, error) = bench.start(&domain, &[]).end();
     assert!(!success && error.contains("not written over"), "{error}");
-    assert_eq!(
-        fs::read_to_string(bench.path("take.toml")).unwrap(),
-        "precious"
-    );
+    assert_eq!(fs::read_to_string(bench.path("take.toml")).unwrap(), "precious");
     let config = bench.path("robot.toml");
-    for (output, said) in [
-        ("/nowhere/take.csv", "there is no folder"),
-        ("take.txt", "must end in .csv"),
-    ] {
-        let arguments = [
-            "calibrate",
-            "collect",
-            "--config",
-            config.to_str().unwrap(),
-            "--output",
-            output,
-        ];
+    for (output, said) in
+        [("/nowhere/take.csv", "there is no folder"), ("take.txt", "must end in .csv")]
+    {
+        let arguments =
+            ["calibrate", "collect", "--config", config.to_str().unwrap(), "--output", output];
         let (success, _, error) = Program::run(&domain, &arguments);
         assert!(!success && error.contains(said), "{error}");
     }
@@ -389,10 +317,7 @@ fn a_configuration_of_another_robot_or_with_other_limits_moves_nothing() {
         assert!(parts.iter().all(|part| error.contains(part)), "{error}");
         // The domain came from the environment, and the file names another one.
         let domain = controller.domain.name();
-        assert!(
-            error.contains(&format!("note: I2RIS_DOMAIN={domain}")),
-            "{error}"
-        );
+        assert!(error.contains(&format!("note: I2RIS_DOMAIN={domain}")), "{error}");
     }
     assert_eq!(controller.robot().asked, []);
 }

@@ -41,25 +41,15 @@ impl Rig {
             Emulator::start(EmulatorConfig::new(snake, &folder.path().join("ports"))).unwrap();
         let mut config = Config::load(&files.join("emulator.toml")).unwrap();
         config.ipc.domain = format!("t{:016x}", random_id());
-        emulator
-            .publish_camera(&Domain::new(&config.ipc.domain).unwrap())
-            .unwrap();
+        emulator.publish_camera(&Domain::new(&config.ipc.domain).unwrap()).unwrap();
         for (axis, port) in config.ports.iter_mut().enumerate() {
             port.device = emulator.device(axis).to_owned();
         }
         i2ris_testing::run_on_shared_machine(&mut config);
         config.conditioning.half_width_counts = Some(400);
-        (
-            config.conditioning.turns,
-            config.conditioning.velocity_counts_s,
-        ) = (1, 2000.0);
+        (config.conditioning.turns, config.conditioning.velocity_counts_s) = (1, 2000.0);
         change(&mut config);
-        let mut rig = Self {
-            emulator,
-            folder,
-            config,
-            controller: None,
-        };
+        let mut rig = Self { emulator, folder, config, controller: None };
         rig.control(None);
         rig
     }
@@ -68,11 +58,7 @@ impl Rig {
     fn control(&mut self, model: Option<&str>) {
         self.stop();
         self.config.control.model = model.map(|name| self.path(name));
-        std::fs::write(
-            self.path("robot.toml"),
-            toml::to_string(&self.config).unwrap(),
-        )
-        .unwrap();
+        std::fs::write(self.path("robot.toml"), toml::to_string(&self.config).unwrap()).unwrap();
         let (config, shutdown) = (self.config.clone(), Arc::new(AtomicBool::new(false)));
         let asked = Arc::clone(&shutdown);
         let thread = thread::spawn(move || {
@@ -107,11 +93,7 @@ impl Rig {
             .args(self.arguments(arguments))
             .output()
             .unwrap();
-        assert!(
-            output.status.success(),
-            "{}",
-            String::from_utf8_lossy(&output.stderr)
-        );
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap()
     }
 }
@@ -132,15 +114,10 @@ fn apart_deg(one: &Recording, other: &Recording) -> (f64, usize) {
             .iter()
             .find(|seen| (seen.time_s.unwrap() - row.time_s.unwrap()).abs() < 1e-6);
         squares.extend(same.map(|seen| {
-            (0..2)
-                .map(|axis| (seen.outputs[axis] - row.outputs[axis]).powi(2))
-                .sum::<f64>()
+            (0..2).map(|axis| (seen.outputs[axis] - row.outputs[axis]).powi(2)).sum::<f64>()
         }));
     }
-    (
-        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt(),
-        squares.len(),
-    )
+    ((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), squares.len())
 }
 
 /// Pictures of what was recorded, the angles that are in them, and a model of those.
@@ -151,11 +128,7 @@ fn through_pictures(rig: &Rig) -> Model {
     let measure = "vision --setup @vision.toml @pictures/view0 @pictures/view1 --rest-s 0";
     rig.tool(&format!("{measure} --output @angles.csv"));
     rig.tool("calibrate merge @take.csv @angles.csv --output @seen.csv");
-    let read = |name: &str| {
-        Recording::read(&rig.path(name), &ColumnMap::default())
-            .unwrap()
-            .0
-    };
+    let read = |name: &str| Recording::read(&rig.path(name), &ColumnMap::default()).unwrap().0;
     let (apart, common) = apart_deg(&read("seen.csv"), &read("take.csv"));
     assert!(common > 80 && apart < 0.1, "{common} pictures, {apart} deg");
     assert!(apart > 0.0, "the angles are those of the pictures");
@@ -164,9 +137,7 @@ fn through_pictures(rig: &Rig) -> Model {
 
 fn fit(rig: &Rig, recording: &str, output: &str) -> Model {
     let family = "--robot-id i2ris-emulated --family gmr --components 4 --restarts 2";
-    rig.tool(&format!(
-        "calibrate fit {recording} {family} --output {output}"
-    ));
+    rig.tool(&format!("calibrate fit {recording} {family} --output {output}"));
     let model = Model::load(&rig.path(&output[1..])).unwrap();
     model.check_robot("i2ris-emulated", 2).unwrap();
     model
@@ -192,11 +163,7 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
         "{report:?}"
     );
     let reach = |motor: usize| {
-        recording
-            .path()
-            .iter()
-            .map(|place| place.counts[motor].abs())
-            .fold(0.0, f64::max)
+        recording.path().iter().map(|place| place.counts[motor].abs()).fold(0.0, f64::max)
     };
     assert!(
         reach(0) > 600.0 && reach(1) > 600.0 && reach(0).max(reach(1)) < 1205.0,

@@ -28,9 +28,7 @@ impl Bench {
         let bench = Self(tempfile::tempdir().unwrap());
         bench.write(
             "model.json",
-            &MODEL
-                .replace("METRICS", METRICS)
-                .replace("SHA", &"0".repeat(64)),
+            &MODEL.replace("METRICS", METRICS).replace("SHA", &"0".repeat(64)),
         );
         bench
     }
@@ -51,11 +49,7 @@ impl Bench {
             .output()
             .unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
-        (
-            output.status.success(),
-            text(output.stdout),
-            text(output.stderr),
-        )
+        (output.status.success(), text(output.stdout), text(output.stderr))
     }
 
     /// Runs it and expects success.
@@ -70,9 +64,7 @@ impl Bench {
         let text = fs::read_to_string(self.path(name)).unwrap();
         let mut lines = text.lines();
         assert_eq!(lines.next(), Some(header));
-        lines
-            .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
-            .collect()
+        lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
     }
 }
 
@@ -98,10 +90,7 @@ fn show_tells_a_person_what_the_model_is() {
 #[test]
 fn counts_lead_to_angles_and_angles_to_counts() {
     let bench = Bench::new();
-    bench.write(
-        "wanted.csv",
-        "t_s,pitch_deg,yaw_deg\n0,0,0\n1,4,-2\n1.5,4,-2\n",
-    );
+    bench.write("wanted.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n1,4,-2\n1.5,4,-2\n");
     bench.good("model invert model.json --trajectory wanted.csv --output counts.csv");
     let rows = bench.rows("counts.csv", "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts");
     assert_eq!(rows.len(), 1501, "one per tick of 1 ms");
@@ -116,21 +105,13 @@ fn counts_lead_to_angles_and_angles_to_counts() {
     bench.good("model predict model.json --counts counts.csv --output angles.csv");
     let angles = bench.rows("angles.csv", "t_s,pitch_deg,yaw_deg,q0_counts,q1_counts");
     assert_eq!(angles.len(), rows.len());
-    assert!(
-        angles
-            .iter()
-            .zip(&rows)
-            .all(|(angle, row)| (angle[1] - row[3] * 0.01).abs() < 1e-9)
-    );
+    assert!(angles.iter().zip(&rows).all(|(angle, row)| (angle[1] - row[3] * 0.01).abs() < 1e-9));
 }
 
 #[test]
 fn limits_hold_unless_they_are_lifted() {
     let bench = Bench::new();
-    bench.write(
-        "jump.csv",
-        "t_s,pitch_deg,yaw_deg\n0,0,0\n0.001,8,0\n0.1,8,0\n",
-    );
+    bench.write("jump.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n0.001,8,0\n0.1,8,0\n");
     let arguments = "model invert model.json --trajectory jump.csv --output counts.csv";
     let (success, _, error) = bench.run(arguments);
     assert!(
@@ -166,19 +147,11 @@ fn models_are_compared_on_a_recording() {
         let t = f64::from(k) * 0.1;
         let (a, b) = ((500.0 * t.sin()).round(), (400.0 * (1.3 * t).cos()).round());
         // Off by 0.3 deg in pitch; positions without angles in between.
-        text += &format!(
-            "{t},{a},{b},{},{}\n{},{a},{b},,\n",
-            0.01 * a + 0.3,
-            0.01 * b,
-            t + 0.05
-        );
+        text += &format!("{t},{a},{b},{},{}\n{},{a},{b},,\n", 0.01 * a + 0.3, 0.01 * b, t + 0.05);
     }
     bench.write("unseen.csv", &text);
     let output = bench.good("calibrate compare model.json model.json --recording unseen.csv");
-    assert!(
-        output.contains("200 rows with angles on a path of 400 positions"),
-        "{output}"
-    );
+    assert!(output.contains("200 rows with angles on a path of 400 positions"), "{output}");
     assert_eq!(output.matches("linear").count(), 2, "{output}");
     let arguments = "calibrate compare model.json --recording unseen.csv --json";
     let json: serde_json::Value = serde_json::from_str(&bench.good(arguments)).unwrap();
@@ -189,10 +162,7 @@ fn models_are_compared_on_a_recording() {
         near(&pitch["rmsd"], 0.3) && near(&pitch["p99"], 0.3) && near(&pitch["max"], 0.3),
         "{json}"
     );
-    assert!(
-        near(&yaw["r2"], 1.0) && near(&json[0]["rms_length"], 0.3),
-        "{json}"
-    );
+    assert!(near(&yaw["r2"], 1.0) && near(&json[0]["rms_length"], 0.3), "{json}");
 }
 
 #[test]
@@ -208,11 +178,7 @@ fn mistakes_are_named_with_file_and_remedy() {
         (invert, "wanted.csv", "no column `yaw_deg`"),
         (invert, "nothing.csv", "cannot read nothing.csv"),
         (invert, "good.csv --config other.toml", "other"),
-        (
-            invert,
-            "good.csv --history wanted.csv",
-            "no column `q0_counts`",
-        ),
+        (invert, "good.csv --history wanted.csv", "no column `q0_counts`"),
         (predict, "out.csv", "text.csv, line 3"),
         (predict, "text.csv", "is the same file"),
         ("model show", "text.csv", "text.csv"),
@@ -231,9 +197,5 @@ fn config(robot_id: &str) -> String {
              position_min_counts = -900\nposition_max_counts = 900\n"
         )
     };
-    format!(
-        "robot_id = \"{robot_id}\"\n[[ports]]\ndevice = \"/dev/null\"\n{}{}",
-        axis(0),
-        axis(1)
-    )
+    format!("robot_id = \"{robot_id}\"\n[[ports]]\ndevice = \"/dev/null\"\n{}{}", axis(0), axis(1))
 }

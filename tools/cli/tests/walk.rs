@@ -41,10 +41,7 @@ fn the_walk_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_
     let mut first = Program::start(&robot.domain, &words);
     let mut lines = BufReader::new(first.child().stdout.take().unwrap()).lines();
     let line = lines.next().unwrap().unwrap();
-    assert!(
-        line.starts_with("step 1 of 6: collect: ") && line.contains(" to go"),
-        "{line}"
-    );
+    assert!(line.starts_with("step 1 of 6: collect: ") && line.contains(" to go"), "{line}");
     let busy = |state: &i2ris::ipc::payload::OperatingStateMsg| state.state == 1;
     if client.wait_for(Nanos::from_millis(30_000), busy).is_err() {
         first.interrupt();
@@ -59,10 +56,7 @@ fn the_walk_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_
         .args(["-P", &first.child().id().to_string()])
         .output()
         .unwrap();
-    let child: i32 = String::from_utf8_lossy(&children.stdout)
-        .trim()
-        .parse()
-        .unwrap();
+    let child: i32 = String::from_utf8_lossy(&children.stdout).trim().parse().unwrap();
     first.interrupt();
     let step = nix::unistd::Pid::from_raw(child);
     nix::sys::signal::kill(step, nix::sys::signal::Signal::SIGINT).unwrap();

@@ -40,10 +40,7 @@ const FREE_MA: f64 = 1.0;
 /// Slower motors show no friction, counts/s.
 const LEAST_SPEED: f64 = 30.0;
 
-const LIMITS: Limits = Limits {
-    current_ma: 300.0,
-    speed: 51_200.0,
-};
+const LIMITS: Limits = Limits { current_ma: 300.0, speed: 51_200.0 };
 
 fn main() {
     println!(
@@ -51,12 +48,7 @@ fn main() {
          {GROWTH}: true, and from readings of the current every {INTERVALS_S:?} s\n"
     );
     let mut off = INTERVALS_S.map(|_| Vec::new());
-    for physics in [
-        Physics::Gear,
-        Physics::Dahl,
-        Physics::Preisach,
-        Physics::Wire,
-    ] {
+    for physics in [Physics::Gear, Physics::Dahl, Physics::Preisach, Physics::Wire] {
         for seed in 2..=6 {
             let drawn = DrawnSnake { physics, seed };
             let [new, worn] = [0.0, GROWTH].map(|growth| run(drawn, growth));
@@ -119,10 +111,7 @@ fn run(drawn: DrawnSnake, growth: f64) -> Free {
         }
     }
     let per_reversal = |travel: f64| travel / f64::from(reversals);
-    Free {
-        truth: per_reversal(truth),
-        found: readings.map(|readings| per_reversal(readings.free)),
-    }
+    Free { truth: per_reversal(truth), found: readings.map(|readings| per_reversal(readings.free)) }
 }
 
 fn worn(drawn: DrawnSnake, growth: f64) -> AnySnake {
@@ -151,13 +140,7 @@ struct Readings {
 
 impl Readings {
     fn new(interval_s: f64) -> Self {
-        Self {
-            interval_s,
-            next_s: 0.0,
-            last: 0.0,
-            was_free: false,
-            free: 0.0,
-        }
+        Self { interval_s, next_s: 0.0, last: 0.0, was_free: false, free: 0.0 }
     }
 
     fn add(&mut self, time: f64, motor: &Motor, current_ma: f64, config: &MotorConfig) {

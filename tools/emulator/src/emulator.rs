@@ -91,10 +91,7 @@ impl Emulator {
         let mut folder = PortFolder::claim(&config.folder)?;
         let log = config.log.as_deref().map(Log::to_file).transpose()?;
         let log = Arc::new(log.unwrap_or_default());
-        let drives = config
-            .drives
-            .each_ref()
-            .map(|config| Drive::new(config, 0.0));
+        let drives = config.drives.each_ref().map(|config| Drive::new(config, 0.0));
         let mut snake = config.snake.build(config.seed);
         for change in &config.scenario.ageing {
             snake.begin_ageing(*change);
@@ -110,13 +107,7 @@ impl Emulator {
             port.set_link(&devices[axis]);
             ports.push(port);
         }
-        let mut emulator = Self {
-            config,
-            shared,
-            threads: Vec::new(),
-            devices,
-            _folder: folder,
-        };
+        let mut emulator = Self { config, shared, threads: Vec::new(), devices, _folder: folder };
         for (axis, port) in ports.into_iter().enumerate() {
             emulator.spawn(&format!("axis{axis}"), move |_| port.run())?;
         }

@@ -57,9 +57,8 @@ pub fn encode(opcode: u8, data: &[u8]) -> Vec<u8> {
         body.push(0);
     }
     body.extend_from_slice(&checksum(&body).to_le_bytes());
-    let stuffed = body
-        .iter()
-        .flat_map(|byte| std::iter::repeat_n(*byte, if *byte == DLE { 2 } else { 1 }));
+    let stuffed =
+        body.iter().flat_map(|byte| std::iter::repeat_n(*byte, if *byte == DLE { 2 } else { 1 }));
     [DLE, STX].into_iter().chain(stuffed).collect()
 }
 
@@ -142,10 +141,7 @@ impl Parser {
         if checksum(&body) != 0 {
             return Some(Incoming::WrongCrc);
         }
-        Some(Incoming::Request(Request {
-            opcode: body[0],
-            data: body[2..body.len() - 2].to_vec(),
-        }))
+        Some(Incoming::Request(Request { opcode: body[0], data: body[2..body.len() - 2].to_vec() }))
     }
 }
 
@@ -157,9 +153,7 @@ mod tests {
     use super::*;
 
     fn bytes(text: &str) -> Vec<u8> {
-        text.split_whitespace()
-            .map(|byte| u8::from_str_radix(byte, 16).unwrap())
-            .collect()
+        text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
     }
 
     fn parse(parser: &mut Parser, wire: &[u8]) -> Vec<Incoming> {
@@ -232,10 +226,7 @@ mod tests {
         let mut wire = bytes("90 02 60 02 01 41 60 00 23 D1");
         wire.extend(bytes("90 02 60 02 01 64 60 00 29 5A"));
         let incoming = parse(&mut Parser::default(), &wire);
-        assert!(matches!(
-            incoming[..],
-            [Incoming::WrongCrc, Incoming::Request(_)]
-        ));
+        assert!(matches!(incoming[..], [Incoming::WrongCrc, Incoming::Request(_)]));
     }
 
     #[test]

@@ -7,17 +7,10 @@ use strum::{IntoStaticStr, VariantNames};
 /// A fault of an axis, its line or its wire. Offsets count from the first byte of a frame, in
 /// bytes or bits, and wrap at its end.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, IntoStaticStr, VariantNames)]
-#[serde(
-    tag = "kind",
-    rename_all = "kebab-case",
-    rename_all_fields = "snake_case"
-)]
+#[serde(tag = "kind", rename_all = "kebab-case", rename_all_fields = "snake_case")]
 #[serde(deny_unknown_fields)]
 #[strum(serialize_all = "kebab-case")]
-#[allow(
-    missing_docs,
-    reason = "the units of the fields are in their names or above"
-)]
+#[allow(missing_docs, reason = "the units of the fields are in their names or above")]
 pub enum Injection {
     /// The next request is lost.
     LoseRequest,

@@ -71,16 +71,9 @@ impl Log {
             file.flush()?;
             Ok(file)
         };
-        let file = start().map_err(|source| LogError {
-            path: path.to_owned(),
-            source,
-        })?;
+        let file = start().map_err(|source| LogError { path: path.to_owned(), source })?;
         Ok(Self {
-            inner: Mutex::new(Inner {
-                to_file: true,
-                file: Some(file),
-                ..Inner::default()
-            }),
+            inner: Mutex::new(Inner { to_file: true, file: Some(file), ..Inner::default() }),
         })
     }
 
@@ -121,10 +114,7 @@ impl Log {
         };
         let Some(mut file) = file else { return Ok(()) };
         let write = |event: &Event| writeln!(file, "{event}");
-        let written = pending
-            .iter()
-            .try_for_each(write)
-            .and_then(|()| file.flush());
+        let written = pending.iter().try_for_each(write).and_then(|()| file.flush());
         let mut inner = self.lock();
         inner.to_file = written.is_ok();
         inner.file = written.is_ok().then_some(file);
@@ -141,11 +131,7 @@ mod tests {
     use super::*;
 
     fn setpoint(stamp: u64, counts: i32) -> Event {
-        Event {
-            stamp: Nanos(stamp),
-            axis: 1,
-            kind: EventKind::Setpoint(counts),
-        }
+        Event { stamp: Nanos(stamp), axis: 1, kind: EventKind::Setpoint(counts) }
     }
 
     #[test]
@@ -154,10 +140,7 @@ mod tests {
         let path = folder.path().join("log.csv");
         let log = Log::to_file(&path).unwrap();
         log.push(setpoint(7, -12));
-        log.push(Event {
-            kind: EventKind::HostBug(HostBug::Opcode(0x20)),
-            ..setpoint(9, 0)
-        });
+        log.push(Event { kind: EventKind::HostBug(HostBug::Opcode(0x20)), ..setpoint(9, 0) });
         log.flush().unwrap();
         log.push(setpoint(11, 5));
         log.flush().unwrap();
@@ -170,9 +153,7 @@ mod tests {
 
     #[test]
     fn a_file_that_cannot_be_written_is_named() {
-        let message = Log::to_file(Path::new("/proc/none/log.csv"))
-            .unwrap_err()
-            .to_string();
+        let message = Log::to_file(Path::new("/proc/none/log.csv")).unwrap_err().to_string();
         assert!(message.contains("/proc/none/log.csv"), "{message}");
     }
 }

@@ -39,14 +39,7 @@ impl Plant {
         log: Arc<Log>,
         now: Nanos,
     ) -> Self {
-        let mut plant = Self {
-            drives,
-            snake,
-            wires: Default::default(),
-            gateway,
-            time: now,
-            log,
-        };
+        let mut plant = Self { drives, snake, wires: Default::default(), gateway, time: now, log };
         plant.record(now);
         plant
     }
@@ -87,11 +80,7 @@ impl Plant {
     ) -> Option<Reply> {
         self.advance_to(arrived);
         let [first, second] = &mut self.drives;
-        let (port, other) = if axis == 0 {
-            (first, second)
-        } else {
-            (second, first)
-        };
+        let (port, other) = if axis == 0 { (first, second) } else { (second, first) };
         let behind = self.gateway.map(|round_trip| (other, round_trip));
         let reply = port.reply_at_port(incoming, behind);
         // A late thread cannot change the past: its set-points count from the present time.

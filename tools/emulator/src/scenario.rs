@@ -116,10 +116,7 @@ impl Scenario {
     ///
     /// When it cannot be read, is not TOML of this shape, or has an unknown axis or kind.
     pub fn load(path: &Path) -> Result<Self, ScenarioError> {
-        let path_of = |source| ScenarioError::Read {
-            path: path.to_owned(),
-            source,
-        };
+        let path_of = |source| ScenarioError::Read { path: path.to_owned(), source };
         Self::parse(&fs::read_to_string(path).map_err(path_of)?)
     }
 
@@ -169,11 +166,7 @@ pub fn parse_line(line: &str) -> Result<SocketCommand, ScenarioError> {
     enum Good {
         Good,
     }
-    let text = if line.starts_with('{') {
-        format!("inject = {line}")
-    } else {
-        line.to_owned()
-    };
+    let text = if line.starts_with('{') { format!("inject = {line}") } else { line.to_owned() };
     match toml::from_str(&text).map_err(Box::new)? {
         Line::Inject(inject) => check_axis(inject.axis).map(|()| SocketCommand::Inject(inject)),
         Line::Ageing(change) => check_change(&change).map(|()| SocketCommand::Age(change)),
@@ -234,9 +227,7 @@ mod tests {
                     [[at]]\nms = 10\naxis = 1\nkind = \"late-reply\"\ndelay_ms = 60\n\
                     [random]\nevery_ms = 50\nkinds = [\"flip-reply\"]";
         let scenario = Scenario::parse(text).unwrap();
-        let [first, second] = scenario.at[..] else {
-            panic!("two")
-        };
+        let [first, second] = scenario.at[..] else { panic!("two") };
         assert_eq!((first.ms, first.axis), (10, 1));
         assert_eq!(first.injection, Injection::LateReply { delay_ms: 60 });
         assert_eq!(second.injection, Injection::Reset);
@@ -251,10 +242,7 @@ mod tests {
             ("[[at]]\nms = 1\naxis = 2\nkind = \"reset\"", "axis 2"),
             ("[[at]]\nms = 1\nkind = \"late-reply\"", "delay_ms"),
             ("[[at]]\nms = 1\nkind = \"cut-reply\"\nplace = 3", "offset"),
-            (
-                "[random]\nevery_ms = 5\nkinds = [\"reset\", \"rest\"]",
-                "no kind rest",
-            ),
+            ("[random]\nevery_ms = 5\nkinds = [\"reset\", \"rest\"]", "no kind rest"),
             ("[random]\nevery_ms = 0", "above 0"),
         ] {
             let error = Scenario::parse(text).unwrap_err().to_string();
@@ -274,26 +262,16 @@ mod tests {
     #[test]
     fn a_line_of_the_socket_ages_the_snake_or_spoils_the_camera() {
         let line = "ageing = {parameter = \"zero\", by = 1, course = \"step\"}";
-        let SocketCommand::Age(change) = parse_line(line).unwrap() else {
-            panic!("{line}")
-        };
+        let SocketCommand::Age(change) = parse_line(line).unwrap() else { panic!("{line}") };
         assert_eq!(change.by, 1.0);
         let line = "camera = {fault = \"late-stamps\", ms = 20, for_s = 3}";
-        let SocketCommand::Camera(timed) = parse_line(line).unwrap() else {
-            panic!("{line}")
-        };
+        let SocketCommand::Camera(timed) = parse_line(line).unwrap() else { panic!("{line}") };
         assert_eq!(timed.fault, CameraFault::LateStamps { ms: 20.0 });
         let good = parse_line("camera = \"good\"").unwrap();
         assert_eq!(good, SocketCommand::CameraGood);
         for (line, words) in [
-            (
-                "ageing = {parameter = \"gap\", by = -2, course = \"step\"}",
-                "above -1",
-            ),
-            (
-                "camera = {fault = \"outliers\", share = 2, size_deg = 1}",
-                "share",
-            ),
+            ("ageing = {parameter = \"gap\", by = -2, course = \"step\"}", "above -1"),
+            ("camera = {fault = \"outliers\", share = 2, size_deg = 1}", "share"),
             ("camera = \"bad\"", "camera"),
             ("weather = 3", "weather"),
         ] {

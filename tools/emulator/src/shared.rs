@@ -165,9 +165,7 @@ impl Shared {
 
     /// Advances the plant, and lets frozen encoders count again.
     pub(crate) fn advance(&self, now: Nanos) {
-        let due: Vec<_> = lock(&self.frozen)
-            .extract_if(.., |(until, _)| *until <= now)
-            .collect();
+        let due: Vec<_> = lock(&self.frozen).extract_if(.., |(until, _)| *until <= now).collect();
         let mut plant = self.plant();
         plant.advance_to(now);
         for (_, axis) in due {

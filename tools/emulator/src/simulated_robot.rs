@@ -14,10 +14,7 @@ const STEPS: usize = 2;
 
 /// The drives as the emulator's configuration has them: 300 mA, 3000 rpm of a motor with 1024
 /// counts a turn.
-const LIMITS: Limits = Limits {
-    current_ma: 300.0,
-    speed: 51_200.0,
-};
+const LIMITS: Limits = Limits { current_ma: 300.0, speed: 51_200.0 };
 
 /// Two motors and a snake.
 #[derive(Debug, Clone)]
@@ -31,11 +28,7 @@ impl SimulatedRobot {
     /// At rest at 0.
     #[must_use]
     pub fn new(snake: AnySnake) -> Self {
-        Self {
-            config: MotorConfig::default(),
-            motors: [Motor::default(); 2],
-            snake,
-        }
+        Self { config: MotorConfig::default(), motors: [Motor::default(); 2], snake }
     }
 
     /// One tick with these set-points.

@@ -132,12 +132,7 @@ mod tests {
     #[test]
     fn an_unknown_name_is_refused_with_those_that_exist() {
         let message = SnakeSource::load("adder:2").unwrap_err().to_string();
-        for part in [
-            "`adder:2` names no snake",
-            "brass",
-            "bouc-wen:SEED",
-            ".toml",
-        ] {
+        for part in ["`adder:2` names no snake", "brass", "bouc-wen:SEED", ".toml"] {
             assert!(message.contains(part), "{part} in {message}");
         }
         let message = SnakeSource::load("gear:two").unwrap_err().to_string();

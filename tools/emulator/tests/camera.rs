@@ -22,10 +22,7 @@ fn next_frame(server: &mut Server) -> ExternalPosition {
         if let Some(frame) = server.poll_external() {
             return frame;
         }
-        assert!(
-            start.elapsed() < Duration::from_secs(10),
-            "no frame arrives"
-        );
+        assert!(start.elapsed() < Duration::from_secs(10), "no frame arrives");
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -34,10 +31,8 @@ fn next_frame(server: &mut Server) -> ExternalPosition {
 fn frames_reach_every_controller_of_the_domain() {
     let folder = tempfile::tempdir().unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/brass.toml");
-    let config = EmulatorConfig::new(
-        SnakeConfig::load(&path).unwrap(),
-        &folder.path().join("ports"),
-    );
+    let config =
+        EmulatorConfig::new(SnakeConfig::load(&path).unwrap(), &folder.path().join("ports"));
     let mut emulator = Emulator::start(config).unwrap();
     let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
     emulator.publish_camera(&domain).unwrap();
@@ -85,25 +80,13 @@ fn the_control_socket_ages_the_snake_and_spoils_the_camera() {
     emulator.start_camera(move || send).unwrap();
     let socket = ports.join("control");
     let zero = "ageing = {parameter = \"zero\", by = 5, direction = [1, 0], course = \"step\"}";
-    wait_for(&frames, "straight", |[pitch, yaw]| {
-        pitch.abs() + yaw.abs() < 1.0
-    });
+    wait_for(&frames, "straight", |[pitch, yaw]| pitch.abs() + yaw.abs() < 1.0);
     assert_eq!(request(&socket, zero), "ok");
-    wait_for(&frames, "slipped", |[pitch, yaw]| {
-        pitch > 4.0 && yaw.abs() < 1.0
-    });
+    wait_for(&frames, "slipped", |[pitch, yaw]| pitch > 4.0 && yaw.abs() < 1.0);
     assert_eq!(request(&socket, "camera = {fault = \"swapped\"}"), "ok");
-    wait_for(&frames, "swapped", |[pitch, yaw]| {
-        yaw > 4.0 && pitch.abs() < 1.0
-    });
+    wait_for(&frames, "swapped", |[pitch, yaw]| yaw > 4.0 && pitch.abs() < 1.0);
     assert_eq!(request(&socket, "camera = \"good\""), "ok");
     wait_for(&frames, "good again", |[pitch, _]| pitch > 4.0);
-    let refused = request(
-        &socket,
-        "ageing = {parameter = \"teeth\", by = 1, course = \"step\"}",
-    );
-    assert!(
-        refused.starts_with("error: ") && refused.contains("teeth"),
-        "{refused}"
-    );
+    let refused = request(&socket, "ageing = {parameter = \"teeth\", by = 1, course = \"step\"}");
+    assert!(refused.starts_with("error: ") && refused.contains("teeth"), "{refused}");
 }

@@ -8,9 +8,7 @@ use i2ris_emulator::snake::{Snake, SnakeConfig};
 use i2ris_emulator::{DEFAULT_FOLDER, EmulatorConfig};
 
 fn file(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../../config")
-        .join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(name)
 }
 
 #[test]
@@ -47,10 +45,8 @@ fn the_limits_allow_the_full_bend_of_the_snakes() {
 
 #[test]
 fn the_robot_template_is_valid_and_has_tighter_limits() {
-    let (robot, emulator) = (
-        Config::load(&file("robot.toml")).unwrap(),
-        Config::load(&file("emulator.toml")).unwrap(),
-    );
+    let (robot, emulator) =
+        (Config::load(&file("robot.toml")).unwrap(), Config::load(&file("emulator.toml")).unwrap());
     assert!(robot.limits.velocity_counts_s < emulator.limits.velocity_counts_s);
     assert!(robot.limits.following_error_counts < emulator.limits.following_error_counts);
     assert!(robot.control.model.is_none());

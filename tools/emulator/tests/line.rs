@@ -22,9 +22,8 @@ use tempfile::TempDir;
 const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// "Write 0x6040 = 0x000F to node 1", from the reference.
-const WRITE_CONTROLWORD: [u8; 14] = [
-    0x90, 0x02, 0x68, 0x04, 0x01, 0x40, 0x60, 0, 0x0F, 0, 0, 0, 0xB3, 0x07,
-];
+const WRITE_CONTROLWORD: [u8; 14] =
+    [0x90, 0x02, 0x68, 0x04, 0x01, 0x40, 0x60, 0, 0x0F, 0, 0, 0, 0xB3, 0x07];
 
 /// "Read 0x6041 of node 1", from the reference.
 const READ_STATUSWORD: [u8; 10] = [0x90, 0x02, 0x60, 0x02, 0x01, 0x41, 0x60, 0, 0x22, 0xD1];
@@ -155,27 +154,14 @@ fn both_axes_bend_the_snake() {
     let mut has_arrived = |axis: usize| (hosts[axis].read(0x6064, 0) - 1000).abs() <= 1;
     wait_for("motors arrive", || has_arrived(0) && has_arrived(1));
     let snapshot = emulator.snapshot();
-    assert!(
-        snapshot
-            .axes
-            .iter()
-            .all(|axis| axis.drive.state == State::OperationEnabled)
-    );
+    assert!(snapshot.axes.iter().all(|axis| axis.drive.state == State::OperationEnabled));
     // Equal counts bend in yaw.
     let [pitch, yaw] = snapshot.angles_deg;
-    assert!(
-        pitch.abs() < 4.0 && (22.0..36.0).contains(&yaw),
-        "{pitch} {yaw}"
-    );
+    assert!(pitch.abs() < 4.0 && (22.0..36.0).contains(&yaw), "{pitch} {yaw}");
     let mut setpoints = emulator.log();
     setpoints.retain(|event| event.axis == 1 && matches!(event.kind, EventKind::Setpoint(_)));
     let expected = [0, 0, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000];
-    assert!(
-        setpoints
-            .iter()
-            .map(|event| event.kind)
-            .eq(expected.map(EventKind::Setpoint))
-    );
+    assert!(setpoints.iter().map(|event| event.kind).eq(expected.map(EventKind::Setpoint)));
 }
 
 #[test]
@@ -197,9 +183,7 @@ fn bytes_during_the_processing_are_detected() {
     let (emulator, _folder) = start_with(|config| config.line.processing_us = 400_000);
     let mut host = Host::open(&emulator, 0);
     host.send(&READ_STATUSWORD);
-    wait_for("request is received", || {
-        emulator.snapshot().axes[0].requests == 1
-    });
+    wait_for("request is received", || emulator.snapshot().axes[0].requests == 1);
     host.send(&READ_STATUSWORD);
     assert!(host.reply().is_some());
     assert_eq!(host.replies(), 0);
@@ -218,21 +202,11 @@ fn damaged_and_truncated_frames_have_no_effect() {
     host.send(&WRITE_CONTROLWORD[..9]);
     assert_eq!(host.replies(), 0);
     let timeout = EventKind::Line(LineTrouble::FrameTimeout);
-    wait_for("the truncated frame is dropped", || {
-        events(&emulator).contains(&timeout)
-    });
+    wait_for("the truncated frame is dropped", || events(&emulator).contains(&timeout));
     assert_eq!(host.read(0x1018, 1), 0xFB);
     host.send(&WRITE_CONTROLWORD[..9]);
-    assert_eq!(
-        host.read(0x1018, 1),
-        0xFB,
-        "a new frame replaces a truncated one"
-    );
-    assert_eq!(
-        host.read(0x6040, 0) & 0xFFFF,
-        0,
-        "no truncated frame was executed"
-    );
+    assert_eq!(host.read(0x1018, 1), 0xFB, "a new frame replaces a truncated one");
+    assert_eq!(host.read(0x6040, 0) & 0xFFFF, 0, "no truncated frame was executed");
 }
 
 #[test]
@@ -247,10 +221,7 @@ fn set_points_follow_each_other_no_faster_than_the_line() {
     setpoints.retain(|event| matches!(event.kind, EventKind::Setpoint(_)));
     // Request and reply are 24 bytes of ten bits, at least. The first may count as sent a little
     // before it was read.
-    let (exchange, slack) = (
-        Nanos(24 * 10 * 1_000_000_000 / 9_600),
-        Nanos::from_millis(1),
-    );
+    let (exchange, slack) = (Nanos(24 * 10 * 1_000_000_000 / 9_600), Nanos::from_millis(1));
     let mut earliest = before;
     for Event { stamp, .. } in setpoints {
         assert!(stamp + slack > earliest, "{stamp:?} is before {earliest:?}");
@@ -333,11 +304,7 @@ fn faults_mutes_and_power_cycles_affect_one_axis() {
     let state = || emulator.snapshot().axes[1].drive.state;
     wait_for("the drive boots", || state() == State::SwitchOnDisabled);
     assert_eq!(host.read(0x6041, 0) & 0xFFFF, 0x0040);
-    assert_eq!(
-        emulator.snapshot().axes[0].drive.error_code,
-        0,
-        "the other axis"
-    );
+    assert_eq!(emulator.snapshot().axes[0].drive.error_code, 0, "the other axis");
 }
 
 #[test]
@@ -348,16 +315,10 @@ fn the_camera_delivers_frames_in_order() {
         let _ = sender.send(frame);
     };
     emulator.start_camera(move || send).unwrap();
-    let frames: Vec<_> = (0..5)
-        .map(|_| receiver.recv_timeout(TIMEOUT).unwrap())
-        .collect();
+    let frames: Vec<_> = (0..5).map(|_| receiver.recv_timeout(TIMEOUT).unwrap()).collect();
     assert!(frames.is_sorted_by(|a, b| a.stamp_ns < b.stamp_ns));
     for frame in frames {
-        assert!(
-            frame.position[..2]
-                .iter()
-                .all(|angle| angle.to_degrees().abs() < 1.0)
-        );
+        assert!(frame.position[..2].iter().all(|angle| angle.to_degrees().abs() < 1.0));
         assert_eq!((frame.count, frame.flags), (2, 1));
     }
 }
@@ -373,18 +334,12 @@ fn links_and_log_file_live_as_long_as_the_emulator() {
     assert!(device.exists() && device.is_symlink());
     config.log = None;
     let second = Emulator::start(config).err();
-    assert!(matches!(
-        second,
-        Some(EmulatorError::Folder(FolderError::InUse { .. }))
-    ));
+    assert!(matches!(second, Some(EmulatorError::Folder(FolderError::InUse { .. }))));
     Host::open(&emulator, 1).write(0x607A, 0, -7);
     drop(emulator);
     assert!(!device.is_symlink() && !folder.path().join("ports").exists());
     let text = std::fs::read_to_string(log).unwrap();
-    assert!(
-        text.lines().any(|line| line.ends_with(",1,setpoint,-7,")),
-        "{text}"
-    );
+    assert!(text.lines().any(|line| line.ends_with(",1,setpoint,-7,")), "{text}");
 }
 
 #[test]
@@ -430,9 +385,7 @@ fn a_port_disappears_and_comes_back_under_its_name() {
     let mut host = Host::open(&emulator, 0);
     assert_eq!(host.read(0x1018, 1), 0xFB);
     emulator.inject(0, i2ris_emulator::Injection::HangUp { for_ms: 100 });
-    wait_for("the host fails", || {
-        host.port.write_all(&READ_STATUSWORD).is_err()
-    });
+    wait_for("the host fails", || host.port.write_all(&READ_STATUSWORD).is_err());
     drop(host);
     wait_for("the port is back", || emulator.device(0).exists());
     assert_eq!(Host::open(&emulator, 0).read(0x1018, 1), 0xFB);

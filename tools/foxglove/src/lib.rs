@@ -65,11 +65,9 @@ impl LiveServer {
         stop: impl Fn() -> bool,
         ready: impl FnOnce(SocketAddr),
     ) -> Result<(), LiveError> {
-        let server =
-            Server::start(self.listen, live::channels()).map_err(|source| LiveError::Listen {
-                address: self.listen,
-                source: Box::new(source),
-            })?;
+        let server = Server::start(self.listen, live::channels()).map_err(|source| {
+            LiveError::Listen { address: self.listen, source: Box::new(source) }
+        })?;
         ready(server.address());
         let mut live = Live::new(server, unix_offset_ns(), self.period);
         let mut subscriptions = Subscriptions::new(&Watcher::new(&self.domain));

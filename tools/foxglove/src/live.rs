@@ -132,10 +132,8 @@ impl Live {
 
 impl Sink for Live {
     fn message<T: Layout + Message>(&mut self, stream: Stream, message: &T, _received: Nanos) {
-        let every_one = matches!(
-            stream,
-            Stream::Events | Stream::Health | Stream::Error | Stream::Warning
-        );
+        let every_one =
+            matches!(stream, Stream::Events | Stream::Health | Stream::Error | Stream::Warning);
         if every_one || self.is_due(stream, message.stamp()) {
             let bytes = cdr::encode(message);
             self.send(Topic::Payload(stream), message.stamp().0, &bytes);

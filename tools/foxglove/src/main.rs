@@ -16,12 +16,7 @@ const PORT: u16 = 8765;
 
 /// Watch the robot live in Foxglove or Lichtblick
 #[derive(Debug, Parser)]
-#[command(
-    name = "i2ris-foxglove",
-    bin_name = "i2ris foxglove",
-    version,
-    propagate_version = true
-)]
+#[command(name = "i2ris-foxglove", bin_name = "i2ris foxglove", version, propagate_version = true)]
 #[command(after_help = "Examples:
   i2ris foxglove                             then open ws://localhost:8765 in Foxglove or
                                              Lichtblick (`Foxglove WebSocket`)
@@ -91,10 +86,7 @@ mod tests {
     fn the_help_has_an_example_and_the_command_line_is_consistent() {
         let mut command = Arguments::command();
         let help = command.render_long_help().to_string();
-        assert!(
-            help.contains("Example") && help.contains("i2ris foxglove"),
-            "{help}"
-        );
+        assert!(help.contains("Example") && help.contains("i2ris foxglove"), "{help}");
         command.debug_assert();
     }
 }

@@ -63,9 +63,7 @@ impl Server {
                 .schema(schema)
                 .build_raw()
         };
-        let channels = { channels.into_iter() }
-            .map(add)
-            .collect::<Result<_, _>>()?;
+        let channels = { channels.into_iter() }.map(add).collect::<Result<_, _>>()?;
         let newcomers = Arc::<Newcomers>::default();
         // A name resolves an IPv6 address only in brackets.
         let host = match listen {

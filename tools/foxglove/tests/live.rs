@@ -35,21 +35,13 @@ impl Viewer {
     fn open(address: &str, protocol: &'static str) -> Self {
         let mut request = address.into_client_request().unwrap();
         let protocol = HeaderValue::from_static(protocol);
-        request
-            .headers_mut()
-            .insert("Sec-WebSocket-Protocol", protocol);
+        request.headers_mut().insert("Sec-WebSocket-Protocol", protocol);
         let (socket, _) = tungstenite::connect(request).unwrap();
         let MaybeTlsStream::Plain(stream) = socket.get_ref() else {
             panic!("not encrypted");
         };
-        stream
-            .set_read_timeout(Some(Duration::from_secs(20)))
-            .unwrap();
-        let mut viewer = Self {
-            socket,
-            channels: BTreeMap::new(),
-            subscribed: BTreeMap::new(),
-        };
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        let mut viewer = Self { socket, channels: BTreeMap::new(), subscribed: BTreeMap::new() };
         while !viewer.channels.contains_key("/robot_description") {
             viewer.read();
         }
@@ -117,9 +109,7 @@ fn positions(cdr: &[u8]) -> [f64; 2] {
 }
 
 fn has(bytes: &[u8], text: &str) -> bool {
-    bytes
-        .windows(text.len())
-        .any(|part| part == text.as_bytes())
+    bytes.windows(text.len()).any(|part| part == text.as_bytes())
 }
 
 /// The program, and the address that it prints.
@@ -128,9 +118,7 @@ fn start(domain: &Domain) -> (Program, String) {
     let mut line = String::new();
     let stdout = program.child().stdout.take().unwrap();
     BufReader::new(stdout).read_line(&mut line).unwrap();
-    let address = line
-        .split_whitespace()
-        .find(|word| word.starts_with("ws://"));
+    let address = line.split_whitespace().find(|word| word.starts_with("ws://"));
     let address = address.unwrap_or_else(|| panic!("{line}")).to_owned();
     (program, address)
 }
@@ -144,10 +132,7 @@ fn a_viewer_sees_angles_state_and_the_robot() {
         ("/measured_js", "sensor_msgs/msg/JointState"),
         ("/tracking_error", "sensor_msgs/msg/JointState"),
         ("/operating_state", "crtk_msgs/msg/OperatingState"),
-        (
-            "/i2ris/period_statistics",
-            "i2ris_msgs/msg/PeriodStatistics",
-        ),
+        ("/i2ris/period_statistics", "i2ris_msgs/msg/PeriodStatistics"),
         ("/robot_description", "std_msgs/msg/String"),
     ] {
         let channel = &viewer.channels[topic];
@@ -158,9 +143,7 @@ fn a_viewer_sees_angles_state_and_the_robot() {
         );
         viewer.subscribe(topic);
     }
-    viewer.wait_for("/robot_description", |bytes| {
-        has(bytes, "<robot name=\"i2ris\">")
-    });
+    viewer.wait_for("/robot_description", |bytes| has(bytes, "<robot name=\"i2ris\">"));
     let wanted = controller.robot().pose.map(f64::to_radians);
     let is_there = |wanted: [f64; 2]| {
         move |bytes: &[u8]| {
@@ -273,25 +256,16 @@ fn the_layout_is_written_once_and_names_topics_that_are_there() {
     let layout: Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     let text = layout.to_string();
-    let mut topics: Vec<String> = i2ris_record::topic::Topic::all()
-        .map(|it| it.name())
-        .collect();
+    let mut topics: Vec<String> = i2ris_record::topic::Topic::all().map(|it| it.name()).collect();
     topics.push("/tracking_error".to_owned());
     let mut named = 0;
-    for path in text
-        .split("\"value\":\"")
-        .skip(1)
-        .map(|it| it.split('"').next().unwrap())
-    {
+    for path in text.split("\"value\":\"").skip(1).map(|it| it.split('"').next().unwrap()) {
         let topic = path.split('.').next().unwrap();
         assert!(topics.iter().any(|known| known == topic), "{path}");
         named += 1;
     }
     assert!(named > 10, "{text}");
     for panel in layout["configById"].as_object().unwrap().keys() {
-        assert!(
-            layout["layout"].to_string().contains(panel),
-            "{panel} has a place"
-        );
+        assert!(layout["layout"].to_string().contains(panel), "{panel} has a place");
     }
 }

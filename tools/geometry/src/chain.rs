@@ -113,10 +113,8 @@ impl Snake {
         let (mut joints, mut parent, mut end) = (Vec::new(), link("base"), 0.0);
         for place in 1..=JOINTS_PER_AXIS {
             for (axis, motion) in [("pitch", Motion::Pitch), ("yaw", Motion::Yaw)] {
-                let (hinge, child) = (
-                    link(&format!("{axis}_{place}_hinge")),
-                    link(&format!("{axis}_{place}")),
-                );
+                let (hinge, child) =
+                    (link(&format!("{axis}_{place}_hinge")), link(&format!("{axis}_{place}")));
                 joints.push(Joint {
                     name: format!("{axis}_{place}_lower"),
                     parent,
@@ -182,9 +180,7 @@ impl Snake {
     #[must_use]
     pub fn tip_pose(&self, bend: Bend) -> LinkPose {
         let joints = self.joints.iter();
-        joints
-            .fold(Isometry3::identity(), |pose, joint| pose * joint.at(&bend))
-            .into()
+        joints.fold(Isometry3::identity(), |pose, joint| pose * joint.at(&bend)).into()
     }
 }
 
@@ -215,10 +211,7 @@ mod tests {
             let counts = Vector2::from(counts.map(f64::from));
             let angles = kinematics.at(&counts, OutputUnit::Deg).mean;
             let expected = kinematics.at(&counts, OutputUnit::Mm).mean;
-            let bend = Bend {
-                pitch: angles[0],
-                yaw: angles[1],
-            };
+            let bend = Bend { pitch: angles[0], yaw: angles[1] };
             let found = Vector3::from(snake.tip_pose(bend).position_m);
             assert!((found - expected).norm() < 1e-12, "{found} {expected}");
             largest = largest.max(angles.norm());
@@ -236,10 +229,8 @@ mod tests {
         let (pitch, yaw) = (0.4_f64, 0.3_f64);
         let pitched = towards(Bend { pitch, yaw: 0.0 });
         let yawed = towards(Bend { pitch: 0.0, yaw });
-        let expected = [
-            Vector3::new(0.0, pitch.sin(), pitch.cos()),
-            Vector3::new(yaw.sin(), 0.0, yaw.cos()),
-        ];
+        let expected =
+            [Vector3::new(0.0, pitch.sin(), pitch.cos()), Vector3::new(yaw.sin(), 0.0, yaw.cos())];
         assert!((pitched - expected[0]).norm() < 1e-12, "{pitched}");
         assert!((yawed - expected[1]).norm() < 1e-12, "{yawed}");
     }

@@ -21,9 +21,8 @@ fn vector(text: &str) -> Vector3<f64> {
 /// others follow them.
 fn tip(document: &Document<'_>, bend: Bend) -> Isometry3<f64> {
     let joints = document.descendants().filter(|it| it.has_tag_name("joint"));
-    let by_child: BTreeMap<&str, Node<'_, '_>> = joints
-        .map(|joint| (attribute(joint, "child", "link").unwrap(), joint))
-        .collect();
+    let by_child: BTreeMap<&str, Node<'_, '_>> =
+        joints.map(|joint| (attribute(joint, "child", "link").unwrap(), joint)).collect();
     let (mut pose, mut link) = (Isometry3::identity(), "eye_tip");
     while let Some(joint) = by_child.get(link) {
         let master = attribute(*joint, "mimic", "joint").or(joint.attribute("name"));
@@ -56,12 +55,7 @@ fn a_reader_of_the_urdf_finds_the_tip_where_the_snake_has_it() {
         assert!((found.translation.vector - position).norm() < 3e-7);
         let [x, y, z, w] = expected.quaternion;
         let expected = nalgebra::Quaternion::new(w, x, y, z);
-        assert!(
-            found
-                .rotation
-                .angle_to(&UnitQuaternion::from_quaternion(expected))
-                < 1e-9
-        );
+        assert!(found.rotation.angle_to(&UnitQuaternion::from_quaternion(expected)) < 1e-9);
     }
 }
 
@@ -71,12 +65,8 @@ fn every_link_has_one_joint_and_every_joint_has_limits_it_can_keep() {
     let document = Document::parse(&text).unwrap();
     let robot = document.root_element();
     let named = |tag: &'static str| robot.children().filter(move |it| it.has_tag_name(tag));
-    let links: Vec<_> = named("link")
-        .filter_map(|it| it.attribute("name"))
-        .collect();
-    let children: Vec<_> = named("joint")
-        .filter_map(|it| attribute(it, "child", "link"))
-        .collect();
+    let links: Vec<_> = named("link").filter_map(|it| it.attribute("name")).collect();
+    let children: Vec<_> = named("joint").filter_map(|it| attribute(it, "child", "link")).collect();
     assert_eq!(links.len(), 1 + 2 + 24 + 1);
     assert_eq!(children.len(), links.len() - 1, "all but the base");
     for (place, child) in children.iter().enumerate() {

@@ -124,10 +124,7 @@ mod tests {
             ..message()
         };
         let state = &lines(&paused)[1];
-        assert!(
-            state.starts_with("BUDGET USED UP 100 %, nothing is learned"),
-            "{state}"
-        );
+        assert!(state.starts_with("BUDGET USED UP 100 %, nothing is learned"), "{state}");
         assert!(state.contains("too little motion"), "{state}");
     }
 

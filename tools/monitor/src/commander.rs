@@ -18,21 +18,14 @@ pub struct Commander {
 
 impl Commander {
     pub fn new(domain: &Domain) -> Self {
-        Self {
-            domain: domain.clone(),
-            found: None,
-            next: Nanos::ZERO,
-        }
+        Self { domain: domain.clone(), found: None, next: Nanos::ZERO }
     }
 
     /// Program, process id and user of the holder; `None`: nobody, or not known.
     pub fn name(&mut self, state: Option<&OperatingStateMsg>, now: Nanos) -> Option<String> {
         let state = state.filter(|state| state.lease_client_id != 0)?;
         let (boot, client) = (state.boot_id, state.lease_client_id);
-        let known = self
-            .found
-            .as_ref()
-            .filter(|it| (it.0, it.1) == (boot, client));
+        let known = self.found.as_ref().filter(|it| (it.0, it.1) == (boot, client));
         if known.is_none_or(|it| it.2.is_none() && now >= self.next) {
             let process = find_client_process(&self.domain, boot, client);
             self.found = Some((boot, client, process.map(|process| process.to_string())));

@@ -67,21 +67,13 @@ fn outline(region: &Region) -> Option<Vec<[f64; 2]>> {
             let normal = [values[0] / length, values[1] / length];
             let at = |along: f64, beyond: f64| {
                 let offset = deg(2) + beyond;
-                [
-                    offset * normal[0] - along * normal[1],
-                    offset * normal[1] + along * normal[0],
-                ]
+                [offset * normal[0] - along * normal[1], offset * normal[1] + along * normal[0]]
             };
-            vec![
-                at(-FAR_DEG, 0.0),
-                at(FAR_DEG, 0.0),
-                at(FAR_DEG, FAR_DEG),
-                at(-FAR_DEG, FAR_DEG),
-            ]
+            vec![at(-FAR_DEG, 0.0), at(FAR_DEG, 0.0), at(FAR_DEG, FAR_DEG), at(-FAR_DEG, FAR_DEG)]
         }
-        FixtureKind::Polygon => (0..(values[0] as usize).min(8))
-            .map(|k| [deg(1 + 2 * k), deg(2 + 2 * k)])
-            .collect(),
+        FixtureKind::Polygon => {
+            (0..(values[0] as usize).min(8)).map(|k| [deg(1 + 2 * k), deg(2 + 2 * k)]).collect()
+        }
         FixtureKind::Ball | FixtureKind::HalfSpace | FixtureKind::None => return None,
     };
     Some(points.into_iter().map(|point| point.map(short)).collect())
@@ -107,11 +99,7 @@ mod tests {
         let json = as_json(&message);
         assert_eq!(json[0]["active"], true);
         let corners = json[0]["outline"].as_array().unwrap();
-        assert!(
-            corners
-                .iter()
-                .all(|corner| corner[1].as_f64().unwrap() >= 10.0)
-        );
+        assert!(corners.iter().all(|corner| corner[1].as_f64().unwrap() >= 10.0));
         assert!(json[1]["outline"].is_null());
     }
 }

@@ -63,11 +63,7 @@ pub struct History {
 impl History {
     /// Adds a sample, if one is due.
     pub fn sample(&mut self, view: &LatestMessages, now: Nanos) {
-        if self
-            .samples
-            .last()
-            .is_some_and(|last| now.since(last.stamp) < SAMPLE_PERIOD)
-        {
+        if self.samples.last().is_some_and(|last| now.since(last.stamp) < SAMPLE_PERIOD) {
             return;
         }
         self.samples.push(sample(view, now));
@@ -84,11 +80,8 @@ impl History {
         if camera.flags & ExternalPosition::VALID == 0 || camera.count != 2 {
             return;
         }
-        let last = self
-            .waiting
-            .back()
-            .map(Message::stamp)
-            .or(self.frames.last().map(|frame| frame.stamp));
+        let last =
+            self.waiting.back().map(Message::stamp).or(self.frames.last().map(|frame| frame.stamp));
         // Stamps that do not increase come from a restarted camera, or from a second one.
         if last.is_some_and(|last| {
             camera.stamp().since(last) < SAMPLE_PERIOD && camera.stamp() >= last
@@ -114,31 +107,16 @@ impl History {
     /// Whether the encoders were read after the frame was taken, or will not be.
     fn is_due(&self, camera: &ExternalPosition, now: Nanos) -> bool {
         let later = |read: &Nanos| *read >= camera.stamp();
-        self.samples
-            .last()
-            .is_some_and(|last| last.read.iter().all(later))
+        self.samples.last().is_some_and(|last| last.read.iter().all(later))
             || camera.age(now) > STALE
     }
 
     fn take(&mut self, camera: &ExternalPosition) {
-        let counts = [
-            self.counts_at(0, camera.stamp()),
-            self.counts_at(1, camera.stamp()),
-        ];
-        let counts = if let [Some(first), Some(second)] = counts {
-            Some([first, second])
-        } else {
-            None
-        };
-        let angles = [
-            camera.position[0].to_degrees(),
-            camera.position[1].to_degrees(),
-        ];
-        self.frames.push(CameraFrame {
-            stamp: camera.stamp(),
-            angles,
-            counts,
-        });
+        let counts = [self.counts_at(0, camera.stamp()), self.counts_at(1, camera.stamp())];
+        let counts =
+            if let [Some(first), Some(second)] = counts { Some([first, second]) } else { None };
+        let angles = [camera.position[0].to_degrees(), camera.position[1].to_degrees()];
+        self.frames.push(CameraFrame { stamp: camera.stamp(), angles, counts });
     }
 
     /// The encoder position of a motor at an instant, between two readings of it; `None` where
@@ -163,16 +141,9 @@ impl History {
 fn sample(view: &LatestMessages, now: Nanos) -> Sample {
     let fresh = |joint: Option<&JointState>| angles(joint.filter(|joint| joint.age(now) <= STALE));
     let estimate = view.measured.as_ref();
-    let deviation = |joint: &JointState| {
-        [
-            joint.deviation[0].to_degrees(),
-            joint.deviation[1].to_degrees(),
-        ]
-    };
-    let motors = view
-        .actuators
-        .as_ref()
-        .filter(|motors| motors.age(now) <= STALE);
+    let deviation =
+        |joint: &JointState| [joint.deviation[0].to_degrees(), joint.deviation[1].to_degrees()];
+    let motors = view.actuators.as_ref().filter(|motors| motors.age(now) <= STALE);
     let of = |field: fn(&ActuatorState) -> [i32; MAX_MOTORS]| {
         motors.map(|motors| field(motors).map(f64::from))
     };
@@ -192,9 +163,7 @@ fn sample(view: &LatestMessages, now: Nanos) -> Sample {
 /// When the encoders were read. An absent motor counts as read now.
 fn readings(motors: &ActuatorState, now: Nanos) -> [Nanos; MAX_MOTORS] {
     let mut read = motors.measured_stamp_ns.map(Nanos);
-    read.iter_mut()
-        .skip(count(motors.count))
-        .for_each(|read| *read = now);
+    read.iter_mut().skip(count(motors.count)).for_each(|read| *read = now);
     read
 }
 
@@ -218,10 +187,7 @@ struct Ring<T> {
 
 impl<T> Default for Ring<T> {
     fn default() -> Self {
-        Self {
-            entries: VecDeque::with_capacity(CAPACITY),
-            next: 0,
-        }
+        Self { entries: VecDeque::with_capacity(CAPACITY), next: 0 }
     }
 }
 
@@ -242,14 +208,8 @@ impl<T> Ring<T> {
     /// new.
     fn after(&self, number: u64) -> impl Iterator<Item = &T> + Clone {
         let first = self.next - self.entries.len() as u64;
-        let skip = if number > self.next {
-            0
-        } else {
-            number.saturating_sub(first)
-        };
-        self.entries
-            .iter()
-            .skip(usize::try_from(skip).unwrap_or(usize::MAX))
+        let skip = if number > self.next { 0 } else { number.saturating_sub(first) };
+        self.entries.iter().skip(usize::try_from(skip).unwrap_or(usize::MAX))
     }
 }
 
@@ -294,11 +254,7 @@ mod tests {
         assert_eq!((samples.clone().count(), next), (CAPACITY, 2500));
         assert_eq!(samples.last().unwrap().stamp, Nanos::from_millis(100_960));
         assert_eq!(history.samples(2498).0.count(), 2);
-        assert_eq!(
-            history.samples(9999).0.count(),
-            CAPACITY,
-            "the number of another monitor"
-        );
+        assert_eq!(history.samples(9999).0.count(), CAPACITY, "the number of another monitor");
     }
 
     #[test]
@@ -312,20 +268,14 @@ mod tests {
         }
         let frame = *history.frames(0).0.next().unwrap();
         let counts = frame.counts.unwrap();
-        assert!(
-            (counts[0] - 1333.0).abs() < 1e-6 && counts[1] == 7.0,
-            "{frame:?}"
-        );
+        assert!((counts[0] - 1333.0).abs() < 1e-6 && counts[1] == 7.0, "{frame:?}");
         assert!((frame.angles[0] - 0.1_f64.to_degrees()).abs() < 1e-12);
     }
 
     #[test]
     fn a_frame_in_a_gap_has_no_counts_and_an_invalid_frame_is_dropped() {
         let mut history = History::default();
-        history.add_frame(&ExternalPosition {
-            flags: 0,
-            ..camera(900)
-        });
+        history.add_frame(&ExternalPosition { flags: 0, ..camera(900) });
         history.add_frame(&camera(900));
         history.sample(&moving(1000), Nanos::from_millis(1000));
         history.sample(&LatestMessages::default(), Nanos::from_millis(1600));
@@ -338,11 +288,7 @@ mod tests {
         let mut history = History::default();
         history.sample(&moving(1000), Nanos::from_millis(1100));
         history.sample(&moving(1000), Nanos::from_millis(1600));
-        let counts: Vec<_> = history
-            .samples(0)
-            .0
-            .map(|sample| sample.counts.is_some())
-            .collect();
+        let counts: Vec<_> = history.samples(0).0.map(|sample| sample.counts.is_some()).collect();
         assert_eq!(counts, [true, false]);
     }
 

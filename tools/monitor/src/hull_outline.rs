@@ -23,31 +23,19 @@ pub struct Outline {
 impl Default for Outline {
     /// Motor 0 bends in pitch, motor 1 in yaw: what is shown without a model.
     fn default() -> Self {
-        Self {
-            points: Vec::new(),
-            along: [[1.0, 0.0], [0.0, 1.0]],
-        }
+        Self { points: Vec::new(), along: [[1.0, 0.0], [0.0, 1.0]] }
     }
 }
 
 impl Outline {
     /// The bend of the motor's own, degrees.
     pub fn bend(&self, motor: usize, angles: [f64; 2]) -> f64 {
-        self.along.get(motor).map_or(0.0, |weights| {
-            weights[0] * angles[0] + weights[1] * angles[1]
-        })
+        self.along.get(motor).map_or(0.0, |weights| weights[0] * angles[0] + weights[1] * angles[1])
     }
 
     /// The name of `bend` on the screen.
     pub fn name(&self, motor: usize) -> &'static str {
-        match (
-            *self
-                == Self {
-                    points: self.points.clone(),
-                    ..Self::default()
-                },
-            motor,
-        ) {
+        match (*self == Self { points: self.points.clone(), ..Self::default() }, motor) {
             (true, 0) => "pitch",
             (true, _) => "yaw",
             (false, _) => "own bend",
@@ -66,11 +54,7 @@ pub enum OutlineError {
         "no hull: {file} is model {found}, the controller uses {used}; name the right file with \
          --model"
     )]
-    Other {
-        file: String,
-        found: String,
-        used: String,
-    },
+    Other { file: String, found: String, used: String },
     /// Its outputs are not two angles.
     #[error("no hull: the model does not predict pitch and yaw")]
     NoAngles,
@@ -84,15 +68,9 @@ pub enum OutlineError {
 pub fn outline_of(file: &Path, used: ModelId) -> Result<Outline, OutlineError> {
     let model = Model::load(file)?;
     if model.id() != used {
-        let (found, used) = (
-            super::latest_messages::short_id(model.id()),
-            super::latest_messages::short_id(used),
-        );
-        return Err(OutlineError::Other {
-            file: file.display().to_string(),
-            found,
-            used,
-        });
+        let (found, used) =
+            (super::latest_messages::short_id(model.id()), super::latest_messages::short_id(used));
+        return Err(OutlineError::Other { file: file.display().to_string(), found, used });
     }
     Ok(Outline {
         points: edge(&model)?,
@@ -119,12 +97,8 @@ fn own_directions(model: &Model) -> Option<[[f64; 2]; MAX_MOTORS]> {
 /// The angles after a motion of the motors from the middle of the hull to its edge. On the return
 /// they differ by the width of the hysteresis loop.
 fn edge(model: &Model) -> Result<Vec<[f64; 2]>, OutlineError> {
-    let angles = model
-        .file()
-        .outputs
-        .iter()
-        .filter(|output| output.unit == OutputUnit::Deg)
-        .count();
+    let angles =
+        model.file().outputs.iter().filter(|output| output.unit == OutputUnit::Deg).count();
     if (model.outputs(), angles, model.motors()) != (2, 2, 2) {
         return Err(OutlineError::NoAngles);
     }
@@ -136,10 +110,7 @@ fn edge(model: &Model) -> Result<Vec<[f64; 2]>, OutlineError> {
     for (from, to) in corners.iter().zip(next) {
         for step in 0..POINTS_PER_SIDE {
             let share = step as f64 / POINTS_PER_SIDE as f64;
-            let counts = [
-                from[0] + share * (to[0] - from[0]),
-                from[1] + share * (to[1] - from[1]),
-            ];
+            let counts = [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])];
             let mean = model.predict(&counts, &memory).mean;
             points.push([mean[0].to_degrees(), mean[1].to_degrees()]);
         }
@@ -163,23 +134,14 @@ mod tests {
     }
 
     fn with_gain(unit: OutputUnit, gain: [[f64; 2]; 2]) -> Model {
-        let fit = FitMetrics {
-            r2: 0.99,
-            rmsd: 1.0,
-            nrmsd: 0.1,
-            mae: 0.8,
-            max: 2.0,
-        };
+        let fit = FitMetrics { r2: 0.99, rmsd: 1.0, nrmsd: 0.1, mae: 0.8, max: 2.0 };
         Model::from_file(ModelFile {
             slow_error: None,
             format: FORMAT.to_owned(),
             schema_version: SCHEMA_VERSION,
             robot_id: "test".to_owned(),
             outputs: ["pitch", "yaw"]
-                .map(|name| OutputSpec {
-                    name: name.to_owned(),
-                    unit,
-                })
+                .map(|name| OutputSpec { name: name.to_owned(), unit })
                 .to_vec(),
             family: FamilyParameters::Linear {
                 gain: gain.map(|row| row.to_vec()).to_vec(),
@@ -206,13 +168,7 @@ mod tests {
                 linear_gain: None,
             },
             worthless: None,
-            metrics: vec![
-                OutputMetrics {
-                    training: fit,
-                    held_out: None
-                };
-                2
-            ],
+            metrics: vec![OutputMetrics { training: fit, held_out: None }; 2],
         })
         .unwrap()
     }
@@ -225,14 +181,10 @@ mod tests {
             (4 * POINTS_PER_SIDE + 1, points[4 * POINTS_PER_SIDE])
         );
         let near = |wanted: [f64; 2]| {
-            points
-                .iter()
-                .any(|p| (p[0] - wanted[0]).hypot(p[1] - wanted[1]) < 1e-9)
+            points.iter().any(|p| (p[0] - wanted[0]).hypot(p[1] - wanted[1]) < 1e-9)
         };
         assert!(
-            [[-5.0, -5.0], [5.0, -5.0], [5.0, 7.0], [-5.0, 7.0]]
-                .into_iter()
-                .all(near),
+            [[-5.0, -5.0], [5.0, -5.0], [5.0, 7.0], [-5.0, 7.0]].into_iter().all(near),
             "{points:?}"
         );
     }
@@ -241,21 +193,12 @@ mod tests {
     fn the_bend_of_a_motor_does_not_change_with_the_other_one() {
         let gain = [[0.02, 0.015], [-0.01, 0.02]];
         let along = own_directions(&with_gain(OutputUnit::Deg, gain)).unwrap();
-        let outline = Outline {
-            along,
-            ..Outline::default()
-        };
+        let outline = Outline { along, ..Outline::default() };
         let angles = |q: [f64; 2]| gain.map(|row| row[0] * q[0] + row[1] * q[1]);
         let bend = outline.bend(0, angles([300.0, 50.0]));
         assert!((bend - outline.bend(0, angles([300.0, -200.0]))).abs() < 1e-9);
-        assert!(
-            (bend - 300.0 * 0.02_f64.hypot(0.01)).abs() < 1e-9,
-            "in degrees: {bend}"
-        );
-        assert_eq!(
-            (outline.name(0), Outline::default().name(1)),
-            ("own bend", "yaw")
-        );
+        assert!((bend - 300.0 * 0.02_f64.hypot(0.01)).abs() < 1e-9, "in degrees: {bend}");
+        assert_eq!((outline.name(0), Outline::default().name(1)), ("own bend", "yaw"));
         assert!(
             own_directions(&with_gain(OutputUnit::Deg, [[0.01, 0.01], [0.01, 0.0101]])).is_none()
         );
@@ -263,10 +206,7 @@ mod tests {
 
     #[test]
     fn a_model_of_positions_or_another_one_has_no_outline_here() {
-        assert!(matches!(
-            edge(&linear(OutputUnit::Mm)),
-            Err(OutlineError::NoAngles)
-        ));
+        assert!(matches!(edge(&linear(OutputUnit::Mm)), Err(OutlineError::NoAngles)));
         let folder = tempfile::tempdir().unwrap();
         let (file, model) = (folder.path().join("model.json"), linear(OutputUnit::Deg));
         std::fs::write(&file, serde_json::to_string(model.file()).unwrap()).unwrap();

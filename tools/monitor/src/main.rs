@@ -13,11 +13,7 @@
 //!
 //! The control loop notices none of it: a subscriber that is slow loses the oldest messages, and
 //! the loop never waits.
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command-line program prints"
-)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 mod adaptation;
 mod commander;
@@ -56,12 +52,7 @@ const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(1500);
 
 /// Watch the robot
 #[derive(Debug, Parser)]
-#[command(
-    name = "i2ris-monitor",
-    bin_name = "i2ris monitor",
-    version,
-    propagate_version = true
-)]
+#[command(name = "i2ris-monitor", bin_name = "i2ris monitor", version, propagate_version = true)]
 #[command(after_help = "Examples:
   i2ris monitor                     the screen, with keys to stop the robot and to change its model
   i2ris monitor --web               a read-only page: http://127.0.0.1:8765/
@@ -98,9 +89,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: Arguments) -> Result<(), Failure> {
     let domain = arguments.domain.domain()?;
-    let span = arguments
-        .duration_s
-        .map(|seconds| Nanos((seconds.max(0.0) * 1e9) as u64));
+    let span = arguments.duration_s.map(|seconds| Nanos((seconds.max(0.0) * 1e9) as u64));
     if let Some(address) = arguments.web {
         return web::run(&domain, address, arguments.model, span);
     }
@@ -128,11 +117,7 @@ fn plain(
 ) -> Result<(), Failure> {
     let start = clock::now();
     let (mut screen, mut dashboard) = (Screen::stdout(), Dashboard::default());
-    let period = if screen.is_terminal() {
-        DRAW_PERIOD
-    } else {
-        LINE_PERIOD
-    };
+    let period = if screen.is_terminal() { DRAW_PERIOD } else { LINE_PERIOD };
     let (mut next_draw, mut open) = (start + READ_PERIOD + READ_PERIOD, true);
     while open && !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {
         let now = clock::now();
@@ -190,10 +175,7 @@ mod tests {
     fn the_help_has_an_example_and_the_command_line_is_consistent() {
         let mut command = Arguments::command();
         let help = command.render_long_help().to_string();
-        assert!(
-            help.contains("Example") && help.contains("i2ris monitor"),
-            "{help}"
-        );
+        assert!(help.contains("Example") && help.contains("i2ris monitor"), "{help}");
         command.debug_assert();
     }
 }

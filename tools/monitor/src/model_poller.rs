@@ -63,11 +63,8 @@ impl Models {
     }
 
     fn slot(&self, index: usize) -> Option<LoadedModel> {
-        let slot = self
-            .slots
-            .as_ref()?
-            .get(index)
-            .filter(|slot| slot.flags & ModelSlot::PRESENT != 0)?;
+        let slot =
+            self.slots.as_ref()?.get(index).filter(|slot| slot.flags & ModelSlot::PRESENT != 0)?;
         let id = ModelId(slot.model_id);
         Some(LoadedModel {
             id,
@@ -106,10 +103,7 @@ impl ModelPoller {
 
     /// What is known.
     pub fn known(&self) -> Models {
-        self.known
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
+        self.known.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
@@ -186,10 +180,8 @@ mod tests {
             flags: ModelSlot::PRESENT | ModelSlot::MEMORY_KNOWN,
             ..ModelSlot::default()
         };
-        let models = Models {
-            slots: Some([there, ModelSlot::default(), there]),
-            ..Models::default()
-        };
+        let models =
+            Models { slots: Some([there, ModelSlot::default(), there]), ..Models::default() };
         let named = models.used().unwrap();
         assert_eq!(
             (named.name.as_str(), named.file.as_str()),

@@ -49,10 +49,7 @@ mod tests {
             (&json!(2), &json!(0.5), &json!("estimate"))
         );
         assert!((value["deg"][1].as_f64().unwrap() + 11.459).abs() < 1e-3);
-        let ended = ReachTarget {
-            flags: ReachTarget::ENDED | ReachTarget::HELD,
-            ..message
-        };
+        let ended = ReachTarget { flags: ReachTarget::ENDED | ReachTarget::HELD, ..message };
         assert_eq!(as_json(&ended, now), None);
         assert!(as_json(&ReachTarget { number: 1, ..ended }, now).is_some());
         assert_eq!(as_json(&message, now + Nanos::from_millis(1001)), None);

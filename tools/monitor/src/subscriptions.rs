@@ -68,9 +68,7 @@ impl Subscriptions {
         let model = dashboard.view.measured.map(|measured| measured.model_id);
         let outcome = self.read(dashboard);
         dashboard.problem = outcome.as_ref().err().map(ToString::to_string);
-        dashboard
-            .event_log
-            .update_connection(dashboard.problem.as_deref(), now);
+        dashboard.event_log.update_connection(dashboard.problem.as_deref(), now);
         dashboard.event_log.update_camera(&dashboard.view, now);
         dashboard.commander = self.commander.name(dashboard.view.state.as_ref(), now);
         dashboard.history.sample(&dashboard.view, now);
@@ -79,12 +77,7 @@ impl Subscriptions {
     }
 
     fn read(&mut self, dashboard: &mut Dashboard) -> Result<bool, ClientError> {
-        let Dashboard {
-            view,
-            history,
-            event_log,
-            ..
-        } = dashboard;
+        let Dashboard { view, history, event_log, .. } = dashboard;
         let (mut states, mut motors) = (Vec::new(), Vec::new());
         self.state.drain(|message| states.push(message))?;
         let is_restarted = self.boot_id != self.state.boot_id();
@@ -101,16 +94,12 @@ impl Subscriptions {
             event_log.update_motors(message);
             view.actuators = Some(*message);
         }
-        view.exchange_rates = view
-            .actuators
-            .as_ref()
-            .and_then(|message| self.exchanges.rates(message));
+        view.exchange_rates =
+            view.actuators.as_ref().and_then(|message| self.exchanges.rates(message));
         replace_if_new(&mut view.goal, self.goal.newest()?);
         replace_if_new(&mut view.setpoint, self.setpoint.newest()?);
         if replace_if_new(&mut view.measured, self.measured.newest()?) {
-            view.measured
-                .iter()
-                .for_each(|message| event_log.update_model(message));
+            view.measured.iter().for_each(|message| event_log.update_model(message));
         }
         self.error.drain(|message| {
             event_log.update_reason(&message);
@@ -125,9 +114,7 @@ impl Subscriptions {
         replace_if_new(&mut view.fixtures, self.fixtures.newest()?);
         replace_if_new(&mut view.target, self.target.newest()?);
         if replace_if_new(&mut view.statistics, self.statistics.newest()?) {
-            view.statistics
-                .iter()
-                .for_each(|message| event_log.update_ticks(message));
+            view.statistics.iter().for_each(|message| event_log.update_ticks(message));
         }
         self.camera.drain(|message| {
             history.add_frame(&message);
@@ -158,17 +145,8 @@ impl Exchanges {
         let before = *self.before.get_or_insert(*message);
         let span = message.stamp() - before.stamp();
         if before.boot_id != message.boot_id {
-            *self = Self {
-                before: Some(*message),
-                ..Self::default()
-            };
-        } else if span
-            >= if self.rates.is_none() {
-                FIRST_SPAN
-            } else {
-                RATE_SPAN
-            }
-        {
+            *self = Self { before: Some(*message), ..Self::default() };
+        } else if span >= if self.rates.is_none() { FIRST_SPAN } else { RATE_SPAN } {
             self.rates = Some(std::array::from_fn(|motor| {
                 message.exchanges[motor].saturating_sub(before.exchanges[motor]) as f64
                     / span.as_seconds()
@@ -194,27 +172,10 @@ mod tests {
         let mut exchanges = Exchanges::default();
         assert_eq!(exchanges.rates(&message(1000, 100, 1)), None);
         assert_eq!(exchanges.rates(&message(1200, 180, 1)), None);
-        assert_eq!(
-            exchanges.rates(&message(1500, 300, 1)),
-            Some([400.0, 800.0])
-        );
-        assert_eq!(
-            exchanges.rates(&message(2000, 550, 1)),
-            Some([400.0, 800.0]),
-            "once a second"
-        );
-        assert_eq!(
-            exchanges.rates(&message(2500, 800, 1)),
-            Some([500.0, 1000.0])
-        );
-        assert_eq!(
-            exchanges.rates(&message(2600, 3, 2)),
-            None,
-            "another controller counts anew"
-        );
-        assert_eq!(
-            exchanges.rates(&message(3600, 103, 2)),
-            Some([100.0, 200.0])
-        );
+        assert_eq!(exchanges.rates(&message(1500, 300, 1)), Some([400.0, 800.0]));
+        assert_eq!(exchanges.rates(&message(2000, 550, 1)), Some([400.0, 800.0]), "once a second");
+        assert_eq!(exchanges.rates(&message(2500, 800, 1)), Some([500.0, 1000.0]));
+        assert_eq!(exchanges.rates(&message(2600, 3, 2)), None, "another controller counts anew");
+        assert_eq!(exchanges.rates(&message(3600, 103, 2)), Some([100.0, 200.0]));
     }
 }

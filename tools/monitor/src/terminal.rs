@@ -133,14 +133,8 @@ impl Session {
     }
 
     fn show_result(&mut self, answer: CommandResult, now: Nanos) {
-        let severity = if answer.good {
-            Severity::Info
-        } else {
-            Severity::Warning
-        };
-        self.dashboard
-            .event_log
-            .log(now, severity, answer.text.clone());
+        let severity = if answer.good { Severity::Info } else { Severity::Warning };
+        self.dashboard.event_log.log(now, severity, answer.text.clone());
         self.key_handler.show_result(answer, now);
     }
 }
@@ -168,11 +162,7 @@ mod tests {
         let pty = nix::pty::openpty(None, None).unwrap();
         let slave = || std::process::Stdio::from(pty.slave.try_clone().unwrap());
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args([
-            "--exact",
-            "terminal::tests::a_panic_puts_the_terminal_back",
-            "--nocapture",
-        ]);
+        command.args(["--exact", "terminal::tests::a_panic_puts_the_terminal_back", "--nocapture"]);
         command
             .env(CHILD, "1")
             .env("TERM", "xterm-256color")
@@ -204,18 +194,10 @@ mod tests {
         });
         assert!(!child.wait().unwrap().success());
         let (text, _master) = reader.join().unwrap();
-        let position = |part: &str| {
-            text.find(part)
-                .unwrap_or_else(|| panic!("{part:?} is not in {text:?}"))
-        };
-        assert!(
-            position("\u{1b}[?1049h") < position("\u{1b}[?1049l"),
-            "the first screen again"
-        );
-        assert!(
-            position("\u{1b}[?1049l") < position("on purpose"),
-            "and the reason is on it"
-        );
+        let position =
+            |part: &str| text.find(part).unwrap_or_else(|| panic!("{part:?} is not in {text:?}"));
+        assert!(position("\u{1b}[?1049h") < position("\u{1b}[?1049l"), "the first screen again");
+        assert!(position("\u{1b}[?1049l") < position("on purpose"), "and the reason is on it");
         let flags = tcgetattr(ours.as_fd()).unwrap().local_flags;
         assert!(flags.contains(LocalFlags::ICANON | LocalFlags::ECHO));
     }

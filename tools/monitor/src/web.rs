@@ -59,10 +59,8 @@ pub fn run(
     }
     let source = Arc::new(Source::new(domain.name(), clock::now()));
     server::start(listener, Arc::clone(&source), address.ip().is_loopback())?;
-    let outcome = Screen::stdout().say(&format!(
-        "watch domain {} at http://{address}/ (read-only)",
-        domain.name()
-    ));
+    let outcome = Screen::stdout()
+        .say(&format!("watch domain {} at http://{address}/ (read-only)", domain.name()));
     until_closed(outcome)?;
     let model_poller = ModelPoller::start(domain, model);
     let mut subscriptions = Subscriptions::new(domain);

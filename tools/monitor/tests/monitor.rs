@@ -27,10 +27,7 @@ use i2ris_testing::{Controller, Program};
 fn without_a_controller_it_says_so() {
     let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
     let (success, _, error) = Program::run(&domain, &["monitor"]);
-    assert!(
-        !success && error.contains("no controller serves domain"),
-        "{error}"
-    );
+    assert!(!success && error.contains("no controller serves domain"), "{error}");
 }
 
 #[test]
@@ -50,10 +47,7 @@ fn once_shows_everything_once() {
     ] {
         assert!(output.contains(part), "{part}\n{output}");
     }
-    assert!(
-        !output.contains('\u{1b}'),
-        "no control characters into a file"
-    );
+    assert!(!output.contains('\u{1b}'), "no control characters into a file");
 }
 
 #[test]
@@ -65,9 +59,7 @@ fn into_a_file_goes_one_line_a_second_until_the_time_is_over() {
     let lines: Vec<&str> = output.lines().collect();
     assert!((1..=3).contains(&lines.len()), "{output}");
     assert!(
-        lines
-            .iter()
-            .all(|line| line.starts_with("ENABLED; goal +1.00 -1.00 set-point")),
+        lines.iter().all(|line| line.starts_with("ENABLED; goal +1.00 -1.00 set-point")),
         "{output}"
     );
 }
@@ -120,9 +112,5 @@ fn on_a_terminal_the_page_is_drawn_over_again() {
     assert!(pages >= 2, "{text}");
     // Every page but the first goes up over the one before, as far as that was long.
     let lines = text.split("\u{1b}[J").next().unwrap().lines().count();
-    assert_eq!(
-        text.matches(&format!("\u{1b}[{lines}A")).count(),
-        pages - 1,
-        "{text}"
-    );
+    assert_eq!(text.matches(&format!("\u{1b}[{lines}A")).count(), pages - 1, "{text}");
 }

@@ -119,10 +119,7 @@ fn ends(
     let serve = Running::start(serve.arg("--keys").arg(&keys))?;
     let mut connect = Command::new(beside("i2ris-bridge")?);
     connect.args(["connect", relay, "--lost-ms", "5000"]);
-    connect
-        .args(["--domain", far.name()])
-        .arg("--key")
-        .arg(&key);
+    connect.args(["--domain", far.name()]).arg("--key").arg(&key);
     Ok([serve, Running::start(&mut connect)?])
 }
 

@@ -130,11 +130,7 @@ impl End {
         };
         let (now, address) = (clock::now(), self.options.server.clone());
         let (silence, is_admitted) = (joined.silence(now), joined.is_admitted());
-        let limit = if is_admitted {
-            self.options.lost_after
-        } else {
-            ADMISSION_TIMEOUT
-        };
+        let limit = if is_admitted { self.options.lost_after } else { ADMISSION_TIMEOUT };
         match course {
             Course::Lives if silence <= limit => {
                 if is_admitted {

@@ -51,14 +51,8 @@ pub enum BridgeEvent {
 impl fmt::Display for BridgeEvent {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Joined {
-                who,
-                commands: true,
-            } => write!(f, "{who}: joined, commands pass"),
-            Self::Joined {
-                who,
-                commands: false,
-            } => write!(f, "{who}: joined, to watch only"),
+            Self::Joined { who, commands: true } => write!(f, "{who}: joined, commands pass"),
+            Self::Joined { who, commands: false } => write!(f, "{who}: joined, to watch only"),
             Self::Left(who) => write!(f, "{who}: left"),
             Self::Lost(who) => write!(f, "{who}: silent, connection lost"),
             Self::Full(who) => {

@@ -114,12 +114,7 @@ fn open(action: &'static str, address: &str, config: &Value) -> Result<Session, 
 /// Everything is denied but what a key may do. The common name of its certificate is its id.
 fn access_control(access: &AccessList, commands: bool) -> Value {
     let mut rules = vec![
-        rule(
-            "watch",
-            "ingress",
-            &["declare_subscriber", "query"],
-            &[STATES.to_owned()],
-        ),
+        rule("watch", "ingress", &["declare_subscriber", "query"], &[STATES.to_owned()]),
         rule("show", "egress", &["put", "reply"], &[STATES.to_owned()]),
         rule(
             "offer",
@@ -158,11 +153,7 @@ fn access_control(access: &AccessList, commands: bool) -> Value {
 }
 
 fn command_of_any_session(id: &str, what: What) -> String {
-    let source = Source {
-        id,
-        session: 0,
-        what,
-    };
+    let source = Source { id, session: 0, what };
     source.key().replace("/0000000000000000/", "/*/")
 }
 

@@ -1,9 +1,5 @@
 //! `i2ris bridge`: watch and command from another computer.
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command-line program prints"
-)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,12 +12,7 @@ use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 /// Watch and command from another computer, over the network
 #[derive(Debug, Parser)]
-#[command(
-    name = "i2ris-bridge",
-    bin_name = "i2ris bridge",
-    version,
-    propagate_version = true
-)]
+#[command(name = "i2ris-bridge", bin_name = "i2ris bridge", version, propagate_version = true)]
 #[command(after_help = "Examples:
   i2ris bridge key alice --may command --host 192.168.1.10
                                              on the robot's computer, whose address this is; copy
@@ -182,10 +173,7 @@ fn key(arguments: &KeyArguments) -> Result<(), Failure> {
         &arguments.host,
         Lifetime::days(arguments.days),
     )?;
-    say(&format!(
-        "{}: the key; move this folder to the other computer",
-        folder.display()
-    ))
+    say(&format!("{}: the key; move this folder to the other computer", folder.display()))
 }
 
 fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
@@ -206,10 +194,7 @@ fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
         "to watch only"
     };
     let mut output = Output::new();
-    output.say(&format!(
-        "listening at {}, {access}; Ctrl-C ends",
-        arguments.listen
-    ));
+    output.say(&format!("listening at {}, {access}; Ctrl-C ends", arguments.listen));
     server.run(|| interrupt.came(), |event| output.report(&event));
     Ok(())
 }
@@ -242,9 +227,7 @@ struct Output {
 
 impl Output {
     fn new() -> Self {
-        Self {
-            screen: Screen::stdout(),
-        }
+        Self { screen: Screen::stdout() }
     }
 
     fn say(&mut self, line: &str) {
@@ -273,10 +256,7 @@ mod tests {
     fn the_help_has_an_example_and_the_command_line_is_consistent() {
         let mut command = Arguments::command();
         let help = command.render_long_help().to_string();
-        assert!(
-            help.contains("Example") && help.contains("i2ris bridge"),
-            "{help}"
-        );
+        assert!(help.contains("Example") && help.contains("i2ris bridge"), "{help}");
         command.debug_assert();
     }
 }

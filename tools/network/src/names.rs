@@ -82,12 +82,7 @@ impl<'a> Source<'a> {
     /// The key expression.
     #[must_use]
     pub fn key(&self) -> String {
-        format!(
-            "{FROM}/{}/{:016x}/{}",
-            self.id,
-            self.session,
-            self.what.name()
-        )
+        format!("{FROM}/{}/{:016x}/{}", self.id, self.session, self.what.name())
     }
 
     /// The sender of a key expression; `None` for everything else, wildcards too.
@@ -99,11 +94,7 @@ impl<'a> Source<'a> {
         let is_number = session.len() == 16 && session.bytes().all(|it| it.is_ascii_hexdigit());
         let session = is_number.then(|| u64::from_str_radix(session, 16).ok())??;
         let is_plain = !id.contains(['*', '$']);
-        Some(Self {
-            id: is_plain.then_some(id)?,
-            session,
-            what: What::named(what)?,
-        })
+        Some(Self { id: is_plain.then_some(id)?, session, what: What::named(what)? })
     }
 }
 
@@ -113,17 +104,9 @@ mod tests {
 
     #[test]
     fn a_sender_is_read_again_and_anything_else_is_none() {
-        for what in [
-            What::Alive,
-            What::ServoJp,
-            What::ServoActuators,
-            What::Request(Service::Move),
-        ] {
-            let source = Source {
-                id: "alice-1",
-                session: 0xab,
-                what,
-            };
+        for what in [What::Alive, What::ServoJp, What::ServoActuators, What::Request(Service::Move)]
+        {
+            let source = Source { id: "alice-1", session: 0xab, what };
             assert_eq!(Source::of(&source.key()), Some(source));
         }
         let key = "i2ris/from/alice-1/00000000000000ab/servo_jp";

@@ -35,20 +35,14 @@ impl ClockOffset {
         }
         let [sent, there, at] = [sent.0, there.0, arrived.0].map(|time| time as i64);
         let (least, most) = (there.wrapping_sub(at), there.wrapping_sub(sent));
-        let new = Bounds {
-            least,
-            most,
-            at: arrived,
-        };
+        let new = Bounds { least, most, at: arrived };
         let known = self.bounds.map(|bounds| bounds.widened(arrived));
         self.bounds = Some(match known {
             // Bounds that exclude each other: one clock has jumped, for instance at a suspend.
             Some(known) if known.least > most || known.most < least => new,
-            Some(known) => Bounds {
-                least: known.least.max(least),
-                most: known.most.min(most),
-                at: arrived,
-            },
+            Some(known) => {
+                Bounds { least: known.least.max(least), most: known.most.min(most), at: arrived }
+            }
             None => new,
         });
     }
@@ -88,11 +82,7 @@ impl Bounds {
 }
 
 fn shifted(stamp: u64, by: i64) -> u64 {
-    if stamp == 0 {
-        0
-    } else {
-        stamp.saturating_add_signed(by).max(1)
-    }
+    if stamp == 0 { 0 } else { stamp.saturating_add_signed(by).max(1) }
 }
 
 #[cfg(test)]
@@ -119,10 +109,7 @@ mod tests {
         assert!(offset.uncertainty(ms(1110)).unwrap() <= ms(10));
         offset.note(ms(1200), ms(5290), ms(1400));
         let uncertainty = offset.uncertainty(ms(1400)).unwrap();
-        assert!(
-            uncertainty < ms(11),
-            "a slow one adds nothing: {uncertainty:?}"
-        );
+        assert!(uncertainty < ms(11), "a slow one adds nothing: {uncertainty:?}");
         let age = ms(1400 + 4000).0 - offset.there(ms(1400).0, ms(1400)).unwrap();
         assert!(age <= ms(11).0);
         assert_eq!(offset.there(0, ms(1400)), Some(0));

@@ -27,11 +27,7 @@ pub(crate) struct Pace {
 impl Pace {
     /// At most once in this time.
     pub fn new(fastest: Nanos) -> Self {
-        Self {
-            fastest,
-            period: fastest,
-            next: Nanos::ZERO,
-        }
+        Self { fastest, period: fastest, next: Nanos::ZERO }
     }
 
     /// Whether to send now.
@@ -66,9 +62,8 @@ impl Lag {
     /// A message has arrived at this age.
     pub fn note(&mut self, age: Nanos) {
         // Rises by a thousandth, so that a link that became slower is not late for ever.
-        let quickest = self.quickest.map_or(age.0, |quickest| {
-            (quickest + quickest / 1000 + 1000).min(age.0)
-        });
+        let quickest =
+            self.quickest.map_or(age.0, |quickest| (quickest + quickest / 1000 + 1000).min(age.0));
         self.quickest = Some(quickest);
         let lag = age.0 - quickest;
         self.largest = Some(self.largest.unwrap_or(0).max(lag));
@@ -77,9 +72,7 @@ impl Lag {
     /// The largest lag since the last call, us, at least 1; 0: nothing arrived.
     pub fn take_us(&mut self) -> u32 {
         let lag = self.largest.take();
-        lag.map_or(0, |lag| {
-            u32::try_from(lag / 1000).unwrap_or(u32::MAX).max(1)
-        })
+        lag.map_or(0, |lag| u32::try_from(lag / 1000).unwrap_or(u32::MAX).max(1))
     }
 }
 

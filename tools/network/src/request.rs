@@ -32,13 +32,8 @@ pub enum Service {
 
 impl Service {
     /// All services.
-    pub const ALL: [Self; 5] = [
-        Self::StateCommand,
-        Self::Move,
-        Self::Model,
-        Self::BlackBox,
-        Self::Fixture,
-    ];
+    pub const ALL: [Self; 5] =
+        [Self::StateCommand, Self::Move, Self::Model, Self::BlackBox, Self::Fixture];
 
     /// Whether the answer may take seconds.
     pub fn is_slow(self) -> bool {
@@ -60,10 +55,7 @@ pub(crate) struct Question {
 impl Question {
     /// The bytes, with `asked` on the controller's clock.
     pub fn write(&self, asked_ns: u64) -> Vec<u8> {
-        let header = QuestionHeader {
-            number: self.number,
-            asked_ns,
-        };
+        let header = QuestionHeader { number: self.number, asked_ns };
         [header.as_bytes(), &self.payload].concat()
     }
 
@@ -81,9 +73,7 @@ impl Question {
     pub fn only_looks(&self) -> bool {
         let listing = |request: ModelRequest| request.action == ModelAction::List.number();
         self.service == Service::Model
-            && ModelRequest::read_from_bytes(&self.payload)
-                .ok()
-                .is_some_and(listing)
+            && ModelRequest::read_from_bytes(&self.payload).ok().is_some_and(listing)
     }
 
     /// Whether it only stops. Better late than never.
@@ -96,9 +86,7 @@ impl Question {
             )
         };
         self.service == Service::StateCommand
-            && StateCommandRequest::read_from_bytes(&self.payload)
-                .ok()
-                .is_some_and(stops)
+            && StateCommandRequest::read_from_bytes(&self.payload).ok().is_some_and(stops)
     }
 
     /// Whether it comes too late to be carried out; `asked` is by our clock.
@@ -118,16 +106,8 @@ impl Question {
             Service::Fixture => ask(&self.payload, |request| controller.virtual_fixture(request)),
         };
         match payload {
-            Some(payload) => Answer {
-                number: self.number,
-                outcome: Outcome::Answered,
-                payload,
-            },
-            None => Answer {
-                number: self.number,
-                outcome: Outcome::Silent,
-                payload: Vec::new(),
-            },
+            Some(payload) => Answer { number: self.number, outcome: Outcome::Answered, payload },
+            None => Answer { number: self.number, outcome: Outcome::Silent, payload: Vec::new() },
         }
     }
 }
@@ -182,28 +162,17 @@ pub(crate) struct Answer {
 impl Answer {
     /// An answer without a payload.
     pub fn empty(number: u64, outcome: Outcome) -> Self {
-        Self {
-            number,
-            outcome,
-            payload: Vec::new(),
-        }
+        Self { number, outcome, payload: Vec::new() }
     }
 
     pub fn write(&self) -> Vec<u8> {
-        let header = AnswerHeader {
-            outcome: self.outcome as u32,
-            reserved: 0,
-        };
+        let header = AnswerHeader { outcome: self.outcome as u32, reserved: 0 };
         [header.as_bytes(), &self.payload].concat()
     }
 
     pub fn read(number: u64, bytes: &[u8]) -> Option<Self> {
         let (header, payload) = AnswerHeader::read_from_prefix(bytes).ok()?;
-        Some(Self {
-            number,
-            outcome: Outcome::of(header.outcome)?,
-            payload: payload.to_vec(),
-        })
+        Some(Self { number, outcome: Outcome::of(header.outcome)?, payload: payload.to_vec() })
     }
 
     /// The answer to a state command, a motion or a change of the virtual fixtures.
@@ -211,11 +180,7 @@ impl Answer {
         let refusal = Refusal::Unsupported.number();
         self.outcome
             .excuse()
-            .map(|_| StateCommandReply {
-                refusal,
-                state,
-                ..StateCommandReply::default()
-            })
+            .map(|_| StateCommandReply { refusal, state, ..StateCommandReply::default() })
             .or_else(|| self.value())
     }
 
@@ -231,10 +196,7 @@ impl Answer {
 
     /// The answer to a request for a black box.
     pub fn black_box(&self) -> Option<BlackBoxReply> {
-        let refused = |why: &str| BlackBoxReply {
-            ticks: 0,
-            text: padded_text(why),
-        };
+        let refused = |why: &str| BlackBoxReply { ticks: 0, text: padded_text(why) };
         self.outcome.excuse().map(refused).or_else(|| self.value())
     }
 
@@ -248,11 +210,7 @@ mod tests {
     use super::*;
 
     fn command(command: StateCommand) -> Question {
-        let request = StateCommandRequest {
-            client_id: 7,
-            command: command.number(),
-            reserved: 0,
-        };
+        let request = StateCommandRequest { client_id: 7, command: command.number(), reserved: 0 };
         Question {
             number: 1,
             asked: 1_000,
@@ -266,11 +224,7 @@ mod tests {
         let question = command(StateCommand::Enable);
         let bytes = question.write(question.asked);
         assert_eq!(Question::read(question.service, &bytes), Some(question));
-        let answer = Answer {
-            number: 3,
-            outcome: Outcome::Answered,
-            payload: vec![1, 2, 3],
-        };
+        let answer = Answer { number: 3, outcome: Outcome::Answered, payload: vec![1, 2, 3] };
         assert_eq!(Answer::read(3, &answer.write()), Some(answer));
         assert_eq!(Question::read(Service::Move, &[0; 15]), None);
         assert_eq!(Answer::read(3, &[0; 8]), None, "no outcome has this number");
@@ -285,23 +239,14 @@ mod tests {
             assert_eq!(command(*word).is_late(late), !stops, "{word}");
             assert!(!command(*word).is_late(Nanos(1_000) + LATE));
         }
-        let motion = Question {
-            service: Service::Move,
-            ..command(StateCommand::Hold)
-        };
-        assert!(
-            motion.is_late(late),
-            "the payload of another service says nothing"
-        );
+        let motion = Question { service: Service::Move, ..command(StateCommand::Hold) };
+        assert!(motion.is_late(late), "the payload of another service says nothing");
     }
 
     #[test]
     fn only_the_list_of_models_is_for_those_who_watch() {
         let ask = |action: ModelAction| {
-            let request = ModelRequest {
-                action: action.number(),
-                ..ModelRequest::default()
-            };
+            let request = ModelRequest { action: action.number(), ..ModelRequest::default() };
             Question {
                 number: 1,
                 asked: 0,

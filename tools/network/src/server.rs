@@ -206,9 +206,8 @@ impl OpenServer {
     ) {
         let refusal = self.admit(source, alive, now, report).err();
         let session = find(&mut self.sessions, source);
-        let (commands, lag_us) = session.map_or((false, 0), |session| {
-            (session.commands, session.lag.take_us())
-        });
+        let (commands, lag_us) =
+            session.map_or((false, 0), |session| (session.commands, session.lag.take_us()));
         if let Some(lag) = lag_of_us(alive.lag_us).filter(|_| refusal.is_none()) {
             self.pace.note(lag);
         }
@@ -233,10 +232,7 @@ impl OpenServer {
     ) -> Result<(), SessionRefusal> {
         let id = || source.id.to_owned();
         if alive.interface != INTERFACE_VERSION {
-            report(BridgeEvent::Foreign {
-                who: id(),
-                interface: alive.interface,
-            });
+            report(BridgeEvent::Foreign { who: id(), interface: alive.interface });
             return Err(SessionRefusal::Interface);
         }
         let access = self.access.access(source.id);
@@ -260,10 +256,7 @@ impl OpenServer {
         let commands = self.options.commands && access == Access::Command;
         let session = Session::new(source.id, source.session, commands, now);
         self.sessions.push(session);
-        report(BridgeEvent::Joined {
-            who: id(),
-            commands,
-        });
+        report(BridgeEvent::Joined { who: id(), commands });
         Ok(())
     }
 
@@ -331,9 +324,8 @@ impl OpenServer {
             self.end(number);
         }
         let options = &self.options;
-        let opened = AccessList::load(&options.keys)
-            .map_err(NetworkError::from)
-            .and_then(|access| {
+        let opened =
+            AccessList::load(&options.keys).map_err(NetworkError::from).and_then(|access| {
                 let network =
                     Network::open(&options.listen, &options.keys, &access, options.commands)?;
                 Ok((access, network))

@@ -132,48 +132,19 @@ mod tests {
     use super::*;
 
     fn full() -> State {
-        let joint = |stamp_ns| {
-            Some(JointState {
-                stamp_ns,
-                ..JointState::default()
-            })
-        };
+        let joint = |stamp_ns| Some(JointState { stamp_ns, ..JointState::default() });
         State {
-            operating: Some(OperatingStateMsg {
-                stamp_ns: 1,
-                ..OperatingStateMsg::default()
-            }),
+            operating: Some(OperatingStateMsg { stamp_ns: 1, ..OperatingStateMsg::default() }),
             measured: joint(2),
             setpoint: joint(3),
             goal: joint(4),
-            actuators: Some(ActuatorState {
-                stamp_ns: 5,
-                ..ActuatorState::default()
-            }),
-            statistics: Some(PeriodStatistics {
-                stamp_ns: 6,
-                ..PeriodStatistics::default()
-            }),
-            health: Some(Health {
-                stamp_ns: 7,
-                ..Health::default()
-            }),
-            external: Some(ExternalPosition {
-                stamp_ns: 8,
-                ..ExternalPosition::default()
-            }),
-            adaptation: Some(AdaptationMsg {
-                stamp_ns: 9,
-                ..AdaptationMsg::default()
-            }),
-            fixtures: Some(VirtualFixturesMsg {
-                stamp_ns: 10,
-                ..VirtualFixturesMsg::default()
-            }),
-            version: Some(Version {
-                pid: 9,
-                ..Version::default()
-            }),
+            actuators: Some(ActuatorState { stamp_ns: 5, ..ActuatorState::default() }),
+            statistics: Some(PeriodStatistics { stamp_ns: 6, ..PeriodStatistics::default() }),
+            health: Some(Health { stamp_ns: 7, ..Health::default() }),
+            external: Some(ExternalPosition { stamp_ns: 8, ..ExternalPosition::default() }),
+            adaptation: Some(AdaptationMsg { stamp_ns: 9, ..AdaptationMsg::default() }),
+            fixtures: Some(VirtualFixturesMsg { stamp_ns: 10, ..VirtualFixturesMsg::default() }),
+            version: Some(Version { pid: 9, ..Version::default() }),
         }
     }
 
@@ -192,14 +163,8 @@ mod tests {
     #[test]
     fn what_is_not_new_stays_known() {
         let mut known = full();
-        let goal = Some(JointState {
-            stamp_ns: 19,
-            ..JointState::default()
-        });
-        known.update(&State {
-            goal,
-            ..State::default()
-        });
+        let goal = Some(JointState { stamp_ns: 19, ..JointState::default() });
+        known.update(&State { goal, ..State::default() });
         assert_eq!(known, State { goal, ..full() });
     }
 
@@ -210,11 +175,7 @@ mod tests {
         offset.note(Nanos(50), Nanos(1050), Nanos(50));
         let moved = full().here(&offset, Nanos(50)).unwrap();
         assert_eq!(moved.version, full().version);
-        assert_eq!(
-            moved.goal.unwrap().stamp_ns,
-            1,
-            "no moment before the first"
-        );
+        assert_eq!(moved.goal.unwrap().stamp_ns, 1, "no moment before the first");
     }
 
     proptest! {

@@ -132,13 +132,7 @@ fn without_a_valid_certificate_of_this_authority_nobody_gets_in() {
     let (keys, others) = (folder.path().join("keys"), folder.path().join("others"));
     let valid = make(&keys, "alice", Access::Command);
     let life = |seconds| {
-        let made = make_key(
-            &keys,
-            "bob",
-            Access::Command,
-            &[],
-            Lifetime::seconds(seconds),
-        );
+        let made = make_key(&keys, "bob", Access::Command, &[], Lifetime::seconds(seconds));
         made.unwrap()
     };
     let expired = life(-60);
@@ -146,16 +140,10 @@ fn without_a_valid_certificate_of_this_authority_nobody_gets_in() {
     let server = RunningServer::start(&controller, &keys, true);
     assert!(!is_kept_out(&server.address, &valid));
     assert!(is_kept_out(&server.address, &expired), "expired");
-    assert!(
-        is_kept_out(&server.address, &foreign),
-        "of another authority"
-    );
+    assert!(is_kept_out(&server.address, &foreign), "of another authority");
     // The right authority to trust in, and a certificate of another one.
     std::fs::copy(valid.join("ca.pem"), foreign.join("ca.pem")).unwrap();
-    assert!(
-        is_kept_out(&server.address, &foreign),
-        "of another authority"
-    );
+    assert!(is_kept_out(&server.address, &foreign), "of another authority");
     // On the same computer, too: no certificate, and another transport.
     assert!(RawClient::without_certificate(&server.address, &keys).is_none());
     // A key that was taken out of the list, and not only marked.
@@ -228,20 +216,11 @@ fn messages_that_are_none_and_a_flood_change_nothing() {
     let alice = make(folder.path(), "alice", Access::Command);
     let server = RunningServer::start(&controller, folder.path(), true);
     let alice = RawClient::join(&server.address, &alice);
-    for length in [
-        0,
-        1,
-        size_of::<ServoJp>() - 1,
-        size_of::<ServoJp>() + 1,
-        5000,
-    ] {
+    for length in [0, 1, size_of::<ServoJp>() - 1, size_of::<ServoJp>() + 1, 5000] {
         alice.put(What::ServoJp, &vec![1; length]);
         alice.put(What::Request(Service::Move), &vec![1; length]);
     }
-    let empty = QuestionHeader {
-        number: 1,
-        asked_ns: clock::now().0,
-    };
+    let empty = QuestionHeader { number: 1, asked_ns: clock::now().0 };
     let (answer, _) = alice.ask_bytes(Service::Move, empty.as_bytes()).unwrap();
     assert_eq!(answer.outcome, Outcome::Silent as u32, "no payload");
     for number in 0..20_000 {
@@ -266,16 +245,8 @@ fn the_newest_of_every_stream_is_sent_on_request_and_then_as_it_comes() {
         assert!(clock::now() < end, "{known:?}");
         known = eve.states();
     }
-    for stream in [
-        "operating_state",
-        "measured_js",
-        "actuators/measured_js",
-        "version",
-    ] {
-        assert!(
-            known.contains(&format!("i2ris/state/{stream}")),
-            "{known:?}"
-        );
+    for stream in ["operating_state", "measured_js", "actuators/measured_js", "version"] {
+        assert!(known.contains(&format!("i2ris/state/{stream}")), "{known:?}");
     }
     let states = eve.listen("i2ris/state/measured_js");
     assert!(states.recv_timeout(Duration::from_secs(20)).is_ok());

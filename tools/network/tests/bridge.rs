@@ -73,12 +73,7 @@ impl Place {
         let folder = tempfile::tempdir().unwrap();
         let keys = folder.path().join("keys");
         let key = make(&keys, "alice", access);
-        Self {
-            _folder: folder,
-            keys,
-            key,
-            address: free_address(),
-        }
+        Self { _folder: folder, keys, key, address: free_address() }
     }
 
     fn serve(&self, controller: &Controller, more: &[&str]) -> End {
@@ -114,53 +109,27 @@ fn over_a_bridge_the_robot_is_enabled_moved_and_watched_by_the_same_tools() {
     let (controller, far) = (Controller::start(), Far::new());
     let place = Place::new(Access::Command);
     let (server, mut client) = bridge(&controller, &far, &place, &["--command"]);
-    let arguments = [
-        "command",
-        "pose",
-        "3",
-        "-2",
-        "--home",
-        "--duration-s",
-        "0.2",
-        "--speed-deg-s",
-        "30",
-    ];
+    let arguments =
+        ["command", "pose", "3", "-2", "--home", "--duration-s", "0.2", "--speed-deg-s", "30"];
     let (success, output, error) = Program::run(&far.0, &arguments);
     assert!(success, "{output}{error}");
     assert_eq!(
         controller.robot().asked,
-        [
-            StateCommand::Enable,
-            StateCommand::Home,
-            StateCommand::Enable,
-            StateCommand::Release
-        ]
+        [StateCommand::Enable, StateCommand::Home, StateCommand::Enable, StateCommand::Release]
     );
     let pose = controller.robot().pose;
     assert!((pose[0] - 3.0).hypot(pose[1] + 2.0) < 1e-6, "{pose:?}");
     // Stamps are those of this machine, and no command is younger than it is: none lies ahead of
     // its arrival.
     let now = clock::now();
-    assert!(
-        controller
-            .robot()
-            .poses
-            .iter()
-            .all(|(stamp, _)| *stamp <= now)
-    );
+    assert!(controller.robot().poses.iter().all(|(stamp, _)| *stamp <= now));
     let (success, output, error) = Program::run(&far.0, &["monitor", "--once"]);
-    assert!(
-        success && output.contains("+3.00") && output.contains("ENABLED"),
-        "{output}{error}"
-    );
+    assert!(success && output.contains("+3.00") && output.contains("ENABLED"), "{output}{error}");
     // A server that is killed is found out by silence, and programs see a controller that is gone.
     drop(server);
     client.receive("connection lost");
     let (success, _, error) = Program::run(&far.0, &["command", "hold"]);
-    assert!(
-        !success && error.contains("no controller serves domain"),
-        "{error}"
-    );
+    assert!(!success && error.contains("no controller serves domain"), "{error}");
     // When it is back there is another session. What moved before does not go on by itself.
     let poses = controller.robot().poses.len();
     let _server = place.serve(&controller, &["--command"]);
@@ -176,11 +145,7 @@ fn over_a_bridge_the_robot_is_enabled_moved_and_watched_by_the_same_tools() {
 fn faults_warnings_drift_and_regions_are_seen_on_the_other_computer() {
     let (controller, far) = (Controller::enabled(), Far::new());
     let place = Place::new(Access::Watch);
-    let adaptation = AdaptationMsg {
-        total_used: 0.25,
-        frames_used: 7,
-        ..AdaptationMsg::default()
-    };
+    let adaptation = AdaptationMsg { total_used: 0.25, frames_used: 7, ..AdaptationMsg::default() };
     let fixtures = VirtualFixturesMsg {
         active: 3,
         limited_by: 2,
@@ -235,22 +200,14 @@ fn regions_are_added_and_switched_off_from_the_other_computer() {
         assert!(success, "{output}{error}");
     };
     run("command fixture list");
-    assert!(
-        controller.robot().asked_of_fixtures.is_empty(),
-        "a list only reads"
-    );
+    assert!(controller.robot().asked_of_fixtures.is_empty(), "a list only reads");
     run("command fixture circle 10 -5 3");
     run("command fixture off");
     let asked = controller.robot().asked_of_fixtures.clone();
-    let [circle, off] = asked[..] else {
-        panic!("each is carried out once: {asked:?}")
-    };
+    let [circle, off] = asked[..] else { panic!("each is carried out once: {asked:?}") };
     let values = [10.0_f64, -5.0, 3.0, 0.0].map(f64::to_radians);
     assert_eq!(circle.action, FixtureAction::Add.number());
-    assert_eq!(
-        (circle.kind, circle.values),
-        (FixtureKind::Circle.number(), values)
-    );
+    assert_eq!((circle.kind, circle.values), (FixtureKind::Circle.number(), values));
     assert_eq!(off.action, FixtureAction::Off.number());
     assert_ne!(circle.client_id, 0);
 }
@@ -314,16 +271,10 @@ fn keys_are_made_and_revoked_by_one_command_and_a_wrong_one_is_named() {
     server.receive("the list of keys has changed");
     client.receive("this key was revoked");
     let (success, _, error) = Program::run(&far.0, &["command", "hold"]);
-    assert!(
-        !success && error.contains("no controller serves"),
-        "{error}"
-    );
+    assert!(!success && error.contains("no controller serves"), "{error}");
     // A key of another robot does not know this one.
     let other = Place::new(Access::Command);
-    let other = Place {
-        address: place.address.clone(),
-        ..other
-    };
+    let other = Place { address: place.address.clone(), ..other };
     let stranger = Far::new();
     let line = other.connect(&stranger).receive(&place.address.clone());
     assert!(line.contains("connecting to"), "{line}");

@@ -30,11 +30,7 @@ const ANY_PORT: &str = "127.0.0.1:0";
 
 /// A UDP port that nobody uses.
 fn free_port() -> u16 {
-    UdpSocket::bind(ANY_PORT)
-        .unwrap()
-        .local_addr()
-        .unwrap()
-        .port()
+    UdpSocket::bind(ANY_PORT).unwrap().local_addr().unwrap().port()
 }
 
 /// A network between client and server that can be cut and delayed. Only the direction to the
@@ -59,12 +55,7 @@ impl Network {
         let running = Running::start(move |stop| {
             carry(&near, &far, &switches.0, &switches.1, &stop);
         });
-        Self {
-            cut,
-            delay_ms,
-            address,
-            _running: running,
-        }
+        Self { cut, delay_ms, address, _running: running }
     }
 }
 
@@ -184,9 +175,6 @@ fn h02_a_key_that_is_revoked_while_it_commands_ends_in_a_hold() {
     assert!(error.is_absent(), "{error}");
     wait_for(&mut client, |state| state.lease_client_id == 0);
     clock::sleep(Nanos::from_millis(1500));
-    assert!(
-        Client::connect(&far, Nanos::ZERO).is_err(),
-        "the key is of no use any more"
-    );
+    assert!(Client::connect(&far, Nanos::ZERO).is_err(), "the key is of no use any more");
     assert_eq!(wait_until_holding(&mut client).accepted, accepted);
 }

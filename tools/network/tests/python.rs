@@ -93,11 +93,7 @@ fn a_client_in_python_enables_moves_and_watches() {
     let key = make(folder.path(), "alice", Access::Command);
     let server = RunningServer::start(&controller, folder.path(), true);
     if run(COMMANDER, &server, &key) {
-        let asked = [
-            StateCommand::Enable,
-            StateCommand::Home,
-            StateCommand::Enable,
-        ];
+        let asked = [StateCommand::Enable, StateCommand::Home, StateCommand::Enable];
         assert_eq!(controller.robot().asked, asked);
         assert!((controller.robot().pose[0] - 0.05_f64.to_degrees()).abs() < 1e-9);
     }

@@ -36,9 +36,7 @@ const PYTHON: &str = "RIG_PYTHON";
 fn command_in_a_namespace(options: &str, test: &str) -> Command {
     let mut command = Command::new("unshare");
     command.arg(options).arg(std::env::current_exe().unwrap());
-    command
-        .args(["--ignored", "--exact", "--nocapture", test])
-        .stdin(Stdio::null());
+    command.args(["--ignored", "--exact", "--nocapture", test]).stdin(Stdio::null());
     command
 }
 
@@ -50,10 +48,7 @@ fn ip(arguments: &str) -> bool {
 /// Runs one end, which starts the other, in a network namespace of its own.
 fn pull_the_cable(python: Option<OsString>) {
     let mut allowed = Command::new("unshare");
-    let allowed = allowed
-        .args(["-Urn", "true"])
-        .stderr(Stdio::null())
-        .status();
+    let allowed = allowed.args(["-Urn", "true"]).stderr(Stdio::null()).status();
     if !allowed.is_ok_and(|status| status.success()) {
         return eprintln!(
             "skipped: this machine allows no network namespaces (`unshare -Urn true` fails)"
@@ -163,19 +158,13 @@ fn computer_of_the_robot() {
         Some(python) => surgeon_in_python(&python),
         None => command_in_a_namespace("-n", "computer_of_the_surgeon"),
     };
-    surgeon
-        .env("RIG_FAR_DOMAIN", far.name())
-        .env("RIG_KEY", folder);
+    surgeon.env("RIG_FAR_DOMAIN", far.name()).env("RIG_KEY", folder);
     surgeon.stdout(Stdio::piped());
     let mut surgeon = KilledOnDrop(surgeon.spawn().unwrap());
     let id = surgeon.0.id().to_string();
     let own = namespace("self");
-    eventually("another namespace", || {
-        namespace(&id).filter(|there| Some(there) != own.as_ref())
-    });
-    if !ip(&format!(
-        "link add robot type veth peer name surgeon netns {id}"
-    )) {
+    eventually("another namespace", || namespace(&id).filter(|there| Some(there) != own.as_ref()));
+    if !ip(&format!("link add robot type veth peer name surgeon netns {id}")) {
         return eprintln!("skipped: this kernel has no virtual cables (veth)");
     }
     assert!(ip("addr add 10.77.0.1/24 dev robot") && ip("link set robot up"));

@@ -28,13 +28,7 @@ enum Kind {
 
 impl Axis {
     fn new(label: impl Into<String>, kind: Kind) -> Self {
-        Self {
-            label: label.into(),
-            kind,
-            range: None,
-            included: None,
-            ticks: Vec::new(),
-        }
+        Self { label: label.into(), kind, range: None, included: None, ticks: Vec::new() }
     }
 
     /// A linear axis. The label has the quantity and its unit: `angle (deg)`.
@@ -59,19 +53,13 @@ impl Axis {
     /// Sets the range, whatever the data.
     #[must_use]
     pub fn range(self, low: f64, high: f64) -> Self {
-        Self {
-            range: Some((low, high)),
-            ..self
-        }
+        Self { range: Some((low, high)), ..self }
     }
 
     /// Extends the range to a value.
     #[must_use]
     pub fn including(self, value: f64) -> Self {
-        Self {
-            included: Some(value),
-            ..self
-        }
+        Self { included: Some(value), ..self }
     }
 
     /// Sets the ticks and their labels. Ticks outside the range are not drawn.
@@ -105,10 +93,7 @@ impl Axis {
     }
 
     pub(crate) fn ticks(&self, scale: &Scale, count: usize) -> Vec<Tick> {
-        let tick = |(value, label): (f64, &String)| Tick {
-            value,
-            label: Some(label.clone()),
-        };
+        let tick = |(value, label): (f64, &String)| Tick { value, label: Some(label.clone()) };
         let slack = 1e-6 * (scale.high - scale.low);
         let range = scale.low - slack..=scale.high + slack;
         match &self.kind {
@@ -116,10 +101,7 @@ impl Axis {
             Kind::Numbers(_) if self.ticks.is_empty() => ticks(scale, count),
             Kind::Numbers(_) => {
                 let ticks = self.ticks.iter().map(|(value, label)| (*value, label));
-                ticks
-                    .filter(|(value, _)| range.contains(value))
-                    .map(tick)
-                    .collect()
+                ticks.filter(|(value, _)| range.contains(value)).map(tick).collect()
             }
         }
     }

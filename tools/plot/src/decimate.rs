@@ -15,11 +15,7 @@ const COLUMN: f64 = 0.5;
 /// goes forward.
 pub fn line(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let is_forward = points.windows(2).all(|pair| pair[0][0] <= pair[1][0]);
-    if is_forward {
-        simplified(&column_extremes(points))
-    } else {
-        simplified(points)
-    }
+    if is_forward { simplified(&column_extremes(points)) } else { simplified(points) }
 }
 
 /// First, lowest, highest and last point of every column, in order (U. Jugel et al., "M4: a
@@ -86,9 +82,7 @@ mod tests {
 
     #[test]
     fn points_on_a_straight_line_are_left_out() {
-        let straight: Vec<_> = (0..1000)
-            .map(|i| [0.3, 0.1].map(|k| k * f64::from(i)))
-            .collect();
+        let straight: Vec<_> = (0..1000).map(|i| [0.3, 0.1].map(|k| k * f64::from(i))).collect();
         assert_eq!(line(&straight), [straight[0], straight[999]]);
         assert!(line(&[]).is_empty());
         assert_eq!(line(&[[1.0, 2.0]]), [[1.0, 2.0]]);
@@ -97,9 +91,7 @@ mod tests {
     #[test]
     fn a_long_noisy_line_becomes_short_and_keeps_its_spikes() {
         let noise = |i: u32| f64::from(i.wrapping_mul(2_654_435_761) >> 20) * 0.01;
-        let mut noisy: Vec<_> = (0..100_000)
-            .map(|i| [f64::from(i) * 0.006, noise(i)])
-            .collect();
+        let mut noisy: Vec<_> = (0..100_000).map(|i| [f64::from(i) * 0.006, noise(i)]).collect();
         noisy.extend([[600.0, 777.0], [600.001, 0.0]]);
         let short = line(&noisy);
         assert!(short.len() < 5000, "{}", short.len());

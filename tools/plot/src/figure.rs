@@ -58,27 +58,19 @@ impl Figure {
     /// The element `svg`.
     pub(crate) fn element(&self) -> Element {
         let panels = || {
-            self.rows
-                .iter()
-                .flat_map(|(height, row)| row.iter().zip([*height].repeat(row.len())))
+            self.rows.iter().flat_map(|(height, row)| row.iter().zip([*height].repeat(row.len())))
         };
         let first = panels().next();
         let first_margin = first.map_or(0.0, |(panel, height)| panel.left_margin(height));
         let indent = EDGE + LEGEND_INDENT.min(first_margin);
         let entries = panels().flat_map(|(panel, _)| panel.legend());
         let legend = Legend::new(entries, WIDTH - indent - EDGE);
-        let gap = if legend.height() > 0.0 {
-            LEGEND_GAP
-        } else {
-            0.0
-        };
+        let gap = if legend.height() > 0.0 { LEGEND_GAP } else { 0.0 };
         let top = EDGE + legend.height() + gap;
         let height = top + self.rows.iter().map(|(height, _)| height).sum::<f64>() + EDGE;
         let size = [("width", WIDTH), ("height", height)];
         let [title, description] = ["t", "d"].map(|suffix| format!("{}-{suffix}", self.id));
-        let background = Element::new("rect")
-            .lengths(size)
-            .with("fill", Color::WHITE.0);
+        let background = Element::new("rect").lengths(size).with("fill", Color::WHITE.0);
         Element::new("svg")
             .with("xmlns", "http://www.w3.org/2000/svg")
             .lengths(size)
@@ -89,11 +81,7 @@ impl Figure {
             .lengths([("font-size", FONT_SIZE)])
             .with("fill", Color::DARK.0)
             .child(Element::new("title").with("id", title).text(&*self.title))
-            .child(
-                Element::new("desc")
-                    .with("id", description)
-                    .text(&*self.description),
-            )
+            .child(Element::new("desc").with("id", description).text(&*self.description))
             .child(background)
             .child(legend.draw(indent, EDGE))
             .children(self.draw_panels(top))
@@ -127,9 +115,7 @@ impl Figure {
     fn column_margin(&self, columns: usize, column: usize, height: f64) -> f64 {
         let rows = self.rows.iter().filter(|(_, row)| row.len() == columns);
         let panels = rows.filter_map(|(_, row)| row.get(column));
-        panels
-            .map(|panel| panel.left_margin(height))
-            .fold(0.0, f64::max)
+        panels.map(|panel| panel.left_margin(height)).fold(0.0, f64::max)
     }
 }
 

@@ -81,15 +81,13 @@ fn draw_symbol([left, middle]: [f64; 2], symbol: &Symbol) -> Element {
             .lengths([("cx", center[0]), ("cy", center[1]), ("r", 2.5)])
             .with("fill", color.0),
         Symbol::Point(color, marker) => draw_marker(Stroke::new(color, 1.1), marker),
-        Symbol::Patch {
-            fill,
-            opacity,
-            border,
-        } => Element::rect([left + 4.0, middle - 5.5], [SYMBOL - 8.0, 11.0])
-            .with("fill", fill.0)
-            .lengths([("fill-opacity", opacity)])
-            .with("stroke", border.0)
-            .lengths([("stroke-width", 0.6)]),
+        Symbol::Patch { fill, opacity, border } => {
+            Element::rect([left + 4.0, middle - 5.5], [SYMBOL - 8.0, 11.0])
+                .with("fill", fill.0)
+                .lengths([("fill-opacity", opacity)])
+                .with("stroke", border.0)
+                .lengths([("stroke-width", 0.6)])
+        }
     }
 }
 

@@ -23,11 +23,7 @@ enum Node {
 
 impl Element {
     pub const fn new(name: &'static str) -> Self {
-        Self {
-            name,
-            attributes: Vec::new(),
-            content: Vec::new(),
-        }
+        Self { name, attributes: Vec::new(), content: Vec::new() }
     }
 
     /// A straight line between two points.
@@ -119,9 +115,7 @@ mod tests {
 
     #[test]
     fn markup_in_text_stays_text() {
-        let element = Element::new("p")
-            .with("title", "a\"b'<c>")
-            .text("<i>1</i> & more");
+        let element = Element::new("p").with("title", "a\"b'<c>").text("<i>1</i> & more");
         let expected = "<p title=\"a&quot;b&#39;&lt;c&gt;\">&lt;i&gt;1&lt;/i&gt; &amp; more</p>";
         assert_eq!(element.to_string(), expected);
     }

@@ -42,10 +42,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     // Rounding can add a digit: 9.996 is 10.0.
     let rounded = format!("{value:.*e}", digits - 1).parse().unwrap_or(value);
     let exponent = f64::abs(rounded).log10().floor();
-    fixed(
-        value,
-        (digits as f64 - 1.0 - exponent).clamp(0.0, 12.0) as usize,
-    )
+    fixed(value, (digits as f64 - 1.0 - exponent).clamp(0.0, 12.0) as usize)
 }
 
 /// A whole number with thin spaces between groups of three digits: 30 000.
@@ -77,16 +74,7 @@ mod tests {
 
     #[test]
     fn numbers_are_written_for_readers() {
-        let found = [
-            1.0,
-            0.5,
-            12.345,
-            -0.001,
-            f64::NAN,
-            f64::INFINITY,
-            100.0,
-            -2.5,
-        ];
+        let found = [1.0, 0.5, 12.345, -0.001, f64::NAN, f64::INFINITY, 100.0, -2.5];
         let expected = ["1", "0.5", "12.35", "0", "0", "0", "100", "-2.5"];
         assert_eq!(found.map(coordinate), expected);
         for (found, expected) in [

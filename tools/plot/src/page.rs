@@ -25,11 +25,7 @@ impl Page {
     #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
         let title = title.into();
-        Self {
-            body: vec![Element::new("h1").text(&*title)],
-            title,
-            figures: 0,
-        }
+        Self { body: vec![Element::new("h1").text(&*title)], title, figures: 0 }
     }
 
     /// Begins a section.
@@ -44,17 +40,14 @@ impl Page {
 
     /// Adds a paragraph with the main result.
     pub fn main_result(&mut self, text: impl Into<String>) {
-        self.body
-            .push(Element::new("p").with("class", "lead").text(text));
+        self.body.push(Element::new("p").with("class", "lead").text(text));
     }
 
     /// Adds a box with warnings.
     pub fn notice(&mut self, heading: &str, texts: impl IntoIterator<Item = String>) {
         let items = texts.into_iter().map(|text| Element::new("li").text(text));
         let heading = Element::new("p").child(Element::new("strong").text(heading));
-        let notice = Element::new("div")
-            .with("class", "notice")
-            .with("role", "note");
+        let notice = Element::new("div").with("class", "notice").with("role", "note");
         let list = Element::new("ul").children(items);
         self.body.push(notice.child(heading).child(list));
     }
@@ -70,24 +63,17 @@ impl Page {
 
     /// Adds a table.
     pub fn table(&mut self, table: &Table) {
-        self.body.push(
-            Element::new("div")
-                .with("class", "wide")
-                .child(table.element()),
-        );
+        self.body.push(Element::new("div").with("class", "wide").child(table.element()));
     }
 
     /// Adds a table of names and values.
     pub fn facts(&mut self, facts: impl IntoIterator<Item = (String, String)>) {
         let rows = facts.into_iter().map(|(name, value)| {
             let name = Element::new("th").with("scope", "row").text(name);
-            Element::new("tr")
-                .child(name)
-                .child(Element::new("td").text(value))
+            Element::new("tr").child(name).child(Element::new("td").text(value))
         });
         let body = Element::new("tbody").children(rows);
-        self.body
-            .push(Element::new("table").with("class", "facts").child(body));
+        self.body.push(Element::new("table").with("class", "facts").child(body));
     }
 
     /// Adds the last line: who wrote the page.
@@ -109,10 +95,7 @@ impl Display for Page {
             .child(Element::new("style").text(STYLE));
         let main = Element::new("main").children(self.body.iter().cloned());
         let body = Element::new("body").child(main);
-        let html = Element::new("html")
-            .with("lang", "en")
-            .child(head)
-            .child(body);
+        let html = Element::new("html").with("lang", "en").child(head).child(body);
         writeln!(f, "<!DOCTYPE html>\n{html}")
     }
 }
@@ -142,10 +125,7 @@ impl TableRow {
     /// A row without emphasis.
     #[must_use]
     pub fn new(cells: impl IntoIterator<Item = String>) -> Self {
-        Self {
-            cells: cells.into_iter().collect(),
-            ..Self::default()
-        }
+        Self { cells: cells.into_iter().collect(), ..Self::default() }
     }
 
     /// With bold text if `strong` is true.
@@ -204,14 +184,10 @@ impl Table {
     }
 
     fn row_element(&self, row: &TableRow) -> Element {
-        let cells = row
-            .cells
-            .iter()
-            .enumerate()
-            .map(|(column, text)| match column {
-                0 => Element::new("th").with("scope", "row").text(&**text),
-                _ => self.aligned(column, Element::new("td")).text(&**text),
-            });
+        let cells = row.cells.iter().enumerate().map(|(column, text)| match column {
+            0 => Element::new("th").with("scope", "row").text(&**text),
+            _ => self.aligned(column, Element::new("td")).text(&**text),
+        });
         let element = Element::new("tr").children(cells);
         match (row.strong, row.rule) {
             (false, false) => element,

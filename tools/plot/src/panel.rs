@@ -58,13 +58,7 @@ impl Panel {
     /// An empty panel. The title may be empty.
     #[must_use]
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
-        Self {
-            title: title.into(),
-            x,
-            y,
-            marks: Vec::new(),
-            is_equal: false,
-        }
+        Self { title: title.into(), x, y, marks: Vec::new(), is_equal: false }
     }
 
     /// Adds a mark, drawn over the others.
@@ -83,10 +77,7 @@ impl Panel {
     /// Gives both axes the same scale: a circle stays a circle.
     #[must_use]
     pub fn equal(self) -> Self {
-        Self {
-            is_equal: true,
-            ..self
-        }
+        Self { is_equal: true, ..self }
     }
 
     pub(crate) fn legend(&self) -> impl Iterator<Item = LegendEntry> + '_ {
@@ -101,25 +92,14 @@ impl Panel {
     /// Width of the numbers and the label to the left of the frame.
     pub(crate) fn left_margin(&self, height: f64) -> f64 {
         let scale = self.y.scale(self.y.range_for(self.extent().y), height, 0.0);
-        let labels = self
-            .y_ticks(&scale)
-            .into_iter()
-            .filter_map(|tick| tick.label);
+        let labels = self.y_ticks(&scale).into_iter().filter_map(|tick| tick.label);
         let widest = labels.map(|label| text_width(&label)).fold(0.0, f64::max);
-        let label = if self.y.label.is_empty() {
-            4.0
-        } else {
-            TEXT_LINE + 2.0
-        };
+        let label = if self.y.label.is_empty() { 4.0 } else { TEXT_LINE + 2.0 };
         widest + GAP + label
     }
 
     pub(crate) fn top_margin(&self, has_letter: bool) -> f64 {
-        if has_letter || !self.title.is_empty() {
-            TEXT_LINE + 5.0
-        } else {
-            6.0
-        }
+        if has_letter || !self.title.is_empty() { TEXT_LINE + 5.0 } else { 6.0 }
     }
 
     pub(crate) fn bottom_margin(&self) -> f64 {
@@ -127,8 +107,7 @@ impl Panel {
     }
 
     fn y_ticks(&self, scale: &Scale) -> Vec<Tick> {
-        self.y
-            .ticks(scale, (scale.length() / Y_TICK_DISTANCE) as usize)
+        self.y.ticks(scale, (scale.length() / Y_TICK_DISTANCE) as usize)
     }
 
     /// As many numbers as there is room for.
@@ -168,11 +147,7 @@ impl Panel {
             .with("clip-path", format!("url(#{clip})"))
             .children(self.marks.iter().map(|mark| mark.draw(&area)));
         Element::new("g")
-            .child(
-                Element::new("clipPath")
-                    .with("id", clip)
-                    .child(frame.element()),
-            )
+            .child(Element::new("clipPath").with("id", clip).child(frame.element()))
             .child(self.grid(&area, frame, &x_ticks, &y_ticks))
             .child(marks)
             .child(Stroke::new(Color::DARK, 0.9).apply(frame.element()))
@@ -206,9 +181,7 @@ impl Panel {
         let y = frame.top + frame.height / 2.0;
         let bottom = frame.bottom() + GAP + 2.0 * TEXT_LINE - 5.0;
         let left = frame.left - self.left_margin(frame.height) + TEXT_LINE - 5.0;
-        let letter = letter
-            .map(|letter| format!("({letter}) "))
-            .unwrap_or_default();
+        let letter = letter.map(|letter| format!("({letter}) ")).unwrap_or_default();
         let title = format!("{letter}{}", self.title);
         let title = title.trim();
         let title_element = text_element([frame.left, frame.top - 7.0], "start", title);
@@ -216,10 +189,7 @@ impl Panel {
         let y_label = text_element([0.0, 0.0], "middle", &self.y.label);
         let texts = [
             (title, title_element.with("font-weight", "bold")),
-            (
-                &self.x.label,
-                text_element([x, bottom], "middle", &self.x.label),
-            ),
+            (&self.x.label, text_element([x, bottom], "middle", &self.x.label)),
             (&self.y.label, y_label.with("transform", rotation)),
         ];
         let texts = texts.into_iter().filter(|(text, _)| !text.is_empty());
@@ -229,9 +199,7 @@ impl Panel {
 
 /// Text in the font of the figure. `anchor` is `start`, `middle` or `end`, as in SVG.
 pub(crate) fn text_element([x, y]: [f64; 2], anchor: &'static str, text: &str) -> Element {
-    let element = Element::new("text")
-        .lengths([("x", x), ("y", y)])
-        .text(text);
+    let element = Element::new("text").lengths([("x", x), ("y", y)]).text(text);
     match anchor {
         "start" => element,
         _ => element.with("text-anchor", anchor),
@@ -246,27 +214,18 @@ fn labels<'a>(ticks: &'a [Tick], scale: &'a Scale) -> impl Iterator<Item = (f64,
 
 fn tick_strokes(ticks: &[Tick], scale: &Scale, line: impl Fn(f64, f64) -> Element) -> Element {
     let strokes = ticks.iter().filter_map(|tick| {
-        let length = if tick.label.is_some() {
-            TICK
-        } else {
-            0.55 * TICK
-        };
+        let length = if tick.label.is_some() { TICK } else { 0.55 * TICK };
         Some(line(scale.position(tick.value)?, length))
     });
-    Stroke::new(Color::DARK, 0.9)
-        .apply(Element::new("g"))
-        .children(strokes)
+    Stroke::new(Color::DARK, 0.9).apply(Element::new("g")).children(strokes)
 }
 
 fn x_axis(scale: &Scale, frame: Rectangle, ticks: &[Tick]) -> Element {
     let bottom = frame.bottom();
-    let strokes = tick_strokes(ticks, scale, |x, length| {
-        Element::line([x, bottom], [x, bottom + length])
-    });
+    let strokes =
+        tick_strokes(ticks, scale, |x, length| Element::line([x, bottom], [x, bottom + length]));
     let label = |(x, label)| text_element([x, bottom + GAP + TEXT_LINE - 7.0], "middle", label);
-    Element::new("g")
-        .child(strokes)
-        .children(labels(ticks, scale).map(label))
+    Element::new("g").child(strokes).children(labels(ticks, scale).map(label))
 }
 
 fn y_axis(scale: &Scale, frame: Rectangle, ticks: &[Tick]) -> Element {
@@ -274,7 +233,5 @@ fn y_axis(scale: &Scale, frame: Rectangle, ticks: &[Tick]) -> Element {
         Element::line([frame.left - length, y], [frame.left, y])
     });
     let label = |(y, label)| text_element([frame.left - GAP, y + 4.0], "end", label);
-    Element::new("g")
-        .child(strokes)
-        .children(labels(ticks, scale).map(label))
+    Element::new("g").child(strokes).children(labels(ticks, scale).map(label))
 }

@@ -33,13 +33,7 @@ impl Scale {
     /// Maps `low` to `from` and `high` to `to`. An empty or invalid range is widened.
     pub fn new(spacing: Spacing, (low, high): (f64, f64), from: f64, to: f64) -> Self {
         let (low, high) = valid_range(spacing, low, high);
-        Self {
-            spacing,
-            low,
-            high,
-            from,
-            to,
-        }
+        Self { spacing, low, high, from, to }
     }
 
     /// The length of the range of coordinates.
@@ -71,24 +65,12 @@ fn valid_range(spacing: Spacing, low: f64, high: f64) -> (f64, f64) {
     if spacing == Spacing::Linear {
         // Below this part of their size, neighbouring ticks would have the same label.
         let least = (1e-9 * low.abs().max(high.abs())).max(1e-150);
-        let margin = if high - low > least {
-            0.0
-        } else {
-            least.max(0.5)
-        };
+        let margin = if high - low > least { 0.0 } else { least.max(0.5) };
         return (low - margin, high + margin);
     }
     let high = high.max(SMALLEST * LEAST_RATIO);
-    let low = if low > 0.0 {
-        low.max(SMALLEST)
-    } else {
-        1e-3 * high
-    };
-    let margin = if high / low >= LEAST_RATIO {
-        1.0
-    } else {
-        LEAST_RATIO
-    };
+    let low = if low > 0.0 { low.max(SMALLEST) } else { 1e-3 * high };
+    let margin = if high / low >= LEAST_RATIO { 1.0 } else { LEAST_RATIO };
     (low / margin, high * margin)
 }
 

@@ -35,13 +35,8 @@ impl Color {
     pub const WHITE: Self = Self("#ffffff");
 
     /// A sequential scale of one hue from light to dark. It keeps its order in grey.
-    pub(crate) const SEQUENTIAL: [Self; 5] = [
-        Self("#e8eef4"),
-        Self("#b9cfe2"),
-        Self("#7fa6c9"),
-        Self("#41719f"),
-        Self("#123b63"),
-    ];
+    pub(crate) const SEQUENTIAL: [Self; 5] =
+        [Self("#e8eef4"), Self("#b9cfe2"), Self("#7fa6c9"), Self("#41719f"), Self("#123b63")];
 }
 
 /// The dash pattern of a line.
@@ -73,11 +68,7 @@ impl Stroke {
     /// A solid line.
     #[must_use]
     pub const fn new(color: Color, width: f64) -> Self {
-        Self {
-            color,
-            width,
-            dash: Dash::Solid,
-        }
+        Self { color, width, dash: Dash::Solid }
     }
 
     /// With a dash pattern.

@@ -27,11 +27,8 @@ mod tests {
     /// Compares with widths of Helvetica, from its published metrics (thousandths of an em, added).
     #[test]
     fn estimates_are_0_to_25_percent_too_large() {
-        let cases = [
-            ("-0.25", 0.333 + 3.0 * 0.556 + 0.278),
-            ("pitch (deg)", 4.724),
-            ("measured", 4.446),
-        ];
+        let cases =
+            [("-0.25", 0.333 + 3.0 * 0.556 + 0.278), ("pitch (deg)", 4.724), ("measured", 4.446)];
         for (text, ems) in cases {
             let ratio = text_width(text) / FONT_SIZE / ems;
             assert!((1.0..1.25).contains(&ratio), "{text}: {ratio}");

@@ -21,19 +21,10 @@ fn everything(points: &[[f64; 2]], name: &str) -> Figure {
     let band = points.iter().map(|[x, y]| [*x, y - 1.0, y + 1.0]).collect();
     let cells = points.iter().map(|point| (*point, point[1])).collect();
     let labels = ["1", "2", "3", "4", "5"].map(str::to_owned);
-    let five = FiveNumbers {
-        whiskers: [x, y],
-        quartiles: [x, y],
-        median: x,
-    };
+    let five = FiveNumbers { whiskers: [x, y], quartiles: [x, y], median: x };
     let numbers = Panel::new(name, Axis::linear(name), Axis::linear(name))
         .with(ShadedInterval::new(x, y, Color::FAINT).label(name))
-        .with(Heatmap::new(
-            cells,
-            [1.0, 1.0],
-            [0.0, 1.0, 2.0, 3.0],
-            labels,
-        ))
+        .with(Heatmap::new(cells, [1.0, 1.0], [0.0, 1.0, 2.0, 3.0], labels))
         .with(Band::new(band, Color::SKY).label(name))
         .with(Line::new(all(), STROKE).marker(Marker::Diamond).label(name))
         .with(Scatter::new(all(), Color::PALE, 2.0).label(name))
@@ -46,9 +37,7 @@ fn everything(points: &[[f64; 2]], name: &str) -> Figure {
     let names = Axis::names("", vec![name.to_owned()]);
     let boxes = BoxPlot::new(vec![(0.0, five)], Color::SKY, 0.5).label(name);
     let names = Panel::new(name, Axis::linear(name).including(0.0), names).with(boxes);
-    Figure::new(name, name, name)
-        .row(200.0, vec![numbers, logs])
-        .row(120.0, vec![names])
+    Figure::new(name, name, name).row(200.0, vec![numbers, logs]).row(120.0, vec![names])
 }
 
 fn page(name: &str) -> String {
@@ -67,17 +56,12 @@ fn page(name: &str) -> String {
 }
 
 fn parse(text: &str) -> Document<'_> {
-    let options = ParsingOptions {
-        allow_dtd: true,
-        ..Default::default()
-    };
+    let options = ParsingOptions { allow_dtd: true, ..Default::default() };
     Document::parse_with_options(text, options).unwrap()
 }
 
 fn elements<'a>(document: &'a Document<'a>, name: &'a str) -> impl Iterator<Item = Node<'a, 'a>> {
-    document
-        .descendants()
-        .filter(move |node| node.tag_name().name() == name)
+    document.descendants().filter(move |node| node.tag_name().name() == name)
 }
 
 /// All numbers in attributes that are lengths or coordinates.
@@ -118,19 +102,14 @@ fn a_page_loads_and_runs_nothing() {
     assert!(text.contains("url(#f-plain-c0-0)"));
     let (_, style) = text.split_once("<style>").unwrap();
     let (style, _) = style.split_once("</style>").unwrap();
-    assert!(
-        !style.contains('&'),
-        "the style sheet must not need escaping"
-    );
+    assert!(!style.contains('&'), "the style sheet must not need escaping");
 }
 
 #[test]
 fn identifiers_are_unique_and_references_exist() {
     let text = page("plain");
     let document = parse(&text);
-    let all = document
-        .descendants()
-        .filter_map(|node| node.attribute("id"));
+    let all = document.descendants().filter_map(|node| node.attribute("id"));
     let mut ids: Vec<_> = all.clone().collect();
     ids.sort_unstable();
     ids.dedup();
@@ -144,15 +123,10 @@ fn identifiers_are_unique_and_references_exist() {
 #[test]
 fn a_figure_of_many_points_is_small() {
     let noise = |i: u32| f64::from(i.wrapping_mul(2_654_435_761) >> 16) * 1e-3;
-    let points: Vec<_> = (0..100_000)
-        .map(|i| [f64::from(i) * 0.01, noise(i)])
-        .collect();
+    let points: Vec<_> = (0..100_000).map(|i| [f64::from(i) * 0.01, noise(i)]).collect();
     let cloud = panel().with(Scatter::new(points.clone(), Color::BLACK, 2.0));
     for panel in [panel().with(Line::new(points, STROKE)), cloud] {
-        let size = Figure::new("many", "", "")
-            .row(200.0, vec![panel])
-            .to_string()
-            .len();
+        let size = Figure::new("many", "", "").row(200.0, vec![panel]).to_string().len();
         assert!((5_000..60_000).contains(&size), "{size} bytes");
     }
 }
@@ -161,37 +135,20 @@ fn a_figure_of_many_points_is_small() {
 fn the_legend_has_every_label_once() {
     let line = |name: &str| Line::new(vec![[0.0, 0.0], [1.0, 1.0]], STROKE).label(name);
     let panels = [(); 2].map(|()| panel().with(line("one")).with(line("two")));
-    let text = Figure::new("legend", "", "")
-        .row(200.0, panels.into())
-        .to_string();
-    assert_eq!(
-        [">one<", ">two<"].map(|label| text.matches(label).count()),
-        [1, 1]
-    );
+    let text = Figure::new("legend", "", "").row(200.0, panels.into()).to_string();
+    assert_eq!([">one<", ">two<"].map(|label| text.matches(label).count()), [1, 1]);
 }
 
 #[test]
 fn marks_are_clipped_and_empty_panels_are_drawn() {
     let text = everything(&[], "empty").to_string();
     parse(&text);
-    assert_eq!(
-        ["<clipPath", "clip-path="].map(|part| text.matches(part).count()),
-        [3, 3]
-    );
+    assert_eq!(["<clipPath", "clip-path="].map(|part| text.matches(part).count()), [3, 3]);
 }
 
 fn special() -> impl Strategy<Value = f64> {
     let infinity = f64::INFINITY;
-    let values = [
-        f64::NAN,
-        infinity,
-        -infinity,
-        0.0,
-        -0.0,
-        f64::MAX,
-        f64::MIN,
-        1e-320,
-    ];
+    let values = [f64::NAN, infinity, -infinity, 0.0, -0.0, f64::MAX, f64::MIN, 1e-320];
     prop_oneof![prop::sample::select(values.to_vec()), -5.0..5.0_f64]
 }
 

@@ -40,8 +40,7 @@ impl Default for Encoder {
 impl Encoder {
     fn primitive<const N: usize>(&mut self, bytes: [u8; N]) {
         let end = self.0.len() - ENCAPSULATION.len();
-        self.0
-            .resize(ENCAPSULATION.len() + end.next_multiple_of(N), 0);
+        self.0.resize(ENCAPSULATION.len() + end.next_multiple_of(N), 0);
         self.0.extend_from_slice(&bytes);
     }
 

@@ -37,10 +37,7 @@ pub fn cpp_header() -> String {
 fn write_struct(text: &mut String, type_name: &str, payload: &PayloadLayout) {
     let PayloadLayout { name, size, fields } = payload;
     let _ = writeln!(text, "struct {name} {{");
-    let _ = writeln!(
-        text,
-        "    static constexpr const char* IOX2_TYPE_NAME = \"{type_name}\";"
-    );
+    let _ = writeln!(text, "    static constexpr const char* IOX2_TYPE_NAME = \"{type_name}\";");
     for field in *fields {
         let entries = match field.count {
             count if count > 1 && !field.is_span => format!("[{count}]"),
@@ -49,16 +46,8 @@ fn write_struct(text: &mut String, type_name: &str, payload: &PayloadLayout) {
         let _ = writeln!(text, "    {} {}{entries};", cpp_type(field), field.name);
     }
     let _ = writeln!(text, "}};\nstatic_assert(sizeof({name}) == {size});");
-    for Field {
-        name: field,
-        offset,
-        ..
-    } in *fields
-    {
-        let _ = writeln!(
-            text,
-            "static_assert(offsetof({name}, {field}) == {offset});"
-        );
+    for Field { name: field, offset, .. } in *fields {
+        let _ = writeln!(text, "static_assert(offsetof({name}, {field}) == {offset});");
     }
     text.push('\n');
 }

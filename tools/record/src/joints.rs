@@ -14,11 +14,7 @@ const SNAKE: &str = "i2ris";
 pub fn names(version: &Version) -> Vec<String> {
     let named = version.output_names.iter().map(|name| unpadded_text(name));
     let named: Vec<String> = named.take(usize::from(version.shape[1])).collect();
-    if named.is_empty() {
-        DEFAULT_NAMES.map(str::to_owned).to_vec()
-    } else {
-        named
-    }
+    if named.is_empty() { DEFAULT_NAMES.map(str::to_owned).to_vec() } else { named }
 }
 
 /// The snake.

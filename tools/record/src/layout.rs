@@ -147,25 +147,12 @@ impl FieldValue for SpanSummary {
     const IS_SPAN: bool = true;
 
     fn encode(self, bytes: &mut Vec<u8>) {
-        [
-            self.p50_ns,
-            self.p90_ns,
-            self.p99_ns,
-            self.p999_ns,
-            self.max_ns,
-        ]
-        .encode(bytes);
+        [self.p50_ns, self.p90_ns, self.p99_ns, self.p999_ns, self.max_ns].encode(bytes);
     }
 
     fn decode(bytes: &mut &[u8]) -> Option<Self> {
         let [p50_ns, p90_ns, p99_ns, p999_ns, max_ns] = FieldValue::decode(bytes)?;
-        Some(Self {
-            p50_ns,
-            p90_ns,
-            p99_ns,
-            p999_ns,
-            max_ns,
-        })
+        Some(Self { p50_ns, p90_ns, p99_ns, p999_ns, max_ns })
     }
 }
 
@@ -181,13 +168,7 @@ pub trait Layout: ZeroCopySend + Copy {
 }
 
 const fn field<T: FieldValue>(name: &'static str, offset: usize, _: fn() -> Option<T>) -> Field {
-    Field {
-        name,
-        kind: T::KIND,
-        count: T::COUNT,
-        offset,
-        is_span: T::IS_SPAN,
-    }
+    Field { name, kind: T::KIND, count: T::COUNT, offset, is_span: T::IS_SPAN }
 }
 
 macro_rules! layouts {
@@ -320,12 +301,7 @@ mod tests {
             let mut end = 0;
             for field in payload.fields {
                 let size = field.kind.size();
-                assert_eq!(
-                    (field.offset, end % size),
-                    (end, 0),
-                    "{name}: {}",
-                    field.name
-                );
+                assert_eq!((field.offset, end % size), (end, 0), "{name}: {}", field.name);
                 end += size * field.count;
             }
             assert_eq!(end, payload.size, "{name}");
@@ -335,11 +311,8 @@ mod tests {
 
     #[test]
     fn a_payload_is_decoded_as_it_was_encoded() {
-        let mut window = PeriodStatistics {
-            sequence: 3,
-            cpu: u32::MAX,
-            ..PeriodStatistics::default()
-        };
+        let mut window =
+            PeriodStatistics { sequence: 3, cpu: u32::MAX, ..PeriodStatistics::default() };
         (window.lateness.p99_ns, window.compute.max_ns) = (7, 8);
         let mut bytes = Vec::new();
         window.encode(&mut bytes);

@@ -61,10 +61,8 @@ impl Records {
     ///
     /// [`ReadError::Read`].
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let file = File::open(path).map_err(|source| ReadError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let file =
+            File::open(path).map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
         check_kind(&file, path)?;
         let options = LinearReaderOptions::default()
             .with_prevalidate_chunk_crcs(true)
@@ -79,10 +77,7 @@ impl Records {
 
     fn read_record(&mut self) -> Result<Option<Record<'static>>, ReadError> {
         let path = || self.path.clone();
-        let format = |source| ReadError::Format {
-            path: path(),
-            source,
-        };
+        let format = |source| ReadError::Format { path: path(), source };
         while let Some(event) = self.reader.next_event() {
             match event.map_err(format)? {
                 LinearReadEvent::Record { data, opcode } => {
@@ -91,11 +86,9 @@ impl Records {
                 }
                 LinearReadEvent::ReadRequest(size) => {
                     let read = self.file.read(self.reader.insert(size));
-                    self.reader
-                        .notify_read(read.map_err(|source| ReadError::Read {
-                            path: path(),
-                            source,
-                        })?);
+                    self.reader.notify_read(
+                        read.map_err(|source| ReadError::Read { path: path(), source })?,
+                    );
                 }
             }
         }
@@ -108,9 +101,9 @@ fn check_kind(file: &File, path: &Path) -> Result<(), ReadError> {
     let mut begin = [0; mcap::MAGIC.len()];
     // Not at a place: a pipe has none, and is read as it is.
     match file.read_at(&mut begin, 0) {
-        Ok(count) if begin.get(..count) != mcap::MAGIC.get(..count) => Err(ReadError::Kind {
-            path: path.to_owned(),
-        }),
+        Ok(count) if begin.get(..count) != mcap::MAGIC.get(..count) => {
+            Err(ReadError::Kind { path: path.to_owned() })
+        }
         _ => Ok(()),
     }
 }

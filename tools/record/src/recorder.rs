@@ -138,21 +138,14 @@ impl MessageCounts {
     pub fn rate_hz(&self, stream: Stream) -> f64 {
         let messages = self.messages.get(&stream).copied().unwrap_or(0);
         let span = self.spans.get(&stream);
-        rate_hz(
-            messages,
-            span.map_or(Nanos::ZERO, |(first, last)| last.since(*first)),
-        )
+        rate_hz(messages, span.map_or(Nanos::ZERO, |(first, last)| last.since(*first)))
     }
 }
 
 /// Messages per second within a span that begins with the first and ends with the last one.
 #[must_use]
 pub fn rate_hz(messages: u64, span: Nanos) -> f64 {
-    if span == Nanos::ZERO {
-        0.0
-    } else {
-        (messages as f64 - 1.0) / span.as_seconds()
-    }
+    if span == Nanos::ZERO { 0.0 } else { (messages as f64 - 1.0) / span.as_seconds() }
 }
 
 /// A recording in progress.
@@ -173,16 +166,11 @@ impl TrialRecorder {
     ///
     /// [`RecordError::Create`], [`RecordError::Write`].
     pub fn start(path: &Path, header: RecordingHeader) -> Result<Self, RecordError> {
-        let create = |source| RecordError::Create {
-            path: path.to_owned(),
-            source,
-        };
+        let create = |source| RecordError::Create { path: path.to_owned(), source };
         let file = File::create_new(path).map_err(create)?;
         let disk = file.try_clone().map_err(create)?;
-        let file = write_header(file, &header).map_err(|source| RecordError::Write {
-            path: path.to_owned(),
-            source,
-        })?;
+        let file = write_header(file, &header)
+            .map_err(|source| RecordError::Write { path: path.to_owned(), source })?;
         let (queue, messages) = sync_channel(QUEUE_LENGTH);
         let has_failed = Arc::new(AtomicBool::new(false));
         let failure = Arc::clone(&has_failed);
@@ -219,12 +207,7 @@ impl TrialRecorder {
         *self.counts.messages.entry(stream).or_default() += 1;
         let stamp = message.stamp();
         self.counts.spans.entry(stream).or_insert((stamp, stamp)).1 = stamp;
-        self.push(
-            Topic::Payload(stream),
-            message,
-            received,
-            cdr::encode(message),
-        );
+        self.push(Topic::Payload(stream), message, received, cdr::encode(message));
     }
 
     /// Records angles, also as the standard message.
@@ -344,10 +327,7 @@ fn write_metadata(
     name: &str,
     metadata: BTreeMap<String, String>,
 ) -> Result<(), McapError> {
-    file.write_metadata(&Metadata {
-        name: name.to_owned(),
-        metadata,
-    })
+    file.write_metadata(&Metadata { name: name.to_owned(), metadata })
 }
 
 fn attach(

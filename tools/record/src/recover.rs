@@ -42,18 +42,10 @@ pub struct Recovered {
 /// [`RecoverError`]: `from` cannot be opened, or `to` cannot be created or written.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
     let records = Records::open(from)?;
-    let create = |source| RecordError::Create {
-        path: to.to_owned(),
-        source,
-    };
-    let write = |source| RecordError::Write {
-        path: to.to_owned(),
-        source,
-    };
+    let create = |source| RecordError::Create { path: to.to_owned(), source };
+    let write = |source| RecordError::Write { path: to.to_owned(), source };
     let file = File::create_new(to).map_err(create)?;
-    let options = WriteOptions::new()
-        .profile("ros2")
-        .compression(Some(Compression::Lz4));
+    let options = WriteOptions::new().profile("ros2").compression(Some(Compression::Lz4));
     let mut copy = FileCopy {
         to: Writer::with_options(BufWriter::new(file), options).map_err(write)?,
         channels: BTreeMap::new(),

@@ -39,11 +39,8 @@ pub const OPERATING_STATE: StandardType = StandardType {
 };
 
 /// A text.
-pub const STRING: StandardType = StandardType {
-    name: "std_msgs/msg/String",
-    fields: "string data\n",
-    has_header: false,
-};
+pub const STRING: StandardType =
+    StandardType { name: "std_msgs/msg/String", fields: "string data\n", has_header: false };
 
 impl StandardType {
     /// The definition with all that it needs.

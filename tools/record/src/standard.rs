@@ -25,12 +25,7 @@ impl StandardMessages {
     /// Messages of a robot with these joints.
     #[must_use]
     pub fn new(unix_offset_ns: u64, joints: Vec<String>, frame: String) -> Self {
-        Self {
-            unix_offset_ns,
-            joints,
-            frame,
-            last_state: None,
-        }
+        Self { unix_offset_ns, joints, frame, last_state: None }
     }
 
     /// Angles; `None` if they are not valid.
@@ -119,11 +114,7 @@ mod tests {
         assert_eq!(stamp(&first), 5);
         assert_eq!(messages.operating_state(&at(6, enabled, 0)), None);
         let holding = at(6, enabled, OperatingStateMsg::HOLDING);
-        assert_eq!(
-            messages.operating_state(&holding),
-            None,
-            "CRTK has no such flag"
-        );
+        assert_eq!(messages.operating_state(&holding), None, "CRTK has no such flag");
         // A motion of length zero: busy and not busy in the same tick.
         let second = messages.operating_state(&at(7, enabled, busy)).unwrap();
         let third = messages.operating_state(&at(7, enabled, 0)).unwrap();
@@ -137,10 +128,7 @@ mod tests {
         let messages = StandardMessages::new(0, Vec::new(), String::new());
         assert_eq!(messages.joint_state(&JointState::default()), None);
         assert_eq!(messages.servo_jp(&ServoJp::default()), None);
-        let too_many = ServoJp {
-            count: 99,
-            ..ServoJp::default()
-        };
+        let too_many = ServoJp { count: 99, ..ServoJp::default() };
         assert_eq!(messages.servo_jp(&too_many), None);
     }
 }

@@ -130,10 +130,7 @@ impl Stream {
     /// their sequence numbers do not show missing messages.
     #[must_use]
     pub const fn has_one_sender(self) -> bool {
-        !matches!(
-            self,
-            Self::External | Self::ReachTarget | Self::ServoJp | Self::ServoActuators
-        )
+        !matches!(self, Self::External | Self::ReachTarget | Self::ServoJp | Self::ServoActuators)
     }
 }
 
@@ -184,10 +181,7 @@ impl Topic {
     pub fn schema(self) -> TopicSchema {
         let payload = |stream: Stream| {
             let layout = stream.layout();
-            TopicSchema {
-                name: schema::name(&layout),
-                definition: schema::definition(&layout),
-            }
+            TopicSchema { name: schema::name(&layout), definition: schema::definition(&layout) }
         };
         let standard = |standard: StandardType| TopicSchema {
             name: standard.name.to_owned(),
@@ -205,9 +199,7 @@ impl Topic {
     /// The stream whose payloads are in the topic of this name.
     #[must_use]
     pub fn payload_stream(name: &str) -> Option<Stream> {
-        Stream::ALL
-            .into_iter()
-            .find(|stream| Self::Payload(*stream).name() == name)
+        Stream::ALL.into_iter().find(|stream| Self::Payload(*stream).name() == name)
     }
 
     /// Declares the topic in a file and returns its channel number.

@@ -107,11 +107,7 @@ assert types['/servo_jp'] == 'sensor_msgs/msg/JointState', types
 [urdf] = [a for a in reader.iter_attachments() if a.name == 'robot.urdf']
 assert urdf.data.decode() == seen['/robot_description'][0].data
 ";
-    run_python(
-        "mcap, mcap_ros2",
-        &format!("{script}{CHECKS}"),
-        &[file.to_str().unwrap()],
-    );
+    run_python("mcap, mcap_ros2", &format!("{script}{CHECKS}"), &[file.to_str().unwrap()]);
 }
 
 #[test]
@@ -127,9 +123,5 @@ with AnyReader([Path(sys.argv[1])]) as reader:
         message = reader.deserialize(raw, connection.msgtype)
         seen.setdefault(connection.topic, []).append(message)
 ";
-    run_python(
-        "rosbags",
-        &format!("{script}{CHECKS}"),
-        &[file.to_str().unwrap()],
-    );
+    run_python("rosbags", &format!("{script}{CHECKS}"), &[file.to_str().unwrap()]);
 }

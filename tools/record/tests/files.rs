@@ -70,10 +70,7 @@ fn record(path: &Path) {
     }
     let outcome = BTreeMap::from([("dropped".to_owned(), "0".to_owned())]);
     let counts = trial.finish(outcome, &[]).unwrap();
-    assert_eq!(
-        (counts.dropped, counts.messages[&Stream::Measured]),
-        (0, MESSAGES)
-    );
+    assert_eq!((counts.dropped, counts.messages[&Stream::Measured]), (0, MESSAGES));
 }
 
 /// A folder with the recording `a.mcap`.
@@ -111,22 +108,14 @@ fn parquet_tables_have_every_row_with_types() {
     let tables = folder.path().join("tables");
     let exported = export(&file, &tables, TableFormat::Parquet).unwrap();
     assert_eq!(
-        (
-            exported.rows["measured_js.parquet"],
-            exported.rows["period_statistics.parquet"]
-        ),
+        (exported.rows["measured_js.parquet"], exported.rows["period_statistics.parquet"]),
         (MESSAGES, 2)
     );
     let open =
         |name: &str| SerializedFileReader::new(fs::File::open(tables.join(name)).unwrap()).unwrap();
     let reader = open("actuators_measured_js.parquet");
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    let column = |name: &str| {
-        schema
-            .columns()
-            .iter()
-            .position(|column| column.name() == name)
-    };
+    let column = |name: &str| schema.columns().iter().position(|column| column.name() == name);
     let [time, sequence, second] =
         ["t_s", "sequence", "measured_counts_1"].map(|name| column(name).unwrap());
     let mut number = 0;
@@ -140,19 +129,10 @@ fn parquet_tables_have_every_row_with_types() {
     let reader = open("measured_js.parquet");
     let row = reader.get_row_iter(None).unwrap().next().unwrap().unwrap();
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
-    let model = schema
-        .columns()
-        .iter()
-        .position(|column| column.name() == "model_id");
+    let model = schema.columns().iter().position(|column| column.name() == "model_id");
     assert_eq!(row.get_string(model.unwrap()).unwrap(), &"ab".repeat(32));
     // The table of a stream without messages has no rows.
-    assert_eq!(
-        open("goal_js.parquet")
-            .metadata()
-            .file_metadata()
-            .num_rows(),
-        0
-    );
+    assert_eq!(open("goal_js.parquet").metadata().file_metadata().num_rows(), 0);
 }
 
 #[test]
@@ -161,23 +141,13 @@ fn a_report_is_made_of_complete_and_of_damaged_files() {
     let cut = folder.path().join("cut.mcap");
     let report = TrialReport::read(&whole).unwrap();
     let summary = report.summary();
-    assert!(
-        summary.cut_off.is_none() && (summary.length_s - 1.999).abs() < 1e-6,
-        "{summary:?}"
-    );
+    assert!(summary.cut_off.is_none() && (summary.length_s - 1.999).abs() < 1e-6, "{summary:?}");
     assert_eq!(
-        (
-            summary.about["note"].as_str(),
-            summary.outcome["dropped"].as_str()
-        ),
+        (summary.about["note"].as_str(), summary.outcome["dropped"].as_str()),
         ("a test", "0")
     );
     assert_eq!(summary.attached["robot.toml"], 14);
-    let measured = summary
-        .streams
-        .iter()
-        .find(|stream| stream.name == "measured_js")
-        .unwrap();
+    let measured = summary.streams.iter().find(|stream| stream.name == "measured_js").unwrap();
     assert_eq!((measured.messages, measured.missing), (MESSAGES, 0));
     assert!((measured.rate_hz - 1000.0).abs() < 1e-3);
     let page = report.page().to_string();
@@ -188,11 +158,7 @@ fn a_report_is_made_of_complete_and_of_damaged_files() {
     let report = TrialReport::read(&cut).unwrap();
     assert!(report.summary().cut_off.is_some() && report.summary().length_s < 1.999);
     assert!(report.page().to_string().contains("cut off"));
-    fs::write(
-        &cut,
-        "anything else, long enough to be taken for a file of some kind",
-    )
-    .unwrap();
+    fs::write(&cut, "anything else, long enough to be taken for a file of some kind").unwrap();
     assert!(TrialReport::read(&cut).is_err());
     for part in 0..40 {
         let mut damaged = bytes.clone();
@@ -215,17 +181,10 @@ fn a_file_cut_off_anywhere_is_recovered() {
         fs::write(&cut, &bytes[..length]).unwrap();
         let _ = fs::remove_file(&out);
         let recovered = recover(&cut, &out).unwrap();
-        assert!(
-            recovered.messages >= most,
-            "more of the file cannot hold less"
-        );
+        assert!(recovered.messages >= most, "more of the file cannot hold less");
         most = recovered.messages;
         if length > 20_000 {
-            assert_eq!(
-                (recovered.attachments, recovered.metadata >= 1),
-                (1, true),
-                "{length}"
-            );
+            assert_eq!((recovered.attachments, recovered.metadata >= 1), (1, true), "{length}");
         }
         assert!(
             recover(&out, &folder.path().join(format!("again{part}.mcap")))
@@ -340,11 +299,7 @@ fn table() -> serde_json::Value {
         serde_json::json!({"type_name": type_name, "name": layout.name, "size": layout.size,
                            "fields": fields})
     };
-    payload_layouts()
-        .into_iter()
-        .map(payload)
-        .collect::<Vec<_>>()
-        .into()
+    payload_layouts().into_iter().map(payload).collect::<Vec<_>>().into()
 }
 
 #[test]
@@ -385,11 +340,7 @@ assert classes - {'Payload', 'SpanSummary'} == seen, classes ^ seen
         offset_of!(ModelReply, message),
     ];
     let reply = serde_json::json!({"size": size_of::<ModelReply>(), "offsets": offsets});
-    run_python(
-        "ctypes",
-        script,
-        &[&table().to_string(), &reply.to_string()],
-    );
+    run_python("ctypes", script, &[&table().to_string(), &reply.to_string()]);
 }
 
 #[test]
@@ -401,16 +352,10 @@ fn the_header_for_cpp_is_current_and_compiles() {
         "run cargo run -p i2ris-record --example cpp_header > tools/cpp/i2ris_payload.hpp"
     );
     let mut compiler = Command::new("c++");
-    compiler
-        .args("-std=c++17 -Wall -Wextra -Werror -fsyntax-only -include".split(' '))
-        .arg(&path);
+    compiler.args("-std=c++17 -Wall -Wextra -Werror -fsyntax-only -include".split(' ')).arg(&path);
     let Ok(output) = compiler.args(["-x", "c++", "/dev/null"]).output() else {
         eprintln!("skipped: there is no C++ compiler");
         return;
     };
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }

@@ -55,11 +55,7 @@ fn runs_with(controller: &Controller, config: &Path) {
 /// Runs a program; success, standard output and standard error.
 fn run(arguments: &[&str]) -> (bool, String, String) {
     let output = program::output(arguments);
-    (
-        output.status.success(),
-        text(&output.stdout),
-        text(&output.stderr),
-    )
+    (output.status.success(), text(&output.stdout), text(&output.stderr))
 }
 
 #[test]
@@ -101,11 +97,7 @@ fn a_recording_has_every_stream_and_is_exported() {
     assert!(run(&export).0);
     let (success, output, error) = run(&[&export, ["--format", "parquet"].as_slice()].concat());
     assert!(success && output.contains("measured_js.parquet"), "{error}");
-    assert!(
-        fs::read(tables.join("measured_js.parquet"))
-            .unwrap()
-            .starts_with(b"PAR1")
-    );
+    assert!(fs::read(tables.join("measured_js.parquet")).unwrap().starts_with(b"PAR1"));
     let table = fs::read_to_string(tables.join("measured_js.csv")).unwrap();
     let units = fs::read_to_string(tables.join("units.csv")).unwrap();
     assert!(units.contains("measured_js,velocity_1,rad/s"), "{units}");
@@ -117,22 +109,13 @@ fn a_recording_has_every_stream_and_is_exported() {
     let degrees = |row: &Vec<&str>| row[5].parse::<f64>().unwrap().to_degrees();
     assert!(rows.iter().all(|row| (degrees(row) - 1.0).abs() < 1e-9));
     let sequence = |row: &Vec<&str>| row[2].parse::<u64>().unwrap();
-    assert!(
-        rows.windows(2)
-            .all(|pair| sequence(&pair[0]) < sequence(&pair[1]))
-    );
+    assert!(rows.windows(2).all(|pair| sequence(&pair[0]) < sequence(&pair[1])));
     let table = fs::read_to_string(tables.join("virtual_fixtures.csv")).unwrap();
-    let mut rows = table
-        .lines()
-        .map(|line| line.split(',').collect::<Vec<_>>());
+    let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let names = rows.next().unwrap();
     let place = |name: &str| names.iter().position(|it| *it == name).unwrap();
     let row = rows.next().unwrap();
-    for (name, wanted) in [
-        ("active", "3"),
-        ("limited_by", "2"),
-        ("values_135", "0.125"),
-    ] {
+    for (name, wanted) in [("active", "3"), ("limited_by", "2"), ("values_135", "0.125")] {
         assert_eq!(row[place(name)], wanted, "{name}");
     }
 }
@@ -148,10 +131,7 @@ fn what_was_written_before_kill_9_is_recovered() {
     wait_for_size(&file, 100_000);
     program.child().kill().unwrap();
     program.end();
-    assert!(
-        !run(&["record", "info", name(&file)]).0,
-        "a file that was cut off is an error"
-    );
+    assert!(!run(&["record", "info", name(&file)]).0, "a file that was cut off is an error");
     let whole = folder.path().join("whole.mcap");
     let (success, output, _) = run(&["record", "recover", name(&file), "--output", name(&whole)]);
     assert!(success && output.contains("1 metadata records"), "{output}");
@@ -198,11 +178,7 @@ fn two_recorders_do_not_disturb_each_other_and_never_share_a_file() {
     let (success, error) = record(&controller, &other, &["--duration-s", "1"]);
     assert!(success, "{error}");
     assert!(first.end().0);
-    assert!(
-        [&file, &other]
-            .iter()
-            .all(|file| run(&["record", "info", name(file)]).0)
-    );
+    assert!([&file, &other].iter().all(|file| run(&["record", "info", name(file)]).0));
 }
 
 /// Runs the command line with a limit on the size of files: a write is refused as by a full disk.
@@ -214,10 +190,7 @@ fn with_full_disk(arguments: &[&str], bytes: u64) -> Output {
         command.pre_exec(move || {
             use nix::sys::signal::{SigHandler, Signal, signal};
             signal(Signal::SIGXFSZ, SigHandler::SigIgn)?;
-            let limit = nix::libc::rlimit {
-                rlim_cur: bytes,
-                rlim_max: bytes,
-            };
+            let limit = nix::libc::rlimit { rlim_cur: bytes, rlim_max: bytes };
             nix::errno::Errno::result(nix::libc::setrlimit(nix::libc::RLIMIT_FSIZE, &limit))?;
             Ok(())
         });
@@ -235,26 +208,14 @@ fn a_report_is_made_of_complete_and_of_cut_off_recordings() {
     let (success, _, error) = run(&["report", name(&file)]);
     assert!(success, "{error}");
     let page = fs::read_to_string(folder.path().join("trial.html")).unwrap();
-    assert!(
-        page.contains("a &lt;short&gt; one") && page.contains("<svg"),
-        "{page}"
-    );
+    assert!(page.contains("a &lt;short&gt; one") && page.contains("<svg"), "{page}");
     assert!(!page.contains("<script"), "{page}");
     let (_, output, _) = run(&["report", name(&file), "--json"]);
     let summary: serde_json::Value = serde_json::from_str(&output).unwrap();
-    assert!(
-        summary["estimate"]["samples"].as_u64().unwrap() > 50,
-        "{summary}"
-    );
+    assert!(summary["estimate"]["samples"].as_u64().unwrap() > 50, "{summary}");
     let rms = summary["estimate"]["length_rms_deg"].as_f64().unwrap();
     assert!(rms < 1e-9, "this robot follows at once: {rms}");
-    assert!(
-        summary["events"][0]["what"]
-            .as_str()
-            .unwrap()
-            .contains("ENABLED"),
-        "{summary}"
-    );
+    assert!(summary["events"][0]["what"].as_str().unwrap().contains("ENABLED"), "{summary}");
 
     let cut = folder.path().join("cut.mcap");
     let bytes = fs::read(&file).unwrap();
@@ -277,22 +238,13 @@ fn reports_and_tables_on_a_full_disk_end_with_a_reason() {
         let export = ["record", "export", name(&file), "--output", name(&tables)];
         let output = with_full_disk(&[&export, ["--format", format].as_slice()].concat(), 5000);
         let error = text(&output.stderr);
-        assert!(
-            !output.status.success() && error.contains("cannot write"),
-            "{error}"
-        );
+        assert!(!output.status.success() && error.contains("cannot write"), "{error}");
         assert!(error.contains(format), "{error}");
     }
     let output = with_full_disk(&["report", name(&file)], 5000);
     let error = text(&output.stderr);
-    assert!(
-        !output.status.success() && error.contains("trial.html"),
-        "{error}"
-    );
-    assert!(
-        !folder.path().join("trial.html").exists(),
-        "there must be no incomplete page"
-    );
+    assert!(!output.status.success() && error.contains("trial.html"), "{error}");
+    assert!(!folder.path().join("trial.html").exists(), "there must be no incomplete page");
 }
 
 #[test]
@@ -301,9 +253,7 @@ fn the_run_log_of_this_run_is_attached_to_the_recording() {
     let (folder, file) = trial_path();
     let config = folder.path().join("robot.toml");
     let emulator = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
-    let content = fs::read_to_string(emulator)
-        .unwrap()
-        .replace("../target/records", "records");
+    let content = fs::read_to_string(emulator).unwrap().replace("../target/records", "records");
     fs::write(&config, content).unwrap();
     let mut client = Client::connect(&controller.domain, Nanos::from_millis(5000)).unwrap();
     let run_id = format!("{:016x}", client.version().unwrap().boot_id);
@@ -321,11 +271,7 @@ fn the_run_log_of_this_run_is_attached_to_the_recording() {
     assert!(info.contains("attached audit-begin.jsonl"), "{info}");
     assert!(info.contains("attached audit.jsonl"), "{info}");
     let bytes = fs::read(&file).unwrap();
-    let contains = |word: &str| {
-        bytes
-            .windows(word.len())
-            .any(|window| window == word.as_bytes())
-    };
+    let contains = |word: &str| bytes.windows(word.len()).any(|window| window == word.as_bytes());
     assert!(contains("\"software\":\"x\"") && !contains("\"run\":\"0123\""));
 }
 
@@ -335,10 +281,7 @@ fn files_that_cannot_be_created_are_refused_first() {
     // /proc is read-only for everyone, root included.
     for path in ["/nonexistent/folder/trial.mcap", "/proc/trial.mcap"] {
         let (success, error) = record(&controller, Path::new(path), &[]);
-        assert!(
-            !success && error.contains(&format!("cannot make {path}")),
-            "{error}"
-        );
+        assert!(!success && error.contains(&format!("cannot make {path}")), "{error}");
     }
 }
 

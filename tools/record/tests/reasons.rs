@@ -26,9 +26,7 @@ fn reasons() -> Vec<Reason> {
     ];
     let causes = Cause::all().filter(|cause| !matches!(cause, Cause::State(_)));
     let paired = causes.zip(excesses.into_iter().cycle());
-    paired
-        .map(|(cause, excess)| Reason { cause, excess })
-        .collect()
+    paired.map(|(cause, excess)| Reason { cause, excess }).collect()
 }
 
 /// Sets the robot into FAULT and lets the controller report its cause.
@@ -71,9 +69,7 @@ fn every_cause_reads_the_same_in_why_monitor_and_recording() {
         let (text, json) = why(&controller);
         for reason in batch {
             let advice = format!("  do: {}", reason.cause.advice());
-            let line = text
-                .lines()
-                .position(|line| line.starts_with(&reason.text()));
+            let line = text.lines().position(|line| line.starts_with(&reason.text()));
             let line = line.unwrap_or_else(|| panic!("{reason}\n{text}"));
             assert_eq!(text.lines().nth(line + 1), Some(advice.as_str()));
             let is_same = |it: &serde_json::Value| it["text"] == reason.text().as_str();
@@ -114,9 +110,7 @@ fn texts(table: &Path) -> Vec<(String, String)> {
     let decoded = |digits: &str| {
         let pairs = digits.as_bytes().chunks(2);
         let digits = pairs.map(|pair| std::str::from_utf8(pair).unwrap());
-        let bytes: Vec<u8> = digits
-            .map(|pair| u8::from_str_radix(pair, 16).unwrap())
-            .collect();
+        let bytes: Vec<u8> = digits.map(|pair| u8::from_str_radix(pair, 16).unwrap()).collect();
         i2ris::ipc::payload::unpadded_text(&bytes)
     };
     { reader.records() }
@@ -158,10 +152,7 @@ fn the_table_of_the_manual_is_current() {
     if std::env::var_os("I2RIS_UPDATE").is_some() {
         fs::write(&file, &current).unwrap();
     } else {
-        assert!(
-            text == current,
-            "run I2RIS_UPDATE=1 cargo test -p i2ris-record --test reasons"
-        );
+        assert!(text == current, "run I2RIS_UPDATE=1 cargo test -p i2ris-record --test reasons");
     }
 }
 
@@ -172,14 +163,8 @@ fn python_has_the_versions_of_the_controller() {
     let payload = fs::read_to_string(python_folder().join("i2ris/payload.py")).unwrap();
     let project = fs::read_to_string(python_folder().join("pyproject.toml")).unwrap();
     for (text, part) in [
-        (
-            &payload,
-            format!("\nINTERFACE_VERSION = {INTERFACE_VERSION}\n"),
-        ),
-        (
-            &link,
-            format!("\nICEORYX2_VERSION = \"{ICEORYX2_VERSION}\"\n"),
-        ),
+        (&payload, format!("\nINTERFACE_VERSION = {INTERFACE_VERSION}\n")),
+        (&link, format!("\nICEORYX2_VERSION = \"{ICEORYX2_VERSION}\"\n")),
         (&project, format!("iceoryx2=={ICEORYX2_VERSION}")),
     ] {
         assert!(text.contains(&part), "{part}");
@@ -219,11 +204,7 @@ fn every_cause_reads_the_same_in_an_exception_of_python() {
             controller.robot().reasons.push((**reason, 7));
         }
         let arguments = [controller.domain.name(), &batch.len().to_string()];
-        let output = python
-            .args(["-c", SCRIPT])
-            .args(arguments)
-            .output()
-            .unwrap();
+        let output = python.args(["-c", SCRIPT]).args(arguments).output().unwrap();
         let printed = String::from_utf8_lossy(&output.stdout);
         let error = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{printed}{error}");

@@ -131,11 +131,7 @@ fn measure(seconds: u64) -> Result<(), Failure> {
         command.stdout(Stdio::null()).stderr(Stdio::null());
         Ok(Running(command.spawn()?))
     };
-    let _controller = start(
-        Command::new(beside("i2ris-control")?)
-            .arg("--config")
-            .arg(&file),
-    )?;
+    let _controller = start(Command::new(beside("i2ris-control")?).arg("--config").arg(&file))?;
     let mut client = Client::connect(&domain, TIMEOUT)?;
     home_and_enable(&mut client, TIMEOUT)?;
     let _ros = start(
@@ -191,10 +187,7 @@ fn stream(ros_domain: u16, length: Nanos) -> Result<(Vec<Nanos>, Receiver<Nanos>
     while clock::now().since(start) < length {
         let goal = |index: usize| vec![index as f64 * STEP, 0.0];
         let now = clock::now();
-        servo.publish(JointState {
-            position: goal(sent.len()),
-            ..JointState::default()
-        })?;
+        servo.publish(JointState { position: goal(sent.len()), ..JointState::default() })?;
         sent.push(now);
         clock::sleep(Nanos(SEND_PERIOD.0 / 2));
         ping.publish(JointState {
@@ -245,10 +238,7 @@ fn report(recorded: &BlackBox, sent: &[Nanos], by_ros: usize, round_trips: Vec<N
     let direct = print("age at the tick, by shared memory", direct);
     let echo = print("echo, there and back", round_trips);
     println!("age / echo at the median: {:.2}", by_ros / echo);
-    println!(
-        "(age - that by shared memory) / echo: {:.2}",
-        (by_ros - direct) / echo
-    );
+    println!("(age - that by shared memory) / echo: {:.2}", (by_ros - direct) / echo);
 }
 
 /// Prints percentiles, ms; the median.

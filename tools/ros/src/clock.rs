@@ -22,17 +22,13 @@ impl Moment {
     #[must_use]
     pub fn now() -> Self {
         let unix = SystemTime::now().duration_since(UNIX_EPOCH);
-        Self {
-            monotonic: clock::now(),
-            unix_ns: unix.map_or(0, |since| since.as_nanos() as u64),
-        }
+        Self { monotonic: clock::now(), unix_ns: unix.map_or(0, |since| since.as_nanos() as u64) }
     }
 
     /// Unix time of an instant that has passed.
     #[must_use]
     pub fn unix_ns_at(&self, monotonic: Nanos) -> u64 {
-        self.unix_ns
-            .saturating_sub(self.monotonic.since(monotonic).0)
+        self.unix_ns.saturating_sub(self.monotonic.since(monotonic).0)
     }
 
     /// The instant of a Unix time that has passed, at most `limit` ago. Now for times to come: a
@@ -72,10 +68,7 @@ mod tests {
 
     #[test]
     fn an_instant_keeps_its_distance_from_now_on_both_clocks() {
-        let now = Moment {
-            monotonic: Nanos(5_000),
-            unix_ns: 1_000_000,
-        };
+        let now = Moment { monotonic: Nanos(5_000), unix_ns: 1_000_000 };
         assert_eq!(now.unix_ns_at(Nanos(4_000)), 999_000);
         assert_eq!(now.unix_ns_at(Nanos(6_000)), 1_000_000);
         assert_eq!(now.monotonic_at(999_000, Nanos(2_000)), Nanos(4_000));

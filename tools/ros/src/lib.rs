@@ -112,21 +112,14 @@ pub fn run(
         "/{robot} is in domain {} of ROS, {}, {}; Ctrl-C ends",
         options.ros_domain,
         reach(&options.networks),
-        if options.read_only {
-            "to watch only"
-        } else {
-            "to watch and to command"
-        }
+        if options.read_only { "to watch only" } else { "to watch and to command" }
     ));
     let ended = AtomicBool::new(false);
     thread::scope(|scope| {
         let inbound = thread::Builder::new()
             .name("inbound".to_owned())
             .spawn_scoped(scope, || inbound.run(|| ended.load(Ordering::Relaxed)))
-            .map_err(|source| RosError::System {
-                action: "start a thread",
-                source,
-            })?;
+            .map_err(|source| RosError::System { action: "start a thread", source })?;
         outbound.run(|| stop() || inbound.is_finished(), say);
         ended.store(true, Ordering::Relaxed);
         Ok(())

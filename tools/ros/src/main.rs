@@ -111,15 +111,8 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         until_closed(screen.say(Snake::new(&name).urdf().trim_end()))?;
         return Ok(());
     }
-    let RunArguments {
-        name,
-        ros_domain,
-        network,
-        read_only,
-        period_ms,
-        rmw,
-        domain,
-    } = arguments.run;
+    let RunArguments { name, ros_domain, network, read_only, period_ms, rmw, domain } =
+        arguments.run;
     let options = Options {
         domain: domain.domain()?,
         robot: name,
@@ -156,10 +149,7 @@ mod tests {
     fn the_help_has_an_example_and_the_command_line_is_consistent() {
         let mut command = Arguments::command();
         let help = command.render_long_help().to_string();
-        assert!(
-            help.contains("Examples") && help.contains("i2ris ros"),
-            "{help}"
-        );
+        assert!(help.contains("Examples") && help.contains("i2ris ros"), "{help}");
         command.debug_assert();
     }
 
@@ -168,16 +158,7 @@ mod tests {
         for good in ["i2ris", "PSM1", "left_eye"] {
             assert_eq!(name(good).as_deref(), Ok(good));
         }
-        for bad in [
-            "",
-            "1eye",
-            "_eye",
-            "eye_",
-            "left__eye",
-            "left/eye",
-            "eye ",
-            "äuge",
-        ] {
+        for bad in ["", "1eye", "_eye", "eye_", "left__eye", "left/eye", "eye ", "äuge"] {
             assert!(name(bad).is_err(), "{bad}");
         }
     }

@@ -201,13 +201,6 @@ mod tests {
             assert_eq!(Time::from_unix_ns(unix_ns).unix_ns(), Some(unix_ns));
         }
         assert_eq!(Time::INVALID.unix_ns(), None);
-        assert_eq!(
-            Time {
-                sec: -1,
-                nanosec: 5
-            }
-            .unix_ns(),
-            None
-        );
+        assert_eq!(Time { sec: -1, nanosec: 5 }.unix_ns(), None);
     }
 }

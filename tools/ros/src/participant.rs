@@ -32,10 +32,8 @@ pub fn join(domain: u16, networks: &[IpAddr], name: &str) -> Result<(Context, No
         .with_only_networks(addresses)
         .same_host_loopback(true)
         .build();
-    let participant = participant.map_err(|error| RosError::Join {
-        domain,
-        reason: error.to_string(),
-    })?;
+    let participant =
+        participant.map_err(|error| RosError::Join { domain, reason: error.to_string() })?;
     if networks.is_empty() {
         loopback::confine(&before).map_err(RosError::Loopback)?;
     }

@@ -24,9 +24,7 @@ const DEPTH_OUT: usize = 100;
 const DEPTH_IN: usize = 1;
 
 /// A reader that is stopped must not stop the others: the oldest sample is dropped instead.
-const RELIABLE: Reliability = Reliability::Reliable {
-    when_full: WhenFull::Fail,
-};
+const RELIABLE: Reliability = Reliability::Reliable { when_full: WhenFull::Fail };
 
 const fn qos(durability: Durability, depth: usize) -> QosProfile {
     QosProfile::subscription_default()
@@ -100,9 +98,7 @@ impl Maker<'_> {
         let full = full_name(self.robot, name);
         let parsed = Name::parse(&full).map_err(|error| self.failed(name, error.to_string()))?;
         let kind = ServiceTypeName::new(package, kind);
-        let made = self
-            .node
-            .create_server(mapping, &parsed, &kind, SERVICE, SERVICE);
+        let made = self.node.create_server(mapping, &parsed, &kind, SERVICE, SERVICE);
         made.map_err(|error| self.failed(name, error.to_string()))
     }
 
@@ -114,11 +110,7 @@ impl Maker<'_> {
 
 /// `/robot/topic`; topics with a slash in front have their name already.
 fn full_name(robot: &str, name: &str) -> String {
-    if name.starts_with('/') {
-        name.to_owned()
-    } else {
-        format!("/{robot}/{name}")
-    }
+    if name.starts_with('/') { name.to_owned() } else { format!("/{robot}/{name}") }
 }
 
 const JOINT_STATE: (&str, &str) = ("sensor_msgs", "JointState");

@@ -15,9 +15,7 @@ use i2ris::clock;
 /// Python with the example on its path; `None` with a word where there is none.
 fn python(ros_domain: u16) -> Option<Command> {
     let mut command = i2ris_testing::python("cyclonedds.sub")?;
-    command
-        .env("PYTHONPATH", examples())
-        .env("ROS_DOMAIN_ID", ros_domain.to_string());
+    command.env("PYTHONPATH", examples()).env("ROS_DOMAIN_ID", ros_domain.to_string());
     Some(command)
 }
 
@@ -59,10 +57,7 @@ fn the_example_runs_as_it_is() {
     let out = finish(command);
     let lines: Vec<&str> = out.lines().collect();
     assert_eq!(lines[0], "state: DISABLED", "{out}");
-    assert!(
-        lines.contains(&"state: DISABLED") && out.contains("moved to ["),
-        "{out}"
-    );
+    assert!(lines.contains(&"state: DISABLED") && out.contains("moved to ["), "{out}");
     assert!(robot.moved_since(from));
     let lines = bridge.lines();
     let refused = lines.iter().any(|line| line.starts_with("warning"));
@@ -225,10 +220,7 @@ fn campaign_a_kilohertz_without_gaps_and_with_flat_memory() {
     let robot = Robot::start();
     let bridge = Bridge::start(&robot.domain, domain, &["--period-ms", "1"]);
     command.args(["-c", &format!("SECONDS = {seconds}\n{KILOHERTZ}")]);
-    let child = command
-        .stdout(std::process::Stdio::piped())
-        .spawn()
-        .unwrap();
+    let child = command.stdout(std::process::Stdio::piped()).spawn().unwrap();
     let (mut memory, start) = (Vec::new(), clock::now());
     while (clock::now() - start).as_seconds() < f64::from(seconds) + 10.0 {
         clock::sleep(i2ris::units::Nanos::from_millis(5000));

@@ -105,9 +105,7 @@ fn h24_an_old_state_command_that_the_middleware_kept_is_not_carried_out() {
     watcher.connect();
     // Long after the writer and the reader have met.
     let status = format!("/{ROBOT}/state_command");
-    eventually("they meet", || {
-        (early.node.subscription_count(&status) > 0).then_some(())
-    });
+    eventually("they meet", || (early.node.subscription_count(&status) > 0).then_some(()));
     clock::sleep(Nanos::from_millis(3000));
     watcher.update();
     let state = watcher.seen.last().unwrap();
@@ -209,9 +207,7 @@ fn a_second_writer_is_refused_by_name() {
     peer.send_degrees("move_jp", [1.0, 1.0]);
     peer.wait_for_line("status", "/console: move_jp: move refused");
     let from = clock::now();
-    eventually("the first one goes on", || {
-        robot.moved_since(from).then_some(())
-    });
+    eventually("the first one goes on", || robot.moved_since(from).then_some(()));
     // Anybody may stop it.
     peer.hold();
     peer.wait_for_line("status", "/console: hold");
@@ -225,10 +221,7 @@ fn two_publishers_in_one_process_are_two_clients() {
     let second = peer.publisher("servo_jp", &qos(Durability::Volatile));
     clock::sleep(Nanos::from_millis(1000));
     peer.stream(|t| {
-        let message = JointState {
-            position: vec![0.0, 0.0],
-            ..JointState::default()
-        };
+        let message = JointState { position: vec![0.0, 0.0], ..JointState::default() };
         second.publish(message).unwrap();
         (t < 1.0).then(|| swing(t))
     });

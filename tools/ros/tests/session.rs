@@ -39,10 +39,7 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
     peer.wait_for("it is busy", |state| state.is_busy);
     peer.wait_for("it has moved", |state| !state.is_busy);
     let [pitch, yaw] = peer.setpoint_degrees();
-    assert!(
-        (pitch - 4.0).abs() < 0.2 && (yaw + 2.0).abs() < 0.2,
-        "{pitch} {yaw}"
-    );
+    assert!((pitch - 4.0).abs() < 0.2 && (yaw + 2.0).abs() < 0.2, "{pitch} {yaw}");
     // By a difference.
     peer.send_degrees("move_jr", [-4.0, 2.0]);
     peer.wait_for("it is busy", |state| state.is_busy);
@@ -86,10 +83,7 @@ fn a_move_of_length_zero_is_busy_and_then_not_and_stamps_rise() {
         });
     }
     let stamps: Vec<u64> = peer.seen.iter().map(unix_ns).collect();
-    assert!(
-        stamps.windows(2).all(|pair| pair[0] < pair[1]),
-        "{stamps:?}"
-    );
+    assert!(stamps.windows(2).all(|pair| pair[0] < pair[1]), "{stamps:?}");
 }
 
 #[test]
@@ -100,11 +94,7 @@ fn one_who_comes_late_gets_the_state_and_what_was_said() {
     late.wait_for("the kept state", |state| state.state == "ENABLED");
     late.wait_for_line("status", "the robot is ENABLED");
     assert!(late.seen.len() > 1, "the states before, too");
-    assert!(
-        late.seen
-            .windows(2)
-            .all(|pair| unix_ns(&pair[0]) < unix_ns(&pair[1]))
-    );
+    assert!(late.seen.windows(2).all(|pair| unix_ns(&pair[0]) < unix_ns(&pair[1])));
     let kind = ("std_msgs", "String");
     let description: Subscription<Text> =
         late.subscription("robot_description", kind, &qos(Durability::TransientLocal));
@@ -124,16 +114,9 @@ fn the_tip_and_the_frames_are_those_of_the_bend() {
     peer.wait_for("it has moved", |state| !state.is_busy);
     let tip = peer.next_tip(|tip| tip.header.stamp != Time::INVALID);
     let [pitch, yaw] = peer.measured_degrees();
-    let bend = i2ris_geometry::Bend {
-        pitch: pitch.to_radians(),
-        yaw: yaw.to_radians(),
-    };
+    let bend = i2ris_geometry::Bend { pitch: pitch.to_radians(), yaw: yaw.to_radians() };
     let expected = i2ris_geometry::Snake::new(ROBOT).tip_pose(bend);
-    let found = [
-        tip.pose.position.x,
-        tip.pose.position.y,
-        tip.pose.position.z,
-    ];
+    let found = [tip.pose.position.x, tip.pose.position.y, tip.pose.position.z];
     for (found, expected) in found.iter().zip(expected.position_m) {
         assert!((found - expected).abs() < 2e-5, "{found} {expected}");
     }
@@ -166,22 +149,11 @@ fn a_robot_to_watch_only_has_no_topic_for_commands() {
     assert!(bridge.lines()[0].contains("to watch only"));
     peer.command("home");
     clock::sleep(Nanos::from_millis(1500));
-    for topic in [
-        "servo_jp",
-        "move_jp",
-        "state_command",
-        "hold",
-        "external/measured_jp",
-    ] {
+    for topic in ["servo_jp", "move_jp", "state_command", "hold", "external/measured_jp"] {
         let name = format!("/{ROBOT}/{topic}");
         assert_eq!(peer.node.subscription_count(&name), 0, "{name}");
     }
-    assert!(
-        !peer
-            .seen
-            .iter()
-            .any(|state| state.is_homed || state.is_busy)
-    );
+    assert!(!peer.seen.iter().any(|state| state.is_homed || state.is_busy));
     drop(robot);
 }
 
@@ -189,14 +161,9 @@ fn a_robot_to_watch_only_has_no_topic_for_commands() {
 fn what_is_not_supported_has_no_topic() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.connect();
-    for topic in [
-        "servo_cp", "servo_jv", "servo_jf", "move_cp", "goal_js", "servo_cv",
-    ] {
+    for topic in ["servo_cp", "servo_jv", "servo_jf", "move_cp", "goal_js", "servo_cv"] {
         let name = format!("/{ROBOT}/{topic}");
-        let both = (
-            peer.node.subscription_count(&name),
-            peer.node.publisher_count(&name),
-        );
+        let both = (peer.node.subscription_count(&name), peer.node.publisher_count(&name));
         assert_eq!(both, (0, 0), "{name}");
     }
 }
@@ -207,10 +174,8 @@ fn another_domain_and_another_name_are_another_robot() {
     let _bridge = Bridge::start(&robot.domain, domain, &["--name", "eye"]);
     let mut there = Peer::new(domain, "eye", "there");
     there.connect();
-    let (mut elsewhere, mut other) = (
-        Peer::new(ros_domain(), "eye", "elsewhere"),
-        Peer::new(domain, ROBOT, "other"),
-    );
+    let (mut elsewhere, mut other) =
+        (Peer::new(ros_domain(), "eye", "elsewhere"), Peer::new(domain, ROBOT, "other"));
     clock::sleep(Nanos::from_millis(3000));
     elsewhere.update();
     other.update();
@@ -239,23 +204,18 @@ fn the_services_answer() {
         || version.send_request(NoRequest::default()).is_ok(),
         || version.receive_response().ok().flatten(),
     );
-    assert!(
-        answer.1.success && answer.1.message.starts_with("1."),
-        "{answer:?}"
-    );
+    assert!(answer.1.success && answer.1.message.starts_with("1."), "{answer:?}");
     let (name, kind) = (
         Name::parse(&format!("/{ROBOT}/operating_state")).unwrap(),
         ServiceTypeName::new("crtk_msgs", "TriggerOperatingState"),
     );
-    let state = peer
-        .node
-        .create_client::<NoRequest, TriggerOperatingStateResponse>(
-            mapping,
-            &name,
-            &kind,
-            service(10),
-            service(10),
-        );
+    let state = peer.node.create_client::<NoRequest, TriggerOperatingStateResponse>(
+        mapping,
+        &name,
+        &kind,
+        service(10),
+        service(10),
+    );
     let state = state.unwrap();
     let answer = ask(
         || state.send_request(NoRequest::default()).is_ok(),
@@ -283,26 +243,17 @@ fn a_camera_of_ros_feeds_the_controller() {
     let mut seen = robot.client().watcher().external();
     let found = eventually("a measurement", || {
         let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-        let mut message = JointState {
-            position: vec![0.02, -0.01],
-            ..JointState::default()
-        };
+        let mut message = JointState { position: vec![0.02, -0.01], ..JointState::default() };
         let exposed = now.unwrap().as_nanos() as u64 - 30_000_000;
         message.header.stamp = Time::from_unix_ns(exposed);
         peer.send_message("external/measured_jp", message);
         clock::sleep(Nanos::from_millis(10));
-        seen.newest()
-            .ok()
-            .flatten()
-            .map(|seen| (seen, clock::now()))
+        seen.newest().ok().flatten().map(|seen| (seen, clock::now()))
     });
     let (measurement, now) = found;
     assert_eq!(measurement.position[..2], [0.02, -0.01]);
     let age = now.since(Nanos(measurement.stamp_ns));
-    assert!(
-        age >= Nanos::from_millis(30),
-        "the exposure, not the arrival: {age:?}"
-    );
+    assert!(age >= Nanos::from_millis(30), "the exposure, not the arrival: {age:?}");
     peer.send("external/measured_jp", &[f64::NAN, 0.0]);
     peer.wait_for_line("warning", "external/measured_jp: a position is not finite");
 }
@@ -315,9 +266,7 @@ fn quality_of_service_that_does_not_fit_is_said() {
     // Fits: a reader may ask for less than is offered.
     let kind = ("sensor_msgs", "JointState");
     let less: Subscription<JointState> = peer.subscription("measured_js", kind, &best_effort);
-    eventually("a best-effort reader is served", || {
-        less.take().ok().flatten()
-    });
+    eventually("a best-effort reader is served", || less.take().ok().flatten());
     // Does not: a reader asks for kept samples of a stream.
     let _more: Subscription<JointState> =
         peer.subscription("measured_js", kind, &qos(Durability::TransientLocal));
@@ -328,10 +277,7 @@ fn quality_of_service_that_does_not_fit_is_said() {
     let from = clock::now();
     for step in 0..100 {
         let position = vec![0.0005 * f64::from(step), 0.0];
-        let message = JointState {
-            position,
-            ..JointState::default()
-        };
+        let message = JointState { position, ..JointState::default() };
         careless.publish(message).unwrap();
         clock::sleep(Nanos::from_millis(5));
     }

@@ -2,11 +2,8 @@
 
 /// The arithmetic mean.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
-    let (count, sum) = values
-        .into_iter()
-        .fold((0_usize, 0.0), |(count, sum), value| {
-            (count + 1, sum + value)
-        });
+    let (count, sum) =
+        values.into_iter().fold((0_usize, 0.0), |(count, sum), value| (count + 1, sum + value));
     (count > 0).then(|| sum / count as f64)
 }
 

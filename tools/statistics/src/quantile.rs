@@ -49,10 +49,7 @@ mod tests {
         for (probability, expected) in [(0.0, 1.0), (0.5, 50.0), (0.991, 100.0), (1.0, 100.0)] {
             let mut reversed: Vec<f64> = sorted.iter().rev().copied().collect();
             assert_eq!(quantile(&sorted, probability), Some(expected));
-            assert_eq!(
-                quantile_of_unsorted(&mut reversed, probability),
-                Some(expected)
-            );
+            assert_eq!(quantile_of_unsorted(&mut reversed, probability), Some(expected));
             sort(&mut reversed);
             assert_eq!(reversed, sorted);
         }

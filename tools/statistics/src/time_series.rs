@@ -10,9 +10,7 @@ pub struct TimeSeries<const N: usize> {
 
 impl<const N: usize> Default for TimeSeries<N> {
     fn default() -> Self {
-        Self {
-            samples: Vec::new(),
-        }
+        Self { samples: Vec::new() }
     }
 }
 

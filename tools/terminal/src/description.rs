@@ -61,11 +61,7 @@ impl Argument {
             (value.get_name().to_owned(), help)
         };
         let takes_values = arg.get_action().takes_values();
-        let values = if takes_values {
-            arg.get_possible_values()
-        } else {
-            Vec::new()
-        };
+        let values = if takes_values { arg.get_possible_values() } else { Vec::new() };
         Self {
             id: arg.get_id().to_string(),
             short: arg.get_short(),
@@ -99,11 +95,7 @@ impl Argument {
             .help(Resettable::from(self.help.map(StyledStr::from)))
             .global(self.is_global)
             .action(action);
-        if self.takes_values && !values.is_empty() {
-            arg.value_parser(values)
-        } else {
-            arg
-        }
+        if self.takes_values && !values.is_empty() { arg.value_parser(values) } else { arg }
     }
 }
 

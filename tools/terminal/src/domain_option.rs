@@ -6,13 +6,7 @@ use i2ris::ipc::{Domain, DomainError};
 #[derive(Debug, clap::Args)]
 pub struct DomainOption {
     /// Domain of the controller in shared memory
-    #[arg(
-        long,
-        env = "I2RIS_DOMAIN",
-        default_value = "i2ris",
-        value_name = "NAME",
-        global = true
-    )]
+    #[arg(long, env = "I2RIS_DOMAIN", default_value = "i2ris", value_name = "NAME", global = true)]
     domain: String,
 }
 

@@ -13,10 +13,7 @@ pub fn check_not_there(option: &str, path: &Path, overwrite: bool) -> Result<(),
     if overwrite || !path.exists() {
         return Ok(());
     }
-    Err(format!(
-        "{option} {}: exists; name another file, or add --overwrite",
-        path.display()
-    ))
+    Err(format!("{option} {}: exists; name another file, or add --overwrite", path.display()))
 }
 
 /// Makes the folder of a file.
@@ -25,18 +22,11 @@ pub fn check_not_there(option: &str, path: &Path, overwrite: bool) -> Result<(),
 ///
 /// It cannot be made.
 pub fn make_folder_of(option: &str, path: &Path) -> Result<(), String> {
-    let Some(folder) = path
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty())
-    else {
+    let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else {
         return Ok(());
     };
     fs::create_dir_all(folder).map_err(|error| {
-        format!(
-            "{option} {}: cannot make the folder {}: {error}",
-            path.display(),
-            folder.display()
-        )
+        format!("{option} {}: cannot make the folder {}: {error}", path.display(), folder.display())
     })
 }
 
@@ -50,10 +40,8 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     name.push(".part");
     let part = PathBuf::from(name);
     let mut file = fs::File::create(&part)?;
-    let done = file
-        .write_all(bytes)
-        .and_then(|()| file.sync_all())
-        .and_then(|()| fs::rename(&part, path));
+    let done =
+        file.write_all(bytes).and_then(|()| file.sync_all()).and_then(|()| fs::rename(&part, path));
     if done.is_err() {
         let _ = fs::remove_file(&part);
     }

@@ -41,10 +41,7 @@ pub fn separator_hint<'a>(mut header: impl Iterator<Item = &'a str>) -> &'static
 pub fn read(path: &Path) -> Result<Vec<(Nanos, Pose)>, Failure> {
     let failed = |words: String| format!("{}: {words}", path.display());
     let mut reader = csv::Reader::from_path(path).map_err(|error| failed(error.to_string()))?;
-    let header = reader
-        .headers()
-        .map_err(|error| failed(error.to_string()))?
-        .clone();
+    let header = reader.headers().map_err(|error| failed(error.to_string()))?.clone();
     let column = |name: &str| {
         header.iter().position(|h| h.trim() == name).ok_or_else(|| {
             let hint = separator_hint(header.iter());
@@ -62,17 +59,10 @@ pub fn read(path: &Path) -> Result<Vec<(Nanos, Pose)>, Failure> {
         let [time, pitch, yaw] =
             cells.map(|cell| cell.parse::<f64>().ok().filter(|v| v.is_finite()));
         let in_range = |angle: &f64| angle.abs() <= MOST_DEG;
-        match (
-            time.filter(|t| *t >= 0.0),
-            pitch.filter(in_range),
-            yaw.filter(in_range),
-        ) {
+        match (time.filter(|t| *t >= 0.0), pitch.filter(in_range), yaw.filter(in_range)) {
             (Some(time), Some(pitch), Some(yaw)) => poses.push((
                 Nanos((time * 1e9).round() as u64),
-                Pose {
-                    pitch_rad: pitch.to_radians(),
-                    yaw_rad: yaw.to_radians(),
-                },
+                Pose { pitch_rad: pitch.to_radians(), yaw_rad: yaw.to_radians() },
             )),
             _ => {
                 return Err(failed(format!(

@@ -17,51 +17,23 @@ pub struct Program {
 }
 
 const fn program(name: &'static str, package: &'static str, about: &'static str) -> Program {
-    Program {
-        name,
-        about,
-        package,
-    }
+    Program { name, about, package }
 }
 
 /// All of them, in the order of the help.
 pub const PROGRAMS: [Program; 8] = [
     program("monitor", "i2ris-monitor", "Watch the robot"),
-    program(
-        "record",
-        "i2ris-record",
-        "Record trials, and make tables of recordings",
-    ),
+    program("record", "i2ris-record", "Record trials, and make tables of recordings"),
     program(
         "report",
         "i2ris-record",
         "Make a page of a recorded trial: tracking error, hysteresis, latencies, events",
     ),
-    program(
-        "bridge",
-        "i2ris-network",
-        "Watch and command from another computer, over the network",
-    ),
-    program(
-        "ros",
-        "i2ris-ros",
-        "Show and command the robot in ROS 2, as CRTK names it",
-    ),
-    program(
-        "foxglove",
-        "i2ris-foxglove",
-        "Watch the robot live in Foxglove or Lichtblick",
-    ),
-    program(
-        "vision",
-        "i2ris-vision",
-        "Measure angles in microscope images",
-    ),
-    program(
-        "bench",
-        "i2ris-bench",
-        "Measure latencies of this machine and of the controller",
-    ),
+    program("bridge", "i2ris-network", "Watch and command from another computer, over the network"),
+    program("ros", "i2ris-ros", "Show and command the robot in ROS 2, as CRTK names it"),
+    program("foxglove", "i2ris-foxglove", "Watch the robot live in Foxglove or Lichtblick"),
+    program("vision", "i2ris-vision", "Measure angles in microscope images"),
+    program("bench", "i2ris-bench", "Measure latencies of this machine and of the controller"),
 ];
 
 impl Program {

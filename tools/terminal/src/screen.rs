@@ -14,10 +14,7 @@ impl Screen {
     /// Standard output.
     #[must_use]
     pub fn stdout() -> Self {
-        Self {
-            terminal: io::stdout().is_terminal(),
-            drawn: 0,
-        }
+        Self { terminal: io::stdout().is_terminal(), drawn: 0 }
     }
 
     /// Whether it is a terminal.

@@ -182,11 +182,7 @@ impl Robot {
             model_id: [byte; 32],
             family: padded_text("linear"),
             outputs: 2,
-            flags: if byte == 0 {
-                0
-            } else {
-                ModelSlot::PRESENT | ModelSlot::MEMORY_KNOWN
-            },
+            flags: if byte == 0 { 0 } else { ModelSlot::PRESENT | ModelSlot::MEMORY_KNOWN },
             ..ModelSlot::default()
         };
         let mut slots = self.models.map(slot);
@@ -194,21 +190,14 @@ impl Robot {
             used.model_id = id.0;
             used.file = padded_text(file.to_str().unwrap());
         }
-        ModelReply {
-            refusal: refusal.number(),
-            slots,
-            ..ModelReply::default()
-        }
+        ModelReply { refusal: refusal.number(), slots, ..ModelReply::default() }
     }
 
     fn servo(&mut self, command: ServoJp) {
         if !self.takes(command.client_id, command.sequence) {
             return;
         }
-        self.pose = [
-            command.position[0].to_degrees(),
-            command.position[1].to_degrees(),
-        ];
+        self.pose = [command.position[0].to_degrees(), command.position[1].to_degrees()];
         let asked = self.pose;
         self.pose = asked.map(|angle| angle.clamp(-self.reach, self.reach));
         self.clipped = self.pose != asked;
@@ -262,16 +251,10 @@ impl Robot {
             ..PeriodStatistics::default()
         });
         if let Some(adaptation) = self.adaptation {
-            server.publish_adaptation(AdaptationMsg {
-                stamp_ns: now.0,
-                ..adaptation
-            });
+            server.publish_adaptation(AdaptationMsg { stamp_ns: now.0, ..adaptation });
         }
         if let Some(fixtures) = self.fixtures {
-            server.publish_fixtures(VirtualFixturesMsg {
-                stamp_ns: now.0,
-                ..fixtures
-            });
+            server.publish_fixtures(VirtualFixturesMsg { stamp_ns: now.0, ..fixtures });
         }
         server.publish_operating_state(OperatingStateMsg {
             stamp_ns: now.0,
@@ -285,15 +268,8 @@ impl Robot {
             refused_client_id: [self.refused_client; 8],
             refused_commands: [self.refused; 8],
             refused_reason: [self.refuse.unwrap_or(Refusal::None).number(); 8],
-            flags: if self.homed {
-                OperatingStateMsg::HOMED
-            } else {
-                0
-            } | if self.is_busy() {
-                OperatingStateMsg::BUSY
-            } else {
-                0
-            },
+            flags: if self.homed { OperatingStateMsg::HOMED } else { 0 }
+                | if self.is_busy() { OperatingStateMsg::BUSY } else { 0 },
             ..OperatingStateMsg::default()
         });
     }
@@ -327,12 +303,7 @@ impl Controller {
             }
         });
         is_ready.recv().unwrap();
-        Self {
-            domain,
-            robot,
-            stop,
-            thread: Some(thread),
-        }
+        Self { domain, robot, stop, thread: Some(thread) }
     }
 
     /// A controller that is homed and enabled.
@@ -387,10 +358,7 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
         tokens.push(token);
     });
     for token in tokens {
-        server.reply_fixture(
-            token,
-            StateCommandReply::new(Refusal::None, robot.state, None),
-        );
+        server.reply_fixture(token, StateCommandReply::new(Refusal::None, robot.state, None));
     }
     server.describe_robot(&robot.description);
     robot.publish(server, now);

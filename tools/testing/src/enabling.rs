@@ -14,9 +14,8 @@ pub fn home_and_enable(client: &mut Client, timeout: Nanos) -> Result<(), Client
     let is_idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
     client.wait_for(timeout, is_idle)?;
     client.state_command(StateCommand::Home)?;
-    client.wait_for(timeout, |state| {
-        is_idle(state) && state.flags & OperatingStateMsg::HOMED != 0
-    })?;
+    client
+        .wait_for(timeout, |state| is_idle(state) && state.flags & OperatingStateMsg::HOMED != 0)?;
     client.state_command(StateCommand::Enable)?;
     let enabled = OperatingState::Enabled.number();
     client.wait_for(timeout, |state| is_idle(state) && state.state == enabled)?;

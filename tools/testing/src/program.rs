@@ -79,30 +79,14 @@ impl Program {
 
     /// Waits for the end: exit code, standard output, standard error.
     pub fn code(mut self) -> (Option<i32>, String, String) {
-        let Output {
-            status,
-            stdout,
-            stderr,
-        } = self.0.take().unwrap().wait_with_output().unwrap();
-        (
-            status.code(),
-            String::from_utf8(stdout).unwrap(),
-            String::from_utf8(stderr).unwrap(),
-        )
+        let Output { status, stdout, stderr } = self.0.take().unwrap().wait_with_output().unwrap();
+        (status.code(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
     }
 
     /// Waits for the end: success, standard output, standard error.
     pub fn end(mut self) -> (bool, String, String) {
-        let Output {
-            status,
-            stdout,
-            stderr,
-        } = self.0.take().unwrap().wait_with_output().unwrap();
-        (
-            status.success(),
-            String::from_utf8(stdout).unwrap(),
-            String::from_utf8(stderr).unwrap(),
-        )
+        let Output { status, stdout, stderr } = self.0.take().unwrap().wait_with_output().unwrap();
+        (status.success(), String::from_utf8(stdout).unwrap(), String::from_utf8(stderr).unwrap())
     }
 
     /// Runs to the end.

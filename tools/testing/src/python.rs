@@ -8,9 +8,7 @@ use std::process::Command;
 #[must_use]
 pub fn python(modules: &str) -> Option<Command> {
     let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let probe = Command::new(&name)
-        .args(["-c", &format!("import {modules}")])
-        .output();
+    let probe = Command::new(&name).args(["-c", &format!("import {modules}")]).output();
     if !probe.is_ok_and(|output| output.status.success()) {
         eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
         return None;
@@ -37,10 +35,5 @@ pub fn run_python(modules: &str, script: &str, arguments: &[&str]) {
         .output()
         .expect("python has been started before");
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    assert!(
-        output.status.success(),
-        "{}{}",
-        text(&output.stdout),
-        text(&output.stderr)
-    );
+    assert!(output.status.success(), "{}{}", text(&output.stdout), text(&output.stderr));
 }

@@ -41,12 +41,7 @@ impl Terminal {
             .env("I2RIS_DOMAIN", domain.name())
             .env("TERM", "xterm-256color")
             .env_remove("NO_COLOR");
-        let size = Winsize {
-            ws_row: rows,
-            ws_col: columns,
-            ws_xpixel: 0,
-            ws_ypixel: 0,
-        };
+        let size = Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
         let OpenptyResult { master, slave } = openpty(&size, None).unwrap();
         let other = || Stdio::from(slave.try_clone().unwrap());
         command.stdin(other()).stdout(other()).stderr(other());
@@ -70,13 +65,7 @@ impl Terminal {
             }
         });
         let screen = vt100::Parser::new(some(rows), some(columns), 0);
-        Self {
-            child,
-            keyboard: Some(File::from(master)),
-            slave: File::from(slave),
-            output,
-            screen,
-        }
+        Self { child, keyboard: Some(File::from(master)), slave: File::from(slave), output, screen }
     }
 
     pub fn pid(&self) -> nix::unistd::Pid {
@@ -85,28 +74,15 @@ impl Terminal {
 
     /// Types.
     pub fn type_keys(&mut self, keys: &str) {
-        self.keyboard
-            .as_mut()
-            .unwrap()
-            .write_all(keys.as_bytes())
-            .unwrap();
+        self.keyboard.as_mut().unwrap().write_all(keys.as_bytes()).unwrap();
     }
 
     /// Gives the terminal another size.
     pub fn resize(&mut self, rows: u16, columns: u16) {
-        let size = Winsize {
-            ws_row: rows,
-            ws_col: columns,
-            ws_xpixel: 0,
-            ws_ypixel: 0,
-        };
+        let size = Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
         // SAFETY: the descriptor is open, and the call only reads the structure.
         let done = unsafe {
-            nix::libc::ioctl(
-                self.slave.as_raw_fd(),
-                nix::libc::TIOCSWINSZ,
-                &raw const size,
-            )
+            nix::libc::ioctl(self.slave.as_raw_fd(), nix::libc::TIOCSWINSZ, &raw const size)
         };
         nix::errno::Errno::result(done).unwrap();
         self.screen.set_size(some(rows), some(columns));
@@ -149,11 +125,7 @@ impl Terminal {
             if let Some(status) = self.child.try_wait().unwrap() {
                 break status;
             }
-            assert!(
-                Instant::now() < end,
-                "it does not end\n{}",
-                self.screen.screen().contents()
-            );
+            assert!(Instant::now() < end, "it does not end\n{}", self.screen.screen().contents());
             thread::sleep(Duration::from_millis(10));
         };
         while let Ok(bytes) = self.output.recv_timeout(Duration::from_millis(300)) {

@@ -11,10 +11,7 @@ fn main() {
     let most = std::env::args().nth(1).and_then(|most| most.parse().ok());
     let start = Instant::now();
     let builder = System::default().checker().threads(2);
-    let checker = builder
-        .target_state_count(most.unwrap_or(usize::MAX))
-        .spawn_bfs()
-        .join();
+    let checker = builder.target_state_count(most.unwrap_or(usize::MAX)).spawn_bfs().join();
     println!(
         "{} states, {} transitions, {} actions deep, {:.1} s",
         checker.unique_state_count(),

@@ -42,11 +42,7 @@ fn admission(state: &State) -> CommandAdmission {
     let others = Client::ALL.into_iter().filter(|it| *it != accepted.client);
     for other in others {
         if let Some(behind) = state.truth.accepted[other as usize] {
-            admission.accept(
-                &servo_command(other, Command::new(behind)),
-                NOW,
-                &mut events,
-            );
+            admission.accept(&servo_command(other, Command::new(behind)), NOW, &mut events);
             give_back(&mut admission, other);
         }
     }
@@ -146,11 +142,7 @@ fn admit(state: &mut State, guards: Guards, client: Client, command: Command) {
     let is_enabled = state.robot == Robot::Enabled || !guards.has(Guard::Enabled);
     let context = AdmissionContext {
         now: NOW,
-        state: if is_enabled {
-            OperatingState::Enabled
-        } else {
-            OperatingState::Disabled
-        },
+        state: if is_enabled { OperatingState::Enabled } else { OperatingState::Disabled },
         unoccupied: Ok(()),
         is_homed: true,
         is_fresh: state.position_age == 0 || !guards.has(Guard::Freshness),
@@ -168,17 +160,8 @@ fn accept(state: &mut State, client: Client, command: Command) {
     let newest = &mut truth.accepted[client as usize];
     truth.accepted_twice |= newest.is_some_and(|newest| command.behind >= newest);
     *newest = Some(newest.map_or(command.behind, |newest| newest.min(command.behind)));
-    state.accepted = Some(Accepted {
-        client,
-        behind: command.behind,
-        age: 0,
-        is_released: false,
-    });
-    state.followed = Some(Followed {
-        client,
-        command,
-        accepted_age: 0,
-    });
+    state.accepted = Some(Accepted { client, behind: command.behind, age: 0, is_released: false });
+    state.followed = Some(Followed { client, command, accepted_age: 0 });
 }
 
 fn stop_if_stale(state: &mut State, guards: Guards) {
@@ -207,10 +190,7 @@ pub(crate) fn enable(state: &mut State) -> bool {
 
 /// The command `disable`.
 pub(crate) fn disable(state: &mut State) -> bool {
-    let is_on = matches!(
-        state.robot,
-        Robot::Enabling | Robot::PoweringOn | Robot::Enabled
-    );
+    let is_on = matches!(state.robot, Robot::Enabling | Robot::PoweringOn | Robot::Enabled);
     if is_on {
         state.robot = Robot::Disabled;
         state.followed = None;

@@ -53,11 +53,8 @@ pub(crate) fn deliver(state: &mut State, guards: Guards, index: usize, copy: boo
             state.network.swap(0, 1);
         }
     }
-    command.stamp_age = if guards.has(Guard::BridgeClock) {
-        stamp_age(command.age, held_up)
-    } else {
-        0
-    };
+    command.stamp_age =
+        if guards.has(Guard::BridgeClock) { stamp_age(command.age, held_up) } else { 0 };
     state.waiting[Client::Far as usize] = Some(command);
 }
 
@@ -81,20 +78,12 @@ pub(crate) fn watch(state: &mut State, guards: Guards) {
     if !guards.has(Guard::Watchdog) {
         return;
     }
-    let silence = if guards.has(Guard::Patience) {
-        SILENCE
-    } else {
-        Nanos::ZERO
-    };
+    let silence = if guards.has(Guard::Patience) { SILENCE } else { Nanos::ZERO };
     let mut monitor = remembered(state.last_heartbeat, silence);
     let read = match (state.process, state.heartbeat) {
         (Process::Killed | Process::Dead, _) => Err(ControllerAbsent),
         (_, None) => Ok(None),
-        (_, Some(heartbeat)) => Ok(Some(heartbeat_word(
-            true,
-            heartbeat.age,
-            heartbeat.drives_off,
-        ))),
+        (_, Some(heartbeat)) => Ok(Some(heartbeat_word(true, heartbeat.age, heartbeat.drives_off))),
     };
     let status = monitor.update(read, NOW);
     let is_stop = matches!(status, ControllerStatus::Died | ControllerStatus::Hangs);
@@ -137,11 +126,7 @@ fn remembered(last_heartbeat: Option<LastHeartbeat>, silence: Nanos) -> Heartbea
 }
 
 fn heartbeat_word(is_current: bool, age: u8, off: bool) -> ReadHeartbeat {
-    ReadHeartbeat {
-        boot_id: if is_current { 2 } else { 1 },
-        stamp: ago(age),
-        off,
-    }
+    ReadHeartbeat { boot_id: if is_current { 2 } else { 1 }, stamp: ago(age), off }
 }
 
 fn stop_drive(state: &mut State) {

@@ -75,9 +75,7 @@ impl Guards {
     /// All but one.
     #[must_use]
     pub fn without(guard: Guard) -> Self {
-        Self {
-            missing: Some(guard),
-        }
+        Self { missing: Some(guard) }
     }
 
     /// Whether a guard is in place.

@@ -8,16 +8,13 @@ use crate::state::{Client, DEADLINE, Drive, Followed, Process, Robot, SILENT, St
 
 pub(crate) fn properties<M: Model<State = State>>() -> Vec<Property<M>> {
     let mut properties = vec![
-        Property::always("never two leaders", |_, state: &State| {
-            !state.truth.had_two_leaders
-        }),
+        Property::always("never two leaders", |_, state: &State| !state.truth.had_two_leaders),
         Property::always("silence leads to hold", |_, state: &State| {
             moves(state).is_none_or(|motion| motion.accepted_age < DEADLINE)
         }),
-        Property::always(
-            "no command is followed after its deadline",
-            |_, state: &State| moves(state).is_none_or(|motion| motion.command.age < DEADLINE),
-        ),
+        Property::always("no command is followed after its deadline", |_, state: &State| {
+            moves(state).is_none_or(|motion| motion.command.age < DEADLINE)
+        }),
         Property::always("no command is accepted twice", |_, state: &State| {
             !state.truth.accepted_twice
         }),
@@ -33,24 +30,18 @@ pub(crate) fn properties<M: Model<State = State>>() -> Vec<Property<M>> {
             "the watchdog stops the drive of a silent controller",
             |_, state: &State| state.truth.silent < SILENT || state.truth.was_unreachable,
         ),
-        Property::always(
-            "the watchdog leaves a live controller alone",
-            |_, state: &State| !state.truth.stopped_a_live_controller,
-        ),
-        Property::always(
-            "only the holder of the lease moves the robot",
-            |_, state: &State| {
-                moves(state).is_none_or(|motion| holder(state) == motion.client.id())
-            },
-        ),
-        Property::always(
-            "without fresh positions nothing moves",
-            |_, state: &State| moves(state).is_none() || state.position_age == 0,
-        ),
-        Property::always(
-            "nothing moves unless the robot is ENABLED",
-            |_, state: &State| moves(state).is_none() || state.robot == Robot::Enabled,
-        ),
+        Property::always("the watchdog leaves a live controller alone", |_, state: &State| {
+            !state.truth.stopped_a_live_controller
+        }),
+        Property::always("only the holder of the lease moves the robot", |_, state: &State| {
+            moves(state).is_none_or(|motion| holder(state) == motion.client.id())
+        }),
+        Property::always("without fresh positions nothing moves", |_, state: &State| {
+            moves(state).is_none() || state.position_age == 0
+        }),
+        Property::always("nothing moves unless the robot is ENABLED", |_, state: &State| {
+            moves(state).is_none() || state.robot == Robot::Enabled
+        }),
     ];
     properties.extend(reachable());
     properties

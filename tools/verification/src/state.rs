@@ -52,11 +52,7 @@ pub(crate) struct Command {
 impl Command {
     /// A command that has just been sent.
     pub fn new(behind: u8) -> Self {
-        Self {
-            behind,
-            age: 0,
-            stamp_age: 0,
-        }
+        Self { behind, age: 0, stamp_age: 0 }
     }
 }
 

@@ -92,11 +92,7 @@ impl Model for System {
         }
         for index in 0..state.network.iter().flatten().count() {
             for (copy, held_up) in [(false, 0), (false, 1), (true, 0)] {
-                actions.push(Action::Deliver {
-                    index,
-                    copy,
-                    held_up,
-                });
+                actions.push(Action::Deliver { index, copy, held_up });
             }
         }
         actions.extend([
@@ -126,11 +122,7 @@ impl Model for System {
                 send(&mut state, client);
                 true
             }
-            Action::Deliver {
-                index,
-                copy,
-                held_up,
-            } => {
+            Action::Deliver { index, copy, held_up } => {
                 deliver(&mut state, self.guards, index, copy, held_up);
                 true
             }

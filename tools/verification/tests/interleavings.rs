@@ -11,10 +11,7 @@ const GATE_TRANSITIONS: usize = 8_000_000;
 #[test]
 fn no_property_fails_in_the_first_states() {
     let checker = System::default().checker().threads(2);
-    let checker = checker
-        .target_state_count(GATE_TRANSITIONS)
-        .spawn_bfs()
-        .join();
+    let checker = checker.target_state_count(GATE_TRANSITIONS).spawn_bfs().join();
     let states = checker.unique_state_count();
     println!("{states} states, runs of {} actions", checker.max_depth());
     assert!(states > 1_000_000, "{states} states");
@@ -27,10 +24,7 @@ fn every_property_fails_without_its_guard() {
         let guards = Guards::without(guard);
         let name = guard.property();
         let checker = System { guards }.checker();
-        let checker = checker
-            .finish_when(HasDiscoveries::AnyOf([name].into()))
-            .spawn_bfs()
-            .join();
+        let checker = checker.finish_when(HasDiscoveries::AnyOf([name].into())).spawn_bfs().join();
         let path = checker.discovery(name);
         let path = path.unwrap_or_else(|| panic!("without {guard:?}, {name} still holds"));
         println!("without {guard:?}: {:?}", path.into_actions());

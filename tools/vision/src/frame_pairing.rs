@@ -25,11 +25,7 @@ impl<T> FramePairer<T> {
     /// Pairs what lies at most `within` apart.
     #[must_use]
     pub fn new(within: Nanos) -> Self {
-        Self {
-            within,
-            waiting: [VecDeque::new(), VecDeque::new()],
-            ended: [false; 2],
-        }
+        Self { within, waiting: [VecDeque::new(), VecDeque::new()], ended: [false; 2] }
     }
 
     /// Takes one of `view`, 0 or 1.
@@ -45,9 +41,7 @@ impl<T> FramePairer<T> {
     /// The view that has to deliver before anything can be said; `None`: both have ended.
     #[must_use]
     pub fn wanted(&self) -> Option<usize> {
-        (0..2)
-            .filter(|view| !self.ended[*view])
-            .min_by_key(|view| self.waiting[*view].len())
+        (0..2).filter(|view| !self.ended[*view]).min_by_key(|view| self.waiting[*view].len())
     }
 
     /// What is certain by now.
@@ -74,9 +68,7 @@ impl<T> FramePairer<T> {
     }
 
     fn alone(&mut self, view: usize) -> Option<PairResult<T>> {
-        self.waiting[view]
-            .pop_front()
-            .map(|(stamp, item)| PairResult::Unmatched(view, stamp, item))
+        self.waiting[view].pop_front().map(|(stamp, item)| PairResult::Unmatched(view, stamp, item))
     }
 }
 
@@ -103,10 +95,7 @@ mod tests {
     #[test]
     fn near_stamps_pair_and_the_pair_lies_half_way() {
         let both = |stamp, a, b| PairResult::Matched(Nanos(stamp), [a, b]);
-        assert_eq!(
-            run(&[100, 133], &[104, 131]),
-            [both(102, 100, 104), both(132, 133, 131)]
-        );
+        assert_eq!(run(&[100, 133], &[104, 131]), [both(102, 100, 104), both(132, 133, 131)]);
     }
 
     #[test]
@@ -120,11 +109,7 @@ mod tests {
     #[test]
     fn what_a_view_delivers_after_the_end_of_the_other_is_alone() {
         assert_eq!(run(&[100, 133], &[]).len(), 2);
-        assert!(
-            run(&[], &[5])
-                .iter()
-                .all(|t| *t == PairResult::Unmatched(1, Nanos(5), 5))
-        );
+        assert!(run(&[], &[5]).iter().all(|t| *t == PairResult::Unmatched(1, Nanos(5), 5)));
     }
 
     #[test]

@@ -26,11 +26,7 @@ impl GreyImage {
 
     /// The smallest image: one black pixel.
     pub(crate) fn black() -> Self {
-        Self {
-            width: 1,
-            height: 1,
-            data: vec![0],
-        }
+        Self { width: 1, height: 1, data: vec![0] }
     }
 
     /// Pixels per row.
@@ -99,11 +95,7 @@ mod tests {
         assert_eq!(image.sample(0.5, 0.0), Some(50.0));
         assert_eq!(image.sample(0.5, 0.5), Some(75.0));
         assert_eq!(image.sample(-0.1, 0.0), None);
-        assert_eq!(
-            image.sample(1.0, 0.0),
-            None,
-            "no pixel to the right of it to interpolate with"
-        );
+        assert_eq!(image.sample(1.0, 0.0), None, "no pixel to the right of it to interpolate with");
         assert_eq!(image.sample(f64::NAN, 0.0), None);
     }
 

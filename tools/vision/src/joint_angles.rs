@@ -129,10 +129,8 @@ fn two(inputs: [ViewReading<'_>; 2]) -> Result<JointAngles, (usize, QualityIssue
         tan = mixing.joint([views[0][0], views[1][0]]);
         let [x, y] = mixing.joint([tips[0][1], tips[1][1]]);
         tip = [0.5 * (tips[0][0] + tips[1][0]), x, y];
-        depths = planars.map(|planar| Depth {
-            slope: planar.nearer(tan),
-            tip: planar.nearer([x, y]),
-        });
+        depths =
+            planars.map(|planar| Depth { slope: planar.nearer(tan), tip: planar.nearer([x, y]) });
     }
     for (i, input) in inputs.iter().enumerate() {
         let [seen, _] = planars[i].without_perspective(depths[i]);
@@ -141,10 +139,7 @@ fn two(inputs: [ViewReading<'_>; 2]) -> Result<JointAngles, (usize, QualityIssue
     Ok(JointAngles {
         angle_rad: tan.map(|tan| Some(tan.atan())),
         std_rad: mixing
-            .spread(
-                [0, 1].map(|i| inputs[i].reading.std_rad * (1.0 + planars[i].tan.powi(2))),
-                tan,
-            )
+            .spread([0, 1].map(|i| inputs[i].reading.std_rad * (1.0 + planars[i].tan.powi(2))), tan)
             .map(Some),
         quality: inputs[0].reading.quality.min(inputs[1].reading.quality),
         tip_mm: tip.map(Some),
@@ -177,13 +172,9 @@ impl PlanarView {
     /// The tangent that a telecentric lens would show; and the magnification at the tip's middle.
     fn without_perspective(&self, depth: Depth) -> [f64; 2] {
         let magnification = 1.0 + (depth.tip - depth.slope * self.to_tip) * self.closeness;
-        let [along, across] = self
-            .middle_off_axis
-            .map(|off| off / magnification * depth.slope * self.closeness);
-        [
-            (self.tan * (magnification + along) - across) / magnification,
-            magnification,
-        ]
+        let [along, across] =
+            self.middle_off_axis.map(|off| off / magnification * depth.slope * self.closeness);
+        [(self.tan * (magnification + along) - across) / magnification, magnification]
     }
 
     /// The tip as a telecentric lens would show it, from the tip at rest.
@@ -201,9 +192,7 @@ struct AxisMixing {
 impl AxisMixing {
     fn of(planes_rad: [f64; 2]) -> Option<Self> {
         let [(s0, c0), (s1, c1)] = planes_rad.map(f64::sin_cos);
-        nalgebra::Matrix2::new(c0, s0, c1, s1)
-            .try_inverse()
-            .map(|inverse| Self { inverse })
+        nalgebra::Matrix2::new(c0, s0, c1, s1).try_inverse().map(|inverse| Self { inverse })
     }
 
     fn joint(&self, views: [f64; 2]) -> [f64; 2] {
@@ -213,9 +202,8 @@ impl AxisMixing {
     /// Standard deviations of the joint angles from those of the views' tangents.
     fn spread(&self, std: [f64; 2], tan: [f64; 2]) -> [f64; 2] {
         std::array::from_fn(|axis| {
-            let sum = (0..2)
-                .map(|view| (self.inverse[(axis, view)] * std[view]).powi(2))
-                .sum::<f64>();
+            let sum =
+                (0..2).map(|view| (self.inverse[(axis, view)] * std[view]).powi(2)).sum::<f64>();
             sum.sqrt() / (1.0 + tan[axis].powi(2))
         })
     }
@@ -232,11 +220,7 @@ fn check_length(input: &ViewReading<'_>, tan: f64, nearer: [f64; 2]) -> Result<(
     };
     let ratio = |nearer: f64| input.reading.length_px / expected(nearer) - 1.0;
     let fits = ratio(nearer[0]) <= LENGTH_TOLERANCE && ratio(nearer[1]) >= -LENGTH_TOLERANCE;
-    if fits {
-        Ok(())
-    } else {
-        Err(QualityIssue::Length)
-    }
+    if fits { Ok(()) } else { Err(QualityIssue::Length) }
 }
 
 /// How long a piece of length 1 looks whose direction is the part `share` of a bend with these
@@ -251,9 +235,7 @@ fn step_in_view(tan: f64, nearer: f64, share: f64) -> f64 {
 /// How long an arc of length 1 looks that bends from straight to these tangents. Simpson's rule.
 fn arc_in_view(tan: f64, nearer: f64) -> f64 {
     let at = |i: u8| step_in_view(tan, nearer, f64::from(i) / 8.0);
-    let inner: f64 = (1..8)
-        .map(|i| if i % 2 == 1 { 4.0 * at(i) } else { 2.0 * at(i) })
-        .sum();
+    let inner: f64 = (1..8).map(|i| if i % 2 == 1 { 4.0 * at(i) } else { 2.0 * at(i) }).sum();
     (at(0) + inner + at(8)) / 24.0
 }
 
@@ -267,14 +249,7 @@ impl Stereo {
     /// `rests` in the order of the setup's views; views without one are left out.
     #[must_use]
     pub fn new(setup: &VisionSetup, rests: &[RestPose]) -> Self {
-        Self {
-            views: setup
-                .views
-                .iter()
-                .cloned()
-                .zip(rests.iter().copied())
-                .collect(),
-        }
+        Self { views: setup.views.iter().cloned().zip(rests.iter().copied()).collect() }
     }
 
     /// Puts one reading per view together; see [`solve`].
@@ -290,12 +265,7 @@ impl Stereo {
             .views
             .iter()
             .zip(readings)
-            .map(|((view, rest), (reading, size))| ViewReading {
-                view,
-                rest,
-                reading,
-                size: *size,
-            })
+            .map(|((view, rest), (reading, size))| ViewReading { view, rest, reading, size: *size })
             .collect();
         solve(&inputs)
     }

@@ -84,11 +84,7 @@ impl RestPoseEstimator {
     pub fn finish(&self, view: &str) -> Result<RestPose, RestPoseError> {
         let good = self.angles.len();
         if good < MIN_COUNT {
-            return Err(RestPoseError::TooFew {
-                view: view.to_owned(),
-                good,
-                frames: self.frames,
-            });
+            return Err(RestPoseError::TooFew { view: view.to_owned(), good, frames: self.frames });
         }
         let angle_deg = median(&self.angles);
         let deviations: Vec<f64> = self.angles.iter().map(|a| (a - angle_deg).abs()).collect();
@@ -97,18 +93,10 @@ impl RestPoseEstimator {
         let drift = (median(&self.angles[..half]) - median(&self.angles[half..])).abs();
         let spread_deg = (MAD * median(&deviations)).max(drift);
         if spread_deg > MAX_SPREAD_DEG {
-            return Err(RestPoseError::Moving {
-                view: view.to_owned(),
-                spread_deg,
-            });
+            return Err(RestPoseError::Moving { view: view.to_owned(), spread_deg });
         }
         let tip_px = [median(&self.tips[0]), median(&self.tips[1])];
-        Ok(RestPose {
-            angle_deg,
-            spread_deg,
-            length_px: median(&self.lengths),
-            tip_px,
-        })
+        Ok(RestPose { angle_deg, spread_deg, length_px: median(&self.lengths), tip_px })
     }
 }
 
@@ -117,9 +105,7 @@ impl RestPose {
     #[must_use]
     pub fn is_finite(&self) -> bool {
         let [x, y] = self.tip_px;
-        [self.angle_deg, self.spread_deg, self.length_px, x, y]
-            .iter()
-            .all(|v| v.is_finite())
+        [self.angle_deg, self.spread_deg, self.length_px, x, y].iter().all(|v| v.is_finite())
     }
 }
 
@@ -161,34 +147,23 @@ mod tests {
 
     fn estimator(angles: impl IntoIterator<Item = f64>) -> RestPoseEstimator {
         let mut estimator = RestPoseEstimator::default();
-        angles
-            .into_iter()
-            .for_each(|angle| estimator.add(Some(&reading(angle, 0.9))));
+        angles.into_iter().for_each(|angle| estimator.add(Some(&reading(angle, 0.9))));
         estimator
     }
 
     #[test]
     fn the_reference_is_blind_to_a_few_wild_readings_and_reports_its_spread() {
-        let rest = estimator((0..40).map(|i| {
-            if i % 10 == 0 {
-                20.0
-            } else {
-                1.5 + 0.02 * f64::from(i % 3 - 1)
-            }
-        }));
-        let rest = rest.finish("top").unwrap();
-        assert!(
-            (rest.angle_deg - 1.5).abs() < 0.021 && rest.spread_deg < 0.05,
-            "{rest:?}"
+        let rest = estimator(
+            (0..40).map(|i| if i % 10 == 0 { 20.0 } else { 1.5 + 0.02 * f64::from(i % 3 - 1) }),
         );
+        let rest = rest.finish("top").unwrap();
+        assert!((rest.angle_deg - 1.5).abs() < 0.021 && rest.spread_deg < 0.05, "{rest:?}");
         assert!((rest.length_px, rest.tip_px[0]) == (900.0, 600.0));
     }
 
     #[test]
     fn a_moving_snake_is_no_reference() {
-        let error = estimator((0..60).map(|i| 0.02 * f64::from(i)))
-            .finish("top")
-            .unwrap_err();
+        let error = estimator((0..60).map(|i| 0.02 * f64::from(i))).finish("top").unwrap_err();
         assert!(
             matches!(error, RestPoseError::Moving { .. }) && error.to_string().contains("view top"),
             "{error}"
@@ -205,13 +180,6 @@ mod tests {
         (0..20).for_each(|_| estimator.add(Some(&reading(0.0, 0.4))));
         estimator.add(None);
         let error = estimator.finish("side").unwrap_err();
-        assert_eq!(
-            error,
-            RestPoseError::TooFew {
-                view: "side".into(),
-                good: 4,
-                frames: 25
-            }
-        );
+        assert_eq!(error, RestPoseError::TooFew { view: "side".into(), good: 4, frames: 25 });
     }
 }

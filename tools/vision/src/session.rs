@@ -96,14 +96,10 @@ impl Session {
             session.pairer.end(1);
         }
         if reference == Reference::Setup {
-            let missing = |view: &crate::setup::View| SessionError::NoRest {
-                view: view.name.clone(),
-            };
-            let rests: Result<Vec<RestPose>, _> = setup
-                .views
-                .iter()
-                .map(|v| v.rest.ok_or_else(|| missing(v)))
-                .collect();
+            let missing =
+                |view: &crate::setup::View| SessionError::NoRest { view: view.name.clone() };
+            let rests: Result<Vec<RestPose>, _> =
+                setup.views.iter().map(|v| v.rest.ok_or_else(|| missing(v))).collect();
             session.set_reference(rests?);
         }
         Ok(session)
@@ -214,9 +210,8 @@ impl Session {
             return Err(SessionError::NoPicture);
         }
         let named = self.estimator.iter().zip(&self.setup.views);
-        let rests: Result<Vec<RestPose>, RestPoseError> = named
-            .map(|(estimator, view)| estimator.finish(&view.name))
-            .collect();
+        let rests: Result<Vec<RestPose>, RestPoseError> =
+            named.map(|(estimator, view)| estimator.finish(&view.name)).collect();
         self.set_reference(rests?);
         let held = std::mem::take(&mut self.held);
         Ok(held.iter().map(|pair| self.evaluate(pair)).collect())
@@ -234,10 +229,8 @@ impl Session {
             causes.push((missing, Rejection::Frame(FrameFault::NoPartner)));
         }
         if let [(_, a), (_, b)] = results.as_slice() {
-            self.statistics.skew = self
-                .statistics
-                .skew
-                .max(a.stamp.since(b.stamp).max(b.stamp.since(a.stamp)));
+            self.statistics.skew =
+                self.statistics.skew.max(a.stamp.since(b.stamp).max(b.stamp.since(a.stamp)));
         }
         let sized: Option<Vec<_>> = results
             .iter()
@@ -248,10 +241,7 @@ impl Session {
                 Ok(angles) => {
                     self.statistics.rows += 1;
                     self.statistics.good += 1;
-                    AngleRow {
-                        stamp,
-                        seen: Ok(angles),
-                    }
+                    AngleRow { stamp, seen: Ok(angles) }
                 }
                 Err((view, issue)) => self.row(stamp, vec![(view, Rejection::Quality(issue))]),
             },
@@ -264,22 +254,12 @@ impl Session {
         self.statistics.rows += 1;
         let mut texts = Vec::new();
         for (view, cause) in causes {
-            let name = self
-                .setup
-                .views
-                .get(view)
-                .map_or_else(String::new, |view| view.name.clone());
+            let name =
+                self.setup.views.get(view).map_or_else(String::new, |view| view.name.clone());
             texts.push(format!("{name}: {cause}"));
-            *self
-                .statistics
-                .causes
-                .entry((name, cause.to_string()))
-                .or_default() += 1;
+            *self.statistics.causes.entry((name, cause.to_string())).or_default() += 1;
         }
-        AngleRow {
-            stamp,
-            seen: Err(texts.join("; ")),
-        }
+        AngleRow { stamp, seen: Err(texts.join("; ")) }
     }
 }
 

@@ -125,21 +125,17 @@ impl VisionSetup {
     ///
     /// [`VisionSetupError`] with file, place and reason.
     pub fn load(path: &Path) -> Result<Self, VisionSetupError> {
-        let text = std::fs::read_to_string(path).map_err(|source| VisionSetupError::File {
-            path: path.to_owned(),
-            source,
-        })?;
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| VisionSetupError::File { path: path.to_owned(), source })?;
         let setup: Self = toml::from_str(&text).map_err(|error| VisionSetupError::Parse {
             path: path.to_owned(),
             reason: error.to_string(),
         })?;
-        setup
-            .check()
-            .map_err(|(place, reason)| VisionSetupError::Value {
-                path: path.to_owned(),
-                place,
-                reason,
-            })?;
+        setup.check().map_err(|(place, reason)| VisionSetupError::Value {
+            path: path.to_owned(),
+            place,
+            reason,
+        })?;
         Ok(setup)
     }
 
@@ -154,10 +150,8 @@ impl VisionSetup {
             reason: error.to_string(),
         })?;
         let text = format!("# Views of the camera process; `i2ris vision --help`.\n{text}");
-        std::fs::write(path, text).map_err(|source| VisionSetupError::File {
-            path: path.to_owned(),
-            source,
-        })
+        std::fs::write(path, text)
+            .map_err(|source| VisionSetupError::File { path: path.to_owned(), source })
     }
 
     fn check(&self) -> Result<(), (String, &'static str)> {
@@ -200,12 +194,7 @@ impl View {
         let lengths = [
             ("px_per_mm", self.px_per_mm, 1.0, 10_000.0),
             ("body_width_mm", self.body_width_mm, 0.01, 50.0),
-            (
-                "fibre_width_mm",
-                self.fibre_width_mm,
-                0.01,
-                self.body_width_mm,
-            ),
+            ("fibre_width_mm", self.fibre_width_mm, 0.01, self.body_width_mm),
             ("base_length_mm", self.base_length_mm, 0.01, 500.0),
             ("arc_length_mm", self.arc_length_mm, 0.01, 500.0),
             ("tip_length_mm", self.tip_length_mm, 0.01, 500.0),
@@ -214,10 +203,7 @@ impl View {
         for (field, value, least, most) in lengths {
             // A comparison with NaN is false.
             if !(value >= least && value <= most) {
-                return Err((
-                    field,
-                    "is out of range (a fibre is at most as thick as the body)",
-                ));
+                return Err((field, "is out of range (a fibre is at most as thick as the body)"));
             }
         }
         if !self.turn_deg.is_finite() || self.turn_deg.abs() > 60.0 {
@@ -226,17 +212,12 @@ impl View {
                 "must be between -60 and 60; name the other axis or set reversed",
             ));
         }
-        let name_is_plain = self
-            .name
-            .chars()
-            .all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
+        let name_is_plain =
+            self.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
         if !name_is_plain || !(1..=16).contains(&self.name.len()) {
             return Err(("name", "must be 1 to 16 letters, digits, - or _"));
         }
-        if self
-            .near_px
-            .is_some_and(|near| near.iter().any(|v| !v.is_finite()))
-        {
+        if self.near_px.is_some_and(|near| near.iter().any(|v| !v.is_finite())) {
             return Err(("near_px", "must be two numbers"));
         }
         if self.rest.as_ref().is_some_and(|rest| !rest.is_finite()) {
@@ -265,11 +246,7 @@ impl View {
     /// towards positive yaw, rad.
     #[must_use]
     pub fn plane_rad(&self) -> f64 {
-        let axis = if self.axis == JointAxis::Pitch {
-            0.0
-        } else {
-            90.0
-        };
+        let axis = if self.axis == JointAxis::Pitch { 0.0 } else { 90.0 };
         let reversed = if self.reversed { 180.0 } else { 0.0 };
         f64::to_radians(axis + self.turn_deg + reversed)
     }
@@ -279,11 +256,7 @@ impl View {
     pub fn set_plane(&mut self, plane_rad: f64) {
         let deg = plane_rad.to_degrees().rem_euclid(360.0);
         let quarter = ((deg / 90.0).round() as u8) % 4;
-        self.axis = if quarter.is_multiple_of(2) {
-            JointAxis::Pitch
-        } else {
-            JointAxis::Yaw
-        };
+        self.axis = if quarter.is_multiple_of(2) { JointAxis::Pitch } else { JointAxis::Yaw };
         self.reversed = quarter >= 2;
         let turn = deg - 90.0 * (deg / 90.0).round();
         // A thousandth of a degree is far below what can be measured.
@@ -335,10 +308,7 @@ mod tests {
             (TEXT.replace("200.0", "nan"), "px_per_mm"),
             (TEXT.replace("0.25", "1.5"), "fibre_width_mm"),
             (TEXT.replace("'top'", "'a/b'"), "name"),
-            (
-                TEXT.replace("axis = 'pitch'", "axis = 'pitch'\nturn_deg = 3.0"),
-                "turn_deg",
-            ),
+            (TEXT.replace("axis = 'pitch'", "axis = 'pitch'\nturn_deg = 3.0"), "turn_deg"),
             (TEXT.replace("axis = 'pitch'", "axis = 'roll'"), "roll"),
             (two(TEXT, TEXT), "same axis"),
             (format!("{TEXT}\nblur = 3"), "blur"),
@@ -346,10 +316,7 @@ mod tests {
             ("view = []".to_owned(), "one or two"),
         ] {
             let message = load(&text).unwrap_err().to_string();
-            assert!(
-                message.contains(word) && message.contains("vision.toml"),
-                "{message}"
-            );
+            assert!(message.contains(word) && message.contains("vision.toml"), "{message}");
         }
     }
 

@@ -106,17 +106,10 @@ pub fn two_views(
         });
         let apart = wrap(by_yaw - by_pitch);
         let phi = by_pitch + 0.5 * apart;
-        Alignment {
-            planes_rad: [wrap(phi), wrap(phi + delta)],
-            apart_rad: apart.abs(),
-        }
+        Alignment { planes_rad: [wrap(phi), wrap(phi + delta)], apart_rad: apart.abs() }
     };
     let (left, right) = (candidate(between_rad), candidate(-between_rad));
-    let best = if left.apart_rad <= right.apart_rad {
-        left
-    } else {
-        right
-    };
+    let best = if left.apart_rad <= right.apart_rad { left } else { right };
     if best.apart_rad > MAX_DISAGREEMENT {
         return Err(AlignError::Disagree {
             deg: best.apart_rad.to_degrees(),
@@ -139,17 +132,11 @@ pub fn is_reversed(motion: &'static str, tangents: &[f64]) -> Result<bool, Align
 /// The unit vector along which a motion goes from the origin, towards where it went first.
 fn line(motion: &'static str, points: &[[f64; 2]]) -> Result<[f64; 2], AlignError> {
     if points.len() < MIN_COUNT {
-        return Err(AlignError::TooFew {
-            motion,
-            found: points.len(),
-        });
+        return Err(AlignError::TooFew { motion, found: points.len() });
     }
     let most = points.iter().map(|[u, v]| u.hypot(*v)).fold(0.0, f64::max);
     if most < MIN_MOTION {
-        return Err(AlignError::TooSmall {
-            motion,
-            deg: most.atan().to_degrees(),
-        });
+        return Err(AlignError::TooSmall { motion, deg: most.atan().to_degrees() });
     }
     let moment = |i: usize, j: usize| points.iter().map(|p| p[i] * p[j]).sum::<f64>();
     let (uu, uv, vv) = (moment(0, 0), moment(0, 1), moment(1, 1));
@@ -158,16 +145,10 @@ fn line(motion: &'static str, points: &[[f64; 2]]) -> Result<[f64; 2], AlignErro
     let along = uu * cos * cos + 2.0 * uv * sin * cos + vv * sin * sin;
     let aside = ((uu + vv - along).max(0.0) / along).sqrt();
     if aside > MAX_ASIDE {
-        return Err(AlignError::TwoAxes {
-            motion,
-            aside: 100.0 * aside,
-        });
+        return Err(AlignError::TwoAxes { motion, aside: 100.0 * aside });
     }
-    let first = points
-        .iter()
-        .map(|[u, v]| u * cos + v * sin)
-        .find(|s| s.abs() > 0.5 * most)
-        .unwrap_or(1.0);
+    let first =
+        points.iter().map(|[u, v]| u * cos + v * sin).find(|s| s.abs() > 0.5 * most).unwrap_or(1.0);
     Ok([cos * first.signum(), sin * first.signum()])
 }
 
@@ -216,10 +197,7 @@ mod tests {
         let planes = [0.1, 0.1 + f64::to_radians(70.0)];
         let (pitch, yaw) = (motion(planes, 0), motion(planes, 1));
         let found = two_views(&pitch, &yaw, f64::to_radians(70.0)).unwrap();
-        assert!(
-            wrap(found.planes_rad[1] - planes[1]).abs() < 0.005,
-            "{found:?}"
-        );
+        assert!(wrap(found.planes_rad[1] - planes[1]).abs() < 0.005, "{found:?}");
         let error = two_views(&pitch, &yaw, f64::to_radians(90.0)).unwrap_err();
         assert!(matches!(error, AlignError::Disagree { .. }), "{error}");
     }
@@ -230,18 +208,9 @@ mod tests {
         let planes = [0.0, PI / 2.0];
         let (pitch, yaw) = (motion(planes, 0), motion(planes, 1));
         let align = |pitch: &[_], yaw: &[_]| two_views(pitch, yaw, PI / 2.0).unwrap_err();
-        assert!(matches!(
-            align(&pitch[..5], &yaw),
-            TooFew {
-                motion: "pitch",
-                ..
-            }
-        ));
+        assert!(matches!(align(&pitch[..5], &yaw), TooFew { motion: "pitch", .. }));
         let small: Vec<_> = yaw.iter().map(|p| p.map(|v| 0.1 * v)).collect();
-        assert!(matches!(
-            align(&pitch, &small),
-            TooSmall { motion: "yaw", .. }
-        ));
+        assert!(matches!(align(&pitch, &small), TooSmall { motion: "yaw", .. }));
         let circle = |i| [f64::from(i).sin() * 0.5, f64::from(i).cos() * 0.5];
         let circle: Vec<_> = (0..100).map(circle).collect();
         assert!(matches!(align(&circle, &yaw), TwoAxes { .. }));

@@ -52,9 +52,7 @@ impl ViewResult {
         if reading.is_good() {
             Ok(reading)
         } else {
-            Err(Rejection::Quality(
-                reading.issue.unwrap_or(QualityIssue::Noise),
-            ))
+            Err(Rejection::Quality(reading.issue.unwrap_or(QualityIssue::Noise)))
         }
     }
 }
@@ -70,10 +68,7 @@ impl ViewDetector {
     /// A detector with these parameters.
     #[must_use]
     pub fn new(settings: DetectorSettings) -> Self {
-        Self {
-            guard: StreamCheck::default(),
-            settings,
-        }
+        Self { guard: StreamCheck::default(), settings }
     }
 
     /// Measures a frame.

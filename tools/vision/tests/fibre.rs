@@ -12,10 +12,7 @@ use rand_pcg::Pcg64Mcg;
 fn scene(pitch_deg: f64) -> Scene {
     Scene {
         snake: SnakeShape::fibre(0.125),
-        pose: JointPose {
-            pitch_rad: pitch_deg.to_radians(),
-            yaw_rad: 0.0,
-        },
+        pose: JointPose { pitch_rad: pitch_deg.to_radians(), yaw_rad: 0.0 },
         camera: PinholeCamera::microscope(640, 480, 100.0),
         paint: Brightness::dark(),
         clutter: Vec::new(),
@@ -33,11 +30,7 @@ fn read(scene: &Scene) -> Result<Reading, QualityIssue> {
 
 fn assert_right(reading: &Reading, scene: &Scene) {
     let error = (reading.angle_rad - scene.truth().angle_rad).to_degrees();
-    assert!(
-        reading.is_good() && error.abs() < 0.1,
-        "{error} deg, {:?}",
-        reading.issue
-    );
+    assert!(reading.is_good() && error.abs() < 0.1, "{error} deg, {:?}", reading.issue);
 }
 
 /// Not good, for this reason.
@@ -65,25 +58,15 @@ fn both_signs_and_the_straight_pose() {
         let reading = read(&scene).unwrap();
         assert_right(&reading, &scene);
         let [x, y] = scene.truth().tip_px;
-        assert!(
-            (reading.tip_px[0] - x).hypot(reading.tip_px[1] - y) < 0.3,
-            "{:?}",
-            reading.tip_px
-        );
+        assert!((reading.tip_px[0] - x).hypot(reading.tip_px[1] - y) < 0.3, "{:?}", reading.tip_px);
     }
 }
 
 #[test]
 fn bright_on_dark_and_a_body_with_a_fibre() {
-    let bright = Scene {
-        paint: Brightness::bright(),
-        ..scene(30.0)
-    };
+    let bright = Scene { paint: Brightness::bright(), ..scene(30.0) };
     assert_right(&read(&bright).unwrap(), &bright);
-    let robot = Scene {
-        snake: SnakeShape::robot(),
-        ..scene(-30.0)
-    };
+    let robot = Scene { snake: SnakeShape::robot(), ..scene(-30.0) };
     assert_right(&read(&robot).unwrap(), &robot);
 }
 
@@ -101,10 +84,7 @@ fn the_base_may_come_in_from_any_side() {
         scene.camera.roll_rad = f64::to_radians(roll);
         let sideways = roll % 180.0 != 0.0;
         (scene.camera.width, scene.camera.height) = if sideways { (480, 640) } else { (640, 480) };
-        let (w, h) = (
-            scene.camera.width as f64 - 1.0,
-            scene.camera.height as f64 - 1.0,
-        );
+        let (w, h) = (scene.camera.width as f64 - 1.0, scene.camera.height as f64 - 1.0);
         scene.camera.origin_px = match side {
             EntrySide::Left => [192.0, h / 2.0],
             EntrySide::Right => [w - 192.0, h / 2.0],
@@ -137,17 +117,9 @@ fn an_instrument_across_the_bend_is_bridged() {
 #[test]
 fn specks_on_the_fibre_do_not_turn_it() {
     let mut scene = scene(-15.0);
-    for (mm, brightness) in [
-        (-1.2, 20.0),
-        (-0.5, 240.0),
-        (2.3, 240.0),
-        (2.7, 15.0),
-        (2.9, 120.0),
-    ] {
+    for (mm, brightness) in [(-1.2, 20.0), (-0.5, 240.0), (2.3, 240.0), (2.7, 15.0), (2.9, 120.0)] {
         let [x, y] = on_fibre(&scene, mm);
-        scene
-            .clutter
-            .push(cover([x + 2.0, y + 5.0], 4.0, brightness));
+        scene.clutter.push(cover([x + 2.0, y + 5.0], 4.0, brightness));
     }
     assert_right(&read(&scene).unwrap(), &scene);
 }
@@ -163,9 +135,7 @@ fn a_covered_end_is_doubted() {
 fn a_tip_hidden_by_something_as_bright_as_the_ground_is_doubted() {
     let mut scene = scene(40.0);
     // It hides the whole straight tip: what is left to see ends in the arc.
-    scene
-        .clutter
-        .push(cover(on_fibre(&scene, 2.4), 95.0, scene.paint.ground));
+    scene.clutter.push(cover(on_fibre(&scene, 2.4), 95.0, scene.paint.ground));
     assert_doubt(read(&scene), QualityIssue::TipBent);
 }
 
@@ -194,40 +164,27 @@ fn two_fibres_on_one_side_are_doubted_unless_the_place_is_told() {
         rim: scene.paint.rim,
     });
     assert_doubt(read(&scene), QualityIssue::TwoBases);
-    let reported = i2ris_vision::fibre::DetectorSettings {
-        near: Some([240.0, 40.0]),
-        ..settings(&scene)
-    };
+    let reported =
+        i2ris_vision::fibre::DetectorSettings { near: Some([240.0, 40.0]), ..settings(&scene) };
     assert_right(&measure(&image(&scene), &reported).unwrap(), &scene);
 }
 
 #[test]
 fn an_empty_image_and_pure_noise_have_no_base() {
     let empty = Scene {
-        snake: SnakeShape {
-            base_mm: -50.0,
-            arc_mm: 0.1,
-            tip_mm: 0.1,
-            ..SnakeShape::fibre(0.125)
-        },
+        snake: SnakeShape { base_mm: -50.0, arc_mm: 0.1, tip_mm: 0.1, ..SnakeShape::fibre(0.125) },
         ..scene(0.0)
     };
     let mut empty = empty;
     empty.camera.origin_px = [-5000.0, -5000.0];
     empty.optics = Optics::strong();
-    assert_doubt(
-        measure(&image(&empty), &settings(&scene(0.0))),
-        QualityIssue::NoBase,
-    );
+    assert_doubt(measure(&image(&empty), &settings(&scene(0.0))), QualityIssue::NoBase);
 }
 
 #[test]
 fn images_smaller_than_the_settings_expect_are_doubted_not_fatal() {
     for (width, height) in [(1, 1), (2, 40), (40, 2), (30, 30), (640, 20), (20, 480)] {
         let image = GreyImage::new(width, height, vec![100; width * height]).unwrap();
-        assert_eq!(
-            measure(&image, &settings(&scene(0.0))).unwrap_err(),
-            QualityIssue::NoBase
-        );
+        assert_eq!(measure(&image, &settings(&scene(0.0))).unwrap_err(), QualityIssue::NoBase);
     }
 }

@@ -25,10 +25,7 @@ fn rig() -> Rig {
 
 fn vision(arguments: &[&str]) -> Command {
     let mut command = i2ris_testing::program::command(&[&["vision"], arguments].concat());
-    command
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped());
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     command
 }
 
@@ -44,14 +41,8 @@ fn text(bytes: &[u8]) -> String {
 fn assert_refused(output: &Output, words: &[&str]) {
     let message = text(&output.stderr);
     assert!(!output.status.success(), "{message}");
-    assert!(
-        message.contains("error: ") && !message.contains("panicked"),
-        "{message}"
-    );
-    assert!(
-        words.iter().all(|word| message.contains(word)),
-        "{words:?} in {message}"
-    );
+    assert!(message.contains("error: ") && !message.contains("panicked"), "{message}");
+    assert!(words.iter().all(|word| message.contains(word)), "{words:?} in {message}");
 }
 
 /// A folder that vanishes, with paths as text.
@@ -77,16 +68,10 @@ impl Place {
         }
         let all = (0..REST).map(|_| [0.0; 2]).chain(poses.iter().copied());
         for (number, [pitch, yaw]) in all.enumerate() {
-            let pose = JointPose {
-                pitch_rad: pitch.to_radians(),
-                yaw_rad: yaw.to_radians(),
-            };
+            let pose = JointPose { pitch_rad: pitch.to_radians(), yaw_rad: yaw.to_radians() };
             for (view, image) in rig.render_views(pose, number as u64).iter().enumerate() {
-                save_grey(
-                    &self.path(&format!("{prefix}{view}/image_{number:04}.png")),
-                    image,
-                )
-                .unwrap();
+                save_grey(&self.path(&format!("{prefix}{view}/image_{number:04}.png")), image)
+                    .unwrap();
             }
         }
         setup(rig).save(&self.path("vision.toml")).unwrap();
@@ -95,10 +80,7 @@ impl Place {
 
 /// Rows of a CSV text without its header, cell by cell.
 fn rows(csv: &str) -> Vec<Vec<String>> {
-    csv.lines()
-        .skip(1)
-        .map(|line| line.split(',').map(str::to_owned).collect())
-        .collect()
+    csv.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect()).collect()
 }
 
 fn number(cell: &str) -> f64 {
@@ -108,23 +90,12 @@ fn number(cell: &str) -> f64 {
 #[test]
 fn two_folders_become_angles_and_a_missing_and_a_truncated_file_become_gaps() {
     let place = Place::new();
-    place.film(
-        "view",
-        &rig(),
-        &[[10.0, -20.0], [-30.0, 5.0], [25.0, 25.0], [1.0, 2.0]],
-    );
+    place.film("view", &rig(), &[[10.0, -20.0], [-30.0, 5.0], [25.0, 25.0], [1.0, 2.0]]);
     fs::remove_file(place.path("view0/image_0007.png")).unwrap();
     let whole = fs::read(place.path("view1/image_0008.png")).unwrap();
-    fs::write(
-        place.path("view1/image_0008.png"),
-        &whole[..whole.len() / 2],
-    )
-    .unwrap();
-    let (setup, first, second) = (
-        place.name("vision.toml"),
-        place.name("view0"),
-        place.name("view1"),
-    );
+    fs::write(place.path("view1/image_0008.png"), &whole[..whole.len() / 2]).unwrap();
+    let (setup, first, second) =
+        (place.name("vision.toml"), place.name("view0"), place.name("view1"));
     let output = run(&["--setup", &setup, &first, &second, "--rest-s", "0.2"]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let rows = rows(&text(&output.stdout));
@@ -146,10 +117,7 @@ fn two_folders_become_angles_and_a_missing_and_a_truncated_file_become_gaps() {
             && rows[8][9].contains("view1: not a whole frame")
     );
     let report = text(&output.stderr);
-    assert!(
-        report.contains("8 of 10 rows have angles") && report.contains("spread"),
-        "{report}"
-    );
+    assert!(report.contains("8 of 10 rows have angles") && report.contains("spread"), "{report}");
 
     // A person looks at the same frames.
     let (sheet, overlays) = (place.name("sheet.png"), place.name("overlays"));
@@ -181,16 +149,8 @@ fn motions_of_one_axis_tell_which_view_is_which() {
     rig.cameras[0].plane_rad = f64::to_radians(94.0);
     rig.cameras[1].plane_rad = f64::to_radians(184.0);
     let swing = |i: u32| 25.0 * (f64::from(i) * 0.5).sin();
-    place.film(
-        "p",
-        &rig,
-        &(0..12).map(|i| [swing(i), 0.0]).collect::<Vec<_>>(),
-    );
-    place.film(
-        "y",
-        &rig,
-        &(0..12).map(|i| [0.0, swing(i)]).collect::<Vec<_>>(),
-    );
+    place.film("p", &rig, &(0..12).map(|i| [swing(i), 0.0]).collect::<Vec<_>>());
+    place.film("y", &rig, &(0..12).map(|i| [0.0, swing(i)]).collect::<Vec<_>>());
     // What a person writes who does not know yet.
     let mut guess = setup(&rig);
     guess.views[0].set_plane(0.0);
@@ -199,23 +159,12 @@ fn motions_of_one_axis_tell_which_view_is_which() {
     guess.save(Path::new(&given)).unwrap();
     let folders = ["p0", "p1", "y0", "y1"].map(|name| place.name(name));
     let [p0, p1, y0, y1] = folders.each_ref().map(String::as_str);
-    let common = [
-        "calibrate",
-        "--setup",
-        &given,
-        "--output",
-        &found,
-        "--rest-s",
-        "0.2",
-    ];
+    let common = ["calibrate", "--setup", &given, "--output", &found, "--rest-s", "0.2"];
     let output = run(&[&common[..], &["--pitch", p0, p1, "--yaw", y0, y1]].concat());
     assert!(output.status.success(), "{}", text(&output.stderr));
     let views = VisionSetup::load(Path::new(&found)).unwrap().views;
     for (view, deg) in views.iter().zip([94.0, 184.0]) {
-        assert!(
-            (view.plane_rad().to_degrees() - deg).abs() < 0.3,
-            "{view:?}"
-        );
+        assert!((view.plane_rad().to_degrees() - deg).abs() < 0.3, "{view:?}");
         assert!(view.rest.is_some_and(|rest| rest.spread_deg < 0.1));
     }
     // With the rest from the file, frames need not begin at rest.
@@ -241,14 +190,7 @@ fn stream(place: &Place, rig: &Rig, poses: usize) -> Vec<u8> {
         let angle = if number < REST { 0.0 } else { 0.2 };
         bytes.extend(b"FRAME\n");
         bytes.extend(
-            rig.render_views(
-                JointPose {
-                    pitch_rad: angle,
-                    yaw_rad: 0.0,
-                },
-                number,
-            )[0]
-            .data(),
+            rig.render_views(JointPose { pitch_rad: angle, yaw_rad: 0.0 }, number)[0].data(),
         );
     }
     bytes
@@ -271,10 +213,7 @@ fn a_truncated_stream_keeps_what_came_and_says_where_it_ends() {
     let mut bytes = stream(&place, &rig(), 9);
     bytes.truncate(bytes.len() - 1000);
     let setup = place.name("one.toml");
-    let output = feed(
-        vision(&["--setup", &setup, "-", "--fps", "30", "--rest-s", "0.15"]),
-        bytes,
-    );
+    let output = feed(vision(&["--setup", &setup, "-", "--fps", "30", "--rest-s", "0.15"]), bytes);
     assert_refused(&output, &["ends within frame 9", "306200 of 307200"]);
     let rows = rows(&text(&output.stdout));
     assert_eq!(rows.len(), 8);
@@ -286,15 +225,11 @@ fn raw_bytes_are_the_same_frames() {
     let place = Place::new();
     let bytes = stream(&place, &rig(), 8);
     let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();
-    let raw: Vec<u8> = bytes[header..]
-        .chunks(6 + 640 * 480)
-        .flat_map(|frame| frame[6..].to_vec())
-        .collect();
+    let raw: Vec<u8> =
+        bytes[header..].chunks(6 + 640 * 480).flat_map(|frame| frame[6..].to_vec()).collect();
     let setup = place.name("one.toml");
     let output = feed(
-        vision(&[
-            "--setup", &setup, "-", "--raw", "640x480", "--fps", "30", "--rest-s", "0.15",
-        ]),
+        vision(&["--setup", &setup, "-", "--raw", "640x480", "--fps", "30", "--rest-s", "0.15"]),
         raw,
     );
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -315,16 +250,8 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     let setup = place.name("one.toml");
     let before = clock::now();
     // Every frame says when it was taken: a millisecond after the one before.
-    let command = vision(&[
-        "--setup",
-        &setup,
-        "-",
-        "--rest-s",
-        "0.0055",
-        "--publish",
-        "--domain",
-        &name,
-    ]);
+    let command =
+        vision(&["--setup", &setup, "-", "--rest-s", "0.0055", "--publish", "--domain", &name]);
     let mut child = { command }.stdin(Stdio::piped()).spawn().unwrap();
     let mut to = child.stdin.take().unwrap();
     let writer = std::thread::spawn(move || {
@@ -332,13 +259,8 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
         to.write_all(&bytes[..header]).unwrap();
         for (number, frame) in bytes[header..].chunks(6 + 640 * 480).enumerate() {
             let Nanos(stamp) = before + Nanos::from_millis(number as u64);
-            writeln!(
-                to,
-                "FRAME XT={}.{:09}",
-                stamp / 1_000_000_000,
-                stamp % 1_000_000_000
-            )
-            .unwrap();
+            writeln!(to, "FRAME XT={}.{:09}", stamp / 1_000_000_000, stamp % 1_000_000_000)
+                .unwrap();
             to.write_all(&frame[6..]).unwrap();
             std::thread::sleep(Duration::from_millis(10));
         }
@@ -357,70 +279,31 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     writer.join().unwrap();
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
-    let valid: Vec<_> = seen
-        .iter()
-        .filter(|s| s.flags == ExternalPosition::VALID)
-        .collect();
+    let valid: Vec<_> = seen.iter().filter(|s| s.flags == ExternalPosition::VALID).collect();
     let last = valid.last().unwrap();
-    assert!(
-        (last.position[0] - 0.2).abs() < 0.003 && last.count == 1,
-        "{last:?}"
-    );
-    assert!(
-        last.quality > 0.5 && last.deviation[0] > 0.0 && last.deviation[0] < 0.01,
-        "{last:?}"
-    );
-    assert!(
-        seen.windows(2)
-            .all(|pair| pair[0].stamp_ns < pair[1].stamp_ns)
-    );
+    assert!((last.position[0] - 0.2).abs() < 0.003 && last.count == 1, "{last:?}");
+    assert!(last.quality > 0.5 && last.deviation[0] > 0.0 && last.deviation[0] < 0.01, "{last:?}");
+    assert!(seen.windows(2).all(|pair| pair[0].stamp_ns < pair[1].stamp_ns));
     let number = (last.stamp_ns - before.0) / 1_000_000;
     assert!(
         last.stamp_ns == before.0 + number * 1_000_000 && number < 29,
         "the frame's own stamp: {last:?}"
     );
-    assert_eq!(
-        seen.last().unwrap().flags,
-        0,
-        "an empty frame is said to show nothing"
-    );
+    assert_eq!(seen.last().unwrap().flags, 0, "an empty frame is said to show nothing");
 }
 
 #[test]
 fn a_recording_is_drawn_and_measured_again() {
     let place = Place::new();
-    fs::write(
-        place.path("angles.csv"),
-        "t_s,pitch_deg,yaw_deg\n3.5,10,-12\n3.6,,\n3.7,-20,15.5\n",
-    )
-    .unwrap();
+    fs::write(place.path("angles.csv"), "t_s,pitch_deg,yaw_deg\n3.5,10,-12\n3.6,,\n3.7,-20,15.5\n")
+        .unwrap();
     let (angles, folder) = (place.name("angles.csv"), place.name("out"));
-    let output = run(&[
-        "render", "--angles", &angles, "--output", &folder, "--size", "640x480",
-    ]);
-    assert!(
-        output.status.success() && text(&output.stdout).contains("2 poses"),
-        "{output:?}"
-    );
-    let names = [
-        "out/vision.toml",
-        "out/view0",
-        "out/view1",
-        "out/rest0",
-        "out/rest1",
-    ]
-    .map(|name| place.name(name));
+    let output = run(&["render", "--angles", &angles, "--output", &folder, "--size", "640x480"]);
+    assert!(output.status.success() && text(&output.stdout).contains("2 poses"), "{output:?}");
+    let names = ["out/vision.toml", "out/view0", "out/view1", "out/rest0", "out/rest1"]
+        .map(|name| place.name(name));
     let [setup, v0, v1, r0, r1] = names.each_ref().map(String::as_str);
-    let output = run(&[
-        "calibrate",
-        "--setup",
-        setup,
-        "--rest",
-        r0,
-        r1,
-        "--output",
-        setup,
-    ]);
+    let output = run(&["calibrate", "--setup", setup, "--rest", r0, r1, "--output", setup]);
     assert!(output.status.success(), "{}", text(&output.stderr));
     let output = run(&["--setup", setup, v0, v1, "--rest-s", "0"]);
     let rows = rows(&text(&output.stdout));
@@ -448,11 +331,7 @@ fn a_stage_tells_the_scale() {
     let output = run(&["scale", "--setup", &setup, "--moved-mm", "0.8", &a, &b]);
     let words = text(&output.stdout);
     let scale = number(words.split_whitespace().nth(2).unwrap_or("nan"));
-    assert!(
-        (scale - 100.0).abs() < 0.5,
-        "{words} {}",
-        text(&output.stderr)
-    );
+    assert!((scale - 100.0).abs() < 0.5, "{words} {}", text(&output.stderr));
     assert_refused(
         &run(&["scale", "--setup", &setup, "--moved-mm", "0.8", &a, &a]),
         &["moved by 0.0 px"],
@@ -469,44 +348,17 @@ fn bad_input_is_refused_with_a_reason() {
     let [setup, v0, v1, empty, none] = names.each_ref().map(String::as_str);
     for (arguments, words) in [
         (vec!["--setup", none, v0, v1], vec!["none.toml"]),
-        (
-            vec!["--setup", setup, v0],
-            vec!["1 sources of frames for 2 views"],
-        ),
-        (
-            vec!["--setup", setup, v0, empty],
-            vec!["empty", "no PNG or JPEG"],
-        ),
-        (
-            vec!["--setup", setup, v0, v0],
-            vec!["of 6 frames at rest can be measured"],
-        ),
-        (
-            vec!["--setup", setup, v0, v1, "--rest-s", "0"],
-            vec!["no rest for view view0"],
-        ),
-        (
-            vec!["--setup", setup, v0, v1, "--publish"],
-            vec!["--publish", "stream"],
-        ),
+        (vec!["--setup", setup, v0], vec!["1 sources of frames for 2 views"]),
+        (vec!["--setup", setup, v0, empty], vec!["empty", "no PNG or JPEG"]),
+        (vec!["--setup", setup, v0, v0], vec!["of 6 frames at rest can be measured"]),
+        (vec!["--setup", setup, v0, v1, "--rest-s", "0"], vec!["no rest for view view0"]),
+        (vec!["--setup", setup, v0, v1, "--publish"], vec!["--publish", "stream"]),
         (vec!["--setup", setup, setup, setup], vec!["YUV4MPEG2"]),
         (
-            vec![
-                "calibrate",
-                "--setup",
-                setup,
-                "--pitch",
-                v0,
-                v1,
-                "--output",
-                none,
-            ],
+            vec!["calibrate", "--setup", setup, "--pitch", v0, v1, "--output", none],
             vec!["--pitch and --yaw"],
         ),
-        (
-            vec!["render", "--angles", setup, "--output", empty],
-            vec!["vision.toml", "t_s"],
-        ),
+        (vec!["render", "--angles", setup, "--output", empty], vec!["vision.toml", "t_s"]),
     ] {
         assert_refused(&run(&arguments), &words);
     }

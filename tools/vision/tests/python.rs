@@ -11,10 +11,8 @@ use i2ris::ipc::{Domain, DomainLock, Server, random_id};
 use i2ris_testing::python;
 
 fn assert_success(output: &Output) {
-    let (out, err) = (
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr),
-    );
+    let (out, err) =
+        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{out}{err}");
 }
 
@@ -24,10 +22,7 @@ fn the_tests_of_the_python_package_pass() {
         return;
     };
     assert_success(
-        &python
-            .args(["-m", "pytest", "-q", "-p", "no:cacheprovider"])
-            .output()
-            .unwrap(),
+        &python.args(["-m", "pytest", "-q", "-p", "no:cacheprovider"]).output().unwrap(),
     );
 }
 
@@ -54,11 +49,8 @@ except NoController as error:
     print(error)
 ";
     let before = clock::now().0;
-    let child = python
-        .args(["-c", script, &name])
-        .stdout(std::process::Stdio::piped())
-        .spawn()
-        .unwrap();
+    let child =
+        python.args(["-c", script, &name]).stdout(std::process::Stdio::piped()).spawn().unwrap();
     let mut seen: Vec<ExternalPosition> = Vec::new();
     let start = Instant::now();
     while seen.last().is_none_or(|last| last.flags != 0)
@@ -74,21 +66,12 @@ except NoController as error:
         String::from_utf8_lossy(&output.stdout).contains("no controller serves domain nobody-")
     );
     let first = seen.first().unwrap();
-    assert_eq!(
-        (first.position, first.deviation),
-        ([0.1, -0.2, 0.0], [0.001, 0.002, 0.0])
-    );
-    assert_eq!(
-        (first.quality, first.count, first.flags),
-        (0.75, 2, ExternalPosition::VALID)
-    );
+    assert_eq!((first.position, first.deviation), ([0.1, -0.2, 0.0], [0.001, 0.002, 0.0]));
+    assert_eq!((first.quality, first.count, first.flags), (0.75, 2, ExternalPosition::VALID));
     assert!(
         first.stamp_ns > before && first.stamp_ns < clock::now().0,
         "one clock for both languages"
     );
-    assert!(
-        seen.windows(2)
-            .all(|pair| pair[0].sequence < pair[1].sequence)
-    );
+    assert!(seen.windows(2).all(|pair| pair[0].sequence < pair[1].sequence));
     assert_eq!(seen.last().unwrap().flags, 0);
 }

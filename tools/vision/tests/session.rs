@@ -23,10 +23,7 @@ fn rig() -> Rig {
 
 fn pose(number: u64) -> JointPose {
     let step = number.saturating_sub(REST - 1) as f64;
-    JointPose {
-        pitch_rad: 0.06 * step,
-        yaw_rad: -0.04 * step,
-    }
+    JointPose { pitch_rad: 0.06 * step, yaw_rad: -0.04 * step }
 }
 
 fn frame(number: u64, image: GreyImage) -> SourceItem {
@@ -41,11 +38,7 @@ fn frame(number: u64, image: GreyImage) -> SourceItem {
 fn film(rig: &Rig) -> [Vec<SourceItem>; 2] {
     let mut views = [Vec::new(), Vec::new()];
     for number in 0..REST + MOVING {
-        for (view, image) in rig
-            .render_views(pose(number), number)
-            .into_iter()
-            .enumerate()
-        {
+        for (view, image) in rig.render_views(pose(number), number).into_iter().enumerate() {
             views[view].push(frame(number, image));
         }
     }
@@ -58,11 +51,8 @@ fn run(
 ) -> (Result<Vec<AngleRow>, SessionError>, SessionStatistics) {
     let setup = setup(rig);
     let mut session = Session::new(&setup, Reference::First(Nanos(REST * PERIOD))).unwrap();
-    let mut detectors: Vec<ViewDetector> = setup
-        .views
-        .iter()
-        .map(|view| ViewDetector::new(view.settings()))
-        .collect();
+    let mut detectors: Vec<ViewDetector> =
+        setup.views.iter().map(|view| ViewDetector::new(view.settings())).collect();
     let mut sources = items.map(Vec::into_iter);
     let mut rows = Vec::new();
     while let Some(view) = session.wanted() {
@@ -102,11 +92,7 @@ fn assert_gaps(rig: &Rig, items: [Vec<SourceItem>; 2], gaps: usize, cause: &str)
         }
     }
     let missing = rows.iter().filter(|row| row.seen.is_err()).count();
-    assert_eq!(
-        (missing, statistics.rows - statistics.good),
-        (gaps, gaps),
-        "{statistics:?}"
-    );
+    assert_eq!((missing, statistics.rows - statistics.good), (gaps, gaps), "{statistics:?}");
     let counted: usize = statistics
         .causes
         .iter()
@@ -135,9 +121,7 @@ fn cameras_that_are_turned_and_reversed_give_the_same_angles() {
 fn a_frozen_camera() {
     let rig = rig();
     let mut items = film(&rig);
-    let SourceItem::Frame(stuck) = items[1][10].clone() else {
-        panic!("a frame")
-    };
+    let SourceItem::Frame(stuck) = items[1][10].clone() else { panic!("a frame") };
     items[1][11] = frame(11, stuck.image.clone());
     items[1][12] = frame(12, stuck.image);
     assert_gaps(&rig, items, 2, FrameFault::Frozen.text());
@@ -155,28 +139,14 @@ fn a_frame_of_another_size() {
 fn stamps_out_of_order() {
     let rig = rig();
     let mut items = film(&rig);
-    let SourceItem::Frame(late) = &mut items[0][12] else {
-        panic!("a frame")
-    };
+    let SourceItem::Frame(late) = &mut items[0][12] else { panic!("a frame") };
     late.stamp = Nanos(late.stamp.0 - 2 * PERIOD);
     // The frame itself, and the one of the other view that is left without a partner.
     let (rows, statistics) = run(&rig, items);
-    let gaps: Vec<String> = rows
-        .unwrap()
-        .into_iter()
-        .filter_map(|row| row.seen.err())
-        .collect();
+    let gaps: Vec<String> = rows.unwrap().into_iter().filter_map(|row| row.seen.err()).collect();
     assert_eq!(gaps.len(), 2, "{gaps:?}");
-    assert!(
-        gaps.iter()
-            .any(|g| g.contains(FrameFault::OutOfOrder.text())),
-        "{gaps:?}"
-    );
-    assert!(
-        gaps.iter()
-            .any(|g| g.contains(FrameFault::NoPartner.text())),
-        "{gaps:?}"
-    );
+    assert!(gaps.iter().any(|g| g.contains(FrameFault::OutOfOrder.text())), "{gaps:?}");
+    assert!(gaps.iter().any(|g| g.contains(FrameFault::NoPartner.text())), "{gaps:?}");
     assert_eq!(statistics.rows - statistics.good, 2);
 }
 
@@ -193,11 +163,8 @@ fn a_missing_file_and_a_broken_one() {
     let rig = rig();
     for cause in [FrameFault::MissingFile, FrameFault::Undecodable] {
         let mut items = film(&rig);
-        items[0][13] = SourceItem::Missing {
-            stamp: items[0][13].stamp(),
-            name: "13".into(),
-            cause,
-        };
+        items[0][13] =
+            SourceItem::Missing { stamp: items[0][13].stamp(), name: "13".into(), cause };
         assert_gaps(&rig, items, 1, cause.text());
     }
 }
@@ -208,10 +175,7 @@ fn both_views_the_same_camera() {
     let [first, _] = film(&rig);
     let (rows, _) = run(&rig, [first.clone(), first.clone()]);
     assert!(
-        matches!(
-            rows,
-            Err(SessionError::RestPose(RestPoseError::TooFew { .. }))
-        ),
+        matches!(rows, Err(SessionError::RestPose(RestPoseError::TooFew { .. }))),
         "no reference, hence no angle"
     );
     // From the middle on.
@@ -237,11 +201,8 @@ fn a_camera_that_stalls_lets_the_other_one_go_on_without_angles() {
     let rig = rig();
     let setup = setup(&rig);
     let mut session = Session::new(&setup, Reference::First(Nanos(REST * PERIOD))).unwrap();
-    let mut detectors: Vec<ViewDetector> = setup
-        .views
-        .iter()
-        .map(|view| ViewDetector::new(view.settings()))
-        .collect();
+    let mut detectors: Vec<ViewDetector> =
+        setup.views.iter().map(|view| ViewDetector::new(view.settings())).collect();
     let [first, second] = film(&rig);
     let mut rows = Vec::new();
     for (number, (a, b)) in first.into_iter().zip(second).enumerate() {
@@ -253,19 +214,9 @@ fn a_camera_that_stalls_lets_the_other_one_go_on_without_angles() {
     }
     assert_eq!((session.wanted(), rows.len()), (Some(1), 10));
     let late = session.stalled(1, Nanos(9_000_000_000)).unwrap();
-    assert_eq!(
-        late.len(),
-        7,
-        "six frames without a partner, and the stall itself"
-    );
+    assert_eq!(late.len(), 7, "six frames without a partner, and the stall itself");
     assert!(late.iter().all(|row| row.seen.is_err()));
-    assert!(
-        late[6]
-            .seen
-            .as_ref()
-            .unwrap_err()
-            .contains(FrameFault::NoPicture.text())
-    );
+    assert!(late[6].seen.as_ref().unwrap_err().contains(FrameFault::NoPicture.text()));
 }
 
 #[test]
@@ -276,31 +227,19 @@ fn a_snake_that_moves_in_the_first_seconds_is_no_reference() {
         view.drain(..5);
     }
     let (rows, _) = run(&rig, items);
-    assert!(matches!(
-        rows,
-        Err(SessionError::RestPose(RestPoseError::Moving { .. }))
-    ));
+    assert!(matches!(rows, Err(SessionError::RestPose(RestPoseError::Moving { .. }))));
 }
 
 #[test]
 fn something_else_of_another_length_is_not_taken_for_the_snake() {
     let rig = rig();
     let mut items = film(&rig);
-    let short = Rig {
-        snake: i2ris_vision::scene::SnakeShape {
-            tip_mm: 1.0,
-            ..rig.snake
-        },
-        ..rig.clone()
-    };
+    let short =
+        Rig { snake: i2ris_vision::scene::SnakeShape { tip_mm: 1.0, ..rig.snake }, ..rig.clone() };
     items[0][12] = frame(12, short.render_views(pose(12), 12).swap_remove(0));
     let mut detector = ViewDetector::new(setup(&rig).views[0].settings());
     let result = detector.detect(items[0][12].clone());
     assert!(result.good().is_ok() || matches!(result.good(), Err(Rejection::Quality(_))));
     let (rows, statistics) = run(&rig, items);
-    assert_eq!(
-        rows.unwrap().iter().filter(|row| row.seen.is_err()).count(),
-        1,
-        "{statistics:?}"
-    );
+    assert_eq!(rows.unwrap().iter().filter(|row| row.seen.is_err()).count(), 1, "{statistics:?}");
 }

@@ -25,8 +25,7 @@ impl JointModel {
             match history.next_after(self.state.cursor) {
                 NextEntry::End => return replayed > 0,
                 NextEntry::Position(position, cursor) => {
-                    self.model
-                        .advance(&mut self.state.measured_memory, &position);
+                    self.model.advance(&mut self.state.measured_memory, &position);
                     if let Some(drift) = &mut drift {
                         drift.advance(&self.model, &position, &self.gap_scale());
                     }
@@ -60,11 +59,7 @@ impl JointModel {
         let has_new = self.replay(history, drift);
         self.update_memory(drives, has_new)?;
         let before = self.state.measured;
-        if has_new || before.is_none() {
-            self.update_measured(drives, before)
-        } else {
-            Ok(())
-        }
+        if has_new || before.is_none() { self.update_measured(drives, before) } else { Ok(()) }
     }
 
     fn reset_memory(&mut self) {
@@ -114,8 +109,7 @@ impl JointModel {
                 .iter()
                 .zip(positions)
                 .map(|(written, position)| written.unwrap_or(position));
-            self.model
-                .advance(&mut state.memory, &vector::collect(expected));
+            self.model.advance(&mut state.memory, &vector::collect(expected));
             residual = self.model.correction(&state.memory);
         }
         self.known = Known {
@@ -136,11 +130,8 @@ impl JointModel {
         let positions = vector::collect(drives.iter().map(|drive| drive.position.as_f64()));
         let stamps = drives.iter().map(|drive| drive.stamp);
         let stamp = stamps.max().unwrap_or_default();
-        let estimate = self.model.predict_with(
-            &positions,
-            &self.state.measured_memory,
-            &self.known.measured,
-        );
+        let estimate =
+            self.model.predict_with(&positions, &self.state.measured_memory, &self.known.measured);
         let mut estimate = require_finite(estimate).inspect_err(|_| self.state.measured = None)?;
         let gapped = estimate.mean;
         estimate.mean = self.corrected(gapped);
@@ -152,13 +143,8 @@ impl JointModel {
                 stamp.since(before.stamp),
             )
         });
-        self.state.measured = Some(Measured {
-            estimate,
-            gapped,
-            position: positions,
-            stamp,
-            velocity,
-        });
+        self.state.measured =
+            Some(Measured { estimate, gapped, position: positions, stamp, velocity });
         Ok(())
     }
 }

@@ -157,10 +157,7 @@ impl JointModel {
 
     /// A model with a state that has been saved.
     pub fn from_state(model: Arc<Model>, config: &Config, state: JointModelState) -> Self {
-        Self {
-            state,
-            ..Self::new(model, config)
-        }
+        Self { state, ..Self::new(model, config) }
     }
 
     fn with_memory(
@@ -248,9 +245,7 @@ impl JointModel {
     ) -> Result<(), NotFinite> {
         let before = from.map(|from| &from.state);
         self.state.search_start = *setpoints;
-        self.state
-            .dead_band
-            .take_over(before.map(|before| &before.dead_band));
+        self.state.dead_band.take_over(before.map(|before| &before.dead_band));
         if let Some(before) = before {
             self.state.filter = before.filter;
         }
@@ -260,10 +255,7 @@ impl JointModel {
         self.update_memory(drives, true)?;
         self.update_measured(drives, before.and_then(|before| before.measured))?;
         let pose = self.pose(setpoints)?;
-        self.state.setpoint = Some(Setpoint {
-            mean: pose,
-            velocity: OutputVec::default(),
-        });
+        self.state.setpoint = Some(Setpoint { mean: pose, velocity: OutputVec::default() });
         self.state.blend = self
             .state
             .dead_banded_goal
@@ -322,10 +314,7 @@ impl JointModel {
         };
         let goals = goals.each_ref().map(uncorrected);
         let inverses = self.model.invert_each(&goals, &state.memory, &query);
-        if inverses
-            .iter()
-            .all(|inverse| vector::is_finite(&inverse.counts))
-        {
+        if inverses.iter().all(|inverse| vector::is_finite(&inverse.counts)) {
             Ok(inverses)
         } else {
             Err(NotFinite)
@@ -341,11 +330,7 @@ impl JointModel {
     pub fn pose(&self, counts: &MotorVec) -> Result<OutputVec, NotFinite> {
         let (memory, residual) = (&self.state.memory, self.residual());
         let pose = self.model.pose(counts, memory, &residual);
-        if vector::is_finite(&pose) {
-            Ok(self.corrected(pose))
-        } else {
-            Err(NotFinite)
-        }
+        if vector::is_finite(&pose) { Ok(self.corrected(pose)) } else { Err(NotFinite) }
     }
 
     /// The part of the model that depends on the memory alone.
@@ -376,10 +361,8 @@ impl JointModel {
         self.known.setpoint = Some(known);
         let mean = self.corrected(known.mean);
         let before = self.corrected(known.before(increments));
-        self.state.setpoint = Some(Setpoint {
-            mean,
-            velocity: rate(&mean, &before, tick).unwrap_or_default(),
-        });
+        self.state.setpoint =
+            Some(Setpoint { mean, velocity: rate(&mean, &before, tick).unwrap_or_default() });
         Ok(())
     }
 
@@ -387,11 +370,7 @@ impl JointModel {
         let (memory, residual) = (&self.state.memory, self.residual());
         let (mean, slope) = self.model.pose_and_slope(setpoints, memory, &residual);
         if vector::is_finite(&mean) && slope.iter().all(vector::is_finite) {
-            Ok(KnownSetpoint {
-                at: *setpoints,
-                mean,
-                slope,
-            })
+            Ok(KnownSetpoint { at: *setpoints, mean, slope })
         } else {
             Err(NotFinite)
         }
@@ -416,9 +395,7 @@ impl JointModel {
 
 fn output_unit(model: &Model) -> OutputUnit {
     let outputs = &model.file().outputs;
-    outputs
-        .first()
-        .map_or(OutputUnit::Deg, |output| output.unit)
+    outputs.first().map_or(OutputUnit::Deg, |output| output.unit)
 }
 
 /// The setpoint that reached the drive after its position was read.
@@ -444,10 +421,7 @@ mod tests {
     #[test]
     fn an_estimate_that_is_not_finite_is_refused() {
         assert!(require_finite(Estimate::default()).is_ok());
-        let mut estimate = Estimate {
-            mean: [0.0, f64::NAN, 0.0],
-            ..Estimate::default()
-        };
+        let mut estimate = Estimate { mean: [0.0, f64::NAN, 0.0], ..Estimate::default() };
         assert_eq!(require_finite(estimate), Err(NotFinite));
         estimate.mean = [0.0; 3];
         estimate.covariance[1][1] = f64::INFINITY;

@@ -22,22 +22,15 @@ enum Action {
 }
 
 fn limits() -> impl Strategy<Value = MotorLimits> {
-    (
-        10.0..1e5_f64,
-        100.0..1e6_f64,
-        1.0..50.0_f64,
-        -3000.0..0.0_f64,
-        1.0..3000.0_f64,
+    (10.0..1e5_f64, 100.0..1e6_f64, 1.0..50.0_f64, -3000.0..0.0_f64, 1.0..3000.0_f64).prop_map(
+        |(velocity, acceleration, ratio, lowest, width)| MotorLimits {
+            velocity,
+            acceleration,
+            deceleration: acceleration * ratio,
+            lowest,
+            highest: lowest + width,
+        },
     )
-        .prop_map(
-            |(velocity, acceleration, ratio, lowest, width)| MotorLimits {
-                velocity,
-                acceleration,
-                deceleration: acceleration * ratio,
-                lowest,
-                highest: lowest + width,
-            },
-        )
 }
 
 /// 100 to 4000 Hz, and not the round ones.
@@ -84,11 +77,7 @@ fn act_for(limiter: &mut VelocityLimiter, action: Action, ticks: usize) {
 /// The most that a velocity may change in one tick, written independently of the limiter: the
 /// deceleration comes first and takes its share of the tick.
 fn allowed(before: f64, after: f64, a: f64, d: f64) -> bool {
-    let (before, after) = if before < 0.0 {
-        (-before, -after)
-    } else {
-        (before, after)
-    };
+    let (before, after) = if before < 0.0 { (-before, -after) } else { (before, after) };
     let (deceleration, acceleration) = if after >= 0.0 {
         ((before - after).max(0.0), (after - before).max(0.0))
     } else {
@@ -206,10 +195,7 @@ fn a_stop_from_full_speed_takes_two_ticks_at_the_default_limits() {
     limiter.stop();
     limiter.stop();
     assert!(limiter.is_at_rest());
-    assert!(
-        (limiter.position() - from - 1.0).abs() < ROUNDING,
-        "it stops within one count"
-    );
+    assert!((limiter.position() - from - 1.0).abs() < ROUNDING, "it stops within one count");
 }
 
 #[test]
@@ -223,17 +209,11 @@ fn a_target_that_is_no_number_stops() {
     let mut stopped = moving();
     act_for(&mut stopped, Action::Stop, 10);
     assert!(stopped.is_at_rest());
-    for (position, increment) in [
-        (f64::NAN, 0.0),
-        (500.0, f64::NAN),
-        (500.0, f64::INFINITY),
-        (500.0, f64::NEG_INFINITY),
-    ] {
+    for (position, increment) in
+        [(f64::NAN, 0.0), (500.0, f64::NAN), (500.0, f64::INFINITY), (500.0, f64::NEG_INFINITY)]
+    {
         let mut limiter = moving();
-        let target = MotorTarget {
-            position,
-            increment,
-        };
+        let target = MotorTarget { position, increment };
         act_for(&mut limiter, Action::Track(target), 10);
         assert_eq!(limiter.position(), stopped.position(), "{target:?}");
         assert!(limiter.is_at_rest());
@@ -273,10 +253,7 @@ fn a_sine_within_the_limits_is_followed_to_a_fraction_of_a_count() {
     let mut limiter = VelocityLimiter::new(&DEFAULT, MILLISECOND);
     let mut worst = 0.0_f64;
     for k in 1..4000 {
-        limiter.track(MotorTarget {
-            position: at(k),
-            increment: at(k) - at(k - 1),
-        });
+        limiter.track(MotorTarget { position: at(k), increment: at(k) - at(k - 1) });
         // The first 100 ms: from rest to the speed of a sine that starts at full speed.
         if k > 100 {
             worst = worst.max((limiter.position() - at(k)).abs());

@@ -175,9 +175,7 @@ impl VirtualFixtures {
             let border = -BRAKING_SHARE * self.margins.of(region.space);
             let distance = |pose| goal_distance(region, pose, unit).map(|at| at.distance);
             let (before, now) = (distance(from), distance(to));
-            !before
-                .zip(now)
-                .is_some_and(|(before, now)| now >= before.min(border))
+            !before.zip(now).is_some_and(|(before, now)| now >= before.min(border))
         });
         if let Some(index) = entered {
             self.limited_by = Some(index as u8);
@@ -267,11 +265,7 @@ fn is_entered(region: &Region, last: &OutputVec, step: &OutputVec, unit: OutputU
     // In the coordinates of the region, no step that keeps to this rule meets the set. The tip
     // moves on a curve, so points on its path are checked, too.
     let is_beside = dot(&before.slope, step) >= -before.distance.max(0.0);
-    let parts = if region.space == FixtureSpace::Tip {
-        4
-    } else {
-        1
-    };
+    let parts = if region.space == FixtureSpace::Tip { 4 } else { 1 };
     let is_outside = |part: u32| {
         let share = f64::from(part) / f64::from(parts);
         let next = vector::zip_map(last, step, |last, step| last + share * step);
@@ -284,10 +278,7 @@ fn is_entered(region: &Region, last: &OutputVec, step: &OutputVec, unit: OutputU
 fn goal_distance(region: &Region, goal: &OutputVec, unit: OutputUnit) -> Option<GoalDistance> {
     let direct = |point: &Point| {
         let at = region.distance(point);
-        GoalDistance {
-            distance: at.distance,
-            slope: at.slope,
-        }
+        GoalDistance { distance: at.distance, slope: at.slope }
     };
     match (region.space, unit) {
         (FixtureSpace::Angles, OutputUnit::Deg) => Some(direct(&[goal[0], goal[1], 0.0])),
@@ -297,10 +288,7 @@ fn goal_distance(region: &Region, goal: &OutputVec, unit: OutputUnit) -> Option<
             let at = region.distance(&tip.position_m);
             let along = |slope: &Point| dot(&at.slope, slope);
             let [pitch, yaw] = &tip.slope_m_per_rad;
-            Some(GoalDistance {
-                distance: at.distance,
-                slope: [along(pitch), along(yaw), 0.0],
-            })
+            Some(GoalDistance { distance: at.distance, slope: [along(pitch), along(yaw), 0.0] })
         }
         (FixtureSpace::Angles, OutputUnit::Mm) => None,
     }

@@ -56,10 +56,7 @@ pub(crate) struct Region {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[allow(
-    clippy::large_enum_variant,
-    reason = "the loop may not allocate a box for it"
-)]
+#[allow(clippy::large_enum_variant, reason = "the loop may not allocate a box for it")]
 enum Shape {
     Ball {
         centre: Point,
@@ -102,23 +99,14 @@ impl Region {
     pub fn grown(simple: &SimpleRegion, margins: &Margins) -> Self {
         let margin = margins.of(simple.space);
         let shape = match simple.shape {
-            SimpleShape::Ball { centre, radius } => Shape::Ball {
-                centre,
-                radius: radius + margin,
-            },
+            SimpleShape::Ball { centre, radius } => Shape::Ball { centre, radius: radius + margin },
             SimpleShape::HalfSpace { normal, offset } => {
                 let mut faces = [Face::default(); MAX_CORNERS];
-                faces[0] = Face {
-                    outward: normal.map(|n| -n),
-                    offset: margin - offset,
-                };
+                faces[0] = Face { outward: normal.map(|n| -n), offset: margin - offset };
                 Shape::Faces { faces, count: 1 }
             }
         };
-        Self {
-            space: simple.space,
-            shape,
-        }
+        Self { space: simple.space, shape }
     }
 
     fn polygon(corners_deg: &[[f64; 2]], margin: f64) -> Self {
@@ -126,25 +114,18 @@ impl Region {
             let corner = corners_deg.get(index % corners_deg.len());
             corner.copied().unwrap_or_default().map(f64::to_radians)
         };
-        let area: f64 = (0..corners_deg.len())
-            .map(|index| cross(corner(index), corner(index + 1)))
-            .sum();
+        let area: f64 =
+            (0..corners_deg.len()).map(|index| cross(corner(index), corner(index + 1))).sum();
         let mut faces = [Face::default(); MAX_CORNERS];
         for (index, face) in faces.iter_mut().enumerate().take(corners_deg.len()) {
             let (a, b) = (corner(index), corner(index + 1));
             let length = (b[0] - a[0]).hypot(b[1] - a[1]) * area.signum();
             let outward = [(b[1] - a[1]) / length, (a[0] - b[0]) / length, 0.0];
-            *face = Face {
-                outward,
-                offset: outward[0] * a[0] + outward[1] * a[1] + margin,
-            };
+            *face = Face { outward, offset: outward[0] * a[0] + outward[1] * a[1] + margin };
         }
         Self {
             space: FixtureSpace::Angles,
-            shape: Shape::Faces {
-                faces,
-                count: corners_deg.len().min(MAX_CORNERS) as u8,
-            },
+            shape: Shape::Faces { faces, count: corners_deg.len().min(MAX_CORNERS) as u8 },
         }
     }
 
@@ -155,28 +136,17 @@ impl Region {
             Shape::Ball { centre, radius } => {
                 let from = crate::core::vector::difference(point, centre);
                 let length = norm(&from);
-                let slope = if length > 0.0 {
-                    from.map(|value| value / length)
-                } else {
-                    Point::default()
-                };
-                Distance {
-                    distance: length - radius,
-                    slope,
-                }
+                let slope =
+                    if length > 0.0 { from.map(|value| value / length) } else { Point::default() };
+                Distance { distance: length - radius, slope }
             }
             Shape::Faces { faces, count } => {
-                let mut farthest = Distance {
-                    distance: f64::NEG_INFINITY,
-                    slope: Point::default(),
-                };
+                let mut farthest =
+                    Distance { distance: f64::NEG_INFINITY, slope: Point::default() };
                 for face in faces.iter().take(usize::from(*count)) {
                     let distance = dot(&face.outward, point) - face.offset;
                     if distance > farthest.distance {
-                        farthest = Distance {
-                            distance,
-                            slope: face.outward,
-                        };
+                        farthest = Distance { distance, slope: face.outward };
                     }
                 }
                 farthest
@@ -196,10 +166,7 @@ impl SimpleRegion {
         };
         let metres = |mm: f64| mm * 1e-3;
         let (space, shape) = match *shape {
-            FixtureShape::Circle {
-                centre_deg,
-                radius_deg,
-            } => (
+            FixtureShape::Circle { centre_deg, radius_deg } => (
                 FixtureSpace::Angles,
                 SimpleShape::Ball {
                     centre: plane(centre_deg.map(f64::to_radians)),
@@ -213,22 +180,13 @@ impl SimpleRegion {
                     offset: offset_deg.to_radians(),
                 },
             ),
-            FixtureShape::Ball {
-                centre_mm,
-                radius_mm,
-            } => (
+            FixtureShape::Ball { centre_mm, radius_mm } => (
                 FixtureSpace::Tip,
-                SimpleShape::Ball {
-                    centre: centre_mm.map(metres),
-                    radius: metres(radius_mm),
-                },
+                SimpleShape::Ball { centre: centre_mm.map(metres), radius: metres(radius_mm) },
             ),
             FixtureShape::HalfSpace { normal, offset_mm } => (
                 FixtureSpace::Tip,
-                SimpleShape::HalfSpace {
-                    normal: unit(normal),
-                    offset: metres(offset_mm),
-                },
+                SimpleShape::HalfSpace { normal: unit(normal), offset: metres(offset_mm) },
             ),
             FixtureShape::Polygon { .. } => return None,
         };
@@ -247,10 +205,7 @@ pub(crate) struct Margins {
 
 impl Margins {
     pub fn new(config: &VirtualFixtureConfig) -> Self {
-        Self {
-            angles: config.margin_deg.to_radians(),
-            tip: config.margin_mm * 1e-3,
-        }
+        Self { angles: config.margin_deg.to_radians(), tip: config.margin_mm * 1e-3 }
     }
 
     pub(super) fn of(&self, space: FixtureSpace) -> f64 {
@@ -278,10 +233,7 @@ mod tests {
     use super::*;
 
     fn region(shape: &FixtureShape, margin_deg: f64) -> Region {
-        let config = VirtualFixtureConfig {
-            margin_deg,
-            ..VirtualFixtureConfig::default()
-        };
+        let config = VirtualFixtureConfig { margin_deg, ..VirtualFixtureConfig::default() };
         Region::new(shape, &config)
     }
 
@@ -295,18 +247,10 @@ mod tests {
         let mut corners_deg = vec![[2.0, 1.0], [6.0, 1.0], [6.0, 5.0], [2.0, 5.0]];
         for _ in 0..2 {
             let corners = corners_deg.clone();
-            let square = region(
-                &FixtureShape::Polygon {
-                    corners_deg: corners,
-                },
-                0.5,
-            );
-            for (at, expected) in [
-                ([0.0, 3.0], 1.5),
-                ([4.0, 9.0], 3.5),
-                ([4.0, 3.0], -2.5),
-                ([6.4, 3.0], -0.1),
-            ] {
+            let square = region(&FixtureShape::Polygon { corners_deg: corners }, 0.5);
+            for (at, expected) in
+                [([0.0, 3.0], 1.5), ([4.0, 9.0], 3.5), ([4.0, 3.0], -2.5), ([6.4, 3.0], -0.1)]
+            {
                 let distance = distance_deg(&square, at[0], at[1]);
                 assert!((distance - expected).abs() < 1e-9, "{at:?}: {distance}");
             }
@@ -316,10 +260,7 @@ mod tests {
 
     #[test]
     fn a_half_plane_forbids_the_side_of_its_normal() {
-        let wall = FixtureShape::HalfPlane {
-            normal: [0.0, -3.0],
-            offset_deg: 10.0,
-        };
+        let wall = FixtureShape::HalfPlane { normal: [0.0, -3.0], offset_deg: 10.0 };
         let wall = region(&wall, 1.0);
         assert!((distance_deg(&wall, 20.0, 0.0) - 9.0).abs() < 1e-9);
         assert!((distance_deg(&wall, 0.0, -12.0) + 3.0).abs() < 1e-9);
@@ -327,14 +268,8 @@ mod tests {
 
     #[test]
     fn a_ball_of_the_tip_is_in_metres() {
-        let ball = FixtureShape::Ball {
-            centre_mm: [1.0, 0.0, 2.0],
-            radius_mm: 0.5,
-        };
-        let config = VirtualFixtureConfig {
-            margin_mm: 0.0,
-            ..VirtualFixtureConfig::default()
-        };
+        let ball = FixtureShape::Ball { centre_mm: [1.0, 0.0, 2.0], radius_mm: 0.5 };
+        let config = VirtualFixtureConfig { margin_mm: 0.0, ..VirtualFixtureConfig::default() };
         let distance = Region::new(&ball, &config).distance(&[0.0, 0.0, 2e-3]);
         assert!((distance.distance - 0.5e-3).abs() < 1e-12);
         assert_eq!(distance.slope, [-1.0, 0.0, 0.0]);

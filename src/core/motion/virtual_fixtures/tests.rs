@@ -32,18 +32,12 @@ fn run(fixtures: &mut VirtualFixtures, goals: &[OutputVec], start: OutputVec) ->
 }
 
 fn wall(offset_deg: f64) -> FixtureShape {
-    FixtureShape::HalfPlane {
-        normal: [1.0, 0.0],
-        offset_deg,
-    }
+    FixtureShape::HalfPlane { normal: [1.0, 0.0], offset_deg }
 }
 
 #[test]
 fn without_regions_a_goal_passes_unchanged() {
-    let step = GoalStep {
-        now: degrees(3.0, 4.0),
-        before: degrees(3.1, 4.2),
-    };
+    let step = GoalStep { now: degrees(3.0, 4.0), before: degrees(3.1, 4.2) };
     let mut none = fixtures(&[]);
     assert_eq!(none.limit(step, [9.0; 3], OutputUnit::Deg), step);
     let mut far = fixtures(&[wall(30.0)]);
@@ -55,9 +49,8 @@ fn without_regions_a_goal_passes_unchanged() {
 fn towards_a_wall_the_speed_falls_with_the_distance_and_along_it_nothing_is_limited() {
     let mut fixtures = fixtures(&[wall(10.0)]);
     // 20 deg/s to the wall, 5 deg/s along it, for 3 s.
-    let goals: Vec<_> = (1..=3000)
-        .map(|k| degrees(0.02 * f64::from(k), 0.005 * f64::from(k)))
-        .collect();
+    let goals: Vec<_> =
+        (1..=3000).map(|k| degrees(0.02 * f64::from(k), 0.005 * f64::from(k))).collect();
     let out = run(&mut fixtures, &goals, degrees(0.0, 0.0));
     let border = 9.5_f64.to_radians();
     for pair in out.windows(2) {
@@ -104,16 +97,10 @@ fn shape() -> impl Strategy<Value = FixtureShape> {
     let angle = || -30.0..30.0_f64;
     prop_oneof![
         (angle(), angle(), 1.0..15.0_f64).prop_map(|(pitch, yaw, radius_deg)| {
-            FixtureShape::Circle {
-                centre_deg: [pitch, yaw],
-                radius_deg,
-            }
+            FixtureShape::Circle { centre_deg: [pitch, yaw], radius_deg }
         }),
         (0.0..6.3_f64, -5.0..25.0_f64).prop_map(|(direction, offset_deg)| {
-            FixtureShape::HalfPlane {
-                normal: [direction.cos(), direction.sin()],
-                offset_deg,
-            }
+            FixtureShape::HalfPlane { normal: [direction.cos(), direction.sin()], offset_deg }
         }),
         (angle(), angle(), 0.0..6.3_f64, 3_u32..=8, 1.0..15.0_f64).prop_map(
             |(pitch, yaw, turn, corners, radius)| {
@@ -121,16 +108,11 @@ fn shape() -> impl Strategy<Value = FixtureShape> {
                     let at = turn + std::f64::consts::TAU * f64::from(k) / f64::from(corners);
                     [pitch + radius * at.cos(), yaw + radius * at.sin()]
                 };
-                FixtureShape::Polygon {
-                    corners_deg: (0..corners).map(corner).collect(),
-                }
+                FixtureShape::Polygon { corners_deg: (0..corners).map(corner).collect() }
             }
         ),
         (-1.0..1.0_f64, -1.0..1.0_f64, 0.1..0.6_f64).prop_map(|(x, y, radius_mm)| {
-            FixtureShape::Ball {
-                centre_mm: [x, y, 1.7],
-                radius_mm,
-            }
+            FixtureShape::Ball { centre_mm: [x, y, 1.7], radius_mm }
         }),
         (0.0..6.3_f64, 0.1..0.8_f64).prop_map(|(direction, offset_mm)| FixtureShape::HalfSpace {
             normal: [direction.cos(), direction.sin(), 0.0],

@@ -74,15 +74,8 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
             "must have one per motor",
         )?;
         matrix_checks::parameters(dead_bands, key)?;
-        let wide = dead_bands
-            .iter()
-            .all(|band| *band >= LEAST_DEAD_BAND_COUNTS);
-        require(
-            wide,
-            key,
-            format!("{dead_bands:?}"),
-            "must be at least one count",
-        )?;
+        let wide = dead_bands.iter().all(|band| *band >= LEAST_DEAD_BAND_COUNTS);
+        require(wide, key, format!("{dead_bands:?}"), "must be at least one count")?;
         let scale: Vec<f64> = (0..2 * D).map(|_| 1.0).chain((0..M).map(|_| si)).collect();
         let components = components(mixture, &scale)?;
         let conditioned =
@@ -95,9 +88,7 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
     }
 
     fn regression(&self, directions: Directions) -> &Gmr<D, M> {
-        self.conditioned
-            .get(index_of::<D>(directions))
-            .unwrap_or(&self.marginal)
+        self.conditioned.get(index_of::<D>(directions)).unwrap_or(&self.marginal)
     }
 
     /// The travel after a straight motion to a position.
@@ -160,11 +151,7 @@ impl<const D: usize, const M: usize> DirectionGmr<D, M> {
             return found;
         }
         let reached = self.regression(there).mean(&vector(&found.counts));
-        Inverse {
-            clipped: true,
-            residual: (reached - vector::<M>(goal)).norm(),
-            ..found
-        }
+        Inverse { clipped: true, residual: (reached - vector::<M>(goal)).norm(), ..found }
     }
 }
 
@@ -181,11 +168,7 @@ impl<const D: usize, const M: usize> Runtime for DirectionGmr<D, M> {
 
     fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
         let counts = bounded(counts);
-        estimate(
-            &self
-                .regression(self.directions(memory, &counts))
-                .predict(&vector(&counts)),
-        )
+        estimate(&self.regression(self.directions(memory, &counts)).predict(&vector(&counts)))
     }
 
     fn pose(&self, counts: &MotorVec, memory: &Memory, _correction: &OutputVec) -> OutputVec {
@@ -208,12 +191,7 @@ impl<const D: usize, const M: usize> Runtime for DirectionGmr<D, M> {
 
     fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
         let counts = bounded(counts);
-        rows(
-            &self
-                .regression(self.directions(memory, &counts))
-                .local(&vector(&counts))
-                .jacobian,
-        )
+        rows(&self.regression(self.directions(memory, &counts)).local(&vector(&counts)).jacobian)
     }
 
     /// A goal on the other side of the backlash is reached on the other branch. Partial
@@ -232,11 +210,7 @@ impl<const D: usize, const M: usize> Runtime for DirectionGmr<D, M> {
         for (at, to) in counts.iter_mut().zip(full.counts) {
             *at += query.compensation * (to - *at);
         }
-        Inverse {
-            counts,
-            iterations: full.iterations + marginal.iterations,
-            ..full
-        }
+        Inverse { counts, iterations: full.iterations + marginal.iterations, ..full }
     }
 
     /// Checks every branch separately.
@@ -267,9 +241,8 @@ fn conditioned_on<const D: usize, const M: usize>(
 ) -> Result<Gmr<D, M>, ModelError> {
     let remaining: Vec<usize> = (0..D).chain(2 * D..2 * D + M).collect();
     let variables = directions.iter().take(D).enumerate();
-    let known: Vec<_> = variables
-        .filter_map(|(motor, d)| Some((D + motor, d.variable()?)))
-        .collect();
+    let known: Vec<_> =
+        variables.filter_map(|(motor, d)| Some((D + motor, d.variable()?))).collect();
     let refused = || ModelError::Value {
         key: "family.mixture.covariances".to_owned(),
         value: format!("{directions:?}"),
@@ -281,14 +254,8 @@ fn conditioned_on<const D: usize, const M: usize>(
 
 /// All combinations of directions of D motors, known or not, in the order of [`index_of`].
 fn all_directions<const D: usize>() -> impl Iterator<Item = Directions> {
-    let second = if D == 2 {
-        DIRECTION_ORDER.as_slice()
-    } else {
-        &DIRECTION_ORDER[..1]
-    };
-    DIRECTION_ORDER
-        .iter()
-        .flat_map(move |first| second.iter().map(move |second| [*first, *second]))
+    let second = if D == 2 { DIRECTION_ORDER.as_slice() } else { &DIRECTION_ORDER[..1] };
+    DIRECTION_ORDER.iter().flat_map(move |first| second.iter().map(move |second| [*first, *second]))
 }
 
 /// The directions that D motors can have after any motion: a known direction never becomes unknown.
@@ -309,9 +276,5 @@ fn index_of<const D: usize>([first, second]: Directions) -> usize {
         Direction::Up => 1,
         Direction::Down => 2,
     };
-    if D == 2 {
-        3 * digit(first) + digit(second)
-    } else {
-        digit(first)
-    }
+    if D == 2 { 3 * digit(first) + digit(second) } else { digit(first) }
 }

@@ -44,18 +44,11 @@ impl Travel {
         match self {
             Self::Unknown { low, .. } if at - low >= dead_band => Self::Up { highest: at },
             Self::Unknown { high, .. } if high - at >= dead_band => Self::Down { lowest: at },
-            Self::Unknown { low, high } => Self::Unknown {
-                low: low.min(at),
-                high: high.max(at),
-            },
+            Self::Unknown { low, high } => Self::Unknown { low: low.min(at), high: high.max(at) },
             Self::Up { highest } if highest - at >= dead_band => Self::Down { lowest: at },
-            Self::Up { highest } => Self::Up {
-                highest: highest.max(at),
-            },
+            Self::Up { highest } => Self::Up { highest: highest.max(at) },
             Self::Down { lowest } if at - lowest >= dead_band => Self::Up { highest: at },
-            Self::Down { lowest } => Self::Down {
-                lowest: lowest.min(at),
-            },
+            Self::Down { lowest } => Self::Down { lowest: lowest.min(at) },
         }
     }
 

@@ -58,12 +58,7 @@ impl<const D: usize> Plays<D> {
     pub fn prepare(file: &PlayParameters) -> Result<Self, ModelError> {
         let key = || "family.plays".to_owned();
         let sizes = (file.thresholds_counts.len(), file.weights.len());
-        require(
-            sizes == (D, D),
-            key,
-            format!("{sizes:?} rows"),
-            "must have one row per motor",
-        )?;
+        require(sizes == (D, D), key, format!("{sizes:?} rows"), "must have one row per motor")?;
         let mut motors = [const { Vec::new() }; D];
         for (motor, plays) in motors.iter_mut().enumerate() {
             *plays = one_motor(&file.thresholds_counts[motor], &file.weights[motor], motor)?;
@@ -71,21 +66,11 @@ impl<const D: usize> Plays<D> {
         let planar = file.planar_thresholds_counts.clone();
         let key = || "family.plays.planar_thresholds_counts".to_owned();
         let fits = planar.len() <= if D == 2 { MAX_PLAYS } else { 0 };
-        require(
-            fits,
-            key,
-            planar.len(),
-            "at most 13 planar plays of two motors",
-        )?;
+        require(fits, key, planar.len(), "at most 13 planar plays of two motors")?;
         parameters(&planar, key)?;
         let increasing =
             planar.is_sorted_by(|a, b| a < b) && planar.first().is_none_or(|first| *first > 0.0);
-        require(
-            increasing,
-            key,
-            format!("{planar:?}"),
-            "must rise from above 0",
-        )?;
+        require(increasing, key, format!("{planar:?}"), "must rise from above 0")?;
         Ok(Self { motors, planar })
     }
 
@@ -96,16 +81,9 @@ impl<const D: usize> Plays<D> {
         state: &'a PlayState,
         motor: usize,
     ) -> impl Iterator<Item = (Play, f64)> {
-        let outputs = state
-            .outputs
-            .get(motor)
-            .map(<[f64; MAX_PLAYS]>::as_slice)
-            .unwrap_or_default();
-        let plays = self
-            .motors
-            .get(motor)
-            .map(Vec::as_slice)
-            .unwrap_or_default();
+        let outputs =
+            state.outputs.get(motor).map(<[f64; MAX_PLAYS]>::as_slice).unwrap_or_default();
+        let plays = self.motors.get(motor).map(Vec::as_slice).unwrap_or_default();
         let scale = state.gap_scale.get(motor).copied().unwrap_or(1.0);
         let scaled = plays.iter().map(move |play| play.scaled(scale));
         scaled.zip(outputs.iter().copied())
@@ -186,10 +164,7 @@ impl<const D: usize> Plays<D> {
 
 impl Play {
     fn scaled(&self, scale: f64) -> Self {
-        Self {
-            threshold: scale * self.threshold,
-            ..*self
-        }
+        Self { threshold: scale * self.threshold, ..*self }
     }
 
     /// The output after a motion of the input. The comparisons are those of a processor's minimum
@@ -225,27 +200,14 @@ fn one_motor(thresholds: &[f64], weights: &[f64], motor: usize) -> Result<Vec<Pl
     let key = || format!("family.plays.weights[{motor}]");
     parameters(weights, key)?;
     let valid = weights.len() == thresholds.len() && weights.iter().all(|w| *w >= 0.0);
-    require(
-        valid,
-        key,
-        format!("{weights:?}"),
-        "must be one number per threshold, none negative",
-    )?;
+    require(valid, key, format!("{weights:?}"), "must be one number per threshold, none negative")?;
     let sum: f64 = weights.iter().sum();
     require((sum - 1.0).abs() < 1e-6, key, sum, "must sum to 1")?;
-    require(
-        weights[0] >= LEAST_FIRST_WEIGHT,
-        key,
-        weights[0],
-        "the first must be at least 0.001",
-    )?;
+    require(weights[0] >= LEAST_FIRST_WEIGHT, key, weights[0], "the first must be at least 0.001")?;
     Ok(thresholds
         .iter()
         .zip(weights)
-        .map(|(&threshold, &weight)| Play {
-            threshold,
-            weight: weight / sum,
-        })
+        .map(|(&threshold, &weight)| Play { threshold, weight: weight / sum })
         .collect())
 }
 
@@ -285,19 +247,13 @@ impl<const D: usize> Operator<D> for Plays<D> {
             let distance = offset[0].hypot(offset[1]);
             if distance > *threshold {
                 let share = threshold / distance;
-                *disc = [
-                    position[0] - share * offset[0],
-                    position[1] - share * offset[1],
-                ];
+                *disc = [position[0] - share * offset[0], position[1] - share * offset[1]];
             }
         }
     }
 
     fn local(&self, state: &PlayState, counts: &SVector<f64, D>) -> Local<D, D> {
-        let mut local = Local {
-            mean: SVector::zeros(),
-            jacobian: SMatrix::zeros(),
-        };
+        let mut local = Local { mean: SVector::zeros(), jacobian: SMatrix::zeros() };
         for (motor, at) in counts.iter().enumerate() {
             let (sum, slope) = self.sum(state, motor, *at);
             local.mean[motor] = sum;
@@ -315,10 +271,7 @@ impl<const D: usize> Operator<D> for Plays<D> {
     }
 
     fn origin<'a>(&'a self, state: &'a PlayState) -> PlayOrigin<'a, D> {
-        PlayOrigin {
-            state,
-            virtual_counts: self.virtual_counts(state, &vector(&state.position)),
-        }
+        PlayOrigin { state, virtual_counts: self.virtual_counts(state, &vector(&state.position)) }
     }
 
     fn invert_from(
@@ -350,11 +303,8 @@ impl<const D: usize> Operator<D> for Plays<D> {
 
     fn wipe_counts(&self) -> MotorVec {
         let planar = self.planar.last().copied().unwrap_or_default();
-        let widest = |plays: &Vec<Play>| {
-            plays
-                .last()
-                .map_or(0.0, |play| 2.0 * play.threshold.max(planar))
-        };
+        let widest =
+            |plays: &Vec<Play>| plays.last().map_or(0.0, |play| 2.0 * play.threshold.max(planar));
         array(&vector::<D>(&self.motors.each_ref().map(widest)))
     }
 }

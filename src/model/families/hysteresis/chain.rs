@@ -44,10 +44,8 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
     fn terms(&self, state: &O::State, position: &MotorVec) -> MemoryTerms {
         let position = vector(&bounded(position));
         let virtual_counts = self.operator.virtual_counts(state, &position);
-        let mut terms = MemoryTerms {
-            virtual_counts: array(&virtual_counts),
-            ..MemoryTerms::default()
-        };
+        let mut terms =
+            MemoryTerms { virtual_counts: array(&virtual_counts), ..MemoryTerms::default() };
         if let Some(residual) = &self.residual {
             let mut lags = Lags::default();
             self.operator.push_lags(state, &mut lags);
@@ -60,10 +58,7 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
     fn local(&self, state: &O::State, counts: &SVector<f64, D>) -> Local<D, M> {
         let inner = self.operator.local(state, counts);
         let outer = self.read_out.local(&inner.mean);
-        Local {
-            mean: outer.mean,
-            jacobian: outer.jacobian * inner.jacobian,
-        }
+        Local { mean: outer.mean, jacobian: outer.jacobian * inner.jacobian }
     }
 
     /// Mean and covariances at counts, with the terms at the position of the memory.
@@ -108,11 +103,8 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
             return (Inverse { counts, ..found }, end);
         }
         let virtual_counts = vector::<D>(&found.counts);
-        let unconstrained: MotorVec = array(&self.operator.invert_from(
-            origin,
-            &virtual_counts,
-            query.compensation,
-        ));
+        let unconstrained: MotorVec =
+            array(&self.operator.invert_from(origin, &virtual_counts, query.compensation));
         let counts = hull.project(&unconstrained);
         let outside_hull = counts
             .iter()
@@ -165,9 +157,7 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
 
     fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
         let counts = vector(&bounded(counts));
-        self.with_state(memory, |state| {
-            array(&self.operator.virtual_counts(state, &counts))
-        })
+        self.with_state(memory, |state| array(&self.operator.virtual_counts(state, &counts)))
     }
 
     fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
@@ -235,9 +225,7 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
         query: &Query,
         found: &mut [Inverse],
     ) {
-        let correction = query
-            .correction
-            .unwrap_or_else(|| self.memory_terms(memory).correction);
+        let correction = query.correction.unwrap_or_else(|| self.memory_terms(memory).correction);
         self.with_state(memory, |state| {
             let origin = self.operator.origin(state);
             let mut start = self.search_start(state, query);
@@ -271,10 +259,7 @@ impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, 
                     .contains(&virtual_counts(counts))
                     .then(|| self.local(&state, &vector(counts)))
             },
-            |goal| {
-                self.invert_from(goal, (&state, &origin), hull, &query, &start)
-                    .0
-            },
+            |goal| self.invert_from(goal, (&state, &origin), hull, &query, &start).0,
         )
     }
 }

@@ -134,10 +134,7 @@ pub struct Lags {
 
 impl Default for Lags {
     fn default() -> Self {
-        Self {
-            values: [0.0; MAX_LAGS],
-            len: 0,
-        }
+        Self { values: [0.0; MAX_LAGS], len: 0 }
     }
 }
 

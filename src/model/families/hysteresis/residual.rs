@@ -45,33 +45,17 @@ impl<const D: usize, const M: usize> Residual<D, M> {
     /// Checks the parameters of a file and scales its outputs by `si`. `lags` is the number of lags
     /// of the operator.
     pub fn prepare(file: &ResidualParameters, lags: usize, si: f64) -> Result<Self, ModelError> {
-        let ResidualParameters {
-            scale_counts,
-            shape_degree,
-            lag_degree,
-            ref coefficients,
-        } = *file;
+        let ResidualParameters { scale_counts, shape_degree, lag_degree, ref coefficients } = *file;
         let key = || "family.residual.scale_counts".to_owned();
         parameters(&[scale_counts], key)?;
         require(scale_counts > 0.0, key, scale_counts, "must be above 0")?;
         let key = || "family.residual.shape_degree".to_owned();
-        require(
-            shape_degree <= MAX_DEGREE,
-            key,
-            shape_degree,
-            "must be at most 5",
-        )?;
+        require(shape_degree <= MAX_DEGREE, key, shape_degree, "must be at most 5")?;
         let key = || "family.residual.lag_degree".to_owned();
-        require(
-            lag_degree <= shape_degree,
-            key,
-            lag_degree,
-            "must be at most the shape degree",
-        )?;
+        require(lag_degree <= shape_degree, key, lag_degree, "must be at most the shape degree")?;
         let features = count::<D>(shape_degree, lag_degree, lags);
-        let matrix = matrix(coefficients, M, features, || {
-            "family.residual.coefficients".to_owned()
-        })?;
+        let matrix =
+            matrix(coefficients, M, features, || "family.residual.coefficients".to_owned())?;
         let column =
             |j: usize| SVector::<f64, M>::from_iterator(matrix.column(j).iter().map(|c| c * si));
         Ok(Self {
@@ -90,10 +74,7 @@ impl<const D: usize, const M: usize> Residual<D, M> {
             monomials::<D>(self.shape_degree).min(MAX_MONOMIALS),
             monomials::<D>(self.lag_degree).min(MAX_MONOMIALS),
         );
-        let (of_shape, of_lags) = self
-            .coefficients
-            .split_at_checked(shape)
-            .unwrap_or_default();
+        let (of_shape, of_lags) = self.coefficients.split_at_checked(shape).unwrap_or_default();
         let (lags, sum) = (lags.as_slice(), weighted_sum(of_shape, &values));
         // The sizes of the usual degrees of two motors are known to the compiler.
         sum + match with_lag {
@@ -168,11 +149,7 @@ fn add_degree<const DEGREE: usize>(values: &mut [f64; MAX_MONOMIALS], [x, y]: [f
 
 /// Number of monomials of D variables up to a degree.
 fn monomials<const D: usize>(degree: usize) -> usize {
-    if D == 1 {
-        degree + 1
-    } else {
-        (degree + 1) * (degree + 2) / 2
-    }
+    if D == 1 { degree + 1 } else { (degree + 1) * (degree + 2) / 2 }
 }
 
 /// Number of features.
@@ -229,15 +206,11 @@ mod tests {
         let mut lags = Lags::default();
         lags.push(10.0);
         let mut found = Vec::new();
-        features(&SVector::from([2.0, 3.0]), &lags, 2, 1, |feature| {
-            found.push(feature)
-        });
+        features(&SVector::from([2.0, 3.0]), &lags, 2, 1, |feature| found.push(feature));
         assert_eq!(found, [1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 10.0, 20.0, 30.0]);
         assert_eq!(found.len(), count::<2>(2, 1, 1));
         let mut found = Vec::new();
-        features(&SVector::from([2.0]), &lags, 3, 1, |feature| {
-            found.push(feature)
-        });
+        features(&SVector::from([2.0]), &lags, 3, 1, |feature| found.push(feature));
         assert_eq!(found, [1.0, 2.0, 4.0, 8.0, 10.0, 20.0]);
         assert_eq!(found.len(), count::<1>(3, 1, 1));
     }
@@ -246,15 +219,9 @@ mod tests {
     fn monomials_alone_are_those_of_the_features() {
         for scaled in [[2.0, 3.0], [-0.5, 0.25]] {
             let mut found = Vec::new();
-            features(
-                &SVector::from(scaled),
-                &Lags::default(),
-                MAX_DEGREE,
-                0,
-                |feature| {
-                    found.push(feature);
-                },
-            );
+            features(&SVector::from(scaled), &Lags::default(), MAX_DEGREE, 0, |feature| {
+                found.push(feature);
+            });
             assert_eq!(monomial_values(&SVector::from(scaled)).as_slice(), found);
         }
         let values = monomial_values(&SVector::from([2.0]));
@@ -274,9 +241,6 @@ mod tests {
         lags.push(-1.0);
         let found = residual.at(&SVector::from([100.0, 300.0]), &lags);
         assert_eq!(found, SVector::from([0.5 * (1.0 + 2.0 - 4.0), 0.5 * 3.0]));
-        assert!(
-            Residual::<2, 2>::prepare(&file, 2, 0.5).is_err(),
-            "one coefficient per feature"
-        );
+        assert!(Residual::<2, 2>::prepare(&file, 2, 0.5).is_err(), "one coefficient per feature");
     }
 }

@@ -34,10 +34,7 @@ pub(in crate::model) fn angle(half_sine: f64) -> (f64, f64) {
     if beyond == 0.0 {
         (2.0 * free.asin(), slope)
     } else {
-        (
-            2.0 * free.asin() + YIELD_SLOPE * slope * beyond,
-            YIELD_SLOPE * slope,
-        )
+        (2.0 * free.asin() + YIELD_SLOPE * slope * beyond, YIELD_SLOPE * slope)
     }
 }
 

@@ -98,10 +98,7 @@ impl<const D: usize> Kinematics<D> {
             ref pulley_radii_mm,
             axis_rotation_deg,
         } = *file;
-        let named = [
-            ("counts_per_turn", counts_per_turn),
-            ("gear_ratio", gear_ratio),
-        ];
+        let named = [("counts_per_turn", counts_per_turn), ("gear_ratio", gear_ratio)];
         for (name, value) in named {
             let key = || format!("family.kinematics.{name}");
             parameters(&[value], key)?;
@@ -128,9 +125,7 @@ impl<const D: usize> Kinematics<D> {
         let rotation = Matrix2::new(cos, -sin, sin, cos);
         let half_sine_lever = (2 * JOINTS_PER_AXIS) as f64 * SQRT_2 * joint::HOLE_OFFSET_MM;
         let travel = |motor: usize| {
-            radii
-                .get(motor)
-                .map_or(0.0, |r| r * TAU / (counts_per_turn * gear_ratio))
+            radii.get(motor).map_or(0.0, |r| r * TAU / (counts_per_turn * gear_ratio))
         };
         let half_sines = SMatrix::from_fn(|axis, motor| {
             rotation[(axis, motor)] * travel(motor) / half_sine_lever
@@ -151,18 +146,12 @@ impl<const D: usize> Kinematics<D> {
             OutputUnit::Deg => {
                 let joints = JOINTS_PER_AXIS as f64;
                 let each = SMatrix::<f64, MAX_OUTPUTS, 2>::identity() * joints;
-                Local {
-                    mean: each * Vector2::new(pitch, yaw),
-                    jacobian: each * angles_slope,
-                }
+                Local { mean: each * Vector2::new(pitch, yaw), jacobian: each * angles_slope }
             }
             OutputUnit::Mm => {
                 let tip = tip::tip(pitch, yaw);
                 let si = unit.si();
-                Local {
-                    mean: tip.position_mm * si,
-                    jacobian: tip.slope * angles_slope * si,
-                }
+                Local { mean: tip.position_mm * si, jacobian: tip.slope * angles_slope * si }
             }
         }
     }
@@ -171,10 +160,8 @@ impl<const D: usize> Kinematics<D> {
     /// chain are orthogonal.
     fn counts(&self, pitch: f64, yaw: f64) -> SVector<f64, D> {
         let joints = JOINTS_PER_AXIS as f64;
-        let half_sines = Vector2::new(
-            joint::half_sine(pitch / joints),
-            joint::half_sine(yaw / joints),
-        );
+        let half_sines =
+            Vector2::new(joint::half_sine(pitch / joints), joint::half_sine(yaw / joints));
         SVector::from_fn(|motor, _| {
             let column = self.half_sines.column(motor);
             column.dot(&half_sines) / column.norm_squared()
@@ -235,10 +222,7 @@ impl<const D: usize, const M: usize> Regression<D, M> for Kinematic<D, M> {
     fn local(&self, input: &SVector<f64, D>) -> Local<D, M> {
         let all = self.chain.at(input, self.unit);
         let mean = vector::<M>(all.mean.as_slice()) + self.offset;
-        Local {
-            mean,
-            jacobian: SMatrix::from_fn(|output, motor| all.jacobian[(output, motor)]),
-        }
+        Local { mean, jacobian: SMatrix::from_fn(|output, motor| all.jacobian[(output, motor)]) }
     }
 
     fn mean(&self, input: &SVector<f64, D>) -> SVector<f64, M> {

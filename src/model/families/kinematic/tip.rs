@@ -28,20 +28,14 @@ pub(in crate::model) struct Tip {
 
 /// The tip of a snake whose joints of an axis all turn by the same angle, rad.
 pub(in crate::model) fn tip(pitch: f64, yaw: f64) -> Tip {
-    let joints = [
-        Joint::new(pitch, Vector3::y()),
-        Joint::new(yaw, Vector3::x()),
-    ];
+    let joints = [Joint::new(pitch, Vector3::y()), Joint::new(yaw, Vector3::x())];
     let mut frame = Frame::default();
     for _ in 0..JOINTS_PER_AXIS {
         for (axis, joint) in joints.iter().enumerate() {
             frame.cross(axis, joint);
         }
     }
-    Tip {
-        position_mm: frame.at,
-        slope: SMatrix::from_columns(&frame.at_slopes),
-    }
+    Tip { position_mm: frame.at, slope: SMatrix::from_columns(&frame.at_slopes) }
 }
 
 /// The positions of base, joints and tip of a snake that bends by these angles in all, mm.
@@ -112,11 +106,8 @@ impl Frame {
     /// Moves the frame over a joint of an axis to the end of the next link.
     fn cross(&mut self, axis: usize, joint: &Joint) {
         let link = Vector3::z() * JOINT_PITCH_MM;
-        for (slope_of, (at, axes)) in self
-            .at_slopes
-            .iter_mut()
-            .zip(&mut self.axes_slopes)
-            .enumerate()
+        for (slope_of, (at, axes)) in
+            self.at_slopes.iter_mut().zip(&mut self.axes_slopes).enumerate()
         {
             *at += *axes * joint.shift;
             *axes *= joint.turn;
@@ -176,11 +167,8 @@ mod tests {
         let mut sum = [0.0; 2];
         for joint in 0..6 {
             let before = f64::from(joint) * theta;
-            let (half, whole, start) = (
-                unit(before + 0.5 * theta),
-                unit(before + theta),
-                unit(before),
-            );
+            let (half, whole, start) =
+                (unit(before + 0.5 * theta), unit(before + theta), unit(before));
             for (i, sum) in sum.iter_mut().enumerate() {
                 let rolled = 2.0 * half[i] - whole[i] - start[i];
                 *sum += ROLLING_RADIUS_MM * rolled + 2.0 * JOINT_PITCH_MM * whole[i];

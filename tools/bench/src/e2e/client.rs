@@ -46,19 +46,12 @@ pub fn run(
     benchmark: &EndToEndBenchmark,
     is_interrupted: &dyn Fn() -> bool,
 ) -> Result<Observations, BenchError> {
-    let (commander, actuators) = (
-        client.commander().with_deadline(DEADLINE),
-        client.watcher().actuators(),
-    );
+    let (commander, actuators) =
+        (client.commander().with_deadline(DEADLINE), client.watcher().actuators());
     run_in_thread(is_interrupted, |stop| {
         request_priority(benchmark.priority.saturating_sub(20));
-        CommandLoop {
-            commander,
-            actuators,
-            observations: Observations::default(),
-            last: [0; 2],
-        }
-        .run(benchmark, stop)
+        CommandLoop { commander, actuators, observations: Observations::default(), last: [0; 2] }
+            .run(benchmark, stop)
     })
 }
 
@@ -85,8 +78,7 @@ impl CommandLoop {
             let angle = STEP_RAD * number as f64;
             // The circle grows from the position of the robot.
             let radius = RADIUS_DEG.to_radians() * (number as f64 / 20.0).min(1.0);
-            self.commander
-                .servo_jp(&[radius * angle.sin(), radius * (1.0 - angle.cos())])?;
+            self.commander.servo_jp(&[radius * angle.sin(), radius * (1.0 - angle.cos())])?;
             self.observations.sent += 1;
             while clock::now() < next {
                 self.read_states()?;
@@ -125,9 +117,7 @@ mod tests {
     #[test]
     fn pauses_fill_their_range() {
         let mut pauses = Pauses::new(7);
-        let all: Vec<f64> = (0..1000)
-            .map(|_| pauses.next().as_seconds() * 1e3)
-            .collect();
+        let all: Vec<f64> = (0..1000).map(|_| pauses.next().as_seconds() * 1e3).collect();
         let range = PAUSE_MS[0] - 1e-6..=PAUSE_MS[1] + 1e-6;
         assert!(all.iter().all(|ms| range.contains(ms)));
         let mean = all.iter().sum::<f64>() / 1000.0;

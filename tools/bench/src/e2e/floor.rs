@@ -50,11 +50,7 @@ fn command(shared: &SharedState, benchmark: &EndToEndBenchmark) -> Observations 
         // Every set-point differs from the one before, so that it can be matched.
         let counts = (number % 200) as i32;
         shared.target.store(counts, Ordering::Release);
-        observations.written[0].push(Written {
-            command: now,
-            written: Nanos::ZERO,
-            counts,
-        });
+        observations.written[0].push(Written { command: now, written: Nanos::ZERO, counts });
         observations.sent += 1;
         while clock::now() < next {
             if shared.stop.load(Ordering::Acquire) {

@@ -72,14 +72,7 @@ impl CommandLatencies {
     #[must_use]
     pub fn new() -> Self {
         let [written, arrived, wire, seen] = [0; 4].map(Durations::new);
-        Self {
-            written,
-            arrived,
-            wire,
-            seen,
-            commands: 0,
-            overtaken: 0,
-        }
+        Self { written, arrived, wire, seen, commands: 0, overtaken: 0 }
     }
 
     /// Adds those of another turn.
@@ -99,16 +92,13 @@ impl CommandLatencies {
 pub fn match_commands(observations: &Observations, log: &[Event]) -> CommandLatencies {
     let mut matched = CommandLatencies::new();
     for motor in 0..2 {
-        let arrivals: Vec<(Nanos, i32)> = log
-            .iter()
-            .filter_map(|event| setpoint(event, motor))
-            .collect();
+        let arrivals: Vec<(Nanos, i32)> =
+            log.iter().filter_map(|event| setpoint(event, motor)).collect();
         for own in observations.written[motor].iter().skip(WARM_UP) {
             let first =
                 arrivals.partition_point(|(stamp, _)| *stamp <= own.written.max(own.command));
-            let Some((arrival, _)) = arrivals[first..]
-                .iter()
-                .find(|(_, counts)| *counts == own.counts)
+            let Some((arrival, _)) =
+                arrivals[first..].iter().find(|(_, counts)| *counts == own.counts)
             else {
                 continue;
             };
@@ -125,11 +115,7 @@ pub fn match_commands(observations: &Observations, log: &[Event]) -> CommandLate
             }
         }
         let had: u64 = observations.written[motor].len() as u64;
-        matched.overtaken += if had > 0 {
-            observations.sent.saturating_sub(had)
-        } else {
-            0
-        };
+        matched.overtaken += if had > 0 { observations.sent.saturating_sub(had) } else { 0 };
     }
     matched
 }
@@ -151,10 +137,7 @@ mod tests {
 
     #[test]
     fn a_command_is_matched_with_its_own_set_point_and_position() {
-        let mut observations = Observations {
-            sent: 15,
-            ..Observations::default()
-        };
+        let mut observations = Observations { sent: 15, ..Observations::default() };
         let mut log = Vec::new();
         for number in 0..12u64 {
             let start = 10_000 * (number + 1);
@@ -165,30 +148,17 @@ mod tests {
                 counts,
             });
             // The old set-point again, the one of the other motor, the new one.
-            for (at, axis, counts) in [
-                (start + 500, 0, counts - 1),
-                (start + 1500, 1, counts),
-                (start + 2000, 0, counts),
-            ] {
-                log.push(Event {
-                    stamp: us(at),
-                    axis,
-                    kind: EventKind::Setpoint(counts),
-                });
+            for (at, axis, counts) in
+                [(start + 500, 0, counts - 1), (start + 1500, 1, counts), (start + 2000, 0, counts)]
+            {
+                log.push(Event { stamp: us(at), axis, kind: EventKind::Setpoint(counts) });
             }
             for (measured, seen) in [(start + 1900, start + 2100), (start + 4000, start + 4500)] {
-                observations.readings[0].push(Reading {
-                    measured: us(measured),
-                    seen: us(seen),
-                });
+                observations.readings[0].push(Reading { measured: us(measured), seen: us(seen) });
             }
         }
         let matched = match_commands(&observations, &log);
-        assert_eq!(
-            (matched.commands, matched.overtaken),
-            (2, 3),
-            "ten commands are the warm-up"
-        );
+        assert_eq!((matched.commands, matched.overtaken), (2, 3), "ten commands are the warm-up");
         for (durations, us) in [
             (&matched.written, 900),
             (&matched.wire, 1100),

@@ -80,9 +80,7 @@ pub fn run(
         // Drives answer after their normal processing time.
         let rig = DriveRig::start(RigLines::default())?;
         let part = EndToEndBenchmark {
-            commands: benchmark
-                .commands
-                .div_ceil(u64::from(benchmark.turns.max(1))),
+            commands: benchmark.commands.div_ceil(u64::from(benchmark.turns.max(1))),
             seed: benchmark.seed.wrapping_add(u64::from(turn)),
             ..benchmark.clone()
         };
@@ -133,13 +131,8 @@ fn outcome(
     grid: CommandLatencies,
     ours: CommandLatencies,
 ) -> Result<BenchOutcome, BenchError> {
-    if [&floor, &grid, &ours]
-        .iter()
-        .any(|latencies| latencies.arrived.is_empty())
-    {
-        return Err(BenchError::Timeout {
-            what: "no command led to a set-point",
-        });
+    if [&floor, &grid, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {
+        return Err(BenchError::Timeout { what: "no command led to a set-point" });
     }
     let machine = Machine::detect();
     let bare = "a bare loop on the same line";
@@ -154,10 +147,7 @@ fn outcome(
          tick, and the wait for the end of the exchange on the line. The client reads every {} us.",
         READ_PERIOD.0 / 1000
     );
-    let notes = [last_byte.to_owned(), parts]
-        .into_iter()
-        .chain(machine.notes())
-        .collect();
+    let notes = [last_byte.to_owned(), parts].into_iter().chain(machine.notes()).collect();
     let granted = granted.map_or_else(|| "not known".to_owned(), |granted| describe(&granted));
     let on_the_wire_us = 14.0 * 10.0 / 115_200.0 * 1e6;
     Ok(BenchOutcome {
@@ -168,16 +158,8 @@ fn outcome(
         scheduling: vec![format!("control loop: {granted}")],
         machine,
         quantities: vec![
-            Quantity::new(
-                "commands with a set-point, of both motors",
-                ours.commands as f64,
-                "",
-            ),
-            Quantity::new(
-                "commands replaced by the next one",
-                ours.overtaken as f64,
-                "",
-            ),
+            Quantity::new("commands with a set-point, of both motors", ours.commands as f64, ""),
+            Quantity::new("commands replaced by the next one", ours.overtaken as f64, ""),
             Quantity::new("a set-point on the wire (14 bytes)", on_the_wire_us, "us"),
         ],
         variants: vec![

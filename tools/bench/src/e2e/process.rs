@@ -58,14 +58,10 @@ impl Controller {
             .stderr(output);
         // SAFETY: prctl is async-signal-safe and touches no memory of the parent.
         unsafe { command.pre_exec(|| Ok(set_pdeathsig(Signal::SIGTERM)?)) };
-        let child = command.spawn().map_err(system(
-            "start the controller; build both programs: cargo build --release",
-        ))?;
-        let mut controller = Self {
-            child,
-            program: benchmark.controller.clone(),
-            log,
-        };
+        let child = command
+            .spawn()
+            .map_err(system("start the controller; build both programs: cargo build --release"))?;
+        let mut controller = Self { child, program: benchmark.controller.clone(), log };
         let mut client = controller.connect(domain)?;
         enable(&mut client)?;
         Ok((controller, client))
@@ -112,11 +108,7 @@ impl Controller {
     }
 
     fn failure(&self, what: &'static str) -> BenchError {
-        BenchError::Controller {
-            program: self.program.clone(),
-            what,
-            log: tail(&self.log),
-        }
+        BenchError::Controller { program: self.program.clone(), what, log: tail(&self.log) }
     }
 }
 
@@ -155,9 +147,8 @@ fn configure(
         (port.device, port.reply_timeout_ms) = (device, REPLY_TIMEOUT_MS);
     }
     let file = folder.join("bench.toml");
-    let text = toml::to_string(&config).map_err(|_| BenchError::Timeout {
-        what: "the configuration cannot be written",
-    })?;
+    let text = toml::to_string(&config)
+        .map_err(|_| BenchError::Timeout { what: "the configuration cannot be written" })?;
     fs::write(&file, text).map_err(BenchError::system("write to the temporary folder"))?;
     Ok(file)
 }
@@ -169,9 +160,8 @@ fn enable(client: &mut Client) -> Result<(), BenchError> {
     let is_idle = |state: &OperatingStateMsg| state.flags & OperatingStateMsg::BUSY == 0;
     client.wait_for(TIMEOUT, is_idle)?;
     client.state_command(StateCommand::Home)?;
-    client.wait_for(TIMEOUT, |state| {
-        is_idle(state) && state.flags & OperatingStateMsg::HOMED != 0
-    })?;
+    client
+        .wait_for(TIMEOUT, |state| is_idle(state) && state.flags & OperatingStateMsg::HOMED != 0)?;
     client.state_command(StateCommand::Enable)?;
     let enabled = OperatingState::Enabled.number();
     client.wait_for(TIMEOUT, |state| is_idle(state) && state.state == enabled)?;

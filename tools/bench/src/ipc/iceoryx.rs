@@ -46,10 +46,7 @@ pub fn domain() -> Result<Domain, BenchError> {
 }
 
 pub fn failed<E: std::fmt::Debug>(step: &'static str) -> impl FnOnce(E) -> BenchError {
-    move |error| BenchError::Transport {
-        step,
-        reason: format!("{error:?}"),
-    }
+    move |error| BenchError::Transport { step, reason: format!("{error:?}") }
 }
 
 /// A node in a subfolder of a domain, apart from the services of the controller.
@@ -61,9 +58,8 @@ pub fn node(domain: &Domain) -> Result<Node<ipc::Service>, BenchError> {
     let prefix = format!("{}bench_", domain.prefix());
     config.global.prefix =
         FileName::new(prefix.as_bytes()).map_err(failed("name shared memory"))?;
-    let builder = NodeBuilder::new()
-        .config(&config)
-        .signal_handling_mode(SignalHandlingMode::Disabled);
+    let builder =
+        NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
     builder.create().map_err(failed("create a node"))
 }
 
@@ -79,27 +75,19 @@ fn stream(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, Words, 
 fn event_service(node: &Node<ipc::Service>) -> Result<EventFactory<ipc::Service>, BenchError> {
     let name = "bench/bell".try_into().map_err(failed("name a service"))?;
     let service = node.service_builder(&name).event();
-    service
-        .open_or_create()
-        .map_err(failed("open an event service"))
+    service.open_or_create().map_err(failed("open an event service"))
 }
 
 /// The sending end of the event service.
 pub fn notifier(node: &Node<ipc::Service>) -> Result<Notifier<ipc::Service>, BenchError> {
     let service = event_service(node)?;
-    service
-        .notifier_builder()
-        .create()
-        .map_err(failed("create a notifier"))
+    service.notifier_builder().create().map_err(failed("create a notifier"))
 }
 
 /// The receiving end of the event service.
 pub fn listener(node: &Node<ipc::Service>) -> Result<Listener<ipc::Service>, BenchError> {
     let service = event_service(node)?;
-    service
-        .listener_builder()
-        .create()
-        .map_err(failed("create a listener"))
+    service.listener_builder().create().map_err(failed("create a listener"))
 }
 
 /// Receives a message, or waits for an event if there is none, for a limited time.
@@ -122,10 +110,7 @@ pub fn receive_or_wait<T>(
     }
     // SAFETY: the descriptor is not closed, and not kept beyond the listener.
     let socket = unsafe { BorrowedFd::borrow_raw(listener.file_descriptor().native_handle()) };
-    match poll(
-        &mut [PollFd::new(socket, PollFlags::POLLIN)],
-        WAIT_TIMEOUT_MS,
-    ) {
+    match poll(&mut [PollFd::new(socket, PollFlags::POLLIN)], WAIT_TIMEOUT_MS) {
         Ok(_) | Err(Errno::EINTR) => receive(),
         Err(error) => Err(failed("wait for an event")(error)),
     }
@@ -154,37 +139,23 @@ fn measure_service(turn: Turn, waiting: Waiting) -> Result<Durations, BenchError
     let _guard = DomainLock::acquire(&domain)?;
     let sender = || {
         let node = node(&domain)?;
-        let publisher = stream(&node)?
-            .publisher_builder()
-            .create()
-            .map_err(failed("create a publisher"))?;
-        let notifier = if waiting != Waiting::Polled {
-            Some(notifier(&node)?)
-        } else {
-            None
-        };
+        let publisher =
+            stream(&node)?.publisher_builder().create().map_err(failed("create a publisher"))?;
+        let notifier = if waiting != Waiting::Polled { Some(notifier(&node)?) } else { None };
         Ok(move |now: Nanos| {
             // The node must live as long as its ports.
             let _ = &node;
-            publisher
-                .send_copy([now.0; BYTES / 8])
-                .map_err(failed("send"))?;
-            notifier.as_ref().map_or(Ok(()), |notifier| {
-                notifier.notify().map(drop).map_err(failed("notify"))
-            })
+            publisher.send_copy([now.0; BYTES / 8]).map_err(failed("send"))?;
+            notifier
+                .as_ref()
+                .map_or(Ok(()), |notifier| notifier.notify().map(drop).map_err(failed("notify")))
         })
     };
     let receiver = || {
         let node = node(&domain)?;
-        let subscriber = stream(&node)?
-            .subscriber_builder()
-            .create()
-            .map_err(failed("create a subscriber"))?;
-        let listener = if waiting != Waiting::Polled {
-            Some(listener(&node)?)
-        } else {
-            None
-        };
+        let subscriber =
+            stream(&node)?.subscriber_builder().create().map_err(failed("create a subscriber"))?;
+        let listener = if waiting != Waiting::Polled { Some(listener(&node)?) } else { None };
         Ok(move || {
             let _ = &node;
             let receive = || -> Result<Option<Nanos>, BenchError> {

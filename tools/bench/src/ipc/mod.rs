@@ -39,39 +39,14 @@ type Measure = fn(Turn) -> Result<Durations, BenchError>;
 const VARIANTS: [(&str, &str, Role, Measure); 12] = [
     ("seqlock in shared memory", POLLED, Floor, seqlock::polled),
     ("iceoryx2 publish-subscribe", POLLED, Ours, iceoryx::polled),
-    (
-        "servo_jp: client to controller",
-        POLLED,
-        Ours,
-        streams::to_controller,
-    ),
-    (
-        "measured_js: controller to client",
-        POLLED,
-        Ours,
-        streams::to_client,
-    ),
+    ("servo_jp: client to controller", POLLED, Ours, streams::to_controller),
+    ("measured_js: controller to client", POLLED, Ours, streams::to_client),
     ("Unix datagram socket", POLLED, Peer, socket::unix_polled),
     ("UDP over loopback", POLLED, Peer, socket::udp_polled),
     ("futex on shared memory", WAITING, Floor, seqlock::waiting),
-    (
-        "iceoryx2 publish-subscribe + event",
-        WAITING,
-        Ours,
-        iceoryx::waiting,
-    ),
-    (
-        "measured_js + event",
-        WAITING,
-        Ours,
-        streams::to_client_woken,
-    ),
-    (
-        "iceoryx2 publish-subscribe + event, own wait",
-        WAITING,
-        Peer,
-        iceoryx::waiting_as_library,
-    ),
+    ("iceoryx2 publish-subscribe + event", WAITING, Ours, iceoryx::waiting),
+    ("measured_js + event", WAITING, Ours, streams::to_client_woken),
+    ("iceoryx2 publish-subscribe + event, own wait", WAITING, Peer, iceoryx::waiting_as_library),
     ("Unix datagram socket", WAITING, Peer, socket::unix_waiting),
     ("UDP over loopback", WAITING, Peer, socket::udp_waiting),
 ];
@@ -89,10 +64,7 @@ pub fn run(
     let monitor = LoadMonitor::start();
     let mut variants =
         VARIANTS.map(|(name, group, role, _)| Variant::new(name, group, role, Durations::new(0)));
-    let turn = Turn {
-        messages: messages.div_ceil(TURNS),
-        placement,
-    };
+    let turn = Turn { messages: messages.div_ceil(TURNS), placement };
     for _ in 0..TURNS {
         for (variant, (.., measure)) in variants.iter_mut().zip(VARIANTS) {
             variant.durations.add(&measure(turn)?);
@@ -111,11 +83,7 @@ pub fn run(
     Ok(BenchOutcome {
         bench: "ipc",
         about: "From publishing 64 bytes in one thread to having them in another",
-        notes: notes
-            .map(str::to_owned)
-            .into_iter()
-            .chain(machine.notes())
-            .collect(),
+        notes: notes.map(str::to_owned).into_iter().chain(machine.notes()).collect(),
         load: monitor.stop(),
         scheduling: pair::scheduling(placement),
         machine,

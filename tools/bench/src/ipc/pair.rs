@@ -114,9 +114,7 @@ fn until_ready(
             Ok(()) => return Ok(()),
             Err(TryRecvError::Empty) if clock::now().since(start) < TIMEOUT => {}
             Err(_) => {
-                return Err(BenchError::Timeout {
-                    what: "the receiving thread did not start",
-                });
+                return Err(BenchError::Timeout { what: "the receiving thread did not start" });
             }
         }
         send(clock::now())?;

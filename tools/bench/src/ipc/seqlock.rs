@@ -62,10 +62,7 @@ impl Seqlock {
 
     /// Waits until the futex word differs from `known`, or for a limited time.
     fn wait(&self, known: u32) {
-        let most = libc::timespec {
-            tv_sec: 0,
-            tv_nsec: (100 * PERIOD.0) as libc::c_long,
-        };
+        let most = libc::timespec { tv_sec: 0, tv_nsec: (100 * PERIOD.0) as libc::c_long };
         // SAFETY: word and time are alive and of the right type for the length of the call.
         unsafe {
             libc::syscall(
@@ -94,9 +91,8 @@ impl MappedSeqlock {
         // SAFETY: a new mapping at an address that the kernel chooses; it is zeroed, which is a
         // valid seqlock, and aligned to a page.
         let mapped = unsafe { mmap_anonymous(None, length, protection, MapFlags::MAP_SHARED) };
-        let mapped = mapped
-            .map_err(io::Error::from)
-            .map_err(BenchError::system("map shared memory"))?;
+        let mapped =
+            mapped.map_err(io::Error::from).map_err(BenchError::system("map shared memory"))?;
         Ok(Arc::new(Self(mapped.cast())))
     }
 }

@@ -23,11 +23,7 @@ macro_rules! measure_pair {
         } else {
             to.set_read_timeout(Some(WAIT_TIMEOUT)).map_err(opening)?;
         }
-        measure_socket(
-            $turn,
-            move |bytes| from.send(bytes),
-            move |bytes| to.recv(bytes),
-        )
+        measure_socket($turn, move |bytes| from.send(bytes), move |bytes| to.recv(bytes))
     }};
 }
 
@@ -67,17 +63,13 @@ fn measure_socket(
         Ok(move |now: Nanos| {
             let mut bytes = [0; BYTES];
             bytes[..8].copy_from_slice(&now.0.to_le_bytes());
-            send(&bytes)
-                .map(drop)
-                .map_err(BenchError::system("send to a socket"))
+            send(&bytes).map(drop).map_err(BenchError::system("send to a socket"))
         })
     };
     let receiver = move || {
         let mut bytes = [0; BYTES];
         Ok(move || match receive(&mut bytes) {
-            Ok(_) => Ok(bytes
-                .first_chunk()
-                .map(|stamp| Nanos(u64::from_le_bytes(*stamp)))),
+            Ok(_) => Ok(bytes.first_chunk().map(|stamp| Nanos(u64::from_le_bytes(*stamp)))),
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 Ok(None)
             }

@@ -25,10 +25,7 @@ struct MaintainedServer {
 
 impl MaintainedServer {
     fn start(domain: &Domain) -> Result<Self, BenchError> {
-        Ok(Self {
-            server: Server::create(DomainLock::acquire(domain)?)?,
-            next: clock::now(),
-        })
+        Ok(Self { server: Server::create(DomainLock::acquire(domain)?)?, next: clock::now() })
     }
 
     fn maintain(&mut self) {
@@ -40,10 +37,7 @@ impl MaintainedServer {
     }
 
     fn publish(&mut self, now: Nanos) {
-        self.server.publish_measured(JointState {
-            stamp_ns: now.0,
-            ..JointState::default()
-        });
+        self.server.publish_measured(JointState { stamp_ns: now.0, ..JointState::default() });
     }
 }
 
@@ -51,12 +45,7 @@ pub fn to_controller(turn: Turn) -> Result<Durations, BenchError> {
     let domain = domain()?;
     let sender = || {
         let mut commander = Client::connect(&domain, CONNECT)?.commander();
-        Ok(move |_: Nanos| {
-            commander
-                .servo_jp(&[0.1, -0.1])
-                .map(drop)
-                .map_err(BenchError::from)
-        })
+        Ok(move |_: Nanos| commander.servo_jp(&[0.1, -0.1]).map(drop).map_err(BenchError::from))
     };
     let receiver = || {
         let mut served = MaintainedServer::start(&domain)?;
@@ -118,9 +107,7 @@ pub fn to_client_woken(turn: Turn) -> Result<Durations, BenchError> {
         let listener = listener(&node)?;
         Ok(move || {
             let _ = &node;
-            receive_or_wait(&listener, || {
-                Ok(joints.read()?.map(|state| Nanos(state.stamp_ns)))
-            })
+            receive_or_wait(&listener, || Ok(joints.read()?.map(|state| Nanos(state.stamp_ns))))
         })
     };
     measure(turn, sender, receiver)

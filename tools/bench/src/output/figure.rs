@@ -53,22 +53,15 @@ pub fn figure(outcome: &BenchOutcome) -> Figure {
          time upwards, both logarithmic. Floors are dashed black lines.",
     );
     let groups = outcome.groups().into_iter();
-    groups.fold(figure, |figure, (name, variants)| {
-        figure.row(HEIGHT, vec![panel(name, &variants)])
-    })
+    groups.fold(figure, |figure, (name, variants)| figure.row(HEIGHT, vec![panel(name, &variants)]))
 }
 
 fn panel(group: &str, variants: &[&Variant]) -> Panel {
-    let ticks = TICKS
-        .map(|(value, label)| (value, label.to_owned()))
-        .to_vec();
+    let ticks = TICKS.map(|(value, label)| (value, label.to_owned())).to_vec();
     let x = Axis::log("share of all that took at most this long").marks(ticks);
     let mut panel = Panel::new(group, x, Axis::log("time (µs)"));
     let (mut ours, mut peers) = (OURS.iter().cycle(), PEERS.iter().cycle());
-    for variant in variants
-        .iter()
-        .filter(|variant| !variant.durations.is_empty())
-    {
+    for variant in variants.iter().filter(|variant| !variant.durations.is_empty()) {
         let points = curve(&variant.durations);
         let style = match variant.role {
             Role::Floor => None,
@@ -93,10 +86,7 @@ fn curve(durations: &Durations) -> Vec<[f64; 2]> {
     let last = (decades * POINTS_PER_DECADE as f64).ceil() as usize;
     let point = |index: usize| {
         let left = 10f64.powf(decades * index as f64 / last.max(1) as f64);
-        [
-            left,
-            histogram.value_at_quantile(1.0 - 1.0 / left) as f64 / 1e3,
-        ]
+        [left, histogram.value_at_quantile(1.0 - 1.0 / left) as f64 / 1e3]
     };
     (0..=last).map(point).collect()
 }
@@ -111,17 +101,11 @@ mod tests {
         let curve = curve(&variant("any", "group", Role::Ours, 1000).durations);
         assert_eq!(curve[0], [1.0, 1.0]);
         for pair in curve.windows(2) {
-            assert!(
-                pair[0][0] < pair[1][0] && pair[0][1] <= pair[1][1],
-                "{pair:?}"
-            );
+            assert!(pair[0][0] < pair[1][0] && pair[0][1] <= pair[1][1], "{pair:?}");
         }
         let median = curve.iter().find(|point| point[0] >= 2.0).unwrap();
         assert!((1.49..1.53).contains(&median[1]), "{median:?}");
         let [left, us] = curve[curve.len() - 1];
-        assert!(
-            (left - 1000.0 / LEAST_DURATIONS).abs() < 1e-6 && us > 1.99,
-            "{left} {us}"
-        );
+        assert!((left - 1000.0 / LEAST_DURATIONS).abs() < 1e-6 && us > 1.99, "{left} {us}");
     }
 }

@@ -29,9 +29,7 @@ pub fn hdr_log(outcome: &BenchOutcome) -> Result<Vec<u8>, BenchError> {
     builder.add_comment(&outcome.machine.description());
     builder.add_comment("values in nanoseconds; the tag names the variant");
     // The column of maxima is in nanoseconds, too.
-    builder
-        .with_start_time(SystemTime::now())
-        .with_max_value_divisor(1.0);
+    builder.with_start_time(SystemTime::now()).with_max_value_divisor(1.0);
     let mut writer = builder
         .begin_log_with(&mut bytes, &mut serializer)
         .map_err(|error| failed("header", error.to_string()))?;
@@ -70,9 +68,7 @@ mod tests {
         for entry in IntervalLogIterator::new(&bytes).map(Result::unwrap) {
             if let LogEntry::Interval(interval) = entry {
                 let bytes = base64::decode(interval.encoded_histogram());
-                let histogram = Deserializer::new()
-                    .deserialize(&mut bytes.as_slice())
-                    .unwrap();
+                let histogram = Deserializer::new().deserialize(&mut bytes.as_slice()).unwrap();
                 read.push((interval.tag().unwrap().as_str().to_owned(), histogram));
             }
         }

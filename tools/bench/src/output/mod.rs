@@ -30,18 +30,12 @@ use crate::outcome::BenchOutcome;
 ///
 /// [`BenchError::Write`], [`BenchError::Histogram`].
 pub fn write(folder: &Path, outcomes: &[BenchOutcome]) -> Result<Vec<PathBuf>, BenchError> {
-    let error = |path: &Path, source| BenchError::Write {
-        path: path.to_owned(),
-        source,
-    };
+    let error = |path: &Path, source| BenchError::Write { path: path.to_owned(), source };
     fs::create_dir_all(folder).map_err(|source| error(folder, source))?;
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     for outcome in outcomes {
         let name = outcome.bench;
-        files.push((
-            format!("{name}.json"),
-            format!("{:#}\n", json(outcome)).into(),
-        ));
+        files.push((format!("{name}.json"), format!("{:#}\n", json(outcome)).into()));
         files.push((format!("{name}.hlog"), hdr_log(outcome)?));
         files.push((format!("{name}.svg"), figure(outcome).to_string().into()));
     }
@@ -69,9 +63,7 @@ mod tests {
             variant("ours, <b>", "polled", Role::Ours, 1500),
         ];
         let written = write(folder.path(), &[outcome(variants)]).unwrap();
-        let names = written
-            .iter()
-            .map(|path| path.file_name().unwrap().to_str().unwrap());
+        let names = written.iter().map(|path| path.file_name().unwrap().to_str().unwrap());
         let expected = ["ipc.json", "ipc.hlog", "ipc.svg", "index.html"];
         assert_eq!(names.collect::<Vec<_>>(), expected);
         let json: serde_json::Value =
@@ -82,18 +74,13 @@ mod tests {
         assert!(floor["x_floor"].is_null());
         assert!(ours["x_floor"]["p50"].as_f64().unwrap() > 1.5);
         let page = fs::read_to_string(&written[3]).unwrap();
-        assert!(
-            page.contains("ours, &lt;b&gt;") && !page.contains("<b>"),
-            "{page}"
-        );
+        assert!(page.contains("ours, &lt;b&gt;") && !page.contains("<b>"), "{page}");
         assert!(page.contains("<td>2.00</td>"), "{page}");
     }
 
     #[test]
     fn an_error_names_the_folder() {
-        let text = write(Path::new("/proc/nowhere"), &[])
-            .unwrap_err()
-            .to_string();
+        let text = write(Path::new("/proc/nowhere"), &[]).unwrap_err().to_string();
         assert!(text.contains("/proc/nowhere"), "{text}");
     }
 }

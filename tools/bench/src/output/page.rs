@@ -18,10 +18,7 @@ pub fn page(outcomes: &[BenchOutcome]) -> Page {
     );
     if let Some(first) = outcomes.first() {
         page.facts([("machine".to_owned(), first.machine.description())]);
-        page.notice(
-            "What these numbers show, and what they do not show",
-            first.machine.notes(),
-        );
+        page.notice("What these numbers show, and what they do not show", first.machine.notes());
     }
     for outcome in outcomes {
         write_outcome(&mut page, outcome);
@@ -38,10 +35,7 @@ pub fn page(outcomes: &[BenchOutcome]) -> Page {
 fn write_outcome(page: &mut Page, outcome: &BenchOutcome) {
     page.section(format!("{}: {}", outcome.bench, outcome.about));
     let load = ("load".to_owned(), outcome.load.description());
-    let scheduling = outcome
-        .scheduling
-        .iter()
-        .map(|line| ("scheduling".to_owned(), line.clone()));
+    let scheduling = outcome.scheduling.iter().map(|line| ("scheduling".to_owned(), line.clone()));
     page.facts(scheduling.chain([load]));
     page.figure(
         &figure(outcome),
@@ -50,19 +44,11 @@ fn write_outcome(page: &mut Page, outcome: &BenchOutcome) {
     );
     page.table(&table(outcome));
     if !outcome.quantities.is_empty() {
-        page.facts(
-            outcome
-                .quantities
-                .iter()
-                .map(|Quantity { name, value, unit }| {
-                    let decimals = usize::from(value.fract() != 0.0);
-                    let value = fixed(*value, decimals);
-                    (
-                        name.clone(),
-                        format!("{value} {}", unit.replace("us", "µs")),
-                    )
-                }),
-        );
+        page.facts(outcome.quantities.iter().map(|Quantity { name, value, unit }| {
+            let decimals = usize::from(value.fract() != 0.0);
+            let value = fixed(*value, decimals);
+            (name.clone(), format!("{value} {}", unit.replace("us", "µs")))
+        }));
     }
     // The notes of the machine are at the top.
     let general = outcome.machine.notes();
@@ -72,9 +58,7 @@ fn write_outcome(page: &mut Page, outcome: &BenchOutcome) {
 }
 
 fn table(outcome: &BenchOutcome) -> Table {
-    let header = [
-        "", "count", "p50", "p90", "p99", "p99.9", "max", "p50 ×", "p99 ×",
-    ];
+    let header = ["", "count", "p50", "p90", "p99", "p99.9", "max", "p50 ×", "p99 ×"];
     let caption = "Microseconds; our own variants are bold; ×: as a multiple of the floor.";
     let mut table = Table::new(caption, header);
     for (group, variants) in outcome.groups() {
@@ -93,10 +77,7 @@ fn row(outcome: &BenchOutcome, variant: &Variant) -> TableRow {
     let us = |ns: u64| fixed(ns as f64 / 1e3, if ns < 100_000 { 2 } else { 0 });
     let times = |ratio: Option<f64>| ratio.map_or(MISSING.to_owned(), |ratio| fixed(ratio, 2));
     let ratio = outcome.ratio(variant);
-    let name = [
-        format!("\u{2003}{}", variant.display_name()),
-        found.count.to_string(),
-    ];
+    let name = [format!("\u{2003}{}", variant.display_name()), found.count.to_string()];
     let durations = [found.p50, found.p90, found.p99, found.p999, found.max].map(us);
     let ratios = [ratio.map(|ratio| ratio.p50), ratio.map(|ratio| ratio.p99)].map(times);
     let cells = name.into_iter().chain(durations).chain(ratios);

@@ -133,23 +133,10 @@ impl Runner<'_> {
     fn measure_all(&self, controller: Option<PathBuf>) -> Result<Vec<BenchOutcome>, Failure> {
         let all = [
             Measurement::Ipc(IpcArguments { messages: 20_000 }),
-            Measurement::Loop(LoopArguments {
-                rate_hz: vec![1000],
-                spin_us: 100,
-                duration_s: 10,
-            }),
+            Measurement::Loop(LoopArguments { rate_hz: vec![1000], spin_us: 100, duration_s: 10 }),
             Measurement::Inverse(InverseArguments { rounds: 50 }),
-            Measurement::Wire(WireArguments {
-                duration_s: 10,
-                baud: Vec::new(),
-                axes: Vec::new(),
-            }),
-            Measurement::E2e(EndToEndArguments {
-                commands: 1000,
-                seed: 1,
-                turns: 2,
-                controller,
-            }),
+            Measurement::Wire(WireArguments { duration_s: 10, baud: Vec::new(), axes: Vec::new() }),
+            Measurement::E2e(EndToEndArguments { commands: 1000, seed: 1, turns: 2, controller }),
         ];
         let mut outcomes = Vec::new();
         for measurement in &all {
@@ -166,11 +153,7 @@ impl Runner<'_> {
             Measurement::Ipc(IpcArguments { messages }) => {
                 ipc::run(*messages, self.placement, &is_interrupted)?
             }
-            Measurement::Loop(LoopArguments {
-                rate_hz,
-                spin_us,
-                duration_s,
-            }) => {
+            Measurement::Loop(LoopArguments { rate_hz, spin_us, duration_s }) => {
                 let period = |rate_hz: &u32| Nanos(1_000_000_000 / u64::from(*rate_hz));
                 let benchmark = control_loop::LoopBenchmark {
                     periods: rate_hz.iter().map(period).collect(),
@@ -183,11 +166,7 @@ impl Runner<'_> {
             Measurement::Inverse(InverseArguments { rounds }) => {
                 inverse::run(*rounds, self.placement, &is_interrupted)?
             }
-            Measurement::Wire(WireArguments {
-                duration_s,
-                baud,
-                axes,
-            }) => {
+            Measurement::Wire(WireArguments { duration_s, baud, axes }) => {
                 let seconds = f64::from(*duration_s);
                 if baud.is_empty() && axes.is_empty() {
                     return Ok(wire::run(seconds, port_priority, &is_interrupted)?);
@@ -205,12 +184,7 @@ impl Runner<'_> {
                 };
                 wire_rates::run(&rates, &is_interrupted)?
             }
-            Measurement::E2e(EndToEndArguments {
-                commands,
-                seed,
-                turns,
-                controller,
-            }) => {
+            Measurement::E2e(EndToEndArguments { commands, seed, turns, controller }) => {
                 let controller = match controller {
                     Some(program) => program.clone(),
                     None => std::env::current_exe()?.with_file_name("i2ris-control"),

@@ -121,8 +121,5 @@ fn print(changes: &[MedianChange]) {
         );
     }
     let moved = changes.iter().filter(|change| change.has_moved()).count();
-    println!(
-        "\n{moved} of {} medians moved beyond the noise",
-        changes.len()
-    );
+    println!("\n{moved} of {} medians moved beyond the noise", changes.len());
 }

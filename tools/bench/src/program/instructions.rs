@@ -22,11 +22,7 @@ const CALLS: [&str; 4] = ["inverse", "forward", "advance", "correction"];
 /// Whole ticks: call, name, components, operators.
 const WHOLE_TICKS: [(&str, &str, Operators); 4] = [
     ("tick-gmr", "gmr", Operators::None),
-    (
-        "tick-play",
-        "gmr-play, 8 plays per motor",
-        Operators::Plays(8),
-    ),
+    ("tick-play", "gmr-play, 8 plays per motor", Operators::Plays(8)),
     ("tick-stop", "gmr-stop, 3 segments", Operators::Stops(3)),
     (
         "tick-prandtl-ishlinskii",
@@ -106,19 +102,11 @@ fn count(call: &str, components: usize, plays: usize, rounds: usize) -> Result<f
     let run = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
         .arg(env::current_exe()?)
-        .args([
-            "repeat",
-            call,
-            &components.to_string(),
-            &plays.to_string(),
-            &rounds.to_string(),
-        ])
+        .args(["repeat", call, &components.to_string(), &plays.to_string(), &rounds.to_string()])
         .output()
         .map_err(|error| format!("cannot run valgrind: {error}; install it"))?;
     let text = String::from_utf8_lossy(&run.stderr);
-    let collected = text
-        .lines()
-        .find_map(|line| line.split("Collected :").nth(1));
+    let collected = text.lines().find_map(|line| line.split("Collected :").nth(1));
     let collected = collected.ok_or_else(|| format!("valgrind did not count: {text}"))?;
     Ok(collected.trim().parse()?)
 }

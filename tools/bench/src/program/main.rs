@@ -8,11 +8,7 @@
 //! | `scale` | how cost grows |
 //! | `instructions` | instructions per call, counted under valgrind |
 //! | `peers` | the Rust side of `peers.py` |
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command-line program prints"
-)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 mod arguments;
 mod compare;
@@ -32,12 +28,7 @@ use arguments::{Measurement, Runner};
 
 /// Measure latencies of this machine and of the controller
 #[derive(Debug, Parser)]
-#[command(
-    name = "i2ris-bench",
-    bin_name = "i2ris bench",
-    version,
-    propagate_version = true
-)]
+#[command(name = "i2ris-bench", bin_name = "i2ris bench", version, propagate_version = true)]
 #[command(after_help = "Examples:
   i2ris bench ipc
   i2ris bench loop --duration-s 30 --json
@@ -85,12 +76,7 @@ enum Task {
     Instructions,
     /// Call a model many times; `instructions` counts this
     #[command(hide = true)]
-    Repeat {
-        call: String,
-        components: usize,
-        plays: usize,
-        rounds: usize,
-    },
+    Repeat { call: String, components: usize, plays: usize, rounds: usize },
     /// Fit synthetic rows and print time and memory; `scale` measures this
     #[command(hide = true)]
     FitCost { rows: usize },
@@ -107,12 +93,9 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     match &arguments.task {
         Task::Measure(measurement) => measure(&arguments, measurement),
         Task::Instructions => instructions::table(),
-        Task::Repeat {
-            call,
-            components,
-            plays,
-            rounds,
-        } => instructions::repeat(call, *components, *plays, *rounds),
+        Task::Repeat { call, components, plays, rounds } => {
+            instructions::repeat(call, *components, *plays, *rounds)
+        }
         Task::Scale(scale) => scale::measure(scale, arguments.output.as_deref(), arguments.json),
         Task::Compare(compare) => compare::run(compare, arguments.json),
         Task::FitCost { rows } => scale::fit(*rows),
@@ -122,15 +105,8 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
 
 fn measure(arguments: &Arguments, measurement: &Measurement) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
-    let placement = ThreadPlacement {
-        priority: arguments.priority,
-        pinned: !arguments.unpinned,
-    };
-    let runner = Runner {
-        placement,
-        interrupt: &interrupt,
-        quiet: arguments.json,
-    };
+    let placement = ThreadPlacement { priority: arguments.priority, pinned: !arguments.unpinned };
+    let runner = Runner { placement, interrupt: &interrupt, quiet: arguments.json };
     let outcomes = runner.measure(measurement)?;
     if arguments.json {
         println!("{:#}", as_json(&outcomes));
@@ -171,10 +147,7 @@ mod tests {
     fn the_help_has_an_example_and_the_command_line_is_consistent() {
         let mut command = Arguments::command();
         let help = command.render_long_help().to_string();
-        assert!(
-            help.contains("Example") && help.contains("i2ris bench"),
-            "{help}"
-        );
+        assert!(help.contains("Example") && help.contains("i2ris bench"), "{help}");
         command.debug_assert();
     }
 }

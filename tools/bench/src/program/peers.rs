@@ -56,10 +56,7 @@ pub fn answer(file: &str) -> Result<(), Failure> {
     let read_out = ReadOut::<2>::prepare(&question.mixture, 2)?;
     let predict = || -> Vec<[f64; 2]> {
         let at = |row: &[f64]| read_out.at(&[row[0], row[1]].into());
-        data.rows()
-            .map(at)
-            .map(|[pitch, yaw, _]| [pitch, yaw])
-            .collect()
+        data.rows().map(at).map(|[pitch, yaw, _]| [pitch, yaw]).collect()
     };
     let begin = Instant::now();
     for _ in 0..ROUNDS {
@@ -67,13 +64,7 @@ pub fn answer(file: &str) -> Result<(), Failure> {
     }
     let prediction_s = begin.elapsed().as_secs_f64() / ROUNDS as f64;
     let (log_likelihood, iterations) = (fit.log_likelihood, fit.iterations);
-    let answer = Answer {
-        fit_s,
-        log_likelihood,
-        iterations,
-        prediction_s,
-        predictions: predict(),
-    };
+    let answer = Answer { fit_s, log_likelihood, iterations, prediction_s, predictions: predict() };
     println!("{}", serde_json::to_string(&answer)?);
     Ok(())
 }

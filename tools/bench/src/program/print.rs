@@ -25,10 +25,7 @@ pub fn print(outcome: &BenchOutcome) {
         println!();
     }
     for quantity in &outcome.quantities {
-        println!(
-            "  {:<54} {:>9.1} {}",
-            quantity.name, quantity.value, quantity.unit
-        );
+        println!("  {:<54} {:>9.1} {}", quantity.name, quantity.value, quantity.unit);
     }
     println!();
     for note in &outcome.notes {

@@ -22,10 +22,7 @@ pub fn measure(
     as_json: bool,
 ) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
-    let benchmark = ScaleBenchmark {
-        is_full: arguments.full,
-        program: env::current_exe()?,
-    };
+    let benchmark = ScaleBenchmark { is_full: arguments.full, program: env::current_exe()? };
     let outcome = scale::run(&benchmark, &|| interrupt.came(), &mut |name| {
         if !as_json {
             eprintln!("measuring {name}");
@@ -61,17 +58,10 @@ fn write(folder: &Path, outcome: &ScaleOutcome) -> Result<(), Failure> {
 }
 
 fn print(outcome: &ScaleOutcome) {
-    println!(
-        "How cost grows; exponent: 1 is linear\n  load: {}",
-        outcome.load
-    );
+    println!("How cost grows; exponent: 1 is linear\n  load: {}", outcome.load);
     for curve in &outcome.curves {
         println!("\n{} ({})", curve.name, exponent(curve));
-        println!(
-            "{:>24} {:>14}",
-            curve.size,
-            format!("cost ({})", curve.unit)
-        );
+        println!("{:>24} {:>14}", curve.size, format!("cost ({})", curve.unit));
         for [size, cost] in &curve.points {
             println!("{size:>24} {cost:>14.3}");
         }
@@ -79,7 +69,5 @@ fn print(outcome: &ScaleOutcome) {
 }
 
 fn exponent(curve: &Curve) -> String {
-    curve
-        .exponent
-        .map_or_else(|| "no exponent".to_owned(), |e| format!("exponent {e:.2}"))
+    curve.exponent.map_or_else(|| "no exponent".to_owned(), |e| format!("exponent {e:.2}"))
 }

@@ -70,10 +70,7 @@ fn serve(
         next = (next + PERIOD).max(clock::now());
         clock::sleep_until(next);
         let begin = clock::now();
-        server.publish_measured(JointState {
-            stamp_ns: begin.0,
-            ..JointState::default()
-        });
+        server.publish_measured(JointState { stamp_ns: begin.0, ..JointState::default() });
         let took = clock::now().since(begin);
         server.maintain(begin);
         if connected.load(Ordering::Acquire) {

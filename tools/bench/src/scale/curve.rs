@@ -50,10 +50,7 @@ pub fn exponent(points: &[[f64; 2]]) -> Option<f64> {
     let mean = |axis: usize| logs.iter().map(|point| point[axis]).sum::<f64>() / count;
     let [x, y] = [mean(0), mean(1)];
     let spread: f64 = logs.iter().map(|point| (point[0] - x).powi(2)).sum();
-    let product: f64 = logs
-        .iter()
-        .map(|point| (point[0] - x) * (point[1] - y))
-        .sum();
+    let product: f64 = logs.iter().map(|point| (point[0] - x) * (point[1] - y)).sum();
     (spread > 0.0).then(|| product / spread)
 }
 

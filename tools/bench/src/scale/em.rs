@@ -51,9 +51,8 @@ fn in_own_process(benchmark: &ScaleBenchmark, rows: u32) -> Result<FitCost, Benc
         .args(["fit-cost", &rows.to_string()])
         .output()
         .map_err(BenchError::system("run this program again for a fit"))?;
-    serde_json::from_slice(&output.stdout).map_err(|_| BenchError::Timeout {
-        what: "a fit in a process of its own failed",
-    })
+    serde_json::from_slice(&output.stdout)
+        .map_err(|_| BenchError::Timeout { what: "a fit in a process of its own failed" })
 }
 
 /// Fits a mixture to synthetic rows, on one core.
@@ -71,9 +70,8 @@ pub fn fit_cost(rows: usize) -> Result<FitCost, BenchError> {
         ..EmOptions::default()
     };
     let begin = Instant::now();
-    fit_mixture_from(&data, &[start()], &options).map_err(|_| BenchError::Timeout {
-        what: "the fit of synthetic rows failed",
-    })?;
+    fit_mixture_from(&data, &[start()], &options)
+        .map_err(|_| BenchError::Timeout { what: "the fit of synthetic rows failed" })?;
     Ok(FitCost {
         seconds: begin.elapsed().as_secs_f64(),
         bytes: (memory_bytes("VmHWM:")? - before).max(0.0),
@@ -102,11 +100,7 @@ fn start() -> MixtureParameters {
     let deviations = [500.0, 500.0, 8.0, 8.0];
     let covariance = (0..VARIABLES).map(|i| {
         let entry = |j: usize| {
-            if i == j {
-                f64::powi(deviations[i], 2)
-            } else {
-                0.0
-            }
+            if i == j { f64::powi(deviations[i], 2) } else { 0.0 }
         };
         (0..VARIABLES).map(entry).collect()
     });

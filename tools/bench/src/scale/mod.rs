@@ -76,11 +76,7 @@ pub fn run(
     add("rates of the loop", &|| model::over_rates(rounds))?;
     add("clients", &|| clients::curves(rounds))?;
     add("axes of a port", &|| over_axes(rounds, is_interrupted))?;
-    Ok(ScaleOutcome {
-        curves,
-        machine: Machine::detect(),
-        load: monitor.stop().description(),
-    })
+    Ok(ScaleOutcome { curves, machine: Machine::detect(), load: monitor.stop().description() })
 }
 
 type Measured<'a> = &'a dyn Fn() -> Result<Vec<Curve>, BenchError>;

@@ -53,10 +53,7 @@ fn curves(
     let mut tick = Curve::new(group, "tick of the controller", size, "us");
     let mut inverse = Curve::new(group, "inverse", size, "us");
     for (at, components, operators) in models {
-        tick.push(
-            *at,
-            tick_us(Nanos::from_millis(1), *components, *operators, rounds)?,
-        );
+        tick.push(*at, tick_us(Nanos::from_millis(1), *components, *operators, rounds)?);
         inverse.push(*at, inverse_us(*components, *operators, rounds)?);
     }
     Ok(vec![tick, inverse])

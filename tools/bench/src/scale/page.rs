@@ -28,10 +28,7 @@ pub fn page(outcome: &ScaleOutcome) -> Page {
         ("machine".to_owned(), outcome.machine.description()),
         ("load".to_owned(), outcome.load.clone()),
     ]);
-    page.notice(
-        "What these numbers show, and what they do not show",
-        outcome.machine.notes(),
-    );
+    page.notice("What these numbers show, and what they do not show", outcome.machine.notes());
     page.section("Curves");
     page.figure(
         &figure(&outcome.curves),
@@ -47,10 +44,7 @@ pub fn page(outcome: &ScaleOutcome) -> Page {
 fn groups(curves: &[Curve]) -> Vec<Vec<&Curve>> {
     let mut groups: Vec<Vec<&Curve>> = Vec::new();
     for curve in curves {
-        match groups
-            .iter_mut()
-            .find(|group| group[0].group == curve.group)
-        {
+        match groups.iter_mut().find(|group| group[0].group == curve.group) {
             Some(group) => group.push(curve),
             None => groups.push(vec![curve]),
         }
@@ -81,34 +75,20 @@ fn panel(group: &[&Curve]) -> Panel {
         Axis::log(first.size.clone()),
         Axis::log(format!("cost ({unit})")),
     );
-    group
-        .iter()
-        .zip(STYLES)
-        .fold(panel, |panel, (curve, (color, dash, marker))| {
-            let line = Line::new(curve.points.clone(), Stroke::new(color, 1.4).dash(dash));
-            let label = format!("{} over {} ({})", curve.name, curve.size, exponent(curve));
-            panel.with(line.marker(marker).label(label))
-        })
+    group.iter().zip(STYLES).fold(panel, |panel, (curve, (color, dash, marker))| {
+        let line = Line::new(curve.points.clone(), Stroke::new(color, 1.4).dash(dash));
+        let label = format!("{} over {} ({})", curve.name, curve.size, exponent(curve));
+        panel.with(line.marker(marker).label(label))
+    })
 }
 
 fn exponent(curve: &Curve) -> String {
-    curve
-        .exponent
-        .map_or_else(|| "no exponent".to_owned(), |e| format!("exponent {e:.2}"))
+    curve.exponent.map_or_else(|| "no exponent".to_owned(), |e| format!("exponent {e:.2}"))
 }
 
 fn table(curves: &[Curve]) -> Table {
     let caption = "From the smallest to the largest size.";
-    let header = [
-        "",
-        "over",
-        "from",
-        "to",
-        "cost from",
-        "to",
-        "unit",
-        "exponent",
-    ];
+    let header = ["", "over", "from", "to", "cost from", "to", "unit", "exponent"];
     let mut table = Table::new(caption, header);
     for curve in curves {
         let (Some(first), Some(last)) = (curve.points.first(), curve.points.last()) else {

@@ -126,11 +126,7 @@ impl DriftEstimate {
                 now = used(&scale);
             }
             solution = Some(found);
-            if scale
-                .iter()
-                .zip(before)
-                .all(|(now, then)| (now - then).abs() < 0.002)
-            {
+            if scale.iter().zip(before).all(|(now, then)| (now - then).abs() < 0.002) {
                 break;
             }
         }
@@ -154,11 +150,7 @@ impl DriftEstimate {
 
 impl Shape {
     fn parameters(self) -> usize {
-        let gain = if self.has_gain {
-            self.outputs * self.outputs
-        } else {
-            0
-        };
+        let gain = if self.has_gain { self.outputs * self.outputs } else { 0 };
         self.outputs + gain + if self.has_gap { self.motors } else { 0 }
     }
 
@@ -204,12 +196,7 @@ impl Shape {
                 }
             }
         }
-        Problem {
-            features,
-            target,
-            rows,
-            prior: self.prior(),
-        }
+        Problem { features, target, rows, prior: self.prior() }
     }
 
     fn estimate(self, solution: &Solution, before: &[Point], after: &[Point]) -> DriftEstimate {
@@ -223,15 +210,10 @@ impl Shape {
             let entries = (0..self.outputs).map(|of| value(self.gain(output, of), 0.0));
             entries.collect::<Vec<_>>()
         };
-        let gain: Vec<Vec<Value>> = if self.has_gain {
-            outputs.clone().map(gain_row).collect()
-        } else {
-            Vec::new()
-        };
+        let gain: Vec<Vec<Value>> =
+            if self.has_gain { outputs.clone().map(gain_row).collect() } else { Vec::new() };
         let gap_scale: Vec<Value> = if self.has_gap {
-            (0..self.motors)
-                .map(|motor| value(self.gap(motor), 1.0))
-                .collect()
+            (0..self.motors).map(|motor| value(self.gap(motor), 1.0)).collect()
         } else {
             Vec::new()
         };
@@ -240,11 +222,7 @@ impl Shape {
             for output in outputs.clone() {
                 old[output] = before.measured[output] - before.predicted[output];
                 let row = gain.get(output).map_or(&[][..], Vec::as_slice);
-                let bent: f64 = row
-                    .iter()
-                    .zip(after.predicted)
-                    .map(|(g, y)| g.value * y)
-                    .sum();
+                let bent: f64 = row.iter().zip(after.predicted).map(|(g, y)| g.value * y).sum();
                 let expected = after.predicted[output] + zero[output].value + bent;
                 left[output] = after.measured[output] - expected;
             }

@@ -43,9 +43,7 @@ pub(super) struct Solution {
 
 /// The fit. `None` if the equations cannot be solved: a number is not finite.
 pub(super) fn solve(problem: &Problem) -> Option<Solution> {
-    let Problem {
-        features, target, ..
-    } = problem;
+    let Problem { features, target, .. } = problem;
     let mut weights = DVector::from_element(target.len(), 1.0);
     let mut solution: Option<Solution> = None;
     for _ in 0..ROUNDS {
@@ -86,10 +84,7 @@ impl Problem {
             (1.0 - a) / (1.0 + a)
         };
         let outputs = left.as_slice().chunks(self.rows.max(1));
-        outputs
-            .map(of_output)
-            .fold(1.0, f64::min)
-            .max(LEAST_INDEPENDENT)
+        outputs.map(of_output).fold(1.0, f64::min).max(LEAST_INDEPENDENT)
     }
 }
 

@@ -59,10 +59,7 @@ pub fn html(drift: &DriftEstimate, verdict: Verdict, model: &str, recording: &Re
                 panel
                     .with(line(false, BEFORE).label("as calibrated"))
                     .with(line(true, AFTER).label("without the drift"))
-                    .with(ReferenceLine::horizontal(
-                        0.0,
-                        Stroke::new(Color::DARK, 0.6),
-                    )),
+                    .with(ReferenceLine::horizontal(0.0, Stroke::new(Color::DARK, 0.6))),
             ],
         )
     });
@@ -79,11 +76,7 @@ fn table(drift: &DriftEstimate, recording: &Recording) -> Table {
         ["", "value", "deviation"].map(str::to_owned),
     );
     let mut row = |name: String, value: &Value| {
-        let cells = [
-            name,
-            format!("{:+.3}", value.value),
-            format!("{:.3}", value.deviation),
-        ];
+        let cells = [name, format!("{:+.3}", value.value), format!("{:.3}", value.deviation)];
         table.row(TableRow::new(cells));
     };
     let outputs = recording.outputs();

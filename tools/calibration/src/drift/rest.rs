@@ -20,19 +20,10 @@ pub struct Rest {
 impl Rest {
     pub(super) fn new(errors: &[(f64, [f64; 3], [f64; 3])], outputs: usize) -> Self {
         let left = || errors.iter().map(|(_, _, left)| [left[0], left[1]]);
-        let (direction, share) = if outputs == 2 {
-            main_direction(left())
-        } else {
-            ([1.0, 0.0], 1.0)
-        };
-        let along: Vec<f64> = left()
-            .map(|[a, b]| direction[0] * a + direction[1] * b)
-            .collect();
-        Self {
-            direction,
-            share,
-            autocorrelation: [1, 10].map(|lag| autocorrelation(&along, lag)),
-        }
+        let (direction, share) =
+            if outputs == 2 { main_direction(left()) } else { ([1.0, 0.0], 1.0) };
+        let along: Vec<f64> = left().map(|[a, b]| direction[0] * a + direction[1] * b).collect();
+        Self { direction, share, autocorrelation: [1, 10].map(|lag| autocorrelation(&along, lag)) }
     }
 }
 
@@ -43,11 +34,7 @@ fn main_direction(errors: impl Iterator<Item = [f64; 2]>) -> ([f64; 2], f64) {
     }
     let eigen = SymmetricEigen::new(square);
     let [first, second] = [eigen.eigenvalues[0], eigen.eigenvalues[1]];
-    let (column, largest) = if first >= second {
-        (0, first)
-    } else {
-        (1, second)
-    };
+    let (column, largest) = if first >= second { (0, first) } else { (1, second) };
     let total = first + second;
     let vector = eigen.eigenvectors.column(column);
     // Of the two signs, the one whose larger part is positive.

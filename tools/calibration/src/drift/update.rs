@@ -78,26 +78,17 @@ pub fn update(old: &Model, recording: &Recording) -> Result<Update, UpdateError>
     let mut file = built_in(old, &drift)?.file().clone();
     let measure = |model: &Model, from: usize, output: usize| {
         let points = errors(model, from);
-        let pairs = points
-            .iter()
-            .map(|it| (it.measured[output], it.predicted[output]));
+        let pairs = points.iter().map(|it| (it.measured[output], it.predicted[output]));
         metrics(&pairs.collect::<Vec<_>>())
     };
     let model = Model::from_file(file.clone())?;
     for (output, figures) in file.metrics.iter_mut().enumerate() {
         if let Some(training) = measure(&model, 0, output) {
-            *figures = OutputMetrics {
-                training,
-                held_out: measure(&trial, first, output),
-            };
+            *figures = OutputMetrics { training, held_out: measure(&trial, first, output) };
         }
     }
     note_origin(&mut file, recording, drift.rows);
-    Ok(Update {
-        model: Model::from_file(file)?,
-        drift,
-        held_out,
-    })
+    Ok(Update { model: Model::from_file(file)?, drift, held_out })
 }
 
 fn built_in(old: &Model, drift: &DriftEstimate) -> Result<Model, ModelError> {

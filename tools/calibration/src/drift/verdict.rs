@@ -73,10 +73,7 @@ fn is_far(drift: &DriftEstimate) -> bool {
     let beyond = |value: &Value, limit: f64| value.value.abs() > limit;
     drift.zero.iter().any(|it| beyond(it, zero))
         || drift.gain.iter().flatten().any(|it| beyond(it, gain))
-        || drift
-            .gap_scale
-            .iter()
-            .any(|it| !(1.0 - narrower..=1.0 + wider).contains(&it.value))
+        || drift.gap_scale.iter().any(|it| !(1.0 - narrower..=1.0 + wider).contains(&it.value))
 }
 
 fn is_significant(drift: &DriftEstimate) -> bool {

@@ -56,12 +56,8 @@ mod tests {
     #[test]
     fn the_whitening_inverts_the_covariance() {
         let covariance = Matrix2::new(4.0, 1.0, 1.0, 9.0);
-        let prepared = Prepared::new(&Component {
-            weight: 0.5,
-            mean: Vector2::zeros(),
-            covariance,
-        })
-        .unwrap();
+        let prepared =
+            Prepared::new(&Component { weight: 0.5, mean: Vector2::zeros(), covariance }).unwrap();
         let w = Matrix2::from_fn(|row, column| prepared.whitening[row][column]);
         assert!((w.transpose() * w * covariance - Matrix2::identity()).norm() < 1e-14);
         assert!((prepared.trace_against(&covariance) - 2.0).abs() < 1e-14);
@@ -69,13 +65,8 @@ mod tests {
 
     #[test]
     fn a_mixture_without_a_density_is_refused() {
-        let prepared = |weight, mean, covariance| {
-            Prepared::new(&Component {
-                weight,
-                mean,
-                covariance,
-            })
-        };
+        let prepared =
+            |weight, mean, covariance| Prepared::new(&Component { weight, mean, covariance });
         let (origin, round) = (Vector2::zeros(), Matrix2::identity());
         assert!(prepared(1.0, origin, round).is_some());
         assert!(prepared(1.0, origin, Matrix2::new(1.0, 1.0, 1.0, 1.0)).is_none());

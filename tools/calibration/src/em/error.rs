@@ -75,9 +75,7 @@ impl fmt::Display for Reasons<'_> {
         for failure in self.0 {
             *counts.entry(failure).or_insert(0_usize) += 1;
         }
-        let reasons = counts
-            .into_iter()
-            .map(|(failure, count)| format!("{count} times {failure}"));
+        let reasons = counts.into_iter().map(|(failure, count)| format!("{count} times {failure}"));
         f.write_str(&reasons.collect::<Vec<_>>().join(", "))
     }
 }
@@ -89,15 +87,8 @@ mod tests {
 
     #[test]
     fn failures_are_counted_by_reason() {
-        let failures = vec![
-            StartFailure::Starved,
-            StartFailure::NotFinite,
-            StartFailure::Starved,
-        ];
-        let error = EmError::NoStartSucceeded {
-            components: 9,
-            failures,
-        };
+        let failures = vec![StartFailure::Starved, StartFailure::NotFinite, StartFailure::Starved];
+        let error = EmError::NoStartSucceeded { components: 9, failures };
         let parts = [
             "none of the 3 starts with 9 component(s)",
             "1 times the likelihood was not finite, 2 times a component was left",

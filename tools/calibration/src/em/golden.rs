@@ -27,10 +27,7 @@ fn plane_start(samples: &Samples<2>) -> Vec<Component<2>> {
     let (first, second) = (Vector2::new(0.0, 0.5), Vector2::new(3.0, -0.5));
     let wide = Matrix2::new(4.0, 0.5, 0.5, 1.0);
     let tilted = Matrix2::new(5.0, -1.0, -1.0, 2.0);
-    vec![
-        standard(samples, 0.3, first, wide),
-        standard(samples, 0.7, second, tilted),
-    ]
+    vec![standard(samples, 0.3, first, wide), standard(samples, 0.7, second, tilted)]
 }
 
 fn standard<const N: usize>(
@@ -42,11 +39,7 @@ fn standard<const N: usize>(
     let scaling = &samples.scaling;
     let scale = scaling.deviation * scaling.deviation.transpose();
     let mean = (mean - scaling.mean).component_div(&scaling.deviation);
-    Component {
-        weight,
-        mean,
-        covariance: covariance.component_div(&scale),
-    }
+    Component { weight, mean, covariance: covariance.component_div(&scale) }
 }
 
 fn iterate_plainly<const N: usize>(
@@ -54,11 +47,7 @@ fn iterate_plainly<const N: usize>(
     start: Vec<Component<N>>,
     max_iterations: usize,
 ) -> EmResult<N> {
-    let rules = EmRules {
-        tolerance: 1e-15,
-        max_iterations,
-        prior: SMatrix::zeros(),
-    };
+    let rules = EmRules { tolerance: 1e-15, max_iterations, prior: SMatrix::zeros() };
     iterate(samples, start, &rules).unwrap()
 }
 
@@ -108,29 +97,10 @@ fn a_converged_fit_is_scikit_learns() {
     let log_likelihood = result.log_likelihood + samples.scaling.log_jacobian();
     assert_all_near(&[log_likelihood], &[-3.7667866416442655], 1e-12);
     let fit = parameters(&result.mixture, &samples.scaling);
-    let means = [
-        3.741687247349026,
-        -0.8360577225846594,
-        -0.2239726440936835,
-        0.19559548470085267,
-    ];
-    let first = [
-        5.072225983515023,
-        0.30713306785892,
-        0.30713306785892,
-        0.6133753030071538,
-    ];
-    let second = [
-        4.151291449138506,
-        0.9358853413564329,
-        0.9358853413564329,
-        0.643154904846281,
-    ];
-    assert_all_near(
-        &fit.weights,
-        &[0.6287561345099897, 0.37124386549001026],
-        1e-6,
-    );
+    let means = [3.741687247349026, -0.8360577225846594, -0.2239726440936835, 0.19559548470085267];
+    let first = [5.072225983515023, 0.30713306785892, 0.30713306785892, 0.6133753030071538];
+    let second = [4.151291449138506, 0.9358853413564329, 0.9358853413564329, 0.643154904846281];
+    assert_all_near(&fit.weights, &[0.6287561345099897, 0.37124386549001026], 1e-6);
     assert_all_near(&fit.means.concat(), &means, 1e-6);
     assert_all_near(&fit.covariances[0].concat(), &first, 1e-6);
     assert_all_near(&fit.covariances[1].concat(), &second, 1e-6);
@@ -147,10 +117,7 @@ fn a_start_in_the_units_of_the_data_gives_the_same_fit() {
         prior: SMatrix::zeros(),
     };
     let same = iterate(&samples, plane_start(&samples), &rules).unwrap();
-    assert_eq!(
-        (fit.iterations, fit.starts.log_likelihoods.len()),
-        (same.history.len(), 1)
-    );
+    assert_eq!((fit.iterations, fit.starts.log_likelihoods.len()), (same.history.len(), 1));
     let expected = same.log_likelihood + samples.scaling.log_jacobian();
     assert_all_near(&[fit.log_likelihood], &[expected], 1e-12);
 

@@ -62,10 +62,8 @@ impl<const N: usize> EmResult<N> {
         if self.converged || self.history.len() >= rules.max_iterations {
             return self.clone().with_shapes();
         }
-        let rest = EmRules {
-            max_iterations: rules.max_iterations - self.history.len(),
-            ..rules.clone()
-        };
+        let rest =
+            EmRules { max_iterations: rules.max_iterations - self.history.len(), ..rules.clone() };
         let mut result = iterate(samples, self.mixture.clone(), &rest)?;
         // The first pass looks again at where the last one ended.
         result.history.splice(0..1, self.history.iter().copied());
@@ -143,8 +141,6 @@ fn prepare<const N: usize>(mixture: &[Component<N>]) -> Result<Vec<Prepared<N>>,
 }
 
 fn penalty<const N: usize>(mixture: &[Prepared<N>], shape: &SMatrix<f64, N, N>) -> f64 {
-    let traces = mixture
-        .iter()
-        .map(|component| component.trace_against(shape));
+    let traces = mixture.iter().map(|component| component.trace_against(shape));
     0.5 * traces.sum::<f64>() / mixture.len() as f64
 }

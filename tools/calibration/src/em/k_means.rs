@@ -59,10 +59,7 @@ impl<const N: usize> Clusters<N> {
             }
             centres.push(*centre);
             if centres.len() == components {
-                return Ok(Self {
-                    centres,
-                    member: vec![usize::MAX; points.len()],
-                });
+                return Ok(Self { centres, member: vec![usize::MAX; points.len()] });
             }
             chosen = draw(&squares, random.random()).ok_or(StartFailure::TooFewDistinctRows)?;
         }
@@ -109,16 +106,8 @@ impl<const N: usize> Clusters<N> {
         // Half a row for an empty cluster: a weight of 0 would never grow again.
         let total: f64 = scatters.iter().map(|(_, count)| count.max(0.5)).sum();
         let gaussian = |(mean, (scatter, count)): (&SVector<f64, N>, (SMatrix<f64, N, N>, f64))| {
-            let shape = if count > N as f64 {
-                scatter / count
-            } else {
-                pooled
-            };
-            Component {
-                weight: count.max(0.5) / total,
-                mean: *mean,
-                covariance: shape + prior,
-            }
+            let shape = if count > N as f64 { scatter / count } else { pooled };
+            Component { weight: count.max(0.5) / total, mean: *mean, covariance: shape + prior }
         };
         self.centres.iter().zip(scatters).map(gaussian).collect()
     }
@@ -129,10 +118,7 @@ impl<const N: usize> Clusters<N> {
 fn draw(weights: &[f64], fraction: f64) -> Option<usize> {
     let mut left = fraction * weights.iter().sum::<f64>();
     let mut last = None;
-    let positive = weights
-        .iter()
-        .enumerate()
-        .filter(|(_, weight)| **weight > 0.0);
+    let positive = weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
     for (index, weight) in positive {
         last = Some(index);
         left -= weight;
@@ -177,15 +163,8 @@ mod tests {
         let start = random_start(&samples, 3, &prior, &mut Pcg64::new(1, 2)).unwrap();
         let mut along: Vec<_> = start.iter().map(|component| component.mean[0]).collect();
         sort(&mut along);
-        assert!(
-            along.windows(2).all(|pair| pair[1] - pair[0] > 1.0),
-            "{along:?}"
-        );
-        assert!(
-            start
-                .iter()
-                .all(|component| (component.weight - 1.0 / 3.0).abs() < 1e-12)
-        );
+        assert!(along.windows(2).all(|pair| pair[1] - pair[0] > 1.0), "{along:?}");
+        assert!(start.iter().all(|component| (component.weight - 1.0 / 3.0).abs() < 1e-12));
     }
 
     #[test]

@@ -39,9 +39,7 @@ impl Starts {
     #[must_use]
     pub fn spread(&self) -> f64 {
         let all = &self.log_likelihoods;
-        all.first()
-            .zip(all.last())
-            .map_or(0.0, |(best, worst)| best - worst)
+        all.first().zip(all.last()).map_or(0.0, |(best, worst)| best - worst)
     }
 }
 

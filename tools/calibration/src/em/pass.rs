@@ -32,11 +32,8 @@ struct WeightedMoments<const N: usize> {
 }
 
 impl<const N: usize> WeightedMoments<N> {
-    const ZERO: Self = Self {
-        weight: [0.0; LANES],
-        first: [[0.0; LANES]; N],
-        second: [[[0.0; LANES]; N]; N],
-    };
+    const ZERO: Self =
+        Self { weight: [0.0; LANES], first: [[0.0; LANES]; N], second: [[[0.0; LANES]; N]; N] };
 
     /// Adds a block of rows, weighted by their responsibilities.
     fn add(&mut self, block: &Block<N>, mean: &[f64; N], responsibilities: &[f64; BLOCK]) {
@@ -50,10 +47,7 @@ impl<const N: usize> WeightedMoments<N> {
                 let weighted: Lanes = std::array::from_fn(|lane| share[lane] * offset[i][lane]);
                 add(first, &weighted);
                 for (second, offset) in second.iter_mut().zip(&offset).take(i + 1) {
-                    add(
-                        second,
-                        &std::array::from_fn(|lane| weighted[lane] * offset[lane]),
-                    );
+                    add(second, &std::array::from_fn(|lane| weighted[lane] * offset[lane]));
                 }
             }
         }
@@ -72,11 +66,7 @@ impl<const N: usize> WeightedMoments<N> {
             self.second[i.max(j)][i.min(j)].iter().sum::<f64>()
         });
         let covariance = (scatter + prior) / weight - shift * shift.transpose();
-        Component {
-            weight: weight / rows,
-            mean: SVector::from(*mean) + shift,
-            covariance,
-        }
+        Component { weight: weight / rows, mean: SVector::from(*mean) + shift, covariance }
     }
 }
 

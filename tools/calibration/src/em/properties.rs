@@ -30,10 +30,7 @@ pub(super) const PLAIN: EmOptions = EmOptions {
 pub(super) fn plane() -> DataTable {
     let row = |i: u32| {
         let (a, odd) = (0.37 * f64::from(i), f64::from(i % 2));
-        [
-            3.0 * a.sin() + 4.0 * odd,
-            (1.7 * a).cos() + 0.5 * a.sin() + 0.3 * (11.3 * a).sin() - odd,
-        ]
+        [3.0 * a.sin() + 4.0 * odd, (1.7 * a).cos() + 0.5 * a.sin() + 0.3 * (11.3 * a).sin() - odd]
     };
     DataTable::from_rows(2, (0..60).map(row))
 }
@@ -72,36 +69,23 @@ fn a_collapse_fails_its_start_and_not_the_process() {
         matches!(&error, EmError::NoStartSucceeded { failures, .. } if failures.len() == 3),
         "{error}"
     );
-    let propped_up = EmOptions {
-        regularisation: 1e-6,
-        ..PLAIN
-    };
+    let propped_up = EmOptions { regularisation: 1e-6, ..PLAIN };
     assert!(fit_mixture(&data, 2, &propped_up, &Silent).is_ok());
 }
 
 #[test]
 fn data_that_cannot_be_fitted_are_refused_with_the_reason() {
     let refusal = |data: &DataTable, components: usize| {
-        fit_mixture(data, components, &PLAIN, &Silent)
-            .unwrap_err()
-            .to_string()
+        fit_mixture(data, components, &PLAIN, &Silent).unwrap_err().to_string()
     };
     let wide = DataTable::from_rows(8, [[0.0; 8]; 100]);
     let hole = DataTable::from_rows(2, [[0.0, 1.0], [1.0, f64::NAN]]);
     let same = DataTable::from_rows(2, [[1.0, 2.0]; 100]);
     for (data, components, reason) in [
-        (
-            &plane(),
-            11,
-            "60 rows of 2 variables carry at most 10 component(s), and 11 are",
-        ),
+        (&plane(), 11, "60 rows of 2 variables carry at most 10 component(s), and 11 are"),
         (&plane(), 0, "carry at most 10 component(s), and 0 are"),
         (&wide, 1, "2 to 7 variables, and the data have 8"),
-        (
-            &hole,
-            1,
-            "row 1 of the data holds a number that is not finite",
-        ),
+        (&hole, 1, "row 1 of the data holds a number that is not finite"),
         (&same, 2, "fewer distinct rows than components"),
     ] {
         let text = refusal(data, components);
@@ -118,11 +102,7 @@ fn a_range_ends_where_the_rows_do() {
 #[test]
 fn units_and_offsets_do_not_matter() {
     let moved = DataTable::from_rows(2, plane().rows().map(|row| [row[0], 1e3 * row[1] + 7e5]));
-    let fit = |data| {
-        fit_mixture(data, 2, &PLAIN, &Silent)
-            .unwrap()
-            .log_likelihood
-    };
+    let fit = |data| fit_mixture(data, 2, &PLAIN, &Silent).unwrap().log_likelihood;
     assert_near(fit(&moved) + 1e3_f64.ln(), fit(&plane()), 1e-8);
 }
 
@@ -140,11 +120,7 @@ fn check_mixture(mixture: &MixtureParameters) {
 fn rows() -> impl Strategy<Value = Vec<[f64; 3]>> {
     let row = (-300.0..300.0, -1.0..1.0, -1.0..1.0_f64);
     let bent = |(count, noise, other): (f64, f64, f64)| {
-        [
-            count,
-            1e4 + 0.02 * count + noise,
-            (count / 100.0).sin() + other,
-        ]
+        [count, 1e4 + 0.02 * count + noise, (count / 100.0).sin() + other]
     };
     prop::collection::vec(row.prop_map(bent), 40..150)
 }

@@ -42,8 +42,7 @@ pub fn fit_mixture(
     progress: &dyn Progress,
 ) -> Result<MixtureFit, EmError> {
     let mut fits = fit_mixtures(data, components..=components, options, progress)?;
-    fits.pop()
-        .unwrap_or_else(|| Err(too_few_rows(data, components)))
+    fits.pop().unwrap_or_else(|| Err(too_few_rows(data, components)))
 }
 
 /// Fits a mixture from given starts instead of random ones, to compare with other programs. The
@@ -85,17 +84,10 @@ fn from_starts<const N: usize>(
     let rules = rules(&samples, options);
     let results = parallel::map(starts.len(), |start| {
         let start = standardised(&starts[start], &samples.scaling);
-        iterate(
-            &samples,
-            start.ok_or(StartFailure::NotPositiveDefinite)?,
-            &rules,
-        )
+        iterate(&samples, start.ok_or(StartFailure::NotPositiveDefinite)?, &rules)
     });
     let components = starts.first().map_or(0, |start| start.weights.len());
-    let none = Field {
-        ranked: Vec::new(),
-        failures: Vec::new(),
-    };
+    let none = Field { ranked: Vec::new(), failures: Vec::new() };
     best(&samples, components, &results, &none)
 }
 
@@ -173,10 +165,8 @@ fn fit_range<const N: usize>(
     let sizes: Vec<usize> = range.rev().collect();
     let finalists = restarts.div_ceil(STARTS_PER_FINALIST);
     progress.begin(sizes.len() * (restarts + finalists));
-    let short = EmRules {
-        max_iterations: FIRST_ITERATIONS.min(rules.max_iterations),
-        ..rules.clone()
-    };
+    let short =
+        EmRules { max_iterations: FIRST_ITERATIONS.min(rules.max_iterations), ..rules.clone() };
     let begun = parallel::map(sizes.len() * restarts, |job| {
         let components = sizes[job / restarts];
         let random = &mut stream(options.seed, components, job % restarts);
@@ -221,10 +211,7 @@ impl<'a, const N: usize> Field<'a, N> {
         let mut ranked: Vec<_> = begun.iter().flatten().collect();
         ranked.sort_by(|a, b| b.objective().total_cmp(&a.objective()));
         let failures = begun.iter().filter_map(|result| result.as_ref().err());
-        Self {
-            failures: failures.copied().collect(),
-            ranked,
-        }
+        Self { failures: failures.copied().collect(), ranked }
     }
 }
 
@@ -260,9 +247,7 @@ fn best<const N: usize>(
     for result in results {
         match result {
             Ok(result) => {
-                starts
-                    .log_likelihoods
-                    .push(result.log_likelihood + log_jacobian);
+                starts.log_likelihoods.push(result.log_likelihood + log_jacobian);
                 let beats = |best: &EmResult<N>| result.objective() > best.objective();
                 if best.is_none_or(beats) {
                     best = Some(result);
@@ -274,10 +259,7 @@ fn best<const N: usize>(
     starts.log_likelihoods.sort_by(|a, b| b.total_cmp(a));
     let Some(result) = best else {
         let failures = starts.failures;
-        return Err(EmError::NoStartSucceeded {
-            components,
-            failures,
-        });
+        return Err(EmError::NoStartSucceeded { components, failures });
     };
     let log_likelihood = result.log_likelihood + log_jacobian;
     Ok(MixtureFit {
@@ -299,20 +281,15 @@ pub(super) fn parameters<const N: usize>(
     ordered.sort_by(|a, b| b.weight.total_cmp(&a.weight));
     let total: f64 = ordered.iter().map(|component| component.weight).sum();
     let scale = scaling.deviation * scaling.deviation.transpose();
-    let mut parameters = MixtureParameters {
-        weights: Vec::new(),
-        means: Vec::new(),
-        covariances: Vec::new(),
-    };
+    let mut parameters =
+        MixtureParameters { weights: Vec::new(), means: Vec::new(), covariances: Vec::new() };
     for component in ordered {
         let mean = component.mean.component_mul(&scaling.deviation) + scaling.mean;
         let covariance = component.covariance.component_mul(&scale);
         let rows = covariance.row_iter();
         parameters.weights.push(component.weight / total);
         parameters.means.push(mean.as_slice().to_vec());
-        parameters
-            .covariances
-            .push(rows.map(|row| row.iter().copied().collect()).collect());
+        parameters.covariances.push(rows.map(|row| row.iter().copied().collect()).collect());
     }
     parameters
 }

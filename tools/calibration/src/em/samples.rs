@@ -39,11 +39,7 @@ impl<const N: usize> Scaling<N> {
     /// The log-density of a row less that of the standardised row: the logarithm of the Jacobian of
     /// the change of variables.
     pub fn log_jacobian(&self) -> f64 {
-        -self
-            .deviation
-            .iter()
-            .map(|deviation| deviation.ln())
-            .sum::<f64>()
+        -self.deviation.iter().map(|deviation| deviation.ln()).sum::<f64>()
     }
 }
 
@@ -70,10 +66,7 @@ impl<const N: usize> Samples<N> {
         for (number, row) in data.rows().enumerate() {
             let place = number % BLOCK;
             if place == 0 {
-                samples.blocks.push(Block {
-                    columns: [[0.0; BLOCK]; N],
-                    used: 0,
-                });
+                samples.blocks.push(Block { columns: [[0.0; BLOCK]; N], used: 0 });
             }
             let standard =
                 (SVector::from_fn(|v, _| row[v]) - scaling.mean).component_div(&scaling.deviation);
@@ -108,10 +101,7 @@ mod tests {
         let row = |i: u32| [f64::from(i), 7.0 - 2.0 * f64::from(i * i)];
         let samples = Samples::<2>::new(&DataTable::from_rows(2, (0..150).map(row)));
         let points: Vec<_> = samples.points().collect();
-        assert_eq!(
-            (points.len(), samples.blocks.len(), samples.blocks[2].used),
-            (150, 3, 22)
-        );
+        assert_eq!((points.len(), samples.blocks.len(), samples.blocks[2].used), (150, 3, 22));
         let mean = points.iter().sum::<SVector<f64, 2>>() / 150.0;
         assert!(mean.norm() < 1e-12);
         assert_near(samples.correlation[(0, 0)], 1.0, 1e-12);
@@ -121,10 +111,8 @@ mod tests {
 
     #[test]
     fn a_variable_that_never_changes_stays_finite() {
-        let samples = Samples::<2>::new(&DataTable::from_rows(
-            2,
-            (0..9).map(|i| [f64::from(i), 5.0]),
-        ));
+        let samples =
+            Samples::<2>::new(&DataTable::from_rows(2, (0..9).map(|i| [f64::from(i), 5.0])));
         let mut points = samples.points();
         assert!(points.all(|point| point.iter().all(|value| value.is_finite())));
     }

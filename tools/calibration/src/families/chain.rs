@@ -44,11 +44,7 @@ pub struct ChainOptions {
 
 impl Default for ChainOptions {
     fn default() -> Self {
-        Self {
-            components: None,
-            residual: true,
-            em: EmOptions::default(),
-        }
+        Self { components: None, residual: true, em: EmOptions::default() }
     }
 }
 
@@ -133,10 +129,7 @@ fn mixture(
     progress: &dyn Progress,
 ) -> Result<MixtureFit, EmError> {
     loop {
-        match (
-            fit_mixture(joint, components, em, progress),
-            fewer(components),
-        ) {
+        match (fit_mixture(joint, components, em, progress), fewer(components)) {
             (Err(EmError::NoStartSucceeded { .. }), Some(fewer)) => components = fewer,
             (fit, _) => return fit,
         }
@@ -155,10 +148,7 @@ struct ChainData<'a> {
 impl<'a> ChainData<'a> {
     fn new(series: &Series, points: &'a [TracePoint]) -> Self {
         let virtual_counts: Vec<MotorVec> = points.iter().map(|p| p.virtual_counts).collect();
-        let largest = virtual_counts
-            .iter()
-            .flatten()
-            .fold(1.0, |most: f64, v| most.max(v.abs()));
+        let largest = virtual_counts.iter().flatten().fold(1.0, |most: f64, v| most.max(v.abs()));
         Self {
             motors: series.motors(),
             points,
@@ -171,10 +161,7 @@ impl<'a> ChainData<'a> {
     }
 
     fn features(&self, degrees: (usize, usize)) -> DMatrix<f64> {
-        let lags = self
-            .points
-            .first()
-            .map_or(0, |point| point.lags.as_slice().len());
+        let lags = self.points.first().map_or(0, |point| point.lags.as_slice().len());
         feature_matrix(self.motors, (self.points.len(), lags), degrees, &|row| {
             let scaled = self.virtual_counts[row].map(|v| v / self.scale_counts);
             (scaled, self.points[row].lags)
@@ -185,9 +172,7 @@ impl<'a> ChainData<'a> {
     fn without_lags(&self) -> Result<DMatrix<f64>, ChainError> {
         let mut features = self.features(DEGREES[0]);
         let fit = ridge(&features, &self.measured).ok_or(ChainError::Degenerate)?;
-        features
-            .columns_mut(0, shape_features(self.motors, DEGREES[0].0))
-            .fill(0.0);
+        features.columns_mut(0, shape_features(self.motors, DEGREES[0].0)).fill(0.0);
         Ok(&self.measured - features * fit.coefficients)
     }
 
@@ -196,17 +181,12 @@ impl<'a> ChainData<'a> {
             let inputs = self.virtual_counts[row].into_iter().take(self.motors);
             inputs.chain((0..outputs.ncols()).map(move |output| outputs[(row, output)]))
         };
-        DataTable::from_rows(
-            self.motors + outputs.ncols(),
-            (0..self.points.len()).map(row),
-        )
+        DataTable::from_rows(self.motors + outputs.ncols(), (0..self.points.len()).map(row))
     }
 
     /// The residual with the least error on blocks left out, and the mean square of that error.
     fn residual(&self, rest: &DMatrix<f64>) -> (Option<ResidualParameters>, f64) {
-        let tried = DEGREES
-            .iter()
-            .filter_map(|d| Some((d, ridge(&self.features(*d), rest)?)));
+        let tried = DEGREES.iter().filter_map(|d| Some((d, ridge(&self.features(*d), rest)?)));
         let best = tried.min_by(|a, b| a.1.left_out_error.total_cmp(&b.1.left_out_error));
         let without = mean_square(rest);
         match best {
@@ -223,9 +203,7 @@ impl<'a> ChainData<'a> {
             scale_counts: self.scale_counts,
             shape_degree: degrees.0,
             lag_degree: degrees.1,
-            coefficients: columns
-                .map(|column| column.iter().copied().collect())
-                .collect(),
+            coefficients: columns.map(|column| column.iter().copied().collect()).collect(),
         }
     }
 }
@@ -270,11 +248,7 @@ mod tests {
     fn fit(recording: &Recording, residual: bool) -> ChainFit {
         let series = Series::whole(recording);
         let points = trace_plays(&series, &plays(), UnknownMemory::LeaveOut).unwrap();
-        let options = ChainOptions {
-            components: Some(1),
-            residual,
-            em: few_starts(2),
-        };
+        let options = ChainOptions { components: Some(1), residual, em: few_starts(2) };
         fit_chain(&series, &points, &options, &Silent).unwrap()
     }
 
@@ -283,10 +257,7 @@ mod tests {
         let found = fit(&with_lag(0.0), true);
         assert!(found.cross_validated_rms < 0.01, "{found:?}");
         let corners = found.virtual_hull.corners;
-        assert!(
-            corners.iter().flatten().all(|corner| corner.abs() < 450.0),
-            "{corners:?}"
-        );
+        assert!(corners.iter().flatten().all(|corner| corner.abs() < 450.0), "{corners:?}");
     }
 
     #[test]

@@ -25,19 +25,8 @@ use crate::table::DataTable;
 use i2ris_statistics::min_max;
 
 /// Dead-bands that are tried, counts.
-const DEAD_BANDS_COUNTS: [f64; 11] = [
-    LEAST_DEAD_BAND_COUNTS,
-    2.0,
-    3.0,
-    5.0,
-    8.0,
-    12.0,
-    20.0,
-    30.0,
-    50.0,
-    80.0,
-    120.0,
-];
+const DEAD_BANDS_COUNTS: [f64; 11] =
+    [LEAST_DEAD_BAND_COUNTS, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 50.0, 80.0, 120.0];
 
 /// The widest dead-band that is tried, as a part of the range of the motor.
 const WIDEST: f64 = 0.25;
@@ -105,23 +94,11 @@ pub fn fit_direction(
     let components = options
         .components
         .unwrap_or_else(|| choose_components(&joint, inputs, &options.em, progress));
-    let MixtureFit {
-        parameters: mixture,
-        log_likelihood,
-        bic,
-        ..
-    } = fit_mixture(&joint, components, &options.em, progress)?;
+    let MixtureFit { parameters: mixture, log_likelihood, bic, .. } =
+        fit_mixture(&joint, components, &options.em, progress)?;
     let dead_bands_counts = dead_bands[..series.motors()].to_vec();
-    let parameters = FamilyParameters::GmrDirection {
-        dead_bands_counts,
-        mixture,
-    };
-    Ok(DirectionFit {
-        parameters,
-        components,
-        log_likelihood,
-        bic,
-    })
+    let parameters = FamilyParameters::GmrDirection { dead_bands_counts, mixture };
+    Ok(DirectionFit { parameters, components, log_likelihood, bic })
 }
 
 /// A sample, with the directions where they are known.
@@ -167,8 +144,7 @@ fn rows(series: &Series, dead_bands: &MotorVec) -> Vec<DirectionSample> {
 fn every_motor_turns(rows: &[DirectionSample], motors: usize) -> Result<(), DirectionError> {
     for motor in 0..motors {
         let moves = |direction: Direction| {
-            rows.iter()
-                .any(|row| row.directions[motor] == direction.variable())
+            rows.iter().any(|row| row.directions[motor] == direction.variable())
         };
         if !moves(Direction::Up) || !moves(Direction::Down) {
             return Err(DirectionError::NeverTurns { motor });
@@ -182,9 +158,7 @@ fn joint(rows: &[DirectionSample], series: &Series) -> DataTable {
     let cells = |row: &DirectionSample| {
         let directions = (0..motors).map(|motor| row.direction(motor));
         let inputs = row.counts.into_iter().take(motors).chain(directions);
-        inputs
-            .chain(row.outputs.into_iter().take(outputs))
-            .collect::<Vec<_>>()
+        inputs.chain(row.outputs.into_iter().take(outputs)).collect::<Vec<_>>()
     };
     DataTable::from_rows(2 * motors + outputs, rows.iter().map(cells))
 }
@@ -199,9 +173,7 @@ fn choose_dead_bands(series: &Series) -> MotorVec {
     let best = |candidates: Vec<MotorVec>| {
         let candidates = candidates.into_iter();
         let tried = candidates.filter_map(|bands| Some((left_out_error(series, &bands)?, bands)));
-        tried
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .map(|(_, bands)| bands)
+        tried.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, bands)| bands)
     };
     let fit_all = |band: &f64| (0..motors).all(|motor| fits(motor, *band));
     let together = DEAD_BANDS_COUNTS.into_iter().filter(fit_all);
@@ -213,9 +185,7 @@ fn choose_dead_bands(series: &Series) -> MotorVec {
             bands[motor] = band;
             bands
         };
-        let candidates = DEAD_BANDS_COUNTS
-            .into_iter()
-            .filter(|band| fits(motor, *band));
+        let candidates = DEAD_BANDS_COUNTS.into_iter().filter(|band| fits(motor, *band));
         bands = best(candidates.map(with).collect()).unwrap_or(bands);
     }
     bands
@@ -263,19 +233,15 @@ mod tests {
         recording: &Recording,
         components: Option<usize>,
     ) -> Result<DirectionFit, DirectionError> {
-        let options = DirectionOptions {
-            components,
-            em: few_starts(3),
-        };
+        let options = DirectionOptions { components, em: few_starts(3) };
         fit_direction(&Series::whole(recording), &options, &Silent)
     }
 
     fn parameters(fit: &DirectionFit) -> (&[f64], &MixtureParameters) {
         match &fit.parameters {
-            FamilyParameters::GmrDirection {
-                dead_bands_counts,
-                mixture,
-            } => (dead_bands_counts, mixture),
+            FamilyParameters::GmrDirection { dead_bands_counts, mixture } => {
+                (dead_bands_counts, mixture)
+            }
             other => panic!("{other:?}"),
         }
     }
@@ -329,12 +295,8 @@ mod tests {
 
     #[test]
     fn a_motor_that_never_turns_is_named() {
-        let one_way = recording(400, |time| {
-            ([wander(time)[0], 10.0 * time], straight(wander(time)))
-        });
-        assert_contains(
-            &fit(&one_way, Some(1)).unwrap_err(),
-            &["motor 1 never turns back"],
-        );
+        let one_way =
+            recording(400, |time| ([wander(time)[0], 10.0 * time], straight(wander(time))));
+        assert_contains(&fit(&one_way, Some(1)).unwrap_err(), &["motor 1 never turns back"]);
     }
 }

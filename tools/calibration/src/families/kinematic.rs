@@ -47,11 +47,7 @@ impl KinematicOptions {
     /// robot's gear of 64:1. The radii of the pulleys compensate a wrong number of counts.
     #[must_use]
     pub const fn new(unit: OutputUnit) -> Self {
-        Self {
-            unit,
-            counts_per_turn: 1024.0,
-            gear_ratio: 64.0,
-        }
+        Self { unit, counts_per_turn: 1024.0, gear_ratio: 64.0 }
     }
 }
 
@@ -75,11 +71,7 @@ pub fn fit_kinematic(
     series: &Series,
     options: &KinematicOptions,
 ) -> Result<FamilyParameters, KinematicError> {
-    if series.motors() == 1 {
-        fit::<1>(series, options)
-    } else {
-        fit::<2>(series, options)
-    }
+    if series.motors() == 1 { fit::<1>(series, options) } else { fit::<2>(series, options) }
 }
 
 fn fit<const D: usize>(
@@ -97,11 +89,7 @@ fn fit<const D: usize>(
     let (errors, offset) = problem.errors(&chain)?;
     let freedom = errors.nrows().saturating_sub(free.len() + 1).max(1) as f64;
     let covariance = rows_of(&residual_covariance(&errors, &outputs, freedom));
-    Ok(FamilyParameters::Kinematic {
-        kinematics: canonical(chain),
-        offset,
-        covariance,
-    })
+    Ok(FamilyParameters::Kinematic { kinematics: canonical(chain), offset, covariance })
 }
 
 struct KinematicProblem<'a, const D: usize> {
@@ -114,14 +102,8 @@ impl<'a, const D: usize> KinematicProblem<'a, D> {
     fn new(series: &'a Series, options: &'a KinematicOptions) -> Self {
         let vector = |counts: MotorVec| SVector::from_fn(|motor, _| counts[motor]);
         let samples = series.samples().iter();
-        let counts = samples
-            .map(|sample| vector(series.counts(sample)))
-            .collect();
-        Self {
-            series,
-            options,
-            counts,
-        }
+        let counts = samples.map(|sample| vector(series.counts(sample))).collect();
+        Self { series, options, counts }
     }
 
     /// The radii, mm, and the rotation, rad, unless a single output leaves it open.
@@ -138,10 +120,7 @@ impl<'a, const D: usize> KinematicProblem<'a, D> {
     fn local(&self, chain: &Kinematics<D>, counts: &SVector<f64, D>) -> Local<D, MAX_OUTPUTS> {
         let local = chain.at(counts, self.options.unit);
         let si = self.options.unit.si();
-        Local {
-            mean: local.mean / si,
-            jacobian: local.jacobian / si,
-        }
+        Local { mean: local.mean / si, jacobian: local.jacobian / si }
     }
 
     /// The rotation and the radii whose slopes at the straight pose come nearest to those of an
@@ -149,10 +128,7 @@ impl<'a, const D: usize> KinematicProblem<'a, D> {
     fn start(&self, gain: &[Vec<f64>]) -> Result<DVector<f64>, KinematicError> {
         let rotates = self.series.outputs() > 1;
         let rotations: Vec<f64> = match rotates {
-            true => (0..180)
-                .step_by(ROTATION_STEP_DEG)
-                .map(|degrees| degrees as f64)
-                .collect(),
+            true => (0..180).step_by(ROTATION_STEP_DEG).map(|degrees| degrees as f64).collect(),
             false => vec![DRAWN_ROTATION_DEG],
         };
         let mut best = (f64::INFINITY, DVector::zeros(0));
@@ -165,11 +141,7 @@ impl<'a, const D: usize> KinematicProblem<'a, D> {
                 let gains = DVector::from_iterator(gain.len(), gain.iter().map(|row| row[motor]));
                 let slopes = slope.view((0, motor), (gain.len(), 1));
                 let squares = slopes.norm_squared();
-                free[motor] = if squares > 0.0 {
-                    gains.dot(&slopes) / squares
-                } else {
-                    0.0
-                };
+                free[motor] = if squares > 0.0 { gains.dot(&slopes) / squares } else { 0.0 };
                 error += (gains - slopes * free[motor]).norm_squared();
             }
             if error < best.0 {
@@ -276,11 +248,8 @@ mod tests {
 
     #[test]
     fn the_parameters_of_a_robot_are_found() {
-        for (rotation, radii) in [
-            (45.0, [12.0, 11.0]),
-            (-70.0, [9.0, -14.0]),
-            (20.0, [-10.0, 8.0]),
-        ] {
+        for (rotation, radii) in [(45.0, [12.0, 11.0]), (-70.0, [9.0, -14.0]), (20.0, [-10.0, 8.0])]
+        {
             let chain = Kinematics::<2>::prepare(&robot(rotation, &radii)).unwrap();
             let mut random = noise(1);
             let recording = recording(600, |time| {
@@ -291,12 +260,7 @@ mod tests {
             });
             let options = KinematicOptions::new(OutputUnit::Deg);
             let fit = fit_kinematic(&Series::whole(&recording), &options).unwrap();
-            let FamilyParameters::Kinematic {
-                kinematics,
-                offset,
-                covariance,
-            } = fit
-            else {
+            let FamilyParameters::Kinematic { kinematics, offset, covariance } = fit else {
                 panic!()
             };
             for (found, expected) in kinematics.pulley_radii_mm.iter().zip(radii) {

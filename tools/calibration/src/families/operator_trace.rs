@@ -103,16 +103,10 @@ fn trace<O: Operator<D>, const D: usize>(
         let mut virtual_counts = MotorVec::default();
         virtual_counts[..D].copy_from_slice(local.mean.as_slice());
         let (lags, outputs) = (operator.lags(&state), sample.outputs);
-        points.push(TracePoint {
-            virtual_counts,
-            lags,
-            outputs,
-        });
+        points.push(TracePoint { virtual_counts, lags, outputs });
     }
     let known = series.covered_from(&operator.wipe_counts());
-    let before = series
-        .samples()
-        .partition_point(|sample| sample.path_index < known);
+    let before = series.samples().partition_point(|sample| sample.path_index < known);
     let can_leave_out = 2 * before <= points.len() && covers(series, before);
     if unknown == UnknownMemory::LeaveOut && can_leave_out {
         points.drain(..before);
@@ -156,16 +150,10 @@ fn sized_features<const D: usize>(
     for (index, mut cells) in matrix.row_iter_mut().enumerate() {
         let (counts, lags) = row(index);
         let mut column = 0;
-        features(
-            &SVector::<f64, D>::from_fn(|motor, _| counts[motor]),
-            &lags,
-            shape,
-            lag,
-            |x| {
-                cells[column] = x;
-                column += 1;
-            },
-        );
+        features(&SVector::<f64, D>::from_fn(|motor, _| counts[motor]), &lags, shape, lag, |x| {
+            cells[column] = x;
+            column += 1;
+        });
     }
     matrix
 }
@@ -198,9 +186,7 @@ mod tests {
         let rows: Vec<usize> = (0..40).step_by(3).collect();
         let all = trace(&Series::whole(&recording), 0.5);
         let some = trace(&Series::new(&recording, &rows), 0.5);
-        let expected = rows[rows.len() - some.len()..]
-            .iter()
-            .map(|row| all[all.len() + row - 40]);
+        let expected = rows[rows.len() - some.len()..].iter().map(|row| all[all.len() + row - 40]);
         assert_eq!(some, expected.collect::<Vec<_>>());
     }
 
@@ -209,15 +195,7 @@ mod tests {
         let series = Series::whole(&one_motor(100, |time| (10.0 * time, time)));
         // 2 counts a row, and a play of 8 counts is known after a range of 16.
         assert_eq!(trace(&series, 8.0).len(), 92);
-        assert_eq!(
-            trace(&series, 30.0).len(),
-            100,
-            "the rest would not cover the lower end"
-        );
-        assert_eq!(
-            trace(&series, 80.0).len(),
-            100,
-            "it never is, so all of them are used"
-        );
+        assert_eq!(trace(&series, 30.0).len(), 100, "the rest would not cover the lower end");
+        assert_eq!(trace(&series, 80.0).len(), 100, "it never is, so all of them are used");
     }
 }

@@ -47,9 +47,8 @@ impl PlayMechanism {
         outputs: &DataTable,
     ) -> Result<Self, LinearError> {
         let motors = plays.thresholds_counts.iter().zip(&plays.weights);
-        let motors: Vec<_> = motors
-            .map(|(thresholds, weights)| (thresholds.clone(), weights.clone()))
-            .collect();
+        let motors: Vec<_> =
+            motors.map(|(thresholds, weights)| (thresholds.clone(), weights.clone())).collect();
         Self::from_thresholds(&motors, virtual_counts, outputs)
     }
 
@@ -69,10 +68,7 @@ impl PlayMechanism {
             PlayMotor::new(slope.norm(), thresholds, weights)
         };
         let motors = motors.iter().enumerate();
-        Ok(Self {
-            motors: motors.map(motor).collect(),
-            rotation_deg: rotation(&slopes),
-        })
+        Ok(Self { motors: motors.map(motor).collect(), rotation_deg: rotation(&slopes) })
     }
 }
 
@@ -95,21 +91,11 @@ impl fmt::Display for PlayMechanism {
     /// A line per motor, then one for the axes.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (motor, found) in self.motors.iter().enumerate() {
-            write!(
-                f,
-                "motor {motor}: gap {:.0} counts ({:.2}), ",
-                found.gap_counts, found.gap
-            )?;
-            write!(
-                f,
-                "loop {:.0} counts ({:.2}) wide, ",
-                found.loop_counts, found.loop_width
-            )?;
+            write!(f, "motor {motor}: gap {:.0} counts ({:.2}), ", found.gap_counts, found.gap)?;
+            write!(f, "loop {:.0} counts ({:.2}) wide, ", found.loop_counts, found.loop_width)?;
             writeln!(f, "{:.4} per count", found.gain)?;
         }
-        self.rotation_deg.map_or(Ok(()), |rotation| {
-            writeln!(f, "axes turned by {rotation:.1} deg")
-        })
+        self.rotation_deg.map_or(Ok(()), |rotation| writeln!(f, "axes turned by {rotation:.1} deg"))
     }
 }
 
@@ -148,10 +134,7 @@ mod tests {
     fn a_single_gap_is_found() {
         let found = PlayMotor::new(0.02, &[0.0, 10.0, 40.0], &[0.1, 0.0, 0.9]);
         assert_eq!((found.gap_counts, found.gap), (80.0, 1.6));
-        assert_eq!(
-            (found.gain, found.loop_counts, found.loop_width),
-            (0.02, 72.0, 1.44)
-        );
+        assert_eq!((found.gain, found.loop_counts, found.loop_width), (0.02, 72.0, 1.44));
         let without_gap = PlayMotor::new(1.0, &[0.0, 9.0], &[0.6, 0.4]);
         assert_eq!(without_gap.gap_counts, 0.0);
     }

@@ -48,9 +48,7 @@ pub fn fit(
     outputs_change(recording, &training)?;
     let data = TrainingData::new(recording, training)?;
     let fitter = data.fitter(&survey, &split, options, progress);
-    let wanted = Family::ALL
-        .into_iter()
-        .filter(|family| options.choice.includes(*family));
+    let wanted = Family::ALL.into_iter().filter(|family| options.choice.includes(*family));
     let mut fitter = fitter;
     let parts = Parts::new(options.choice);
     let mut families: Vec<FamilyOutcome> = wanted
@@ -91,15 +89,7 @@ pub fn fit(
         family,
         linear,
         families,
-        report: FitReport {
-            split,
-            survey,
-            training,
-            every,
-            drift,
-            candidates,
-            scores,
-        },
+        report: FitReport { split, survey, training, every, drift, candidates, scores },
     })
 }
 
@@ -171,21 +161,11 @@ impl<'a> TrainingData<'a> {
         let inputs = inputs(recording, rows.iter().copied());
         let outputs = outputs(recording, rows.iter().copied());
         let straight = fit_linear(&inputs, &outputs)?;
-        let visited: Vec<_> = rows
-            .iter()
-            .map(|row| recording.rows()[*row].counts)
-            .collect();
+        let visited: Vec<_> = rows.iter().map(|row| recording.rows()[*row].counts).collect();
         let hull = Hull::from_points(recording.motors(), &visited)
             .map_err(|source| refused(Family::Linear, source))?
             .parameters();
-        Ok(Self {
-            recording,
-            rows,
-            hull,
-            inputs,
-            outputs,
-            straight,
-        })
+        Ok(Self { recording, rows, hull, inputs, outputs, straight })
     }
 
     fn fitter(
@@ -259,10 +239,8 @@ fn choose(families: &mut Vec<FamilyOutcome>, choice: Choice) -> Result<Choosing,
         .iter()
         .filter_map(|outcome| Some((outcome.family, outcome.result.as_ref().ok()?.clone())))
         .collect();
-    let models: Vec<(Family, &Model)> = fitted
-        .iter()
-        .map(|(family, model)| (*family, &**model))
-        .collect();
+    let models: Vec<(Family, &Model)> =
+        fitted.iter().map(|(family, model)| (*family, &**model)).collect();
     let (scores, family) = match choice {
         Choice::Best => {
             let scores = scores(&models);
@@ -278,10 +256,7 @@ fn choose(families: &mut Vec<FamilyOutcome>, choice: Choice) -> Result<Choosing,
         }
         _ => {
             let failed = families.iter().position(|outcome| outcome.result.is_err());
-            let reason = families
-                .swap_remove(failed.unwrap_or_default())
-                .result
-                .err();
+            let reason = families.swap_remove(failed.unwrap_or_default()).result.err();
             Err(reason.unwrap_or(FitError::NothingToChooseBy))
         }
     }
@@ -289,9 +264,7 @@ fn choose(families: &mut Vec<FamilyOutcome>, choice: Choice) -> Result<Choosing,
 
 fn outputs_change(recording: &Recording, training: &[usize]) -> Result<(), FitError> {
     for (index, spec) in recording.outputs().iter().enumerate() {
-        let mut values = training
-            .iter()
-            .map(|row| recording.rows()[*row].outputs[index]);
+        let mut values = training.iter().map(|row| recording.rows()[*row].outputs[index]);
         let first = values.next();
         if values.all(|value| Some(value) == first) {
             let output = spec.name.clone();

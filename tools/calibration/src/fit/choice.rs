@@ -45,8 +45,7 @@ impl Score {
     /// Both errors together.
     #[must_use]
     pub fn total(&self) -> f64 {
-        self.worst_plant
-            .map_or(self.held_out, |(error, _)| self.held_out.hypot(error))
+        self.worst_plant.map_or(self.held_out, |(error, _)| self.held_out.hypot(error))
     }
 }
 
@@ -70,14 +69,10 @@ impl Score {
 
 /// Scores the families, in the order given.
 pub(super) fn scores(models: &[(Family, &Model)]) -> Vec<Score> {
-    let held_out: Vec<f64> = models
-        .iter()
-        .map(|(_, model)| held_out_error(model))
-        .collect();
+    let held_out: Vec<f64> = models.iter().map(|(_, model)| held_out_error(model)).collect();
     let least = held_out.iter().copied().fold(f64::INFINITY, f64::min);
-    let plants: Vec<usize> = (0..models.len())
-        .filter(|index| held_out[*index] <= CREDIBLE * least)
-        .collect();
+    let plants: Vec<usize> =
+        (0..models.len()).filter(|index| held_out[*index] <= CREDIBLE * least).collect();
     let goals = models.first().map(|(_, model)| Goals::new(model));
     let straight = goals.as_ref().map_or(0.0, |goals| goals.path.travel());
     let trials = parallel::map(models.len(), |index| {
@@ -89,9 +84,7 @@ pub(super) fn scores(models: &[(Family, &Model)]) -> Vec<Score> {
         others.filter_map(trial).collect::<Vec<_>>()
     });
     let score = |(index, (family, _)): (usize, &(Family, &Model))| {
-        let worst = trials[index]
-            .iter()
-            .max_by(|a, b| a.1.error.total_cmp(&b.1.error));
+        let worst = trials[index].iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error));
         let travel = trials[index].iter().map(|(_, trial)| trial.travel);
         Score {
             family: *family,
@@ -140,11 +133,7 @@ impl Goals {
         let none = straight.new_memory();
         let predicted = path.wander.iter();
         let predicted = predicted.map(|counts| straight.predict(counts, &none).mean);
-        Self {
-            outputs: straight.outputs(),
-            goals: predicted.collect(),
-            path,
-        }
+        Self { outputs: straight.outputs(), goals: predicted.collect(), path }
     }
 }
 
@@ -175,16 +164,11 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Trial {
         if tick >= SETTLING {
             travel += TrialPath::distance(&counts, &next);
             let pairs = reached.iter().zip(goal).take(goals.outputs);
-            squares += pairs
-                .map(|(reached, goal)| (reached - goal).powi(2))
-                .sum::<f64>();
+            squares += pairs.map(|(reached, goal)| (reached - goal).powi(2)).sum::<f64>();
         }
         counts = next;
     }
-    Trial {
-        error: (squares / (TICKS - SETTLING) as f64).sqrt(),
-        travel,
-    }
+    Trial { error: (squares / (TICKS - SETTLING) as f64).sqrt(), travel }
 }
 
 #[cfg(test)]
@@ -192,12 +176,7 @@ mod tests {
     use super::*;
 
     fn score(family: Family, held_out: f64, on_others: f64) -> Score {
-        Score {
-            family,
-            held_out,
-            worst_plant: Some((on_others, Family::Linear)),
-            travel: 1.0,
-        }
+        Score { family, held_out, worst_plant: Some((on_others, Family::Linear)), travel: 1.0 }
     }
 
     #[test]
@@ -212,10 +191,7 @@ mod tests {
 
     #[test]
     fn a_small_difference_is_no_reason_for_a_more_complex_family() {
-        let scores = [
-            score(Family::GmrPlay, 0.2, 0.2),
-            score(Family::GmrStop, 0.199, 0.199),
-        ];
+        let scores = [score(Family::GmrPlay, 0.2, 0.2), score(Family::GmrStop, 0.199, 0.199)];
         assert_eq!(best(&scores), Some(Family::GmrPlay));
         assert_eq!(best(&[]), None);
     }

@@ -42,10 +42,7 @@ impl Drift {
                 used.iter().map(residual).sum::<f64>() / used.len().max(1) as f64
             })
         };
-        Self {
-            means: bounds.windows(2).map(mean).collect(),
-            cycles,
-        }
+        Self { means: bounds.windows(2).map(mean).collect(), cycles }
     }
 
     /// The largest change of an output from one part to the next.
@@ -81,11 +78,8 @@ mod tests {
     use crate::testing::{assert_near, one_motor, wandering};
 
     fn drift(recording: &Recording, hold_out: HoldOut) -> Drift {
-        let options = FitOptions {
-            choice: Choice::One(Family::Linear),
-            hold_out,
-            ..FitOptions::default()
-        };
+        let options =
+            FitOptions { choice: Choice::One(Family::Linear), hold_out, ..FitOptions::default() };
         fit(recording, &options, &Silent).unwrap().report.drift
     }
 

@@ -96,8 +96,5 @@ pub enum FitError {
 
 /// A model of a family that the controller would refuse.
 pub(super) fn refused(family: Family, source: ModelError) -> FitError {
-    FitError::Refused {
-        family,
-        source: Box::new(source),
-    }
+    FitError::Refused { family, source: Box::new(source) }
 }

@@ -66,10 +66,7 @@ impl Family {
     /// plane between the axes.
     #[must_use]
     pub fn is_separable(self) -> bool {
-        matches!(
-            self,
-            Self::Linear | Self::Kinematic | Self::GmrPrandtlIshlinskii
-        )
+        matches!(self, Self::Linear | Self::Kinematic | Self::GmrPrandtlIshlinskii)
     }
 
     /// Whether models of the family have memory.
@@ -123,11 +120,7 @@ impl FromStr for Choice {
     type Err = ParseFamilyError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        if text == "best" {
-            Ok(Self::Best)
-        } else {
-            text.parse().map(Self::One)
-        }
+        if text == "best" { Ok(Self::Best) } else { text.parse().map(Self::One) }
     }
 }
 

@@ -51,11 +51,7 @@ pub struct FlatSpot {
 
 impl fmt::Display for FlatSpot {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            counts,
-            slope,
-            straight,
-        } = self;
+        let Self { counts, slope, straight } = self;
         write!(
             f,
             "it is nearly flat at counts {counts:.0?}, {slope:.2e} per count in one direction \
@@ -134,9 +130,8 @@ fn positions(hull: &Hull, motors: usize) -> Vec<MotorVec> {
         low[motor] + (high[motor] - low[motor]) * step as f64 / (STEPS - 1) as f64
     };
     let rows = if motors == 1 { 1 } else { STEPS };
-    let lattice = (0..STEPS)
-        .flat_map(|i| (0..rows).map(move |j| (i, j)))
-        .map(|(i, j)| [at(0, i), at(1, j)]);
+    let lattice =
+        (0..STEPS).flat_map(|i| (0..rows).map(move |j| (i, j))).map(|(i, j)| [at(0, i), at(1, j)]);
     lattice.filter(|counts| hull.contains(counts)).collect()
 }
 
@@ -153,11 +148,7 @@ impl<'a> Rows<'a> {
             let (low, high) = min_max(inputs.column(motor));
             (WIDTH * (high - low)).max(1.0)
         };
-        Self {
-            inputs,
-            outputs,
-            widths: (0..inputs.width()).map(range).collect(),
-        }
+        Self { inputs, outputs, widths: (0..inputs.width()).map(range).collect() }
     }
 
     fn motors(&self) -> usize {
@@ -250,9 +241,7 @@ mod tests {
         let counts = (-500..=500).filter(|counts| !unmeasured.contains(counts));
         let counts: Vec<f64> = counts.map(f64::from).collect();
         let inputs = DataTable::from_rows(1, counts.iter().map(|counts| [*counts]));
-        let outputs = counts
-            .iter()
-            .map(|counts| [outputs(*counts) + 0.1 * random()]);
+        let outputs = counts.iter().map(|counts| [outputs(*counts) + 0.1 * random()]);
         let outputs = DataTable::from_rows(1, outputs);
         let hull = Hull::from_points(1, &[[-500.0, 0.0], [500.0, 0.0]]).unwrap();
         let slope = |counts: &MotorVec| DMatrix::from_element(1, 1, slope(counts[0]));

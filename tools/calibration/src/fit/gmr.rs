@@ -91,9 +91,7 @@ pub(super) fn fit(
 
 fn fitted(fit: &MixtureFit, options: &FitOptions) -> Fitted {
     Fitted {
-        family: FamilyParameters::Gmr {
-            mixture: fit.parameters.clone(),
-        },
+        family: FamilyParameters::Gmr { mixture: fit.parameters.clone() },
         log_likelihood: Some(fit.log_likelihood),
         bic: Some(fit.bic),
         restarts: options.em.restarts,
@@ -106,12 +104,7 @@ fn candidate(components: usize, fit: Result<MixtureFit, EmError>, error: f64) ->
         Ok(fit) => (Some(fit), Verdict::Surpassed),
         Err(error) => (None, Verdict::Failed(error)),
     };
-    Candidate {
-        components,
-        fit,
-        left_out_rms,
-        verdict,
-    }
+    Candidate { components, fit, left_out_rms, verdict }
 }
 
 /// Takes the simplest candidate that does about as well as the best, of those whose model passes.
@@ -128,12 +121,7 @@ fn choose(
         };
         let errors: Vec<f64> = candidates.iter().map(error).collect();
         let best = first_near_least(&errors).map(|index| &mut candidates[index]);
-        let Some(Candidate {
-            fit: Some(fit),
-            verdict,
-            ..
-        }) = best
-        else {
+        let Some(Candidate { fit: Some(fit), verdict, .. }) = best else {
             return Err(simplest_reason(candidates));
         };
         match context.model(&fitted(fit, options)) {
@@ -164,16 +152,12 @@ fn simplest_reason(candidates: Vec<Candidate>) -> FitError {
     let reason = |candidate: Candidate| match candidate.verdict {
         Verdict::Refused(error) => Some(refused(Family::Gmr, error)),
         Verdict::Failed(error) => Some(FitError::Mixture(error)),
-        Verdict::TooFlat(spot) => Some(FitError::TooFlat {
-            components: candidate.components,
-            spot,
-        }),
+        Verdict::TooFlat(spot) => {
+            Some(FitError::TooFlat { components: candidate.components, spot })
+        }
         Verdict::Chosen | Verdict::Surpassed => None,
     };
-    let nothing = EmError::NoStartSucceeded {
-        components: 1,
-        failures: Vec::new(),
-    };
+    let nothing = EmError::NoStartSucceeded { components: 1, failures: Vec::new() };
     let reason = candidates.into_iter().find_map(reason);
     reason.unwrap_or(FitError::Mixture(nothing))
 }

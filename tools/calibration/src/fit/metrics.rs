@@ -16,11 +16,7 @@ pub fn predictions(model: &Model, recording: &Recording) -> Vec<[f64; MAX_OUTPUT
     let mut next = 0;
     let mut all = Vec::with_capacity(recording.rows().len());
     for row in recording.rows() {
-        for position in recording
-            .path()
-            .get(next..=row.path_index)
-            .unwrap_or_default()
-        {
+        for position in recording.path().get(next..=row.path_index).unwrap_or_default() {
             model.advance(&mut memory, &position.counts);
         }
         next = row.path_index + 1;

@@ -27,38 +27,19 @@ pub(super) struct Fitted {
 impl Fitted {
     /// Of a family without a mixture.
     pub fn plain(family: FamilyParameters) -> Self {
-        Self {
-            family,
-            log_likelihood: None,
-            bic: None,
-            restarts: 0,
-        }
+        Self { family, log_likelihood: None, bic: None, restarts: 0 }
     }
 }
 
 impl From<&LinearFit> for Fitted {
     fn from(fit: &LinearFit) -> Self {
-        let LinearFit {
-            gain,
-            offset,
-            covariance,
-        } = fit.clone();
-        Self::plain(FamilyParameters::Linear {
-            gain,
-            offset,
-            covariance,
-        })
+        let LinearFit { gain, offset, covariance } = fit.clone();
+        Self::plain(FamilyParameters::Linear { gain, offset, covariance })
     }
 }
 
 const NO_METRICS: OutputMetrics = OutputMetrics {
-    training: FitMetrics {
-        r2: 0.0,
-        rmsd: 0.0,
-        nrmsd: 0.0,
-        mae: 0.0,
-        max: 0.0,
-    },
+    training: FitMetrics { r2: 0.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 },
     held_out: None,
 };
 
@@ -119,11 +100,7 @@ impl FileContext<'_> {
     /// On rows held out, if there are any: on those the error is that of a camera in use.
     fn slow_error(&self, model: &Model) -> Option<SlowErrorParameters> {
         let held_out: Vec<usize> = self.split.held_out().collect();
-        let rows = if held_out.is_empty() {
-            self.training
-        } else {
-            &held_out
-        };
+        let rows = if held_out.is_empty() { self.training } else { &held_out };
         slow_error(model, self.recording, rows)
     }
 

@@ -62,12 +62,7 @@ impl FamilyFitter<'_> {
         let result = self.fit(family, &mut mechanism);
         let result = result.and_then(|model| self.not_worse_than_linear(family, model));
         let result = result.map(Arc::new);
-        FamilyOutcome {
-            family,
-            result,
-            mechanism,
-            seconds: begin.elapsed().as_secs_f64(),
-        }
+        FamilyOutcome { family, result, mechanism, seconds: begin.elapsed().as_secs_f64() }
     }
 
     fn fit(
@@ -103,10 +98,7 @@ impl FamilyFitter<'_> {
         let square = |metrics: &OutputMetrics| metrics.training.rmsd.powi(2);
         let rms = model.file().metrics.iter().map(square).sum::<f64>().sqrt();
         let covariance = self.straight.covariance.iter().enumerate();
-        let linear_rms = covariance
-            .map(|(output, row)| row[output])
-            .sum::<f64>()
-            .sqrt();
+        let linear_rms = covariance.map(|(output, row)| row[output]).sum::<f64>().sqrt();
         let is_baseline = matches!(family, Family::Linear | Family::Kinematic);
         let mut metrics = model.file().metrics.iter();
         let is_visible = metrics.any(|metrics| metrics.training.nrmsd > LEAST_NRMSD);
@@ -117,9 +109,7 @@ impl FamilyFitter<'_> {
     }
 
     fn checked(&self, family: Family, fitted: &Fitted) -> Result<Model, FitError> {
-        self.context
-            .model(fitted)
-            .map_err(|source| refused(family, source))
+        self.context.model(fitted).map_err(|source| refused(family, source))
     }
 
     /// Fits with as many components as do best, and with fewer for as long as the model has no
@@ -160,19 +150,12 @@ impl FamilyFitter<'_> {
     }
 
     fn gmr(&mut self) -> Result<Model, FitError> {
-        let data = GmrData {
-            inputs: self.inputs,
-            outputs: self.outputs,
-            straight: self.straight,
-        };
+        let data = GmrData { inputs: self.inputs, outputs: self.outputs, straight: self.straight };
         let components = match self.known_components() {
             Some(components) => Components::Exactly(components),
             None => self.options.components,
         };
-        let options = FitOptions {
-            components,
-            ..self.options.clone()
-        };
+        let options = FitOptions { components, ..self.options.clone() };
         let (model, candidates) = gmr::fit(&self.context, data, &options, self.progress)?;
         self.candidates = candidates;
         if self.known.is_some()
@@ -193,10 +176,7 @@ impl FamilyFitter<'_> {
     }
 
     fn direction(&self, components: Option<usize>) -> Result<MixtureModel, Reason> {
-        let options = DirectionOptions {
-            components,
-            em: self.options.em.clone(),
-        };
+        let options = DirectionOptions { components, em: self.options.em.clone() };
         let fit = fit_direction(&self.series, &options, self.progress)?;
         let quality = (fit.log_likelihood, fit.bic);
         Ok(self.mixture_model(fit.parameters, fit.components, quality))
@@ -204,11 +184,7 @@ impl FamilyFitter<'_> {
 
     fn play(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
         let family = Family::GmrPlay;
-        let first = fit_play(
-            &self.series,
-            &self.chain(self.known_components()),
-            self.progress,
-        );
+        let first = fit_play(&self.series, &self.chain(self.known_components()), self.progress);
         let first = first.map_err(|source| failed(family, source))?;
         *mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
         self.with_inverse(family, &|components| {
@@ -227,12 +203,8 @@ impl FamilyFitter<'_> {
             Some(_) => ShapeKind::Separable,
             None => ShapeKind::Plane,
         };
-        let first = fit_operator(
-            &self.series,
-            shape,
-            &self.chain(self.known_components()),
-            self.progress,
-        );
+        let first =
+            fit_operator(&self.series, shape, &self.chain(self.known_components()), self.progress);
         let first = first.map_err(|source| failed(family, source))?;
         *mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
         self.with_inverse(family, &|components| {
@@ -250,23 +222,14 @@ impl FamilyFitter<'_> {
             Some(FamilyParameters::GmrStop { stops, .. }) => Some(stops.clone()),
             _ => None,
         };
-        let options = StopOptions {
-            seed: self.options.em.seed,
-            known,
-            ..StopOptions::default()
-        };
+        let options = StopOptions { seed: self.options.em.seed, known, ..StopOptions::default() };
         let fit = fit_stop(&self.series, &options, self.progress);
         let fit = fit.map_err(|source| failed(Family::GmrStop, source))?;
         *mechanism = Some(Mechanism::Stops(fit.mechanism));
         let stops = fit.parameters;
         self.with_inverse(Family::GmrStop, &|components| {
             let points = trace_stops(&self.series, &stops)?;
-            let chain = fit_chain(
-                &self.series,
-                &points,
-                &self.chain(components),
-                self.progress,
-            )?;
+            let chain = fit_chain(&self.series, &points, &self.chain(components), self.progress)?;
             let components = chain.mixture.weights.len();
             let family = FamilyParameters::GmrStop {
                 stops: stops.clone(),
@@ -279,11 +242,7 @@ impl FamilyFitter<'_> {
     }
 
     fn chain(&self, components: Option<usize>) -> ChainOptions {
-        ChainOptions {
-            components,
-            em: self.options.em.clone(),
-            ..ChainOptions::default()
-        }
+        ChainOptions { components, em: self.options.em.clone(), ..ChainOptions::default() }
     }
 
     fn mixture_model(
@@ -309,8 +268,5 @@ struct MixtureModel {
 }
 
 fn failed(family: Family, source: impl Error + Send + Sync + 'static) -> FitError {
-    FitError::Family {
-        family,
-        source: Box::new(source),
-    }
+    FitError::Family { family, source: Box::new(source) }
 }

@@ -105,11 +105,7 @@ impl FitOutcome {
             .collect();
         others.sort_by(|a, b| a.1.total_cmp(&b.1));
         if let Some((other, error)) = others.first() {
-            let how = if *error * AS_WELL < own {
-                "better"
-            } else {
-                "as well"
-            };
+            let how = if *error * AS_WELL < own { "better" } else { "as well" };
             let (error, own) = (error / unit.si(), own / unit.si());
             text += &format!(
                 "\nbut {other} explains the rows held out {how} ({error:.3} {unit} against \

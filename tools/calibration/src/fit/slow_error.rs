@@ -44,10 +44,8 @@ pub(super) fn slow_error(
     let mut intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
     intervals.sort_by(f64::total_cmp);
     let interval_s = *intervals.get(intervals.len() / 2)?;
-    let series: Vec<f64> = errors
-        .iter()
-        .map(|error| direction[0] * error[0] + direction[1] * error[1])
-        .collect();
+    let series: Vec<f64> =
+        errors.iter().map(|error| direction[0] * error[0] + direction[1] * error[1]).collect();
     let time_rows = correlation_time(&series)?;
     let is_slow = time_rows >= LEAST_ROWS && time_rows * interval_s >= LEAST_TIME_S;
     (share >= LEAST_SHARE && is_slow && interval_s > 0.0).then_some(SlowErrorParameters {
@@ -67,11 +65,7 @@ fn fast_part(series: &[f64]) -> f64 {
         pairs.map(|(a, b)| a * b).sum::<f64>() / series.len() as f64
     };
     let [all, one, two] = [0, 1, 2].map(covariance);
-    if two > 0.0 {
-        (all - one * one / two).max(0.0)
-    } else {
-        all
-    }
+    if two > 0.0 { (all - one * one / two).max(0.0) } else { all }
 }
 
 /// The direction of the largest variance around 0, and the variances along and across it.
@@ -86,11 +80,7 @@ fn principal(errors: &[[f64; 2]]) -> ([f64; 2], f64, f64) {
     let angle = 0.5 * (2.0 * b).atan2(a - c);
     let half = (0.25 * (a - c) * (a - c) + b * b).sqrt();
     let middle = 0.5 * (a + c);
-    (
-        [angle.cos(), angle.sin()],
-        middle + half,
-        (middle - half).max(0.0),
-    )
+    ([angle.cos(), angle.sin()], middle + half, (middle - half).max(0.0))
 }
 
 /// The number of rows after which the autocorrelation around 0 has fallen to 1/e.
@@ -125,18 +115,13 @@ mod tests {
         let mut slow = 0.0;
         let mut state = 1_u64;
         let mut noise = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             (state >> 40) as f64 / (1_u64 << 24) as f64 - 0.5
         };
         let next = |_| {
             slow += -0.05 * slow + noise();
             let fast = 0.3 * noise();
-            [
-                slow * direction[0] - fast * direction[1],
-                slow * direction[1] + fast * direction[0],
-            ]
+            [slow * direction[0] - fast * direction[1], slow * direction[1] + fast * direction[0]]
         };
         (0..20_000).map(next).collect()
     }

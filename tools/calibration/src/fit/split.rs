@@ -134,18 +134,10 @@ impl Split {
                 None => (from(before(PART)), SplitKind::NoCycles),
             },
         };
-        let split = Self {
-            held_out,
-            rows,
-            kind,
-        };
+        let split = Self { held_out, rows, kind };
         let (held_out, training) = (split.held_out().count(), split.training().count());
         if training < MIN_ROWS {
-            return Err(SplitError {
-                rows,
-                held_out,
-                training,
-            });
+            return Err(SplitError { rows, held_out, training });
         }
         Ok(split)
     }
@@ -222,9 +214,7 @@ mod tests {
         let eighth = std::f64::consts::TAU / 8.0;
         let sweeps = one_motor(200, |time| (500.0 * (eighth * time).sin(), time));
         let split = Split::new(&sweeps, HoldOut::LastCycle).unwrap();
-        let SplitKind::LastCycle { cycles } = split.kind() else {
-            panic!("{split:?}")
-        };
+        let SplitKind::LastCycle { cycles } = split.kind() else { panic!("{split:?}") };
         assert_near(cycles, 4.97, 0.05);
         assert!((39..=41).contains(&split.held_out().count()));
     }
@@ -233,10 +223,7 @@ mod tests {
     fn too_little_training_is_refused() {
         let short = one_motor(25, |time| (time, time));
         let error = Split::new(&short, HoldOut::Fraction(0.5)).unwrap_err();
-        assert_contains(
-            &error,
-            &["holding out 13 of 25 rows leaves 12 for training"],
-        );
+        assert_contains(&error, &["holding out 13 of 25 rows leaves 12 for training"]);
     }
 
     #[test]

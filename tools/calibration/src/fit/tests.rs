@@ -30,24 +30,15 @@ fn refused(recording: &Recording, options: &FitOptions) -> FitError {
 }
 
 fn of_family(family: Family) -> FitOptions {
-    FitOptions {
-        choice: Choice::One(family),
-        ..options()
-    }
+    FitOptions { choice: Choice::One(family), ..options() }
 }
 
 fn with_components(components: Components) -> FitOptions {
-    FitOptions {
-        components,
-        ..options()
-    }
+    FitOptions { components, ..options() }
 }
 
 fn holding_out(hold_out: HoldOut) -> FitOptions {
-    FitOptions {
-        hold_out,
-        ..options()
-    }
+    FitOptions { hold_out, ..options() }
 }
 
 /// Few restarts: these tests are not about the best of many.
@@ -78,10 +69,7 @@ fn circle() -> Recording {
         let [pitch, yaw] = straight(at(phase - 0.3));
         let waves = [2.0 * (3.0 * phase).sin(), -1.5 * (2.0 * phase).cos()];
         let lifted = [pitch + waves[0], yaw + waves[1]];
-        (
-            at(phase).map(f64::round),
-            lifted.map(|angle| angle + 0.2 * random()),
-        )
+        (at(phase).map(f64::round), lifted.map(|angle| angle + 0.2 * random()))
     })
 }
 
@@ -99,10 +87,7 @@ fn a_mixture_follows_a_bend_that_a_straight_model_cannot() {
     let chosen = outcome.report.chosen().unwrap();
     assert!(chosen.components > 1);
     let bic = chosen.fit.as_ref().map(|fit| fit.bic);
-    let judged = outcome
-        .families
-        .iter()
-        .find(|found| found.family == Family::Gmr);
+    let judged = outcome.families.iter().find(|found| found.family == Family::Gmr);
     let judged = judged.unwrap().result.as_ref().unwrap();
     assert_eq!(judged.file().training.bic, bic);
 }
@@ -141,10 +126,7 @@ fn one_motor_and_one_output_are_enough() {
 #[test]
 fn the_model_file_names_its_origin() {
     let recording = bent(400);
-    let options = FitOptions {
-        robot_id: "left".to_owned(),
-        ..holding_out(HoldOut::Fraction(0.3))
-    };
+    let options = FitOptions { robot_id: "left".to_owned(), ..holding_out(HoldOut::Fraction(0.3)) };
     let outcome = fitted(&recording, &options);
     let file = outcome.model.file();
     assert_eq!((file.robot_id.as_str(), file.training.rows), ("left", 400));
@@ -160,13 +142,8 @@ fn the_model_file_names_its_origin() {
 fn the_same_seed_gives_the_same_model() {
     let recording = bent(400);
     let id = |seed| {
-        let em = EmOptions {
-            seed,
-            ..few_starts(2)
-        };
-        fitted(&recording, &FitOptions { em, ..options() })
-            .model
-            .id()
+        let em = EmOptions { seed, ..few_starts(2) };
+        fitted(&recording, &FitOptions { em, ..options() }).model.id()
     };
     assert_eq!(id(5), id(5));
     assert_ne!(id(5), id(6));
@@ -185,11 +162,7 @@ fn spikes_are_tested_but_not_trained_on() {
     let mut random = noise(5);
     let spiky = recording(400, |time| {
         // Row 100 is for training, row 350 is held out.
-        let spike = if [20.0, 70.0].contains(&time) {
-            50.0
-        } else {
-            0.0
-        };
+        let spike = if [20.0, 70.0].contains(&time) { 50.0 } else { 0.0 };
         let angles = straight(wander(time)).map(|angle| angle + spike + 0.1 * random());
         (wander(time), angles)
     });
@@ -201,27 +174,15 @@ fn spikes_are_tested_but_not_trained_on() {
     let metrics = &outcome.model.file().metrics[0];
     assert!(metrics.training.max < 2.0 && metrics.held_out.unwrap().max > 45.0);
 
-    let spikes = SpikeOptions {
-        keep: true,
-        ..SpikeOptions::default()
-    };
-    let keep = FitOptions {
-        spikes,
-        ..of_family(Family::Linear)
-    };
+    let spikes = SpikeOptions { keep: true, ..SpikeOptions::default() };
+    let keep = FitOptions { spikes, ..of_family(Family::Linear) };
     assert!(fitted(&spiky, &keep).report.training.contains(&100));
 }
 
 #[test]
 fn a_model_that_cannot_be_inverted_is_replaced_by_one_that_can() {
     let error = refused(&circle(), &with_components(Components::Exactly(8)));
-    let of_gmr = matches!(
-        error,
-        FitError::Refused {
-            family: Family::Gmr,
-            ..
-        }
-    );
+    let of_gmr = matches!(error, FitError::Refused { family: Family::Gmr, .. });
     assert!(of_gmr, "{error}");
     assert_contains(&error, &["the inverse fails at counts"]);
 
@@ -256,17 +217,9 @@ fn recordings_that_cannot_be_fitted_are_refused_with_the_reason() {
     let late = holding_out(HoldOut::Fraction(0.25));
     for (recording, options, reason) in [
         (&together, &options(), "the motors move together"),
-        (
-            &late_motor,
-            &late,
-            "motor 1 does not move in the rows used for training",
-        ),
+        (&late_motor, &late, "motor 1 does not move in the rows used for training"),
         (&late_output, &late, "output `yaw` does not change"),
-        (
-            &bent(400),
-            &greedy,
-            "component(s), and 60 are asked for; record more",
-        ),
+        (&bent(400), &greedy, "component(s), and 60 are asked for; record more"),
         (&bent(400), &too_much, "leaves 4 for training"),
     ] {
         assert_contains(&refused(recording, options), &[reason]);
@@ -295,15 +248,9 @@ fn a_recording_of_one_axis_at_a_time_is_fitted_by_separable_families_only() {
         for motor in 0..2 {
             behind[motor] = f64::clamp(behind[motor], counts[motor] - 60.0, counts[motor] + 60.0);
         }
-        (
-            counts,
-            straight(behind).map(|angle| angle + 0.03 * random()),
-        )
+        (counts, straight(behind).map(|angle| angle + 0.03 * random()))
     });
-    let best = FitOptions {
-        choice: Choice::Best,
-        ..options()
-    };
+    let best = FitOptions { choice: Choice::Best, ..options() };
     let outcome = fitted(&axes, &best);
     let errors: Vec<_> = outcome
         .families
@@ -320,18 +267,9 @@ fn a_recording_of_one_axis_at_a_time_is_fitted_by_separable_families_only() {
         let [found, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, output));
         assert!(found < 0.5 * linear, "{found} beside {linear}");
     }
-    let gmr = outcome
-        .families
-        .iter()
-        .find(|found| found.family == Family::Gmr);
+    let gmr = outcome.families.iter().find(|found| found.family == Family::Gmr);
     let reason = gmr.unwrap().result.as_ref().unwrap_err();
-    assert_contains(
-        reason,
-        &[
-            "the motors move together on",
-            "record motion of both at once",
-        ],
-    );
+    assert_contains(reason, &["the motors move together on", "record motion of both at once"]);
 }
 
 #[test]
@@ -341,16 +279,10 @@ fn a_model_that_is_worse_than_a_constant_is_refused_unless_forced() {
     let linear = of_family(Family::Linear);
     let sentence = "is worthless: on rows held out, R2 of";
     assert_contains(&refused(&unrelated, &linear), &[sentence, "--force"]);
-    let forced = FitOptions {
-        force: true,
-        ..linear
-    };
+    let forced = FitOptions { force: true, ..linear };
     let outcome = fitted(&unrelated, &forced);
     let mark = outcome.model.file().worthless.clone().unwrap();
-    assert_contains(
-        &mark,
-        &["on rows held out, R2 of", "below that of a constant"],
-    );
+    assert_contains(&mark, &["on rows held out, R2 of", "below that of a constant"]);
 }
 
 /// Both motors to and fro on one circle, with gaps of 60 counts, and waves along the circle that
@@ -374,15 +306,9 @@ fn folded() -> Recording {
 #[test]
 fn a_model_with_memory_without_inverse_is_fitted_with_fewer_components() {
     let recording = folded();
-    let free = DirectionOptions {
-        components: None,
-        em: few_starts(3),
-    };
+    let free = DirectionOptions { components: None, em: few_starts(3) };
     let free = fit_direction(&Series::whole(&recording), &free, &Silent).unwrap();
-    let options = FitOptions {
-        hold_out: HoldOut::Nothing,
-        ..of_family(Family::GmrDirection)
-    };
+    let options = FitOptions { hold_out: HoldOut::Nothing, ..of_family(Family::GmrDirection) };
     let outcome = fitted(&recording, &options);
     let FamilyParameters::GmrDirection { mixture, .. } = &outcome.model.file().family else {
         panic!("another family")

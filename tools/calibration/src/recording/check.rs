@@ -84,11 +84,7 @@ fn check_time(
         line: after.line,
         column: column.name.clone(),
         time,
-        what: if time < previous {
-            "goes backwards"
-        } else {
-            "occurs twice"
-        },
+        what: if time < previous { "goes backwards" } else { "occurs twice" },
         previous,
         previous_line: before.line,
     })

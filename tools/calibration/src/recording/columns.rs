@@ -18,10 +18,8 @@ use super::error::RecordingError;
 const TIMES: [&str; 2] = ["t_s", "Enc TS"];
 
 /// Known columns of counts: one row per layout, one entry per motor.
-const COUNTS: [[&str; MAX_MOTORS]; 2] = [
-    ["q0_counts", "q1_counts"],
-    ["Encoder counts 0", "Encoder counts 1"],
-];
+const COUNTS: [[&str; MAX_MOTORS]; 2] =
+    [["q0_counts", "q1_counts"], ["Encoder counts 0", "Encoder counts 1"]];
 
 /// Known columns of outputs, what they are, and their units.
 const OUTPUTS: [(&str, &str, OutputUnit); 7] = [
@@ -79,29 +77,21 @@ impl FromStr for OutputColumn {
     /// `COLUMN=NAME`, or `COLUMN` alone, whose ending `_deg` or `_mm` then is not part of the name.
     /// The unit is that of the ending of the column, degrees without one.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let (column, name) = text
-            .rsplit_once('=')
-            .map_or((text, None), |(column, name)| (column, Some(name)));
+        let (column, name) =
+            text.rsplit_once('=').map_or((text, None), |(column, name)| (column, Some(name)));
         let (column, name) = (column.trim(), name.map(str::trim));
         let known = OUTPUTS.iter().find(|(known, ..)| *known == column);
-        let stem = column
-            .strip_suffix("_deg")
-            .or_else(|| column.strip_suffix("_mm"))
-            .unwrap_or(column);
+        let stem =
+            column.strip_suffix("_deg").or_else(|| column.strip_suffix("_mm")).unwrap_or(column);
         let name = name.or(known.map(|(_, name, _)| *name)).unwrap_or(stem);
         if column.is_empty() || !(1..=16).contains(&name.len()) {
-            return Err(ParseColumnError {
-                text: text.to_owned(),
-            });
+            return Err(ParseColumnError { text: text.to_owned() });
         }
         let unit = match column.ends_with("_mm") {
             true => OutputUnit::Mm,
             false => OutputUnit::Deg,
         };
-        Ok(Self {
-            column: column.to_owned(),
-            output: output(name, unit),
-        })
+        Ok(Self { column: column.to_owned(), output: output(name, unit) })
     }
 }
 
@@ -123,17 +113,10 @@ pub(super) struct Layout {
 impl Layout {
     /// Looks up in a header what `map` names, and what is known where it names nothing.
     pub fn find(header: &[String], map: &ColumnMap, path: &Path) -> Result<Self, RecordingError> {
-        let header = Header {
-            names: header,
-            path,
-        };
+        let header = Header { names: header, path };
         let (time, counts) = (header.time(map)?, header.counts(map)?);
         let outputs = header.outputs(map)?;
-        let layout = Self {
-            time,
-            counts,
-            outputs,
-        };
+        let layout = Self { time, counts, outputs };
         layout.check(path)?;
         Ok(layout)
     }
@@ -155,19 +138,13 @@ impl Layout {
         used.sort_by_key(|column| column.index);
         let twice = used.windows(2).find(|pair| pair[0].index == pair[1].index);
         twice.map_or(Ok(()), |pair| {
-            Err(RecordingError::UsedTwice {
-                path: path.to_owned(),
-                column: pair[0].name.clone(),
-            })
+            Err(RecordingError::UsedTwice { path: path.to_owned(), column: pair[0].name.clone() })
         })
     }
 
     /// Every column that matters.
     pub fn all(&self) -> impl Iterator<Item = &Column> {
-        self.time
-            .iter()
-            .chain(&self.counts)
-            .chain(self.outputs.iter().map(|(column, _)| column))
+        self.time.iter().chain(&self.counts).chain(self.outputs.iter().map(|(column, _)| column))
     }
 }
 
@@ -183,9 +160,7 @@ impl Header<'_> {
             TimeColumn::Named(name) => self.named(name, "--time").map(Some),
             TimeColumn::Known => {
                 let mut known = TIMES.iter();
-                known
-                    .find_map(|name| self.column(name).transpose())
-                    .transpose()
+                known.find_map(|name| self.column(name).transpose()).transpose()
             }
         }
     }
@@ -199,9 +174,7 @@ impl Header<'_> {
             let option = "--counts COLUMN or --counts COLUMN,COLUMN";
             return Err(self.missing(&COUNTS.map(|layout| layout[0]), option));
         };
-        let present = layout
-            .iter()
-            .filter_map(|name| self.column(name).transpose());
+        let present = layout.iter().filter_map(|name| self.column(name).transpose());
         present.collect()
     }
 
@@ -230,17 +203,13 @@ impl Header<'_> {
     }
 
     fn named(&self, name: &str, option: &'static str) -> Result<Column, RecordingError> {
-        self.column(name)?
-            .ok_or_else(|| self.missing(&[name], option))
+        self.column(name)?.ok_or_else(|| self.missing(&[name], option))
     }
 
     fn column(&self, name: &str) -> Result<Option<Column>, RecordingError> {
         let columns = self.names.iter().enumerate();
         let mut found = columns.filter(|(_, other)| *other == name);
-        let column = |(index, name): (usize, &String)| Column {
-            index,
-            name: name.clone(),
-        };
+        let column = |(index, name): (usize, &String)| Column { index, name: name.clone() };
         let first = found.next().map(column);
         match found.next() {
             None => Ok(first),
@@ -266,8 +235,5 @@ impl Header<'_> {
 }
 
 fn output(name: &str, unit: OutputUnit) -> OutputSpec {
-    OutputSpec {
-        name: name.to_owned(),
-        unit,
-    }
+    OutputSpec { name: name.to_owned(), unit }
 }

@@ -86,10 +86,8 @@ pub fn estimate_latency(
     let motors = motors.clamp(1, MAX_MOTORS);
     let first = path.first()?.time_s + LATEST_S;
     let last = path.last()?.time_s + EARLIEST_S;
-    let inside: Vec<&TimedOutputs> = measured
-        .iter()
-        .filter(|outputs| (first..=last).contains(&outputs.time_s))
-        .collect();
+    let inside: Vec<&TimedOutputs> =
+        measured.iter().filter(|outputs| (first..=last).contains(&outputs.time_s)).collect();
     let every = inside.len().div_ceil(MOST_SAMPLES).max(1);
     let seen: Vec<&TimedOutputs> = inside.into_iter().step_by(every).collect();
     let search = Search {
@@ -140,9 +138,7 @@ impl Search<'_> {
         let sums = parallel::map(blocks.len(), |block| {
             let rows = &blocks[block];
             let times = self.seen[rows.clone()].iter();
-            let features = self
-                .features
-                .matrix(times.map(|seen| seen.time_s - shift_s))?;
+            let features = self.features.matrix(times.map(|seen| seen.time_s - shift_s))?;
             let outputs = self.outputs.rows(rows.start, rows.len()).into_owned();
             Some(NormalEquations::new(&features, &outputs))
         });
@@ -189,11 +185,7 @@ impl Search<'_> {
 /// Mean squares that the regressions at three shifts leave, without one of the blocks.
 fn errors(around: &[Sums; 3], without: Option<usize>) -> Option<[f64; 3]> {
     let [before, here, after] = around;
-    Some([
-        left(before, without)?,
-        left(here, without)?,
-        left(after, without)?,
-    ])
+    Some([left(before, without)?, left(here, without)?, left(after, without)?])
 }
 
 /// Mean square that the regression leaves of the outputs, summed over them, without one of the
@@ -291,10 +283,7 @@ mod tests {
             }
             if k % 8 == 0 {
                 let [first, second] = tip.map(|counts| 0.02 * counts + 0.06 * random());
-                seen.push(TimedOutputs {
-                    time_s: place.time_s,
-                    outputs: [first, second, 0.0],
-                });
+                seen.push(TimedOutputs { time_s: place.time_s, outputs: [first, second, 0.0] });
             }
         }
         let found = estimate_latency(&path, &seen, 2).unwrap();
@@ -307,10 +296,7 @@ mod tests {
             .map(|k| {
                 let t = f64::from(k) * 0.004;
                 let size = 900.0 * (0.6 + 0.4 * (0.05 * t).sin());
-                TimedCounts {
-                    time_s: t,
-                    counts: [size * (0.5 * t).sin(), size * (0.5 * t).cos()],
-                }
+                TimedCounts { time_s: t, counts: [size * (0.5 * t).sin(), size * (0.5 * t).cos()] }
             })
             .collect();
         assert_eq!(estimate_latency(&path, &seen(&path, 0.05, 0.1), 2), None);
@@ -335,11 +321,7 @@ mod tests {
         for place in &mut still {
             place.counts = [5.0, 7.0];
         }
-        assert_eq!(
-            estimate_latency(&still, &measured, 2),
-            None,
-            "nothing moves"
-        );
+        assert_eq!(estimate_latency(&still, &measured, 2), None, "nothing moves");
         let late = seen(&path, 0.6, 0.1);
         assert_eq!(estimate_latency(&path, &late, 2), None, "out of range");
         assert_eq!(estimate_latency(&[], &[], 2), None);

@@ -63,9 +63,7 @@ impl<'a> Features<'a> {
             })
         };
         let mut plays = Plays::new(scaled(&path[0].counts), motors);
-        let places = path
-            .iter()
-            .map(|place| plays.advance(scaled(&place.counts)));
+        let places = path.iter().map(|place| plays.advance(scaled(&place.counts)));
         let enough = |degree: &usize| samples >= SAMPLES_PER_FEATURE * count(motors, *degree);
         Some(Self {
             path,
@@ -151,11 +149,7 @@ struct Plays {
 
 impl Plays {
     fn new(at: MotorVec, motors: usize) -> Self {
-        Self {
-            motors,
-            plays: at.map(|at| [at; PLAYS.len()]),
-            leashes: [at; LEASHES.len()],
-        }
+        Self { motors, plays: at.map(|at| [at; PLAYS.len()]), leashes: [at; LEASHES.len()] }
     }
 
     fn advance(&mut self, at: MotorVec) -> Place {

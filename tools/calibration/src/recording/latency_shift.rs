@@ -47,9 +47,8 @@ impl Recording {
     /// what hysteresis can look like.
     #[must_use]
     pub fn without_latency(self) -> (Self, Option<f64>) {
-        let certain = self
-            .latency()
-            .filter(|found| found.seconds > BIAS_S + DEVIATIONS * found.deviation_s);
+        let certain =
+            self.latency().filter(|found| found.seconds > BIAS_S + DEVIATIONS * found.deviation_s);
         match certain {
             Some(found) => (self.shifted(found.seconds), Some(found.seconds)),
             None => (self, None),
@@ -61,10 +60,7 @@ impl Recording {
     /// stamps stays as it is.
     #[must_use]
     pub fn shifted(&self, seconds: f64) -> Self {
-        let timed = self
-            .path
-            .iter()
-            .map(|point| Some((point.time_s?, point.counts)));
+        let timed = self.path.iter().map(|point| Some((point.time_s?, point.counts)));
         let Some(timed) = timed.collect::<Option<Vec<_>>>() else {
             return self.clone();
         };
@@ -72,11 +68,7 @@ impl Recording {
         let gap = GAP * median(&mut steps).unwrap_or_default();
         let moved = self.rows.iter().filter_map(|row| {
             let time_s = row.time_s? - seconds;
-            Some(Row {
-                time_s: Some(time_s),
-                counts: counts_at(&timed, time_s, gap)?,
-                ..*row
-            })
+            Some(Row { time_s: Some(time_s), counts: counts_at(&timed, time_s, gap)?, ..*row })
         });
         let mut path: Vec<PathPoint> = Vec::with_capacity(2 * self.path.len());
         let mut rows = Vec::with_capacity(self.rows.len());
@@ -86,29 +78,13 @@ impl Recording {
                 path.push(*position);
             }
             if path.last().is_none_or(|last| last.time_s != row.time_s) {
-                let Row {
-                    line,
-                    time_s,
-                    counts,
-                    ..
-                } = row;
-                path.push(PathPoint {
-                    line,
-                    time_s,
-                    counts,
-                });
+                let Row { line, time_s, counts, .. } = row;
+                path.push(PathPoint { line, time_s, counts });
             }
-            rows.push(Row {
-                path_index: path.len() - 1,
-                ..row
-            });
+            rows.push(Row { path_index: path.len() - 1, ..row });
         }
         path.extend(old);
-        Self {
-            path,
-            rows,
-            ..self.clone()
-        }
+        Self { path, rows, ..self.clone() }
     }
 }
 
@@ -141,12 +117,7 @@ mod tests {
         assert!(aligned.rows().len() >= 1498, "{}", aligned.rows().len());
         let error = |row: &Row| (row.outputs[0] - straight(row.counts)[0]).abs();
         let worst = |recording: &Recording| min_max(recording.rows().iter().map(error)).1;
-        assert!(
-            worst(&aligned) < 0.2 * worst(&late),
-            "{} of {}",
-            worst(&aligned),
-            worst(&late)
-        );
+        assert!(worst(&aligned) < 0.2 * worst(&late), "{} of {}", worst(&aligned), worst(&late));
         for row in aligned.rows() {
             assert_eq!(aligned.path()[row.path_index].counts, row.counts);
         }

@@ -36,29 +36,12 @@ pub(super) struct RawTable {
 impl RawTable {
     fn add(&mut self, parsed: Parsed, line: u64) {
         let path_index = self.path.len();
-        let Parsed {
-            time_s,
-            counts,
-            outputs,
-            measured,
-            empty,
-            located,
-        } = parsed;
+        let Parsed { time_s, counts, outputs, measured, empty, located } = parsed;
         if located {
-            self.path.push(PathPoint {
-                line,
-                time_s,
-                counts,
-            });
+            self.path.push(PathPoint { line, time_s, counts });
         }
         match empty {
-            None => self.rows.push(Row {
-                line,
-                time_s,
-                counts,
-                outputs,
-                path_index,
-            }),
+            None => self.rows.push(Row { line, time_s, counts, outputs, path_index }),
             Some(_) if located && !measured => self.positions += 1,
             Some(column) => self.dropped.push((line, column)),
         }
@@ -83,32 +66,20 @@ pub(super) fn parse(
     columns: &ColumnMap,
     path: &Path,
 ) -> Result<(Layout, RawTable), RecordingError> {
-    let mut reader = ReaderBuilder::new()
-        .has_headers(false)
-        .flexible(true)
-        .trim(Trim::All)
-        .from_reader(bytes);
+    let mut reader =
+        ReaderBuilder::new().has_headers(false).flexible(true).trim(Trim::All).from_reader(bytes);
     let mut record = StringRecord::new();
     if !read_record(&mut reader, &mut record, path)? {
-        return Err(RecordingError::Empty {
-            path: path.to_owned(),
-        });
+        return Err(RecordingError::Empty { path: path.to_owned() });
     }
     let header: Vec<String> = record.iter().map(str::to_owned).collect();
     let layout = Layout::find(&header, columns, path)?;
-    let mut table = RawTable {
-        filled: vec![0; header.len()],
-        ..RawTable::default()
-    };
+    let mut table = RawTable { filled: vec![0; header.len()], ..RawTable::default() };
     while read_record(&mut reader, &mut record, path)? {
         if record.len() == 1 && header.len() > 1 && record.iter().all(str::is_empty) {
             continue;
         }
-        let line = Line {
-            path,
-            number: line_of(&record, bytes),
-            cells: &record,
-        };
+        let line = Line { path, number: line_of(&record, bytes), cells: &record };
         line.check_length(header.len())?;
         table.total += 1;
         for (filled, cell) in table.filled.iter_mut().zip(&record) {
@@ -141,10 +112,7 @@ fn line_of(record: &StringRecord, bytes: &[u8]) -> u64 {
         return 0;
     };
     let from = usize::try_from(position.byte()).unwrap_or(usize::MAX);
-    let blank = bytes
-        .iter()
-        .skip(from)
-        .take_while(|byte| matches!(byte, b'\r' | b'\n'));
+    let blank = bytes.iter().skip(from).take_while(|byte| matches!(byte, b'\r' | b'\n'));
     position.line() + blank.filter(|byte| **byte == b'\n').count() as u64
 }
 
@@ -201,14 +169,7 @@ impl Line<'_> {
             measured |= number.is_some();
             *output = number.unwrap_or_default();
         }
-        Ok(Parsed {
-            time_s,
-            counts,
-            outputs,
-            measured,
-            empty: empty.map(str::to_owned),
-            located,
-        })
+        Ok(Parsed { time_s, counts, outputs, measured, empty: empty.map(str::to_owned), located })
     }
 
     /// The number in a cell; `None`, and the first such column noted in `empty`, when there is

@@ -53,10 +53,8 @@ impl Recording {
     /// When the file cannot be read, a column is missing, or a value in it is wrong; see
     /// [`RecordingError`].
     pub fn read(path: &Path, columns: &ColumnMap) -> Result<(Self, ReadReport), RecordingError> {
-        let bytes = fs::read(path).map_err(|source| RecordingError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let bytes = fs::read(path)
+            .map_err(|source| RecordingError::Read { path: path.to_owned(), source })?;
         let name = path.file_name().unwrap_or(path.as_os_str());
         let (layout, table) = parse(&bytes, columns, path)?;
         if table.total > 0 {
@@ -66,11 +64,7 @@ impl Recording {
             name: name.to_string_lossy().into_owned(),
             sha256: hash(&bytes),
             motors: layout.counts.len(),
-            outputs: layout
-                .outputs
-                .iter()
-                .map(|(_, output)| output.clone())
-                .collect(),
+            outputs: layout.outputs.iter().map(|(_, output)| output.clone()).collect(),
             path: table.path,
             rows: table.rows,
         };

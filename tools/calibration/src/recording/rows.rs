@@ -24,13 +24,7 @@ impl Row {
     #[must_use]
     pub fn new(time_s: Option<f64>, counts: MotorVec, outputs: [f64; MAX_OUTPUTS]) -> Self {
         let (line, path_index) = (0, 0);
-        Self {
-            line,
-            time_s,
-            counts,
-            outputs,
-            path_index,
-        }
+        Self { line, time_s, counts, outputs, path_index }
     }
 }
 

@@ -24,18 +24,9 @@ fn read(text: &str) -> Result<(Recording, ReadReport), RecordingError> {
 /// A good recording of 30 rows in the common format, lines 2 to 31.
 fn good() -> Vec<String> {
     let row = |i: i32| {
-        format!(
-            "{}.5,{},{},{}.25,{}",
-            i,
-            10 * i,
-            i * i - 100,
-            i - 15,
-            0.5 * f64::from(i % 7)
-        )
+        format!("{}.5,{},{},{}.25,{}", i, 10 * i, i * i - 100, i - 15, 0.5 * f64::from(i % 7))
     };
-    std::iter::once(COMMON.to_owned())
-        .chain((0..30).map(row))
-        .collect()
+    std::iter::once(COMMON.to_owned()).chain((0..30).map(row)).collect()
 }
 
 /// The good recording with one cell replaced.
@@ -72,16 +63,9 @@ fn refused(text: &str, parts: &[&str]) {
 #[test]
 fn the_common_format_is_recognised() {
     let (recording, report) = read(&good().join("\n")).unwrap();
-    assert_eq!(
-        (recording.motors(), recording.rows().len(), report.rows),
-        (2, 30, 30)
-    );
+    assert_eq!((recording.motors(), recording.rows().len(), report.rows), (2, 30, 30));
     assert_eq!(recording.name(), "rows.csv");
-    let names: Vec<_> = recording
-        .outputs()
-        .iter()
-        .map(|output| output.name.as_str())
-        .collect();
+    let names: Vec<_> = recording.outputs().iter().map(|output| output.name.as_str()).collect();
     assert_eq!(names, ["pitch", "yaw"]);
     let row = recording.rows()[3];
     assert_eq!(
@@ -93,36 +77,20 @@ fn the_common_format_is_recognised() {
 #[test]
 fn the_laboratorys_format_is_recognised() {
     let rows = (0..30).map(|i| format!("{i}.0,{i}.1,{},{},{},-{i}.5", -i, 2 * i, i % 5));
-    let text = std::iter::once(LABORATORY.to_owned())
-        .chain(rows)
-        .collect::<Vec<_>>()
-        .join("\r\n");
+    let text = std::iter::once(LABORATORY.to_owned()).chain(rows).collect::<Vec<_>>().join("\r\n");
     let (recording, report) = read(&format!("\u{feff}{text}\r\n")).unwrap();
-    assert_eq!(
-        report.counts_columns,
-        ["Encoder counts 0", "Encoder counts 1"]
-    );
+    assert_eq!(report.counts_columns, ["Encoder counts 0", "Encoder counts 1"]);
     assert_eq!(report.output_columns, ["pitches", "yaws"]);
     assert_eq!(report.time_column.as_deref(), Some("Enc TS"));
     let row = recording.rows()[4];
-    assert_eq!(
-        (row.time_s, row.counts, row.outputs),
-        (Some(4.1), [8.0, -4.0], [-4.5, 4.0, 0.0])
-    );
+    assert_eq!((row.time_s, row.counts, row.outputs), (Some(4.1), [8.0, -4.0], [-4.5, 4.0, 0.0]));
 }
 
 #[test]
 fn one_motor_without_time_is_recognised() {
     let rows: Vec<_> = (0..25).map(|i| format!("{},{}.5", 1600 + i, i)).collect();
     let (recording, report) = read(&format!("q0_counts,pitch_deg\n{}", rows.join("\n"))).unwrap();
-    assert_eq!(
-        (
-            recording.motors(),
-            recording.outputs().len(),
-            report.time_column
-        ),
-        (1, 1, None)
-    );
+    assert_eq!((recording.motors(), recording.outputs().len(), report.time_column), (1, 1, None));
     assert_eq!(recording.rows()[0].time_s, None);
 }
 
@@ -134,30 +102,19 @@ fn named_columns_take_the_place_of_known_ones() {
         outputs: vec!["yaw_deg=bend".parse().unwrap()],
     };
     let (recording, _) = read_as(good().join("\n").as_bytes(), &columns).unwrap();
-    assert_eq!(
-        (recording.motors(), recording.outputs()[0].name.as_str()),
-        (1, "bend")
-    );
-    assert_eq!(
-        (recording.rows()[1].time_s, recording.rows()[1].counts),
-        (None, [-99.0, 0.0])
-    );
+    assert_eq!((recording.motors(), recording.outputs()[0].name.as_str()), (1, "bend"));
+    assert_eq!((recording.rows()[1].time_s, recording.rows()[1].counts), (None, [-99.0, 0.0]));
 }
 
 #[test]
 fn an_output_column_is_parsed() {
-    let parse = |text: &str| {
-        text.parse::<OutputColumn>()
-            .map(|o| (o.column, o.output.name, o.output.unit))
-    };
+    let parse =
+        |text: &str| text.parse::<OutputColumn>().map(|o| (o.column, o.output.name, o.output.unit));
     let deg = |column: &str, name: &str| Ok((column.to_owned(), name.to_owned(), OutputUnit::Deg));
     assert_eq!(parse("pitches"), deg("pitches", "pitch"));
     assert_eq!(parse("bend_deg"), deg("bend_deg", "bend"));
     assert_eq!(parse(" a = b "), deg("a", "b"));
-    assert_eq!(
-        parse("x_mm"),
-        Ok(("x_mm".to_owned(), "x".to_owned(), OutputUnit::Mm))
-    );
+    assert_eq!(parse("x_mm"), Ok(("x_mm".to_owned(), "x".to_owned(), OutputUnit::Mm)));
     assert!(parse("").is_err() && parse("a=").is_err() && parse("a=seventeen-letters").is_err());
 }
 
@@ -168,22 +125,13 @@ fn rows_with_an_empty_cell_are_dropped_and_named() {
     lines.splice(10..10, ["".to_owned(), " ".to_owned(), "\r".to_owned()]);
     lines.push(",7,7,7,7".to_owned());
     let (recording, report) = read(&lines.join("\n")).unwrap();
-    let dropped: Vec<_> = report
-        .dropped
-        .iter()
-        .map(|row| (row.line, row.column.as_str()))
-        .collect();
+    let dropped: Vec<_> =
+        report.dropped.iter().map(|row| (row.line, row.column.as_str())).collect();
     assert_eq!(dropped, [(5, "pitch_deg"), (35, "t_s")]);
     assert_eq!((report.rows, recording.rows().len()), (31, 29));
     // The blank lines 11 to 13 are no rows, but they count as lines.
     assert_eq!(
-        recording
-            .rows()
-            .iter()
-            .map(|row| row.line)
-            .skip(7)
-            .take(3)
-            .collect::<Vec<_>>(),
+        recording.rows().iter().map(|row| row.line).skip(7).take(3).collect::<Vec<_>>(),
         [10, 14, 15]
     );
 }
@@ -203,13 +151,9 @@ fn the_hash_is_that_of_the_bytes() {
 
 #[test]
 fn a_missing_file_is_named() {
-    let message = Recording::read("no/such.csv".as_ref(), &ColumnMap::default())
-        .unwrap_err()
-        .to_string();
-    assert!(
-        message.contains("no/such.csv") && message.contains("No such file"),
-        "{message}"
-    );
+    let message =
+        Recording::read("no/such.csv".as_ref(), &ColumnMap::default()).unwrap_err().to_string();
+    assert!(message.contains("no/such.csv") && message.contains("No such file"), "{message}");
 }
 
 /// The refusal of a good recording that is read with other columns.
@@ -227,31 +171,17 @@ fn counts(names: &[&str]) -> ColumnMap {
 
 #[test]
 fn wrong_columns_are_answered_with_those_there_are() {
-    let known = [
-        "`q0_counts` or `Encoder counts 0`",
-        "columns are `a`, `b`",
-        "--counts",
-    ];
+    let known = ["`q0_counts` or `Encoder counts 0`", "columns are `a`, `b`", "--counts"];
     refused("a,b\n1,2\n", &known);
-    let known = [
-        "`pitch_deg` or `yaw_deg` or `pitches` or `yaws`",
-        "`b`",
-        "--angles",
-    ];
+    let known = ["`pitch_deg` or `yaw_deg` or `pitches` or `yaws`", "`b`", "--angles"];
     refused("q0_counts,b\n1,2\n", &known);
     let semicolons = "t_s;q0_counts;pitch_deg\n1;2;3\n";
-    refused(
-        semicolons,
-        &["separated by semicolons: save it with commas"],
-    );
+    refused(semicolons, &["separated by semicolons: save it with commas"]);
     let twice = "q0_counts,q0_counts,pitch_deg\n1,2,3\n";
     refused(twice, &["two columns are named `q0_counts`"]);
     for (names, parts) in [
         (&["left"][..], &["no column `left`", "`q1_counts`"][..]),
-        (
-            &["q0_counts"; 2],
-            &["`q0_counts` is named for two purposes"],
-        ),
+        (&["q0_counts"; 2], &["`q0_counts` is named for two purposes"]),
         (
             &["q0_counts", "q1_counts", "t_s"],
             &["3 columns are named as motors; a model has at most 2"],
@@ -264,54 +194,14 @@ fn wrong_columns_are_answered_with_those_there_are() {
 #[test]
 fn wrong_cells_are_named_with_line_and_column() {
     for (line, column, cell, message) in [
-        (
-            7,
-            3,
-            "left",
-            "line 7, column `pitch_deg`: `left` is not a number",
-        ),
-        (
-            7,
-            3,
-            "NaN",
-            "line 7, column `pitch_deg`: `NaN` is not a finite number",
-        ),
-        (
-            9,
-            1,
-            "-inf",
-            "line 9, column `q0_counts`: `-inf` is not a finite number",
-        ),
-        (
-            9,
-            4,
-            "180.5",
-            "line 9, column `yaw_deg`: `180.5` is not between -180 and 180 degrees",
-        ),
-        (
-            3,
-            2,
-            "3e9",
-            "line 3, column `q1_counts`: `3e9` is out of the range of an encoder",
-        ),
-        (
-            3,
-            2,
-            "1,2",
-            "line 3: has 6 cells, and the header names 5 columns",
-        ),
-        (
-            6,
-            0,
-            "3.5",
-            "line 6, column `t_s`: time 3.5 s occurs twice (3.5 s in line 5)",
-        ),
-        (
-            6,
-            0,
-            "3.25",
-            "line 6, column `t_s`: time 3.25 s goes backwards",
-        ),
+        (7, 3, "left", "line 7, column `pitch_deg`: `left` is not a number"),
+        (7, 3, "NaN", "line 7, column `pitch_deg`: `NaN` is not a finite number"),
+        (9, 1, "-inf", "line 9, column `q0_counts`: `-inf` is not a finite number"),
+        (9, 4, "180.5", "line 9, column `yaw_deg`: `180.5` is not between -180 and 180 degrees"),
+        (3, 2, "3e9", "line 3, column `q1_counts`: `3e9` is out of the range of an encoder"),
+        (3, 2, "1,2", "line 3: has 6 cells, and the header names 5 columns"),
+        (6, 0, "3.5", "line 6, column `t_s`: time 3.5 s occurs twice (3.5 s in line 5)"),
+        (6, 0, "3.25", "line 6, column `t_s`: time 3.25 s goes backwards"),
     ] {
         refused(&with_cell(line, column, cell), &[message]);
     }
@@ -328,18 +218,8 @@ fn empty_and_constant_columns_are_named() {
     for (column, cell, message, option) in [
         (4, "", "`yaw_deg` is empty on every row", "--angles"),
         (1, "", "`q0_counts` is empty on every row", "--counts"),
-        (
-            2,
-            "7",
-            "`q1_counts` is 7 on every row: that motor never moved",
-            "--counts",
-        ),
-        (
-            3,
-            "0.5",
-            "`pitch_deg` is 0.5 on every row: nothing was measured",
-            "--angles",
-        ),
+        (2, "7", "`q1_counts` is 7 on every row: that motor never moved", "--counts"),
+        (3, "0.5", "`pitch_deg` is 0.5 on every row: nothing was measured", "--angles"),
     ] {
         refused(&with_column(column, cell), &[message, option]);
     }
@@ -348,10 +228,7 @@ fn empty_and_constant_columns_are_named() {
 #[test]
 fn too_few_rows_are_counted() {
     refused("", &["is empty"]);
-    refused(
-        COMMON,
-        &["0 complete row(s), and a model takes at least 20"],
-    );
+    refused(COMMON, &["0 complete row(s), and a model takes at least 20"]);
     refused(&good()[..2].join("\n"), &["1 complete row(s)"]);
     refused(&good()[..20].join("\n"), &["19 complete row(s)"]);
     assert!(read(&good()[..21].join("\n")).is_ok());
@@ -404,10 +281,7 @@ proptest! {
 
 #[test]
 fn a_cell_that_was_not_measured_is_left_empty() {
-    let outputs = [OutputSpec {
-        unit: OutputUnit::Mm,
-        ..degrees("x")
-    }];
+    let outputs = [OutputSpec { unit: OutputUnit::Mm, ..degrees("x") }];
     let mut writer = RecordingWriter::new(Vec::new(), true, 1, &outputs).unwrap();
     let row = Row::new(Some(0.5), [3.0, 9.0], [f64::NAN, 1.0, 1.0]);
     writer.row(&row).unwrap();

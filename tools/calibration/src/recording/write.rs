@@ -30,12 +30,7 @@ impl<W: Write> RecordingWriter<W> {
         let angles = outputs.iter().map(name);
         let header: Vec<String> = time.into_iter().chain(counts).chain(angles).collect();
         writeln!(to, "{}", header.join(","))?;
-        Ok(Self {
-            to,
-            timed,
-            motors,
-            outputs: outputs.len(),
-        })
+        Ok(Self { to, timed, motors, outputs: outputs.len() })
     }
 
     /// Writes a row; its `line` does not matter. A time that is missing in a timed recording, or a

@@ -44,21 +44,12 @@ pub(crate) fn left_out_errors(
     let rows = joint.rows().step_by(step).map(|row| row.iter().copied());
     let thinned = DataTable::from_rows(joint.width(), rows);
     let restarts = em.restarts.min(RESTARTS);
-    let em = EmOptions {
-        restarts,
-        ..em.clone()
-    };
+    let em = EmOptions { restarts, ..em.clone() };
     let blocks = blocks(thinned.len(), BLOCKS);
     let many = blocks.len().max(1);
     progress.begin(components.len() * many);
     let squares = parallel::map(components.len() * many, |job| {
-        let error = block_error(
-            &thinned,
-            &blocks[job % many],
-            components[job / many],
-            inputs,
-            &em,
-        );
+        let error = block_error(&thinned, &blocks[job % many], components[job / many], inputs, &em);
         progress.step();
         error.unwrap_or(f64::INFINITY)
     });
@@ -98,29 +89,16 @@ fn block_error(
     inputs: usize,
     em: &EmOptions,
 ) -> Option<f64> {
-    let others = data
-        .rows()
-        .enumerate()
-        .filter(|(row, _)| !block.contains(row));
+    let others = data.rows().enumerate().filter(|(row, _)| !block.contains(row));
     let others = others.map(|(_, row)| row.iter().copied());
     let training = DataTable::from_rows(data.width(), others);
-    let mixture = fit_mixture(&training, components, em, &Silent)
-        .ok()?
-        .parameters;
+    let mixture = fit_mixture(&training, components, em, &Silent).ok()?.parameters;
     let regression = MixtureRegression::prepare(&mixture, inputs, data.width() - inputs).ok()?;
     let error = |row: &[f64]| {
         let pairs = row[inputs..].iter().zip(regression.predict(row));
-        pairs
-            .map(|(measured, predicted)| (measured - predicted).powi(2))
-            .sum::<f64>()
+        pairs.map(|(measured, predicted)| (measured - predicted).powi(2)).sum::<f64>()
     };
-    Some(
-        data.rows()
-            .skip(block.start)
-            .take(block.len())
-            .map(error)
-            .sum(),
-    )
+    Some(data.rows().skip(block.start).take(block.len()).map(error).sum())
 }
 
 #[cfg(test)]
@@ -132,15 +110,10 @@ mod tests {
         let mut noise = noise(1);
         let row = |time: f64| {
             let bent = |angle: f64| bend * (angle / bend).tanh() + 0.05 * noise();
-            wander(time)
-                .into_iter()
-                .chain(straight(wander(time)).map(bent))
+            wander(time).into_iter().chain(straight(wander(time)).map(bent))
         };
         let joint = DataTable::from_rows(4, (0..600).map(|i| 0.2 * f64::from(i)).map(row));
-        let em = EmOptions {
-            max_iterations: 50,
-            ..EmOptions::default()
-        };
+        let em = EmOptions { max_iterations: 50, ..EmOptions::default() };
         left_out_errors(&joint, 2, &[1, 2, 4, 300], &em, &Silent)
     }
 
@@ -150,10 +123,6 @@ mod tests {
         assert_eq!(first_near_least(&straight), Some(0), "{straight:?}");
         assert_near(straight[0], 2.0 * 0.05 * 0.05, 0.002);
         assert!(first_near_least(&bent) > Some(0), "{bent:?}");
-        assert_eq!(
-            bent[3],
-            f64::INFINITY,
-            "more components than rows can carry"
-        );
+        assert_eq!(bent[3], f64::INFINITY, "more components than rows can carry");
     }
 }

@@ -73,9 +73,7 @@ pub fn independence(inputs: &DataTable) -> f64 {
     }
     let mean = means(inputs);
     let product = |i: usize, j: usize| -> f64 {
-        let products = inputs
-            .rows()
-            .map(|row| (row[i] - mean[i]) * (row[j] - mean[j]));
+        let products = inputs.rows().map(|row| (row[i] - mean[i]) * (row[j] - mean[j]));
         products.sum()
     };
     let (a, b, ab) = (product(0, 0), product(1, 1), product(0, 1));
@@ -102,9 +100,7 @@ pub fn fit_linear(inputs: &DataTable, outputs: &DataTable) -> Result<LinearFit, 
         return Err(LinearError::Still { motor });
     }
     let independent = independence(inputs);
-    let inseparable = LinearError::Inseparable {
-        percent: 100.0 * independent,
-    };
+    let inseparable = LinearError::Inseparable { percent: 100.0 * independent };
     if independent < INSEPARABLE {
         return Err(inseparable);
     }
@@ -176,13 +172,8 @@ mod tests {
 
     #[test]
     fn an_affine_relation_is_found() {
-        let exact = |row: &[f64]| {
-            [
-                0.02 * row[0] - 0.01 * row[1] + 3.0,
-                7.0 + 0.5 * row[1],
-                -row[0],
-            ]
-        };
+        let exact =
+            |row: &[f64]| [0.02 * row[0] - 0.01 * row[1] + 3.0, 7.0 + 0.5 * row[1], -row[0]];
         let outputs = DataTable::from_rows(3, counts().rows().map(exact));
         let fit = fit_linear(&counts(), &outputs).unwrap();
         let expected = [[0.02, -0.01], [0.0, 0.5], [-1.0, 0.0]];
@@ -219,10 +210,7 @@ mod tests {
         };
         assert!(independence(&second(|i| i + 0.5 * (i % 2.0).floor())) < 0.03);
         let refusal = |inputs| fit_linear(&inputs, &y).unwrap_err();
-        assert_contains(
-            &refusal(second(|i| 3.0 - 2.0 * i)),
-            &["only 0.00 % of the motion"],
-        );
+        assert_contains(&refusal(second(|i| 3.0 - 2.0 * i)), &["only 0.00 % of the motion"]);
         assert_eq!(refusal(second(|_| 3.0)), LinearError::Still { motor: 1 });
         let few = DataTable::from_rows(2, [[0.0, 1.0], [1.0, 0.0], [2.0, 2.0]]);
         assert_eq!(refusal(few), LinearError::TooFewRows { rows: 3, least: 4 });

@@ -40,11 +40,7 @@ impl Polynomial {
         for i in 0..normal.nrows() {
             normal[(i, i)] += ridge;
         }
-        Some(Self {
-            normal: normal.cholesky()?,
-            exponents,
-            values,
-        })
+        Some(Self { normal: normal.cholesky()?, exponents, values })
     }
 
     /// Coefficients of least squares: row: monomial, column: output.
@@ -90,9 +86,7 @@ fn exponents(motors: usize, degree: usize) -> Vec<Vec<i32>> {
 fn monomials(virtual_counts: &DMatrix<f64>, exponents: &[Vec<i32>]) -> DMatrix<f64> {
     DMatrix::from_fn(virtual_counts.nrows(), exponents.len(), |row, monomial| {
         let powers = exponents[monomial].iter().enumerate();
-        powers
-            .map(|(motor, power)| virtual_counts[(row, motor)].powi(*power))
-            .product()
+        powers.map(|(motor, power)| virtual_counts[(row, motor)].powi(*power)).product()
     })
 }
 
@@ -127,10 +121,7 @@ mod tests {
     #[test]
     fn few_samples_lower_the_degree() {
         for (samples, monomials) in [(400, 21), (100, 6), (20, 3)] {
-            assert_eq!(
-                Polynomial::new(&plane(samples)).unwrap().values.ncols(),
-                monomials
-            );
+            assert_eq!(Polynomial::new(&plane(samples)).unwrap().values.ncols(), monomials);
         }
     }
 }

@@ -38,10 +38,7 @@ pub(crate) fn ridge(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Option<R
         NormalEquations::new(&features, &outputs.rows(from, height).into_owned())
     });
     let first = parts.first()?.clone();
-    let whole = parts
-        .iter()
-        .skip(1)
-        .fold(first, |sum, part| sum.plus(part, 1.0));
+    let whole = parts.iter().skip(1).fold(first, |sum, part| sum.plus(part, 1.0));
     let errors = parallel::map(PENALTIES.len(), |penalty| {
         let error = |part: &NormalEquations| {
             let others = whole.plus(part, -1.0);
@@ -53,10 +50,7 @@ pub(crate) fn ridge(features: &DMatrix<f64>, outputs: &DMatrix<f64>) -> Option<R
     let best = tried.filter_map(|(error, penalty)| Some((error?, penalty)));
     let (error, penalty) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let coefficients = scaling.undo(whole.solve(penalty)?);
-    Some(RidgeFit {
-        coefficients,
-        left_out_error: error / features.nrows() as f64,
-    })
+    Some(RidgeFit { coefficients, left_out_error: error / features.nrows() as f64 })
 }
 
 /// Means and deviations of the features.

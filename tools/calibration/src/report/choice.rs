@@ -46,11 +46,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
                 worst,
                 name,
                 fixed(score.total, 3),
-                if score.worst_plant.is_some() {
-                    fixed(score.travel, 2)
-                } else {
-                    none()
-                },
+                if score.worst_plant.is_some() { fixed(score.travel, 2) } else { none() },
             ],
             strong: score.chosen,
             rule: true,
@@ -108,14 +104,8 @@ mod tests {
     fn the_sentence_tells_how_sure_the_choice_is() {
         for (next, part) in [
             (1.5, "gmr-stop, is 50 % above it, a clear difference"),
-            (
-                1.05,
-                "is 5 % above it, so near that another recording may turn it round",
-            ),
-            (
-                0.98,
-                "is 2 % below it, so little that the simpler family was taken",
-            ),
+            (1.05, "is 5 % above it, so near that another recording may turn it round"),
+            (0.98, "is 2 % below it, so little that the simpler family was taken"),
         ] {
             let scores = [
                 score("linear", 9.0, false),

@@ -13,13 +13,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
     let unit = unit(data);
     let x =
         Axis::linear(format!("root mean square error over all outputs ({unit})")).including(0.0);
-    let y = Axis::names(
-        "",
-        data.families
-            .iter()
-            .map(|family| family.name.clone())
-            .collect(),
-    );
+    let y = Axis::names("", data.families.iter().map(|family| family.name.clone()).collect());
     let dots = |of: fn(&FamilyScore) -> &Option<Score>| -> Vec<[f64; 2]> {
         let scores = scores.families.iter().enumerate();
         scores
@@ -46,11 +40,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
          training and on the rows held out.",
     )
     .row(height, vec![panel]);
-    let dotted = if noise.is_some() {
-        " Dotted: the noise of the measurement."
-    } else {
-        ""
-    };
+    let dotted = if noise.is_some() { " Dotted: the noise of the measurement." } else { "" };
     let caption = format!(
         "Root mean square length of the error over all outputs, for every family of models.{dotted}"
     );

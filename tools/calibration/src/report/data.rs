@@ -91,33 +91,20 @@ impl Straight {
     /// Its value.
     #[must_use]
     pub fn at(&self, counts: &MotorVec) -> f64 {
-        self.gain
-            .iter()
-            .zip(counts)
-            .map(|(gain, count)| gain * count)
-            .sum::<f64>()
-            + self.offset
+        self.gain.iter().zip(counts).map(|(gain, count)| gain * count).sum::<f64>() + self.offset
     }
 
     /// The direction in motor space in which it is steepest, of length 1; motor 0 if it is flat.
     #[must_use]
     pub fn direction(&self) -> MotorVec {
         let length = self.gain.iter().map(|gain| gain * gain).sum::<f64>().sqrt();
-        if length > 0.0 {
-            self.gain.map(|gain| gain / length)
-        } else {
-            [1.0, 0.0]
-        }
+        if length > 0.0 { self.gain.map(|gain| gain / length) } else { [1.0, 0.0] }
     }
 
     /// Counts along that direction.
     #[must_use]
     pub fn along(&self, counts: &MotorVec) -> f64 {
-        self.direction()
-            .iter()
-            .zip(counts)
-            .map(|(part, count)| part * count)
-            .sum()
+        self.direction().iter().zip(counts).map(|(part, count)| part * count).sum()
     }
 }
 
@@ -156,11 +143,7 @@ impl Track {
     /// none are.
     #[must_use]
     pub fn judged(&self) -> Vec<usize> {
-        if self.holds_nothing_out() {
-            self.training.clone()
-        } else {
-            self.held_out().collect()
-        }
+        if self.holds_nothing_out() { self.training.clone() } else { self.held_out().collect() }
     }
 }
 

@@ -22,25 +22,11 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     let ([first, second, ..], Some(family)) = (data.outputs.as_slice(), chosen(data)) else {
         return;
     };
-    let axes = || {
-        (
-            Axis::linear(with_unit(first)),
-            Axis::linear(with_unit(second)),
-        )
-    };
+    let axes = || (Axis::linear(with_unit(first)), Axis::linear(with_unit(second)));
     let ((x1, y1), (x2, y2)) = (axes(), axes());
-    let point = |row: usize| {
-        data.track
-            .measured
-            .get(row)
-            .map(|measured| [measured[0], measured[1]])
-    };
-    let training = data
-        .track
-        .training
-        .iter()
-        .filter_map(|row| point(*row))
-        .collect();
+    let point =
+        |row: usize| data.track.measured.get(row).map(|measured| [measured[0], measured[1]]);
+    let training = data.track.training.iter().filter_map(|row| point(*row)).collect();
     let held_out: Vec<_> = data.track.held_out().filter_map(point).collect();
     let mut visited = Panel::new("visited", x1, y1)
         .with(Scatter::new(training, Color::PALE, 1.8).label("training"))
@@ -96,18 +82,13 @@ fn cells(data: &ReportData, family: &FamilyResult) -> Heatmap {
 fn classes(largest: f64) -> ([f64; 4], [String; 5]) {
     let rough = (largest / 5.0).max(1e-6);
     let power = 10f64.powf(rough.log10().floor());
-    let step = [1.0, 1.5, 2.0, 3.0, 5.0, 10.0]
-        .into_iter()
-        .find(|m| m * power >= rough)
-        .unwrap_or(10.0)
-        * power;
+    let step =
+        [1.0, 1.5, 2.0, 3.0, 5.0, 10.0].into_iter().find(|m| m * power >= rough).unwrap_or(10.0)
+            * power;
     let decimals = (1.0 - step.log10().floor()).clamp(0.0, 6.0) as usize;
     let end = |i: usize| fixed(step * i as f64, decimals);
     let label = |i: usize| format!("{}–{}", end(i), end(i + 1));
-    (
-        std::array::from_fn(|i| step * (i + 1) as f64),
-        std::array::from_fn(label),
-    )
+    (std::array::from_fn(|i| step * (i + 1) as f64), std::array::from_fn(label))
 }
 
 #[cfg(test)]

@@ -49,10 +49,7 @@ pub fn gather(
     let robot = families.first().map(|family| family.model.file());
     let chosen = families.iter().find(|family| family.chosen);
     ReportData {
-        title: format!(
-            "Calibration of {}",
-            robot.map_or("a robot", |file| file.robot_id.as_str())
-        ),
+        title: format!("Calibration of {}", robot.map_or("a robot", |file| file.robot_id.as_str())),
         recording: RecordingFacts {
             name: recording.name().to_owned(),
             sha256: recording.sha256().to_owned(),
@@ -61,20 +58,12 @@ pub fn gather(
             held_out: split.kind().to_string(),
             more: Vec::new(),
         },
-        families: families
-            .iter()
-            .map(|family| result(family, recording, &facts))
-            .collect(),
-        read_out: chosen.map_or_else(Vec::new, |family| {
-            read_out(family.model, recording, &track, &facts)
-        }),
+        families: families.iter().map(|family| result(family, recording, &facts)).collect(),
+        read_out: chosen
+            .map_or_else(Vec::new, |family| read_out(family.model, recording, &track, &facts)),
         choice: Vec::new(),
         software: robot.map_or_else(String::new, |file| file.training.software.clone()),
-        warnings: survey
-            .warnings
-            .iter()
-            .map(|warning| sentence(&warning.to_string()))
-            .collect(),
+        warnings: survey.warnings.iter().map(|warning| sentence(&warning.to_string())).collect(),
         settings: Vec::new(),
         chosen_by_held_out: false,
         outputs: facts,
@@ -85,10 +74,7 @@ pub fn gather(
 /// With a capital letter at the beginning and a full stop at the end.
 fn sentence(words: &str) -> String {
     let mut characters = words.chars();
-    let first = characters
-        .next()
-        .map(|first| first.to_uppercase().to_string())
-        .unwrap_or_default();
+    let first = characters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
     format!("{first}{}.", characters.as_str().trim_end_matches('.'))
 }
 
@@ -105,18 +91,12 @@ fn output_facts(recording: &Recording, survey: &Survey, training: &[usize]) -> V
         for (to, from) in gain.iter_mut().zip(fit.gain.get(index)?) {
             *to = *from;
         }
-        Some(Straight {
-            gain,
-            offset: *fit.offset.get(index)?,
-        })
+        Some(Straight { gain, offset: *fit.offset.get(index)? })
     };
     let facts = |(index, spec): (usize, &i2ris::model::file::OutputSpec)| OutputFacts {
         name: spec.name.clone(),
         unit: spec.unit.to_string(),
-        noise: survey
-            .noise
-            .get(index)
-            .and_then(|noise| noise.map(|noise| noise.deviation)),
+        noise: survey.noise.get(index).and_then(|noise| noise.map(|noise| noise.deviation)),
         straight: straight(index).unwrap_or_default(),
     };
     recording.outputs().iter().enumerate().map(facts).collect()
@@ -148,10 +128,8 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
     let states = recording.path().iter().map(|position| {
         for ((now, furthest), output) in now.iter_mut().zip(&mut furthest).zip(facts) {
             let at = output.straight.along(&position.counts);
-            let ahead = furthest.map_or(
-                0.0,
-                |furthest: f64| if *now { at - furthest } else { furthest - at },
-            );
+            let ahead = furthest
+                .map_or(0.0, |furthest: f64| if *now { at - furthest } else { furthest - at });
             if ahead < -DEAD_BAND_COUNTS {
                 *now = !*now;
             }
@@ -162,20 +140,12 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
         now
     });
     let states: Vec<_> = states.collect();
-    recording
-        .rows()
-        .iter()
-        .map(|row| states.get(row.path_index).copied().unwrap_or(now))
-        .collect()
+    recording.rows().iter().map(|row| states.get(row.path_index).copied().unwrap_or(now)).collect()
 }
 
 fn result(family: &FamilyFit, recording: &Recording, facts: &[OutputFacts]) -> FamilyResult {
     let file = family.model.file();
-    let unit = |index: usize| {
-        file.outputs
-            .get(index)
-            .map_or(1.0, |output| output.unit.si())
-    };
+    let unit = |index: usize| file.outputs.get(index).map_or(1.0, |output| output.unit.si());
     let branch = |(index, output): (usize, &OutputFacts)| {
         branches(family.model, index, &output.straight, unit(index))
     };
@@ -234,11 +204,7 @@ fn read_out(
     let Some(hull) = hull else { return Vec::new() };
     let mixture = without_further_inputs(mixture, model.motors(), model.outputs());
     let seen = mixture_inputs(model, recording, track);
-    let q = if virtual_hull(&file.family).is_some() {
-        'v'
-    } else {
-        'q'
-    };
+    let q = if virtual_hull(&file.family).is_some() { 'v' } else { 'q' };
     let view = |(index, output): (usize, &OutputFacts)| {
         let direction = output.straight.direction();
         let what = if q == 'v' { "virtual counts" } else { "counts" };
@@ -264,11 +230,7 @@ fn mixture_inputs(
 ) -> Vec<(MotorVec, [f64; MAX_OUTPUTS])> {
     let mut memory = model.new_memory();
     let mut next = 0;
-    let units: Vec<f64> = recording
-        .outputs()
-        .iter()
-        .map(|output| output.unit.si())
-        .collect();
+    let units: Vec<f64> = recording.outputs().iter().map(|output| output.unit.si()).collect();
     let mut at = |row: &usize| {
         let row = recording.rows().get(*row)?;
         for position in recording.path().get(next..=row.path_index)? {
@@ -292,13 +254,9 @@ fn without_further_inputs(
     outputs: usize,
 ) -> MixtureParameters {
     let all = mixture.means.first().map_or(0, Vec::len);
-    let kept: Vec<usize> = (0..motors)
-        .chain(all.saturating_sub(outputs)..all)
-        .collect();
+    let kept: Vec<usize> = (0..motors).chain(all.saturating_sub(outputs)..all).collect();
     let pick = |row: &Vec<f64>| {
-        kept.iter()
-            .filter_map(|index| row.get(*index).copied())
-            .collect::<Vec<f64>>()
+        kept.iter().filter_map(|index| row.get(*index).copied()).collect::<Vec<f64>>()
     };
     MixtureParameters {
         weights: mixture.weights.clone(),
@@ -307,10 +265,7 @@ fn without_further_inputs(
             .covariances
             .iter()
             .map(|covariance| {
-                kept.iter()
-                    .filter_map(|index| covariance.get(*index))
-                    .map(pick)
-                    .collect()
+                kept.iter().filter_map(|index| covariance.get(*index)).map(pick).collect()
             })
             .collect(),
     }
@@ -324,11 +279,7 @@ fn components(
     direction: MotorVec,
 ) -> Vec<ProjectedComponent> {
     let projected = |row: &[f64]| -> f64 {
-        row.iter()
-            .zip(direction)
-            .take(motors)
-            .map(|(x, part)| x * part)
-            .sum()
+        row.iter().zip(direction).take(motors).map(|(x, part)| x * part).sum()
     };
     let place = motors + output;
     let one = |((weight, mean), covariance): ((&f64, &Vec<f64>), &Vec<Vec<f64>>)| {
@@ -341,13 +292,7 @@ fn components(
             covariance: [[projected(&along), cross], [cross, own]],
         })
     };
-    mixture
-        .weights
-        .iter()
-        .zip(&mixture.means)
-        .zip(&mixture.covariances)
-        .filter_map(one)
-        .collect()
+    mixture.weights.iter().zip(&mixture.means).zip(&mixture.covariances).filter_map(one).collect()
 }
 
 /// The regression through the middle of a hull.

@@ -19,12 +19,8 @@ const OTHER: Stroke = Stroke::new(Color::BLACK, 1.2).dash(Dash::Dotted);
 
 pub(super) fn write(page: &mut Page, data: &ReportData) {
     let outputs = || data.outputs.iter().enumerate();
-    let angles = outputs()
-        .map(|(index, output)| panel(data, index, output, false))
-        .collect();
-    let deviations = outputs()
-        .map(|(index, output)| panel(data, index, output, true))
-        .collect();
+    let angles = outputs().map(|(index, output)| panel(data, index, output, false)).collect();
+    let deviations = outputs().map(|(index, output)| panel(data, index, output, true)).collect();
     let figure = Figure::new(
         "loops",
         "Counts against angle",
@@ -46,10 +42,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
 
 fn panel(data: &ReportData, index: usize, output: &OutputFacts, deviation: bool) -> Panel {
     let direction = output.straight.direction();
-    let x = Axis::linear(format!(
-        "{} (counts)",
-        along(&direction, data.recording.motors, 'q')
-    ));
+    let x = Axis::linear(format!("{} (counts)", along(&direction, data.recording.motors, 'q')));
     let y = if deviation {
         Axis::linear(format!("{} − line ({})", output.name, output.unit))
     } else {
@@ -61,10 +54,9 @@ fn panel(data: &ReportData, index: usize, output: &OutputFacts, deviation: bool)
         output.name.clone()
     };
     let mut panel = Panel::new(title, x, y).with(ReferenceLine::horizontal(0.0, ZERO));
-    for (rising, ink, label) in [
-        (true, Color::PALE, "measured, rising"),
-        (false, Color::GREY, "measured, falling"),
-    ] {
+    for (rising, ink, label) in
+        [(true, Color::PALE, "measured, rising"), (false, Color::GREY, "measured, falling")]
+    {
         panel = panel.with(
             Scatter::new(measured(data, index, output, rising, deviation), ink, 1.5).label(label),
         );
@@ -120,11 +112,7 @@ fn measured(
     let rows = track.counts.iter().zip(&track.measured).zip(&track.rising);
     let rows = rows.filter(|(_, now)| now[index] == rising);
     let point = |((counts, measured), _): ((&[f64; 2], &[f64; 3]), &[bool; 3])| {
-        let straight = if deviation {
-            output.straight.at(counts)
-        } else {
-            0.0
-        };
+        let straight = if deviation { output.straight.at(counts) } else { 0.0 };
         [output.straight.along(counts), measured[index] - straight]
     };
     rows.map(point).collect()

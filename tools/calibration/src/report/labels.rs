@@ -32,9 +32,7 @@ pub(super) fn with_unit(output: &OutputFacts) -> String {
 
 /// The unit of all outputs.
 pub(super) fn unit(data: &ReportData) -> &str {
-    data.outputs
-        .first()
-        .map_or("", |output| output.unit.as_str())
+    data.outputs.first().map_or("", |output| output.unit.as_str())
 }
 
 /// The model that was chosen.
@@ -45,11 +43,8 @@ pub(super) fn chosen(data: &ReportData) -> Option<&FamilyResult> {
 /// What the chosen model is compared with in the figures: the memoryless mixture if there is one,
 /// otherwise the baseline; nothing if that is the chosen one.
 pub(super) fn reference(data: &ReportData) -> Option<&FamilyResult> {
-    let named = |name: &str| {
-        data.families
-            .iter()
-            .find(|family| family.name == name && !family.chosen)
-    };
+    let named =
+        |name: &str| data.families.iter().find(|family| family.name == name && !family.chosen);
     named(MEMORYLESS).or_else(|| named(BASELINE))
 }
 
@@ -57,11 +52,8 @@ pub(super) fn reference(data: &ReportData) -> Option<&FamilyResult> {
 /// symbol
 /// of the counts.
 pub(super) fn along(direction: &MotorVec, motors: usize, q: char) -> String {
-    let named = direction
-        .iter()
-        .zip(["₀", "₁"])
-        .take(motors)
-        .filter(|(part, _)| part.abs() >= NEGLIGIBLE);
+    let named =
+        direction.iter().zip(["₀", "₁"]).take(motors).filter(|(part, _)| part.abs() >= NEGLIGIBLE);
     let named: Vec<_> = named.collect();
     match named.as_slice() {
         [(part, index)] if **part > 0.0 => format!("{q}{index}"),
@@ -103,12 +95,7 @@ mod tests {
     fn names_are_joined() {
         let names = ["a", "b", "c"].map(str::to_owned);
         assert_eq!(
-            [
-                list(&names),
-                list(&names[..2]),
-                list(&names[..1]),
-                list(&[])
-            ],
+            [list(&names), list(&names[..2]), list(&names[..1]), list(&[])],
             ["a, b and c", "a and b", "a", ""]
         );
     }

@@ -21,12 +21,8 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
         return;
     }
     let views = || data.outputs.iter().zip(&data.read_out);
-    let whole = views()
-        .map(|(output, view)| panel(output, view, false))
-        .collect();
-    let tilted = views()
-        .map(|(output, view)| panel(output, &level(view), true))
-        .collect();
+    let whole = views().map(|(output, view)| panel(output, view, false)).collect();
+    let tilted = views().map(|(output, view)| panel(output, &level(view), true)).collect();
     let figure = Figure::new(
         "mixture",
         "The mixture",
@@ -55,43 +51,25 @@ fn panel(output: &OutputFacts, view: &ReadOutView, levelled: bool) -> Panel {
         let reach = 2.0 * point.deviation;
         [point.along, point.mean - reach, point.mean + reach]
     });
-    let mean = view
-        .section
-        .iter()
-        .map(|point| [point.along, point.mean])
-        .collect();
-    let heaviest = view
-        .components
-        .iter()
-        .map(|component| component.weight)
-        .fold(f64::MIN_POSITIVE, f64::max);
-    let ellipses = view
-        .components
-        .iter()
-        .enumerate()
-        .map(|(index, component)| {
-            let width = WIDTHS[0] + (WIDTHS[1] - WIDTHS[0]) * component.weight / heaviest;
-            let ellipse = Ellipse::new(
-                component.mean,
-                component.covariance,
-                DEVIATIONS,
-                Stroke::new(Color::VERMILION, width),
-            );
-            if index == 0 {
-                ellipse.label("component, 2σ")
-            } else {
-                ellipse
-            }
-        });
+    let mean = view.section.iter().map(|point| [point.along, point.mean]).collect();
+    let heaviest =
+        view.components.iter().map(|component| component.weight).fold(f64::MIN_POSITIVE, f64::max);
+    let ellipses = view.components.iter().enumerate().map(|(index, component)| {
+        let width = WIDTHS[0] + (WIDTHS[1] - WIDTHS[0]) * component.weight / heaviest;
+        let ellipse = Ellipse::new(
+            component.mean,
+            component.covariance,
+            DEVIATIONS,
+            Stroke::new(Color::VERMILION, width),
+        );
+        if index == 0 { ellipse.label("component, 2σ") } else { ellipse }
+    });
     let (title, label) = match levelled {
         true => (
             format!("{}, from the straight line", output.name),
             format!("{} − line ({})", output.name, output.unit),
         ),
-        false => (
-            output.name.clone(),
-            format!("{} ({})", output.name, output.unit),
-        ),
+        false => (output.name.clone(), format!("{} ({})", output.name, output.unit)),
     };
     Panel::new(title, Axis::linear(&*view.input), Axis::linear(label))
         .with(ReferenceLine::horizontal(0.0, ZERO))
@@ -117,10 +95,8 @@ fn level(view: &ReadOutView) -> ReadOutView {
             ..*component
         }
     };
-    let section = |point: &SectionPoint| SectionPoint {
-        mean: left([point.along, point.mean])[1],
-        ..*point
-    };
+    let section =
+        |point: &SectionPoint| SectionPoint { mean: left([point.along, point.mean])[1], ..*point };
     ReadOutView {
         input: view.input.clone(),
         points: view.points.iter().map(|point| left(*point)).collect(),
@@ -134,16 +110,9 @@ fn line(points: &[[f64; 2]]) -> (f64, f64) {
     let rows = points.len().max(1) as f64;
     let mean = [0, 1].map(|i| points.iter().map(|point| point[i]).sum::<f64>() / rows);
     let product = |i: usize| {
-        points
-            .iter()
-            .map(|point| (point[0] - mean[0]) * (point[i] - mean[i]))
-            .sum::<f64>()
+        points.iter().map(|point| (point[0] - mean[0]) * (point[i] - mean[i])).sum::<f64>()
     };
-    let slope = if product(0) > 0.0 {
-        product(1) / product(0)
-    } else {
-        0.0
-    };
+    let slope = if product(0) > 0.0 { product(1) / product(0) } else { 0.0 };
     (slope, mean[1] - slope * mean[0])
 }
 
@@ -153,25 +122,16 @@ mod tests {
 
     #[test]
     fn what_lies_on_a_line_is_level() {
-        let points: Vec<[f64; 2]> = (0..20)
-            .map(|i| [f64::from(i), 3.0 * f64::from(i) - 7.0])
-            .collect();
+        let points: Vec<[f64; 2]> =
+            (0..20).map(|i| [f64::from(i), 3.0 * f64::from(i) - 7.0]).collect();
         let component = ProjectedComponent {
             weight: 1.0,
             mean: [2.0, -1.0],
             covariance: [[4.0, 12.0], [12.0, 37.0]],
         };
-        let section = vec![SectionPoint {
-            along: 1.0,
-            mean: -3.5,
-            deviation: 0.2,
-        }];
-        let view = ReadOutView {
-            input: String::new(),
-            points,
-            components: vec![component],
-            section,
-        };
+        let section = vec![SectionPoint { along: 1.0, mean: -3.5, deviation: 0.2 }];
+        let view =
+            ReadOutView { input: String::new(), points, components: vec![component], section };
         let level = level(&view);
         assert!(level.points.iter().all(|point| point[1].abs() < 1e-9));
         let found = level.components[0];

@@ -23,12 +23,9 @@ const BOX: [f64; 2] = [0.3, 0.19];
 pub(super) fn write(page: &mut Page, data: &ReportData) {
     let rows = data.track.judged();
     let outputs = || data.outputs.iter().enumerate();
-    let histograms = outputs()
-        .map(|(index, output)| histogram(data, &rows, index, output))
-        .collect();
-    let boxes = outputs()
-        .map(|(index, output)| boxes(data, &rows, index, output))
-        .collect();
+    let histograms =
+        outputs().map(|(index, output)| histogram(data, &rows, index, output)).collect();
+    let boxes = outputs().map(|(index, output)| boxes(data, &rows, index, output)).collect();
     let figure = Figure::new(
         "directions",
         "Residuals against direction",
@@ -38,11 +35,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     )
     .row(HEIGHTS[0], histograms)
     .row(HEIGHTS[1] * data.families.len() as f64 + HEIGHTS[2], boxes);
-    let on = if data.track.holds_nothing_out() {
-        "used for training"
-    } else {
-        "held out"
-    };
+    let on = if data.track.holds_nothing_out() { "used for training" } else { "held out" };
     let caption = format!(
         "Measured minus predicted while the counts along the output rise and while they fall, on \
          the rows {on}. Boxes: middle half and median; whiskers: 1st to 99th percentile. Where the \
@@ -75,9 +68,8 @@ fn histogram(data: &ReportData, rows: &[usize], index: usize, output: &OutputFac
     let mut sizes: Vec<f64> = reach.flatten().map(f64::abs).collect();
     let reach = quantile_of_unsorted(&mut sizes, SHOWN);
     let reach = reach.filter(|reach| *reach > 0.0).unwrap_or(1.0);
-    let edges: Vec<f64> = (0..=BINS)
-        .map(|i| reach * (2.0 * i as f64 / BINS as f64 - 1.0))
-        .collect();
+    let edges: Vec<f64> =
+        (0..=BINS).map(|i| reach * (2.0 * i as f64 / BINS as f64 - 1.0)).collect();
     let x = Axis::linear(format!("residual ({})", output.unit)).range(-reach, reach);
     let panel = Panel::new(&*output.name, x, Axis::linear("rows (%)").including(0.0))
         .with(ReferenceLine::vertical(0.0, ZERO));
@@ -88,20 +80,12 @@ fn histogram(data: &ReportData, rows: &[usize], index: usize, output: &OutputFac
             [Color::GREY, Color::GREY]
         };
         let width = if family.chosen { 1.5 } else { 1.0 };
-        let dashes = [
-            (true, "rising", Dash::Solid),
-            (false, "falling", Dash::Dashed),
-        ];
-        panel.with_all(
-            dashes
-                .into_iter()
-                .zip(inks)
-                .map(|((rising, name, dash), ink)| {
-                    let shares = shares(&residuals(data, rows, family, index, rising), &edges);
-                    let line = Line::steps(&edges, &shares, Stroke::new(ink, width).dash(dash));
-                    line.label(format!("{}, {name}", family.name))
-                }),
-        )
+        let dashes = [(true, "rising", Dash::Solid), (false, "falling", Dash::Dashed)];
+        panel.with_all(dashes.into_iter().zip(inks).map(|((rising, name, dash), ink)| {
+            let shares = shares(&residuals(data, rows, family, index, rising), &edges);
+            let line = Line::steps(&edges, &shares, Stroke::new(ink, width).dash(dash));
+            line.label(format!("{}, {name}", family.name))
+        }))
     })
 }
 
@@ -118,11 +102,7 @@ fn shares(values: &[f64], edges: &[f64]) -> Vec<f64> {
 }
 
 fn boxes(data: &ReportData, rows: &[usize], index: usize, output: &OutputFacts) -> Panel {
-    let names = data
-        .families
-        .iter()
-        .map(|family| family.name.clone())
-        .collect();
+    let names = data.families.iter().map(|family| family.name.clone()).collect();
     let x = Axis::linear(format!("residual ({})", output.unit)).including(0.0);
     let panel = Panel::new("all families", x, Axis::names("", names))
         .with(ReferenceLine::vertical(0.0, ZERO));
@@ -133,10 +113,7 @@ fn boxes(data: &ReportData, rows: &[usize], index: usize, output: &OutputFacts) 
     panel.with_all(directions.map(|(rising, offset, fill, label)| {
         let families = data.families.iter().enumerate();
         let five = |(place, family): (usize, &FamilyResult)| {
-            Some((
-                place as f64 + offset,
-                five(&mut residuals(data, rows, family, index, rising))?,
-            ))
+            Some((place as f64 + offset, five(&mut residuals(data, rows, family, index, rising))?))
         };
         BoxPlot::new(families.filter_map(five).collect(), fill, BOX[0]).label(label)
     }))
@@ -168,10 +145,7 @@ mod tests {
     fn boxes_hold_the_middle_half() {
         let mut values: Vec<f64> = (1..=100).map(f64::from).collect();
         let five = five(&mut values).unwrap();
-        assert_eq!(
-            (five.whiskers, five.quartiles, five.median),
-            ([1.0, 99.0], [25.0, 75.0], 50.0)
-        );
+        assert_eq!((five.whiskers, five.quartiles, five.median), ([1.0, 99.0], [25.0, 75.0], 50.0));
         assert_eq!(super::five(&mut []), None);
     }
 }

@@ -17,16 +17,11 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
         "For every output: measured minus predicted, from the first to the last row, for the \
          chosen model and the one it is compared with. The stretch that was held out is shaded.",
     );
-    let figure = data
-        .outputs
-        .iter()
-        .enumerate()
-        .fold(figure, |figure, (index, output)| {
-            let compared =
-                reference(data).map(|family| vec![panel(data, index, output, Some(family))]);
-            let figure = figure.row(HEIGHTS[0], compared.unwrap_or_default());
-            figure.row(HEIGHTS[1], vec![panel(data, index, output, None)])
-        });
+    let figure = data.outputs.iter().enumerate().fold(figure, |figure, (index, output)| {
+        let compared = reference(data).map(|family| vec![panel(data, index, output, Some(family))]);
+        let figure = figure.row(HEIGHTS[0], compared.unwrap_or_default());
+        figure.row(HEIGHTS[1], vec![panel(data, index, output, None)])
+    });
     page.figure(
         &figure,
         "Measured minus predicted over time; the chosen model once more alone, on its own scale. \
@@ -45,20 +40,14 @@ fn panel(
 ) -> Panel {
     let track = &data.track;
     let x = Axis::linear(if track.timed { "time (s)" } else { "row" });
-    let ends = (
-        track.time.first().copied().unwrap_or(0.0),
-        track.time.last().copied().unwrap_or(1.0),
-    );
+    let ends =
+        (track.time.first().copied().unwrap_or(0.0), track.time.last().copied().unwrap_or(1.0));
     let x = x.range(ends.0, ends.1);
     let title = match (compared, chosen(data)) {
         (None, Some(family)) => format!("{}, {} alone", output.name, family.name),
         _ => output.name.clone(),
     };
-    let mut panel = Panel::new(
-        title,
-        x,
-        Axis::linear(format!("residual ({})", output.unit)),
-    );
+    let mut panel = Panel::new(title, x, Axis::linear(format!("residual ({})", output.unit)));
     for (index, block) in track.held_out.iter().enumerate() {
         let last = block.end.saturating_sub(1);
         if let (Some(from), Some(to)) = (track.time.get(block.start), track.time.get(last)) {
@@ -74,18 +63,8 @@ fn panel(
             .with(line(data, family, index, Stroke::new(Color::PALE, 0.8)).label(&*family.name));
     }
     if let Some(family) = chosen(data) {
-        panel = panel.with(
-            line(
-                data,
-                family,
-                index,
-                Stroke {
-                    width: 0.9,
-                    ..CHOSEN
-                },
-            )
-            .label(&*family.name),
-        );
+        panel = panel
+            .with(line(data, family, index, Stroke { width: 0.9, ..CHOSEN }).label(&*family.name));
     }
     panel = panel.with(ReferenceLine::horizontal(0.0, ZERO));
     match output.noise {
@@ -98,12 +77,7 @@ fn panel(
 }
 
 fn line(data: &ReportData, family: &FamilyResult, index: usize, stroke: Stroke) -> Line {
-    let rows = data
-        .track
-        .time
-        .iter()
-        .zip(&data.track.measured)
-        .zip(&family.predicted);
+    let rows = data.track.time.iter().zip(&data.track.measured).zip(&family.predicted);
     Line::new(
         rows.map(|((time, measured), predicted)| [*time, measured[index] - predicted[index]])
             .collect(),

@@ -53,9 +53,7 @@ impl Scores {
             training: score(data, family, &data.track.training),
             held_out: score(data, family, &held_out),
         };
-        Self {
-            families: data.families.iter().map(family).collect(),
-        }
+        Self { families: data.families.iter().map(family).collect() }
     }
 
     /// The score of the family that was chosen, if one was.
@@ -63,10 +61,7 @@ impl Scores {
         &'a self,
         data: &'a ReportData,
     ) -> Option<(&'a FamilyResult, &'a FamilyScore)> {
-        data.families
-            .iter()
-            .zip(&self.families)
-            .find(|(family, _)| family.chosen)
+        data.families.iter().zip(&self.families).find(|(family, _)| family.chosen)
     }
 
     /// The score of the family that others are compared with.
@@ -86,9 +81,7 @@ fn score(data: &ReportData, family: &FamilyResult, rows: &[usize]) -> Option<Sco
         return None;
     }
     let output = |index: usize| {
-        let values = pairs
-            .iter()
-            .map(|(measured, predicted)| (measured[index], predicted[index]));
+        let values = pairs.iter().map(|(measured, predicted)| (measured[index], predicted[index]));
         let values: Vec<(f64, f64)> = values.collect();
         let mut errors: Vec<f64> = values.iter().map(|(m, p)| (m - p).abs()).collect();
         Some(OutputScore {

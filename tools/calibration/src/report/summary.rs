@@ -19,12 +19,8 @@ pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
         page.main_result(verdict(data, scores, family, score));
     }
     page.paragraph(what_was_read(data));
-    let warnings: Vec<String> = data
-        .warnings
-        .iter()
-        .cloned()
-        .chain(findings(data, scores))
-        .collect();
+    let warnings: Vec<String> =
+        data.warnings.iter().cloned().chain(findings(data, scores)).collect();
     if !warnings.is_empty() {
         page.notice("Keep in mind", warnings);
     }
@@ -45,14 +41,10 @@ fn verdict(
         return format!("The model is of the family {}.", family.name);
     };
     let text = format!("{} {}", error(judged.rms_length), unit(data));
-    let said = format!(
-        "The model is of the family {}: root mean square error {text} {rows}",
-        family.name
-    );
-    let baseline = scores
-        .baseline(data)
-        .and_then(FamilyScore::judged)
-        .filter(|_| family.name != BASELINE);
+    let said =
+        format!("The model is of the family {}: root mean square error {text} {rows}", family.name);
+    let baseline =
+        scores.baseline(data).and_then(FamilyScore::judged).filter(|_| family.name != BASELINE);
     match baseline.map(|baseline| 100.0 * (1.0 - judged.rms_length / baseline.rms_length)) {
         Some(better) if better >= 0.0 => {
             format!("{said}, {} % below {BASELINE}.", fixed(better, 0))
@@ -64,22 +56,14 @@ fn verdict(
 
 fn what_was_read(data: &ReportData) -> String {
     let track = &data.track;
-    let outputs: Vec<String> = data
-        .outputs
-        .iter()
-        .map(|output| output.name.clone())
-        .collect();
+    let outputs: Vec<String> = data.outputs.iter().map(|output| output.name.clone()).collect();
     let span = match track.time.last() {
         Some(seconds) if track.timed => format!(" over {} s", fixed(*seconds, 0)),
         _ => String::new(),
     };
     let held_out = match track.held_out().count() {
         0 => "none were held out".to_owned(),
-        rows => format!(
-            "{} were held out ({})",
-            grouped(rows),
-            data.recording.held_out
-        ),
+        rows => format!("{} were held out ({})", grouped(rows), data.recording.held_out),
     };
     format!(
         "Recording {} of robot {}: {} rows of {}{span}, {}. {} rows were used for training, \
@@ -88,11 +72,7 @@ fn what_was_read(data: &ReportData) -> String {
         data.recording.robot_id,
         grouped(track.time.len()),
         list(&outputs),
-        if data.recording.motors == 1 {
-            "one motor"
-        } else {
-            "two motors"
-        },
+        if data.recording.motors == 1 { "one motor" } else { "two motors" },
         grouped(track.training.len()),
     )
 }
@@ -141,11 +121,8 @@ fn findings(data: &ReportData, scores: &Scores) -> Vec<String> {
             unit(data)
         ));
     }
-    let better = data
-        .families
-        .iter()
-        .zip(&scores.families)
-        .filter(|(other, _)| other.name != family.name);
+    let better =
+        data.families.iter().zip(&scores.families).filter(|(other, _)| other.name != family.name);
     let better = better.filter(|(_, other)| match (other.judged(), score.judged()) {
         (Some(other), Some(chosen)) => other.rms_length < chosen.rms_length,
         _ => false,

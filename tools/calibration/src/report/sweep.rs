@@ -34,18 +34,11 @@ impl Sweep {
             let (mut inside, mut outside) = (0.0, sign * FURTHEST);
             for _ in 0..HALVINGS {
                 let middle = 0.5 * (inside + outside);
-                if hull.contains(&point(middle)) {
-                    inside = middle
-                } else {
-                    outside = middle
-                }
+                if hull.contains(&point(middle)) { inside = middle } else { outside = middle }
             }
             point(inside)
         };
-        Self {
-            from: end(-1.0),
-            to: end(1.0),
-        }
+        Self { from: end(-1.0), to: end(1.0) }
     }
 
     /// Positions from one end to the other.

@@ -39,23 +39,11 @@ pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
         let mut table = Table::new(caption, header);
         for (family, score) in data.families.iter().zip(&scores.families) {
             let sets = [("training", &score.training), ("held out", &score.held_out)];
-            let sets = sets
-                .into_iter()
-                .filter_map(|(name, score)| Some((name, score.as_ref()?)));
+            let sets = sets.into_iter().filter_map(|(name, score)| Some((name, score.as_ref()?)));
             for (place, (name, score)) in sets.enumerate() {
                 let of_output = score.outputs.get(index).and_then(Option::as_ref);
-                let named = if place == 0 {
-                    family.name.clone()
-                } else {
-                    String::new()
-                };
-                table.row(output_row(
-                    named,
-                    name,
-                    of_output,
-                    family.chosen,
-                    place == 0,
-                ));
+                let named = if place == 0 { family.name.clone() } else { String::new() };
+                table.row(output_row(named, name, of_output, family.chosen, place == 0));
             }
         }
         page.table(&table);
@@ -73,25 +61,11 @@ fn output_row(
         Some(OutputScore { metrics, p99 }) => {
             let [rmsd, mae, p99, max] =
                 [metrics.rmsd, metrics.mae, *p99, metrics.max].map(|value| fixed(value, 3));
-            vec![
-                fixed(metrics.r2, 4),
-                rmsd,
-                fixed(metrics.nrmsd, 4),
-                mae,
-                p99,
-                max,
-            ]
+            vec![fixed(metrics.r2, 4), rmsd, fixed(metrics.nrmsd, 4), mae, p99, max]
         }
         None => vec![NONE.to_owned(); 6],
     };
-    TableRow {
-        cells: [family, rows.to_owned()]
-            .into_iter()
-            .chain(numbers)
-            .collect(),
-        strong,
-        rule,
-    }
+    TableRow { cells: [family, rows.to_owned()].into_iter().chain(numbers).collect(), strong, rule }
 }
 
 fn overview(data: &ReportData, scores: &Scores) -> Table {
@@ -114,10 +88,8 @@ fn overview(data: &ReportData, scores: &Scores) -> Table {
          digits of its SHA-256.",
         header,
     );
-    let baseline = scores
-        .baseline(data)
-        .and_then(FamilyScore::judged)
-        .map(|score| score.rms_length);
+    let baseline =
+        scores.baseline(data).and_then(FamilyScore::judged).map(|score| score.rms_length);
     for (family, score) in data.families.iter().zip(&scores.families) {
         table.row(overview_row(family, score, baseline));
     }
@@ -126,48 +98,28 @@ fn overview(data: &ReportData, scores: &Scores) -> Table {
 
 fn overview_row(family: &FamilyResult, score: &FamilyScore, baseline: Option<f64>) -> TableRow {
     let none = || NONE.to_owned();
-    let rms = |score: &Option<Score>| {
-        score
-            .as_ref()
-            .map_or_else(none, |score| error(score.rms_length))
-    };
+    let rms =
+        |score: &Option<Score>| score.as_ref().map_or_else(none, |score| error(score.rms_length));
     let below = match (score.judged(), baseline) {
-        (Some(score), Some(baseline)) => format!(
-            "{} %",
-            fixed(100.0 * (1.0 - score.rms_length / baseline), 1)
-        ),
+        (Some(score), Some(baseline)) => {
+            format!("{} %", fixed(100.0 * (1.0 - score.rms_length / baseline), 1))
+        }
         _ => none(),
     };
     let cells = vec![
-        if family.chosen {
-            format!("{} (chosen)", family.name)
-        } else {
-            family.name.clone()
-        },
+        if family.chosen { format!("{} (chosen)", family.name) } else { family.name.clone() },
         rms(&score.training),
         rms(&score.held_out),
         below,
-        family
-            .components
-            .map_or_else(none, |components| components.to_string()),
-        family
-            .log_likelihood
-            .map_or_else(none, |value| fixed(value, 3)),
+        family.components.map_or_else(none, |components| components.to_string()),
+        family.log_likelihood.map_or_else(none, |value| fixed(value, 3)),
         family.bic.map_or_else(none, |value| fixed(value, 0)),
         family.fit_seconds.map_or_else(none, |value| {
-            if value < 0.01 {
-                "< 0.01".to_owned()
-            } else {
-                fixed(value, 2)
-            }
+            if value < 0.01 { "< 0.01".to_owned() } else { fixed(value, 2) }
         }),
         family.model_id.chars().take(SHORT).collect(),
     ];
-    TableRow {
-        cells,
-        strong: family.chosen,
-        rule: false,
-    }
+    TableRow { cells, strong: family.chosen, rule: false }
 }
 
 pub(super) fn provenance(page: &mut Page, data: &ReportData) {

@@ -28,29 +28,12 @@ fn fitted(recording: &Recording) -> FitOutcome {
 }
 
 fn gathered_of(recording: &Recording, outcome: &FitOutcome) -> ReportData {
-    let family = |name, model, chosen| FamilyFit {
-        name,
-        model,
-        chosen,
-        seconds: Some(1.25),
-    };
-    let judged = outcome
-        .families
-        .iter()
-        .find(|found| found.family == outcome.family);
+    let family = |name, model, chosen| FamilyFit { name, model, chosen, seconds: Some(1.25) };
+    let judged = outcome.families.iter().find(|found| found.family == outcome.family);
     let judged = judged.unwrap().result.as_ref().unwrap();
-    let families = [
-        family("linear", outcome.linear.as_ref(), false),
-        family("gmr", judged, true),
-    ];
+    let families = [family("linear", outcome.linear.as_ref(), false), family("gmr", judged, true)];
     let report = &outcome.report;
-    gather(
-        recording,
-        &report.survey,
-        &report.split,
-        &report.training,
-        &families,
-    )
+    gather(recording, &report.survey, &report.split, &report.training, &families)
 }
 
 fn gathered(recording: &Recording) -> ReportData {
@@ -67,10 +50,7 @@ fn two_axes() -> Recording {
 }
 
 fn parse(text: &str) -> roxmltree::Document<'_> {
-    let options = roxmltree::ParsingOptions {
-        allow_dtd: true,
-        ..Default::default()
-    };
+    let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
     roxmltree::Document::parse_with_options(text, options).unwrap()
 }
 
@@ -79,26 +59,19 @@ fn parse(text: &str) -> roxmltree::Document<'_> {
 fn assert_valid(text: &str) {
     let document = parse(text);
     let without = text.replace("http://www.w3.org/2000/svg", "");
-    for part in [
-        "http:", "https:", "//", "<script", "<link", "<img", "@import", "NaN", "inf\"", "inf ",
-    ] {
+    for part in
+        ["http:", "https:", "//", "<script", "<link", "<img", "@import", "NaN", "inf\"", "inf "]
+    {
         assert!(!without.contains(part), "{part}");
     }
-    let mut ids: Vec<_> = document
-        .descendants()
-        .filter_map(|node| node.attribute("id"))
-        .collect();
+    let mut ids: Vec<_> = document.descendants().filter_map(|node| node.attribute("id")).collect();
     let all = ids.len();
     ids.sort_unstable();
     ids.dedup();
     assert_eq!(ids.len(), all, "identifiers are not unique");
-    for svg in document
-        .descendants()
-        .filter(|node| node.tag_name().name() == "svg")
-    {
+    for svg in document.descendants().filter(|node| node.tag_name().name() == "svg") {
         let named = |name: &str| {
-            svg.children()
-                .any(|child| child.tag_name().name() == name && child.text().is_some())
+            svg.children().any(|child| child.tag_name().name() == name && child.text().is_some())
         };
         assert!(named("title") && named("desc"), "a figure without words");
     }
@@ -111,10 +84,7 @@ fn a_report_has_all_figures_and_numbers() {
     let text = html(&data);
     assert_valid(&text);
     assert_eq!(
-        parse(&text)
-            .descendants()
-            .filter(|node| node.tag_name().name() == "svg")
-            .count(),
+        parse(&text).descendants().filter(|node| node.tag_name().name() == "svg").count(),
         6
     );
     assert!(text.contains(recording.sha256()));
@@ -144,16 +114,11 @@ fn the_figures_of_merit_are_those_of_the_model_file() {
     let outcome = fitted(&recording);
     let scores = Scores::new(&gathered(&recording));
     // Of the models that had not seen the rows held out.
-    let judged = outcome
-        .families
-        .iter()
-        .map(|found| found.result.as_ref().unwrap());
+    let judged = outcome.families.iter().map(|found| found.result.as_ref().unwrap());
     for (score, model) in scores.families.iter().zip(judged) {
         for (index, metrics) in model.file().metrics.iter().enumerate() {
             assert_eq!(
-                score.training.as_ref().unwrap().outputs[index]
-                    .unwrap()
-                    .metrics,
+                score.training.as_ref().unwrap().outputs[index].unwrap().metrics,
                 metrics.training
             );
             assert_eq!(
@@ -198,19 +163,11 @@ fn names_cannot_break_out() {
     let text = html(&data);
     assert_valid(&text);
     let document = parse(&text);
-    assert!(
-        document
-            .descendants()
-            .all(|node| node.tag_name().name() != "i")
-    );
+    assert!(document.descendants().all(|node| node.tag_name().name() != "i"));
     for name in ["h1", "li", "td", "th", "text", "figcaption"] {
-        let mut all = document
-            .descendants()
-            .filter(|node| node.tag_name().name() == name);
+        let mut all = document.descendants().filter(|node| node.tag_name().name() == name);
         assert!(
-            all.any(|node| node
-                .descendants()
-                .any(|n| n.text().is_some_and(|t| t.contains(NASTY)))),
+            all.any(|node| node.descendants().any(|n| n.text().is_some_and(|t| t.contains(NASTY)))),
             "{name}"
         );
     }
@@ -263,28 +220,20 @@ fn thirty_thousand_rows_stay_below_two_megabytes() {
     let rows = 30_000;
     let track = &mut data.track;
     track.time = (0..rows).map(|row| row as f64 / 30.0).collect();
-    track.counts = (0..rows)
-        .map(|_| [900.0 * noise(), 900.0 * noise()])
-        .collect();
+    track.counts = (0..rows).map(|_| [900.0 * noise(), 900.0 * noise()]).collect();
     track.rising = (0..rows).map(|_| [noise() > 0.0; 3]).collect();
-    track.measured = (0..rows)
-        .map(|_| [20.0 * noise(), 20.0 * noise(), 0.0])
-        .collect();
+    track.measured = (0..rows).map(|_| [20.0 * noise(), 20.0 * noise(), 0.0]).collect();
     track.training = (0..rows * 3 / 4).collect();
     track.held_out = std::iter::once(rows * 3 / 4..rows).collect();
     let measured = track.measured.clone();
     data.families.extend(data.families.clone());
     data.families.extend(data.families[..2].to_vec());
     for family in &mut data.families {
-        family.predicted = measured
-            .iter()
-            .map(|[a, b, _]| [a + noise(), b + noise(), 0.0])
-            .collect();
+        family.predicted =
+            measured.iter().map(|[a, b, _]| [a + noise(), b + noise(), 0.0]).collect();
     }
     for view in &mut data.read_out {
-        view.points = (0..rows)
-            .map(|_| [900.0 * noise(), 20.0 * noise()])
-            .collect();
+        view.points = (0..rows).map(|_| [900.0 * noise(), 20.0 * noise()]).collect();
     }
     let size = html(&data).len();
     assert!((100_000..2_000_000).contains(&size), "{size} bytes");
@@ -313,20 +262,12 @@ fn directions_follow_the_counts_and_not_their_flicker() {
 
 #[test]
 fn a_sweep_goes_from_end_to_end_of_the_hull() {
-    let corners = [
-        [-100.0, -50.0],
-        [100.0, -50.0],
-        [100.0, 50.0],
-        [-100.0, 50.0],
-    ];
+    let corners = [[-100.0, -50.0], [100.0, -50.0], [100.0, 50.0], [-100.0, 50.0]];
     let hull = Hull::from_points(2, &corners).unwrap();
     let stroke = Sweep::new(&hull, [0.0, 1.0]);
     let positions: Vec<_> = stroke.positions().collect();
     let (first, last) = (positions[0], positions[positions.len() - 1]);
-    assert!(
-        (first[1] + 50.0).abs() < 1e-3 && (last[1] - 50.0).abs() < 1e-3,
-        "{first:?} {last:?}"
-    );
+    assert!((first[1] + 50.0).abs() < 1e-3 && (last[1] - 50.0).abs() < 1e-3, "{first:?} {last:?}");
     assert!(positions.iter().all(|at| at[0].abs() < 1e-9));
 }
 
@@ -340,9 +281,7 @@ fn branches_are_as_far_apart_as_the_play_is_wide() {
     });
     let outcome = fitted(&recording);
     let mut file = outcome.model.file().clone();
-    let FamilyParameters::Gmr { mixture } = file.family else {
-        panic!("not a mixture")
-    };
+    let FamilyParameters::Gmr { mixture } = file.family else { panic!("not a mixture") };
     file.family = FamilyParameters::GmrPlay {
         plays: PlayParameters {
             thresholds_counts: vec![vec![0.0, 50.0]],
@@ -354,17 +293,11 @@ fn branches_are_as_far_apart_as_the_play_is_wide() {
         virtual_hull: file.hull.clone(),
     };
     let model = Model::from_file(file).unwrap();
-    let line = Straight {
-        gain: [0.02, 0.0],
-        offset: 0.0,
-    };
+    let line = Straight { gain: [0.02, 0.0], offset: 0.0 };
     let unit = std::f64::consts::PI / 180.0;
     let found = branches(&model, 0, &line, unit);
     let middle = found.rising.len() / 2;
-    let (up, down) = (
-        found.rising[middle],
-        found.falling[found.falling.len() - 1 - middle],
-    );
+    let (up, down) = (found.rising[middle], found.falling[found.falling.len() - 1 - middle]);
     // The lagging play carries 0.8 of the virtual counts: 0.8 * 2 * 50 counts of 0.02 deg.
     assert!(
         (up[0] - down[0]).abs() < 1e-6 && ((down[1] - up[1]) - 1.6).abs() < 0.02,
@@ -384,26 +317,12 @@ fn branches_are_as_far_apart_as_the_play_is_wide() {
 fn components_are_projected_on_the_plane_of_the_output() {
     let data = gathered(&two_axes());
     for (output, view) in data.outputs.iter().zip(&data.read_out) {
-        let weights: f64 = view
-            .components
-            .iter()
-            .map(|component| component.weight)
-            .sum();
+        let weights: f64 = view.components.iter().map(|component| component.weight).sum();
         assert!((weights - 1.0).abs() < 1e-9);
         // The data are a straight line with noise of 0.05 deg, so across it every component is
         // about as wide as that.
-        let slope = output
-            .straight
-            .gain
-            .iter()
-            .map(|gain| gain * gain)
-            .sum::<f64>()
-            .sqrt();
-        for ProjectedComponent {
-            covariance: [[xx, xy], [_, yy]],
-            ..
-        } in &view.components
-        {
+        let slope = output.straight.gain.iter().map(|gain| gain * gain).sum::<f64>().sqrt();
+        for ProjectedComponent { covariance: [[xx, xy], [_, yy]], .. } in &view.components {
             let across = yy - 2.0 * slope * xy + slope * slope * xx;
             assert!((0.0..0.3).contains(&across), "{across}");
         }

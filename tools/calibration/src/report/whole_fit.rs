@@ -14,33 +14,20 @@ pub fn of_fit(
     options: &FitOptions,
     outcome: &FitOutcome,
 ) -> ReportData {
-    let names: Vec<String> = outcome
-        .families
-        .iter()
-        .map(|family| family.family.to_string())
-        .collect();
-    let fitted = outcome
-        .families
-        .iter()
-        .zip(&names)
-        .filter_map(|(family, name)| {
-            let model = family.result.as_deref().ok()?;
-            Some(FamilyFit {
-                name,
-                model,
-                chosen: family.family == outcome.family,
-                seconds: Some(family.seconds),
-            })
-        });
+    let names: Vec<String> =
+        outcome.families.iter().map(|family| family.family.to_string()).collect();
+    let fitted = outcome.families.iter().zip(&names).filter_map(|(family, name)| {
+        let model = family.result.as_deref().ok()?;
+        Some(FamilyFit {
+            name,
+            model,
+            chosen: family.family == outcome.family,
+            seconds: Some(family.seconds),
+        })
+    });
     let fitted: Vec<_> = fitted.collect();
     let report = &outcome.report;
-    let mut data = gather(
-        recording,
-        &report.survey,
-        &report.split,
-        &report.training,
-        &fitted,
-    );
+    let mut data = gather(recording, &report.survey, &report.split, &report.training, &fitted);
     // The figures are those of the model that had not seen the rows held out; what is written was
     // fitted to all rows.
     if let Some(chosen) = data.families.iter_mut().find(|family| family.chosen) {
@@ -61,9 +48,7 @@ fn choice(outcome: &FitOutcome) -> Vec<ChoiceScore> {
     let score = |score: &Score| ChoiceScore {
         family: score.family.to_string(),
         held_out: score.held_out / si,
-        worst_plant: score
-            .worst_plant
-            .map(|(error, plant)| (error / si, plant.to_string())),
+        worst_plant: score.worst_plant.map(|(error, plant)| (error / si, plant.to_string())),
         total: score.total() / si,
         travel: score.travel,
         chosen: score.family == outcome.family,
@@ -80,17 +65,10 @@ fn read_facts(read: &ReadReport, outcome: &FitOutcome) -> Vec<(String, String)> 
         fact("columns of counts", read.counts_columns.join(", ")),
         fact("columns of outputs", read.output_columns.join(", ")),
     ];
-    facts.extend(
-        read.time_column
-            .iter()
-            .map(|column| fact("column of time", column)),
-    );
+    facts.extend(read.time_column.iter().map(|column| fact("column of time", column)));
     facts.push(fact("rows dropped for an empty cell", read.dropped.len()));
     facts.push(fact("rows with positions only", read.positions));
-    facts.push(fact(
-        "readings flagged as spikes",
-        outcome.report.survey.spikes.len(),
-    ));
+    facts.push(fact("readings flagged as spikes", outcome.report.survey.spikes.len()));
     let latency = outcome.report.survey.latency;
     facts.extend(latency.map(|l| {
         let (ms, deviation) = (1e3 * l.seconds, 1e3 * l.deviation_s);
@@ -102,35 +80,21 @@ fn read_facts(read: &ReadReport, outcome: &FitOutcome) -> Vec<(String, String)> 
     facts.extend(drifts(outcome));
     facts.extend(outcome.families.iter().filter_map(|family| {
         let lines = outcome.reading(family)?;
-        Some(fact(
-            &format!("reading of {}", family.family),
-            lines.trim_end().replace('\n', "; "),
-        ))
+        Some(fact(&format!("reading of {}", family.family), lines.trim_end().replace('\n', "; ")))
     }));
     facts
 }
 
 fn drifts(outcome: &FitOutcome) -> impl Iterator<Item = (String, String)> {
     let drift = &outcome.report.drift;
-    let part = if drift.cycles {
-        "cycle"
-    } else {
-        "fifth of the rows"
-    };
-    outcome
-        .model
-        .file()
-        .outputs
-        .iter()
-        .enumerate()
-        .map(move |(index, output)| {
-            let (per_part, largest) = (drift.per_part(index), drift.largest_step(index));
-            let unit = output.unit;
-            let text = format!(
-                "{per_part:+.3} {unit} per {part}, at most {largest:.3} from one to the next"
-            );
-            fact(&format!("drift of {}", output.name), text)
-        })
+    let part = if drift.cycles { "cycle" } else { "fifth of the rows" };
+    outcome.model.file().outputs.iter().enumerate().map(move |(index, output)| {
+        let (per_part, largest) = (drift.per_part(index), drift.largest_step(index));
+        let unit = output.unit;
+        let text =
+            format!("{per_part:+.3} {unit} per {part}, at most {largest:.3} from one to the next");
+        fact(&format!("drift of {}", output.name), text)
+    })
 }
 
 fn settings(options: &FitOptions) -> Vec<(String, String)> {
@@ -145,10 +109,7 @@ fn settings(options: &FitOptions) -> Vec<(String, String)> {
         fact("setting: seed", options.em.seed),
         fact("setting: shrinkage", options.em.shrinkage),
         fact("setting: hold out", options.hold_out),
-        fact(
-            "setting: train on spikes",
-            if options.spikes.keep { "yes" } else { "no" },
-        ),
+        fact("setting: train on spikes", if options.spikes.keep { "yes" } else { "no" }),
     ]
 }
 
@@ -163,11 +124,7 @@ fn failures(outcome: &FitOutcome) -> impl Iterator<Item = String> {
 
 fn flagged(outcome: &FitOutcome) -> Option<String> {
     let report = &outcome.report;
-    let rows = report
-        .split
-        .held_out()
-        .filter(|row| report.survey.is_flagged(*row))
-        .count();
+    let rows = report.split.held_out().filter(|row| report.survey.is_flagged(*row)).count();
     (rows > 0).then(|| {
         format!(
             "The rows held out hold {rows} that were flagged as spikes; they count in all figures."

@@ -22,9 +22,7 @@ const CENTRE_PART: f64 = 0.3;
 /// The phase of every row, rad, unwrapped, when the motors circulate.
 pub(crate) fn circulation(recording: &Recording) -> Option<Vec<f64>> {
     let counts: Vec<MotorVec> = recording.rows().iter().map(|row| row.counts).collect();
-    (recording.motors() >= 2)
-        .then(|| circles(&counts))
-        .flatten()
+    (recording.motors() >= 2).then(|| circles(&counts)).flatten()
 }
 
 /// The phase of every position of two motors, rad, unwrapped, when they circulate.
@@ -41,10 +39,7 @@ pub(crate) fn circles(path: &[MotorVec]) -> Option<Vec<f64>> {
         return None;
     }
     let phases = unwrapped(points.iter().map(|[x, y]| y.atan2(*x)));
-    let total: f64 = phases
-        .windows(2)
-        .map(|pair| (pair[1] - pair[0]).abs())
-        .sum();
+    let total: f64 = phases.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
     let net = turns(&phases);
     (net >= LEAST_TURNS && net * TAU >= LEAST_STEADINESS * total).then_some(phases)
 }
@@ -59,9 +54,7 @@ pub(crate) fn turns(phases: &[f64]) -> f64 {
 fn unwrapped(angles: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut last: Option<f64> = None;
     let unwrap = |angle: f64| {
-        let unwrapped = last.map_or(angle, |last| {
-            last + (angle - last + PI).rem_euclid(TAU) - PI
-        });
+        let unwrapped = last.map_or(angle, |last| last + (angle - last + PI).rem_euclid(TAU) - PI);
         last = Some(unwrapped);
         unwrapped
     };
@@ -86,11 +79,7 @@ mod tests {
         });
         assert_near(turns(&circulation(&circle).unwrap()), 3.17, 0.05);
         let both_directions = motion(200, |time| {
-            let phase = if time < 20.0 {
-                0.5 * time
-            } else {
-                20.0 - 0.5 * time
-            };
+            let phase = if time < 20.0 { 0.5 * time } else { 20.0 - 0.5 * time };
             [350.0 * phase.cos(), 350.0 * phase.sin()]
         });
         assert_eq!(circulation(&both_directions), None);

@@ -31,10 +31,7 @@ pub(crate) struct Cycle {
 /// two.
 pub(crate) fn last_cycle(recording: &Recording) -> Option<Cycle> {
     let rhythm = rhythm(recording)?;
-    Some(Cycle {
-        start: rhythm.start(1.0)?,
-        cycles: rhythm.cycles(),
-    })
+    Some(Cycle { start: rhythm.start(1.0)?, cycles: rhythm.cycles() })
 }
 
 /// Where every whole cycle begins, counted back from the end, in order; nothing where there are no
@@ -45,10 +42,7 @@ pub(crate) fn starts(recording: &Recording) -> Vec<usize> {
     };
     // The first one may lack a little.
     let whole = (rhythm.cycles() + 0.1).floor() as u32;
-    (1..=whole)
-        .rev()
-        .map(|back| rhythm.start(f64::from(back)).unwrap_or_default())
-        .collect()
+    (1..=whole).rev().map(|back| rhythm.start(f64::from(back)).unwrap_or_default()).collect()
 }
 
 /// Phase or time at every row, and its increase in one cycle.
@@ -66,10 +60,7 @@ impl Rhythm {
     /// The first row of the last so many cycles.
     fn start(&self, cycles: f64) -> Option<usize> {
         let from = self.progress.last()? - cycles * self.cycle;
-        let before = self
-            .progress
-            .iter()
-            .rposition(|progress| *progress <= from)?;
+        let before = self.progress.iter().rposition(|progress| *progress <= from)?;
         Some(before + 1)
     }
 }
@@ -81,16 +72,11 @@ fn rhythm(recording: &Recording) -> Option<Rhythm> {
                 *phase = -*phase;
             }
         }
-        Rhythm {
-            progress,
-            cycle: TAU,
-        }
+        Rhythm { progress, cycle: TAU }
     });
     let repeats = |rhythm: &Rhythm| rhythm.cycles() >= LEAST_CYCLES;
     let back_and_forth = || (0..recording.motors()).find_map(|motor| periods(recording, motor));
-    around
-        .filter(repeats)
-        .or_else(|| back_and_forth().filter(repeats))
+    around.filter(repeats).or_else(|| back_and_forth().filter(repeats))
 }
 
 fn periods(recording: &Recording, motor: usize) -> Option<Rhythm> {
@@ -100,16 +86,11 @@ fn periods(recording: &Recording, motor: usize) -> Option<Rhythm> {
     let progress: Vec<f64> = rows.iter().enumerate().map(time).collect();
     let counts: Vec<f64> = rows.iter().map(|row| row.counts[motor]).collect();
     let crossings = upward_crossings(&counts);
-    let periods = crossings
-        .windows(2)
-        .map(|pair| progress[pair[1]] - progress[pair[0]]);
+    let periods = crossings.windows(2).map(|pair| progress[pair[1]] - progress[pair[0]]);
     let mut periods: Vec<f64> = periods.collect();
     let cycle = median(&mut periods)?;
     let regular = |period: &f64| (period - cycle).abs() <= IRREGULARITY * cycle;
-    periods
-        .iter()
-        .all(regular)
-        .then_some(Rhythm { progress, cycle })
+    periods.iter().all(regular).then_some(Rhythm { progress, cycle })
 }
 
 /// Where the counts come up through the middle of their range, having been well below, and go on to
@@ -159,12 +140,7 @@ mod tests {
         let starts = starts(&triangle);
         assert!(starts.len() == 4 && starts[0] <= 1, "{starts:?}");
         let lengths = starts.windows(2).map(|pair| pair[1] - pair[0]);
-        assert!(
-            lengths
-                .into_iter()
-                .all(|length| (49..=51).contains(&length)),
-            "{starts:?}"
-        );
+        assert!(lengths.into_iter().all(|length| (49..=51).contains(&length)), "{starts:?}");
     }
 
     #[test]
@@ -174,10 +150,7 @@ mod tests {
         let motions: [(usize, &dyn Fn(f64) -> f64); 3] =
             [(300, &growing), (100, &once), (100, &|time| time)];
         for (rows, counts) in motions {
-            assert_eq!(
-                last_cycle(&one_motor(rows, |time| (counts(time), time))),
-                None
-            );
+            assert_eq!(last_cycle(&one_motor(rows, |time| (counts(time), time))), None);
         }
     }
 

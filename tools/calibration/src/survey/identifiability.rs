@@ -188,10 +188,7 @@ mod tests {
     #[test]
     fn many_reversals_of_many_sizes_in_the_plane_show_hysteresis() {
         assert_eq!(findings_of(&wandering(600)), []);
-        assert_eq!(
-            findings_of_motor(300, |time| 10.0 * time * (0.8 * time).sin()),
-            []
-        );
+        assert_eq!(findings_of_motor(300, |time| 10.0 * time * (0.8 * time).sin()), []);
     }
 
     #[test]
@@ -237,9 +234,6 @@ mod tests {
         let hides = |name: &str| read(name).iter().any(Finding::hides_hysteresis);
         assert!(hides("i2ris/output_w_angles.csv"));
         assert!(!hides("dvrk_wrist/random_first70.csv"));
-        assert_eq!(
-            read("tee_probe/motor1_first.csv"),
-            [Finding::OneLoop { motor: 0 }]
-        );
+        assert_eq!(read("tee_probe/motor1_first.csv"), [Finding::OneLoop { motor: 0 }]);
     }
 }

@@ -70,9 +70,7 @@ pub(crate) fn noise_floor(rows: &[Row], measured: &[f64], residuals: &[f64]) -> 
     }
     let still = pairs().filter(|(rows, _)| rows[0].counts == rows[1].counts);
     let repeats = still.map(|(_, pair)| pair[1] - pair[0]);
-    let differences = residuals
-        .windows(3)
-        .map(|triple| triple[0] - 2.0 * triple[1] + triple[2]);
+    let differences = residuals.windows(3).map(|triple| triple[0] - 2.0 * triple[1] + triple[2]);
     deviation(repeats.collect(), 2.0, NoiseMethod::Repeats)
         .or_else(|| deviation(differences.collect(), 6.0, NoiseMethod::Differences))
 }
@@ -107,15 +105,10 @@ mod tests {
     #[test]
     fn noise_is_found_in_slow_motion_in_steps_and_among_spikes() {
         let mut random = noise(3);
-        let smooth = one_motor(2000, |time| {
-            (slow(time), 0.02 * slow(time) + 0.3 * random())
-        });
+        let smooth = one_motor(2000, |time| (slow(time), 0.02 * slow(time) + 0.3 * random()));
         let floor_of = |recording: &Recording| floor(recording).unwrap();
         let found = floor_of(&smooth);
-        assert_eq!(
-            (found.method, found.samples),
-            (NoiseMethod::Differences, 1998)
-        );
+        assert_eq!((found.method, found.samples), (NoiseMethod::Differences, 1998));
         assert_near(found.deviation, 0.3, 0.03);
 
         let mut random = noise(4);
@@ -129,11 +122,7 @@ mod tests {
 
         let mut random = noise(3);
         let spiky = one_motor(400, |time| {
-            let spike = if (time * 5.0).round() % 40.0 == 0.0 {
-                50.0
-            } else {
-                0.0
-            };
+            let spike = if (time * 5.0).round() % 40.0 == 0.0 { 50.0 } else { 0.0 };
             (slow(time), 0.3 * random() + spike)
         });
         assert_near(floor_of(&spiky).deviation, 0.3, 0.06);
@@ -143,9 +132,6 @@ mod tests {
     fn a_slow_sensor_and_few_rows_give_no_estimate() {
         let held = one_motor(400, |time| (slow(time), (0.5 * time).floor()));
         assert_eq!(floor(&held), None);
-        assert_eq!(
-            floor(&one_motor(20, |time| (time, (7.0 * time).sin()))),
-            None
-        );
+        assert_eq!(floor(&one_motor(20, |time| (time, (7.0 * time).sin()))), None);
     }
 }

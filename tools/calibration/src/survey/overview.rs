@@ -79,12 +79,7 @@ impl Survey {
         let inputs = inputs(recording, indices());
         let linear = fit_linear(&inputs, &outputs(recording, indices()))?;
         let warnings = warnings(recording, &inputs);
-        let mut survey = Self {
-            noise: Vec::new(),
-            spikes: Vec::new(),
-            latency: None,
-            warnings,
-        };
+        let mut survey = Self { noise: Vec::new(), spikes: Vec::new(), latency: None, warnings };
         // Where hysteresis looks like a shift in phase, a shift in time does too.
         if survey.hides_hysteresis().is_none() {
             survey.latency = recording.latency();
@@ -123,17 +118,14 @@ impl Survey {
     /// Whether a row was flagged, for any output.
     #[must_use]
     pub fn is_flagged(&self, row: usize) -> bool {
-        self.spikes
-            .binary_search_by_key(&row, |spike| spike.row)
-            .is_ok()
+        self.spikes.binary_search_by_key(&row, |spike| spike.row).is_ok()
     }
 }
 
 fn residuals(measured: &[f64], inputs: &DataTable, linear: &LinearFit, output: usize) -> Vec<f64> {
     let predicted = |counts| linear.predict(counts).nth(output).unwrap_or_default();
     let rows = measured.iter().zip(inputs.rows());
-    rows.map(|(measured, counts)| measured - predicted(counts))
-        .collect()
+    rows.map(|(measured, counts)| measured - predicted(counts)).collect()
 }
 
 fn warnings(recording: &Recording, inputs: &DataTable) -> Vec<Warning> {
@@ -150,10 +142,7 @@ fn warnings(recording: &Recording, inputs: &DataTable) -> Vec<Warning> {
 
 fn maybe_radians(recording: &Recording) -> Option<Warning> {
     let specs = recording.outputs();
-    let angles = recording
-        .rows()
-        .iter()
-        .flat_map(|row| &row.outputs[..specs.len()]);
+    let angles = recording.rows().iter().flat_map(|row| &row.outputs[..specs.len()]);
     let furthest = angles.fold(0.0, |most: f64, angle| most.max(angle.abs()));
     let degrees = specs.iter().all(|spec| spec.unit == OutputUnit::Deg);
     (degrees && furthest < LEAST_BEND_DEG).then_some(Warning::MaybeRadians { furthest })

@@ -29,12 +29,7 @@ pub struct SpikeOptions {
 
 impl Default for SpikeOptions {
     fn default() -> Self {
-        Self {
-            half_window: 3,
-            threshold: 6.0,
-            least: 0.1,
-            keep: false,
-        }
+        Self { half_window: 3, threshold: 6.0, least: 0.1, keep: false }
     }
 }
 
@@ -76,23 +71,13 @@ pub(crate) fn spikes(
     let gain = linear.gain.get(output).map_or([].as_slice(), Vec::as_slice);
     let motion = |row: usize| {
         let others = rows[window(row)].iter();
-        median_of(
-            others
-                .map(|other| travel(gain, &rows[row], other))
-                .collect(),
-        )
+        median_of(others.map(|other| travel(gain, &rows[row], other)).collect())
     };
     let mut spikes = Vec::new();
     for (row, distance) in distances.into_iter().enumerate() {
         if distance.abs() > threshold + motion(row) {
             let (line, measured) = (rows[row].line, rows[row].outputs[output]);
-            spikes.push(Spike {
-                row,
-                line,
-                output,
-                measured,
-                distance,
-            });
+            spikes.push(Spike { row, line, output, measured, distance });
         }
     }
     spikes
@@ -101,9 +86,7 @@ pub(crate) fn spikes(
 /// Change of an output between two rows if the effects of the motors add up.
 fn travel(gain: &[f64], from: &Row, to: &Row) -> f64 {
     let motors = gain.iter().zip(from.counts.iter().zip(&to.counts));
-    motors
-        .map(|(gain, (from, to))| (gain * (to - from)).abs())
-        .sum()
+    motors.map(|(gain, (from, to))| (gain * (to - from)).abs()).sum()
 }
 
 #[cfg(test)]
@@ -122,10 +105,7 @@ mod tests {
     /// Rows and outputs that are flagged.
     fn flagged(recording: &Recording) -> Vec<(usize, usize)> {
         let spikes = survey(recording).spikes;
-        spikes
-            .iter()
-            .map(|spike| (spike.row, spike.output))
-            .collect()
+        spikes.iter().map(|spike| (spike.row, spike.output)).collect()
     }
 
     /// A wandering snake with some noise and wrong readings: row, output, error.

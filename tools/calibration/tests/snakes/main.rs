@@ -44,10 +44,7 @@ fn calibrate(name: &str) -> Model {
         begun.elapsed().as_secs_f64(),
         chain.cross_validated_rms,
         chain.mixture.weights.len(),
-        chain
-            .residual
-            .as_ref()
-            .map(|r| (r.shape_degree, r.lag_degree))
+        chain.residual.as_ref().map(|r| (r.shape_degree, r.lag_degree))
     );
     let family = FamilyParameters::GmrStop {
         stops: fit.parameters,
@@ -81,12 +78,7 @@ fn report(name: &str, fit: &StopFit, seconds: f64) {
 #[ignore = "takes minutes; prints figures"]
 fn stops_on_snakes() {
     let usual = Loop::default();
-    let free = Loop {
-        velocity: 1e6,
-        acceleration: 1e9,
-        deceleration: 1e9,
-        ..usual
-    };
+    let free = Loop { velocity: 1e6, acceleration: 1e9, deceleration: 1e9, ..usual };
     let names = std::env::var("SNAKES").unwrap_or("steel,brass,multi".to_owned());
     for name in names.split(',') {
         let model = calibrate(name);

@@ -16,18 +16,11 @@ fn wander(random: &mut Pcg64, ticks: usize, corner: f64) -> Vec<f64> {
         .map(|wave| {
             let frequency = 3.0 * corner * (wave as f64 + random.random::<f64>()) / WAVES as f64;
             let size = gauss(random) / (1.0 + (frequency / corner).powi(4));
-            (
-                size,
-                TAU * frequency * TICK_S,
-                random.random_range(0.0..TAU),
-            )
+            (size, TAU * frequency * TICK_S, random.random_range(0.0..TAU))
         })
         .collect();
     let at = |tick: usize| {
-        waves
-            .iter()
-            .map(|(size, step, phase)| size * (step * tick as f64 + phase).sin())
-            .sum()
+        waves.iter().map(|(size, step, phase)| size * (step * tick as f64 + phase).sin()).sum()
     };
     let path: Vec<f64> = (0..ticks).map(at).collect();
     let deviation = (path.iter().map(|x| x * x).sum::<f64>() / ticks as f64).sqrt();
@@ -77,22 +70,13 @@ pub fn teleoperation(
 }
 
 fn burst(random: &mut Pcg64, goals: &mut [[f64; 2]], seconds: f64) {
-    let (centre, width) = (
-        random.random_range(0.0..seconds),
-        random.random_range(1.0..2.5_f64),
-    );
-    let (size, angle) = (
-        random.random_range(0.05..0.35),
-        random.random_range(0.0..TAU),
-    );
+    let (centre, width) = (random.random_range(0.0..seconds), random.random_range(1.0..2.5_f64));
+    let (size, angle) = (random.random_range(0.05..0.35), random.random_range(0.0..TAU));
     let frequency: f64 = random.random_range(0.4..1.2);
     for (tick, goal) in goals.iter_mut().enumerate() {
         let since = tick as f64 * TICK_S - centre;
         let wave = size * (-(since / width).powi(2)).exp() * (TAU * frequency * since).sin();
-        *goal = [
-            goal[0] + wave * f64::cos(angle),
-            goal[1] + wave * f64::sin(angle),
-        ];
+        *goal = [goal[0] + wave * f64::cos(angle), goal[1] + wave * f64::sin(angle)];
     }
 }
 
@@ -122,10 +106,7 @@ fn smooth(path: &[[f64; 2]], half: usize) -> Vec<[f64; 2]> {
         let mut out = [0.0; 2];
         for (i, weight) in weights.iter().enumerate() {
             let from = path[(tick + i).saturating_sub(half).min(path.len() - 1)];
-            out = [
-                out[0] + weight / sum * from[0],
-                out[1] + weight / sum * from[1],
-            ];
+            out = [out[0] + weight / sum * from[0], out[1] + weight / sum * from[1]];
         }
         out
     };
@@ -151,7 +132,5 @@ pub fn plane(seed: u64, radius: f64, seconds: f64, fastest: f64) -> Vec<[f64; 2]
     sizes.sort_by(f64::total_cmp);
     let largest = sizes[sizes.len() * 999 / 1000];
     let scale = |[a, b]: [f64; 2]| radius / a.hypot(b).max(largest);
-    path.into_iter()
-        .map(|at| at.map(|x| (x * scale(at)).round()))
-        .collect()
+    path.into_iter().map(|at| at.map(|x| (x * scale(at)).round())).collect()
 }

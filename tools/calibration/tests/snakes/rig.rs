@@ -23,10 +23,7 @@ use super::motion::{TICK_S, gauss};
 const SETTLING: usize = 1000;
 
 pub fn snake(name: &str, seed: u64) -> Snake {
-    let path = format!(
-        "{}/../../config/snakes/{name}.toml",
-        env!("CARGO_MANIFEST_DIR")
-    );
+    let path = format!("{}/../../config/snakes/{name}.toml", env!("CARGO_MANIFEST_DIR"));
     Snake::new(&SnakeConfig::load(Path::new(&path)).unwrap(), seed)
 }
 
@@ -41,36 +38,19 @@ pub fn record(snake: &mut Snake, path: &[[f64; 2]], noise: f64, seed: u64) -> Re
         let time = tick as f64 * TICK_S;
         if tick * 3 >= frames * 100 && tick > 0 {
             frames += 1;
-            let [pitch, yaw] = snake
-                .angles_deg()
-                .map(|angle| angle + noise * gauss(&mut random));
+            let [pitch, yaw] = snake.angles_deg().map(|angle| angle + noise * gauss(&mut random));
             writeln!(file, "{time},{},{},{pitch},{yaw}", counts[0], counts[1]).unwrap();
         } else if tick % 10 == 0 {
             writeln!(file, "{time},{},{},,", counts[0], counts[1]).unwrap();
         }
     }
-    Recording::read(file.path(), &ColumnMap::default())
-        .unwrap()
-        .0
+    Recording::read(file.path(), &ColumnMap::default()).unwrap().0
 }
 
 pub fn model_file(family: FamilyParameters, recording: &Recording) -> ModelFile {
-    let spec = |name: &str| OutputSpec {
-        name: name.to_owned(),
-        unit: OutputUnit::Deg,
-    };
-    let fit = FitMetrics {
-        r2: 0.0,
-        rmsd: 0.0,
-        nrmsd: 0.0,
-        mae: 0.0,
-        max: 0.0,
-    };
-    let visited: Vec<_> = recording
-        .path()
-        .iter()
-        .map(|position| position.counts)
-        .collect();
+    let spec = |name: &str| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg };
+    let fit = FitMetrics { r2: 0.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 };
+    let visited: Vec<_> = recording.path().iter().map(|position| position.counts).collect();
     ModelFile {
         slow_error: None,
         format: FORMAT.to_owned(),
@@ -91,13 +71,7 @@ pub fn model_file(family: FamilyParameters, recording: &Recording) -> ModelFile 
             linear_gain: None,
         },
         worthless: None,
-        metrics: vec![
-            OutputMetrics {
-                training: fit,
-                held_out: None
-            };
-            2
-        ],
+        metrics: vec![OutputMetrics { training: fit, held_out: None }; 2],
     }
 }
 
@@ -110,11 +84,7 @@ pub fn forward_error(model: &Model, name: &str, seed: u64, goals: &[[f64; 2]]) -
     let mut start = [0.0; 2];
     let mut sum = 0.0;
     for (tick, goal) in goals.iter().enumerate() {
-        let query = Query {
-            start,
-            correction: Some([0.0; 3]),
-            compensation: 0.0,
-        };
+        let query = Query { start, correction: Some([0.0; 3]), compensation: 0.0 };
         start = model.invert(&radians(*goal), &memory, &query).counts;
         let counts = start.map(f64::round);
         snake.step(TICK_S, counts);
@@ -170,13 +140,7 @@ pub struct Tracking {
 
 impl fmt::Display for Tracking {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            rms,
-            mean,
-            p99_over_rms,
-            counts_per_second,
-            microseconds,
-        } = self;
+        let Self { rms, mean, p99_over_rms, counts_per_second, microseconds } = self;
         write!(
             f,
             "{rms:.3} (mean {mean:.3?}, p99/rms {p99_over_rms:.1}, {counts_per_second:.0} \
@@ -225,19 +189,9 @@ struct Pilot<'a> {
 
 impl<'a> Pilot<'a> {
     fn new(rules: &'a Loop, model: &'a Model, goal: [f64; 2]) -> Self {
-        let Loop {
-            velocity,
-            acceleration,
-            deceleration,
-            ..
-        } = *rules;
-        let limits = MotorLimits {
-            velocity,
-            acceleration,
-            deceleration,
-            lowest: -1e6,
-            highest: 1e6,
-        };
+        let Loop { velocity, acceleration, deceleration, .. } = *rules;
+        let limits =
+            MotorLimits { velocity, acceleration, deceleration, lowest: -1e6, highest: 1e6 };
         let mut memory = model.new_memory();
         model.advance(&mut memory, &[0.0; 2]);
         Self {
@@ -263,19 +217,13 @@ impl<'a> Pilot<'a> {
             correction: Some(radians(self.correction)),
             compensation: 1.0,
         };
-        let aim = self
-            .model
-            .invert(&radians(self.goal), &self.memory, &query)
-            .counts;
+        let aim = self.model.invert(&radians(self.goal), &self.memory, &query).counts;
         let mut counts = [0.0; 2];
         for motor in 0..2 {
             let moved = self.aim.map_or(0.0, |before| aim[motor] - before[motor]);
             // A larger step is a gap, not motion of the goal.
             let moved = if moved.abs() < 2.0 { moved } else { 0.0 };
-            self.limiters[motor].track(MotorTarget {
-                position: aim[motor],
-                increment: moved,
-            });
+            self.limiters[motor].track(MotorTarget { position: aim[motor], increment: moved });
             counts[motor] = self.limiters[motor].position().round();
         }
         self.aim = Some(aim);
@@ -287,16 +235,11 @@ impl<'a> Pilot<'a> {
     fn correct(&mut self) {
         let [pitch, yaw, _] = self.model.correction(&self.memory).map(f64::to_degrees);
         let low_passed = self.low_passed.get_or_insert([pitch, yaw]);
-        for ((low, now), held) in low_passed
-            .iter_mut()
-            .zip([pitch, yaw])
-            .zip(&mut self.correction)
+        for ((low, now), held) in low_passed.iter_mut().zip([pitch, yaw]).zip(&mut self.correction)
         {
             *low += TICK_S / self.rules.correction_s * (now - *low);
-            *held = held.clamp(
-                *low - self.rules.correction_band,
-                *low + self.rules.correction_band,
-            );
+            *held =
+                held.clamp(*low - self.rules.correction_band, *low + self.rules.correction_band);
         }
     }
 }
@@ -304,10 +247,7 @@ impl<'a> Pilot<'a> {
 impl Tracking {
     fn new(errors: &[[f64; 2]], counts_per_second: f64, microseconds: f64) -> Self {
         let count = errors.len() as f64;
-        let mut lengths: Vec<f64> = errors
-            .iter()
-            .map(|[pitch, yaw]| pitch.hypot(*yaw))
-            .collect();
+        let mut lengths: Vec<f64> = errors.iter().map(|[pitch, yaw]| pitch.hypot(*yaw)).collect();
         lengths.sort_by(f64::total_cmp);
         let rms = (lengths.iter().map(|length| length * length).sum::<f64>() / count).sqrt();
         Self {

@@ -30,10 +30,6 @@ impl ColumnArguments {
             None if self.no_time => TimeColumn::Ignored,
             None => TimeColumn::Known,
         };
-        ColumnMap {
-            time,
-            counts: self.counts.clone(),
-            outputs: self.angles.clone(),
-        }
+        ColumnMap { time, counts: self.counts.clone(), outputs: self.angles.clone() }
     }
 }

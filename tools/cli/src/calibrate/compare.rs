@@ -97,11 +97,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         return drift::compare(&models?, &recording, page, arguments.json);
     }
     let all = || {
-        arguments
-            .models
-            .iter()
-            .map(|file| entry(file, &recording))
-            .collect::<Result<Vec<_>, _>>()
+        arguments.models.iter().map(|file| entry(file, &recording)).collect::<Result<Vec<_>, _>>()
     };
     let entries = while_working("comparing", all)?;
     if arguments.json {
@@ -122,10 +118,8 @@ fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
             .iter()
             .zip(&predicted)
             .map(|(row, at)| (row.outputs[output], at[output]));
-        let mut errors: Vec<f64> = pairs
-            .clone()
-            .map(|(measured, predicted)| (measured - predicted).abs())
-            .collect();
+        let mut errors: Vec<f64> =
+            pairs.clone().map(|(measured, predicted)| (measured - predicted).abs()).collect();
         errors.sort_by(f64::total_cmp);
         let found = metrics(&pairs.collect::<Vec<_>>())
             .ok_or_else(|| format!("{} does not vary in the recording", spec.name))?;
@@ -141,11 +135,7 @@ fn entry(file: &Path, recording: &Recording) -> Result<Entry, Failure> {
         });
     }
     let trained_on_it = model.file().training.data_sha256 == recording.sha256();
-    let rms_length = outputs
-        .iter()
-        .map(|figures| figures.rmsd * figures.rmsd)
-        .sum::<f64>()
-        .sqrt();
+    let rms_length = outputs.iter().map(|figures| figures.rmsd * figures.rmsd).sum::<f64>().sqrt();
     let doubts = Doubts::new(&model, recording);
     let lengths = recording.rows().iter().zip(&predicted).zip(&doubts.rows);
     let others: Vec<f64> = lengths
@@ -208,11 +198,7 @@ fn load(file: &Path, recording: &Recording) -> Result<Model, Failure> {
 /// As in the file.
 fn family(model: &Model) -> String {
     let value = serde_json::to_value(&model.file().family).unwrap_or_default();
-    value
-        .get("kind")
-        .and_then(|kind| kind.as_str())
-        .unwrap_or("?")
-        .to_owned()
+    value.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?").to_owned()
 }
 
 /// Whether model and recording are of the same motors and outputs.
@@ -233,9 +219,7 @@ pub fn check(model: &Model, recording: &Recording) -> Result<(), String> {
     };
     if model.file().outputs != recording.outputs() {
         let (of_model, of_recording) = (names(&model.file().outputs), names(recording.outputs()));
-        return Err(format!(
-            "has the outputs {of_model}, the recording {of_recording}"
-        ));
+        return Err(format!("has the outputs {of_model}, the recording {of_recording}"));
     }
     Ok(())
 }
@@ -246,38 +230,20 @@ fn print(entries: &[Entry], recording: &Recording) {
         "recording  {}: {rows} rows with angles on a path of {places} positions",
         recording.name()
     );
-    let header = ["R2", "RMSD", "NRMSD", "MAE", "p99", "max"]
-        .map(|name| format!(" {name:>9}"))
-        .concat();
-    println!(
-        "\n{:<23} {:<12}{header} {:>12}",
-        "family", "output", "RMS length"
-    );
+    let header =
+        ["R2", "RMSD", "NRMSD", "MAE", "p99", "max"].map(|name| format!(" {name:>9}")).concat();
+    println!("\n{:<23} {:<12}{header} {:>12}", "family", "output", "RMS length");
     for entry in entries {
         for (place, figures) in entry.outputs.iter().enumerate() {
-            let family = if place == 0 {
-                entry.family.as_str()
-            } else {
-                ""
-            };
-            let length = if place == 0 {
-                format!(" {:>12.3}", entry.rms_length)
-            } else {
-                String::new()
-            };
+            let family = if place == 0 { entry.family.as_str() } else { "" };
+            let length =
+                if place == 0 { format!(" {:>12.3}", entry.rms_length) } else { String::new() };
             let name = format!("{} ({})", figures.name, figures.unit);
-            print!(
-                "{family:<23} {name:<12} {:>9.4} {:>9.3}",
-                figures.r2, figures.rmsd
-            );
+            print!("{family:<23} {name:<12} {:>9.4} {:>9.3}", figures.r2, figures.rmsd);
             print!(" {:>9.4} {:>9.3}", figures.nrmsd, figures.mae);
             println!(" {:>9.3} {:>9.3}{length}", figures.p99, figures.max);
         }
-        let trained = if entry.trained_on_it {
-            ", fitted to this very recording"
-        } else {
-            ""
-        };
+        let trained = if entry.trained_on_it { ", fitted to this very recording" } else { "" };
         println!("  {}{trained}", entry.model);
         doubts(entry, recording.rows().len());
     }

@@ -37,11 +37,7 @@ pub fn compare(
     }
     if json {
         let entry = |(name, verdict, drift): &(&String, Verdict, DriftEstimate)| {
-            serde_json::to_value(Entry {
-                model: (*name).clone(),
-                verdict: *verdict,
-                drift,
-            })
+            serde_json::to_value(Entry { model: (*name).clone(), verdict: *verdict, drift })
         };
         let entries: Vec<_> = found.iter().map(entry).collect::<Result<_, _>>()?;
         println!("{}", serde_json::to_string_pretty(&entries)?);

@@ -108,10 +108,7 @@ impl FromStr for LatencyChoice {
         if text == "auto" {
             return Ok(Self::Auto);
         }
-        let ms = text
-            .parse()
-            .ok()
-            .filter(|ms: &f64| ms.abs() <= MAX_LATENCY_MS);
+        let ms = text.parse().ok().filter(|ms: &f64| ms.abs() <= MAX_LATENCY_MS);
         ms.map(Self::Ms).ok_or_else(|| {
             format!("must be `auto` or a number of at most {MAX_LATENCY_MS} either way")
         })
@@ -173,10 +170,7 @@ impl Arguments {
                 ..EmOptions::default()
             },
             hold_out: model.hold_out,
-            spikes: SpikeOptions {
-                keep: model.keep_spikes,
-                ..SpikeOptions::default()
-            },
+            spikes: SpikeOptions { keep: model.keep_spikes, ..SpikeOptions::default() },
             force: model.force,
         }
     }
@@ -214,21 +208,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(|error| format!("recording {}: {error}", file.display()))?;
     if let Some(page) = &arguments.report {
         let mut data = of_fit(&recording, &read, &options, &outcome);
-        data.settings.extend(taken_off.map(|s| {
-            (
-                "setting: latency taken off".to_owned(),
-                format!("{:+.1} ms", 1e3 * s),
-            )
-        }));
+        data.settings.extend(
+            taken_off
+                .map(|s| ("setting: latency taken off".to_owned(), format!("{:+.1} ms", 1e3 * s))),
+        );
         write(page, &html(&data))?;
     }
     outcome.model.file().write(output)?;
     print!("{}", report(&recording, &read, &options, &outcome));
     if let Some(seconds) = taken_off {
-        println!(
-            "latency    {:+.1} ms were taken off the stamps of the angles",
-            1e3 * seconds
-        );
+        println!("latency    {:+.1} ms were taken off the stamps of the angles", 1e3 * seconds);
     }
     println!("\nwrote {}", output.display());
     if let Some(page) = &arguments.report {

@@ -22,12 +22,7 @@ pub fn report<'a>(
     options: &'a FitOptions,
     outcome: &'a FitOutcome,
 ) -> impl Display + 'a {
-    Report {
-        recording,
-        read,
-        options,
-        outcome,
-    }
+    Report { recording, read, options, outcome }
 }
 
 struct Report<'a> {
@@ -76,10 +71,7 @@ impl Report<'_> {
             .map(|(motor, column)| format!("motor {motor} `{column}`"));
         let outputs = self.recording.outputs().iter().zip(&read.output_columns);
         let outputs = outputs.map(|(output, column)| format!("{} `{column}`", output.name));
-        let time = read
-            .time_column
-            .iter()
-            .map(|column| format!("time `{column}`"));
+        let time = read.time_column.iter().map(|column| format!("time `{column}`"));
         let columns: Vec<_> = motors.chain(outputs).chain(time).collect();
         writeln!(f, "columns    {}", columns.join(", "))?;
         let positions = match read.positions {
@@ -92,30 +84,14 @@ impl Report<'_> {
             read.rows,
             read.dropped.len()
         )?;
-        list(
-            f,
-            read.dropped
-                .iter()
-                .map(|row| format!("{} ({})", row.line, row.column)),
-        )
+        list(f, read.dropped.iter().map(|row| format!("{} ({})", row.line, row.column)))
     }
 
     fn what_was_found(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let FitOutcome { report, .. } = self.outcome;
-        write!(
-            f,
-            "spikes     {} reading(s) flagged",
-            report.survey.spikes.len()
-        )?;
+        write!(f, "spikes     {} reading(s) flagged", report.survey.spikes.len())?;
         let outputs = self.recording.outputs();
-        list(
-            f,
-            report
-                .survey
-                .spikes
-                .iter()
-                .map(|spike| spike_text(spike, outputs)),
-        )?;
+        list(f, report.survey.spikes.iter().map(|spike| spike_text(spike, outputs)))?;
         let noise = outputs
             .iter()
             .zip(&report.survey.noise)
@@ -181,23 +157,11 @@ impl Report<'_> {
 
     fn drift(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let drift = &self.outcome.report.drift;
-        let part = if drift.cycles {
-            "cycle"
-        } else {
-            "fifth of the rows"
-        };
-        let outputs = self
-            .recording
-            .outputs()
-            .iter()
-            .enumerate()
-            .map(|(index, output)| {
-                let (per_part, largest) = (drift.per_part(index), drift.largest_step(index));
-                format!(
-                    "{} {per_part:+.3} {} (at most {largest:.3})",
-                    output.name, output.unit
-                )
-            });
+        let part = if drift.cycles { "cycle" } else { "fifth of the rows" };
+        let outputs = self.recording.outputs().iter().enumerate().map(|(index, output)| {
+            let (per_part, largest) = (drift.per_part(index), drift.largest_step(index));
+            format!("{} {per_part:+.3} {} (at most {largest:.3})", output.name, output.unit)
+        });
         let outputs: Vec<_> = outputs.collect();
         let text = format!("per {part}, away from the model: {}", outputs.join(", "));
         write!(f, "drift{}", &Wrapped(&text).to_string()["drift".len()..])
@@ -212,9 +176,7 @@ impl Report<'_> {
                     "\n{} says of the robot (lengths in the unit of the outputs):",
                     outcome.family
                 )?;
-                reading
-                    .lines()
-                    .try_for_each(|line| write!(f, "{}", Wrapped(line)))?;
+                reading.lines().try_for_each(|line| write!(f, "{}", Wrapped(line)))?;
             }
         }
         Ok(())
@@ -237,13 +199,8 @@ impl Report<'_> {
             "{:>4} {:>15} {:>8} {:>7} {:>12} {:>9}",
             "K", "log-likelihood", "spread", "failed", "BIC", "left out"
         )?;
-        candidates
-            .iter()
-            .try_for_each(|candidate| candidate_line(f, candidate))?;
-        match (
-            self.options.components,
-            candidates.last().map(|last| &last.verdict),
-        ) {
+        candidates.iter().try_for_each(|candidate| candidate_line(f, candidate))?;
+        match (self.options.components, candidates.last().map(|last| &last.verdict)) {
             (Components::UpTo(most), Some(Verdict::Chosen)) => {
                 writeln!(f, "More might be better: --max-components was {most}.")
             }
@@ -252,9 +209,8 @@ impl Report<'_> {
     }
 
     fn metrics(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let header = ["R2", "RMSD", "NRMSD", "MAE", "max"]
-            .map(|name| format!(" {name:>9}"))
-            .concat();
+        let header =
+            ["R2", "RMSD", "NRMSD", "MAE", "max"].map(|name| format!(" {name:>9}")).concat();
         writeln!(f, "\n{:<44}{header}", "")?;
         for (index, output) in self.recording.outputs().iter().enumerate() {
             let mut name = format!("{} ({})", output.name, output.unit);
@@ -267,11 +223,7 @@ impl Report<'_> {
         }
         for outcome in &self.outcome.families {
             if let Err(reason) = &outcome.result {
-                write!(
-                    f,
-                    "{}",
-                    Wrapped(&format!("No `{}`: {reason}.", outcome.family))
-                )?;
+                write!(f, "{}", Wrapped(&format!("No `{}`: {reason}.", outcome.family)))?;
             }
         }
         let flagged = self
@@ -300,11 +252,7 @@ impl Report<'_> {
         let Some(metrics) = model.file().metrics.get(output) else {
             return Ok(());
         };
-        let taken = if family == self.outcome.family {
-            "*"
-        } else {
-            ""
-        };
+        let taken = if family == self.outcome.family { "*" } else { "" };
         metrics_line(
             f,
             &format!("{name:<12}{:<24}training", format!("{family}{taken}")),
@@ -319,17 +267,8 @@ impl Report<'_> {
 
 fn metrics_line(f: &mut Formatter<'_>, name: &str, metrics: Option<&FitMetrics>) -> fmt::Result {
     match metrics {
-        Some(FitMetrics {
-            r2,
-            rmsd,
-            nrmsd,
-            mae,
-            max,
-        }) => {
-            writeln!(
-                f,
-                "{name:<44} {r2:>9.4} {rmsd:>9.3} {nrmsd:>9.4} {mae:>9.3} {max:>9.3}"
-            )
+        Some(FitMetrics { r2, rmsd, nrmsd, mae, max }) => {
+            writeln!(f, "{name:<44} {r2:>9.4} {rmsd:>9.3} {nrmsd:>9.4} {mae:>9.3} {max:>9.3}")
         }
         None => writeln!(f, "{name:<44} {:>9}", "constant"),
     }
@@ -349,16 +288,10 @@ fn candidate_line(f: &mut Formatter<'_>, candidate: &Candidate) -> fmt::Result {
     let line = match &candidate.fit {
         Some(fit) => {
             let (failed, spread) = (fit.starts.failures.len(), fit.starts.spread());
-            let unfinished = if fit.converged {
-                ""
-            } else {
-                " (not converged)"
-            };
+            let unfinished = if fit.converged { "" } else { " (not converged)" };
             let (likelihood, bic) = (fit.log_likelihood, fit.bic);
             let k = candidate.components;
-            let left_out = candidate
-                .left_out_rms
-                .map_or("-".to_owned(), |rms| format!("{rms:.3}"));
+            let left_out = candidate.left_out_rms.map_or("-".to_owned(), |rms| format!("{rms:.3}"));
             format!(
                 "{k:>4} {likelihood:>15.4} {spread:>8.4} {failed:>7} {bic:>12.1} {left_out:>9}  \
                  {verdict}{unfinished}"
@@ -373,20 +306,15 @@ fn spike_text(spike: &Spike, outputs: &[OutputSpec]) -> String {
     let Some(OutputSpec { name, unit }) = outputs.get(spike.output) else {
         return spike.line.to_string();
     };
-    format!(
-        "{} ({name} {:.2} {unit}, {:+.2} off)",
-        spike.line, spike.measured, spike.distance
-    )
+    format!("{} ({name} {:.2} {unit}, {:+.2} off)", spike.line, spike.measured, spike.distance)
 }
 
 fn noise_text(output: &OutputSpec, noise: Option<&NoiseFloor>) -> String {
     let OutputSpec { name, unit } = output;
     match noise {
-        Some(NoiseFloor {
-            deviation,
-            method,
-            samples,
-        }) => format!("{name} {deviation:.3} {unit} ({samples} {method})"),
+        Some(NoiseFloor { deviation, method, samples }) => {
+            format!("{name} {deviation:.3} {unit} ({samples} {method})")
+        }
         None => format!("{name} cannot be found from these rows"),
     }
 }

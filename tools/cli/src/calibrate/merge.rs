@@ -41,10 +41,7 @@ pub struct Arguments {
 }
 
 fn shift(text: &str) -> Result<f64, String> {
-    let value = text
-        .parse()
-        .ok()
-        .filter(|seconds: &f64| seconds.is_finite());
+    let value = text.parse().ok().filter(|seconds: &f64| seconds.is_finite());
     value.ok_or_else(|| "must be a number of seconds".to_owned())
 }
 
@@ -61,10 +58,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         )
         .into());
     }
-    let outputs = ["pitch", "yaw"].map(|name| OutputSpec {
-        name: name.to_owned(),
-        unit: OutputUnit::Deg,
-    });
+    let outputs =
+        ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg });
     let mut writer = RecordingWriter::new(Vec::new(), true, recording.motors(), &outputs)?;
     rows.iter().try_for_each(|row| writer.row(row))?;
     replace(&arguments.output, &writer.finish()?)
@@ -100,18 +95,8 @@ fn merge(recording: &Recording, seen: &[(Nanos, Pose)], shift_s: f64) -> (Vec<Ro
         // A cast of a negative number gives 0, which is before the recording.
         match counts.value_at((time_s * 1e9).round() as u64, GAP_NS) {
             Some(counts) => {
-                let outputs = [
-                    pose.pitch_rad.to_degrees(),
-                    pose.yaw_rad.to_degrees(),
-                    f64::NAN,
-                ];
-                rows.push(Row {
-                    line: 0,
-                    time_s: Some(time_s),
-                    counts,
-                    outputs,
-                    path_index: 0,
-                });
+                let outputs = [pose.pitch_rad.to_degrees(), pose.yaw_rad.to_degrees(), f64::NAN];
+                rows.push(Row { line: 0, time_s: Some(time_s), counts, outputs, path_index: 0 });
             }
             None => lost += 1,
         }
@@ -152,29 +137,14 @@ mod tests {
         }
         fs::write(&path, text).unwrap();
         let (recording, _) = Recording::read(&path, &ColumnMap::default()).unwrap();
-        let pose = |deg: f64| Pose {
-            pitch_rad: deg.to_radians(),
-            yaw_rad: -deg.to_radians(),
-        };
-        let seen = [
-            (0.005, 1.0),
-            (0.1, 2.0),
-            (0.55, 3.0),
-            (0.905, 4.0),
-            (9.0, 5.0),
-        ];
+        let pose = |deg: f64| Pose { pitch_rad: deg.to_radians(), yaw_rad: -deg.to_radians() };
+        let seen = [(0.005, 1.0), (0.1, 2.0), (0.55, 3.0), (0.905, 4.0), (9.0, 5.0)];
         let seen = seen.map(|(time_s, deg): (f64, f64)| (Nanos((time_s * 1e9) as u64), pose(deg)));
         let (rows, lost) = merge(&recording, &seen, 0.01);
         assert_eq!(lost, 2, "one in the hole, one after the end");
         assert_eq!(rows.len(), 100 + 2, "one falls on a position");
-        let samples: Vec<&Row> = rows
-            .iter()
-            .filter(|row| row.outputs[0].is_finite())
-            .collect();
-        for (row, (time_s, deg)) in samples
-            .iter()
-            .zip([(0.015, 1.0), (0.11, 2.0), (0.915, 4.0)])
-        {
+        let samples: Vec<&Row> = rows.iter().filter(|row| row.outputs[0].is_finite()).collect();
+        for (row, (time_s, deg)) in samples.iter().zip([(0.015, 1.0), (0.11, 2.0), (0.915, 4.0)]) {
             assert!((row.time_s.unwrap() - time_s).abs() < 1e-6, "{row:?}");
             assert!(
                 (row.counts[0] - 100.0 * time_s).abs() < 1e-6

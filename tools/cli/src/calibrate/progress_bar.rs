@@ -39,11 +39,7 @@ impl Bar {
             }
             bar
         });
-        Self {
-            begun: Instant::now(),
-            bar,
-            work: Mutex::new(Work::default()),
-        }
+        Self { begun: Instant::now(), bar, work: Mutex::new(Work::default()) }
     }
 
     fn change(&self, change: impl FnOnce(&mut Work)) {
@@ -155,13 +151,8 @@ mod tests {
 
     #[test]
     fn the_share_grows_to_the_end_of_the_part() {
-        let mut work = Work {
-            name: "gmr-stop".to_owned(),
-            from: 0.2,
-            to: 1.0,
-            steps: 10,
-            ..Work::default()
-        };
+        let mut work =
+            Work { name: "gmr-stop".to_owned(), from: 0.2, to: 1.0, steps: 10, ..Work::default() };
         let mut before = 0.0;
         for pieces in 0..20 {
             for done in 0..10 {

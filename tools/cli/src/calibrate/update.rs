@@ -38,12 +38,7 @@ pub struct Arguments {
 
 /// Runs it. The model is written when all else has succeeded.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments {
-        recording: file,
-        output,
-        overwrite,
-        ..
-    } = arguments;
+    let Arguments { recording: file, output, overwrite, .. } = arguments;
     check_output("--output", output, file, *overwrite)?;
     if let Some(page) = &arguments.report {
         check_output("--report", page, file, *overwrite)?;
@@ -65,10 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let [before, after] = updated.held_out;
     println!("  held out   {before:.3} before, {after:.3} after");
     if let Some(seconds) = latency {
-        println!(
-            "  latency    {:+.1} ms were taken off the stamps of the angles",
-            1e3 * seconds
-        );
+        println!("  latency    {:+.1} ms were taken off the stamps of the angles", 1e3 * seconds);
     }
     if verdict == Verdict::Calibrate {
         println!("  {verdict}: this is more than a drift");

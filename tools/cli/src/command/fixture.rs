@@ -91,40 +91,18 @@ fn request(command: &FixtureCommand) -> Option<(FixtureAction, Option<Region>)> 
         FixtureCommand::Off => return Some((FixtureAction::Off, None)),
         FixtureCommand::Remove => return Some((FixtureAction::Remove, None)),
         FixtureCommand::List => return None,
-        FixtureCommand::Circle {
-            pitch_deg,
-            yaw_deg,
-            radius_deg,
-        } => (
-            FixtureKind::Circle,
-            [rad(pitch_deg), rad(yaw_deg), rad(radius_deg), 0.0],
-        ),
-        FixtureCommand::HalfPlane {
-            normal_pitch,
-            normal_yaw,
-            offset_deg,
-        } => (
-            FixtureKind::HalfPlane,
-            [normal_pitch, normal_yaw, rad(offset_deg), 0.0],
-        ),
-        FixtureCommand::Ball {
-            x_mm,
-            y_mm,
-            z_mm,
-            radius_mm,
-        } => (
-            FixtureKind::Ball,
-            [x_mm, y_mm, z_mm, radius_mm].map(|mm| mm * 1e-3),
-        ),
-        FixtureCommand::HalfSpace {
-            normal_x,
-            normal_y,
-            normal_z,
-            offset_mm,
-        } => (
-            FixtureKind::HalfSpace,
-            [normal_x, normal_y, normal_z, offset_mm * 1e-3],
-        ),
+        FixtureCommand::Circle { pitch_deg, yaw_deg, radius_deg } => {
+            (FixtureKind::Circle, [rad(pitch_deg), rad(yaw_deg), rad(radius_deg), 0.0])
+        }
+        FixtureCommand::HalfPlane { normal_pitch, normal_yaw, offset_deg } => {
+            (FixtureKind::HalfPlane, [normal_pitch, normal_yaw, rad(offset_deg), 0.0])
+        }
+        FixtureCommand::Ball { x_mm, y_mm, z_mm, radius_mm } => {
+            (FixtureKind::Ball, [x_mm, y_mm, z_mm, radius_mm].map(|mm| mm * 1e-3))
+        }
+        FixtureCommand::HalfSpace { normal_x, normal_y, normal_z, offset_mm } => {
+            (FixtureKind::HalfSpace, [normal_x, normal_y, normal_z, offset_mm * 1e-3])
+        }
     };
     Some((FixtureAction::Add, Some(region)))
 }
@@ -152,21 +130,13 @@ pub fn table(message: &VirtualFixturesMsg) -> String {
     let lines: Vec<String> = kinds
         .filter_map(|(index, kind)| {
             let kind = FixtureKind::from_number(*kind).filter(|kind| *kind != FixtureKind::None)?;
-            let counts = if message.active & (1 << index) != 0 {
-                "on "
-            } else {
-                "off"
-            };
+            let counts = if message.active & (1 << index) != 0 { "on " } else { "off" };
             let name = unpadded_text(message.name.get(index)?);
             let values = describe(kind, message.values.get(index)?);
             Some(format!("{} {counts} {name}: {kind} {values}", index + 1))
         })
         .collect();
-    if lines.is_empty() {
-        "no virtual fixture".to_owned()
-    } else {
-        lines.join("\n")
-    }
+    if lines.is_empty() { "no virtual fixture".to_owned() } else { lines.join("\n") }
 }
 
 fn describe(kind: FixtureKind, values: &[f64; 17]) -> String {
@@ -175,25 +145,15 @@ fn describe(kind: FixtureKind, values: &[f64; 17]) -> String {
     let plain = |index: usize| values.get(index).copied().unwrap_or(0.0);
     match kind {
         FixtureKind::None => String::new(),
-        FixtureKind::Circle => format!(
-            "around {:+.2} {:+.2} deg, radius {:.2} deg",
-            deg(0),
-            deg(1),
-            deg(2)
-        ),
-        FixtureKind::HalfPlane => format!(
-            "beyond {:+.2} deg along {:+.2} {:+.2}",
-            deg(2),
-            plain(0),
-            plain(1)
-        ),
-        FixtureKind::Ball => format!(
-            "around {:+.3} {:+.3} {:+.3} mm, radius {:.3} mm",
-            mm(0),
-            mm(1),
-            mm(2),
-            mm(3)
-        ),
+        FixtureKind::Circle => {
+            format!("around {:+.2} {:+.2} deg, radius {:.2} deg", deg(0), deg(1), deg(2))
+        }
+        FixtureKind::HalfPlane => {
+            format!("beyond {:+.2} deg along {:+.2} {:+.2}", deg(2), plain(0), plain(1))
+        }
+        FixtureKind::Ball => {
+            format!("around {:+.3} {:+.3} {:+.3} mm, radius {:.3} mm", mm(0), mm(1), mm(2), mm(3))
+        }
         FixtureKind::HalfSpace => format!(
             "beyond {:+.3} mm along {:+.2} {:+.2} {:+.2}",
             mm(3),
@@ -236,12 +196,7 @@ mod tests {
 
     #[test]
     fn degrees_and_mm_become_rad_and_m() {
-        let ball = FixtureCommand::Ball {
-            x_mm: 1.0,
-            y_mm: 0.0,
-            z_mm: 1.5,
-            radius_mm: 0.2,
-        };
+        let ball = FixtureCommand::Ball { x_mm: 1.0, y_mm: 0.0, z_mm: 1.5, radius_mm: 0.2 };
         let (action, region) = request(&ball).unwrap();
         assert_eq!(action, FixtureAction::Add);
         assert_eq!(region, Some((FixtureKind::Ball, [1e-3, 0.0, 1.5e-3, 2e-4])));

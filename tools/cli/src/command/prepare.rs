@@ -40,9 +40,7 @@ pub fn prepare(
     interrupt: &Interrupt,
 ) -> Result<OperatingStateMsg, Failure> {
     let enable = options.enable || options.home;
-    let mut state = client
-        .wait_for(FIRST_MESSAGE_TIMEOUT, |_| true)
-        .map_err(silent)?;
+    let mut state = client.wait_for(FIRST_MESSAGE_TIMEOUT, |_| true).map_err(silent)?;
     if enable && enabled(&state) == Err(StopReason::NotEnabled(OperatingState::Paused)) {
         state = carry_out(client, StateCommand::Resume, interrupt)?;
     }
@@ -62,9 +60,7 @@ pub fn prepare(
     let is_free = state.lease_client_id == 0 || state.lease_client_id == client.id();
     if is_busy(&state) && is_free {
         state = while_working("the robot is busy", || {
-            wait_until(client, interrupt, "idle", MOTION_TIMEOUT, |state| {
-                !is_busy(state)
-            })
+            wait_until(client, interrupt, "idle", MOTION_TIMEOUT, |state| !is_busy(state))
         })?;
         enabled(&state)?;
     }
@@ -126,13 +122,7 @@ fn is_done(command: StateCommand, state: &OperatingStateMsg) -> bool {
 }
 
 fn is_not_homed(failure: &Failure) -> bool {
-    matches!(
-        failure.downcast_ref(),
-        Some(ClientError::Refused {
-            refusal: Refusal::NotHomed,
-            ..
-        })
-    )
+    matches!(failure.downcast_ref(), Some(ClientError::Refused { refusal: Refusal::NotHomed, .. }))
 }
 
 fn is_homed(state: &OperatingStateMsg) -> bool {
@@ -162,9 +152,9 @@ fn wait_until(
     let is_fault = |state: &OperatingStateMsg| {
         state.state == OperatingState::Fault.number() && !is_busy(state)
     };
-    let state = match client.wait_for(limit, |state| {
-        wanted(state) || is_fault(state) || interrupt.came()
-    }) {
+    let state = match client
+        .wait_for(limit, |state| wanted(state) || is_fault(state) || interrupt.came())
+    {
         Err(ClientError::Timeout { waited }) => {
             let seconds = waited.as_seconds();
             return Err(format!(
@@ -197,14 +187,10 @@ fn command_until_accepted(
             outcome => return outcome.map(drop),
         };
         let limit = match &refused {
-            ClientError::Refused {
-                refusal: Refusal::DrivesNotReady,
-                ..
-            } => DRIVES_TIMEOUT,
-            ClientError::Refused {
-                refusal: Refusal::Busy | Refusal::Conditioning,
-                ..
-            } => MOTION_TIMEOUT,
+            ClientError::Refused { refusal: Refusal::DrivesNotReady, .. } => DRIVES_TIMEOUT,
+            ClientError::Refused { refusal: Refusal::Busy | Refusal::Conditioning, .. } => {
+                MOTION_TIMEOUT
+            }
             _ => return Err(refused),
         };
         if interrupt.came() || clock::now().since(start) > limit {
@@ -219,11 +205,7 @@ mod tests {
     use super::*;
 
     fn state(state: OperatingState, flags: u32) -> OperatingStateMsg {
-        OperatingStateMsg {
-            state: state.number(),
-            flags,
-            ..OperatingStateMsg::default()
-        }
+        OperatingStateMsg { state: state.number(), flags, ..OperatingStateMsg::default() }
     }
 
     #[test]
@@ -231,21 +213,9 @@ mod tests {
         let (busy, homed) = (OperatingStateMsg::BUSY, OperatingStateMsg::HOMED);
         let disabled = OperatingState::Disabled;
         for (command, undone, after) in [
-            (
-                StateCommand::Home,
-                state(disabled, 0),
-                state(disabled, homed),
-            ),
-            (
-                StateCommand::Home,
-                state(disabled, homed | busy),
-                state(disabled, homed),
-            ),
-            (
-                StateCommand::Enable,
-                state(disabled, busy),
-                state(OperatingState::Enabled, 0),
-            ),
+            (StateCommand::Home, state(disabled, 0), state(disabled, homed)),
+            (StateCommand::Home, state(disabled, homed | busy), state(disabled, homed)),
+            (StateCommand::Enable, state(disabled, busy), state(OperatingState::Enabled, 0)),
             (
                 StateCommand::Condition,
                 state(OperatingState::Enabled, busy),

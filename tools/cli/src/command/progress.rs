@@ -22,11 +22,7 @@ pub struct Progress {
 impl Progress {
     /// Prints to standard output.
     pub fn new(monitor: StreamMonitor) -> Self {
-        Self {
-            monitor,
-            screen: Screen::stdout(),
-            next_line: Nanos::ZERO,
-        }
+        Self { monitor, screen: Screen::stdout(), next_line: Nanos::ZERO }
     }
 
     /// Prints a line that stays. Returns whether standard output still has a reader.
@@ -57,11 +53,7 @@ impl Progress {
         if now < self.next_line {
             return Ok(true);
         }
-        let period = if self.screen.is_terminal() {
-            TERMINAL_PERIOD
-        } else {
-            FILE_PERIOD
-        };
+        let period = if self.screen.is_terminal() { TERMINAL_PERIOD } else { FILE_PERIOD };
         self.next_line = now + period;
         Ok(until_closed(self.screen.draw(&[line()]))?)
     }

@@ -69,10 +69,7 @@ pub(super) fn present_pose(client: &Client) -> Result<Angles, Failure> {
 
 pub(super) fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
     match joint.count {
-        2 => Ok([
-            joint.position[0].to_degrees(),
-            joint.position[1].to_degrees(),
-        ]),
+        2 => Ok([joint.position[0].to_degrees(), joint.position[1].to_degrees()]),
         count => Err(format!(
             "the controller's model has {count} outputs; this program moves pitch and yaw only"
         )
@@ -186,13 +183,7 @@ impl Stream {
         {
             return Ok(false);
         }
-        let Self {
-            name,
-            player,
-            measured,
-            progress,
-            ..
-        } = self;
+        let Self { name, player, measured, progress, .. } = self;
         progress.check(client, || line(name, player, measured.value(), angles))
     }
 }

@@ -73,9 +73,9 @@ pub enum StopReason {
 pub fn enabled(state: &OperatingStateMsg) -> Result<(), StopReason> {
     match OperatingState::from_number(state.state) {
         Some(OperatingState::Enabled) => Ok(()),
-        Some(OperatingState::Fault) => Err(StopReason::Fault(
-            Fault::from_number(state.fault).unwrap_or(Fault::None),
-        )),
+        Some(OperatingState::Fault) => {
+            Err(StopReason::Fault(Fault::from_number(state.fault).unwrap_or(Fault::None)))
+        }
         Some(other) => Err(StopReason::NotEnabled(other)),
         None => Err(StopReason::Unknown(state.state)),
     }
@@ -181,9 +181,7 @@ impl StreamMonitor {
         if now.since(self.accepted_at) <= TIMEOUT {
             return Ok(());
         }
-        Err(self
-            .refused_now
-            .map_or(StopReason::Ignored, StopReason::Refused))
+        Err(self.refused_now.map_or(StopReason::Ignored, StopReason::Refused))
     }
 
     fn is_worth_reporting(&mut self, refusal: Refusal, now: Nanos) -> bool {
@@ -207,10 +205,7 @@ pub struct LateMonitor {
 impl LateMonitor {
     /// Starts with `state`.
     pub fn new(state: &OperatingStateMsg) -> Self {
-        Self {
-            stale_stops: state.stale_stops,
-            shift_s: 0.0,
-        }
+        Self { stale_stops: state.stale_stops, shift_s: 0.0 }
     }
 
     /// Adds a step of time, s. What is longer than a step of the trajectory shifts it.
@@ -254,11 +249,8 @@ mod tests {
 
     /// After this number of refused commands of one client.
     fn refused_state(now: Nanos, client_id: u64, count: u64, reason: Refusal) -> OperatingStateMsg {
-        let mut state = OperatingStateMsg {
-            refused: count,
-            last_refusal: reason.number(),
-            ..state(now)
-        };
+        let mut state =
+            OperatingStateMsg { refused: count, last_refusal: reason.number(), ..state(now) };
         state.refused_client_id[3] = client_id;
         state.refused_commands[3] = count;
         state.refused_reason[3] = reason.number();
@@ -274,11 +266,7 @@ mod tests {
         let mut monitor = monitor();
         for step in 1..300 {
             let now = at(step * 10);
-            let state = OperatingStateMsg {
-                accepted: step,
-                lease_client_id: ME,
-                ..state(now)
-            };
+            let state = OperatingStateMsg { accepted: step, lease_client_id: ME, ..state(now) };
             assert_eq!(monitor.check(&state, now), Ok(None));
         }
     }
@@ -290,10 +278,8 @@ mod tests {
         for step in 1..=250 {
             let now = at(step * 10);
             let refusal = Refusal::Step;
-            let state = OperatingStateMsg {
-                accepted: step,
-                ..refused_state(now, ME, step, refusal)
-            };
+            let state =
+                OperatingStateMsg { accepted: step, ..refused_state(now, ME, step, refusal) };
             reported += u64::from(monitor.check(&state, now).unwrap() == Some(Refusal::Step));
         }
         assert_eq!(reported, 3);
@@ -303,18 +289,12 @@ mod tests {
     fn after_a_second_without_an_accepted_command_the_reason_is_given() {
         let mut monitor = monitor();
         let refused = |now, count| refused_state(now, ME, count, Refusal::NotHomed);
-        assert_eq!(
-            monitor.check(&refused(at(900), 5), at(900)),
-            Ok(Some(Refusal::NotHomed))
-        );
+        assert_eq!(monitor.check(&refused(at(900), 5), at(900)), Ok(Some(Refusal::NotHomed)));
         assert_eq!(
             monitor.check(&refused(at(1100), 6), at(1100)),
             Err(StopReason::Refused(Refusal::NotHomed))
         );
-        assert_eq!(
-            self::monitor().check(&state(at(1100)), at(1100)),
-            Err(StopReason::Ignored)
-        );
+        assert_eq!(self::monitor().check(&state(at(1100)), at(1100)), Err(StopReason::Ignored));
     }
 
     #[test]
@@ -351,10 +331,7 @@ mod tests {
             assert_eq!(monitor.check(&state, now), Ok(None));
         }
         assert_eq!(
-            monitor.check(
-                &refused_state(at(1100), OTHER, 200, Refusal::Stamp),
-                at(1100)
-            ),
+            monitor.check(&refused_state(at(1100), OTHER, 200, Refusal::Stamp), at(1100)),
             Err(StopReason::Ignored)
         );
     }
@@ -366,38 +343,23 @@ mod tests {
             fault: Fault::FollowingError.number(),
             ..state(at(1))
         };
-        assert_eq!(
-            monitor().check(&fault, at(1)),
-            Err(StopReason::Fault(Fault::FollowingError))
-        );
-        let paused = OperatingStateMsg {
-            state: OperatingState::Paused.number(),
-            ..state(at(1))
-        };
+        assert_eq!(monitor().check(&fault, at(1)), Err(StopReason::Fault(Fault::FollowingError)));
+        let paused = OperatingStateMsg { state: OperatingState::Paused.number(), ..state(at(1)) };
         assert_eq!(
             monitor().check(&paused, at(1)),
             Err(StopReason::LeftEnabled(OperatingState::Paused))
         );
-        let newer = OperatingStateMsg {
-            state: 77,
-            ..state(at(1))
-        };
+        let newer = OperatingStateMsg { state: 77, ..state(at(1)) };
         assert_eq!(monitor().check(&newer, at(1)), Err(StopReason::Unknown(77)));
     }
 
     #[test]
     fn a_lease_of_another_client_ends_the_stream() {
-        let held_by = |client, now| OperatingStateMsg {
-            lease_client_id: client,
-            ..state(now)
-        };
+        let held_by = |client, now| OperatingStateMsg { lease_client_id: client, ..state(now) };
         let mut monitor = monitor();
         assert_eq!(monitor.check(&held_by(ME, at(1)), at(1)), Ok(None));
         assert_eq!(monitor.check(&held_by(0, at(2)), at(2)), Ok(None));
-        assert_eq!(
-            monitor.check(&held_by(OTHER, at(3)), at(3)),
-            Err(StopReason::LostLease(OTHER))
-        );
+        assert_eq!(monitor.check(&held_by(OTHER, at(3)), at(3)), Err(StopReason::LostLease(OTHER)));
         assert_eq!(
             self::monitor().check(&held_by(OTHER, at(1)), at(1)),
             Err(StopReason::Lease(OTHER))
@@ -406,17 +368,8 @@ mod tests {
 
     #[test]
     fn an_old_state_and_a_restart_end_the_stream() {
-        assert_eq!(
-            monitor().check(&state(at(0)), at(1200)),
-            Err(StopReason::Silent)
-        );
-        let restarted = OperatingStateMsg {
-            boot_id: 2,
-            ..state(at(1))
-        };
-        assert_eq!(
-            monitor().check(&restarted, at(1)),
-            Err(StopReason::Restarted)
-        );
+        assert_eq!(monitor().check(&state(at(0)), at(1200)), Err(StopReason::Silent));
+        let restarted = OperatingStateMsg { boot_id: 2, ..state(at(1)) };
+        assert_eq!(monitor().check(&restarted, at(1)), Err(StopReason::Restarted));
     }
 }

@@ -100,11 +100,7 @@ impl ClipMonitor {
         }
         self.reported = Some(now);
         self.was_clipped |= !self.is_fixture;
-        let why = if self.is_fixture {
-            "a virtual fixture is in the way"
-        } else {
-            "out of reach"
-        };
+        let why = if self.is_fixture { "a virtual fixture is in the way" } else { "out of reach" };
         let [pitch, yaw, _] = goal.position.map(f64::to_degrees);
         Some(format!(
             "{why}: pitch, yaw {:+.2} {:+.2} deg asked; the robot goes no further than \
@@ -117,9 +113,9 @@ impl ClipMonitor {
     pub fn outcome(&self) -> Result<(), OutOfReach> {
         match self.reported {
             // A fixture may only slow the snake down: what counts is the end.
-            Some(_) if self.was_clipped || self.is_fixture => Err(OutOfReach {
-                farthest_deg: self.farthest_deg,
-            }),
+            Some(_) if self.was_clipped || self.is_fixture => {
+                Err(OutOfReach { farthest_deg: self.farthest_deg })
+            }
             Some(_) | None => Ok(()),
         }
     }
@@ -150,12 +146,7 @@ mod tests {
         tracking.record([3.0, 0.0], &joint(0.0, JointState::VALID));
         tracking.record([4.0, 0.0], &joint(0.0, JointState::VALID));
         tracking.record([90.0, 0.0], &joint(0.0, 0));
-        assert!(
-            tracking
-                .summary()
-                .unwrap()
-                .contains("3.54 deg RMS, 4.00 deg at most")
-        );
+        assert!(tracking.summary().unwrap().contains("3.54 deg RMS, 4.00 deg at most"));
     }
 
     #[test]

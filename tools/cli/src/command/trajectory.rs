@@ -40,22 +40,11 @@ impl Trajectory {
     pub fn at(&self, t_s: f64) -> Angles {
         match self {
             Self::Point(angles) => *angles,
-            Self::Sine {
-                center,
-                amplitude,
-                period_s,
-            } => {
+            Self::Sine { center, amplitude, period_s } => {
                 let swing = (TAU * t_s / period_s).sin();
-                [
-                    center[0] + amplitude[0] * swing,
-                    center[1] + amplitude[1] * swing,
-                ]
+                [center[0] + amplitude[0] * swing, center[1] + amplitude[1] * swing]
             }
-            Self::Circle {
-                center,
-                radius,
-                period_s,
-            } => {
+            Self::Circle { center, radius, period_s } => {
                 let (sin, cos) = (TAU * t_s / period_s).sin_cos();
                 [center[0] + radius * cos, center[1] + radius * sin]
             }
@@ -142,14 +131,9 @@ const COLUMNS: [&str; 3] = ["t_s", "pitch_deg", "yaw_deg"];
 impl Waypoints {
     /// Reads a CSV file with the columns `t_s`, `pitch_deg` and `yaw_deg`; others are ignored.
     pub fn load(path: &Path) -> Result<Self, WaypointsError> {
-        let read = |source| WaypointsError::Read {
-            path: path.to_owned(),
-            source,
-        };
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_path(path)
-            .map_err(read)?;
+        let read = |source| WaypointsError::Read { path: path.to_owned(), source };
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(read)?;
         let header = reader.headers().map_err(read)?.clone();
         let mut columns = [0; 3];
         for (index, column) in columns.iter_mut().zip(COLUMNS) {
@@ -166,17 +150,11 @@ impl Waypoints {
             let line = record.position().map_or(0, csv::Position::line);
             let [t_s, pitch, yaw] = cells(&record, columns, path, line)?;
             if rows.last().is_some_and(|(before, _)| *before >= t_s) {
-                return Err(WaypointsError::Time {
-                    path: path.to_owned(),
-                    line,
-                    t_s,
-                });
+                return Err(WaypointsError::Time { path: path.to_owned(), line, t_s });
             }
             rows.push((t_s, [pitch, yaw]));
         }
-        Self::starting_at_zero(rows).ok_or_else(|| WaypointsError::Empty {
-            path: path.to_owned(),
-        })
+        Self::starting_at_zero(rows).ok_or_else(|| WaypointsError::Empty { path: path.to_owned() })
     }
 
     fn starting_at_zero(mut rows: Vec<(f64, Angles)>) -> Option<Self> {
@@ -196,10 +174,7 @@ impl Waypoints {
         match (before, self.0.get(next)) {
             (Some((start_s, from)), Some((end_s, to))) => {
                 let share = (t_s - start_s) / (end_s - start_s);
-                [
-                    from[0] + share * (to[0] - from[0]),
-                    from[1] + share * (to[1] - from[1]),
-                ]
+                [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])]
             }
             (Some((_, angles)), None) | (None, Some((_, angles))) => *angles,
             (None, None) => Angles::default(),
@@ -217,12 +192,8 @@ fn cells(
     for ((value, index), column) in values.iter_mut().zip(columns).zip(COLUMNS) {
         let cell = record.get(index).unwrap_or_default();
         let number = cell.parse().ok().filter(|number: &f64| number.is_finite());
-        let wrong = || WaypointsError::Cell {
-            path: path.to_owned(),
-            line,
-            column,
-            cell: cell.to_owned(),
-        };
+        let wrong =
+            || WaypointsError::Cell { path: path.to_owned(), line, column, cell: cell.to_owned() };
         *value = number.ok_or_else(wrong)?;
     }
     Ok(values)
@@ -242,11 +213,7 @@ mod tests {
 
     #[test]
     fn a_circle_starts_at_its_side_and_is_closed() {
-        let circle = Trajectory::Circle {
-            center: [1.0, 2.0],
-            radius: 5.0,
-            period_s: 4.0,
-        };
+        let circle = Trajectory::Circle { center: [1.0, 2.0], radius: 5.0, period_s: 4.0 };
         let near = |a: Angles, b: Angles| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9;
         assert!(near(circle.at(0.0), [6.0, 2.0]));
         assert!(near(circle.at(1.0), [1.0, 7.0]));
@@ -255,11 +222,7 @@ mod tests {
 
     #[test]
     fn a_sine_starts_in_the_middle() {
-        let sine = Trajectory::Sine {
-            center: [0.0, 1.0],
-            amplitude: [10.0, 0.0],
-            period_s: 2.0,
-        };
+        let sine = Trajectory::Sine { center: [0.0, 1.0], amplitude: [10.0, 0.0], period_s: 2.0 };
         assert_eq!(sine.at(0.0), [0.0, 1.0]);
         assert!((sine.at(0.5)[0] - 10.0).abs() < 1e-9);
     }
@@ -295,9 +258,7 @@ mod tests {
         );
         assert!(refused("t_s,pitch_deg,yaw_deg\n").contains("holds no rows"));
         assert!(refused("t_s,pitch_deg,yaw_deg\n0,1\n").contains("line"));
-        let text = Waypoints::load(Path::new("/does/not/exist.csv"))
-            .unwrap_err()
-            .to_string();
+        let text = Waypoints::load(Path::new("/does/not/exist.csv")).unwrap_err().to_string();
         assert!(text.contains("/does/not/exist.csv"), "{text}");
     }
 }

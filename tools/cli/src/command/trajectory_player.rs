@@ -27,10 +27,7 @@ impl TrajectoryPlayer {
     /// along it for `end_s` seconds, or to its end, or until stopped.
     pub fn new(from: Angles, trajectory: Trajectory, speed_deg_s: f64, end_s: Option<f64>) -> Self {
         let approach_s = approach_time(from, trajectory.at(0.0), speed_deg_s);
-        let end_s = [end_s, trajectory.length_s()]
-            .into_iter()
-            .flatten()
-            .reduce(f64::min);
+        let end_s = [end_s, trajectory.length_s()].into_iter().flatten().reduce(f64::min);
         // The approach starts from rest by itself. A trajectory that starts at the present pose has
         // to come up to speed.
         let rate = if approach_s > 0.0 { 1.0 } else { 0.0 };
@@ -41,10 +38,7 @@ impl TrajectoryPlayer {
             start_s: 0.0,
             approach_s,
             end_s,
-            time: TrajectoryTime {
-                time_s: -approach_s,
-                rate,
-            },
+            time: TrajectoryTime { time_s: -approach_s, rate },
         }
     }
 
@@ -55,10 +49,7 @@ impl TrajectoryPlayer {
         }
         self.from = from;
         self.approach_s = approach_time(from, self.trajectory.at(self.start_s), self.speed_deg_s);
-        self.time = TrajectoryTime {
-            time_s: -self.approach_s,
-            rate: 1.0,
-        };
+        self.time = TrajectoryTime { time_s: -self.approach_s, rate: 1.0 };
         if !self.is_approaching() {
             self.begin();
         }
@@ -76,15 +67,8 @@ impl TrajectoryPlayer {
 
     /// The approach has just come to rest; a trajectory starts from rest.
     fn begin(&mut self) {
-        let rate = if self.trajectory.is_moving() {
-            0.0
-        } else {
-            self.time.rate
-        };
-        self.time = TrajectoryTime {
-            time_s: self.start_s,
-            rate,
-        };
+        let rate = if self.trajectory.is_moving() { 0.0 } else { self.time.rate };
+        self.time = TrajectoryTime { time_s: self.start_s, rate };
     }
 
     /// Whether the trajectory is over or was stopped, and the snake is at rest.
@@ -96,11 +80,8 @@ impl TrajectoryPlayer {
 
     /// Remaining time, s, if the trajectory has an end.
     pub fn left_s(&self) -> Option<f64> {
-        let time_s = if self.is_approaching() {
-            self.start_s + self.time.time_s
-        } else {
-            self.time.time_s
-        };
+        let time_s =
+            if self.is_approaching() { self.start_s + self.time.time_s } else { self.time.time_s };
         self.end_s.map(|end_s| (end_s - time_s).max(0.0))
     }
 
@@ -161,26 +142,15 @@ mod tests {
 
     /// Largest speed, and largest change of speed from step to step, deg/s.
     fn speeds(poses: &[Angles]) -> (f64, f64) {
-        let speeds: Vec<f64> = poses
-            .windows(2)
-            .map(|pair| distance(pair[0], pair[1]) / STEP_S)
-            .collect();
-        let jump = speeds
-            .windows(2)
-            .map(|pair| (pair[1] - pair[0]).abs())
-            .fold(speeds[0], f64::max);
-        (
-            speeds.iter().copied().fold(0.0, f64::max),
-            jump.max(*speeds.last().unwrap()),
-        )
+        let speeds: Vec<f64> =
+            poses.windows(2).map(|pair| distance(pair[0], pair[1]) / STEP_S).collect();
+        let jump =
+            speeds.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(speeds[0], f64::max);
+        (speeds.iter().copied().fold(0.0, f64::max), jump.max(*speeds.last().unwrap()))
     }
 
     fn circle() -> Trajectory {
-        Trajectory::Circle {
-            center: [0.0, 0.0],
-            radius: 5.0,
-            period_s: 4.0,
-        }
+        Trajectory::Circle { center: [0.0, 0.0], radius: 5.0, period_s: 4.0 }
     }
 
     #[test]
@@ -208,10 +178,8 @@ mod tests {
 
     #[test]
     fn a_circle_begins_and_ends_softly_and_takes_its_time() {
-        let poses = play(
-            TrajectoryPlayer::new([1.0, 1.0], circle(), 10.0, Some(8.0)),
-            f64::INFINITY,
-        );
+        let poses =
+            play(TrajectoryPlayer::new([1.0, 1.0], circle(), 10.0, Some(8.0)), f64::INFINITY);
         let (fastest, jump) = speeds(&poses);
         let along = std::f64::consts::TAU * 5.0 / 4.0;
         assert!(fastest <= along.max(10.0) + 1e-6, "{fastest}");
@@ -219,10 +187,7 @@ mod tests {
         // Nothing but the ramps comes on top of approach and duration.
         let approach = TrajectoryPlayer::new([1.0, 1.0], circle(), 10.0, None).approach_s;
         let total = poses.len() as f64 * STEP_S;
-        assert!(
-            (total - approach - 8.0 - 1.5 * RAMP_S).abs() < 0.05,
-            "{total}"
-        );
+        assert!((total - approach - 8.0 - 1.5 * RAMP_S).abs() < 0.05, "{total}");
     }
 
     #[test]
@@ -237,10 +202,7 @@ mod tests {
     #[test]
     fn a_stop_comes_to_rest_at_once_but_not_at_a_stroke() {
         for stop_s in [0.1, 0.4, 2.0, 5.0] {
-            let poses = play(
-                TrajectoryPlayer::new([0.0, 0.0], circle(), 10.0, None),
-                stop_s,
-            );
+            let poses = play(TrajectoryPlayer::new([0.0, 0.0], circle(), 10.0, None), stop_s);
             let (_, jump) = speeds(&poses);
             assert!(jump < 0.3, "stopped after {stop_s} s: {jump}");
             assert!((poses.len() as f64 * STEP_S) < stop_s + RAMP_S + 0.05);
@@ -269,10 +231,7 @@ mod tests {
         let nearest = poses.iter().map(|pose| distance(*pose, left_at));
         assert!(nearest.fold(f64::INFINITY, f64::min) < 1e-3);
         let rest_s = poses.len() as f64 * STEP_S;
-        assert!(
-            rest_s > left_s,
-            "no part of the circle is left out: {rest_s} of {left_s} s"
-        );
+        assert!(rest_s > left_s, "no part of the circle is left out: {rest_s} of {left_s} s");
     }
 
     #[test]

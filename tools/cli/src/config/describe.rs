@@ -37,11 +37,7 @@ fn write_table(text: &mut String, table: &toml::Table, node: Node<'_>, path: &st
         }
     }
     for (key, inner) in keys {
-        let full_name = if path.is_empty() {
-            key.to_owned()
-        } else {
-            format!("{path}.{key}")
-        };
+        let full_name = if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
         match table.get(key) {
             Some(Value::Table(inside)) => {
                 text.push('\n');
@@ -64,10 +60,7 @@ fn write_table(text: &mut String, table: &toml::Table, node: Node<'_>, path: &st
 }
 
 fn is_table(value: &Value) -> bool {
-    value.is_table()
-        || value
-            .as_array()
-            .is_some_and(|list| list.iter().any(Value::is_table))
+    value.is_table() || value.as_array().is_some_and(|list| list.iter().any(Value::is_table))
 }
 
 fn write_meaning(text: &mut String, node: Node<'_>) {
@@ -104,16 +97,10 @@ mod tests {
     #[test]
     fn the_printed_configuration_is_equal_and_names_every_key() {
         for file in ["robot.toml", "emulator.toml"] {
-            let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-                .join("../../config")
-                .join(file);
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(file);
             let config = Config::parse(&std::fs::read_to_string(&path).unwrap(), &path).unwrap();
             let text = describe(&config).unwrap();
-            assert_eq!(
-                Config::parse(&text, Path::new("printed.toml")).unwrap(),
-                config,
-                "{text}"
-            );
+            assert_eq!(Config::parse(&text, Path::new("printed.toml")).unwrap(), config, "{text}");
             let lines: Vec<&str> = text.lines().collect();
             let is_key = |line: &str| match line.strip_prefix("# ") {
                 Some(absent) => absent.ends_with(" =") && absent.split(' ').count() == 2,

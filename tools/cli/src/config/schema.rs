@@ -45,11 +45,7 @@ impl<'a> Node<'a> {
 
     /// The keys of a table, in the order of the alphabet; empty for what is no table.
     pub fn keys(self) -> Vec<(&'a str, Self)> {
-        let object = self
-            .resolved()
-            .here
-            .get("properties")
-            .and_then(Value::as_object);
+        let object = self.resolved().here.get("properties").and_then(Value::as_object);
         object
             .into_iter()
             .flatten()
@@ -72,10 +68,7 @@ impl<'a> Node<'a> {
     pub fn words(self) -> Vec<(&'a str, &'a str)> {
         let choices = self.resolved().here.get("oneOf").and_then(Value::as_array);
         let word = |choice: &'a Value| {
-            Some((
-                choice.get("const")?.as_str()?,
-                choice.get("description")?.as_str()?,
-            ))
+            Some((choice.get("const")?.as_str()?, choice.get("description")?.as_str()?))
         };
         choices.into_iter().flatten().filter_map(word).collect()
     }
@@ -83,14 +76,10 @@ impl<'a> Node<'a> {
     /// Follows references and "this or null".
     fn resolved(self) -> Self {
         let here = self.here;
-        if let Some(name) = here
-            .get("$ref")
-            .and_then(Value::as_str)
-            .and_then(|name| name.strip_prefix("#/"))
+        if let Some(name) =
+            here.get("$ref").and_then(Value::as_str).and_then(|name| name.strip_prefix("#/"))
         {
-            let target = name
-                .split('/')
-                .try_fold(self.root, |node, part| node.get(part));
+            let target = name.split('/').try_fold(self.root, |node, part| node.get(part));
             return target.map_or(self, |here| Self { here, ..self }.resolved());
         }
         let some = |choice: &&Value| choice.get("type").and_then(Value::as_str) != Some("null");
@@ -146,9 +135,7 @@ mod tests {
             (Kind::Vision, "vision.toml"),
         ] {
             let schema = of(kind).unwrap();
-            let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-                .join("../../config")
-                .join(file);
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config").join(file);
             let table: toml::Table = fs::read_to_string(path).unwrap().parse().unwrap();
             let mut found = Vec::new();
             unknown(&table, Node::root(&schema), "", &mut found);
@@ -171,11 +158,7 @@ mod tests {
 
     #[test]
     fn every_key_of_the_schema_has_a_meaning_and_tables_are_closed() {
-        for (kind, least) in [
-            (Kind::Controller, 60),
-            (Kind::Snake, 20),
-            (Kind::Vision, 12),
-        ] {
+        for (kind, least) in [(Kind::Controller, 60), (Kind::Snake, 20), (Kind::Vision, 12)] {
             let schema = of(kind).unwrap();
             let (mut found, mut count) = (Vec::new(), 0);
             without_meaning(Node::root(&schema), "", &mut found, &mut count);

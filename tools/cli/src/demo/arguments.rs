@@ -76,13 +76,8 @@ impl Arguments {
 
 /// Checks a size of images, WxH. `i2ris vision` reads it again; a mistake is reported at once.
 fn image_size(text: &str) -> Result<String, String> {
-    let is_side = |side: &str| {
-        side.parse()
-            .is_ok_and(|side| (16..=1 << 14).contains(&side))
-    };
-    let is_size = text
-        .split_once('x')
-        .is_some_and(|(w, h)| is_side(w) && is_side(h));
+    let is_side = |side: &str| side.parse().is_ok_and(|side| (16..=1 << 14).contains(&side));
+    let is_size = text.split_once('x').is_some_and(|(w, h)| is_side(w) && is_side(h));
     is_size
         .then(|| text.to_owned())
         .ok_or_else(|| "write columns x rows, such as 1280x960".to_owned())

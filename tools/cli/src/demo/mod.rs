@@ -40,12 +40,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let this_program = std::env::current_exe()?;
     let controller_program = controller_program(&this_program, arguments.through_images.is_some())?;
     let folder = demo_folder(&this_program)?;
-    let demo = DemoSetup::new(
-        folder,
-        arguments.snake.clone(),
-        this_program,
-        controller_program,
-    )?;
+    let demo = DemoSetup::new(folder, arguments.snake.clone(), this_program, controller_program)?;
     let outcome = match &arguments.through_images {
         None => show(&demo, &arguments),
         Some(size) => through_images::show(&demo, &arguments, size),
@@ -77,10 +72,7 @@ fn show(demo: &DemoSetup, arguments: &Arguments) -> Result<(), Failure> {
         followed.extend(follow(demo, &mut emulator, arguments, family)?);
     }
     step("stop the emulator", || emulator.end())?;
-    summary::print(
-        &followed,
-        "The camera adds its noise of about 0.05 degrees per axis.",
-    );
+    summary::print(&followed, "The camera adds its noise of about 0.05 degrees per axis.");
     Ok(())
 }
 
@@ -93,14 +85,7 @@ fn controller_program(this_program: &Path, through_images: bool) -> Result<PathB
     if let Some(cargo) = std::env::var_os("CARGO") {
         eprintln!("build the controller");
         let mut build = Command::new(cargo);
-        build.args([
-            "build",
-            "--quiet",
-            "--package",
-            "i2ris-cli",
-            "--package",
-            "i2ris",
-        ]);
+        build.args(["build", "--quiet", "--package", "i2ris-cli", "--package", "i2ris"]);
         build.args(["--bin", "i2ris-control"]);
         if through_images {
             build.args(["--package", "i2ris-vision", "--bin", "i2ris-vision"]);
@@ -122,18 +107,14 @@ fn controller_program(this_program: &Path, through_images: bool) -> Result<PathB
     }
     if through_images && programs::find("vision").is_none() {
         let vision = programs::Program::named("vision");
-        return Err(vision
-            .map_or_else(String::new, |it| it.how_to_install())
-            .into());
+        return Err(vision.map_or_else(String::new, |it| it.how_to_install()).into());
     }
     Ok(program)
 }
 
 /// A folder of this run, beside the folder of the programs: `target/demo-PID`.
 fn demo_folder(this_program: &Path) -> Result<PathBuf, Failure> {
-    let target = this_program
-        .parent()
-        .and_then(Path::parent)
-        .ok_or("the program lies in no folder")?;
+    let target =
+        this_program.parent().and_then(Path::parent).ok_or("the program lies in no folder")?;
     Ok(target.join(format!("demo-{}", std::process::id())))
 }

@@ -100,11 +100,7 @@ impl Process {
         let text = fs::read_to_string(&self.log).unwrap_or_default();
         let lines: Vec<&str> = text.lines().collect();
         let tail = lines[lines.len().saturating_sub(8)..].join("\n  ");
-        format!(
-            "{} ended early ({status}); its last lines:\n  {tail}",
-            self.name
-        )
-        .into()
+        format!("{} ended early ({status}); its last lines:\n  {tail}", self.name).into()
     }
 }
 

@@ -12,9 +12,7 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// Lets SIGINT, SIGTERM and SIGHUP end the demo in order.
 pub fn catch_interrupts() -> Result<(), Failure> {
-    Ok(ctrlc::set_handler(|| {
-        INTERRUPTED.store(true, Ordering::Release)
-    })?)
+    Ok(ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Release))?)
 }
 
 /// Fails when the demo is interrupted or a child has ended.

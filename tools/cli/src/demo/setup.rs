@@ -58,14 +58,7 @@ impl DemoSetup {
         config.plausibility.distance_deg = 0.0;
         config.limits.feedback_stale_ms = REPLY_TIMEOUT_MS;
         config.limits.feedback_lost_ms = 5 * REPLY_TIMEOUT_MS;
-        Ok(Self {
-            folder,
-            domain,
-            config,
-            snake,
-            this_program,
-            controller_program,
-        })
+        Ok(Self { folder, domain, config, snake, this_program, controller_program })
     }
 
     /// A file of the demo.
@@ -101,9 +94,7 @@ impl DemoSetup {
             .map_err(|error| format!("cannot read {}: {error}", folder.display()))?
         {
             let path = entry?.path();
-            if path
-                .extension()
-                .is_some_and(|extension| extension == "json" || extension == "csv")
+            if path.extension().is_some_and(|extension| extension == "json" || extension == "csv")
                 && let Some(name) = path.file_name()
             {
                 fs::copy(&path, self.folder.join(name))?;
@@ -114,10 +105,8 @@ impl DemoSetup {
 
     /// Starts `i2ris` with arguments.
     pub fn tool(&self, name: &'static str, arguments: &[&str]) -> Result<Process, Failure> {
-        let arguments: Vec<String> = arguments
-            .iter()
-            .map(|&argument| argument.to_owned())
-            .collect();
+        let arguments: Vec<String> =
+            arguments.iter().map(|&argument| argument.to_owned()).collect();
         Process::start(name, &self.this_program, &arguments, &self.folder)
     }
 
@@ -127,11 +116,8 @@ impl DemoSetup {
         name: &'static str,
         arguments: &[&str],
     ) -> Result<Process, Failure> {
-        let in_domain: Vec<&str> = arguments
-            .iter()
-            .copied()
-            .chain(["--domain", &self.domain])
-            .collect();
+        let in_domain: Vec<&str> =
+            arguments.iter().copied().chain(["--domain", &self.domain]).collect();
         self.tool(name, &in_domain)
     }
 
@@ -140,17 +126,8 @@ impl DemoSetup {
         let ports = text(&self.folder)?;
         let seed = seed.to_string();
         let log = text(&self.path("setpoints.csv"))?;
-        let arguments = [
-            "emulate",
-            "--snake",
-            &self.snake,
-            "--ports",
-            &ports,
-            "--seed",
-            &seed,
-            "--log",
-            &log,
-        ];
+        let arguments =
+            ["emulate", "--snake", &self.snake, "--ports", &ports, "--seed", &seed, "--log", &log];
         let mut emulator = self.tool_in_domain("emulator", &[&arguments[..], options].concat())?;
         let start = i2ris::clock::now();
         while !self.config.ports.iter().all(|port| port.device.exists()) {
@@ -171,12 +148,8 @@ impl DemoSetup {
         let file = self.path("controller.toml");
         fs::write(&file, toml::to_string(&config)?)?;
         let arguments = ["--config".to_owned(), text(&file)?];
-        let mut controller = Process::start(
-            "controller",
-            &self.controller_program,
-            &arguments,
-            &self.folder,
-        )?;
+        let mut controller =
+            Process::start("controller", &self.controller_program, &arguments, &self.folder)?;
         let mut client = self.connect(&mut controller)?;
         enable(&mut client)?;
         Ok((controller, client))
@@ -212,18 +185,14 @@ fn enable(client: &mut Client) -> Result<(), Failure> {
     }
     client.state_command(StateCommand::Enable)?;
     let enabled = OperatingState::Enabled.number();
-    client.wait_for(START_TIMEOUT, |state| {
-        at_rest(state) && state.state == enabled
-    })?;
+    client.wait_for(START_TIMEOUT, |state| at_rest(state) && state.state == enabled)?;
     Ok(())
 }
 
 /// Runs a conditioning cycle: afterwards the hysteresis memory is known.
 pub fn condition(client: &mut Client) -> Result<(), Failure> {
     client.state_command(StateCommand::Condition)?;
-    client.wait_for(CONDITIONING_TIMEOUT, |state| {
-        state.flags & OperatingStateMsg::BUSY == 0
-    })?;
+    client.wait_for(CONDITIONING_TIMEOUT, |state| state.flags & OperatingStateMsg::BUSY == 0)?;
     Ok(())
 }
 

@@ -34,19 +34,10 @@ pub fn follow(
             &format!("follow {motion} with `{model}`"),
             path.len() as f64 / unseen_motion::RATE_HZ,
         );
-        let run = tracking::follow(
-            demo,
-            &client,
-            &mut [&mut *emulator, &mut controller],
-            &file,
-            &bar,
-        )?;
+        let run =
+            tracking::follow(demo, &client, &mut [&mut *emulator, &mut controller], &file, &bar)?;
         finish(&bar, &format!("{} frames", run.errors_deg.len()));
-        followed.push(Followed {
-            family: model.to_owned(),
-            motion: *motion,
-            run,
-        });
+        followed.push(Followed { family: model.to_owned(), motion: *motion, run });
     }
     drop(client);
     controller.end()?;
@@ -59,16 +50,13 @@ pub fn calibrate(
     emulator: &mut Process,
     arguments: &Arguments,
 ) -> Result<(), Failure> {
-    let (mut controller, client) = step("start the controller, home, enable", || {
-        demo.start_controller(None)
-    })?;
+    let (mut controller, client) =
+        step("start the controller, home, enable", || demo.start_controller(None))?;
     drop(client);
     let duration_s = arguments.calibration_s;
     let bar = bar("calibration protocol through the controller", duration_s);
-    let (config, output) = (
-        text(&demo.path("controller.toml"))?,
-        text(&demo.path("recording.csv"))?,
-    );
+    let (config, output) =
+        (text(&demo.path("controller.toml"))?, text(&demo.path("recording.csv"))?);
     let duration = duration_s.to_string();
     let seed = arguments.seed.to_string();
     let collect = [
@@ -102,10 +90,8 @@ pub fn fit_to(
     name: &str,
     seed: u64,
 ) -> Result<(), Failure> {
-    let (recording, output) = (
-        text(&demo.path(recording))?,
-        text(&demo.path(&format!("{name}.json")))?,
-    );
+    let (recording, output) =
+        (text(&demo.path(recording))?, text(&demo.path(&format!("{name}.json")))?);
     let robot = demo.config().robot_id.as_str();
     let seed = seed.to_string();
     let fit = [

@@ -40,27 +40,15 @@ fn tracking(followed: &[Followed]) {
         "length max",
         "below linear"
     );
-    for Followed {
-        family,
-        motion,
-        run,
-    } in followed
-    {
+    for Followed { family, motion, run } in followed {
         let errors = &run.errors_deg;
         let [pitch, yaw, length] = rms_deg(errors);
-        let (p99, max) = (
-            length_percentile_deg(errors, 0.99),
-            length_percentile_deg(errors, 1.0),
-        );
-        let linear = followed
-            .iter()
-            .find(|other| other.family == "linear" && other.motion == *motion);
+        let (p99, max) = (length_percentile_deg(errors, 0.99), length_percentile_deg(errors, 1.0));
+        let linear =
+            followed.iter().find(|other| other.family == "linear" && other.motion == *motion);
         let below = match linear {
             Some(linear) if family != "linear" => {
-                format!(
-                    "{:.1} %",
-                    100.0 * (1.0 - length / rms_deg(&linear.run.errors_deg)[2])
-                )
+                format!("{:.1} %", 100.0 * (1.0 - length / rms_deg(&linear.run.errors_deg)[2]))
             }
             _ => "-".to_owned(),
         };
@@ -118,11 +106,7 @@ fn granted(statistics: &PeriodStatistics) -> String {
         0 => "normal scheduling".to_owned(),
         priority => format!("SCHED_FIFO {priority}"),
     };
-    let memory = if statistics.memory_locked == 1 {
-        "memory locked"
-    } else {
-        "memory not locked"
-    };
+    let memory = if statistics.memory_locked == 1 { "memory locked" } else { "memory not locked" };
     let cpu = if statistics.cpu == u32::MAX {
         "not pinned".to_owned()
     } else {

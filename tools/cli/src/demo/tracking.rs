@@ -39,11 +39,7 @@ pub fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
     let mean = |square: fn(&[f64; 2]) -> f64| {
         (errors_deg.iter().map(square).sum::<f64>() / errors_deg.len() as f64).sqrt()
     };
-    [
-        mean(|e| e[0] * e[0]),
-        mean(|e| e[1] * e[1]),
-        mean(|e| e[0] * e[0] + e[1] * e[1]),
-    ]
+    [mean(|e| e[0] * e[0]), mean(|e| e[1] * e[1]), mean(|e| e[0] * e[0] + e[1] * e[1])]
 }
 
 /// Quantile of the length of the error over all frames.
@@ -115,8 +111,7 @@ impl Recorder {
 
     fn read(&mut self) -> Result<(), Failure> {
         let degrees = |position: [f64; 3]| [position[0].to_degrees(), position[1].to_degrees()];
-        self.goal
-            .drain(|goal| self.goals.push(goal.stamp_ns, degrees(goal.position)))?;
+        self.goal.drain(|goal| self.goals.push(goal.stamp_ns, degrees(goal.position)))?;
         self.camera.drain(|seen| {
             if seen.flags != 0 {
                 self.frames.push(seen.stamp_ns, degrees(seen.position));
@@ -133,29 +128,21 @@ impl Recorder {
                 }
             }
         })?;
-        self.statistics
-            .drain(|window| self.run.statistics.push(window))?;
+        self.statistics.drain(|window| self.run.statistics.push(window))?;
         Ok(())
     }
 
     fn finish(mut self) -> MotionRun {
         // Every motion begins at the straight pose.
         let near = |goal: &[f64; 2]| goal[0].hypot(goal[1]) < NEAR_DEG;
-        let started = self
-            .goals
-            .iter()
-            .find(|(_, goal)| near(goal))
-            .map_or(u64::MAX, |(stamp, _)| *stamp);
+        let started =
+            self.goals.iter().find(|(_, goal)| near(goal)).map_or(u64::MAX, |(stamp, _)| *stamp);
         let error = |&(stamp, seen): &(u64, [f64; 2])| {
             let goal = self.goals.value_at(stamp, GAP_NS)?;
             Some([seen[0] - goal[0], seen[1] - goal[1]])
         };
-        self.run.errors_deg = self
-            .frames
-            .iter()
-            .filter(|(stamp, _)| *stamp >= started)
-            .filter_map(error)
-            .collect();
+        self.run.errors_deg =
+            self.frames.iter().filter(|(stamp, _)| *stamp >= started).filter_map(error).collect();
         self.run.command_to_wire_us.sort_by(f64::total_cmp);
         self.run
     }

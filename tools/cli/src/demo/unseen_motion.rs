@@ -48,13 +48,8 @@ impl fmt::Display for Motion {
 
 impl Motion {
     /// All of them.
-    pub const ALL: [Self; 5] = [
-        Self::Teleoperation,
-        Self::MinorLoops,
-        Self::Circle,
-        Self::Square,
-        Self::Points,
-    ];
+    pub const ALL: [Self; 5] =
+        [Self::Teleoperation, Self::MinorLoops, Self::Circle, Self::Square, Self::Points];
 
     /// Pitch and yaw, deg, [`RATE_HZ`] times a second from the straight pose on. `duration_s` and
     /// `seed` are those of teleoperation; the points and the minor loops have a seed too.
@@ -64,12 +59,7 @@ impl Motion {
             Self::Circle => circle(),
             Self::Square => {
                 let round = [[18.0, 18.0], [18.0, -18.0], [-18.0, -18.0], [-18.0, 18.0]];
-                visit(
-                    round
-                        .into_iter()
-                        .chain(round)
-                        .chain([[18.0, 18.0], [0.0, 0.0]]),
-                )
+                visit(round.into_iter().chain(round).chain([[18.0, 18.0], [0.0, 0.0]]))
             }
             Self::Points => {
                 let mut random = Pcg64::seed_from_u64(seed);
@@ -87,10 +77,7 @@ fn samples(duration_s: f64) -> impl Iterator<Item = f64> + Clone {
 fn circle() -> Vec<[f64; 2]> {
     let at = |t_s: f64| {
         let (sin, cos) = (TAU * t_s / 10.0).sin_cos();
-        [
-            20.0 * minimum_jerk(t_s / 4.0) * cos,
-            20.0 * minimum_jerk(t_s / 4.0) * sin,
-        ]
+        [20.0 * minimum_jerk(t_s / 4.0) * cos, 20.0 * minimum_jerk(t_s / 4.0) * sin]
     };
     samples(34.0).map(at).collect()
 }
@@ -134,22 +121,13 @@ impl BandNoise {
     fn below(hz: f64, random: &mut Pcg64) -> Self {
         Self(
             (0..16)
-                .map(|_| {
-                    (
-                        random.random_range(0.1..1.0) * hz,
-                        random.random_range(0.0..TAU),
-                    )
-                })
+                .map(|_| (random.random_range(0.1..1.0) * hz, random.random_range(0.0..TAU)))
                 .collect(),
         )
     }
 
     fn at(&self, t_s: f64) -> f64 {
-        let sum: f64 = self
-            .0
-            .iter()
-            .map(|(hz, phase)| (TAU * hz * t_s + phase).sin())
-            .sum();
+        let sum: f64 = self.0.iter().map(|(hz, phase)| (TAU * hz * t_s + phase).sin()).sum();
         sum * (2.0 / self.0.len() as f64).sqrt()
     }
 }
@@ -164,10 +142,7 @@ struct Loop {
 
 impl Loop {
     fn new(duration_s: f64, random: &mut Pcg64) -> Self {
-        let (size, angle) = (
-            random.random_range(0.05..0.35),
-            random.random_range(0.0..TAU),
-        );
+        let (size, angle) = (random.random_range(0.05..0.35), random.random_range(0.0..TAU));
         Self {
             middle_s: random.random_range(0.0..duration_s),
             width_s: random.random_range(1.0..2.5),
@@ -188,20 +163,13 @@ fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
         [(0.06, 0.62), (0.25, 0.22), (0.8, 0.06)]
             .map(|(hz, share)| (BandNoise::below(hz, &mut random), share))
     });
-    let loops: Vec<Loop> = (0..(duration_s / 8.0) as u32)
-        .map(|_| Loop::new(duration_s, &mut random))
-        .collect();
+    let loops: Vec<Loop> =
+        (0..(duration_s / 8.0) as u32).map(|_| Loop::new(duration_s, &mut random)).collect();
     let at = |t_s: f64| {
         let mut goal = [0.0; 2];
         for (axis, goal) in goal.iter_mut().enumerate() {
-            *goal = parts[axis]
-                .iter()
-                .map(|(noise, share)| share * noise.at(t_s))
-                .sum::<f64>();
-            *goal += loops
-                .iter()
-                .map(|swing| swing.size[axis] * swing.at(t_s))
-                .sum::<f64>();
+            *goal = parts[axis].iter().map(|(noise, share)| share * noise.at(t_s)).sum::<f64>();
+            *goal += loops.iter().map(|swing| swing.size[axis] * swing.at(t_s)).sum::<f64>();
         }
         // The operator stays within the range.
         let far = goal[0].hypot(goal[1]).max(1e-9);
@@ -215,11 +183,7 @@ fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
     };
     let trembling =
         |(goal, t_s): ([f64; 2], f64)| [goal[0] + tremor(t_s, 0), goal[1] + tremor(t_s, 1)];
-    slowed
-        .into_iter()
-        .zip(samples(duration_s))
-        .map(trembling)
-        .collect()
+    slowed.into_iter().zip(samples(duration_s)).map(trembling).collect()
 }
 
 /// The same path with limited speed, cut to the same number of samples.
@@ -273,9 +237,6 @@ mod tests {
         let second = |w: &[[f64; 2]]| (w[2][0] - 2.0 * w[1][0] + w[0][0]).powi(2);
         let rms =
             (path.windows(3).map(second).sum::<f64>() / (path.len() - 2) as f64).sqrt() / gain;
-        assert!(
-            (0.03..0.05).contains(&rms),
-            "{rms} instead of about 0.05 / sqrt 2"
-        );
+        assert!((0.03..0.05).contains(&rms), "{rms} instead of about 0.05 / sqrt 2");
     }
 }

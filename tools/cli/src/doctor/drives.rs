@@ -54,11 +54,9 @@ pub fn check_port(port: &PortConfig, open: bool, report: &mut Report) {
                 }
             }
         }
-        Err(error @ DriveError::Busy { .. }) => report.warn(
-            name,
-            error.to_string(),
-            "end the controller to check its drives",
-        ),
+        Err(error @ DriveError::Busy { .. }) => {
+            report.warn(name, error.to_string(), "end the controller to check its drives")
+        }
         Err(error) => report.fail(name, error.to_string(), "see there"),
     }
 }
@@ -78,16 +76,9 @@ fn check_latency(port: &PortConfig, report: &mut Report) {
 }
 
 fn check_drive(name: &str, seen: &Inspection, report: &mut Report) {
-    let Inspection {
-        family,
-        serial_number,
-        firmware,
-        ..
-    } = seen;
-    report.pass(
-        name,
-        format!("{family}, serial number {serial_number}, firmware 0x{firmware:04X}"),
-    );
+    let Inspection { family, serial_number, firmware, .. } = seen;
+    report
+        .pass(name, format!("{family}, serial number {serial_number}, firmware 0x{firmware:04X}"));
     check_state(name, seen, report);
     if let Some(volts) = seen.supply_v {
         let (name, found) = (format!("{name} supply"), format!("{volts:.1} V"));
@@ -128,11 +119,7 @@ fn check_state(name: &str, seen: &Inspection, report: &mut Report) {
             "a controller died here; the next one switches the drive off in order at its start",
         ),
         Some(state) => report.pass(name, format!("{state:?}, {homed}")),
-        None => report.fail(
-            name,
-            "no known state",
-            "check that the firmware is supported",
-        ),
+        None => report.fail(name, "no known state", "check that the firmware is supported"),
     }
 }
 
@@ -147,25 +134,14 @@ fn check_limits(name: &str, seen: &Inspection, report: &mut Report) {
         .take(MOST_NAMED)
         // What is near 2^32 is a number below 0.
         .map(|(object, wanted, found)| {
-            format!(
-                "{object} is {}, not {}",
-                found.cast_signed(),
-                wanted.cast_signed()
-            )
+            format!("{object} is {}, not {}", found.cast_signed(), wanted.cast_signed())
         })
         .collect();
     let more = seen.differences.len().saturating_sub(MOST_NAMED);
-    let more = if more > 0 {
-        format!(" and {more} more")
-    } else {
-        String::new()
-    };
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     // Every start of the controller writes them, so before the first one this is as it should be.
     report.pass(
         name,
-        format!(
-            "{}{more}; the controller writes them at its start",
-            listed.join(", ")
-        ),
+        format!("{}{more}; the controller writes them at its start", listed.join(", ")),
     );
 }

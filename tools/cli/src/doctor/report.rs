@@ -62,20 +62,12 @@ impl Report {
     }
 
     fn add(&mut self, level: Level, name: String, found: String, fix: String) {
-        self.checks.push(Check {
-            name,
-            level,
-            found,
-            fix,
-        });
+        self.checks.push(Check { name, level, found, fix });
     }
 
     /// How many failed.
     pub fn failures(&self) -> usize {
-        self.checks
-            .iter()
-            .filter(|check| check.level == Level::Fail)
-            .count()
+        self.checks.iter().filter(|check| check.level == Level::Fail).count()
     }
 
     /// All checks as JSON.
@@ -86,19 +78,8 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let width = self
-            .checks
-            .iter()
-            .map(|check| check.name.chars().count())
-            .max()
-            .unwrap_or(0);
-        for Check {
-            name,
-            level,
-            found,
-            fix,
-        } in &self.checks
-        {
+        let width = self.checks.iter().map(|check| check.name.chars().count()).max().unwrap_or(0);
+        for Check { name, level, found, fix } in &self.checks {
             let mark = match level {
                 Level::Ok => "ok  ",
                 Level::Warn => "WARN",

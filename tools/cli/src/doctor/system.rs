@@ -43,11 +43,7 @@ fn check_watchdog(config: &Config, report: &mut Report) {
 fn check_kernel(report: &mut Report) {
     let version = fs::read_to_string("/proc/version").unwrap_or_default();
     let real_time = fs::read_to_string("/sys/kernel/realtime").is_ok_and(|text| text.trim() == "1");
-    let release = version
-        .split_whitespace()
-        .nth(2)
-        .unwrap_or("unknown")
-        .to_owned();
+    let release = version.split_whitespace().nth(2).unwrap_or("unknown").to_owned();
     if real_time || version.contains("PREEMPT_RT") {
         report.pass("kernel", format!("{release}, real-time"));
     } else {
@@ -62,11 +58,8 @@ fn check_kernel(report: &mut Report) {
 /// Asks for what the controller would ask for, in a thread of its own.
 fn check_granted(config: &Config, report: &mut Report) {
     let control = &config.control;
-    let wanted = Wanted {
-        priority: control.priority,
-        cpu: control.cpu,
-        lock_memory: control.lock_memory,
-    };
+    let wanted =
+        Wanted { priority: control.priority, cpu: control.cpu, lock_memory: control.lock_memory };
     let Ok(granted) = thread::spawn(move || realtime::request(wanted)).join() else {
         return report.fail("scheduling", "the test thread ended early", "see above");
     };
@@ -76,16 +69,11 @@ fn check_granted(config: &Config, report: &mut Report) {
         } else {
             "memory not locked, not asked for"
         };
-        report.pass(
-            "scheduling",
-            format!("SCHED_FIFO {}, {locked}", granted.priority),
-        );
+        report.pass("scheduling", format!("SCHED_FIFO {}, {locked}", granted.priority));
     }
     for warning in granted.warnings {
         // A sentence of what, why, and how to allow it.
-        let (found, fix) = warning
-            .split_once("; ")
-            .unwrap_or((warning.as_str(), "see the README"));
+        let (found, fix) = warning.split_once("; ").unwrap_or((warning.as_str(), "see the README"));
         report.warn("scheduling", found, fix);
     }
 }
@@ -98,11 +86,7 @@ fn check_processors(config: &Config, report: &mut Report) {
             "processor",
             format!(
                 "the loop is not pinned; isolated: {}",
-                if isolated.is_empty() {
-                    "none"
-                } else {
-                    isolated
-                }
+                if isolated.is_empty() { "none" } else { isolated }
             ),
             "isolate a processor (kernel argument isolcpus=N) and set control.cpu = N",
         ),
@@ -119,14 +103,13 @@ fn check_processors(config: &Config, report: &mut Report) {
 
 /// Whether a list such as `1,4-6` holds a number.
 fn contains(list: &str, wanted: usize) -> bool {
-    list.split(',')
-        .any(|part| match part.trim().split_once('-') {
-            Some((first, last)) => {
-                let (first, last) = (first.parse::<usize>(), last.parse::<usize>());
-                first.is_ok_and(|first| first <= wanted) && last.is_ok_and(|last| wanted <= last)
-            }
-            None => part.trim().parse() == Ok(wanted),
-        })
+    list.split(',').any(|part| match part.trim().split_once('-') {
+        Some((first, last)) => {
+            let (first, last) = (first.parse::<usize>(), last.parse::<usize>());
+            first.is_ok_and(|first| first <= wanted) && last.is_ok_and(|last| wanted <= last)
+        }
+        None => part.trim().parse() == Ok(wanted),
+    })
 }
 
 fn check_memory(config: &Config, report: &mut Report) {
@@ -137,26 +120,16 @@ fn check_memory(config: &Config, report: &mut Report) {
     if let Some(ready) = Ready::read(&domain) {
         return report.pass(
             "shared memory",
-            format!(
-                "a controller serves `{}`, process {}",
-                domain.name(),
-                ready.pid
-            ),
+            format!("a controller serves `{}`, process {}", domain.name(), ready.pid),
         );
     }
     let leftovers = count_leftovers(domain.directory(), Path::new("/dev/shm"), domain.prefix());
     if leftovers == 0 {
-        report.pass(
-            "shared memory",
-            format!("nothing left over in `{}`", domain.name()),
-        );
+        report.pass("shared memory", format!("nothing left over in `{}`", domain.name()));
     } else {
         report.warn(
             "shared memory",
-            format!(
-                "{leftovers} files of a controller that was killed in `{}`",
-                domain.name()
-            ),
+            format!("{leftovers} files of a controller that was killed in `{}`", domain.name()),
             "nothing to do: the next controller removes them",
         );
     }

@@ -32,10 +32,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if staged.flags & ModelSlot::PRESENT == 0 {
         return Err("no model is staged; stage one with `i2ris model stage FILE`".into());
     }
-    if let Some(expected) = arguments
-        .id
-        .as_ref()
-        .filter(|expected| !id.to_string().starts_with(expected.as_str()))
+    if let Some(expected) =
+        arguments.id.as_ref().filter(|expected| !id.to_string().starts_with(expected.as_str()))
     {
         return Err(format!("{id} is staged, not {expected}").into());
     }

@@ -11,29 +11,16 @@ pub enum CsvTableError {
     Read { path: PathBuf, source: csv::Error },
     /// A column is not there.
     #[error("{path}: there is no column `{column}`; the first line names {present}")]
-    Column {
-        path: PathBuf,
-        column: String,
-        present: String,
-    },
+    Column { path: PathBuf, column: String, present: String },
     /// A cell is no number.
     #[error(
         "{path}, line {line}: `{value}` in column `{column}` is not a finite number; correct the \
          cell"
     )]
-    Cell {
-        path: PathBuf,
-        line: u64,
-        column: String,
-        value: String,
-    },
+    Cell { path: PathBuf, line: u64, column: String, value: String },
     /// Time stops or runs backwards.
     #[error("{path}, line {line}: t_s = {time_s} does not rise; sort the rows and drop doubles")]
-    Time {
-        path: PathBuf,
-        line: u64,
-        time_s: f64,
-    },
+    Time { path: PathBuf, line: u64, time_s: f64 },
     /// No rows.
     #[error("{path}: has no rows")]
     Empty { path: PathBuf },
@@ -57,42 +44,29 @@ pub struct CsvTable {
 impl CsvTable {
     /// Whether the first line names a column.
     pub fn has_column(path: &Path, column: &str) -> Result<bool, CsvTableError> {
-        let cannot = |source| CsvTableError::Read {
-            path: path.to_owned(),
-            source,
-        };
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_path(path)
-            .map_err(cannot)?;
+        let cannot = |source| CsvTableError::Read { path: path.to_owned(), source };
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(cannot)?;
         let header = reader.headers().map_err(cannot)?;
         Ok(header.iter().any(|name| name == column))
     }
 
     /// Reads the named columns. Where the first one is `t_s`, it has to rise.
     pub fn read(path: &Path, columns: &[String]) -> Result<Self, CsvTableError> {
-        let cannot = |source| CsvTableError::Read {
-            path: path.to_owned(),
-            source,
-        };
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_path(path)
-            .map_err(cannot)?;
+        let cannot = |source| CsvTableError::Read { path: path.to_owned(), source };
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(cannot)?;
         let header = reader.headers().map_err(cannot)?.clone();
         let find = |column: &String| {
-            header
-                .iter()
-                .position(|name| name == column)
-                .ok_or_else(|| CsvTableError::Column {
-                    path: path.to_owned(),
-                    column: column.clone(),
-                    present: header
-                        .iter()
-                        .map(|name| format!("`{name}`"))
-                        .collect::<Vec<_>>()
-                        .join(", "),
-                })
+            header.iter().position(|name| name == column).ok_or_else(|| CsvTableError::Column {
+                path: path.to_owned(),
+                column: column.clone(),
+                present: header
+                    .iter()
+                    .map(|name| format!("`{name}`"))
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            })
         };
         let places = columns.iter().map(find).collect::<Result<Vec<_>, _>>()?;
         let mut rows: Vec<CsvRow> = Vec::new();
@@ -101,41 +75,27 @@ impl CsvTable {
             let line = record.position().map_or(0, csv::Position::line);
             let cell = |(place, column): (&usize, &String)| {
                 let value = record.get(*place).unwrap_or_default();
-                value
-                    .parse()
-                    .ok()
-                    .filter(|number: &f64| number.is_finite())
-                    .ok_or_else(|| CsvTableError::Cell {
+                value.parse().ok().filter(|number: &f64| number.is_finite()).ok_or_else(|| {
+                    CsvTableError::Cell {
                         path: path.to_owned(),
                         line,
                         column: column.clone(),
                         value: value.to_owned(),
-                    })
+                    }
+                })
             };
-            let values = places
-                .iter()
-                .zip(columns)
-                .map(cell)
-                .collect::<Result<Vec<f64>, _>>()?;
+            let values = places.iter().zip(columns).map(cell).collect::<Result<Vec<f64>, _>>()?;
             if columns.first().is_some_and(|first| first == "t_s")
-                && let (Some(before), Some(time_s)) = (
-                    rows.last().and_then(|row| row.values.first()),
-                    values.first(),
-                )
+                && let (Some(before), Some(time_s)) =
+                    (rows.last().and_then(|row| row.values.first()), values.first())
                 && time_s <= before
             {
-                return Err(CsvTableError::Time {
-                    path: path.to_owned(),
-                    line,
-                    time_s: *time_s,
-                });
+                return Err(CsvTableError::Time { path: path.to_owned(), line, time_s: *time_s });
             }
             rows.push(CsvRow { line, values });
         }
         if rows.is_empty() {
-            Err(CsvTableError::Empty {
-                path: path.to_owned(),
-            })
+            Err(CsvTableError::Empty { path: path.to_owned() })
         } else {
             Ok(Self { rows })
         }
@@ -145,9 +105,7 @@ impl CsvTable {
 /// Writes a table, all at once.
 pub fn write(path: &Path, columns: &[String], rows: &[Vec<f64>]) -> Result<(), String> {
     let mut text = Vec::new();
-    let lines = rows
-        .iter()
-        .map(|row| row.iter().map(f64::to_string).collect::<Vec<_>>().join(","));
+    let lines = rows.iter().map(|row| row.iter().map(f64::to_string).collect::<Vec<_>>().join(","));
     let written = std::iter::once(columns.join(","))
         .chain(lines)
         .try_for_each(|line| writeln!(text, "{line}"));
@@ -170,13 +128,7 @@ mod tests {
     #[test]
     fn columns_are_found_by_name() {
         let table = read("q0_counts,other,t_s\n5, x,0\n7,y,0.5\n").unwrap();
-        assert_eq!(
-            table.rows[1],
-            CsvRow {
-                line: 3,
-                values: vec![0.5, 7.0]
-            }
-        );
+        assert_eq!(table.rows[1], CsvRow { line: 3, values: vec![0.5, 7.0] });
     }
 
     #[test]
@@ -186,10 +138,7 @@ mod tests {
                 "t_s,q1_counts\n0,1\n",
                 "no column `q0_counts`; the first line names `t_s`, `q1_counts`",
             ),
-            (
-                "t_s,q0_counts\n0,1\n1,abc\n",
-                "line 3: `abc` in column `q0_counts`",
-            ),
+            ("t_s,q0_counts\n0,1\n1,abc\n", "line 3: `abc` in column `q0_counts`"),
             ("t_s,q0_counts\n0,inf\n", "line 2: `inf`"),
             ("t_s,q0_counts\n1,1\n1,2\n", "line 3: t_s = 1 does not rise"),
             ("t_s,q0_counts\n", "has no rows"),

@@ -41,11 +41,7 @@ pub fn write_drifted(domain: &Domain, model: &Path, output: &Path) -> Result<(),
 
 fn file_drift(message: &AdaptationMsg) -> FileDrift {
     let [pitch, yaw, a, b, c, d, first, second, ..] = message.applied;
-    FileDrift {
-        zero: [pitch, yaw],
-        gain: [[a, b], [c, d]],
-        gap: [first, second],
-    }
+    FileDrift { zero: [pitch, yaw], gain: [[a, b], [c, d]], gap: [first, second] }
 }
 
 fn read_adaptation(domain: &Domain) -> Result<AdaptationMsg, Failure> {

@@ -76,21 +76,14 @@ struct Outcome {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments {
-        trajectory, output, ..
-    } = arguments;
+    let Arguments { trajectory, output, .. } = arguments;
     check_output(output, &[&arguments.model, trajectory])?;
     let model = Arc::new(Model::load(&arguments.model)?);
     let config = config(arguments, &model)?;
-    let columns: Vec<String> = std::iter::once("t_s".to_owned())
-        .chain(output_columns(&model))
-        .collect();
+    let columns: Vec<String> =
+        std::iter::once("t_s".to_owned()).chain(output_columns(&model)).collect();
     let table = CsvTable::read(trajectory, &columns)?;
-    let desired = DesiredTrajectory {
-        rows: &table.rows,
-        si: si(&model),
-        outputs: model.outputs(),
-    };
+    let desired = DesiredTrajectory { rows: &table.rows, si: si(&model), outputs: model.outputs() };
     let mut past = history(arguments.history.as_ref(), &model)?;
     if past.is_empty() {
         past.push(start_position(&model, &desired.at(desired.start_s())));
@@ -98,10 +91,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut rehearsal = Rehearsal::new(&config, &model, &past)?;
     approach(&mut rehearsal, &desired, arguments.no_limits)
         .map_err(|error| explained(error, trajectory, desired.start_s(), &config))?;
-    let known = rehearsal
-        .report()
-        .joint
-        .is_some_and(|joint| joint.memory_known);
+    let known = rehearsal.report().joint.is_some_and(|joint| joint.memory_known);
     let mut outcome = Outcome {
         ticks: 0,
         clipped_ticks: 0,
@@ -146,19 +136,11 @@ struct DesiredTrajectory<'a> {
 
 impl DesiredTrajectory<'_> {
     fn start_s(&self) -> f64 {
-        self.rows
-            .first()
-            .and_then(|row| row.values.first())
-            .copied()
-            .unwrap_or_default()
+        self.rows.first().and_then(|row| row.values.first()).copied().unwrap_or_default()
     }
 
     fn end_s(&self) -> f64 {
-        self.rows
-            .last()
-            .and_then(|row| row.values.first())
-            .copied()
-            .unwrap_or_default()
+        self.rows.last().and_then(|row| row.values.first()).copied().unwrap_or_default()
     }
 
     /// rad (m), linearly between the rows.
@@ -173,11 +155,8 @@ impl DesiredTrajectory<'_> {
             return OutputVec::default();
         };
         let (start, end) = (time(from), time(to));
-        let share = if end > start {
-            ((time_s - start) / (end - start)).clamp(0.0, 1.0)
-        } else {
-            1.0
-        };
+        let share =
+            if end > start { ((time_s - start) / (end - start)).clamp(0.0, 1.0) } else { 1.0 };
         let values: Vec<f64> = from
             .values
             .iter()
@@ -201,12 +180,7 @@ fn approach(
 ) -> Result<(), RehearsalError> {
     let to = desired.at(desired.start_s());
     let from = rehearsal.report().joint.map_or(to, |joint| joint.setpoint);
-    let distance = from
-        .iter()
-        .zip(&to)
-        .map(|(from, to)| (to - from).powi(2))
-        .sum::<f64>()
-        .sqrt();
+    let distance = from.iter().zip(&to).map(|(from, to)| (to - from).powi(2)).sum::<f64>().sqrt();
     let ticks = if at_once {
         1.0
     } else {
@@ -242,9 +216,7 @@ fn play(
     for tick in 0..=ticks {
         let time_s = start + tick as f64 * period;
         let angles = desired.at(time_s);
-        let report = rehearsal
-            .follow(desired.goal(angles))
-            .map_err(|error| (error, time_s))?;
+        let report = rehearsal.follow(desired.goal(angles)).map_err(|error| (error, time_s))?;
         outcome.ticks += 1;
         outcome.clipped_ticks += usize::from(report.clipped);
         let counts = report.setpoints;
@@ -252,20 +224,9 @@ fn play(
             *travel += (counts.as_f64() - before.as_f64()).abs();
         }
         before = counts;
-        let angles = angles
-            .into_iter()
-            .take(desired.outputs)
-            .map(|angle| angle / desired.si);
-        let counts = counts
-            .iter()
-            .take(outcome.travel_counts.len())
-            .map(|counts| counts.as_f64());
-        rows.push(
-            std::iter::once(time_s)
-                .chain(angles)
-                .chain(counts)
-                .collect(),
-        );
+        let angles = angles.into_iter().take(desired.outputs).map(|angle| angle / desired.si);
+        let counts = counts.iter().take(outcome.travel_counts.len()).map(|counts| counts.as_f64());
+        rows.push(std::iter::once(time_s).chain(angles).chain(counts).collect());
     }
     Ok(rows)
 }
@@ -292,11 +253,7 @@ fn config(arguments: &Arguments, model: &Model) -> Result<Config, Failure> {
         }
         None => standard(model),
     };
-    Ok(if arguments.no_limits {
-        without_limits(&config)
-    } else {
-        config
-    })
+    Ok(if arguments.no_limits { without_limits(&config) } else { config })
 }
 
 /// A robot for a model: every default, and position limits around the calibrated hull.
@@ -304,9 +261,8 @@ fn standard(model: &Model) -> Config {
     let corners: Vec<MotorVec> = model.hull().corners().collect();
     let axis = |motor: usize| {
         let values = corners.iter().map(|corner| corner[motor]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-            (l.min(v), h.max(v))
-        });
+        let (low, high) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         let limits = [
             Counts::from_f64(low.floor()).unwrap_or(Counts(i32::MIN)),
             Counts::from_f64(high.ceil()).unwrap_or(Counts(i32::MAX)),

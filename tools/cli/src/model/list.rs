@@ -66,32 +66,17 @@ fn line(slot: &ModelSlot) -> String {
     if slot.flags & ModelSlot::PRESENT == 0 {
         return "none".to_owned();
     }
-    let memory = if slot.flags & ModelSlot::MEMORY_KNOWN == 0 {
-        ", memory unknown"
-    } else {
-        ""
-    };
+    let memory = if slot.flags & ModelSlot::MEMORY_KNOWN == 0 { ", memory unknown" } else { "" };
     let outputs = slot.outputs as usize;
     let rms = |values: &[f64]| -> String {
-        let values: Vec<String> = values
-            .iter()
-            .take(outputs)
-            .map(|value| format!("{value:.3}"))
-            .collect();
+        let values: Vec<String> =
+            values.iter().take(outputs).map(|value| format!("{value:.3}")).collect();
         values.join(" ")
     };
-    let error = match slot
-        .held_out_rms
-        .iter()
-        .take(outputs)
-        .any(|value| *value > 0.0)
-    {
+    let error = match slot.held_out_rms.iter().take(outputs).any(|value| *value > 0.0) {
         true => format!("rms held out {}", rms(&slot.held_out_rms)),
         false => format!("rms in training {}", rms(&slot.training_rms)),
     };
     let (family, file) = (unpadded_text(&slot.family), unpadded_text(&slot.file));
-    format!(
-        "{}  {family}, {error}{memory}  {file}",
-        ModelId(slot.model_id)
-    )
+    format!("{}  {family}, {error}{memory}  {file}", ModelId(slot.model_id))
 }

@@ -59,11 +59,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                 .collect(),
         );
     }
-    let header: Vec<String> = time
-        .into_iter()
-        .chain(output_columns(&model))
-        .chain(counts_columns(&model))
-        .collect();
+    let header: Vec<String> =
+        time.into_iter().chain(output_columns(&model)).chain(counts_columns(&model)).collect();
     csv_table::write(output, &header, &rows)?;
     println!("wrote {} rows to {}", rows.len(), output.display());
     if unknown > 0 {

@@ -45,26 +45,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn header(model: &Model) {
     let file = model.file();
     let kind = serde_json::to_value(&file.family).unwrap_or_default();
-    let outputs: Vec<String> = file
-        .outputs
-        .iter()
-        .map(|output| format!("{} ({})", output.name, output.unit))
-        .collect();
+    let outputs: Vec<String> =
+        file.outputs.iter().map(|output| format!("{} ({})", output.name, output.unit)).collect();
     println!("model      {}", model.id());
-    println!(
-        "family     {}",
-        kind.get("kind")
-            .and_then(|kind| kind.as_str())
-            .unwrap_or("?")
-    );
+    println!("family     {}", kind.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?"));
     println!("robot      {}, {} motor(s)", file.robot_id, model.motors());
     println!("outputs    {}", outputs.join(", "));
     let corners: Vec<_> = model.hull().corners().collect();
     for motor in 0..model.motors() {
         let values = corners.iter().map(|corner| corner[motor]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-            (l.min(v), h.max(v))
-        });
+        let (low, high) =
+            values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
         let shape = if motor == 0 {
             format!(" (hull of {} corners)", corners.len())
         } else {
@@ -77,11 +68,8 @@ fn header(model: &Model) {
 /// How the motors move the outputs in the middle of the hull, without memory.
 fn mechanics(model: &Model) {
     let gains = gains(model);
-    let unit = model
-        .file()
-        .outputs
-        .first()
-        .map_or_else(String::new, |output| output.unit.to_string());
+    let unit =
+        model.file().outputs.first().map_or_else(String::new, |output| output.unit.to_string());
     let text: Vec<String> = gains
         .iter()
         .enumerate()
@@ -93,15 +81,9 @@ fn mechanics(model: &Model) {
     }
     let wipe = model.wipe_counts();
     if wipe.iter().any(|counts| *counts > 0.0) {
-        let wipe: Vec<String> = wipe
-            .iter()
-            .take(model.motors())
-            .map(|counts| format!("{counts:.0}"))
-            .collect();
-        println!(
-            "memory     known once the motors have covered {} counts",
-            wipe.join(" and ")
-        );
+        let wipe: Vec<String> =
+            wipe.iter().take(model.motors()).map(|counts| format!("{counts:.0}")).collect();
+        println!("memory     known once the motors have covered {} counts", wipe.join(" and "));
     } else {
         println!("memory     none");
     }
@@ -125,23 +107,14 @@ fn examination(model: &Model) {
 
 /// Length of the columns of the Jacobian in the middle of the hull, in units of the file per count.
 fn gains(model: &Model) -> Vec<f64> {
-    let column = |motor: usize| {
-        slopes(model, motor)
-            .iter()
-            .map(|slope| slope * slope)
-            .sum::<f64>()
-            .sqrt()
-    };
+    let column =
+        |motor: usize| slopes(model, motor).iter().map(|slope| slope * slope).sum::<f64>().sqrt();
     (0..model.motors()).map(column).collect()
 }
 
 fn slopes(model: &Model, motor: usize) -> Vec<f64> {
     let jacobian = model.jacobian(&model.hull().centre(), &model.new_memory());
-    jacobian
-        .iter()
-        .take(model.outputs())
-        .map(|row| row[motor] / si(model))
-        .collect()
+    jacobian.iter().take(model.outputs()).map(|row| row[motor] / si(model)).collect()
 }
 
 /// Direction in which motor 0 moves two outputs.
@@ -158,53 +131,28 @@ fn family(model: &Model) {
     match &model.file().family {
         FamilyParameters::Linear { .. } => {}
         FamilyParameters::Kinematic { kinematics, .. } => {
-            let radii: Vec<String> = kinematics
-                .pulley_radii_mm
-                .iter()
-                .map(|radius| format!("{radius:.3}"))
-                .collect();
-            println!(
-                "pulleys    {} mm, gear {}",
-                radii.join(" and "),
-                kinematics.gear_ratio
-            );
+            let radii: Vec<String> =
+                kinematics.pulley_radii_mm.iter().map(|radius| format!("{radius:.3}")).collect();
+            println!("pulleys    {} mm, gear {}", radii.join(" and "), kinematics.gear_ratio);
         }
         FamilyParameters::Gmr { mixture } => println!("mixture    K = {}", mixture.weights.len()),
-        FamilyParameters::GmrDirection {
-            dead_bands_counts,
-            mixture,
-        } => {
+        FamilyParameters::GmrDirection { dead_bands_counts, mixture } => {
             println!(
                 "mixture    K = {}, a motor has turned after {dead_bands_counts:.0?} counts",
                 mixture.weights.len()
             );
         }
-        FamilyParameters::GmrPlay {
-            plays,
-            mixture,
-            residual,
-            ..
-        } => {
+        FamilyParameters::GmrPlay { plays, mixture, residual, .. } => {
             println!("mixture    K = {} on virtual counts", mixture.weights.len());
             residual_line(residual.as_ref());
             play_table(plays, &gains);
         }
-        FamilyParameters::GmrPrandtlIshlinskii {
-            operator,
-            mixture,
-            residual,
-            ..
-        } => {
+        FamilyParameters::GmrPrandtlIshlinskii { operator, mixture, residual, .. } => {
             println!("mixture    K = {} on virtual counts", mixture.weights.len());
             residual_line(residual.as_ref());
             generalised_play_table(operator);
         }
-        FamilyParameters::GmrStop {
-            stops,
-            mixture,
-            residual,
-            ..
-        } => {
+        FamilyParameters::GmrStop { stops, mixture, residual, .. } => {
             println!("mixture    K = {} on virtual counts", mixture.weights.len());
             residual_line(residual.as_ref());
             stop_table(stops);
@@ -226,15 +174,9 @@ fn residual_line(residual: Option<&ResidualParameters>) {
 
 /// A play of threshold r is a gap of 2 r.
 fn play_table(plays: &PlayParameters, gains: &[f64]) {
-    println!(
-        "\n{:<8}{:>14}{:>12}{:>10}",
-        "plays", "gap (counts)", "gap (deg)", "weight"
-    );
-    for (motor, (thresholds, weights)) in plays
-        .thresholds_counts
-        .iter()
-        .zip(&plays.weights)
-        .enumerate()
+    println!("\n{:<8}{:>14}{:>12}{:>10}", "plays", "gap (counts)", "gap (deg)", "weight");
+    for (motor, (thresholds, weights)) in
+        plays.thresholds_counts.iter().zip(&plays.weights).enumerate()
     {
         let gain = gains.get(motor).copied().unwrap_or_default();
         for (threshold, weight) in thresholds.iter().zip(weights) {
@@ -257,11 +199,7 @@ fn generalised_play_table(operator: &PrandtlIshlinskiiParameters) {
         "\n{:<22}{:>14}{:>20}{:>22}",
         "plays along", "gap (counts)", "growth per count", "weight"
     );
-    for play in operator
-        .plays
-        .iter()
-        .filter(|play| play.weight.iter().any(|w| *w != 0.0))
-    {
+    for play in operator.plays.iter().filter(|play| play.weight.iter().any(|w| *w != 0.0)) {
         let [above, below] = play.growth;
         println!(
             "{:<22}{:>14.1}{:>20}{:>22}",
@@ -301,9 +239,7 @@ fn stop_table(stops: &StopParameters) {
 }
 
 fn metrics(model: &Model) {
-    let header = ["R2", "RMSD", "NRMSD", "MAE", "max"]
-        .map(|name| format!("{name:>9}"))
-        .concat();
+    let header = ["R2", "RMSD", "NRMSD", "MAE", "max"].map(|name| format!("{name:>9}")).concat();
     println!("\n{:<28}{header}", "");
     for (output, metrics) in model.file().outputs.iter().zip(&model.file().metrics) {
         let name = format!("{} ({})", output.name, output.unit);
@@ -314,25 +250,13 @@ fn metrics(model: &Model) {
     }
 }
 
-fn metrics_line(
-    name: &str,
-    FitMetrics {
-        r2,
-        rmsd,
-        nrmsd,
-        mae,
-        max,
-    }: &FitMetrics,
-) {
+fn metrics_line(name: &str, FitMetrics { r2, rmsd, nrmsd, mae, max }: &FitMetrics) {
     println!("{name:<28}{r2:>9.4}{rmsd:>9.3}{nrmsd:>9.4}{mae:>9.3}{max:>9.3}");
 }
 
 fn training(model: &Model) {
     let training = &model.file().training;
-    println!(
-        "\nfitted to  {} ({} rows)",
-        training.data_file, training.rows
-    );
+    println!("\nfitted to  {} ({} rows)", training.data_file, training.rows);
     println!("           SHA-256 {}", training.data_sha256);
     println!(
         "by         {}, seed {}, {} start(s)",

@@ -44,9 +44,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         None => &arguments.model,
     };
-    let reply = while_working("the controller checks the model", || {
-        client.stage_model(model)
-    })?;
+    let reply = while_working("the controller checks the model", || client.stage_model(model))?;
     if arguments.json {
         let difference = as_json(&reply.difference);
         let outcome = serde_json::json!({ "models": models(&reply), "difference": difference });
@@ -76,10 +74,7 @@ fn difference(difference: &ModelDifference) {
         return;
     }
     let counts = |counts: [f64; 2]| format!("{:+.0} {:+.0}", counts[0], counts[1]);
-    println!(
-        "the motors would turn by {} counts here",
-        counts(difference.present_counts)
-    );
+    println!("the motors would turn by {} counts here", counts(difference.present_counts));
     println!(
         "and by {} at {}, where it is most",
         counts(difference.largest_counts),

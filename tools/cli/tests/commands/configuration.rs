@@ -21,25 +21,14 @@ fn a_configuration_is_judged_and_printed_with_its_defaults() {
     );
     let folder = tempfile::tempdir().unwrap();
     let printed = folder.path().join("printed.toml");
-    fs::write(
-        &printed,
-        program::output(&["config", "print", good.to_str().unwrap()]).stdout,
-    )
-    .unwrap();
+    fs::write(&printed, program::output(&["config", "print", good.to_str().unwrap()]).stdout)
+        .unwrap();
     assert!(
-        program::output(&["config", "check", printed.to_str().unwrap()])
-            .status
-            .success(),
+        program::output(&["config", "check", printed.to_str().unwrap()]).status.success(),
         "what is printed is valid, too"
     );
     let bad = folder.path().join("bad.toml");
-    fs::write(
-        &bad,
-        fs::read_to_string(&good)
-            .unwrap()
-            .replace("rate_hz", "rate_herz"),
-    )
-    .unwrap();
+    fs::write(&bad, fs::read_to_string(&good).unwrap().replace("rate_hz", "rate_herz")).unwrap();
     let output = program::output(&["config", "check", bad.to_str().unwrap()]);
     let error = text(&output.stderr);
     assert!(
@@ -73,20 +62,13 @@ fn the_units_of_systemd_are_valid() {
     let units = ["i2ris-control@.service", "i2ris-watchdog@.service"].map(|name| {
         let text = fs::read_to_string(from.join(name)).unwrap();
         assert!(text.contains("ExecStart=/usr/local/bin/i2ris-"), "{name}");
-        let program = text
-            .lines()
-            .find_map(|line| line.strip_prefix("ExecStart="))
-            .unwrap();
+        let program = text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap();
         let installed = program.split(' ').next().unwrap();
         let unit = folder.path().join(name);
         fs::write(&unit, text.replace(installed, env!("CARGO_BIN_EXE_i2ris"))).unwrap();
         unit
     });
-    let output = Command::new("systemd-analyze")
-        .arg("verify")
-        .args(&units)
-        .output()
-        .unwrap();
+    let output = Command::new("systemd-analyze").arg("verify").args(&units).output().unwrap();
     let said = text(&output.stdout) + &text(&output.stderr);
     let ours: Vec<&str> = said.lines().filter(|line| line.contains("i2ris")).collect();
     assert!(ours.is_empty(), "{ours:?}");

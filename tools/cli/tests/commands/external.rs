@@ -66,10 +66,7 @@ fn without_the_program_one_sentence_says_how_to_build_it() {
     let error = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{error}");
     assert_eq!(error.lines().count(), 1, "{error}");
-    assert!(
-        error.contains("cargo build --release -p i2ris-record"),
-        "{error}"
-    );
+    assert!(error.contains("cargo build --release -p i2ris-record"), "{error}");
     let help = installed.run(Path::new("/nonexistent"), &["--help"]).stdout;
     let help = String::from_utf8_lossy(&help);
     for name in ["monitor", "record", "report", "bridge", "vision", "bench"] {

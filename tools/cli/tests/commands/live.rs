@@ -41,22 +41,13 @@ impl Robot {
         i2ris_testing::run_on_shared_machine(&mut config);
         config.control.model = Some(linear_model(folder.path(), "first.json", 1.0));
         config.record.folder = folder.path().join("records");
-        let (domain, stop) = (
-            Domain::new(&config.ipc.domain).unwrap(),
-            Arc::new(AtomicBool::new(false)),
-        );
+        let (domain, stop) =
+            (Domain::new(&config.ipc.domain).unwrap(), Arc::new(AtomicBool::new(false)));
         let asked = Arc::clone(&stop);
         let own = config.clone();
         let controller =
             thread::spawn(move || controller::run(&own, "", &asked, &mut std::io::sink()).unwrap());
-        Self {
-            domain,
-            config,
-            folder,
-            stop,
-            controller: Some(controller),
-            emulator,
-        }
+        Self { domain, config, folder, stop, controller: Some(controller), emulator }
     }
 
     /// The emulated camera publishes the pose.
@@ -216,12 +207,7 @@ fn models_are_swapped_from_python_while_the_snake_moves() {
         .args([&second, &broken])
         .output()
         .unwrap();
-    let (out, err) = (
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr),
-    );
-    assert!(
-        output.status.success() && out.contains("swapped and back"),
-        "{out}{err}"
-    );
+    let (out, err) =
+        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success() && out.contains("swapped and back"), "{out}{err}");
 }

@@ -35,30 +35,21 @@ impl Table {
     /// Makes a mistake and notes what is said. `code`: the exit code that the help promises.
     fn make(&mut self, domain: &Domain, what: &str, code: i32, words: &str) {
         let folder = self.folder.to_str().unwrap().to_owned();
-        let words: Vec<String> = { words.split(' ') }
-            .map(|word| word.replace("FOLDER", &folder))
-            .collect();
+        let words: Vec<String> =
+            { words.split(' ') }.map(|word| word.replace("FOLDER", &folder)).collect();
         let arguments: Vec<&str> = words.iter().map(String::as_str).collect();
         let (found, _, error) = Program::start(domain, &arguments).code();
         let generic = |text: &str| {
-            let text = text
-                .replace(&folder, "FOLDER")
-                .replace(domain.name(), "DOMAIN");
+            let text = text.replace(&folder, "FOLDER").replace(domain.name(), "DOMAIN");
             without_numbers(&text).replace('|', "\\|")
         };
-        let message = error
-            .lines()
-            .find(|line| line.starts_with("error"))
-            .unwrap_or("");
+        let message = error.lines().find(|line| line.starts_with("error")).unwrap_or("");
         if found != Some(code) || message.is_empty() {
-            self.wrong
-                .push(format!("{what}: {found:?}, not {code}\n{error}"));
+            self.wrong.push(format!("{what}: {found:?}, not {code}\n{error}"));
         }
         let command = generic(&words.join(" "));
         let message = without_decimals(&generic(message.trim_start_matches("error: ")));
-        self.rows.push(format!(
-            "| {what} | `i2ris {command}` | {message} | {code} |\n"
-        ));
+        self.rows.push(format!("| {what} | `i2ris {command}` | {message} | {code} |\n"));
     }
 }
 
@@ -102,19 +93,13 @@ fn write_files(folder: &Path) {
     for (name, text) in [
         ("semicolons.csv", rows(";", 100)),
         ("short.csv", rows(",", 3)),
-        (
-            "angles.csv",
-            "t_s,pitch_deg,yaw_deg\n0,1,2\n1,2,3\n".to_owned(),
-        ),
+        ("angles.csv", "t_s,pitch_deg,yaw_deg\n0,1,2\n1,2,3\n".to_owned()),
         ("waypoints.csv", waypoints.to_owned()),
         ("there.csv", rows(",", 100)),
         ("there.json", "{}".to_owned()),
         ("typo.toml", config.replacen("robot_id", "robot_name", 1)),
         ("broken.toml", "robot_id = [".to_owned()),
-        (
-            "other.toml",
-            config.replacen("i2ris-emulated", "another-robot", 1),
-        ),
+        ("other.toml", config.replacen("i2ris-emulated", "another-robot", 1)),
     ] {
         fs::write(folder.join(name), text).unwrap();
     }
@@ -125,11 +110,7 @@ fn write_files(folder: &Path) {
 fn mistakes_of_new_users_end_with_a_sentence_and_the_right_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     write_files(folder.path());
-    let mut table = Table {
-        folder: folder.path().to_owned(),
-        rows: Vec::new(),
-        wrong: Vec::new(),
-    };
+    let mut table = Table { folder: folder.path().to_owned(), rows: Vec::new(), wrong: Vec::new() };
     let nobody = Domain::new(&format!("t{:016x}", random_id())).unwrap();
     without_a_controller(&mut table, &nobody);
     let robot = Robot::start();
@@ -150,28 +131,12 @@ fn mistakes_of_new_users_end_with_a_sentence_and_the_right_exit_code() {
 fn without_a_controller(table: &mut Table, domain: &Domain) {
     for (what, code, words) in [
         ("no controller runs", 3, "command state enable"),
-        (
-            "a wrong domain",
-            3,
-            "command state enable --domain elsewhere",
-        ),
-        (
-            "a domain with a slash",
-            2,
-            "command state enable --domain a/b",
-        ),
+        ("a wrong domain", 3, "command state enable --domain elsewhere"),
+        ("a domain with a slash", 2, "command state enable --domain a/b"),
         ("a typing error in a command", 2, "comand state enable"),
         ("an option is missing", 2, "calibrate fit FOLDER/there.csv"),
-        (
-            "a number that is none",
-            2,
-            "command circle --radius-deg five --period-s 6",
-        ),
-        (
-            "no such recording",
-            1,
-            "calibrate fit FOLDER/none.csv --output FOLDER/new.json",
-        ),
+        ("a number that is none", 2, "command circle --radius-deg five --period-s 6"),
+        ("no such recording", 1, "calibrate fit FOLDER/none.csv --output FOLDER/new.json"),
         (
             "a recording with semicolons",
             1,
@@ -187,22 +152,14 @@ fn without_a_controller(table: &mut Table, domain: &Domain) {
             1,
             "calibrate fit FOLDER/angles.csv --output FOLDER/new.json",
         ),
-        (
-            "a recording of a few rows",
-            1,
-            "calibrate fit FOLDER/short.csv --output FOLDER/new.json",
-        ),
+        ("a recording of a few rows", 1, "calibrate fit FOLDER/short.csv --output FOLDER/new.json"),
         (
             "a model file that is there",
             1,
             "calibrate fit FOLDER/there.csv --output FOLDER/there.json",
         ),
         ("a CSV file for a model", 1, "model show FOLDER/there.csv"),
-        (
-            "a CSV file for an MCAP file",
-            1,
-            "record info FOLDER/there.csv",
-        ),
+        ("a CSV file for an MCAP file", 1, "record info FOLDER/there.csv"),
         ("a CSV file for a black box", 1, "replay FOLDER/there.csv"),
         (
             "no such configuration",
@@ -219,11 +176,7 @@ fn without_a_controller(table: &mut Table, domain: &Domain) {
             6,
             "calibrate collect --config FOLDER/broken.toml --output FOLDER/new.csv",
         ),
-        (
-            "no such snake",
-            1,
-            "emulate --snake FOLDER/none.toml --ports FOLDER/ports",
-        ),
+        ("no such snake", 1, "emulate --snake FOLDER/none.toml --ports FOLDER/ports"),
     ] {
         table.make(domain, what, code, words);
     }
@@ -232,16 +185,8 @@ fn without_a_controller(table: &mut Table, domain: &Domain) {
 fn before_homing(table: &mut Table, domain: &Domain) {
     for (what, code, words) in [
         ("enable before home", 4, "command state enable"),
-        (
-            "a circle while the drives are off",
-            4,
-            "command circle --radius-deg 5 --period-s 6",
-        ),
-        (
-            "acknowledge without a fault",
-            4,
-            "command state acknowledge",
-        ),
+        ("a circle while the drives are off", 4, "command circle --radius-deg 5 --period-s 6"),
+        ("acknowledge without a fault", 4, "command state acknowledge"),
         ("resume without pause", 4, "command state resume"),
         (
             "the walk in a script, before home",
@@ -263,16 +208,8 @@ fn before_homing(table: &mut Table, domain: &Domain) {
             1,
             "calibrate collect --config FOLDER/other.toml --output FOLDER/new.csv",
         ),
-        (
-            "a model file that is missing",
-            4,
-            "model stage FOLDER/none.json",
-        ),
-        (
-            "a model of another robot",
-            4,
-            "model stage FOLDER/other-robot.json",
-        ),
+        ("a model file that is missing", 4, "model stage FOLDER/none.json"),
+        ("a model of another robot", 4, "model stage FOLDER/other-robot.json"),
         ("activate before stage", 1, "model activate"),
         ("roll back without a former model", 4, "model rollback"),
     ] {
@@ -281,21 +218,13 @@ fn before_homing(table: &mut Table, domain: &Domain) {
 }
 
 fn while_enabled(table: &mut Table, domain: &Domain) {
-    for words in [
-        &["command", "state", "home"],
-        &["command", "state", "enable"],
-    ] {
+    for words in [&["command", "state", "home"], &["command", "state", "enable"]] {
         let (success, _, error) = Program::run(domain, words);
         assert!(success, "{words:?}: {error}");
     }
     table.make(domain, "enable twice", 4, "command state enable --no-wait");
     table.make(domain, "home while enabled", 4, "command state home");
-    table.make(
-        domain,
-        "a table with semicolons",
-        1,
-        "command file FOLDER/waypoints.csv",
-    );
+    table.make(domain, "a table with semicolons", 1, "command file FOLDER/waypoints.csv");
     table.make(
         domain,
         "a pose out of reach",
@@ -304,27 +233,13 @@ fn while_enabled(table: &mut Table, domain: &Domain) {
     );
     let mut first = Program::start(domain, &["command", "hold"]);
     let mut client = Client::connect(domain, Nanos::from_millis(60_000)).unwrap();
-    client
-        .wait_for(Nanos::from_millis(60_000), |state| {
-            state.lease_client_id != 0
-        })
-        .unwrap();
-    table.make(
-        domain,
-        "a second commander",
-        4,
-        "command pose 1 1 --duration-s 0.5",
-    );
+    client.wait_for(Nanos::from_millis(60_000), |state| state.lease_client_id != 0).unwrap();
+    table.make(domain, "a second commander", 4, "command pose 1 1 --duration-s 0.5");
     first.interrupt();
     assert_eq!(first.code().0, Some(0));
     let condition = ["command", "state", "condition", "--no-wait"];
     assert!(Program::run(domain, &condition).0);
-    table.make(
-        domain,
-        "a command while the robot is busy",
-        4,
-        "command state condition --no-wait",
-    );
+    table.make(domain, "a command while the robot is busy", 4, "command state condition --no-wait");
 }
 
 fn compare(table: &str) {

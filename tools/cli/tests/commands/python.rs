@@ -58,20 +58,12 @@ fn a_python_session_enables_moves_watches_and_gives_the_lease_back() {
         return;
     };
     let controller = Controller::start();
-    let output = command
-        .args(["-c", SCRIPT, controller.domain.name()])
-        .output()
-        .unwrap();
-    let (out, err) = (
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr),
-    );
+    let output = command.args(["-c", SCRIPT, controller.domain.name()]).output().unwrap();
+    let (out, err) =
+        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{out}{err}");
     let robot = controller.robot();
-    assert_eq!(
-        (robot.lease, robot.asked.last()),
-        (0, Some(&StateCommand::Release))
-    );
+    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
     assert!(
         (robot.pose[0] - 5.0).abs() < 1e-9 && (robot.pose[1] + 3.0).abs() < 1e-9,
         "{:?}",
@@ -102,20 +94,14 @@ fn who_commands_from_python_is_known_by_name() {
         .spawn()
         .unwrap();
     let mut line = String::new();
-    BufReader::new(child.stdout.take().unwrap())
-        .read_line(&mut line)
-        .unwrap();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
     assert_eq!(line, "commanding\n");
     controller.wait("the lease", |robot| robot.lease != 0);
     let lease = controller.robot().lease;
     let mut client = Client::connect(&controller.domain, Nanos::from_millis(5000)).unwrap();
     let boot_id = client.version().unwrap().boot_id;
     let caller = find_client_process(&controller.domain, boot_id, lease).unwrap();
-    assert_eq!(
-        (caller.pid, caller.program.starts_with("python")),
-        (child.id(), true),
-        "{caller}"
-    );
+    assert_eq!((caller.pid, caller.program.starts_with("python")), (child.id(), true), "{caller}");
     drop(child.stdin.take());
     assert!(child.wait().unwrap().success());
     assert_eq!(
@@ -184,13 +170,6 @@ fn a_controller_of_another_version_is_refused_plainly() {
     let controller = Controller::start();
     let ready = controller.domain.directory().join("ready");
     fs::write(ready, "000000000000b007 99 1\n").unwrap();
-    let output = command
-        .args(["-c", FOREIGN, controller.domain.name()])
-        .output()
-        .unwrap();
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    let output = command.args(["-c", FOREIGN, controller.domain.name()]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }

@@ -27,9 +27,8 @@ fn reach_by_keys(client: &Client, terminal: &mut Terminal) {
             if target.flags & ReachTarget::ENDED != 0 && target.number == target.total {
                 return;
             }
-            for (axis, [more, less]) in [["\x1b[A", "\x1b[B"], ["\x1b[C", "\x1b[D"]]
-                .iter()
-                .enumerate()
+            for (axis, [more, less]) in
+                [["\x1b[A", "\x1b[B"], ["\x1b[C", "\x1b[D"]].iter().enumerate()
             {
                 let away = (target.position[axis] - snake.position[axis]).to_degrees();
                 let steps = (away.abs() / 0.1).round().min(3.0) as usize;
@@ -38,10 +37,7 @@ fn reach_by_keys(client: &Client, terminal: &mut Terminal) {
         }
         terminal.type_keys(&keys);
     }
-    panic!(
-        "the task does not end:\n{}",
-        terminal.screen.screen().contents()
-    );
+    panic!("the task does not end:\n{}", terminal.screen.screen().contents());
 }
 
 #[test]
@@ -51,10 +47,7 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
     home_and_enable(&mut client, Nanos::from_millis(60_000)).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("task.mcap");
-    let mut record = Program::start(
-        &robot.domain,
-        &["record", "--output", file.to_str().unwrap()],
-    );
+    let mut record = Program::start(&robot.domain, &["record", "--output", file.to_str().unwrap()]);
     while fs::metadata(&file).map_or(0, |data| data.len()) == 0 {
         assert!(record.child().try_wait().unwrap().is_none());
         clock::sleep(Nanos::from_millis(50));
@@ -79,11 +72,7 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
     assert!(success, "{error}");
     let report: serde_json::Value = serde_json::from_str(&json).unwrap();
     let score = &report["targets"];
-    assert_eq!(
-        (&score["by"], &score["held"]),
-        (&"estimate".into(), &1.0.into()),
-        "{score}"
-    );
+    assert_eq!((&score["by"], &score["held"]), (&"estimate".into(), &1.0.into()), "{score}");
     let targets = score["targets"].as_array().unwrap();
     assert_eq!(targets.len(), 2);
     for target in targets {

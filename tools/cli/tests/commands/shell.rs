@@ -9,10 +9,7 @@ use i2ris_testing::{Controller, Program, program};
 
 fn code(domain: &Domain, arguments: &[&str]) -> Option<i32> {
     let (code, output, error) = Program::start(domain, arguments).code();
-    assert!(
-        code == Some(0) || !error.is_empty(),
-        "{arguments:?} fails without a word: {output}"
-    );
+    assert!(code == Some(0) || !error.is_empty(), "{arguments:?} fails without a word: {output}");
     code
 }
 
@@ -25,32 +22,18 @@ fn the_exit_code_tells_what_kind_of_failure_it_was() {
     let controller = Controller::start();
     let domain = &controller.domain;
     assert_eq!(code(&nobody, &["completions", "bash"]), Some(0));
-    assert_eq!(
-        code(&nobody, &["model", "show", "/nonexistent.json"]),
-        Some(1)
-    );
+    assert_eq!(code(&nobody, &["model", "show", "/nonexistent.json"]), Some(1));
     assert_eq!(code(&nobody, &["nonsense"]), Some(2));
     assert_eq!(code(&nobody, &["command"]), Some(2));
     assert_eq!(code(&nobody, &["command", "hold"]), Some(3));
     assert_eq!(code(&nobody, &["model", "list"]), Some(3));
-    assert_eq!(
-        code(domain, &["command", "state", "enable"]),
-        Some(4),
-        "not homed"
-    );
+    assert_eq!(code(domain, &["command", "state", "enable"]), Some(4), "not homed");
     assert_eq!(code(domain, &["command", "hold"]), Some(4), "not enabled");
-    assert_eq!(
-        code(domain, &["config", "check", bad.to_str().unwrap()]),
-        Some(6)
-    );
+    assert_eq!(code(domain, &["config", "check", bad.to_str().unwrap()]), Some(6));
     controller.robot().state = OperatingState::Enabled;
     controller.robot().homed = true;
     controller.robot().refuse = Some(Refusal::Range);
-    assert_eq!(
-        code(domain, &["command", "pose", "1", "1"]),
-        Some(4),
-        "every command refused"
-    );
+    assert_eq!(code(domain, &["command", "pose", "1", "1"]), Some(4), "every command refused");
     controller.robot().fault = Fault::Drive;
     controller.robot().state = OperatingState::Fault;
     assert_eq!(code(domain, &["command", "hold"]), Some(5));
@@ -61,11 +44,7 @@ fn the_help_tells_every_exit_code() {
     let (code, help, _) = Program::start(&Domain::new("nobody").unwrap(), &["--help"]).code();
     assert_eq!(code, Some(0));
     for number in ["0 ", "1 ", "2 ", "3 ", "4 ", "5 ", "6 ", "130 "] {
-        assert!(
-            help.lines()
-                .any(|line| line.trim_start().starts_with(number)),
-            "{number}: {help}"
-        );
+        assert!(help.lines().any(|line| line.trim_start().starts_with(number)), "{number}: {help}");
     }
 }
 
@@ -117,25 +96,9 @@ fn the_schema_knows_every_table_and_an_editor_can_read_it() {
         Program::start(&Domain::new("nobody").unwrap(), &["config", "schema"]).code();
     assert_eq!(code, Some(0), "{error}");
     let schema: serde_json::Value = serde_json::from_str(&output).unwrap();
-    assert!(
-        schema["$schema"]
-            .as_str()
-            .unwrap()
-            .contains("json-schema.org")
-    );
-    for table in [
-        "control",
-        "ipc",
-        "command",
-        "limits",
-        "compensation",
-        "record",
-        "ports",
-    ] {
-        assert!(
-            schema["properties"][table]["description"].is_string(),
-            "{table}"
-        );
+    assert!(schema["$schema"].as_str().unwrap().contains("json-schema.org"));
+    for table in ["control", "ipc", "command", "limits", "compensation", "record", "ports"] {
+        assert!(schema["properties"][table]["description"].is_string(), "{table}");
     }
     assert_eq!(schema["required"], serde_json::json!(["robot_id", "ports"]));
 }

@@ -43,20 +43,12 @@ impl Pad {
             .custom_flags(nix::libc::O_NONBLOCK)
             .open(&path)
             .unwrap();
-        Self {
-            _folder: folder,
-            path,
-            file: Some(file),
-        }
+        Self { _folder: folder, path, file: Some(file) }
     }
 
     fn play(&mut self, kind: u8, number: u8, value: i16) {
         let [low, high] = value.to_le_bytes();
-        self.file
-            .as_mut()
-            .unwrap()
-            .write_all(&[0, 0, 0, 0, low, high, kind, number])
-            .unwrap();
+        self.file.as_mut().unwrap().write_all(&[0, 0, 0, 0, low, high, kind, number]).unwrap();
     }
 
     fn unplug(&mut self) {
@@ -93,9 +85,7 @@ fn a_gamepad_steers_while_its_dead_man_is_held_and_the_snake_holds_when_it_is_un
     let mut pad = Pad::new();
     let program = lead(&controller, &pad);
     pad.play(AXIS, SIDE, 32767);
-    controller.wait("commands with an open clutch", |robot| {
-        robot.poses.len() > 50
-    });
+    controller.wait("commands with an open clutch", |robot| robot.poses.len() > 50);
     assert!(clutch_is_open(controller.robot().flags));
     assert_near(controller.robot().pose, [1.0, -1.0]);
     pad.play(BUTTON, DEAD_MAN, 1);
@@ -116,18 +106,9 @@ fn a_gamepad_steers_while_its_dead_man_is_held_and_the_snake_holds_when_it_is_un
         "{error}"
     );
     let robot = controller.robot();
-    assert!(
-        clutch_is_open(robot.flags),
-        "the last command opens the clutch"
-    );
-    assert_eq!(
-        (robot.lease, robot.asked.last()),
-        (0, Some(&StateCommand::Release))
-    );
-    assert!(
-        (robot.pose[0] - 1.0).abs() < 1e-6,
-        "the other axis stood still"
-    );
+    assert!(clutch_is_open(robot.flags), "the last command opens the clutch");
+    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
+    assert!((robot.pose[0] - 1.0).abs() < 1e-6, "the other axis stood still");
     // Half of 20 deg/s.
     assert_no_jump(&robot.poses, 10.0);
 }
@@ -135,10 +116,8 @@ fn a_gamepad_steers_while_its_dead_man_is_held_and_the_snake_holds_when_it_is_un
 #[test]
 fn a_gamepad_that_is_not_there_is_named() {
     let controller = Controller::enabled();
-    let (success, _, error) = Program::run(
-        &controller.domain,
-        &["command", "--gamepad", "/nonexistent/js7"],
-    );
+    let (success, _, error) =
+        Program::run(&controller.domain, &["command", "--gamepad", "/nonexistent/js7"]);
     assert!(
         !success && error.contains("/nonexistent/js7") && error.contains("ls /dev/input/js*"),
         "{error}"
@@ -150,14 +129,7 @@ fn keys_steer_after_the_space_bar_and_a_second_without_one_opens_the_clutch() {
     let controller = Controller::enabled();
     let terminal = openpty(None, None).unwrap();
     let mut program = Command::new(env!("CARGO_BIN_EXE_i2ris"))
-        .args([
-            "command",
-            "--keyboard",
-            "--step-deg",
-            "0.5",
-            "--domain",
-            controller.domain.name(),
-        ])
+        .args(["command", "--keyboard", "--step-deg", "0.5", "--domain", controller.domain.name()])
         .stdin(Stdio::from(terminal.slave.try_clone().unwrap()))
         .stdout(Stdio::from(terminal.slave))
         .stderr(Stdio::piped())
@@ -201,10 +173,7 @@ fn keys_steer_after_the_space_bar_and_a_second_without_one_opens_the_clutch() {
         "{text}"
     );
     let robot = controller.robot();
-    assert_eq!(
-        (robot.lease, robot.asked.last()),
-        (0, Some(&StateCommand::Release))
-    );
+    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
     assert_no_jump(&robot.poses, 10.0);
 }
 

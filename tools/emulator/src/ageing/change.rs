@@ -97,11 +97,7 @@ impl Change {
             return refuse("by", by, "must be degrees, at most 90 to either side");
         }
         if !is_zero && (by.is_nan() || by <= -1.0 || by > MOST_RELATIVE) {
-            return refuse(
-                "by",
-                by,
-                "must be relative: above -1 (nothing left), at most 10",
-            );
+            return refuse("by", by, "must be relative: above -1 (nothing left), at most 10");
         }
         if !(0.0..=1e9).contains(&self.start_s) {
             return refuse("start_s", self.start_s, "must be seconds, 0 to 1e9");
@@ -120,21 +116,13 @@ impl Change {
         };
         let length = direction[0].hypot(direction[1]);
         if !(length.is_finite() && length > 0.0) {
-            return refuse(
-                "direction",
-                length,
-                "its length must be a finite number above 0",
-            );
+            return refuse("direction", length, "its length must be a finite number above 0");
         }
         if !matches!(self.parameter, Parameter::Gain | Parameter::Zero) {
             return refuse("direction", length, "is for gain and zero; leave it out");
         }
         if let Some(motor) = self.motor {
-            return refuse(
-                "motor",
-                motor as f64,
-                "name a motor or a direction, not both",
-            );
+            return refuse("motor", motor as f64, "name a motor or a direction, not both");
         }
         Ok(())
     }
@@ -193,41 +181,20 @@ mod tests {
     #[test]
     fn what_makes_no_sense_is_refused() {
         for (text, words) in [
-            (
-                "parameter = \"gap\"\ncourse = \"step\"\nby = -1.0",
-                "above -1",
-            ),
-            (
-                "parameter = \"gap\"\ncourse = \"step\"\nby = nan",
-                "above -1",
-            ),
+            ("parameter = \"gap\"\ncourse = \"step\"\nby = -1.0", "above -1"),
+            ("parameter = \"gap\"\ncourse = \"step\"\nby = nan", "above -1"),
             ("parameter = \"zero\"\ncourse = \"step\"\nby = 100", "90"),
             ("parameter = \"gap\"\ncourse = \"ramp\"\nby = 0.1", "over_s"),
-            (
-                "parameter = \"gap\"\ncourse = \"ramp\"\nby = 0.1\nover_s = 0",
-                "above 0",
-            ),
-            (
-                "parameter = \"gap\"\ncourse = \"step\"\nby = 0.1\nover_s = 9",
-                "over_s",
-            ),
+            ("parameter = \"gap\"\ncourse = \"ramp\"\nby = 0.1\nover_s = 0", "above 0"),
+            ("parameter = \"gap\"\ncourse = \"step\"\nby = 0.1\nover_s = 9", "over_s"),
             ("parameter = \"gap\"\ncourse = \"jump\"\nby = 0.1", "jump"),
-            (
-                "parameter = \"teeth\"\ncourse = \"step\"\nby = 0.1",
-                "teeth",
-            ),
-            (
-                "parameter = \"gap\"\ncourse = \"step\"\nby = 0.1\nmotor = 2",
-                "motor = 2",
-            ),
+            ("parameter = \"teeth\"\ncourse = \"step\"\nby = 0.1", "teeth"),
+            ("parameter = \"gap\"\ncourse = \"step\"\nby = 0.1\nmotor = 2", "motor = 2"),
             (
                 "parameter = \"gap\"\ncourse = \"step\"\nby = 0.1\ndirection = [1, 0]",
                 "gain and zero",
             ),
-            (
-                "parameter = \"zero\"\ncourse = \"step\"\nby = 0.1\ndirection = [0, 0]",
-                "length",
-            ),
+            ("parameter = \"zero\"\ncourse = \"step\"\nby = 0.1\ndirection = [0, 0]", "length"),
             (
                 "parameter = \"zero\"\ncourse = \"step\"\nby = 0.1\ndirection = [1, 0]\nmotor = 0",
                 "not both",

@@ -22,12 +22,7 @@ pub(super) struct RunningChange {
 impl RunningChange {
     /// `seed` determines a random walk.
     pub(super) fn new(change: Change, seed: u64) -> Self {
-        Self {
-            time_s: -change.start_s,
-            change,
-            random: Pcg64Mcg::seed_from_u64(seed),
-            walked: 0.0,
-        }
+        Self { time_s: -change.start_s, change, random: Pcg64Mcg::seed_from_u64(seed), walked: 0.0 }
     }
 
     /// One step of the grid.

@@ -75,11 +75,7 @@ impl Wear {
             if motor.is_some_and(|motor| motor != number) {
                 continue;
             }
-            *entry = if is_factor {
-                (*entry * (1.0 + value)).max(LEAST)
-            } else {
-                *entry + value
-            };
+            *entry = if is_factor { (*entry * (1.0 + value)).max(LEAST) } else { *entry + value };
         }
     }
 }
@@ -95,11 +91,7 @@ pub(crate) struct Ageing {
 impl Ageing {
     /// `seed` determines the random walks.
     pub(crate) fn new(changes: &[Change], seed: u64) -> Self {
-        let mut ageing = Self {
-            changes: Vec::new(),
-            seed,
-            pending_s: 0.0,
-        };
+        let mut ageing = Self { changes: Vec::new(), seed, pending_s: 0.0 };
         changes.iter().for_each(|change| ageing.begin(*change));
         ageing
     }
@@ -138,14 +130,7 @@ mod tests {
     use crate::ageing::change::Course;
 
     fn change(parameter: Parameter, by: f64, course: Course) -> Change {
-        Change {
-            parameter,
-            by,
-            start_s: 10.0,
-            motor: None,
-            direction: None,
-            course,
-        }
+        Change { parameter, by, start_s: 10.0, motor: None, direction: None, course }
     }
 
     fn wear(changes: &[Change], seed: u64, seconds: f64, steps: u32) -> Wear {

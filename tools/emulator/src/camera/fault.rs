@@ -63,10 +63,7 @@ impl TimedCameraFault {
     pub fn check(&self) -> Result<(), String> {
         let within = |key: &str, value: f64, low: f64, high: f64| {
             let wrong = || format!("camera.{key} = {value}: must be {low} to {high}");
-            (low..=high)
-                .contains(&value)
-                .then_some(())
-                .ok_or_else(wrong)
+            (low..=high).contains(&value).then_some(()).ok_or_else(wrong)
         };
         within("start_s", self.start_s, 0.0, 1e9)?;
         within("for_s", self.for_s.unwrap_or(0.0), 0.0, 1e9)?;
@@ -107,10 +104,7 @@ pub(super) struct CameraFaults {
 
 impl CameraFaults {
     pub(super) fn new(seed: u64) -> Self {
-        Self {
-            running: Vec::new(),
-            random: Pcg64Mcg::seed_from_u64(seed),
-        }
+        Self { running: Vec::new(), random: Pcg64Mcg::seed_from_u64(seed) }
     }
 
     pub(super) fn begin(&mut self, timed: &TimedCameraFault, now: Nanos) {

@@ -28,12 +28,7 @@ pub struct CameraConfig {
 
 impl Default for CameraConfig {
     fn default() -> Self {
-        Self {
-            rate_hz: 30.0,
-            noise_deg: 0.05,
-            latency_ms: 40,
-            faults: Vec::new(),
-        }
+        Self { rate_hz: 30.0, noise_deg: 0.05, latency_ms: 40, faults: Vec::new() }
     }
 }
 
@@ -59,11 +54,7 @@ impl Camera {
             faults.begin(fault, now);
         }
         let is_valid = config.rate_hz > 0.0;
-        let rate_hz = if is_valid {
-            config.rate_hz.min(1000.0)
-        } else {
-            1.0
-        };
+        let rate_hz = if is_valid { config.rate_hz.min(1000.0) } else { 1.0 };
         Self {
             config: config.clone(),
             random: Pcg64Mcg::seed_from_u64(seed),
@@ -79,8 +70,7 @@ impl Camera {
     #[must_use]
     pub fn next_due(&self) -> Nanos {
         let delivery = self.pending.front().map(|(delivery, _)| *delivery);
-        self.next_exposure
-            .min(delivery.unwrap_or(self.next_exposure))
+        self.next_exposure.min(delivery.unwrap_or(self.next_exposure))
     }
 
     /// A fault begins, after its own `start_s`.
@@ -143,10 +133,7 @@ mod tests {
 
     /// The angles are 10 and -20 deg.
     fn run_with(faults: &[TimedCameraFault], until_ms: u64) -> Vec<(Nanos, ExternalPosition)> {
-        let config = CameraConfig {
-            faults: faults.to_vec(),
-            ..CameraConfig::default()
-        };
+        let config = CameraConfig { faults: faults.to_vec(), ..CameraConfig::default() };
         let mut camera = Camera::new(&config, 1, Nanos::ZERO);
         let mut delivered = Vec::new();
         loop {
@@ -164,11 +151,7 @@ mod tests {
     #[test]
     fn frames_come_at_the_rate_and_after_the_latency() {
         let delivered = run(10_000);
-        assert!(
-            (298..=300).contains(&delivered.len()),
-            "{}",
-            delivered.len()
-        );
+        assert!((298..=300).contains(&delivered.len()), "{}", delivered.len());
         for (number, (now, frame)) in delivered.iter().enumerate() {
             assert_eq!(frame.sequence, number as u64 + 1);
             assert_eq!(now.0 - frame.stamp_ns, 40_000_000);
@@ -179,21 +162,14 @@ mod tests {
     fn the_noise_is_the_configured_one() {
         let delivered = run(60_000);
         let error = |frame: &ExternalPosition| frame.position[1].to_degrees() + 20.0;
-        let squares: f64 = delivered
-            .iter()
-            .map(|(_, frame)| error(frame).powi(2))
-            .sum();
+        let squares: f64 = delivered.iter().map(|(_, frame)| error(frame).powi(2)).sum();
         let spread = (squares / delivered.len() as f64).sqrt();
         assert!((0.045..0.055).contains(&spread), "{spread}");
     }
 
     /// Frames after a fault has begun, at 2 s.
     fn with(fault: CameraFault) -> Vec<(Nanos, ExternalPosition)> {
-        let timed = TimedCameraFault {
-            start_s: 2.0,
-            for_s: Some(10.0),
-            fault,
-        };
+        let timed = TimedCameraFault { start_s: 2.0, for_s: Some(10.0), fault };
         assert_eq!(timed.check(), Ok(()));
         let frames = run_with(&[timed], 14_000);
         let good = run(14_000);
@@ -202,12 +178,7 @@ mod tests {
             let ms = now.0 / 1_000_000;
             !(2000..12_100).contains(&ms)
         };
-        assert!(
-            frames
-                .iter()
-                .filter(outside)
-                .eq(good.iter().filter(outside))
-        );
+        assert!(frames.iter().filter(outside).eq(good.iter().filter(outside)));
         let inside =
             |(now, _): &(Nanos, ExternalPosition)| (2100..12_000).contains(&(now.0 / 1_000_000));
         frames.into_iter().filter(inside).collect()
@@ -225,28 +196,15 @@ mod tests {
         for (fault, expected) in [
             (CameraFault::Bias { deg: [1.0, 2.0] }, [11.0, -18.0]),
             (CameraFault::Swapped {}, [-20.0, 10.0]),
-            (
-                CameraFault::Mirrored {
-                    axes: [false, true],
-                },
-                [10.0, 20.0],
-            ),
+            (CameraFault::Mirrored { axes: [false, true] }, [10.0, 20.0]),
         ] {
             let found = mean(&with(fault));
             let off = (found[0] - expected[0]).hypot(found[1] - expected[1]);
             assert!(off < 0.03, "{fault:?}: {found:?}");
         }
         let frozen = with(CameraFault::Frozen {});
-        assert!(
-            frozen
-                .windows(2)
-                .all(|pair| pair[0].1.position == pair[1].1.position)
-        );
-        assert!(
-            frozen
-                .windows(2)
-                .all(|pair| pair[0].1.stamp_ns < pair[1].1.stamp_ns)
-        );
+        assert!(frozen.windows(2).all(|pair| pair[0].1.position == pair[1].1.position));
+        assert!(frozen.windows(2).all(|pair| pair[0].1.stamp_ns < pair[1].1.stamp_ns));
         assert!(with(CameraFault::Silent {}).is_empty());
         for (now, frame) in with(CameraFault::LateStamps { ms: -25.0 }) {
             assert_eq!(now.0 - frame.stamp_ns, 65_000_000);
@@ -262,10 +220,7 @@ mod tests {
 
     #[test]
     fn a_stall_skips_frames_and_causes_no_burst() {
-        let config = CameraConfig {
-            rate_hz: 10.0,
-            ..CameraConfig::default()
-        };
+        let config = CameraConfig { rate_hz: 10.0, ..CameraConfig::default() };
         let mut camera = Camera::new(&config, 1, Nanos::ZERO);
         camera.capture(Nanos::from_millis(550), [0.0; 2]);
         assert!(!camera.is_exposure_due(Nanos::from_millis(599)));

@@ -52,10 +52,7 @@ impl Service {
     /// Whether it takes more than one exchange. A gateway does not forward it.
     pub(super) const fn is_segmented(&self) -> bool {
         use Service::{ManageNetwork, ReadObject, WriteObject};
-        !matches!(
-            self,
-            ReadObject { .. } | WriteObject { .. } | ManageNetwork { .. }
-        )
+        !matches!(self, ReadObject { .. } | WriteObject { .. } | ManageNetwork { .. })
     }
 
     /// Whether the family replies to it. An EPOS2 does not reply to network management.
@@ -88,23 +85,12 @@ fn decode_epos4(opcode: u8, data: &[u8]) -> Result<Addressed, Abort> {
         (0x69, &[node, low, high, sub, a, b, c, d]) => {
             let index = u16::from_le_bytes([low, high]);
             let length = u32::from_le_bytes([a, b, c, d]) as usize;
-            (
-                Some(node),
-                Service::InitiateSegmentedWrite { index, sub, length },
-            )
+            (Some(node), Service::InitiateSegmentedWrite { index, sub, length })
         }
         (0x6A, &[length, control, ref bytes @ ..]) => {
             let (toggle, last) = (control & 1 != 0, control & 2 != 0);
             let bytes = bytes.to_vec();
-            (
-                None,
-                Service::SegmentedWrite(Segment {
-                    length,
-                    toggle,
-                    last,
-                    bytes,
-                }),
-            )
+            (None, Service::SegmentedWrite(Segment { length, toggle, last, bytes }))
         }
         (0x70, &[node, 0, command, 0]) => (None, Service::ManageNetwork { node, command }),
         (0x7A | 0x7B, _) => return Err(Abort::UnsupportedAccess),
@@ -156,12 +142,7 @@ mod tests {
         let epos2_write: &[u8] = &[0x62, 0x20, 0, 2, 0xE8, 0x03, 0, 0];
         for (family, opcode, data, expected) in [
             (Epos2, 0x11, epos2_write, written),
-            (
-                Epos4,
-                0x60,
-                &[2, 0x41, 0x60, 0],
-                Ok(read(2, [0x41, 0x60], 0)),
-            ),
+            (Epos4, 0x60, &[2, 0x41, 0x60, 0], Ok(read(2, [0x41, 0x60], 0))),
             (Epos4, 0x10, &[0x41, 0x60, 0, 1], Err(Abort::IllegalCommand)),
             (Epos2, 0x60, &[1, 0x41, 0x60, 0], Err(Abort::IllegalCommand)),
             (Epos2, 0x10, &[0x41, 0x60], Err(Abort::Length)),

@@ -120,8 +120,7 @@ impl Drive {
                 self.setpoints.acknowledged = self.setpoints.queued.is_some();
             }
             Mode::ProfilePosition if before & START != 0 && is_new => {
-                self.events
-                    .push(EventKind::HostBug(HostBug::SetpointIgnored));
+                self.events.push(EventKind::HostBug(HostBug::SetpointIgnored));
             }
             Mode::Homing if rising & START != 0 => self.home(),
             _ => {}
@@ -148,8 +147,7 @@ impl Drive {
         } else if self.setpoints.queued.is_none() {
             self.setpoints.queued = Some(target);
         } else {
-            self.events
-                .push(EventKind::HostBug(HostBug::SetpointIgnored));
+            self.events.push(EventKind::HostBug(HostBug::SetpointIgnored));
             return;
         }
         self.setpoints.acknowledged = true;
@@ -226,10 +224,7 @@ impl Drive {
             return;
         }
         let family = self.config.family;
-        if self
-            .fault
-            .is_some_and(|fault| fault.clears_position(family))
-        {
+        if self.fault.is_some_and(|fault| fault.clears_position(family)) {
             self.lose_position();
         }
         self.fault = None;

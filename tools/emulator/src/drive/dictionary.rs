@@ -33,12 +33,7 @@ impl Dictionary {
     /// All objects of a family with their defaults.
     #[must_use]
     pub fn new(family: Family) -> Self {
-        let values = family
-            .map()
-            .objects
-            .iter()
-            .map(|object| object.default)
-            .collect();
+        let values = family.map().objects.iter().map(|object| object.default).collect();
         Self { family, values }
     }
 
@@ -69,23 +64,14 @@ impl Dictionary {
                 0 => Some(methods.len() as i64),
                 sub => methods.get(usize::from(sub) - 1).copied(),
             };
-            return value
-                .map(|value| Value::new(Kind::I8, value))
-                .ok_or(Abort::NoSubindex);
+            return value.map(|value| Value::new(Kind::I8, value)).ok_or(Abort::NoSubindex);
         }
         if let Some(found) = self.find(index, sub) {
             return Ok(Value::new(self.objects()[found].kind, self.values[found]));
         }
         let of_index = self.objects().iter().filter(|object| object.index == index);
-        let highest = of_index
-            .map(|object| object.sub)
-            .max()
-            .ok_or(Abort::NoObject)?;
-        if sub == 0 {
-            Ok(Value::new(Kind::U8, highest.into()))
-        } else {
-            Err(Abort::NoSubindex)
-        }
+        let highest = of_index.map(|object| object.sub).max().ok_or(Abort::NoObject)?;
+        if sub == 0 { Ok(Value::new(Kind::U8, highest.into())) } else { Err(Abort::NoSubindex) }
     }
 
     /// Checks a write of a host and returns the value in the low bytes of `raw`. Stores nothing.
@@ -151,11 +137,7 @@ mod tests {
             (Epos2, 0x6410, 0, Ok(Value::new(Kind::U8, 4))),
         ] {
             let dictionary = Dictionary::new(family);
-            assert_eq!(
-                dictionary.read(index, sub),
-                expected,
-                "{index:04X}:{sub:02X}"
-            );
+            assert_eq!(dictionary.read(index, sub), expected, "{index:04X}:{sub:02X}");
         }
     }
 

@@ -88,10 +88,7 @@ impl Drive {
     }
 
     fn position_limits(&self) -> (i64, i64) {
-        (
-            self.dictionary.get(0x607D, 1),
-            self.dictionary.get(0x607D, 2),
-        )
+        (self.dictionary.get(0x607D, 1), self.dictionary.get(0x607D, 2))
     }
 
     /// The set-point that acts at once, counts of the motor. It is clamped to the position limits
@@ -100,11 +97,7 @@ impl Drive {
         let target = self.stored(self.map().direct_target) + self.dictionary.get(0x60B0, 0);
         let (low, high) = self.position_limits();
         let clamps = self.map().position_limit_fault.is_none() && low <= high;
-        self.to_motor(if clamps {
-            target.clamp(low, high)
-        } else {
-            target
-        })
+        self.to_motor(if clamps { target.clamp(low, high) } else { target })
     }
 
     /// Whether a target, counts of the motor, is beyond the software position limits. Both 0 means

@@ -64,10 +64,7 @@ impl Motor {
     /// A motor at standstill at this position.
     #[must_use]
     pub fn at(position: f64) -> Self {
-        Self {
-            position,
-            ..Self::default()
-        }
+        Self { position, ..Self::default() }
     }
 
     /// Whether it is at standstill.
@@ -123,10 +120,7 @@ impl Motor {
 
     /// One step without power. Friction brakes; the gear is self-locking.
     pub fn coast(&mut self, config: &MotorConfig, dt_s: f64) {
-        let limits = Limits {
-            current_ma: 0.0,
-            speed: f64::INFINITY,
-        };
+        let limits = Limits { current_ma: 0.0, speed: f64::INFINITY };
         self.push(config, 0.0, limits, dt_s);
     }
 }
@@ -155,10 +149,7 @@ mod tests {
     #[test]
     fn settles_within_a_count() {
         let (motor, _) = run(LIMITS, 0.2, |_| 200.0);
-        assert!(
-            (motor.position - 200.0).abs() < 1.0 && motor.is_at_standstill(),
-            "{motor:?}"
-        );
+        assert!((motor.position - 200.0).abs() < 1.0 && motor.is_at_standstill(), "{motor:?}");
     }
 
     #[test]
@@ -176,10 +167,7 @@ mod tests {
 
     #[test]
     fn a_hard_stop_blocks_the_motor_and_raises_the_current() {
-        let config = MotorConfig {
-            stops: [-100.0, 100.0],
-            ..MotorConfig::default()
-        };
+        let config = MotorConfig { stops: [-100.0, 100.0], ..MotorConfig::default() };
         let mut motor = Motor::default();
         for _ in 0..400 {
             motor.follow(&config, 300.0, LIMITS, DT_S);
@@ -207,10 +195,7 @@ mod tests {
 
     #[test]
     fn a_load_does_not_turn_the_gear() {
-        let mut motor = Motor {
-            load: 8.0,
-            ..Motor::default()
-        };
+        let mut motor = Motor { load: 8.0, ..Motor::default() };
         for _ in 0..100 {
             motor.coast(&MotorConfig::default(), DT_S);
             motor.push(&MotorConfig::default(), 20.0, LIMITS, DT_S);
@@ -221,10 +206,7 @@ mod tests {
 
     #[test]
     fn friction_stops_a_motor_without_power() {
-        let mut motor = Motor {
-            velocity: 2000.0,
-            ..Motor::default()
-        };
+        let mut motor = Motor { velocity: 2000.0, ..Motor::default() };
         for _ in 0..400 {
             motor.coast(&MotorConfig::default(), DT_S);
         }

@@ -90,21 +90,11 @@ impl Object {
 const ANY: (i64, i64) = (i64::MIN, i64::MAX);
 
 pub(super) const fn ro(index: u16, sub: u8, kind: Kind, default: i64) -> Object {
-    Object {
-        access: Access::Ro,
-        ..rw(index, sub, kind, default)
-    }
+    Object { access: Access::Ro, ..rw(index, sub, kind, default) }
 }
 
 pub(super) const fn rw(index: u16, sub: u8, kind: Kind, default: i64) -> Object {
-    Object {
-        index,
-        sub,
-        kind,
-        access: Access::Rw,
-        default,
-        range: ANY,
-    }
+    Object { index, sub, kind, access: Access::Rw, default, range: ANY }
 }
 
 /// The highest speed that may be written, rpm.

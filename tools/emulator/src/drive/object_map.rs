@@ -94,17 +94,10 @@ mod tests {
     fn every_address_is_an_object_of_its_family() {
         for map in [&EPOS4, &EPOS2] {
             let kinematics = [map.direct_target, map.direct_velocity, map.max_motor_speed];
-            let homing = [
-                map.home_position,
-                map.homing_current,
-                map.full_serial_number,
-            ];
+            let homing = [map.home_position, map.homing_current, map.full_serial_number];
             let motor = [map.current_limit, map.encoder_pulses];
             for address in kinematics.into_iter().chain(homing).chain(motor) {
-                let found = map
-                    .objects
-                    .iter()
-                    .any(|object| (object.index, object.sub) == address);
+                let found = map.objects.iter().any(|object| (object.index, object.sub) == address);
                 assert!(found, "{} {:04X}:{:02X}", map.name, address.0, address.1);
             }
         }
@@ -112,19 +105,13 @@ mod tests {
 
     #[test]
     fn object_tables_are_sorted_and_their_defaults_are_in_range() {
-        for pair in [&EPOS4, &EPOS2]
-            .iter()
-            .flat_map(|map| map.objects.windows(2))
-        {
+        for pair in [&EPOS4, &EPOS2].iter().flat_map(|map| map.objects.windows(2)) {
             let [a, b] = [pair[0], pair[1]];
             assert!((a.index, a.sub) < (b.index, b.sub), "{:04X}", b.index);
         }
         for object in [&EPOS4, &EPOS2].iter().flat_map(|map| map.objects) {
             let (index, default) = (object.index, object.default);
-            assert!(
-                (object.range.0..=object.range.1).contains(&default),
-                "{index:04X}"
-            );
+            assert!((object.range.0..=object.range.1).contains(&default), "{index:04X}");
             assert_eq!(object.kind.decode(default as u32), default, "{index:04X}");
         }
     }

@@ -15,11 +15,7 @@ impl ProfileLimits {
     /// The same ramp for acceleration and deceleration.
     #[must_use]
     pub fn with_ramp(speed: f64, ramp: f64) -> Self {
-        Self {
-            speed,
-            acceleration: ramp,
-            deceleration: ramp,
-        }
+        Self { speed, acceleration: ramp, deceleration: ramp }
     }
 }
 
@@ -69,11 +65,7 @@ impl Demand {
     fn change_speed(&mut self, target: f64, limits: ProfileLimits, dt_s: f64) {
         let slower = target * self.velocity <= 0.0 || target.abs() < self.velocity.abs();
         let brakes = slower && self.velocity != 0.0;
-        let ramp = if brakes {
-            limits.deceleration
-        } else {
-            limits.acceleration
-        };
+        let ramp = if brakes { limits.deceleration } else { limits.acceleration };
         let most = dt_s * ramp;
         self.velocity += (target - self.velocity).clamp(-most, most);
     }

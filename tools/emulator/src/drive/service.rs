@@ -130,11 +130,7 @@ impl Drive {
         if value.len() > 4 {
             return Err(Abort::Length);
         }
-        let mut data = if self.config.fill_unused_bytes {
-            UNUSED_BYTES
-        } else {
-            [0; 4]
-        };
+        let mut data = if self.config.fill_unused_bytes { UNUSED_BYTES } else { [0; 4] };
         data[..value.len()].copy_from_slice(&value);
         Ok(data.to_vec())
     }
@@ -220,11 +216,7 @@ impl Drive {
     /// Maximum bytes of a segment. The length field of the EPOS2 has 6 bits.
     fn max_segment(&self) -> usize {
         let most = usize::from(self.config.segment_bytes.max(1));
-        if self.config.family == Family::Epos2 {
-            most.min(63)
-        } else {
-            most
-        }
+        if self.config.family == Family::Epos2 { most.min(63) } else { most }
     }
 
     /// Executes a network management command. The reply goes out before a reset takes effect.

@@ -40,10 +40,7 @@ impl State {
     /// Whether the power stage is on.
     #[must_use]
     pub const fn is_powered(self) -> bool {
-        matches!(
-            self,
-            Self::OperationEnabled | Self::QuickStopActive | Self::FaultReactionActive
-        )
+        matches!(self, Self::OperationEnabled | Self::QuickStopActive | Self::FaultReactionActive)
     }
 
     /// Its name in the log.
@@ -125,12 +122,7 @@ mod tests {
     use super::*;
 
     const OFF: [State; 4] = [NotReadyToSwitchOn, SwitchOnDisabled, ReadyToSwitchOn, Fault];
-    const ON: [State; 4] = [
-        SwitchedOn,
-        OperationEnabled,
-        QuickStopActive,
-        FaultReactionActive,
-    ];
+    const ON: [State; 4] = [SwitchedOn, OperationEnabled, QuickStopActive, FaultReactionActive];
 
     fn all() -> impl Iterator<Item = State> {
         OFF.into_iter().chain(ON)
@@ -143,10 +135,7 @@ mod tests {
             (Some(DeviceCommand::QuickStop), &[0x0002, 0x000B]),
             (Some(DeviceCommand::Shutdown), &[0x0006, 0x000E]),
             (Some(DeviceCommand::SwitchOn), &[0x0007]),
-            (
-                Some(DeviceCommand::EnableOperation),
-                &[0x000F, 0x003F, 0x010F],
-            ),
+            (Some(DeviceCommand::EnableOperation), &[0x000F, 0x003F, 0x010F]),
             (None, &[0x0080, 0x008F]),
         ] {
             for controlword in controlwords {
@@ -177,17 +166,11 @@ mod tests {
         ];
         for controlword in [0x00u16, 0x02, 0x06, 0x07, 0x0F] {
             for from in all() {
-                let row = table
-                    .iter()
-                    .find(|row| row.0 == controlword && row.1 == from);
+                let row = table.iter().find(|row| row.0 == controlword && row.1 == from);
                 let command = DeviceCommand::from_controlword(controlword).unwrap();
                 let name = from.name();
                 let expected = row.map(|row| row.2);
-                assert_eq!(
-                    command.next_state(from),
-                    expected,
-                    "{controlword:02X} in {name}"
-                );
+                assert_eq!(command.next_state(from), expected, "{controlword:02X} in {name}");
             }
         }
     }

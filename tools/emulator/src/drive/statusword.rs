@@ -25,11 +25,9 @@ impl Drive {
         let flag = |set: bool, bit: u16| if set { bit } else { 0 };
         let following_error = self.fault == Some(Fault::FOLLOWING_ERROR);
         let (twelve, thirteen, reached) = match self.mode {
-            Mode::ProfilePosition => (
-                self.setpoints.acknowledged,
-                following_error,
-                self.is_at_target(),
-            ),
+            Mode::ProfilePosition => {
+                (self.setpoints.acknowledged, following_error, self.is_at_target())
+            }
             Mode::ProfileVelocity => (self.motor.is_at_standstill(), false, self.is_at_speed()),
             Mode::Homing => {
                 let attained = self.homing == Homing::Attained;

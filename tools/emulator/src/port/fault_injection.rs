@@ -107,34 +107,14 @@ mod tests {
         let doubled_inside: &[u8] = &[0x90, 2, 0, 4, 0, 0x90, 0x90, 0, 0, 0x9A, 0x5C];
         for (injection, bytes, expected) in [
             (Injection::LoseReply, &[1, 2, 3, 4][..], &[][..]),
-            (
-                Injection::DropReply { offset: 5 },
-                &[1, 2, 3, 4],
-                &[1, 3, 4],
-            ),
-            (
-                Injection::FlipReply { offset: 9 },
-                &[1, 2, 3, 4],
-                &[1, 0, 3, 4],
-            ),
-            (
-                Injection::DoubleReply { offset: 2 },
-                &[1, 2, 3, 4],
-                &[1, 2, 3, 3, 4],
-            ),
+            (Injection::DropReply { offset: 5 }, &[1, 2, 3, 4], &[1, 3, 4]),
+            (Injection::FlipReply { offset: 9 }, &[1, 2, 3, 4], &[1, 0, 3, 4]),
+            (Injection::DoubleReply { offset: 2 }, &[1, 2, 3, 4], &[1, 2, 3, 3, 4]),
             (Injection::CutReply { offset: 3 }, &[1, 2, 3, 4], &[1, 2, 3]),
             // A fault of a request does not damage the reply.
             (Injection::LoseRequest, &[1, 2, 3, 4], &[1, 2, 3, 4]),
-            (
-                Injection::CutReplyInPair,
-                doubled_inside,
-                &[0x90, 2, 0, 4, 0, 0x90],
-            ),
-            (
-                Injection::CutReplyInPair,
-                &[0x90, 2, 0, 2, 7, 8],
-                &[0x90, 2, 0, 2, 0x90],
-            ),
+            (Injection::CutReplyInPair, doubled_inside, &[0x90, 2, 0, 4, 0, 0x90]),
+            (Injection::CutReplyInPair, &[0x90, 2, 0, 2, 7, 8], &[0x90, 2, 0, 2, 0x90]),
         ] {
             let mut reply = bytes.to_vec();
             ExchangeFault(Some(injection)).damage_reply(&mut reply);

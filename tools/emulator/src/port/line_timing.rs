@@ -105,11 +105,7 @@ mod tests {
 
     /// A byte takes 1 ms.
     fn timing() -> LineTiming {
-        LineTiming::new(&LineConfig {
-            baud: 10_000,
-            allowance_us: 100,
-            ..LineConfig::default()
-        })
+        LineTiming::new(&LineConfig { baud: 10_000, allowance_us: 100, ..LineConfig::default() })
     }
 
     const BYTE: Nanos = Nanos::from_millis(1);
@@ -144,20 +140,13 @@ mod tests {
         let read = due + Nanos::from_millis(9);
         timing.hand_over(due, read);
         timing.arrive(read);
-        assert_eq!(
-            timing.complete(read),
-            read,
-            "nothing arrives before it was sent"
-        );
+        assert_eq!(timing.complete(read), read, "nothing arrives before it was sent");
     }
 
     #[test]
     fn a_slow_host_keeps_its_delay() {
         let mut timing = timing();
         timing.depart(Nanos::ZERO, 1);
-        assert_eq!(
-            timing.arrive(Nanos::from_millis(9)),
-            Nanos::from_micros(9_900)
-        );
+        assert_eq!(timing.arrive(Nanos::from_millis(9)), Nanos::from_micros(9_900));
     }
 }

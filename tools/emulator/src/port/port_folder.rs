@@ -65,11 +65,7 @@ impl PortFolder {
         };
         let created = !path.exists();
         let mut builder = DirBuilder::new();
-        builder
-            .recursive(true)
-            .mode(0o700)
-            .create(path)
-            .map_err(io(path))?;
+        builder.recursive(true).mode(0o700).create(path).map_err(io(path))?;
         let found = fs::symlink_metadata(path).map_err(io(path))?;
         let path = path.to_owned();
         if !found.is_dir() {
@@ -81,28 +77,17 @@ impl PortFolder {
         let lock = path.join(LOCK);
         let mut options = OpenOptions::new();
         options.write(true).create(true).truncate(false).mode(0o600);
-        let file = options
-            .custom_flags(libc::O_NOFOLLOW)
-            .open(&lock)
-            .map_err(io(&lock))?;
+        let file = options.custom_flags(libc::O_NOFOLLOW).open(&lock).map_err(io(&lock))?;
         match Flock::lock(file, FlockArg::LockExclusiveNonblock) {
             Err(_) => Err(FolderError::InUse { path }),
-            Ok(lock) => Ok(Self {
-                path,
-                links: Vec::new(),
-                created,
-                _lock: lock,
-            }),
+            Ok(lock) => Ok(Self { path, links: Vec::new(), created, _lock: lock }),
         }
     }
 
     /// Adds a link to a device. It replaces a link of an earlier emulator.
     pub(crate) fn link(&mut self, name: &str, device: &Path) -> Result<PathBuf, FolderError> {
         let link = self.path.join(name);
-        let io = |source| FolderError::Io {
-            path: link.clone(),
-            source,
-        };
+        let io = |source| FolderError::Io { path: link.clone(), source };
         match fs::symlink_metadata(&link) {
             Ok(found) if found.is_symlink() => fs::remove_file(&link).map_err(io)?,
             Ok(_) => return Err(FolderError::NotOurs { path: link }),
@@ -150,10 +135,7 @@ mod tests {
         let base = tempfile::tempdir().unwrap();
         let path = base.path().join("ports");
         let mut folder = PortFolder::claim(&path).unwrap();
-        assert_eq!(
-            fs::metadata(&path).unwrap().permissions().mode() & 0o777,
-            0o700
-        );
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o700);
         let link = folder.link("axis0", Path::new("/dev/null")).unwrap();
         assert_eq!(fs::read_link(&link).unwrap(), Path::new("/dev/null"));
         assert!(matches!(PortFolder::claim(&path), Err(InUse { .. })));

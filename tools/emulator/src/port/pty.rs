@@ -37,10 +37,7 @@ impl Pty {
         cfmakeraw(&mut settings);
         tcsetattr(&master, SetArg::TCSANOW, &settings)?;
         let path = ptsname_r(&master)?.into();
-        Ok(Self {
-            master: Some(master),
-            path,
-        })
+        Ok(Self { master: Some(master), path })
     }
 
     /// The device file of the host's end.
@@ -69,10 +66,8 @@ impl Pty {
             clock::sleep(span);
             return PollFlags::empty();
         };
-        let timeout = TimeSpec::new(
-            (span.0 / 1_000_000_000) as i64,
-            (span.0 % 1_000_000_000) as i64,
-        );
+        let timeout =
+            TimeSpec::new((span.0 / 1_000_000_000) as i64, (span.0 % 1_000_000_000) as i64);
         let mut fds = [PollFd::new(master.as_fd(), PollFlags::POLLIN)];
         // An interrupting signal counts as no bytes: the caller reads its own clock.
         match ppoll(&mut fds, Some(timeout), None) {
@@ -83,9 +78,7 @@ impl Pty {
 
     /// Reads the available bytes.
     pub(super) fn read(&self, buffer: &mut [u8]) -> usize {
-        self.master
-            .as_ref()
-            .map_or(0, |master| read(master, buffer).unwrap_or(0))
+        self.master.as_ref().map_or(0, |master| read(master, buffer).unwrap_or(0))
     }
 
     /// Writes to the host. Bytes are lost if the buffer is full because the host does not read.

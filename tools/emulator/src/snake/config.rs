@@ -188,10 +188,8 @@ impl SnakeConfig {
     ///
     /// When the file cannot be read, is not TOML of this shape, or holds a value out of range.
     pub fn load(path: &Path) -> Result<Self, SnakeConfigError> {
-        let text = fs::read_to_string(path).map_err(|source| SnakeConfigError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let text = fs::read_to_string(path)
+            .map_err(|source| SnakeConfigError::Read { path: path.to_owned(), source })?;
         Self::parse(&text, path)
     }
 
@@ -206,19 +204,15 @@ impl SnakeConfig {
             source: Box::new(source),
         })?;
         for change in &config.ageing {
-            change.check().map_err(|source| SnakeConfigError::Ageing {
-                path: path.to_owned(),
-                source,
-            })?;
+            change
+                .check()
+                .map_err(|source| SnakeConfigError::Ageing { path: path.to_owned(), source })?;
         }
         match config.check() {
             Ok(()) => Ok(config),
-            Err((key, value, reason)) => Err(SnakeConfigError::Value {
-                path: path.to_owned(),
-                key,
-                value,
-                reason,
-            }),
+            Err((key, value, reason)) => {
+                Err(SnakeConfigError::Value { path: path.to_owned(), key, value, reason })
+            }
         }
     }
 
@@ -254,11 +248,7 @@ impl SnakeConfig {
             return Err(("friction.shared", friction.shared, "must be 0 to 1"));
         }
         if !self.motor_axes_deg.is_finite() {
-            return Err((
-                "motor_axes_deg",
-                self.motor_axes_deg,
-                "must be a finite number",
-            ));
+            return Err(("motor_axes_deg", self.motor_axes_deg, "must be a finite number"));
         }
         for (key, value) in self.positive() {
             if !(value.is_finite() && value > 0.0) {
@@ -304,23 +294,10 @@ impl SnakeConfig {
             ("drift.friction", self.drift.friction),
         ];
         let (slack, wrap) = (self.wire.slack_deg, self.friction.wrap_deg);
-        values.extend(
-            self.gear
-                .backlash_deg
-                .map(|value| ("gear.backlash_deg", value)),
-        );
+        values.extend(self.gear.backlash_deg.map(|value| ("gear.backlash_deg", value)));
         values.extend(self.gear.friction.map(|value| ("gear.friction", value)));
-        values.extend(
-            slack
-                .as_flattened()
-                .iter()
-                .map(|value| ("wire.slack_deg", *value)),
-        );
-        values.extend(
-            wrap.as_flattened()
-                .iter()
-                .map(|value| ("friction.wrap_deg", *value)),
-        );
+        values.extend(slack.as_flattened().iter().map(|value| ("wire.slack_deg", *value)));
+        values.extend(wrap.as_flattened().iter().map(|value| ("friction.wrap_deg", *value)));
         for bristle in &self.friction.bristles {
             values.push(("friction.bristles.share", bristle.share));
         }

@@ -49,12 +49,7 @@ impl Drift {
             for offset in &mut self.offset_deg {
                 advance(offset, config.offset_deg, config.offset_time_s, random);
             }
-            advance(
-                &mut self.friction,
-                config.friction,
-                config.friction_time_s,
-                random,
-            );
+            advance(&mut self.friction, config.friction, config.friction_time_s, random);
         }
     }
 

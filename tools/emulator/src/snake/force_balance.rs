@@ -93,11 +93,7 @@ impl<'a> Step<'a> {
     pub(super) fn solve(&self) -> State {
         let count = self.config.segments.len();
         let at = solve(self, self.before.unknowns(count));
-        let mut after = State {
-            motor: self.motor,
-            pulley: [at[0], at[1]],
-            ..self.before
-        };
+        let mut after = State { motor: self.motor, pulley: [at[0], at[1]], ..self.before };
         after.pulley_bristle = [0, 1].map(|motor: usize| self.pulley_friction(motor, at[motor]).1);
         for segment in 0..count {
             let bend = [at[2 + 2 * segment], at[3 + 2 * segment]];
@@ -112,10 +108,7 @@ impl<'a> Step<'a> {
         let stretch = self.stretch(motor, pulley, bend);
         let slack = self.config.wire.slack_deg[motor];
         let softness = self.config.wire.softness_deg;
-        [
-            contact(stretch - slack[0], softness),
-            contact(-stretch - slack[1], softness),
-        ]
+        [contact(stretch - slack[0], softness), contact(-stretch - slack[1], softness)]
     }
 
     /// Travel of the pulley minus the travel that the bend takes up.
@@ -128,10 +121,7 @@ impl<'a> Step<'a> {
         let [up, down] = self.tensions(motor, pulley, bend);
         let loose = self.config.wire.slack_stiffness;
         let stretch = self.stretch(motor, pulley, bend);
-        Force::new(
-            up.value - down.value + loose * stretch,
-            up.slope + down.slope + loose,
-        )
+        Force::new(up.value - down.value + loose * stretch, up.slope + down.slope + loose)
     }
 
     /// Friction under the pulley, and its bristle after the step. The bristle is as stiff as a

@@ -32,19 +32,13 @@ pub(super) fn contact(travel: f64, softness: f64) -> Force {
         Force::new(travel, 1.0)
     } else {
         let entered = travel + softness;
-        Force::new(
-            entered * entered / (4.0 * softness),
-            entered / (2.0 * softness),
-        )
+        Force::new(entered * entered / (4.0 * softness), entered / (2.0 * softness))
     }
 }
 
 /// Two opposing one-sided springs with a gap of `half` on both sides of 0.
 pub(super) fn gap(travel: f64, half: f64, softness: f64) -> Force {
-    let (up, down) = (
-        contact(travel - half, softness),
-        contact(-travel - half, softness),
-    );
+    let (up, down) = (contact(travel - half, softness), contact(-travel - half, softness));
     Force::new(up.value - down.value, up.slope + down.slope)
 }
 
@@ -67,11 +61,7 @@ pub(super) fn return_mapping(trial: Pair, limit: f64) -> Deflection {
     }
     let [x, y] = trial.map(|component| component / length);
     let scale = limit / length;
-    let (xx, xy, yy) = (
-        scale * (1.0 - x * x),
-        scale * (0.0 - x * y),
-        scale * (1.0 - y * y),
-    );
+    let (xx, xy, yy) = (scale * (1.0 - x * x), scale * (0.0 - x * y), scale * (1.0 - y * y));
     let bend = [limit * x, limit * y];
     let slope = [[xx, xy], [xy, yy]];
     Deflection { bend, slope }

@@ -33,9 +33,7 @@ impl BreakAway {
         };
         let load = [0, 1].map(|motor: usize| {
             let wires = tensions[motor].iter().zip(config.wrap_deg[motor]);
-            wires
-                .map(|(tension, wrap)| capstan(*tension, wrap))
-                .sum::<f64>()
+            wires.map(|(tension, wrap)| capstan(*tension, wrap)).sum::<f64>()
         });
         Self {
             shared: 0.5 * (factor[0] + factor[1]) * (config.base + load[0].hypot(load[1])),
@@ -75,11 +73,7 @@ impl Bristles {
         axes: [Pair; 2],
         moved: Pair,
     ) -> FrictionForce {
-        let mut friction = FrictionForce {
-            bristles: *self,
-            force: [0.0; 2],
-            slope: [[0.0; 2]; 2],
-        };
+        let mut friction = FrictionForce { bristles: *self, force: [0.0; 2], slope: [[0.0; 2]; 2] };
         for (kind, law) in config.bristles.iter().enumerate() {
             let limit = |break_away: f64| share * break_away * law.share / law.stiffness;
             let joint = return_mapping(add(self.shared[kind], moved), limit(break_away.shared));
@@ -126,10 +120,7 @@ mod tests {
     const AXES: [Pair; 2] = [[1.0, 0.0], [0.0, 1.0]];
 
     fn config(shared: f64) -> FrictionConfig {
-        FrictionConfig {
-            shared,
-            ..crate::snake::tests::config("steel").friction
-        }
+        FrictionConfig { shared, ..crate::snake::tests::config("steel").friction }
     }
 
     fn tensions(tension: f64) -> [[Force; 2]; 2] {
@@ -156,11 +147,7 @@ mod tests {
             let slide = |from: Bristles, moved| from.slide(&config, &break_away, 1.0, AXES, moved);
             let first = slide(Bristles::default(), [5.0, 0.0]);
             let second = slide(first.bristles, [0.0, 5.0]);
-            assert_eq!(
-                second.force[0] < 0.5 * first.force[0],
-                frees,
-                "{first:?} {second:?}"
-            );
+            assert_eq!(second.force[0] < 0.5 * first.force[0], frees, "{first:?} {second:?}");
         }
     }
 }

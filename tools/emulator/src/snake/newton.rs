@@ -117,9 +117,7 @@ fn dot(a: &Vector, b: &Vector, size: usize) -> f64 {
 }
 
 fn largest(values: &Vector, size: usize) -> f64 {
-    values[..size]
-        .iter()
-        .fold(0.0, |most, value| most.max(value.abs()))
+    values[..size].iter().fold(0.0, |most, value| most.max(value.abs()))
 }
 
 #[cfg(test)]

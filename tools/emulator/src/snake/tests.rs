@@ -73,10 +73,7 @@ fn memoryless_fit(samples: &[(f64, f64)]) -> (f64, f64) {
     }
     let mean = samples.iter().map(|(_, angle)| angle).sum::<f64>() / samples.len() as f64;
     let squares = |expected: &dyn Fn(f64) -> f64| -> f64 {
-        samples
-            .iter()
-            .map(|(counts, angle)| (angle - expected(*counts)).powi(2))
-            .sum()
+        samples.iter().map(|(counts, angle)| (angle - expected(*counts)).powi(2)).sum()
     };
     let error = squares(&|counts| bins[&bin(counts)].1 / bins[&bin(counts)].0);
     let spread = squares(&|_| mean);
@@ -85,16 +82,10 @@ fn memoryless_fit(samples: &[(f64, f64)]) -> (f64, f64) {
 
 #[test]
 fn the_error_of_a_memoryless_function_is_that_of_the_robot() {
-    for (name, rmsd_band) in [
-        ("steel", 1.5..2.1),
-        ("brass", 2.3..3.1),
-        ("multi", 1.9..2.7),
-    ] {
+    for (name, rmsd_band) in [("steel", 1.5..2.1), ("brass", 2.3..3.1), ("multi", 1.9..2.7)] {
         let samples = cycles(&mut Snake::new(&config(name), 1));
         let (r2, rmsd) = memoryless_fit(&samples);
-        let top = samples
-            .iter()
-            .fold(0.0f64, |top, (_, angle)| top.max(angle.abs()));
+        let top = samples.iter().fold(0.0f64, |top, (_, angle)| top.max(angle.abs()));
         assert!((0.985..0.998).contains(&r2), "{name}: R2 {r2}");
         assert!(rmsd_band.contains(&rmsd), "{name}: RMSD {rmsd}");
         assert!((38.0..48.0).contains(&top), "{name}: bends to {top}");
@@ -103,17 +94,10 @@ fn the_error_of_a_memoryless_function_is_that_of_the_robot() {
 
 #[test]
 fn the_hysteresis_loop_is_some_degrees_wide_and_lags() {
-    for (name, band) in [
-        ("steel", 2.5..5.5),
-        ("brass", 3.5..10.0),
-        ("multi", 3.0..8.0),
-    ] {
+    for (name, band) in [("steel", 2.5..5.5), ("brass", 3.5..10.0), ("multi", 3.0..8.0)] {
         for counts in [-1200.0, -600.0, 0.0, 600.0, 1200.0] {
             let [up, down] = loop_at(&mut steady(name), counts, 1000.0);
-            assert!(
-                band.contains(&(down - up)),
-                "{name} at {counts}: {up} {down}"
-            );
+            assert!(band.contains(&(down - up)), "{name} at {counts}: {up} {down}");
         }
     }
 }
@@ -134,10 +118,7 @@ fn brass_is_asymmetric_and_multi_has_several_slopes() {
         .collect();
     let slope = |first: usize, counts: f64| (angles[first] - angles[first + 1]) / counts;
     let (crossing, middle, end) = (slope(0, 200.0), slope(2, 250.0), slope(4, 400.0));
-    assert!(
-        crossing < 0.6 * middle && end < 0.75 * middle,
-        "{crossing} {middle} {end}"
-    );
+    assert!(crossing < 0.6 * middle && end < 0.75 * middle, "{crossing} {middle} {end}");
 }
 
 #[test]
@@ -206,10 +187,7 @@ fn one_motor_moves_the_other_axis_a_little() {
     for step in 0..=200 {
         snake.step(0.01, [hold, 4.0 * f64::from(step)]);
     }
-    assert!(
-        (along(&snake) - before).abs() > 0.1,
-        "motor 1 moves the plane of motor 0"
-    );
+    assert!((along(&snake) - before).abs() > 0.1, "motor 1 moves the plane of motor 0");
 }
 
 #[test]
@@ -240,11 +218,7 @@ fn invalid_files_are_refused_with_their_key() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes");
     let text = std::fs::read_to_string(folder.join("steel.toml")).unwrap();
     for (from, to, key) in [
-        (
-            "stiffness = 8.0",
-            "stiffness = nan",
-            "gear.contact_stiffness",
-        ),
+        ("stiffness = 8.0", "stiffness = nan", "gear.contact_stiffness"),
         ("share = 0.5", "share = 0.6", "friction.bristles.share"),
         ("shared = 0.2", "shared = 1.2", "friction.shared"),
         ("drag_s", "drag", "drag"),
@@ -254,10 +228,7 @@ fn invalid_files_are_refused_with_their_key() {
         assert!(text.contains(from));
         let result = SnakeConfig::parse(&text.replace(from, to), Path::new("x.toml"));
         let message = result.unwrap_err().to_string();
-        assert!(
-            message.contains(key) && message.contains("x.toml"),
-            "{message}"
-        );
+        assert!(message.contains(key) && message.contains("x.toml"), "{message}");
     }
 }
 

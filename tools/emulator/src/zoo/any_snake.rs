@@ -179,8 +179,7 @@ impl ZooSnake {
 
     /// Travel of the motors, degrees, in front of the play.
     fn ahead(&mut self, motor_counts: Pair) -> Pair {
-        self.frame
-            .travel(motor_counts, &mut self.counts, &self.wear)
+        self.frame.travel(motor_counts, &mut self.counts, &self.wear)
     }
 
     /// Half of the play of each motor by growth of its gap, degrees.

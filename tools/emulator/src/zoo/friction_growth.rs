@@ -16,10 +16,7 @@ pub(super) struct FrictionGrowth {
 impl FrictionGrowth {
     /// Up to so much growth by either motor.
     pub(super) fn draw(draw: &mut Draw, own: f64, other: f64) -> Self {
-        Self {
-            own: draw.uniform(0.0, own),
-            other: draw.uniform(0.0, other),
-        }
+        Self { own: draw.uniform(0.0, own), other: draw.uniform(0.0, other) }
     }
 
     /// Factor on the friction at bends of this motor and of the other, degrees.

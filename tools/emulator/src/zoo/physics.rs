@@ -121,12 +121,8 @@ impl FromStr for DrawnSnake {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let (name, seed) = text.split_once(':').unwrap_or((text, "1"));
-        let physics = name
-            .parse()
-            .map_err(|_| ParseDrawnSnakeError::Physics(name.to_owned()))?;
-        let seed = seed
-            .parse()
-            .map_err(|_| ParseDrawnSnakeError::Seed(seed.to_owned()))?;
+        let physics = name.parse().map_err(|_| ParseDrawnSnakeError::Physics(name.to_owned()))?;
+        let seed = seed.parse().map_err(|_| ParseDrawnSnakeError::Seed(seed.to_owned()))?;
         Ok(Self { physics, seed })
     }
 }

@@ -105,16 +105,9 @@ impl Relays {
     /// Without memory of a direction: after ever smaller strokes around 0.
     fn new(everett: Everett) -> Self {
         let total = everett.between(-RANGE_DEG, RANGE_DEG);
-        let start = Place {
-            input: -RANGE_DEG,
-            output: -0.5 * total,
-        };
-        let mut relays = Self {
-            everett: Arc::new(everett),
-            turns: vec![start],
-            now: start,
-            is_rising: true,
-        };
+        let start = Place { input: -RANGE_DEG, output: -0.5 * total };
+        let mut relays =
+            Self { everett: Arc::new(everett), turns: vec![start], now: start, is_rising: true };
         for cell in 0..CELLS / 2 {
             let size = RANGE_DEG - (cell as f64 + 0.5) * CELL_DEG;
             relays.advance(size);
@@ -147,11 +140,8 @@ impl Relays {
 
     fn wipe_out(&mut self, input: f64) {
         while let [.., earlier, _] = self.turns.as_slice() {
-            let passed = if self.is_rising {
-                input >= earlier.input
-            } else {
-                input <= earlier.input
-            };
+            let passed =
+                if self.is_rising { input >= earlier.input } else { input <= earlier.input };
             if !passed {
                 return;
             }
@@ -159,10 +149,7 @@ impl Relays {
             if self.turns.is_empty() {
                 // The lower end of the range: all relays are off again.
                 let total = self.everett.between(-RANGE_DEG, RANGE_DEG);
-                self.turns.push(Place {
-                    input: -RANGE_DEG,
-                    output: -0.5 * total,
-                });
+                self.turns.push(Place { input: -RANGE_DEG, output: -0.5 * total });
                 self.is_rising = true;
             }
         }
@@ -190,10 +177,7 @@ impl Preisach {
             };
             Relays::new(Everett::new(median, spread))
         });
-        Self {
-            relays,
-            half_gaps: gaps,
-        }
+        Self { relays, half_gaps: gaps }
     }
 }
 

@@ -212,10 +212,7 @@ fn larger_gaps_and_more_friction_widen_the_loop() {
         let (new, loose) = (width(&[]), width(&[(Parameter::Gap, 0.4)]));
         assert!(loose > 1.04 * new, "{drawn}: {new} {loose}");
         let rough = width(&[(Parameter::Friction, 0.25)]);
-        let has_friction = !matches!(
-            drawn.physics,
-            Physics::PrandtlIshlinskii | Physics::Preisach
-        );
+        let has_friction = !matches!(drawn.physics, Physics::PrandtlIshlinskii | Physics::Preisach);
         assert_eq!(rough > 1.04 * new, has_friction, "{drawn}: {new} {rough}");
     }
 }

@@ -16,10 +16,8 @@ use nix::unistd::Pid;
 use super::markdown::{Document, root};
 
 /// What a background program prints when the next command may start.
-const READY: [(&str, &str); 2] = [
-    ("i2ris emulate", "ready:"),
-    ("i2ris-control", "motor 1: Starting -> Disabled"),
-];
+const READY: [(&str, &str); 2] =
+    [("i2ris emulate", "ready:"), ("i2ris-control", "motor 1: Starting -> Disabled")];
 /// Margin for a loaded machine.
 const READY_TIMEOUT: Duration = Duration::from_secs(60);
 
@@ -36,12 +34,7 @@ impl Session {
         let domain = format!("manual-{name}-{}", std::process::id());
         let config = folder.path().join("config");
         fs::create_dir_all(config.join("snakes")).unwrap();
-        for name in [
-            "emulator.toml",
-            "robot.toml",
-            "vision.toml",
-            "snakes/steel.toml",
-        ] {
+        for name in ["emulator.toml", "robot.toml", "vision.toml", "snakes/steel.toml"] {
             let text = fs::read_to_string(root().join("config").join(name)).unwrap();
             let ports = folder.path().join("ports");
             let text = text
@@ -51,18 +44,11 @@ impl Session {
                 // A loaded machine stalls the emulated drives.
                 .replace("feedback_stale_ms = 120", "feedback_stale_ms = 2000")
                 .replace("feedback_lost_ms = 500", "feedback_lost_ms = 10000")
-                .replace(
-                    "following_error_counts = 300",
-                    "following_error_counts = 3000",
-                )
+                .replace("following_error_counts = 300", "following_error_counts = 3000")
                 .replace("reply_timeout_ms = 100", "reply_timeout_ms = 1000");
             fs::write(config.join(name), text).unwrap();
         }
-        Self {
-            folder,
-            domain,
-            background: Vec::new(),
-        }
+        Self { folder, domain, background: Vec::new() }
     }
 
     fn shell(&self, text: &str) -> Command {
@@ -72,10 +58,7 @@ impl Session {
         command
             .args(["-e", "-c", text])
             .current_dir(self.folder.path())
-            .env(
-                "PATH",
-                format!("{programs}:{}", std::env::var("PATH").unwrap()),
-            )
+            .env("PATH", format!("{programs}:{}", std::env::var("PATH").unwrap()))
             .env("I2RIS_DOMAIN", &self.domain)
             .env("I2RIS_EMULATOR_PORTS", self.folder.path().join("ports"))
             .stdin(Stdio::null());
@@ -91,11 +74,7 @@ impl Session {
                 String::from_utf8_lossy(&output.stdout),
                 String::from_utf8_lossy(&output.stderr)
             );
-            assert!(
-                output.status.success(),
-                "$ {line}\n{shown}\n{}",
-                self.logs()
-            );
+            assert!(output.status.success(), "$ {line}\n{shown}\n{}", self.logs());
         }
     }
 
@@ -108,18 +87,10 @@ impl Session {
         let mut command = self.shell(&format!("exec {line}"));
         command.stdout(file.try_clone().unwrap()).stderr(file);
         self.background.push(command.spawn().unwrap());
-        let ready = READY
-            .iter()
-            .find(|(program, _)| line.starts_with(program))
-            .unwrap()
-            .1;
+        let ready = READY.iter().find(|(program, _)| line.starts_with(program)).unwrap().1;
         let deadline = Instant::now() + READY_TIMEOUT;
         while !fs::read_to_string(&log).unwrap().contains(ready) {
-            assert!(
-                Instant::now() < deadline,
-                "{line}: no `{ready}`\n{}",
-                self.logs()
-            );
+            assert!(Instant::now() < deadline, "{line}: no `{ready}`\n{}", self.logs());
             thread::sleep(Duration::from_millis(50));
         }
     }
@@ -174,10 +145,7 @@ fn chapters_with_commands_to_run_are_run() {
     for document in Document::all() {
         let name = document.path.file_name().unwrap().to_str().unwrap();
         let has_commands = document.blocks.iter().any(|block| block.info == "sh run");
-        assert!(
-            !has_commands || run.contains(&name),
-            "{name} has commands that no test runs"
-        );
+        assert!(!has_commands || run.contains(&name), "{name} has commands that no test runs");
     }
 }
 
@@ -186,18 +154,9 @@ fn chapters_with_commands_to_run_are_run() {
 fn options_of_commands_that_are_not_run_exist() {
     let mut checked = 0;
     for document in Document::all() {
-        for block in document
-            .blocks
-            .iter()
-            .filter(|block| block.info.starts_with("sh"))
-        {
+        for block in document.blocks.iter().filter(|block| block.info.starts_with("sh")) {
             let known = ["sh run", "sh background", "sh hardware", "sh build", "sh"];
-            assert!(
-                known.contains(&block.info.as_str()),
-                "{:?}: {}",
-                document.path,
-                block.info
-            );
+            assert!(known.contains(&block.info.as_str()), "{:?}: {}", document.path, block.info);
             for line in block.text.lines() {
                 checked += usize::from(check_line(line, &document.path, block.line));
             }
@@ -225,17 +184,11 @@ fn check_options(program: &str, words: &[&str], place: &str) {
     let is_name = |word: &&&str| word.chars().all(|c| c.is_ascii_lowercase() || c == '-');
     let mut help = String::new();
     // The longest run of leading words that is a subcommand decides the help text.
-    let names: Vec<&str> = words
-        .iter()
-        .take_while(|word| is_name(word) && !word.starts_with('-'))
-        .copied()
-        .collect();
+    let names: Vec<&str> =
+        words.iter().take_while(|word| is_name(word) && !word.starts_with('-')).copied().collect();
     for count in (0..=names.len().min(2)).rev() {
         let arguments = [&names[..count], &["--help"]].concat();
-        let output = Command::new(program::path(program))
-            .args(arguments)
-            .output()
-            .unwrap();
+        let output = Command::new(program::path(program)).args(arguments).output().unwrap();
         if output.status.success() {
             help = String::from_utf8_lossy(&output.stdout).into_owned();
             break;
@@ -259,18 +212,10 @@ fn check_packages(words: &[&str], place: &str) {
                 };
                 let manifest = fs::read_to_string(folder.join("Cargo.toml"));
                 let name = format!("name = \"{}\"", pair[1]);
-                assert!(
-                    manifest.is_ok_and(|text| text.contains(&name)),
-                    "{place}: no {}",
-                    pair[1]
-                );
+                assert!(manifest.is_ok_and(|text| text.contains(&name)), "{place}: no {}", pair[1]);
             }
             "--path" => {
-                assert!(
-                    root().join(pair[1]).join("Cargo.toml").exists(),
-                    "{place}: {}",
-                    pair[1]
-                );
+                assert!(root().join(pair[1]).join("Cargo.toml").exists(), "{place}: {}", pair[1]);
             }
             _ => {}
         }

@@ -12,17 +12,10 @@ fn every_link_leads_to_a_file_and_a_heading() {
                 continue;
             }
             let (file, anchor) = link.split_once('#').unwrap_or((&link, ""));
-            let target = if file.is_empty() {
-                document.path.clone()
-            } else {
-                folder.join(file)
-            };
+            let target = if file.is_empty() { document.path.clone() } else { folder.join(file) };
             let is_found = target.exists()
                 && (anchor.is_empty()
-                    || Document::read(&target)
-                        .anchors()
-                        .iter()
-                        .any(|known| known == anchor));
+                    || Document::read(&target).anchors().iter().any(|known| known == anchor));
             if !is_found {
                 broken.push(format!("{}: {link}", document.path.display()));
             }
@@ -38,10 +31,7 @@ fn every_chapter_is_in_the_table_of_contents() {
     for document in Document::all() {
         let name = document.path.file_name().unwrap().to_str().unwrap();
         if document.path.starts_with(&folder) && name != "SUMMARY.md" {
-            assert!(
-                listed.iter().any(|link| link == name),
-                "{name} is not in SUMMARY.md"
-            );
+            assert!(listed.iter().any(|link| link == name), "{name} is not in SUMMARY.md");
         }
     }
 }
@@ -49,10 +39,6 @@ fn every_chapter_is_in_the_table_of_contents() {
 #[test]
 fn the_readme_is_short_and_leads_to_the_manual() {
     let text = std::fs::read_to_string(root().join("README.md")).unwrap();
-    assert!(
-        text.lines().count() <= 150,
-        "{} lines",
-        text.lines().count()
-    );
+    assert!(text.lines().count() <= 150, "{} lines", text.lines().count());
     assert!(text.contains("tools/manual/src/first-hour.md"));
 }

@@ -36,11 +36,7 @@ impl Document {
             match (&mut open, line.strip_prefix("```")) {
                 (None, Some(info)) => {
                     let (info, text) = (info.trim().to_owned(), String::new());
-                    open = Some(Block {
-                        info,
-                        text,
-                        line: index + 1,
-                    });
+                    open = Some(Block { info, text, line: index + 1 });
                 }
                 (Some(_), Some(_)) => blocks.extend(open.take()),
                 (Some(block), None) => block.text += &format!("{line}\n"),
@@ -48,11 +44,7 @@ impl Document {
             }
         }
         assert!(open.is_none(), "{path:?}: a block is not closed");
-        Self {
-            path: path.to_owned(),
-            blocks,
-            prose,
-        }
+        Self { path: path.to_owned(), blocks, prose }
     }
 
     /// README, chapters and other documents for users.
@@ -63,11 +55,7 @@ impl Document {
             .map(|entry| entry.unwrap().path())
             .filter(|path| path.extension().is_some_and(|extension| extension == "md"))
             .collect();
-        for name in [
-            "README.md",
-            "config/system/README.md",
-            "tests/hazards/README.md",
-        ] {
+        for name in ["README.md", "config/system/README.md", "tests/hazards/README.md"] {
             paths.push(root.join(name));
         }
         paths.sort();
@@ -77,23 +65,17 @@ impl Document {
     /// Targets of links and images.
     pub fn links(&self) -> Vec<String> {
         let targets = self.prose.split("](").skip(1);
-        targets
-            .filter_map(|rest| Some(rest.split_once(')')?.0.to_owned()))
-            .collect()
+        targets.filter_map(|rest| Some(rest.split_once(')')?.0.to_owned())).collect()
     }
 
     /// Anchors of the headings, as repository hosts make them.
     pub fn anchors(&self) -> Vec<String> {
         let headings = self.prose.lines().filter(|line| line.starts_with('#'));
-        headings
-            .map(|line| anchor(line.trim_start_matches('#').trim()))
-            .collect()
+        headings.map(|line| anchor(line.trim_start_matches('#').trim())).collect()
     }
 }
 
 fn anchor(heading: &str) -> String {
     let kept = heading.to_lowercase().replace(' ', "-");
-    kept.chars()
-        .filter(|c| c.is_alphanumeric() || *c == '-' || *c == '_')
-        .collect()
+    kept.chars().filter(|c| c.is_alphanumeric() || *c == '-' || *c == '_').collect()
 }

@@ -41,14 +41,7 @@ pub struct Event {
 impl Event {
     /// An event that happened once, with its text as key.
     pub fn new(stamp: Nanos, severity: Severity, text: String) -> Self {
-        Self {
-            stamp,
-            severity,
-            key: text.clone(),
-            text,
-            advice: String::new(),
-            count: 1,
-        }
+        Self { stamp, severity, key: text.clone(), text, advice: String::new(), count: 1 }
     }
 }
 

@@ -57,12 +57,9 @@ impl EventLog {
         }
         match problem {
             Some(text) => self.add(now, Severity::Alarm, text.to_owned(), 1),
-            None => self.add(
-                now,
-                Severity::Info,
-                "the controller is reachable again".to_owned(),
-                1,
-            ),
+            None => {
+                self.add(now, Severity::Info, "the controller is reachable again".to_owned(), 1)
+            }
         }
         self.problem = problem.map(str::to_owned);
     }
@@ -103,14 +100,8 @@ impl EventLog {
     fn state_changed(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
         let fault = new.state == OperatingState::Fault.number();
         let reason = Fault::from_number(new.fault).filter(|_| fault);
-        let reason = reason
-            .map(|reason| format!(": {reason}"))
-            .unwrap_or_default();
-        let severity = if fault {
-            Severity::Alarm
-        } else {
-            Severity::Info
-        };
+        let reason = reason.map(|reason| format!(": {reason}")).unwrap_or_default();
+        let severity = if fault { Severity::Alarm } else { Severity::Info };
         self.add(
             new.stamp(),
             severity,
@@ -121,18 +112,8 @@ impl EventLog {
 
     fn flags_changed(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
         for (flag, on, off, severity) in [
-            (
-                OperatingStateMsg::HOMED,
-                "homed",
-                "zero lost: not homed",
-                Severity::Info,
-            ),
-            (
-                OperatingStateMsg::MEMORY_KNOWN,
-                "memory known",
-                "memory unknown",
-                Severity::Info,
-            ),
+            (OperatingStateMsg::HOMED, "homed", "zero lost: not homed", Severity::Info),
+            (OperatingStateMsg::MEMORY_KNOWN, "memory known", "memory unknown", Severity::Info),
             (
                 OperatingStateMsg::CLIPPED,
                 "goal clipped to the hull",
@@ -186,11 +167,7 @@ impl EventLog {
 
     /// The motors: what is new.
     pub fn update_motors(&mut self, new: &ActuatorState) {
-        let Some(old) = self
-            .motors
-            .replace(*new)
-            .filter(|old| old.boot_id == new.boot_id)
-        else {
+        let Some(old) = self.motors.replace(*new).filter(|old| old.boot_id == new.boot_id) else {
             return;
         };
         for motor in 0..MAX_MOTORS {
@@ -236,9 +213,8 @@ impl EventLog {
     /// Ticks that were missed.
     pub fn update_ticks(&mut self, statistics: &PeriodStatistics) {
         let before = self.missed.replace(statistics.total_missed);
-        if let Some(missed) = before
-            .and_then(|before| statistics.total_missed.checked_sub(before))
-            .filter(|n| *n > 0)
+        if let Some(missed) =
+            before.and_then(|before| statistics.total_missed.checked_sub(before)).filter(|n| *n > 0)
         {
             self.add(
                 statistics.stamp(),
@@ -272,11 +248,7 @@ impl EventLog {
     pub fn update_reason(&mut self, message: &ReasonMsg) {
         let cause = Cause::from_numbers(message.kind, message.number);
         let is_error = cause.is_some_and(Cause::is_error);
-        let severity = if is_error {
-            Severity::Alarm
-        } else {
-            Severity::Warning
-        };
+        let severity = if is_error { Severity::Alarm } else { Severity::Warning };
         self.events.explain(Event {
             key: cause.map_or_else(|| message.text(), |cause| cause.to_string()),
             advice: message.advice(),
@@ -294,9 +266,6 @@ impl EventLog {
     }
 
     fn add(&mut self, stamp: Nanos, severity: Severity, text: String, count: u64) {
-        self.events.add(Event {
-            count,
-            ..Event::new(stamp, severity, text)
-        });
+        self.events.add(Event { count, ..Event::new(stamp, severity, text) });
     }
 }

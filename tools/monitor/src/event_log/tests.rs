@@ -16,11 +16,7 @@ fn state(milliseconds: u64, change: impl FnOnce(&mut OperatingStateMsg)) -> Oper
 }
 
 fn logged(event_log: &EventLog) -> Vec<(&str, u64)> {
-    event_log
-        .events
-        .iter()
-        .map(|event| (event.text.as_str(), event.count))
-        .collect()
+    event_log.events.iter().map(|event| (event.text.as_str(), event.count)).collect()
 }
 
 #[test]
@@ -60,10 +56,7 @@ fn repeats_are_counted_and_the_oldest_event_is_dropped() {
         event_log.log(Nanos::from_millis(n), Severity::Info, format!("event {n}"));
     }
     assert_eq!(
-        (
-            event_log.events.iter().len(),
-            event_log.newest().next().unwrap().text.as_str()
-        ),
+        (event_log.events.iter().len(), event_log.newest().next().unwrap().text.as_str()),
         (CAPACITY, "event 999")
     );
 }
@@ -87,23 +80,11 @@ fn changes_of_drives_models_ticks_and_cameras_are_logged() {
     event_log.update_motors(&motors(3, 0));
     event_log.update_motors(&motors(7, 0x8611));
     event_log.update_model(&JointState::default());
-    event_log.update_model(&JointState {
-        model_id: [0xab; 32],
-        ..JointState::default()
-    });
-    event_log.update_ticks(&PeriodStatistics {
-        total_missed: 4,
-        ..PeriodStatistics::default()
-    });
-    event_log.update_ticks(&PeriodStatistics {
-        total_missed: 6,
-        ..PeriodStatistics::default()
-    });
+    event_log.update_model(&JointState { model_id: [0xab; 32], ..JointState::default() });
+    event_log.update_ticks(&PeriodStatistics { total_missed: 4, ..PeriodStatistics::default() });
+    event_log.update_ticks(&PeriodStatistics { total_missed: 6, ..PeriodStatistics::default() });
     let seen = |flags| LatestMessages {
-        camera: Some(ExternalPosition {
-            flags,
-            ..Default::default()
-        }),
+        camera: Some(ExternalPosition { flags, ..Default::default() }),
         ..LatestMessages::default()
     };
     event_log.update_camera(&seen(1), Nanos(1));
@@ -130,10 +111,7 @@ fn loss_and_return_of_the_controller_are_logged() {
     event_log.update_connection(Some("gone"), Nanos(2));
     event_log.update_connection(Some("gone"), Nanos(3));
     event_log.update_connection(None, Nanos(4));
-    assert_eq!(
-        logged(&event_log),
-        [("gone", 1), ("the controller is reachable again", 1)]
-    );
+    assert_eq!(logged(&event_log), [("gone", 1), ("the controller is reachable again", 1)]);
 }
 
 #[test]

@@ -51,14 +51,7 @@ pub struct LatestMessages {
 impl LatestMessages {
     /// Whether there is a message of every stream that a controller always publishes.
     pub fn is_complete(&self) -> bool {
-        let Self {
-            state,
-            measured,
-            actuators,
-            statistics,
-            exchange_rates,
-            ..
-        } = self;
+        let Self { state, measured, actuators, statistics, exchange_rates, .. } = self;
         let all =
             state.is_some() && measured.is_some() && actuators.is_some() && statistics.is_some();
         all && exchange_rates.is_some()
@@ -66,9 +59,7 @@ impl LatestMessages {
 
     /// Why the robot is in FAULT, if it is.
     pub fn fault(&self) -> Option<Fault> {
-        let state = self
-            .state
-            .filter(|state| state.state == OperatingState::Fault.number())?;
+        let state = self.state.filter(|state| state.state == OperatingState::Fault.number())?;
         Fault::from_number(state.fault)
     }
 
@@ -80,8 +71,7 @@ impl LatestMessages {
 
     /// The last refusal, stop or clip, as long as it is news.
     pub fn recent_warning(&self, now: Nanos) -> Option<ReasonMsg> {
-        self.warning
-            .filter(|warning| warning.age(now) < WARNING_SHOWN)
+        self.warning.filter(|warning| warning.age(now) < WARNING_SHOWN)
     }
 
     /// The last angles of the camera, degrees, fresh or not.
@@ -89,10 +79,7 @@ impl LatestMessages {
         let camera = self
             .camera
             .filter(|camera| camera.flags & ExternalPosition::VALID != 0 && camera.count == 2)?;
-        Some([
-            camera.position[0].to_degrees(),
-            camera.position[1].to_degrees(),
-        ])
+        Some([camera.position[0].to_degrees(), camera.position[1].to_degrees()])
     }
 }
 
@@ -103,10 +90,7 @@ fn is_valid(joint: &JointState) -> bool {
 /// Pitch and yaw, degrees; `None` where they mean nothing, or are a position instead.
 pub fn angles(joint: Option<&JointState>) -> Option<[f64; 2]> {
     let joint = joint.filter(|joint| is_valid(joint) && joint.count == 2)?;
-    Some([
-        joint.position[0].to_degrees(),
-        joint.position[1].to_degrees(),
-    ])
+    Some([joint.position[0].to_degrees(), joint.position[1].to_degrees()])
 }
 
 /// How many motors there are.

@@ -21,9 +21,7 @@ impl LatestMessages {
         lines.extend(self.motor_lines(now));
         lines.extend(self.loop_lines(now));
         lines.extend(
-            self.health
-                .as_ref()
-                .map(|health| format!("health     {}", health_text(health))),
+            self.health.as_ref().map(|health| format!("health     {}", health_text(health))),
         );
         let adaptation = self.adaptation.iter().flat_map(adaptation::lines);
         lines.extend(adaptation.map(|line| format!("adaptation {line}")));
@@ -35,23 +33,15 @@ impl LatestMessages {
     /// The essentials, in one line.
     pub fn line(&self, now: Nanos) -> String {
         let state = self.state.map_or("no state", |state| state_name(&state));
-        let fault = self
-            .fault()
-            .map(|fault| format!(" ({fault})"))
-            .unwrap_or_default();
+        let fault = self.fault().map(|fault| format!(" ({fault})")).unwrap_or_default();
         let pair = |joint: Option<&JointState>| {
-            angles(joint).map_or_else(
-                || "- -".to_owned(),
-                |[pitch, yaw]| format!("{pitch:+.2} {yaw:+.2}"),
-            )
+            angles(joint)
+                .map_or_else(|| "- -".to_owned(), |[pitch, yaw]| format!("{pitch:+.2} {yaw:+.2}"))
         };
         let counts = self.actuators.map_or_else(String::new, |actuators| {
             let shown = |values: &[i32; MAX_MOTORS]| {
-                let counts: Vec<String> = values
-                    .iter()
-                    .take(count(actuators.count))
-                    .map(i32::to_string)
-                    .collect();
+                let counts: Vec<String> =
+                    values.iter().take(count(actuators.count)).map(i32::to_string).collect();
                 counts.join(" ")
             };
             format!(
@@ -85,11 +75,7 @@ impl LatestMessages {
         };
         let flag = |bit: u32, name: &'static str| (state.flags & bit != 0).then_some(name);
         let flags: Vec<&str> = [
-            Some(if state.flags & OperatingStateMsg::HOMED != 0 {
-                "homed"
-            } else {
-                "not homed"
-            }),
+            Some(if state.flags & OperatingStateMsg::HOMED != 0 { "homed" } else { "not homed" }),
             flag(OperatingStateMsg::BUSY, "busy"),
             flag(OperatingStateMsg::HOLDING, "holding"),
             flag(OperatingStateMsg::CLIPPED, "clipped"),
@@ -110,10 +96,7 @@ impl LatestMessages {
         .into_iter()
         .flatten()
         .collect();
-        let fault = self
-            .fault()
-            .map(|fault| format!(": {fault}"))
-            .unwrap_or_default();
+        let fault = self.fault().map(|fault| format!(": {fault}")).unwrap_or_default();
         let since = now.since(Nanos(state.since_ns)).as_seconds();
         let name = state_name(state);
         format!(
@@ -131,12 +114,7 @@ impl LatestMessages {
             0 => "none".to_owned(),
             client => format!("{client:016x}"),
         };
-        let OperatingStateMsg {
-            accepted,
-            refused,
-            stale_stops,
-            ..
-        } = state;
+        let OperatingStateMsg { accepted, refused, stale_stops, .. } = state;
         let reason = Refusal::from_number(state.last_refusal)
             .filter(|refusal| *refusal != Refusal::None)
             .map(|refusal| format!(", last: {refusal}"))
@@ -152,11 +130,7 @@ impl LatestMessages {
         let line =
             |reason: &ReasonMsg| format!("why        {}; do: {}", reason.text(), reason.advice());
         let fault = self.present_error();
-        fault
-            .iter()
-            .chain(&self.recent_warning(now))
-            .map(line)
-            .collect()
+        fault.iter().chain(&self.recent_warning(now)).map(line).collect()
     }
 
     fn angle_lines(&self, now: Nanos) -> Vec<String> {
@@ -166,10 +140,8 @@ impl LatestMessages {
         )];
         let (goal, setpoint) = (angles(self.goal.as_ref()), angles(self.setpoint.as_ref()));
         let (measured, camera) = (angles(self.measured.as_ref()), self.camera_angles());
-        let deviation = self
-            .measured
-            .filter(is_valid)
-            .map(|joint| joint.deviation.map(f64::to_degrees));
+        let deviation =
+            self.measured.filter(is_valid).map(|joint| joint.deviation.map(f64::to_degrees));
         for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
             let cell = |value: Option<[f64; 2]>| value.and_then(|value| value.get(axis).copied());
             let plus_minus = deviation.and_then(|value| value.get(axis).copied());
@@ -193,38 +165,24 @@ impl LatestMessages {
         let Some(actuators) = &self.actuators else {
             return vec!["motors     not received yet".to_owned()];
         };
-        (0..count(actuators.count))
-            .map(|motor| self.motor_line(actuators, motor, now))
-            .collect()
+        (0..count(actuators.count)).map(|motor| self.motor_line(actuators, motor, now)).collect()
     }
 
     fn motor_line(&self, actuators: &ActuatorState, motor: usize, now: Nanos) -> String {
         let drive = |values: &[i32; MAX_MOTORS]| values.get(motor).copied().unwrap_or_default();
         let word = |values: &[u16; MAX_MOTORS]| values.get(motor).copied().unwrap_or_default();
-        let phase = actuators
-            .phase
-            .get(motor)
-            .copied()
-            .map_or("unknown", phase_text);
+        let phase = actuators.phase.get(motor).copied().map_or("unknown", phase_text);
         let error = match word(&actuators.error_code) {
             0 => String::new(),
             code => format!(", error 0x{code:04X}"),
         };
-        let read = Nanos(
-            actuators
-                .measured_stamp_ns
-                .get(motor)
-                .copied()
-                .unwrap_or_default(),
-        );
+        let read = Nanos(actuators.measured_stamp_ns.get(motor).copied().unwrap_or_default());
         let age = if read == Nanos::ZERO {
             "  NEVER READ".to_owned()
         } else {
             mark_age(now.since(read), STALE)
         };
-        let rate = self
-            .exchange_rates
-            .and_then(|rates| rates.get(motor).copied());
+        let rate = self.exchange_rates.and_then(|rates| rates.get(motor).copied());
         let rate = rate.map_or_else(
             || "exchanges not counted yet".to_owned(),
             |rate| format!("{rate:.0} exchanges/s"),
@@ -290,9 +248,5 @@ fn mark<T: Message>(message: Option<&T>, now: Nanos, limit: Nanos) -> String {
 }
 
 fn mark_age(age: Nanos, limit: Nanos) -> String {
-    if age > limit {
-        format!("  STALE {:.1} s", age.as_seconds())
-    } else {
-        String::new()
-    }
+    if age > limit { format!("  STALE {:.1} s", age.as_seconds()) } else { String::new() }
 }

@@ -22,10 +22,7 @@ fn health_names_what_failed_or_was_lost() {
     assert_eq!(health_text(&health), "no errors, nothing lost");
     (health.crc_errors, health.lost_records) = ([2, 1], 40);
     assert_eq!(health_text(&health), "CRC ERRORS 3, LOST RECORDS 40");
-    let view = LatestMessages {
-        health: Some(health),
-        ..view()
-    };
+    let view = LatestMessages { health: Some(health), ..view() };
     let page = view.page(NOW);
     let line = "health     CRC ERRORS 3, LOST RECORDS 40";
     assert!(page.iter().any(|text| text == line), "{page:?}");
@@ -119,12 +116,7 @@ fn old_values_are_marked() {
 #[test]
 fn a_camera_that_sees_nothing_or_fell_silent_is_told() {
     let camera = |stamp_ns, flags| LatestMessages {
-        camera: Some(ExternalPosition {
-            stamp_ns,
-            flags,
-            count: 2,
-            ..ExternalPosition::default()
-        }),
+        camera: Some(ExternalPosition { stamp_ns, flags, count: 2, ..ExternalPosition::default() }),
         ..view()
     };
     assert!(page(&camera(NOW.0, 0)).contains("CAMERA SEES NOTHING"));
@@ -140,28 +132,16 @@ fn what_is_not_known_is_not_invented() {
             && text.contains("loop       not received yet"),
         "{text}"
     );
-    let invalid = JointState {
-        flags: 0,
-        ..joint(5.0, 5.0)
-    };
-    let text = page(&LatestMessages {
-        measured: Some(invalid),
-        ..view()
-    });
+    let invalid = JointState { flags: 0, ..joint(5.0, 5.0) };
+    let text = page(&LatestMessages { measured: Some(invalid), ..view() });
     assert!(!text.contains("+5.00      +4.50      +5.00"), "{text}");
     assert!(LatestMessages::default().line(NOW).contains("no state"));
 }
 
 #[test]
 fn what_is_missing_for_real_time_stands_out() {
-    let statistics = PeriodStatistics {
-        cpu: u32::MAX,
-        ..PeriodStatistics::default()
-    };
-    assert_eq!(
-        granted(&statistics),
-        "NORMAL SCHEDULING, MEMORY NOT LOCKED, not pinned"
-    );
+    let statistics = PeriodStatistics { cpu: u32::MAX, ..PeriodStatistics::default() };
+    assert_eq!(granted(&statistics), "NORMAL SCHEDULING, MEMORY NOT LOCKED, not pinned");
 }
 
 #[test]
@@ -180,12 +160,9 @@ fn one_line_holds_the_essentials() {
         ..OperatingStateMsg::default()
     };
     assert!(
-        LatestMessages {
-            state: Some(fault),
-            ..view()
-        }
-        .line(NOW)
-        .starts_with("FAULT (a drive does not answer);")
+        LatestMessages { state: Some(fault), ..view() }
+            .line(NOW)
+            .starts_with("FAULT (a drive does not answer);")
     );
 }
 
@@ -217,8 +194,5 @@ fn the_fault_and_a_fresh_refusal_are_told_with_what_to_do() {
     );
     assert!(text.contains("why        refusal 4: another client holds the lease; do: end"));
     let later = view.page(NOW + Nanos::from_millis(6000)).join("\n");
-    assert!(
-        later.contains("fault 2") && !later.contains("refusal 4"),
-        "{later}"
-    );
+    assert!(later.contains("fault 2") && !later.contains("refusal 4"), "{later}");
 }

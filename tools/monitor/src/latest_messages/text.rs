@@ -19,14 +19,8 @@ pub fn health_text(health: &Health) -> String {
         ("LOST REPLIES", health.lost_replies),
     ];
     let found = line_errors.iter().filter(|(_, count)| *count > 0);
-    let found: Vec<String> = found
-        .map(|(name, count)| format!("{name} {count}"))
-        .collect();
-    if found.is_empty() {
-        "no errors, nothing lost".to_owned()
-    } else {
-        found.join(", ")
-    }
+    let found: Vec<String> = found.map(|(name, count)| format!("{name} {count}")).collect();
+    if found.is_empty() { "no errors, nothing lost".to_owned() } else { found.join(", ") }
 }
 
 /// What the system granted to the loop; capitals where something is missing.
@@ -35,11 +29,7 @@ pub fn granted(statistics: &PeriodStatistics) -> String {
         0 => "NORMAL SCHEDULING".to_owned(),
         priority => format!("SCHED_FIFO {priority}"),
     };
-    let memory = if statistics.memory_locked == 1 {
-        "memory locked"
-    } else {
-        "MEMORY NOT LOCKED"
-    };
+    let memory = if statistics.memory_locked == 1 { "memory locked" } else { "MEMORY NOT LOCKED" };
     let processor = match statistics.cpu {
         u32::MAX => "not pinned".to_owned(),
         cpu => format!("processor {cpu}"),
@@ -60,9 +50,5 @@ pub fn short_id(id: ModelId) -> String {
 /// Microseconds, with as many digits as mean something.
 pub fn microseconds(nanos: u64) -> String {
     let value = nanos as f64 / 1000.0;
-    if value < 10.0 {
-        format!("{value:.1}")
-    } else {
-        format!("{value:.0}")
-    }
+    if value < 10.0 { format!("{value:.1}") } else { format!("{value:.0}") }
 }

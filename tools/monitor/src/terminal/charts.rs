@@ -36,19 +36,11 @@ impl Curve {
                 _ => {}
             }
         }
-        Self {
-            pieces,
-            colour,
-            dots: false,
-        }
+        Self { pieces, colour, dots: false }
     }
 
     fn dots(colour: Color, points: impl Iterator<Item = Option<(f64, f64)>>) -> Self {
-        Self {
-            pieces: vec![points.flatten().collect()],
-            colour,
-            dots: true,
-        }
+        Self { pieces: vec![points.flatten().collect()], colour, dots: true }
     }
 
     fn values(&self, of: fn(&(f64, f64)) -> f64) -> impl Iterator<Item = f64> {
@@ -63,23 +55,14 @@ pub fn strip(frame: &mut Frame, area: Rect, dashboard: &Dashboard, axis: usize, 
     let samples = samples.filter(|sample| at(sample.stamp) >= -STRIP_S);
     let of = |value: Pair| value.and_then(|value| value.get(axis).copied());
     let curve = |colour, field: fn(&Sample) -> Pair| {
-        Curve::line(
-            colour,
-            samples
-                .clone()
-                .map(|s| of(field(s)).map(|value| (at(s.stamp), value))),
-        )
+        Curve::line(colour, samples.clone().map(|s| of(field(s)).map(|value| (at(s.stamp), value))))
     };
     let edge = |sign: f64| {
         let value =
             move |s: &Sample| Some((at(s.stamp), of(s.estimate)? + sign * of(s.deviation)?));
         Curve::dots(Color::DarkGray, samples.clone().map(value))
     };
-    let frames = dashboard
-        .history
-        .frames(0)
-        .0
-        .filter(|frame| at(frame.stamp) >= -STRIP_S);
+    let frames = dashboard.history.frames(0).0.filter(|frame| at(frame.stamp) >= -STRIP_S);
     let seen = frames.map(|frame| Some((at(frame.stamp), *frame.angles.get(axis)?)));
     let curves = [
         edge(1.0),
@@ -90,18 +73,8 @@ pub fn strip(frame: &mut Frame, area: Rect, dashboard: &Dashboard, axis: usize, 
         curve(ESTIMATE, |sample| sample.estimate),
     ];
     let name = if axis == 0 { "pitch" } else { "yaw" };
-    let y = padded(
-        range(curves.iter().flat_map(|curve| curve.values(|p| p.1))),
-        LEAST_DEG,
-    );
-    plot(
-        frame,
-        area,
-        &format!("{name}, deg"),
-        &curves,
-        ([-STRIP_S, 0.0], "s"),
-        y,
-    );
+    let y = padded(range(curves.iter().flat_map(|curve| curve.values(|p| p.1))), LEAST_DEG);
+    plot(frame, area, &format!("{name}, deg"), &curves, ([-STRIP_S, 0.0], "s"), y);
 }
 
 /// The plane of pitch and yaw, with the hull.
@@ -109,35 +82,21 @@ pub fn plane(frame: &mut Frame, area: Rect, dashboard: &Dashboard, now: Nanos) {
     let (samples, _) = dashboard.history.samples(0);
     let samples = samples.filter(|sample| now.since(sample.stamp).as_seconds() <= TAIL_S);
     let point = |value: Pair| value.map(|[pitch, yaw]| (yaw, pitch));
-    let frames = dashboard
-        .history
-        .frames(0)
-        .0
-        .filter(|frame| now.since(frame.stamp).as_seconds() <= TAIL_S);
+    let frames =
+        dashboard.history.frames(0).0.filter(|frame| now.since(frame.stamp).as_seconds() <= TAIL_S);
     let here = samples.clone().last().and_then(|sample| sample.estimate);
     let curves = [
         Curve::line(
             HULL,
-            dashboard
-                .models
-                .outline
-                .points
-                .iter()
-                .map(|point| Some((point[1], point[0]))),
+            dashboard.models.outline.points.iter().map(|point| Some((point[1], point[0]))),
         ),
         Curve::line(CAMERA, frames.map(|frame| point(Some(frame.angles)))),
         Curve::line(GOAL, samples.clone().map(|sample| point(sample.goal))),
         Curve::line(ESTIMATE, samples.map(|sample| point(sample.estimate))),
         Curve::dots(Color::White, std::iter::once(point(here))),
     ];
-    let x = padded(
-        range(curves.iter().flat_map(|curve| curve.values(|p| p.0))),
-        LEAST_DEG,
-    );
-    let y = padded(
-        range(curves.iter().flat_map(|curve| curve.values(|p| p.1))),
-        LEAST_DEG,
-    );
+    let x = padded(range(curves.iter().flat_map(|curve| curve.values(|p| p.0))), LEAST_DEG);
+    let y = padded(range(curves.iter().flat_map(|curve| curve.values(|p| p.1))), LEAST_DEG);
     let (x, y) = equal_scales(x, y, area);
     let hull = if dashboard.models.outline.points.is_empty() {
         "pitch over yaw, deg"
@@ -152,28 +111,15 @@ pub fn hysteresis(frame: &mut Frame, area: Rect, dashboard: &Dashboard, motor: u
     let outline = &dashboard.models.outline;
     let (samples, _) = dashboard.history.samples(0);
     let samples = samples.filter(|sample| now.since(sample.stamp).as_seconds() <= TAIL_S);
-    let frames = dashboard
-        .history
-        .frames(0)
-        .0
-        .filter(|frame| now.since(frame.stamp).as_seconds() <= TAIL_S);
-    let seen = frames.map(|frame| {
-        Some((
-            *frame.counts?.get(motor)?,
-            outline.bend(motor, frame.angles),
-        ))
-    });
+    let frames =
+        dashboard.history.frames(0).0.filter(|frame| now.since(frame.stamp).as_seconds() <= TAIL_S);
+    let seen =
+        frames.map(|frame| Some((*frame.counts?.get(motor)?, outline.bend(motor, frame.angles))));
     let estimated =
         samples.map(|s| Some((*s.counts?.get(motor)?, outline.bend(motor, s.estimate?))));
     let curves = [Curve::line(CAMERA, seen), Curve::line(ESTIMATE, estimated)];
-    let x = padded(
-        range(curves.iter().flat_map(|curve| curve.values(|p| p.0))),
-        LEAST_COUNTS,
-    );
-    let y = padded(
-        range(curves.iter().flat_map(|curve| curve.values(|p| p.1))),
-        LEAST_DEG,
-    );
+    let x = padded(range(curves.iter().flat_map(|curve| curve.values(|p| p.0))), LEAST_COUNTS);
+    let y = padded(range(curves.iter().flat_map(|curve| curve.values(|p| p.1))), LEAST_DEG);
     plot(
         frame,
         area,
@@ -186,15 +132,9 @@ pub fn hysteresis(frame: &mut Frame, area: Rect, dashboard: &Dashboard, motor: u
 
 /// What the colours mean.
 pub fn legend() -> Vec<Span<'static>> {
-    let names = [
-        (GOAL, "goal"),
-        (SETPOINT, "set-point"),
-        (ESTIMATE, "estimate"),
-        (CAMERA, "camera"),
-    ];
-    names
-        .map(|(colour, name)| Span::styled(format!("━ {name}"), Style::new().fg(colour)))
-        .to_vec()
+    let names =
+        [(GOAL, "goal"), (SETPOINT, "set-point"), (ESTIMATE, "estimate"), (CAMERA, "camera")];
+    names.map(|(colour, name)| Span::styled(format!("━ {name}"), Style::new().fg(colour))).to_vec()
 }
 
 fn plot(
@@ -206,59 +146,31 @@ fn plot(
     y: [f64; 2],
 ) {
     let set = |curve: &Curve, piece| {
-        let kind = if curve.dots {
-            GraphType::Scatter
-        } else {
-            GraphType::Line
-        };
-        Dataset::default()
-            .data(piece)
-            .marker(Marker::Braille)
-            .graph_type(kind)
-            .style(curve.colour)
+        let kind = if curve.dots { GraphType::Scatter } else { GraphType::Line };
+        Dataset::default().data(piece).marker(Marker::Braille).graph_type(kind).style(curve.colour)
     };
     let sets = |curve| Curve::pieces_of(curve).map(move |piece| set(curve, piece));
-    let empty = curves
-        .iter()
-        .all(|curve| curve.pieces.iter().all(Vec::is_empty));
-    let title = if empty {
-        format!(" {title}: no data ")
-    } else {
-        format!(" {title} ")
-    };
+    let empty = curves.iter().all(|curve| curve.pieces.iter().all(Vec::is_empty));
+    let title = if empty { format!(" {title}: no data ") } else { format!(" {title} ") };
     let axis = |bounds: [f64; 2], labels: Vec<Line<'static>>| {
         Axis::default().bounds(bounds).labels(labels).style(faint())
     };
     let chart = Chart::new(curves.iter().flat_map(sets).collect())
         .block(Block::bordered().border_style(faint()).title(title))
-        .x_axis(axis(
-            x,
-            vec![label(x[0]), Line::from(x_name.to_owned()), label(x[1])],
-        ))
-        .y_axis(axis(
-            y,
-            vec![label(y[0]), label(0.5 * (y[0] + y[1])), label(y[1])],
-        ))
+        .x_axis(axis(x, vec![label(x[0]), Line::from(x_name.to_owned()), label(x[1])]))
+        .y_axis(axis(y, vec![label(y[0]), label(0.5 * (y[0] + y[1])), label(y[1])]))
         .legend_position(None);
     frame.render_widget(chart, area);
 }
 
 impl Curve {
     fn pieces_of(curve: &Self) -> impl Iterator<Item = &[(f64, f64)]> {
-        curve
-            .pieces
-            .iter()
-            .filter(|piece| !piece.is_empty())
-            .map(Vec::as_slice)
+        curve.pieces.iter().filter(|piece| !piece.is_empty()).map(Vec::as_slice)
     }
 }
 
 fn label(value: f64) -> Line<'static> {
-    Line::from(if value.abs() < 99.5 {
-        format!("{value:.1}")
-    } else {
-        format!("{value:.0}")
-    })
+    Line::from(if value.abs() < 99.5 { format!("{value:.1}") } else { format!("{value:.0}") })
 }
 
 /// Lowest and highest value.
@@ -297,9 +209,7 @@ pub fn motors(dashboard: &Dashboard) -> usize {
     dashboard
         .view
         .actuators
-        .map_or(MAX_MOTORS, |motors| {
-            crate::latest_messages::count(motors.count)
-        })
+        .map_or(MAX_MOTORS, |motors| crate::latest_messages::count(motors.count))
         .max(1)
 }
 
@@ -309,13 +219,7 @@ mod tests {
 
     #[test]
     fn a_gap_parts_a_curve() {
-        let points = [
-            Some((0.0, 1.0)),
-            Some((1.0, 1.0)),
-            None,
-            None,
-            Some((3.0, 1.0)),
-        ];
+        let points = [Some((0.0, 1.0)), Some((1.0, 1.0)), None, None, Some((3.0, 1.0))];
         let pieces = Curve::line(GOAL, points.into_iter()).pieces;
         assert_eq!(pieces.iter().map(Vec::len).collect::<Vec<_>>(), [2, 1]);
     }

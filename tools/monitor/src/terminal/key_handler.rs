@@ -36,13 +36,8 @@ pub enum Panel {
 }
 
 impl Panel {
-    pub const ALL: [Self; 5] = [
-        Self::Numbers,
-        Self::Strips,
-        Self::Plane,
-        Self::Loops,
-        Self::Events,
-    ];
+    pub const ALL: [Self; 5] =
+        [Self::Numbers, Self::Strips, Self::Plane, Self::Loops, Self::Events];
 
     pub const fn name(self) -> &'static str {
         match self {
@@ -111,9 +106,7 @@ impl KeyHandler {
 
     /// What is to be confirmed, if anything.
     pub fn question(&self, now: Nanos) -> Option<&Confirmation> {
-        self.question
-            .as_ref()
-            .filter(|question| now.since(question.asked) < TIMEOUT)
+        self.question.as_ref().filter(|question| now.since(question.asked) < TIMEOUT)
     }
 
     /// What was answered last, while it is worth showing.
@@ -137,22 +130,11 @@ impl KeyHandler {
     fn ask_to_swap(&mut self, models: &Models, now: Nanos) {
         let Some(staged) = models.staged() else {
             let text = "no model is staged: i2ris model stage FILE";
-            return self.show_result(
-                CommandResult {
-                    good: false,
-                    text: text.to_owned(),
-                },
-                now,
-            );
+            return self.show_result(CommandResult { good: false, text: text.to_owned() }, now);
         };
-        let memory = if staged.memory_known {
-            ""
-        } else {
-            ", its memory unknown"
-        };
-        let replaced = models
-            .used()
-            .map_or_else(String::new, |used| format!(" in place of {}", used.name));
+        let memory = if staged.memory_known { "" } else { ", its memory unknown" };
+        let replaced =
+            models.used().map_or_else(String::new, |used| format!(" in place of {}", used.name));
         self.question = Some(Confirmation {
             text: format!("Activate {}{memory}{replaced}?", staged.name),
             order: OperatorCommand::Activate(staged.id),
@@ -163,13 +145,7 @@ impl KeyHandler {
     fn ask_to_roll_back(&mut self, models: &Models, now: Nanos) {
         let Some(previous) = models.previous() else {
             let text = "no model was in use before this one";
-            return self.show_result(
-                CommandResult {
-                    good: false,
-                    text: text.to_owned(),
-                },
-                now,
-            );
+            return self.show_result(CommandResult { good: false, text: text.to_owned() }, now);
         };
         self.question = Some(Confirmation {
             text: format!("Roll back to {}?", previous.name),
@@ -179,10 +155,7 @@ impl KeyHandler {
     }
 
     fn look_elsewhere(&mut self, code: KeyCode) {
-        let index = Panel::ALL
-            .iter()
-            .position(|panel| *panel == self.panel)
-            .unwrap_or(0);
+        let index = Panel::ALL.iter().position(|panel| *panel == self.panel).unwrap_or(0);
         let count = Panel::ALL.len();
         let next = match code {
             KeyCode::Tab | KeyCode::Right => (index + 1) % count,
@@ -215,10 +188,7 @@ mod tests {
             ..ModelSlot::default()
         };
         let slots = [slot(1, 3), slot(2, 1), slot(3, 3)];
-        Models {
-            slots: Some(slots),
-            ..Models::default()
-        }
+        Models { slots: Some(slots), ..Models::default() }
     }
 
     fn key(character: char) -> KeyEvent {
@@ -228,20 +198,10 @@ mod tests {
     #[test]
     fn stopping_needs_no_confirmation_and_takes_a_question_back() {
         let mut key_handler = KeyHandler::default();
-        assert_eq!(
-            key_handler.press(&key(' '), &models(), NOW),
-            Some(OperatorCommand::Pause)
-        );
+        assert_eq!(key_handler.press(&key(' '), &models(), NOW), Some(OperatorCommand::Pause));
         assert_eq!(key_handler.press(&key('m'), &models(), NOW), None);
-        assert_eq!(
-            key_handler.press(&key('h'), &models(), NOW),
-            Some(OperatorCommand::Hold)
-        );
-        assert_eq!(
-            key_handler.press(&key('y'), &models(), NOW),
-            None,
-            "the question is gone"
-        );
+        assert_eq!(key_handler.press(&key('h'), &models(), NOW), Some(OperatorCommand::Hold));
+        assert_eq!(key_handler.press(&key('y'), &models(), NOW), None, "the question is gone");
     }
 
     #[test]

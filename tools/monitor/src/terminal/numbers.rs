@@ -32,39 +32,22 @@ pub fn lines(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'stati
 
 fn joints(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>> {
     let view = &dashboard.view;
-    let head = [
-        ("deg   ", faint()),
-        ("   goal", GOAL.into()),
-        (" set-pt", SETPOINT.into()),
-    ];
-    let tail = [
-        ("  estim", ESTIMATE.into()),
-        ("    sd", ESTIMATE.into()),
-        ("    cam", CAMERA.into()),
-    ];
+    let head = [("deg   ", faint()), ("   goal", GOAL.into()), (" set-pt", SETPOINT.into())];
+    let tail =
+        [("  estim", ESTIMATE.into()), ("    sd", ESTIMATE.into()), ("    cam", CAMERA.into())];
     let header = head
         .into_iter()
         .chain(tail)
         .map(|(text, style): (&str, Style)| Span::styled(text.to_owned(), style));
     let mut lines = vec![header.collect()];
-    let deviation = view
-        .measured
-        .filter(|joint| angles(Some(joint)).is_some())
-        .map(|joint| joint.deviation);
+    let deviation =
+        view.measured.filter(|joint| angles(Some(joint)).is_some()).map(|joint| joint.deviation);
     let columns = [
         (angles(view.goal.as_ref()), old(view.goal.as_ref(), now)),
-        (
-            angles(view.setpoint.as_ref()),
-            old(view.setpoint.as_ref(), now),
-        ),
-        (
-            angles(view.measured.as_ref()),
-            old(view.measured.as_ref(), now),
-        ),
+        (angles(view.setpoint.as_ref()), old(view.setpoint.as_ref(), now)),
+        (angles(view.measured.as_ref()), old(view.measured.as_ref(), now)),
     ];
-    let camera_old = view
-        .camera
-        .is_some_and(|camera| camera.age(now) > CAMERA_STALE);
+    let camera_old = view.camera.is_some_and(|camera| camera.age(now) > CAMERA_STALE);
     for (axis, name) in ["pitch ", "yaw   "].into_iter().enumerate() {
         let cell = |(value, old): &(Option<[f64; 2]>, bool)| {
             let text = value.and_then(|value| value.get(axis).copied());
@@ -74,10 +57,8 @@ fn joints(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>>
             )
         };
         let deviation = deviation.and_then(|value| value.get(axis).copied());
-        let deviation = deviation.map_or_else(
-            || "-".to_owned(),
-            |value| format!("{:.2}", value.to_degrees()),
-        );
+        let deviation =
+            deviation.map_or_else(|| "-".to_owned(), |value| format!("{:.2}", value.to_degrees()));
         let mut line = Line::from(Span::styled(name, faint()));
         line.extend(columns.iter().map(cell));
         line.push_span(styled(format!("{deviation:>6}"), columns[2].1));
@@ -85,9 +66,7 @@ fn joints(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>>
         lines.push(line);
     }
     lines.extend(flow(
-        joint_marks(dashboard, now)
-            .into_iter()
-            .map(|text| Span::styled(text, alarm())),
+        joint_marks(dashboard, now).into_iter().map(|text| Span::styled(text, alarm())),
         width,
     ));
     lines
@@ -103,11 +82,8 @@ fn joint_marks(dashboard: &Dashboard, now: Nanos) -> Vec<String> {
         Some(_) => mark("camera", camera.age(now), CAMERA_STALE),
         None => Some("CAMERA SEES NOTHING".to_owned()),
     });
-    let streams = [
-        ("goal", &view.goal),
-        ("set-point", &view.setpoint),
-        ("estimate", &view.measured),
-    ];
+    let streams =
+        [("goal", &view.goal), ("set-point", &view.setpoint), ("estimate", &view.measured)];
     streams
         .into_iter()
         .filter_map(|(name, message)| joint(name, message.as_ref()))
@@ -119,10 +95,7 @@ fn motors(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>>
     let Some(motors) = &dashboard.view.actuators else {
         return vec![Line::from(Span::styled("motors NOT RECEIVED YET", alarm()))];
     };
-    let mut lines = vec![Line::from(Span::styled(
-        "motor set-pt  encoder   mA drive",
-        faint(),
-    ))];
+    let mut lines = vec![Line::from(Span::styled("motor set-pt  encoder   mA drive", faint()))];
     for motor in 0..count(motors.count) {
         lines.extend(motor_lines(dashboard, motors, motor, width, now));
     }
@@ -137,19 +110,9 @@ fn motor_lines(
     now: Nanos,
 ) -> Vec<Line<'static>> {
     let value = |values: &[i32; 2]| values.get(motor).copied().unwrap_or_default();
-    let read = Nanos(
-        motors
-            .measured_stamp_ns
-            .get(motor)
-            .copied()
-            .unwrap_or_default(),
-    );
+    let read = Nanos(motors.measured_stamp_ns.get(motor).copied().unwrap_or_default());
     let old = motors.age(now) > STALE || now.since(read) > STALE;
-    let phase = motors
-        .phase
-        .get(motor)
-        .copied()
-        .map_or("unknown", phase_text);
+    let phase = motors.phase.get(motor).copied().map_or("unknown", phase_text);
     let numbers = format!(
         "{:>8} {:>8} {:>4}",
         value(&motors.setpoint_counts),
@@ -157,34 +120,19 @@ fn motor_lines(
         value(&motors.current_ma)
     );
     let bad = matches!(phase, "lost" | "at fault" | "unknown");
-    let phase = Span::styled(
-        format!(" {phase}"),
-        if bad { alarm() } else { Style::new() },
-    );
+    let phase = Span::styled(format!(" {phase}"), if bad { alarm() } else { Style::new() });
     let mut lines = vec![Line::from(vec![
         Span::styled(format!("  {motor} "), faint()),
         styled(numbers, old),
         phase,
     ])];
-    let rate = dashboard
-        .view
-        .exchange_rates
-        .and_then(|rates| rates.get(motor).copied());
-    let rate = rate.map_or_else(
-        || "bus not counted yet".to_owned(),
-        |rate| format!("bus {rate:.0}/s"),
-    );
-    let word = format!(
-        "status 0x{:04X}",
-        motors.statusword.get(motor).copied().unwrap_or_default()
-    );
+    let rate = dashboard.view.exchange_rates.and_then(|rates| rates.get(motor).copied());
+    let rate =
+        rate.map_or_else(|| "bus not counted yet".to_owned(), |rate| format!("bus {rate:.0}/s"));
+    let word =
+        format!("status 0x{:04X}", motors.statusword.get(motor).copied().unwrap_or_default());
     let mut items = vec![Span::styled(rate, faint()), Span::styled(word, faint())];
-    if let Some(code) = motors
-        .error_code
-        .get(motor)
-        .copied()
-        .filter(|code| *code != 0)
-    {
+    if let Some(code) = motors.error_code.get(motor).copied().filter(|code| *code != 0) {
         items.push(Span::styled(format!("error 0x{code:04X}"), alarm()));
     }
     let age = if read == Nanos::ZERO {
@@ -204,32 +152,18 @@ fn statistics(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'stat
     let old = statistics.age(now) > STATISTICS_STALE;
     let text = |text: String| Line::from(styled(text, old));
     let missed = format!("missed {}", statistics.total_missed);
-    let missed = Span::styled(
-        missed,
-        if statistics.missed > 0 {
-            warning()
-        } else {
-            Style::new()
-        },
-    );
-    let mut lines = vec![Line::from(vec![
-        styled(format!("loop {:.0} Hz, ", hertz(statistics)), old),
-        missed,
-    ])];
+    let missed = Span::styled(missed, if statistics.missed > 0 { warning() } else { Style::new() });
+    let mut lines =
+        vec![Line::from(vec![styled(format!("loop {:.0} Hz, ", hertz(statistics)), old), missed])];
     lines.push(text(format!("late    {}", spans(&statistics.lateness))));
     lines.push(text(format!("compute {}", spans(&statistics.compute))));
     lines.extend(flow(
-        granted(statistics)
-            .split(", ")
-            .map(|part| styled(part.to_owned(), old)),
+        granted(statistics).split(", ").map(|part| styled(part.to_owned(), old)),
         width,
     ));
     lines.extend(dashboard.view.health.iter().flat_map(|health| {
         let text = health_text(health);
-        flow(
-            text.split(", ").map(|part| styled(part.to_owned(), old)),
-            width,
-        )
+        flow(text.split(", ").map(|part| styled(part.to_owned(), old)), width)
     }));
     lines.extend(dashboard.view.adaptation.iter().flat_map(|message| {
         let texts = adaptation::lines(message);
@@ -248,16 +182,9 @@ fn models(dashboard: &Dashboard, width: usize) -> Vec<Line<'static>> {
     let models = &dashboard.models;
     let name = |named: Option<LoadedModel>| {
         let memory = |named: &LoadedModel| {
-            if named.memory_known {
-                ""
-            } else {
-                ", memory unknown"
-            }
+            if named.memory_known { "" } else { ", memory unknown" }
         };
-        named.map_or_else(
-            || "none".to_owned(),
-            |named| format!("{}{}", named.name, memory(&named)),
-        )
+        named.map_or_else(|| "none".to_owned(), |named| format!("{}{}", named.name, memory(&named)))
     };
     let mut lines = Vec::new();
     if models.slots.is_some() {

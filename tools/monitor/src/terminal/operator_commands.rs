@@ -68,28 +68,17 @@ impl OperatorCommands {
     /// Starts the threads. They connect when the first command comes.
     pub fn start(domain: &Domain) -> Self {
         let (answer, answers) = channel();
-        Self {
-            stops: worker(domain, answer.clone()),
-            models: worker(domain, answer),
-            answers,
-        }
+        Self { stops: worker(domain, answer.clone()), models: worker(domain, answer), answers }
     }
 
     /// Queues a command; its result follows. `Some`: it was not queued because too many are
     /// pending.
     pub fn execute(&self, order: OperatorCommand) -> Option<CommandResult> {
         let name = order.name();
-        let queue = if order.is_about_models() {
-            &self.models
-        } else {
-            &self.stops
-        };
+        let queue = if order.is_about_models() { &self.models } else { &self.stops };
         let text =
             format!("{name} NOT SENT: the controller has not answered what was asked before");
-        queue
-            .try_send(order)
-            .err()
-            .map(|_| CommandResult { good: false, text })
+        queue.try_send(order).err().map(|_| CommandResult { good: false, text })
     }
 
     /// The results since the last call.
@@ -105,10 +94,7 @@ fn worker(domain: &Domain, answers: Sender<CommandResult>) -> SyncSender<Operato
         let mut client = None;
         for order in orders {
             let answer = match execute(&mut client, &domain, &order) {
-                Ok(text) => CommandResult {
-                    good: true,
-                    text: format!("{}: {text}", order.name()),
-                },
+                Ok(text) => CommandResult { good: true, text: format!("{}: {text}", order.name()) },
                 Err(error) => CommandResult {
                     good: false,
                     text: format!("{} NOT DONE: {error}", order.name()),
@@ -141,17 +127,10 @@ fn execute(
         }
         OperatorCommand::Rollback => {
             let slots = client.roll_back_model(false)?.slots;
-            return Ok(format!(
-                "model {} takes over",
-                short_id(ModelId(slots[0].model_id))
-            ));
+            return Ok(format!("model {} takes over", short_id(ModelId(slots[0].model_id))));
         }
     };
     let state = client.state_command(command)?;
-    let more = if *order == OperatorCommand::Hold {
-        ", until the next command"
-    } else {
-        ""
-    };
+    let more = if *order == OperatorCommand::Hold { ", until the next command" } else { "" };
     Ok(format!("the controller is {state}{more}"))
 }

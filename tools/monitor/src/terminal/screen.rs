@@ -31,10 +31,7 @@ pub fn draw(
 ) {
     let area = frame.area();
     let width = usize::from(area.width);
-    let (head, foot) = (
-        header(dashboard, title, width, now),
-        footer(key_handler, width, now),
-    );
+    let (head, foot) = (header(dashboard, title, width, now), footer(key_handler, width, now));
     let [top, middle, bottom] = Layout::vertical([
         Constraint::Length(lines_of(&head)),
         Constraint::Min(0),
@@ -56,16 +53,10 @@ fn lines_of(lines: &[Line]) -> u16 {
 
 /// State, what it means, who commands, and what is wrong.
 fn header(dashboard: &Dashboard, title: &str, width: usize, now: Nanos) -> Vec<Line<'static>> {
-    let problem = dashboard
-        .problem
-        .iter()
-        .map(|problem| Span::styled(problem.clone(), alarm()));
+    let problem = dashboard.problem.iter().map(|problem| Span::styled(problem.clone(), alarm()));
     let mut lines = flow(problem, width);
     match &dashboard.view.state {
-        None => lines.extend(flow(
-            [Span::styled(" STATE NOT RECEIVED YET ", alarm())],
-            width,
-        )),
+        None => lines.extend(flow([Span::styled(" STATE NOT RECEIVED YET ", alarm())], width)),
         Some(state) => {
             lines.extend(flow(state_items(dashboard, state, now), width));
             lines.extend(flow(command_items(dashboard, state), width));
@@ -92,44 +83,20 @@ fn state_items(dashboard: &Dashboard, state: &OperatingStateMsg, now: Nanos) -> 
         "for {:.0} s",
         state.stamp().since(Nanos(state.since_ns)).as_seconds()
     )));
-    let model = dashboard
-        .models
-        .used()
-        .map(|used| format!("model {}", used.name));
+    let model = dashboard.models.used().map(|used| format!("model {}", used.name));
     for (flag, on, off) in [
         (OperatingStateMsg::HOMED, Some("homed"), Some("NOT HOMED")),
         (OperatingStateMsg::BUSY, Some("busy"), None),
         (OperatingStateMsg::HOLDING, Some("holding"), None),
         (OperatingStateMsg::CLIPPED, Some("CLIPPED TO HULL"), None),
         (OperatingStateMsg::FIXTURE, Some("AT VIRTUAL FIXTURE"), None),
-        (
-            OperatingStateMsg::MEMORY_KNOWN,
-            Some("memory known"),
-            Some("memory unknown"),
-        ),
-        (
-            OperatingStateMsg::MODEL,
-            model.as_deref().or(Some("model loaded")),
-            Some("no model"),
-        ),
-        (
-            OperatingStateMsg::WATCHED,
-            Some("watchdog"),
-            Some("NO WATCHDOG"),
-        ),
-        (
-            OperatingStateMsg::COMPARED,
-            Some("compared with camera"),
-            None,
-        ),
+        (OperatingStateMsg::MEMORY_KNOWN, Some("memory known"), Some("memory unknown")),
+        (OperatingStateMsg::MODEL, model.as_deref().or(Some("model loaded")), Some("no model")),
+        (OperatingStateMsg::WATCHED, Some("watchdog"), Some("NO WATCHDOG")),
+        (OperatingStateMsg::COMPARED, Some("compared with camera"), None),
     ] {
         let text = if has(flag) { on } else { off };
-        let warnings = [
-            "NOT HOMED",
-            "NO WATCHDOG",
-            "CLIPPED TO HULL",
-            "AT VIRTUAL FIXTURE",
-        ];
+        let warnings = ["NOT HOMED", "NO WATCHDOG", "CLIPPED TO HULL", "AT VIRTUAL FIXTURE"];
         let style = if text.is_some_and(|text| warnings.contains(&text)) {
             warning()
         } else {
@@ -148,11 +115,7 @@ fn reason_items(dashboard: &Dashboard, now: Nanos) -> Vec<Span<'static>> {
             let text = format!("{}; do: {}", reason.text(), reason.advice());
             Span::styled(text, warning())
         };
-        return view
-            .recent_warning(now)
-            .map(warning_of)
-            .into_iter()
-            .collect();
+        return view.recent_warning(now).map(warning_of).into_iter().collect();
     };
     let text = view.present_error().map_or_else(
         || Reason::from(Cause::Fault(fault)).to_string(),
@@ -170,11 +133,7 @@ fn badge_style(state: &OperatingStateMsg, stale: bool) -> Style {
         Some(OperatingState::Fault) | None => Color::Red,
     };
     Style::new()
-        .fg(if colour == Color::Red {
-            Color::White
-        } else {
-            Color::Black
-        })
+        .fg(if colour == Color::Red { Color::White } else { Color::Black })
         .bg(colour)
         .add_modifier(Modifier::BOLD)
 }
@@ -189,22 +148,12 @@ fn command_items(dashboard: &Dashboard, state: &OperatingStateMsg) -> Vec<Span<'
     let mut items = vec![
         Span::raw(lease),
         Span::raw(format!("accepted {}", state.accepted)),
-        Span::styled(
-            refused,
-            if state.refused > 0 {
-                warning()
-            } else {
-                Style::new()
-            },
-        ),
+        Span::styled(refused, if state.refused > 0 { warning() } else { Style::new() }),
     ];
     let reason = Refusal::from_number(state.last_refusal).filter(|reason| *reason != Refusal::None);
     items.extend(reason.map(|reason| Span::raw(format!("last: {reason}"))));
     if state.stale_stops > 0 {
-        items.push(Span::styled(
-            format!("stale stops {}", state.stale_stops),
-            warning(),
-        ));
+        items.push(Span::styled(format!("stale stops {}", state.stale_stops), warning()));
     }
     items
 }
@@ -213,18 +162,11 @@ fn command_items(dashboard: &Dashboard, state: &OperatingStateMsg) -> Vec<Span<'
 fn footer(key_handler: &KeyHandler, width: usize, now: Nanos) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
     if let Some(question) = key_handler.question(now) {
-        lines.extend(flow(
-            [Span::styled(question.text.clone(), warning())],
-            width,
-        ));
+        lines.extend(flow([Span::styled(question.text.clone(), warning())], width));
         lines.extend(flow([key("y", "yes"), key("n", "no")].concat(), width));
     }
     if let Some(answer) = key_handler.answer(now) {
-        let style = if answer.good {
-            Style::new().fg(Color::Green)
-        } else {
-            alarm()
-        };
+        let style = if answer.good { Style::new().fg(Color::Green) } else { alarm() };
         lines.extend(flow([Span::styled(answer.text.clone(), style)], width));
     }
     lines.extend(keys(width));
@@ -232,10 +174,7 @@ fn footer(key_handler: &KeyHandler, width: usize, now: Nanos) -> Vec<Line<'stati
 }
 
 fn key(name: &str, meaning: &str) -> Vec<Span<'static>> {
-    vec![Span::styled(
-        format!("{name} {meaning}"),
-        Style::new().add_modifier(Modifier::REVERSED),
-    )]
+    vec![Span::styled(format!("{name} {meaning}"), Style::new().add_modifier(Modifier::REVERSED))]
 }
 
 fn keys(width: usize) -> Vec<Line<'static>> {
@@ -265,21 +204,16 @@ fn everything(
     key_handler: &KeyHandler,
     now: Nanos,
 ) {
-    let [left, right] = Layout::horizontal([
-        Constraint::Length(numbers::WIDTH as u16 + 3),
-        Constraint::Min(0),
-    ])
-    .areas(area);
+    let [left, right] =
+        Layout::horizontal([Constraint::Length(numbers::WIDTH as u16 + 3), Constraint::Min(0)])
+            .areas(area);
     let text = numbers::lines(dashboard, numbers::WIDTH, now);
     let [top, bottom] =
         Layout::vertical([Constraint::Length(lines_of(&text) + 1), Constraint::Min(0)]).areas(left);
     frame.render_widget(Paragraph::new(text), top);
     scrolled(
         frame,
-        Rect {
-            width: numbers::WIDTH as u16,
-            ..bottom
-        },
+        Rect { width: numbers::WIDTH as u16, ..bottom },
         events(dashboard, numbers::WIDTH, now),
         key_handler.scroll,
     );
@@ -306,34 +240,23 @@ fn one_view(
         Layout::vertical([Constraint::Length(lines_of(&tabs)), Constraint::Min(0)]).areas(area);
     frame.render_widget(Paragraph::new(tabs), top);
     match key_handler.panel {
-        Panel::Numbers => scrolled(
-            frame,
-            rest,
-            numbers::lines(dashboard, width.min(60), now),
-            key_handler.scroll,
-        ),
+        Panel::Numbers => {
+            scrolled(frame, rest, numbers::lines(dashboard, width.min(60), now), key_handler.scroll)
+        }
         Panel::Strips => draw_strips(frame, rest, dashboard, now),
-        Panel::Plane => with_legend(frame, rest, |frame, area| {
-            charts::plane(frame, area, dashboard, now)
-        }),
-        Panel::Loops => with_legend(frame, rest, |frame, area| {
-            draw_loops(frame, area, dashboard, now)
-        }),
-        Panel::Events => scrolled(
-            frame,
-            rest,
-            events(dashboard, width, now),
-            key_handler.scroll,
-        ),
+        Panel::Plane => {
+            with_legend(frame, rest, |frame, area| charts::plane(frame, area, dashboard, now))
+        }
+        Panel::Loops => {
+            with_legend(frame, rest, |frame, area| draw_loops(frame, area, dashboard, now))
+        }
+        Panel::Events => scrolled(frame, rest, events(dashboard, width, now), key_handler.scroll),
     }
 }
 
 fn tab(panel: Panel, chosen: Panel) -> Span<'static> {
-    let style = if panel == chosen {
-        Style::new().add_modifier(Modifier::REVERSED)
-    } else {
-        faint()
-    };
+    let style =
+        if panel == chosen { Style::new().add_modifier(Modifier::REVERSED) } else { faint() };
     Span::styled(panel.name(), style)
 }
 
@@ -350,11 +273,7 @@ fn draw_strips(frame: &mut Frame, area: Rect, dashboard: &Dashboard, now: Nanos)
 fn draw_loops(frame: &mut Frame, area: Rect, dashboard: &Dashboard, now: Nanos) {
     let motors = charts::motors(dashboard);
     let parts = vec![Constraint::Ratio(1, motors as u32); motors];
-    let layout = if area.width >= 56 {
-        Layout::horizontal(parts)
-    } else {
-        Layout::vertical(parts)
-    };
+    let layout = if area.width >= 56 { Layout::horizontal(parts) } else { Layout::vertical(parts) };
     for (motor, part) in layout.split(area).iter().enumerate() {
         charts::hysteresis(frame, *part, dashboard, motor, now);
     }
@@ -369,24 +288,15 @@ fn with_legend(frame: &mut Frame, area: Rect, plot: impl FnOnce(&mut Frame, Rect
 }
 
 fn events(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>> {
-    let mut lines = vec![Line::from(Span::styled(
-        "events seen since this started",
-        faint(),
-    ))];
+    let mut lines = vec![Line::from(Span::styled("events seen since this started", faint()))];
     for event in dashboard.event_log.newest() {
-        let count = if event.count > 1 {
-            format!(" ({} times)", event.count)
-        } else {
-            String::new()
-        };
+        let count =
+            if event.count > 1 { format!(" ({} times)", event.count) } else { String::new() };
         let age = format!("{:>4.0} s ago", now.since(event.stamp).as_seconds());
         lines.extend(flow(
             [
                 Span::styled(age, faint()),
-                Span::styled(
-                    format!("{}{count}", event.text),
-                    of_severity(event.severity),
-                ),
+                Span::styled(format!("{}{count}", event.text), of_severity(event.severity)),
             ],
             width,
         ));
@@ -403,19 +313,10 @@ fn scrolled(frame: &mut Frame, area: Rect, lines: Vec<Line<'static>>, scroll: us
     let room = height.saturating_sub(1);
     let first = scroll.min(lines.len() - room.min(lines.len()));
     let more = Line::from(Span::styled(
-        format!(
-            "↑↓ lines {} to {} of {}",
-            first + 1,
-            first + room,
-            lines.len()
-        ),
+        format!("↑↓ lines {} to {} of {}", first + 1, first + room, lines.len()),
         warning(),
     ));
-    let shown: Vec<Line> = lines
-        .into_iter()
-        .skip(first)
-        .take(room)
-        .chain(std::iter::once(more))
-        .collect();
+    let shown: Vec<Line> =
+        lines.into_iter().skip(first).take(room).chain(std::iter::once(more)).collect();
     frame.render_widget(Paragraph::new(shown), area);
 }

@@ -14,10 +14,7 @@ pub const HULL: Color = Color::DarkGray;
 
 /// Something that is not as it should be.
 pub fn alarm() -> Style {
-    Style::new()
-        .fg(Color::White)
-        .bg(Color::Red)
-        .add_modifier(Modifier::BOLD)
+    Style::new().fg(Color::White).bg(Color::Red).add_modifier(Modifier::BOLD)
 }
 
 /// Something to be looked at.
@@ -82,10 +79,7 @@ pub fn wrap(text: &str, width: usize) -> Vec<String> {
 
 fn chunks(word: &str, width: usize) -> Vec<String> {
     let characters: Vec<char> = word.chars().collect();
-    characters
-        .chunks(width.max(1))
-        .map(|chunk| chunk.iter().collect())
-        .collect()
+    characters.chunks(width.max(1)).map(|chunk| chunk.iter().collect()).collect()
 }
 
 #[cfg(test)]

@@ -21,10 +21,6 @@ impl Since {
                 .and_then(|(_, value)| value.parse().ok())
                 .unwrap_or(0)
         };
-        Self {
-            run: value("run"),
-            sample: value("sample"),
-            frame: value("frame"),
-        }
+        Self { run: value("run"), sample: value("sample"), frame: value("frame") }
     }
 }

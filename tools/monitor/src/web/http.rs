@@ -77,20 +77,12 @@ pub struct Response {
 impl Response {
     /// The answer that was asked for.
     pub fn good(kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
-        Self {
-            status: 200,
-            kind,
-            body: body.into(),
-        }
+        Self { status: 200, kind, body: body.into() }
     }
 
     /// A refusal with a sentence.
     pub fn refusal(status: u16, text: &str) -> Self {
-        Self {
-            status,
-            kind: "text/plain; charset=utf-8",
-            body: format!("{text}\n").into_bytes(),
-        }
+        Self { status, kind: "text/plain; charset=utf-8", body: format!("{text}\n").into_bytes() }
     }
 
     /// What goes over the wire. The page may load nothing from elsewhere, be framed by nobody, and
@@ -105,11 +97,7 @@ impl Response {
             431 => "Request Header Fields Too Large",
             _ => "Service Unavailable",
         };
-        let allow = if self.status == 405 {
-            "Allow: GET\r\n"
-        } else {
-            ""
-        };
+        let allow = if self.status == 405 { "Allow: GET\r\n" } else { "" };
         let head = format!(
             "HTTP/1.1 {} {reason}\r\nContent-Type: {}\r\nContent-Length: {}\r\n{allow}Connection: \
              {}\r\n\
@@ -147,16 +135,9 @@ mod tests {
     fn a_head_is_read_whole_or_waited_for() {
         let text = "GET /live?after=3 HTTP/1.1\r\nHost: localhost:8765\r\nAccept: */*\r\n\r\n";
         let request = whole(text);
+        assert_eq!((request.method.as_str(), request.target.as_str()), ("GET", "/live?after=3"));
         assert_eq!(
-            (request.method.as_str(), request.target.as_str()),
-            ("GET", "/live?after=3")
-        );
-        assert_eq!(
-            (
-                request.host.as_deref(),
-                request.keep_alive,
-                request.has_body
-            ),
+            (request.host.as_deref(), request.keep_alive, request.has_body),
             (Some("localhost:8765"), true, false)
         );
         assert!((0..text.len()).all(|end| parse(&text.as_bytes()[..end]) == Head::Partial));
@@ -182,10 +163,7 @@ mod tests {
     fn an_answer_says_how_long_it_is_and_what_the_page_may_do() {
         let bytes = Response::good("text/plain", "abc").bytes(true);
         let text = String::from_utf8(bytes).unwrap();
-        assert!(
-            text.starts_with("HTTP/1.1 200 OK\r\n") && text.ends_with("\r\n\r\nabc"),
-            "{text}"
-        );
+        assert!(text.starts_with("HTTP/1.1 200 OK\r\n") && text.ends_with("\r\n\r\nabc"), "{text}");
         for part in [
             "Content-Length: 3\r\n",
             "default-src 'none'",

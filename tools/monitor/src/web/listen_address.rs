@@ -25,9 +25,8 @@ impl FromStr for ListenAddress {
     /// access.
     fn from_str(text: &str) -> Result<Self, InvalidAddress> {
         let loopback = IpAddr::V4(Ipv4Addr::LOCALHOST);
-        let local = text
-            .strip_prefix("localhost")
-            .map(|rest| rest.strip_prefix(':').unwrap_or(rest));
+        let local =
+            text.strip_prefix("localhost").map(|rest| rest.strip_prefix(':').unwrap_or(rest));
         let text_or_port = local.filter(|port| !port.is_empty()).unwrap_or(text);
         if local == Some("") {
             return Ok(Self(SocketAddr::new(loopback, DEFAULT_PORT)));
@@ -39,9 +38,7 @@ impl FromStr for ListenAddress {
             return Ok(Self(address));
         }
         let bare = text.trim_start_matches('[').trim_end_matches(']');
-        let address = bare
-            .parse::<IpAddr>()
-            .map_err(|_| InvalidAddress(text.to_owned()))?;
+        let address = bare.parse::<IpAddr>().map_err(|_| InvalidAddress(text.to_owned()))?;
         Ok(Self(SocketAddr::new(address, DEFAULT_PORT)))
     }
 }
@@ -62,11 +59,7 @@ mod tests {
             ("::1", "[::1]:8765"),
             ("[::1]:9", "[::1]:9"),
         ] {
-            assert_eq!(
-                text.parse::<ListenAddress>().unwrap().0.to_string(),
-                wanted,
-                "{text}"
-            );
+            assert_eq!(text.parse::<ListenAddress>().unwrap().0.to_string(), wanted, "{text}");
         }
         for text in ["", "example.org", "1.2.3", "70000", "localhost:x", "-1"] {
             let error = text.parse::<ListenAddress>().unwrap_err().to_string();

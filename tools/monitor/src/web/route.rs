@@ -46,10 +46,7 @@ pub fn answer(request: &Request, local: bool, live: impl FnOnce(&Since) -> Strin
     if local && !request.host.as_deref().is_some_and(is_local) {
         return Response::refusal(403, "open this page by its address, 127.0.0.1 or localhost");
     }
-    let (path, query) = request
-        .target
-        .split_once('?')
-        .unwrap_or((request.target.as_str(), ""));
+    let (path, query) = request.target.split_once('?').unwrap_or((request.target.as_str(), ""));
     match (path, file(path)) {
         ("/live", _) => Response::good("application/json", live(&Since::parse(query))),
         (_, Some((kind, text))) => Response::good(kind, text),
@@ -65,9 +62,7 @@ fn is_local(host: &str) -> bool {
     };
     let bare = name.trim_start_matches('[').trim_end_matches(']');
     name.eq_ignore_ascii_case("localhost")
-        || bare
-            .parse::<IpAddr>()
-            .is_ok_and(|address| address.is_loopback())
+        || bare.parse::<IpAddr>().is_ok_and(|address| address.is_loopback())
 }
 
 #[cfg(test)]
@@ -87,20 +82,11 @@ mod tests {
 
     #[test]
     fn only_get_is_answered() {
-        for method in [
-            "POST", "PUT", "DELETE", "PATCH", "OPTIONS", "HEAD", "get", "CONNECT",
-        ] {
-            assert_eq!(
-                ask(method, "/", Some("localhost"), true).status,
-                405,
-                "{method}"
-            );
+        for method in ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "HEAD", "get", "CONNECT"] {
+            assert_eq!(ask(method, "/", Some("localhost"), true).status, 405, "{method}");
         }
         assert_eq!(ask("GET", "/", Some("localhost"), true).status, 200);
-        let request = Request {
-            has_body: true,
-            ..request("/")
-        };
+        let request = Request { has_body: true, ..request("/") };
         assert_eq!(answer(&request, true, |_| String::new()).status, 400);
     }
 
@@ -116,13 +102,7 @@ mod tests {
 
     #[test]
     fn names_that_only_lead_here_are_refused() {
-        for host in [
-            "localhost",
-            "LOCALHOST:8765",
-            "127.0.0.1:8765",
-            "[::1]:8765",
-            "127.0.0.9",
-        ] {
+        for host in ["localhost", "LOCALHOST:8765", "127.0.0.1:8765", "[::1]:8765", "127.0.0.9"] {
             assert_eq!(ask("GET", "/live", Some(host), true).status, 200, "{host}");
         }
         for host in [
@@ -158,13 +138,7 @@ mod tests {
                 "{name}"
             );
         }
-        assert!(
-            !page.contains("http://") && !page.contains("https://"),
-            "nothing from elsewhere"
-        );
-        assert_eq!(
-            ask("GET", "/../etc/passwd", Some("localhost"), true).status,
-            404
-        );
+        assert!(!page.contains("http://") && !page.contains("https://"), "nothing from elsewhere");
+        assert_eq!(ask("GET", "/../etc/passwd", Some("localhost"), true).status, 404);
     }
 }

@@ -55,13 +55,11 @@ fn accept(listener: &TcpListener, source: &Arc<Source>, local: bool) {
         };
         let source = Arc::clone(source);
         // Without a thread the connection is closed.
-        let _ = thread::Builder::new()
-            .name("web page".to_owned())
-            .spawn(move || {
-                let _slot = slot;
-                // A browser that went away is not worth a word.
-                drop(serve(stream, &source, local));
-            });
+        let _ = thread::Builder::new().name("web page".to_owned()).spawn(move || {
+            let _slot = slot;
+            // A browser that went away is not worth a word.
+            drop(serve(stream, &source, local));
+        });
     }
 }
 
@@ -102,10 +100,9 @@ fn serve(mut stream: TcpStream, source: &Source, local: bool) -> io::Result<()> 
                 let keep_alive = request.keep_alive && response.status == 200;
                 (response, keep_alive)
             }
-            Some(Head::Partial) => (
-                Response::refusal(431, "the head of this request is too long"),
-                false,
-            ),
+            Some(Head::Partial) => {
+                (Response::refusal(431, "the head of this request is too long"), false)
+            }
             Some(Head::Bad) => (Response::refusal(400, "this is not HTTP/1.1"), false),
             None => return Ok(()),
         };
@@ -136,9 +133,7 @@ fn read_head(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> io::Result<Option<H
             Head::Partial if bytes.len() < LONGEST_HEAD => {}
             head => return Ok(Some(head)),
         }
-        let left = begun.map_or(Some(IDLE), |begun: Instant| {
-            HEAD.checked_sub(begun.elapsed())
-        });
+        let left = begun.map_or(Some(IDLE), |begun: Instant| HEAD.checked_sub(begun.elapsed()));
         let Some(left) = left.filter(|left| !left.is_zero()) else {
             return Ok(None);
         };

@@ -100,9 +100,7 @@ fn snake(view: &LatestMessages, now: Nanos) -> Value {
         shape_mm(pitch, yaw).map(|at| at.map(short))
     };
     let joints = |joint: Option<&JointState>| angles(joint.filter(|it| it.age(now) <= STALE));
-    let is_seen = view
-        .camera
-        .is_some_and(|camera| camera.age(now) <= CAMERA_STALE);
+    let is_seen = view.camera.is_some_and(|camera| camera.age(now) <= CAMERA_STALE);
     json!({
         "estimate": joints(view.measured.as_ref()).map(shape),
         "goal": joints(view.goal.as_ref()).map(shape),
@@ -168,15 +166,9 @@ fn actuators(view: &LatestMessages, motors: &ActuatorState, now: Nanos) -> Value
             .get(motor)
             .map(|stamp| Nanos(*stamp))
             .filter(|stamp| *stamp != Nanos::ZERO);
-        let phase = motors
-            .phase
-            .get(motor)
-            .copied()
-            .map_or("unknown", phase_text);
+        let phase = motors.phase.get(motor).copied().map_or("unknown", phase_text);
         let error = motors.error_code.get(motor).filter(|code| **code != 0);
-        let rate = view
-            .exchange_rates
-            .and_then(|rates| rates.get(motor).copied());
+        let rate = view.exchange_rates.and_then(|rates| rates.get(motor).copied());
         json!({
             "setpoint_counts": value(&motors.setpoint_counts),
             "measured_counts": value(&motors.measured_counts),
@@ -262,46 +254,19 @@ fn events(dashboard: &Dashboard, now: Nanos, is_alarm: bool) -> impl Iterator<It
 /// currents. `null`: a gap.
 fn sample_row(sample: &Sample, origin: Nanos) -> Value {
     let pair = |pair: Pair| pair.map_or([None, None], |pair| pair.map(|value| Some(short(value))));
-    let Sample {
-        goal,
-        setpoint,
-        estimate,
-        deviation,
-        setpoint_counts,
-        counts,
-        current,
-        ..
-    } = *sample;
-    let pairs = [
-        goal,
-        setpoint,
-        estimate,
-        deviation,
-        setpoint_counts,
-        counts,
-        current,
-    ];
+    let Sample { goal, setpoint, estimate, deviation, setpoint_counts, counts, current, .. } =
+        *sample;
+    let pairs = [goal, setpoint, estimate, deviation, setpoint_counts, counts, current];
     let values = pairs.into_iter().flat_map(pair);
-    std::iter::once(Some(seconds(sample.stamp, origin)))
-        .chain(values)
-        .collect::<Vec<_>>()
-        .into()
+    std::iter::once(Some(seconds(sample.stamp, origin))).chain(values).collect::<Vec<_>>().into()
 }
 
 /// Time, pitch, yaw, counts of both motors.
 fn frame_row(frame: &CameraFrame, origin: Nanos) -> Value {
     let [pitch, yaw] = frame.angles.map(|value| Some(short(value)));
-    let [first, second] = frame.counts.map_or([None, None], |counts| {
-        counts.map(|value| Some(short(value)))
-    });
-    vec![
-        Some(seconds(frame.stamp, origin)),
-        pitch,
-        yaw,
-        first,
-        second,
-    ]
-    .into()
+    let [first, second] =
+        frame.counts.map_or([None, None], |counts| counts.map(|value| Some(short(value))));
+    vec![Some(seconds(frame.stamp, origin)), pitch, yaw, first, second].into()
 }
 
 /// Three digits are a thousandth of a degree: more is noise, and bytes.
@@ -347,10 +312,7 @@ mod tests {
             goal: Some(JointState { flags: 0, ..joint }),
             ..LatestMessages::default()
         };
-        let mut dashboard = Dashboard {
-            view,
-            ..Dashboard::default()
-        };
+        let mut dashboard = Dashboard { view, ..Dashboard::default() };
         dashboard.history.sample(&dashboard.view, NOW);
         dashboard
     }
@@ -382,17 +344,8 @@ mod tests {
             (&row[0], &row[1], &row[5], &row[11]),
             (&json!(0.0), &Value::Null, &json!(5.73), &Value::Null)
         );
-        let nothing = snapshot(
-            &dashboard(),
-            "test",
-            7,
-            NOW,
-            &Since {
-                sample: 1,
-                ..Since::default()
-            },
-            NOW,
-        );
+        let nothing =
+            snapshot(&dashboard(), "test", 7, NOW, &Since { sample: 1, ..Since::default() }, NOW);
         assert_eq!(nothing["samples"], json!([]));
     }
 }

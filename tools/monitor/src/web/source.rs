@@ -20,41 +20,23 @@ pub struct Source {
 
 impl Source {
     pub fn new(domain: &str, origin: Nanos) -> Self {
-        Self {
-            dashboard: Mutex::default(),
-            domain: domain.to_owned(),
-            origin,
-        }
+        Self { dashboard: Mutex::default(), domain: domain.to_owned(), origin }
     }
 
     /// The dashboard, to be filled. Held for microseconds, on either side.
     pub fn dashboard(&self) -> MutexGuard<'_, Dashboard> {
-        self.dashboard
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
+        self.dashboard.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Everything that is new, as JSON.
     pub fn live(&self, since: &Since) -> String {
         // Milliseconds: a browser cannot count to the nanoseconds of an uptime.
         let run = self.origin.0 / 1_000_000;
-        let since = if since.run == run {
-            since.clone()
-        } else {
-            Since::default()
-        };
+        let since = if since.run == run { since.clone() } else { Since::default() };
         // Copied, so that the thread that fills the dashboard never waits for text to be made,
         // however many browsers ask.
         let dashboard = self.dashboard().clone();
-        snapshot(
-            &dashboard,
-            &self.domain,
-            run,
-            self.origin,
-            &since,
-            clock::now(),
-        )
-        .to_string()
+        snapshot(&dashboard, &self.domain, run, self.origin, &since, clock::now()).to_string()
     }
 }
 
@@ -64,14 +46,7 @@ mod tests {
 
     #[test]
     fn queries_are_read_and_nonsense_is_nothing() {
-        assert_eq!(
-            Since::parse("run=5&sample=7&frame=2"),
-            Since {
-                run: 5,
-                sample: 7,
-                frame: 2
-            }
-        );
+        assert_eq!(Since::parse("run=5&sample=7&frame=2"), Since { run: 5, sample: 7, frame: 2 });
         assert_eq!(Since::parse("sample=-1&run=x&&="), Since::default());
     }
 
@@ -86,10 +61,7 @@ mod tests {
         let samples = |query: &str| {
             let value: serde_json::Value =
                 serde_json::from_str(&source.live(&Since::parse(query))).unwrap();
-            (
-                value["samples"].as_array().unwrap().len(),
-                value["next_sample"].as_u64().unwrap(),
-            )
+            (value["samples"].as_array().unwrap().len(), value["next_sample"].as_u64().unwrap())
         };
         assert_eq!(samples("run=9000&sample=7"), (3, 10));
         assert_eq!(samples("run=8000&sample=7"), (10, 10));

@@ -19,23 +19,14 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
     let mut served = Served::start(&robot.domain);
     let url = format!("http://{}/", served.address);
     let mut page = Browser::open(&chromium, &url, [1920, 1080]);
-    page.wait(
-        "the state",
-        "document.getElementById('badge')?.textContent === 'ENABLED'",
-    );
-    page.wait(
-        "motion",
-        &format!("window.first ??= {PITCH}, window.first !== {PITCH}"),
-    );
+    page.wait("the state", "document.getElementById('badge')?.textContent === 'ENABLED'");
+    page.wait("motion", &format!("window.first ??= {PITCH}, window.first !== {PITCH}"));
     page.wait(
         "a camera",
         "/[0-9]/.test(document.querySelector('#joints td.camera, #joints td.parted').textContent)",
     );
     page.wait("the hull", "live.hull.length > 20");
-    page.wait(
-        "frames beside counts",
-        "recent.frames.some((row) => row[3] !== null)",
-    );
+    page.wait("frames beside counts", "recent.frames.some((row) => row[3] !== null)");
     page.wait(
         "rates",
         "/^[1-9]/.test(document.querySelectorAll('#motors tr')[1].children[4].textContent)",
@@ -66,15 +57,9 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
         "a banner",
         "document.getElementById('banner').textContent.startsWith('STALE: the controller')",
     );
-    page.wait(
-        "a mark",
-        "document.body.innerText.includes('estimate STALE')",
-    );
+    page.wait("a mark", "document.body.innerText.includes('estimate STALE')");
     robot.thaw();
-    page.wait(
-        "fresh again",
-        "!document.getElementById('badge').textContent.startsWith('STALE')",
-    );
+    page.wait("fresh again", "!document.getElementById('badge').textContent.startsWith('STALE')");
     robot.end_controller();
     page.wait(
         "absence",
@@ -86,17 +71,11 @@ fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
     );
     assert_eq!(refused, json!(405));
     // The browser itself reports the refusal that was just requested, and of nothing else.
-    let complaints: Vec<_> = page
-        .complaints()
-        .into_iter()
-        .filter(|text| !text.contains("405"))
-        .collect();
+    let complaints: Vec<_> =
+        page.complaints().into_iter().filter(|text| !text.contains("405")).collect();
     assert!(complaints.is_empty(), "{complaints:#?}");
-    let strange: Vec<_> = page
-        .asked_for()
-        .into_iter()
-        .filter(|address| !address.starts_with(&url))
-        .collect();
+    let strange: Vec<_> =
+        page.asked_for().into_iter().filter(|address| !address.starts_with(&url)).collect();
     assert!(strange.is_empty(), "{strange:?}");
     assert!(page.asked_for().len() > 10);
 

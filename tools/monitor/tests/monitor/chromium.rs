@@ -32,18 +32,9 @@ pub struct Browser {
 /// Where Chromium is, if it is installed.
 pub fn find() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
-    let names = [
-        "chromium",
-        "chromium-browser",
-        "google-chrome",
-        "google-chrome-stable",
-    ];
+    let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
     let places = || std::env::split_paths(&path);
-    names.iter().find_map(|name| {
-        places()
-            .map(|place| place.join(name))
-            .find(|file| file.is_file())
-    })
+    names.iter().find_map(|name| places().map(|place| place.join(name)).find(|file| file.is_file()))
 }
 
 impl Browser {
@@ -87,22 +78,13 @@ impl Browser {
             }
         });
         let (pipe, session) = (File::from(our_out), Value::Null);
-        let mut browser = Self {
-            child,
-            pipe,
-            messages,
-            session,
-            next: 0,
-            events: Vec::new(),
-            _profile: profile,
-        };
+        let mut browser =
+            Self { child, pipe, messages, session, next: 0, events: Vec::new(), _profile: profile };
         let target =
             browser.call("Target.createTarget", json!({ "url": "about:blank" }))["targetId"]
                 .clone();
-        let attached = browser.call(
-            "Target.attachToTarget",
-            json!({ "targetId": target, "flatten": true }),
-        );
+        let attached =
+            browser.call("Target.attachToTarget", json!({ "targetId": target, "flatten": true }));
         browser.session = attached["sessionId"].clone();
         for domain in ["Page", "Runtime", "Network", "Log"] {
             browser.call(&format!("{domain}.enable"), json!({}));
@@ -159,10 +141,7 @@ impl Browser {
         let end = Instant::now() + TIMEOUT;
         while self.evaluate(script) != json!(true) {
             if Instant::now() > end {
-                panic!(
-                    "waited in vain: {what}\n{}",
-                    self.evaluate("document.body.innerText")
-                );
+                panic!("waited in vain: {what}\n{}", self.evaluate("document.body.innerText"));
             }
             thread::sleep(Duration::from_millis(50));
         }
@@ -197,12 +176,7 @@ impl Browser {
             .iter()
             .filter(|event| event["method"] == json!("Network.requestWillBeSent"));
         asked
-            .map(|event| {
-                event["params"]["request"]["url"]
-                    .as_str()
-                    .unwrap_or_default()
-                    .to_owned()
-            })
+            .map(|event| event["params"]["request"]["url"].as_str().unwrap_or_default().to_owned())
             .collect()
     }
 
@@ -216,11 +190,7 @@ impl Browser {
                 .contains(&event["params"]["entry"]["level"].as_str().unwrap_or("")),
             _ => false,
         };
-        self.events
-            .iter()
-            .filter(bad)
-            .map(ToString::to_string)
-            .collect()
+        self.events.iter().filter(bad).map(ToString::to_string).collect()
     }
 }
 

@@ -43,11 +43,7 @@ fn themes() -> [(&'static str, Colours); 2] {
 /// Relative luminance (WCAG 2.2, definitions).
 fn luminance(rgb: [f64; 3]) -> f64 {
     let linear = rgb.map(|channel| {
-        if channel <= 0.04045 {
-            channel / 12.92
-        } else {
-            ((channel + 0.055) / 1.055).powf(2.4)
-        }
+        if channel <= 0.04045 { channel / 12.92 } else { ((channel + 0.055) / 1.055).powf(2.4) }
     });
     0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 }
@@ -71,9 +67,7 @@ fn every_text_and_every_curve_has_enough_contrast_in_both_themes() {
     let mut check = |theme: &str, colours: &Colours, front: &str, back: &str, least: f64| {
         let ratio = contrast(colours[front], colours[back]);
         if ratio < least {
-            weak.push(format!(
-                "{theme}: {front} on {back} {ratio:.2}, at least {least}"
-            ));
+            weak.push(format!("{theme}: {front} on {back} {ratio:.2}, at least {least}"));
         }
     };
     for (theme, colours) in &themes() {
@@ -103,10 +97,7 @@ fn no_colour_stands_outside_of_the_tested_list() {
     for page in pages {
         let literal = page.split('#').skip(1).find(|rest| {
             let digits = rest.chars().take_while(char::is_ascii_hexdigit).count();
-            let ends = rest
-                .chars()
-                .nth(digits)
-                .is_none_or(|c| !c.is_alphanumeric() && c != '-');
+            let ends = rest.chars().nth(digits).is_none_or(|c| !c.is_alphanumeric() && c != '-');
             matches!(digits, 3 | 6 | 8) && ends
         });
         assert_eq!(literal.map(|it| &it[..it.len().min(20)]), None);

@@ -25,25 +25,19 @@ impl Served {
     pub fn with(domain: &Domain, arguments: &[&str]) -> Self {
         let mut program = Program::start(domain, arguments);
         let mut line = String::new();
-        BufReader::new(program.child().stdout.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
+        BufReader::new(program.child().stdout.take().unwrap()).read_line(&mut line).unwrap();
         let address = line
             .split("http://")
             .nth(1)
             .and_then(|rest| rest.split('/').next())
             .unwrap_or_default();
-        let address = address
-            .parse()
-            .unwrap_or_else(|_| panic!("no address in {line:?}"));
+        let address = address.parse().unwrap_or_else(|_| panic!("no address in {line:?}"));
         Self { program, address }
     }
 
     pub fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(("127.0.0.1", self.address.port())).unwrap();
-        stream
-            .set_read_timeout(Some(Duration::from_secs(20)))
-            .unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
         stream
     }
 
@@ -74,13 +68,9 @@ impl Served {
             )
             .as_bytes(),
         );
-        let (head, body) = answer
-            .split_once("\r\n\r\n")
-            .unwrap_or_else(|| panic!("no answer: {answer:?}"));
-        (
-            head.split(' ').nth(1).unwrap().parse().unwrap(),
-            body.to_owned(),
-        )
+        let (head, body) =
+            answer.split_once("\r\n\r\n").unwrap_or_else(|| panic!("no answer: {answer:?}"));
+        (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
     }
 
     /// What a page receives.
@@ -98,10 +88,7 @@ impl Served {
             if wanted(&live) {
                 return live;
             }
-            assert!(
-                std::time::Instant::now() < end,
-                "waited in vain: {what}\n{live:#}"
-            );
+            assert!(std::time::Instant::now() < end, "waited in vain: {what}\n{live:#}");
             std::thread::sleep(Duration::from_millis(50));
         }
     }

@@ -14,10 +14,7 @@ use i2ris_testing::Controller;
 const WHY: &str = "document.getElementById('why')?.innerText";
 
 fn reason(cause: Cause, excess: Excess) -> Reason {
-    Reason {
-        cause,
-        excess: Some(excess),
-    }
+    Reason { cause, excess: Some(excess) }
 }
 
 #[test]
@@ -38,10 +35,9 @@ fn both_pages_say_at_once_why_the_robot_does_not_follow() {
     }
     let step = Excess::new(Quantity::Degrees, 9.25, Some(2.0));
     let clip = Excess::new(Quantity::Degrees, 1.5, None);
-    for reason in [
-        reason(Cause::Refusal(Refusal::Step), step),
-        reason(Cause::Clip(Clip::Reach), clip),
-    ] {
+    for reason in
+        [reason(Cause::Refusal(Refusal::Step), step), reason(Cause::Clip(Clip::Reach), clip)]
+    {
         let expected = format!("{WHY} === {}", json!(reason.to_string()));
         for page in &mut pages {
             // News for a few seconds only: sent again for every page.
@@ -71,14 +67,8 @@ fn both_pages_say_at_once_why_the_robot_does_not_follow() {
         "the fault in its own list",
         "document.getElementById('alarms').innerText.includes('fault 3: ')",
     );
-    page.wait(
-        "one line of noise",
-        "document.querySelectorAll('#events .warning').length <= 3",
-    );
-    operator.wait(
-        "the state",
-        "document.getElementById('badge').textContent === 'FAULT'",
-    );
+    page.wait("one line of noise", "document.querySelectorAll('#events .warning').length <= 3");
+    operator.wait("the state", "document.getElementById('badge').textContent === 'FAULT'");
 }
 
 #[test]
@@ -96,10 +86,7 @@ fn the_commander_has_a_name_and_a_camera_that_parts_is_alarmed() {
     let mut page = Browser::open(&chromium, &url, [1280, 800]);
     page.wait("the page", "document.getElementById('lease') !== null");
     let name = std::env::current_exe().unwrap();
-    let name: String = { name.file_name().unwrap().to_str().unwrap() }
-        .chars()
-        .take(10)
-        .collect();
+    let name: String = { name.file_name().unwrap().to_str().unwrap() }.chars().take(10).collect();
     let named = json!(format!("commander: {name}"));
     let (pid, mut is_named, mut is_parted) = (std::process::id(), false, false);
     for _ in 0..600 {
@@ -123,10 +110,7 @@ fn the_commander_has_a_name_and_a_camera_that_parts_is_alarmed() {
         }
     }
     let text = page.evaluate("document.body.innerText");
-    assert!(
-        is_named && is_parted,
-        "named {is_named}, parted {is_parted}: {text}"
-    );
+    assert!(is_named && is_parted, "named {is_named}, parted {is_parted}: {text}");
 }
 
 #[test]
@@ -189,10 +173,7 @@ fn every_width_and_both_themes_hold_everything_and_the_keyboard_reaches_it() {
     for name in ["", "operator"] {
         let url = format!("http://{}/{name}", served.address);
         let mut page = Browser::open(&chromium, &url, [1920, 1080]);
-        page.wait(
-            "the state",
-            "document.getElementById('badge')?.textContent === 'ENABLED'",
-        );
+        page.wait("the state", "document.getElementById('badge')?.textContent === 'ENABLED'");
         for width in [360, 480, 800, 1280, 1920] {
             page.resize([width, 900]);
             page.wait(
@@ -215,10 +196,7 @@ fn every_width_and_both_themes_hold_everything_and_the_keyboard_reaches_it() {
             reached.push(id.as_str().unwrap_or_default().to_owned());
         }
         for wanted in ["other", "theme"] {
-            assert!(
-                reached.iter().any(|id| id == wanted),
-                "{wanted}: {reached:?}"
-            );
+            assert!(reached.iter().any(|id| id == wanted), "{wanted}: {reached:?}");
         }
         // Noted and not followed: a page that changes cannot be asked.
         page.evaluate(

@@ -62,10 +62,7 @@ impl Process {
     }
 
     fn signal(&self, signal: Signal) {
-        let _ = kill(
-            nix::unistd::Pid::from_raw(i32::try_from(self.0.id()).unwrap()),
-            signal,
-        );
+        let _ = kill(nix::unistd::Pid::from_raw(i32::try_from(self.0.id()).unwrap()), signal);
     }
 }
 
@@ -99,11 +96,8 @@ impl Robot {
         let folder = tempfile::tempdir().unwrap();
         let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
         let config = write_config(folder.path(), &domain);
-        let emulator = Process::start(tool(
-            &domain,
-            &["emulate", "--ports"],
-            &[&folder.path().join("ports")],
-        ));
+        let emulator =
+            Process::start(tool(&domain, &["emulate", "--ports"], &[&folder.path().join("ports")]));
         let end = Instant::now() + Duration::from_secs(60);
         while !folder.path().join("ports/axis1").exists() {
             assert!(Instant::now() < end, "the emulator does not start");
@@ -115,24 +109,10 @@ impl Robot {
             .env(CONFIG, &config);
         let controller = Process::start(command);
         bring_up(&domain);
-        let circle = [
-            "command",
-            "circle",
-            "--radius-deg",
-            "5",
-            "--period-s",
-            "4",
-            "--duration-s",
-            "600",
-        ];
+        let circle =
+            ["command", "circle", "--radius-deg", "5", "--period-s", "4", "--duration-s", "600"];
         let commander = Some(Process::start(tool(&domain, &circle, &[])));
-        Self {
-            domain,
-            commander,
-            controller,
-            _emulator: emulator,
-            _folder: folder,
-        }
+        Self { domain, commander, controller, _emulator: emulator, _folder: folder }
     }
 
     /// The controller stops and holds everything it has, as one that hangs.
@@ -177,13 +157,8 @@ fn tool(domain: &Domain, arguments: &[&str], more: &[&Path]) -> Command {
 
 fn write_config(folder: &Path, domain: &Domain) -> PathBuf {
     let (file, model) = (folder.join("robot.toml"), folder.join("model.json"));
-    std::fs::write(
-        &model,
-        MODEL
-            .replace("METRICS", METRICS)
-            .replace("SHA", &"0".repeat(64)),
-    )
-    .unwrap();
+    std::fs::write(&model, MODEL.replace("METRICS", METRICS).replace("SHA", &"0".repeat(64)))
+        .unwrap();
     let files = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
     let mut config = Config::load(&files).unwrap();
     config.ipc.domain = domain.name().to_owned();

@@ -32,18 +32,11 @@ fn domain() -> Domain {
 fn forty_columns_hold_every_number_and_every_key() {
     let controller = Controller::enabled();
     let mut terminal = Terminal::start(&controller.domain, &["monitor"], 40, 40);
-    let text = terminal.wait("everything", |text| {
-        text.contains("SCHEDULING") && text.contains("previous none")
-    });
-    for part in [
-        "ENABLED",
-        "homed",
-        "memory unknown",
-        "no commander",
-        "accepted 0",
-        "refused 0",
-        "deg",
-    ] {
+    let text = terminal
+        .wait("everything", |text| text.contains("SCHEDULING") && text.contains("previous none"));
+    for part in
+        ["ENABLED", "homed", "memory unknown", "no commander", "accepted 0", "refused 0", "deg"]
+    {
         assert!(text.contains(part), "{part}\n{text}");
     }
     for part in [
@@ -67,10 +60,7 @@ fn forty_columns_hold_every_number_and_every_key() {
     ] {
         terminal.type_keys(key);
         let text = terminal.wait_for(shown);
-        assert!(
-            text.contains("ENABLED"),
-            "the state is on every view\n{text}"
-        );
+        assert!(text.contains("ENABLED"), "the state is on every view\n{text}");
     }
 }
 
@@ -78,9 +68,8 @@ fn forty_columns_hold_every_number_and_every_key() {
 fn a_screen_that_is_too_small_says_what_is_missing_and_one_that_is_large_shows_everything() {
     let controller = Controller::enabled();
     let mut terminal = Terminal::start(&controller.domain, &["monitor"], 16, 40);
-    let first = terminal.wait("a hint", |text| {
-        text.contains("lines 1 to") && text.contains("ENABLED")
-    });
+    let first =
+        terminal.wait("a hint", |text| text.contains("lines 1 to") && text.contains("ENABLED"));
     assert!(!first.contains("SCHEDULING"), "{first}");
     terminal.type_keys("\u{1b}[B\u{1b}[B\u{1b}[B");
     terminal.wait_for("lines 4 to");
@@ -159,10 +148,7 @@ fn a_model_is_changed_only_after_a_confirmation() {
     terminal.wait_for("Roll back to linear 01010101?");
     terminal.type_keys("y");
     terminal.wait_for("roll back: model 01010101 takes over");
-    assert_eq!(
-        controller.robot().asked_of_models,
-        [ModelAction::Activate, ModelAction::Rollback]
-    );
+    assert_eq!(controller.robot().asked_of_models, [ModelAction::Activate, ModelAction::Rollback]);
 }
 
 #[test]
@@ -179,10 +165,7 @@ fn the_terminal_is_put_back_by_q_and_by_signals() {
         assert!(terminal.end().success(), "{end:?}");
         terminal.assert_restored();
     }
-    assert!(
-        controller.robot().asked.is_empty(),
-        "looking asks for nothing"
-    );
+    assert!(controller.robot().asked.is_empty(), "looking asks for nothing");
 }
 
 #[test]
@@ -208,18 +191,12 @@ fn a_controller_that_is_absent_or_of_another_version_is_said_before_anything_is_
     let domain = domain();
     let server = Server::create(DomainLock::acquire(&domain).unwrap()).unwrap();
     let other = 99;
-    fs::write(
-        domain.directory().join("ready"),
-        format!("{:016x} {other} 1", server.boot_id()),
-    )
-    .unwrap();
+    fs::write(domain.directory().join("ready"), format!("{:016x} {other} 1", server.boot_id()))
+        .unwrap();
     let mut terminal = Terminal::start(&domain, &["monitor"], 24, 80);
     assert_eq!(terminal.end().code(), Some(3));
     let text = terminal.screen.screen().contents();
-    assert!(
-        text.contains(&format!("interface version {other}")),
-        "{text}"
-    );
+    assert!(text.contains(&format!("interface version {other}")), "{text}");
 }
 
 #[test]
@@ -229,13 +206,9 @@ fn a_controller_that_goes_leaves_old_numbers_that_say_how_old_they_are() {
     let mut terminal = Terminal::start(&domain, &["monitor"], 45, 60);
     terminal.wait_for("+1.00");
     drop(controller);
-    let text = terminal.wait("staleness", |text| {
-        text.contains("was ENABLED") && text.contains("estimate STALE")
-    });
-    assert!(
-        text.contains("no controller serves domain") && text.contains("motor"),
-        "{text}"
-    );
+    let text = terminal
+        .wait("staleness", |text| text.contains("was ENABLED") && text.contains("estimate STALE"));
+    assert!(text.contains("no controller serves domain") && text.contains("motor"), "{text}");
     terminal.type_keys(" ");
     terminal.wait_for("pause NOT DONE: no controller serves domain");
     terminal.type_keys("q");
@@ -247,11 +220,7 @@ fn the_line_with_process_and_model_follows_the_controller() {
     let controller = Controller::enabled();
     let mut terminal = Terminal::start(&controller.domain, &["monitor"], 50, 140);
     let process = format!("process {}, model", std::process::id());
-    terminal.wait("the first model", |text| {
-        text.contains(&format!("{process} 01010101"))
-    });
+    terminal.wait("the first model", |text| text.contains(&format!("{process} 01010101")));
     controller.robot().models = [7, 0, 1];
-    terminal.wait("the second model", |text| {
-        text.contains(&format!("{process} 07070707"))
-    });
+    terminal.wait("the second model", |text| text.contains(&format!("{process} 07070707")));
 }

@@ -31,10 +31,7 @@ fn a_page_is_told_everything_and_then_what_is_new() {
             && live["models"]["used"].is_object()
             && live["next_sample"].as_u64() > Some(50)
     });
-    assert_eq!(
-        (&live["problem"], &live["state"]["name"]),
-        (&json!(null), &json!("ENABLED"))
-    );
+    assert_eq!((&live["problem"], &live["state"]["name"]), (&json!(null), &json!("ENABLED")));
     assert_eq!(
         (&live["estimate"]["deg"], &live["state"]["stale"]),
         (&json!([1.0, -1.0]), &json!(false))
@@ -45,9 +42,7 @@ fn a_page_is_told_everything_and_then_what_is_new() {
     let more = served.live(&format!("run={run}&sample={next}"));
     assert!(more["samples"].as_array().unwrap().len() < 50, "{more}");
     controller.robot().pose = [2.0, 3.0];
-    served.wait("another pose", |live| {
-        live["estimate"]["deg"] == json!([2.0, 3.0])
-    });
+    served.wait("another pose", |live| live["estimate"]["deg"] == json!([2.0, 3.0]));
     controller.robot().state = OperatingState::Fault;
     let live = served.wait("a fault", |live| live["state"]["name"] == json!("FAULT"));
     assert_eq!(
@@ -70,14 +65,8 @@ fn the_page_and_all_of_its_parts_come_from_here() {
         ("/plots.js", "class Plot"),
     ] {
         let (status, body) = served.ask("GET", target);
-        assert!(
-            status == 200 && body.contains(part),
-            "{target}: {status}\n{body}"
-        );
-        assert!(
-            !body.contains("//cdn") && !body.contains("https:"),
-            "{target}"
-        );
+        assert!(status == 200 && body.contains(part), "{target}: {status}\n{body}");
+        assert!(!body.contains("//cdn") && !body.contains("https:"), "{target}");
     }
     assert_eq!(served.ask("GET", "/none").0, 404);
 }
@@ -97,11 +86,7 @@ fn everything_but_get_is_refused_and_moves_nothing() {
         "POST /live HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n{body}",
         body.len()
     );
-    assert!(
-        served
-            .exchange(post.as_bytes())
-            .starts_with("HTTP/1.1 405 ")
-    );
+    assert!(served.exchange(post.as_bytes()).starts_with("HTTP/1.1 405 "));
     let get = format!(
         "GET /live HTTP/1.1\r\nHost: localhost\r\nContent-Length: {}\r\n\r\n{body}",
         body.len()
@@ -116,22 +101,10 @@ fn everything_but_get_is_refused_and_moves_nothing() {
 fn strangers_and_nonsense_are_refused() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
-    let asked = |text: &str| {
-        served
-            .exchange(text.as_bytes())
-            .chars()
-            .take(12)
-            .collect::<String>()
-    };
-    assert_eq!(
-        asked("GET /live HTTP/1.1\r\nHost: rebound.example\r\n\r\n"),
-        "HTTP/1.1 403"
-    );
+    let asked = |text: &str| served.exchange(text.as_bytes()).chars().take(12).collect::<String>();
+    assert_eq!(asked("GET /live HTTP/1.1\r\nHost: rebound.example\r\n\r\n"), "HTTP/1.1 403");
     assert_eq!(asked("nonsense\r\n\r\n"), "HTTP/1.1 400");
-    let long = format!(
-        "GET / HTTP/1.1\r\nHost: localhost\r\nX-Long: {}",
-        "x".repeat(9000)
-    );
+    let long = format!("GET / HTTP/1.1\r\nHost: localhost\r\nX-Long: {}", "x".repeat(9000));
     assert_eq!(asked(&long), "HTTP/1.1 431");
     assert_eq!(served.ask("GET", "/live").0, 200, "and it goes on");
 }
@@ -159,9 +132,8 @@ fn browsers_that_stall_or_vanish_cost_the_others_nothing() {
     drop((0..50).map(|_| served.connect()).collect::<Vec<_>>());
     served.wait_for_a_place();
     let before = served.live("")["next_sample"].as_u64().unwrap();
-    let live = served.wait("the stream goes on", |live| {
-        live["next_sample"].as_u64().unwrap() > before + 20
-    });
+    let live = served
+        .wait("the stream goes on", |live| live["next_sample"].as_u64().unwrap() > before + 20);
     assert_eq!(live["state"]["stale"], json!(false));
     drop(stalled);
 }
@@ -171,10 +143,8 @@ fn too_many_browsers_are_told_so() {
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     let held: Vec<TcpStream> = (0..60).map(|_| served.connect()).collect();
-    let (mut refused, end) = (
-        false,
-        std::time::Instant::now() + std::time::Duration::from_secs(20),
-    );
+    let (mut refused, end) =
+        (false, std::time::Instant::now() + std::time::Duration::from_secs(20));
     while !refused && std::time::Instant::now() < end {
         refused = served.ask("GET", "/").0 == 503;
     }
@@ -198,13 +168,7 @@ fn without_a_controller_the_page_waits_for_one_and_says_when_it_goes() {
     let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
     let served = Served::start(&domain);
     let live = served.live("");
-    assert!(
-        live["problem"]
-            .as_str()
-            .unwrap()
-            .contains("no controller serves domain"),
-        "{live}"
-    );
+    assert!(live["problem"].as_str().unwrap().contains("no controller serves domain"), "{live}");
     assert_eq!(live["state"], json!(null));
 
     let controller = Controller::enabled();
@@ -229,10 +193,7 @@ fn it_ends_with_ctrl_c_and_a_place_that_is_taken_is_named() {
     let mut served = Served::start(&controller.domain);
     let place = served.address.to_string();
     let (success, _, error) = Program::run(&controller.domain, &["monitor", "--web", &place]);
-    assert!(
-        !success && error.contains(&place) && error.contains("--web ADDRESS:PORT"),
-        "{error}"
-    );
+    assert!(!success && error.contains(&place) && error.contains("--web ADDRESS:PORT"), "{error}");
     served.program.interrupt();
     assert!(served.program.end().0);
     let (success, _, error) = Program::run(&controller.domain, &["monitor", "--web", "somewhere"]);
@@ -246,10 +207,7 @@ fn an_address_for_others_is_warned_about() {
     assert_eq!(served.ask("GET", "/live").0, 200);
     served.program.interrupt();
     let (success, _, error) = served.program.end();
-    assert!(
-        success && error.contains("can be reached from other machines"),
-        "{error}"
-    );
+    assert!(success && error.contains("can be reached from other machines"), "{error}");
 }
 
 /// The services of the controller, as any client finds them: how many of the domain could command.
@@ -261,9 +219,7 @@ impl Census {
         let boot = text.split(' ').next().unwrap();
         let mut config = Config::default();
         let root = domain.directory().join(boot);
-        config
-            .global
-            .set_root_path(&Path::new(root.as_os_str().as_encoded_bytes()).unwrap());
+        config.global.set_root_path(&Path::new(root.as_os_str().as_encoded_bytes()).unwrap());
         config.global.prefix =
             FileName::new(format!("{}{boot}_", domain.prefix()).as_bytes()).unwrap();
         config.global.node.cleanup_dead_nodes_on_creation = false;
@@ -319,15 +275,10 @@ fn the_page_has_no_way_to_command() {
     let watchers = || census.subscribers::<i2ris::ipc::payload::JointState>("i2ris/measured_js");
     let before = watchers();
     let served = Served::start(&controller.domain);
-    served.wait("numbers, and the models", |live| {
-        live["models"]["used"].is_object()
-    });
+    served.wait("numbers, and the models", |live| live["models"]["used"].is_object());
     assert_eq!(watchers(), before + 1, "it is counted");
     assert_eq!(census.publishers::<ServoJp>("i2ris/servo_jp"), 0);
-    assert_eq!(
-        census.publishers::<ServoActuator>("i2ris/actuators/servo_jp"),
-        0
-    );
+    assert_eq!(census.publishers::<ServoActuator>("i2ris/actuators/servo_jp"), 0);
     // Every few seconds it asks which models are at hand; nothing stays open.
     let askers = || {
         [

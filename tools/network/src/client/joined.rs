@@ -150,11 +150,7 @@ impl Joined {
                     }
                 }
             },
-            Arrival::Alive {
-                sent,
-                arrived,
-                bytes,
-            } => {
+            Arrival::Alive { sent, arrived, bytes } => {
                 if let Ok(reply) = AliveReply::read_from_bytes(&bytes) {
                     return self.admit(reply, sent, arrived, report);
                 }

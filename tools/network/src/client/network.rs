@@ -33,11 +33,7 @@ pub(super) enum Arrival {
     /// A message of a stream, or several of them.
     State { stream: String, bytes: Vec<u8> },
     /// An answer to a sign of life, with the times of question and answer.
-    Alive {
-        sent: Nanos,
-        arrived: Nanos,
-        bytes: Vec<u8>,
-    },
+    Alive { sent: Nanos, arrived: Nanos, bytes: Vec<u8> },
     /// An answer to a request.
     Answer { number: u64, bytes: Vec<u8> },
 }
@@ -86,11 +82,7 @@ impl Network {
             .map_err(failed)?;
         let (id, number) = (key.id().to_owned(), random_id());
         let commands = |what| {
-            let source = Source {
-                id: &id,
-                session: number,
-                what,
-            };
+            let source = Source { id: &id, session: number, what };
             session
                 .declare_publisher(source.key())
                 // The next command is newer.
@@ -132,19 +124,11 @@ impl Network {
 
     /// Sends a sign of life.
     pub fn alive(&self, leaving: bool, lag_us: u32) {
-        let alive = Alive {
-            interface: INTERFACE_VERSION,
-            leaving: leaving.into(),
-            lag_us,
-            reserved: 0,
-        };
+        let alive =
+            Alive { interface: INTERFACE_VERSION, leaving: leaving.into(), lag_us, reserved: 0 };
         let (sent, sender) = (clock::now(), self.sender.clone());
         self.ask(What::Alive, alive.as_bytes(), ALIVE_TIMEOUT, move |bytes| {
-            let _ = sender.try_send(Arrival::Alive {
-                sent,
-                arrived: clock::now(),
-                bytes,
-            });
+            let _ = sender.try_send(Arrival::Alive { sent, arrived: clock::now(), bytes });
         });
     }
 
@@ -163,11 +147,7 @@ impl Network {
         timeout: Duration,
         take: impl Fn(Vec<u8>) + Send + Sync + 'static,
     ) {
-        let source = Source {
-            id: &self.id,
-            session: self.number,
-            what,
-        };
+        let source = Source { id: &self.id, session: self.number, what };
         let _ = self
             .session
             .get(source.key())

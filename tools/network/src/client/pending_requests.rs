@@ -31,37 +31,19 @@ impl PendingRequests {
     /// A client asks. `token` is what its answer wants.
     pub fn take(&mut self, token: u64, service: Service, payload: &[u8], now: Nanos) {
         self.next += 1;
-        let question = Question {
-            number: self.next,
-            asked: now.0,
-            service,
-            payload: payload.to_vec(),
-        };
-        self.waiting.insert(
-            self.next,
-            Waiting {
-                question,
-                token,
-                send: now,
-            },
-        );
+        let question =
+            Question { number: self.next, asked: now.0, service, payload: payload.to_vec() };
+        self.waiting.insert(self.next, Waiting { question, token, send: now });
     }
 
     /// Hands over what has to be sent now, and forgets what nobody waits for.
     pub fn due(&mut self, now: Nanos, mut send: impl FnMut(&Question)) {
         self.waiting.retain(|_, waiting| {
-            let patience = if waiting.question.service.is_slow() {
-                SLOW_PATIENCE
-            } else {
-                PATIENCE
-            };
+            let patience =
+                if waiting.question.service.is_slow() { SLOW_PATIENCE } else { PATIENCE };
             now.since(Nanos(waiting.question.asked)) < patience
         });
-        for waiting in self
-            .waiting
-            .values_mut()
-            .filter(|waiting| now >= waiting.send)
-        {
+        for waiting in self.waiting.values_mut().filter(|waiting| now >= waiting.send) {
             waiting.send = now + REPEAT;
             send(&waiting.question);
         }
@@ -69,9 +51,7 @@ impl PendingRequests {
 
     /// An answer has come. The first one counts.
     pub fn answered(&mut self, number: u64) -> Option<(u64, Service)> {
-        self.waiting
-            .remove(&number)
-            .map(|waiting| (waiting.token, waiting.question.service))
+        self.waiting.remove(&number).map(|waiting| (waiting.token, waiting.question.service))
     }
 }
 

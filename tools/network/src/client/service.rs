@@ -30,13 +30,7 @@ impl Service {
     /// Serves, for the controller with this boot id.
     pub fn start(domain: &Domain, boot_id: u64) -> Result<Self, NetworkError> {
         let server = Server::create(DomainLock::acquire(domain)?)?;
-        Ok(Self {
-            server,
-            external: ExternalPublisher::new(domain),
-            boot_id,
-            lease: 0,
-            state: 0,
-        })
+        Ok(Self { server, external: ExternalPublisher::new(domain), boot_id, lease: 0, state: 0 })
     }
 
     /// The start of the controller whose place it takes.
@@ -47,8 +41,7 @@ impl Service {
     /// Shows clients what the controller reports.
     pub fn show(&mut self, state: &State) {
         if let Some(version) = &state.version {
-            self.server
-                .describe(version.shape, version.model_id, version.output_names);
+            self.server.describe(version.shape, version.model_id, version.output_names);
             self.server.describe_robot(version);
         }
         if let Some(goal) = state.goal {
@@ -100,10 +93,7 @@ impl Service {
 
     /// What the camera there saw. That nobody listens here yet is no loss.
     fn see(&mut self, seen: &ExternalPosition) {
-        let (stamp, count) = (
-            Nanos(seen.stamp_ns),
-            (seen.count as usize).min(seen.position.len()),
-        );
+        let (stamp, count) = (Nanos(seen.stamp_ns), (seen.count as usize).min(seen.position.len()));
         let _ = if seen.flags & ExternalPosition::VALID != 0 {
             self.external.publish_with_quality(
                 stamp,
@@ -129,18 +119,14 @@ impl Service {
         self.server.poll_state_commands(now, |token, it| {
             take(token, request::Service::StateCommand, it.as_bytes())
         });
-        self.server.poll_moves(now, |token, it| {
-            take(token, request::Service::Move, it.as_bytes())
-        });
-        self.server.poll_models(now, |token, it| {
-            take(token, request::Service::Model, it.as_bytes())
-        });
+        self.server.poll_moves(now, |token, it| take(token, request::Service::Move, it.as_bytes()));
+        self.server
+            .poll_models(now, |token, it| take(token, request::Service::Model, it.as_bytes()));
         self.server.poll_black_boxes(now, |token, it| {
             take(token, request::Service::BlackBox, it.as_bytes())
         });
-        self.server.poll_fixtures(now, |token, it| {
-            take(token, request::Service::Fixture, it.as_bytes())
-        });
+        self.server
+            .poll_fixtures(now, |token, it| take(token, request::Service::Fixture, it.as_bytes()));
     }
 
     /// Answers a client; one whose request came to nothing finds out by itself.

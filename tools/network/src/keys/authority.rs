@@ -86,11 +86,7 @@ pub fn make_key(
         true => AccessList::load(folder)?,
         false => AccessList::default(),
     };
-    list.key.push(KeyEntry {
-        id,
-        may: access,
-        revoked: false,
-    });
+    list.key.push(KeyEntry { id, may: access, revoked: false });
     write_list(folder, &list)?;
     Ok(people)
 }
@@ -135,11 +131,7 @@ impl Authority {
             let mut params = CertificateParams::default();
             params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));
             params.key_usages = vec![KeyUsagePurpose::KeyCertSign];
-            name_and_date(
-                &mut params,
-                "i2ris authority",
-                Duration::days(AUTHORITY_DAYS),
-            );
+            name_and_date(&mut params, "i2ris authority", Duration::days(AUTHORITY_DAYS));
             let pair = KeyPair::generate().map_err(wrong(&key))?;
             let signed = params.self_signed(&pair).map_err(wrong(&certificate))?;
             write_new(&key, &pair.serialize_pem())?;
@@ -149,11 +141,7 @@ impl Authority {
         let pair = fs::read_to_string(&key).map_err(wrong(&key))?;
         let pair = KeyPair::from_pem(&pair).map_err(wrong(&key))?;
         let issuer = Issuer::from_ca_cert_pem(&pem, pair).map_err(wrong(&certificate))?;
-        Ok(Self {
-            folder: folder.to_owned(),
-            certificate: pem,
-            issuer,
-        })
+        Ok(Self { folder: folder.to_owned(), certificate: pem, issuer })
     }
 
     fn certify_server(&self, hosts: &[String]) -> Result<(), KeyError> {
@@ -183,10 +171,7 @@ impl Authority {
         name_and_date(&mut params, name, lifetime);
         let pair = KeyPair::generate().map_err(wrong(&self.folder))?;
         let signed = params.signed_by(&pair, &self.issuer);
-        Ok((
-            signed.map_err(wrong(&self.folder))?.pem(),
-            pair.serialize_pem(),
-        ))
+        Ok((signed.map_err(wrong(&self.folder))?.pem(), pair.serialize_pem()))
     }
 }
 
@@ -250,10 +235,7 @@ mod tests {
         let authority = fs::read(folder.join("authority.pem")).unwrap();
         let bob = make_key(&folder, "bob", Access::Watch, &[], days).unwrap();
         assert_eq!(fs::read(folder.join("authority.pem")).unwrap(), authority);
-        let (alice, bob) = (
-            PersonalKey::load(&alice).unwrap(),
-            PersonalKey::load(&bob).unwrap(),
-        );
+        let (alice, bob) = (PersonalKey::load(&alice).unwrap(), PersonalKey::load(&bob).unwrap());
         assert!(alice.id().starts_with("alice-") && bob.id().starts_with("bob-"));
         let list = AccessList::load(&folder).unwrap();
         assert_eq!(list.access(alice.id()), Some(Access::Command));

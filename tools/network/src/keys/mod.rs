@@ -37,8 +37,5 @@ pub struct KeyError {
 
 /// Turns any error about a file into a [`KeyError`].
 fn wrong<E: ToString>(path: &Path) -> impl Fn(E) -> KeyError {
-    move |error| KeyError {
-        path: path.to_owned(),
-        reason: error.to_string(),
-    }
+    move |error| KeyError { path: path.to_owned(), reason: error.to_string() }
 }

@@ -24,10 +24,7 @@ impl PersonalKey {
     /// When a file is missing or is no certificate, others can read the secret, or the key has
     /// expired.
     pub fn load(folder: &Path) -> Result<Self, KeyError> {
-        let key = Self {
-            folder: folder.to_owned(),
-            id: String::new(),
-        };
+        let key = Self { folder: folder.to_owned(), id: String::new() };
         let secret = key.secret();
         let mode = fs::metadata(&secret)
             .map_err(|error| wrong(&secret)(format!("{error}; make a key: `i2ris bridge key`")))?

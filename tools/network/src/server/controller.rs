@@ -34,11 +34,7 @@ struct Log<T: Message> {
 
 impl<T: Message + IntoBytes + Immutable> Log<T> {
     fn new(stream: &'static str, subscription: Subscription<T>) -> Self {
-        Self {
-            stream,
-            subscription,
-            known: VecDeque::new(),
-        }
+        Self { stream, subscription, known: VecDeque::new() }
     }
 
     /// Hands over every new message.
@@ -57,9 +53,8 @@ impl<T: Message + IntoBytes + Immutable> Log<T> {
     /// Hands over the last messages, if there are any.
     fn write(&self, send: &mut impl FnMut(&'static str, &[u8])) {
         if !self.known.is_empty() {
-            let bytes: Vec<u8> = { self.known.iter() }
-                .flat_map(|message| message.as_bytes().to_vec())
-                .collect();
+            let bytes: Vec<u8> =
+                { self.known.iter() }.flat_map(|message| message.as_bytes().to_vec()).collect();
             send(self.stream, &bytes);
         }
     }
@@ -139,10 +134,7 @@ impl Controller {
             // It is there, and cannot be read: no news, which watchers see grow old.
             Err(_) => State::default(),
         };
-        let new = State {
-            version: self.version(now),
-            ..new
-        };
+        let new = State { version: self.version(now), ..new };
         self.is_present = true;
         self.known.update(&new);
         new
@@ -174,11 +166,7 @@ impl Controller {
 
     /// Has a request carried out. `false`: too many wait already.
     pub fn ask(&mut self, session: u64, question: Question) -> bool {
-        let worker = if question.service.is_slow() {
-            &self.slow
-        } else {
-            &self.quick
-        };
+        let worker = if question.service.is_slow() { &self.slow } else { &self.quick };
         worker.ask(session, question)
     }
 

@@ -59,18 +59,12 @@ impl Network {
             reason: source.to_string(),
         };
         let from = format!("{FROM}/**");
-        let commands = session
-            .declare_subscriber(&from)
-            .callback(passed_on(&sender, Arrival::Put))
-            .wait();
-        let questions = session
-            .declare_queryable(&from)
-            .callback(passed_on(&sender, Arrival::Query))
-            .wait();
-        let states = session
-            .declare_queryable(STATES)
-            .callback(passed_on(&sender, Arrival::State))
-            .wait();
+        let commands =
+            session.declare_subscriber(&from).callback(passed_on(&sender, Arrival::Put)).wait();
+        let questions =
+            session.declare_queryable(&from).callback(passed_on(&sender, Arrival::Query)).wait();
+        let states =
+            session.declare_queryable(STATES).callback(passed_on(&sender, Arrival::State)).wait();
         Ok(Self {
             arrivals,
             publishers: BTreeMap::new(),

@@ -27,10 +27,7 @@ impl Worker {
         let (answered, answers) = channel();
         let controller = RequestForwarder::new(domain);
         let work = move || serve(controller, &to_ask, &answered);
-        thread::Builder::new()
-            .name(name.to_owned())
-            .spawn(work)
-            .map_err(NetworkError::Thread)?;
+        thread::Builder::new().name(name.to_owned()).spawn(work).map_err(NetworkError::Thread)?;
         Ok(Self { questions, answers })
     }
 

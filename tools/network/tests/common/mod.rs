@@ -38,11 +38,7 @@ pub fn hosts() -> Vec<String> {
 /// The folder of a key for a day.
 pub fn make(keys: &Path, name: &str, access: Access) -> PathBuf {
     // The certificate of the server is made once: it may be in use.
-    let hosts = if keys.join("server.pem").exists() {
-        Vec::new()
-    } else {
-        hosts()
-    };
+    let hosts = if keys.join("server.pem").exists() { Vec::new() } else { hosts() };
     make_key(keys, name, access, &hosts, Lifetime::days(1)).unwrap()
 }
 
@@ -86,11 +82,7 @@ impl RunningServer {
         let stop = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&stop);
         let run = move || server.run(|| flag.load(Ordering::Relaxed), drop);
-        Self {
-            address,
-            stop,
-            thread: Some(thread::spawn(run)),
-        }
+        Self { address, stop, thread: Some(thread::spawn(run)) }
     }
 }
 
@@ -103,15 +95,8 @@ impl Drop for RunningServer {
 
 /// A state command with this number, asked now.
 pub fn state_command(number: u64, command: StateCommand) -> (QuestionHeader, Vec<u8>) {
-    let header = QuestionHeader {
-        number,
-        asked_ns: clock::now().0,
-    };
-    let request = StateCommandRequest {
-        client_id: 1,
-        command: command.number(),
-        reserved: 0,
-    };
+    let header = QuestionHeader { number, asked_ns: clock::now().0 };
+    let request = StateCommandRequest { client_id: 1, command: command.number(), reserved: 0 };
     (header, request.as_bytes().to_vec())
 }
 
@@ -175,29 +160,19 @@ impl RawClient {
 
     /// A key expression of this client.
     pub fn source(&self, what: What) -> String {
-        let source = Source {
-            id: &self.id,
-            session: self.number,
-            what,
-        };
+        let source = Source { id: &self.id, session: self.number, what };
         source.key()
     }
 
     /// A sign of life.
     pub fn alive(&self) -> Option<AliveReply> {
-        let alive = Alive {
-            interface: INTERFACE_VERSION,
-            ..Alive::default()
-        };
+        let alive = Alive { interface: INTERFACE_VERSION, ..Alive::default() };
         let bytes = self.get(&self.source(What::Alive), alive.as_bytes())?;
         AliveReply::read_from_bytes(&bytes).ok()
     }
 
     fn get(&self, key: &str, bytes: &[u8]) -> Option<Vec<u8>> {
-        let replies = { self.session.get(key).payload(bytes) }
-            .timeout(ANSWER)
-            .wait()
-            .unwrap();
+        let replies = { self.session.get(key).payload(bytes) }.timeout(ANSWER).wait().unwrap();
         let reply = replies.recv().ok()?;
         reply.result().ok().map(|sample| bytes_of(sample.payload()))
     }

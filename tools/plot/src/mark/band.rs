@@ -24,11 +24,7 @@ impl Band {
     /// A band through `[x, low, high]`.
     #[must_use]
     pub fn new(points: Vec<[f64; 3]>, color: Color) -> Self {
-        Self {
-            points,
-            color,
-            label: None,
-        }
+        Self { points, color, label: None }
     }
 }
 
@@ -56,11 +52,7 @@ impl Mark for Band {
     }
 
     fn legend(&self) -> Vec<LegendEntry> {
-        let symbol = Symbol::Patch {
-            fill: self.color,
-            opacity: OPACITY,
-            border: self.color,
-        };
+        let symbol = Symbol::Patch { fill: self.color, opacity: OPACITY, border: self.color };
         LegendEntry::of(&self.label, symbol)
     }
 }
@@ -80,12 +72,7 @@ impl ShadedInterval {
     /// The interval between two values of x.
     #[must_use]
     pub const fn new(from: f64, to: f64, color: Color) -> Self {
-        Self {
-            from,
-            to,
-            color,
-            label: None,
-        }
+        Self { from, to, color, label: None }
     }
 }
 

@@ -30,12 +30,7 @@ impl BoxPlot {
     /// Boxes with their values of y; `thickness` is in the unit of y.
     #[must_use]
     pub fn new(boxes: Vec<(f64, FiveNumbers)>, fill: Color, thickness: f64) -> Self {
-        Self {
-            boxes,
-            fill,
-            thickness,
-            label: None,
-        }
+        Self { boxes, fill, thickness, label: None }
     }
 
     fn draw_box(&self, area: &PlotArea, y: f64, numbers: &FiveNumbers) -> Option<Element> {

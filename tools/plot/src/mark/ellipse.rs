@@ -32,13 +32,7 @@ impl Ellipse {
         deviations: f64,
         stroke: Stroke,
     ) -> Self {
-        Self {
-            mean,
-            covariance,
-            deviations,
-            stroke,
-            label: None,
-        }
+        Self { mean, covariance, deviations, stroke, label: None }
     }
 
     fn outline(&self) -> impl Iterator<Item = [f64; 2]> {

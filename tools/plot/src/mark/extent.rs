@@ -22,11 +22,8 @@ impl PlotArea {
     /// The runs of points that have coordinates: a gap in the values is a gap in the line.
     pub(crate) fn runs(&self, points: impl Iterator<Item = [f64; 2]>) -> Vec<Vec<[f64; 2]>> {
         let positions: Vec<_> = points.map(|point| self.position(point)).collect();
-        let runs = positions
-            .split(Option::is_none)
-            .filter(|run| !run.is_empty());
-        runs.map(|run| run.iter().flatten().copied().collect())
-            .collect()
+        let runs = positions.split(Option::is_none).filter(|run| !run.is_empty());
+        runs.map(|run| run.iter().flatten().copied().collect()).collect()
     }
 
     /// The rectangle between two opposite corners; an empty one if they have no coordinates.
@@ -61,22 +58,14 @@ impl Extent {
     pub fn of(points: impl IntoIterator<Item = [f64; 2]>) -> Self {
         let points = points.into_iter();
         let finite = points.filter(|point| point.iter().all(|value| value.is_finite()));
-        finite.fold(Self::default(), |extent, [x, y]| {
-            extent.union(Self {
-                x: (x, x),
-                y: (y, y),
-            })
-        })
+        finite.fold(Self::default(), |extent, [x, y]| extent.union(Self { x: (x, x), y: (y, y) }))
     }
 
     /// The extent of both.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         let join = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
-        Self {
-            x: join(self.x, other.x),
-            y: join(self.y, other.y),
-        }
+        Self { x: join(self.x, other.x), y: join(self.y, other.y) }
     }
 }
 
@@ -118,10 +107,6 @@ pub enum Symbol {
 impl Symbol {
     /// An opaque rectangle.
     pub(crate) const fn patch(fill: Color, border: Color) -> Self {
-        Self::Patch {
-            fill,
-            opacity: 1.0,
-            border,
-        }
+        Self::Patch { fill, opacity: 1.0, border }
     }
 }

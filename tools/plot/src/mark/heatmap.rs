@@ -25,12 +25,7 @@ impl Heatmap {
         bounds: [f64; 4],
         labels: [String; 5],
     ) -> Self {
-        Self {
-            cells,
-            size,
-            bounds,
-            labels,
-        }
+        Self { cells, size, bounds, labels }
     }
 
     fn corners(&self, [x, y]: [f64; 2]) -> [[f64; 2]; 2] {
@@ -40,11 +35,7 @@ impl Heatmap {
 
 impl Mark for Heatmap {
     fn extent(&self) -> Extent {
-        Extent::of(
-            self.cells
-                .iter()
-                .flat_map(|(corner, _)| self.corners(*corner)),
-        )
+        Extent::of(self.cells.iter().flat_map(|(corner, _)| self.corners(*corner)))
     }
 
     fn draw(&self, area: &PlotArea) -> Element {
@@ -64,10 +55,6 @@ impl Mark for Heatmap {
             label: label.clone(),
             symbol: Symbol::patch(fill, Color::GREY),
         };
-        self.labels
-            .iter()
-            .zip(Color::SEQUENTIAL)
-            .map(entry)
-            .collect()
+        self.labels.iter().zip(Color::SEQUENTIAL).map(entry).collect()
     }
 }

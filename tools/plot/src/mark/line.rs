@@ -24,12 +24,7 @@ impl Line {
     /// A line.
     #[must_use]
     pub fn new(points: Vec<[f64; 2]>, stroke: Stroke) -> Self {
-        Self {
-            points,
-            stroke,
-            marker: None,
-            label: None,
-        }
+        Self { points, stroke, marker: None, label: None }
     }
 
     /// The outline of a histogram, from 0 to 0. There is one edge more than heights.
@@ -47,10 +42,7 @@ impl Line {
     /// With markers at equal distances in the figure.
     #[must_use]
     pub fn marker(self, marker: Marker) -> Self {
-        Self {
-            marker: Some(marker),
-            ..self
-        }
+        Self { marker: Some(marker), ..self }
     }
 
     fn draw_markers(&self, runs: &[Vec<[f64; 2]>], marker: Marker) -> Element {
@@ -87,9 +79,7 @@ impl Mark for Line {
             path.polyline(run.iter().copied());
         }
         let markers = self.marker.map(|marker| self.draw_markers(&runs, marker));
-        Element::new("g")
-            .child(path.draw(self.stroke))
-            .children(markers)
+        Element::new("g").child(path.draw(self.stroke)).children(markers)
     }
 
     fn legend(&self) -> Vec<LegendEntry> {
@@ -109,21 +99,13 @@ impl ReferenceLine {
     /// A horizontal line at a value of y.
     #[must_use]
     pub const fn horizontal(value: f64, stroke: Stroke) -> Self {
-        Self {
-            value,
-            is_vertical: false,
-            stroke,
-        }
+        Self { value, is_vertical: false, stroke }
     }
 
     /// A vertical line at a value of x.
     #[must_use]
     pub const fn vertical(value: f64, stroke: Stroke) -> Self {
-        Self {
-            value,
-            is_vertical: true,
-            stroke,
-        }
+        Self { value, is_vertical: true, stroke }
     }
 }
 

@@ -18,10 +18,7 @@ macro_rules! labelled {
             /// With an entry in the legend.
             #[must_use]
             pub fn label(self, label: impl Into<String>) -> Self {
-                Self {
-                    label: Some(label.into()),
-                    ..self
-                }
+                Self { label: Some(label.into()), ..self }
             }
         }
     };

@@ -24,21 +24,13 @@ impl Scatter {
     /// Filled discs with a diameter in units of the figure.
     #[must_use]
     pub fn new(points: Vec<[f64; 2]>, color: Color, diameter: f64) -> Self {
-        Self {
-            points,
-            marker: Marker::Dot,
-            stroke: Stroke::new(color, diameter),
-            label: None,
-        }
+        Self { points, marker: Marker::Dot, stroke: Stroke::new(color, diameter), label: None }
     }
 
     /// Markers.
     #[must_use]
     pub fn markers(points: Vec<[f64; 2]>, color: Color, marker: Marker) -> Self {
-        Self {
-            marker,
-            ..Self::new(points, color, 1.1)
-        }
+        Self { marker, ..Self::new(points, color, 1.1) }
     }
 }
 

@@ -47,12 +47,7 @@ pub trait TableWriter {
 /// All columns of a payload.
 pub fn columns(layout: &PayloadLayout) -> Vec<Column> {
     let seconds = ["t_s", "received_s"].map(str::to_owned);
-    let mut columns = seconds
-        .map(|name| Column {
-            name,
-            kind: ColumnType::Seconds,
-        })
-        .to_vec();
+    let mut columns = seconds.map(|name| Column { name, kind: ColumnType::Seconds }).to_vec();
     for field in layout.fields {
         let Field { name, count, .. } = field;
         let names: Vec<String> = match *count {
@@ -174,10 +169,7 @@ mod tests {
     #[test]
     fn every_column_has_a_cell_of_its_type() {
         let joints = (JointState::LAYOUT, encode(&JointState::default()));
-        let windows = (
-            PeriodStatistics::LAYOUT,
-            encode(&PeriodStatistics::default()),
-        );
+        let windows = (PeriodStatistics::LAYOUT, encode(&PeriodStatistics::default()));
         for (layout, message) in [joints, windows] {
             let columns = columns(&layout);
             let cells = cells(&layout, 5, 7, 9, &message).unwrap();
@@ -216,10 +208,7 @@ mod tests {
             }
         };
         assert_eq!(text("boot_id"), "000000000000b007");
-        assert_eq!(
-            (text("position_1"), text("position_2")),
-            ("0.25".into(), String::new())
-        );
+        assert_eq!((text("position_1"), text("position_2")), ("0.25".into(), String::new()));
         assert_eq!(unit("measured_counts_1"), "counts");
         assert_eq!((unit("deadline_ns"), unit("flags")), ("ns", ""));
     }

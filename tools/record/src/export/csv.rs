@@ -15,9 +15,7 @@ impl CsvTable {
         let file = File::create(path).map_err(|error| error.to_string())?;
         let mut writer = ::csv::Writer::from_writer(BufWriter::new(file));
         let names = columns.iter().map(|column| &column.name);
-        writer
-            .write_record(names)
-            .map_err(|error| error.to_string())?;
+        writer.write_record(names).map_err(|error| error.to_string())?;
         Ok(Self(writer))
     }
 }
@@ -29,9 +27,7 @@ impl TableWriter for CsvTable {
             Cell::Number(number) => number.to_string(),
             Cell::Hexadecimal(digits) => digits,
         });
-        self.0
-            .write_record(texts)
-            .map_err(|error| error.to_string())
+        self.0.write_record(texts).map_err(|error| error.to_string())
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), String> {

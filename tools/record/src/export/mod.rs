@@ -89,10 +89,8 @@ pub fn export(
     format: TableFormat,
 ) -> Result<ExportedTables, ExportError> {
     let records = Records::open(recording)?;
-    fs::create_dir_all(folder).map_err(|source| ExportError::Folder {
-        path: folder.to_owned(),
-        source,
-    })?;
+    fs::create_dir_all(folder)
+        .map_err(|source| ExportError::Folder { path: folder.to_owned(), source })?;
     let mut tables: BTreeMap<u16, OpenTable> = BTreeMap::new();
     let mut exported = ExportedTables::default();
     let mut start = None;
@@ -121,15 +119,11 @@ pub fn export(
     }
     let units = units(&tables);
     for OpenTable { path, writer, .. } in tables.into_values() {
-        writer
-            .finish()
-            .map_err(|reason| ExportError::Write { path, reason })?;
+        writer.finish().map_err(|reason| ExportError::Write { path, reason })?;
     }
     let path = folder.join("units.csv");
-    fs::write(&path, units).map_err(|error| ExportError::Write {
-        path,
-        reason: error.to_string(),
-    })?;
+    fs::write(&path, units)
+        .map_err(|error| ExportError::Write { path, reason: error.to_string() })?;
     Ok(exported)
 }
 
@@ -163,12 +157,7 @@ impl OpenTable {
                 .map(|table| Box::new(table) as Box<dyn TableWriter>),
         };
         match writer {
-            Ok(writer) => Ok(Self {
-                name,
-                path,
-                layout,
-                writer,
-            }),
+            Ok(writer) => Ok(Self { name, path, layout, writer }),
             Err(reason) => Err(ExportError::Write { path, reason }),
         }
     }
@@ -186,10 +175,7 @@ impl OpenTable {
         };
         let path = || self.path.clone();
         let written = self.writer.write_row(cells);
-        written.map_err(|reason| ExportError::Write {
-            path: path(),
-            reason,
-        })?;
+        written.map_err(|reason| ExportError::Write { path: path(), reason })?;
         Ok(true)
     }
 }

@@ -32,11 +32,7 @@ impl ParquetTable {
         let file = File::create(path).map_err(|error| error.to_string())?;
         let writer = writer(BufWriter::new(file), columns).map_err(|error| error.to_string())?;
         let buffers = columns.iter().map(|column| ColumnBuffer::new(column.kind));
-        Ok(Self {
-            writer,
-            columns: buffers.collect(),
-            rows: 0,
-        })
+        Ok(Self { writer, columns: buffers.collect(), rows: 0 })
     }
 
     fn write_group(&mut self) -> Result<(), ParquetError> {
@@ -79,11 +75,7 @@ impl TableWriter for ParquetTable {
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), String> {
-        let group = if self.rows > 0 {
-            self.write_group()
-        } else {
-            Ok(())
-        };
+        let group = if self.rows > 0 { self.write_group() } else { Ok(()) };
         let closed = group.and_then(|()| self.writer.close());
         closed.map(drop).map_err(|error| error.to_string())
     }

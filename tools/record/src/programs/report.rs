@@ -1,9 +1,5 @@
 //! `i2ris report`: the report of a recorded trial as a page or as numbers.
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command-line program prints"
-)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -14,12 +10,7 @@ use i2ris_terminal::{Failure, files, while_working};
 
 /// Make a page of a recorded trial: tracking error, hysteresis, latencies, events
 #[derive(Debug, Parser)]
-#[command(
-    name = "i2ris-report",
-    bin_name = "i2ris report",
-    version,
-    propagate_version = true
-)]
+#[command(name = "i2ris-report", bin_name = "i2ris report", version, propagate_version = true)]
 #[command(after_help = "Examples:
   i2ris report trial.mcap
   i2ris report trial.mcap --output page.html
@@ -90,27 +81,16 @@ fn print(report: &TrialReport) {
         let width = width.unwrap_or_else(|| "width not known".to_owned());
         println!("  loop of {:<6} ({}): {width}", found.output, found.from);
     }
-    let late = summary
-        .control_loop
-        .as_ref()
-        .map(|timing| timing.lateness_us);
-    for (name, percentiles, unit) in [
-        ("command to line", summary.command_to_line_ms, "ms"),
-        ("loop late", late, "us"),
-    ] {
+    let late = summary.control_loop.as_ref().map(|timing| timing.lateness_us);
+    for (name, percentiles, unit) in
+        [("command to line", summary.command_to_line_ms, "ms"), ("loop late", late, "us")]
+    {
         if let Some(Percentiles { p50, p99, max, .. }) = percentiles {
             println!("  {name:<24} p50 {p50:.3} {unit}, p99 {p99:.3} {unit}, max {max:.3} {unit}");
         }
     }
-    let troubles = summary
-        .events
-        .iter()
-        .filter(|event| event.is_trouble)
-        .count();
-    println!(
-        "  {} events, {troubles} of them unintended",
-        summary.events.len()
-    );
+    let troubles = summary.events.iter().filter(|event| event.is_trouble).count();
+    println!("  {} events, {troubles} of them unintended", summary.events.len());
     if let Some(reason) = &summary.cut_off {
         eprintln!("warning: the recording is not complete: {reason}");
     }
@@ -136,10 +116,7 @@ mod tests {
     fn the_help_has_an_example_and_the_command_line_is_consistent() {
         let mut command = Arguments::command();
         let help = command.render_long_help().to_string();
-        assert!(
-            help.contains("Example") && help.contains("i2ris report"),
-            "{help}"
-        );
+        assert!(help.contains("Example") && help.contains("i2ris report"), "{help}");
         command.debug_assert();
     }
 }

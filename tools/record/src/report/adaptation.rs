@@ -23,11 +23,7 @@ type Curve = (&'static str, usize, f64);
 const DEG: f64 = 180.0 / std::f64::consts::PI;
 
 const GROUPS: [(&str, &str, &[Curve]); 4] = [
-    (
-        "zero",
-        "applied shift (deg)",
-        &[("pitch", 0, DEG), ("yaw", 1, DEG)],
-    ),
+    ("zero", "applied shift (deg)", &[("pitch", 0, DEG), ("yaw", 1, DEG)]),
     (
         "gain",
         "applied change (%)",
@@ -38,16 +34,8 @@ const GROUPS: [(&str, &str, &[Curve]); 4] = [
             ("yaw by pitch", 4, 100.0),
         ],
     ),
-    (
-        "gap",
-        "applied growth (%)",
-        &[("motor 0", 6, 100.0), ("motor 1", 7, 100.0)],
-    ),
-    (
-        "latency of the camera",
-        "estimate (ms)",
-        &[("beyond its stamps", 8, 1000.0)],
-    ),
+    ("gap", "applied growth (%)", &[("motor 0", 6, 100.0), ("motor 1", 7, 100.0)]),
+    ("latency of the camera", "estimate (ms)", &[("beyond its stamps", 8, 1000.0)]),
 ];
 
 /// Adds the section; nothing if the adaptation was off all the time.
@@ -120,7 +108,5 @@ fn time_axis(trial: &Trial) -> Axis {
 
 fn over_time(trial: &Trial, value: impl Fn(&AdaptationMsg) -> f64) -> Vec<[f64; 2]> {
     let messages = trial.adaptation.iter();
-    messages
-        .map(|message| [trial.seconds(message.stamp_ns), value(message)])
-        .collect()
+    messages.map(|message| [trial.seconds(message.stamp_ns), value(message)]).collect()
 }

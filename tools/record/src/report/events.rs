@@ -24,26 +24,14 @@ type Description = (String, bool);
 /// Descriptions of flags that are set and cleared.
 const FLAGS: [(u32, &str, &str); 5] = [
     (OperatingStateMsg::HOMED, "homed", "no longer homed"),
-    (
-        OperatingStateMsg::MEMORY_KNOWN,
-        "hysteresis memory known",
-        "hysteresis memory unknown",
-    ),
-    (
-        OperatingStateMsg::HOLDING,
-        "holds: no fresh command",
-        "follows commands",
-    ),
+    (OperatingStateMsg::MEMORY_KNOWN, "hysteresis memory known", "hysteresis memory unknown"),
+    (OperatingStateMsg::HOLDING, "holds: no fresh command", "follows commands"),
     (
         OperatingStateMsg::CLIPPED,
         "goal outside the calibrated hull, clipped",
         "goal inside the calibrated hull again",
     ),
-    (
-        OperatingStateMsg::FIFO,
-        "loop under SCHED_FIFO",
-        "loop without SCHED_FIFO",
-    ),
+    (OperatingStateMsg::FIFO, "loop under SCHED_FIFO", "loop without SCHED_FIFO"),
 ];
 
 /// All events in the order of time.
@@ -111,10 +99,7 @@ fn state_changes(before: &OperatingStateMsg, now: &OperatingStateMsg) -> Vec<Des
     let refused = now.refused.saturating_sub(before.refused);
     if refused > 0 {
         let reason = Refusal::from_number(now.last_refusal).map_or("unknown reason", Refusal::text);
-        changes.push((
-            format!("{refused} command(s) refused, the last one: {reason}"),
-            true,
-        ));
+        changes.push((format!("{refused} command(s) refused, the last one: {reason}"), true));
     }
     changes
 }
@@ -134,10 +119,7 @@ fn logged_event(line: &str) -> Option<(u64, Description)> {
         }
         "stop" => {
             let silent_ms = entry["silent_ms"].as_f64().unwrap_or(0.0);
-            (
-                format!("stop after {silent_ms:.0} ms without commands"),
-                true,
-            )
+            (format!("stop after {silent_ms:.0} ms without commands"), true)
         }
         "drive" => {
             let motor = entry["motor"].as_u64().unwrap_or(0);
@@ -146,10 +128,7 @@ fn logged_event(line: &str) -> Option<(u64, Description)> {
         }
         _ => return None,
     };
-    Some((
-        entry["monotonic_ns"].as_u64()?,
-        (format!("log: {what}"), is_trouble),
-    ))
+    Some((entry["monotonic_ns"].as_u64()?, (format!("log: {what}"), is_trouble)))
 }
 
 #[cfg(test)]
@@ -191,10 +170,7 @@ mod tests {
         };
         let events = trial_events(&trial);
         let ms = |event: &TrialEvent| (event.t_s * 1e3).round();
-        let found: Vec<_> = events
-            .iter()
-            .map(|event| (ms(event), event.what.as_str()))
-            .collect();
+        let found: Vec<_> = events.iter().map(|event| (ms(event), event.what.as_str())).collect();
         let expected = [
             (0.0, "DISABLED when the recording begins"),
             (100.0, "DISABLED → ENABLED"),

@@ -15,9 +15,7 @@ impl Trial {
     /// Whether the robot followed commands at an instant. A recording without states counts as
     /// following.
     pub fn was_following(&self, stamp_ns: u64) -> bool {
-        let after = self
-            .states
-            .partition_point(|state| state.stamp_ns <= stamp_ns);
+        let after = self.states.partition_point(|state| state.stamp_ns <= stamp_ns);
         match self.states[..after].last() {
             Some(state) => follows(state),
             None => self.states.is_empty(),
@@ -62,10 +60,7 @@ mod tests {
             end_ns: 9_000_000_000,
             ..Trial::default()
         };
-        assert_eq!(
-            trial.intervals_without_following(),
-            [[1.0, 3.0], [5.0, 9.0]]
-        );
+        assert_eq!(trial.intervals_without_following(), [[1.0, 3.0], [5.0, 9.0]]);
         let following = [0, 2, 4, 6].map(|s| trial.was_following(s * 1_000_000_000));
         assert_eq!(following, [false, false, true, false]);
     }

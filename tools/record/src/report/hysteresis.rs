@@ -140,22 +140,10 @@ impl Plane {
 
 /// The mean distance between the branches in each bin of the stroke; the median of all bins.
 fn loop_width(rising: &[[f64; 3]], falling: &[[f64; 3]]) -> Option<f64> {
-    let low = |branch: &[[f64; 3]]| {
-        branch
-            .iter()
-            .map(|row| row[0])
-            .fold(f64::INFINITY, f64::min)
-    };
-    let high = |branch: &[[f64; 3]]| {
-        branch
-            .iter()
-            .map(|row| row[0])
-            .fold(f64::NEG_INFINITY, f64::max)
-    };
-    let (low, high) = (
-        low(rising).max(low(falling)),
-        high(rising).min(high(falling)),
-    );
+    let low = |branch: &[[f64; 3]]| branch.iter().map(|row| row[0]).fold(f64::INFINITY, f64::min);
+    let high =
+        |branch: &[[f64; 3]]| branch.iter().map(|row| row[0]).fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = (low(rising).max(low(falling)), high(rising).min(high(falling)));
     if !(high - low).is_finite() || high <= low {
         return None;
     }
@@ -211,9 +199,7 @@ mod tests {
 
     #[test]
     fn without_play_the_width_is_0_and_without_motion_there_is_no_loop() {
-        let widths = hysteresis_loops(&trial(0.0))
-            .into_iter()
-            .map(|found| found.width_deg);
+        let widths = hysteresis_loops(&trial(0.0)).into_iter().map(|found| found.width_deg);
         assert!(widths.flatten().all(|width| width.abs() < 1e-6));
         assert!(hysteresis_loops(&Trial::default()).is_empty());
         let mut still = Trial::default();

@@ -22,17 +22,10 @@ pub struct Latencies {
 }
 
 impl Default for Latencies {
-    #[allow(
-        clippy::expect_used,
-        reason = "constant bounds, which a test passes to it"
-    )]
+    #[allow(clippy::expect_used, reason = "constant bounds, which a test passes to it")]
     fn default() -> Self {
         let empty = Histogram::new_with_bounds(1, LONGEST_NS, 3).expect("constant bounds");
-        Self {
-            to_line: empty.clone(),
-            age: empty,
-            sequence: [0; MAX_MOTORS],
-        }
+        Self { to_line: empty.clone(), age: empty, sequence: [0; MAX_MOTORS] }
     }
 }
 
@@ -98,10 +91,7 @@ mod tests {
         for ms in 10..60 {
             latencies.add(&state(ms, 5 * ((ms - 2) / 5)));
         }
-        assert_eq!(
-            (latencies.to_line.len(), latencies.age.len()),
-            (2 * 11, 2 * 50)
-        );
+        assert_eq!((latencies.to_line.len(), latencies.age.len()), (2 * 11, 2 * 50));
         let to_line = Percentiles::of_histogram_ms(&latencies.to_line).unwrap();
         assert!((to_line.p50 - 1.9).abs() < 0.02, "{to_line:?}");
         let age = Percentiles::of_histogram_ms(&latencies.age).unwrap();
@@ -109,13 +99,7 @@ mod tests {
         let (edges, shares) = logarithmic_bins(&latencies.age);
         assert_eq!(edges.len(), shares.len() + 1);
         assert!((shares.iter().sum::<f64>() - 100.0).abs() < 1e-9);
-        assert!(
-            edges[0] <= 0.4 && edges[edges.len() - 1] >= 0.4,
-            "{edges:?}"
-        );
-        assert_eq!(
-            Percentiles::of_histogram_ms(&Latencies::default().age),
-            None
-        );
+        assert!(edges[0] <= 0.4 && edges[edges.len() - 1] >= 0.4, "{edges:?}");
+        assert_eq!(Percentiles::of_histogram_ms(&Latencies::default().age), None);
     }
 }

@@ -56,9 +56,7 @@ pub fn page(trial: &Trial, summary: &TrialSummary) -> Page {
     write_events(&mut page, summary);
     write_streams(&mut page, summary);
     let version = env!("CARGO_PKG_VERSION");
-    page.footer(format!(
-        "Written by i2ris {version} from the recording alone."
-    ));
+    page.footer(format!("Written by i2ris {version} from the recording alone."));
     page
 }
 
@@ -89,20 +87,14 @@ fn notices(trial: &Trial, summary: &TrialSummary) -> Vec<String> {
     }
     let missing: u64 = summary.streams.iter().map(|stream| stream.missing).sum();
     if missing > 0 {
-        notices.push(format!(
-            "{missing} message(s) of the controller are missing."
-        ));
+        notices.push(format!("{missing} message(s) of the controller are missing."));
     }
     if trial.is_tip {
         let tip =
             "The outputs are positions of the tip, not angles: this report does not draw them.";
         notices.push(tip.to_owned());
     }
-    let troubles = summary
-        .events
-        .iter()
-        .filter(|event| event.is_trouble)
-        .count();
+    let troubles = summary.events.iter().filter(|event| event.is_trouble).count();
     if troubles > 0 {
         notices.push(format!("{troubles} unintended event(s); see the list."));
     }
@@ -113,19 +105,11 @@ fn facts(summary: &TrialSummary) -> Vec<(String, String)> {
     // The offset of the clocks is for programs.
     let is_shown = |(name, value): &(&String, &String)| !value.is_empty() && !name.ends_with("_ns");
     let about = summary.about.iter().filter(is_shown);
-    let mut facts: Vec<(String, String)> = about
-        .map(|(name, value)| (name.replace('_', " "), value.clone()))
-        .collect();
-    let attached = summary
-        .attached
-        .iter()
-        .map(|(name, size)| format!("{name} ({size} bytes)"));
+    let mut facts: Vec<(String, String)> =
+        about.map(|(name, value)| (name.replace('_', " "), value.clone())).collect();
+    let attached = summary.attached.iter().map(|(name, size)| format!("{name} ({size} bytes)"));
     let attached: Vec<String> = attached.collect();
-    let attached = if attached.is_empty() {
-        "nothing".to_owned()
-    } else {
-        attached.join(", ")
-    };
+    let attached = if attached.is_empty() { "nothing".to_owned() } else { attached.join(", ") };
     facts.push(("attached".to_owned(), attached));
     facts
 }
@@ -142,13 +126,8 @@ fn write_tracking(page: &mut Page, trial: &Trial, summary: &TrialSummary) {
         "Pitch and yaw over time: goal, the model's estimate, angles by the camera; below, the \
          error of each.",
     );
-    let observed = [
-        ("estimate", ESTIMATE, &trial.measured),
-        ("camera", CAMERA, &trial.camera),
-    ];
-    let observed = observed
-        .into_iter()
-        .filter(|(.., series)| !series.is_empty());
+    let observed = [("estimate", ESTIMATE, &trial.measured), ("camera", CAMERA, &trial.camera)];
+    let observed = observed.into_iter().filter(|(.., series)| !series.is_empty());
     for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
         let lines = observed.clone().chain([("goal", GOAL, &trial.goal)]);
         let lines = lines.map(|(label, stroke, series)| {
@@ -161,14 +140,9 @@ fn write_tracking(page: &mut Page, trial: &Trial, summary: &TrialSummary) {
         let lines = observed.clone().map(|(_, stroke, series)| {
             Line::new(with_gaps(&tracking_errors(trial, series), axis), stroke)
         });
-        let panel = over_time(
-            trial,
-            summary,
-            &format!("error in {name}"),
-            "observed − goal (deg)",
-        )
-        .with(ReferenceLine::horizontal(0.0, ZERO))
-        .with_all(lines);
+        let panel = over_time(trial, summary, &format!("error in {name}"), "observed − goal (deg)")
+            .with(ReferenceLine::horizontal(0.0, ZERO))
+            .with_all(lines);
         figure = figure.row(0.8 * ROW_HEIGHT, vec![panel]);
     }
     page.figure(
@@ -182,13 +156,10 @@ fn write_tracking(page: &mut Page, trial: &Trial, summary: &TrialSummary) {
 /// An empty panel over the time of the trial. It has shaded intervals without following and a line
 /// for every unintended event.
 fn over_time(trial: &Trial, summary: &TrialSummary, title: &str, y: &str) -> Panel {
-    let shaded = trial
-        .intervals_without_following()
-        .into_iter()
-        .map(|[from, to]| {
-            let interval = ShadedInterval::new(from, to, Color::FAINT);
-            interval.label("not following (off, holding, busy)")
-        });
+    let shaded = trial.intervals_without_following().into_iter().map(|[from, to]| {
+        let interval = ShadedInterval::new(from, to, Color::FAINT);
+        interval.label("not following (off, holding, busy)")
+    });
     Panel::new(title, time_axis(trial), Axis::linear(y))
         .with_all(shaded)
         .with_all(trouble_lines(summary))
@@ -204,10 +175,7 @@ fn trouble_lines(summary: &TrialSummary) -> impl Iterator<Item = ReferenceLine> 
 }
 
 fn timed(trial: &Trial, series: &TimeSeries<2>) -> Vec<TimedError> {
-    series
-        .iter()
-        .map(|(stamp, value)| (trial.seconds(*stamp), *value))
-        .collect()
+    series.iter().map(|(stamp, value)| (trial.seconds(*stamp), *value)).collect()
 }
 
 fn with_gaps(points: &[TimedError], axis: usize) -> Vec<[f64; 2]> {
@@ -324,14 +292,10 @@ fn loop_panel(found: &HysteresisLoop, is_distance: bool) -> Panel {
         (output.to_owned(), format!("{output} (deg)"), 1)
     };
     let points = |rows: &[[f64; 3]]| rows.iter().map(|row| [row[0], row[column]]).collect();
-    Panel::new(
-        title,
-        Axis::linear("counts along the direction"),
-        Axis::linear(y),
-    )
-    .with(Scatter::new(points(&found.rising), Color::BLUE, 1.6).label("counts rising"))
-    .with(Scatter::new(points(&found.falling), Color::ORANGE, 1.6).label("counts falling"))
-    .with(ReferenceLine::horizontal(0.0, ZERO))
+    Panel::new(title, Axis::linear("counts along the direction"), Axis::linear(y))
+        .with(Scatter::new(points(&found.rising), Color::BLUE, 1.6).label("counts rising"))
+        .with(Scatter::new(points(&found.falling), Color::ORANGE, 1.6).label("counts falling"))
+        .with(ReferenceLine::horizontal(0.0, ZERO))
 }
 
 fn write_latencies(page: &mut Page, trial: &Trial, summary: &TrialSummary) {
@@ -344,11 +308,7 @@ fn write_latencies(page: &mut Page, trial: &Trial, summary: &TrialSummary) {
         (!histogram.is_empty()).then_some(panel)
     };
     let to_line = histogram("command to line", &trial.latencies.to_line, Color::BLUE);
-    let age = histogram(
-        "age of encoder positions",
-        &trial.latencies.age,
-        Color::GREEN,
-    );
+    let age = histogram("age of encoder positions", &trial.latencies.age, Color::GREEN);
     let mut figure = Figure::new(
         "latencies",
         "Latencies",
@@ -368,26 +328,10 @@ fn write_latencies(page: &mut Page, trial: &Trial, summary: &TrialSummary) {
     let mut table = Table::new("Percentiles.", ["", "p50", "p90", "p99", "max"]);
     let timing = summary.control_loop.as_ref();
     let rows = [
-        (
-            "command published to its set-point on the line",
-            summary.command_to_line_ms,
-            1.0,
-        ),
-        (
-            "age of the encoder position in a tick",
-            summary.reading_age_ms,
-            1.0,
-        ),
-        (
-            "loop: lateness of a tick (typical second)",
-            timing.map(|t| t.lateness_us),
-            1e-3,
-        ),
-        (
-            "loop: computing time of a tick (typical second)",
-            timing.map(|t| t.compute_us),
-            1e-3,
-        ),
+        ("command published to its set-point on the line", summary.command_to_line_ms, 1.0),
+        ("age of the encoder position in a tick", summary.reading_age_ms, 1.0),
+        ("loop: lateness of a tick (typical second)", timing.map(|t| t.lateness_us), 1e-3),
+        ("loop: computing time of a tick (typical second)", timing.map(|t| t.compute_us), 1e-3),
     ];
     for (name, percentiles, ms) in rows {
         if let Some(Percentiles { p50, p90, p99, max }) = percentiles {
@@ -413,48 +357,22 @@ fn loop_timing_panel(trial: &Trial, summary: &TrialSummary) -> Panel {
         // A logarithmic axis has no 0.
         let us = |window: &PeriodStatistics| (pick(window) as f64 * 1e-3).max(0.01);
         let windows = trial.windows.iter();
-        let points = windows
-            .map(|window| [trial.seconds(window.stamp_ns), us(window)])
-            .collect();
+        let points = windows.map(|window| [trial.seconds(window.stamp_ns), us(window)]).collect();
         Line::new(points, Stroke::new(color, 1.4).dash(dash)).label(label)
     };
     let late = [
         line("late, p50", |w| w.lateness.p50_ns, Color::BLUE, Dash::Solid),
-        line(
-            "late, p99",
-            |w| w.lateness.p99_ns,
-            Color::BLUE,
-            Dash::Dashed,
-        ),
-        line(
-            "late, max",
-            |w| w.lateness.max_ns,
-            Color::BLUE,
-            Dash::Dotted,
-        ),
+        line("late, p99", |w| w.lateness.p99_ns, Color::BLUE, Dash::Dashed),
+        line("late, max", |w| w.lateness.max_ns, Color::BLUE, Dash::Dotted),
     ];
     let compute = [
-        line(
-            "computes, p50",
-            |w| w.compute.p50_ns,
-            Color::GREEN,
-            Dash::Solid,
-        ),
-        line(
-            "computes, p99",
-            |w| w.compute.p99_ns,
-            Color::GREEN,
-            Dash::Dashed,
-        ),
+        line("computes, p50", |w| w.compute.p50_ns, Color::GREEN, Dash::Solid),
+        line("computes, p99", |w| w.compute.p99_ns, Color::GREEN, Dash::Dashed),
     ];
-    Panel::new(
-        "control loop, second by second",
-        time_axis(trial),
-        Axis::log("time (µs)"),
-    )
-    .with_all(trouble_lines(summary))
-    .with_all(late)
-    .with_all(compute.map(|line| line.marker(Marker::Square)))
+    Panel::new("control loop, second by second", time_axis(trial), Axis::log("time (µs)"))
+        .with_all(trouble_lines(summary))
+        .with_all(late)
+        .with_all(compute.map(|line| line.marker(Marker::Square)))
 }
 
 fn write_events(page: &mut Page, summary: &TrialSummary) {
@@ -471,9 +389,7 @@ fn write_events(page: &mut Page, summary: &TrialSummary) {
     page.table(&table);
     if summary.events.len() > MOST_EVENTS {
         let more = summary.events.len() - MOST_EVENTS;
-        page.paragraph(format!(
-            "And {more} more, which `i2ris report --json` lists."
-        ));
+        page.paragraph(format!("And {more} more, which `i2ris report --json` lists."));
     }
 }
 

@@ -69,10 +69,8 @@ pub struct ReachScore {
 pub fn reach_score(trial: &Trial) -> Option<ReachScore> {
     let (by, observed) = observed(trial);
     let rests = rests(&trial.goal);
-    let reaches: Vec<Reach> = rests
-        .windows(2)
-        .filter_map(|pair| reach(trial, observed, &pair[0], &pair[1]))
-        .collect();
+    let reaches: Vec<Reach> =
+        rests.windows(2).filter_map(|pair| reach(trial, observed, &pair[0], &pair[1])).collect();
     if reaches.is_empty() {
         return None;
     }
@@ -90,18 +88,11 @@ pub fn reach_score(trial: &Trial) -> Option<ReachScore> {
 
 /// What observed the snake: the camera, or without one the model's estimate.
 pub(super) fn observed(trial: &Trial) -> (&'static str, &TimeSeries<2>) {
-    if trial.camera.is_empty() {
-        ("estimate", &trial.measured)
-    } else {
-        ("camera", &trial.camera)
-    }
+    if trial.camera.is_empty() { ("estimate", &trial.measured) } else { ("camera", &trial.camera) }
 }
 
 pub(super) fn median_and_p95(values: &mut [f64]) -> Option<[f64; 2]> {
-    Some([
-        quantile_of_unsorted(values, 0.5)?,
-        quantile_of_unsorted(values, 0.95)?,
-    ])
+    Some([quantile_of_unsorted(values, 0.5)?, quantile_of_unsorted(values, 0.95)?])
 }
 
 /// An interval in which the goal stays where it is.
@@ -124,11 +115,7 @@ fn rests(goal: &TimeSeries<2>) -> Vec<Rest> {
         match &mut present {
             Some(rest) if distance(rest.at, *value) <= REST_DEG => rest.to_ns = *stamp,
             _ => {
-                let next = Rest {
-                    from_ns: *stamp,
-                    to_ns: *stamp,
-                    at: *value,
-                };
+                let next = Rest { from_ns: *stamp, to_ns: *stamp, at: *value };
                 if let Some(rest) = present.replace(next) {
                     keep(rest);
                 }
@@ -147,11 +134,8 @@ fn reach(trial: &Trial, observed: &TimeSeries<2>, from: &Rest, to: &Rest) -> Opt
         return None;
     }
     let onset = from.to_ns;
-    let samples: Vec<Sample> = observed
-        .iter()
-        .filter(|(stamp, _)| (onset..=to.to_ns).contains(stamp))
-        .copied()
-        .collect();
+    let samples: Vec<Sample> =
+        observed.iter().filter(|(stamp, _)| (onset..=to.to_ns).contains(stamp)).copied().collect();
     if samples.is_empty() {
         return None;
     }
@@ -207,9 +191,7 @@ pub(super) fn mean(samples: &[Sample], first: usize, window_ns: u64) -> Option<[
     if samples.last()?.0 < end_ns {
         return None;
     }
-    let window = samples[first..]
-        .iter()
-        .take_while(|(stamp, _)| *stamp < end_ns);
+    let window = samples[first..].iter().take_while(|(stamp, _)| *stamp < end_ns);
     let (count, sum) = window.fold((0.0, [0.0; 2]), |(count, sum), (_, value)| {
         (count + 1.0, [sum[0] + value[0], sum[1] + value[1]])
     });
@@ -243,9 +225,7 @@ mod tests {
     #[test]
     fn time_overshoot_and_detour_of_a_reach() {
         let score = reach_score(&trial(100, 0.5)).unwrap();
-        let [reach] = score.reaches[..] else {
-            panic!("{:?}", score.reaches)
-        };
+        let [reach] = score.reaches[..] else { panic!("{:?}", score.reaches) };
         assert_eq!((score.by, score.arrived), ("estimate", 1.0));
         assert!((reach.t_s - 1.0).abs() < 0.01 && (reach.goal_s - 1.0).abs() < 0.02);
         assert!((reach.distance_deg - 4.0).abs() < 0.03 && (reach.detour - 1.0).abs() < 0.02);
@@ -270,9 +250,7 @@ mod tests {
         assert!(score.arrived_s.is_none());
         let mut still = Trial::default();
         for ms in 0..5000 {
-            still
-                .goal
-                .push(ms * 1_000_000, [1.0 + 1e-4 * ms as f64, 0.0]);
+            still.goal.push(ms * 1_000_000, [1.0 + 1e-4 * ms as f64, 0.0]);
             still.measured.push(ms * 1_000_000, [1.0, 0.0]);
         }
         assert_eq!(reach_score(&still), None);

@@ -127,9 +127,7 @@ fn typical(
     summary: fn(&PeriodStatistics) -> &SpanSummary,
 ) -> Percentiles {
     let values = |pick: fn(&SpanSummary) -> u64| {
-        windows
-            .iter()
-            .map(move |window| pick(summary(window)) as f64 * 1e-3)
+        windows.iter().map(move |window| pick(summary(window)) as f64 * 1e-3)
     };
     let median = |pick| {
         let mut values: Vec<f64> = values(pick).collect();

@@ -126,16 +126,8 @@ fn reach(trial: &Trial, samples: &[Sample], target: &ReachTarget) -> Option<Targ
         distance_deg,
         arrived_s: arrival(seen, to_deg).map(seconds),
         held_s: held_at(seen, to_deg, target).map(seconds),
-        overshoot_deg: if is_apart {
-            overshoot_deg(seen, from_deg, to_deg)
-        } else {
-            0.0
-        },
-        detour: if is_apart {
-            path_deg(&trial.goal, shown, ended) / distance_deg
-        } else {
-            1.0
-        },
+        overshoot_deg: if is_apart { overshoot_deg(seen, from_deg, to_deg) } else { 0.0 },
+        detour: if is_apart { path_deg(&trial.goal, shown, ended) / distance_deg } else { 1.0 },
     })
 }
 
@@ -246,11 +238,7 @@ mod tests {
         let reach = score.targets[0];
         assert!(reach.arrived_s.is_some() && reach.held_s.is_none());
         assert_eq!((score.held, score.held_s), (0.0, None));
-        assert!(
-            score
-                .line()
-                .contains("1 targets: 0 % held for 1.0 s within 0.15 deg")
-        );
+        assert!(score.line().contains("1 targets: 0 % held for 1.0 s within 0.15 deg"));
     }
 
     #[test]
@@ -258,8 +246,7 @@ mod tests {
         let mut gap = trial(0.0);
         gap.measured = i2ris_statistics::TimeSeries::default();
         for ms in (0..5000).filter(|ms| *ms < 1700 || *ms > 4400) {
-            gap.measured
-                .push(ms * MS, [4.0, 1.0 + if ms < 1200 { 1.0 } else { 0.0 }]);
+            gap.measured.push(ms * MS, [4.0, 1.0 + if ms < 1200 { 1.0 } else { 0.0 }]);
         }
         assert_eq!(target_score(&gap).unwrap().targets[0].held_s, None);
     }

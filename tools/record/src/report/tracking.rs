@@ -29,15 +29,10 @@ pub struct TrackingError {
 
 /// Observed angles minus the goal, at every instant with observed angles.
 pub fn tracking_errors(trial: &Trial, observed: &TimeSeries<2>) -> Vec<TimedError> {
-    let following = observed
-        .iter()
-        .filter(|(stamp, _)| trial.was_following(*stamp));
+    let following = observed.iter().filter(|(stamp, _)| trial.was_following(*stamp));
     let error = |(stamp, angles): &(u64, [f64; 2])| {
         let goal = trial.goal.value_at(*stamp, GAP_NS)?;
-        Some((
-            trial.seconds(*stamp),
-            [angles[0] - goal[0], angles[1] - goal[1]],
-        ))
+        Some((trial.seconds(*stamp), [angles[0] - goal[0], angles[1] - goal[1]]))
     };
     following.filter_map(error).collect()
 }
@@ -62,9 +57,7 @@ mod tests {
     fn only_following_counts_and_a_delay_is_an_error() {
         let mut trial = Trial::default();
         for ms in 0..2000u64 {
-            trial
-                .goal
-                .push(ms * 1_000_000, [10.0 * ms as f64 * 1e-3, 0.0]);
+            trial.goal.push(ms * 1_000_000, [10.0 * ms as f64 * 1e-3, 0.0]);
         }
         let mut observed = TimeSeries::default();
         for ms in 100..1900u64 {

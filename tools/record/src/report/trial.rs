@@ -75,11 +75,7 @@ impl StreamStatistics {
     /// Messages per second.
     pub fn rate_hz(&self) -> f64 {
         let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 * 1e-9;
-        if seconds > 0.0 {
-            (self.messages as f64 - 1.0) / seconds
-        } else {
-            0.0
-        }
+        if seconds > 0.0 { (self.messages as f64 - 1.0) / seconds } else { 0.0 }
     }
 
     fn add(&mut self, stamp_ns: u64, sequence: u32, has_one_sender: bool) {
@@ -99,11 +95,7 @@ impl Trial {
     /// Reads a recording. A recording that was cut off gives what it has.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let mut trial = Self {
-            file: path
-                .file_name()
-                .unwrap_or_default()
-                .to_string_lossy()
-                .into_owned(),
+            file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             start_ns: u64::MAX,
             ..Self::default()
         };
@@ -176,8 +168,7 @@ impl Trial {
             Stream::Actuators => {
                 let state: ActuatorState = cdr::decode(data)?;
                 self.extend_to(state.stamp_ns);
-                self.counts
-                    .push(state.stamp_ns, state.measured_counts.map(f64::from));
+                self.counts.push(state.stamp_ns, state.measured_counts.map(f64::from));
                 self.latencies.add(&state);
             }
             Stream::State => {

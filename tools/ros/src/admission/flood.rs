@@ -35,9 +35,7 @@ impl Flood {
         }
         self.count = self.count.saturating_add(count);
         if self.flooding || self.count > PER_SECOND {
-            return Err(Reason::Flood {
-                per_second: PER_SECOND,
-            });
+            return Err(Reason::Flood { per_second: PER_SECOND });
         }
         Ok(())
     }

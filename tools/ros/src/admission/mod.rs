@@ -164,9 +164,8 @@ impl Peer {
         let place = topic as usize;
         let own = |client: &Client| client.writers[place] == Some(writer);
         let free = |client: &Client| client.writers[place].is_none();
-        let found = { self.clients.iter() }
-            .position(own)
-            .or_else(|| self.clients.iter().position(free));
+        let found =
+            { self.clients.iter() }.position(own).or_else(|| self.clients.iter().position(free));
         let found = match found {
             Some(found) => found,
             None if self.clients.len() < CLIENTS_PER_PARTICIPANT => {
@@ -203,10 +202,7 @@ impl Admission {
     /// else: implementations of DDS deliver what they keep also to readers that do not ask for it.
     #[must_use]
     pub fn new(since_unix_ns: u64) -> Self {
-        Self {
-            peers: BTreeMap::new(),
-            since_unix_ns,
-        }
+        Self { peers: BTreeMap::new(), since_unix_ns }
     }
 
     /// Counts `count` servo commands that arrived together, and judges the newest of them, which
@@ -231,10 +227,7 @@ impl Admission {
         let client = peer.client(writer, topic)?;
         client.flood.check(count, now)?;
         client.stream.check(&goal.position, now)?;
-        Ok(Admitted {
-            client_id: client.id,
-            stamp: now - age,
-        })
+        Ok(Admitted { client_id: client.id, stamp: now - age })
     }
 
     /// Judges a command that is sent once. One that is passed on ends the client's stream, and lets
@@ -277,10 +270,7 @@ impl Admission {
     pub fn camera(&mut self, writer: Writer, count: u32, times: &Times) -> Result<(), Reason> {
         let now = times.arrived;
         let client = self.peer(writer.participant(), now);
-        client
-            .client(writer, Topic::External)?
-            .flood
-            .check(count, now)
+        client.client(writer, Topic::External)?.flood.check(count, now)
     }
 
     /// The identity of the client that a writer belongs to.
@@ -318,10 +308,7 @@ fn require_recent(stamp_unix_ns: u64, now_unix_ns: u64, since_unix_ns: u64) -> R
     if apart <= ONCE_LIMIT && stamp_unix_ns >= since_unix_ns {
         return Ok(());
     }
-    Err(Reason::Old {
-        apart,
-        future: stamp_unix_ns > now_unix_ns,
-    })
+    Err(Reason::Old { apart, future: stamp_unix_ns > now_unix_ns })
 }
 
 #[cfg(test)]

@@ -45,11 +45,7 @@ impl Stream {
     ///
     /// [`Reason::FirstOfStream`], [`Reason::BrokenOff`].
     pub fn check(&mut self, goal: &OutputVec, now: Nanos) -> Result<(), Reason> {
-        let begin = Self::Live {
-            last: now,
-            rest: *goal,
-            since: now,
-        };
+        let begin = Self::Live { last: now, rest: *goal, since: now };
         match self {
             Self::New => {
                 *self = begin;
@@ -63,10 +59,7 @@ impl Stream {
             }
             Self::Live { last, rest, since } => {
                 *last = now;
-                let moved = goal
-                    .iter()
-                    .zip(&*rest)
-                    .any(|(a, b)| (a - b).abs() > REST_RAD);
+                let moved = goal.iter().zip(&*rest).any(|(a, b)| (a - b).abs() > REST_RAD);
                 if moved {
                     (*rest, *since) = (*goal, now);
                 }

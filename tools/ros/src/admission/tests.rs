@@ -42,10 +42,7 @@ fn values_of_the_wrong_number_and_values_that_are_not_finite_are_refused() {
     for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert_eq!(checked(&[0.0, wrong], 2), Err(Reason::NotFinite));
     }
-    let none = Reason::Length {
-        given: 0,
-        joints: 0,
-    };
+    let none = Reason::Length { given: 0, joints: 0 };
     assert_eq!(checked(&[], 0), Err(none));
 }
 
@@ -116,10 +113,7 @@ fn an_old_command_that_is_sent_once_is_refused_by_either_stamp() {
         let refused = once(header, &times(sent, 10_000));
         assert!(matches!(refused, Err(Reason::Old { .. })), "{refused:?}");
     }
-    let no_stamp = Times {
-        sent_unix_ns: None,
-        ..times(0, 10_000)
-    };
+    let no_stamp = Times { sent_unix_ns: None, ..times(0, 10_000) };
     assert_eq!(once(None, &no_stamp), Err(Reason::NoStamp));
 }
 
@@ -135,11 +129,7 @@ fn a_command_from_before_we_listened_is_refused_however_young_it_is() {
 fn hold_is_passed_on_however_old_it_is() {
     let mut admission = Admission::new(START_UNIX_NS);
     let old = times(0, 100_000);
-    assert!(
-        admission
-            .once(writer(1, 1), Topic::Hold, None, &old)
-            .is_ok()
-    );
+    assert!(admission.once(writer(1, 1), Topic::Hold, None, &old).is_ok());
 }
 
 #[test]
@@ -168,9 +158,7 @@ fn a_command_that_is_refused_does_not_let_a_broken_stream_go_on() {
     let replayed = admission.once(writer(1, 2), Topic::StateCommand, None, &old);
     assert!(replayed.is_err());
     assert_eq!(servo(&mut admission, one, 30_010, 30_010), broken);
-    admission
-        .once(writer(1, 2), Topic::StateCommand, None, &new)
-        .unwrap();
+    admission.once(writer(1, 2), Topic::StateCommand, None, &new).unwrap();
     let first = Err(Reason::FirstOfStream);
     assert_eq!(servo(&mut admission, one, 30_020, 30_020), first);
     assert!(servo(&mut admission, one, 30_030, 30_030).is_ok());

@@ -48,10 +48,7 @@ pub(super) fn take<M: DeserializeOwned + 'static>(subscription: &Subscription<M>
             Err(_) => undecodable += 1,
         }
     }
-    Arrivals {
-        messages,
-        undecodable,
-    }
+    Arrivals { messages, undecodable }
 }
 
 impl<M> Arrivals<M> {

@@ -88,12 +88,9 @@ impl Commands {
             });
         }
         let arrivals = take(&self.inputs.external);
-        self.judge(
-            graph,
-            Topic::External,
-            arrivals,
-            |commands, received, count| commands.see(received, count),
-        );
+        self.judge(graph, Topic::External, arrivals, |commands, received, count| {
+            commands.see(received, count)
+        });
         // Kept, so that the first command finds it.
         let _ = self.setpoint.refresh();
     }
@@ -137,11 +134,7 @@ impl Commands {
     }
 
     fn change_state(&mut self, received: &Received<StringStamped>) -> Result<(), Reason> {
-        let Received {
-            message,
-            writer,
-            times,
-        } = received;
+        let Received { message, writer, times } = received;
         let header = message.header.stamp.unix_ns();
         let known = |command: &&StateCommand| command.text() == message.string;
         // A pose comes by `move_jp`.
@@ -149,9 +142,7 @@ impl Commands {
             .filter(|command| **command != StateCommand::Move)
             .find(known)
             .ok_or(Reason::UnknownCommand)?;
-        let client_id = self
-            .admission
-            .once(*writer, Topic::StateCommand, header, times)?;
+        let client_id = self.admission.once(*writer, Topic::StateCommand, header, times)?;
         let what = What::State(*command);
         if *command == StateCommand::Hold {
             self.requests.hold(client_id);
@@ -166,11 +157,7 @@ impl Commands {
         received: &Received<JointState>,
         count: u32,
     ) -> Result<(), Reason> {
-        let Received {
-            message,
-            writer,
-            times,
-        } = received;
+        let Received { message, writer, times } = received;
         let given = checked(&message.position, self.joints(&message.position)?)?;
         let start = match topic {
             Topic::ServoJr => self.goal_of(*writer, topic, times.arrived)?,
@@ -195,11 +182,7 @@ impl Commands {
     }
 
     fn move_to(&mut self, topic: Topic, received: &Received<JointState>) -> Result<(), Reason> {
-        let Received {
-            message,
-            writer,
-            times,
-        } = received;
+        let Received { message, writer, times } = received;
         let given = checked(&message.position, self.joints(&message.position)?)?;
         let goal = match topic {
             Topic::MoveJr => given.from(&self.setpoint()?.position),
@@ -214,11 +197,7 @@ impl Commands {
     /// What a camera saw. Its stamp is the time of the exposure; nothing moves by it, so a stamp
     /// that can be true is taken as it is.
     fn see(&mut self, received: &Received<JointState>, count: u32) -> Result<(), Reason> {
-        let Received {
-            message,
-            writer,
-            times,
-        } = received;
+        let Received { message, writer, times } = received;
         self.admission.camera(*writer, count, times)?;
         let exposed = match message.header.stamp.unix_ns() {
             None => times.arrived,

@@ -39,12 +39,8 @@ impl Graph {
         let qos = QosProfile::publisher_default()
             .durability(ros2_client::qos::Durability::TransientLocal)
             .history(ros2_client::qos::History::KeepLast { depth: 1 });
-        let topic = context
-            .create_topic(DISCOVERY.to_owned(), kind, &qos)
-            .map_err(failed)?;
-        let nodes = node
-            .create_subscription(&topic, Some(qos))
-            .map_err(failed)?;
+        let topic = context.create_topic(DISCOVERY.to_owned(), kind, &qos).map_err(failed)?;
+        let nodes = node.create_subscription(&topic, Some(qos)).map_err(failed)?;
         Ok(Self {
             status: context.domain_participant().status_listener(),
             nodes,
@@ -64,9 +60,8 @@ impl Graph {
     pub fn update(&mut self, events: &Events, mut lost: impl FnMut(Participant)) {
         // Undecodable announcements are somebody else's problem.
         while let Ok(Some((info, _))) = self.nodes.take() {
-            let names: Vec<String> = { info.nodes().iter() }
-                .map(|node| node.fully_qualified_name())
-                .collect();
+            let names: Vec<String> =
+                { info.nodes().iter() }.map(|node| node.fully_qualified_name()).collect();
             if !names.is_empty() {
                 self.note(Writer::from(info.gid()).participant(), names.join(", "));
             }
@@ -105,13 +100,9 @@ impl Graph {
                 requested_qos,
                 offered_qos,
                 ..
-            } => self.say_mismatch(
-                remote_writer,
-                "publishes",
-                &offered_qos,
-                &requested_qos,
-                events,
-            ),
+            } => {
+                self.say_mismatch(remote_writer, "publishes", &offered_qos, &requested_qos, events)
+            }
             DomainParticipantStatusEvent::RemoteReaderQosIncompatible {
                 remote_reader,
                 requested_qos,

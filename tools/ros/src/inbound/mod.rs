@@ -66,10 +66,7 @@ impl Inbound {
         services: Services,
         shared: Shared,
     ) -> Result<Self, RosError> {
-        let failed = |source| RosError::System {
-            action: "wait for messages",
-            source,
-        };
+        let failed = |source| RosError::System { action: "wait for messages", source };
         let commands = inputs.map(|inputs| Commands::new(inputs, shared.clone()));
         let mut inbound = Self {
             poll: Poll::new().map_err(failed)?,
@@ -83,10 +80,8 @@ impl Inbound {
     }
 
     fn register(&mut self) -> io::Result<()> {
-        let mut sources: Vec<&mut dyn Source> = vec![
-            &mut self.services.operating_state,
-            &mut self.services.crtk_version,
-        ];
+        let mut sources: Vec<&mut dyn Source> =
+            vec![&mut self.services.operating_state, &mut self.services.crtk_version];
         if let Some(Commands { inputs, .. }) = &mut self.commands {
             let inputs: [&mut dyn Source; 7] = [
                 &mut inputs.servo_jp,
@@ -136,10 +131,7 @@ impl Inbound {
             let _ = self.services.operating_state.send_response(id, response);
         }
         while let Ok(Some((id, NoRequest { .. }))) = self.services.crtk_version.receive_request() {
-            let response = TriggerResponse {
-                success: true,
-                message: CRTK_VERSION.to_owned(),
-            };
+            let response = TriggerResponse { success: true, message: CRTK_VERSION.to_owned() };
             let _ = self.services.crtk_version.send_response(id, response);
         }
     }

@@ -60,15 +60,8 @@ impl Requests {
         let thread = thread::Builder::new()
             .name("requests".to_owned())
             .spawn(move || worker.run(&to_ask))
-            .map_err(|source| RosError::System {
-                action: "start a thread",
-                source,
-            })?;
-        Ok(Self {
-            asks: Some(asks),
-            hold,
-            thread: Some(thread),
-        })
+            .map_err(|source| RosError::System { action: "start a thread", source })?;
+        Ok(Self { asks: Some(asks), hold, thread: Some(thread) })
     }
 
     /// Asks for something.

@@ -24,10 +24,7 @@ fn valid<'a>(state: Option<&'a Payload>, now: &Moment) -> Option<&'a Payload> {
 
 fn header(state: Option<&Payload>, now: &Moment, frame_id: &str) -> Header {
     let unix_ns = state.map_or(0, |state| now.unix_ns_at(Nanos(state.stamp_ns)));
-    Header {
-        stamp: Time::from_unix_ns(unix_ns),
-        frame_id: frame_id.to_owned(),
-    }
+    Header { stamp: Time::from_unix_ns(unix_ns), frame_id: frame_id.to_owned() }
 }
 
 /// Angles and their velocities. Without valid ones: stamp 0 and no values.
@@ -52,39 +49,24 @@ fn bend(state: &Payload) -> Bend {
         let given = joint < state.count as usize;
         if given { state.position[joint] } else { 0.0 }
     };
-    Bend {
-        pitch: angle(0),
-        yaw: angle(1),
-    }
+    Bend { pitch: angle(0), yaw: angle(1) }
 }
 
 /// The tip, as the base sees it. Without valid angles: stamp 0.
 pub(super) fn tip(snake: &Snake, state: Option<&Payload>, now: &Moment) -> PoseStamped {
     let state = valid(state, now);
     let pose = state.map_or_else(Pose::default, |state| {
-        let LinkPose {
-            position_m,
-            quaternion,
-        } = snake.tip_pose(bend(state));
-        Pose {
-            position: position_m.into(),
-            orientation: quaternion.into(),
-        }
+        let LinkPose { position_m, quaternion } = snake.tip_pose(bend(state));
+        Pose { position: position_m.into(), orientation: quaternion.into() }
     });
-    PoseStamped {
-        header: header(state, now, &snake.base()),
-        pose,
-    }
+    PoseStamped { header: header(state, now, &snake.base()), pose }
 }
 
 /// All links; `None` without valid angles: a frame with stamp 0 would be one for all times.
 pub(super) fn links(snake: &Snake, state: Option<&Payload>, now: &Moment) -> Option<Transforms> {
     let state = valid(state, now)?;
     let transforms = snake.link_poses(bend(state)).map(|(joint, pose)| {
-        let LinkPose {
-            position_m,
-            quaternion,
-        } = pose;
+        let LinkPose { position_m, quaternion } = pose;
         TransformStamped {
             header: header(Some(state), now, &joint.parent),
             child_frame_id: joint.child.clone(),
@@ -92,19 +74,15 @@ pub(super) fn links(snake: &Snake, state: Option<&Payload>, now: &Moment) -> Opt
             rotation: quaternion.into(),
         }
     });
-    Some(Transforms {
-        transforms: transforms.collect(),
-    })
+    Some(Transforms { transforms: transforms.collect() })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const NOW: Moment = Moment {
-        monotonic: Nanos(10_000_000_000),
-        unix_ns: 1_795_000_000_000_000_000,
-    };
+    const NOW: Moment =
+        Moment { monotonic: Nanos(10_000_000_000), unix_ns: 1_795_000_000_000_000_000 };
 
     fn payload() -> Payload {
         Payload {
@@ -129,18 +107,9 @@ mod tests {
 
     #[test]
     fn values_that_are_not_valid_have_stamp_zero_and_are_left_out() {
-        let not_valid = Payload {
-            flags: 0,
-            ..payload()
-        };
-        let old = Payload {
-            stamp_ns: NOW.monotonic.0 - FRESH.0,
-            ..payload()
-        };
-        let of_the_tip = Payload {
-            count: 3,
-            ..payload()
-        };
+        let not_valid = Payload { flags: 0, ..payload() };
+        let old = Payload { stamp_ns: NOW.monotonic.0 - FRESH.0, ..payload() };
+        let of_the_tip = Payload { count: 3, ..payload() };
         let snake = Snake::new("eye");
         for state in [None, Some(&not_valid), Some(&old), Some(&of_the_tip)] {
             let message = joint_state(state, &NOW);

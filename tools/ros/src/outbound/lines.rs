@@ -39,11 +39,7 @@ pub(super) struct Lines {
 
 impl Lines {
     pub fn new(names: ClientNames) -> Self {
-        Self {
-            names,
-            last: None,
-            absent: false,
-        }
+        Self { names, last: None, absent: false }
     }
 
     /// The controller is not there.
@@ -64,10 +60,7 @@ impl Lines {
                 Some(state) => (Level::Status, format!("the robot is {state}")),
                 None => {
                     let number = now.state;
-                    (
-                        Level::Error,
-                        format!("state {number} is of another release"),
-                    )
+                    (Level::Error, format!("state {number} is of another release"))
                 }
             });
         }
@@ -115,10 +108,7 @@ mod tests {
     use super::*;
 
     fn message(state: OperatingState) -> OperatingStateMsg {
-        OperatingStateMsg {
-            state: state.number(),
-            ..OperatingStateMsg::default()
-        }
+        OperatingStateMsg { state: state.number(), ..OperatingStateMsg::default() }
     }
 
     #[test]
@@ -128,10 +118,7 @@ mod tests {
         let mut lines = Lines::new(names);
         let said = lines.state(&message(OperatingState::Enabled));
         assert_eq!(said, [(Level::Status, "the robot is ENABLED".to_owned())]);
-        let leased = OperatingStateMsg {
-            lease_client_id: 7,
-            ..message(OperatingState::Enabled)
-        };
+        let leased = OperatingStateMsg { lease_client_id: 7, ..message(OperatingState::Enabled) };
         let commands = (Level::Status, "/console commands".to_owned());
         assert_eq!(lines.state(&leased), [commands]);
         assert_eq!(lines.state(&leased), []);
@@ -143,23 +130,14 @@ mod tests {
         names.note(7, "/console");
         names.note(8, "/intruder");
         let mut lines = Lines::new(names);
-        lines.state(&OperatingStateMsg {
-            lease_client_id: 7,
-            ..message(OperatingState::Enabled)
-        });
+        lines.state(&OperatingStateMsg { lease_client_id: 7, ..message(OperatingState::Enabled) });
         let reason = |cause: Cause, client_id| {
             lines.reason(&ReasonMsg::new(&cause.into(), client_id, Nanos(1)))
         };
         let line = reason(Cause::Refusal(Refusal::Lease), 8);
-        assert!(
-            line.starts_with("/intruder: refusal 4: another client"),
-            "{line}"
-        );
+        assert!(line.starts_with("/intruder: refusal 4: another client"), "{line}");
         assert!(line.contains(": /console; do: "), "{line}");
         let line = reason(Cause::Fault(Fault::Link), 0);
-        assert!(
-            line.starts_with("fault 2: ") && line.contains("; do: "),
-            "{line}"
-        );
+        assert!(line.starts_with("fault 2: ") && line.contains("; do: "), "{line}");
     }
 }

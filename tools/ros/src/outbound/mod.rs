@@ -166,10 +166,9 @@ impl Outbound {
     /// Faults, and what was refused, stopped or clipped, as the controller says it.
     fn read_reasons(&mut self, say: &mut impl FnMut(&str)) {
         let mut reasons = Vec::new();
-        for (level, stream) in [
-            (Level::Error, &mut self.errors),
-            (Level::Warning, &mut self.warnings),
-        ] {
+        for (level, stream) in
+            [(Level::Error, &mut self.errors), (Level::Warning, &mut self.warnings)]
+        {
             // Without a controller there are none.
             let _ = stream.drain(|message| reasons.push((level, message)));
         }
@@ -181,12 +180,7 @@ impl Outbound {
 
     fn take(&mut self, event: Event, now: Nanos, say: &mut impl FnMut(&str)) {
         match event {
-            Event::Refused {
-                client,
-                kind,
-                reason,
-                count,
-            } => {
+            Event::Refused { client, kind, reason, count } => {
                 if let Some(line) = self.refusals.add(client, kind, reason, count, now) {
                     self.say(Level::Warning, line, say);
                 }
@@ -205,10 +199,7 @@ impl Outbound {
     fn publish_state(&mut self, snapshot: Snapshot) {
         let stamp = self.stamps.next(Moment::now().unix_ns);
         let message = OperatingState {
-            header: Header {
-                stamp: Time::from_unix_ns(stamp),
-                frame_id: String::new(),
-            },
+            header: Header { stamp: Time::from_unix_ns(stamp), frame_id: String::new() },
             state: snapshot.state.to_owned(),
             is_homed: snapshot.homed,
             is_busy: snapshot.busy,
@@ -246,8 +237,7 @@ impl Outbound {
             Level::Status => (&self.outputs.status, LogLevel::Info),
         };
         let stamp = ros2_client::builtin_interfaces::Time::now();
-        self.node
-            .rosout_raw(stamp, log_level, NODE, &line, "", "", 0);
+        self.node.rosout_raw(stamp, log_level, NODE, &line, "", "", 0);
         publish(publisher, Text { data: line });
     }
 }

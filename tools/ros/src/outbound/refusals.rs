@@ -40,8 +40,7 @@ impl Refusals {
     ) -> Option<String> {
         self.total = self.total.saturating_add(count);
         if self.kinds.len() >= KINDS {
-            self.kinds
-                .retain(|_, repeats| now.since(repeats.said) < PERIOD);
+            self.kinds.retain(|_, repeats| now.since(repeats.said) < PERIOD);
         }
         if self.kinds.len() >= KINDS {
             self.kinds.clear();
@@ -52,11 +51,7 @@ impl Refusals {
             return None;
         }
         let line = line(&client, topic, count, &reason);
-        let repeats = Repeats {
-            said: now,
-            waiting: 0,
-            reason,
-        };
+        let repeats = Repeats { said: now, waiting: 0, reason };
         self.kinds.insert((client, topic, number), repeats);
         Some(line)
     }
@@ -96,13 +91,7 @@ mod tests {
         let ms = |ms: u64| Nanos::from_millis(5000 + ms);
         let mut refusals = Refusals::default();
         let add = |refusals: &mut Refusals, number, at| {
-            refusals.add(
-                "/arm".to_owned(),
-                ("servo_jp", number),
-                "why".to_owned(),
-                2,
-                at,
-            )
+            refusals.add("/arm".to_owned(), ("servo_jp", number), "why".to_owned(), 2, at)
         };
         let first = add(&mut refusals, 1, ms(0)).unwrap();
         assert_eq!(first, "/arm: servo_jp: why (2 times)");
@@ -113,10 +102,7 @@ mod tests {
         assert_eq!(refusals.due(ms(900)), Vec::<String>::new());
         assert_eq!(refusals.due(ms(1000)), ["/arm: servo_jp: why (998 times)"]);
         assert_eq!(refusals.due(ms(2000)), Vec::<String>::new());
-        assert!(
-            add(&mut refusals, 1, ms(2001)).is_some(),
-            "said at once again"
-        );
+        assert!(add(&mut refusals, 1, ms(2001)).is_some(), "said at once again");
         assert_eq!(refusals.total, 2 * 502);
     }
 

@@ -16,11 +16,7 @@ pub(crate) struct Snapshot {
 }
 
 /// Without a controller, or with one of another release.
-pub(crate) const UNDEFINED: Snapshot = Snapshot {
-    state: "UNDEFINED",
-    homed: false,
-    busy: false,
-};
+pub(crate) const UNDEFINED: Snapshot = Snapshot { state: "UNDEFINED", homed: false, busy: false };
 
 /// What has been published, and what is going on.
 #[derive(Debug)]
@@ -35,11 +31,7 @@ pub(crate) struct StateReport {
 
 impl Default for StateReport {
     fn default() -> Self {
-        Self {
-            published: UNDEFINED,
-            asked: false,
-            moving: None,
-        }
+        Self { published: UNDEFINED, asked: false, moving: None }
     }
 }
 
@@ -62,11 +54,7 @@ impl StateReport {
             (None, true) => self.published.busy,
             (None, false) => busy,
         };
-        self.change(Snapshot {
-            state: state.text(),
-            homed: has(OperatingStateMsg::HOMED),
-            busy,
-        })
+        self.change(Snapshot { state: state.text(), homed: has(OperatingStateMsg::HOMED), busy })
     }
 
     /// There is no controller any more.
@@ -121,10 +109,7 @@ mod tests {
     fn enabled() -> StateReport {
         let mut report = StateReport::default();
         let first = report.state(&message(1, false)).unwrap();
-        assert_eq!(
-            (first.state, first.homed, first.busy),
-            ("ENABLED", true, false)
-        );
+        assert_eq!((first.state, first.homed, first.busy), ("ENABLED", true, false));
         assert_eq!(report.state(&message(2, false)), None, "nothing new");
         report
     }
@@ -143,11 +128,7 @@ mod tests {
     fn a_motion_that_ends_before_its_answer_is_seen_is_one_pair() {
         let mut report = enabled();
         report.move_asked();
-        assert_eq!(
-            report.state(&message(5, true)),
-            None,
-            "waits for the answer"
-        );
+        assert_eq!(report.state(&message(5, true)), None, "waits for the answer");
         assert_eq!(report.state(&message(6, false)), None);
         assert_eq!(busy(report.move_answered(at(4))), Some(true));
         assert_eq!(busy(report.state(&message(7, false))), Some(false));

@@ -53,13 +53,7 @@ impl Peer {
     /// A node with this name.
     pub fn new(ros_domain: u16, robot: &str, name: &str) -> Self {
         let (context, mut node) = i2ris_ros::join(ros_domain, &[], name).unwrap();
-        let joints = [
-            "servo_jp",
-            "servo_jr",
-            "move_jp",
-            "move_jr",
-            "external/measured_jp",
-        ];
+        let joints = ["servo_jp", "servo_jr", "move_jp", "move_jr", "external/measured_jp"];
         let volatile = qos(Durability::Volatile);
         let joints = joints.map(|topic| {
             let publisher = publisher(&mut node, robot, topic, JOINT_STATE, &volatile);
@@ -116,10 +110,7 @@ impl Peer {
     }
 
     pub fn send(&self, topic: &str, position: &[f64]) {
-        let message = JointState {
-            position: position.to_vec(),
-            ..JointState::default()
-        };
+        let message = JointState { position: position.to_vec(), ..JointState::default() };
         // Dropped where the other end does not keep up.
         let _ = self.joints[topic].publish(message);
     }
@@ -189,9 +180,7 @@ impl Peer {
             .map(|topic| format!("/{}/{topic}", self.robot))
             .collect();
         for topic in &topics {
-            eventually(topic, || {
-                (self.node.subscription_count(topic) > 0).then_some(())
-            });
+            eventually(topic, || (self.node.subscription_count(topic) > 0).then_some(()));
         }
     }
 
@@ -212,9 +201,7 @@ impl Peer {
     /// Homes and enables.
     pub fn enable(&mut self) {
         self.connect();
-        self.wait_for("a robot that waits", |state| {
-            state.state == "DISABLED" && !state.is_busy
-        });
+        self.wait_for("a robot that waits", |state| state.state == "DISABLED" && !state.is_busy);
         self.command_until("home", |state| state.is_homed && !state.is_busy);
         self.command_until("enable", |state| state.state == "ENABLED" && !state.is_busy);
     }
@@ -252,10 +239,7 @@ impl Peer {
 }
 
 fn degrees(state: &JointState) -> [f64; 2] {
-    [
-        state.position[0].to_degrees(),
-        state.position[1].to_degrees(),
-    ]
+    [state.position[0].to_degrees(), state.position[1].to_degrees()]
 }
 
 /// Drops what came already, and waits for the next that is as wanted.
@@ -266,9 +250,7 @@ fn newest<M: DeserializeOwned + 'static>(
     while let Ok(Some(_)) = subscription.take() {}
     eventually("a message", || {
         let taken = subscription.take().ok().flatten();
-        taken
-            .map(|(message, _)| message)
-            .filter(|message| wanted(message))
+        taken.map(|(message, _)| message).filter(|message| wanted(message))
     })
 }
 
@@ -279,14 +261,9 @@ fn topic(
     (package, kind): (&str, &str),
     qos: &QosProfile,
 ) -> rustdds::Topic {
-    let full = if name.starts_with('/') {
-        name.to_owned()
-    } else {
-        format!("/{robot}/{name}")
-    };
+    let full = if name.starts_with('/') { name.to_owned() } else { format!("/{robot}/{name}") };
     let kind = MessageTypeName::new(package, kind);
-    node.create_topic(&Name::parse(&full).unwrap(), kind, qos)
-        .unwrap()
+    node.create_topic(&Name::parse(&full).unwrap(), kind, qos).unwrap()
 }
 
 pub fn publisher<M: Serialize>(

@@ -91,11 +91,7 @@ impl Robot {
             EventKind::Setpoint(counts) => Some((event.axis, event.stamp, counts)),
             _ => None,
         };
-        self.emulator
-            .log()
-            .into_iter()
-            .filter_map(setpoint)
-            .collect()
+        self.emulator.log().into_iter().filter_map(setpoint).collect()
     }
 
     /// Whether the setpoints of an axis changed since an instant.

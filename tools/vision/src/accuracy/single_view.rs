@@ -52,11 +52,7 @@ pub fn conditions() -> Vec<TestCondition> {
     let (fibre, robot) = (SnakeShape::fibre(0.125), SnakeShape::robot());
     let (dark, bright) = (Brightness::dark(), Brightness::bright());
     let glint = dark.with_glint(90.0);
-    let tilted = PinholeCamera {
-        distance_mm: 60.0,
-        tilt_rad: 0.03,
-        ..camera
-    };
+    let tilted = PinholeCamera { distance_mm: 60.0, tilt_rad: 0.03, ..camera };
     let cases = [
         ("fibre, dark, light", fibre, dark, camera),
         ("fibre, bright, light", fibre, bright, camera),
@@ -73,11 +69,7 @@ pub fn conditions() -> Vec<TestCondition> {
         snake,
         paint,
         camera,
-        optics: if name.ends_with("strong") {
-            Optics::strong()
-        } else {
-            Optics::light()
-        },
+        optics: if name.ends_with("strong") { Optics::strong() } else { Optics::light() },
     };
     cases.map(condition).into()
 }
@@ -109,37 +101,18 @@ pub fn clear(condition: &TestCondition, frames: u64, seed: u64) -> AccuracyRow {
         .into_par_iter()
         .filter_map(|number| clear_image(condition, seed, number))
         .collect();
-    AccuracyRow {
-        frames: frames as usize,
-        ..AccuracyRow::of(&condition.name, &outcomes)
-    }
+    AccuracyRow { frames: frames as usize, ..AccuracyRow::of(&condition.name, &outcomes) }
 }
 
 fn clear_image(condition: &TestCondition, seed: u64, number: u64) -> Option<ErrorSample> {
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ number.wrapping_mul(0x9E37_79B9_7F4A_7C15));
-    let TestCondition {
-        camera,
-        snake,
-        paint,
-        optics,
-        ..
-    } = condition.clone();
-    let scene = random::clear(
-        &mut random,
-        camera,
-        snake,
-        paint,
-        optics,
-        [MAX_DEG.to_radians(), 0.0],
-    );
-    let reading = measure(&scene.render(&mut random), &settings(&scene))
-        .ok()
-        .filter(|r| r.is_good())?;
+    let TestCondition { camera, snake, paint, optics, .. } = condition.clone();
+    let scene =
+        random::clear(&mut random, camera, snake, paint, optics, [MAX_DEG.to_radians(), 0.0]);
+    let reading =
+        measure(&scene.render(&mut random), &settings(&scene)).ok().filter(|r| r.is_good())?;
     let truth = scene.truth();
-    let [dx, dy] = [
-        reading.tip_px[0] - truth.tip_px[0],
-        reading.tip_px[1] - truth.tip_px[1],
-    ];
+    let [dx, dy] = [reading.tip_px[0] - truth.tip_px[0], reading.tip_px[1] - truth.tip_px[1]];
     Some(ErrorSample {
         truth_deg: truth.angle_rad.to_degrees(),
         error_deg: (reading.angle_rad - truth.angle_rad).to_degrees(),
@@ -156,32 +129,16 @@ pub fn cluttered_scene(seed: u64, number: u64) -> (Scene, Pcg64Mcg) {
     let (snake, paint) = match number % 4 {
         0 => (SnakeShape::fibre(0.125), Brightness::dark()),
         1 => (SnakeShape::fibre(0.125), Brightness::bright()),
-        2 => (
-            SnakeShape::fibre(0.2),
-            Brightness {
-                glint: 60.0,
-                ..Brightness::dark()
-            },
-        ),
+        2 => (SnakeShape::fibre(0.2), Brightness { glint: 60.0, ..Brightness::dark() }),
         _ => (SnakeShape::robot(), Brightness::dark()),
     };
     let optics = if number.is_multiple_of(3) {
-        Optics {
-            blur_px: 1.8,
-            noise: 8.0,
-            ..Optics::light()
-        }
+        Optics { blur_px: 1.8, noise: 8.0, ..Optics::light() }
     } else {
         Optics::light()
     };
-    let scene = random::clear(
-        &mut random,
-        camera,
-        snake,
-        paint,
-        optics,
-        [MAX_DEG.to_radians(), 0.0],
-    );
+    let scene =
+        random::clear(&mut random, camera, snake, paint, optics, [MAX_DEG.to_radians(), 0.0]);
     let scene = random::clutter(&mut random, scene);
     (scene, random)
 }
@@ -197,10 +154,7 @@ pub fn cluttered(frames: u64, seed: u64) -> ClutteredOutcome {
 
 fn cluttered_image(seed: u64, number: u64) -> ClutteredOutcome {
     let (scene, mut random) = cluttered_scene(seed, number);
-    let mut outcome = ClutteredOutcome {
-        frames: 1,
-        ..ClutteredOutcome::default()
-    };
+    let mut outcome = ClutteredOutcome { frames: 1, ..ClutteredOutcome::default() };
     let mut issue = None;
     match measure(&scene.render(&mut random), &settings(&scene)) {
         Err(reason) => issue = Some(reason),
@@ -215,9 +169,7 @@ fn cluttered_image(seed: u64, number: u64) -> ClutteredOutcome {
                 let error = (reading.angle_rad - scene.truth().angle_rad).to_degrees();
                 outcome.good = 1;
                 outcome.max_deg = error.abs();
-                outcome
-                    .wrong
-                    .extend((error.abs() > WRONG_DEG).then_some((number, error)));
+                outcome.wrong.extend((error.abs() > WRONG_DEG).then_some((number, error)));
             } else {
                 issue = reading.issue;
             }

@@ -21,10 +21,7 @@ const ROUNDS: usize = 5;
 ///
 /// When the stream cannot be read: not before the reader has a fault.
 pub fn speed(seed: u64) -> Result<f64, SourceError> {
-    let rig = Rig {
-        seed,
-        ..Rig::laboratory(1280, 960, 200.0)
-    };
+    let rig = Rig { seed, ..Rig::laboratory(1280, 960, 200.0) };
     let settings = setup(&rig).views.first().map(crate::setup::View::settings);
     let Some(settings) = settings else {
         return Ok(f64::NAN);
@@ -51,21 +48,13 @@ fn stream(rig: &Rig) -> Vec<u8> {
     for number in 0..POSES {
         let turn = number as f64 * 2.4;
         let bend = 0.7 * ((number as f64 + 0.5) / POSES as f64).sqrt();
-        let pose = JointPose {
-            pitch_rad: bend * turn.cos(),
-            yaw_rad: bend * turn.sin(),
-        };
+        let pose = JointPose { pitch_rad: bend * turn.cos(), yaw_rad: bend * turn.sin() };
         let Some(image) = rig.render_views(pose, number).into_iter().next() else {
             continue;
         };
         if bytes.is_empty() {
             bytes.extend(
-                format!(
-                    "YUV4MPEG2 W{} H{} F30:1 Cmono\n",
-                    image.width(),
-                    image.height()
-                )
-                .bytes(),
+                format!("YUV4MPEG2 W{} H{} F30:1 Cmono\n", image.width(), image.height()).bytes(),
             );
         }
         bytes.extend(b"FRAME\n");

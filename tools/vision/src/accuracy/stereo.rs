@@ -21,14 +21,8 @@ const REST_FRAMES: u64 = 8;
 #[must_use]
 pub fn rigs() -> Vec<(String, Rig)> {
     let light = Rig::laboratory(1280, 960, 200.0);
-    let strong = Rig {
-        optics: Optics::strong(),
-        ..light.clone()
-    };
-    let bright = Rig {
-        paint: Brightness::bright(),
-        ..light.clone()
-    };
+    let strong = Rig { optics: Optics::strong(), ..light.clone() };
+    let bright = Rig { paint: Brightness::bright(), ..light.clone() };
     let mut turned = light.clone();
     turned.cameras[0].plane_rad = 0.2;
     turned.cameras[1].plane_rad -= 0.15;
@@ -40,12 +34,7 @@ pub fn rigs() -> Vec<(String, Rig)> {
         ("strong", strong),
     ]
     .into_iter()
-    .map(|(name, rig)| {
-        (
-            format!("robot, both axes, two views, {name} blur and noise"),
-            rig,
-        )
-    })
+    .map(|(name, rig)| (format!("robot, both axes, two views, {name} blur and noise"), rig))
     .collect()
 }
 
@@ -77,10 +66,7 @@ pub fn setup(rig: &Rig) -> VisionSetup {
         view.set_plane(camera.plane_rad);
         view
     };
-    VisionSetup {
-        pair_within_ms: 12.0,
-        views: rig.cameras.iter().enumerate().map(view).collect(),
-    }
+    VisionSetup { pair_within_ms: 12.0, views: rig.cameras.iter().enumerate().map(view).collect() }
 }
 
 /// Measures `frames` poses of a rig after a few at rest. Every pose counts twice, once per axis.
@@ -107,9 +93,8 @@ pub fn stereo(name: &str, rig: &Rig, frames: u64, seed: u64) -> Result<AccuracyR
 fn rests(rig: &Rig, setup: &VisionSetup) -> Result<Vec<RestPose>, RestPoseError> {
     let mut estimator = vec![RestPoseEstimator::default(); setup.views.len()];
     for number in 0..REST_FRAMES {
-        for (reading, estimator) in readings(rig, setup, JointPose::default(), u64::MAX - number)
-            .iter()
-            .zip(&mut estimator)
+        for (reading, estimator) in
+            readings(rig, setup, JointPose::default(), u64::MAX - number).iter().zip(&mut estimator)
         {
             estimator.add(reading.as_ref());
         }

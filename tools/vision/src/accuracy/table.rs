@@ -43,10 +43,7 @@ impl AccuracyRow {
             good: outcomes.len(),
             bias_deg: worst_band(outcomes),
             std_deg: mean(&|o| (o.error_deg - error).powi(2)).sqrt(),
-            max_deg: outcomes
-                .iter()
-                .map(|o| o.error_deg.abs())
-                .fold(0.0, f64::max),
+            max_deg: outcomes.iter().map(|o| o.error_deg.abs()).fold(0.0, f64::max),
             claimed_deg: mean(&|o| o.claimed_deg.powi(2)).sqrt(),
             tip_um: mean(&|o| o.tip_um.powi(2)).sqrt(),
         }

@@ -42,22 +42,14 @@ impl Canvas {
     /// A page of one colour.
     #[must_use]
     pub fn new(width: usize, height: usize, colour: Colour) -> Self {
-        Self {
-            width,
-            height,
-            data: colour.repeat(width * height),
-        }
+        Self { width, height, data: colour.repeat(width * height) }
     }
 
     /// A grey image to draw on.
     #[must_use]
     pub fn of(image: &GreyImage) -> Self {
         let data = image.data().iter().flat_map(|v| [*v; 3]).collect();
-        Self {
-            width: image.width(),
-            height: image.height(),
-            data,
-        }
+        Self { width: image.width(), height: image.height(), data }
     }
 
     /// Columns.
@@ -117,11 +109,7 @@ impl Canvas {
         for (i, letter) in text.chars().enumerate() {
             let left = x + scale + i as i64 * advance;
             for (column, row) in font::dots(letter) {
-                self.fill(
-                    [left + column * scale, y + scale + row * scale],
-                    [scale, scale],
-                    colour,
-                );
+                self.fill([left + column * scale, y + scale + row * scale], [scale, scale], colour);
             }
         }
     }
@@ -156,13 +144,7 @@ impl Canvas {
     ///
     /// [`SaveError`] with the path.
     pub fn save(&self, path: &Path) -> Result<(), SaveError> {
-        save_png(
-            path,
-            self.width,
-            self.height,
-            png::ColorType::Rgb,
-            &self.data,
-        )
+        save_png(path, self.width, self.height, png::ColorType::Rgb, &self.data)
     }
 }
 
@@ -172,13 +154,7 @@ impl Canvas {
 ///
 /// [`SaveError`] with the path.
 pub fn save_grey(path: &Path, image: &GreyImage) -> Result<(), SaveError> {
-    save_png(
-        path,
-        image.width(),
-        image.height(),
-        png::ColorType::Grayscale,
-        image.data(),
-    )
+    save_png(path, image.width(), image.height(), png::ColorType::Grayscale, image.data())
 }
 
 fn save_png(
@@ -188,14 +164,9 @@ fn save_png(
     colour: png::ColorType,
     data: &[u8],
 ) -> Result<(), SaveError> {
-    let encode = |source| SaveError::Encode {
-        path: path.to_owned(),
-        source,
-    };
-    let file = std::fs::File::create(path).map_err(|source| SaveError::Write {
-        path: path.to_owned(),
-        source,
-    })?;
+    let encode = |source| SaveError::Encode { path: path.to_owned(), source };
+    let file = std::fs::File::create(path)
+        .map_err(|source| SaveError::Write { path: path.to_owned(), source })?;
     let mut encoder = png::Encoder::new(BufWriter::new(file), width as u32, height as u32);
     encoder.set_color(colour);
     encoder.set_compression(png::Compression::Fast);
@@ -214,10 +185,7 @@ mod tests {
         let path = folder.path().join("a.png");
         let image = GreyImage::new(3, 2, vec![0, 50, 100, 150, 200, 250]).unwrap();
         save_grey(&path, &image).unwrap();
-        assert_eq!(
-            crate::source::decode(&std::fs::read(&path).unwrap()).unwrap(),
-            image
-        );
+        assert_eq!(crate::source::decode(&std::fs::read(&path).unwrap()).unwrap(), image);
     }
 
     #[test]

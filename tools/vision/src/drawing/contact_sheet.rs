@@ -16,10 +16,7 @@ impl ContactSheet {
     /// An empty page with so many overlays per row; at least one.
     #[must_use]
     pub fn new(columns: usize) -> Self {
-        Self {
-            columns: columns.max(1),
-            cells: Vec::new(),
-        }
+        Self { columns: columns.max(1), cells: Vec::new() }
     }
 
     /// Adds an overlay, made smaller.
@@ -48,17 +45,10 @@ impl ContactSheet {
         let width = self.cells.iter().map(Canvas::width).max().unwrap_or(1) + BORDER;
         let height = self.cells.iter().map(Canvas::height).max().unwrap_or(1) + BORDER;
         let rows = self.cells.len().div_ceil(self.columns).max(1);
-        let mut page = Canvas::new(
-            width * self.columns.min(self.cells.len().max(1)),
-            height * rows,
-            [0; 3],
-        );
+        let mut page =
+            Canvas::new(width * self.columns.min(self.cells.len().max(1)), height * rows, [0; 3]);
         for (i, cell) in self.cells.iter().enumerate() {
-            page.paste(
-                cell,
-                [i % self.columns * width, i / self.columns * height],
-                1,
-            );
+            page.paste(cell, [i % self.columns * width, i / self.columns * height], 1);
         }
         page
     }

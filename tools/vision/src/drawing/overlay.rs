@@ -33,13 +33,8 @@ pub fn overlay(image: &GreyImage, name: &str, reading: &Result<Reading, String>)
 
 fn words(reading: &Reading) -> String {
     let (angle, std) = (reading.angle_rad.to_degrees(), reading.std_rad.to_degrees());
-    let issue = reading
-        .issue
-        .map_or(String::new(), |issue| format!(" {issue}"));
-    format!(
-        "{angle:+.2} +-{std:.3} deg  Q {:.2}{issue}",
-        reading.quality
-    )
+    let issue = reading.issue.map_or(String::new(), |issue| format!(" {issue}"));
+    format!("{angle:+.2} +-{std:.3} deg  Q {:.2}{issue}", reading.quality)
 }
 
 fn draw(canvas: &mut Canvas, reading: &Reading, scale: i64) {
@@ -49,12 +44,7 @@ fn draw(canvas: &mut Canvas, reading: &Reading, scale: i64) {
     }
     // A little longer than the stretch that made it, so that a wrong direction shows.
     let mut line = |line: &FittedLine, colour| {
-        canvas.line(
-            line.at(-0.6 * line.length_px),
-            line.at(0.8 * line.length_px),
-            thick,
-            colour,
-        )
+        canvas.line(line.at(-0.6 * line.length_px), line.at(0.8 * line.length_px), thick, colour)
     };
     line(&reading.base, BASE);
     line(&reading.tip, TIP);

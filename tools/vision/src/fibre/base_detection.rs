@@ -55,11 +55,7 @@ pub fn find(image: &GreyImage, settings: &DetectorSettings) -> Result<BaseDetect
     let mut best: Option<(usize, f32, Vec<EdgePair>)> = None;
     let mut rival = 0;
     let mut fits: Vec<(usize, f32, Vec<EdgePair>)> = hypotheses(&seen).collect();
-    fits.sort_by(|a, b| {
-        (b.0, b.1)
-            .partial_cmp(&(a.0, a.1))
-            .unwrap_or(std::cmp::Ordering::Equal)
-    });
+    fits.sort_by(|a, b| (b.0, b.1).partial_cmp(&(a.0, a.1)).unwrap_or(std::cmp::Ordering::Equal));
     for fit in fits {
         match &best {
             None => best = Some(fit),
@@ -69,9 +65,8 @@ pub fn find(image: &GreyImage, settings: &DetectorSettings) -> Result<BaseDetect
             Some(_) => {}
         }
     }
-    let (support, _, on_it) = best
-        .filter(|(support, ..)| *support >= MIN_COUNT)
-        .ok_or(BaseNotFound::Nothing)?;
+    let (support, _, on_it) =
+        best.filter(|(support, ..)| *support >= MIN_COUNT).ok_or(BaseNotFound::Nothing)?;
     if rival + 1 >= support && rival >= MIN_COUNT {
         return Err(BaseNotFound::Two);
     }
@@ -84,9 +79,7 @@ fn hypotheses(seen: &[Vec<EdgePair>]) -> impl Iterator<Item = (usize, f32, Vec<E
         .flat_map(|i| (i + MIN_COUNT - 1..SECTIONS).map(move |j| (i, j)));
     pairs
         .flat_map(move |(i, j)| {
-            seen[i]
-                .iter()
-                .flat_map(move |a| seen[j].iter().map(move |b| (*a, *b)))
+            seen[i].iter().flat_map(move |a| seen[j].iter().map(move |b| (*a, *b)))
         })
         .filter_map(move |(a, b)| {
             let slope = (b.place - a.place) / (b.depth - a.depth);
@@ -105,17 +98,12 @@ fn hypotheses(seen: &[Vec<EdgePair>]) -> impl Iterator<Item = (usize, f32, Vec<E
 
 fn nearest(station: &[EdgePair], expected: impl Fn(&EdgePair) -> f64) -> Option<EdgePair> {
     let off = |s: &EdgePair| (s.place - expected(s)).abs();
-    station
-        .iter()
-        .min_by(|a, b| off(a).total_cmp(&off(b)))
-        .filter(|s| off(s) <= OFF_LINE)
-        .copied()
+    station.iter().min_by(|a, b| off(a).total_cmp(&off(b))).filter(|s| off(s) <= OFF_LINE).copied()
 }
 
 fn differs(a: &[EdgePair], b: &[EdgePair], width: f64) -> bool {
     let common = a.iter().filter(|s| {
-        b.iter()
-            .any(|t| t.depth == s.depth && (t.place - s.place).abs() < 0.5 * width)
+        b.iter().any(|t| t.depth == s.depth && (t.place - s.place).abs() < 0.5 * width)
     });
     2 * common.count() < a.len()
 }
@@ -139,28 +127,13 @@ impl BorderFrame {
         let (right, bottom) = (image.width() as f64 - 1.0, image.height() as f64 - 1.0);
         // The corner from which `along` runs into the image.
         let corner = [
-            if inward[0] + along[0] > 0.0 {
-                0.0
-            } else {
-                right
-            },
-            if inward[1] + along[1] > 0.0 {
-                0.0
-            } else {
-                bottom
-            },
+            if inward[0] + along[0] > 0.0 { 0.0 } else { right },
+            if inward[1] + along[1] > 0.0 { 0.0 } else { bottom },
         ];
         let width = along[0].abs() * right + along[1].abs() * bottom;
         let spacing = (settings.base_length - MARGIN) / SECTIONS as f64;
         let depths = std::array::from_fn(|i| MARGIN + spacing * i as f64);
-        Self {
-            corner,
-            inward,
-            along,
-            inward_rad,
-            width,
-            depths,
-        }
+        Self { corner, inward, along, inward_rad, width, depths }
     }
 
     /// All candidates of all stations.
@@ -170,11 +143,8 @@ impl BorderFrame {
         self.depths
             .iter()
             .map(|depth| {
-                let centre = advance(
-                    advance(self.corner, self.inward, *depth),
-                    self.along,
-                    half as f64,
-                );
+                let centre =
+                    advance(advance(self.corner, self.inward, *depth), self.along, half as f64);
                 profile.read(image, settings.ground, centre, self.along, half);
                 profile.find(settings.body_width, MIN_CONTRAST, &mut found);
                 found
@@ -192,24 +162,16 @@ impl BorderFrame {
 
     fn is_near(&self, settings: &DetectorSettings, place: f64) -> bool {
         // `near` counts from the image's left or upper corner; `along` may run the other way.
-        let from_zero = if self.along[0] + self.along[1] > 0.0 {
-            place
-        } else {
-            self.width - place
-        };
-        settings
-            .near
-            .is_none_or(|[at, within]| (from_zero - at).abs() <= within)
+        let from_zero =
+            if self.along[0] + self.along[1] > 0.0 { place } else { self.width - place };
+        settings.near.is_none_or(|[at, within]| (from_zero - at).abs() <= within)
     }
 
     fn entry(&self, on_it: &[EdgePair]) -> Option<BaseDetection> {
         let count = on_it.len() as f64;
         let mean = |f: &dyn Fn(&EdgePair) -> f64| on_it.iter().map(f).sum::<f64>() / count;
         let (depth, place) = (mean(&|s| s.depth), mean(&|s| s.place));
-        let slope = on_it
-            .iter()
-            .map(|s| (s.depth - depth) * (s.place - place))
-            .sum::<f64>()
+        let slope = on_it.iter().map(|s| (s.depth - depth) * (s.place - place)).sum::<f64>()
             / on_it.iter().map(|s| (s.depth - depth).powi(2)).sum::<f64>();
         let start = advance(
             advance(self.corner, self.inward, MARGIN),

@@ -117,18 +117,8 @@ pub fn follow(
     };
     let stop = tracer.run();
     drop_islands(&mut tracer.points);
-    let CentrelineTracker {
-        points,
-        contrast,
-        ground,
-        ..
-    } = tracer;
-    (!points.is_empty()).then_some(Centreline {
-        points,
-        stop,
-        contrast,
-        ground,
-    })
+    let CentrelineTracker { points, contrast, ground, .. } = tracer;
+    (!points.is_empty()).then_some(Centreline { points, stop, contrast, ground })
 }
 
 impl CentrelineTracker<'_> {
@@ -176,19 +166,13 @@ impl CentrelineTracker<'_> {
     }
 
     fn width(&self) -> f64 {
-        if self.is_fibre {
-            self.settings.fibre_width
-        } else {
-            self.settings.body_width
-        }
+        if self.is_fibre { self.settings.fibre_width } else { self.settings.body_width }
     }
 
     fn is_inside(&self, [x, y]: Px) -> bool {
         let margin = 3.0;
-        let (right, bottom) = (
-            self.image.width() as f64 - 1.0 - margin,
-            self.image.height() as f64 - 1.0 - margin,
-        );
+        let (right, bottom) =
+            (self.image.width() as f64 - 1.0 - margin, self.image.height() as f64 - 1.0 - margin);
         x >= margin && y >= margin && x <= right && y <= bottom
     }
 
@@ -211,10 +195,7 @@ impl CentrelineTracker<'_> {
     }
 
     fn straight(&self, from: Px, length: f64) -> (Px, f64) {
-        (
-            advance(from, step(self.entry.direction_rad), length),
-            self.entry.direction_rad,
-        )
+        (advance(from, step(self.entry.direction_rad), length), self.entry.direction_rad)
     }
 
     /// `v = a + b u + c u^2` through the readings, as seen from `origin` in direction `rough`.
@@ -230,9 +211,7 @@ impl CentrelineTracker<'_> {
         // As if one had measured c = 0 with the standard deviation that curvatures have (c is half
         // a curvature), relative to an error of half a pixel per reading.
         normal[(2, 2)] += (0.5 / (0.5 * self.settings.max_curvature())).powi(2);
-        normal
-            .cholesky()
-            .map_or([0.0; 3], |factor| factor.solve(&right).into())
+        normal.cholesky().map_or([0.0; 3], |factor| factor.solve(&right).into())
     }
 
     fn detect(&mut self, place: Px, direction: f64, along: f64) -> StepResult {
@@ -241,16 +220,9 @@ impl CentrelineTracker<'_> {
         let gate = GATE + 0.08 * width + GATE_GROWTH * gap;
         // Room for the thickest candidate at the edge of the gate and for the ground beside it.
         let half = (0.65 * width + gate + (0.5 * width).clamp(8.0, 16.0)) as usize;
-        self.profile.read(
-            self.image,
-            self.settings.ground,
-            place,
-            across(direction),
-            half,
-        );
-        if let Some(candidate) = self
-            .nearest(width, gate)
-            .filter(|candidate| self.is_thick_as_before(candidate))
+        self.profile.read(self.image, self.settings.ground, place, across(direction), half);
+        if let Some(candidate) =
+            self.nearest(width, gate).filter(|candidate| self.is_thick_as_before(candidate))
         {
             return StepResult::Fibre(candidate, self.is_fibre);
         }
@@ -300,14 +272,9 @@ impl CentrelineTracker<'_> {
         let at = advance(place, across(direction), candidate.offset);
         if is_fibre && !self.is_fibre {
             // Before this the middle was the body's; the fibre need not sit exactly there.
-            self.is_fibre = self
-                .points
-                .iter()
-                .rev()
-                .take(ISLAND - 1)
-                .filter(|p| p.is_fibre)
-                .count()
-                == ISLAND - 1;
+            self.is_fibre =
+                self.points.iter().rev().take(ISLAND - 1).filter(|p| p.is_fibre).count()
+                    == ISLAND - 1;
             if self.is_fibre {
                 self.thickness = (0.0, 0.0);
             }
@@ -317,12 +284,7 @@ impl CentrelineTracker<'_> {
             *count += 1.0;
             *mean += (candidate.width - *mean) / *count;
         }
-        self.points.push(TracePoint {
-            at,
-            along,
-            width: candidate.width,
-            is_fibre,
-        });
+        self.points.push(TracePoint { at, along, width: candidate.width, is_fibre });
         self.contrast += SMOOTHING * (candidate.contrast - self.contrast);
         self.ground += SMOOTHING * (candidate.ground - self.ground);
     }
@@ -348,12 +310,7 @@ mod tests {
     fn points(runs: &[(f64, usize)]) -> Vec<TracePoint> {
         runs.iter()
             .flat_map(|(from, count)| (0..*count).map(move |i| from + STRIDE * i as f64))
-            .map(|along| TracePoint {
-                at: [along, 0.0],
-                along,
-                width: 20.0,
-                is_fibre: true,
-            })
+            .map(|along| TracePoint { at: [along, 0.0], along, width: 20.0, is_fibre: true })
             .collect()
     }
 

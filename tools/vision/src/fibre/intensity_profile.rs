@@ -54,10 +54,8 @@ impl IntensityProfile {
         self.half = half;
         self.values.clear();
         let beside = [unit[1], -unit[0]];
-        let (right, bottom) = (
-            (image.width() as f64 - 1.001).max(0.0),
-            (image.height() as f64 - 1.001).max(0.0),
-        );
+        let (right, bottom) =
+            ((image.width() as f64 - 1.001).max(0.0), (image.height() as f64 - 1.001).max(0.0));
         for i in 0..=2 * half {
             let on_line = advance(centre, unit, i as f64 - half as f64);
             let sum: f32 = LINES
@@ -66,11 +64,7 @@ impl IntensityProfile {
                 .filter_map(|[x, y]| image.sample(x.clamp(0.0, right), y.clamp(0.0, bottom)))
                 .sum();
             let mean = sum / LINES.len() as f32;
-            self.values.push(if ground == Background::Bright {
-                mean
-            } else {
-                255.0 - mean
-            });
+            self.values.push(if ground == Background::Bright { mean } else { 255.0 - mean });
         }
         self.sums.clear();
         self.sums.push(0.0);
@@ -111,10 +105,7 @@ impl IntensityProfile {
         }
         let threshold =
             (0.5 * contrast).max(EDGE_TO_NOISE * self.noise * (2.0 / reach as f32).sqrt());
-        let (narrow, wide) = (
-            width * (1.0 - WIDTH_TOLERANCE),
-            width * (1.0 + WIDTH_TOLERANCE),
-        );
+        let (narrow, wide) = (width * (1.0 - WIDTH_TOLERANCE), width * (1.0 + WIDTH_TOLERANCE));
         for fall in reach..length {
             if !self.is_peak(fall, reach, threshold, -1.0) {
                 continue;
@@ -122,10 +113,8 @@ impl IntensityProfile {
             let last = (fall + wide.ceil() as usize).min(length - 1);
             for rise in fall + narrow.max(2.0) as usize..=last {
                 if self.is_peak(rise, reach, threshold, 1.0) {
-                    found.extend(
-                        self.between(fall, rise, width)
-                            .filter(|c| c.contrast >= contrast),
-                    );
+                    found
+                        .extend(self.between(fall, rise, width).filter(|c| c.contrast >= contrast));
                 }
             }
         }
@@ -163,10 +152,7 @@ impl IntensityProfile {
         let Some(around) = self.values.get(start - 1..=end) else {
             return most;
         };
-        let slope = around
-            .windows(3)
-            .map(|v| 0.5 * (v[2] - v[0]).abs())
-            .fold(0.0, f32::max);
+        let slope = around.windows(3).map(|v| 0.5 * (v[2] - v[0]).abs()).fold(0.0, f32::max);
         let height = (around[0] - around[around.len() - 1]).abs();
         (EDGE_REACH * f64::from(height / slope)).clamp(3.0, most)
     }
@@ -175,11 +161,7 @@ impl IntensityProfile {
     /// same height would have to be to leave the same area under the profile. Blur does not move
     /// it, nor does a slope in the light.
     fn edge(&self, at: f64, reach: f64) -> Option<Edge> {
-        let mut edge = Edge {
-            at,
-            before: 0.0,
-            after: 0.0,
-        };
+        let mut edge = Edge { at, before: 0.0, after: 0.0 };
         for _ in 0..2 {
             let start = (edge.at - reach).round();
             let end = (edge.at + reach).round();
@@ -187,10 +169,8 @@ impl IntensityProfile {
                 return None;
             }
             let (start, end) = (start as usize, end as usize);
-            let (before, after) = (
-                self.mean_of(start - 1, start + 2),
-                self.mean_of(end - 1, end + 2),
-            );
+            let (before, after) =
+                (self.mean_of(start - 1, start + 2), self.mean_of(end - 1, end + 2));
             let ends = 0.5 * (self.values[start] + self.values[end]);
             let area = self.sums[end] - self.sums[start + 1] + ends - (end - start) as f32 * after;
             let part = f64::from(area / (before - after));
@@ -198,11 +178,7 @@ impl IntensityProfile {
             if !(part >= 0.0 && part <= (end - start) as f64) {
                 return None;
             }
-            edge = Edge {
-                at: start as f64 + part,
-                before,
-                after,
-            };
+            edge = Edge { at: start as f64 + part, before, after };
         }
         Some(edge)
     }
@@ -215,10 +191,8 @@ struct Edge {
 }
 
 fn noise(values: &[f32]) -> f32 {
-    let mut differences: Vec<f32> = values
-        .windows(2)
-        .map(|pair| (pair[1] - pair[0]).abs())
-        .collect();
+    let mut differences: Vec<f32> =
+        values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
     if differences.is_empty() {
         return 0.0;
     }

@@ -54,11 +54,8 @@ impl FittedLine {
         if points.len() < MIN_COUNT {
             return None;
         }
-        let (u, v): (Vec<f64>, Vec<f64>) = points
-            .iter()
-            .map(|p| relative(*p, origin, direction_rad))
-            .map(|[u, v]| (u, v))
-            .unzip();
+        let (u, v): (Vec<f64>, Vec<f64>) =
+            points.iter().map(|p| relative(*p, origin, direction_rad)).map(|[u, v]| (u, v)).unzip();
         let mut fit = WeightedFit::start(&u, &v)?;
         for _ in 0..ROUNDS {
             fit = fit.again(&u, &v)?;
@@ -104,13 +101,8 @@ impl WeightedFit {
         let slope = median(&mut slopes)?;
         let mut offsets: Vec<f64> = u.iter().zip(v).map(|(u, v)| v - slope * u).collect();
         let offset = median(&mut offsets)?;
-        let mut start = Self {
-            weights: Vec::new(),
-            mean_u: 0.0,
-            mean_v: offset,
-            slope,
-            sigma: 0.0,
-        };
+        let mut start =
+            Self { weights: Vec::new(), mean_u: 0.0, mean_v: offset, slope, sigma: 0.0 };
         start.sigma = start.scale(u, v)?;
         Some(start)
     }
@@ -120,28 +112,18 @@ impl WeightedFit {
     }
 
     fn scale(&self, u: &[f64], v: &[f64]) -> Option<f64> {
-        let mut sizes: Vec<f64> = u
-            .iter()
-            .zip(v)
-            .map(|(u, v)| self.residual(*u, *v).abs())
-            .collect();
+        let mut sizes: Vec<f64> =
+            u.iter().zip(v).map(|(u, v)| self.residual(*u, *v).abs()).collect();
         Some((MAD * median(&mut sizes)?).max(SIGMA_FLOOR))
     }
 
     fn again(&self, u: &[f64], v: &[f64]) -> Option<Self> {
         let limit = TUKEY * self.sigma;
         let weight = |r: f64| {
-            if r.abs() < limit {
-                (1.0 - (r / limit).powi(2)).powi(2)
-            } else {
-                0.0
-            }
+            if r.abs() < limit { (1.0 - (r / limit).powi(2)).powi(2) } else { 0.0 }
         };
-        let weights: Vec<f64> = u
-            .iter()
-            .zip(v)
-            .map(|(u, v)| weight(self.residual(*u, *v)))
-            .collect();
+        let weights: Vec<f64> =
+            u.iter().zip(v).map(|(u, v)| weight(self.residual(*u, *v))).collect();
         let sum: f64 = weights.iter().sum();
         let mean_u = u.iter().zip(&weights).map(|(u, w)| w * u).sum::<f64>() / sum;
         let mean_v = v.iter().zip(&weights).map(|(v, w)| w * v).sum::<f64>() / sum;
@@ -151,13 +133,7 @@ impl WeightedFit {
             uv += w * (u - mean_u) * (v - mean_v);
         }
         let slope = uv / uu;
-        let mut next = Self {
-            weights,
-            mean_u,
-            mean_v,
-            slope,
-            sigma: 0.0,
-        };
+        let mut next = Self { weights, mean_u, mean_v, slope, sigma: 0.0 };
         next.sigma = next.scale(u, v)?;
         slope.is_finite().then_some(next)
     }
@@ -175,43 +151,23 @@ impl FitUncertainty {
         let sum: f64 = fit.weights.iter().sum();
         let centred: Vec<f64> = u.iter().map(|u| u - fit.mean_u).collect();
         let moment = |power: i32| {
-            centred
-                .iter()
-                .zip(&fit.weights)
-                .map(|(u, w)| w * u.powi(power))
-                .sum::<f64>()
+            centred.iter().zip(&fit.weights).map(|(u, w)| w * u.powi(power)).sum::<f64>()
         };
         let (m2, m3) = (moment(2), moment(3));
         // The part of u^2 that line and mean do not explain.
-        let curved: Vec<f64> = centred
-            .iter()
-            .map(|u| u * u - m2 / sum - m3 / m2 * u)
-            .collect();
-        let cc: f64 = curved
-            .iter()
-            .zip(&fit.weights)
-            .map(|(c, w)| w * c * c)
-            .sum();
+        let curved: Vec<f64> = centred.iter().map(|u| u * u - m2 / sum - m3 / m2 * u).collect();
+        let cc: f64 = curved.iter().zip(&fit.weights).map(|(c, w)| w * c * c).sum();
         let residuals: Vec<f64> = u.iter().zip(v).map(|(u, v)| fit.residual(*u, *v)).collect();
-        let cr: f64 = curved
-            .iter()
-            .zip(&residuals)
-            .zip(&fit.weights)
-            .map(|((c, r), w)| w * c * r)
-            .sum();
+        let cr: f64 =
+            curved.iter().zip(&residuals).zip(&fit.weights).map(|((c, r), w)| w * c * r).sum();
         let length = (u.last()? - u.first()?).abs();
         let widened = fit.sigma * inflation(&residuals, &fit.weights).sqrt();
         // What is bent scatters around its bend, not around the line.
         let bend = cr / cc;
-        let left: Vec<f64> = residuals
-            .iter()
-            .zip(&curved)
-            .map(|(r, c)| r - bend * c)
-            .collect();
+        let left: Vec<f64> = residuals.iter().zip(&curved).map(|(r, c)| r - bend * c).collect();
         let left_squares: f64 = left.iter().zip(&fit.weights).map(|(r, w)| w * r * r).sum();
-        let left_sigma = (left_squares / sum * inflation(&left, &fit.weights))
-            .sqrt()
-            .max(SIGMA_FLOOR);
+        let left_sigma =
+            (left_squares / sum * inflation(&left, &fit.weights)).sqrt().max(SIGMA_FLOOR);
         // v = ... + bend u^2 turns by twice that per pixel, over half the length.
         Some(Self {
             slope_std: widened / m2.sqrt(),
@@ -228,11 +184,7 @@ fn inflation(residuals: &[f64], weights: &[f64]) -> f64 {
         same += weights[i] * residuals[i].powi(2);
         next += (weights[i] * weights[i - 1]).sqrt() * residuals[i] * residuals[i - 1];
     }
-    let correlation = if same > 0.0 {
-        (next / same).clamp(0.0, 0.9)
-    } else {
-        0.0
-    };
+    let correlation = if same > 0.0 { (next / same).clamp(0.0, 0.9) } else { 0.0 };
     (1.0 + correlation) / (1.0 - correlation)
 }
 
@@ -288,11 +240,8 @@ mod tests {
     #[test]
     fn a_bent_stretch_shows_its_bend() {
         // A circle of radius 1000 over 198 px turns by 0.099 rad from the middle to the end.
-        let line = FittedLine::fit(
-            &points(0.4, 100, |i| (2.0 * i as f64).powi(2) / 2000.0),
-            0.4,
-        )
-        .unwrap();
+        let line =
+            FittedLine::fit(&points(0.4, 100, |i| (2.0 * i as f64).powi(2) / 2000.0), 0.4).unwrap();
         assert!((line.bend_rad - 0.099).abs() < 0.003, "{}", line.bend_rad);
         assert!(line.bend_std_rad < 0.02);
     }
@@ -300,9 +249,6 @@ mod tests {
     #[test]
     fn too_few_points_make_no_line() {
         assert!(FittedLine::fit(&points(0.0, 7, |_| 0.0), 0.0).is_none());
-        assert!(
-            FittedLine::fit(&[[5.0, 5.0]; 20], 0.0).is_none(),
-            "all in one place"
-        );
+        assert!(FittedLine::fit(&[[5.0, 5.0]; 20], 0.0).is_none(), "all in one place");
     }
 }

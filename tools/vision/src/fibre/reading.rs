@@ -181,10 +181,7 @@ fn evaluate(
     let mut reading = Reading {
         angle_rad: wrap(tip.direction_rad - base.direction_rad),
         std_rad: base.std_rad.hypot(tip.std_rad),
-        tip_px: end.map_or_else(
-            || trace.points.last().map_or([0.0; 2], |p| p.at),
-            |end| end.at,
-        ),
+        tip_px: end.map_or_else(|| trace.points.last().map_or([0.0; 2], |p| p.at), |end| end.at),
         length_px: base_detection::before_start() + last + end.map_or(0.0, |end| end.beyond),
         base,
         tip,
@@ -216,21 +213,13 @@ fn evaluate(
     );
     let ends = [
         (QualityIssue::BaseCovered, 0.0, settings.base_length),
-        (
-            QualityIssue::TipCovered,
-            tip_from(settings, last),
-            last - CUT,
-        ),
+        (QualityIssue::TipCovered, tip_from(settings, last), last - CUT),
     ];
     for (issue, from, to) in ends {
         reading.limit_quality(issue, taper(trace, from, to), limit::TAPER);
     }
     reading.limit_quality(QualityIssue::Noise, reading.std_rad, limit::STD);
-    reading.limit_quality(
-        QualityIssue::Noise,
-        base.sigma_px.max(tip.sigma_px),
-        limit::SCATTER,
-    );
+    reading.limit_quality(QualityIssue::Noise, base.sigma_px.max(tip.sigma_px), limit::SCATTER);
     match (trace.stop, end) {
         (TraceEnd::Border, _) => reading.limit_quality(QualityIssue::OutOfPicture, 1.0, 0.0),
         (TraceEnd::Covered, _) => reading.limit_quality(QualityIssue::EndCovered, 1.0, 0.0),
@@ -254,22 +243,14 @@ fn tip_from(settings: &DetectorSettings, last: f64) -> f64 {
 
 /// The angle between both edges of a stretch, as far as scatter does not explain it, rad.
 fn taper(trace: &Centreline, from: f64, to: f64) -> f64 {
-    let readings = trace
-        .points
-        .iter()
-        .filter(|p| (from..=to).contains(&p.along));
+    let readings = trace.points.iter().filter(|p| (from..=to).contains(&p.along));
     let widths: Vec<Px> = readings.map(|p| [p.along, -p.width]).collect();
     FittedLine::fit(&widths, 0.0).map_or(0.0, |line| significant(line.direction_rad, line.std_rad))
 }
 
 /// The readings between two lengths along the trace.
 fn stretch(trace: &Centreline, from: f64, to: f64) -> Vec<Px> {
-    trace
-        .points
-        .iter()
-        .filter(|p| (from..=to).contains(&p.along))
-        .map(|p| p.at)
-        .collect()
+    trace.points.iter().filter(|p| (from..=to).contains(&p.along)).map(|p| p.at).collect()
 }
 
 /// Rough direction of a stretch: from the middle of its first to the middle of its last quarter.
@@ -277,14 +258,8 @@ fn direction(points: &[Px]) -> Option<f64> {
     let quarter = (points.len() / 4).max(1);
     let middle =
         |part: &[Px], axis: usize| median(&mut part.iter().map(|p| p[axis]).collect::<Vec<_>>());
-    let (first, last) = (
-        points.get(..quarter)?,
-        points.get(points.len() - quarter..)?,
-    );
-    Some(f64::atan2(
-        middle(first, 1)? - middle(last, 1)?,
-        middle(last, 0)? - middle(first, 0)?,
-    ))
+    let (first, last) = (points.get(..quarter)?, points.get(points.len() - quarter..)?);
+    Some(f64::atan2(middle(first, 1)? - middle(last, 1)?, middle(last, 0)? - middle(first, 0)?))
 }
 
 /// The part of a size that its uncertainty does not explain.
@@ -295,11 +270,7 @@ fn significant(size: f64, std: f64) -> f64 {
 /// 1 for no trouble, [`GOOD`] at the limit, towards 0 beyond.
 fn score(size: f64, limit: f64) -> f64 {
     let size = size.max(0.0);
-    if limit <= 0.0 {
-        f64::from(size <= 0.0)
-    } else {
-        1.0 / (1.0 + (size / limit).powi(2))
-    }
+    if limit <= 0.0 { f64::from(size <= 0.0) } else { 1.0 / (1.0 + (size / limit).powi(2)) }
 }
 
 fn wrap(angle: f64) -> f64 {

@@ -36,12 +36,7 @@ pub fn find(
 ) -> Option<TipDetection> {
     let last = trace.points.last()?.at;
     let [along, _] = relative(last, line.middle, line.direction_rad);
-    let view = TipWindow {
-        image,
-        ground: settings.ground,
-        line,
-        from: along,
-    };
+    let view = TipWindow { image, ground: settings.ground, line, from: along };
     let width = settings.fibre_width;
     let middle = view.crossing([-0.3 * width, 0.3 * width], width, trace.contrast)?;
     let left = view.crossing([0.05 * width, 0.4 * width], width, trace.contrast)?;
@@ -67,11 +62,7 @@ impl TipWindow<'_> {
         let [x, y] = self.line.at(self.from + along);
         let [ux, uy] = across(self.line.direction_rad);
         let value = self.image.sample(x + offset * ux, y + offset * uy)?;
-        Some(if self.ground == Background::Bright {
-            value
-        } else {
-            255.0 - value
-        })
+        Some(if self.ground == Background::Bright { value } else { 255.0 - value })
     }
 
     /// Mean across `lane` at every pixel along, from 2 thicknesses before the last reading to 2.5
@@ -82,9 +73,8 @@ impl TipWindow<'_> {
         let (back, ahead) = reach(width);
         (-back..=ahead)
             .map_while(|i| {
-                let sum: Option<f32> = (0..lines)
-                    .map(|j| self.value(f64::from(i), offset(j)))
-                    .sum();
+                let sum: Option<f32> =
+                    (0..lines).map(|j| self.value(f64::from(i), offset(j))).sum();
                 sum.map(|sum| sum / lines as f32)
             })
             .collect()
@@ -127,10 +117,8 @@ impl TipWindow<'_> {
         let (mut inside, mut free) = (0, 0);
         for (along, offset) in places {
             let near = [(0.0, 0.0), (0.7, 0.0), (-0.7, 0.0), (0.0, 0.7), (0.0, -0.7)];
-            let sum: Option<f32> = near
-                .iter()
-                .map(|(a, o)| self.value(along + a, offset + o))
-                .sum();
+            let sum: Option<f32> =
+                near.iter().map(|(a, o)| self.value(along + a, offset + o)).sum();
             if let Some(sum) = sum {
                 let level = sum / near.len() as f32;
                 inside += 1;
@@ -153,7 +141,5 @@ fn rough(values: &[f32], back: usize, rise: f32) -> Option<f64> {
     let level = median(&mut inside)? as f32 + rise;
     let smooth = |i: usize| (values[i - 1] + values[i] + values[i + 1]) / 3.0;
     let first = back.saturating_sub(back / 2).max(1);
-    (first..values.len().saturating_sub(1))
-        .find(|i| smooth(*i) > level)
-        .map(|i| i as f64)
+    (first..values.len().saturating_sub(1)).find(|i| smooth(*i) > level).map(|i| i as f64)
 }

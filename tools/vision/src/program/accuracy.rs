@@ -21,11 +21,7 @@ pub struct Arguments {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments {
-        frames,
-        cluttered: cluttered_frames,
-        seed,
-    } = *arguments;
+    let Arguments { frames, cluttered: cluttered_frames, seed } = *arguments;
     println!(
         "{:<66}{:>7}{:>7}{:>9}{:>8}{:>8}{:>9}{:>8}",
         "images at 1280x960, 200 px/mm, +-45 deg (both axes: +-40)",
@@ -42,14 +38,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         "", "", "", "deg", "deg", "deg", "deg", "um"
     );
     for condition in conditions().iter().filter(|_| frames > 0) {
-        print_row(&while_working("measuring", || {
-            clear(condition, frames, seed)
-        }));
+        print_row(&while_working("measuring", || clear(condition, frames, seed)));
     }
     for (name, rig) in rigs().iter().filter(|_| frames > 0) {
-        print_row(&while_working("measuring with two views", || {
-            stereo(name, rig, frames, seed)
-        })?);
+        print_row(&while_working("measuring with two views", || stereo(name, rig, frames, seed))?);
     }
     if frames > 0 {
         let rate = while_working("measuring the speed", || speed(seed))?;
@@ -58,9 +50,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         );
     }
     if cluttered_frames > 0 {
-        let outcome = while_working("measuring cluttered images", || {
-            cluttered(cluttered_frames, seed)
-        });
+        let outcome =
+            while_working("measuring cluttered images", || cluttered(cluttered_frames, seed));
         println!(
             "\n{} cluttered images: {} good, largest error of those {:.3} deg, \
              wrong by more than 1 deg: {}",
@@ -84,16 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn print_row(row: &AccuracyRow) {
-    let AccuracyRow {
-        name,
-        frames,
-        good,
-        bias_deg,
-        std_deg,
-        max_deg,
-        claimed_deg,
-        tip_um,
-    } = row;
+    let AccuracyRow { name, frames, good, bias_deg, std_deg, max_deg, claimed_deg, tip_um } = row;
     println!(
         "{name:<66}{frames:>7}{good:>7}{bias_deg:>+9.4}{std_deg:>8.4}{max_deg:>8.3}\
          {claimed_deg:>9.4}{tip_um:>8.2}"

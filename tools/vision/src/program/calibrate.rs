@@ -48,10 +48,7 @@ pub struct Arguments {
 }
 
 fn between(text: &str) -> Result<f64, String> {
-    let value = text
-        .parse()
-        .ok()
-        .filter(|deg: &f64| (15.0..=165.0).contains(deg));
+    let value = text.parse().ok().filter(|deg: &f64| (15.0..=165.0).contains(deg));
     value.ok_or_else(|| "must be an angle from 15 to 165".to_owned())
 }
 
@@ -95,23 +92,12 @@ fn orient(
         (_, None, None) => return Ok(()),
         ([first, second], Some(pitch), Some(yaw)) => {
             let pairs = |motion: &Motion| -> Vec<[f64; 2]> {
-                motion
-                    .tangents
-                    .iter()
-                    .filter_map(|row| row.as_slice().try_into().ok())
-                    .collect()
+                motion.tangents.iter().filter_map(|row| row.as_slice().try_into().ok()).collect()
             };
-            let found = two_views(
-                &pairs(pitch),
-                &pairs(yaw),
-                arguments.between_deg.to_radians(),
-            )?;
+            let found = two_views(&pairs(pitch), &pairs(yaw), arguments.between_deg.to_radians())?;
             first.set_plane(found.planes_rad[0]);
             second.set_plane(found.planes_rad[1]);
-            println!(
-                "both motions agree to {:.2} deg",
-                found.apart_rad.to_degrees()
-            );
+            println!("both motions agree to {:.2} deg", found.apart_rad.to_degrees());
         }
         ([view], pitch, yaw) => {
             let (axis, motion, name) = match (pitch, yaw) {
@@ -119,11 +105,8 @@ fn orient(
                 (None, Some(motion)) => (JointAxis::Yaw, motion, "yaw"),
                 _ => return Err("one view shows one axis: give --pitch or --yaw, not both".into()),
             };
-            let tangents: Vec<f64> = motion
-                .tangents
-                .iter()
-                .filter_map(|row| row.first().copied())
-                .collect();
+            let tangents: Vec<f64> =
+                motion.tangents.iter().filter_map(|row| row.first().copied()).collect();
             (view.axis, view.turn_deg) = (axis, 0.0);
             view.reversed = is_reversed(name, &tangents)?;
         }
@@ -157,26 +140,20 @@ fn motion(
     let mut views: Vec<Vec<ViewResult>> = Vec::new();
     let mut rests = Vec::new();
     for (view, path) in setup.views.iter().zip(paths) {
-        let (mut source, mut detector) = (
-            arguments.format.open(path)?,
-            ViewDetector::new(view.settings()),
-        );
+        let (mut source, mut detector) =
+            (arguments.format.open(path)?, ViewDetector::new(view.settings()));
         let (mut results, mut estimator) = (Vec::new(), RestPoseEstimator::default());
         while let Some(item) = source.next()? {
             let mut result = detector.detect(item);
             result.image = None;
-            let first = results
-                .first()
-                .map_or(result.stamp, |first: &ViewResult| first.stamp);
+            let first = results.first().map_or(result.stamp, |first: &ViewResult| first.stamp);
             if result.stamp.since(first) < rest {
                 estimator.add(result.seen.as_ref().ok());
             }
             results.push(result);
         }
         rests.push(
-            estimator
-                .finish(&view.name)
-                .map_err(|error| format!("{}: {error}", path.display()))?,
+            estimator.finish(&view.name).map_err(|error| format!("{}: {error}", path.display()))?,
         );
         views.push(results);
     }
@@ -187,10 +164,7 @@ fn motion(
             .map(|reading| (reading.angle_rad - rests[view].angle_deg.to_radians()).tan())
     };
     let tangents = match views.as_slice() {
-        [only] => only
-            .iter()
-            .filter_map(|result| tangent(0, result).map(|t| vec![t]))
-            .collect(),
+        [only] => only.iter().filter_map(|result| tangent(0, result).map(|t| vec![t])).collect(),
         _ => pairs(setup, views)
             .iter()
             .filter_map(|[a, b]| Some(vec![tangent(0, a)?, tangent(1, b)?]))
@@ -202,9 +176,7 @@ fn motion(
 fn pairs(setup: &VisionSetup, views: Vec<Vec<ViewResult>>) -> Vec<[ViewResult; 2]> {
     let mut pairer = FramePairer::new(Nanos((setup.pair_within_ms * 1e6) as u64));
     for (view, results) in views.into_iter().enumerate() {
-        results
-            .into_iter()
-            .for_each(|result| pairer.push(view, result.stamp, result));
+        results.into_iter().for_each(|result| pairer.push(view, result.stamp, result));
         pairer.end(view);
     }
     let mut pairs = Vec::new();

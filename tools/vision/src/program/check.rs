@@ -67,10 +67,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             let Some(item) = source.next()? else { break };
             let result = detector.detect(item);
             number += 1;
-            let words = result
-                .good()
-                .err()
-                .map_or_else(|| "good".to_owned(), |cause| cause.to_string());
+            let words =
+                result.good().err().map_or_else(|| "good".to_owned(), |cause| cause.to_string());
             *counts.entry(words).or_default() += 1;
             if !(number - 1).is_multiple_of(arguments.every as usize) {
                 continue;
@@ -82,10 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             }
             sheet.add(&canvas);
         }
-        println!(
-            "view {}: {number} images looked at, {shown} shown",
-            view.name
-        );
+        println!("view {}: {number} images looked at, {shown} shown", view.name);
         for (words, count) in counts {
             println!("{count:>7}  {words}");
         }
@@ -99,15 +94,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// The overlay of a image, or a dark card that says why there is none.
 fn draw(name: &str, result: &ViewResult) -> Canvas {
-    let seen: Result<Reading, String> = result
-        .seen
-        .clone()
-        .map_err(|cause: Rejection| cause.to_string());
+    let seen: Result<Reading, String> =
+        result.seen.clone().map_err(|cause: Rejection| cause.to_string());
     match &result.image {
         Some(image) => overlay(image, name, &seen),
-        None => GreyImage::new(320, 240, vec![40; 320 * 240]).map_or_else(
-            || Canvas::new(1, 1, [0; 3]),
-            |card| overlay(&card, name, &seen),
-        ),
+        None => GreyImage::new(320, 240, vec![40; 320 * 240])
+            .map_or_else(|| Canvas::new(1, 1, [0; 3]), |card| overlay(&card, name, &seen)),
     }
 }

@@ -31,18 +31,12 @@ pub struct Format {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    let value = text
-        .parse()
-        .ok()
-        .filter(|v: &f64| v.is_finite() && *v > 0.0);
+    let value = text.parse().ok().filter(|v: &f64| v.is_finite() && *v > 0.0);
     value.ok_or_else(|| "must be a number above 0".to_owned())
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {
-    let value = text
-        .parse()
-        .ok()
-        .filter(|v: &f64| v.is_finite() && *v >= 0.0);
+    let value = text.parse().ok().filter(|v: &f64| v.is_finite() && *v >= 0.0);
     value.ok_or_else(|| "must be a number, 0 or more".to_owned())
 }
 
@@ -53,15 +47,10 @@ impl Format {
             return self.stream(stdin());
         }
         if path.is_dir() {
-            return Ok(Box::new(ImageFolder::open(
-                path,
-                self.fps.unwrap_or(FOLDER_FPS),
-            )?));
+            return Ok(Box::new(ImageFolder::open(path, self.fps.unwrap_or(FOLDER_FPS))?));
         }
-        let file = File::open(path).map_err(|source| SourceError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let file = File::open(path)
+            .map_err(|source| SourceError::Read { path: path.to_owned(), source })?;
         self.stream(file)
     }
 

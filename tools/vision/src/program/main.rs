@@ -1,9 +1,5 @@
 //! `i2ris vision`: from microscope images to angles.
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command-line program prints"
-)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 mod accuracy;
 mod calibrate;
@@ -20,12 +16,7 @@ use std::process::ExitCode;
 
 /// Measure angles in microscope images
 #[derive(Debug, Parser)]
-#[command(
-    name = "i2ris-vision",
-    bin_name = "i2ris vision",
-    version,
-    propagate_version = true
-)]
+#[command(name = "i2ris-vision", bin_name = "i2ris vision", version, propagate_version = true)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[command(after_help = "Examples:
   i2ris vision calibrate --setup my.toml --pitch P/top P/side --yaw Y/top Y/side \\
@@ -79,10 +70,7 @@ mod tests {
     fn the_help_has_an_example_and_the_command_line_is_consistent() {
         let mut command = Arguments::command();
         let help = command.render_long_help().to_string();
-        assert!(
-            help.contains("Example") && help.contains("i2ris vision"),
-            "{help}"
-        );
+        assert!(help.contains("Example") && help.contains("i2ris vision"), "{help}");
         command.debug_assert();
     }
 }

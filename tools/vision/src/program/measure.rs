@@ -56,13 +56,8 @@ pub struct Arguments {
 
 /// A span of 0 to 3600 s.
 pub fn span(text: &str) -> Result<Nanos, String> {
-    let seconds = text
-        .parse()
-        .ok()
-        .filter(|s: &f64| (0.0..=3600.0).contains(s));
-    seconds
-        .map(|s| Nanos((s * 1e9) as u64))
-        .ok_or_else(|| "must be seconds, 0 to 3600".to_owned())
+    let seconds = text.parse().ok().filter(|s: &f64| (0.0..=3600.0).contains(s));
+    seconds.map(|s| Nanos((s * 1e9) as u64)).ok_or_else(|| "must be seconds, 0 to 3600".to_owned())
 }
 
 /// A message of a view's thread.
@@ -91,22 +86,12 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     let views = setup.views.iter().zip(images).map(|(view, path)| {
         let (sender, receiver) = sync_channel(QUEUE_LENGTH);
-        let (path, format, detector) = (
-            path.clone(),
-            format.clone(),
-            ViewDetector::new(view.settings()),
-        );
+        let (path, format, detector) =
+            (path.clone(), format.clone(), ViewDetector::new(view.settings()));
         thread::spawn(move || watch(&path, &format, detector, &sender));
         receiver
     });
-    let mut run = Run {
-        views: views.collect(),
-        session,
-        output,
-        live,
-        interrupt,
-        failure: None,
-    };
+    let mut run = Run { views: views.collect(), session, output, live, interrupt, failure: None };
     let outcome = run.go();
     eprint!("{}{}", report(&setup, &run.session), run.output.report());
     outcome?;
@@ -236,7 +221,7 @@ impl AngleOutput {
         }
         if arguments.publish && !axes[0] {
             return Err(
-                "--publish needs pitch: external/measured_jp has no way to say yaw alone".into(),
+                "--publish needs pitch: external/measured_jp has no way to say yaw alone".into()
             );
         }
         let to: Box<dyn Write> = match &arguments.output {

@@ -26,12 +26,7 @@ const WIDTH_AT_200: f64 = 1280.0;
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Angles over time: CSV with t_s, pitch_deg and yaw_deg
-    #[arg(
-        long,
-        value_name = "FILE",
-        required_unless_present = "live",
-        conflicts_with = "live"
-    )]
+    #[arg(long, value_name = "FILE", required_unless_present = "live", conflicts_with = "live")]
     angles: Option<PathBuf>,
     /// Draw what `i2ris emulate --domain NAME` publishes as its camera, as Y4M into the FIFOs view0
     /// and view1 of the output folder; the domain must be one that no controller serves
@@ -104,12 +99,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                 fifo(arguments, 0).display(),
                 fifo(arguments, 1).display()
             );
-            live::run(
-                &rig,
-                domain,
-                &[fifo(arguments, 0), fifo(arguments, 1)],
-                &Interrupt::catch()?,
-            )
+            live::run(&rig, domain, &[fifo(arguments, 0), fifo(arguments, 1)], &Interrupt::catch()?)
         }
         (None, None) => Err("give --angles or --live".into()),
     }
@@ -117,10 +107,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// Poses over time from a CSV file.
 fn poses(angles: &Path) -> Result<Vec<(Nanos, JointPose)>, Failure> {
-    let pose = |pose: pose_table::Pose| JointPose {
-        pitch_rad: pose.pitch_rad,
-        yaw_rad: pose.yaw_rad,
-    };
+    let pose =
+        |pose: pose_table::Pose| JointPose { pitch_rad: pose.pitch_rad, yaw_rad: pose.yaw_rad };
     let rows = pose_table::read(angles)?.into_iter();
     Ok(rows.map(|(stamp, row)| (stamp, pose(row))).collect())
 }
@@ -130,9 +118,7 @@ fn rig(arguments: &Arguments) -> Rig {
     let result = &arguments.result;
     let mut rig = Rig::laboratory(width, height, 200.0 * width as f64 / WIDTH_AT_200);
     rig.seed = result.seed;
-    rig.cameras
-        .iter_mut()
-        .for_each(|camera| camera.plane_rad += result.turned_deg.to_radians());
+    rig.cameras.iter_mut().for_each(|camera| camera.plane_rad += result.turned_deg.to_radians());
     if result.bare_fibre {
         rig.snake = SnakeShape::fibre(0.125);
     }

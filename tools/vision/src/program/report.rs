@@ -10,23 +10,12 @@ use i2ris_vision::setup::VisionSetup;
 pub fn report(setup: &VisionSetup, session: &Session) -> String {
     let mut text = String::new();
     for (view, rest) in setup.views.iter().zip(session.rests()) {
-        line(
-            &mut text,
-            &format!("view {}: {}", view.name, rest_words(rest)),
-        );
+        line(&mut text, &format!("view {}: {}", view.name, rest_words(rest)));
     }
-    let SessionStatistics {
-        rows,
-        good,
-        causes,
-        skew,
-    } = session.statistics();
+    let SessionStatistics { rows, good, causes, skew } = session.statistics();
     line(&mut text, &format!("{good} of {rows} rows have angles"));
     if setup.views.len() == 2 {
-        line(
-            &mut text,
-            &format!("pairs at most {:.1} ms apart", skew.as_seconds() * 1e3),
-        );
+        line(&mut text, &format!("pairs at most {:.1} ms apart", skew.as_seconds() * 1e3));
     }
     for ((view, cause), count) in causes {
         line(&mut text, &format!("{count:>7}  {view}: {cause}"));
@@ -36,12 +25,7 @@ pub fn report(setup: &VisionSetup, session: &Session) -> String {
 
 /// A straight pose in words.
 pub fn rest_words(rest: &RestPose) -> String {
-    let RestPose {
-        angle_deg,
-        spread_deg,
-        length_px,
-        tip_px: [x, y],
-    } = rest;
+    let RestPose { angle_deg, spread_deg, length_px, tip_px: [x, y] } = rest;
     format!(
         "rest at {angle_deg:+.3} deg, spread {spread_deg:.3} deg, length {length_px:.1} px, \
          tip at {x:.1}, {y:.1} px"

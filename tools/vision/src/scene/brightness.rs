@@ -20,25 +20,13 @@ impl Brightness {
     /// A dark fibre on bright ground, lit from behind.
     #[must_use]
     pub const fn dark() -> Self {
-        Self {
-            ground: 190.0,
-            body: 55.0,
-            fibre: 55.0,
-            rim: 12.0,
-            glint: 0.0,
-        }
+        Self { ground: 190.0, body: 55.0, fibre: 55.0, rim: 12.0, glint: 0.0 }
     }
 
     /// A bright fibre on dark ground, lit from the side.
     #[must_use]
     pub const fn bright() -> Self {
-        Self {
-            ground: 40.0,
-            body: 185.0,
-            fibre: 185.0,
-            rim: 15.0,
-            glint: 0.0,
-        }
+        Self { ground: 40.0, body: 185.0, fibre: 185.0, rim: 15.0, glint: 0.0 }
     }
 
     /// The same with a glint along the body.

@@ -57,10 +57,7 @@ impl PinholeCamera {
         let (sin, cos) = self.roll_rad.sin_cos();
         let k = self.px_per_mm;
         let [ox, oy] = self.origin_px;
-        let (x, y) = (
-            ox + k * (cos * along - sin * across),
-            oy - k * (sin * along + cos * across),
-        );
+        let (x, y) = (ox + k * (cos * along - sin * across), oy - k * (sin * along + cos * across));
         // The camera looks along its axis, through the middle of the image: things grow away from
         // there.
         let [cx, cy] = [self.width, self.height].map(|size| 0.5 * (size as f64 - 1.0));
@@ -74,17 +71,11 @@ mod tests {
 
     #[test]
     fn a_image_turned_by_the_roll_shows_the_base_at_that_angle() {
-        let camera = PinholeCamera {
-            roll_rad: 0.2,
-            ..PinholeCamera::microscope(640, 480, 100.0)
-        };
+        let camera = PinholeCamera { roll_rad: 0.2, ..PinholeCamera::microscope(640, 480, 100.0) };
         let ([x0, y0], _) = camera.project([0.0; 3]);
         let ([x1, y1], scale) = camera.project([0.0, 0.0, 1.0]);
         assert_eq!(scale, 1.0);
-        assert!(
-            ((y0 - y1).atan2(x1 - x0) - 0.2).abs() < 1e-12,
-            "upwards is counter-clockwise"
-        );
+        assert!(((y0 - y1).atan2(x1 - x0) - 0.2).abs() < 1e-12, "upwards is counter-clockwise");
         assert!(((x1 - x0).hypot(y1 - y0) - 100.0).abs() < 1e-9);
     }
 

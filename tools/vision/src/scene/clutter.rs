@@ -44,32 +44,16 @@ impl Clutter {
     /// Paints it over what is there.
     pub(super) fn paint(&self, canvas: &mut Raster) {
         match self {
-            Self::Instrument {
-                from,
-                to,
-                half_width,
-                brightness,
-                rim,
-            } => canvas.rod(&Rod {
-                points: vec![
-                    [from[0], from[1], half_width[0]],
-                    [to[0], to[1], half_width[1]],
-                ],
+            Self::Instrument { from, to, half_width, brightness, rim } => canvas.rod(&Rod {
+                points: vec![[from[0], from[1], half_width[0]], [to[0], to[1], half_width[1]]],
                 brightness: *brightness,
                 rim: *rim,
                 glint: 0.0,
             }),
-            Self::Speck {
-                centre,
-                half,
-                turn_rad,
-                brightness,
-            } => canvas.blob(*centre, *half, *turn_rad, *brightness),
-            Self::Hair {
-                points,
-                half_width,
-                brightness,
-            } => canvas.rod(&Rod {
+            Self::Speck { centre, half, turn_rad, brightness } => {
+                canvas.blob(*centre, *half, *turn_rad, *brightness)
+            }
+            Self::Hair { points, half_width, brightness } => canvas.rod(&Rod {
                 points: points.iter().map(|p| [p[0], p[1], *half_width]).collect(),
                 brightness: *brightness,
                 rim: 0.0,
@@ -82,10 +66,5 @@ impl Clutter {
 /// A sheet of one brightness over the circle of `radius` around `centre`: hides whatever is there.
 #[must_use]
 pub fn cover(centre: [f64; 2], radius: f64, brightness: f32) -> Clutter {
-    Clutter::Speck {
-        centre,
-        half: [radius, radius],
-        turn_rad: 0.0,
-        brightness,
-    }
+    Clutter::Speck { centre, half: [radius, radius], turn_rad: 0.0, brightness }
 }

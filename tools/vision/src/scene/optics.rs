@@ -22,44 +22,26 @@ impl Optics {
     /// No blur, no noise, even light.
     #[must_use]
     pub const fn clean() -> Self {
-        Self {
-            blur_px: 0.0,
-            noise: 0.0,
-            vignette: 0.0,
-            slope: [0.0, 0.0],
-        }
+        Self { blur_px: 0.0, noise: 0.0, vignette: 0.0, slope: [0.0, 0.0] }
     }
 
     /// A well adjusted microscope.
     #[must_use]
     pub const fn light() -> Self {
-        Self {
-            blur_px: 1.0,
-            noise: 3.0,
-            vignette: 0.25,
-            slope: [0.1, -0.1],
-        }
+        Self { blur_px: 1.0, noise: 3.0, vignette: 0.25, slope: [0.1, -0.1] }
     }
 
     /// Out of focus, too little light, unevenly lit.
     #[must_use]
     pub const fn strong() -> Self {
-        Self {
-            blur_px: 4.0,
-            noise: 15.0,
-            vignette: 0.5,
-            slope: [0.3, 0.25],
-        }
+        Self { blur_px: 4.0, noise: 15.0, vignette: 0.5, slope: [0.3, 0.25] }
     }
 
     /// Exposes a painted scene.
     pub(super) fn expose(&self, mut canvas: Raster, random: &mut impl Rng) -> GreyImage {
         blur(&mut canvas, self.blur_px);
         let (width, height) = (canvas.width, canvas.height);
-        let mut noise = Noise {
-            random,
-            spare: None,
-        };
+        let mut noise = Noise { random, spare: None };
         let (cx, cy) = (0.5 * width as f32, 0.5 * height as f32);
         let corner = cx * cx + cy * cy;
         let mut data = Vec::with_capacity(canvas.data.len());
@@ -146,17 +128,11 @@ mod tests {
     #[test]
     fn the_noise_has_the_stated_deviation() {
         let mut random = Pcg64Mcg::seed_from_u64(3);
-        let mut noise = Noise {
-            random: &mut random,
-            spare: None,
-        };
+        let mut noise = Noise { random: &mut random, spare: None };
         let values: Vec<f32> = (0..200_000).map(|_| noise.next()).collect();
         let mean = values.iter().sum::<f32>() / values.len() as f32;
         let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / values.len() as f32;
-        assert!(
-            mean.abs() < 0.01 && (variance - 1.0).abs() < 0.02,
-            "{mean} {variance}"
-        );
+        assert!(mean.abs() < 0.01 && (variance - 1.0).abs() < 0.02, "{mean} {variance}");
     }
 
     #[test]
@@ -165,9 +141,8 @@ mod tests {
         canvas.data[30 * 61 + 30] = 1000.0;
         blur(&mut canvas, 2.0);
         let sum: f32 = canvas.data.iter().sum();
-        let second: f32 = (0..61 * 61)
-            .map(|i| canvas.data[i] * ((i % 61) as f32 - 30.0).powi(2))
-            .sum();
+        let second: f32 =
+            (0..61 * 61).map(|i| canvas.data[i] * ((i % 61) as f32 - 30.0).powi(2)).sum();
         assert!((sum - 1000.0).abs() < 0.1);
         assert!((second / sum - 4.0).abs() < 0.05, "{}", second / sum);
     }

@@ -29,14 +29,7 @@ pub fn clear(
     camera.roll_rad += random.random_range(-0.06..0.06);
     camera.origin_px[0] += random.random_range(-8.0..8.0);
     camera.origin_px[1] += random.random_range(-15.0..15.0);
-    Scene {
-        snake,
-        pose,
-        camera,
-        paint,
-        clutter: Vec::new(),
-        optics,
-    }
+    Scene { snake, pose, camera, paint, clutter: Vec::new(), optics }
 }
 
 /// Puts instruments, covers, specks and hairs before a scene, most of them near the fibre;
@@ -54,11 +47,7 @@ pub fn clutter(random: &mut impl Rng, mut scene: Scene) -> Scene {
     }
     for _ in 0..count(random, &[0.75, 0.25]) {
         let radius = scene.camera.px_per_mm * random.random_range(0.1..0.8);
-        things.push(cover(
-            near(random, &scene, 0.3),
-            radius,
-            brightness(random, &scene),
-        ));
+        things.push(cover(near(random, &scene, 0.3), radius, brightness(random, &scene)));
     }
     for _ in 0..count(random, &[0.7, 0.2, 0.1]) {
         things.push(hair(random, &scene));
@@ -85,15 +74,10 @@ fn count(random: &mut impl Rng, chances: &[f64]) -> usize {
 /// A place within `spread_mm` of the fibre, anywhere along it.
 fn near(random: &mut impl Rng, scene: &Scene, spread_mm: f64) -> [f64; 2] {
     let end = scene.snake.arc_mm + scene.snake.tip_mm;
-    let at = scene
-        .snake
-        .at(&scene.pose, random.random_range(-1.0..end + 0.3));
+    let at = scene.snake.at(&scene.pose, random.random_range(-1.0..end + 0.3));
     let ([x, y], _) = scene.camera.project(at);
     let spread = spread_mm * scene.camera.px_per_mm;
-    [
-        x + random.random_range(-spread..spread),
-        y + random.random_range(-spread..spread),
-    ]
+    [x + random.random_range(-spread..spread), y + random.random_range(-spread..spread)]
 }
 
 /// Often the fibre's own brightness or the ground's, which is hardest to tell apart; else any.
@@ -112,12 +96,7 @@ fn instrument(random: &mut impl Rng, scene: &Scene) -> Clutter {
     let half = 0.5 * scene.camera.px_per_mm * random.random_range(0.06..0.9);
     // Its free end lies around the aim: short of it, on it, or across.
     let past = random.random_range(-0.5..2.0) * scene.camera.px_per_mm;
-    let along = |length: f64| {
-        [
-            aim[0] + length * from_rad.cos(),
-            aim[1] + length * from_rad.sin(),
-        ]
-    };
+    let along = |length: f64| [aim[0] + length * from_rad.cos(), aim[1] + length * from_rad.sin()];
     Clutter::Instrument {
         from: along(reach),
         to: along(-past),
@@ -134,10 +113,7 @@ fn hair(random: &mut impl Rng, scene: &Scene) -> Clutter {
     for _ in 0..random.random_range(4..14) {
         direction += random.random_range(-0.4..0.4);
         let length = 0.15 * scene.camera.px_per_mm;
-        at = [
-            at[0] + length * direction.cos(),
-            at[1] + length * direction.sin(),
-        ];
+        at = [at[0] + length * direction.cos(), at[1] + length * direction.sin()];
         points.push(at);
     }
     Clutter::Hair {
@@ -152,11 +128,7 @@ fn speck(random: &mut impl Rng, scene: &Scene) -> Clutter {
         random.random_range(0.0..scene.camera.width as f64),
         random.random_range(0.0..scene.camera.height as f64),
     ];
-    let centre = if random.random_bool(0.5) {
-        near(random, scene, 0.15)
-    } else {
-        anywhere
-    };
+    let centre = if random.random_bool(0.5) { near(random, scene, 0.15) } else { anywhere };
     let half = random.random_range(0.7..9.0);
     Clutter::Speck {
         centre,

@@ -32,12 +32,8 @@ struct Coverage {
     along: f32,
 }
 
-const UNCOVERED: Coverage = Coverage {
-    distance: f32::INFINITY,
-    cover: 0.0,
-    across: 0.0,
-    along: 0.0,
-};
+const UNCOVERED: Coverage =
+    Coverage { distance: f32::INFINITY, cover: 0.0, across: 0.0, along: 0.0 };
 
 /// Pieces meet at small angles, so on the outer side of a bend a piece reaches this far beyond its
 /// ends at most, px.
@@ -46,11 +42,7 @@ const BEYOND: f64 = 8.0;
 impl Raster {
     /// An even ground.
     pub fn new(width: usize, height: usize, ground: f32) -> Self {
-        Self {
-            width,
-            height,
-            data: vec![ground; width * height],
-        }
+        Self { width, height, data: vec![ground; width * height] }
     }
 
     /// Paints a rod over what is there.
@@ -92,16 +84,8 @@ impl Raster {
             [a[0].min(b[0]) - reach, a[0].max(b[0]) + reach],
             [a[1].min(b[1]) - reach, a[1].max(b[1]) + reach],
         );
-        let low = if is_outer[0] {
-            f64::NEG_INFINITY
-        } else {
-            -BEYOND
-        };
-        let high = if is_outer[1] {
-            f64::INFINITY
-        } else {
-            length + BEYOND
-        };
+        let low = if is_outer[0] { f64::NEG_INFINITY } else { -BEYOND };
+        let high = if is_outer[1] { f64::INFINITY } else { length + BEYOND };
         for row in rows {
             for column in beside(columns.clone(), [low, high], a, [ux, uy], row) {
                 let (x, y) = (column as f64, row as f64);
@@ -138,17 +122,12 @@ impl Raster {
     pub fn blob(&mut self, centre: [f64; 2], half: [f64; 2], turn_rad: f64, brightness: f32) {
         let reach = half[0].max(half[1]) + 1.5;
         let (sin, cos) = turn_rad.sin_cos();
-        let (columns, rows) = self.window(
-            [centre[0] - reach, centre[0] + reach],
-            [centre[1] - reach, centre[1] + reach],
-        );
+        let (columns, rows) = self
+            .window([centre[0] - reach, centre[0] + reach], [centre[1] - reach, centre[1] + reach]);
         for row in rows {
             for column in columns.clone() {
                 let (dx, dy) = (column as f64 - centre[0], row as f64 - centre[1]);
-                let (u, v) = (
-                    (cos * dx + sin * dy) / half[0],
-                    (cos * dy - sin * dx) / half[1],
-                );
+                let (u, v) = ((cos * dx + sin * dy) / half[0], (cos * dy - sin * dx) / half[1]);
                 let cover = edge((1.0 - u.hypot(v)) * half[0].min(half[1])) as f32;
                 let pixel = &mut self.data[row * self.width + column];
                 *pixel += cover * (brightness - *pixel);
@@ -163,10 +142,7 @@ impl Raster {
             (low.floor() as usize).min(size)..(high.ceil().max(-1.0) + 1.0) as usize
         };
         let clip = |range: std::ops::Range<usize>, size: usize| range.start..range.end.min(size);
-        (
-            clip(range(x, self.width), self.width),
-            clip(range(y, self.height), self.height),
-        )
+        (clip(range(x, self.width), self.width), clip(range(y, self.height), self.height))
     }
 }
 
@@ -185,9 +161,7 @@ fn beside(
     let (one, other) = (at(low), at(high));
     // Casts of what lies outside give the ends of the range.
     let first = (one.min(other).floor() as usize).max(columns.start);
-    let end = (one.max(other).ceil() as usize)
-        .saturating_add(1)
-        .min(columns.end);
+    let end = (one.max(other).ceil() as usize).saturating_add(1).min(columns.end);
     first.min(end)..end
 }
 
@@ -223,10 +197,7 @@ impl Cut {
         let inside = -(dx * self.unit[0] + dy * self.unit[1]);
         // Farther away the rod may come round again, and is not cut.
         let is_near = dx.hypot(dy) < 2.0 * self.half + 3.0;
-        (
-            if is_near { edge(inside) } else { 1.0 },
-            is_near && inside < 1.0,
-        )
+        (if is_near { edge(inside) } else { 1.0 }, is_near && inside < 1.0)
     }
 }
 
@@ -253,12 +224,7 @@ mod tests {
     fn a_rod_covers_its_own_area() {
         let mut canvas = Raster::new(100, 60, 0.0);
         let points = vec![[-20.0, 30.0, 5.0], [40.0, 30.0, 5.0], [80.0, 30.0, 5.0]];
-        canvas.rod(&Rod {
-            points,
-            brightness: 1.0,
-            rim: 0.0,
-            glint: 0.0,
-        });
+        canvas.rod(&Rod { points, brightness: 1.0, rim: 0.0, glint: 0.0 });
         // Its end lies at 80; the first pixel's left border at -0.5.
         assert!(
             (canvas.data.iter().sum::<f32>() - 805.0).abs() < 1.0,
@@ -270,15 +236,8 @@ mod tests {
     #[test]
     fn a_rod_of_many_short_pieces_ends_square() {
         let mut canvas = Raster::new(100, 100, 0.0);
-        let points = (-3..=10)
-            .map(|i| [f64::from(i) * 5.0, 50.0, 30.0])
-            .collect();
-        canvas.rod(&Rod {
-            points,
-            brightness: 1.0,
-            rim: 0.0,
-            glint: 0.0,
-        });
+        let points = (-3..=10).map(|i| [f64::from(i) * 5.0, 50.0, 30.0]).collect();
+        canvas.rod(&Rod { points, brightness: 1.0, rim: 0.0, glint: 0.0 });
         let sum: f32 = canvas.data.iter().sum();
         assert!((sum - 50.5 * 60.0).abs() < 2.0, "{sum}");
     }
@@ -293,12 +252,7 @@ mod tests {
             rim: 0.0,
             glint: 0.0,
         });
-        canvas.rod(&Rod {
-            points: vec![[1.0, 1.0, 4.0]],
-            brightness: 9.0,
-            rim: 0.0,
-            glint: 0.0,
-        });
+        canvas.rod(&Rod { points: vec![[1.0, 1.0, 4.0]], brightness: 9.0, rim: 0.0, glint: 0.0 });
         assert!(canvas.data.iter().all(|v| *v == 3.0));
     }
 }

@@ -31,10 +31,7 @@ impl Rig {
     #[must_use]
     pub fn laboratory(width: usize, height: usize, px_per_mm: f64) -> Self {
         let pitch = PinholeCamera::microscope(width, height, px_per_mm);
-        let yaw = PinholeCamera {
-            plane_rad: std::f64::consts::FRAC_PI_2,
-            ..pitch
-        };
+        let yaw = PinholeCamera { plane_rad: std::f64::consts::FRAC_PI_2, ..pitch };
         Self {
             snake: SnakeShape::robot(),
             paint: Brightness::dark(),
@@ -47,20 +44,8 @@ impl Rig {
     /// What a camera sees of a pose, as a scene.
     #[must_use]
     pub fn scene(&self, camera: &PinholeCamera, pose: JointPose) -> Scene {
-        let Self {
-            snake,
-            paint,
-            optics,
-            ..
-        } = *self;
-        Scene {
-            snake,
-            pose,
-            camera: *camera,
-            paint,
-            clutter: Vec::new(),
-            optics,
-        }
+        let Self { snake, paint, optics, .. } = *self;
+        Scene { snake, pose, camera: *camera, paint, clutter: Vec::new(), optics }
     }
 
     /// One image per camera. Equal seeds and numbers make equal noise; the noise of cameras and

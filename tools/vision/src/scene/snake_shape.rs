@@ -39,13 +39,7 @@ impl SnakeShape {
     /// The body of 0.9 mm with a fibre of 0.25 mm sticking out.
     #[must_use]
     pub const fn robot() -> Self {
-        Self {
-            base_mm: 8.0,
-            arc_mm: 2.4,
-            tip_mm: 1.4,
-            body_width_mm: 0.9,
-            fibre_width_mm: 0.25,
-        }
+        Self { base_mm: 8.0, arc_mm: 2.4, tip_mm: 1.4, body_width_mm: 0.9, fibre_width_mm: 0.25 }
     }
 
     /// Where the fibre ends, mm.
@@ -64,11 +58,7 @@ impl SnakeShape {
         let beyond = length_mm - self.arc_mm;
         let straight = if beyond > 0.0 { beyond } else { 0.0 };
         let across = across + straight * bend.sin();
-        [
-            across * cx,
-            across * cy,
-            length_mm.min(0.0) + along + straight * bend.cos(),
-        ]
+        [across * cx, across * cy, length_mm.min(0.0) + along + straight * bend.cos()]
     }
 
     /// The rods to paint, the farthest first: the fibre, then the body over its root.
@@ -139,11 +129,7 @@ impl JointPose {
     fn bend(&self) -> (f64, [f64; 2]) {
         let (x, y) = (self.pitch_rad.tan(), self.yaw_rad.tan());
         let length = x.hypot(y);
-        if length == 0.0 {
-            (0.0, [1.0, 0.0])
-        } else {
-            (length.atan(), [x / length, y / length])
-        }
+        if length == 0.0 { (0.0, [1.0, 0.0]) } else { (length.atan(), [x / length, y / length]) }
     }
 }
 
@@ -159,17 +145,8 @@ mod tests {
 
     #[test]
     fn the_tip_points_where_pitch_and_yaw_say() {
-        let (snake, pose) = (
-            SnakeShape::robot(),
-            JointPose {
-                pitch_rad: 0.4,
-                yaw_rad: -0.2,
-            },
-        );
-        let (end, before) = (
-            snake.tip(&pose),
-            snake.at(&pose, snake.arc_mm + snake.tip_mm - 0.1),
-        );
+        let (snake, pose) = (SnakeShape::robot(), JointPose { pitch_rad: 0.4, yaw_rad: -0.2 });
+        let (end, before) = (snake.tip(&pose), snake.at(&pose, snake.arc_mm + snake.tip_mm - 0.1));
         let d: Vec<f64> = end.iter().zip(before).map(|(a, b)| a - b).collect();
         assert!((d[0].atan2(d[2]) - 0.4).abs() < 1e-9);
         assert!((d[1].atan2(d[2]) + 0.2).abs() < 1e-9);
@@ -177,25 +154,11 @@ mod tests {
 
     #[test]
     fn the_curve_is_as_long_as_its_parameter_says() {
-        let (snake, pose) = (
-            SnakeShape::fibre(0.1),
-            JointPose {
-                pitch_rad: 0.5,
-                yaw_rad: 0.5,
-            },
-        );
-        let points: Vec<_> = (0..=1000)
-            .map(|i| snake.at(&pose, f64::from(i) * 0.003))
-            .collect();
+        let (snake, pose) = (SnakeShape::fibre(0.1), JointPose { pitch_rad: 0.5, yaw_rad: 0.5 });
+        let points: Vec<_> = (0..=1000).map(|i| snake.at(&pose, f64::from(i) * 0.003)).collect();
         let length: f64 = points
             .windows(2)
-            .map(|w| {
-                w[0].iter()
-                    .zip(w[1])
-                    .map(|(a, b)| (a - b).powi(2))
-                    .sum::<f64>()
-                    .sqrt()
-            })
+            .map(|w| w[0].iter().zip(w[1]).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt())
             .sum();
         assert!((length - 3.0).abs() < 1e-5, "{length}");
     }

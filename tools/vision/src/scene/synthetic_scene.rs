@@ -76,10 +76,7 @@ mod tests {
     fn scene() -> Scene {
         Scene {
             snake: SnakeShape::fibre(0.125),
-            pose: JointPose {
-                pitch_rad: 0.3,
-                yaw_rad: 0.0,
-            },
+            pose: JointPose { pitch_rad: 0.3, yaw_rad: 0.0 },
             camera: PinholeCamera::microscope(640, 480, 100.0),
             paint: Brightness::dark(),
             clutter: Vec::new(),
@@ -95,17 +92,9 @@ mod tests {
     fn the_tip_is_painted_where_the_truth_says() {
         let scene = scene();
         let image = scene.render(&mut Pcg64Mcg::seed_from_u64(1));
-        let Truth {
-            tip_px: [x, y],
-            angle_rad,
-            ..
-        } = scene.truth();
-        let ahead = |distance: f64| {
-            [
-                x + distance * angle_rad.cos(),
-                y - distance * angle_rad.sin(),
-            ]
-        };
+        let Truth { tip_px: [x, y], angle_rad, .. } = scene.truth();
+        let ahead =
+            |distance: f64| [x + distance * angle_rad.cos(), y - distance * angle_rad.sin()];
         assert!(brightness(&image, ahead(-3.0)) < 80.0);
         assert!(brightness(&image, ahead(3.0)) > 180.0);
         assert!(

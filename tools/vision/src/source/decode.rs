@@ -99,11 +99,7 @@ mod tests {
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, 2, 2);
         encoder.set_color(colour);
-        encoder
-            .write_header()
-            .unwrap()
-            .write_image_data(data)
-            .unwrap();
+        encoder.write_header().unwrap().write_image_data(data).unwrap();
         bytes
     }
 
@@ -111,11 +107,9 @@ mod tests {
     fn grey_and_colour_png() {
         let grey = decode(&encoded(png::ColorType::Grayscale, &[1, 2, 3, 4])).unwrap();
         assert_eq!(grey.data(), [1, 2, 3, 4]);
-        let colour = decode(&encoded(
-            png::ColorType::Rgb,
-            &[255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9],
-        ))
-        .unwrap();
+        let colour =
+            decode(&encoded(png::ColorType::Rgb, &[255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9]))
+                .unwrap();
         assert_eq!(colour.data(), [76, 150, 29, 9]);
     }
 

@@ -35,25 +35,16 @@ impl ImageFolder {
     ///
     /// The folder cannot be read, holds no frame, or its files cannot be put in order.
     pub fn open(path: &Path, fps: f64) -> Result<Self, SourceError> {
-        let read = |source| SourceError::Read {
-            path: path.to_owned(),
-            source,
-        };
+        let read = |source| SourceError::Read { path: path.to_owned(), source };
         let mut names = Vec::new();
         for entry in std::fs::read_dir(path).map_err(read)? {
-            let name = entry
-                .map_err(read)?
-                .file_name()
-                .to_string_lossy()
-                .into_owned();
+            let name = entry.map_err(read)?.file_name().to_string_lossy().into_owned();
             if is_image(&name) {
                 names.push(name);
             }
         }
         if names.is_empty() {
-            return Err(SourceError::NoFrames {
-                path: path.to_owned(),
-            });
+            return Err(SourceError::NoFrames { path: path.to_owned() });
         }
         names.sort_unstable();
         let list = path.join(timestamps::LIST);
@@ -67,10 +58,7 @@ impl ImageFolder {
         } else {
             numbered(&timestamps::by_number(path, names)?, fps)
         };
-        Ok(Self {
-            path: path.to_owned(),
-            rest,
-        })
+        Ok(Self { path: path.to_owned(), rest })
     }
 
     /// How many frames and gaps are still to come.
@@ -110,10 +98,7 @@ impl FrameSource for ImageFolder {
 }
 
 fn is_image(name: &str) -> bool {
-    let ending = name
-        .rsplit_once('.')
-        .map_or("", |(_, ending)| ending)
-        .to_ascii_lowercase();
+    let ending = name.rsplit_once('.').map_or("", |(_, ending)| ending).to_ascii_lowercase();
     matches!(ending.as_str(), "png" | "jpg" | "jpeg")
 }
 
@@ -121,12 +106,7 @@ fn is_image(name: &str) -> bool {
 fn timed(names: &[String]) -> Option<VecDeque<(Nanos, BaseDetection)>> {
     let mut all: Vec<(Nanos, BaseDetection)> = names
         .iter()
-        .map(|name| {
-            Some((
-                timestamps::time_in(name)?,
-                BaseDetection::File(name.clone()),
-            ))
-        })
+        .map(|name| Some((timestamps::time_in(name)?, BaseDetection::File(name.clone()))))
         .collect::<Option<_>>()?;
     all.sort_by_key(|(stamp, _)| *stamp);
     Some(all.into())

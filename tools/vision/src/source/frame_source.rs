@@ -50,12 +50,7 @@ pub(super) fn read_frame(
     let mut data = vec![0; size.bytes() + skipped];
     let (got, expected) = (fill(reader, &mut data)?, data.len());
     if got < expected {
-        return Err(SourceError::Truncated {
-            number,
-            got,
-            expected,
-            size,
-        });
+        return Err(SourceError::Truncated { number, got, expected, size });
     }
     data.truncate(size.bytes());
     let (stamp, name) = (stamp(), format!("frame {number}"));

@@ -18,12 +18,7 @@ pub struct RawStream<R> {
 impl<R: Read + Send> RawStream<R> {
     /// Reads frames of `size` from `reader`.
     pub fn new(reader: R, size: ImageSize, clock: FrameClock) -> Self {
-        Self {
-            reader: BufReader::new(reader),
-            size,
-            clock,
-            number: 0,
-        }
+        Self { reader: BufReader::new(reader), size, clock, number: 0 }
     }
 }
 
@@ -34,8 +29,6 @@ impl<R: Read + Send> FrameSource for RawStream<R> {
         }
         self.number += 1;
         let (number, clock) = (self.number, &mut self.clock);
-        read_frame(&mut self.reader, self.size, 0, number, || {
-            clock.stamp(number - 1)
-        })
+        read_frame(&mut self.reader, self.size, 0, number, || clock.stamp(number - 1))
     }
 }

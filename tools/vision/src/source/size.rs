@@ -27,12 +27,9 @@ impl std::str::FromStr for ImageSize {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let size = text.split_once('x').and_then(|(w, h)| {
-            Some(Self {
-                width: w.parse().ok()?,
-                height: h.parse().ok()?,
-            })
-        });
+        let size = text
+            .split_once('x')
+            .and_then(|(w, h)| Some(Self { width: w.parse().ok()?, height: h.parse().ok()? }));
         size.filter(|s| (16..=1 << 14).contains(&s.width) && (16..=1 << 14).contains(&s.height))
             .ok_or_else(|| format!("{text:?} is no size; write columns x rows, such as 1280x960"))
     }

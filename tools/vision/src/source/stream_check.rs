@@ -29,11 +29,7 @@ impl StreamCheck {
     pub fn check(&mut self, item: SourceItem) -> SourceItem {
         match item {
             SourceItem::Frame(frame) => match self.fault(&frame) {
-                Some(cause) => SourceItem::Missing {
-                    stamp: frame.stamp,
-                    name: frame.name,
-                    cause,
-                },
+                Some(cause) => SourceItem::Missing { stamp: frame.stamp, name: frame.name, cause },
                 None => SourceItem::Frame(frame),
             },
             gap @ SourceItem::Missing { .. } => gap,
@@ -41,10 +37,7 @@ impl StreamCheck {
     }
 
     fn fault(&mut self, frame: &Frame) -> Option<FrameFault> {
-        let size = ImageSize {
-            width: frame.image.width(),
-            height: frame.image.height(),
-        };
+        let size = ImageSize { width: frame.image.width(), height: frame.image.height() };
         if *self.size.get_or_insert(size) != size {
             return Some(FrameFault::WrongSize);
         }
@@ -77,16 +70,9 @@ impl DuplicateCameraMonitor {
     /// Notes a frame of `view` (0 or 1) and says whether both views are under suspicion.
     pub fn is_same_camera(&mut self, view: usize, digest: u64) -> bool {
         let [first, second] = &mut self.recent;
-        let (own, other) = if view == 0 {
-            (first, second)
-        } else {
-            (second, first)
-        };
-        self.suspicion = if other.contains(&digest) {
-            SUSPICION
-        } else {
-            self.suspicion.saturating_sub(1)
-        };
+        let (own, other) = if view == 0 { (first, second) } else { (second, first) };
+        self.suspicion =
+            if other.contains(&digest) { SUSPICION } else { self.suspicion.saturating_sub(1) };
         own.push_back(digest);
         if own.len() > REMEMBERED {
             own.pop_front();
@@ -102,11 +88,7 @@ mod tests {
 
     fn item(stamp: u64, size: usize, value: u8) -> SourceItem {
         let image = GreyImage::new(size, size, vec![value; size * size]).unwrap();
-        SourceItem::Frame(Frame {
-            stamp: Nanos(stamp),
-            name: "x".into(),
-            image,
-        })
+        SourceItem::Frame(Frame { stamp: Nanos(stamp), name: "x".into(), image })
     }
 
     fn causes(items: impl IntoIterator<Item = SourceItem>) -> Vec<Option<FrameFault>> {
@@ -115,32 +97,18 @@ mod tests {
             SourceItem::Frame(_) => None,
             SourceItem::Missing { cause, .. } => Some(cause),
         };
-        items
-            .into_iter()
-            .map(|item| cause(guard.check(item)))
-            .collect()
+        items.into_iter().map(|item| cause(guard.check(item))).collect()
     }
 
     #[test]
     fn good_frames_pass() {
-        assert_eq!(
-            causes([item(1, 8, 1), item(2, 8, 2), item(3, 8, 1)]),
-            [None; 3]
-        );
+        assert_eq!(causes([item(1, 8, 1), item(2, 8, 2), item(3, 8, 1)]), [None; 3]);
     }
 
     #[test]
     fn a_frozen_camera_is_named_until_it_moves_again() {
         let found = causes([item(1, 8, 1), item(2, 8, 1), item(3, 8, 1), item(4, 8, 2)]);
-        assert_eq!(
-            found,
-            [
-                None,
-                Some(FrameFault::Frozen),
-                Some(FrameFault::Frozen),
-                None
-            ]
-        );
+        assert_eq!(found, [None, Some(FrameFault::Frozen), Some(FrameFault::Frozen), None]);
     }
 
     #[test]
@@ -154,15 +122,7 @@ mod tests {
     #[test]
     fn stamps_must_rise() {
         let found = causes([item(5, 8, 1), item(5, 8, 2), item(4, 8, 3), item(6, 8, 4)]);
-        assert_eq!(
-            found,
-            [
-                None,
-                Some(FrameFault::OutOfOrder),
-                Some(FrameFault::OutOfOrder),
-                None
-            ]
-        );
+        assert_eq!(found, [None, Some(FrameFault::OutOfOrder), Some(FrameFault::OutOfOrder), None]);
     }
 
     #[test]
@@ -186,9 +146,7 @@ mod tests {
         assert!((0..100).all(|i| !duplicates.is_same_camera((i % 2) as usize, i)));
         assert!(duplicates.is_same_camera(1, 98) && duplicates.is_same_camera(0, 1000));
         assert!(
-            (0..200)
-                .map(|i| duplicates.is_same_camera((i % 2) as usize, 2000 + i))
-                .any(|one| !one)
+            (0..200).map(|i| duplicates.is_same_camera((i % 2) as usize, 2000 + i)).any(|one| !one)
         );
     }
 }

@@ -15,16 +15,9 @@ pub const LIST: &str = "frames.csv";
 
 /// Reads the list of a folder: file name to stamp, in the order of the list.
 pub fn read_list(path: &Path) -> Result<Vec<(String, Nanos)>, SourceError> {
-    let bad = |line: u64, what: String| SourceError::BadList {
-        path: path.to_owned(),
-        line,
-        what,
-    };
+    let bad = |line: u64, what: String| SourceError::BadList { path: path.to_owned(), line, what };
     let mut reader = csv::Reader::from_path(path).map_err(|error| bad(1, error.to_string()))?;
-    let headers = reader
-        .headers()
-        .map_err(|error| bad(1, error.to_string()))?
-        .clone();
+    let headers = reader.headers().map_err(|error| bad(1, error.to_string()))?.clone();
     let column = |name: &str| {
         headers
             .iter()
@@ -59,9 +52,7 @@ pub fn seconds(text: &str) -> Option<Nanos> {
 pub fn number(name: &str) -> Option<u64> {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
-    let start = stem[..end]
-        .rfind(|c: char| !c.is_ascii_digit())
-        .map_or(0, |i| i + 1);
+    let start = stem[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |i| i + 1);
     stem[start..end].parse().ok()
 }
 
@@ -69,29 +60,18 @@ pub fn number(name: &str) -> Option<u64> {
 pub fn time_in(name: &str) -> Option<Nanos> {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let (before, time) = stem.rsplit_once('t')?;
-    let stands_alone = before
-        .chars()
-        .last()
-        .is_none_or(|c| !c.is_ascii_alphanumeric());
-    (stands_alone && time.contains('.'))
-        .then(|| seconds(time))
-        .flatten()
+    let stands_alone = before.chars().last().is_none_or(|c| !c.is_ascii_alphanumeric());
+    (stands_alone && time.contains('.')).then(|| seconds(time)).flatten()
 }
 
 /// Files by their numbers. Errors name a file without a number and two with the same.
 pub fn by_number(path: &Path, names: Vec<String>) -> Result<BTreeMap<u64, String>, SourceError> {
     let mut numbered = BTreeMap::new();
     for name in names {
-        let number = number(&name).ok_or_else(|| SourceError::NoNumber {
-            path: path.to_owned(),
-            file: name.clone(),
-        })?;
+        let number = number(&name)
+            .ok_or_else(|| SourceError::NoNumber { path: path.to_owned(), file: name.clone() })?;
         if let Some(first) = numbered.insert(number, name.clone()) {
-            return Err(SourceError::SameNumber {
-                path: path.to_owned(),
-                first,
-                second: name,
-            });
+            return Err(SourceError::SameNumber { path: path.to_owned(), first, second: name });
         }
     }
     Ok(numbered)
@@ -113,10 +93,7 @@ mod tests {
 
     #[test]
     fn seconds_are_exact() {
-        assert_eq!(
-            seconds("1746051712.540556"),
-            Some(Nanos(1_746_051_712_540_556_000))
-        );
+        assert_eq!(seconds("1746051712.540556"), Some(Nanos(1_746_051_712_540_556_000)));
         assert_eq!(seconds("3"), Some(Nanos(3_000_000_000)));
         for bad in ["", ".", "-1", "1e3", "nan", "1.2.3", "99999999999"] {
             assert_eq!(seconds(bad), None, "{bad}");

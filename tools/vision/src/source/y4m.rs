@@ -43,12 +43,7 @@ impl<R: Read + Send> Y4mStream<R> {
         let mut reader = BufReader::new(reader);
         let line = read_line(&mut reader)?.ok_or_else(|| SourceError::NotY4m("empty".into()))?;
         let header = parse(&line).map_err(SourceError::NotY4m)?;
-        Ok(Self {
-            reader,
-            header,
-            clock,
-            number: 0,
-        })
+        Ok(Self { reader, header, clock, number: 0 })
     }
 
     /// Frames per second as the header states them.
@@ -63,10 +58,9 @@ impl<R: Read + Send> FrameSource for Y4mStream<R> {
         let number = self.number + 1;
         let reported = match read_line(&mut self.reader)? {
             None => return Ok(None),
-            Some(line) if line == "FRAME" || line.starts_with("FRAME ") => line
-                .split(' ')
-                .find_map(|word| word.strip_prefix("XT="))
-                .and_then(seconds),
+            Some(line) if line == "FRAME" || line.starts_with("FRAME ") => {
+                line.split(' ').find_map(|word| word.strip_prefix("XT=")).and_then(seconds)
+            }
             Some(line) => {
                 return Err(SourceError::NotY4m(format!(
                     "frame {number} begins with {line:?}, not FRAME"
@@ -84,9 +78,7 @@ impl<R: Read + Send> FrameSource for Y4mStream<R> {
 /// One line without its end; `None` at the end of the stream.
 fn read_line(reader: &mut impl BufRead) -> Result<Option<String>, SourceError> {
     let mut line = Vec::new();
-    reader
-        .take(MAX_LINE as u64 + 1)
-        .read_until(b'\n', &mut line)?;
+    reader.take(MAX_LINE as u64 + 1).read_until(b'\n', &mut line)?;
     let error = |text: &str| Err(SourceError::NotY4m(text.into()));
     match line.pop() {
         None => Ok(None),
@@ -129,11 +121,7 @@ fn parse(line: &str) -> Result<Header, String> {
             ));
         }
     };
-    Ok(Header {
-        size,
-        colour_bytes,
-        fps,
-    })
+    Ok(Header { size, colour_bytes, fps })
 }
 
 fn ratio(text: &str) -> Option<f64> {
@@ -166,9 +154,7 @@ mod tests {
         let mut source = Y4mStream::open(&bytes[..], FrameClock::Rate(30.0)).unwrap();
         assert_eq!(source.fps(), Some(30.0));
         for (value, stamp) in [(7, 0), (9, 33_333_333)] {
-            let Some(SourceItem::Frame(frame)) = source.next().unwrap() else {
-                panic!("no frame")
-            };
+            let Some(SourceItem::Frame(frame)) = source.next().unwrap() else { panic!("no frame") };
             assert_eq!(frame.image.data(), vec![value; 256]);
             assert_eq!(frame.stamp, Nanos(stamp));
         }
@@ -180,9 +166,7 @@ mod tests {
         let mut bytes = b"YUV4MPEG2 W16 H16 Cmono\nFRAME Ip XT=12.345678901\n".to_vec();
         bytes.extend([0; 256]);
         let mut source = Y4mStream::open(&bytes[..], FrameClock::Rate(30.0)).unwrap();
-        let Some(SourceItem::Frame(frame)) = source.next().unwrap() else {
-            panic!("no frame")
-        };
+        let Some(SourceItem::Frame(frame)) = source.next().unwrap() else { panic!("no frame") };
         assert_eq!(frame.stamp, Nanos(12_345_678_901));
     }
 

@@ -86,16 +86,8 @@ impl<const D: usize> Play<D> {
     /// The slope of the output of a moving play of some half-width.
     #[inline]
     fn moving_slope(&self, half_width: f64, input: Input, is_pushed_up: bool) -> f64 {
-        let growth = if half_width == 0.0 {
-            0.0
-        } else {
-            self.growth[usize::from(input.is_above)]
-        };
-        if is_pushed_up {
-            1.0 - growth
-        } else {
-            1.0 + growth
-        }
+        let growth = if half_width == 0.0 { 0.0 } else { self.growth[usize::from(input.is_above)] };
+        if is_pushed_up { 1.0 - growth } else { 1.0 + growth }
     }
 
     /// Whether the output does not depend on its past once the input has covered a range.
@@ -113,17 +105,11 @@ struct Input {
 }
 
 impl Input {
-    const CENTRE: Self = Self {
-        at: 0.0,
-        is_above: false,
-    };
+    const CENTRE: Self = Self { at: 0.0, is_above: false };
 
     #[inline]
     fn new(at: f64) -> Self {
-        Self {
-            at,
-            is_above: at > 0.0,
-        }
+        Self { at, is_above: at > 0.0 }
     }
 }
 
@@ -153,9 +139,7 @@ impl<const D: usize> PrandtlIshlinskii<D> {
         let mut plays = Vec::with_capacity(file.plays.len());
         for play in &file.plays {
             let direction_vector = vector::<D>(&play.direction);
-            let known = directions
-                .iter()
-                .position(|other| *other == direction_vector);
+            let known = directions.iter().position(|other| *other == direction_vector);
             let index = known.unwrap_or_else(|| {
                 directions.push(direction_vector);
                 directions.len() - 1
@@ -234,10 +218,7 @@ impl<const D: usize> PrandtlIshlinskii<D> {
             let mut part = 1.0;
             for _ in 0..MAX_HALVINGS {
                 let counts = vector::<D>(&bounded(&array(&(here.counts + step * part))));
-                let next = Point {
-                    counts,
-                    local: self.local(state, &counts),
-                };
+                let next = Point { counts, local: self.local(state, &counts) };
                 if (goal - next.local.mean).norm() < error.norm() {
                     return Some(next);
                 }
@@ -266,11 +247,7 @@ struct Point<const D: usize> {
 /// The share of every motor in a direction; they sum to 1.
 fn shares<const D: usize>(direction: &SVector<f64, D>) -> SVector<f64, D> {
     let sum = direction.abs().sum();
-    if sum > 0.0 {
-        direction.abs() / sum
-    } else {
-        SVector::from_element(1.0 / D as f64)
-    }
+    if sum > 0.0 { direction.abs() / sum } else { SVector::from_element(1.0 / D as f64) }
 }
 
 /// The solution of a system of one or two equations.
@@ -288,10 +265,7 @@ fn solve<const D: usize>(
         solution[0] = (d * error[0] - b * error[D - 1]) / determinant;
         solution[D - 1] = (a * error[D - 1] - c * error[0]) / determinant;
     }
-    solution
-        .iter()
-        .all(|value| value.is_finite())
-        .then_some(solution)
+    solution.iter().all(|value| value.is_finite()).then_some(solution)
 }
 
 impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
@@ -356,10 +330,7 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
     fn origin<'a>(&'a self, state: &'a PrandtlIshlinskiiState) -> PrandtlIshlinskiiOrigin<'a, D> {
         let counts = vector::<D>(&state.position);
         let local = self.local(state, &counts);
-        PrandtlIshlinskiiOrigin {
-            state,
-            present: Point { counts, local },
-        }
+        PrandtlIshlinskiiOrigin { state, present: Point { counts, local } }
     }
 
     /// Newton's method from the present position. The virtual counts are piecewise linear in the
@@ -387,11 +358,7 @@ impl<const D: usize> Operator<D> for PrandtlIshlinskii<D> {
         let inputs = self.inputs(&vector(&state.position));
         for (_, output, input, half_width) in self.each(state, &inputs) {
             let lag = input.at - follow(output, half_width, input.at);
-            lags.push(if half_width > 0.0 {
-                lag / half_width
-            } else {
-                0.0
-            });
+            lags.push(if half_width > 0.0 { lag / half_width } else { 0.0 });
         }
     }
 

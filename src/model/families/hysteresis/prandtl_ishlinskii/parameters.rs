@@ -45,20 +45,11 @@ impl PrandtlIshlinskiiParameters {
             let name = key(name);
             parameters(values, || name.clone())?;
             let count = values.len();
-            require(
-                count == motors,
-                || name,
-                count,
-                "must be one number per motor",
-            )
+            require(count == motors, || name, count, "must be one number per motor")
         };
         one_per_motor(&self.centre_counts, "centre_counts")?;
         one_per_motor(&self.direct_weights, "direct_weights")?;
-        let least = self
-            .direct_weights
-            .iter()
-            .copied()
-            .fold(f64::INFINITY, f64::min);
+        let least = self.direct_weights.iter().copied().fold(f64::INFINITY, f64::min);
         require(
             least >= LEAST_DIRECT_WEIGHT,
             || key("direct_weights"),
@@ -66,24 +57,14 @@ impl PrandtlIshlinskiiParameters {
             "must be at least 0.001",
         )?;
         let count = self.plays.len();
-        require(
-            count <= MAX_PLAYS,
-            || key("plays"),
-            count,
-            "must be at most 64 plays",
-        )?;
+        require(count <= MAX_PLAYS, || key("plays"), count, "must be at most 64 plays")?;
         for (index, play) in self.plays.iter().enumerate() {
             one_per_motor(&play.direction, &format!("plays[{index}].direction"))?;
             one_per_motor(&play.weight, &format!("plays[{index}].weight"))?;
             let name = |part: &str| key(&format!("plays[{index}].{part}"));
             let threshold = play.threshold_counts;
             parameters(&[threshold], || name("threshold_counts"))?;
-            require(
-                threshold > 0.0,
-                || name("threshold_counts"),
-                threshold,
-                "must be above 0",
-            )?;
+            require(threshold > 0.0, || name("threshold_counts"), threshold, "must be above 0")?;
             parameters(&play.growth, || name("growth"))?;
             require(
                 play.growth.iter().all(|growth| growth.abs() < 1.0),
@@ -114,18 +95,13 @@ impl PrandtlIshlinskiiParameters {
             [unit.map(|one| one * self.direct_weights[motor]), unit]
         });
         let plays = self.plays.iter();
-        direct
-            .chain(plays.map(|play| [pair(&play.weight), pair(&play.direction)]))
-            .collect()
+        direct.chain(plays.map(|play| [pair(&play.weight), pair(&play.direction)])).collect()
     }
 }
 
 /// Whether a term raises every virtual count with its motor.
 fn is_coherent([weight, direction]: &[[f64; 2]; 2]) -> bool {
-    weight
-        .iter()
-        .zip(direction)
-        .all(|(weight, part)| weight * part >= 0.0)
+    weight.iter().zip(direction).all(|(weight, part)| weight * part >= 0.0)
 }
 
 /// Whether two terms add to the determinant of the slope. The determinant of a sum of rank-one

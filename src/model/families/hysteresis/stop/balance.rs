@@ -33,10 +33,7 @@ struct OperatingPoint<const D: usize> {
 impl<const D: usize> OperatingPoint<D> {
     /// Some bends, whose forces are not known yet.
     fn at(bends: &Bends<D>) -> Self {
-        Self {
-            bends: *bends,
-            forces: [WireForce::default(); MAX_SEGMENTS],
-        }
+        Self { bends: *bends, forces: [WireForce::default(); MAX_SEGMENTS] }
     }
 }
 
@@ -69,10 +66,7 @@ impl<const D: usize> Stops<D> {
         start: &Bends<D>,
     ) -> Equilibrium<D> {
         let (point, wires) = self.balance(pairs, reactions, travel, start);
-        Equilibrium {
-            bends: point.bends,
-            force: wires.force,
-        }
+        Equilibrium { bends: point.bends, force: wires.force }
     }
 
     /// As [`Stops::find_equilibrium`]; the total bend, and its derivative with respect to the wire
@@ -85,16 +79,14 @@ impl<const D: usize> Stops<D> {
         start: &Bends<D>,
     ) -> (SVector<f64, D>, SMatrix<f64, D, D>) {
         let (point, wires) = self.balance(pairs, Some(reactions), travel, start);
-        let slope = self
-            .compliances(&point)
-            .map_or_else(SMatrix::zeros, |(_, compliance)| {
-                let wire_yield =
-                    (SMatrix::identity() + compliance * wires.along_axes.slope).try_inverse();
-                wire_yield.unwrap_or_else(SMatrix::zeros)
-                    * compliance
-                    * self.axes
-                    * SMatrix::from_diagonal(&wires.slope)
-            });
+        let slope = self.compliances(&point).map_or_else(SMatrix::zeros, |(_, compliance)| {
+            let wire_yield =
+                (SMatrix::identity() + compliance * wires.along_axes.slope).try_inverse();
+            wire_yield.unwrap_or_else(SMatrix::zeros)
+                * compliance
+                * self.axes
+                * SMatrix::from_diagonal(&wires.slope)
+        });
         (point.bends.iter().sum(), slope)
     }
 
@@ -187,23 +179,13 @@ impl<const D: usize> Stops<D> {
         travel: &SVector<f64, D>,
         point: &OperatingPoint<D>,
     ) -> Wires<D> {
-        let stretch = travel
-            - self
-                .axes
-                .tr_mul(&point.bends.iter().sum::<SVector<f64, D>>());
+        let stretch = travel - self.axes.tr_mul(&point.bends.iter().sum::<SVector<f64, D>>());
         let (mut force, mut slope) = (SVector::<f64, D>::zeros(), SVector::<f64, D>::zeros());
         for (i, pair) in pairs.iter().enumerate() {
             (force[i], slope[i]) = pair.force(stretch[i]);
         }
         let along = self.axes * SMatrix::from_diagonal(&slope) * self.axes.transpose();
-        Wires {
-            along_axes: WireForce {
-                force: self.axes * force,
-                slope: along,
-            },
-            force,
-            slope,
-        }
+        Wires { along_axes: WireForce { force: self.axes * force, slope: along }, force, slope }
     }
 
     fn forces<'a>(
@@ -222,9 +204,7 @@ impl<const D: usize> Stops<D> {
     }
 
     fn mean_force(&self, point: &OperatingPoint<D>) -> SVector<f64, D> {
-        self.forces(point)
-            .map(|segment_force| segment_force.force)
-            .sum::<SVector<f64, D>>()
+        self.forces(point).map(|segment_force| segment_force.force).sum::<SVector<f64, D>>()
             / self.segments.len() as f64
     }
 

@@ -133,11 +133,8 @@ impl<const D: usize> Stops<D> {
         let motors = std::array::from_fn(|i| Motor::new(&file.motors[i], file));
         let segments: Vec<Segment<D>> = file.segments.iter().map(Segment::new).collect();
         let axes = directions::<D>(&file.motors);
-        let stiffness = segments
-            .iter()
-            .map(Segment::compliance)
-            .sum::<SVector<f64, D>>()
-            .map(|c| 1.0 / c);
+        let stiffness =
+            segments.iter().map(Segment::compliance).sum::<SVector<f64, D>>().map(|c| 1.0 / c);
         let total_compliance =
             inverse(&(SMatrix::from_diagonal(&stiffness) + axes * axes.transpose()));
         let gain_when_taut = axes.tr_mul(&(total_compliance * axes));
@@ -154,10 +151,7 @@ impl<const D: usize> Stops<D> {
             to_bend: inverse(&to_counts),
             to_counts,
             reference_force: file.base_friction
-                + segments
-                    .iter()
-                    .map(|segment| segment.limits().1)
-                    .fold(0.0, f64::max),
+                + segments.iter().map(|segment| segment.limits().1).fold(0.0, f64::max),
             longest_step: STEP,
             motors,
             segments,
@@ -171,10 +165,7 @@ impl<const D: usize> Stops<D> {
     /// The same with longer steps, for a search that is refined with the usual ones.
     #[must_use]
     pub fn with_longest_step(self, longest_step: f64) -> Self {
-        Self {
-            longest_step,
-            ..self
-        }
+        Self { longest_step, ..self }
     }
 
     /// The bend of a state.
@@ -342,10 +333,7 @@ impl<const D: usize> Operator<D> for Stops<D> {
     }
 
     fn origin<'a>(&'a self, state: &'a StopState) -> StopOrigin<'a, D> {
-        StopOrigin {
-            reactions: self.reactions(state),
-            pairs: self.pairs(state),
-        }
+        StopOrigin { reactions: self.reactions(state), pairs: self.pairs(state) }
     }
 
     fn invert_from(
@@ -379,18 +367,9 @@ impl<const D: usize> Operator<D> for Stops<D> {
     fn wipe_counts(&self) -> MotorVec {
         let furthest: f64 = self.segments.iter().map(|segment| segment.limits().0).sum();
         let growth = 1.0 + self.friction_growth * furthest;
-        let widest = self
-            .elements
-            .iter()
-            .map(|element| element.reach)
-            .fold(0.0, f64::max);
+        let widest = self.elements.iter().map(|element| element.reach).fold(0.0, f64::max);
         let shared = self.elements.iter().any(|element| element.shared > 0.0);
-        let drag = widest
-            * if shared {
-                FORGET_DRAG_SHARED
-            } else {
-                FORGET_DRAG_OWN
-            };
+        let drag = widest * if shared { FORGET_DRAG_SHARED } else { FORGET_DRAG_OWN };
         let range = self.motors.map(|motor| {
             let coefficient = motor.friction.iter().copied().fold(0.0, f64::max);
             let friction = self.base_friction + coefficient * growth * self.reference_force;
@@ -399,11 +378,8 @@ impl<const D: usize> Operator<D> for Stops<D> {
                 .iter()
                 .map(|segment| segment.force_for_swing(friction, drag))
                 .fold(0.0, f64::max);
-            let swing: f64 = self
-                .segments
-                .iter()
-                .map(|segment| segment.swing_at_force(friction, force))
-                .sum();
+            let swing: f64 =
+                self.segments.iter().map(|segment| segment.swing_at_force(friction, force)).sum();
             CONDITIONING_MARGIN * (swing + motor.slack_travel + 2.0 * force) / motor.travel
         });
         array(&vector::<D>(&range))

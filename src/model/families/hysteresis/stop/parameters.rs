@@ -108,37 +108,14 @@ impl StopParameters {
             motors,
             "must be as many as the robot has",
         )?;
-        self.motors
-            .iter()
-            .enumerate()
-            .try_for_each(|(i, motor)| motor.check(i))?;
+        self.motors.iter().enumerate().try_for_each(|(i, motor)| motor.check(i))?;
         let segments = self.segments.len();
         let key = || format!("{KEY}.segments");
-        require(
-            (1..=MAX_SEGMENTS).contains(&segments),
-            key,
-            segments,
-            "there must be 1 to 3",
-        )?;
-        self.segments
-            .iter()
-            .enumerate()
-            .try_for_each(|(i, segment)| segment.check::<D>(i))?;
+        require((1..=MAX_SEGMENTS).contains(&segments), key, segments, "there must be 1 to 3")?;
+        self.segments.iter().enumerate().try_for_each(|(i, segment)| segment.check::<D>(i))?;
         self.check_directions::<D>()?;
-        require_within(
-            self.softness,
-            LEAST,
-            LARGEST,
-            "softness",
-            "must be 0.001 to 10000",
-        )?;
-        require_within(
-            self.loose_stiffness,
-            LEAST,
-            1.0,
-            "loose_stiffness",
-            "must be 0.001 to 1",
-        )?;
+        require_within(self.softness, LEAST, LARGEST, "softness", "must be 0.001 to 10000")?;
+        require_within(self.loose_stiffness, LEAST, 1.0, "loose_stiffness", "must be 0.001 to 1")?;
         require_within(
             self.base_friction,
             1e-9,
@@ -146,13 +123,7 @@ impl StopParameters {
             "base_friction",
             "must be above 0 and at most 10000",
         )?;
-        require_within(
-            self.friction_growth,
-            0.0,
-            1.0,
-            "friction_growth",
-            "must be 0 to 1",
-        )?;
+        require_within(self.friction_growth, 0.0, 1.0, "friction_growth", "must be 0 to 1")?;
         require_within(
             self.shared,
             0.0,
@@ -214,9 +185,7 @@ impl StopParameters {
 
 impl StopMotor {
     fn check(&self, motor: usize) -> Result<(), ModelError> {
-        parameters(&[self.neutral_counts], || {
-            format!("{KEY}.motors[{motor}].neutral_counts")
-        })?;
+        parameters(&[self.neutral_counts], || format!("{KEY}.motors[{motor}].neutral_counts"))?;
         let name = |field: &str| format!("motors[{motor}].{field}");
         require_within(
             self.travel_per_count,
@@ -225,13 +194,7 @@ impl StopMotor {
             &name("travel_per_count"),
             "must be above 0",
         )?;
-        require_within(
-            self.axis_deg,
-            -360.0,
-            360.0,
-            &name("axis_deg"),
-            "must be -360 to 360",
-        )?;
+        require_within(self.axis_deg, -360.0, 360.0, &name("axis_deg"), "must be -360 to 360")?;
         for (slack, friction) in self.slack.into_iter().zip(self.friction) {
             require_within(slack, 0.0, LARGEST, &name("slack"), "must be 0 to 10000")?;
             require_within(friction, 0.0, 1.0, &name("friction"), "must be 0 to 1")?;
@@ -274,20 +237,8 @@ impl StopAxis {
             &name("stiffness"),
             "must be above 0 and at most 10000",
         )?;
-        require_within(
-            self.stiffening,
-            0.0,
-            LARGEST,
-            &name("stiffening"),
-            "must be 0 to 10000",
-        )?;
-        require_within(
-            self.limit,
-            LEAST,
-            LARGEST,
-            &name("limit"),
-            "must be above 0",
-        )
+        require_within(self.stiffening, 0.0, LARGEST, &name("stiffening"), "must be 0 to 10000")?;
+        require_within(self.limit, LEAST, LARGEST, &name("limit"), "must be above 0")
     }
 }
 
@@ -302,10 +253,5 @@ fn require_within(
     field: &str,
     reason: &'static str,
 ) -> Result<(), ModelError> {
-    require(
-        (least..=most).contains(&value),
-        || format!("{KEY}.{field}"),
-        value,
-        reason,
-    )
+    require((least..=most).contains(&value), || format!("{KEY}.{field}"), value, reason)
 }

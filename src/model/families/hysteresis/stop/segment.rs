@@ -76,10 +76,7 @@ pub(in crate::model) struct WireForce<const D: usize> {
 
 impl<const D: usize> Default for WireForce<D> {
     fn default() -> Self {
-        Self {
-            force: SVector::zeros(),
-            slope: SMatrix::zeros(),
-        }
+        Self { force: SVector::zeros(), slope: SMatrix::zeros() }
     }
 }
 
@@ -151,11 +148,7 @@ impl<const D: usize> Segment<D> {
     /// The force amplitude that moves the segment back and forth through `drag` times its friction.
     pub fn force_for_swing(&self, friction: f64, drag: f64) -> f64 {
         let friction = self.friction * friction;
-        let stiffest = self
-            .springs
-            .iter()
-            .map(|spring| spring.stiffness)
-            .fold(0.0, f64::max);
+        let stiffest = self.springs.iter().map(|spring| spring.stiffness).fold(0.0, f64::max);
         friction + 0.5 * stiffest * drag * friction
     }
 
@@ -179,11 +172,7 @@ impl<const D: usize> Segment<D> {
 
 impl Spring {
     fn new(file: &StopAxis) -> Self {
-        Self {
-            stiffness: file.stiffness,
-            stiffening: file.stiffening,
-            limit: file.limit,
-        }
+        Self { stiffness: file.stiffness, stiffening: file.stiffening, limit: file.limit }
     }
 }
 
@@ -202,14 +191,7 @@ impl<const D: usize> Reaction<'_, D> {
         let free = vector::<D>(self.state.shared.get(stop)?) + moved;
         let length = free.norm();
         let reach = self.shared_reach * element.reach;
-        Some((
-            own,
-            if length > reach {
-                free * (reach / length)
-            } else {
-                free
-            },
-        ))
+        Some((own, if length > reach { free * (reach / length) } else { free }))
     }
 }
 

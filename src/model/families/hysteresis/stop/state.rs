@@ -28,10 +28,9 @@ impl StopState {
         position: &SVector<f64, D>,
         equilibrium: &Equilibrium<D>,
     ) -> Self {
-        let segments = equilibrium.bends.map(|bend| SegmentState {
-            bend: array(&bend),
-            ..SegmentState::default()
-        });
+        let segments = equilibrium
+            .bends
+            .map(|bend| SegmentState { bend: array(&bend), ..SegmentState::default() });
         Self {
             position: array(position),
             force: array(&equilibrium.force),
@@ -42,10 +41,7 @@ impl StopState {
 
     /// The total bend of the snake.
     pub(in crate::model) fn bend<const D: usize>(&self) -> SVector<f64, D> {
-        self.segments
-            .iter()
-            .map(|segment| vector::<D>(&segment.bend))
-            .sum()
+        self.segments.iter().map(|segment| vector::<D>(&segment.bend)).sum()
     }
 }
 
@@ -92,11 +88,7 @@ impl<const D: usize> Stops<D> {
         reactions: &Reactions<'_, D>,
         equilibrium: &Equilibrium<D>,
     ) {
-        let segments = state
-            .segments
-            .iter_mut()
-            .zip(reactions)
-            .zip(&equilibrium.bends);
+        let segments = state.segments.iter_mut().zip(reactions).zip(&equilibrium.bends);
         for ((segment, reaction), bend) in segments.take(self.segments.len()) {
             let movement = bend - reaction.bend;
             let along = self.axes.tr_mul(&movement);

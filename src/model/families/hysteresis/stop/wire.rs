@@ -26,21 +26,15 @@ impl Wire {
     /// `slack` is `[d+, d-]`, `softness` is `s` > 0, `loose` is `eps` > 0.
     pub fn new(slack: [f64; 2], softness: f64, loose: f64) -> Self {
         let [plus, minus] = slack;
-        let mut starts = [
-            plus - softness,
-            plus + softness,
-            -minus - softness,
-            -minus + softness,
-        ];
+        let mut starts = [plus - softness, plus + softness, -minus - softness, -minus + softness];
         starts.sort_by(f64::total_cmp);
         let mut knots = [Knot::default(); 4];
         for (i, knot) in knots.iter_mut().enumerate() {
             let stretch = starts[i];
             let (forward, forward_slope) = contact(stretch - plus, softness);
             let (back, back_slope) = contact(-stretch - minus, softness);
-            let middle = starts
-                .get(i + 1)
-                .map_or(stretch + softness, |next| 0.5 * (stretch + next));
+            let middle =
+                starts.get(i + 1).map_or(stretch + softness, |next| 0.5 * (stretch + next));
             let curvature = |inside: bool| if inside { 0.25 / softness } else { 0.0 };
             *knot = Knot {
                 stretch,
@@ -67,9 +61,7 @@ impl Wire {
     pub fn stretch(&self, force: f64) -> f64 {
         let knot = self.piece(|knot| knot.force <= force);
         let beyond = force - knot.force;
-        let root = (knot.slope * knot.slope + 4.0 * knot.curve * beyond)
-            .max(0.0)
-            .sqrt();
+        let root = (knot.slope * knot.slope + 4.0 * knot.curve * beyond).max(0.0).sqrt();
         knot.stretch + 2.0 * beyond / (knot.slope + root)
     }
 
@@ -82,10 +74,7 @@ impl Wire {
             .rev()
             .find(|knot| begun(knot))
             .copied()
-            .unwrap_or(Knot {
-                curve: 0.0,
-                ..first
-            })
+            .unwrap_or(Knot { curve: 0.0, ..first })
     }
 }
 

@@ -38,10 +38,7 @@ pub(super) fn alternate(
     em: &EmOptions,
     progress: &dyn Progress,
 ) -> Option<(Weights, usize)> {
-    let em = EmOptions {
-        restarts: RESTARTS,
-        ..em.clone()
-    };
+    let em = EmOptions { restarts: RESTARTS, ..em.clone() };
     let thinned = states.thinned(states.rows(), ROWS);
     let blocks = blocks(thinned.rows(), BLOCKS);
     progress.begin(BLOCKS);
@@ -69,11 +66,7 @@ fn errors_after_passes(seen: &PlayStates, unseen: &PlayStates, em: &EmOptions) -
     loop {
         let regression = regression(seen, &weights, em)?;
         let inputs = motor_vectors(&unseen.virtual_counts(&weights));
-        errors.push(
-            regression
-                .residuals(&inputs, &unseen.outputs)
-                .norm_squared(),
-        );
+        errors.push(regression.residuals(&inputs, &unseen.outputs).norm_squared());
         if errors.len() > PASSES {
             return Some(errors);
         }

@@ -34,32 +34,16 @@ impl LinearPlays {
     pub fn fit(series: &Series) -> Result<Self, PlayError> {
         let ranges = ThresholdRange::of_motors(series).map_err(PlayError::Still)?;
         let rows = series.samples();
-        let outputs = DMatrix::from_fn(rows.len(), series.outputs(), |row, output| {
-            rows[row].outputs[output]
-        });
+        let outputs =
+            DMatrix::from_fn(rows.len(), series.outputs(), |row, output| rows[row].outputs[output]);
         let tried = parallel::map(TOPS.len(), |top| {
-            let motors = ranges
-                .iter()
-                .map(|range| range.grid(COUNT, TOPS[top]))
-                .collect();
-            let thresholds = Thresholds {
-                motors,
-                planar: Vec::new(),
-            };
+            let motors = ranges.iter().map(|range| range.grid(COUNT, TOPS[top])).collect();
+            let thresholds = Thresholds { motors, planar: Vec::new() };
             let fit = ridge(&features(&thresholds, series).ok()?, &outputs)?;
             let coefficients = fit.coefficients;
-            Some((
-                fit.left_out_error,
-                Self {
-                    thresholds,
-                    coefficients,
-                },
-            ))
+            Some((fit.left_out_error, Self { thresholds, coefficients }))
         });
-        let best = tried
-            .into_iter()
-            .flatten()
-            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let best = tried.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
         best.map(|(_, fit)| fit).ok_or(PlayError::Degenerate)
     }
 
@@ -87,9 +71,5 @@ fn features(thresholds: &Thresholds, series: &Series) -> Result<DMatrix<f64>, Mo
         _ if column <= motors => points[row].virtual_counts[column - 1],
         _ => points[row].lags.as_slice()[column - motors - 1],
     };
-    Ok(DMatrix::from_fn(
-        points.len(),
-        1 + motors + motors * COUNT,
-        feature,
-    ))
+    Ok(DMatrix::from_fn(points.len(), 1 + motors + motors * COUNT, feature))
 }

@@ -44,10 +44,7 @@ impl PlayFit {
         progress: &dyn Progress,
     ) -> Result<Self, PlayError> {
         let chain = chain(&self.plays, series, options, progress)?;
-        Ok(Self {
-            chain,
-            ..self.clone()
-        })
+        Ok(Self { chain, ..self.clone() })
     }
 
     /// The parameters for a model file.
@@ -84,19 +81,10 @@ pub fn fit_play(
         alternate(&states, &options.em, progress).ok_or(PlayError::Degenerate)?;
     let plays = chosen.thresholds.with(&weights);
     let virtual_counts = DataTable::from_matrix(&(states.virtual_counts(&weights) * states.scale));
-    let mechanism = PlayMechanism::new(
-        &plays,
-        &virtual_counts,
-        &DataTable::from_matrix(&states.outputs),
-    )?;
+    let mechanism =
+        PlayMechanism::new(&plays, &virtual_counts, &DataTable::from_matrix(&states.outputs))?;
     let chain = chain(&plays, series, options, progress)?;
-    Ok(PlayFit {
-        plays,
-        chain,
-        mechanism,
-        search_rms: chosen.error.sqrt(),
-        passes,
-    })
+    Ok(PlayFit { plays, chain, mechanism, search_rms: chosen.error.sqrt(), passes })
 }
 
 fn chain(

@@ -37,21 +37,14 @@ impl PlayStates {
                 0 => 0.0,
                 _ => points[row].lags.as_slice()[first + play - 1] * thresholds[play],
             };
-            plays.push(DMatrix::from_fn(
-                points.len(),
-                thresholds.len(),
-                |row, play| (points[row].virtual_counts[motor] - lag(row, play)) / scale,
-            ));
+            plays.push(DMatrix::from_fn(points.len(), thresholds.len(), |row, play| {
+                (points[row].virtual_counts[motor] - lag(row, play)) / scale
+            }));
             first += thresholds.len() - 1;
         }
         let output = |row: usize, output: usize| points[row].outputs[output];
         let outputs = DMatrix::from_fn(points.len(), series.outputs(), output);
-        Ok(Self {
-            points,
-            plays,
-            outputs,
-            scale,
-        })
+        Ok(Self { points, plays, outputs, scale })
     }
 
     pub fn rows(&self) -> usize {
@@ -61,11 +54,7 @@ impl PlayStates {
     pub fn select(&self, rows: &[usize]) -> Self {
         Self {
             points: rows.iter().map(|row| self.points[*row]).collect(),
-            plays: self
-                .plays
-                .iter()
-                .map(|plays| plays.select_rows(rows))
-                .collect(),
+            plays: self.plays.iter().map(|plays| plays.select_rows(rows)).collect(),
             outputs: self.outputs.select_rows(rows),
             scale: self.scale,
         }
@@ -94,10 +83,7 @@ impl PlayStates {
 
     /// Features of a residual on all lags, with a shape and lags times a shape of given degrees.
     pub fn features(&self, weights: &[DVector<f64>], degrees: (usize, usize)) -> DMatrix<f64> {
-        let lags = self
-            .points
-            .first()
-            .map_or(0, |point| point.lags.as_slice().len());
+        let lags = self.points.first().map_or(0, |point| point.lags.as_slice().len());
         let scaled = motor_vectors(&self.virtual_counts(weights));
         let row = |row: usize| (scaled[row], self.points[row].lags);
         feature_matrix(self.plays.len(), (self.rows(), lags), degrees, &row)

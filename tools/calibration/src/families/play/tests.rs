@@ -23,10 +23,7 @@ use i2ris_statistics::root_mean_square;
 const THRESHOLDS: [f64; 5] = [0.0, 10.0, 25.0, 60.0, 120.0];
 
 fn thresholds(some: &[f64]) -> Thresholds {
-    Thresholds {
-        motors: vec![some.to_vec(); 2],
-        planar: Vec::new(),
-    }
+    Thresholds { motors: vec![some.to_vec(); 2], planar: Vec::new() }
 }
 
 /// A snake that is a play sum behind a bent curve, with noise of a deviation in degrees.
@@ -53,15 +50,8 @@ fn snake(rows: usize, weights: [&[f64]; 2], deviation: f64) -> Recording {
 }
 
 fn options() -> ChainOptions {
-    let em = EmOptions {
-        max_iterations: 50,
-        ..few_starts(2)
-    };
-    ChainOptions {
-        components: Some(3),
-        residual: true,
-        em,
-    }
+    let em = EmOptions { max_iterations: 50, ..few_starts(2) };
+    ChainOptions { components: Some(3), residual: true, em }
 }
 
 fn states(series: &Series, some: &[f64]) -> PlayStates {

@@ -49,20 +49,13 @@ struct ThresholdChoice {
 impl ThresholdChoice {
     fn thresholds(&self, ranges: &[ThresholdRange]) -> Thresholds {
         let pairs = || ranges.iter().zip(&self.tops);
-        let low = ranges
-            .iter()
-            .map(|range| range.low)
-            .fold(f64::INFINITY, f64::min);
-        let high = pairs()
-            .map(|(range, top)| range.top(*top))
-            .fold(low, f64::max);
+        let low = ranges.iter().map(|range| range.low).fold(f64::INFINITY, f64::min);
+        let high = pairs().map(|(range, top)| range.top(*top)).fold(low, f64::max);
         let planar = if ranges.len() < 2 { 0 } else { self.planar };
         // The first one is a step above the least: there two plays of one motor are the same.
         let step = (high / low).powf(1.0 / planar.max(1) as f64);
         Thresholds {
-            motors: pairs()
-                .map(|(range, top)| range.grid(self.count, *top))
-                .collect(),
+            motors: pairs().map(|(range, top)| range.grid(self.count, *top)).collect(),
             planar: (1..=planar).map(|i| low * step.powf(i as f64)).collect(),
         }
     }
@@ -89,19 +82,10 @@ pub(super) fn search(
     let motors = ranges.len();
     let planar = if motors == 2 { &PLANAR[1..] } else { &[] };
     progress.begin(TOPS.len() + SHIFTS.len() * motors + COUNTS.len() - 1 + planar.len());
-    let start = |top: f64| ThresholdChoice {
-        count: COUNTS[0],
-        planar: PLANAR[0],
-        tops: vec![top; motors],
-    };
+    let start =
+        |top: f64| ThresholdChoice { count: COUNTS[0], planar: PLANAR[0], tops: vec![top; motors] };
     let rows = series.samples().len();
-    let mut search = ThresholdSearch {
-        series,
-        ranges,
-        rows,
-        best: None,
-        progress,
-    };
+    let mut search = ThresholdSearch { series, ranges, rows, best: None, progress };
     search.rows = search.states(&start(TOPS[TOPS.len() - 1]))?.rows();
     for top in TOPS {
         search.consider(start(top), 0.0)?;
@@ -123,10 +107,9 @@ pub(super) fn search(
         search.vary(&|choice| choice.planar = *planar)?;
     }
     progress.end();
-    Ok(search.best.map(|(choice, error)| ChosenThresholds {
-        thresholds: choice.thresholds(ranges),
-        error,
-    }))
+    Ok(search
+        .best
+        .map(|(choice, error)| ChosenThresholds { thresholds: choice.thresholds(ranges), error }))
 }
 
 struct ThresholdSearch<'a> {
@@ -145,11 +128,7 @@ impl ThresholdSearch<'_> {
         };
         let before = choice.size();
         change(&mut choice);
-        let gain = if choice.size() > before {
-            LEAST_GAIN
-        } else {
-            -LEAST_GAIN
-        };
+        let gain = if choice.size() > before { LEAST_GAIN } else { -LEAST_GAIN };
         self.consider(choice, gain)
     }
 
@@ -158,10 +137,7 @@ impl ThresholdSearch<'_> {
         let states = self.states(&choice)?;
         let error = left_out_error(&states.thinned(self.rows.min(states.rows()), ROWS));
         self.progress.step();
-        let least = self
-            .best
-            .as_ref()
-            .map_or(f64::INFINITY, |(_, error)| *error);
+        let least = self.best.as_ref().map_or(f64::INFINITY, |(_, error)| *error);
         if let Some(error) = error.filter(|error| *error < least * (1.0 - gain)) {
             self.best = Some((choice, error));
         }

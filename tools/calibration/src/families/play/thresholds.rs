@@ -22,10 +22,7 @@ impl Thresholds {
     pub fn with(&self, weights: &[DVector<f64>]) -> PlayParameters {
         PlayParameters {
             thresholds_counts: self.motors.clone(),
-            weights: weights
-                .iter()
-                .map(|motor| motor.as_slice().to_vec())
-                .collect(),
+            weights: weights.iter().map(|motor| motor.as_slice().to_vec()).collect(),
             planar_thresholds_counts: self.planar.clone(),
         }
     }
@@ -100,10 +97,7 @@ mod tests {
     #[test]
     fn the_longest_travel_is_between_two_turning_points() {
         for (counts, expected) in [
-            (
-                &[0.0, 50.0, 120.0, 100.0, 90.0, 90.0, 10.0, 30.0][..],
-                120.0,
-            ),
+            (&[0.0, 50.0, 120.0, 100.0, 90.0, 90.0, 10.0, 30.0][..], 120.0),
             (&[0.0, 50.0, 20.0, 20.0, -100.0, 0.0], 150.0),
             (&[5.0], 0.0),
         ] {

@@ -48,11 +48,7 @@ impl Linearised {
         let error = &states.outputs - &basis.values * &coefficients;
         let slope = |motor| basis.slope(&virtual_counts, motor, &coefficients);
         let slopes = (0..weights.len()).map(slope).collect();
-        Some(Self {
-            error,
-            slopes,
-            basis,
-        })
+        Some(Self { error, slopes, basis })
     }
 
     /// The weights after a full step.
@@ -80,11 +76,7 @@ impl Linearised {
         let found = nnls(&gram, &rhs) + least;
         let own =
             |(first, motor): (usize, &DVector<f64>)| found.rows(first, motor.len()).into_owned();
-        starts(weights)
-            .zip(weights)
-            .map(own)
-            .map(normalised)
-            .collect()
+        starts(weights).zip(weights).map(own).map(normalised).collect()
     }
 
     /// How one output moves with every weight: row: sample.
@@ -126,9 +118,7 @@ fn normalised(weights: DVector<f64>) -> DVector<f64> {
 /// The same weight for every play.
 fn even(states: &PlayStates) -> Weights {
     let sizes = states.plays.iter().map(|plays| plays.ncols());
-    sizes
-        .map(|size| DVector::from_element(size, 1.0 / size as f64))
-        .collect()
+    sizes.map(|size| DVector::from_element(size, 1.0 / size as f64)).collect()
 }
 
 /// Fits weights behind a polynomial. `None` when the outputs cannot be regressed on the counts.

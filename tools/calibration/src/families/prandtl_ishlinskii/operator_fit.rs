@@ -68,15 +68,9 @@ impl OperatorFit {
         options: &ChainOptions,
         progress: &dyn Progress,
     ) -> Result<Self, PlayError> {
-        let options = ChainOptions {
-            residual: self.chain.residual.is_some(),
-            ..options.clone()
-        };
+        let options = ChainOptions { residual: self.chain.residual.is_some(), ..options.clone() };
         let chain = chain(&self.operator, series, self.shape, &options, progress)?;
-        Ok(Self {
-            chain,
-            ..self.clone()
-        })
+        Ok(Self { chain, ..self.clone() })
     }
 }
 
@@ -172,9 +166,7 @@ impl OperatorFitter<'_> {
             ShapeKind::Plane => &IN_PLANE,
             ShapeKind::Separable => &ON_AXES,
         };
-        let suitable = structures
-            .iter()
-            .filter(|structure| structure.is_for(self.series.motors()));
+        let suitable = structures.iter().filter(|structure| structure.is_for(self.series.motors()));
         let error = |of: &Candidate| of.found.left_out_error.sqrt();
         let mut best: Option<Candidate> = None;
         for candidate in suitable.filter_map(|structure| self.candidate(structure)) {
@@ -206,12 +198,7 @@ impl OperatorFitter<'_> {
         signals = signals.select_columns(&moves);
         let columns = columns(count_columns(series, &centre), &signals, &plays);
         let found = fit_weights(&columns, &self.outputs, self.shape)?;
-        Some(Candidate {
-            structure,
-            plays,
-            columns,
-            found,
-        })
+        Some(Candidate { structure, plays, columns, found })
     }
 
     /// The plays that matter, with weights fitted to them alone.
@@ -222,9 +209,8 @@ impl OperatorFitter<'_> {
             weights[column] * effect * columns.signals.column(column).variance().sqrt()
         };
         let weights = &best.found.weights;
-        let total: f64 = (0..weights.len())
-            .map(|column| share(weights, &best.columns, column))
-            .sum();
+        let total: f64 =
+            (0..weights.len()).map(|column| share(weights, &best.columns, column)).sum();
         let mut kept: Vec<usize> = (motors..weights.len())
             .filter(|column| share(weights, &best.columns, *column) > LEAST_SHARE * total)
             .collect();
@@ -233,10 +219,8 @@ impl OperatorFitter<'_> {
         });
         kept.truncate(MAX_PLAYS);
         kept.sort_unstable();
-        let mut plays: Vec<PlayParameters> = kept
-            .iter()
-            .map(|column| best.plays[column - motors].clone())
-            .collect();
+        let mut plays: Vec<PlayParameters> =
+            kept.iter().map(|column| best.plays[column - motors].clone()).collect();
         let signals = best.columns.signals.select_columns(&kept);
         let columns = columns(best.columns.counts.clone(), &signals, &plays);
         let found =
@@ -249,9 +233,7 @@ impl OperatorFitter<'_> {
         plays.retain(|play| play.weight.iter().any(|weight| *weight != 0.0));
         Ok(PrandtlIshlinskiiParameters {
             centre_counts: self.ranges.iter().map(|[middle, _]| *middle).collect(),
-            direct_weights: (0..motors)
-                .map(|motor| DIRECT_WEIGHT + found.weights[motor])
-                .collect(),
+            direct_weights: (0..motors).map(|motor| DIRECT_WEIGHT + found.weights[motor]).collect(),
             plays,
         })
     }
@@ -268,19 +250,13 @@ impl OperatorFitter<'_> {
             let mut pairs: Vec<(f64, f64)> = own
                 .map(|play| {
                     let part = play.direction[motor];
-                    (
-                        play.threshold_counts / part.abs(),
-                        play.weight[motor] * part,
-                    )
+                    (play.threshold_counts / part.abs(), play.weight[motor] * part)
                 })
                 .collect();
             pairs.push((0.0, operator.direct_weights[motor]));
             pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
             let sum: f64 = pairs.iter().map(|(_, weight)| weight).sum();
-            pairs
-                .into_iter()
-                .map(|(threshold, weight)| (threshold, weight / sum))
-                .unzip()
+            pairs.into_iter().map(|(threshold, weight)| (threshold, weight / sum)).unzip()
         };
         let motors: Vec<(Vec<f64>, Vec<f64>)> =
             (0..operator.direct_weights.len()).map(motor).collect();
@@ -299,10 +275,7 @@ impl OperatorFitter<'_> {
         operator: PrandtlIshlinskiiParameters,
         options: &ChainOptions,
     ) -> Result<(PrandtlIshlinskiiParameters, ChainFit), PlayError> {
-        let plain = ChainOptions {
-            residual: false,
-            ..options.clone()
-        };
+        let plain = ChainOptions { residual: false, ..options.clone() };
         let first = chain(&operator, self.series, self.shape, &plain, self.progress)?;
         if !options.residual {
             return Ok((operator, first));
@@ -310,50 +283,33 @@ impl OperatorFitter<'_> {
         let mut extended = operator.clone();
         extended.plays.extend(residual_plays(&self.half_ranges()));
         extended.plays.truncate(MAX_PLAYS);
-        let second = chain(
-            &extended,
-            self.series,
-            ShapeKind::Plane,
-            options,
-            self.progress,
-        );
+        let second = chain(&extended, self.series, ShapeKind::Plane, options, self.progress);
         // The plays of the residual may be along more directions than a model has room for.
         let Ok(second) = second else {
             return Ok((operator, first));
         };
         let enough =
             second.cross_validated_rms < first.cross_validated_rms * (1.0 - LEAST_GAIN_OF_RESIDUAL);
-        Ok(if second.residual.is_some() && enough {
-            (extended, second)
-        } else {
-            (operator, first)
-        })
+        Ok(if second.residual.is_some() && enough { (extended, second) } else { (operator, first) })
     }
 }
 
 /// The counts of the motors first, then the plays.
 fn columns(counts: DMatrix<f64>, plays: &DMatrix<f64>, parameters: &[PlayParameters]) -> Columns {
     let motors = counts.ncols();
-    let signals =
-        DMatrix::from_fn(
-            counts.nrows(),
-            motors + plays.ncols(),
-            |row, column| match column.checked_sub(motors) {
-                None => counts[(row, column)],
-                Some(play) => plays[(row, play)],
-            },
-        );
+    let signals = DMatrix::from_fn(counts.nrows(), motors + plays.ncols(), |row, column| {
+        match column.checked_sub(motors) {
+            None => counts[(row, column)],
+            Some(play) => plays[(row, play)],
+        }
+    });
     let effects = DMatrix::from_fn(signals.ncols(), motors, |column, motor| {
         match column.checked_sub(motors) {
             None => f64::from(u8::from(column == motor)),
             Some(play) => parameters[play].weight[motor],
         }
     });
-    Columns {
-        counts,
-        signals,
-        effects,
-    }
+    Columns { counts, signals, effects }
 }
 
 fn chain(
@@ -370,10 +326,7 @@ fn chain(
     match points_between_axes(&points, &operator.centre_counts, series.outputs())? {
         Some(points) => Ok(fit_chain(series, &points, options, progress)?),
         None => {
-            let straight = ChainOptions {
-                components: Some(1),
-                ..options.clone()
-            };
+            let straight = ChainOptions { components: Some(1), ..options.clone() };
             Ok(fit_chain(series, &points, &straight, progress)?)
         }
     }

@@ -39,9 +39,8 @@ pub(super) fn points_between_axes(
         return Ok(None);
     };
     let counts = |counts: &MotorVec, motor: usize| counts[motor] - centre[motor];
-    let at = DMatrix::from_fn(rows, motors, |row, motor| {
-        counts(&points[row].virtual_counts, motor)
-    });
+    let at =
+        DMatrix::from_fn(rows, motors, |row, motor| counts(&points[row].virtual_counts, motor));
     let measured = DMatrix::from_fn(rows, outputs, |row, output| points[row].outputs[output]);
     let shape = OutputShape::new(&at, &measured, &lines(&at));
     let Some(shape) = shape.filter(|shape| !shape.is_straight()) else {
@@ -51,14 +50,10 @@ pub(super) fn points_between_axes(
     let visited: Vec<MotorVec> = points.iter().map(|point| point.virtual_counts).collect();
     let hull = Hull::from_points(motors, &visited)?;
     let places: Vec<MotorVec> = spread(&hull).collect();
-    let bent = shape.at(&DMatrix::from_fn(places.len(), motors, |row, motor| {
-        counts(&places[row], motor)
-    }));
+    let bent =
+        shape.at(&DMatrix::from_fn(places.len(), motors, |row, motor| counts(&places[row], motor)));
     let point = |(row, place): (usize, &MotorVec)| {
-        let mut point = TracePoint {
-            virtual_counts: *place,
-            ..*first
-        };
+        let mut point = TracePoint { virtual_counts: *place, ..*first };
         for output in 0..outputs {
             point.outputs[output] = bent[(row, output)] + scatter[(row % rows, output)];
         }
@@ -76,8 +71,7 @@ fn spread(hull: &Hull) -> impl Iterator<Item = MotorVec> + '_ {
             low + (high - low) * radical_inverse(index, [2, 3][motor])
         })
     });
-    hull.corners()
-        .chain(inside.filter(|place| hull.contains(place)))
+    hull.corners().chain(inside.filter(|place| hull.contains(place)))
 }
 
 /// The digits of a number in a base, mirrored behind the point.
@@ -114,16 +108,11 @@ impl OutputShape {
         let predicted = inputs * straight.transpose();
         let curve = |output: usize| {
             let line = |motor: usize| -> Vec<usize> {
-                (0..lines.len())
-                    .filter(|row| lines[*row] == motor)
-                    .collect()
+                (0..lines.len()).filter(|row| lines[*row] == motor).collect()
             };
             let pairs = |rows: &[usize]| {
                 let predicted = predicted.select_rows(rows).column(output).into_owned();
-                (
-                    predicted,
-                    outputs.select_rows(rows).column(output).into_owned(),
-                )
+                (predicted, outputs.select_rows(rows).column(output).into_owned())
             };
             let both = [pairs(&line(0)), pairs(&line(1))];
             is_common(&both).then(|| {
@@ -145,9 +134,8 @@ impl OutputShape {
     /// The outputs at virtual counts, a row per sample.
     pub fn at(&self, virtual_counts: &DMatrix<f64>) -> DMatrix<f64> {
         let mut outputs = virtual_counts * self.slope.transpose();
-        for (mut column, (offset, curve)) in outputs
-            .column_iter_mut()
-            .zip(self.offset.iter().zip(&self.curves))
+        for (mut column, (offset, curve)) in
+            outputs.column_iter_mut().zip(self.offset.iter().zip(&self.curves))
         {
             column.add_scalar_mut(*offset);
             if let Some(curve) = curve {
@@ -235,10 +223,7 @@ mod tests {
             let along = 400.0 * (0.37 * row as f64).sin();
             if row % 2 == motor { along } else { 0.0 }
         };
-        (
-            DMatrix::from_fn(600, 2, at),
-            (0..600).map(|row| row % 2).collect(),
-        )
+        (DMatrix::from_fn(600, 2, at), (0..600).map(|row| row % 2).collect())
     }
 
     /// Angles whose distance from those at the centre is bent by a function of it and of the row.

@@ -31,9 +31,7 @@ fn column(series: &Series, centre: &[f64], play: &PlayParameters) -> DVector<f64
     let outputs = series.samples().iter().map(|sample| {
         for counts in &series.path()[next..=sample.path_index] {
             let parts = play.direction.iter().zip(counts).zip(centre);
-            let input: f64 = parts
-                .map(|((part, counts), centre)| part * (counts - centre))
-                .sum();
+            let input: f64 = parts.map(|((part, counts), centre)| part * (counts - centre)).sum();
             let growth = above * input.max(0.0) - below * input.min(0.0);
             let half_width = (play.threshold_counts + growth).max(0.0);
             let old = output.unwrap_or(input);

@@ -29,15 +29,8 @@ pub(super) struct Structure {
 }
 
 const CONSTANT: &[[f64; 2]] = &[[0.0, 0.0]];
-const CHANGING: &[[f64; 2]] = &[
-    [0.0, 0.0],
-    [2.0, 2.0],
-    [2.0, 0.0],
-    [0.0, 2.0],
-    [-0.7, -0.7],
-    [-0.7, 0.0],
-    [0.0, -0.7],
-];
+const CHANGING: &[[f64; 2]] =
+    &[[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0], [-0.7, -0.7], [-0.7, 0.0], [0.0, -0.7]];
 const SHARES: &[f64] = &[0.1, 0.3, 0.6];
 
 /// What motion along the axes shows: motor 0 at rest is pulled through its gap by a part of the
@@ -50,11 +43,8 @@ const ONE_MOTOR: Structure = Structure {
     thresholds: 10,
     growth: CONSTANT,
 };
-const ONE_MOTOR_CHANGING: Structure = Structure {
-    name: "one motor at a time, changing widths",
-    growth: CHANGING,
-    ..ONE_MOTOR
-};
+const ONE_MOTOR_CHANGING: Structure =
+    Structure { name: "one motor at a time, changing widths", growth: CHANGING, ..ONE_MOTOR };
 
 /// The structures for motion in the plane, the simplest first.
 pub(super) const IN_PLANE: [Structure; 4] = [
@@ -109,13 +99,9 @@ impl Structure {
 /// Plays whose lags are features of the residual: of each motor, and along directions between them.
 pub(super) fn residual_plays(half_ranges: &[f64]) -> Vec<PlayParameters> {
     let directions = directions(half_ranges.len(), &[0.5]);
-    let plays = directions
-        .iter()
-        .flat_map(|direction| along(direction, half_ranges, 8, CONSTANT));
-    let without_weight = plays.map(|play| PlayParameters {
-        weight: vec![0.0; half_ranges.len()],
-        ..play
-    });
+    let plays = directions.iter().flat_map(|direction| along(direction, half_ranges, 8, CONSTANT));
+    let without_weight =
+        plays.map(|play| PlayParameters { weight: vec![0.0; half_ranges.len()], ..play });
     without_weight.collect()
 }
 
@@ -172,10 +158,7 @@ fn along(
 
 fn strongest(direction: &[f64]) -> usize {
     let by_share = |a: &usize, b: &usize| direction[*a].abs().total_cmp(&direction[*b].abs());
-    (0..direction.len())
-        .rev()
-        .max_by(by_share)
-        .unwrap_or_default()
+    (0..direction.len()).rev().max_by(by_share).unwrap_or_default()
 }
 
 /// What a play of weight 1 moves: the virtual counts of the strongest motor alone, or of both along

@@ -95,10 +95,7 @@ pub(super) fn fit_weights(
         square / outputs.nrows() as f64
     });
     let best = (0..errors.len()).min_by(|a, b| errors[*a].total_cmp(&errors[*b]))?;
-    Some(Weights {
-        weights: normal.solve(None, PENALTIES[best]),
-        left_out_error: errors[best],
-    })
+    Some(Weights { weights: normal.solve(None, PENALTIES[best]), left_out_error: errors[best] })
 }
 
 impl Columns {
@@ -123,17 +120,9 @@ impl<'a> Search<'a> {
         let sums = crate::parallel::map(ranges.len(), |block| {
             let rows = ranges[block].clone();
             let signals = columns.signals.rows(rows.start, rows.len());
-            BlockSums {
-                rows,
-                gram: signals.tr_mul(&signals),
-                sum: signals.row_sum_tr(),
-            }
+            BlockSums { rows, gram: signals.tr_mul(&signals), sum: signals.row_sum_tr() }
         });
-        Self {
-            columns,
-            outputs,
-            blocks: sums,
-        }
+        Self { columns, outputs, blocks: sums }
     }
 
     /// The slope of affine least squares on the counts: row: output, column: motor.
@@ -153,10 +142,7 @@ impl<'a> Search<'a> {
         let mut parts = Vec::new();
         for block in &self.blocks {
             let rows = wanted.rows(block.rows.start, block.rows.len());
-            let signals = self
-                .columns
-                .signals
-                .rows(block.rows.start, block.rows.len());
+            let signals = self.columns.signals.rows(block.rows.start, block.rows.len());
             parts.push(Sums {
                 rows: rows.nrows() as f64,
                 gram: block.gram.clone(),
@@ -167,15 +153,8 @@ impl<'a> Search<'a> {
         }
         let total = parts
             .iter()
-            .fold(Sums::zeros(size, wanted.ncols()), |sum, part| {
-                sum.combined(part, 1.0)
-            });
-        NormalEquations {
-            moved,
-            pairs,
-            parts,
-            total,
-        }
+            .fold(Sums::zeros(size, wanted.ncols()), |sum, part| sum.combined(part, 1.0));
+        NormalEquations { moved, pairs, parts, total }
     }
 
     /// Sum of squares of the error on a block, by weights of the others.
@@ -194,10 +173,7 @@ impl<'a> Search<'a> {
         let inside = error.rows(rows.start, rows.len());
         let others = (error.nrows() - rows.len()).max(1) as f64;
         let offset = (error.row_sum() - inside.row_sum()) / others;
-        inside
-            .row_iter()
-            .map(|row| (row - &offset).norm_squared())
-            .sum()
+        inside.row_iter().map(|row| (row - &offset).norm_squared()).sum()
     }
 }
 
@@ -255,9 +231,7 @@ impl NormalEquations {
         let with_wanted = &sums.with_wanted - &sums.sum * sums.wanted.transpose() / rows;
         let mut rhs = with_wanted.component_mul(&self.moved).column_sum();
         // Columns of equal size, so that one penalty is fair to all.
-        let scales = gram
-            .diagonal()
-            .map(|square| square.max(f64::MIN_POSITIVE).sqrt());
+        let scales = gram.diagonal().map(|square| square.max(f64::MIN_POSITIVE).sqrt());
         for (mut row, scale) in gram.row_iter_mut().zip(scales.iter()) {
             row /= *scale;
         }
@@ -284,10 +258,7 @@ impl Shape {
     /// Curves of the outputs.
     fn of_curves(curves: &OutputShape, virtual_counts: &DMatrix<f64>) -> Self {
         let slope = curves.mean_slope();
-        Self {
-            higher: curves.at(virtual_counts) - virtual_counts * slope.transpose(),
-            slope,
-        }
+        Self { higher: curves.at(virtual_counts) - virtual_counts * slope.transpose(), slope }
     }
 
     /// A polynomial.
@@ -314,9 +285,7 @@ pub(super) fn lines(counts: &DMatrix<f64>) -> Vec<usize> {
         let part = |motor: usize| counts[(row, motor)].abs() / ranges[motor].max(1.0);
         (0..counts.ncols()).max_by(|a, b| part(*a).total_cmp(&part(*b)))
     };
-    (0..counts.nrows())
-        .map(|row| motor(row).unwrap_or_default())
-        .collect()
+    (0..counts.nrows()).map(|row| motor(row).unwrap_or_default()).collect()
 }
 
 fn centred(matrix: &DMatrix<f64>) -> DMatrix<f64> {

@@ -53,10 +53,7 @@ struct BendSample<const D: usize> {
 impl<const D: usize> BendTarget<D> {
     pub fn new(series: &Series) -> Result<Self, StopError> {
         if series.outputs() < D {
-            return Err(StopError::FewOutputs {
-                motors: D,
-                outputs: series.outputs(),
-            });
+            return Err(StopError::FewOutputs { motors: D, outputs: series.outputs() });
         }
         let samples = series.samples();
         let counts = DataTable::from_rows(D, samples.iter().map(|sample| series.counts(sample)));
@@ -66,11 +63,7 @@ impl<const D: usize> BendTarget<D> {
         let first = conditioned::<D>(series);
         let samples = samples.iter().zip(outputs.rows()).skip(first);
         let target = Self {
-            path: series
-                .path()
-                .iter()
-                .map(|counts| SVector::from_fn(|i, _| counts[i]))
-                .collect(),
+            path: series.path().iter().map(|counts| SVector::from_fn(|i, _| counts[i])).collect(),
             samples: samples
                 .map(|(sample, outputs)| BendSample {
                     path_index: sample.path_index,
@@ -96,11 +89,7 @@ impl<const D: usize> BendTarget<D> {
             (low, high) = (low.inf(&sample.bend), high.sup(&sample.bend));
         }
         let reach = 0.5 * (high - low).amax();
-        self.unit = if DEGREES.contains(&reach) {
-            1.0
-        } else {
-            reach / USUAL_REACH
-        };
+        self.unit = if DEGREES.contains(&reach) { 1.0 } else { reach / USUAL_REACH };
         let straight = SVector::<f64, D>::from_fn(|i, _| match low[i] < 0.0 && high[i] > 0.0 {
             true => 0.0,
             false => 0.5 * (low[i] + high[i]),
@@ -136,9 +125,7 @@ impl<const D: usize> BendTarget<D> {
             let next = self.path.get(place + 1).unwrap_or(counts);
             let turns = (0..D).any(|i| (counts[i] - last[i]) * (next[i] - counts[i]) < 0.0);
             let far = (0..D).any(|i| (counts[i] - last[i]).abs() >= spacing[i]);
-            let sampled = wanted
-                .peek()
-                .is_some_and(|sample| sample.path_index == place);
+            let sampled = wanted.peek().is_some_and(|sample| sample.path_index == place);
             if path.is_empty() || far || turns || sampled {
                 path.push(*counts);
                 last = *counts;
@@ -147,19 +134,12 @@ impl<const D: usize> BendTarget<D> {
                 sample.path_index = path.len() - 1;
             }
         }
-        Self {
-            path,
-            samples,
-            ..self.clone()
-        }
+        Self { path, samples, ..self.clone() }
     }
 
     /// The same with an operator of longer steps.
     pub fn with_longest_step(self, longest_step: f64) -> Self {
-        Self {
-            longest_step: Some(longest_step),
-            ..self
-        }
+        Self { longest_step: Some(longest_step), ..self }
     }
 
     /// The first part of the samples, and of the path.
@@ -184,9 +164,8 @@ impl<const D: usize> BendTarget<D> {
     /// The rows of a Jacobian for all samples that belong to those used, as that of
     /// [`Self::squares`].
     pub fn rows_used(&self, jacobian: &DMatrix<f64>) -> DMatrix<f64> {
-        let used: Vec<usize> = (0..self.samples.len())
-            .filter(|sample| self.samples[*sample].used)
-            .collect();
+        let used: Vec<usize> =
+            (0..self.samples.len()).filter(|sample| self.samples[*sample].used).collect();
         let rows = used.iter().flat_map(|sample| sample * D..(sample + 1) * D);
         let prior = self.samples.len() * D..jacobian.nrows();
         let rows: Vec<usize> = rows.chain(prior).collect();
@@ -249,11 +228,7 @@ impl<const D: usize> BendTarget<D> {
         parameterisation: &'a Parameterisation,
         prior: &'a DVector<f64>,
     ) -> impl LeastSquares + 'a {
-        Objective {
-            target: self,
-            parameterisation,
-            prior,
-        }
+        Objective { target: self, parameterisation, prior }
     }
 }
 
@@ -277,16 +252,10 @@ struct Objective<'a, const D: usize> {
 
 impl<const D: usize> LeastSquares for Objective<'_, D> {
     fn residuals(&self, at: &DVector<f64>) -> Option<DVector<f64>> {
-        let errors = self
-            .target
-            .errors(&self.parameterisation.decode(at), true)?;
+        let errors = self.target.errors(&self.parameterisation.decode(at), true)?;
         let scale = 1.0 / (errors.len().max(1) as f64).sqrt();
         let mut residuals: Vec<f64> = errors.iter().flatten().map(|error| error * scale).collect();
-        residuals.extend(
-            at.iter()
-                .zip(self.prior.iter())
-                .map(|(at, prior)| PRIOR * (at - prior)),
-        );
+        residuals.extend(at.iter().zip(self.prior.iter()).map(|(at, prior)| PRIOR * (at - prior)));
         let finite = residuals.iter().all(|residual| residual.is_finite());
         finite.then(|| DVector::from_vec(residuals))
     }
@@ -338,12 +307,6 @@ fn conditioned<const D: usize>(series: &Series) -> usize {
         *range = CONDITIONED * (high - low);
     }
     let from = series.covered_from(&ranges);
-    let first = series
-        .samples()
-        .partition_point(|sample| sample.path_index < from);
-    if 2 * first <= series.samples().len() {
-        first
-    } else {
-        0
-    }
+    let first = series.samples().partition_point(|sample| sample.path_index < from);
+    if 2 * first <= series.samples().len() { first } else { 0 }
 }

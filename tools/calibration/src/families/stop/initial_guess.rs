@@ -37,11 +37,7 @@ pub(super) fn initial_guess<const D: usize>(
         StopMotor {
             neutral_counts: neutral[i],
             travel_per_count: gain.column(i).norm() * (1.0 + STIFFNESS),
-            axis_deg: if D == 1 {
-                0.0
-            } else {
-                up.atan2(along).to_degrees()
-            },
+            axis_deg: if D == 1 { 0.0 } else { up.atan2(along).to_degrees() },
             slack: [0.5; 2],
             friction: [0.2; 2],
         }
@@ -55,17 +51,10 @@ pub(super) fn initial_guess<const D: usize>(
             stiffening: 2e-5,
             limit: LIMIT * furthest * rank / segments as f64,
         };
-        StopSegment {
-            axes: (0..D).map(axis).collect(),
-            friction: rank,
-        }
+        StopSegment { axes: (0..D).map(axis).collect(), friction: rank }
     };
     let sum: f64 = 1.0 + SHARE * (stops as f64 - 1.0);
-    let softest = if stops <= FEW {
-        SOFTEST_OF_FEW
-    } else {
-        SOFTEST_OF_MANY
-    };
+    let softest = if stops <= FEW { SOFTEST_OF_FEW } else { SOFTEST_OF_MANY };
     let ratio = (softest / STIFFEST).powf(1.0 / (stops as f64 - 1.0).max(1.0));
     let stop = |k: usize| StopElement {
         stiffness: STIFFEST * ratio.powi(k as i32),

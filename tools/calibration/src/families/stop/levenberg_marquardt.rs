@@ -99,10 +99,7 @@ pub(super) fn minimise(
     for _ in done..stop.iterations {
         stepped();
     }
-    Some(Minimum {
-        sum_of_squares: here.square(),
-        at: here.at,
-    })
+    Some(Minimum { sum_of_squares: here.square(), at: here.at })
 }
 
 /// One step from a start with a Jacobian that is known; the start itself where no step is better.
@@ -171,10 +168,7 @@ struct Normal {
 
 impl Normal {
     fn new(jacobian: &DMatrix<f64>, residuals: &DVector<f64>) -> Self {
-        Self {
-            squared: jacobian.tr_mul(jacobian),
-            gradient: jacobian.tr_mul(residuals),
-        }
+        Self { squared: jacobian.tr_mul(jacobian), gradient: jacobian.tr_mul(residuals) }
     }
 
     /// The best of the steps with several dampings, and its damping.
@@ -198,11 +192,7 @@ impl Normal {
         let damped = &self.squared + DMatrix::from_diagonal(&scale);
         let step = -damped.cholesky()?.solve(&self.gradient);
         let longest = step.amax();
-        Some(if longest > LONGEST {
-            step * (LONGEST / longest)
-        } else {
-            step
-        })
+        Some(if longest > LONGEST { step * (LONGEST / longest) } else { step })
     }
 }
 
@@ -224,10 +214,7 @@ mod tests {
 
     fn run(start: [f64; 2], iterations: usize) -> (Option<Minimum>, usize) {
         let steps = Cell::new(0);
-        let rule = StoppingRule {
-            iterations,
-            tolerance: 0.0,
-        };
+        let rule = StoppingRule { iterations, tolerance: 0.0 };
         let start = DVector::from_column_slice(&start);
         let found = minimise(&Rosenbrock, start, rule, &|| steps.set(steps.get() + 1));
         (found, steps.get())

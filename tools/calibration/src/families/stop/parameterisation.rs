@@ -31,9 +31,7 @@ impl Parameterisation {
             motors: start.motors.len(),
             segments: start.segments.len(),
             stops: start.stops.len(),
-            neutral: motors
-                .map(|m| (m.neutral_counts, m.travel_per_count))
-                .collect(),
+            neutral: motors.map(|m| (m.neutral_counts, m.travel_per_count)).collect(),
         }
     }
 
@@ -47,12 +45,7 @@ impl Parameterisation {
             code.extend(motor.slack.iter().chain(&motor.friction).map(|x| x.ln()));
         }
         if self.motors == 2 {
-            code.extend(
-                parameters
-                    .motors
-                    .iter()
-                    .map(|motor| motor.axis_deg.to_radians()),
-            );
+            code.extend(parameters.motors.iter().map(|motor| motor.axis_deg.to_radians()));
             code.push((parameters.shared / (1.0 - parameters.shared)).ln());
         }
         code.extend(springs(parameters).into_iter().flatten().map(f64::ln));
@@ -62,19 +55,14 @@ impl Parameterisation {
         let (base, growth) = (parameters.base_friction, parameters.friction_growth);
         code.extend([softness, loose, base, growth].map(f64::ln));
         code.extend(parameters.stops.iter().map(|stop| stop.stiffness.ln()));
-        code.extend(relative_to_first(
-            parameters.stops.iter().map(|stop| stop.share),
-        ));
+        code.extend(relative_to_first(parameters.stops.iter().map(|stop| stop.share)));
         DVector::from_vec(code)
     }
 
     /// Always parameters within their bounds; only the directions of the motors may fall together.
     pub fn decode(&self, code: &DVector<f64>) -> StopParameters {
         let mut code = Reader(code.as_slice().iter());
-        let motors = self
-            .neutral
-            .iter()
-            .map(|neutral| motor(&mut code, *neutral));
+        let motors = self.neutral.iter().map(|neutral| motor(&mut code, *neutral));
         let mut motors: Vec<StopMotor> = motors.collect();
         let mut shared = 0.0;
         if self.motors == 2 {
@@ -91,10 +79,7 @@ impl Parameterisation {
         let stiffnesses: Vec<f64> = (0..self.stops).map(|_| code.positive().max(1e-4)).collect();
         let shares = code.after_first(self.stops);
         let sum: f64 = shares.iter().sum();
-        let stop = |(stiffness, share): (f64, f64)| StopElement {
-            stiffness,
-            share: share / sum,
-        };
+        let stop = |(stiffness, share): (f64, f64)| StopElement { stiffness, share: share / sum };
         let stops = stiffnesses.into_iter().zip(shares).map(stop).collect();
         StopParameters {
             motors,
@@ -119,10 +104,7 @@ impl Parameterisation {
                 stiffening: spring[1] * ratio[1],
                 limit: (spring[2] * ratio[2]).max(LEAST),
             };
-            std::iter::once(&[1.0; 3])
-                .chain(&others)
-                .map(axis)
-                .collect()
+            std::iter::once(&[1.0; 3]).chain(&others).map(axis).collect()
         };
         let segment = |(spring, friction): (&[f64; 3], f64)| StopSegment {
             axes: axes(spring),
@@ -138,10 +120,7 @@ fn springs(parameters: &StopParameters) -> Vec<[f64; 3]> {
     let numbers = |axis: &StopAxis| [axis.stiffness, axis.stiffening, axis.limit];
     let first = |segment: &StopSegment| segment.axes.first().map(numbers);
     let mut springs: Vec<[f64; 3]> = parameters.segments.iter().filter_map(first).collect();
-    let axes = parameters
-        .segments
-        .first()
-        .map(|segment| segment.axes.as_slice());
+    let axes = parameters.segments.first().map(|segment| segment.axes.as_slice());
     if let Some([one, other]) = axes {
         let (one, other) = (numbers(one), numbers(other));
         springs.push(std::array::from_fn(|i| other[i] / one[i]));

@@ -33,18 +33,9 @@ const GUESS_PART: f64 = 0.5;
 const FINE_SPACING: f64 = 0.4;
 
 /// When each part of the search ends.
-const GUESS: StoppingRule = StoppingRule {
-    iterations: 10,
-    tolerance: 1e-3,
-};
-const COARSE: StoppingRule = StoppingRule {
-    iterations: 15,
-    tolerance: 1e-3,
-};
-const FINE: StoppingRule = StoppingRule {
-    iterations: 6,
-    tolerance: 1e-3,
-};
+const GUESS: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
+const COARSE: StoppingRule = StoppingRule { iterations: 15, tolerance: 1e-3 };
+const FINE: StoppingRule = StoppingRule { iterations: 6, tolerance: 1e-3 };
 
 /// Spread of the guesses around the usual parameters, logarithms.
 const SPREAD: f64 = 0.5;
@@ -145,11 +136,7 @@ fn fit_sized<const D: usize>(
         let fewest = options.structures.iter().map(parameters).min();
         let parameters = fewest.unwrap_or_default();
         let least = LEAST_SAMPLES * parameters;
-        return Err(StopError::FewSamples {
-            samples,
-            parameters,
-            least,
-        });
+        return Err(StopError::FewSamples { samples, parameters, least });
     }
     let search = StopSearch {
         target: &target,
@@ -171,14 +158,7 @@ fn fit_sized<const D: usize>(
     }
     let scaled = |(structure, error)| (structure, target.unit * error);
     let tried = tried.into_iter().map(scaled).collect();
-    Ok(StopFit {
-        parameters,
-        rms,
-        linear_rms,
-        tried,
-        mechanism,
-        warnings,
-    })
+    Ok(StopFit { parameters, rms, linear_rms, tried, mechanism, warnings })
 }
 
 struct StopSearch<'a, const D: usize> {
@@ -208,16 +188,9 @@ impl<const D: usize> StopSearch<'_, D> {
         let choices = self.structures.len();
         let per_choice = self.options.starts.max(1) * GUESS.iterations + COARSE.iterations;
         self.progress.begin(choices * per_choice + FINE.iterations);
-        let candidates = self
-            .structures
-            .iter()
-            .filter_map(|structure| self.candidate(*structure));
+        let candidates = self.structures.iter().filter_map(|structure| self.candidate(*structure));
         let candidates: Vec<StructureCandidate> = candidates.collect();
-        let tried = if choices > 1 {
-            self.left_out_errors(&candidates)
-        } else {
-            Vec::new()
-        };
+        let tried = if choices > 1 { self.left_out_errors(&candidates) } else { Vec::new() };
         let chosen = choose(candidates, &tried)?;
         let found = self.refined(&chosen)?;
         self.progress.end();
@@ -250,12 +223,7 @@ impl<const D: usize> StopSearch<'_, D> {
         let parameterisation = Parameterisation::new(&start);
         let prior = parameterisation.encode(&start);
         let at = prior.clone();
-        let candidate = StructureCandidate {
-            structure,
-            parameterisation,
-            prior,
-            at,
-        };
+        let candidate = StructureCandidate { structure, parameterisation, prior, at };
         let beginning = self.coarse.beginning(GUESS_PART);
         let mut random = Pcg64::seed_from_u64(self.options.seed);
         let guesses = (0..self.options.starts.max(1)).filter_map(|guess| {
@@ -287,9 +255,7 @@ impl<const D: usize> StopSearch<'_, D> {
     fn left_out_errors(&self, candidates: &[StructureCandidate]) -> Vec<(Structure, f64)> {
         let blocks = blocks(self.coarse.samples(), BLOCKS);
         let error = |candidate: &StructureCandidate| {
-            let squares = self
-                .coarse
-                .squares(&candidate.parameterisation, &candidate.prior);
+            let squares = self.coarse.squares(&candidate.parameterisation, &candidate.prior);
             let Some(jacobian) = jacobian(&squares, &candidate.at) else {
                 return f64::INFINITY;
             };
@@ -300,10 +266,7 @@ impl<const D: usize> StopSearch<'_, D> {
                 (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
             })
         };
-        candidates
-            .iter()
-            .map(|candidate| (candidate.structure, error(candidate)))
-            .collect()
+        candidates.iter().map(|candidate| (candidate.structure, error(candidate))).collect()
     }
 
     fn left_out(
@@ -324,12 +287,7 @@ fn choose(
     candidates: Vec<StructureCandidate>,
     tried: &[(Structure, f64)],
 ) -> Option<StructureCandidate> {
-    let least = tried
-        .iter()
-        .map(|(_, error)| *error)
-        .fold(f64::INFINITY, f64::min);
-    let near = tried
-        .iter()
-        .position(|(_, error)| *error <= least * (1.0 + LEAST_GAIN));
+    let least = tried.iter().map(|(_, error)| *error).fold(f64::INFINITY, f64::min);
+    let near = tried.iter().position(|(_, error)| *error <= least * (1.0 + LEAST_GAIN));
     candidates.into_iter().nth(near.unwrap_or_default())
 }

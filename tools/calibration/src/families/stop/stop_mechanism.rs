@@ -51,12 +51,7 @@ impl StopMechanism {
             }
         };
         Ok(Self {
-            motors: parameters
-                .motors
-                .iter()
-                .zip(gains.iter())
-                .map(motor)
-                .collect(),
+            motors: parameters.motors.iter().zip(gains.iter()).map(motor).collect(),
             base_friction: parameters.base_friction * unit,
             shared: parameters.shared,
             segments: parameters.segments.len(),
@@ -69,21 +64,13 @@ impl fmt::Display for StopMechanism {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (motor, found) in self.motors.iter().enumerate() {
             write!(f, "motor {motor}: slack {:.0} counts ", found.slack_counts)?;
-            write!(
-                f,
-                "({:.2}), {:.4} per count, ",
-                found.slack, found.gain_per_count
-            )?;
+            write!(f, "({:.2}), {:.4} per count, ", found.slack, found.gain_per_count)?;
             let [forwards, back] = found.friction;
             write!(f, "axis at {:.1} deg, ", found.axis_deg)?;
             writeln!(f, "friction {forwards:.2} and {back:.2} of the pull")?;
         }
         let (segments, shared) = (self.segments, 100.0 * self.shared);
-        write!(
-            f,
-            "{segments} segment(s); friction without load {:.2}, ",
-            self.base_friction
-        )?;
+        write!(f, "{segments} segment(s); friction without load {:.2}, ", self.base_friction)?;
         writeln!(f, "{shared:.0} % of it shared by the axes")
     }
 }

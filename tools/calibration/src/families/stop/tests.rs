@@ -17,12 +17,7 @@ use crate::testing::{assert_near, noise, one_motor, recording, straight, wander,
 
 /// Few guesses and few stops: the search is short.
 fn options(structures: &[Structure]) -> StopOptions {
-    StopOptions {
-        structures: structures.to_vec(),
-        starts: 1,
-        seed: 7,
-        known: None,
-    }
+    StopOptions { structures: structures.to_vec(), starts: 1, seed: 7, known: None }
 }
 
 fn fit(recording: &Recording, structures: &[Structure]) -> Result<StopFit, StopError> {
@@ -62,10 +57,7 @@ fn two_axes(rows: usize, noise_deg: f64) -> Recording {
 fn a_snake_of_this_kind_is_found_again() {
     let fit = fit(&two_axes(1500, 0.02), &[SIMPLE]).unwrap();
     let (rms, linear_rms) = (fit.rms, fit.linear_rms);
-    assert!(
-        rms < 0.06 && linear_rms > 0.5 && fit.warnings.is_empty(),
-        "{rms} of {linear_rms}"
-    );
+    assert!(rms < 0.06 && linear_rms > 0.5 && fit.warnings.is_empty(), "{rms} of {linear_rms}");
     let truth = StopMechanism::new::<2>(&truth(), 1.0).unwrap();
     for (found, truth) in fit.mechanism.motors.iter().zip(truth.motors) {
         assert_near(found.axis_deg, truth.axis_deg, 1.0);
@@ -99,15 +91,8 @@ fn one_axis(structure: Structure, rows: usize, noise_deg: f64) -> Recording {
 fn one_motor_is_enough() {
     let recording = one_axis(Structure::new(1, 3), 900, 0.0);
     let fit = fit(&recording, &[Structure::new(1, 1), SIMPLE]).unwrap();
-    assert!(
-        fit.rms < 0.1 * fit.linear_rms,
-        "{} of {}",
-        fit.rms,
-        fit.linear_rms
-    );
-    let [(_, one), (_, two)] = fit.tried[..] else {
-        panic!("{:?}", fit.tried)
-    };
+    assert!(fit.rms < 0.1 * fit.linear_rms, "{} of {}", fit.rms, fit.linear_rms);
+    let [(_, one), (_, two)] = fit.tried[..] else { panic!("{:?}", fit.tried) };
     assert!(two < one && fit.parameters.stops.len() == 2, "{one} {two}");
 }
 
@@ -115,11 +100,7 @@ fn one_motor_is_enough() {
 fn the_number_of_segments_is_found() {
     let fit = |segments: usize| {
         let recording = one_axis(Structure::new(segments, 2), 900, 0.02);
-        fit(
-            &recording,
-            &[1, 2].map(|segments| Structure::new(segments, 2)),
-        )
-        .unwrap()
+        fit(&recording, &[1, 2].map(|segments| Structure::new(segments, 2))).unwrap()
     };
     let (one, two) = (fit(1), fit(2));
     assert_eq!(one.mechanism.segments, 1, "{:?}", one.tried);
@@ -133,25 +114,16 @@ fn a_recording_without_reversals_is_refused_and_one_without_hysteresis_doubted()
         let wave = (3.0 * time).sin();
         ([10.0 * time, 200.0 * wave], [0.2 * time, wave])
     });
-    let few = Finding::FewReversals {
-        motor: 0,
-        reversals: 0,
-    };
+    let few = Finding::FewReversals { motor: 0, reversals: 0 };
     let error = fit(&ramp, &[SIMPLE]).unwrap_err();
-    assert!(
-        matches!(error, StopError::FewReversals(found) if found == few),
-        "{error}"
-    );
+    assert!(matches!(error, StopError::FewReversals(found) if found == few), "{error}");
     let mut noise = noise(5);
     let straight = recording(600, |time| {
         let counts = wander(time);
         (counts, straight(counts).map(|angle| angle + 0.4 * noise()))
     });
     let warnings = fit(&straight, &[SIMPLE]).unwrap().warnings;
-    assert!(
-        matches!(warnings[..], [StopWarning::LittleGain { .. }]),
-        "{warnings:?}"
-    );
+    assert!(matches!(warnings[..], [StopWarning::LittleGain { .. }]), "{warnings:?}");
 }
 
 #[test]

@@ -55,14 +55,7 @@ pub struct FrameQueue {
 impl FrameQueue {
     /// An empty queue.
     pub fn new(unit: OutputUnit, outputs: usize, outlier: f64, latency_s: f64) -> Self {
-        Self {
-            unit,
-            outputs,
-            outlier,
-            latency_s,
-            queue: VecDeque::new(),
-            before: None,
-        }
+        Self { unit, outputs, outlier, latency_s, queue: VecDeque::new(), before: None }
     }
 
     /// Takes in what the camera sent; false if its stamp is not above that of the one before.
@@ -82,10 +75,7 @@ impl FrameQueue {
     /// to go.
     pub fn next(&self, all: bool) -> Option<Nanos> {
         let ready = self.queue.len() > 1 || all;
-        self.queue
-            .front()
-            .filter(|_| ready)
-            .map(|frame| frame.stamp)
+        self.queue.front().filter(|_| ready).map(|frame| frame.stamp)
     }
 
     /// Removes the next frame.
@@ -103,19 +93,15 @@ impl FrameQueue {
             OutputUnit::Deg => MOST_DEG,
             OutputUnit::Mm => MOST_MM,
         };
-        frame
-            .outputs
-            .iter()
-            .any(|output| output.is_nan() || output.abs() > most)
+        frame.outputs.iter().any(|output| output.is_nan() || output.abs() > most)
     }
 
     /// Far from both neighbours, which are near each other.
     fn stands_out(&self, frame: &CameraFrame) -> bool {
         let near = |other: &&CameraFrame| other.stamp.0.abs_diff(frame.stamp.0) <= NEIGHBOURS_NS;
-        let (Some(before), Some(after)) = (
-            self.before.as_ref().filter(near),
-            self.queue.front().filter(near),
-        ) else {
+        let (Some(before), Some(after)) =
+            (self.before.as_ref().filter(near), self.queue.front().filter(near))
+        else {
             return false;
         };
         let apart = |a: &CameraFrame, b: &CameraFrame, output: usize| {
@@ -145,9 +131,7 @@ mod tests {
 
     fn judge(angles: &[(u64, f64)]) -> Vec<bool> {
         let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0, 0.0);
-        angles
-            .iter()
-            .for_each(|(time, angle)| assert!(frames.push(&seen(*time, *angle))));
+        angles.iter().for_each(|(time, angle)| assert!(frames.push(&seen(*time, *angle))));
         std::iter::from_fn(|| frames.pop())
             .map(|frame| matches!(frame, JudgedFrame::Good(_)))
             .collect()
@@ -155,40 +139,25 @@ mod tests {
 
     #[test]
     fn a_frame_far_from_both_neighbours_is_an_outlier() {
-        assert_eq!(
-            judge(&[(0, 1.0), (33, 9.0), (66, 1.4), (99, 1.6)]),
-            [true, false, true, true]
-        );
+        assert_eq!(judge(&[(0, 1.0), (33, 9.0), (66, 1.4), (99, 1.6)]), [true, false, true, true]);
     }
 
     #[test]
     fn fast_motion_a_step_and_a_lone_picture_are_none() {
         assert_eq!(judge(&[(0, 1.0), (33, 5.0), (66, 9.0)]), [true, true, true]);
-        assert_eq!(
-            judge(&[(0, 1.0), (33, 1.0), (66, 9.0), (99, 9.0)]),
-            [true, true, true, true]
-        );
-        assert_eq!(
-            judge(&[(0, 1.0), (1000, 9.0), (2000, 1.0)]),
-            [true, true, true]
-        );
+        assert_eq!(judge(&[(0, 1.0), (33, 1.0), (66, 9.0), (99, 9.0)]), [true, true, true, true]);
+        assert_eq!(judge(&[(0, 1.0), (1000, 9.0), (2000, 1.0)]), [true, true, true]);
     }
 
     #[test]
     fn an_angle_that_no_snake_has_is_always_one() {
-        assert_eq!(
-            judge(&[(0, 200.0), (33, f64::NAN), (66, 1.0)]),
-            [false, false, true]
-        );
+        assert_eq!(judge(&[(0, 200.0), (33, f64::NAN), (66, 1.0)]), [false, false, true]);
     }
 
     #[test]
     fn stamps_rise_and_lose_the_latency() {
         let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0, 0.040);
         assert!(frames.push(&seen(100, 1.0)) && !frames.push(&seen(100, 1.0)));
-        assert_eq!(
-            (frames.next(false), frames.next(true)),
-            (None, Some(Nanos::from_millis(60)))
-        );
+        assert_eq!((frames.next(false), frames.next(true)), (None, Some(Nanos::from_millis(60))));
     }
 }

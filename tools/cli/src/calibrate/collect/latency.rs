@@ -13,17 +13,11 @@ use i2ris_terminal::files::replace;
 
 /// The latency that is left in the stamps of a recording.
 pub fn latency(rows: &[Row], motors: usize) -> Option<Latency> {
-    let path: Vec<TimedCounts> = positions(rows)
-        .map(|(time_s, counts)| TimedCounts { time_s, counts })
-        .collect();
+    let path: Vec<TimedCounts> =
+        positions(rows).map(|(time_s, counts)| TimedCounts { time_s, counts }).collect();
     let seen = rows.iter().filter(|row| is_sample(row));
     let seen: Vec<TimedOutputs> = seen
-        .filter_map(|row| {
-            Some(TimedOutputs {
-                time_s: row.time_s?,
-                outputs: row.outputs,
-            })
-        })
+        .filter_map(|row| Some(TimedOutputs { time_s: row.time_s?, outputs: row.outputs }))
         .collect();
     estimate_latency(&path, &seen, motors)
 }
@@ -35,23 +29,11 @@ pub fn shifted(rows: &[Row], seconds: f64) -> Vec<Row> {
     let gap_s = GAP_NS as f64 * 1e-9;
     let moved = rows.iter().filter(|row| is_sample(row)).filter_map(|row| {
         let time_s = row.time_s? - seconds;
-        Some(Row {
-            time_s: Some(time_s),
-            counts: counts_at(&path, time_s, gap_s)?,
-            ..*row
-        })
+        Some(Row { time_s: Some(time_s), counts: counts_at(&path, time_s, gap_s)?, ..*row })
     });
-    let mut all: Vec<Row> = rows
-        .iter()
-        .filter(|row| !is_sample(row))
-        .copied()
-        .chain(moved)
-        .collect();
-    all.sort_by(|a, b| {
-        a.time_s
-            .unwrap_or_default()
-            .total_cmp(&b.time_s.unwrap_or_default())
-    });
+    let mut all: Vec<Row> =
+        rows.iter().filter(|row| !is_sample(row)).copied().chain(moved).collect();
+    all.sort_by(|a, b| a.time_s.unwrap_or_default().total_cmp(&b.time_s.unwrap_or_default()));
     // Of two rows with one stamp, the one with angles says more.
     all.dedup_by(|later, earlier| {
         let same = later.time_s == earlier.time_s;
@@ -74,9 +56,7 @@ pub fn rewrite(path: &Path, rows: &[Row], motors: usize, outputs: &[OutputSpec])
 }
 
 fn positions(rows: &[Row]) -> impl Iterator<Item = (f64, MotorVec)> {
-    rows.iter()
-        .filter(|row| !is_sample(row))
-        .filter_map(|row| Some((row.time_s?, row.counts)))
+    rows.iter().filter(|row| !is_sample(row)).filter_map(|row| Some((row.time_s?, row.counts)))
 }
 
 #[cfg(test)]
@@ -98,27 +78,17 @@ mod tests {
     #[test]
     fn pictures_move_to_the_counts_of_their_true_instant() {
         let nothing = [f64::NAN; MAX_OUTPUTS];
-        let mut rows: Vec<Row> = (0..100)
-            .map(|k| row(f64::from(k) * 0.01, nothing))
-            .collect();
+        let mut rows: Vec<Row> = (0..100).map(|k| row(f64::from(k) * 0.01, nothing)).collect();
         rows.insert(51, row(0.505, [7.0, 8.0, 0.0]));
         rows.insert(1, row(0.002, [1.0, 1.0, 0.0]));
         let shifted = shifted(&rows, 0.1);
         let samples: Vec<&Row> = shifted.iter().filter(|row| is_sample(row)).collect();
-        assert_eq!(
-            samples.len(),
-            1,
-            "the other one is from before the recording"
-        );
+        assert_eq!(samples.len(), 1, "the other one is from before the recording");
         assert!(
             (samples[0].counts[0] - 405.0).abs() < 1e-9
                 && (samples[0].counts[1] + 202.5).abs() < 1e-9
         );
-        assert!(
-            shifted
-                .windows(2)
-                .all(|pair| pair[0].time_s < pair[1].time_s)
-        );
+        assert!(shifted.windows(2).all(|pair| pair[0].time_s < pair[1].time_s));
         assert_eq!((shifted.len(), shifted[41].line), (101, 43));
     }
 }

@@ -117,18 +117,12 @@ pub struct Arguments {
 }
 
 pub(super) fn above_zero(text: &str) -> Result<f64, String> {
-    let number = text
-        .parse()
-        .ok()
-        .filter(|number: &f64| number.is_finite() && *number > 0.0);
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "must be a number above 0".to_owned())
 }
 
 fn latency(text: &str) -> Result<f64, String> {
-    let number = text
-        .parse()
-        .ok()
-        .filter(|number: &f64| number.abs() <= 1000.0);
+    let number = text.parse().ok().filter(|number: &f64| number.abs() <= 1000.0);
     number.ok_or_else(|| "must be a number from -1000 to 1000".to_owned())
 }
 
@@ -176,16 +170,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         subscriptions: &mut subscriptions,
         bar: &bar,
     };
-    let ending = session.perform(
-        &mut recorder,
-        !arguments.no_condition,
-        request.speed_counts_s,
-        |from| request.motion(from),
-    );
+    let ending =
+        session.perform(&mut recorder, !arguments.no_condition, request.speed_counts_s, |from| {
+            request.motion(from)
+        });
     bar.finish_and_clear();
-    let recorded = recorder
-        .finish()
-        .map_err(|error| cannot_write(&arguments.output, &error))?;
+    let recorded = recorder.finish().map_err(|error| cannot_write(&arguments.output, &error))?;
 
     sidecar.outcome = Some(outcome(&recorded, &ending, subscriptions.missed()));
     sidecar.latency =
@@ -255,11 +245,7 @@ fn request(arguments: &Arguments, config: &Config) -> Result<MotionRequest, Fail
     }
     Ok(MotionRequest {
         protocol: arguments.protocol,
-        region: Region {
-            centre,
-            radius,
-            motors,
-        },
+        region: Region { centre, radius, motors },
         speed_counts_s: arguments.speed_counts_s,
         duration_s: arguments.duration_s,
         seed: arguments.seed,
@@ -268,23 +254,17 @@ fn request(arguments: &Arguments, config: &Config) -> Result<MotionRequest, Fail
 
 /// Checks the output file before the robot moves.
 fn check_output(output: &Path) -> Result<(), Failure> {
-    let folder = output
-        .parent()
-        .filter(|folder| !folder.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
+    let folder =
+        output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let shown = output.display();
-    if output
-        .extension()
-        .is_none_or(|extension| extension != "csv")
-    {
+    if output.extension().is_none_or(|extension| extension != "csv") {
         return Err(format!(
             "--output {shown}: must end in .csv; a .toml of the same name is written beside it"
         )
         .into());
     }
-    if let Some(recorded) = [output.to_owned(), Sidecar::path(output)]
-        .iter()
-        .find(|path| path.exists())
+    if let Some(recorded) =
+        [output.to_owned(), Sidecar::path(output)].iter().find(|path| path.exists())
     {
         return Err(format!(
             "--output {shown}: {} exists, and recordings are not written over; name another file",
@@ -293,11 +273,9 @@ fn check_output(output: &Path) -> Result<(), Failure> {
         .into());
     }
     if !folder.is_dir() {
-        return Err(format!(
-            "--output {shown}: there is no folder {}; make it",
-            folder.display()
-        )
-        .into());
+        return Err(
+            format!("--output {shown}: there is no folder {}; make it", folder.display()).into()
+        );
     }
     Ok(())
 }
@@ -312,15 +290,13 @@ fn check_robot(version: &Version, config: &Config, file: &Path) -> Result<(), Fa
         )
         .into());
     }
-    version
-        .robot_difference(&robot_description(config))
-        .map_or(Ok(()), |difference| {
-            Err(format!(
-                "{difference} as {file} says: it runs with another file, or was not restarted \
+    version.robot_difference(&robot_description(config)).map_or(Ok(()), |difference| {
+        Err(format!(
+            "{difference} as {file} says: it runs with another file, or was not restarted \
                  since; name its file, or its domain with --domain"
-            )
-            .into())
-        })
+        )
+        .into())
+    })
 }
 
 /// A domain of the environment that beats that of the file is easily forgotten.
@@ -344,22 +320,12 @@ fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
     };
     let named = usize::from(version.shape[1]) == count;
     let name = |output: usize| {
-        let bytes: Vec<u8> = version.output_names[output]
-            .iter()
-            .copied()
-            .take_while(|byte| *byte != 0)
-            .collect();
-        let name = String::from_utf8(bytes)
-            .ok()
-            .filter(|name| named && !name.is_empty());
+        let bytes: Vec<u8> =
+            version.output_names[output].iter().copied().take_while(|byte| *byte != 0).collect();
+        let name = String::from_utf8(bytes).ok().filter(|name| named && !name.is_empty());
         name.unwrap_or_else(|| known.get(output).copied().unwrap_or("angle").to_owned())
     };
-    (0..count)
-        .map(|output| OutputSpec {
-            name: name(output),
-            unit,
-        })
-        .collect()
+    (0..count).map(|output| OutputSpec { name: name(output), unit }).collect()
 }
 
 fn begin(
@@ -370,12 +336,7 @@ fn begin(
 ) -> Sidecar {
     let motors = request.region.motors;
     let axes = || (0..motors).filter_map(|motor| config.axis(motor));
-    let name = arguments
-        .output
-        .file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
+    let name = arguments.output.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let [major, minor, patch] = version.software;
     Sidecar {
         format: "i2ris-recording",
@@ -384,13 +345,8 @@ fn begin(
         robot_id: config.robot_id.clone(),
         software: format!("i2ris {}", env!("CARGO_PKG_VERSION")),
         controller: format!("i2ris-control {major}.{minor}.{patch}"),
-        model_id: (version.model_id != [0; 32]).then(|| {
-            version
-                .model_id
-                .iter()
-                .map(|byte| format!("{byte:02x}"))
-                .collect()
-        }),
+        model_id: (version.model_id != [0; 32])
+            .then(|| version.model_id.iter().map(|byte| format!("{byte:02x}")).collect()),
         started_unix_s: SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .map_or(0, |since| since.as_secs()),
@@ -427,11 +383,7 @@ fn outcome(
     let length_s = time(recorded.rows.last()) - time(recorded.rows.first());
     let (rows, samples) = (recorded.rows.len(), recorded.samples().count());
     let rate = |count: usize| {
-        if length_s > 0.0 {
-            count as f64 / length_s
-        } else {
-            0.0
-        }
+        if length_s > 0.0 { count as f64 / length_s } else { 0.0 }
     };
     Outcome {
         complete: matches!(ending, Ok(Ending::Complete)),

@@ -19,9 +19,7 @@ impl Motion {
     pub fn paced(points: impl IntoIterator<Item = MotorVec>, speed_counts_s: f64) -> Self {
         let mut points = points.into_iter();
         let Some(mut before) = points.next() else {
-            return Self {
-                positions: Vec::new(),
-            };
+            return Self { positions: Vec::new() };
         };
         let mut positions = vec![before];
         // In steps: when the last point is reached, and the next place.
@@ -79,14 +77,7 @@ pub struct Playback {
 impl Playback {
     /// At the start, at rest.
     pub fn new(motion: Motion) -> Self {
-        Self {
-            motion,
-            time: TrajectoryTime {
-                time_s: 0.0,
-                rate: 0.0,
-            },
-            approach: None,
-        }
+        Self { motion, time: TrajectoryTime { time_s: 0.0, rate: 0.0 }, approach: None }
     }
 
     /// Goes on from rest at another position: back to where the motion was, then along it.
@@ -132,10 +123,7 @@ impl Playback {
 
 /// The largest difference of a motor.
 pub fn distance(a: &MotorVec, b: &MotorVec) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b).abs())
-        .fold(0.0, f64::max)
+    a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
 /// A point on the straight line.
@@ -158,25 +146,11 @@ mod tests {
     #[test]
     fn a_jump_becomes_motion_at_the_speed_limit_and_slow_motion_keeps_its_time() {
         let motion = Motion::paced([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [101.0, -50.0]], 400.0);
-        assert!(
-            (motion.length_s() - 0.27).abs() < 1e-9,
-            "{}",
-            motion.length_s()
-        );
-        assert!(
-            (fastest(&motion) - 400.0).abs() < 1e-6,
-            "{}",
-            fastest(&motion)
-        );
-        assert_eq!(
-            (motion.position(0.01), motion.position(10.0)),
-            ([0.5, 0.0], [101.0, -50.0])
-        );
+        assert!((motion.length_s() - 0.27).abs() < 1e-9, "{}", motion.length_s());
+        assert!((fastest(&motion) - 400.0).abs() < 1e-6, "{}", fastest(&motion));
+        assert_eq!((motion.position(0.01), motion.position(10.0)), ([0.5, 0.0], [101.0, -50.0]));
         let [x, y] = motion.position(0.0225);
-        assert!(
-            (x - 2.0).abs() < 1e-9 && (y + 0.5).abs() < 1e-9,
-            "between two positions: {x} {y}"
-        );
+        assert!((x - 2.0).abs() < 1e-9 && (y + 0.5).abs() < 1e-9, "between two positions: {x} {y}");
     }
 
     #[test]
@@ -213,10 +187,7 @@ mod tests {
             place = next;
             nearest = nearest.min(distance(&place, &[left_at, 0.0]));
         }
-        assert!(
-            nearest < 1.0,
-            "no part of the motion is left out: {nearest}"
-        );
+        assert!(nearest < 1.0, "no part of the motion is left out: {nearest}");
         assert_eq!(place, [1000.0, 0.0]);
     }
 

@@ -41,16 +41,9 @@ pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Fail
     println!("latency    {}", latency_text(sidecar.latency.as_ref()));
     println!("flags      {}", flags_text(sidecar));
     if outcome.missed_messages > 0 {
-        println!(
-            "missed     {} message(s): this program was held up",
-            outcome.missed_messages
-        );
+        println!("missed     {} message(s): this program was held up", outcome.missed_messages);
     }
-    println!(
-        "wrote      {} and {}",
-        recording.display(),
-        Sidecar::path(recording).display()
-    );
+    println!("wrote      {} and {}", recording.display(), Sidecar::path(recording).display());
     if outcome.complete {
         let robot = &sidecar.robot_id;
         println!(
@@ -64,11 +57,7 @@ pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Fail
 fn latency_text(latency: Option<&LatencyRecord>) -> String {
     match latency {
         None => "of the camera's stamps cannot be found from this motion".to_owned(),
-        Some(LatencyRecord {
-            estimate_ms,
-            deviation_ms,
-            applied,
-        }) => {
+        Some(LatencyRecord { estimate_ms, deviation_ms, applied }) => {
             let what = if *applied {
                 ", taken off the stamps"
             } else if estimate_ms.abs() > SMALL_MS.max(3.0 * deviation_ms) {
@@ -90,21 +79,11 @@ fn flags_text(sidecar: &Sidecar) -> String {
         FlagKind::Outlier,
         FlagKind::Late,
     ];
-    let count = |kind: FlagKind| {
-        sidecar
-            .flags
-            .iter()
-            .filter(|flag| flag.kind == kind)
-            .count()
-    };
+    let count = |kind: FlagKind| sidecar.flags.iter().filter(|flag| flag.kind == kind).count();
     let found: Vec<String> = KINDS
         .iter()
         .filter(|kind| count(**kind) > 0)
         .map(|kind| format!("{} {}", count(*kind), kind.text()))
         .collect();
-    if found.is_empty() {
-        "none".to_owned()
-    } else {
-        found.join(", ")
-    }
+    if found.is_empty() { "none".to_owned() } else { found.join(", ") }
 }

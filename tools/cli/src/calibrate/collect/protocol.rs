@@ -54,11 +54,7 @@ pub struct Region {
 impl Region {
     /// Counts at a point of the unit disc.
     fn counts(&self, unit: MotorVec) -> MotorVec {
-        let [x, y] = if self.motors == 2 {
-            unit
-        } else {
-            [unit[0], 0.0]
-        };
+        let [x, y] = if self.motors == 2 { unit } else { [unit[0], 0.0] };
         let scale = self.radius / x.hypot(y).max(1.0);
         [self.centre[0] + scale * x, self.centre[1] + scale * y]
     }
@@ -103,16 +99,12 @@ impl MotionRequest {
     pub fn motion(&self, from: MotorVec) -> Motion {
         let centre = self.region.centre;
         let middle = Motion::paced(
-            self.points()
-                .into_iter()
-                .map(|unit| self.region.counts(unit)),
+            self.points().into_iter().map(|unit| self.region.counts(unit)),
             self.speed_counts_s,
         )
         .truncated(self.duration_s());
-        let points = [from, centre]
-            .into_iter()
-            .chain(middle.positions().iter().copied())
-            .chain([centre]);
+        let points =
+            [from, centre].into_iter().chain(middle.positions().iter().copied()).chain([centre]);
         Motion::paced(points, self.speed_counts_s)
     }
 
@@ -168,26 +160,12 @@ mod tests {
     use super::*;
     use crate::calibrate::collect::paced_motion::distance;
 
-    const ALL: [Protocol; 4] = [
-        Protocol::Reversals,
-        Protocol::Cycles,
-        Protocol::DecayingSine,
-        Protocol::Axes,
-    ];
+    const ALL: [Protocol; 4] =
+        [Protocol::Reversals, Protocol::Cycles, Protocol::DecayingSine, Protocol::Axes];
 
     fn request(protocol: Protocol) -> MotionRequest {
-        let region = Region {
-            centre: [100.0, -50.0],
-            radius: 1000.0,
-            motors: 2,
-        };
-        MotionRequest {
-            protocol,
-            region,
-            speed_counts_s: 500.0,
-            duration_s: None,
-            seed: 7,
-        }
+        let region = Region { centre: [100.0, -50.0], radius: 1000.0, motors: 2 };
+        MotionRequest { protocol, region, speed_counts_s: 500.0, duration_s: None, seed: 7 }
     }
 
     fn from_centre(request: &MotionRequest, place: &MotorVec) -> f64 {
@@ -205,14 +183,9 @@ mod tests {
                 (Some(&[0.0, 0.0]), Some(&request.region.centre)),
                 "{protocol:?}"
             );
-            let farthest = positions
-                .iter()
-                .map(|place| from_centre(&request, place))
-                .fold(0.0, f64::max);
-            assert!(
-                (950.0..=1000.0 + 1e-6).contains(&farthest),
-                "{protocol:?}: {farthest}"
-            );
+            let farthest =
+                positions.iter().map(|place| from_centre(&request, place)).fold(0.0, f64::max);
+            assert!((950.0..=1000.0 + 1e-6).contains(&farthest), "{protocol:?}: {farthest}");
             for pair in positions.windows(2) {
                 let speed = distance(&pair[0], &pair[1]) / STEP_S;
                 assert!(speed <= 500.0 + 1e-6, "{protocol:?}: {speed}");
@@ -230,20 +203,10 @@ mod tests {
     fn one_motor_leaves_the_other_alone() {
         for protocol in ALL {
             let mut request = request(protocol);
-            request.region = Region {
-                motors: 1,
-                centre: [0.0, 0.0],
-                ..request.region
-            };
+            request.region = Region { motors: 1, centre: [0.0, 0.0], ..request.region };
             let motion = request.motion([0.0, 0.0]);
-            assert!(
-                motion.positions().iter().all(|place| place[1] == 0.0),
-                "{protocol:?}"
-            );
-            assert!(
-                motion.positions().iter().any(|place| place[0] > 900.0),
-                "{protocol:?}"
-            );
+            assert!(motion.positions().iter().all(|place| place[1] == 0.0), "{protocol:?}");
+            assert!(motion.positions().iter().any(|place| place[0] > 900.0), "{protocol:?}");
         }
     }
 
@@ -262,25 +225,15 @@ mod tests {
                 visited[((y.atan2(x) / TAU).rem_euclid(1.0) * 8.0) as usize % 8] = true;
             }
             let every = visited.iter().all(|visited| *visited);
-            assert_eq!(
-                every,
-                protocol != Protocol::Axes,
-                "{protocol:?}: {visited:?}"
-            );
+            assert_eq!(every, protocol != Protocol::Axes, "{protocol:?}: {visited:?}");
         }
     }
 
     #[test]
     fn the_seed_decides_and_the_duration_is_kept() {
-        let request = MotionRequest {
-            duration_s: Some(30.0),
-            ..request(Protocol::Reversals)
-        };
+        let request = MotionRequest { duration_s: Some(30.0), ..request(Protocol::Reversals) };
         assert_eq!(request.motion([0.0; 2]), request.motion([0.0; 2]));
-        assert_ne!(
-            request.motion([0.0; 2]),
-            MotionRequest { seed: 8, ..request }.motion([0.0; 2])
-        );
+        assert_ne!(request.motion([0.0; 2]), MotionRequest { seed: 8, ..request }.motion([0.0; 2]));
         assert!((30.0..34.0).contains(&request.motion([0.0; 2]).length_s()));
     }
 }

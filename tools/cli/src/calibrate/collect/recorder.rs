@@ -69,9 +69,7 @@ impl<W: Write> Recorder<W> {
         outlier: f64,
         latency_s: f64,
     ) -> io::Result<Self> {
-        let unit = outputs
-            .first()
-            .map_or(OutputUnit::Deg, |output| output.unit);
+        let unit = outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
         Ok(Self {
             writer: RecordingWriter::new(to, true, motors, outputs)?,
             start,
@@ -111,9 +109,7 @@ impl<W: Write> Recorder<W> {
         if seen.flags & ExternalPosition::VALID == 0 {
             return self.nothing_seen(stamp);
         }
-        if let Some(before) = self
-            .last_seen
-            .filter(|before| stamp.since(*before).0 > CAMERA_GAP_NS)
+        if let Some(before) = self.last_seen.filter(|before| stamp.since(*before).0 > CAMERA_GAP_NS)
         {
             self.flag(before, FlagKind::CameraGap, stamp.since(before).0, &[]);
         }
@@ -125,10 +121,7 @@ impl<W: Write> Recorder<W> {
 
     /// Writes every row up to an instant that is complete; `all` if no more messages follow.
     pub fn write(&mut self, until: Nanos, all: bool) -> io::Result<()> {
-        while let Some(stamp) = self.encoders[0]
-            .get(self.next)
-            .map(|(stamp, _)| Nanos(*stamp))
-        {
+        while let Some(stamp) = self.encoders[0].get(self.next).map(|(stamp, _)| Nanos(*stamp)) {
             let frame = self.frames.next(all).filter(|frame| *frame <= stamp);
             let due = frame.unwrap_or(stamp);
             if due > until || !self.covered(due) {
@@ -154,10 +147,7 @@ impl<W: Write> Recorder<W> {
     pub fn finish(mut self) -> io::Result<RecordedRows> {
         self.write(Nanos(u64::MAX), true)?;
         self.writer.finish()?;
-        Ok(RecordedRows {
-            rows: self.rows,
-            flags: self.flags,
-        })
+        Ok(RecordedRows { rows: self.rows, flags: self.flags })
     }
 
     /// Every motor has a position at an instant or after it.
@@ -242,18 +232,9 @@ impl<W: Write> Recorder<W> {
     }
 
     fn flag(&mut self, stamp: Nanos, kind: FlagKind, span_ns: u64, measured: &[f64]) {
-        let measured = measured
-            .iter()
-            .copied()
-            .filter(|value| value.is_finite())
-            .collect();
+        let measured = measured.iter().copied().filter(|value| value.is_finite()).collect();
         let t_s = stamp.since(self.start).as_seconds();
-        self.flags.push(Flag {
-            t_s,
-            kind,
-            span_s: Nanos(span_ns).as_seconds(),
-            measured,
-        });
+        self.flags.push(Flag { t_s, kind, span_s: Nanos(span_ns).as_seconds(), measured });
     }
 }
 
@@ -270,10 +251,7 @@ mod tests {
     }
 
     fn outputs() -> [OutputSpec; 2] {
-        ["pitch", "yaw"].map(|name| OutputSpec {
-            name: name.to_owned(),
-            unit: OutputUnit::Deg,
-        })
+        ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg })
     }
 
     /// Motor 0 is read at the given time, motor 1 one millisecond later; they go 1 and -2 counts
@@ -288,11 +266,7 @@ mod tests {
     }
 
     fn frame(time: u64, pitch_deg: f64) -> ExternalPosition {
-        let position = [
-            pitch_deg.to_radians(),
-            (1.0 - pitch_deg / 2.0).to_radians(),
-            0.0,
-        ];
+        let position = [pitch_deg.to_radians(), (1.0 - pitch_deg / 2.0).to_radians(), 0.0];
         ExternalPosition {
             stamp_ns: ms(time),
             position,
@@ -303,10 +277,7 @@ mod tests {
     }
 
     fn sample_times_ms(recorded: &RecordedRows) -> Vec<u64> {
-        recorded
-            .samples()
-            .map(|row| (row.time_s.unwrap() * 1e3).round() as u64)
-            .collect()
+        recorded.samples().map(|row| (row.time_s.unwrap() * 1e3).round() as u64).collect()
     }
 
     fn recorder(file: &mut Vec<u8>) -> Recorder<&mut Vec<u8>> {
@@ -317,20 +288,11 @@ mod tests {
     fn rows_come_in_order_with_the_counts_of_their_instant() {
         let mut file = Vec::new();
         let mut recorder = recorder(&mut file);
-        (0..=400)
-            .step_by(4)
-            .for_each(|time| recorder.positions(&positions(time)));
-        (10..400)
-            .step_by(33)
-            .for_each(|time| recorder.frame(&frame(time, 2.0)));
+        (0..=400).step_by(4).for_each(|time| recorder.positions(&positions(time)));
+        (10..400).step_by(33).for_each(|time| recorder.frame(&frame(time, 2.0)));
         let recorded = recorder.finish().unwrap();
         assert_eq!(recorded.samples().count(), 12);
-        assert!(
-            recorded
-                .rows
-                .windows(2)
-                .all(|pair| pair[0].time_s < pair[1].time_s)
-        );
+        assert!(recorded.rows.windows(2).all(|pair| pair[0].time_s < pair[1].time_s));
         for row in &recorded.rows {
             let time = row.time_s.unwrap() * 1e3;
             assert!(
@@ -358,22 +320,14 @@ mod tests {
             if time % 40 == 0 {
                 recorder.frame(&frame(time, time as f64 / 100.0));
             }
-            recorder
-                .write(Nanos(ms(time.saturating_sub(500))), false)
-                .unwrap();
+            recorder.write(Nanos(ms(time.saturating_sub(500))), false).unwrap();
         }
         let recorded = recorder.finish().unwrap();
         let (recording, report) = Recording::read(&path, &ColumnMap::default()).unwrap();
-        assert_eq!(
-            (recording.path().len(), report.dropped.len()),
-            (recorded.rows.len(), 0)
-        );
+        assert_eq!((recording.path().len(), report.dropped.len()), (recorded.rows.len(), 0));
         let samples: Vec<Row> = recorded
             .samples()
-            .map(|row| Row {
-                outputs: [row.outputs[0], row.outputs[1], 0.0],
-                ..*row
-            })
+            .map(|row| Row { outputs: [row.outputs[0], row.outputs[1], 0.0], ..*row })
             .collect();
         assert_eq!(recording.rows(), samples);
     }
@@ -382,9 +336,7 @@ mod tests {
     fn a_row_waits_for_what_may_come_before_it() {
         let mut file = Vec::new();
         let mut recorder = recorder(&mut file);
-        (0..=400)
-            .step_by(4)
-            .for_each(|time| recorder.positions(&positions(time)));
+        (0..=400).step_by(4).for_each(|time| recorder.positions(&positions(time)));
         recorder.write(Nanos(ms(100)), false).unwrap();
         recorder.frame(&frame(110, 1.0));
         recorder.frame(&frame(90, 1.0));
@@ -392,11 +344,7 @@ mod tests {
         let recorded = recorder.finish().unwrap();
         assert_eq!(sample_times_ms(&recorded), [110, 143]);
         assert_eq!(
-            recorded
-                .flags
-                .iter()
-                .map(|flag| flag.kind)
-                .collect::<Vec<_>>(),
+            recorded.flags.iter().map(|flag| flag.kind).collect::<Vec<_>>(),
             [FlagKind::Late]
         );
     }
@@ -405,54 +353,24 @@ mod tests {
     fn gaps_outliers_and_blind_pictures_are_flagged_and_give_no_angles() {
         let mut file = Vec::new();
         let mut recorder = recorder(&mut file);
-        (0..=200)
-            .step_by(4)
-            .for_each(|time| recorder.positions(&positions(time)));
-        (400..=600)
-            .step_by(4)
-            .for_each(|time| recorder.positions(&positions(time)));
+        (0..=200).step_by(4).for_each(|time| recorder.positions(&positions(time)));
+        (400..=600).step_by(4).for_each(|time| recorder.positions(&positions(time)));
         for (time, pitch) in [(30, 1.0), (63, 50.0), (96, 1.0), (300, 1.5), (430, 1.0)] {
             recorder.frame(&frame(time, pitch));
         }
         for time in [460, 490, 520] {
-            recorder.frame(&ExternalPosition {
-                flags: 0,
-                ..frame(time, 0.0)
-            });
+            recorder.frame(&ExternalPosition { flags: 0, ..frame(time, 0.0) });
         }
         let recorded = recorder.finish().unwrap();
         assert_eq!(sample_times_ms(&recorded), [30, 96, 430]);
-        let entry = |flag: &Flag| {
-            (
-                flag.kind,
-                (flag.t_s * 1e3).round() as u64,
-                flag.measured.len(),
-            )
-        };
+        let entry = |flag: &Flag| (flag.kind, (flag.t_s * 1e3).round() as u64, flag.measured.len());
         let mut flags: Vec<_> = recorded.flags.iter().map(entry).collect();
         flags.sort_unstable();
-        assert_eq!(
-            flags[..2],
-            [
-                (FlagKind::EncoderGap, 200, 0),
-                (FlagKind::EncoderGap, 201, 0)
-            ]
-        );
-        assert_eq!(
-            flags[2..4],
-            [
-                (FlagKind::NoCounts, 300, 2),
-                (FlagKind::NothingSeen, 460, 0)
-            ]
-        );
+        assert_eq!(flags[..2], [(FlagKind::EncoderGap, 200, 0), (FlagKind::EncoderGap, 201, 0)]);
+        assert_eq!(flags[2..4], [(FlagKind::NoCounts, 300, 2), (FlagKind::NothingSeen, 460, 0)]);
         assert_eq!((flags[4], flags.len()), ((FlagKind::Outlier, 63, 2), 5));
         assert!(
-            (recorded
-                .flags
-                .iter()
-                .find(|flag| flag.kind == FlagKind::NothingSeen)
-                .unwrap()
-                .span_s
+            (recorded.flags.iter().find(|flag| flag.kind == FlagKind::NothingSeen).unwrap().span_s
                 - 0.06)
                 .abs()
                 < 1e-9

@@ -85,10 +85,7 @@ fn somewhere(near: MotorVec, random: &mut Pcg64Mcg) -> MotorVec {
     } else {
         (near, log_uniform(NEAREST, 0.5, random))
     };
-    disc([
-        middle[0] + radius * angle.cos(),
-        middle[1] + radius * angle.sin(),
-    ])
+    disc([middle[0] + radius * angle.cos(), middle[1] + radius * angle.sin()])
 }
 
 /// Between the second and the third knot: a cubic Hermite curve with the directions of Catmull and
@@ -99,13 +96,7 @@ fn spline(knots: &[MotorVec; 4], t: f64) -> MotorVec {
     let tangent = |from: &MotorVec, to: &MotorVec| {
         let along = [0.5 * (to[0] - from[0]), 0.5 * (to[1] - from[1])];
         let length = along[0].hypot(along[1]);
-        along.map(|part| {
-            if length > way {
-                part * way / length
-            } else {
-                part
-            }
-        })
+        along.map(|part| if length > way { part * way / length } else { part })
     };
     let (leaving, arriving) = (tangent(before, b), tangent(a, after));
     let (left, gone) = ((1.0 + 2.0 * t) * (1.0 - t).powi(2), t * t * (3.0 - 2.0 * t));
@@ -158,10 +149,7 @@ mod tests {
                 turns.push(b);
             }
         }
-        turns
-            .windows(2)
-            .map(|pair| (pair[1] - pair[0]).abs())
-            .collect()
+        turns.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect()
     }
 
     #[test]
@@ -170,15 +158,8 @@ mod tests {
         for motor in 0..2 {
             let lengths = stroke_lengths(&points, motor);
             for (low, high) in [(0.0, 0.05), (0.05, 0.15), (0.15, 0.5), (0.5, 2.1)] {
-                let count = lengths
-                    .iter()
-                    .filter(|length| (low..high).contains(*length))
-                    .count();
-                assert!(
-                    count >= 8,
-                    "motor {motor}, {low} to {high}: {count} of {}",
-                    lengths.len()
-                );
+                let count = lengths.iter().filter(|length| (low..high).contains(*length)).count();
+                assert!(count >= 8, "motor {motor}, {low} to {high}: {count} of {}", lengths.len());
             }
         }
     }

@@ -69,12 +69,7 @@ impl Subscriptions {
         let watcher = client.watcher();
         let (actuators, external) = (watcher.actuators(), watcher.external());
         let start = clock::now();
-        let mut subscriptions = Self {
-            actuators,
-            external,
-            last_frame: start,
-            setpoint: None,
-        };
+        let mut subscriptions = Self { actuators, external, last_frame: start, setpoint: None };
         let mut blind = false;
         loop {
             let now = clock::now();
@@ -214,28 +209,22 @@ impl Session<'_> {
 
     /// Runs the conditioning cycle of the controller.
     fn condition<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<Ending, Failure> {
-        self.client
-            .state_command(StateCommand::Condition)
-            .map_err(|error| -> Failure {
-                match error {
-                    ClientError::Refused {
-                        refusal: Refusal::Unsupported,
-                        ..
-                    } => "this controller knows no conditioning cycle; add --no-condition to go \
+        self.client.state_command(StateCommand::Condition).map_err(|error| -> Failure {
+            match error {
+                ClientError::Refused { refusal: Refusal::Unsupported, .. } => {
+                    "this controller knows no conditioning cycle; add --no-condition to go \
                      without it"
-                        .into(),
-                    other => other.into(),
+                        .into()
                 }
-            })?;
+                other => other.into(),
+            }
+        })?;
         let asked = clock::now();
         loop {
             clock::sleep(PERIOD);
             self.subscriptions.receive(recorder)?;
             let now = clock::now();
-            let state = self
-                .client
-                .operating_state()?
-                .filter(|state| state.stamp_ns > asked.0);
+            let state = self.client.operating_state()?.filter(|state| state.stamp_ns > asked.0);
             if let Some(state) = state {
                 enabled(&state)?;
                 if state.flags & OperatingStateMsg::BUSY == 0 {
@@ -249,7 +238,7 @@ impl Session<'_> {
             if now.since(asked) > CONDITIONING {
                 self.hold()?;
                 return Err(
-                    "the conditioning cycle does not end; look at the controller's log".into(),
+                    "the conditioning cycle does not end; look at the controller's log".into()
                 );
             }
         }

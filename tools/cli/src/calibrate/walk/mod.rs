@@ -87,10 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut progress = Progress::read(&mut walk)?;
     for (number, step) in (1..).zip(STEPS) {
         if progress.is_done(step) {
-            say(&format!(
-                "step {number} of {}: {step}: done before",
-                STEPS.len()
-            ))?;
+            say(&format!("step {number} of {}: {step}: done before", STEPS.len()))?;
             continue;
         }
         if step == Step::Collect {
@@ -144,10 +141,8 @@ fn ask_for_zero(walk: &mut Walk, is_allowed: bool) -> Result<(), Failure> {
                 .into(),
         );
     }
-    say(
-        "the robot is not homed, and it will move. Straighten the snake: its pose becomes the \
-         zero. Enter starts, Ctrl-C ends.",
-    )?;
+    say("the robot is not homed, and it will move. Straighten the snake: its pose becomes the \
+         zero. Enter starts, Ctrl-C ends.")?;
     io::stdin().lock().read_line(&mut String::new())?;
     Ok(())
 }
@@ -212,10 +207,7 @@ fn stopped(step: Step, status: ExitStatus, is_interrupted: bool) -> Coded {
         format!("the step {step} failed, see above; {again}")
     };
     let code = status.code().and_then(|code| u8::try_from(code).ok());
-    Coded {
-        code: code.filter(|code| *code != 0).unwrap_or(1),
-        sentence,
-    }
+    Coded { code: code.filter(|code| *code != 0).unwrap_or(1), sentence }
 }
 
 #[cfg(test)]

@@ -92,12 +92,9 @@ fn is(slot: &ModelSlot, model: ModelId) -> bool {
 /// Whether the file beside a recording says that it is complete.
 pub fn is_complete(recording: &Path) -> bool {
     let beside = fs::read_to_string(recording.with_extension("toml"));
-    let table = beside
-        .ok()
-        .and_then(|text| text.parse::<toml::Table>().ok());
-    let complete = table
-        .as_ref()
-        .and_then(|table| table.get("outcome")?.get("complete")?.as_bool());
+    let table = beside.ok().and_then(|text| text.parse::<toml::Table>().ok());
+    let complete =
+        table.as_ref().and_then(|table| table.get("outcome")?.get("complete")?.as_bool());
     recording.is_file() && complete == Some(true)
 }
 

@@ -21,14 +21,8 @@ pub enum Step {
 }
 
 /// All steps.
-pub const STEPS: [Step; 6] = [
-    Step::Collect,
-    Step::Fit,
-    Step::Compare,
-    Step::Stage,
-    Step::Activate,
-    Step::Check,
-];
+pub const STEPS: [Step; 6] =
+    [Step::Collect, Step::Fit, Step::Compare, Step::Stage, Step::Activate, Step::Check];
 
 impl fmt::Display for Step {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

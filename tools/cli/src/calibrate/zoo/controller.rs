@@ -29,10 +29,7 @@ impl Controller {
         model: &Arc<Model>,
         robot: &mut SimulatedRobot,
     ) -> Result<Self, String> {
-        let mut controller = Self {
-            control: SimulatedLoop::new(config, model),
-            camera: None,
-        };
+        let mut controller = Self { control: SimulatedLoop::new(config, model), camera: None };
         controller.tick(robot, SimulatedInputs::default());
         for command in [StateCommand::Enable, StateCommand::Condition] {
             controller.command(robot, command)?;
@@ -58,13 +55,7 @@ impl Controller {
 
     fn command(&mut self, robot: &mut SimulatedRobot, command: StateCommand) -> Result<(), String> {
         let request = Some(state_request(command));
-        self.tick(
-            robot,
-            SimulatedInputs {
-                request,
-                ..SimulatedInputs::default()
-            },
-        );
+        self.tick(robot, SimulatedInputs { request, ..SimulatedInputs::default() });
         for _ in 0..LONGEST_WAIT_TICKS {
             let report = self.report();
             if report.state == OperatingState::Enabled && !report.busy {
@@ -108,13 +99,7 @@ impl Pilot for Controller {
         let [pitch, yaw] = goal.map(f64::to_radians);
         let goal = ServoGoal::Joint([pitch, yaw, 0.0], 2);
         let (servo, refused) = (self.control.servo_command(goal), self.report().refused);
-        self.tick(
-            robot,
-            SimulatedInputs {
-                servo: Some(servo),
-                ..SimulatedInputs::default()
-            },
-        );
+        self.tick(robot, SimulatedInputs { servo: Some(servo), ..SimulatedInputs::default() });
         let report = self.report();
         if report.refused > refused {
             return Err(format!("goal refused: {}", report.last_refusal));

@@ -99,13 +99,7 @@ struct Search {
 
 impl Search {
     fn new(at: f64) -> Self {
-        Self {
-            at,
-            last: 0.0,
-            factor: 1.0,
-            low: None,
-            high: None,
-        }
+        Self { at, last: 0.0, factor: 1.0, low: None, high: None }
     }
 
     /// `missing`: how many counts are missing by the mean gain.
@@ -117,11 +111,7 @@ impl Search {
             self.factor *= GROWTH;
         }
         self.last = missing;
-        let end = if missing > 0.0 {
-            &mut self.low
-        } else {
-            &mut self.high
-        };
+        let end = if missing > 0.0 { &mut self.low } else { &mut self.high };
         *end = Some(self.at);
         let step = (self.factor * missing).clamp(-200.0, 200.0);
         let mut next = self.at + step;

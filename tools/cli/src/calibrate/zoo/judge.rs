@@ -107,10 +107,7 @@ impl Judge {
 
     /// Records, fits and follows. The error says why there is nothing to judge.
     pub fn judge(&self, snake: DrawnSnake) -> Result<Vec<Judgement>, String> {
-        let plan = RecordingPlan {
-            seed: self.plan.seed + snake.seed,
-            ..self.plan
-        };
+        let plan = RecordingPlan { seed: self.plan.seed + snake.seed, ..self.plan };
         let name = format!("{}-{}.csv", snake.physics, snake.seed);
         let file = self.folder.join(name);
         plan.record(&mut SimulatedRobot::new(snake.build()), &file)
@@ -120,9 +117,7 @@ impl Judge {
         // As `calibrate fit` does.
         let (recording, _) = recording.without_latency();
         let candidates = self.candidates(&recording)?;
-        let linear = candidates
-            .first()
-            .and_then(|first| first.model.as_ref().ok());
+        let linear = candidates.first().and_then(|first| first.model.as_ref().ok());
         let motions = within_reach(&self.motions, linear.ok_or("there is no linear model")?);
         let exact = self.exact(snake, &motions)?;
         let follow = |candidate: &Candidate| self.follow(snake, candidate, &motions);
@@ -212,9 +207,7 @@ impl Candidate {
     fn new(family: &str, outcome: Result<&FitOutcome, &String>, fit_s: f64) -> Self {
         Self {
             family: family.to_owned(),
-            model: outcome
-                .map(|outcome| Arc::clone(&outcome.model))
-                .map_err(Clone::clone),
+            model: outcome.map(|outcome| Arc::clone(&outcome.model)).map_err(Clone::clone),
             fit_s,
             name: outcome.map_or_else(|_| "none".to_owned(), |found| found.family.to_string()),
         }

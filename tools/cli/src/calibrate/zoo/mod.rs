@@ -60,12 +60,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1)]
     first_seed: u64,
     /// Families to fit; `best` fits all and takes what `i2ris calibrate fit` would take
-    #[arg(
-        long,
-        value_name = "FAMILY,..",
-        value_delimiter = ',',
-        default_value = "best"
-    )]
+    #[arg(long, value_name = "FAMILY,..", value_delimiter = ',', default_value = "best")]
     families: Vec<Choice>,
     /// With `best`: show every other family, too
     #[arg(long)]
@@ -145,11 +140,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn snakes(arguments: &Arguments) -> Vec<DrawnSnake> {
-    let physics = if arguments.physics.is_empty() {
-        Physics::ALL
-    } else {
-        &arguments.physics
-    };
+    let physics = if arguments.physics.is_empty() { Physics::ALL } else { &arguments.physics };
     let seeds = arguments.first_seed..arguments.first_seed + arguments.draws;
     let drawn = |physics: &Physics| {
         let physics = *physics;

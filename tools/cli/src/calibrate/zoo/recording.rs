@@ -48,11 +48,7 @@ impl RecordingPlan {
         condition(robot);
         let request = MotionRequest {
             protocol: self.protocol,
-            region: Region {
-                centre: [0.0; 2],
-                radius: RADIUS_COUNTS,
-                motors: 2,
-            },
+            region: Region { centre: [0.0; 2], radius: RADIUS_COUNTS, motors: 2 },
             speed_counts_s: SPEED_COUNTS_S,
             duration_s: Some(self.duration_s),
             seed: self.seed,
@@ -135,8 +131,5 @@ pub fn condition(robot: &mut SimulatedRobot) {
 }
 
 fn outputs() -> [OutputSpec; 2] {
-    ["pitch", "yaw"].map(|name| OutputSpec {
-        name: name.to_owned(),
-        unit: OutputUnit::Deg,
-    })
+    ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg })
 }

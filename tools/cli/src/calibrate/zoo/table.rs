@@ -34,10 +34,7 @@ impl Spread {
 pub fn line(judgements: &[Judgement]) -> String {
     let mut families: BTreeMap<&str, Vec<&Judgement>> = BTreeMap::new();
     for judgement in judgements {
-        families
-            .entry(&judgement.family)
-            .or_default()
-            .push(judgement);
+        families.entry(&judgement.family).or_default().push(judgement);
     }
     let mut parts = Vec::new();
     for (family, judged) in families {
@@ -108,15 +105,11 @@ fn write_row(text: &mut String, (physics, family, motion): Row<'_>, judged: &[&J
     let errors = Spread::new(judged.iter().map(|judged| rms(judged.tracking.as_ref())));
     let exact = Spread::new(judged.iter().map(|judged| judged.exact.rms_deg));
     let left = Spread::new(
-        judged
-            .iter()
-            .map(|judged| rms(judged.tracking.as_ref()) / rms(judged.linear.as_ref())),
+        judged.iter().map(|judged| rms(judged.tracking.as_ref()) / rms(judged.linear.as_ref())),
     );
     let travel = Spread::new(judged.iter().map(|judged| {
         let tracking = judged.tracking.as_ref();
-        tracking.map_or(f64::INFINITY, |t| {
-            t.travel_counts_s / judged.exact.travel_counts_s
-        })
+        tracking.map_or(f64::INFINITY, |t| t.travel_counts_s / judged.exact.travel_counts_s)
     }));
     let below = |left: f64| 100.0 * (1.0 - left);
     let _ = writeln!(
@@ -140,10 +133,7 @@ mod tests {
     use super::*;
 
     fn judgement(physics: &str, rms_deg: Option<f64>) -> Judgement {
-        let tracking = |rms_deg| Tracking {
-            rms_deg,
-            travel_counts_s: 100.0 * rms_deg,
-        };
+        let tracking = |rms_deg| Tracking { rms_deg, travel_counts_s: 100.0 * rms_deg };
         Judgement {
             physics: physics.to_owned(),
             seed: 1,

@@ -81,10 +81,7 @@ fn measure(
         let [pitch, yaw] = robot.angles_deg();
         squares += (pitch - goal[0]).powi(2) + (yaw - goal[1]).powi(2);
     }
-    Ok(Tracking {
-        rms_deg: (squares / ticks as f64).sqrt(),
-        travel_counts_s: travel / length_s,
-    })
+    Ok(Tracking { rms_deg: (squares / ticks as f64).sqrt(), travel_counts_s: travel / length_s })
 }
 
 /// The goal at a time on a path.

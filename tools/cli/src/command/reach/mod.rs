@@ -66,10 +66,7 @@ pub struct ReachTask {
 impl ReachTask {
     /// Begins with the first closed clutch.
     pub fn new(options: &ReachOptions, client: &Client) -> Self {
-        let disc = Disc {
-            center: super::pair(&options.center),
-            range_deg: options.range_deg,
-        };
+        let disc = Disc { center: super::pair(&options.center), range_deg: options.range_deg };
         let settings = Settings {
             tolerance_deg: options.tolerance_deg,
             hold: seconds(options.hold_s),

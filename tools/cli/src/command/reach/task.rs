@@ -219,21 +219,13 @@ mod tests {
     fn a_target_is_held_after_its_time_and_the_next_one_follows() {
         let mut task = task();
         let ended = stay(&mut task, [1.05, 0.1], 0, 1100);
-        let [(ms, message)] = ended[..] else {
-            panic!("{ended:?}")
-        };
+        let [(ms, message)] = ended[..] else { panic!("{ended:?}") };
         assert_eq!((ms, message.number, message.total), (1010, 1, 2));
         assert_eq!(message.flags, ReachTarget::ENDED | ReachTarget::HELD);
         assert!(message.held_ns >= message.hold_ns);
-        assert_eq!(
-            outcome(&message, Nanos::from_millis(1010)),
-            "target 1 of 2: held after 1.01 s"
-        );
+        assert_eq!(outcome(&message, Nanos::from_millis(1010)), "target 1 of 2: held after 1.01 s");
         let next = task.message(Nanos::from_millis(1100)).unwrap();
-        assert_eq!(
-            (next.number, next.shown_ns),
-            (2, Nanos::from_millis(1010).0)
-        );
+        assert_eq!((next.number, next.shown_ns), (2, Nanos::from_millis(1010).0));
         let ended = stay(&mut task, [0.0, 2.0], 1100, 4000);
         assert_eq!(ended.len(), 1);
         assert!(task.is_finished() && task.summary().starts_with("2 of 2 targets held"));

@@ -47,18 +47,11 @@ impl Gamepad {
                 path.display()
             )
         })?;
-        Ok(Self {
-            path: path.to_owned(),
-            file,
-            part: Vec::new(),
-            pad: GamepadState::new(dead_man),
-        })
+        Ok(Self { path: path.to_owned(), file, part: Vec::new(), pad: GamepadState::new(dead_man) })
     }
 
     fn lost(&self, why: &str) -> DeviceLost {
-        DeviceLost {
-            what: format!("gamepad {} is gone ({why})", self.path.display()),
-        }
+        DeviceLost { what: format!("gamepad {} is gone ({why})", self.path.display()) }
     }
 }
 
@@ -103,12 +96,7 @@ struct GamepadState {
 
 impl GamepadState {
     fn new(dead_man: u8) -> Self {
-        Self {
-            dead_man,
-            held: false,
-            stick: [0.0; 2],
-            last_event: None,
-        }
+        Self { dead_man, held: false, stick: [0.0; 2], last_event: None }
     }
 
     fn apply_event(&mut self, event: &[u8], now: Nanos) {
@@ -131,18 +119,12 @@ impl GamepadState {
     fn input(&mut self, now: Nanos) -> DeviceInput {
         let deflected = self.stick != [0.0; 2];
         if deflected
-            && self
-                .last_event
-                .is_none_or(|last_event| now.since(last_event) > EVENT_TIMEOUT)
+            && self.last_event.is_none_or(|last_event| now.since(last_event) > EVENT_TIMEOUT)
         {
             // The button must be pressed again.
             self.held = false;
         }
-        DeviceInput {
-            engaged: self.held,
-            velocity: self.stick,
-            ..DeviceInput::default()
-        }
+        DeviceInput { engaged: self.held, velocity: self.stick, ..DeviceInput::default() }
     }
 }
 
@@ -165,24 +147,16 @@ mod tests {
 
     fn pad(events: &[[u8; EVENT]]) -> GamepadState {
         let mut pad = GamepadState::new(DEAD_MAN);
-        events
-            .iter()
-            .for_each(|event| pad.apply_event(event, Nanos(1)));
+        events.iter().for_each(|event| pad.apply_event(event, Nanos(1)));
         pad
     }
 
     #[test]
     fn the_dead_man_button_counts_only_when_pressed_after_the_start() {
-        assert!(
-            !pad(&[event(1, BUTTON | FIRST, DEAD_MAN)])
-                .input(Nanos(2))
-                .engaged
-        );
+        assert!(!pad(&[event(1, BUTTON | FIRST, DEAD_MAN)]).input(Nanos(2)).engaged);
         assert!(pad(&[event(1, BUTTON, DEAD_MAN)]).input(Nanos(2)).engaged);
         assert!(
-            !pad(&[event(1, BUTTON, DEAD_MAN), event(0, BUTTON, DEAD_MAN)])
-                .input(Nanos(2))
-                .engaged
+            !pad(&[event(1, BUTTON, DEAD_MAN), event(0, BUTTON, DEAD_MAN)]).input(Nanos(2)).engaged
         );
         assert!(
             !pad(&[event(1, BUTTON, 0)]).input(Nanos(2)).engaged,
@@ -192,19 +166,13 @@ mod tests {
 
     #[test]
     fn the_stick_steers_up_and_sideways_and_has_a_dead_zone() {
-        let input = pad(&[
-            event(-32767, AXIS, FORWARD),
-            event(16384, AXIS | FIRST, SIDE),
-        ])
-        .input(Nanos(2));
+        let input =
+            pad(&[event(-32767, AXIS, FORWARD), event(16384, AXIS | FIRST, SIDE)]).input(Nanos(2));
         assert!(
             (input.velocity[0] - 1.0).abs() < 1e-9 && (input.velocity[1] - 0.444).abs() < 0.001,
             "{input:?}"
         );
-        assert_eq!(
-            pad(&[event(3000, AXIS, SIDE)]).input(Nanos(2)).velocity,
-            [0.0, 0.0]
-        );
+        assert_eq!(pad(&[event(3000, AXIS, SIDE)]).input(Nanos(2)).velocity, [0.0, 0.0]);
         assert!((deflection(i16::MIN) + 1.0).abs() < 1e-9);
     }
 

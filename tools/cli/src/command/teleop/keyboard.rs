@@ -41,11 +41,7 @@ impl Keyboard {
         // Only the keys are raw: printed lines still begin at the left.
         modes.output_flags |= OutputFlags::OPOST | OutputFlags::ONLCR;
         tcsetattr(&terminal, SetArg::TCSANOW, &modes)?;
-        Ok(Self {
-            keys: Keys::default(),
-            terminal,
-            modes_before,
-        })
+        Ok(Self { keys: Keys::default(), terminal, modes_before })
     }
 
     /// What has been typed. Never waits.
@@ -73,9 +69,9 @@ impl Drop for Keyboard {
 impl InputDevice for Keyboard {
     fn read(&mut self, now: Nanos) -> Result<DeviceInput, DeviceLost> {
         let mut input = DeviceInput::default();
-        let bytes = self.bytes().map_err(|error| DeviceLost {
-            what: format!("the terminal is gone ({error})"),
-        })?;
+        let bytes = self
+            .bytes()
+            .map_err(|error| DeviceLost { what: format!("the terminal is gone ({error})") })?;
         for key in keys(&bytes) {
             self.keys.press(key, now, &mut input);
         }
@@ -115,9 +111,7 @@ fn keys(mut bytes: &[u8]) -> Vec<Key> {
             ESCAPE => match rest {
                 [b'[' | b'O', sequence @ ..] => {
                     // Parameters, then one final byte (ECMA-48, 5.4).
-                    let last = sequence
-                        .iter()
-                        .position(|byte| (0x40..=0x7e).contains(byte));
+                    let last = sequence.iter().position(|byte| (0x40..=0x7e).contains(byte));
                     let length = last.map_or(sequence.len(), |last| last + 1);
                     bytes = &sequence[length..];
                     arrow(&sequence[..length])
@@ -208,10 +202,7 @@ mod tests {
             assert!(press(&mut keys, Key::Left, at(milliseconds)).engaged);
         }
         assert!(keys.engaged(at(4800 + 999)) && !keys.engaged(at(4800 + 1000)));
-        assert!(
-            !press(&mut keys, Key::Left, at(6000)).engaged,
-            "an arrow does not close it again"
-        );
+        assert!(!press(&mut keys, Key::Left, at(6000)).engaged, "an arrow does not close it again");
     }
 
     #[test]

@@ -79,11 +79,7 @@ pub fn run(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<()
     let monitor = StreamMonitor::new(client.id(), &state, clock::now());
     let pose = present_pose(client)?;
     let mut teleoperation = Teleoperation {
-        master: VirtualMaster::new(
-            pose,
-            plan.speed_deg_s * plan.scale,
-            plan.step_deg * plan.scale,
-        ),
+        master: VirtualMaster::new(pose, plan.speed_deg_s * plan.scale, plan.step_deg * plan.scale),
         progress: Progress::new(monitor),
         commander: client.commander(),
         setpoint: Latest::new(client.watcher().setpoint_js()),
@@ -161,8 +157,7 @@ impl Teleoperation {
 
     fn send(&mut self, command: &MasterCommand) -> Result<(), Failure> {
         self.commander.set_clutch(command.clutch_open);
-        self.commander
-            .servo_jp(&command.pose.map(f64::to_radians))?;
+        self.commander.servo_jp(&command.pose.map(f64::to_radians))?;
         Ok(())
     }
 
@@ -175,18 +170,10 @@ impl Teleoperation {
 
 fn line(command: &MasterCommand, task: Option<&ReachTask>, now: Nanos) -> String {
     if let Some(task) = task {
-        let clutch = if command.clutch_open {
-            "HOLDS"
-        } else {
-            "FOLLOWS"
-        };
+        let clutch = if command.clutch_open { "HOLDS" } else { "FOLLOWS" };
         return format!("{clutch}; {}", task.line(now));
     }
-    let clutch = if command.clutch_open {
-        "HOLDS (dead-man switch released)"
-    } else {
-        "FOLLOWS"
-    };
+    let clutch = if command.clutch_open { "HOLDS (dead-man switch released)" } else { "FOLLOWS" };
     let [pitch, yaw] = command.pose;
     format!("the snake {clutch}; pitch, yaw commanded {pitch:+.2} {yaw:+.2} deg")
 }

@@ -34,13 +34,7 @@ pub(super) struct VirtualMaster {
 impl VirtualMaster {
     /// At a pose, clutch open.
     pub fn new(pose: Angles, speed_deg_s: f64, step_deg: f64) -> Self {
-        Self {
-            pose,
-            engaged: false,
-            speed_deg_s,
-            step_deg,
-            left: [0.0; 2],
-        }
+        Self { pose, engaged: false, speed_deg_s, step_deg, left: [0.0; 2] }
     }
 
     /// Advances by `step_s` seconds. `snake`: the latest set-point of the controller, deg.
@@ -60,19 +54,13 @@ impl VirtualMaster {
         if input.engaged {
             self.advance(input, snake, step_s.clamp(0.0, LONGEST_STEP_S));
         }
-        MasterCommand {
-            pose: self.pose,
-            clutch_open: !input.engaged,
-        }
+        MasterCommand { pose: self.pose, clutch_open: !input.engaged }
     }
 
     /// Opens the clutch.
     pub fn hold(&mut self) -> MasterCommand {
         self.engaged = false;
-        MasterCommand {
-            pose: self.pose,
-            clutch_open: true,
-        }
+        MasterCommand { pose: self.pose, clutch_open: true }
     }
 
     fn advance(&mut self, input: &DeviceInput, snake: Option<Angles>, step_s: f64) {
@@ -100,46 +88,26 @@ mod tests {
     const STEP_S: f64 = 0.005;
 
     fn pushed(pitch: f64, yaw: f64) -> DeviceInput {
-        DeviceInput {
-            engaged: true,
-            velocity: [pitch, yaw],
-            ..DeviceInput::default()
-        }
+        DeviceInput { engaged: true, velocity: [pitch, yaw], ..DeviceInput::default() }
     }
 
     fn pressed(pitch: i32) -> DeviceInput {
-        DeviceInput {
-            engaged: true,
-            steps: [pitch, 0],
-            ..DeviceInput::default()
-        }
+        DeviceInput { engaged: true, steps: [pitch, 0], ..DeviceInput::default() }
     }
 
     #[test]
     fn nothing_moves_while_the_dead_man_switch_is_released() {
         let mut master = VirtualMaster::new([1.0, 2.0], 10.0, 0.25);
         for _ in 0..100 {
-            let input = DeviceInput {
-                engaged: false,
-                velocity: [1.0, -1.0],
-                steps: [3, 3],
-                quit: false,
-            };
+            let input =
+                DeviceInput { engaged: false, velocity: [1.0, -1.0], steps: [3, 3], quit: false };
             assert_eq!(
                 master.update(&input, Some([1.0, 2.0]), STEP_S),
-                MasterCommand {
-                    pose: [1.0, 2.0],
-                    clutch_open: true
-                }
+                MasterCommand { pose: [1.0, 2.0], clutch_open: true }
             );
         }
         // What was pressed meanwhile has no effect later.
-        assert_eq!(
-            master
-                .update(&pushed(0.0, 0.0), Some([1.0, 2.0]), STEP_S)
-                .pose,
-            [1.0, 2.0]
-        );
+        assert_eq!(master.update(&pushed(0.0, 0.0), Some([1.0, 2.0]), STEP_S).pose, [1.0, 2.0]);
     }
 
     #[test]
@@ -149,10 +117,7 @@ mod tests {
         for _ in 0..200 {
             snake = master.update(&pushed(1.0, -0.5), Some(snake), STEP_S).pose;
         }
-        assert!(
-            (snake[0] - 10.0).abs() < 1e-9 && (snake[1] + 5.0).abs() < 1e-9,
-            "{snake:?}"
-        );
+        assert!((snake[0] - 10.0).abs() < 1e-9 && (snake[1] + 5.0).abs() < 1e-9, "{snake:?}");
         let mut at = [0.0; 2];
         let mut fresh = VirtualMaster::new(at, 10.0, 0.25);
         at = fresh.update(&pressed(1), Some(at), STEP_S).pose;
@@ -177,10 +142,7 @@ mod tests {
         let mut master = VirtualMaster::new([0.0; 2], 10.0, 0.25);
         for _ in 0..2000 {
             assert!(
-                master
-                    .update(&pushed(1.0, 0.0), Some([0.0; 2]), STEP_S)
-                    .pose[0]
-                    <= MAX_AHEAD_DEG
+                master.update(&pushed(1.0, 0.0), Some([0.0; 2]), STEP_S).pose[0] <= MAX_AHEAD_DEG
             );
         }
     }
@@ -188,19 +150,8 @@ mod tests {
     #[test]
     fn closing_the_clutch_starts_where_the_snake_is() {
         let mut master = VirtualMaster::new([9.0, 9.0], 10.0, 0.25);
-        assert_eq!(
-            master
-                .update(&pushed(0.0, 0.0), Some([3.0, 4.0]), STEP_S)
-                .pose,
-            [3.0, 4.0]
-        );
-        assert_eq!(
-            master.hold(),
-            MasterCommand {
-                pose: [3.0, 4.0],
-                clutch_open: true
-            }
-        );
+        assert_eq!(master.update(&pushed(0.0, 0.0), Some([3.0, 4.0]), STEP_S).pose, [3.0, 4.0]);
+        assert_eq!(master.hold(), MasterCommand { pose: [3.0, 4.0], clutch_open: true });
     }
 
     #[test]

@@ -57,11 +57,7 @@ pub fn show(demo: &DemoSetup, arguments: &Arguments, size: &str) -> Result<(), F
         }
     }
     if !demo.path("images.csv").exists() {
-        keep_every(
-            &demo.path("recording.csv"),
-            &demo.path(DIRECT),
-            arguments.pictures_every,
-        )?;
+        keep_every(&demo.path("recording.csv"), &demo.path(DIRECT), arguments.pictures_every)?;
         measure_images(demo, &mut emulator, size)?;
     }
     let families = arguments.families("gmr-stop");
@@ -78,16 +74,10 @@ pub fn show(demo: &DemoSetup, arguments: &Arguments, size: &str) -> Result<(), F
         }
     }
     step("stop the emulator", || emulator.end())?;
-    super::summary::print(
-        &followed,
-        "The camera adds nothing: its angles are the true ones.",
-    );
+    super::summary::print(&followed, "The camera adds nothing: its angles are the true ones.");
     print_image_errors(demo)?;
     for family in &families {
-        arguments
-            .motions
-            .iter()
-            .for_each(|motion| print_loss(&followed, family, *motion));
+        arguments.motions.iter().for_each(|motion| print_loss(&followed, family, *motion));
     }
     Ok(())
 }
@@ -95,13 +85,9 @@ pub fn show(demo: &DemoSetup, arguments: &Arguments, size: &str) -> Result<(), F
 /// Records motions of one axis at a time, from the straight pose on: nothing has moved the snake
 /// before.
 fn swing(demo: &DemoSetup, emulator: &mut Process) -> Result<(), Failure> {
-    let (mut controller, mut client) = step("start the controller, home, enable", || {
-        demo.start_controller(None)
-    })?;
-    for (name, swing) in [
-        ("pitch", SingleAxisMotion::Pitch),
-        ("yaw", SingleAxisMotion::Yaw),
-    ] {
+    let (mut controller, mut client) =
+        step("start the controller, home, enable", || demo.start_controller(None))?;
+    for (name, swing) in [("pitch", SingleAxisMotion::Pitch), ("yaw", SingleAxisMotion::Yaw)] {
         let file = demo.path(&format!("{name}.csv"));
         step(&format!("move {name} alone"), || {
             swing.record(&mut client, &mut [&mut *emulator, &mut controller], &file)
@@ -116,9 +102,7 @@ fn measure_images(demo: &DemoSetup, emulator: &mut Process, size: &str) -> Resul
     let file = |name: &str| text(&demo.path(name));
     for axis in ["pitch", "yaw"] {
         let (angles, folder) = (file(&format!("{axis}.csv"))?, file(axis)?);
-        let render = [
-            "vision", "render", "--angles", &angles, "--output", &folder, "--size", size,
-        ];
+        let render = ["vision", "render", "--angles", &angles, "--output", &folder, "--size", size];
         let options = ["--turned-deg", TURNED_DEG, "--every", EVERY];
         run(
             demo,
@@ -128,24 +112,12 @@ fn measure_images(demo: &DemoSetup, emulator: &mut Process, size: &str) -> Resul
         )?;
     }
     write_uncalibrated_setup(&demo.path("pitch/vision.toml"), &demo.path("guess.toml"))?;
-    let (guess, setup, rest) = (
-        file("guess.toml")?,
-        file("vision.toml")?,
-        REST_S.to_string(),
-    );
+    let (guess, setup, rest) = (file("guess.toml")?, file("vision.toml")?, REST_S.to_string());
     let folders = ["pitch/view0", "pitch/view1", "yaw/view0", "yaw/view1"].map(file);
     let [p0, p1, y0, y1] = folders;
     let (p0, p1, y0, y1) = (p0?, p1?, y0?, y1?);
-    let calibrate = [
-        "vision",
-        "calibrate",
-        "--setup",
-        &guess,
-        "--output",
-        &setup,
-        "--rest-s",
-        &rest,
-    ];
+    let calibrate =
+        ["vision", "calibrate", "--setup", &guess, "--output", &setup, "--rest-s", &rest];
     let motions = ["--pitch", &p0, &p1, "--yaw", &y0, &y1];
     run(
         demo,
@@ -159,14 +131,7 @@ fn measure_images(demo: &DemoSetup, emulator: &mut Process, size: &str) -> Resul
         demo,
         emulator,
         "bring angles and counts together",
-        &[
-            "calibrate",
-            "merge",
-            &recording,
-            &angles,
-            "--output",
-            &images,
-        ],
+        &["calibrate", "merge", &recording, &angles, "--output", &images],
     )
 }
 
@@ -174,11 +139,7 @@ fn measure_images(demo: &DemoSetup, emulator: &mut Process, size: &str) -> Resul
 fn keep_every(recording: &Path, to: &Path, every: u32) -> Result<(), Failure> {
     let mut reader = csv::Reader::from_path(recording)?;
     let header = reader.headers()?.clone();
-    let is_angle = |column: usize| {
-        header
-            .get(column)
-            .is_some_and(|name| name.ends_with("_deg"))
-    };
+    let is_angle = |column: usize| header.get(column).is_some_and(|name| name.ends_with("_deg"));
     let mut writer = csv::Writer::from_path(to)?;
     writer.write_record(&header)?;
     let mut images = 0_u32;
@@ -221,10 +182,7 @@ fn stream(
     let (recording, folder, angles) = (file(DIRECT)?, file("pictures")?, file("angles.csv")?);
     let (first, second) = (file("pictures/view0")?, file("pictures/view1")?);
     let images = pose_table::read(&demo.path(DIRECT))?.len();
-    let bar = bar(
-        "render the recording as images and measure them",
-        images as f64 / 10.0,
-    );
+    let bar = bar("render the recording as images and measure them", images as f64 / 10.0);
     let mut renderer = demo.tool(
         "render",
         &[
@@ -264,9 +222,7 @@ fn stream(
 }
 
 fn lines(path: &Path) -> u64 {
-    fs::read(path).map_or(0, |bytes| {
-        bytes.iter().filter(|byte| **byte == b'\n').count() as u64
-    })
+    fs::read(path).map_or(0, |bytes| bytes.iter().filter(|byte| **byte == b'\n').count() as u64)
 }
 
 /// Runs `i2ris` with arguments to its end.

@@ -53,8 +53,7 @@ impl SingleAxisMotion {
         // The last oscillation fades out, so the motion ends at rest.
         let size = ((SWINGS * SWING_S - swung) / (0.5 * SWING_S)).clamp(0.0, 1.0);
         let counts = REACH_COUNTS * size * (TAU * swung / SWING_S).sin();
-        self.directions()
-            .map(|direction| (direction * counts).round() as i32)
+        self.directions().map(|direction| (direction * counts).round() as i32)
     }
 
     /// Moves the robot and writes the angles of the camera over time.
@@ -124,16 +123,11 @@ mod tests {
     #[test]
     fn a_motion_rests_first_moves_one_axis_softly_and_ends_at_rest() {
         for (swing, sign) in [(SingleAxisMotion::Pitch, -1), (SingleAxisMotion::Yaw, 1)] {
-            let positions: Vec<[i32; 2]> = (0..=5200)
-                .map(|k| swing.counts(f64::from(k) * 0.005))
-                .collect();
+            let positions: Vec<[i32; 2]> =
+                (0..=5200).map(|k| swing.counts(f64::from(k) * 0.005)).collect();
             assert!(positions.iter().all(|[a, b]| *b == sign * a));
             assert!(positions[..400].iter().all(|position| *position == [0, 0]));
-            assert!(
-                positions
-                    .windows(2)
-                    .all(|pair| (pair[1][0] - pair[0][0]).abs() < 6)
-            );
+            assert!(positions.windows(2).all(|pair| (pair[1][0] - pair[0][0]).abs() < 6));
             assert!(
                 positions.iter().any(|[a, _]| *a > 900) && positions.iter().any(|[a, _]| *a < -900)
             );

@@ -19,9 +19,7 @@ struct Bench {
 
 impl Bench {
     fn new(config: DriveConfig) -> Self {
-        Self {
-            drive: Drive::new(&config, 0.0),
-        }
+        Self { drive: Drive::new(&config, 0.0) }
     }
 
     fn fresh() -> Self {
@@ -41,8 +39,7 @@ impl Bench {
     /// The reply to a request, unless the drive is booting.
     fn reply(&mut self, opcode: u8, data: &[u8]) -> Option<Reply> {
         let data = data.to_vec();
-        self.drive
-            .reply_at_port(&Incoming::Request(Request { opcode, data }), None)
+        self.drive.reply_at_port(&Incoming::Request(Request { opcode, data }), None)
     }
 
     /// The data of the reply, through the frame.

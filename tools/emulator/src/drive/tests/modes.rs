@@ -84,10 +84,7 @@ fn a_second_target_behind_a_raised_bit_is_ignored() {
     bench.write(0x6040, 0, 0x3F);
     bench.write(0x607A, 0, 900);
     bench.write(0x6040, 0, 0x3F);
-    assert_eq!(
-        bench.host_bugs(),
-        [EventKind::HostBug(HostBug::SetpointIgnored)]
-    );
+    assert_eq!(bench.host_bugs(), [EventKind::HostBug(HostBug::SetpointIgnored)]);
     bench.run(2.0);
     assert!(bench.is_at(100));
 }

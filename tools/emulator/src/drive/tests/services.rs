@@ -5,20 +5,13 @@ use super::*;
 #[test]
 fn a_wrong_crc_and_an_unknown_opcode_have_an_error_reply() {
     let mut bench = Bench::fresh();
-    let wrong_crc = bench
-        .drive
-        .reply_at_port(&Incoming::WrongCrc, None)
-        .unwrap();
+    let wrong_crc = bench.drive.reply_at_port(&Incoming::WrongCrc, None).unwrap();
     assert_eq!(
         reply(&wrong_crc.data),
         [0x90, 0x02, 0x00, 0x02, 0x04, 0x00, 0x04, 0x05, 0xF1, 0xE8]
     );
     assert_eq!(bench.error(0x20, &[0; 12]), 0x0F00_FFBF);
-    assert_eq!(
-        bench.error(0x10, &[0x41, 0x60, 0, 1]),
-        0x0F00_FFBF,
-        "an opcode of the EPOS2"
-    );
+    assert_eq!(bench.error(0x10, &[0x41, 0x60, 0, 1]), 0x0F00_FFBF, "an opcode of the EPOS2");
     let events = bench.drive.take_events();
     assert!(events.contains(&EventKind::Line(LineTrouble::Crc)));
     assert!(events.contains(&EventKind::HostBug(HostBug::Opcode(0x20))));
@@ -33,11 +26,7 @@ fn each_wrong_access_has_its_own_abort_code() {
     assert_eq!(bench.try_write(0x605A, 0, 5), Err(0x0609_0030));
     assert_eq!(bench.try_write(0x6060, 0, -1), Err(0x0609_0030));
     assert_eq!(bench.error(0x60, &[1, 0x41]), 0x0607_0010);
-    assert_eq!(
-        bench.try_read(0x1008, 0),
-        Err(0x0607_0010),
-        "too long for a simple read"
-    );
+    assert_eq!(bench.try_read(0x1008, 0), Err(0x0607_0010), "too long for a simple read");
     let mut enabled = Bench::enabled(Mode::CyclicPosition);
     assert_eq!(enabled.try_write(0x3010, 1, 500), Err(0x0800_0022));
 }
@@ -45,14 +34,9 @@ fn each_wrong_access_has_its_own_abort_code() {
 #[test]
 fn an_error_reply_to_a_read_is_as_long_as_configured() {
     for words in [2, 4] {
-        let mut bench = Bench::new(DriveConfig {
-            error_reply_words: words,
-            ..DriveConfig::default()
-        });
-        assert_eq!(
-            bench.request(0x60, &[1, 0, 0x50, 0]).len(),
-            2 * usize::from(words)
-        );
+        let mut bench =
+            Bench::new(DriveConfig { error_reply_words: words, ..DriveConfig::default() });
+        assert_eq!(bench.request(0x60, &[1, 0, 0x50, 0]).len(), 2 * usize::from(words));
     }
 }
 
@@ -62,10 +46,7 @@ fn the_unused_bytes_of_short_values_are_garbage() {
     let value = bench.read(0x6041, 0);
     assert_eq!(value & 0xFFFF, 0x0040);
     assert_ne!(value >> 16, 0, "a host has to mask the value");
-    let mut clean = Bench::new(DriveConfig {
-        fill_unused_bytes: false,
-        ..DriveConfig::default()
-    });
+    let mut clean = Bench::new(DriveConfig { fill_unused_bytes: false, ..DriveConfig::default() });
     assert_eq!(clean.read(0x6041, 0), 0x0040);
 }
 
@@ -82,11 +63,8 @@ fn other_nodes_time_out_late() {
 
 #[test]
 fn identity_is_read_in_segments() {
-    let mut bench = Bench::new(DriveConfig {
-        serial_number: 77,
-        segment_bytes: 3,
-        ..DriveConfig::default()
-    });
+    let mut bench =
+        Bench::new(DriveConfig { serial_number: 77, segment_bytes: 3, ..DriveConfig::default() });
     assert_eq!(bench.read(0x1018, 1), 0xFB);
     assert_eq!(bench.read(0x1018, 4), 77);
     let first = bench.request(0x81, &[1, 0x00, 0x21, 1]);
@@ -96,15 +74,9 @@ fn identity_is_read_in_segments() {
     let third = bench.request(0x62, &[1, 0]);
     assert_eq!(third[4..6], [2, 3], "toggle 1, last");
     let serial = [&first[9..12], &second[6..9], &third[6..8]].concat();
-    assert_eq!(
-        u64::from_le_bytes(serial.try_into().unwrap()),
-        0x1_0000_0000 + 77
-    );
+    assert_eq!(u64::from_le_bytes(serial.try_into().unwrap()), 0x1_0000_0000 + 77);
     assert_eq!(bench.error(0x62, &[0, 0]), 0x0503_0000, "nothing left");
-    assert_eq!(
-        bench.request(0x81, &[1, 0x08, 0x10, 0])[4..9],
-        [5, 0, 0, 0, 3]
-    );
+    assert_eq!(bench.request(0x81, &[1, 0x08, 0x10, 0])[4..9], [5, 0, 0, 0, 3]);
     assert_eq!(bench.error(0x62, &[1, 0]), 0x0503_0000, "wrong toggle");
 }
 

@@ -33,20 +33,12 @@ fn disabling_operation_ramps_down_before_the_power_goes() {
     bench.write(0x60FF, 0, 1000);
     bench.run(0.5);
     bench.write(0x6040, 0, 0x07);
-    assert_eq!(
-        bench.state(),
-        0x27,
-        "one command must finish before the next"
-    );
+    assert_eq!(bench.state(), 0x27, "one command must finish before the next");
     bench.write(0x6040, 0, 0x06);
     bench.run(0.05);
     assert_eq!(bench.state(), 0x27);
     bench.run(0.2);
-    assert_eq!(
-        bench.state(),
-        0x21,
-        "the second command waited for the ramp"
-    );
+    assert_eq!(bench.state(), 0x21, "the second command waited for the ramp");
     assert!(bench.drive.motor.is_at_standstill());
 }
 
@@ -81,10 +73,7 @@ fn quick_stop_ramps_and_stays_powered() {
     assert!(bench.drive.state.is_powered() && bench.drive.motor.is_at_standstill());
     // v^2 / 2a: 5000 counts/s against 2000 rpm/s of 1024 counts.
     let braking = 5000.0f64.powi(2) / (2.0 * 2000.0 / 60.0 * 1024.0);
-    assert!(
-        (f64::from(after - before) - braking).abs() < 20.0,
-        "{before} {after}"
-    );
+    assert!((f64::from(after - before) - braking).abs() < 20.0, "{before} {after}");
 }
 
 #[test]
@@ -104,11 +93,7 @@ fn a_booting_drive_does_not_reply() {
     assert_eq!(bench.reply(0x60, &[1, 0x41, 0x60, 0]), None);
     bench.run(0.4);
     assert_eq!(bench.statusword(), 0x0040);
-    assert_eq!(
-        bench.read(0x6061, 0) & 0xFF,
-        1,
-        "parameters are the stored ones again"
-    );
+    assert_eq!(bench.read(0x6061, 0) & 0xFF, 1, "parameters are the stored ones again");
 }
 
 #[test]
@@ -120,11 +105,7 @@ fn method_37_makes_the_present_position_the_home_position() {
     bench.write(0x6098, 0, 37);
     bench.write(0x30B0, 0, 10);
     bench.write(0x6040, 0, 0x1F);
-    assert_eq!(
-        bench.statusword() & 0xB400,
-        0x9400,
-        "homed, attained, reached, no error"
-    );
+    assert_eq!(bench.statusword() & 0xB400, 0x9400, "homed, attained, reached, no error");
     assert_eq!(bench.position(), 10);
     let motor = bench.drive.motor_counts();
     assert!((motor - 400.0).abs() < 1.0, "nothing moved");
@@ -170,22 +151,15 @@ fn reset_needs_a_rising_edge_and_the_cause_gone() {
 
 #[test]
 fn the_fault_reaction_follows_the_class_and_the_option() {
-    for (code, option, immediately) in [
-        (0x8611, 2, false),
-        (0x8611, 0, true),
-        (0x8130, 2, false),
-        (0x3220, 2, true),
-    ] {
+    for (code, option, immediately) in
+        [(0x8611, 2, false), (0x8611, 0, true), (0x8130, 2, false), (0x3220, 2, true)]
+    {
         let mut bench = Bench::enabled(Mode::ProfileVelocity);
         bench.write(0x605E, 0, option);
         bench.write(0x60FF, 0, 1000);
         bench.run(0.5);
         bench.drive.raise(Fault(code), false);
-        assert_eq!(
-            bench.state(),
-            if immediately { 0x08 } else { 0x0F },
-            "{code:04X}"
-        );
+        assert_eq!(bench.state(), if immediately { 0x08 } else { 0x0F }, "{code:04X}");
         bench.run(0.5);
         assert_eq!(bench.state(), 0x08);
     }
@@ -193,17 +167,11 @@ fn the_fault_reaction_follows_the_class_and_the_option() {
 
 #[test]
 fn the_history_is_newest_first_and_can_be_cleared() {
-    let mut bench = Bench::new(DriveConfig {
-        boot_fault: Some(0x8120),
-        ..DriveConfig::default()
-    });
+    let mut bench = Bench::new(DriveConfig { boot_fault: Some(0x8120), ..DriveConfig::default() });
     assert_eq!(bench.state(), 0x08);
     bench.drive.raise(Fault(0x2310), false);
     assert_eq!(bench.read(0x1003, 0) & 0xFF, 2);
-    assert_eq!(
-        (bench.read(0x1003, 1), bench.read(0x1003, 2)),
-        (0x2310, 0x8120)
-    );
+    assert_eq!((bench.read(0x1003, 1), bench.read(0x1003, 2)), (0x2310, 0x8120));
     assert_eq!(bench.try_write(0x1003, 0, 7), Err(0x0609_0030));
     bench.write(0x1003, 0, 0);
     assert_eq!(bench.read(0x1003, 0) & 0xFF, 0);

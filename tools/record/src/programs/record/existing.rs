@@ -51,9 +51,8 @@ pub struct InfoArguments {
 
 /// Makes a complete file.
 pub fn recover(arguments: &RecoverArguments) -> Result<(), Failure> {
-    let recovered = while_working("recovering", || {
-        recover::recover(&arguments.recording, &arguments.output)
-    })?;
+    let recovered =
+        while_working("recovering", || recover::recover(&arguments.recording, &arguments.output))?;
     println!(
         "recovered {} messages, {} metadata records, {} attachments",
         recovered.messages, recovered.metadata, recovered.attachments

@@ -1,9 +1,5 @@
 //! `i2ris record`: records trials as MCAP files, exports and recovers them.
-#![allow(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "a command-line program prints"
-)]
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 mod existing;
 mod recording;
@@ -16,12 +12,7 @@ use i2ris_terminal::Failure;
 
 /// Record trials, and make tables of recordings
 #[derive(Debug, Parser)]
-#[command(
-    name = "i2ris-record",
-    bin_name = "i2ris record",
-    version,
-    propagate_version = true
-)]
+#[command(name = "i2ris-record", bin_name = "i2ris record", version, propagate_version = true)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[command(after_help = "Examples:
   i2ris record --output trial.mcap --config config/emulator.toml --note 'circle, 5 deg'
@@ -73,10 +64,7 @@ mod tests {
     fn the_help_has_an_example_and_the_command_line_is_consistent() {
         let mut command = Arguments::command();
         let help = command.render_long_help().to_string();
-        assert!(
-            help.contains("Example") && help.contains("i2ris record"),
-            "{help}"
-        );
+        assert!(help.contains("Example") && help.contains("i2ris record"), "{help}");
         command.debug_assert();
     }
 }

@@ -53,19 +53,13 @@ pub struct Arguments {
 }
 
 fn above_zero(text: &str) -> Result<f64, String> {
-    let number = text
-        .parse()
-        .ok()
-        .filter(|number: &f64| number.is_finite() && *number > 0.0);
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "must be a number above 0".to_owned())
 }
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let output = arguments
-        .output
-        .as_deref()
-        .ok_or("give --output FILE.mcap")?;
+    let output = arguments.output.as_deref().ok_or("give --output FILE.mcap")?;
     let interrupt = Interrupt::catch()?;
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT_TIMEOUT)?;
     let version = client.version()?;
@@ -110,11 +104,7 @@ fn run_log(config: &Config, name: &str, boot_id: u64) -> Option<AttachedFile> {
 }
 
 fn attachment(name: String, media_type: &'static str, content: Vec<u8>) -> AttachedFile {
-    AttachedFile {
-        name,
-        media_type,
-        content,
-    }
+    AttachedFile { name, media_type, content }
 }
 
 /// Records to the end. Returns how long there was no controller.
@@ -125,9 +115,7 @@ fn record(
     trial: &mut TrialRecorder,
     start: Nanos,
 ) -> Result<Nanos, Failure> {
-    let end = arguments
-        .duration_s
-        .map(|seconds| start + Nanos((seconds * 1e9) as u64));
+    let end = arguments.duration_s.map(|seconds| start + Nanos((seconds * 1e9) as u64));
     let mut screen = Screen::stdout();
     let (mut next_draw, mut before, mut absent) = (start, start, Nanos::ZERO);
     loop {
@@ -164,17 +152,10 @@ fn header(
     let unix = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
     let [major, minor, patch] = version.software;
     let model = version.model_id.map(|byte| format!("{byte:02x}")).concat();
-    let model = if version.model_id == [0; 32] {
-        "none".to_owned()
-    } else {
-        model
-    };
+    let model = if version.model_id == [0; 32] { "none".to_owned() } else { model };
     let mut about: BTreeMap<String, String> = [
         ("recorder", format!("i2ris {}", env!("CARGO_PKG_VERSION"))),
-        (
-            "controller",
-            format!("i2ris-control {major}.{minor}.{patch}"),
-        ),
+        ("controller", format!("i2ris-control {major}.{minor}.{patch}")),
         ("boot_id", format!("{:016x}", version.boot_id)),
         ("model_id", model),
         ("note", arguments.note.clone()),
@@ -249,10 +230,7 @@ fn model_file(slot: &ModelSlot, id: ModelId) -> Option<AttachedFile> {
 }
 
 fn name(path: &Path) -> String {
-    path.file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, Failure> {
@@ -274,9 +252,8 @@ fn print_outcome(
             .map(|stream| (stream, counts.messages.get(&stream).copied().unwrap_or(0)))
     };
     if json {
-        let messages: serde_json::Map<_, _> = by_stream()
-            .map(|(stream, count)| (stream.name().into(), count.into()))
-            .collect();
+        let messages: serde_json::Map<_, _> =
+            by_stream().map(|(stream, count)| (stream.name().into(), count.into())).collect();
         let report = serde_json::json!({
             "file": output, "length_s": length_s, "messages": messages, "missed": lost,
             "dropped": counts.dropped, "without_controller_s": absent.as_seconds(),
@@ -290,11 +267,7 @@ fn print_outcome(
         counts.dropped
     );
     for (stream, count) in by_stream() {
-        println!(
-            "  {:<24} {count:>9}  {:>7.1} Hz",
-            stream.name(),
-            counts.rate_hz(stream)
-        );
+        println!("  {:<24} {count:>9}  {:>7.1} Hz", stream.name(), counts.rate_hz(stream));
     }
     if absent > Nanos::ZERO {
         println!("  there was no controller for {:.1} s", absent.as_seconds());

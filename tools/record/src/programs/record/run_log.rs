@@ -15,11 +15,7 @@ fn select(text: &str, boot_id: u64) -> Option<Vec<u8>> {
     let run = format!("{boot_id:016x}");
     let is_of_run =
         |line: &&str| serde_json::from_str(line).is_ok_and(|entry: Value| entry["run"] == *run);
-    let lines: String = text
-        .lines()
-        .filter(is_of_run)
-        .map(|line| format!("{line}\n"))
-        .collect();
+    let lines: String = text.lines().filter(is_of_run).map(|line| format!("{line}\n")).collect();
     (!lines.is_empty()).then(|| lines.into_bytes())
 }
 

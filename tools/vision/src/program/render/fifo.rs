@@ -27,10 +27,7 @@ impl Fifos {
     pub fn make(paths: &[PathBuf]) -> Result<Self, Failure> {
         for path in paths {
             nix::unistd::mkfifo(path, Mode::S_IRUSR | Mode::S_IWUSR).map_err(|error| {
-                format!(
-                    "cannot make the FIFO {}: {error}; remove what is there",
-                    path.display()
-                )
+                format!("cannot make the FIFO {}: {error}; remove what is there", path.display())
             })?;
         }
         let (to, from) = sync_channel(1);
@@ -40,11 +37,7 @@ impl Fifos {
             Err(error) if error.kind() != ErrorKind::BrokenPipe => eprintln!("FIFOs: {error}"),
             _ => {}
         });
-        Ok(Self {
-            paths,
-            to: Some(to),
-            writer: Some(writer),
-        })
+        Ok(Self { paths, to: Some(to), writer: Some(writer) })
     }
 
     /// Where frames are handed over. The other end goes when a reader goes.
@@ -72,12 +65,7 @@ impl Drop for Fifos {
 
 /// Waits for a reader of every FIFO, then writes what comes. Ends when one of them goes.
 fn write(paths: &[PathBuf], from: &Receiver<FrameSet>) -> io::Result<()> {
-    let open = |path: &PathBuf| {
-        OpenOptions::new()
-            .write(true)
-            .open(path)
-            .map(BufWriter::new)
-    };
+    let open = |path: &PathBuf| OpenOptions::new().write(true).open(path).map(BufWriter::new);
     let mut to: Vec<BufWriter<File>> = paths.iter().map(open).collect::<io::Result<_>>()?;
     let mut begun = false;
     for (stamp, images) in from {
@@ -90,12 +78,7 @@ fn write(paths: &[PathBuf], from: &Receiver<FrameSet>) -> io::Result<()> {
                     image.height()
                 )?;
             }
-            writeln!(
-                to,
-                "FRAME XT={}.{:09}",
-                stamp.0 / 1_000_000_000,
-                stamp.0 % 1_000_000_000
-            )?;
+            writeln!(to, "FRAME XT={}.{:09}", stamp.0 / 1_000_000_000, stamp.0 % 1_000_000_000)?;
             to.write_all(image.data())?;
             to.flush()?;
         }

@@ -33,19 +33,15 @@ pub fn run(
     let (mut number, mut dropped) = (0_u64, 0_u64);
     while !interrupt.came() {
         server.maintain(clock::now());
-        let Some(seen) = server
-            .poll_external()
-            .filter(|seen| seen.flags & ExternalPosition::VALID != 0)
+        let Some(seen) =
+            server.poll_external().filter(|seen| seen.flags & ExternalPosition::VALID != 0)
         else {
             clock::sleep(POLL);
             continue;
         };
         let Some(feed) = fifos.sender() else { break };
         number += 1;
-        let pose = JointPose {
-            pitch_rad: seen.position[0],
-            yaw_rad: seen.position[1],
-        };
+        let pose = JointPose { pitch_rad: seen.position[0], yaw_rad: seen.position[1] };
         match feed.try_send((Nanos(seen.stamp_ns), rig.render_views(pose, number))) {
             Ok(()) => {}
             // The reader is slow, or has not come yet: a camera drops frames then, too. Both

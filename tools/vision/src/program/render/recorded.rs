@@ -43,11 +43,7 @@ pub fn files(arguments: &Arguments, rig: &Rig, poses: &Poses) -> Result<(), Fail
         drawn += 1;
     }
     let path = write_setup(arguments, rig)?;
-    println!(
-        "{drawn} poses drawn for {} views; wrote {}",
-        rig.cameras.len(),
-        path.display()
-    );
+    println!("{drawn} poses drawn for {} views; wrote {}", rig.cameras.len(), path.display());
     Ok(())
 }
 
@@ -60,18 +56,14 @@ pub fn stream(
 ) -> Result<(), Failure> {
     let path = write_setup(arguments, rig)?;
     let fifos = Fifos::make(&[fifo(arguments, 0), fifo(arguments, 1)])?;
-    println!(
-        "wrote {}; drawing for who reads view0 and view1 beside it",
-        path.display()
-    );
+    println!("wrote {}; drawing for who reads view0 and view1 beside it", path.display());
     let mut drawn = 0_u64;
     for (number, (stamp, pose)) in poses.iter().enumerate().step_by(arguments.every as usize) {
         if interrupt.came() {
             return Err("interrupted".into());
         }
-        let handed = fifos
-            .sender()
-            .map(|to| to.send((*stamp, rig.render_views(*pose, number as u64))));
+        let handed =
+            fifos.sender().map(|to| to.send((*stamp, rig.render_views(*pose, number as u64))));
         if !matches!(handed, Some(Ok(()))) {
             return Err(format!("the reader went away after {drawn} poses").into());
         }
@@ -90,16 +82,9 @@ fn draw(
     pose: JointPose,
     number: u64,
 ) -> Result<(), Failure> {
-    let name = format!(
-        "frame_t{}.{:09}.png",
-        stamp.0 / 1_000_000_000,
-        stamp.0 % 1_000_000_000
-    );
+    let name = format!("frame_t{}.{:09}.png", stamp.0 / 1_000_000_000, stamp.0 % 1_000_000_000);
     for (view, image) in rig.render_views(pose, number).iter().enumerate() {
-        save_grey(
-            &arguments.output.join(format!("{kind}{view}")).join(&name),
-            image,
-        )?;
+        save_grey(&arguments.output.join(format!("{kind}{view}")).join(&name), image)?;
     }
     Ok(())
 }

@@ -164,17 +164,12 @@ impl Bench {
 
         let motion = subject.motion(STEADY_S, 1);
         let mut with = subject.pair(&[], true)?;
-        let steady = [
-            subject.pair(&[], false)?.follow(&motion)?.errors,
-            with.follow(&motion)?.errors,
-        ];
+        let steady =
+            [subject.pair(&[], false)?.follow(&motion)?.errors, with.follow(&motion)?.errors];
         taken_back += with.taken_back();
         let slipped = [false, true].map(|is_adapted| {
             let mut pair = subject.pair(&[], is_adapted)?;
-            pair.robot.age(Change {
-                start_s: SLIP_S,
-                ..slip()
-            });
+            pair.robot.age(Change { start_s: SLIP_S, ..slip() });
             let run = pair.follow(&motion)?;
             Ok::<_, String>((run.errors, pair.taken_back()))
         });
@@ -191,11 +186,7 @@ impl Bench {
             steady: [rms(&steady[0]), rms(&steady[1])],
             slipped: [rms(&not_adapted[last..]), rms(&adapted[last..])],
             slip_back_s: time_back(&adapted[after..], &steady[1][after..], SLIP_LEFT_DEG),
-            drift: if hours > 0.0 {
-                Some(subject.drift(hours)?)
-            } else {
-                None
-            },
+            drift: if hours > 0.0 { Some(subject.drift(hours)?) } else { None },
             steps,
             taken_back,
         })
@@ -213,10 +204,7 @@ impl Bench {
             pair.follow(&motion)
         };
         let mut runs = parallel::map(2, |number| run(number == 1)).into_iter();
-        let mut next = || {
-            runs.next()
-                .unwrap_or_else(|| Err("there is no run".to_owned()))
-        };
+        let mut next = || runs.next().unwrap_or_else(|| Err("there is no run".to_owned()));
         Ok([next()?, next()?])
     }
 
@@ -231,14 +219,9 @@ impl Bench {
     }
 
     fn record(&self, snake: DrawnSnake, changes: &[Change]) -> Result<Recording, String> {
-        let plan = RecordingPlan {
-            seed: self.plan.seed + snake.seed,
-            ..self.plan
-        };
+        let plan = RecordingPlan { seed: self.plan.seed + snake.seed, ..self.plan };
         let age = if changes.is_empty() { "new" } else { "worn" };
-        let file = self
-            .folder
-            .join(format!("{}-{}-{age}.csv", snake.physics, snake.seed));
+        let file = self.folder.join(format!("{}-{}-{age}.csv", snake.physics, snake.seed));
         plan.record(&mut robot(snake, changes), &file)
             .map_err(|error| format!("cannot record: {error}"))?;
         let (recording, _) = Recording::read(&file, &ColumnMap::default())
@@ -247,15 +230,10 @@ impl Bench {
     }
 
     fn fit(&self, recording: &Recording, choice: Choice) -> Result<Arc<Model>, String> {
-        let options = FitOptions {
-            robot_id: self.config.robot_id.clone(),
-            choice,
-            ..FitOptions::default()
-        };
+        let options =
+            FitOptions { robot_id: self.config.robot_id.clone(), choice, ..FitOptions::default() };
         let outcome = fit(recording, &options, &Silent);
-        outcome
-            .map(|outcome| outcome.model)
-            .map_err(|error| format!("cannot fit: {error}"))
+        outcome.map(|outcome| outcome.model).map_err(|error| format!("cannot fit: {error}"))
     }
 }
 
@@ -294,11 +272,7 @@ impl Subject<'_> {
         if is_adapted {
             controller.watch(&self.bench.camera, self.snake.seed + 77);
         }
-        Ok(Pair {
-            robot,
-            controller,
-            goal: [0.0; 2],
-        })
+        Ok(Pair { robot, controller, goal: [0.0; 2] })
     }
 
     /// Short motions, hours apart in all.
@@ -337,10 +311,7 @@ impl Pair {
         let first = path.first().copied().unwrap_or_default();
         approach(pilot, robot, self.goal, first)?;
         let length_s = path.len().saturating_sub(1) as f64 / crate::demo::unseen_motion::RATE_HZ;
-        let mut run = Run {
-            errors: Vec::new(),
-            reports: Vec::new(),
-        };
+        let mut run = Run { errors: Vec::new(), reports: Vec::new() };
         for tick in 0..ticks(length_s) {
             self.goal = at(path, tick as f64 * TICK_S);
             pilot.follow(robot, self.goal)?;
@@ -360,10 +331,7 @@ impl Pair {
         let mut targets = Vec::new();
         while targets.len() < TARGETS {
             let (sin, cos) = random.random_range(0.0..std::f64::consts::TAU).sin_cos();
-            let next = [
-                self.goal[0] + TARGET_STEP_DEG * cos,
-                self.goal[1] + TARGET_STEP_DEG * sin,
-            ];
+            let next = [self.goal[0] + TARGET_STEP_DEG * cos, self.goal[1] + TARGET_STEP_DEG * sin];
             if next[0].hypot(next[1]) > TARGET_RANGE_DEG {
                 continue;
             }

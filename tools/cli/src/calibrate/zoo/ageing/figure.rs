@@ -18,11 +18,7 @@ pub fn figure(snake: DrawnSnake, [without, with]: &[Run; 2]) -> Figure {
         let windows = windows(&run.errors, WINDOW_S);
         let time = |index: usize| (index as f64 + 0.5) * WINDOW_S / 60.0;
         let points = windows.iter().enumerate();
-        Line::new(
-            points.map(|(index, rms)| [time(index), *rms]).collect(),
-            stroke,
-        )
-        .label(label)
+        Line::new(points.map(|(index, rms)| [time(index), *rms]).collect(), stroke).label(label)
     };
     let errors = Panel::new(
         format!("{snake}: error of the tip, RMS over {WINDOW_S} s"),
@@ -63,12 +59,7 @@ pub fn figure(snake: DrawnSnake, [without, with]: &[Run; 2]) -> Figure {
 
 /// The error of the last minute.
 pub fn summary([without, with]: &[Run; 2]) -> String {
-    let last = |run: &Run| {
-        windows(&run.errors, 60.0)
-            .last()
-            .copied()
-            .unwrap_or(f64::NAN)
-    };
+    let last = |run: &Run| windows(&run.errors, 60.0).last().copied().unwrap_or(f64::NAN);
     format!(
         "error of the tip in the last minute: {:.3} deg without adaptation, {:.3} deg with it",
         last(without),

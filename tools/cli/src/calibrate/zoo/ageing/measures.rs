@@ -26,13 +26,9 @@ pub fn windows(errors: &[[f64; 2]], seconds: f64) -> Vec<f64> {
 /// deg above them for three windows in a row. `None`: not at all.
 pub fn time_back(errors: &[[f64; 2]], before: &[[f64; 2]], within: f64) -> Option<f64> {
     const WINDOW_S: f64 = 1.0;
-    let pairs = windows(errors, WINDOW_S)
-        .into_iter()
-        .zip(windows(before, WINDOW_S));
+    let pairs = windows(errors, WINDOW_S).into_iter().zip(windows(before, WINDOW_S));
     let good: Vec<bool> = pairs.map(|(now, then)| now <= then + within).collect();
-    let first = good
-        .windows(3)
-        .position(|three| three.iter().all(|good| *good))?;
+    let first = good.windows(3).position(|three| three.iter().all(|good| *good))?;
     Some(first as f64 * WINDOW_S)
 }
 

@@ -50,10 +50,7 @@ pub struct AgeingArguments {
 }
 
 fn hours(text: &str) -> Result<f64, String> {
-    let hours = text
-        .parse()
-        .ok()
-        .filter(|hours| (0.0..=100.0).contains(hours));
+    let hours = text.parse().ok().filter(|hours| (0.0..=100.0).contains(hours));
     hours.ok_or_else(|| "must be a number of hours, 0 to 100".to_owned())
 }
 
@@ -74,11 +71,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let judged: Vec<Result<Judgement, String>> = parallel::map(snakes.len(), |index| {
         let snake = snakes[index];
         let is_first = snake.seed == arguments.first_seed;
-        let hours = if is_first {
-            arguments.ageing.drift_hours
-        } else {
-            0.0
-        };
+        let hours = if is_first { arguments.ageing.drift_hours } else { 0.0 };
         let judged = bench.judge(snake, hours);
         report(snake, &judged);
         judged

@@ -17,9 +17,7 @@ fn spread(values: impl Iterator<Item = f64>) -> [f64; 2] {
 /// One line for a snake.
 pub fn line(judged: &Judgement) -> String {
     let worn = &judged.worn;
-    let back = judged
-        .slip_back_s
-        .map_or("not back".to_owned(), |s| format!("back in {s:.0} s"));
+    let back = judged.slip_back_s.map_or("not back".to_owned(), |s| format!("back in {s:.0} s"));
     let mut text = format!(
         "{}:{} {}: worn {:.3} -> {:.3} (fresh {:.3}); steady {:.3} -> {:.3}; slipped {:.3} -> \
          {:.3}, {back}; reached {:.0} % -> {:.0} %",
@@ -98,10 +96,7 @@ fn row(text: &mut String, name: &str, of: &[&Judgement]) {
     };
     let mut drifts = of.iter().filter_map(|it| it.drift.as_ref());
     let drift = drifts.next().map_or(String::new(), |drift| {
-        format!(
-            "{:.3} {:.3} -> {:.3}",
-            drift.first, drift.not_adapted, drift.adapted
-        )
+        format!("{:.3} {:.3} -> {:.3}", drift.first, drift.not_adapted, drift.adapted)
     });
     let _ = writeln!(
         text,

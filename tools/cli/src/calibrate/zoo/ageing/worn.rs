@@ -5,11 +5,8 @@ use std::f64::consts::TAU;
 use i2ris_emulator::ageing::{Change, Course, Parameter};
 
 /// Growth of gaps and friction, loss of preload, of a snake that has been used.
-const WORN: [(Parameter, f64); 3] = [
-    (Parameter::Gap, 0.4),
-    (Parameter::Preload, -0.3),
-    (Parameter::Friction, 0.25),
-];
+const WORN: [(Parameter, f64); 3] =
+    [(Parameter::Gap, 0.4), (Parameter::Preload, -0.3), (Parameter::Friction, 0.25)];
 
 /// The direction in which the zero slips and drifts: neither axis, and no motor.
 const DIRECTION: [f64; 2] = [0.83, -0.55];
@@ -51,12 +48,6 @@ pub fn drifting(hours: f64) -> Vec<Change> {
         change(Parameter::Zero, 0.5, slow(2.0 * hour)),
         change(Parameter::Zero, 0.3, Course::RandomWalk { over_s: hour }),
         change(Parameter::Gain, 0.03, slow(TAU * hour)),
-        change(
-            Parameter::Gap,
-            0.2,
-            Course::Ramp {
-                over_s: hours * hour,
-            },
-        ),
+        change(Parameter::Gap, 0.2, Course::Ramp { over_s: hours * hour }),
     ]
 }
