@@ -1,5 +1,33 @@
 //! Teleoperation controller for I2RIS, a snake robot of 0.9 mm that works inside the human eye.
 //!
+//! A whole client; `i2ris start` and `i2ris calibrate` give it an emulated robot to command:
+//!
+//! ```no_run
+//! use i2ris::ipc::client::{Client, Latest};
+//! use i2ris::ipc::Domain;
+//! use i2ris::robot::{OperatingState, StateCommand};
+//! use i2ris::units::Nanos;
+//! use std::{error::Error, thread, time::Duration};
+//!
+//! fn main() -> Result<(), Box<dyn Error>> {
+//!     let mut client = Client::connect(&Domain::new("i2ris")?, Nanos::from_millis(1000))?;
+//!     client.state_command(StateCommand::Enable)?;
+//!     let enabled = OperatingState::Enabled.number();
+//!     client.wait_for(Nanos::from_millis(5000), |message| message.state == enabled)?;
+//!     let mut measured = Latest::new(client.watcher().measured_js());
+//!     let mut commander = client.commander();
+//!     for step in 0..2000 {
+//!         let pitch_rad = 0.1 * (0.01 * f64::from(step)).sin();
+//!         commander.servo_jp(&[pitch_rad, 0.0])?;
+//!         if let Some(joints) = measured.refresh()? {
+//!             println!("pitch {:.2} deg", joints.position[0].to_degrees());
+//!         }
+//!         thread::sleep(Duration::from_millis(5)); // silence for 50 ms, and the snake holds
+//!     }
+//!     Ok(())
+//! }
+//! ```
+//!
 //! Two small motors pull wires that bend the snake in pitch and yaw. Backlash, friction and slack
 //! lie between motor and tip, so the angle depends on the history of the counts. This crate turns
 //! desired angles into encoder counts by inverting a Gaussian mixture regression, streams them to
@@ -22,24 +50,23 @@
 //!
 //! # Map
 //!
-//! Imports point one way: `units, robot <- config, model <- drive <- core <- process`, and
-//! `units, robot <- ipc <- process, watchdog`.
+//! Imports point up in this table: a module imports what its row names, and a test compares.
 //!
-//! | module | holds |
-//! |---|---|
-//! | [`units`] | counts, nanoseconds, sizes of the robot |
-//! | [`robot`] | the vocabulary: operating states, state commands, refusals, faults |
-//! | [`config`] | the configuration file |
-//! | [`model`] | forward model and inverse, model files |
-//! | [`drive`] | maxon drives: serial frames, objects, CiA 402, one thread per serial port |
-//! | [`core`] | the control cycle: a pure function of time and inputs, with its states and limits |
-//! | [`ipc`] | payloads and services in shared memory, the client library |
-//! | [`process`] | the controller process around the core: threads, channels, black box, run log |
-//! | [`watchdog`] | the second process, which stops the drives when the controller dies or hangs |
-//! | [`realtime`] | real-time scheduling, the tick grid, statistics of the loop |
-//! | [`clock`], [`wall_clock`] | the monotonic clock; the wall clock, for file names only |
-//! | [`service_manager`] | readiness and life signs for systemd |
-//! | [`file_permissions`] | reads files that nobody else may have written |
+//! | module | holds | imports |
+//! |---|---|---|
+//! | [`units`] | counts, nanoseconds, sizes of the robot | |
+//! | [`robot`] | the vocabulary: operating states, state commands, refusals, faults | `units` |
+//! | [`clock`], [`wall_clock`] | the monotonic clock; the wall clock, for file names only | `units` |
+//! | [`file_permissions`] | reads files that nobody else may have written | |
+//! | [`service_manager`] | readiness and life signs for systemd | |
+//! | [`realtime`] | real-time scheduling, the tick grid | `units`, `clock` |
+//! | [`model`] | forward model and inverse, model files | `units`, `robot`, `file_permissions` |
+//! | [`config`] | the configuration file | `units`, `file_permissions`, `model` |
+//! | [`drive`] | maxon drives: serial frames, objects, CiA 402, one thread per serial port | `units`, `robot`, `clock`, `config` |
+//! | [`core`] | the control cycle: a pure function of time and inputs, with its states and limits | `units`, `robot`, `config`, `model`, `drive` |
+//! | [`ipc`] | payloads and services in shared memory, the client library | `units`, `robot`, `clock` |
+//! | [`process`] | the controller process around the core: threads, channels, black box, run log | all but `watchdog` |
+//! | [`watchdog`] | the second process, which stops the drives when the controller dies or hangs | `units`, `clock`, `service_manager`, `config`, `drive`, `ipc` |
 //!
 //! # From a command to the wire, and a position back
 //!
@@ -53,15 +80,15 @@
 //!                       | channels.rs: newest value      ^ channels.rs: one report per tick
 //! ==================================================================== real time
 //! control loop      process/control_loop.rs: waits for the tick, reads, steps, writes
-//!                   core/cycle.rs:
+//!                   core/cycle/mod.rs:
 //!                     adaptation/     drift of the calibration, by the camera
 //!                     states/         drive status, faults, state transitions
 //!                     command/        admission: lease, deadline, range; goal extrapolation
 //!                     motion/         tremor filter, joint limits, backlash dead-band
-//!                     model_slots/ -> model/inverse.rs: angles to counts
+//!                     model_slots/ -> model/prepared.rs: angles to counts
 //!                     motion/         velocity and jerk limits, rounding to counts
 //!                       | one request per axis           ^ one feedback per axis
-//! port thread       drive/runner.rs: newest setpoint, then position, then status
+//! port thread       drive/port_runner.rs: newest setpoint, then position, then status
 //!                   drive/serial_frame.rs, command sets of EPOS4 and EPOS2
 //!                       | serial line                    ^
 //! drive             EPOS4 or EPOS2, motor, encoder, gear, wires, snake
@@ -103,6 +130,7 @@
 //! - **black box, replay**: the last seconds of every tick in a file; running them again, compared
 //!   to the bit.
 //! - **run log**: one line of JSON per change of state, fault and run.
+#![warn(missing_docs)]
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 // Only for `.ci/realtime`, with a nightly compiler.
 #![cfg_attr(realtime_sanitizer, feature(sanitize))]

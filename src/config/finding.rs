@@ -1,7 +1,6 @@
 //! What is wrong with a configuration.
 
 use std::fmt::{self, Display};
-use std::ops::RangeInclusive;
 
 /// A key whose value is refused.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -36,27 +35,6 @@ impl Findings {
             let (key, value, reason) = (key.into(), value.to_string(), reason.into());
             self.0.push(Finding { key, value, reason });
         }
-    }
-
-    pub(super) fn within<T: PartialOrd + Display>(
-        &mut self,
-        key: impl Into<String>,
-        value: T,
-        range: RangeInclusive<T>,
-    ) {
-        let reason = format!("must be {} to {}", range.start(), range.end());
-        self.require(range.contains(&value), key, value, reason);
-    }
-
-    /// Above 0, up to a limit. TOML has `nan` and `inf`, and serde accepts them.
-    pub(super) fn above_zero<T: PartialOrd + Default + Display>(
-        &mut self,
-        key: impl Into<String>,
-        value: T,
-        limit: T,
-    ) {
-        let reason = format!("must be above 0 and at most {limit}");
-        self.require(value > T::default() && value <= limit, key, value, reason);
     }
 
     pub(super) fn into_list(self) -> Vec<Finding> {

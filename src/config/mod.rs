@@ -8,9 +8,12 @@
 //! | `sections` | tables of the process, of commands and of motion |
 //! | `ports` | serial ports, and the axes behind them |
 //! | `virtual_fixtures` | forbidden regions, and what makes one |
-//! | `validation` | ranges, and what must fit together |
+//! | `bounds` | the range of every key with a number |
+//! | `validation` | what must fit together |
+//! | `finding` | what is wrong with a value |
 //! | `key_hint` | help for a key that does not exist |
 
+mod bounds;
 mod finding;
 mod key_hint;
 mod ports;

@@ -22,7 +22,7 @@ pub struct PortConfig {
     /// The framing of bytes on the line.
     #[serde(default)]
     pub framing: Framing,
-    /// Timeout for a reply, in milliseconds, 3 to 1000. Behind a gateway: longer than the gateway's
+    /// Timeout for a reply, in milliseconds. Behind a gateway: longer than the gateway's
     /// own timeout for a node.
     #[serde(default = "default_reply_timeout_ms")]
     pub reply_timeout_ms: u64,
@@ -68,9 +68,9 @@ impl PortConfig {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Polling {
-    /// Rounds between two reads of the statusword, 1 to 1000.
+    /// Rounds between two reads of the statusword.
     pub status_every_rounds: u32,
-    /// Rounds between two reads of the error code, and of the current, 20 to 10000.
+    /// Rounds between two reads of the error code, and of the current.
     pub slow_every_rounds: u32,
 }
 
@@ -157,7 +157,7 @@ pub struct AxisConfig {
     /// How setpoints act in the drive.
     #[serde(default)]
     pub streaming: Streaming,
-    /// CAN node id of the drive, 0 to 127; 0 is the drive that the port belongs to.
+    /// CAN node id of the drive; 0 is the drive that the port belongs to.
     pub node_id: u8,
     /// Serial number of the drive (object 0x1018:04), so that swapped cables are refused: decimal,
     /// hexadecimal (0x...), or the number of 64 bits on the label, of which the lower half counts.

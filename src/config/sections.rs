@@ -11,7 +11,7 @@ use crate::units::Nanos;
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ControlConfig {
-    /// Ticks per second, 100 to 4000.
+    /// Ticks per second.
     pub rate_hz: u32,
     /// The loop wakes this long before each tick and spins until the tick, in microseconds, 0 to
     /// 500. 0: sleeps until the tick.
@@ -21,7 +21,7 @@ pub struct ControlConfig {
     /// per tick are the same, but the time from one tick to the next varies by up to 0.9 periods,
     /// and so does the reported velocity of set-points.
     pub follow_lines: bool,
-    /// SCHED_FIFO priority of the loop, 1 to 98; 0 keeps normal scheduling. Port threads get 10
+    /// SCHED_FIFO priority of the loop; 0 keeps normal scheduling. Port threads get 10
     /// less, the thread that reads commands 20 less, both at least 1.
     pub priority: u8,
     /// The processor to pin the loop to. Absent: not pinned.
@@ -80,7 +80,7 @@ impl Default for IpcConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct CommandConfig {
     /// Age at which a servo command that names no deadline is stale and the robot stops, in
-    /// milliseconds, 2 to 1000.
+    /// milliseconds.
     pub deadline_ms: u64,
     /// Silence after which the lease of a commander is free for others, in milliseconds.
     pub lease_timeout_ms: u64,
@@ -89,7 +89,7 @@ pub struct CommandConfig {
     pub max_step_deg: f64,
     /// The same for commands in counts.
     pub max_step_counts: i32,
-    /// Motion of the snake per motion of the master, 0.01 to 1. With a value other than 1, a stream
+    /// Motion of the snake per motion of the master. With a value other than 1, a stream
     /// of commands is relative to its first one, as after the clutch; see `i2ris::core`.
     pub motion_scale: f64,
     /// Cut-off of the low-pass against hand tremor, Hz; 0: none. It delays by 1 / (2 pi f): 53 ms
@@ -185,15 +185,15 @@ impl LimitConfig {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct CompensationConfig {
-    /// Share of backlash and friction that is compensated, 0 to 1. Too much moves the tip at a
+    /// Share of backlash and friction that is compensated. Too much moves the tip at a
     /// reversal, too little delays it.
     pub factor: f64,
     /// A goal that reverses by less than twice this is held, so that tremor does not drive the
-    /// motors across the backlash, in degrees, 0 to 2.
+    /// motors across the backlash, in degrees.
     pub reversal_dead_band_deg: f64,
-    /// Time constant of the low-pass on the residual of the model, in milliseconds, 0 to 1000.
+    /// Time constant of the low-pass on the residual of the model, in milliseconds.
     pub residual_filter_ms: f64,
-    /// Changes of the residual below this are not followed, in degrees, 0 to 1.
+    /// Changes of the residual below this are not followed, in degrees.
     pub residual_dead_band_deg: f64,
 }
 
@@ -217,7 +217,7 @@ pub struct ConditioningConfig {
     /// model needs and the position limits have priority. Absent: the calibrated hull of the model;
     /// 500 without a model.
     pub half_width_counts: Option<i32>,
-    /// Turns, the first with full amplitude, the others decaying, 1 to 20.
+    /// Turns, the first with full amplitude, the others decaying.
     pub turns: u32,
     /// Velocity of the faster motor, counts per second; `limits.velocity_counts_s` at most.
     pub velocity_counts_s: f64,
@@ -234,7 +234,7 @@ impl Default for ConditioningConfig {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelSwapConfig {
-    /// Time in which the motors go to the setpoints of the new model, in milliseconds, 0 to 10000.
+    /// Time in which the motors go to the setpoints of the new model, in milliseconds.
     /// 0: as fast as the limits allow.
     pub blend_ms: u64,
 }
@@ -330,27 +330,27 @@ impl Default for PlausibilityConfig {
 pub struct AdaptationConfig {
     /// Follow the drift of the calibration by the camera.
     pub enabled: bool,
-    /// Budget of the zero of every angle, in degrees, above 0 to 10.
+    /// Budget of the zero of every angle, in degrees.
     pub zero_budget_deg: f64,
-    /// Budget of every entry of the gain matrix, as a share of the calibrated gain, above 0 to 0.4.
+    /// Budget of every entry of the gain matrix, as a share of the calibrated gain.
     pub gain_budget: f64,
-    /// Budget of the growth of the gap of every motor, as a share of the calibrated gap, above 0 to
-    /// 1.5. A gap may shrink by half of it.
+    /// Budget of the growth of the gap of every motor, as a share of the calibrated gap. A
+    /// gap may shrink by half of it.
     pub gap_budget: f64,
-    /// Budget of the latency of the camera beyond its stamps, in milliseconds, above 0 to 200.
+    /// Budget of the latency of the camera beyond its stamps, in milliseconds.
     pub latency_budget_ms: f64,
     /// Budget of all together: how far the correction may move the tip anywhere in the calibrated
-    /// hull, in degrees, above 0. Less than `plausibility.distance_deg`.
+    /// hull, in degrees. Less than `plausibility.distance_deg`.
     pub total_budget_deg: f64,
-    /// Fastest motion of the tip by the correction while a goal moves, in degrees per second, above
-    /// 0 to 10. A goal at rest is never moved.
+    /// Fastest motion of the tip by the correction while a goal moves, in degrees per second. A
+    /// goal at rest is never moved.
     pub slew_deg_s: f64,
-    /// The largest step of the zero that is taken to be a slip, in degrees, 0 to 10. A larger one
+    /// The largest step of the zero that is taken to be a slip, in degrees. A larger one
     /// is taken to be a push from outside and not followed.
     pub largest_step_deg: f64,
-    /// Standard deviation of the angles of the camera, in degrees, above 0 to 5.
+    /// Standard deviation of the angles of the camera, in degrees.
     pub camera_deviation_deg: f64,
-    /// Frames with a quality below this are not used, 0 to 1. Cameras that give none are used.
+    /// Frames with a quality below this are not used. Cameras that give none are used.
     pub least_quality: f64,
 }
 
@@ -378,9 +378,9 @@ impl Default for AdaptationConfig {
 pub struct RecordConfig {
     /// Folder of black boxes and run log, relative to the folder of this file.
     pub folder: PathBuf,
-    /// Seconds that the black box holds, 10 to 120. A second takes 2 MB of memory at 1 kHz.
+    /// Seconds that the black box holds. A second takes 2 MB of memory at 1 kHz.
     pub seconds: u64,
-    /// Black boxes that are kept in the folder, 1 to 10000; the oldest are removed. One of 12 s
+    /// Black boxes that are kept in the folder; the oldest are removed. One of 12 s
     /// takes about 10 MB.
     pub files: usize,
 }

@@ -88,9 +88,6 @@ pub enum FixtureShape {
 const LARGEST: f64 = 360.0;
 
 pub(super) fn check(config: &VirtualFixtureConfig, findings: &mut Findings) {
-    findings.within("virtual_fixtures.slow_down_ms", config.slow_down_ms, 20..=5000);
-    findings.within("virtual_fixtures.margin_deg", config.margin_deg, 0.0..=20.0);
-    findings.within("virtual_fixtures.margin_mm", config.margin_mm, 0.0..=2.0);
     findings.require(
         config.regions.len() <= MAX_REGIONS,
         "virtual_fixtures.regions",

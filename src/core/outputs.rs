@@ -3,13 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 use crate::core::adaptation::AdaptationReport;
-use crate::core::command::refusal_record::{ClientRefusals, REFUSED_CLIENTS};
-use crate::core::event::CycleEvent;
+use crate::core::command::refusal_record::ClientRefusals;
+use crate::core::events::CycleEvent;
 use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::core::joint_space::position_history::HistoryCursor;
 use crate::drive::{AxisFeedback, AxisRequest};
 use crate::model::ModelId;
-use crate::robot::{Excess, Fault, OperatingState, Refusal};
+use crate::robot::{Fault, Measurement, OperatingState, REFUSED_CLIENTS, Refusal};
 use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 
 /// Outputs of one tick.
@@ -39,7 +39,7 @@ pub struct StateReply {
     /// State after the command.
     pub state: OperatingState,
     /// What was measured when it was refused, where it is known.
-    pub excess: Option<Excess>,
+    pub measurement: Option<Measurement>,
 }
 
 /// Reply to a [`ModelSwapRequest`](super::inputs::ModelSwapRequest).

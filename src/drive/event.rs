@@ -2,10 +2,10 @@
 
 use std::fmt;
 
+use crate::robot::AxisPhase;
 use crate::units::{Counts, Nanos};
 
 use super::abort_code::AbortCode;
-use super::axis::interface::AxisPhase;
 use super::cia402::DriveState;
 use super::drive_fault::DriveFault;
 use super::error::{AxisError, LinkError};

@@ -20,6 +20,7 @@
 //! | `inspect` | reading the state of drives without changing it |
 //! | `axis` | one axis as a state machine without I/O |
 //! | `port_runner` | the thread that owns a serial port |
+//! | `request_watchdog` | notices a control loop that sends no requests |
 //! | `setpoint_slot` | when a port takes the next set-point |
 //! | `error`, `event` | errors and events |
 
@@ -43,6 +44,7 @@ pub mod link;
 pub mod object;
 pub mod port;
 pub mod port_runner;
+mod request_watchdog;
 mod saved_position;
 pub mod serial_frame;
 pub mod serial_frame_parser;
@@ -50,7 +52,8 @@ pub mod serial_transport;
 pub mod setpoint_slot;
 pub mod transport;
 
-pub use axis::interface::{AxisFeedback, AxisPhase, AxisRequest, Demand, WrittenTarget};
+pub use crate::robot::AxisPhase;
+pub use axis::interface::{AxisFeedback, AxisRequest, Demand, WrittenTarget};
 pub use bring_up::AxisIdentity;
 pub use error::DriveError;
 pub use event::{PortEvent, PortEventKind};

@@ -18,6 +18,7 @@ use super::family::ObjectMap;
 use super::family_selection::family_of_axis;
 use super::link::{DriveLink, LinkCounters, TimedReply};
 use super::object::{self, Setting};
+use super::request_watchdog::RequestWatchdog;
 use super::saved_position::{self, SavedPosition};
 use super::serial_transport::SerialTransport;
 use super::setpoint_slot::SetpointSlot;
@@ -96,28 +97,6 @@ struct AxisSlot {
 struct PositionCheck {
     saved: Option<Counts>,
     present: Counts,
-}
-
-/// Watches the sequence numbers of the requests.
-#[derive(Debug)]
-struct RequestWatchdog {
-    /// `None`: never expires.
-    timeout: Option<Nanos>,
-    sequence: u64,
-    /// When the newest request was first seen.
-    seen: Nanos,
-    reported: bool,
-}
-
-impl RequestWatchdog {
-    /// The time since the last new request, if it exceeds the timeout.
-    fn expired(&mut self, sequence: u64, now: Nanos) -> Option<Nanos> {
-        if sequence != self.sequence {
-            (self.sequence, self.seen, self.reported) = (sequence, now, false);
-        }
-        let silence = now - self.seen;
-        self.timeout.is_some_and(|timeout| silence >= timeout).then_some(silence)
-    }
 }
 
 impl AxisSlot {

@@ -75,7 +75,11 @@ pub struct HeartbeatReader {
 
 /// No controller serves the domain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ControllerAbsent;
+pub struct ControllerAbsent {
+    /// The last tick of a controller that ended since the last look: it may have switched its
+    /// drives off after that.
+    pub last: Option<Heartbeat>,
+}
 
 impl HeartbeatReader {
     /// A reader of this domain. The controller may start later.
@@ -91,16 +95,14 @@ impl HeartbeatReader {
     /// [`ControllerAbsent`] when no controller serves the domain.
     pub fn read(&mut self) -> Result<Option<Heartbeat>, ControllerAbsent> {
         let Some(Ready { boot_id, .. }) = Ready::read(&self.domain) else {
-            self.mapped = None;
-            return Err(ControllerAbsent);
+            let last = self.mapped.take().and_then(|(boot_id, word)| word.heartbeat(boot_id));
+            return Err(ControllerAbsent { last });
         };
         if self.mapped.as_ref().is_none_or(|(mapped, _)| *mapped != boot_id) {
             let word = MappedWord::open(&self.domain.file(FILE)).ok();
             self.mapped = word.map(|word| (boot_id, word));
         }
-        let word = self.mapped.as_ref().map_or(0, |(_, word)| word.get().load(Ordering::Acquire));
-        let (stamp, off) = (Nanos(word >> 1), word & 1 == 1);
-        Ok((word != 0).then_some(Heartbeat { boot_id, stamp, off }))
+        Ok(self.mapped.as_ref().and_then(|(_, word)| word.heartbeat(boot_id)))
     }
 }
 
@@ -132,6 +134,13 @@ impl MappedWord {
         // SAFETY: mapped until drop, aligned to a page, and every bit pattern is a value.
         unsafe { self.0.as_ref() }
     }
+
+    /// `None` before the first tick.
+    fn heartbeat(&self, boot_id: u64) -> Option<Heartbeat> {
+        let word = self.get().load(Ordering::Acquire);
+        let (stamp, off) = (Nanos(word >> 1), word & 1 == 1);
+        (word != 0).then_some(Heartbeat { boot_id, stamp, off })
+    }
 }
 
 impl Drop for MappedWord {
@@ -149,20 +158,24 @@ mod tests {
     fn the_heartbeat_is_read_from_the_first_tick_to_the_end_of_every_start() {
         let domain = Domain::new(&format!("pulse-{}", std::process::id())).unwrap();
         let mut reader = HeartbeatReader::new(&domain);
-        assert_eq!(reader.read(), Err(ControllerAbsent));
+        assert_eq!(reader.read(), Err(ControllerAbsent { last: None }));
         for stamp in [5, 3].map(Nanos) {
             let lock = DomainLock::acquire(&domain).unwrap();
             Ready::announce(&lock).unwrap();
             assert_eq!(reader.read(), Ok(None));
             let writer = HeartbeatWriter::create(&lock).unwrap();
             assert_eq!(reader.read(), Ok(None));
+            let boot_id = lock.boot_id();
+            let heartbeat = |off| Heartbeat { boot_id, stamp, off };
             for off in [true, false] {
                 writer.write(stamp, off);
-                let boot_id = lock.boot_id();
-                assert_eq!(reader.read(), Ok(Some(Heartbeat { boot_id, stamp, off })));
+                assert_eq!(reader.read(), Ok(Some(heartbeat(off))));
             }
+            // The last tick before an orderly end, which nobody looked at in time.
+            writer.write(stamp, true);
             drop(lock);
-            assert_eq!(reader.read(), Err(ControllerAbsent));
+            assert_eq!(reader.read(), Err(ControllerAbsent { last: Some(heartbeat(true)) }));
+            assert_eq!(reader.read(), Err(ControllerAbsent { last: None }));
         }
     }
 }

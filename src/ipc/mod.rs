@@ -7,14 +7,14 @@
 //! | file | content |
 //! |---|---|
 //! | `payload` | the messages, field by field, with fixed layout |
-//! | `message` | properties that all messages share |
-//! | `drive_phase` | drive phases as numbers in messages |
 //! | `domain` | location of the shared memory of one controller |
 //! | `domain_lock` | exclusive possession of a domain, and its clean-up |
 //! | `ready` | announcement of the controller that serves a domain |
 //! | `heartbeat` | heartbeat of the control loop, for the watchdog |
 //! | `watchdog_presence` | whether a watchdog runs |
-//! | `service` | names and sizes of the services |
+//! | `streams` | the tables of all streams and requests |
+//! | `service` | creating and opening the services of iceoryx2 |
+//! | `random_id` | random numbers for boot and client ids |
 //! | `client_process` | process, user and program of a client |
 //! | `server` | the controller's side: all publishers, subscribers and request servers |
 //! | `client` | the public client library |
@@ -23,14 +23,13 @@ pub mod client;
 mod client_process;
 pub mod domain;
 pub mod domain_lock;
-pub mod drive_phase;
 pub mod heartbeat;
-mod message;
 pub mod payload;
 mod random_id;
 pub mod ready;
 pub mod server;
 mod service;
+mod streams;
 pub mod watchdog_presence;
 
 pub use crate::robot::{
@@ -39,8 +38,10 @@ pub use crate::robot::{
 pub use client_process::{ClientProcess, find_client_process};
 pub use domain::{Domain, DomainError};
 pub use domain_lock::DomainLock;
-pub use drive_phase::{phase_number, phase_text};
-pub use message::Message;
+pub use payload::{Message, Payload};
 pub use random_id::random_id;
 pub use server::{IpcError, Server};
 pub use service::TransportError;
+pub use streams::{
+    Direction, Reply, ReplySpeed, Request, RequestService, Stream, StreamMessage, StreamProperties,
+};

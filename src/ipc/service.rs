@@ -1,4 +1,4 @@
-//! The services: names and sizes. The controller creates them; clients open them.
+//! The services of iceoryx2. The controller creates them; clients open them.
 
 use std::fmt;
 
@@ -8,70 +8,13 @@ use iceoryx2::service::Service;
 use iceoryx2::service::port_factory::{publish_subscribe, request_response};
 
 use super::domain::Domain;
+use super::streams::{COMMANDERS, RequestService, Stream, WATCHERS};
 
-/// A publish-subscribe service.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Stream {
-    pub name: &'static str,
-    /// Maximum number of publishers.
-    pub publishers: usize,
-    /// Maximum number of subscribers.
-    pub subscribers: usize,
-    /// Number of messages that a late subscriber receives at once. For commands 0: an old command
-    /// must not be executed.
-    pub history: usize,
-}
-
-/// Clients that command, or try to.
-const COMMANDERS: usize = 8;
-/// Monitors, recorders, user interfaces.
-const WATCHERS: usize = 32;
 /// Unread messages of a subscriber before the oldest are overwritten: at 1 kHz an eighth of a
 /// second.
 pub(super) const BUFFER: usize = 128;
 /// Maximum number of processes.
 const NODES: usize = 48;
-
-/// A stream into the controller; recorders can subscribe, too.
-const fn command(name: &'static str) -> Stream {
-    Stream { name, publishers: COMMANDERS, subscribers: 4, history: 0 }
-}
-
-/// A stream out of the controller.
-const fn state(name: &'static str) -> Stream {
-    Stream { name, publishers: 1, subscribers: WATCHERS, history: 1 }
-}
-
-pub(super) const SERVO_JP: Stream = command("i2ris/servo_jp");
-pub(super) const SERVO_ACTUATORS: Stream = command("i2ris/actuators/servo_jp");
-pub(super) const MEASURED_JS: Stream = state("i2ris/measured_js");
-pub(super) const SETPOINT_JS: Stream = state("i2ris/setpoint_js");
-pub(super) const GOAL_JS: Stream = state("i2ris/goal_js");
-pub(super) const ACTUATORS: Stream = state("i2ris/actuators/measured_js");
-pub(super) const OPERATING_STATE: Stream = state("i2ris/operating_state");
-pub(super) const PERIOD_STATISTICS: Stream = state("i2ris/period_statistics");
-pub(super) const ADAPTATION: Stream = state("i2ris/adaptation");
-pub(super) const HEALTH: Stream = state("i2ris/health");
-pub(super) const EVENTS: Stream = Stream {
-    // A client that joins after a fault sees what led to it.
-    history: 16,
-    ..state("i2ris/events")
-};
-pub(super) const VIRTUAL_FIXTURES: Stream = state("i2ris/virtual_fixtures");
-/// The last faults; a client that joins later gets them, too.
-pub(super) const ERROR: Stream = Stream { history: 16, ..state("i2ris/error") };
-/// The last refusals, stops and clips.
-pub(super) const WARNING: Stream = Stream { history: 16, ..state("i2ris/warning") };
-pub(super) const EXTERNAL: Stream = Stream { publishers: 4, ..state("i2ris/external/measured_jp") };
-/// From the client that runs a task to those that show and record it.
-pub(super) const REACH_TARGET: Stream = Stream { publishers: 4, ..state("i2ris/reach_target") };
-
-pub(super) const STATE_COMMAND: &str = "i2ris/state_command";
-pub(super) const BLACK_BOX: &str = "i2ris/black_box";
-pub(super) const MODEL: &str = "i2ris/model";
-pub(super) const MOVE_JP: &str = "i2ris/move_jp";
-pub(super) const VIRTUAL_FIXTURE: &str = "i2ris/virtual_fixture";
-pub(super) const VERSION: &str = "i2ris/version";
 
 /// A call into iceoryx2 failed: the step, the service, and the reason that iceoryx2 gives.
 #[derive(Debug, Clone, thiserror::Error)]
@@ -106,68 +49,72 @@ fn service_name(name: &'static str) -> Result<ServiceName, TransportError> {
 
 impl Stream {
     /// The controller's side.
-    pub fn create<S: Service, T: ZeroCopySend + fmt::Debug>(
+    pub(super) fn create<S: Service, T: ZeroCopySend + fmt::Debug>(
         self,
         node: &Node<S>,
     ) -> Result<publish_subscribe::PortFactory<S, T, ()>, TransportError> {
-        node.service_builder(&service_name(self.name)?)
+        let properties = self.properties();
+        node.service_builder(&service_name(properties.service)?)
             .publish_subscribe::<T>()
-            .max_publishers(self.publishers)
-            .max_subscribers(self.subscribers)
+            .max_publishers(properties.publishers)
+            .max_subscribers(properties.subscribers)
             .max_nodes(NODES)
             .subscriber_max_buffer_size(BUFFER)
             // A garbage-collected language may still hold the last one or two messages.
             .subscriber_max_borrowed_samples(4)
-            .history_size(self.history)
+            .history_size(properties.history)
             .enable_safe_overflow(true)
             .create()
-            .map_err(failed("create", self.name))
+            .map_err(failed("create", properties.service))
     }
 
     /// A client's side: accepts the sizes that the controller chose.
-    pub fn open<S: Service, T: ZeroCopySend + fmt::Debug>(
+    pub(super) fn open<S: Service, T: ZeroCopySend + fmt::Debug>(
         self,
         node: &Node<S>,
     ) -> Result<publish_subscribe::PortFactory<S, T, ()>, TransportError> {
-        node.service_builder(&service_name(self.name)?)
+        let service = self.properties().service;
+        node.service_builder(&service_name(service)?)
             .publish_subscribe::<T>()
             .open()
-            .map_err(failed("open", self.name))
+            .map_err(failed("open", service))
     }
 }
 
-/// The controller's side of a request.
-pub(super) fn create_request<S, Q, R>(
-    node: &Node<S>,
-    name: &'static str,
-) -> Result<request_response::PortFactory<S, Q, (), R, ()>, TransportError>
-where
-    S: Service,
-    Q: ZeroCopySend + fmt::Debug,
-    R: ZeroCopySend + fmt::Debug,
-{
-    node.service_builder(&service_name(name)?)
-        .request_response::<Q, R>()
-        .max_servers(1)
-        .max_clients(COMMANDERS + WATCHERS)
-        .max_nodes(NODES)
-        .max_active_requests_per_client(2)
-        .create()
-        .map_err(failed("create", name))
-}
+impl RequestService {
+    /// The controller's side.
+    pub(super) fn create<S, Q, R>(
+        self,
+        node: &Node<S>,
+    ) -> Result<request_response::PortFactory<S, Q, (), R, ()>, TransportError>
+    where
+        S: Service,
+        Q: ZeroCopySend + fmt::Debug,
+        R: ZeroCopySend + fmt::Debug,
+    {
+        node.service_builder(&service_name(self.service())?)
+            .request_response::<Q, R>()
+            .max_servers(1)
+            .max_clients(COMMANDERS + WATCHERS)
+            .max_nodes(NODES)
+            .max_active_requests_per_client(2)
+            .create()
+            .map_err(failed("create", self.service()))
+    }
 
-/// A client's side of a request.
-pub(super) fn open_request<S, Q, R>(
-    node: &Node<S>,
-    name: &'static str,
-) -> Result<request_response::PortFactory<S, Q, (), R, ()>, TransportError>
-where
-    S: Service,
-    Q: ZeroCopySend + fmt::Debug,
-    R: ZeroCopySend + fmt::Debug,
-{
-    node.service_builder(&service_name(name)?)
-        .request_response::<Q, R>()
-        .open()
-        .map_err(failed("open", name))
+    /// A client's side.
+    pub(super) fn open<S, Q, R>(
+        self,
+        node: &Node<S>,
+    ) -> Result<request_response::PortFactory<S, Q, (), R, ()>, TransportError>
+    where
+        S: Service,
+        Q: ZeroCopySend + fmt::Debug,
+        R: ZeroCopySend + fmt::Debug,
+    {
+        node.service_builder(&service_name(self.service())?)
+            .request_response::<Q, R>()
+            .open()
+            .map_err(failed("open", self.service()))
+    }
 }

@@ -38,12 +38,12 @@ mod prepared;
 mod schema_version;
 mod trial_path;
 
+pub use crate::robot::ModelId;
 pub use error::ModelError;
 pub use estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputMatrix, Query};
 pub use examination::Examination;
 pub use families::memory::Memory;
 pub use families::{direction, hysteresis, kinematic};
-pub use file::store::ModelId;
 pub use history::History;
 pub use maths::gaussian_mixture::MAX_COMPONENTS;
 pub use maths::hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};

@@ -19,12 +19,12 @@ use crate::model::families::kinematic::Kinematic;
 use crate::model::families::linear::Linear;
 use crate::model::families::memory::Memory;
 use crate::model::families::runtime::{Memoryless, Runtime};
-use crate::model::file::store::ModelId;
 use crate::model::file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile, check};
 use crate::model::history::History;
 use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::Hull;
 use crate::model::output_unit::OutputUnit;
+use crate::robot::ModelId;
 use crate::units::{MotorVec, OutputVec};
 
 /// A checked and prepared model. It is immutable and can be shared between threads.

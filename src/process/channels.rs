@@ -10,11 +10,9 @@ use triple_buffer::triple_buffer;
 
 use crate::core::{CycleEvent, CycleReport, ExternalPose, ServoCommand, StateReply, StateRequest};
 use crate::core::{ModelCandidate, ModelSwapReply, ModelSwapRequest};
-use crate::ipc::payload;
+use crate::ipc::{StreamMessage, payload};
 use crate::process::black_box::{RecorderChannels, RecorderRequest, WriteReply};
 use crate::realtime::TickTiming;
-use crate::robot::Reason;
-use crate::units::Nanos;
 
 /// Ticks that the IPC thread may lag before reports are dropped: a quarter of a second at 1 kHz.
 const REPORTS: usize = 256;
@@ -79,23 +77,7 @@ pub struct IpcChannels {
     pub replies: Consumer<StateReply>,
     pub reports: Consumer<TickReport>,
     /// Lines of the log and reasons, from the main thread.
-    pub log_entries: Receiver<LogEntry>,
-}
-
-/// What the main thread passes on to clients.
-#[derive(Debug, Clone)]
-pub enum LogEntry {
-    /// A line of the log with the time of its writing.
-    Line(Nanos, String),
-    /// Why the robot does not move as asked.
-    Reason {
-        /// When it happened.
-        stamp: Nanos,
-        /// The client that it concerns; 0: none.
-        client_id: u64,
-        /// The reason.
-        reason: Reason,
-    },
+    pub log_entries: Receiver<StreamMessage>,
 }
 
 /// The ends of the model manager.
@@ -110,7 +92,7 @@ pub struct ModelChannels {
 #[must_use]
 pub fn loop_channels(
     recorder: RecorderChannels,
-    log_entries: Receiver<LogEntry>,
+    log_entries: Receiver<StreamMessage>,
 ) -> (LoopChannels, IpcChannels, ModelChannels, Consumer<CycleEvent>) {
     let (servo_in, servo) = triple_buffer(&None);
     let (external_in, external) = triple_buffer(&None);

@@ -23,10 +23,10 @@ use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
 use crate::drive::port_runner::PortRunner;
 use crate::ipc::heartbeat::HeartbeatWriter;
-use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server};
+use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server, StreamMessage};
 use crate::model::Model;
 use crate::process::black_box::Recorder;
-use crate::process::channels::{LogEntry, WorkerQueues, loop_channels, request_queues};
+use crate::process::channels::{WorkerQueues, loop_channels, request_queues};
 use crate::process::control_loop::ControlLoop;
 use crate::process::fixture_table::FixtureTable;
 use crate::process::ipc_thread::{IpcThread, IpcThreadParts};
@@ -155,7 +155,7 @@ struct Threads {
     events: Consumer<CycleEvent>,
     port_events: mpsc::Receiver<(Nanos, PortEvent)>,
     recorder_lines: mpsc::Receiver<String>,
-    published: mpsc::Sender<LogEntry>,
+    published: mpsc::Sender<StreamMessage>,
 }
 
 fn start_threads(

@@ -45,15 +45,7 @@ impl fmt::Display for CycleEventKind {
             }
             Self::Fixtures { client_id, active } => {
                 write!(f, "virtual fixtures changed by client {client_id:016x}: ")?;
-                if *active == 0 {
-                    return f.write_str("none counts");
-                }
-                let numbers = (0..u32::BITS).filter(|index| active & (1 << index) != 0);
-                for (position, index) in numbers.enumerate() {
-                    let separator = if position == 0 { "" } else { ", " };
-                    write!(f, "{separator}{}", index + 1)?;
-                }
-                f.write_str(" count")
+                write_fixtures(f, *active)
             }
             Self::FixtureLimit { region } => {
                 write!(f, "warning: virtual fixture {} limits the goal", region + 1)
@@ -98,4 +90,17 @@ impl fmt::Display for CycleEventKind {
             }
         }
     }
+}
+
+/// The numbers of the virtual fixtures that count.
+fn write_fixtures(f: &mut fmt::Formatter<'_>, active: u32) -> fmt::Result {
+    if active == 0 {
+        return f.write_str("none counts");
+    }
+    let numbers = (0..u32::BITS).filter(|index| active & (1 << index) != 0);
+    for (position, index) in numbers.enumerate() {
+        let separator = if position == 0 { "" } else { ", " };
+        write!(f, "{separator}{}", index + 1)?;
+    }
+    f.write_str(" count")
 }

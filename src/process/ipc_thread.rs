@@ -9,22 +9,23 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
 use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequest};
-use crate::ipc::Server;
 use crate::ipc::payload::{
-    AdaptationMsg, BlackBoxReply, EventMsg, Health, OperatingStateMsg, StateCommandReply,
-    StateCommandRequest, Version, VirtualFixturesMsg, padded_text,
+    AdaptationMsg, BlackBoxReply, Health, OperatingStateMsg, StateCommandReply, Version,
+    VirtualFixturesMsg, padded_text,
 };
 use crate::ipc::server::{COMMAND_POLL_LEAD, ReceivedCommand};
 use crate::ipc::watchdog_presence::WatchdogStatus;
+use crate::ipc::{Request, Server, StreamMessage};
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
-use crate::process::channels::{IpcChannels, LogEntry, RequestQueues, TickReport};
+use crate::process::channels::{IpcChannels, RequestQueues, TickReport};
 use crate::process::fixture_table::FixtureTable;
 use crate::process::loop_history::SharedLoopHistory;
+use crate::process::loop_statistics::LoopStatistics;
 use crate::process::payload_conversion as convert;
 use crate::process::tick_plan::SharedTick;
-use crate::realtime::{Granted, LoopStatistics};
-use crate::robot::{OperatingState, Refusal, StateCommand};
+use crate::realtime::Granted;
+use crate::robot::{OperatingState, Refusal};
 use crate::units::{MAX_OUTPUTS, Nanos};
 
 /// Interval of the messages of the adaptation, while it is on.
@@ -44,11 +45,6 @@ const LOG_ENTRIES: usize = 16;
 /// From the start of a tick to reading its report: longer than the tick takes. A report that is not
 /// there yet is read before the next tick.
 const REPORT_LAG: Nanos = Nanos::from_micros(100);
-
-/// Bit that marks the token of a `move_jp`; tokens count up from 1.
-const MOVE: u64 = 1 << 63;
-/// The same for `virtual_fixture`.
-const FIXTURE: u64 = 1 << 62;
 
 /// What the IPC thread needs besides the server.
 pub struct IpcThreadParts {
@@ -143,17 +139,15 @@ impl IpcThread {
         {
             self.parts.channels.external.write(Some(external));
         }
-        self.take_state_commands(now);
-        self.take_moves(now);
-        self.take_fixture_requests(now);
-        self.take_model_requests(now);
-        self.take_black_box_requests(now);
+        self.take_requests(now);
+        self.send_slow_replies();
         self.take_reports();
         self.publish_adaptation(now);
         self.update_history();
         if let Some(statistics) = self.statistics.take(now) {
-            self.server.publish_period_statistics(statistics);
-            self.server.publish_health(Health { stamp_ns: now.0, ..self.health });
+            self.server.publish(StreamMessage::Statistics(statistics));
+            let health = Health { stamp_ns: now.0, ..self.health };
+            self.server.publish(StreamMessage::Health(health));
             self.publish_fixtures(now);
         }
         self.publish_log();
@@ -197,56 +191,30 @@ impl IpcThread {
         self.parts.channels.reports.pop().ok()
     }
 
-    fn take_state_commands(&mut self, now: Nanos) {
-        let mut new = Vec::new();
-        self.server.poll_state_commands(now, |id, raw| new.push((id, state_request(id, &raw))));
-        for (id, request) in new {
-            self.request(id, request);
-        }
-    }
-
-    /// `move_jp` goes to the loop as a state command, with a bit in its id that identifies the
-    /// reply.
-    fn take_moves(&mut self, now: Nanos) {
-        let mut new = Vec::new();
-        self.server.poll_moves(now, |token, raw| {
-            let request = StateRequest {
-                id: token | MOVE,
-                client_id: raw.client_id,
-                command: StateCommand::Move,
-                pose: Some((raw.position, raw.count)),
-                fixture: None,
-            };
-            new.push((request, raw.reserved == 0));
-        });
-        for (request, is_known) in new {
-            let checked = is_known.then_some(request).ok_or(Refusal::Malformed);
-            self.request(request.id, checked);
-        }
-    }
-
-    /// As [`Self::take_moves`].
-    fn take_fixture_requests(&mut self, now: Nanos) {
-        let mut new = Vec::new();
-        self.server.poll_fixtures(now, |token, raw| new.push((token | FIXTURE, raw)));
-        for (id, raw) in new {
-            let request = FixtureTable::parse(&raw).map(|change| StateRequest {
-                id,
-                client_id: raw.client_id,
-                command: StateCommand::Fixture,
-                pose: None,
-                fixture: Some(change),
-            });
-            self.parts.fixtures.sent(id, raw);
-            self.request(id, request);
+    /// Passes requests to the loop and to the threads that take long.
+    fn take_requests(&mut self, now: Nanos) {
+        for (id, request) in self.server.poll_requests(now) {
+            match request {
+                Request::StateCommand(raw) => self.request(id, convert::state_request(id, &raw)),
+                Request::Move(raw) => self.request(id, convert::move_request(id, &raw)),
+                Request::Fixture(raw) => {
+                    self.parts.fixtures.sent(id, raw);
+                    self.request(id, convert::fixture_request(id, &raw));
+                }
+                // If the thread has ended, the client gets a timeout.
+                Request::Model(raw) => drop(self.parts.queues.models.send((id, raw))),
+                Request::BlackBox(_) => {
+                    drop(self.parts.queues.recorder.send(RecorderRequest::Write(id)));
+                }
+                // The server answers.
+                Request::Version(_) => {}
+            }
         }
     }
 
     fn publish_fixtures(&mut self, now: Nanos) {
-        self.server.publish_fixtures(VirtualFixturesMsg {
-            stamp_ns: now.0,
-            ..self.parts.fixtures.message()
-        });
+        let message = VirtualFixturesMsg { stamp_ns: now.0, ..self.parts.fixtures.message() };
+        self.server.publish(StreamMessage::VirtualFixtures(message));
     }
 
     /// Passes a request to the loop, or replies with the refusal.
@@ -255,32 +223,21 @@ impl IpcThread {
         let pushed = request.and_then(|request| requests.push(request).map_err(|_| Refusal::Busy));
         if let Err(refusal) = pushed {
             let state = self.state;
-            self.reply(StateReply { id, refusal, state, excess: None });
+            self.reply(StateReply { id, refusal, state, measurement: None });
         }
     }
 
-    fn take_model_requests(&mut self, now: Nanos) {
+    fn send_slow_replies(&mut self) {
         let queues = &self.parts.queues;
-        self.server.poll_models(now, |token, request| {
-            // If the model manager has ended, the client gets a timeout.
-            let _ = queues.models.send((token, request));
-        });
         while let Ok((token, reply)) = queues.model_replies.try_recv() {
-            self.server.reply_model(token, reply);
+            self.server.reply(token, reply);
         }
-    }
-
-    fn take_black_box_requests(&mut self, now: Nanos) {
-        let queues = &self.parts.queues;
-        self.server.poll_black_boxes(now, |token, _| {
-            let _ = queues.recorder.send(RecorderRequest::Write(token));
-        });
         while let Ok((token, outcome)) = queues.recorder_replies.try_recv() {
             let (ticks, text) = match outcome {
                 Ok((path, ticks)) => (ticks, padded_text(&path.to_string_lossy())),
                 Err(reason) => (0, padded_text(&reason)),
             };
-            self.server.reply_black_box(token, BlackBoxReply { ticks, text });
+            self.server.reply(token, BlackBoxReply { ticks, text });
         }
     }
 
@@ -301,17 +258,11 @@ impl IpcThread {
     }
 
     fn reply(&mut self, reply: StateReply) {
-        let payload = StateCommandReply::new(reply.refusal, reply.state, reply.excess);
-        if reply.id & MOVE != 0 {
-            self.server.reply_move(reply.id & !MOVE, payload);
-        } else if reply.id & FIXTURE != 0 {
-            if self.parts.fixtures.answered(reply.id, reply.refusal) {
-                self.publish_fixtures(clock::now());
-            }
-            self.server.reply_fixture(reply.id & !FIXTURE, payload);
-        } else {
-            self.server.reply(reply.id, payload);
+        if self.parts.fixtures.answered(reply.id, reply.refusal) {
+            self.publish_fixtures(clock::now());
         }
+        let payload = StateCommandReply::new(reply.refusal, reply.state, reply.measurement);
+        self.server.reply(reply.id, payload);
     }
 
     /// Never waits: a thread under normal scheduling that has the history may be suspended for
@@ -325,17 +276,8 @@ impl IpcThread {
     }
 
     fn publish_log(&mut self) {
-        for entry in self.parts.channels.log_entries.try_iter().take(LOG_ENTRIES) {
-            match entry {
-                LogEntry::Line(stamp, line) => self.server.publish_event(EventMsg {
-                    stamp_ns: stamp.0,
-                    text: padded_text(&line),
-                    ..EventMsg::default()
-                }),
-                LogEntry::Reason { stamp, client_id, reason } => {
-                    self.server.publish_reason(&reason, client_id, stamp)
-                }
-            }
+        for message in self.parts.channels.log_entries.try_iter().take(LOG_ENTRIES) {
+            self.server.publish(message);
         }
     }
 
@@ -346,7 +288,7 @@ impl IpcThread {
         }
         let is_on = self.adaptation.flags & AdaptationMsg::ON != 0;
         self.next_adaptation = now + if is_on { ADAPTATION_PERIOD } else { STATISTICS_WINDOW };
-        self.server.publish_adaptation(self.adaptation);
+        self.server.publish(StreamMessage::Adaptation(self.adaptation));
     }
 
     fn publish(&mut self, tick: &TickReport) {
@@ -366,23 +308,14 @@ impl IpcThread {
         }
         let [goal, setpoint, measured] = convert::joint_states(report);
         let (server, motors) = (&mut self.server, self.parts.motors);
-        server.publish_goal(goal);
-        server.publish_setpoint(setpoint);
-        server.publish_measured(measured);
-        server.publish_actuators(convert::actuator_state(report, motors));
+        server.publish(StreamMessage::Goal(goal));
+        server.publish(StreamMessage::Setpoint(setpoint));
+        server.publish(StreamMessage::Measured(measured));
+        server.publish(StreamMessage::Actuators(convert::actuator_state(report, motors)));
         let mut state = convert::operating_state(report, &self.granted);
         if self.watched {
             state.flags |= OperatingStateMsg::WATCHED;
         }
-        server.publish_operating_state(state);
+        server.publish(StreamMessage::State(state));
     }
-}
-
-fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Refusal> {
-    let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
-    // A later version may give the reserved field a meaning that this one would ignore.
-    if raw.client_id == 0 || raw.reserved != 0 {
-        return Err(Refusal::Malformed);
-    }
-    Ok(StateRequest { id, client_id: raw.client_id, command, pose: None, fixture: None })
 }

@@ -10,8 +10,8 @@ use rtrb::Consumer;
 use crate::clock;
 use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::event::{PortEvent, PortEventKind};
-use crate::ipc::{Domain, find_client_process};
-use crate::process::channels::LogEntry;
+use crate::ipc::payload::{EventMsg, padded_text};
+use crate::ipc::{Domain, StreamMessage, find_client_process};
 use crate::process::run_log::RunLog;
 use crate::process::threads::NamedThread;
 use crate::robot::Reason;
@@ -31,8 +31,8 @@ pub struct MainThread<'a> {
     pub domain: Domain,
     pub boot_id: u64,
     pub log: &'a mut dyn Write,
-    /// The same lines for the stream of events.
-    pub published: Sender<LogEntry>,
+    /// The same lines for the stream of events, and the reasons.
+    pub published: Sender<StreamMessage>,
 }
 
 impl MainThread<'_> {
@@ -84,15 +84,14 @@ impl MainThread<'_> {
     fn write_text(&mut self, line: String) {
         let _ = writeln!(self.log, "{line}");
         // The IPC thread may have ended.
-        let _ = self.published.send(LogEntry::Line(clock::now(), line));
+        let message =
+            EventMsg { stamp_ns: clock::now().0, text: padded_text(&line), ..EventMsg::default() };
+        let _ = self.published.send(StreamMessage::Events(message));
     }
 
     fn publish_reason(&self, event: &CycleEvent, reason: Reason) {
-        let _ = self.published.send(LogEntry::Reason {
-            stamp: event.stamp,
-            client_id: event.kind.client_id(),
-            reason,
-        });
+        let client_id = event.kind.client_id();
+        let _ = self.published.send(StreamMessage::of_reason(&reason, client_id, event.stamp));
     }
 
     /// The process that has taken the lease.

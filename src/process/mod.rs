@@ -10,11 +10,13 @@
 //! | `ipc_thread` | shared memory: commands in, messages out |
 //! | `model_manager` | the model thread: reads, checks, compares, frees |
 //! | `model_comparison` | difference between two models, in counts |
+//! | `loop_statistics` | period, lateness and computing time of the loop, window by window |
 //! | `loop_history` | motor positions and loaded models, shared by the slower threads |
 //! | `main_thread` | the log, and waiting for the end |
 //! | `fixture_table` | names and values of the virtual fixtures, for clients |
 //! | `channels` | everything that passes between the threads |
 //! | `payload_conversion` | conversion between payloads and values of the core |
+//! | `console_log` | the log on the terminal, which never blocks |
 //! | `event_text` | events as lines of the log |
 //! | [`black_box`] | the last seconds of every tick: recorder, file, replay |
 //! | [`run_log`] | one line of JSON per start, end and change of state |
@@ -28,6 +30,7 @@ mod event_text;
 mod fixture_table;
 mod ipc_thread;
 mod loop_history;
+mod loop_statistics;
 mod main_thread;
 pub mod model_comparison;
 mod model_manager;

@@ -2,15 +2,19 @@
 //! and the server sets sequence and boot id.
 
 use crate::config::Config;
-use crate::core::{CycleReport, ExternalPose, PlausibilityCheck, ServoCommand, ServoGoal};
-use crate::ipc::drive_phase::phase_number;
+use crate::core::{
+    CycleReport, ExternalPose, PlausibilityCheck, ServoCommand, ServoGoal, StateRequest,
+};
 use crate::ipc::payload::{
-    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    ServoActuator, ServoJp, Version, padded_text,
+    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, MoveRequest,
+    OperatingStateMsg, ServoActuator, ServoJp, StateCommandRequest, Version, VirtualFixtureRequest,
+    padded_text,
 };
 use crate::ipc::server::ReceivedCommand;
 use crate::process::channels::LostCounters;
+use crate::process::fixture_table::FixtureTable;
 use crate::realtime::Granted;
+use crate::robot::{Refusal, StateCommand};
 use crate::units::{Counts, MAX_OUTPUTS, Nanos, OutputVec};
 
 impl From<&ReceivedCommand> for ServoCommand {
@@ -48,6 +52,39 @@ impl From<&ServoActuator> for ServoCommand {
             has_unknown_flags: raw.flags != 0,
         }
     }
+}
+
+/// `state_command` as a request for the loop.
+pub fn state_request(id: u64, raw: &StateCommandRequest) -> Result<StateRequest, Refusal> {
+    let command = StateCommand::from_number(raw.command).ok_or(Refusal::Malformed)?;
+    // A later version may give the reserved field a meaning that this one would ignore.
+    if raw.client_id == 0 || raw.reserved != 0 {
+        return Err(Refusal::Malformed);
+    }
+    Ok(StateRequest { id, client_id: raw.client_id, command, pose: None, fixture: None })
+}
+
+/// `move_jp` as a request for the loop.
+pub fn move_request(id: u64, raw: &MoveRequest) -> Result<StateRequest, Refusal> {
+    let request = StateRequest {
+        id,
+        client_id: raw.client_id,
+        command: StateCommand::Move,
+        pose: Some((raw.position, raw.count)),
+        fixture: None,
+    };
+    (raw.reserved == 0).then_some(request).ok_or(Refusal::Malformed)
+}
+
+/// `virtual_fixture` as a request for the loop.
+pub fn fixture_request(id: u64, raw: &VirtualFixtureRequest) -> Result<StateRequest, Refusal> {
+    FixtureTable::parse(raw).map(|change| StateRequest {
+        id,
+        client_id: raw.client_id,
+        command: StateCommand::Fixture,
+        pose: None,
+        fixture: Some(change),
+    })
 }
 
 /// The measurement of a camera, if it is valid.
@@ -113,7 +150,7 @@ pub fn actuator_state(report: &CycleReport, motors: u32) -> ActuatorState {
         current_ma: feedback.map(|axis| axis.current_ma),
         statusword: feedback.map(|axis| axis.statusword),
         error_code: feedback.map(|axis| axis.error_code),
-        phase: feedback.map(|axis| phase_number(axis.phase)),
+        phase: feedback.map(|axis| axis.phase.number() as u8),
         count: motors,
         ..ActuatorState::default()
     }

@@ -100,6 +100,15 @@ impl Ticker {
     }
 }
 
+/// The instants of one tick, small enough to hand to another thread.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct TickTiming {
+    /// When it should have begun, when it began, and what was skipped.
+    pub tick: Tick,
+    /// When its work was done.
+    pub ended: Nanos,
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;

@@ -7,7 +7,7 @@
 use std::fmt;
 
 use super::advice;
-use super::{Clip, Excess, Fault, OperatingState, Refusal, Stop};
+use super::{Clip, Fault, Measurement, OperatingState, Refusal, Stop};
 
 /// A cause of standing still, or of moving differently from what was asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -117,17 +117,17 @@ pub struct Reason {
     /// What happened.
     pub cause: Cause,
     /// The measured value and the limit that it broke, where they are known.
-    pub excess: Option<Excess>,
+    pub measurement: Option<Measurement>,
 }
 
 impl Reason {
     /// The line without the advice: `fault 3: SENTENCE (MEASURED, limit LIMIT)`.
     #[must_use]
     pub fn text(&self) -> String {
-        let Self { cause, excess } = self;
+        let Self { cause, measurement } = self;
         let sentence = cause.sentence();
-        match excess {
-            Some(excess) => format!("{cause}: {sentence} ({excess})"),
+        match measurement {
+            Some(measurement) => format!("{cause}: {sentence} ({measurement})"),
             None => format!("{cause}: {sentence}"),
         }
     }
@@ -135,7 +135,7 @@ impl Reason {
 
 impl From<Cause> for Reason {
     fn from(cause: Cause) -> Self {
-        Self { cause, excess: None }
+        Self { cause, measurement: None }
     }
 }
 
@@ -168,16 +168,17 @@ mod tests {
 
     #[test]
     fn the_text_names_what_was_measured_and_its_limit() {
-        let error = Excess::new(Quantity::Counts, 2314.0, Some(2000.0)).of_motor(1);
-        let reason = Reason { cause: Cause::Fault(Fault::FollowingError), excess: Some(error) };
+        let error = Measurement::new(Quantity::Counts, 2314.0, Some(2000.0)).of_motor(1);
+        let reason =
+            Reason { cause: Cause::Fault(Fault::FollowingError), measurement: Some(error) };
         assert_eq!(
             reason.text(),
             "fault 3: set-point and encoder are too far apart (motor 1: 2314 counts, limit 2000 \
              counts)"
         );
-        let code = Excess::new(Quantity::ErrorCode, f64::from(0x8611), None);
+        let code = Measurement::new(Quantity::ErrorCode, f64::from(0x8611), None);
         assert_eq!(code.to_string(), "error code 0x8611");
-        let age = Excess::new(Quantity::Milliseconds, 62.25, Some(50.0));
+        let age = Measurement::new(Quantity::Milliseconds, 62.25, Some(50.0));
         assert_eq!(age.to_string(), "62.2 ms, limit 50.0 ms");
         let reason = Reason::from(Cause::State(OperatingState::Paused));
         assert_eq!(

@@ -2,6 +2,9 @@
 
 use super::numbered_enum::numbered_enum;
 
+/// Clients with an entry. As many as can send at the same time.
+pub const REFUSED_CLIENTS: usize = 8;
+
 numbered_enum! {
     /// The reason for refusing a command. A refused command changes nothing.
     Refusal {

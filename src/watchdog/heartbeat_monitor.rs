@@ -54,12 +54,13 @@ impl HeartbeatMonitor {
         now: Nanos,
     ) -> ControllerStatus {
         match (read, self.last) {
-            (Err(ControllerAbsent) | Ok(None), None) => ControllerStatus::Absent,
-            (Err(ControllerAbsent), Some(last)) => {
+            (Err(ControllerAbsent { .. }) | Ok(None), None) => ControllerStatus::Absent,
+            (Err(absent), Some(last)) => {
                 self.last = None;
+                let last = absent.last.unwrap_or(last.heartbeat);
                 // Also if the drives were stopped because it hung: it may have gone on since the
                 // last look, and have switched them on.
-                if last.heartbeat.off { ControllerStatus::Ended } else { ControllerStatus::Died }
+                if last.off { ControllerStatus::Ended } else { ControllerStatus::Died }
             }
             (Ok(Some(heartbeat)), last) => {
                 let same = last.filter(|last| last.heartbeat.boot_id == heartbeat.boot_id);
@@ -104,7 +105,7 @@ mod tests {
                 stamp: Nanos::from_millis(stamp),
                 off,
             });
-            let read = heartbeat.map(Some).ok_or(ControllerAbsent);
+            let read = heartbeat.map(Some).ok_or(ControllerAbsent { last: None });
             let updated = monitor.update(read, Nanos::from_millis(*now));
             assert_eq!(updated, *status, "at {now} ms");
         }
@@ -130,6 +131,17 @@ mod tests {
     fn the_end_of_the_controller_is_reported_at_once_unless_its_drives_were_off() {
         check(false, &[(None, 102, Died), (None, 102, Absent)]);
         check(true, &[(None, 102, Ended), (None, 102, Absent)]);
+    }
+
+    #[test]
+    fn drives_that_went_off_between_two_looks_are_off() {
+        let heartbeat = |stamp, off| Heartbeat { boot_id: 7, stamp: Nanos(stamp), off };
+        for (off, status) in [(true, Ended), (false, Died)] {
+            let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
+            monitor.update(Ok(Some(heartbeat(100, false))), Nanos(101));
+            let absent = ControllerAbsent { last: Some(heartbeat(102, off)) };
+            assert_eq!(monitor.update(Err(absent), Nanos(103)), status);
+        }
     }
 
     #[test]

@@ -2,19 +2,15 @@
 
 use i2ris_calibration::fit::Family;
 
-use crate::ageing::Ageing;
 use crate::fitted::{first_model, model};
-use crate::plant::SNAKES;
-use crate::trial::{ON, Trial};
-
-const AGED: Ageing = Ageing { gap_counts: 25.0, gain: 0.92, zero_deg: [0.6, -0.5] };
+use crate::trial::{ON, SNAKES, Trial, aged};
 
 #[test]
 fn an_aged_snake_is_tracked_nearly_as_well_as_a_new_one_and_a_new_one_no_worse() {
     let model = first_model();
-    let errors = [Ageing::NONE, AGED].map(|ageing| {
+    let errors = [vec![], aged()].map(|ageing| {
         ["", ON].map(|table| {
-            let mut trial = Trial::new(table, SNAKES[0], &model, ageing);
+            let mut trial = Trial::new(table, SNAKES[0], &model, &ageing);
             trial.move_for(50.0);
             trial.move_for(30.0)
         })
@@ -31,12 +27,12 @@ fn an_aged_snake_is_tracked_nearly_as_well_as_a_new_one_and_a_new_one_no_worse()
 fn table_of_errors() {
     for family in [Family::GmrPlay, Family::GmrPrandtlIshlinskii, Family::GmrStop] {
         for snake in SNAKES {
-            let model = model(snake, family, Ageing::NONE);
-            for (name, ageing) in [("none", Ageing::NONE), ("aged", AGED)] {
-                let mut off = Trial::new("", snake, &model, ageing);
+            let model = model(snake, family);
+            for (name, ageing) in [("none", vec![]), ("aged", aged())] {
+                let mut off = Trial::new("", snake, &model, &ageing);
                 off.move_for(60.0);
                 let off = off.move_for(60.0);
-                let mut on = Trial::new(ON, snake, &model, ageing);
+                let mut on = Trial::new(ON, snake, &model, &ageing);
                 let first = on.move_for(20.0);
                 on.move_for(40.0);
                 let last = on.move_for(60.0);

@@ -10,11 +10,9 @@ use i2ris::core::ExternalPose;
 use i2ris::model::Model;
 use i2ris::units::Nanos;
 
-use crate::ageing::Ageing;
 use crate::fitted::first_model;
-use crate::plant::SNAKES;
 use crate::random::Random;
-use crate::trial::Trial;
+use crate::trial::{SNAKES, Trial};
 
 /// Kinds of signals.
 const KINDS: u64 = 12;
@@ -92,7 +90,7 @@ fn run(seed: u64, seconds: u64, start: &Trial, model: &Arc<Model>) -> (f64, f64)
     let mut before = on.adaptation().applied;
     let mut still = 0;
     for tick in 0..seconds * 1000 {
-        on.frame = signal.frame(tick, on.now(), on.plant.angles_deg());
+        on.frame = signal.frame(tick, on.control.now(), on.angles_deg());
         // A rest every now and then.
         still = if tick % 4000 < 500 { still + 1 } else { 0 };
         let goal_before = on.goal();
@@ -127,7 +125,7 @@ fn run(seed: u64, seconds: u64, start: &Trial, model: &Arc<Model>) -> (f64, f64)
 
 fn campaign(seeds: impl Iterator<Item = u64>, seconds: u64) {
     let model = first_model();
-    let start = Trial::new(TABLE, SNAKES[0], &model, Ageing::NONE);
+    let start = Trial::blind(TABLE, SNAKES[0], &model, &[]);
     let (mut count, mut largest, mut fastest) = (0, 0.0_f64, 0.0_f64);
     for seed in seeds {
         let (shift, rate) = run(seed, seconds, &start, &model);

@@ -1,20 +1,23 @@
-//! The fences, on a snake of the zoo with a model that was fitted to another state of it.
+//! The fences, on a drawn snake with a model that was fitted to another state of it.
 
 use i2ris::core::CycleEventKind;
 use i2ris::core::adaptation::{AdaptationEvent, Method, Pause};
-use i2ris::core::simulated_loop::SimulatedInputs;
 use i2ris::robot::StateCommand;
 use i2ris::units::Nanos;
 use i2ris_calibration::fit::Family;
+use i2ris_simulation::ageing::Change;
+use i2ris_simulation::closed_loop::Inputs;
 
-use crate::ageing::Ageing;
 use crate::camera::{Camera, CameraPlan};
 use crate::fitted::{first_model, model};
-use crate::plant::SNAKES;
-use crate::trial::{ON, Trial};
+use crate::trial::{ON, SNAKES, Trial, gain, zero};
 
-fn trial(ageing: Ageing) -> Trial {
+fn trial(ageing: &[Change]) -> Trial {
     Trial::new(ON, SNAKES[0], &first_model(), ageing)
+}
+
+fn blind(table: &str) -> Trial {
+    Trial::blind(table, SNAKES[0], &first_model(), &[])
 }
 
 fn has_event(trial: &Trial, event: AdaptationEvent) -> bool {
@@ -23,10 +26,10 @@ fn has_event(trial: &Trial, event: AdaptationEvent) -> bool {
 
 #[test]
 fn a_zero_that_slips_by_a_degree_is_back_within_ten_seconds() {
-    let mut trial = trial(Ageing::NONE);
+    let mut trial = trial(&[]);
     trial.move_for(30.0);
     let before = trial.move_for(10.0);
-    trial.plant.ageing.zero_deg = [0.8, -0.6];
+    trial.age(zero([0.8, -0.6]));
     let slipped = trial.move_for(2.0);
     trial.move_for(8.0);
     let after = trial.move_for(10.0);
@@ -37,13 +40,13 @@ fn a_zero_that_slips_by_a_degree_is_back_within_ten_seconds() {
 
 #[test]
 fn a_push_of_two_degrees_leaves_nothing_behind() {
-    let mut trial = trial(Ageing::NONE);
+    let mut trial = trial(&[]);
     trial.move_for(30.0);
     let before = trial.move_for(10.0);
-    trial.plant.push_deg = [1.4, 1.4];
+    trial.age(zero([1.4, 1.4]));
     trial.move_for(30.0);
     let during = trial.adaptation();
-    trial.plant.push_deg = [0.0; 2];
+    trial.age(zero([-1.4, -1.4]));
     let after = trial.move_for(5.0);
     println!("before {before:.3}, after the release {after:.3} deg; {during:?}");
     assert!(after < before + 0.2, "{before} {after}");
@@ -52,7 +55,7 @@ fn a_push_of_two_degrees_leaves_nothing_behind() {
 
 #[test]
 fn nothing_moves_while_the_goal_rests() {
-    let mut trial = trial(Ageing { zero_deg: [0.8, 0.5], ..Ageing::NONE });
+    let mut trial = trial(&[zero([0.8, 0.5])]);
     let goal = [3.0, -2.0];
     for k in 0..400 {
         let share = f64::from(k) / 400.0;
@@ -71,7 +74,7 @@ fn nothing_moves_while_the_goal_rests() {
 
 #[test]
 fn nothing_is_learned_within_two_seconds_of_enabling_and_with_the_clutch_open() {
-    let mut trial = trial(Ageing::NONE);
+    let mut trial = trial(&[]);
     trial.move_for(5.0);
     let goal = trial.goal();
     for k in 0..2000 {
@@ -88,7 +91,7 @@ fn nothing_is_learned_within_two_seconds_of_enabling_and_with_the_clutch_open() 
     assert!(trial.adaptation().frames.used > used + 20);
     let used = trial.adaptation().frames.used;
     for _ in 0..3000 {
-        trial.tick(SimulatedInputs::default());
+        trial.tick(Inputs::default());
     }
     // The commander is silent: the robot holds.
     assert!(trial.adaptation().pauses.contains(Pause::NotFollowing));
@@ -99,7 +102,7 @@ fn nothing_is_learned_within_two_seconds_of_enabling_and_with_the_clutch_open() 
 fn a_stamp_that_is_late_by_30_ms_is_found() {
     // The snake itself follows its motors late: that shows as latency, too.
     let [good, late] = [0, 30].map(|stamp_late_ms| {
-        let mut trial = trial(Ageing::NONE);
+        let mut trial = blind(ON);
         trial.camera = Some(Camera::new(CameraPlan {
             latency_ms: 80,
             stamp_late_ms,
@@ -114,7 +117,7 @@ fn a_stamp_that_is_late_by_30_ms_is_found() {
 
 #[test]
 fn a_drift_beyond_the_budget_is_not_followed_further_and_is_said() {
-    let mut trial = trial(Ageing { gain: 0.7, ..Ageing::NONE });
+    let mut trial = trial(&gain(-0.3));
     trial.move_for(60.0);
     let found = trial.adaptation();
     println!("{found:?}");
@@ -128,10 +131,7 @@ fn a_drift_beyond_the_budget_is_not_followed_further_and_is_said() {
 
 #[test]
 fn without_a_camera_and_switched_off_the_outputs_are_the_same_to_the_bit() {
-    let model = first_model();
-    let mut off = Trial::new("", SNAKES[0], &model, Ageing::NONE);
-    let mut on = Trial::new(ON, SNAKES[0], &model, Ageing::NONE);
-    (off.camera, on.camera) = (None, None);
+    let (mut off, mut on) = (blind(""), blind(ON));
     for _ in 0..5000 {
         off.time_s += 1e-3;
         let goal = off.goal();
@@ -146,14 +146,13 @@ fn without_a_camera_and_switched_off_the_outputs_are_the_same_to_the_bit() {
 
 #[test]
 fn frames_that_cannot_be_used_are_counted_and_change_nothing() {
-    let mut trial = trial(Ageing::NONE);
-    trial.camera = None;
+    let mut trial = blind(ON);
     let mut last = None;
     for k in 0..6000_u64 {
         let kind = k % 33;
         let stamp = match (kind, k % 66) {
-            (0, 0) => trial.now() + Nanos::from_millis(500),
-            (0, _) => trial.now() - Nanos::from_millis(600),
+            (0, 0) => trial.control.now() + Nanos::from_millis(500),
+            (0, _) => trial.control.now() - Nanos::from_millis(600),
             (16, _) => Nanos::ZERO,
             _ => {
                 trial.move_for(1e-3);
@@ -177,25 +176,26 @@ fn frames_that_cannot_be_used_are_counted_and_change_nothing() {
 
 #[test]
 fn a_model_without_gaps_has_its_zero_followed_by_at_most_a_degree() {
-    let linear = model(SNAKES[0], Family::Linear, Ageing::NONE);
+    let linear = model(SNAKES[0], Family::Linear);
     // A straight line and a slip together are further off than the check allows.
     let off = "[plausibility]\ndistance_deg = 0.0";
-    let mut trial = Trial::new(&format!("{ON}\n{off}"), SNAKES[0], &linear, Ageing::NONE);
+    let mut trial = Trial::new(&format!("{ON}\n{off}"), SNAKES[0], &linear, &[]);
     trial.move_for(60.0);
     assert_eq!(trial.adaptation().method, Method::Integral);
     // Without a gap in the model, the integral follows the branches of the loop as well as the
     // zero, up to its limit of a degree: its value is no measure of the slip, so the error is
     // judged.
-    let mut without = Trial::new(off, SNAKES[0], &linear, Ageing::NONE);
+    let mut without = Trial::new(off, SNAKES[0], &linear, &[]);
     without.move_for(60.0);
     for trial in [&mut trial, &mut without] {
-        trial.plant.ageing.zero_deg = [0.8, -0.6];
+        trial.age(zero([0.8, -0.6]));
         trial.move_for(20.0);
     }
     let (adapted, calibrated) = (trial.move_for(40.0), without.move_for(40.0));
     println!("slipped {calibrated:.3}, adapted {adapted:.3} deg");
     assert!(adapted < calibrated, "{adapted} {calibrated}");
-    trial.plant.ageing.zero_deg = [2.0, -2.0];
+    // From [0.8, -0.6] to [2, -2].
+    trial.age(zero([1.2, -1.4]));
     trial.move_for(40.0);
     let after = trial.adaptation().applied;
     assert!(after.zero.iter().all(|zero| zero.to_degrees().abs() <= 1.0 + 1e-9));
@@ -205,16 +205,15 @@ fn a_model_without_gaps_has_its_zero_followed_by_at_most_a_degree() {
 #[test]
 fn a_correction_that_is_taken_back_is_replayed_to_the_bit() {
     let model = first_model();
-    let mut trial = trial(Ageing::NONE);
-    trial.camera = None;
+    let mut trial = blind(ON);
     // A camera on the wall of a swaying room.
     let see = |trial: &mut Trial| {
         let sway = 0.9 * (std::f64::consts::TAU * trial.time_s / 15.0).sin();
-        let [pitch, yaw] = trial.plant.angles_deg();
+        let [pitch, yaw] = trial.angles_deg();
         let angles = [pitch + sway, yaw - sway].map(f64::to_radians);
-        let is_due = (trial.now().0 / 1_000_000).is_multiple_of(33);
+        let is_due = (trial.control.now().0 / 1_000_000).is_multiple_of(33);
         trial.frame = is_due.then(|| i2ris::core::ExternalPose {
-            stamp: trial.now(),
+            stamp: trial.control.now(),
             position: [angles[0], angles[1], 0.0],
             outputs: 2,
             quality: 0.0,

@@ -1,10 +1,9 @@
-//! Models of the snakes of the zoo, fitted to recordings of them.
+//! Models of drawn snakes, fitted to recordings of them.
 
-use std::collections::HashMap;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::Arc;
 
 use i2ris::model::Model;
 use i2ris::model::file::{OutputSpec, OutputUnit};
@@ -12,31 +11,25 @@ use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use i2ris_calibration::fit::{Choice, Family, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
-use i2ris_emulator::zoo::DrawnSnake;
+use i2ris_simulation::physics::DrawnSnake;
+use i2ris_simulation::robot::{Robot, TICK_S};
 
-use crate::ageing::Ageing;
-use i2ris_emulator::simulated_robot::TICK_S;
-
-use crate::plant::{Plant, SNAKES};
 use crate::random::Random;
+use crate::trial::SNAKES;
 
-/// A model of a snake, from a recording of two minutes. Every model is made once.
-pub fn model(snake: DrawnSnake, family: Family, ageing: Ageing) -> Arc<Model> {
-    static MODELS: OnceLock<Mutex<HashMap<String, Arc<Model>>>> = OnceLock::new();
-    let key = format!("{snake} {family} {ageing:?}");
-    let mut models = MODELS.get_or_init(Mutex::default).lock().unwrap();
-    Arc::clone(models.entry(key).or_insert_with(|| fit_model(snake, family, ageing)))
+fn first_model_file() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/adaptation/lugre-1.json")
 }
 
 /// The model of the first snake, as [`model`] makes it: a fit of plays takes a minute.
 pub fn first_model() -> Arc<Model> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/adaptation");
-    Arc::new(Model::load(&folder.join("lugre-1.json")).unwrap())
+    Arc::new(Model::load(&first_model_file()).unwrap())
 }
 
-fn fit_model(snake: DrawnSnake, family: Family, ageing: Ageing) -> Arc<Model> {
+/// A model of a snake, from a recording of two minutes and a half.
+pub fn model(snake: DrawnSnake, family: Family) -> Arc<Model> {
     let file = tempfile::NamedTempFile::new().unwrap();
-    record(snake, ageing, file.reopen().unwrap());
+    record(snake, file.reopen().unwrap());
     let (recording, _) = Recording::read(file.path(), &ColumnMap::default()).unwrap();
     let options = FitOptions {
         robot_id: "i2ris-emulated".to_owned(),
@@ -47,12 +40,11 @@ fn fit_model(snake: DrawnSnake, family: Family, ageing: Ageing) -> Arc<Model> {
 }
 
 /// From point to point, with reversals everywhere.
-fn record(snake: DrawnSnake, ageing: Ageing, file: File) {
+fn record(snake: DrawnSnake, file: File) {
     const SPEED_COUNTS_S: f64 = 450.0;
     const TICKS: u32 = 150_000;
-    let mut plant = Plant::new(snake);
-    plant.ageing = ageing;
-    condition(&mut plant);
+    let mut robot = Robot::new(snake.build());
+    condition(&mut robot);
     let mut random = Random::new(77 + snake.seed);
     let outputs =
         ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg });
@@ -67,35 +59,33 @@ fn record(snake: DrawnSnake, ageing: Ageing, file: File) {
         } else {
             at = [0, 1].map(|i| at[i] + step / distance * away[i]);
         }
-        plant.tick(at.map(f64::round));
+        robot.tick(at.map(f64::round));
         let time_s = Some(f64::from(tick) * TICK_S);
         if tick % 33 == 0 {
             let mut noise = || 0.07 * random.normal();
-            let [pitch, yaw] = plant.angles_deg();
+            let [pitch, yaw] = robot.angles_deg();
             let angles = [pitch + noise(), yaw + noise(), 0.0];
-            writer.row(&Row::new(time_s, plant.encoders(), angles)).unwrap();
+            writer.row(&Row::new(time_s, robot.encoders(), angles)).unwrap();
         } else if tick % 5 == 0 {
             let nothing = [f64::NAN; MAX_OUTPUTS];
-            writer.row(&Row::new(time_s, plant.encoders(), nothing)).unwrap();
+            writer.row(&Row::new(time_s, robot.encoders(), nothing)).unwrap();
         }
     }
     writer.finish().unwrap();
 }
 
 /// Decaying turns.
-fn condition(plant: &mut Plant) {
+fn condition(robot: &mut Robot) {
     for tick in 0..12_000 {
         let share = f64::from(tick) / 12_000.0;
         let (sin, cos) = (std::f64::consts::TAU * 4.0 * share).sin_cos();
         let size = 800.0 * (1.0 - share) * (8.0 * share).min(1.0);
-        plant.tick([size * sin, size * cos]);
+        robot.tick([size * sin, size * cos]);
     }
 }
 
 #[test]
 #[ignore = "writes the model that the tests use"]
 fn renew_the_first_model() {
-    let model = model(SNAKES[0], Family::GmrPlay, Ageing::NONE);
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/adaptation");
-    model.file().write(&folder.join("lugre-1.json")).unwrap();
+    model(SNAKES[0], Family::GmrPlay).file().write(&first_model_file()).unwrap();
 }

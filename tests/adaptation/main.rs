@@ -6,14 +6,11 @@
     reason = "tests, and campaigns that print numbers"
 )]
 
-mod ageing;
 mod camera;
 mod fitted;
-mod plant;
 mod random;
 mod trial;
 
 mod accuracy;
 mod campaign;
 mod fences;
-mod timing;

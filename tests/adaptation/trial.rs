@@ -1,23 +1,29 @@
-//! A trial: the cycle in front of a plant, a hand that moves a goal, and a camera.
+//! A trial: the cycle in front of a robot that ages, a hand that moves a goal, and a camera.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use i2ris::config::Config;
 use i2ris::core::adaptation::AdaptationReport;
-use i2ris::core::cycle::ControlCycle;
-use i2ris::core::simulated_loop::{Motors, SimulatedInputs, SimulatedLoop, state_request};
 use i2ris::core::{CycleEventKind, CycleOutputs, CycleReport, ExternalPose, ServoGoal};
 use i2ris::model::Model;
 use i2ris::robot::{OperatingState, StateCommand};
-use i2ris::units::Nanos;
-use i2ris_emulator::zoo::DrawnSnake;
+use i2ris_simulation::ageing::{Change, Course, Parameter};
+use i2ris_simulation::closed_loop::{ClosedLoop, Inputs, state_request};
+use i2ris_simulation::physics::{DrawnSnake, Physics};
+use i2ris_simulation::robot::Robot;
 
-use crate::ageing::Ageing;
 use crate::camera::{Camera, CameraPlan};
-use crate::plant::Plant;
 
 const CONFIG: &str = include_str!("../../config/emulator.toml");
+
+/// The snakes of the tests.
+pub const SNAKES: [DrawnSnake; 3] = [
+    DrawnSnake { physics: Physics::LuGre, seed: 1 },
+    DrawnSnake { physics: Physics::Preisach, seed: 1 },
+    DrawnSnake { physics: Physics::BoucWen, seed: 2 },
+];
+
+pub const ON: &str = "[adaptation]\nenabled = true";
 
 /// The configuration of the emulator with a further table.
 pub fn config(table: &str) -> Config {
@@ -26,60 +32,60 @@ pub fn config(table: &str) -> Config {
     Config::parse(&text, "emulator.toml".as_ref()).unwrap()
 }
 
-pub const ON: &str = "[adaptation]\nenabled = true";
+/// At once, in both motors.
+pub fn change(parameter: Parameter, by: f64) -> Change {
+    Change { parameter, by, start_s: 0.0, motor: None, direction: None, course: Course::Step {} }
+}
+
+/// A shift of pitch and yaw, deg.
+pub fn zero([pitch, yaw]: [f64; 2]) -> Change {
+    Change { direction: Some([pitch, yaw]), ..change(Parameter::Zero, pitch.hypot(yaw)) }
+}
+
+/// A factor on pitch and yaw, less one.
+pub fn gain(by: f64) -> [Change; 2] {
+    [[1.0, 0.0], [0.0, 1.0]]
+        .map(|axis| Change { direction: Some(axis), ..change(Parameter::Gain, by) })
+}
+
+/// A snake that is used: larger gaps, less gain, another zero.
+pub fn aged() -> Vec<Change> {
+    let [pitch, yaw] = gain(-0.08);
+    vec![change(Parameter::Gap, 0.3), pitch, yaw, zero([0.6, -0.5])]
+}
 
 /// See above.
 pub struct Trial {
-    control: SimulatedLoop,
-    pub plant: Plant,
+    pub control: ClosedLoop<Robot>,
     pub camera: Option<Camera>,
-    /// Replaces the camera's frame, tick by tick.
+    /// In the place of the camera's frame, for one tick.
     pub frame: Option<ExternalPose>,
     pub events: Vec<CycleEventKind>,
-    /// Of every tick: whether it had a frame, and its time, us.
-    pub times: Option<Vec<(bool, f64)>>,
     /// Of the hand, s.
     pub time_s: f64,
     seed: u64,
 }
 
 impl Trial {
-    /// Enabled and conditioned; then the snake has aged.
-    pub fn new(table: &str, snake: DrawnSnake, model: &Arc<Model>, ageing: Ageing) -> Self {
-        let mut plant = Plant::new(snake);
-        plant.ageing = ageing;
-        let mut trial = Self {
-            control: SimulatedLoop::new(&config(table), model),
-            plant,
-            camera: None,
-            frame: None,
-            events: Vec::new(),
-            times: None,
-            time_s: 0.0,
-            seed: 0,
-        };
-        trial.tick(SimulatedInputs::default());
-        trial.command(StateCommand::Enable);
-        trial.command(StateCommand::Condition);
+    /// Enabled and conditioned, on a snake that has aged, without a camera.
+    pub fn blind(table: &str, snake: DrawnSnake, model: &Arc<Model>, ageing: &[Change]) -> Self {
+        let mut robot = Robot::new(snake.build());
+        ageing.iter().for_each(|change| robot.age(*change));
+        let control = ClosedLoop::conditioned(&config(table), model, robot).unwrap();
+        Self { control, camera: None, frame: None, events: Vec::new(), time_s: 0.0, seed: 0 }
+    }
+
+    /// The same behind a camera.
+    pub fn new(table: &str, snake: DrawnSnake, model: &Arc<Model>, ageing: &[Change]) -> Self {
+        let mut trial = Self::blind(table, snake, model, ageing);
         trial.camera = Some(Camera::new(CameraPlan::default()));
         trial
     }
 
-    /// Another trial that goes on from here, with the same configuration and model.
+    /// Another trial that goes on from here without a camera, with the same model.
     pub fn branch(&self, table: &str, model: &Arc<Model>) -> Self {
-        let snapshot = self.control.cycle().snapshot();
-        let snapshot = snapshot.expect("no model waits to be freed");
-        let find = |_| Some(Arc::clone(model));
-        let cycle = ControlCycle::restored(&config(table), &snapshot, find).unwrap();
-        Self {
-            control: self.control.with_cycle(cycle),
-            plant: self.plant.clone(),
-            camera: None,
-            frame: None,
-            events: Vec::new(),
-            times: None,
-            ..*self
-        }
+        let control = self.control.branch(&config(table), model).unwrap();
+        Self { control, camera: None, frame: None, events: Vec::new(), ..*self }
     }
 
     /// Another motion of the hand.
@@ -88,22 +94,18 @@ impl Trial {
     }
 
     pub fn command(&mut self, command: StateCommand) {
-        self.tick(SimulatedInputs {
-            request: Some(state_request(command)),
-            ..SimulatedInputs::default()
-        });
-        for _ in 0..100_000 {
-            if !self.report().busy {
-                return;
-            }
-            self.tick(SimulatedInputs::default());
+        self.tick(Inputs { request: Some(state_request(command)), ..Inputs::default() });
+        while self.report().busy {
+            self.tick(Inputs::default());
         }
-        panic!("{command:?} does not end: {:?}", self.report());
     }
 
-    /// Start of the last tick.
-    pub fn now(&self) -> Nanos {
-        self.control.now()
+    pub fn age(&mut self, change: Change) {
+        self.control.motors.age(change);
+    }
+
+    pub fn angles_deg(&self) -> [f64; 2] {
+        self.control.motors.angles_deg()
     }
 
     pub fn outputs(&self) -> &CycleOutputs {
@@ -114,30 +116,20 @@ impl Trial {
         self.control.report()
     }
 
-    pub fn tick(&mut self, inputs: SimulatedInputs) {
-        let (encoders, angles) = (self.plant.encoders(), self.plant.angles_deg());
-        let now = self.control.next();
-        let camera = self.camera.as_mut();
-        let seen = camera.and_then(|camera| camera.frame(now, angles));
+    pub fn tick(&mut self, inputs: Inputs) {
+        let (now, angles) = (self.control.next(), self.angles_deg());
+        let seen = self.camera.as_mut().and_then(|camera| camera.frame(now, angles));
         let external = self.frame.take().or(seen);
-        let inputs = SimulatedInputs { external, ..inputs };
-        let begun = Instant::now();
-        let outputs = self.control.tick(Motors::At(encoders), inputs);
-        if let Some(times) = &mut self.times {
-            let microseconds = begun.elapsed().as_secs_f64() * 1e6;
-            times.push((external.is_some(), microseconds));
-        }
-        let events = outputs.events.iter().flatten();
-        self.events.extend(events.map(|event| event.kind));
-        self.plant.tick(self.control.setpoints(encoders));
+        let outputs = self.control.tick(Inputs { external, ..inputs });
+        self.events.extend(outputs.events.iter().flatten().map(|event| event.kind));
     }
 
     /// One tick towards a goal, deg.
     pub fn follow(&mut self, goal: [f64; 2]) {
         let [pitch, yaw] = goal.map(f64::to_radians);
-        let goal = ServoGoal::Joint([pitch, yaw, 0.0], 2);
-        let (servo, refused) = (self.control.servo_command(goal), self.report().refused);
-        self.tick(SimulatedInputs { servo: Some(servo), ..SimulatedInputs::default() });
+        let servo = self.control.servo_command(ServoGoal::Joint([pitch, yaw, 0.0], 2));
+        let refused = self.report().refused;
+        self.tick(Inputs { servo: Some(servo), ..Inputs::default() });
         let report = self.report();
         assert_eq!(report.refused, refused, "{}", report.last_refusal);
         assert_eq!(report.state, OperatingState::Enabled, "{}", report.fault);
@@ -163,16 +155,10 @@ impl Trial {
             self.time_s += 1e-3;
             let goal = self.goal();
             self.follow(goal);
-            let error = self.error(goal);
-            sum += error * error;
+            let angles = self.angles_deg();
+            sum += (angles[0] - goal[0]).powi(2) + (angles[1] - goal[1]).powi(2);
         }
         (sum / ticks as f64).sqrt()
-    }
-
-    /// Distance of the tip from a goal, deg.
-    pub fn error(&self, goal: [f64; 2]) -> f64 {
-        let angles = self.plant.angles_deg();
-        (angles[0] - goal[0]).hypot(angles[1] - goal[1])
     }
 
     pub fn adaptation(&self) -> AdaptationReport {

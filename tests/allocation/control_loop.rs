@@ -1,20 +1,15 @@
 //! The loop around the cycle does not allocate: the thread of a whole controller in this process,
 //! with emulated drives and clients in shared memory.
 
-use std::io;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use i2ris::clock;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
-use i2ris::process::controller;
 use i2ris::units::Nanos;
+use i2ris_testing::{Rig, TIMEOUT, home_and_enable, stream_angles, wait_until_idle};
 
 use crate::calls_of_the_loop;
-use crate::rig::motion::{linear_model, stream_angles};
-use crate::rig::{self, Rig};
 
 /// Long enough for a snapshot for the black box, which is taken once per second.
 const MOTION: f64 = 1.5;
@@ -33,25 +28,18 @@ fn use_robot(client: &mut Client) {
     }
     assert!(client.state_command(StateCommand::Home).is_err(), "refused");
     client.state_command(StateCommand::Disable).unwrap();
-    rig::wait_until_idle(client);
+    wait_until_idle(client);
     client.state_command(StateCommand::Unhome).unwrap();
 }
 
 #[test]
 fn the_loop_of_a_running_controller_allocates_nothing() {
-    let mut rig = Rig::new();
-    rig.config.control.model = Some(linear_model(&rig, "model.json", "rig", 1.0));
-    rig.config.record.folder = rig.folder.path().join("records");
-    let shutdown = Arc::new(AtomicBool::new(false));
-    let (config, asked) = (rig.config.clone(), Arc::clone(&shutdown));
-    let running = thread::spawn(move || controller::run(&config, "", &asked, &mut io::sink()));
+    let mut rig = Rig::with_model();
+    rig.start_controller_thread();
     let mut client = rig.client();
-    rig::home(&mut client);
-    rig::enable(&mut client);
+    home_and_enable(&mut client, TIMEOUT).unwrap();
     let calls = calls_of_the_loop(|| use_robot(&mut client));
     assert_eq!(calls, 0);
-    shutdown.store(true, Ordering::Release);
-    running.join().unwrap().unwrap();
 }
 
 #[test]

@@ -8,10 +8,9 @@ use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
+use i2ris_testing::cycle::{Bench, Quirk, config, model, play_model};
 
-use crate::bench::{self, Bench};
 use crate::calls;
-use crate::simulated_drive::Quirk;
 
 /// One session with everything that happens in one, in some 700 ticks.
 fn run_session(bench: &mut Bench, models: &[Arc<Model>; 2], session: u32) {
@@ -77,15 +76,15 @@ fn ten_thousand_ticks_with_faults_recoveries_and_swaps_do_not_allocate() {
 
 #[test]
 fn ten_thousand_ticks_with_adaptation_do_not_allocate() {
-    let on = bench::config("[adaptation]\nenabled = true");
-    let mut bench = Bench::new(on, Some(bench::play_model()));
+    let on = config("[adaptation]\nenabled = true");
+    let mut bench = Bench::new(on, Some(play_model()));
     bench.camera = Some([0.01, -0.01]);
     count_calls(bench);
 }
 
 fn count_calls(mut bench: Bench) {
     bench.probe = calls;
-    let models = [bench::play_model(), bench::model(OutputUnit::Deg)];
+    let models = [play_model(), model(OutputUnit::Deg)];
     let begin = bench.now;
     for session in 0..20 {
         run_session(&mut bench, &models, session);

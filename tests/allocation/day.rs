@@ -7,8 +7,8 @@ use i2ris::core::ModelChange;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
+use i2ris_testing::cycle::{Bench, config, model, play_model};
 
-use crate::bench::{self, Bench};
 use crate::calls;
 
 const MINUTES_PER_HOUR: u32 = 60;
@@ -67,8 +67,8 @@ fn hourly(bench: &mut Bench, hour: u32) {
 fn a_day_of_use_in_simulated_time_trips_nothing_and_takes_no_memory() {
     let hours = std::env::var("I2RIS_SOAK_HOURS");
     let hours: u32 = hours.map_or(24, |hours| hours.parse().unwrap());
-    let mut bench = Bench::enabled_with(bench::config(""), Some(bench::play_model()));
-    let other = bench::model(OutputUnit::Deg);
+    let mut bench = Bench::enabled_with(config(""), Some(play_model()));
+    let other = model(OutputUnit::Deg);
     assert_eq!(bench.swap(&other), Refusal::None);
     bench.probe = calls;
     let (start, begin) = (Instant::now(), bench.now);

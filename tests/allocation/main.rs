@@ -3,22 +3,14 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-#[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
-#[path = "../cycle/bench.rs"]
-mod bench;
 mod control_loop;
 mod cycle;
 mod day;
-#[path = "../drive/fixture/mod.rs"]
-mod fixture;
-#[path = "../cycle/invariants.rs"]
-mod invariants;
+mod model;
 mod port_thread;
-#[path = "../rig/mod.rs"]
-mod rig;
-#[allow(dead_code, reason = "shared with the tests of the cycle, which use all of it")]
-#[path = "../cycle/simulated_drive.rs"]
-mod simulated_drive;
+#[allow(dead_code, reason = "shared with the tests of the models, which use all of it")]
+#[path = "../model/samples.rs"]
+mod samples;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -58,6 +50,13 @@ fn is_loop() -> bool {
 /// Calls of the allocator by this thread.
 pub fn calls() -> u64 {
     CALLS.get()
+}
+
+/// Calls of the allocator by this thread while it does `work`.
+pub fn allocations(work: impl FnOnce()) -> u64 {
+    let before = calls();
+    work();
+    calls() - before
 }
 
 /// Runs `work` without counting: it replaces hardware, or changes it.

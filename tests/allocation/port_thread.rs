@@ -7,19 +7,11 @@ use i2ris::config::PortConfig;
 use i2ris::drive::transport::Transport;
 use i2ris::drive::{AxisLink, AxisPhase, AxisRequest, Demand, Port, PortEvent, PortRunner};
 use i2ris::units::{Counts, Nanos};
-use i2ris_emulator::snake::SnakeConfig;
-use i2ris_emulator::{Emulator, EmulatorConfig};
+use i2ris_simulation::physics::springs::SnakeConfig;
+use i2ris_simulation::{Emulator, EmulatorConfig};
+use i2ris_testing::drive::{NODE, one_drive, *};
 
-use crate::fixture::port_rig::{NODE, one_drive};
-use crate::fixture::*;
-use crate::{calls, uncounted};
-
-/// The number of allocations of `work` in this thread.
-fn allocations(work: impl FnOnce()) -> u64 {
-    let before = calls();
-    work();
-    calls() - before
-}
+use crate::{allocations, uncounted};
 
 /// The simulated line may allocate.
 struct Uncounted(SimulatedLine);

@@ -4,8 +4,7 @@ use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
-
-use crate::bench::{Bench, CLIENT, config, model, rad};
+use i2ris_testing::cycle::{Bench, CLIENT, config, model, rad};
 
 const HERE: ServoGoal = ServoGoal::Joint([0.0; 3], 2);
 

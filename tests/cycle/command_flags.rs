@@ -6,10 +6,9 @@ use i2ris::core::ServoGoal;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
+use i2ris_testing::cycle::{Bench, CLIENT, Quirk, rad};
 
-use crate::bench::{Bench, CLIENT, rad};
-use crate::command_table::{Answer, TABLE};
-use crate::simulated_drive::Quirk;
+use super::command_table::{Answer, TABLE};
 
 /// A client that is not the usual one.
 const OTHER: u64 = 8;
@@ -188,7 +187,7 @@ fn agrees(cell: &str, column: usize, answer: Answer) -> bool {
 
 #[test]
 fn the_printed_table_is_the_tested_one() {
-    let text = include_str!("../../src/core/mod.rs");
+    let text = include_str!("../../src/core/states/control_state.rs");
     let lines = text.lines().filter_map(|line| line.strip_prefix("//! | `"));
     let tables: Vec<Vec<&str>> =
         lines.map(|line| line.trim_end_matches('|').split('|').map(str::trim).collect()).collect();

@@ -1,12 +1,11 @@
-//! Every state command in every state: the table in the documentation of `i2ris::core`.
+//! Every state command in every state: the table in the documentation of
+//! `core/states/control_state.rs`.
 
 use i2ris::core::CycleEventKind;
 use i2ris::core::CycleReport;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-
-use crate::bench::{Bench, CLIENT, rad};
-use crate::simulated_drive::Quirk;
+use i2ris_testing::cycle::{Bench, CLIENT, Quirk, rad};
 
 /// How a state is reached, and the answers to all commands in the order of `StateCommand::ALL`:
 /// enable, disable, pause, resume, home, unhome, condition, acknowledge, release, hold, move. A

@@ -6,9 +6,8 @@ use i2ris::config::Config;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 
-use crate::bench::{Bench, HULL, config, model, play_model};
-use crate::simulated_drive::Quirk;
 use i2ris::model::file::OutputUnit;
+use i2ris_testing::cycle::{Bench, HULL, Quirk, config, model, play_model};
 
 /// Enabled, at a position that is not the centre.
 fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {

@@ -4,9 +4,7 @@ use i2ris::core::CycleEventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
-
-use crate::bench::{Bench, CLIENT, config};
-use crate::simulated_drive::Quirk;
+use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config};
 
 #[test]
 fn drives_that_are_not_ready_cannot_be_enabled_or_homed() {
@@ -34,23 +32,6 @@ fn a_drive_that_was_left_on_is_switched_off_first() {
     assert!(bench.report().busy);
     bench.idle();
     assert_eq!(bench.phases()[0], AxisPhase::Disabled);
-}
-
-#[test]
-fn positions_that_are_old_do_not_count_as_ready() {
-    let mut bench = Bench::homed();
-    bench.quirk(1, Quirk::Silent);
-    bench.run(60);
-    assert_eq!(bench.ask(StateCommand::Enable), Refusal::DrivesNotReady);
-}
-
-#[test]
-fn a_robot_without_a_zero_cannot_be_enabled() {
-    let mut bench = Bench::standard();
-    assert!(!bench.report().homed);
-    assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
-    bench.home();
-    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
 }
 
 #[test]

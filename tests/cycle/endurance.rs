@@ -3,9 +3,7 @@
 
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-
-use crate::bench::Bench;
-use crate::simulated_drive::Quirk;
+use i2ris_testing::cycle::{Bench, Quirk};
 
 /// What goes wrong in a round.
 #[derive(Debug, Clone, Copy, PartialEq)]

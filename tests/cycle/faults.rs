@@ -4,9 +4,7 @@ use i2ris::core::CycleEventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
-
-use crate::bench::Bench;
-use crate::simulated_drive::Quirk;
+use i2ris_testing::cycle::{Bench, Quirk, config};
 
 fn demands(bench: &Bench) -> [Demand; 2] {
     bench.out.requests.map(|request| request.demand)
@@ -155,7 +153,7 @@ fn a_motor_that_does_not_follow_is_a_fault_and_is_let_go() {
 /// know it.
 #[test]
 fn a_setpoint_that_waits_for_the_wire_is_no_following_error() {
-    let config = crate::bench::config("[limits]\nfollowing_error_counts = 10");
+    let config = config("[limits]\nfollowing_error_counts = 10");
     let mut bench = Bench::enabled_with(config, None);
     bench.drives[0].slot = 20;
     assert_eq!(bench.actuator([250, 250]), Refusal::None);
@@ -226,6 +224,9 @@ fn an_acknowledged_fault_resets_the_drive_that_has_it_and_moves_nothing() {
     assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
     assert_eq!(bench.drives.map(|drive| drive.feedback.position), before);
     bench.enable();
+    bench.run(500);
+    assert_eq!(bench.drives.map(|drive| drive.feedback.position), before);
+    assert_eq!(bench.joints().goal, bench.joints().setpoint);
 }
 
 #[test]

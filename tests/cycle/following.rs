@@ -5,8 +5,7 @@ use i2ris::core::ServoGoal;
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
-
-use crate::bench::{Bench, GAIN_DEG, HULL, ROBOT, config, counts_at, model, rad};
+use i2ris_testing::cycle::{Bench, GAIN_DEG, HULL, ROBOT, config, counts_at, model, rad};
 
 /// Rounding to counts.
 const HALF: f64 = 0.5 + 1e-6;

@@ -6,9 +6,8 @@ use i2ris::core::{CycleEventKind, ModelChange, ServoGoal};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
+use i2ris_testing::cycle::{Bench, config, counts_at, model, play_model, rad, scaled_play_model};
 use proptest::prelude::*;
-
-use crate::bench::{Bench, config, counts_at, model, play_model, rad, scaled_play_model};
 
 /// Enabled with a model with memory that has seen enough motion to know where it is.
 fn conditioned(model: &Arc<Model>) -> Bench {
@@ -224,7 +223,7 @@ fn expected(has_former: bool) -> Refusal {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(40))]
+    #![proptest_config(i2ris_testing::cases(16))]
 
     /// The motors keep their limits, and in the end the goal is met.
     #[test]

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
-
-use crate::bench::{Bench, CLIENT, GAIN_DEG, HULL, config, model, play_model, rad};
+use i2ris_testing::cycle::{Bench, CLIENT, GAIN_DEG, HULL, config, model, play_model, rad};
 
 fn enabled(tables: &str) -> Bench {
     Bench::enabled_with(config(tables), Some(model(OutputUnit::Deg)))

@@ -6,10 +6,8 @@ use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
+use i2ris_testing::cycle::{Bench, Quirk, config, model, rad};
 use proptest::prelude::*;
-
-use crate::bench::{Bench, config, model, rad};
-use crate::simulated_drive::Quirk;
 
 #[derive(Debug, Clone)]
 enum Act {
@@ -183,7 +181,7 @@ fn survive(mut bench: Bench, acts: Vec<Act>) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(i2ris_testing::cases(64))]
 
     #[test]
     fn invariants_hold_for_random_inputs(acts in prop::collection::vec(act(), 1..60)) {

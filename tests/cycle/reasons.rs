@@ -3,23 +3,22 @@
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::process::model_comparison::{ModelState, difference};
-use i2ris::robot::{Cause, Clip, Excess, Quantity, Stop};
+use i2ris::robot::{Cause, Clip, Measurement, Quantity, Stop};
 
-use crate::bench::{Bench, config, play_model, rad, scaled_play_model};
-use crate::simulated_drive::Quirk;
 use i2ris::core::ServoGoal;
 use i2ris::units::{Counts, Nanos};
+use i2ris_testing::cycle::{Bench, Quirk, config, play_model, rad, scaled_play_model};
 
 /// The measurement of the last event with this cause.
-fn excess(bench: &Bench, cause: Cause) -> Option<Excess> {
+fn measurement(bench: &Bench, cause: Cause) -> Option<Measurement> {
     let mut reasons = bench.reasons.iter().rev();
     let reason = reasons.find(|reason| reason.cause == cause);
-    reason.unwrap_or_else(|| panic!("{cause}: {:?}", bench.reasons)).excess
+    reason.unwrap_or_else(|| panic!("{cause}: {:?}", bench.reasons)).measurement
 }
 
-fn fault(bench: &mut Bench, expected: Fault) -> Excess {
+fn fault(bench: &mut Bench, expected: Fault) -> Measurement {
     bench.until("FAULT", |bench| bench.state() == OperatingState::Fault);
-    excess(bench, Cause::Fault(expected)).unwrap()
+    measurement(bench, Cause::Fault(expected)).unwrap()
 }
 
 #[test]
@@ -27,12 +26,12 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
     let mut bench = Bench::enabled();
     bench.drives[1].feedback.error_code = 0x8611;
     bench.drives[1].feedback.phase = AxisPhase::Faulted;
-    let code = Excess::new(Quantity::ErrorCode, f64::from(0x8611), None);
+    let code = Measurement::new(Quantity::ErrorCode, f64::from(0x8611), None);
     assert_eq!(fault(&mut bench, Fault::Drive), code.of_motor(1));
 
     let mut bench = Bench::enabled();
     bench.quirk(1, Quirk::Silent);
-    let age = Excess::new(Quantity::Milliseconds, 250.0, Some(250.0));
+    let age = Measurement::new(Quantity::Milliseconds, 250.0, Some(250.0));
     assert_eq!(fault(&mut bench, Fault::Link), age.of_motor(1));
 
     let mut bench = Bench::enabled();
@@ -48,13 +47,13 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
         }
         bench.run(45);
     }
-    let error = Excess::new(Quantity::Counts, 301.0, Some(300.0));
+    let error = Measurement::new(Quantity::Counts, 301.0, Some(300.0));
     assert_eq!(fault(&mut bench, Fault::FollowingError), error.of_motor(0));
 
     let limits = "[limits]\nover_current_ma = 200\nover_current_ms = 50";
     let mut bench = Bench::enabled_with(config(limits), None);
     bench.drives[1].feedback.current_ma = -240;
-    let current = Excess::new(Quantity::Milliamperes, 240.0, Some(200.0));
+    let current = Measurement::new(Quantity::Milliamperes, 240.0, Some(200.0));
     assert_eq!(fault(&mut bench, Fault::Current), current.of_motor(1));
 
     let limits = "[limits]\noverrun_ticks = 10\noverrun_window_ms = 1000";
@@ -69,29 +68,30 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
 fn a_refusal_tells_what_was_measured() {
     let mut bench = Bench::enabled();
     assert_eq!(bench.joint(9.0, 0.0), Refusal::Step);
-    let step = excess(&bench, Cause::Refusal(Refusal::Step)).unwrap();
+    let step = measurement(&bench, Cause::Refusal(Refusal::Step)).unwrap();
     let limit = bench.config.command.max_step_deg;
     assert_eq!((step.quantity, step.limit), (Quantity::Degrees, Some(limit)));
     assert!((step.measured - 9.0).abs() < 1e-6, "{step}");
 
     let beyond = bench.config.axis(1).unwrap().position_max_counts.0 + 7;
     assert_eq!(bench.actuator([0, beyond]), Refusal::Range);
-    let position = Excess::new(Quantity::Counts, f64::from(beyond), Some(f64::from(beyond - 7)));
-    let range = excess(&bench, Cause::Refusal(Refusal::Range));
+    let position =
+        Measurement::new(Quantity::Counts, f64::from(beyond), Some(f64::from(beyond - 7)));
+    let range = measurement(&bench, Cause::Refusal(Refusal::Range));
     assert_eq!(range, Some(position.of_motor(1)));
 
     let mut stale = bench.servo(ServoGoal::Joint(rad(0.0, 0.0), 2));
     stale.stamp = bench.now - Nanos::from_millis(80);
     stale.deadline = Nanos::from_millis(20);
     assert_eq!(bench.send(stale), Refusal::Stale);
-    let age = excess(&bench, Cause::Refusal(Refusal::Stale)).unwrap();
+    let age = measurement(&bench, Cause::Refusal(Refusal::Stale)).unwrap();
     assert!(age.measured >= 80.0 && age.limit == Some(20.0), "{age}");
 
     let mut entries = bench.servo(ServoGoal::Actuator([Counts(0); 2], 1));
     entries.deadline = Nanos::ZERO;
     assert_eq!(bench.send(entries), Refusal::Malformed);
-    let values = Excess::new(Quantity::Values, 1.0, Some(2.0));
-    assert_eq!(excess(&bench, Cause::Refusal(Refusal::Malformed)), Some(values));
+    let values = Measurement::new(Quantity::Values, 1.0, Some(2.0));
+    assert_eq!(measurement(&bench, Cause::Refusal(Refusal::Malformed)), Some(values));
 }
 
 #[test]
@@ -106,15 +106,15 @@ fn a_refused_state_command_is_an_event_once_and_its_reply_tells_the_measurement(
     bench.run(5);
     let reply = bench.ask_as(7, StateCommand::Enable);
     assert_eq!(reply.refusal, Refusal::Range);
-    let excess = reply.excess.unwrap();
-    assert_eq!((excess.motor, excess.measured), (Some(0), 100_000.0));
+    let measurement = reply.measurement.unwrap();
+    assert_eq!((measurement.motor, measurement.measured), (Some(0), 100_000.0));
 }
 
 #[test]
-fn a_stop_and_a_clip_are_excess_with_their_measurements_and_not_repeated() {
+fn a_stop_and_a_clip_are_measurement_with_their_measurements_and_not_repeated() {
     let mut bench = Bench::moving();
     bench.run(200);
-    let stale = excess(&bench, Cause::Stop(Stop::Stale)).unwrap();
+    let stale = measurement(&bench, Cause::Stop(Stop::Stale)).unwrap();
     let deadline = bench.config.command.deadline_ms as f64;
     assert_eq!(stale.limit, Some(deadline));
     assert!(stale.measured >= deadline, "{stale}");
@@ -125,7 +125,7 @@ fn a_stop_and_a_clip_are_excess_with_their_measurements_and_not_repeated() {
     for _ in 0..120 {
         bench.joint(0.0, 0.0);
     }
-    let feedback = excess(&bench, Cause::Stop(Stop::Feedback)).unwrap();
+    let feedback = measurement(&bench, Cause::Stop(Stop::Feedback)).unwrap();
     assert_eq!(feedback.motor, Some(0), "{feedback}");
 
     let mut bench = Bench::enabled();
@@ -136,7 +136,7 @@ fn a_stop_and_a_clip_are_excess_with_their_measurements_and_not_repeated() {
     }
     let clips = { bench.reasons.iter() }.filter(|it| it.cause == Cause::Clip(Clip::Reach));
     assert_eq!(clips.count(), 1);
-    let clip = excess(&bench, Cause::Clip(Clip::Reach)).unwrap();
+    let clip = measurement(&bench, Cause::Clip(Clip::Reach)).unwrap();
     assert!(clip.quantity == Quantity::Degrees && clip.measured > 0.0);
 }
 
@@ -160,7 +160,7 @@ fn the_last_event_of_a_clip_has_its_largest_distance() {
         go(&mut bench, &mut largest, 0.0);
     }
     let clips = { bench.reasons.iter() }.filter(|it| it.cause == Cause::Clip(Clip::Reach));
-    let distances: Vec<f64> = clips.map(|it| it.excess.unwrap().measured).collect();
+    let distances: Vec<f64> = clips.map(|it| it.measurement.unwrap().measured).collect();
     assert_eq!(distances.len(), 2, "beginning and largest: {distances:?}");
     assert!(distances[0] < 1.0, "{distances:?}");
     assert!((distances[1] - largest).abs() < 1e-9, "{distances:?} {largest}");

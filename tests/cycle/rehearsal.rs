@@ -4,20 +4,22 @@ use std::sync::Arc;
 
 use i2ris::config::Config;
 use i2ris::core::ServoGoal;
-use i2ris::core::rehearsal::{Rehearsal, RehearsalError, start_position, without_limits};
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
+use i2ris::robot::StateCommand;
 use i2ris::units::Counts;
-
-use crate::bench::{Bench, config, counts_at, model, play_model, rad};
+use i2ris_simulation::closed_loop::{
+    ClosedLoop, IdealMotors, LoopError, start_position, without_limits,
+};
+use i2ris_testing::cycle::{Bench, config, counts_at, model, play_model, rad};
 
 fn goal(pitch_deg: f64, yaw_deg: f64) -> ServoGoal {
     ServoGoal::Joint(rad(pitch_deg, yaw_deg), 2)
 }
 
-fn rehearsal(config: &Config, model: &Arc<Model>, history: &[[f64; 2]]) -> Rehearsal {
-    Rehearsal::new(config, model, history).unwrap()
+fn rehearsal(config: &Config, model: &Arc<Model>, history: &[[f64; 2]]) -> ClosedLoop<IdealMotors> {
+    ClosedLoop::after(config, model, history).unwrap()
 }
 
 #[test]
@@ -50,10 +52,10 @@ fn with_limits_every_tick_is_that_of_the_loop() {
 fn what_command_admission_refuses_is_refused_here() {
     let model = model(OutputUnit::Deg);
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
-    assert_eq!(rehearsal.follow(goal(6.0, 0.0)), Err(RehearsalError::Goal(Refusal::Step)));
+    assert_eq!(rehearsal.follow(goal(6.0, 0.0)), Err(LoopError::Goal(Refusal::Step)));
     assert!(rehearsal.follow(goal(4.0, 0.0)).is_ok(), "and then it goes on");
-    let outside = Rehearsal::new(&config(""), &model, &[[0.0, 0.0], [0.0, -701.0]]);
-    assert_eq!(outside.err(), Some(RehearsalError::Enable(Refusal::Range)));
+    let outside = ClosedLoop::after(&config(""), &model, &[[0.0, 0.0], [0.0, -701.0]]);
+    assert_eq!(outside.err(), Some(LoopError::Command(StateCommand::Enable, Refusal::Range)));
 }
 
 #[test]
@@ -66,7 +68,7 @@ fn the_history_sets_the_memory() {
         assert_eq!(rehearsal.report().setpoints, [Counts(100); 2]);
         assert!(rehearsal.report().joint.unwrap().memory_known);
     }
-    let pitch = |rehearsal: &Rehearsal| rehearsal.report().joint.unwrap().measured[0];
+    let pitch = |rehearsal: &ClosedLoop<IdealMotors>| rehearsal.report().joint.unwrap().measured[0];
     assert!(
         pitch(&from_below) < pitch(&from_above) - 0.01,
         "100 counts of gap on two motors are 1.5 deg a side"

@@ -11,8 +11,7 @@ use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::process::black_box::{BlackBox, BlackBoxHeader as Header, ReplayError, replay};
 use i2ris::units::Nanos;
-
-use crate::bench::{Bench, Recording, config, play_model, scaled_play_model};
+use i2ris_testing::cycle::{Bench, Recording, config, play_model, scaled_play_model};
 
 /// A session: motion, swaps, conditioning, a fault and its acknowledgement, on a model with memory.
 fn run_session(bench: &mut Bench, second: &Arc<Model>) {

@@ -6,9 +6,7 @@ use i2ris::drive::{AxisFeedback, AxisPhase};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
-
-use crate::bench::{Bench, GAIN_DEG, config, model};
-use crate::simulated_drive::{Quirk, SimulatedDrive};
+use i2ris_testing::cycle::{Bench, GAIN_DEG, Quirk, SimulatedDrive, config, model};
 
 #[test]
 fn the_estimate_follows_the_encoders_also_when_drives_are_off() {
@@ -161,14 +159,4 @@ fn the_way_through_the_states_is_written_down() {
             (S::Disabled, Some(C::Acknowledge), Fault::None),
         ]
     );
-}
-
-#[test]
-fn the_same_inputs_give_the_same_outputs() {
-    let (mut a, mut b) = (Bench::moving(), Bench::moving());
-    for _ in 0..100 {
-        a.tick();
-        b.tick();
-        assert_eq!(a.out, b.out);
-    }
 }

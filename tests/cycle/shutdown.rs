@@ -1,11 +1,9 @@
 //! The orderly end of the process.
 
 use i2ris::drive::AxisPhase;
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::ipc::{Fault, OperatingState, StateCommand};
 use i2ris::units::Nanos;
-
-use crate::bench::Bench;
-use crate::simulated_drive::Quirk;
+use i2ris_testing::cycle::{Bench, Quirk};
 
 /// Runs to the end; how long it took.
 fn end(bench: &mut Bench) -> Nanos {
@@ -54,19 +52,6 @@ fn the_motion_stops_before_the_power_goes() {
     let held = bench.targets();
     bench.run(40);
     assert_eq!((bench.targets(), bench.phases()), (held, [AxisPhase::Enabled; 2]));
-}
-
-#[test]
-fn nothing_is_set_going_any_more() {
-    let mut bench = Bench::homed();
-    end(&mut bench);
-    for command in
-        [StateCommand::Enable, StateCommand::Home, StateCommand::Unhome, StateCommand::Resume]
-    {
-        assert_eq!(bench.ask(command), Refusal::State, "{command}");
-    }
-    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
-    assert!(bench.out.finished);
 }
 
 #[test]

@@ -4,9 +4,7 @@ use i2ris::core::CycleEventKind;
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
-
-use crate::bench::{Bench, CLIENT, config};
-use crate::simulated_drive::Quirk;
+use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config};
 
 /// Ticks until the targets do not change any more.
 fn ticks_to_rest(bench: &mut Bench) -> usize {
@@ -107,6 +105,9 @@ fn paused_holds_and_resumes_where_it_is() {
     assert_eq!(bench.targets(), held);
     assert_eq!(bench.phases(), [AxisPhase::Enabled; 2]);
     assert_eq!(bench.ask(StateCommand::Resume), Refusal::None);
+    bench.run(100);
+    assert_eq!(bench.targets(), held, "nothing moves by itself");
+    assert_eq!(bench.actuator([held[0] + 300, held[1]]), Refusal::Step, "a goal that moved away");
     bench.run(100);
     assert_eq!(bench.targets(), held);
     assert_eq!(bench.actuator([held[0] + 10, held[1]]), Refusal::None);

@@ -6,9 +6,8 @@ use i2ris::core::{CycleEventKind, FixtureChange, FixtureSpace, SimpleRegion, Sim
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
+use i2ris_testing::cycle::{Bench, CLIENT, config, model, play_model, rad};
 use proptest::prelude::*;
-
-use crate::bench::{Bench, CLIENT, config, model, play_model, rad};
 
 const WALL: &str = r#"
     [[virtual_fixtures.regions]]
@@ -110,7 +109,7 @@ fn a_fixture_that_is_added_during_a_trajectory_stops_it() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(20))]
+    #![proptest_config(i2ris_testing::cases(10))]
 
     /// Whatever is commanded, with a model of 100 counts of backlash: the margin of the goal keeps
     /// the setpoints out of the region itself.

@@ -5,9 +5,7 @@ use std::path::Path;
 
 use i2ris::config::PortConfig;
 use i2ris::drive::{DriveError, Port};
-
-use crate::fixture::port_rig::{bring_up, one_drive, open};
-use crate::fixture::*;
+use i2ris_testing::drive::{bring_up, one_drive, open, *};
 
 /// A drive after this change, brought up.
 fn brought_up(change: impl FnOnce(&mut MiniDrive)) -> SimulatedLine {
@@ -93,12 +91,6 @@ fn another_drive_than_the_configured_one_is_refused_with_both_numbers() {
         },
     );
     assert_parts(&text, &["node 1", "0x00000016", "0x0000000B"]);
-}
-
-#[test]
-fn a_missing_node_behind_a_gateway_is_named() {
-    let text = refusal(|| vec![one_drive()], |config| config.axes[0].node_id = 9);
-    assert_parts(&text, &["node 9", "behind the gateway"]);
 }
 
 #[test]

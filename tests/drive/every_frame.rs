@@ -5,7 +5,7 @@ use std::thread;
 
 use i2ris::drive::serial_frame::{FrameEncoder, SerialFrame};
 use i2ris::drive::serial_frame_parser::{FrameParser, ParserEvent};
-use i2ris_emulator::frame::{self, Incoming};
+use i2ris_simulation::frame::{self, Incoming};
 
 /// Both ends of a line.
 #[derive(Default)]

@@ -11,13 +11,12 @@ use i2ris::drive::object::{self, POSITION, TARGET};
 use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
-use proptest::collection::vec;
-use proptest::prelude::*;
-
-use crate::controller_rig::Rig;
-use crate::fixture::{
+use i2ris_testing::Rig;
+use i2ris_testing::drive::{
     Disturbance, MiniDrive, OPERATION_ENABLED, SERIAL_NUMBER, SimulatedLine, port_config,
 };
+use proptest::collection::vec;
+use proptest::prelude::*;
 
 const NODE: u8 = 1;
 
@@ -288,6 +287,8 @@ fn disturbance() -> impl Strategy<Value = Disturbance> {
 }
 
 proptest! {
+    #![proptest_config(i2ris_testing::cases(64))]
+
     /// With any disturbances: a value that is accepted answers the last request, a set-point that
     /// is acknowledged was written, and the line returns to sync.
     #[test]
@@ -333,7 +334,7 @@ fn every_drive_of_a_line_is_stopped_before_a_silent_one_is_tried_again() {
 /// The port is healthy, so the operating system has not closed it.
 #[test]
 fn a_port_is_reopened_after_an_error_that_was_no_hang_up() {
-    let rig = Rig::new();
+    let rig = Rig::start();
     let mut port = SerialTransport::open(&rig.config.ports[0]).unwrap();
     for _ in 0..2 {
         port.reopen().unwrap();

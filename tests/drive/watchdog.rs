@@ -4,7 +4,7 @@
 //! Exclusive use of a port does not bind root. So these tests run as another user if root starts
 //! them.
 //!
-//! Latency: `cargo test --test drive -- --ignored --nocapture stop_latency`.
+//! Latency: `cargo test --test real_time -- --ignored --nocapture stop_latency`.
 
 use std::fs;
 use std::io;
@@ -18,12 +18,11 @@ use i2ris::clock;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
-use i2ris_emulator::drive::State;
-use i2ris_emulator::log::EventKind;
+use i2ris_simulation::drive::State;
+use i2ris_simulation::log::EventKind;
+use i2ris_testing::{Rig, TIMEOUT, has, wait_for, wait_until};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::{Pid, geteuid};
-
-use crate::controller_rig::{Rig, TIMEOUT, has, wait_for};
 
 /// A rig whose watchdog was started first, with an enabled robot.
 struct WatchedRig {
@@ -37,7 +36,7 @@ impl WatchedRig {
     /// `silence_ms`: the silence of the loop that counts as hanging. A test uses more than any
     /// stall of the machine.
     fn new(silence_ms: u64) -> Self {
-        Self::with(Rig::new(), silence_ms)
+        Self::with(Rig::start(), silence_ms)
     }
 
     fn with(rig: Rig, silence_ms: u64) -> Self {
@@ -61,7 +60,7 @@ impl WatchedRig {
             .stderr(fs::File::create(&log).unwrap())
             .spawn()
             .unwrap();
-        until("the watchdog holds both ports", || {
+        wait_until("the watchdog holds both ports", || {
             let text = fs::read_to_string(&log).unwrap();
             text.matches("holding").count() == 2
         });
@@ -85,7 +84,7 @@ impl WatchedRig {
     }
 
     fn until_logged(&self, what: &str) {
-        until(what, || self.log_text().contains(what));
+        wait_until(what, || self.log_text().contains(what));
     }
 
     fn states(&self) -> [State; 2] {
@@ -93,11 +92,13 @@ impl WatchedRig {
     }
 
     fn until_watching_again(&self) {
-        until("the watchdog watches again", || self.log_text().matches("watching").count() == 2);
+        wait_until("the watchdog watches again", || {
+            self.log_text().matches("watching").count() == 2
+        });
     }
 
     fn until_stopped(&self) {
-        until("both drives are stopped", || self.states() == [State::QuickStopActive; 2]);
+        wait_until("both drives are stopped", || self.states() == [State::QuickStopActive; 2]);
     }
 
     /// When each drive was stopped, for the last time.
@@ -143,7 +144,7 @@ fn unprivileged(name: &str, test: fn()) {
     }
     assert!(std::env::var_os(UNPRIVILEGED).is_none(), "still root");
     let output = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", &format!("watchdog::{name}"), "--nocapture"])
+        .args(["--exact", &format!("drive::watchdog::{name}"), "--nocapture"])
         .env(UNPRIVILEGED, "")
         // The folder of root's temporary files may be closed to others.
         .env("TMPDIR", "/tmp")
@@ -158,14 +159,6 @@ fn unprivileged(name: &str, test: fn()) {
         "as nobody:\n{text}\n{}",
         String::from_utf8_lossy(&output.stderr)
     );
-}
-
-fn until(what: &str, mut is_true: impl FnMut() -> bool) {
-    let start = clock::now();
-    while !is_true() {
-        assert!(clock::now() - start < TIMEOUT, "never: {what}");
-        clock::sleep(Nanos::from_millis(5));
-    }
 }
 
 #[test]
@@ -214,7 +207,7 @@ fn an_orderly_end_of_the_controller_stops_nothing() {
 #[test]
 fn h03_a_controller_killed_while_disabled_starts_again() {
     unprivileged("h03_a_controller_killed_while_disabled_starts_again", || {
-        let mut watched = WatchedRig::without_controller(Rig::new(), 3000);
+        let mut watched = WatchedRig::without_controller(Rig::start(), 3000);
         watched.rig.start_controller();
         drop(watched.rig.client());
         watched.until_logged("watching");
@@ -227,12 +220,12 @@ fn h03_a_controller_killed_while_disabled_starts_again() {
 #[test]
 fn h03_a_controller_killed_before_it_serves_starts_again() {
     unprivileged("h03_a_controller_killed_before_it_serves_starts_again", || {
-        let mut watched = WatchedRig::without_controller(Rig::new(), 3000);
+        let mut watched = WatchedRig::without_controller(Rig::start(), 3000);
         // It waits for replies with its ports open.
         watched.rig.emulator.mute(0, true);
         watched.rig.start_controller();
         let device = watched.rig.config.ports[0].device.clone();
-        until("the controller has opened its port", || {
+        wait_until("the controller has opened its port", || {
             let opened = fs::File::open(&device);
             opened.is_err_and(|error| error.kind() == io::ErrorKind::ResourceBusy)
         });
@@ -248,7 +241,7 @@ fn h03_a_silent_port_does_not_delay_the_stop_of_the_other() {
         let mut watched = WatchedRig::new(3000);
         watched.rig.emulator.mute(0, true);
         watched.end_with(Signal::SIGKILL);
-        until("the drive that answers is stopped", || {
+        wait_until("the drive that answers is stopped", || {
             watched.states()[1] == State::QuickStopActive
         });
         // It is written when the attempts with the silent drive have ended.
@@ -271,7 +264,7 @@ fn h03_the_operating_state_says_whether_a_watchdog_holds_every_port() {
 #[test]
 fn the_service_manager_expect_state_when_watchdog_and_controller_are_ready() {
     unprivileged("the_service_manager_expect_state_when_watchdog_and_controller_are_ready", || {
-        let mut rig = Rig::new();
+        let mut rig = Rig::start();
         let address = rig.folder.path().join("notify");
         let manager = UnixDatagram::bind(&address).unwrap();
         let timeout = std::time::Duration::from_nanos(TIMEOUT.0);
@@ -306,7 +299,7 @@ fn stop_latency() {
     for (name, signal) in [("SIGKILL", Signal::SIGKILL), ("SIGSTOP", Signal::SIGSTOP)] {
         let mut spans: Vec<Nanos> = Vec::new();
         for _ in 0..TIMES {
-            let mut rig = Rig::new();
+            let mut rig = Rig::start();
             // As on a robot, if the system permits it.
             (rig.config.control.priority, rig.config.control.lock_memory) = (80, true);
             let mut watched = WatchedRig::with(rig, 40);

@@ -1,61 +1,102 @@
-//! Every hazard has a test, and every test of a hazard is in the table.
+//! Every hazard and every requirement has a test that runs by default, wherever that is.
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+use super::documents::{ROOT, SAFETY, code, hazards, read, rows};
 
-/// Where tests of hazards are. Those that need the network or ROS are with it, so that the tests of
-/// the controller do not build it.
-const FOLDERS: [&str; 3] = ["tests/hazards", "tools/network/tests", "tools/ros/tests"];
-
-/// Names of the tests that run by default.
+/// Names of all tests that run by default.
 fn tests() -> BTreeSet<String> {
-    let mut names = BTreeSet::new();
-    let folder = |name| fs::read_dir(Path::new(ROOT).join(name)).unwrap().flatten();
-    let is_file = |entry: &fs::DirEntry| entry.path().is_file();
-    for entry in FOLDERS.into_iter().flat_map(folder).filter(is_file) {
-        let text = fs::read_to_string(entry.path()).unwrap();
-        let lines: Vec<&str> = text.lines().map(str::trim).collect();
-        for pair in lines.windows(2) {
-            if let ("#[test]", Some(rest)) = (pair[0], pair[1].strip_prefix("fn ")) {
-                names.insert(rest.split('(').next().unwrap().to_owned());
+    let mut files = Vec::new();
+    for folder in ["src", "tests", "tools"] {
+        collect(&Path::new(ROOT).join(folder), &mut files);
+    }
+    let texts = files.iter().map(|file| fs::read_to_string(file).unwrap());
+    texts.flat_map(|text| tests_of(&text)).collect()
+}
+
+fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            collect(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            files.push(path);
+        }
+    }
+}
+
+/// Tests are functions after `#[test]`; in `proptest!` there may be attributes between.
+fn tests_of(text: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    let mut is_test = false;
+    for line in text.lines().map(str::trim) {
+        if line == "#[test]" {
+            is_test = true;
+        } else if line.starts_with("#[ignore") {
+            is_test = false;
+        } else if let Some(rest) = line.strip_prefix("fn ") {
+            if is_test {
+                names.extend(rest.split('(').next().map(str::to_owned));
             }
+            is_test = false;
         }
     }
     names
 }
 
-/// Rows of the table: id and names of tests.
-fn table() -> Vec<(String, Vec<String>)> {
-    let text = fs::read_to_string(Path::new(ROOT).join("tests/hazards/README.md")).unwrap();
-    let rows = text.lines().filter(|line| line.starts_with("| H"));
-    rows.map(|row| {
-        let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
-        assert!(cells.len() == 4 && cells.iter().all(|cell| !cell.is_empty()), "{row}");
-        let names = cells[3].split('`').skip(1).step_by(2);
-        (cells[0].to_owned(), names.map(str::to_owned).collect())
-    })
-    .collect()
+fn assert_tested(id: &str, names: &str, tests: &BTreeSet<String>) {
+    assert!(!code(names).is_empty(), "{id} has no test");
+    for name in code(names) {
+        assert!(tests.contains(name), "{id} names `{name}`, which does not run by default");
+    }
 }
 
 #[test]
-fn every_hazard_has_a_row_and_a_test_with_its_id() {
-    let (tests, table) = (tests(), table());
-    let ids: Vec<&str> = table.iter().map(|(id, _)| id.as_str()).collect();
+fn every_hazard_has_a_row_and_a_test() {
+    let (hazards, tests) = (hazards(), tests());
+    let ids: Vec<&str> = hazards.iter().map(|row| row[0].as_str()).collect();
     let expected: Vec<String> = (1..=18).chain(20..=24).map(|id| format!("H{id:02}")).collect();
     assert_eq!(ids, expected);
-    for (id, names) in &table {
-        let prefix = format!("{}_", id.to_lowercase());
-        assert!(names.iter().any(|name| name.starts_with(&prefix)), "{id} has no test");
-        for name in names {
-            assert!(tests.contains(name), "{id} names `{name}`, which does not run by default");
-        }
+    let mut listed = BTreeSet::new();
+    for row in &hazards {
+        assert!(row.len() == 4 && row.iter().all(|cell| !cell.is_empty()), "{row:?}");
+        assert_tested(&row[0], &row[3], &tests);
+        listed.extend(code(&row[3]));
     }
-    let listed: BTreeSet<&String> = table.iter().flat_map(|(_, names)| names).collect();
-    for name in &tests {
-        let of_hazard = name.starts_with('h') && name[1..3].parse::<u32>().is_ok();
-        assert!(!of_hazard || listed.contains(name), "`{name}` is not in the table");
+    let folders = ["tests/hazards", "tools/network/tests", "tools/ros/tests"];
+    let mut files = Vec::new();
+    for folder in folders {
+        collect(&Path::new(ROOT).join(folder), &mut files);
+    }
+    for name in files.iter().flat_map(|file| tests_of(&fs::read_to_string(file).unwrap())) {
+        let of_hazard =
+            name.starts_with('h') && name.get(1..3).is_some_and(|id| id.parse::<u32>().is_ok());
+        assert!(!of_hazard || listed.contains(name.as_str()), "`{name}` is not in the table");
+    }
+}
+
+#[test]
+fn every_requirement_has_a_test_and_every_hazard_a_requirement() {
+    let page = read(&format!("{SAFETY}/requirements.md"));
+    let (requirements, tests) = (rows(&page, "| R"), tests());
+    let hazards: Vec<String> = hazards().iter().map(|hazard| hazard[0].clone()).collect();
+    let mut traced = BTreeSet::new();
+    for (number, row) in (1..).zip(&requirements) {
+        let [id, text, causes, names] = row.as_slice() else {
+            panic!("not id, requirement, hazards, tests: {row:?}")
+        };
+        assert_eq!(*id, format!("R{number:02}"));
+        assert!(!text.is_empty());
+        for hazard in causes.split(", ").filter(|hazard| *hazard != "-") {
+            assert!(hazards.iter().any(|known| known == hazard), "{id}: {hazard}");
+            traced.insert(hazard.to_owned());
+        }
+        assert_tested(id, names, &tests);
+    }
+    for hazard in &hazards {
+        let is_traced = traced.contains(hazard);
+        assert!(is_traced, "{hazard} has no requirement: see {SAFETY}/requirements.md");
     }
 }

@@ -8,8 +8,7 @@ use i2ris::core::{CycleEventKind, ExternalPose};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::{Memory, Model};
 use i2ris::units::Nanos;
-
-use crate::bench::{Bench, config, play_model};
+use i2ris_testing::cycle::{Bench, config, play_model};
 
 /// Frames of the camera, ms, and their age.
 const FRAME_MS: u64 = 33;

@@ -7,37 +7,14 @@ use i2ris::clock;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::{Domain, OperatingState};
 use i2ris::units::Nanos;
-
-use crate::bench::Bench;
-use crate::rig::motion::{assert_stopped_within, stream_counts, swing};
-use crate::rig::{Rig, TIMEOUT, settle, wait_for, wait_until_holding};
-
-/// The last motion, to the tick: counted time.
-#[test]
-fn h02_without_commands_the_setpoints_are_constant_two_ticks_after_the_deadline() {
-    let mut bench = Bench::moving();
-    let deadline = Nanos::from_millis(bench.config.command.deadline_ms);
-    let sent = bench.out.requests[0].command_stamp;
-    assert!(sent > Nanos::ZERO);
-    let (mut last_motion, mut before) = (bench.now, bench.targets());
-    for _ in 0..200 {
-        bench.tick();
-        if bench.targets() != before {
-            (last_motion, before) = (bench.now, bench.targets());
-        }
-    }
-    let tick = bench.config.control.period();
-    let ms = last_motion.since(sent).0 / 1_000_000;
-    assert!(last_motion <= sent + deadline + tick + tick, "{ms} ms after the command");
-    assert!(bench.report().holding && bench.report().stale_stops == 1);
-    bench.run(500);
-    assert_eq!(bench.report().lease_client_id, 0);
-}
+use i2ris_testing::{
+    Rig, TIMEOUT, assert_stopped_within, settle, stream_counts, swing, wait_for, wait_until_holding,
+};
 
 /// A process that commands both motors until it is killed.
-pub fn spawn_commander(domain: &str) -> Child {
+fn spawn_commander(domain: &str) -> Child {
     let mut command = Command::new(std::env::current_exe().unwrap());
-    command.args(["--ignored", "--exact", "h02::commander_process"]);
+    command.args(["--ignored", "--exact", "hazards::h02::commander_process"]);
     command.env("RIG_DOMAIN", domain).stdout(Stdio::null()).stderr(Stdio::null());
     command.spawn().unwrap()
 }
@@ -55,7 +32,7 @@ fn commander_process() {
 
 #[test]
 fn h02_the_snake_holds_when_its_commander_is_killed() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let mut client = rig.enabled();
     let mut commander = spawn_commander(&rig.config.ipc.domain);
     wait_for(&mut client, |state| state.accepted > 50);

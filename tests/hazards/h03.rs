@@ -5,15 +5,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
-use i2ris_emulator::drive::State;
+use i2ris_simulation::drive::State;
+use i2ris_testing::{Rig, SetOnDrop, stream_counts, wait_until, wait_until_holding};
 use nix::sys::signal::Signal;
-
-use crate::rig::motion::{SetOnDrop, stream_counts};
-use crate::rig::{Rig, wait_until_holding};
 
 /// The drives hold after a signal to the controller during fast motion.
 fn check_drives_hold_after(signal: Signal) {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let client = rig.enabled();
     let done = AtomicBool::new(false);
     std::thread::scope(|scope| {
@@ -27,9 +25,10 @@ fn check_drives_hold_after(signal: Signal) {
                 clock::sleep(Nanos::from_millis(5));
             }
         });
-        clock::sleep(Nanos::from_millis(600));
+        let is_fast = || rig.setpoints(0).last().is_some_and(|(_, counts)| *counts > 500);
+        wait_until("it moves fast", is_fast);
         rig.signal(signal);
-        clock::sleep(Nanos::from_millis(700));
+        rig.wait_until_still();
     });
     let setpoints = rig.setpoints(0);
     let (_, last) = *setpoints.last().unwrap();
@@ -59,7 +58,7 @@ fn h03_the_drives_hold_when_the_controller_hangs() {
 /// A controller that hung and continues does not catch up.
 #[test]
 fn h03_a_controller_that_hung_continues_by_holding() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let mut client = rig.enabled();
     stream_counts(&client, 0.3, |t| [(900.0 * t) as i32, 0]);
     rig.signal(Signal::SIGSTOP);

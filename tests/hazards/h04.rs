@@ -1,16 +1,15 @@
 //! H04: corrupt, late or swapped replies.
 
 use i2ris::ipc::OperatingState;
-use i2ris_emulator::log::EventKind;
+use i2ris_simulation::log::EventKind;
+use i2ris_testing::{Rig, stream_counts, wait_until_idle};
 
-use crate::noise::NoisyLine;
-use crate::rig::motion::stream_counts;
-use crate::rig::{Rig, wait_until_idle};
+use super::noise::NoisyLine;
 
 /// One byte in 500 has a wrong bit, in either direction: several exchanges a second are corrupt.
 #[test]
 fn h04_on_a_line_that_corrupts_bytes_no_wrong_setpoint_and_no_wrong_position_gets_through() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let line = NoisyLine::new(rig.emulator.device(0), 500);
     rig.config.ports[0].device = line.device.clone();
     rig.config.ports[0].reply_timeout_ms = 40;

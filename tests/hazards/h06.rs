@@ -5,28 +5,11 @@ use i2ris::ipc::client::ClientError;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
-
-use crate::bench::Bench;
-use crate::rig::{Rig, has, settle_in, wait_for};
-
-#[test]
-fn h06_a_robot_that_loses_its_zero_holds_and_refuses_servo_commands() {
-    let mut bench = Bench::moving();
-    bench.drives[1].feedback.homed = false;
-    bench.run(3);
-    let before = bench.targets();
-    assert!(bench.report().holding && !bench.report().homed);
-    assert_eq!(bench.actuator(before), Refusal::NotHomed);
-    bench.run(100);
-    assert_eq!(bench.targets(), before);
-    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
-    bench.idle();
-    assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
-}
+use i2ris_testing::{Rig, has, settle_in, wait_for};
 
 #[test]
 fn h06_a_drive_that_lost_its_power_has_to_be_homed_again() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let mut client = rig.enabled();
     client.state_command(StateCommand::Disable).unwrap();
     settle_in(&mut client, OperatingState::Disabled);

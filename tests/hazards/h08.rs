@@ -11,13 +11,11 @@ use i2ris::ipc::payload::{ModelReply, ModelSlot, unpadded_text};
 use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
+use i2ris_testing::{
+    Rig, SetOnDrop, largest_step, linear_model, stream_angles, swing_angles_until, wait_until_idle,
+};
 use nix::sys::stat::Mode;
 use nix::unistd::mkfifo;
-
-use crate::rig::motion::{
-    SetOnDrop, largest_step, linear_model, rig_with_model, stream_angles, swing_angles_until,
-};
-use crate::rig::wait_until_idle;
 
 fn refusal(outcome: Result<ModelReply, ClientError>) -> (Refusal, String) {
     match outcome {
@@ -28,7 +26,7 @@ fn refusal(outcome: Result<ModelReply, ClientError>) -> (Refusal, String) {
 
 #[test]
 fn h08_bad_models_are_refused_with_the_reason_and_the_one_in_use_stays() {
-    let mut rig = rig_with_model();
+    let mut rig = Rig::with_model();
     rig.start_controller();
     let mut client = rig.client();
     wait_until_idle(&mut client);
@@ -63,7 +61,7 @@ fn h08_bad_models_are_refused_with_the_reason_and_the_one_in_use_stays() {
 
 #[test]
 fn h08_a_model_takes_over_while_the_snake_moves_and_is_rolled_back() {
-    let mut rig = rig_with_model();
+    let mut rig = Rig::with_model();
     let second = linear_model(&rig, "second.json", "rig", 1.3);
     let client = rig.enabled();
     let mut operator = Client::connect(&rig.domain(), Nanos::from_millis(5000)).unwrap();

@@ -3,11 +3,9 @@
 use i2ris::clock;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
+use i2ris_testing::cycle::{Bench, config};
+use i2ris_testing::{Rig, stream_counts, wait_until, wait_until_holding};
 use nix::sys::signal::Signal;
-
-use crate::bench::{Bench, config};
-use crate::rig::motion::stream_counts;
-use crate::rig::{Rig, eventually, wait_until_holding};
 
 #[test]
 fn h10_too_many_late_ticks_in_a_window_are_a_fault_and_single_ones_are_none() {
@@ -46,7 +44,7 @@ fn h10_a_robot_that_is_off_has_no_fault_from_late_ticks() {
 /// A stopped process misses about 300 ticks at once. It counts them and does not run them.
 #[test]
 fn h10_missed_ticks_are_counted_and_not_caught_up() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let mut client = rig.enabled();
     let mut statistics = client.watcher().period_statistics();
     stream_counts(&client, 0.5, |t| [(400.0 * t) as i32, 0]);
@@ -54,7 +52,7 @@ fn h10_missed_ticks_are_counted_and_not_caught_up() {
     clock::sleep(Nanos::from_millis(300));
     rig.signal(Signal::SIGCONT);
     wait_until_holding(&mut client);
-    eventually("300 missed ticks are counted", || {
+    wait_until("300 missed ticks are counted", || {
         let newest = statistics.newest().unwrap();
         newest.filter(|message| message.total_missed >= 200)
     });

@@ -4,8 +4,7 @@
 use std::path::Path;
 
 use i2ris::config::Config;
-
-use crate::bench::ROBOT;
+use i2ris_testing::cycle::ROBOT;
 
 fn assert_refused(tables: &[(&str, &str)]) {
     let (head, ports) = ROBOT.split_once("[[ports]]").unwrap();

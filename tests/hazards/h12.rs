@@ -4,27 +4,7 @@ use i2ris::core::{CycleEventKind, ExternalPose, PlausibilityCheck};
 use i2ris::drive::Demand;
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 use i2ris::model::file::OutputUnit;
-
-use crate::bench::{Bench, config, model};
-use crate::simulated_drive::Quirk;
-
-#[test]
-fn h12_a_blocked_motor_is_a_following_error_and_loses_its_power() {
-    let mut bench = Bench::enabled();
-    bench.quirk(0, Quirk::Blocked);
-    let mut goal = 0;
-    while bench.state() == OperatingState::Enabled {
-        goal += 5;
-        let _ = bench.actuator([goal, 0]);
-        bench.run(4);
-        assert!(goal < 1000, "{:?}", bench.report());
-    }
-    assert_eq!(bench.report().fault, Fault::FollowingError);
-    bench.tick();
-    assert_eq!(demands(&bench), [Demand::Disabled, Demand::QuickStop]);
-    // The limit, and the commands that were in flight.
-    assert!(goal <= bench.config.limits.following_error_counts + 60, "{goal}");
-}
+use i2ris_testing::cycle::{Bench, config, model};
 
 fn demands(bench: &Bench) -> [Demand; 2] {
     bench.out.requests.map(|request| request.demand)

@@ -5,16 +5,14 @@ use std::os::fd::AsFd;
 use std::process::Stdio;
 
 use i2ris::ipc::OperatingState;
+use i2ris_testing::{Rig, enable, home, stream_counts, wait_until};
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::sys::signal::Signal;
-
-use crate::rig::motion::stream_counts;
-use crate::rig::{Rig, enable, eventually, home};
 
 /// Standard error is a full pipe that nobody reads; the folder of the black boxes is a file.
 #[test]
 fn h13_a_blocked_log_and_a_missing_record_folder_do_not_stop_the_loop() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     fs::write(rig.folder.path().join("records"), "in the way").unwrap();
     let (reader, writer) = std::io::pipe().unwrap();
     fill(&writer);
@@ -25,7 +23,7 @@ fn h13_a_blocked_log_and_a_missing_record_folder_do_not_stop_the_loop() {
     stream_counts(&client, 1.0, |t| [(200.0 * t) as i32, 0]);
     let mut statistics = client.watcher().period_statistics();
     for _ in 0..3 {
-        eventually("a second with ticks of the loop", || {
+        wait_until("a second with ticks of the loop", || {
             let newest = statistics.newest().unwrap();
             newest.filter(|message| message.ticks > 100)
         });
@@ -43,7 +41,7 @@ fn h13_a_blocked_log_and_a_missing_record_folder_do_not_stop_the_loop() {
 /// The run log is complete although the log for the operator is blocked.
 #[test]
 fn h13_a_blocked_log_stops_neither_the_run_log_nor_the_end() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let (_reader, writer) = std::io::pipe().unwrap();
     fill(&writer);
     rig.start_controller_with(Stdio::from(writer));
@@ -52,7 +50,7 @@ fn h13_a_blocked_log_stops_neither_the_run_log_nor_the_end() {
     enable(&mut client);
     let runs = rig.folder.path().join("records/runs.jsonl");
     let read = || fs::read_to_string(&runs).unwrap_or_default();
-    eventually("the change of state is in the run log", || {
+    wait_until("the change of state is in the run log", || {
         read().contains(r#""to":"ENABLED""#).then_some(())
     });
     rig.signal(Signal::SIGTERM);
@@ -64,7 +62,7 @@ fn h13_a_blocked_log_stops_neither_the_run_log_nor_the_end() {
 /// A controller that cannot start says so and ends, read or not.
 #[test]
 fn h13_a_blocked_log_does_not_stop_the_end_of_a_start_that_failed() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     rig.config.control.model = Some("absent.json".into());
     let (_reader, writer) = std::io::pipe().unwrap();
     fill(&writer);

@@ -1,21 +1,20 @@
 //! H15: two controllers. Ports and shared memory belong to one.
 
 use i2ris::ipc::OperatingState;
-use i2ris_emulator::log::EventKind;
-
-use crate::rig::{Rig, wait_for_end, wait_until_idle};
+use i2ris_simulation::log::EventKind;
+use i2ris_testing::{Rig, wait_for_end, wait_until_idle};
 
 /// Starts a second controller on a domain and returns the text of its refusal. The first controller
 /// stays enabled.
 fn refusal_of_second(change_domain: impl FnOnce(&mut String)) -> String {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let mut client = rig.enabled();
     let events = rig.emulator.log().len();
     let domain = rig.config.ipc.domain.clone();
     change_domain(&mut rig.config.ipc.domain);
     let mut second = rig.spawn_controller("second");
     rig.config.ipc.domain = domain;
-    assert_eq!(wait_for_end(&mut second).expect("it ends at once").code(), Some(1));
+    assert_eq!(wait_for_end(&mut second).code(), Some(1));
     let state = wait_until_idle(&mut client).state;
     assert_eq!(state, OperatingState::Enabled.number());
     let log = rig.emulator.log();

@@ -3,10 +3,8 @@
 use i2ris::core::ExternalPose;
 use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::model::file::OutputUnit;
-
-use crate::bench::{Bench, config, model};
-use crate::rig::motion::{rig_with_model, stream_angles};
-use crate::rig::wait_until_idle;
+use i2ris_testing::cycle::{Bench, config, model};
+use i2ris_testing::{Rig, stream_angles, wait_until_idle};
 
 /// Five minutes of counted time with every monitor on: slow lines, a camera with noise, occasional
 /// late ticks.
@@ -46,7 +44,7 @@ fn h16_five_minutes_of_ordinary_use_trip_nothing() {
 }
 
 fn soak(seconds: f64) {
-    let mut rig = rig_with_model();
+    let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     stream_angles(&client, |t| {
         (t < seconds).then(|| [8.0 * (0.8 * t).sin(), 6.0 * (1.2 * t).sin()])
@@ -63,7 +61,7 @@ fn h16_ten_seconds_with_real_processes_trip_nothing() {
     soak(10.0);
 }
 
-/// For `cargo test --test hazards -- --ignored --nocapture h16_soak`; seconds in `I2RIS_SOAK_S`,
+/// For `cargo test --test real_time -- --ignored --nocapture h16_soak`; seconds in `I2RIS_SOAK_S`,
 /// default one hour.
 #[test]
 #[ignore = "takes an hour"]

@@ -3,14 +3,12 @@
 
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{OperatingState, StateCommand};
+use i2ris_testing::{Rig, enable, has, settle_in, stream_counts};
 use nix::sys::signal::Signal;
-
-use crate::rig::motion::stream_counts;
-use crate::rig::{Rig, enable, has, settle_in};
 
 #[test]
 fn h18_a_killed_controller_is_restarted_and_continues_with_the_same_client_and_zero() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let mut client = rig.enabled();
     for _ in 0..3 {
         rig.signal(Signal::SIGKILL);

@@ -2,7 +2,7 @@
 
 use i2ris::core::adaptation::AdaptationEvent;
 
-use crate::drifting::{Drifting, ON, truth, wandering};
+use super::drifting::{Drifting, ON, truth, wandering};
 
 #[test]
 fn h20_a_push_of_two_degrees_is_not_learned_and_leaves_nothing_behind() {

@@ -4,7 +4,7 @@ use i2ris::core::CycleEventKind;
 use i2ris::core::adaptation::AdaptationEvent;
 use i2ris::ipc::{Fault, OperatingState};
 
-use crate::drifting::{Drifting, ON, truth, wandering};
+use super::drifting::{Drifting, ON, truth, wandering};
 
 /// The corners of the calibrated hull, deg.
 const CORNERS: [[f64; 2]; 4] = [[24.9, 0.0], [-24.9, 0.0], [0.0, 24.9], [0.0, -24.9]];

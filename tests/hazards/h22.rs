@@ -2,7 +2,7 @@
 
 use i2ris::core::adaptation::{Drift, Pause};
 
-use crate::drifting::{Drifting, ON, wandering};
+use super::drifting::{Drifting, ON, wandering};
 
 #[test]
 fn h22_at_rest_nothing_is_learned() {

@@ -1,6 +1,6 @@
 //! H23: the adaptation fights the operator.
 
-use crate::drifting::{Drifting, ON, shift, truth, wandering};
+use super::drifting::{Drifting, ON, shift, truth, wandering};
 
 /// A camera that sees a zero that is off.
 fn slipped(_: f64, [pitch, yaw]: [f64; 2]) -> [f64; 2] {

@@ -8,9 +8,9 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
+use i2ris_testing::Background;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use nix::pty::openpty;
 use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
@@ -22,8 +22,7 @@ pub struct NoisyLine {
     pub device: PathBuf,
     corrupted: Arc<AtomicU64>,
     noisy: Arc<AtomicBool>,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    _thread: Background,
     /// Keeps the pseudo-terminal from hanging up.
     _slave: OwnedFd,
 }
@@ -40,24 +39,22 @@ impl NoisyLine {
         make_raw(&drive);
         fcntl(&pty.master, FcntlArg::F_SETFL(OFlag::O_NONBLOCK)).unwrap();
         let mut host = File::from(pty.master);
-        let (corrupted, noisy, stop) =
-            <(Arc<AtomicU64>, Arc<AtomicBool>, Arc<AtomicBool>)>::default();
+        let (corrupted, noisy) = <(Arc<AtomicU64>, Arc<AtomicBool>)>::default();
         let mut noise = Noise {
             every,
             state: 0x2545_F491_4F6C_DD1D,
             corrupted: Arc::clone(&corrupted),
             noisy: Arc::clone(&noisy),
         };
-        let flag = Arc::clone(&stop);
-        let thread = std::thread::spawn(move || {
-            while !flag.load(Ordering::Relaxed) {
+        let thread = Background::start(move |stop| {
+            while !stop.load(Ordering::Relaxed) {
                 let moved = noise.copy(&mut host, &mut drive) + noise.copy(&mut drive, &mut host);
                 if moved == 0 {
                     std::thread::sleep(Duration::from_micros(200));
                 }
             }
         });
-        Self { device, corrupted, noisy, stop, thread: Some(thread), _slave: pty.slave }
+        Self { device, corrupted, noisy, _thread: thread, _slave: pty.slave }
     }
 
     /// Starts the noise.
@@ -68,13 +65,6 @@ impl NoisyLine {
     /// Number of corrupted bytes.
     pub fn corrupted(&self) -> u64 {
         self.corrupted.load(Ordering::Relaxed)
-    }
-}
-
-impl Drop for NoisyLine {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        let _ = self.thread.take().map(JoinHandle::join);
     }
 }
 

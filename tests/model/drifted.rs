@@ -4,7 +4,7 @@ use i2ris::model::file::{FamilyParameters, FileDrift, MixtureParameters, ModelFi
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{Model, Query};
 
-use crate::samples::{file, linear, region, some_stops, two_by_two};
+use super::samples::{file, linear, region, some_stops, two_by_two};
 
 /// 0.02 deg per count of every motor.
 fn flat_mixture() -> MixtureParameters {

@@ -7,7 +7,7 @@ use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::model::{Model, ModelId};
 use proptest::prelude::*;
 
-use crate::samples::{file, region, smooth_gmr, square, two_by_two, two_components};
+use super::samples::{file, region, smooth_gmr, square, two_by_two, two_components};
 
 fn sample() -> ModelFile {
     file(1, two_components(), region(1, 300.0))
@@ -133,7 +133,7 @@ fn a_failed_write_changes_no_file() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(i2ris_testing::cases(16))]
 
     #[test]
     fn parameters_read_back_bit_for_bit(map in smooth_gmr(2, 3)) {

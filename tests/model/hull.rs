@@ -127,6 +127,8 @@ fn points() -> impl Strategy<Value = Vec<[f64; 2]>> {
 }
 
 proptest! {
+    #![proptest_config(i2ris_testing::cases(64))]
+
     #[test]
     fn hull_contains_its_points_and_reads_back(points in points()) {
         if let Ok(hull) = Hull::from_points(2, &points) {

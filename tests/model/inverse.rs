@@ -5,22 +5,13 @@ use i2ris::model::{Inverse, Model, Query};
 use i2ris::units::{MotorVec, OutputVec};
 use proptest::prelude::*;
 
-use crate::samples::{DEG, REACH, SmoothMap, file, linear, position, region, smooth_gmr, square};
+use super::samples::{
+    DEG, REACH, SmoothMap, any_number, distance, file, linear, one_count, position, region,
+    smooth_gmr, square,
+};
 
 fn mean(model: &Model, counts: &MotorVec) -> OutputVec {
     model.predict(counts, &model.new_memory()).mean
-}
-
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
-}
-
-fn one_count(model: &Model, counts: &MotorVec) -> f64 {
-    let jacobian = model.jacobian(counts, &model.new_memory());
-    (0..2)
-        .map(|motor| jacobian.map(|row| row[motor]))
-        .map(|column| distance(&column, &[0.0; 3]))
-        .fold(0.0, f64::max)
 }
 
 fn invert(model: &Model, goal: &OutputVec, start: &MotorVec) -> Inverse {
@@ -31,7 +22,10 @@ fn check_round_trip(map: &SmoothMap, at: MotorVec, start: MotorVec) {
     let model = Model::from_file(map.file()).unwrap();
     let inverse = invert(&model, &mean(&model, &at), &start);
     let missed = distance(&mean(&model, &inverse.counts), &mean(&model, &at));
-    assert!(missed <= 0.1 * one_count(&model, &at), "{inverse:?} for {at:?} misses {missed}");
+    assert!(
+        missed <= 0.1 * one_count(&model, &at, &model.new_memory()),
+        "{inverse:?} for {at:?} misses {missed}"
+    );
     assert!((missed - inverse.residual).abs() < 1e-12);
     assert!(!inverse.clipped, "{inverse:?}");
     if model.motors() <= model.outputs() {
@@ -64,107 +58,51 @@ fn check_nearest(map: &SmoothMap, goal: OutputVec) {
     let nearest = lattice
         .map(|at| distance(&mean(&model, &at)[..used_goal.len()], used_goal))
         .fold(f64::INFINITY, f64::min);
-    let slack = one_count(&model, &inverse.counts);
+    let slack = one_count(&model, &inverse.counts, &model.new_memory());
     assert!(
         inverse.residual <= nearest + slack,
         "{inverse:?} for {goal:?}: {nearest} was there, {slack} a count"
     );
 }
 
-fn any_number() -> impl Strategy<Value = f64> {
-    prop_oneof![
-        any::<f64>(),
-        -2.0..2.0_f64,
-        Just(f64::NAN),
-        Just(f64::INFINITY),
-        Just(f64::MAX),
-        Just(-0.0)
-    ]
-}
-
 fn pose() -> impl Strategy<Value = OutputVec> {
     [-1.2..1.2_f64, -1.2..1.2_f64, -1.2..1.2_f64]
 }
 
+/// Positions of so many motors.
+fn of(motors: usize, at: MotorVec) -> MotorVec {
+    if motors == 1 { [at[0], 0.0] } else { at }
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(i2ris_testing::cases(48))]
 
     #[test]
-    fn inverse_recovers_the_counts_1x1(
-        map in smooth_gmr(1, 1),
-        at in position(1),
-        start in position(1),
-    ) {
-        check_round_trip(&map, at, start);
-    }
-
-    #[test]
-    fn inverse_recovers_the_counts_1x2(
-        map in smooth_gmr(1, 2),
-        at in position(1),
-        start in position(1),
-    ) {
-        check_round_trip(&map, at, start);
-    }
-
-    #[test]
-    fn inverse_reaches_the_goal_2x1(
-        map in smooth_gmr(2, 1),
-        at in position(2),
-        start in position(2),
-    ) {
-        check_round_trip(&map, at, start);
-    }
-
-    #[test]
-    fn inverse_recovers_the_counts_2x2(
-        map in smooth_gmr(2, 2),
-        at in position(2),
-        start in position(2),
-    ) {
-        check_round_trip(&map, at, start);
-    }
-
-    #[test]
-    fn inverse_recovers_the_counts_2x3(
+    fn inverse_recovers_the_counts(
         map in smooth_gmr(2, 3),
         at in position(2),
         start in position(2),
     ) {
-        check_round_trip(&map, at, start);
+        for (motors, outputs) in [(1, 1), (1, 2), (2, 1), (2, 2), (2, 3)] {
+            check_round_trip(&map.of_size(motors, outputs), of(motors, at), of(motors, start));
+        }
     }
 
     #[test]
-    fn inverse_stays_in_the_hull_of_one_motor(
-        map in smooth_gmr(1, 2),
-        goal in [any_number(), any_number(), any_number()],
-        start in [any_number(), any_number()],
-    ) {
-        check_stays_in_hull(&map, goal, start);
-    }
-
-    #[test]
-    fn inverse_stays_in_the_hull_of_two_motors(
+    fn inverse_stays_in_the_hull(
         map in smooth_gmr(2, 2),
         goal in [any_number(), any_number(), any_number()],
         start in [any_number(), any_number()],
     ) {
+        check_stays_in_hull(&map.of_size(1, 2), goal, start);
         check_stays_in_hull(&map, goal, start);
     }
 
     #[test]
-    fn inverse_gives_the_nearest_pose_1x1(map in smooth_gmr(1, 1), goal in pose()) {
-        check_nearest(&map, goal);
-    }
-
-    #[test]
-    fn inverse_gives_the_nearest_pose_2x2(map in smooth_gmr(2, 2), goal in pose()) {
-        check_nearest(&map, goal);
-    }
-
-    #[test]
-    fn inverse_gives_the_nearest_pose_2x3(map in smooth_gmr(2, 3), goal in pose()) {
-        check_nearest(&map, goal);
+    fn inverse_gives_the_nearest_pose(map in smooth_gmr(2, 3), goal in pose()) {
+        for (motors, outputs) in [(1, 1), (2, 2), (2, 3)] {
+            check_nearest(&map.of_size(motors, outputs), goal);
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use i2ris::units::MotorVec;
 use nalgebra::SVector;
 use proptest::prelude::*;
 
-use crate::samples::{DEG, file, region};
+use super::samples::{DEG, assert_jacobian, file, region};
 
 /// The counts that bend these robots by about 40 degrees.
 const REACH: f64 = 1500.0;
@@ -105,26 +105,8 @@ fn position() -> impl Strategy<Value = MotorVec> {
 }
 
 fn check_jacobian(outputs: usize, unit: OutputUnit, robot: KinematicParameters, at: MotorVec) {
-    const STEP: f64 = 0.01;
-    let motors = robot.pulley_radii_mm.len();
     let model = model(robot, outputs, unit);
-    let jacobian = model.jacobian(&at, &model.new_memory());
-    for motor in 0..motors {
-        let moved = |by: f64| {
-            let mut there = at;
-            there[motor] += by;
-            mean(&model, there)
-        };
-        let (behind, ahead) = (moved(-STEP), moved(STEP));
-        for output in 0..outputs {
-            let difference = (ahead[output] - behind[output]) / (2.0 * STEP);
-            let found = jacobian[output][motor];
-            assert!(
-                (found - difference).abs() < 1e-6 * found.abs() + 1e-12,
-                "{found} is not {difference}"
-            );
-        }
-    }
+    assert_jacobian(&model, at, &model.new_memory(), [1e-6, 1e-12]);
 }
 
 fn check_round_trip(
@@ -144,7 +126,7 @@ fn check_round_trip(
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(i2ris_testing::cases(32))]
 
     #[test]
     fn jacobian_matches_the_numerical_derivative(

@@ -2,7 +2,7 @@
 
 use i2ris::model::{Model, Query};
 
-use crate::samples::{DEG, file, linear, square};
+use super::samples::{DEG, file, linear, square};
 
 fn model() -> Model {
     Model::from_file(file(

@@ -1,16 +1,16 @@
 //! Properties of models with play operators.
 
 use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile};
-use i2ris::model::hysteresis::Operator;
-use i2ris::model::hysteresis::backlash_play::{PlayParameters, PlayState, Plays};
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
-use i2ris::model::{History, Inverse, Memory, Model, Query};
+use i2ris::model::{History, Inverse, Model, Query};
 use i2ris::units::MotorVec;
-use nalgebra::SVector;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use crate::samples::{REACH, file, position, region, smooth_gmr};
+use super::samples::{
+    REACH, any_number, distance, file, memory_after, one_count, position, region, smooth_gmr,
+};
 
 /// The least weight of threshold 0 in these tests. Where virtual counts differ by one, counts may
 /// differ by its reciprocal.
@@ -34,7 +34,7 @@ fn one_motor() -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
     })
 }
 
-fn plays(motors: usize, planar: usize) -> impl Strategy<Value = PlayParameters> {
+pub fn plays(motors: usize, planar: usize) -> impl Strategy<Value = PlayParameters> {
     (vec(one_motor(), motors), vec(5.0..50.0_f64, 0..=planar)).prop_map(|(each, steps)| {
         let (thresholds_counts, weights) = each.into_iter().unzip();
         let planar_thresholds_counts = steps.iter().scan(0.0, |sum, step| {
@@ -82,23 +82,6 @@ fn memoryless(file: &ModelFile) -> Model {
 
 fn path(motors: usize) -> impl Strategy<Value = Vec<MotorVec>> {
     vec(position(motors), 1..12)
-}
-
-fn memory_after(model: &Model, path: &[MotorVec]) -> Memory {
-    let mut memory = model.new_memory();
-    for counts in path {
-        model.advance(&mut memory, counts);
-    }
-    memory
-}
-
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
-}
-
-fn one_count(model: &Model, counts: &MotorVec, memory: &Memory) -> f64 {
-    let jacobian = model.jacobian(counts, memory);
-    (0..2).map(|motor| distance(&jacobian.map(|row| row[motor]), &[0.0; 3])).fold(0.0, f64::max)
 }
 
 fn check_round_trip(file: ModelFile, path: &[MotorVec], at: MotorVec, start: MotorVec) {
@@ -150,12 +133,8 @@ fn check_any_goal(file: ModelFile, path: &[MotorVec], goal: [f64; 3], start: Mot
     }
 }
 
-fn any_number() -> impl Strategy<Value = f64> {
-    prop_oneof![any::<f64>(), -2.0..2.0_f64, Just(f64::NAN), Just(f64::INFINITY), Just(f64::MAX)]
-}
-
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(i2ris_testing::cases(32))]
 
     #[test]
     fn work_that_is_shared_gives_the_same_results(
@@ -168,63 +147,27 @@ proptest! {
     }
 
     #[test]
-    fn inverse_recovers_the_counts_with_memory_1x1(
-        f in play_file(1, 1),
-        p in path(1),
-        at in position(1),
-        start in position(1),
-    ) {
-        check_round_trip(f, &p, at, start);
-    }
-
-    #[test]
-    fn inverse_recovers_the_counts_with_memory_2x2(
-        f in play_file(2, 2),
-        p in path(2),
+    fn inverse_recovers_the_counts_with_memory(
+        (one, two, three) in (play_file(1, 1), play_file(2, 2), play_file(2, 3)),
+        (along, p) in (path(1), path(2)),
         at in position(2),
         start in position(2),
     ) {
-        check_round_trip(f, &p, at, start);
+        check_round_trip(one, &along, [at[0], 0.0], [start[0], 0.0]);
+        check_round_trip(two, &p, at, start);
+        check_round_trip(three, &p, at, start);
     }
 
     #[test]
-    fn inverse_recovers_the_counts_with_memory_2x3(
-        f in play_file(2, 3),
-        p in path(2),
-        at in position(2),
-        start in position(2),
-    ) {
-        check_round_trip(f, &p, at, start);
-    }
-
-    #[test]
-    fn inverse_stays_in_the_hull_1x1(
-        f in play_file(1, 1),
-        p in path(1),
+    fn inverse_stays_in_the_hull(
+        (one, two, three) in (play_file(1, 1), play_file(2, 2), play_file(2, 3)),
+        (along, p) in (path(1), path(2)),
         goal in [any_number(), any_number(), any_number()],
         start in [any_number(), any_number()],
     ) {
-        check_any_goal(f, &p, goal, start);
-    }
-
-    #[test]
-    fn inverse_stays_in_the_hull_2x2(
-        f in play_file(2, 2),
-        p in path(2),
-        goal in [any_number(), any_number(), any_number()],
-        start in [any_number(), any_number()],
-    ) {
-        check_any_goal(f, &p, goal, start);
-    }
-
-    #[test]
-    fn inverse_stays_in_the_hull_2x3(
-        f in play_file(2, 3),
-        p in path(2),
-        goal in [any_number(), any_number(), any_number()],
-        start in [any_number(), any_number()],
-    ) {
-        check_any_goal(f, &p, goal, start);
+        check_any_goal(one, &along, goal, start);
+        check_any_goal(two, &p, goal, start);
+        check_any_goal(three, &p, goal, start);
     }
 
     /// Compensation interpolates linearly between the counts of the model without memory and the
@@ -353,123 +296,6 @@ proptest! {
     }
 }
 
-fn operator(parameters: &PlayParameters) -> Plays<1> {
-    Plays::prepare(parameters).unwrap()
-}
-
-fn state_after(operator: &Plays<1>, motion: &[f64]) -> PlayState {
-    let mut state = operator.begin(&SVector::from([motion[0]]));
-    for at in motion {
-        operator.advance(&mut state, &SVector::from([*at]));
-    }
-    state
-}
-
-fn virtual_counts(operator: &Plays<1>, state: &PlayState, at: f64) -> f64 {
-    operator.local(state, &SVector::from([at])).mean[0]
-}
-
-fn motion() -> impl Strategy<Value = Vec<f64>> {
-    vec(-REACH..REACH, 1..10)
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(128))]
-
-    /// A closed excursion leaves the state unchanged.
-    #[test]
-    fn a_closed_minor_loop_is_forgotten(
-        p in plays(1, 0),
-        w in motion(),
-        to in -REACH..REACH,
-        part in 0.0..1.0_f64,
-    ) {
-        let operator = operator(&p);
-        let from = w[w.len() - 1];
-        let inside = from + part * (to - from);
-        let (without, with) = (
-            [w.as_slice(), &[to]].concat(),
-            [w.as_slice(), &[to, inside, to]].concat(),
-        );
-        let [without, with] = [without, with].map(|motion| state_after(&operator, &motion));
-        for at in [-REACH, -77.0, 0.0, 200.0, REACH] {
-            let difference =
-                virtual_counts(&operator, &without, at) - virtual_counts(&operator, &with, at);
-            prop_assert!(difference.abs() < 1e-9);
-        }
-    }
-
-    /// Minor loops between the same counts have the same shape after every past.
-    #[test]
-    fn minor_loops_are_congruent(
-        p in plays(1, 0),
-        a in motion(),
-        b in motion(),
-        low in -REACH..0.0_f64,
-        high in 0.0..REACH,
-        part in 0.0..1.0_f64,
-    ) {
-        let operator = operator(&p);
-        let rise = |motion: &[f64]| {
-            let state = state_after(&operator, &[motion, &[low, high, low]].concat());
-            let between = low + part * (high - low);
-            virtual_counts(&operator, &state, between) - virtual_counts(&operator, &state, low)
-        };
-        prop_assert!((rise(&a) - rise(&b)).abs() < 1e-9);
-    }
-
-    /// Higher counts give higher virtual counts. The slope is at least the first weight and at most
-    /// 1.
-    #[test]
-    fn virtual_counts_increase_with_the_counts(
-        p in plays(1, 0),
-        w in motion(),
-        at in -REACH..REACH,
-        by in 0.01..50.0_f64,
-    ) {
-        let operator = operator(&p);
-        let state = state_after(&operator, &w);
-        let rise =
-            virtual_counts(&operator, &state, at + by) - virtual_counts(&operator, &state, at);
-        prop_assert!(rise >= p.weights[0][0] * by - 1e-9 && rise <= by + 1e-9, "{rise} over {by}");
-    }
-
-    /// The inverse is exact, its slope is bounded, and its distance from the virtual counts is at
-    /// most the widest threshold.
-    #[test]
-    fn inverse_of_the_plays_is_exact_and_bounded(
-        p in plays(1, 0), w in motion(), goal in -REACH..REACH, by in 0.0..50.0_f64,
-    ) {
-        let operator = operator(&p);
-        let state = state_after(&operator, &w);
-        let inverse = |goal: f64| operator.invert(&state, &SVector::from([goal]), 1.0)[0];
-        let found = inverse(goal);
-        prop_assert!((virtual_counts(&operator, &state, found) - goal).abs() < 1e-6);
-        let step = inverse(goal + by) - found;
-        prop_assert!(step >= by - 1e-6 && step <= by / p.weights[0][0] + 1e-6, "{step} for {by}");
-        let widest = p.thresholds_counts[0][p.thresholds_counts[0].len() - 1];
-        prop_assert!((found - goal).abs() <= widest + 1e-6, "{found} for {goal}, gap {widest}");
-    }
-
-    #[test]
-    fn jacobian_matches_the_numerical_derivative_of_the_virtual_counts(
-        p in plays(1, 0),
-        w in motion(),
-        at in -REACH..REACH,
-    ) {
-        const STEP: f64 = 1e-4;
-        let operator = operator(&p);
-        let state = state_after(&operator, &w);
-        let local = operator.local(&state, &SVector::from([at])).jacobian[(0, 0)];
-        let [behind, ahead] =
-            [-STEP, STEP].map(|by| operator.local(&state, &SVector::from([at + by])));
-        // At a kink the slopes on both sides differ.
-        if behind.jacobian == ahead.jacobian {
-            prop_assert!((local - (ahead.mean[0] - behind.mean[0]) / (2.0 * STEP)).abs() < 1e-6);
-        }
-    }
-}
-
 /// From position to position in steps of one encoder count.
 fn in_steps(motion: &[MotorVec]) -> Vec<MotorVec> {
     let straight = |ends: &[MotorVec]| {
@@ -486,6 +312,8 @@ fn in_steps(motion: &[MotorVec]) -> Vec<MotorVec> {
 }
 
 proptest! {
+    #![proptest_config(i2ris_testing::cases(64))]
+
     #[test]
     fn recall_rebuilds_the_memory_from_the_history(file in play_file(2, 2), motion in path(2)) {
         let model = Model::from_file(file).unwrap();

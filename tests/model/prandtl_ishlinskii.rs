@@ -9,7 +9,7 @@ use nalgebra::SVector;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use crate::samples::{REACH, position};
+use super::samples::{REACH, position};
 
 /// The least direct weight in these tests: the slope of the inverse is at most its reciprocal.
 const LEAST_WEIGHT: f64 = 0.05;
@@ -47,7 +47,7 @@ fn after(operator: &PrandtlIshlinskii<2>, path: &[MotorVec]) -> PrandtlIshlinski
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(256))]
+    #![proptest_config(i2ris_testing::cases(64))]
 
     #[test]
     fn the_inverse_is_exact(

@@ -7,6 +7,8 @@ use i2ris::model::file::{
 use i2ris::model::hysteresis::stop::{
     StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
 };
+use i2ris::model::{Memory, Model};
+use i2ris::units::MotorVec;
 use proptest::prelude::*;
 
 /// One degree in radians.
@@ -160,6 +162,12 @@ impl SmoothMap {
         FamilyParameters::Gmr { mixture: MixtureParameters { weights, means, covariances } }
     }
 
+    /// The same for fewer motors or outputs.
+    pub fn of_size(&self, motors: usize, outputs: usize) -> Self {
+        let gain = self.gain.iter().take(outputs).map(|row| row[..motors].to_vec());
+        Self { gain: gain.collect(), ..self.clone() }
+    }
+
     /// The model file, with the hull [`REACH`].
     pub fn file(&self) -> ModelFile {
         file(self.gain.len(), self.family(), region(self.gain[0].len(), REACH))
@@ -253,4 +261,55 @@ pub fn stops(motors: usize) -> impl Strategy<Value = StopParameters> {
             stops_of(motors, slack, friction, travel, [axes.0, axes.1], loose, segments)
         },
     )
+}
+
+/// Any number, also one that is none.
+pub fn any_number() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        any::<f64>(),
+        -2.0..2.0_f64,
+        Just(f64::NAN),
+        Just(f64::INFINITY),
+        Just(f64::MAX),
+        Just(-0.0)
+    ]
+}
+
+pub fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
+pub fn memory_after(model: &Model, path: &[MotorVec]) -> Memory {
+    let mut memory = model.new_memory();
+    for counts in path {
+        model.advance(&mut memory, counts);
+    }
+    memory
+}
+
+/// What one count of the motor with the larger effect is worth.
+pub fn one_count(model: &Model, counts: &MotorVec, memory: &Memory) -> f64 {
+    let jacobian = model.jacobian(counts, memory);
+    (0..2).map(|motor| distance(&jacobian.map(|row| row[motor]), &[0.0; 3])).fold(0.0, f64::max)
+}
+
+/// The Jacobian is the numerical derivative.
+#[track_caller]
+pub fn assert_jacobian(model: &Model, at: MotorVec, memory: &Memory, tolerance: [f64; 2]) {
+    const STEP: f64 = 0.01;
+    let jacobian = model.jacobian(&at, memory);
+    for motor in 0..model.motors() {
+        let [behind, ahead] = [-STEP, STEP].map(|by| {
+            let mut there = at;
+            there[motor] += by;
+            model.predict(&there, memory).mean
+        });
+        for output in 0..model.outputs() {
+            let difference = (ahead[output] - behind[output]) / (2.0 * STEP);
+            let found = jacobian[output][motor];
+            let [relative, absolute] = tolerance;
+            let is_near = (found - difference).abs() <= relative * found.abs() + absolute;
+            assert!(is_near, "{found} is not {difference}");
+        }
+    }
 }

@@ -88,7 +88,7 @@ fn check_jacobian<const D: usize>(
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(i2ris_testing::cases(32))]
 
     #[test]
     fn inverse_recovers_the_counts(

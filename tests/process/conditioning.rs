@@ -5,8 +5,7 @@ use i2ris::ipc::client::ClientError;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
-
-use crate::rig::{Rig, has, settle_in, wait_for, wait_until_idle};
+use i2ris_testing::{Rig, has, settle_in, wait_for, wait_until_idle};
 
 fn is_busy(state: &OperatingStateMsg) -> bool {
     has(state, OperatingStateMsg::BUSY)
@@ -14,7 +13,7 @@ fn is_busy(state: &OperatingStateMsg) -> bool {
 
 #[test]
 fn the_motors_make_a_decaying_conditioning_cycle_and_end_where_they_began() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     rig.config.conditioning.half_width_counts = Some(300);
     rig.config.conditioning.turns = 2;
     let mut client = rig.enabled();
@@ -44,7 +43,7 @@ fn the_motors_make_a_decaying_conditioning_cycle_and_end_where_they_began() {
 
 #[test]
 fn pause_stops_the_conditioning_cycle() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let mut client = rig.enabled();
     client.state_command(StateCommand::Condition).unwrap();
     wait_for(&mut client, is_busy);

@@ -2,24 +2,22 @@
 
 use i2ris::clock;
 use i2ris::ipc::payload::{Health, unpadded_text};
-use i2ris_emulator::Injection;
-
-use crate::rig::{Rig, eventually};
+use i2ris_simulation::Injection;
+use i2ris_testing::{Rig, wait_until};
 
 #[test]
 fn link_errors_are_published_as_health() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let client = rig.enabled();
     let mut health = client.watcher().health();
     let mut newest = |condition: &dyn Fn(&Health) -> bool| {
-        eventually("a record of health", || health.newest().unwrap().filter(condition))
+        wait_until("a record of health", || health.newest().unwrap().filter(condition))
     };
     let before = newest(&|_| true);
     assert!(before.stamp_ns <= clock::now().0);
     assert_eq!((before.ipc_failures, before.lost_replies), (0, 0));
     for _ in 0..3 {
         rig.emulator.inject(1, Injection::FlipReply { offset: 4 });
-        clock::sleep(i2ris::units::Nanos::from_millis(100));
     }
     let errors = |health: &Health| {
         health.crc_errors[1] + health.timeouts[1] + health.resynchronisations[1] + health.retries[1]
@@ -30,12 +28,12 @@ fn link_errors_are_published_as_health() {
 
 #[test]
 fn the_log_is_published_line_by_line() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let client = rig.enabled();
     // A client that comes late gets the last lines.
     let mut events = client.watcher().events();
     let mut lines = Vec::new();
-    eventually("the line of the change to ENABLED", || {
+    wait_until("the line of the change to ENABLED", || {
         events.drain(|event| lines.push(unpadded_text(&event.text))).unwrap();
         lines.iter().any(|line| line.contains("-> ENABLED")).then_some(())
     });

@@ -9,9 +9,7 @@ use i2ris::ipc::client::{Client, Forwarder};
 use i2ris::ipc::payload::{OperatingStateMsg, ServoActuator, ServoJp};
 use i2ris::ipc::{Domain, Refusal};
 use i2ris::units::Nanos;
-
-use crate::rig::motion::{SetOnDrop, rig_with_model, stream_counts};
-use crate::rig::{Rig, wait_for};
+use i2ris_testing::{Rig, SetOnDrop, stream_counts, wait_for};
 
 /// What a hostile client does to every command.
 #[derive(Debug, Clone, Copy)]
@@ -105,7 +103,7 @@ fn assert_followed(rig: &Rig, client: &mut Client, target: i32) {
 
 #[test]
 fn hostile_clients_on_either_stream_do_not_displace_the_commander() {
-    let mut rig = rig_with_model();
+    let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     let domain = rig.domain();
     for in_counts in [false, true] {
@@ -123,7 +121,7 @@ fn hostile_clients_on_either_stream_do_not_displace_the_commander() {
 
 #[test]
 fn every_client_learns_of_its_own_refusals() {
-    let mut rig = rig_with_model();
+    let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     let domain = rig.domain();
     // With a free lease, and with one that the client takes and holds.
@@ -163,7 +161,7 @@ fn every_client_learns_of_its_own_refusals() {
 
 #[test]
 fn the_log_folds_the_refusals_of_every_client() {
-    let mut rig = rig_with_model();
+    let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     let domain = rig.domain();
     besieged(&domain, false, || {

@@ -7,9 +7,7 @@ use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
 use i2ris::ipc::ready::{INTERFACE_VERSION, Ready};
 use i2ris::ipc::{Domain, DomainError, DomainLock, random_id};
 use i2ris::units::Nanos;
-
-use crate::ipc_fixture::{assert_no_files, files, serve, unique_domain};
-use crate::rig::eventually;
+use i2ris_testing::{assert_no_files, files, serve, unique_domain, wait_until};
 
 /// Creates the directory of a domain as a controller does.
 fn create_directory(domain: &Domain, mode: u32) {
@@ -49,7 +47,7 @@ fn a_sensor_survives_restarts_of_the_controller() {
     assert!(absent.is_absent());
     for round in 1..=3_u64 {
         let mut server = serve(&domain);
-        let seen = eventually("the camera reaches the controller", || {
+        let seen = wait_until("the camera reaches the controller", || {
             let _ = camera.publish(Nanos(round), &[0.1, 0.2], &[0.01, 0.02]);
             server.poll_external()
         });

@@ -8,11 +8,11 @@ use i2ris::clock;
 use i2ris::ipc::client::{Client, Latest};
 use i2ris::ipc::payload::{OperatingStateMsg, StateCommandReply};
 use i2ris::ipc::ready::Ready;
-use i2ris::ipc::{Domain, DomainError, DomainLock, StateCommand};
+use i2ris::ipc::{Domain, DomainError, DomainLock, Request, StateCommand, StreamMessage};
 use i2ris::units::Nanos;
-
-use crate::ipc_fixture::{ServerThread, assert_no_files, files, serve, unique_domain};
-use crate::rig::{TIMEOUT, eventually};
+use i2ris_testing::{
+    TIMEOUT, assert_no_files, files, serve, serve_on_thread, unique_domain, wait_until,
+};
 
 const DOMAIN: &str = "I2RIS_TEST_DOMAIN";
 
@@ -22,7 +22,7 @@ struct Process(Child);
 impl Process {
     fn start(role: &str, domain: &Domain) -> Self {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", &format!("ipc_processes::{role}"), "--ignored"]);
+        command.args(["--exact", &format!("process::ipc_processes::{role}"), "--ignored"]);
         command.env(DOMAIN, domain.name()).stdout(Stdio::null());
         Self(command.spawn().unwrap())
     }
@@ -50,10 +50,8 @@ fn role_controller() {
     let mut server = serve(&domain);
     loop {
         let now = clock::now();
-        server.publish_operating_state(OperatingStateMsg {
-            stamp_ns: now.0,
-            ..OperatingStateMsg::default()
-        });
+        let state = OperatingStateMsg { stamp_ns: now.0, ..OperatingStateMsg::default() };
+        server.publish(StreamMessage::State(state));
         server.maintain(now);
         clock::sleep(Nanos::from_millis(1));
     }
@@ -87,10 +85,9 @@ fn role_commander() {
 fn a_command_from_a_process_that_exits_at_once_arrives() {
     let domain = unique_domain();
     let (sender, commands) = std::sync::mpsc::channel();
-    let _server = ServerThread::start(&domain, move |server, now| {
-        let mut requests = Vec::new();
-        server.poll_state_commands(now, |token, request| requests.push((token, request)));
-        for (token, request) in requests {
+    let _server = serve_on_thread(&domain, move |server, now| {
+        for (token, request) in server.poll_requests(now) {
+            let Request::StateCommand(request) = request else { panic!("{request:?}") };
             server.reply(token, StateCommandReply::default());
             sender.send(request.command).unwrap();
         }
@@ -111,7 +108,7 @@ fn killed_commanders_never_block_the_next_one() {
     // More than the service has room for at the same time.
     for _ in 0..12 {
         let commander = Process::start("role_commander", &domain);
-        previous = eventually("a command of a new commander", || {
+        previous = wait_until("a command of a new commander", || {
             server.maintain(clock::now());
             let client = server.poll_command(0, |_| true)?.client_id();
             (client != previous).then_some(client)
@@ -128,15 +125,15 @@ fn a_client_survives_a_killed_controller() {
     let mut client = Client::connect(&domain, TIMEOUT).unwrap();
     let mut state = Latest::new(client.watcher().operating_state());
     let before = client.version().unwrap();
-    eventually("a state of the first controller", || state.refresh().ok().flatten().copied());
+    wait_until("a state of the first controller", || state.refresh().ok().flatten().copied());
     drop(first);
     let mut is_absent = || state.refresh().is_err_and(|error| error.is_absent());
-    eventually("the client detects the end", || is_absent().then_some(()));
+    wait_until("the client detects the end", || is_absent().then_some(()));
     assert!(!files(&domain).is_empty(), "a killed process cannot clean up");
 
     let second = Process::start("role_controller", &domain);
     let refreshed = || state.refresh().ok().flatten().copied();
-    let seen = eventually("a state of the second controller", refreshed);
+    let seen = wait_until("a state of the second controller", refreshed);
     let after = client.version().unwrap();
     assert_eq!(seen.boot_id, after.boot_id);
     assert!(after.boot_id != before.boot_id && after.pid != before.pid);
@@ -149,7 +146,7 @@ fn a_client_survives_a_killed_controller() {
 fn a_second_controller_is_refused_with_the_process_id_of_the_first() {
     let domain = unique_domain();
     let first = Process::start("role_controller", &domain);
-    let first_pid = eventually("the first controller serves", || Ready::read(&domain)).pid;
+    let first_pid = wait_until("the first controller serves", || Ready::read(&domain)).pid;
     assert_eq!(first_pid, first.0.id());
     let error = DomainLock::acquire(&domain).unwrap_err();
     assert!(matches!(error, DomainError::Taken { pid: Some(pid), .. } if pid == first_pid));

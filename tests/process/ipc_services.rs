@@ -10,11 +10,9 @@ use i2ris::ipc::payload::{
 };
 use i2ris::ipc::ready::INTERFACE_VERSION;
 use i2ris::ipc::server::ReceivedCommand;
-use i2ris::ipc::{Message, OperatingState, Refusal, Server, StateCommand};
+use i2ris::ipc::{Message, OperatingState, Refusal, Request, Server, StateCommand, StreamMessage};
 use i2ris::units::Nanos;
-
-use crate::ipc_fixture::{ServerThread, connect, serve, unique_domain};
-use crate::rig::{TIMEOUT, eventually};
+use i2ris_testing::{TIMEOUT, connect, serve, serve_on_thread, unique_domain, wait_until};
 
 /// The next command while the lease is free.
 fn poll(server: &mut Server) -> Option<ReceivedCommand> {
@@ -111,10 +109,9 @@ fn other_clients_cannot_displace_the_holder_of_the_lease() {
 fn a_state_command_is_answered_or_refused_with_the_reason() {
     let domain = unique_domain();
     let (sender, received) = mpsc::channel::<StateCommandRequest>();
-    let _server = ServerThread::start(&domain, move |server, now| {
-        let mut requests = Vec::new();
-        server.poll_state_commands(now, |token, request| requests.push((token, request)));
-        for (token, request) in requests {
+    let _server = serve_on_thread(&domain, move |server, now| {
+        for (token, request) in server.poll_requests(now) {
+            let Request::StateCommand(request) = request else { panic!("{request:?}") };
             let enable = request.command == StateCommand::Enable.number();
             let refusal = if enable { Refusal::NotHomed } else { Refusal::None };
             let refusal = refusal.number();
@@ -137,7 +134,7 @@ fn a_state_command_is_answered_or_refused_with_the_reason() {
 #[test]
 fn a_controller_that_does_not_answer_is_reported() {
     let domain = unique_domain();
-    let _server = ServerThread::start(&domain, |_, _| {});
+    let _server = serve_on_thread(&domain, |_, _| {});
     let mut client = connect(&domain);
     let error = client.state_command(StateCommand::Pause).unwrap_err();
     assert!(matches!(error, ClientError::NoReply { .. }), "{error}");
@@ -146,7 +143,7 @@ fn a_controller_that_does_not_answer_is_reported() {
 #[test]
 fn the_version_identifies_this_start_and_its_model() {
     let domain = unique_domain();
-    let _server = ServerThread::start(&domain, |server, _| {
+    let _server = serve_on_thread(&domain, |server, _| {
         let mut names = [[0; 16]; 3];
         names[0][..5].copy_from_slice(b"pitch");
         server.describe([2, 2], [7; 32], names);
@@ -161,24 +158,24 @@ fn the_version_identifies_this_start_and_its_model() {
 
 /// Publishes one message of each kind.
 fn publish_all(server: &mut Server) {
-    server.publish_measured(stamped!(JointState, 1));
-    server.publish_setpoint(stamped!(JointState, 2));
-    server.publish_goal(stamped!(JointState, 3));
-    server.publish_actuators(stamped!(ActuatorState, 4));
-    server.publish_operating_state(stamped!(OperatingStateMsg, 5));
-    server.publish_period_statistics(stamped!(PeriodStatistics, 6));
+    server.publish(StreamMessage::Measured(stamped!(JointState, 1)));
+    server.publish(StreamMessage::Setpoint(stamped!(JointState, 2)));
+    server.publish(StreamMessage::Goal(stamped!(JointState, 3)));
+    server.publish(StreamMessage::Actuators(stamped!(ActuatorState, 4)));
+    server.publish(StreamMessage::State(stamped!(OperatingStateMsg, 5)));
+    server.publish(StreamMessage::Statistics(stamped!(PeriodStatistics, 6)));
 }
 
 fn last<T: Message>(subscription: Subscription<T>) -> T {
     let mut latest = Latest::new(subscription);
-    eventually("a message", || latest.refresh().unwrap().copied())
+    wait_until("a message", || latest.refresh().unwrap().copied())
 }
 
 #[test]
 fn a_late_subscriber_receives_the_last_message_of_every_stream() {
     let domain = unique_domain();
     let mut published = false;
-    let _server = ServerThread::start(&domain, move |server, _| {
+    let _server = serve_on_thread(&domain, move |server, _| {
         if !std::mem::replace(&mut published, true) {
             publish_all(server);
         }
@@ -202,14 +199,14 @@ fn a_subscription_buffers_messages_and_counts_lost_ones() {
     let mut subscription = Watcher::new(&domain).measured_js();
     assert_eq!(subscription.read().unwrap(), None);
     for stamp in 1..=100 {
-        server.publish_measured(stamped!(JointState, stamp));
+        server.publish(StreamMessage::Measured(stamped!(JointState, stamp)));
     }
     let mut stamps = Vec::new();
     let count = subscription.drain(|message| stamps.push(message.stamp_ns)).unwrap();
     assert_eq!((count, subscription.missed()), (100, 0));
     assert_eq!(stamps, (1..=100).collect::<Vec<u64>>());
     for stamp in 101..=400 {
-        server.publish_measured(stamped!(JointState, stamp));
+        server.publish(StreamMessage::Measured(stamped!(JointState, stamp)));
     }
     assert_eq!(subscription.newest().unwrap().unwrap().stamp_ns, 400);
     assert_eq!(subscription.missed(), 300 - 128);
@@ -270,11 +267,11 @@ fn without_a_controller_a_client_gets_an_error_and_creates_nothing() {
 fn waiting_ends_with_the_condition_or_the_timeout() {
     let domain = unique_domain();
     let mut passes = 0;
-    let _server = ServerThread::start(&domain, move |server, now| {
+    let _server = serve_on_thread(&domain, move |server, now| {
         passes += 1;
         let mut message = stamped!(OperatingStateMsg, now.0);
         message.accepted = passes;
-        server.publish_operating_state(message);
+        server.publish(StreamMessage::State(message));
     });
     let mut client = connect(&domain);
     let state = client.wait_for(TIMEOUT, |state| state.accepted > 20).unwrap();
@@ -292,23 +289,23 @@ fn a_client_finds_the_next_start_of_the_controller() {
     let mut commander = client.commander();
     let mut state = Latest::new(client.watcher().operating_state());
     for round in 1..=3_u64 {
-        let command = eventually("a command arrives", || {
+        let command = wait_until("a command arrives", || {
             let _ = commander.servo_jp(&[0.1]);
             poll_joint(&mut server)
         });
         assert_eq!(command.client_id, client.id());
-        server.publish_operating_state(stamped!(OperatingStateMsg, round));
-        let seen = eventually("a state arrives", || {
+        server.publish(StreamMessage::State(stamped!(OperatingStateMsg, round)));
+        let seen = wait_until("a state arrives", || {
             server.maintain(clock::now());
             state.refresh().unwrap().copied()
         });
         assert_eq!((seen.stamp_ns, seen.boot_id), (round, server.boot_id()));
         drop(server);
         let mut is_absent = || commander.servo_jp(&[0.1]).is_err_and(|error| error.is_absent());
-        eventually("the client detects the end", || is_absent().then_some(()));
+        wait_until("the client detects the end", || is_absent().then_some(()));
         assert!(state.refresh().is_err_and(|error| error.is_absent()) && state.value().is_none());
         server = serve(&domain);
     }
     assert_eq!(server.failures().0, 0);
-    eventually("the client connects again", || client.operating_state().ok());
+    wait_until("the client connects again", || client.operating_state().ok());
 }

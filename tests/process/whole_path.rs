@@ -1,24 +1,20 @@
 //! The whole path: client, shared memory, controller, serial lines, drives, snake.
 
 use std::fs;
-use std::time::Duration;
 
 use i2ris::clock;
 use i2ris::ipc::OperatingState;
 use i2ris::ipc::payload::JointState;
 use i2ris::process::black_box::{BlackBox, TickRecord, replay};
 use i2ris::units::Nanos;
-use i2ris_emulator::drive::State;
-use i2ris_emulator::log::EventKind;
+use i2ris_simulation::drive::State;
+use i2ris_simulation::log::EventKind;
+use i2ris_testing::{Rig, SEND_PERIOD, files, stream_counts, wait_for, wait_for_end, wait_until};
 use nix::sys::signal::Signal;
-
-use crate::ipc_fixture::assert_no_files;
-use crate::rig::motion::{SEND_PERIOD, rig_with_model, stream_counts};
-use crate::rig::{Rig, wait_for, wait_for_end};
 
 #[test]
 fn motors_follow_counts_and_the_snake_bends() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let client = rig.enabled();
     stream_counts(&client, 2.0, |t| [(300.0 * t).min(400.0) as i32, 0]);
     let [first, second] = rig.positions();
@@ -31,7 +27,7 @@ fn motors_follow_counts_and_the_snake_bends() {
 
 #[test]
 fn angles_commanded_by_a_client_are_reached() {
-    let mut rig = rig_with_model();
+    let mut rig = Rig::with_model();
     let client = rig.enabled();
     let (mut commander, start) = (client.commander(), clock::now());
     let mut measured = client.watcher().measured_js();
@@ -56,7 +52,7 @@ fn angles_commanded_by_a_client_are_reached() {
 #[test]
 fn sigterm_and_sigint_stop_in_order_with_exit_code_0_and_leave_no_files() {
     for signal in [Signal::SIGTERM, Signal::SIGINT] {
-        let mut rig = Rig::new();
+        let mut rig = Rig::start();
         let client = rig.enabled();
         stream_counts(&client, 0.5, |t| [(400.0 * t) as i32, 0]);
         drop(client);
@@ -77,18 +73,17 @@ fn sigterm_and_sigint_stop_in_order_with_exit_code_0_and_leave_no_files() {
             .collect();
         let enabled = states.iter().rposition(|state| *state == State::OperationEnabled);
         assert_eq!(states.get(enabled.unwrap() + 1), Some(&State::SwitchedOn), "{states:?}");
-        std::thread::sleep(Duration::from_millis(100));
-        assert_no_files(&rig.domain());
+        wait_until("no files are left", || files(&rig.domain()).is_empty());
     }
 }
 
 #[test]
 fn a_drive_that_does_not_answer_is_named() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     rig.config.ports[1].reply_timeout_ms = 50;
     rig.emulator.mute(1, true);
     let mut child = rig.spawn_controller("controller");
-    assert_eq!(wait_for_end(&mut child).expect("it ends").code(), Some(1));
+    assert_eq!(wait_for_end(&mut child).code(), Some(1));
     let text = rig.log_text("controller");
     let error = text.lines().last().unwrap();
     assert!(error.starts_with("error: ") && error.contains("axis1"), "{text}");
@@ -96,7 +91,7 @@ fn a_drive_that_does_not_answer_is_named() {
 
 #[test]
 fn the_run_log_holds_every_start_end_and_change_of_state_and_who_commanded() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     for _ in 0..2 {
         let client = rig.enabled();
         stream_counts(&client, 0.3, |t| [(200.0 * t) as i32, 0]);
@@ -137,7 +132,7 @@ fn black_box(rig: &Rig, cause: &str) -> BlackBox {
 
 #[test]
 fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_by_bit() {
-    let mut rig = rig_with_model();
+    let mut rig = Rig::with_model();
     rig.config.limits.feedback_stale_ms = 1000;
     rig.config.limits.feedback_lost_ms = 2000;
     let mut client = rig.enabled();
@@ -164,7 +159,7 @@ fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_b
 
 #[test]
 fn the_last_seconds_before_sigkill_are_in_a_black_box() {
-    let mut rig = rig_with_model();
+    let mut rig = Rig::with_model();
     let client = rig.enabled();
     stream_counts(&client, 1.5, |t| [(100.0 * t) as i32, 0]);
     drop(client);
@@ -174,7 +169,7 @@ fn the_last_seconds_before_sigkill_are_in_a_black_box() {
     clock::sleep(Nanos::from_millis(500));
     rig.start_controller();
     let client = rig.client();
-    let found = crate::rig::eventually("the black box of the killed controller", || {
+    let found = wait_until("the black box of the killed controller", || {
         let log = rig.log_text("controller");
         log.contains("the last controller was killed").then(|| black_box(&rig, "killed"))
     });

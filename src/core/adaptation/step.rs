@@ -19,7 +19,7 @@ use super::score::{Score, Verdict};
 use super::settings::{Settings, length};
 use super::slip::SlipDetector;
 use crate::config::AdaptationConfig;
-use crate::core::event::{CycleEventKind, EventList};
+use crate::core::events::{CycleEventKind, EventList};
 use crate::core::inputs::ExternalPose;
 use crate::core::joint_space::joint_model::JointModel;
 use crate::model::ModelId;

@@ -32,11 +32,11 @@ use serde::{Deserialize, Serialize};
 use crate::config::CommandConfig;
 use crate::core::command::deadline::DeadlineCheck;
 use crate::core::command::lease::Lease;
-use crate::core::command::refusal_record::{ClientRefusals, REFUSED_CLIENTS, RefusalRecord};
+use crate::core::command::refusal_record::{ClientRefusals, RefusalRecord};
 use crate::core::command::sequence_record::SequenceRecord;
-use crate::core::event::{CycleEventKind, EventList};
+use crate::core::events::{CycleEventKind, EventList};
 use crate::core::inputs::{ServoCommand, ServoGoal};
-use crate::robot::{Excess, OperatingState, Quantity, Refusal};
+use crate::robot::{Measurement, OperatingState, Quantity, REFUSED_CLIENTS, Refusal};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
 
 /// What admission needs to know of the robot.
@@ -160,17 +160,17 @@ impl CommandAdmission {
     }
 
     /// What makes a command stale or wrongly stamped.
-    pub fn deadline_excess(&self, command: &ServoCommand, now: Nanos) -> Option<Excess> {
+    pub fn deadline_measurement(&self, command: &ServoCommand, now: Nanos) -> Option<Measurement> {
         let check = &self.check.deadline;
-        Some(check.excess(command.stamp, command.deadline, now))
+        Some(check.measurement(command.stamp, command.deadline, now))
     }
 
     /// The sequence number of a command, and the last one.
-    pub fn sequence_excess(&self, command: &ServoCommand) -> Option<Excess> {
+    pub fn sequence_measurement(&self, command: &ServoCommand) -> Option<Measurement> {
         let last = self.sequences.last(command.client_id);
         let last = last.map(|last| last as f64);
         let number = command.sequence as f64;
-        Some(Excess::new(Quantity::Sequence, number, last))
+        Some(Measurement::new(Quantity::Sequence, number, last))
     }
 
     /// Checks 1 to 9. Returns the deadline of the command. It is at most the duration of the lease:
@@ -292,10 +292,10 @@ mod tests {
     #[test]
     fn an_old_sequence_number_is_named_with_the_last_accepted_one() {
         let mut admission = CommandAdmission::new(&CommandConfig::default());
-        let first = admission.sequence_excess(&command(7, 4)).unwrap();
-        assert_eq!(first, Excess::new(Quantity::Sequence, 4.0, None));
+        let first = admission.sequence_measurement(&command(7, 4)).unwrap();
+        assert_eq!(first, Measurement::new(Quantity::Sequence, 4.0, None));
         admission.accept(&command(7, 9), NOW, &mut EventList::new(NOW));
-        let old = admission.sequence_excess(&command(7, 4)).unwrap();
-        assert_eq!(old, Excess::new(Quantity::Sequence, 4.0, Some(9.0)));
+        let old = admission.sequence_measurement(&command(7, 4)).unwrap();
+        assert_eq!(old, Measurement::new(Quantity::Sequence, 4.0, Some(9.0)));
     }
 }

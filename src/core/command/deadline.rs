@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::robot::{Excess, Refusal};
+use crate::robot::{Measurement, Refusal};
 use crate::units::Nanos;
 
 /// A tick begins before it reads the newest command, and other processors stamp the commands.
@@ -30,14 +30,14 @@ impl DeadlineCheck {
     }
 
     /// The age, the lead or the deadline that makes a command stale or wrongly stamped.
-    pub fn excess(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Excess {
+    pub fn measurement(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Measurement {
         if stamp.since(now) > FUTURE_MARGIN {
-            Excess::of_age(stamp.since(now), FUTURE_MARGIN)
+            Measurement::of_age(stamp.since(now), FUTURE_MARGIN)
         } else if requested > LONGEST_DEADLINE {
-            Excess::of_age(requested, LONGEST_DEADLINE)
+            Measurement::of_age(requested, LONGEST_DEADLINE)
         } else {
             let deadline = if requested == Nanos::ZERO { self.default } else { requested };
-            Excess::of_age(now.since(stamp), deadline)
+            Measurement::of_age(now.since(stamp), deadline)
         }
     }
 
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn the_excess_names_what_breaks_which_bound() {
+    fn the_measurement_names_what_breaks_which_bound() {
         let ms = Nanos::from_millis;
         let (check, now) = (DeadlineCheck::new(ms(50)), ms(5000));
         for (stamp, requested, measured, limit) in [
@@ -96,9 +96,9 @@ mod tests {
             (now - ms(60), Nanos::ZERO, 60.0, 50.0),
             (now - ms(60), ms(40), 60.0, 40.0),
         ] {
-            let excess = check.excess(stamp, requested, now);
-            assert_eq!(excess.quantity, Quantity::Milliseconds);
-            let found = [excess.measured, excess.limit.unwrap()];
+            let measurement = check.measurement(stamp, requested, now);
+            assert_eq!(measurement.quantity, Quantity::Milliseconds);
+            let found = [measurement.measured, measurement.limit.unwrap()];
             let is_near = |(a, b): (&f64, f64)| (a - b).abs() < 1e-9;
             assert!(
                 found.iter().zip([measured, limit]).all(is_near),

@@ -7,7 +7,7 @@ use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
 use crate::core::vector::{distance, first_entries, largest_difference};
 use crate::model::file::OutputUnit;
-use crate::robot::{Excess, Quantity, Refusal};
+use crate::robot::{Measurement, Quantity, Refusal};
 use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
 /// Rounding of degrees to radians must not refuse a step of exactly the limit.
@@ -70,13 +70,13 @@ impl RangeCheck {
 
     /// The step of a command that is refused for it, and the limit. Only in angles or counts: the
     /// motors of a tip position are not what the client commands.
-    pub fn step_excess(
+    pub fn step_measurement(
         &self,
         command: &ServoCommand,
         followed: Option<&ExtrapolatedGoal>,
         axes: &AxisGroup,
         joints: Option<&JointModel>,
-    ) -> Option<Excess> {
+    ) -> Option<Measurement> {
         match command.goal {
             ServoGoal::Joint(angles, entries) => {
                 let joints = joints.filter(|joints| joints.unit() == OutputUnit::Deg)?;
@@ -87,7 +87,7 @@ impl RangeCheck {
                 let angles = first_entries::<MAX_OUTPUTS>(angles, entries);
                 let step = distance(&angles, &from).to_degrees();
                 let limit = Some(self.joint_step.to_degrees());
-                Some(Excess::new(Quantity::Degrees, step, limit))
+                Some(Measurement::new(Quantity::Degrees, step, limit))
             }
             ServoGoal::Actuator(counts, entries) => {
                 let from = match followed {
@@ -96,7 +96,7 @@ impl RangeCheck {
                 };
                 let counts = first_entries::<MAX_MOTORS>(counts.map(Counts::as_f64), entries);
                 let step = largest_difference(&counts, &from);
-                Some(Excess::new(Quantity::Counts, step, Some(self.actuator_step)))
+                Some(Measurement::new(Quantity::Counts, step, Some(self.actuator_step)))
             }
         }
     }

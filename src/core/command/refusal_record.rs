@@ -3,11 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::robot::Refusal;
+use crate::robot::{REFUSED_CLIENTS, Refusal};
 use crate::units::Nanos;
-
-/// Clients with an entry. As many as can send at the same time.
-pub const REFUSED_CLIENTS: usize = 8;
 
 /// An entry without a refusal for this long can be given to another client.
 const ENTRY_AGE: Nanos = Nanos::from_millis(1000);

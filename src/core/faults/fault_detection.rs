@@ -43,7 +43,7 @@ fn detect_drive_fault(
 }
 
 /// Demands to the drives in a fault: drives that work hold by quick stop, all others are switched
-/// off. The reasons are in the documentation of [`crate::core`].
+/// off. The reasons are in the documentation of [`crate::core::faults`].
 pub(crate) fn fault_demands(
     summary: &DriveSummary,
     expected: ExpectedPower,

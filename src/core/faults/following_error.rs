@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::drive::{AxisFeedback, WrittenTarget};
-use crate::robot::{Excess, Quantity};
+use crate::robot::{Measurement, Quantity};
 use crate::units::Nanos;
 
 /// Largest distance between setpoint and encoder, counts.
@@ -23,10 +23,14 @@ impl FollowingErrorLimit {
     }
 
     /// The present distance and its limit.
-    pub fn excess(&self, feedback: &AxisFeedback, powered_since: Nanos) -> Option<Excess> {
+    pub fn measurement(
+        &self,
+        feedback: &AxisFeedback,
+        powered_since: Nanos,
+    ) -> Option<Measurement> {
         let error = error(feedback, powered_since).filter(|error| *error > self.0)?;
         let limit = Some(self.0 as f64);
-        Some(Excess::new(Quantity::Counts, error as f64, limit))
+        Some(Measurement::new(Quantity::Counts, error as f64, limit))
     }
 }
 
@@ -66,8 +70,8 @@ mod tests {
         {
             let found = limit.is_exceeded(&feedback(target, stamp), Nanos(5));
             assert_eq!(found, is_error, "{target} written at {stamp}");
-            let excess = limit.excess(&feedback(target, stamp), Nanos(5));
-            assert_eq!(excess.is_some(), is_error, "{target} written at {stamp}");
+            let measurement = limit.measurement(&feedback(target, stamp), Nanos(5));
+            assert_eq!(measurement.is_some(), is_error, "{target} written at {stamp}");
         }
         assert!(!limit.is_exceeded(&AxisFeedback::default(), Nanos(5)));
     }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::LimitConfig;
 use crate::core::faults::debounce::Debounce;
-use crate::robot::{Excess, Quantity};
+use crate::robot::{Measurement, Quantity};
 use crate::units::Nanos;
 
 /// Monitor of the current of one motor.
@@ -36,10 +36,10 @@ impl OverCurrentMonitor {
     }
 
     /// The present current and its limit, if the monitor has tripped.
-    pub fn excess(&self, current_ma: i32) -> Option<Excess> {
+    pub fn measurement(&self, current_ma: i32) -> Option<Measurement> {
         let limit = f64::from(self.limit_ma.filter(|_| self.is_tripped)?);
         let current = f64::from(current_ma.unsigned_abs());
-        Some(Excess::new(Quantity::Milliamperes, current, Some(limit)))
+        Some(Measurement::new(Quantity::Milliamperes, current, Some(limit)))
     }
 }
 

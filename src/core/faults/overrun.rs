@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::robot::{Excess, Quantity};
+use crate::robot::{Measurement, Quantity};
 use crate::units::Nanos;
 
 /// Leaky bucket as a meter (J. S. Turner 1986). It is full after a number of overruns within a
@@ -33,8 +33,8 @@ impl OverrunMonitor {
     }
 
     /// The late ticks in the bucket, and how many fill it.
-    pub fn excess(&self) -> Excess {
-        Excess::new(Quantity::LateTicks, self.level, Some(self.limit))
+    pub fn measurement(&self) -> Measurement {
+        Measurement::new(Quantity::LateTicks, self.level, Some(self.limit))
     }
 }
 

@@ -13,7 +13,7 @@ use crate::config::PlausibilityConfig;
 use crate::core::faults::debounce::Debounce;
 use crate::core::inputs::ExternalPose;
 use crate::core::vector;
-use crate::robot::{Excess, Quantity};
+use crate::robot::{Measurement, Quantity};
 use crate::units::{Nanos, OutputVec};
 
 /// The estimates are stored in rows of 32: serde has no longer arrays.
@@ -85,10 +85,10 @@ impl PlausibilityMonitor {
     }
 
     /// The distance of the last frame that was compared, and the limit.
-    pub fn excess(&self) -> Option<Excess> {
+    pub fn measurement(&self) -> Option<Measurement> {
         let (distance, limit) = (self.distance.to_degrees(), self.limit.to_degrees());
-        let excess = Excess::new(Quantity::Degrees, distance, Some(limit));
-        (self.is_on() && self.distance > self.limit).then_some(excess)
+        let measurement = Measurement::new(Quantity::Degrees, distance, Some(limit));
+        (self.is_on() && self.distance > self.limit).then_some(measurement)
     }
 
     pub fn is_on(&self) -> bool {
@@ -291,19 +291,19 @@ mod tests {
     }
 
     #[test]
-    fn the_excess_is_what_is_beyond_the_limit() {
+    fn the_measurement_is_what_is_beyond_the_limit() {
         let mut monitor = moving();
-        assert_eq!(monitor.excess(), None);
+        assert_eq!(monitor.measurement(), None);
         monitor.distance = monitor.limit;
-        assert_eq!(monitor.excess(), None);
+        assert_eq!(monitor.measurement(), None);
         monitor.distance = 3.0_f64.to_radians();
-        let excess = monitor.excess().unwrap();
-        assert_eq!(excess.quantity, Quantity::Degrees);
-        assert!((excess.measured - 3.0).abs() < 1e-12);
-        assert!((excess.limit.unwrap() - 2.0).abs() < 1e-12);
+        let measurement = monitor.measurement().unwrap();
+        assert_eq!(measurement.quantity, Quantity::Degrees);
+        assert!((measurement.measured - 3.0).abs() < 1e-12);
+        assert!((measurement.limit.unwrap() - 2.0).abs() < 1e-12);
         monitor.limit = 0.0;
         assert!(!monitor.is_on());
-        assert_eq!(monitor.excess(), None, "the check is off");
+        assert_eq!(monitor.measurement(), None, "the check is off");
     }
 
     #[test]

@@ -28,77 +28,80 @@ struct ClampedInverse {
     is_clipped: bool,
 }
 
-/// Targets for the goal of a stream of commands.
-///
-/// The inverse is computed every tick, because a model with memory gives another solution after
-/// every motion. The goal of one tick before is inverted with the same memory: the target's
-/// increment is the motion of the goal, not what the model has learned in between.
-pub(crate) fn follow_goal(
-    goal: &ExtrapolatedGoal,
-    axes: &AxisGroup,
-    joints: Option<&mut JointModel>,
-    fixtures: &mut VirtualFixtures,
-    now: Nanos,
-    tick: Nanos,
-) -> Result<InverseSetpoint, NotFinite> {
-    match (goal, joints) {
-        (ExtrapolatedGoal::Joint(goal), Some(joints)) => {
-            let (here, before) = goal.evaluate(now, tick);
-            let step = GoalStep { now: here, before };
-            invert_goal(step, goal.goal(), axes, joints, fixtures, now, tick)
-        }
-        // Angles are only accepted with a model.
-        (ExtrapolatedGoal::Joint(_), None) => Err(NotFinite),
-        (ExtrapolatedGoal::Actuator(goal), joints) => {
-            let (here, before) = goal.evaluate(now, tick);
-            let pose = joints.map(|joints| joints.pose(goal.goal())).transpose()?;
-            Ok(InverseSetpoint {
-                targets: targets(&axes.clamp(here), &axes.clamp(before)),
-                goal: pose,
-                is_clipped: false,
-            })
-        }
-    }
+/// What moves in a tick.
+pub(crate) struct MotionTick<'a> {
+    pub axes: &'a mut AxisGroup,
+    /// The active model; `None` without one.
+    pub joints: Option<&'a mut JointModel>,
+    pub fixtures: &'a mut VirtualFixtures,
+    /// Start of the tick.
+    pub now: Nanos,
+    /// Length of a tick.
+    pub period: Nanos,
 }
 
-/// Targets for a goal in joint space. `requested`: the goal that is reported, before extrapolation
-/// or at the end of the trajectory.
-pub(crate) fn invert_goal(
-    goal: GoalStep,
-    requested: &OutputVec,
-    axes: &AxisGroup,
-    joints: &mut JointModel,
-    fixtures: &mut VirtualFixtures,
-    now: Nanos,
-    tick: Nanos,
-) -> Result<InverseSetpoint, NotFinite> {
-    let start = joints.setpoint().ok_or(NotFinite)?;
-    let filtered = fixtures.limit(joints.filter_goal(goal)?, start, joints.unit());
-    let dead_banded = joints.dead_band_goal(&filtered.now);
-    let before = if dead_banded.is_held { dead_banded.goal } else { filtered.before };
-    let goal_now = joints.blend_goal(dead_banded.goal, now);
-    let goal_before = joints.blend_goal(before, now - tick);
-    joints.set_goal_motion(difference(&goal_now, &goal_before));
-    let goal_end = if goal_now == goal_before && filtered.now == *requested {
-        goal_now
-    } else {
-        joints.blend_goal(*requested, now)
-    };
-    let [inverse_now, inverse_before, end] =
-        clamped_inverses(&goal_now, &goal_before, &goal_end, axes, joints)?;
-    joints.set_search_start(inverse_now.counts);
-    let goal = if fixtures.limited_by().is_some() {
-        filtered.now
-    } else if end.is_clipped {
-        joints.pose(&end.counts)?
-    } else {
-        *requested
-    };
-    Ok(InverseSetpoint {
-        targets: targets(&inverse_now.counts, &inverse_before.counts),
-        goal: Some(goal),
-        is_clipped: end.is_clipped,
-    })
+impl MotionTick<'_> {
+    /// Targets for the goal of a stream of commands.
+    ///
+    /// The inverse is computed every tick, because a model with memory gives another solution after
+    /// every motion. The goal of one tick before is inverted with the same memory: the target's
+    /// increment is the motion of the goal, not what the model has learned in between.
+    pub fn follow_goal(&mut self, goal: &ExtrapolatedGoal) -> Result<InverseSetpoint, NotFinite> {
+        match goal {
+            ExtrapolatedGoal::Joint(goal) => {
+                let (here, before) = goal.evaluate(self.now, self.period);
+                self.invert_goal(GoalStep { now: here, before }, goal.goal())
+            }
+            ExtrapolatedGoal::Actuator(goal) => {
+                let (here, before) = goal.evaluate(self.now, self.period);
+                let joints = self.joints.as_deref();
+                let pose = joints.map(|joints| joints.pose(goal.goal())).transpose()?;
+                Ok(InverseSetpoint {
+                    targets: targets(&self.axes.clamp(here), &self.axes.clamp(before)),
+                    goal: pose,
+                    is_clipped: false,
+                })
+            }
+        }
+    }
+
+    /// Targets for a goal in joint space. `requested`: the goal that is reported, before
+    /// extrapolation or at the end of the trajectory.
+    pub fn invert_goal(
+        &mut self,
+        goal: GoalStep,
+        requested: &OutputVec,
+    ) -> Result<InverseSetpoint, NotFinite> {
+        // Angles are only accepted, and trajectories only planned, with a model.
+        let joints = self.joints.as_deref_mut().ok_or(NotFinite)?;
+        let start = joints.setpoint().ok_or(NotFinite)?;
+        let filtered = self.fixtures.limit(joints.filter_goal(goal)?, start, joints.unit());
+        let dead_banded = joints.dead_band_goal(&filtered.now);
+        let before = if dead_banded.is_held { dead_banded.goal } else { filtered.before };
+        let goal_now = joints.blend_goal(dead_banded.goal, self.now);
+        let goal_before = joints.blend_goal(before, self.now - self.period);
+        joints.set_goal_motion(difference(&goal_now, &goal_before));
+        let goal_end = if goal_now == goal_before && filtered.now == *requested {
+            goal_now
+        } else {
+            joints.blend_goal(*requested, self.now)
+        };
+        let [inverse_now, inverse_before, end] =
+            clamped_inverses(&goal_now, &goal_before, &goal_end, self.axes, joints)?;
+        joints.set_search_start(inverse_now.counts);
+        let goal = if self.fixtures.limited_by().is_some() {
+            filtered.now
+        } else if end.is_clipped {
+            joints.pose(&end.counts)?
+        } else {
+            *requested
+        };
+        Ok(InverseSetpoint {
+            targets: targets(&inverse_now.counts, &inverse_before.counts),
+            goal: Some(goal),
+            is_clipped: end.is_clipped,
+        })
+    }
 }
 
 /// The inverses of the goal now, of the goal before, and of the end. Each is computed once.

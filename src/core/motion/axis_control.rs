@@ -10,7 +10,7 @@ use crate::core::motion::jerk_limit::JerkLimiter;
 use crate::core::motion::setpoint_source::SetpointSource;
 use crate::core::motion::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
 use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
-use crate::robot::{Excess, Quantity};
+use crate::robot::{Measurement, Quantity};
 use crate::units::{Counts, Nanos};
 
 /// One axis.
@@ -81,21 +81,21 @@ impl AxisControl {
     }
 
     /// The following error and its limit, if it is exceeded.
-    pub fn following_error_excess(&self) -> Option<Excess> {
+    pub fn following_error_measurement(&self) -> Option<Measurement> {
         let since = self.source.following_since()?;
-        self.following_error.excess(&self.feedback, since)
+        self.following_error.measurement(&self.feedback, since)
     }
 
     /// The current and its limit, if it is exceeded.
-    pub fn over_current_excess(&self) -> Option<Excess> {
-        self.over_current.excess(self.feedback.current_ma)
+    pub fn over_current_measurement(&self) -> Option<Measurement> {
+        self.over_current.measurement(self.feedback.current_ma)
     }
 
     /// The nearest limit of the axis, if a position is beyond it.
-    pub fn range_excess(&self, position: Counts) -> Option<Excess> {
+    pub fn range_measurement(&self, position: Counts) -> Option<Measurement> {
         let counts = position.as_f64();
         (!self.allows(position))
-            .then(|| Excess::new(Quantity::Counts, counts, Some(self.clamp(counts))))
+            .then(|| Measurement::new(Quantity::Counts, counts, Some(self.clamp(counts))))
     }
 
     /// The drive has a zero, and no command has made it invalid.

@@ -2,12 +2,12 @@
 
 use crate::config::Config;
 use crate::core::drive_status::DriveStatus;
-use crate::core::event::{CycleEventKind, EventList};
+use crate::core::events::{CycleEventKind, EventList};
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::vector;
 use crate::drive::{AxisFeedback, AxisRequest, Demand};
-use crate::robot::Excess;
+use crate::robot::Measurement;
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
 
 /// All axes, in the order of the motors.
@@ -118,18 +118,21 @@ impl AxisGroup {
     }
 
     /// The first measurement that a motor has, with its index.
-    pub fn first(&self, excess: impl Fn(&AxisControl) -> Option<Excess>) -> Option<Excess> {
-        (0..).zip(&self.0).find_map(|(motor, axis)| Some(excess(axis)?.of_motor(motor)))
+    pub fn first(
+        &self,
+        measurement: impl Fn(&AxisControl) -> Option<Measurement>,
+    ) -> Option<Measurement> {
+        (0..).zip(&self.0).find_map(|(motor, axis)| Some(measurement(axis)?.of_motor(motor)))
     }
 
     /// The first of these positions that is outside the limits of its axis.
-    pub fn range_excess(
+    pub fn range_measurement(
         &self,
         position: impl Fn(u8, &AxisControl) -> Option<Counts>,
-    ) -> Option<Excess> {
+    ) -> Option<Measurement> {
         (0..).zip(&self.0).find_map(|(motor, axis)| {
-            let excess = axis.range_excess(position(motor, axis)?)?;
-            Some(excess.of_motor(motor))
+            let measurement = axis.range_measurement(position(motor, axis)?)?;
+            Some(measurement.of_motor(motor))
         })
     }
 

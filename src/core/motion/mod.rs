@@ -1,4 +1,20 @@
 //! Motion: from a goal to the setpoint of every motor, within the limits.
+//!
+//! A command is followed until it is older than its deadline. Then the setpoints slow down with the
+//! stop deceleration and hold. At the default limits and 1 kHz, the last setpoint that moves is in
+//! the tick that detects the stale command, and the first at rest is one tick later. The next valid
+//! command moves on from there.
+//!
+//! Angles are inverted in every tick, clamped to the position limits of the axes, limited per motor
+//! and rounded. `goal_extrapolation` defines what happens between commands, `velocity_limit` what
+//! the limits guarantee. Together: motion within the limits is followed without lag behind the
+//! commands, at every command rate above 50 Hz. The path of the limiter towards a *step* is not
+//! checked against the calibrated hull, only its end is: motors with unequal distances do not move
+//! on a straight line.
+//!
+//! A drive that is off or not yet enabled has its own position as setpoint. When it reports to be
+//! enabled, its setpoint starts where the drive holds, at the target that was preloaded, and at
+//! rest.
 
 pub(super) mod axis_control;
 pub(super) mod axis_group;

@@ -1,5 +1,5 @@
 //! Command transitions: what every command does in every state. This is the table in the
-//! documentation of [`crate::core`], cell by cell.
+//! documentation of [`super::control_state`], cell by cell.
 
 use crate::core::drive_status::DriveSummary;
 use crate::core::states::acknowledge::acknowledge;

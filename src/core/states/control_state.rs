@@ -2,6 +2,77 @@
 //!
 //! Deciding and changing are apart: the transitions compute the next state and have no effects;
 //! [`StateMachine`](super::state_machine::StateMachine) changes the state.
+//!
+//! # Diagram
+//!
+//! ```text
+//!                            enable                   all drives enabled
+//!             +--- DISABLED -------> DISABLED (enabling) ------------> ENABLED <---------+
+//!        home |     ^    ^                   | disable                 |    | pause      | resume
+//!             v     |    |                   v                 disable |    v            |
+//!   DISABLED (homing)    +------ DISABLED (powering off) <--+          |  PAUSED --------+
+//!                                            ^              |          v    | disable
+//!                                acknowledge |              +-- DISABLED (stopping, settling)
+//!                                          FAULT <--- any state, when a fault is detected
+//! ```
+//!
+//! A state in parentheses is reported as DISABLED and busy. ENABLED is reported only while every
+//! drive is on and none has the demand to switch off.
+//!
+//! # Commands
+//!
+//! | command | DISABLED | DISABLED, busy | ENABLED | PAUSED | FAULT | FAULT, busy |
+//! |---|---|---|---|---|---|---|
+//! | `enable` | enabling (1) | Busy | State | State | State | State |
+//! | `disable` | no change | powering off (2) | stopping | stopping | drives off | no change |
+//! | `pause` | State | Busy | PAUSED | no change | State | State |
+//! | `resume` | State | Busy | State | ENABLED, holding | State | State |
+//! | `home` | homing (3) | Busy | State | State | State | State |
+//! | `unhome` | zero invalid | Busy | State | State | State | State |
+//! | `condition` | State | Busy | conditioning cycle, busy (6) | State | State | State |
+//! | `acknowledge` | State | State | State | State | (4) | Busy |
+//! | `hold` | State | Busy | holding | no change | State | State |
+//! | `move` | State | Busy | trajectory, busy (7) | State | State | State |
+//! | `release` | (5) | (5) | (5), holding | (5) | (5) | (5) |
+//! | `fixture` | (8) | (8) | (8) | (8) | (8) | (8) |
+//!
+//! Busy, State and other words with a capital are [`Refusal`](crate::robot::Refusal)s. A client id
+//! of 0 is refused as Malformed. During shutdown, commands that would start something are refused
+//! with State. Commands that stop (`disable`, and `pause` of a robot that is on) are never refused,
+//! and repeating them is no error.
+//!
+//! 1. DrivesNotReady unless every drive is in phase Disabled with a fresh position. NotHomed unless
+//!    every axis has a valid zero: without it, position limits mean nothing, here and in the drive.
+//!    Range if a motor is outside its position limits, because a drive clamps its target to them.
+//! 2. No change from stopping, settling and powering off: it is in progress.
+//! 3. DrivesNotReady as for `enable`. The drive does the homing itself: a counter is raised, and
+//!    the drive answers with it.
+//! 4. CausePersists unless every drive reports a fresh position and is off, at fault or in quick
+//!    stop, and the model gives finite values. If a drive is at fault, its reset counter is raised
+//!    and FAULT stays, busy, until the drive has left its fault. After 1 s the fault is latched
+//!    again. Then DISABLED, powering off.
+//! 5. The lease becomes free; Lease if another client holds it. The robot holds if the client was
+//!    being followed.
+//! 6. Busy during a conditioning cycle or a trajectory; NotHomed and DrivesNotReady as for servo
+//!    commands; Lease if another client holds it, because conditioning is motion; Range if the
+//!    position limits leave less room than the model needs to forget. The robot stops following the
+//!    present command. Servo commands are refused with Busy until the cycle has ended, where it
+//!    began, and the robot holds. `pause`, `disable`, a fault, positions that are not fresh and a
+//!    lost zero end it at once.
+//! 7. By the request `move_jp`. Refused in this order: Busy, NotHomed and DrivesNotReady as for
+//!    (6), Malformed without a pose, NoModel, Malformed with a wrong number of entries, Unsupported
+//!    for a model of the tip position, NotFinite, Busy while a setpoint moves, Lease if another
+//!    client holds it. A pose outside the hull is clipped to it and reported. Otherwise as (6):
+//!    servo commands are refused with Busy meanwhile, and the same events end it. There is no
+//!    time-out: the trajectory ends at rest after a time that is known when it starts, at most
+//!    [`LONGEST_MOVE`](crate::core::LONGEST_MOVE) (Range for a longer one), and a client that dies
+//!    after its request has asked for nothing that it must go on confirming. `hold`, `pause` and
+//!    `disable` of any client end it.
+//! 8. By the request `virtual_fixture`. Malformed without a change. Switching on and adding is
+//!    allowed to every client at any time: it makes motion less. Switching off and removing: Lease
+//!    if another client holds it, Busy while a goal in joint space is followed. Range when there is
+//!    no place for one more. While fixtures count, servo commands in counts and `condition` are
+//!    refused with Fixture, and `move` if its line meets one.
 
 use serde::{Deserialize, Serialize};
 

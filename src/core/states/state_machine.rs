@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::event::{CycleEventKind, EventList};
+use crate::core::events::{CycleEventKind, EventList};
 use crate::core::states::control_state::{ControlState, DisabledActivity};
 use crate::robot::{Fault, StateCommand};
 use crate::units::Nanos;

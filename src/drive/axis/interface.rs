@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::drive::link::LinkCounters;
+use crate::robot::AxisPhase;
 use crate::units::{Counts, Nanos};
 
 /// Request of the control loop to one drive. The newest request replaces earlier ones; there is no
@@ -83,28 +84,4 @@ pub struct WrittenTarget {
     pub command_stamp: Nanos,
     /// [`AxisRequest::command_sequence`] of that request.
     pub command_sequence: u64,
-}
-
-/// Phase of an axis: the state of driver and drive together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum AxisPhase {
-    /// Not identified or not configured yet.
-    #[default]
-    Starting,
-    /// Configured, power stage off.
-    Disabled,
-    /// Being enabled: the target is set to the position and read back, then power comes on.
-    Enabling,
-    /// Operation enabled; the drive follows the target.
-    Enabled,
-    /// The drive searches its home position.
-    Homing,
-    /// Quick stop active: powered and holding, targets are ignored.
-    QuickStopped,
-    /// Being disabled.
-    Disabling,
-    /// The drive reports a fault; see the error code.
-    Faulted,
-    /// The line does not answer, or the drive is not the configured one.
-    Lost,
 }

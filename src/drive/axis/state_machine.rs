@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use super::enabling::{EnablingStep, PowerSequence};
 use super::homing::HomingStep;
-use super::interface::{AxisFeedback, AxisPhase, AxisRequest, Demand};
+use super::interface::{AxisFeedback, AxisRequest, Demand};
 use super::schedule::{Schedule, TriggerState};
 use super::transfer::Transfer;
 use crate::config::{AxisConfig, Polling};
@@ -16,6 +16,7 @@ use crate::drive::family::{DriveFamily, ObjectMap};
 use crate::drive::homing_plan::HomingPlan;
 use crate::drive::link::LinkCounters;
 use crate::drive::object::Address;
+use crate::robot::AxisPhase;
 use crate::units::{Counts, Nanos};
 
 /// How long the drive may take to report quick stop, and then to come to a standstill.

@@ -1,26 +1,25 @@
 //! Streams of servo commands.
 
-use std::fmt::Debug;
 use std::sync::Arc;
 
 use iceoryx2::port::publisher::Publisher;
-use iceoryx2::prelude::ZeroCopySend;
 
 use super::controller_link::{ClientService, ControllerLink, SessionPort};
 use super::error::ClientError;
 use crate::clock;
-use crate::ipc::payload::{ServoActuator, ServoJp};
-use crate::ipc::service::{self, Stream, failed};
+use crate::ipc::payload::{Payload, ServoActuator, ServoJp};
+use crate::ipc::service::failed;
+use crate::ipc::streams::Stream;
 use crate::units::{MAX_MOTORS, Nanos};
 
 /// A publisher of one stream into the controller.
 #[derive(Debug)]
-pub(super) struct CommandPublisher<T: ZeroCopySend + Debug + Copy + 'static> {
+pub(super) struct CommandPublisher<T: Payload> {
     stream: Stream,
     port: SessionPort<Publisher<ClientService, T, ()>>,
 }
 
-impl<T: ZeroCopySend + Debug + Copy + 'static> CommandPublisher<T> {
+impl<T: Payload> CommandPublisher<T> {
     pub fn new(stream: Stream) -> Self {
         let port = SessionPort::default();
         Self { stream, port }
@@ -46,13 +45,14 @@ impl<T: ZeroCopySend + Debug + Copy + 'static> CommandPublisher<T> {
         message: impl FnOnce(Nanos) -> T,
     ) -> Result<usize, ClientError> {
         let (now, stream) = (clock::now(), self.stream);
+        let service = stream.properties().service;
         let publisher = self.port.get(link, now, |session| {
             let factory = stream.open::<ClientService, T>(&session.node)?;
             let created = factory.publisher_builder().create();
-            created.map_err(failed("publish", stream.name))
+            created.map_err(failed("publish", service))
         })?;
         let sent = publisher.send_copy(message(now));
-        Ok(sent.map_err(failed("send", stream.name))?)
+        Ok(sent.map_err(failed("send", service))?)
     }
 }
 
@@ -79,8 +79,8 @@ impl Commander {
             link: Arc::clone(link),
             deadline: Nanos::ZERO,
             clutched: false,
-            servo: CommandPublisher::new(service::SERVO_JP),
-            actuators: CommandPublisher::new(service::SERVO_ACTUATORS),
+            servo: CommandPublisher::new(Stream::ServoJp),
+            actuators: CommandPublisher::new(Stream::ServoActuators),
         }
     }
 

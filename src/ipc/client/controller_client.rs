@@ -7,16 +7,15 @@ use super::commander::{Commander, padded};
 use super::controller_link::ControllerLink;
 use super::error::ClientError;
 use super::reach_target_publisher::ReachTargetPublisher;
-use super::request_client::{REPLY_TIMEOUT, RequestClient, SLOW_REPLY_TIMEOUT};
+use super::request_client::RequestForwarder;
 use super::subscription::{Latest, Watcher};
 use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::payload::{
-    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest, VirtualFixtureRequest,
-    unpadded_text,
+    BlackBoxRequest, MoveRequest, OperatingStateMsg, StateCommandReply, StateCommandRequest,
+    Version, VersionRequest, VirtualFixtureRequest, unpadded_text,
 };
-use crate::ipc::service;
+use crate::ipc::streams::RequestService;
 use crate::robot::{FixtureAction, FixtureKind, OperatingState, Refusal, StateCommand};
 use crate::units::Nanos;
 
@@ -27,12 +26,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(2);
 #[derive(Debug)]
 pub struct Client {
     pub(super) link: Arc<ControllerLink>,
-    state_commands: RequestClient<StateCommandRequest, StateCommandReply>,
-    black_boxes: RequestClient<BlackBoxRequest, BlackBoxReply>,
-    pub(super) models: RequestClient<ModelRequest, ModelReply>,
-    moves: RequestClient<MoveRequest, StateCommandReply>,
-    fixtures: RequestClient<VirtualFixtureRequest, StateCommandReply>,
-    versions: RequestClient<VersionRequest, Version>,
+    pub(super) requests: RequestForwarder,
     operating_state: Latest<OperatingStateMsg>,
 }
 
@@ -54,12 +48,7 @@ impl Client {
         }
         Ok(Self {
             operating_state: Latest::new(Watcher::with_link(&link).operating_state()),
-            state_commands: RequestClient::new(service::STATE_COMMAND, REPLY_TIMEOUT),
-            black_boxes: RequestClient::new(service::BLACK_BOX, SLOW_REPLY_TIMEOUT),
-            models: RequestClient::new(service::MODEL, SLOW_REPLY_TIMEOUT),
-            moves: RequestClient::new(service::MOVE_JP, REPLY_TIMEOUT),
-            fixtures: RequestClient::new(service::VIRTUAL_FIXTURE, REPLY_TIMEOUT),
-            versions: RequestClient::new(service::VERSION, REPLY_TIMEOUT),
+            requests: RequestForwarder::with_link(&link),
             link,
         })
     }
@@ -76,7 +65,7 @@ impl Client {
     ///
     /// [`ClientError::NoController`], [`ClientError::NoReply`], [`ClientError::Transport`].
     pub fn version(&mut self) -> Result<Version, ClientError> {
-        self.versions.request(&self.link, VersionRequest::default())
+        self.requests.version(VersionRequest::default())
     }
 
     /// Requests a change of state and returns the state right after it. Waits for the reply, at
@@ -90,7 +79,7 @@ impl Client {
     pub fn state_command(&mut self, command: StateCommand) -> Result<OperatingState, ClientError> {
         let request =
             StateCommandRequest { client_id: self.id(), command: command.number(), reserved: 0 };
-        let reply = self.state_commands.request(&self.link, request)?;
+        let reply = self.requests.state_command(request)?;
         check_reply(command, reply)
     }
 
@@ -104,7 +93,7 @@ impl Client {
     pub fn move_jp(&mut self, position: &[f64]) -> Result<OperatingState, ClientError> {
         let (position, count) = padded(position)?;
         let request = MoveRequest { client_id: self.id(), position, count, reserved: 0 };
-        let reply = self.moves.request(&self.link, request)?;
+        let reply = self.requests.move_jp(request)?;
         check_reply(StateCommand::Move, reply)
     }
 
@@ -126,7 +115,7 @@ impl Client {
             kind: kind.number(),
             values,
         };
-        let reply = self.fixtures.request(&self.link, request)?;
+        let reply = self.requests.virtual_fixture(request)?;
         check_reply(StateCommand::Fixture, reply)
     }
 
@@ -173,7 +162,7 @@ impl Client {
     /// [`ClientError::NoReply`], [`ClientError::Transport`].
     pub fn write_black_box(&mut self) -> Result<PathBuf, ClientError> {
         let client_id = self.id();
-        let reply = self.black_boxes.request(&self.link, BlackBoxRequest { client_id })?;
+        let reply = self.requests.black_box(BlackBoxRequest { client_id })?;
         let text = unpadded_text(&reply.text);
         if reply.ticks == 0 {
             return Err(ClientError::BlackBox { reason: text });
@@ -204,12 +193,14 @@ fn check_reply(
     command: StateCommand,
     reply: StateCommandReply,
 ) -> Result<OperatingState, ClientError> {
-    let request = service::STATE_COMMAND;
+    let request = RequestService::StateCommand.service();
     let unknown = |number| ClientError::Unknown { request, number };
     let state = OperatingState::from_number(reply.state);
     match Refusal::from_number(reply.refusal).ok_or_else(|| unknown(reply.refusal))? {
         Refusal::None => state.ok_or_else(|| unknown(reply.state)),
-        refusal => Err(ClientError::Refused { command, refusal, excess: reply.excess(), state }),
+        refusal => {
+            Err(ClientError::Refused { command, refusal, measurement: reply.measurement(), state })
+        }
     }
 }
 

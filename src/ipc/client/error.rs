@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use crate::ipc::domain::DomainError;
 use crate::ipc::ready::INTERFACE_VERSION;
 use crate::ipc::service::TransportError;
-use crate::robot::{Cause, Excess, ModelAction, OperatingState, Reason, Refusal, StateCommand};
+use crate::robot::{
+    Cause, Measurement, ModelAction, OperatingState, Reason, Refusal, StateCommand,
+};
 use crate::units::Nanos;
 
 /// Errors of the client library.
@@ -47,7 +49,7 @@ pub enum ClientError {
     #[error(
         "the controller refuses `{command}` in state {}: {}",
         state_text(*.state),
-        Reason { cause: Cause::Refusal(*.refusal), excess: *.excess }
+        Reason { cause: Cause::Refusal(*.refusal), measurement: *.measurement }
     )]
     Refused {
         /// The command.
@@ -55,7 +57,7 @@ pub enum ClientError {
         /// Reason.
         refusal: Refusal,
         /// What was measured, where it is known.
-        excess: Option<Excess>,
+        measurement: Option<Measurement>,
         /// State of the robot; `None`: a number that this program does not know.
         state: Option<OperatingState>,
     },

@@ -7,7 +7,7 @@ use super::controller_link::ControllerLink;
 use super::error::ClientError;
 use crate::ipc::domain::Domain;
 use crate::ipc::payload::ExternalPosition;
-use crate::ipc::service;
+use crate::ipc::streams::Stream;
 use crate::units::{Nanos, OutputVec};
 
 /// Publishes `external/measured_jp`.
@@ -28,7 +28,7 @@ impl ExternalPublisher {
     pub fn new(domain: &Domain) -> Self {
         Self {
             link: ControllerLink::new(domain),
-            publisher: CommandPublisher::new(service::EXTERNAL),
+            publisher: CommandPublisher::new(Stream::External),
             sequence: 0,
         }
     }

@@ -1,9 +1,9 @@
 //! Forwarding commands of remote clients under their own identities.
 //!
-//! For programs between a controller and clients that cannot reach its memory, for example on
-//! another computer. Payloads are forwarded unchanged: identity, sequence and deadline are those of
-//! the client, so the controller checks lease and deadlines as usual. **The stamp must be on the
-//! clock of this machine**, and no younger than the command.
+//! With [`super::RequestForwarder`] for programs between a controller and clients that cannot reach
+//! its memory, for example on another computer. Payloads are forwarded unchanged: identity,
+//! sequence and deadline are those of the client, so the controller checks lease and deadlines as
+//! usual. **The stamp must be on the clock of this machine**, and no younger than the command.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,15 +11,11 @@ use std::sync::Arc;
 use super::commander::CommandPublisher;
 use super::controller_link::ControllerLink;
 use super::error::ClientError;
-use super::request_client::{REPLY_TIMEOUT, RequestClient, SLOW_REPLY_TIMEOUT};
 use crate::clock;
 use crate::ipc::client_process::PidFile;
 use crate::ipc::domain::Domain;
-use crate::ipc::payload::{
-    BlackBoxReply, BlackBoxRequest, ModelReply, ModelRequest, MoveRequest, ServoActuator, ServoJp,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest, VirtualFixtureRequest,
-};
-use crate::ipc::service;
+use crate::ipc::payload::{ServoActuator, ServoJp};
+use crate::ipc::streams::Stream;
 
 /// Maximum number of remote clients with a process id file. More are served, but have no name.
 const PID_FILES: usize = 32;
@@ -43,8 +39,8 @@ impl Forwarder {
         Self {
             link: ControllerLink::new(domain),
             domain: domain.clone(),
-            servo: CommandPublisher::new(service::SERVO_JP),
-            actuators: CommandPublisher::new(service::SERVO_ACTUATORS),
+            servo: CommandPublisher::new(Stream::ServoJp),
+            actuators: CommandPublisher::new(Stream::ServoActuators),
             pid_files: BTreeMap::new(),
         }
     }
@@ -83,94 +79,5 @@ impl Forwarder {
             }
         }
         Ok(())
-    }
-}
-
-/// Forwards requests and waits for the replies, with the timeouts of [`super::Client`].
-#[derive(Debug)]
-pub struct RequestForwarder {
-    link: Arc<ControllerLink>,
-    state_commands: RequestClient<StateCommandRequest, StateCommandReply>,
-    moves: RequestClient<MoveRequest, StateCommandReply>,
-    models: RequestClient<ModelRequest, ModelReply>,
-    black_boxes: RequestClient<BlackBoxRequest, BlackBoxReply>,
-    fixtures: RequestClient<VirtualFixtureRequest, StateCommandReply>,
-    versions: RequestClient<VersionRequest, Version>,
-}
-
-impl RequestForwarder {
-    /// A forwarder into this domain. Opens nothing yet.
-    #[must_use]
-    pub fn new(domain: &Domain) -> Self {
-        Self {
-            link: ControllerLink::new(domain),
-            state_commands: RequestClient::new(service::STATE_COMMAND, REPLY_TIMEOUT),
-            moves: RequestClient::new(service::MOVE_JP, REPLY_TIMEOUT),
-            models: RequestClient::new(service::MODEL, SLOW_REPLY_TIMEOUT),
-            black_boxes: RequestClient::new(service::BLACK_BOX, SLOW_REPLY_TIMEOUT),
-            fixtures: RequestClient::new(service::VIRTUAL_FIXTURE, REPLY_TIMEOUT),
-            versions: RequestClient::new(service::VERSION, REPLY_TIMEOUT),
-        }
-    }
-
-    /// Forwards `state_command`. The reply may be a refusal.
-    ///
-    /// # Errors
-    ///
-    /// [`ClientError::NoController`], [`ClientError::NoReply`], [`ClientError::Interface`],
-    /// [`ClientError::Transport`]; the same for all requests below.
-    pub fn state_command(
-        &mut self,
-        request: StateCommandRequest,
-    ) -> Result<StateCommandReply, ClientError> {
-        self.state_commands.request(&self.link, request)
-    }
-
-    /// Forwards `move_jp`.
-    ///
-    /// # Errors
-    ///
-    /// As [`RequestForwarder::state_command`].
-    pub fn move_jp(&mut self, request: MoveRequest) -> Result<StateCommandReply, ClientError> {
-        self.moves.request(&self.link, request)
-    }
-
-    /// Forwards `virtual_fixture`.
-    ///
-    /// # Errors
-    ///
-    /// As [`RequestForwarder::state_command`].
-    pub fn virtual_fixture(
-        &mut self,
-        request: VirtualFixtureRequest,
-    ) -> Result<StateCommandReply, ClientError> {
-        self.fixtures.request(&self.link, request)
-    }
-
-    /// Forwards `model`.
-    ///
-    /// # Errors
-    ///
-    /// As [`RequestForwarder::state_command`].
-    pub fn model(&mut self, request: ModelRequest) -> Result<ModelReply, ClientError> {
-        self.models.request(&self.link, request)
-    }
-
-    /// Forwards `black_box`.
-    ///
-    /// # Errors
-    ///
-    /// As [`RequestForwarder::state_command`].
-    pub fn black_box(&mut self, request: BlackBoxRequest) -> Result<BlackBoxReply, ClientError> {
-        self.black_boxes.request(&self.link, request)
-    }
-
-    /// Forwards `version`.
-    ///
-    /// # Errors
-    ///
-    /// As [`RequestForwarder::state_command`].
-    pub fn version(&mut self) -> Result<Version, ClientError> {
-        self.versions.request(&self.link, VersionRequest::default())
     }
 }

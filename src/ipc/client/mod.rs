@@ -4,7 +4,8 @@
 //! |---|---|
 //! | [`Client`] | requests: version, changes of state, models; waiting for a state |
 //! | [`Commander`] | streaming servo commands |
-//! | [`Watcher`], [`Subscription`], [`Latest`] | receiving every message, or the last one |
+//! | [`Watcher`], [`Subscription`], [`Latest`] | receiving every message of a stream, or the last one |
+//! | [`Subscriptions`] | receiving every message of several streams |
 //! | [`ExternalPublisher`] | publishing measurements of cameras and other sensors |
 //! | [`ReachTargetPublisher`] | publishing the targets of a reach-and-hold task |
 //! | [`Forwarder`], [`RequestForwarder`] | forwarding commands of remote clients |
@@ -42,6 +43,7 @@ pub use commander::Commander;
 pub use controller_client::Client;
 pub use error::ClientError;
 pub use external_publisher::ExternalPublisher;
-pub use forwarder::{Forwarder, RequestForwarder};
+pub use forwarder::Forwarder;
 pub use reach_target_publisher::ReachTargetPublisher;
-pub use subscription::{Latest, Subscription, Watcher};
+pub use request_client::RequestForwarder;
+pub use subscription::{Latest, Subscription, Subscriptions, Watcher};

@@ -5,9 +5,8 @@ use std::path::Path;
 use super::controller_client::Client;
 use super::error::ClientError;
 use crate::ipc::payload::{ModelReply, ModelRequest, unpadded_text};
-use crate::ipc::service;
-use crate::model::ModelId;
-use crate::robot::{ModelAction, Refusal};
+use crate::ipc::streams::RequestService;
+use crate::robot::{ModelAction, ModelId, Refusal};
 
 impl Client {
     /// The loaded models: in use, staged, previously in use. Waits for the reply, up to 30 s; so do
@@ -75,7 +74,7 @@ impl Client {
     ) -> Result<ModelReply, ClientError> {
         request.client_id = self.id();
         request.action = action.number();
-        let reply = self.models.request(&self.link, request)?;
+        let reply = self.requests.model(request)?;
         match Refusal::from_number(reply.refusal) {
             Some(Refusal::None) => Ok(reply),
             Some(refusal) => Err(ClientError::ModelRefused {
@@ -83,7 +82,10 @@ impl Client {
                 refusal,
                 message: unpadded_text(&reply.message),
             }),
-            None => Err(ClientError::Unknown { request: service::MODEL, number: reply.refusal }),
+            None => Err(ClientError::Unknown {
+                request: RequestService::Model.service(),
+                number: reply.refusal,
+            }),
         }
     }
 }

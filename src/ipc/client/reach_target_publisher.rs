@@ -6,7 +6,7 @@ use super::commander::CommandPublisher;
 use super::controller_link::ControllerLink;
 use super::error::ClientError;
 use crate::ipc::payload::ReachTarget;
-use crate::ipc::service;
+use crate::ipc::streams::Stream;
 
 /// Publishes `reach_target`, for monitors and recorders. The controller does not read it.
 #[derive(Debug)]
@@ -20,7 +20,7 @@ impl ReachTargetPublisher {
     pub(super) fn new(link: &Arc<ControllerLink>) -> Self {
         Self {
             link: Arc::clone(link),
-            publisher: CommandPublisher::new(service::REACH_TARGET),
+            publisher: CommandPublisher::new(Stream::ReachTarget),
             sequence: 0,
         }
     }

@@ -1,51 +1,49 @@
-//! The client's end of a request service.
+//! The client's end of the request services.
 
-use std::fmt::Debug;
+use std::sync::Arc;
 
 use iceoryx2::port::client;
-use iceoryx2::prelude::ZeroCopySend;
 
-use super::controller_link::{ClientService, ControllerLink, ControllerSession, SessionPort};
+use super::controller_link::{ClientService, ControllerLink, SessionPort};
 use super::error::ClientError;
 use crate::clock;
-use crate::ipc::service::{TransportError, failed, open_request};
+use crate::ipc::domain::Domain;
+use crate::ipc::payload::*;
+use crate::ipc::service::failed;
+use crate::ipc::streams::{Reply, ReplySpeed, Request, RequestService, for_each_request};
 use crate::units::Nanos;
 
-/// The controller replies within a few ticks; the machine may stall for a tenth of a second.
-pub(super) const REPLY_TIMEOUT: Nanos = Nanos::from_millis(1000);
-/// A model is checked over its whole hull and a file is written to the disk: seconds on a busy
-/// machine.
-pub(super) const SLOW_REPLY_TIMEOUT: Nanos = Nanos::from_millis(30_000);
 /// Polling period for the reply.
 const POLL_PERIOD: Nanos = Nanos::from_micros(500);
 
-type RequestPort<Q, R> = client::Client<ClientService, Q, (), R, ()>;
-
-/// Sends requests and waits for the replies.
+/// Sends requests of one service and waits for the replies.
 #[derive(Debug)]
-pub(super) struct RequestClient<Q, R>
-where
-    Q: ZeroCopySend + Debug + Copy + 'static,
-    R: ZeroCopySend + Debug + Copy + 'static,
-{
-    port: SessionPort<RequestPort<Q, R>>,
-    name: &'static str,
-    timeout: Nanos,
+struct RequestClient<Q: Payload, R: Payload> {
+    port: SessionPort<client::Client<ClientService, Q, (), R, ()>>,
+    service: RequestService,
 }
 
-impl<Q, R> RequestClient<Q, R>
-where
-    Q: ZeroCopySend + Debug + Copy + 'static,
-    R: ZeroCopySend + Debug + Copy + 'static,
-{
-    pub fn new(name: &'static str, timeout: Nanos) -> Self {
-        Self { port: SessionPort::default(), name, timeout }
+/// How long to wait for a reply.
+const fn timeout(service: RequestService) -> Nanos {
+    match service.speed() {
+        ReplySpeed::Quick => Nanos::from_millis(1000),
+        ReplySpeed::Slow => Nanos::from_millis(30_000),
+    }
+}
+
+impl<Q: Payload, R: Payload> RequestClient<Q, R> {
+    fn new(service: RequestService) -> Self {
+        Self { port: SessionPort::default(), service }
     }
 
     /// Sends a request and waits for its reply.
-    pub fn request(&mut self, link: &ControllerLink, request: Q) -> Result<R, ClientError> {
-        let (name, start) = (self.name, clock::now());
-        let port = self.port.get(link, start, |session| open(session, name))?;
+    fn request(&mut self, link: &ControllerLink, request: Q) -> Result<R, ClientError> {
+        let (service, start) = (self.service, clock::now());
+        let (name, timeout) = (service.service(), timeout(service));
+        let port = self.port.get(link, start, |session| {
+            let factory = service.open::<ClientService, Q, R>(&session.node)?;
+            factory.client_builder().create().map_err(failed("ask", name))
+        })?;
         let pending = port.send_copy(request).map_err(failed("ask", name))?;
         loop {
             let received = pending.receive().map_err(failed("receive from", name))?;
@@ -54,22 +52,66 @@ where
             }
             let now = clock::now();
             link.session(now)?;
-            if now.since(start) > self.timeout {
-                return Err(ClientError::NoReply { request: name, waited: self.timeout });
+            if now.since(start) > timeout {
+                return Err(ClientError::NoReply { request: name, waited: timeout });
             }
             clock::sleep(POLL_PERIOD);
         }
     }
 }
 
-fn open<Q, R>(
-    session: &ControllerSession,
-    name: &'static str,
-) -> Result<RequestPort<Q, R>, TransportError>
-where
-    Q: ZeroCopySend + Debug + 'static,
-    R: ZeroCopySend + Debug + 'static,
-{
-    let factory = open_request::<ClientService, Q, R>(&session.node, name)?;
-    factory.client_builder().create().map_err(failed("ask", name))
+macro_rules! request_clients {
+    (user { $($user:tt)* } server { $($server:tt)* }) => {
+        request_clients! { $($user)* $($server)* }
+    };
+    ($($(#[$doc:meta])* $service:ident $function:ident $name:literal
+        $request:ident $reply:ident $speed:ident;)*) => {
+        /// Sends requests as they are and waits for the replies: 1 s, for models and black boxes
+        /// 30 s. The reply may be a refusal.
+        #[derive(Debug)]
+        pub struct RequestForwarder {
+            link: Arc<ControllerLink>,
+            $($function: RequestClient<$request, $reply>,)*
+        }
+
+        impl RequestForwarder {
+            pub(super) fn with_link(link: &Arc<ControllerLink>) -> Self {
+                Self {
+                    link: Arc::clone(link),
+                    $($function: RequestClient::new(RequestService::$service),)*
+                }
+            }
+
+            /// Sends a request of any service.
+            ///
+            /// # Errors
+            ///
+            /// [`ClientError::NoController`], [`ClientError::NoReply`],
+            /// [`ClientError::Interface`], [`ClientError::Transport`]; the same for all requests.
+            pub fn forward(&mut self, request: Request) -> Result<Reply, ClientError> {
+                match request {
+                    $(Request::$service(request) => self.$function(request).map(Reply::$service),)*
+                }
+            }
+
+            $($(#[$doc])*
+            ///
+            /// # Errors
+            ///
+            /// As [`RequestForwarder::forward`].
+            pub fn $function(&mut self, request: $request) -> Result<$reply, ClientError> {
+                self.$function.request(&self.link, request)
+            })*
+        }
+    };
+}
+
+for_each_request!(request_clients);
+
+impl RequestForwarder {
+    /// A forwarder into this domain. Opens nothing yet.
+    #[must_use]
+    pub fn new(domain: &Domain) -> Self {
+        Self::with_link(&ControllerLink::new(domain))
+    }
 }

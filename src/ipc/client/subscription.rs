@@ -1,6 +1,5 @@
 //! Subscriptions to the streams of a controller.
 
-use std::marker::PhantomData;
 use std::sync::Arc;
 
 use iceoryx2::port::subscriber::Subscriber;
@@ -9,13 +8,9 @@ use super::controller_link::{ClientService, ControllerLink, ControllerSession, S
 use super::error::ClientError;
 use crate::clock;
 use crate::ipc::domain::Domain;
-use crate::ipc::message::Message;
-use crate::ipc::payload::{
-    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
-    VirtualFixturesMsg,
-};
-use crate::ipc::service::{self, BUFFER, Stream, TransportError, failed};
+use crate::ipc::payload::*;
+use crate::ipc::service::{BUFFER, TransportError, failed};
+use crate::ipc::streams::{Stream, StreamMessage, for_each_stream};
 use crate::units::Nanos;
 
 /// Creates subscriptions to the streams of a controller, and to the commands that it receives.
@@ -38,102 +33,6 @@ impl Watcher {
         Self { link }
     }
 
-    /// `measured_js`: the model's estimate from the encoders.
-    #[must_use]
-    pub fn measured_js(&self) -> Subscription<JointState> {
-        self.subscription(service::MEASURED_JS)
-    }
-
-    /// `setpoint_js`: the model's estimate for the setpoints.
-    #[must_use]
-    pub fn setpoint_js(&self) -> Subscription<JointState> {
-        self.subscription(service::SETPOINT_JS)
-    }
-
-    /// `goal_js`: the requested goal, clipped to the calibrated hull.
-    #[must_use]
-    pub fn goal_js(&self) -> Subscription<JointState> {
-        self.subscription(service::GOAL_JS)
-    }
-
-    /// `actuators/measured_js`: state of the motors.
-    #[must_use]
-    pub fn actuators(&self) -> Subscription<ActuatorState> {
-        self.subscription(service::ACTUATORS)
-    }
-
-    /// `operating_state`: state of the controller and its reason.
-    #[must_use]
-    pub fn operating_state(&self) -> Subscription<OperatingStateMsg> {
-        self.subscription(service::OPERATING_STATE)
-    }
-
-    /// `period_statistics`: timing of the control loop.
-    #[must_use]
-    pub fn period_statistics(&self) -> Subscription<PeriodStatistics> {
-        self.subscription(service::PERIOD_STATISTICS)
-    }
-
-    /// `health`: what failed or was lost since the start of the controller.
-    #[must_use]
-    pub fn health(&self) -> Subscription<Health> {
-        self.subscription(service::HEALTH)
-    }
-
-    /// `adaptation`: the drift from the calibration that the camera shows.
-    #[must_use]
-    pub fn adaptation(&self) -> Subscription<AdaptationMsg> {
-        self.subscription(service::ADAPTATION)
-    }
-
-    /// `events`: the log of the controller, line by line.
-    #[must_use]
-    pub fn events(&self) -> Subscription<EventMsg> {
-        self.subscription(service::EVENTS)
-    }
-
-    /// `virtual_fixtures`: regions that the snake may not enter.
-    #[must_use]
-    pub fn virtual_fixtures(&self) -> Subscription<VirtualFixturesMsg> {
-        self.subscription(service::VIRTUAL_FIXTURES)
-    }
-
-    /// `external/measured_jp`: measurements of a camera or another sensor.
-    #[must_use]
-    pub fn external(&self) -> Subscription<ExternalPosition> {
-        self.subscription(service::EXTERNAL)
-    }
-
-    /// `servo_jp`: commands of clients, accepted or not.
-    #[must_use]
-    pub fn servo_jp(&self) -> Subscription<ServoJp> {
-        self.subscription(service::SERVO_JP)
-    }
-
-    /// `error`: faults, with what was measured and what to do.
-    #[must_use]
-    pub fn error(&self) -> Subscription<ReasonMsg> {
-        self.subscription(service::ERROR)
-    }
-
-    /// `warning`: refusals, stops and clips, with what was measured and what to do.
-    #[must_use]
-    pub fn warning(&self) -> Subscription<ReasonMsg> {
-        self.subscription(service::WARNING)
-    }
-
-    /// `reach_target`: the target of a reach-and-hold task, from the client that runs it.
-    #[must_use]
-    pub fn reach_target(&self) -> Subscription<ReachTarget> {
-        self.subscription(service::REACH_TARGET)
-    }
-
-    /// `actuators/servo_jp`: motor commands of clients, accepted or not.
-    #[must_use]
-    pub fn servo_actuators(&self) -> Subscription<ServoActuator> {
-        self.subscription(service::SERVO_ACTUATORS)
-    }
-
     fn subscription<T: Message>(&self, stream: Stream) -> Subscription<T> {
         Subscription {
             link: Arc::clone(&self.link),
@@ -141,8 +40,79 @@ impl Watcher {
             port: SessionPort::default(),
             last: None,
             missed: 0,
-            payload: PhantomData,
         }
+    }
+}
+
+macro_rules! subscriptions {
+    (controller { $($controller:tt)* } clients { $($clients:tt)* }) => {
+        subscriptions! { $($controller)* $($clients)* }
+    };
+    ($($(#[$doc:meta])* $stream:ident $function:ident $name:literal $payload:ident
+        $direction:ident $publishers:tt $subscribers:tt $history:tt;)*) => {
+        impl Watcher {
+            $($(#[$doc])*
+            #[must_use]
+            pub fn $function(&self) -> Subscription<$payload> {
+                self.subscription(Stream::$stream)
+            })*
+        }
+
+        /// A subscription to any stream.
+        #[derive(Debug)]
+        enum AnySubscription {
+            $($stream(Subscription<$payload>),)*
+        }
+
+        impl AnySubscription {
+            fn new(watcher: &Watcher, stream: Stream) -> Self {
+                match stream {
+                    $(Stream::$stream => Self::$stream(watcher.$function()),)*
+                }
+            }
+
+            fn drain(&mut self, mut take: impl FnMut(StreamMessage)) -> Result<usize, ClientError> {
+                match self {
+                    $(Self::$stream(of) => of.drain(|it| take(StreamMessage::$stream(it))),)*
+                }
+            }
+
+            fn missed(&self) -> u64 {
+                match self {
+                    $(Self::$stream(of) => of.missed(),)*
+                }
+            }
+        }
+    };
+}
+
+for_each_stream!(subscriptions);
+
+/// Subscriptions to several streams, which are read one after the other.
+#[derive(Debug)]
+pub struct Subscriptions(Vec<(Stream, AnySubscription)>);
+
+impl Subscriptions {
+    /// Subscribes to these streams, which are read in this order.
+    #[must_use]
+    pub fn new(watcher: &Watcher, streams: &[Stream]) -> Self {
+        let streams = streams.iter();
+        Self(streams.map(|stream| (*stream, AnySubscription::new(watcher, *stream))).collect())
+    }
+
+    /// Passes every unread message to `take`, those of one stream oldest first. Does not wait.
+    ///
+    /// # Errors
+    ///
+    /// As [`Subscription::read`]; the streams after the one that failed are not read.
+    pub fn drain(&mut self, mut take: impl FnMut(StreamMessage)) -> Result<(), ClientError> {
+        self.0.iter_mut().try_for_each(|(_, subscription)| subscription.drain(&mut take).map(drop))
+    }
+
+    /// Messages that were lost because they were not read in time, of every stream with one sender.
+    pub fn missed(&self) -> impl Iterator<Item = (Stream, u64)> {
+        let one_sender = self.0.iter().filter(|(stream, _)| stream.has_one_sender());
+        one_sender.map(|(stream, subscription)| (*stream, subscription.missed()))
     }
 }
 
@@ -158,7 +128,6 @@ pub struct Subscription<T: Message> {
     port: SessionPort<Subscriber<ClientService, T, ()>>,
     last: Option<u64>,
     missed: u64,
-    payload: PhantomData<T>,
 }
 
 impl<T: Message> Subscription<T> {
@@ -219,7 +188,7 @@ impl<T: Message> Subscription<T> {
     fn read_at(&mut self, now: Nanos) -> Result<Option<T>, ClientError> {
         let (stream, previous) = (self.stream, self.port.boot_id());
         let port = self.port.get(&self.link, now, |session| open(session, stream))?;
-        let received = port.receive().map_err(failed("receive", stream.name))?;
+        let received = port.receive().map_err(failed("receive", stream.properties().service))?;
         let message = received.map(|sample| *sample);
         if self.port.boot_id() != previous {
             self.last = None;
@@ -245,7 +214,7 @@ fn open<T: Message>(
 ) -> Result<Subscriber<ClientService, T, ()>, TransportError> {
     let factory = stream.open::<ClientService, T>(&session.node)?;
     let created = factory.subscriber_builder().create();
-    created.map_err(failed("subscribe to", stream.name))
+    created.map_err(failed("subscribe to", stream.properties().service))
 }
 
 /// Keeps the last message of a stream.

@@ -11,7 +11,7 @@ payload! {
     /// Arrays of ten are in the order zero of both outputs (rad), gain of output 0 by outputs 0 and
     /// 1, of output 1 by outputs 0 and 1, growth of the gap of both motors, latency of the camera
     /// (s), slow state (rad).
-    AdaptationMsg "I2risAdaptationV1" {
+    AdaptationMsg "I2risAdaptationV1": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
         /// Time of the values.
@@ -48,7 +48,7 @@ payload! {
         /// 0: none, 1: filter, 2: integral.
         pub method: u32,
         /// Why nothing is learned: sum of the values of
-        /// [`Pause`](crate::core::adaptation::Pause); 0: learning.
+        /// `Pause` of the adaptation; 0: learning.
         pub pauses: u32,
         /// Bit `i` is set if the motion shows entry `i` of `estimate`.
         pub excited: u32,

@@ -7,7 +7,7 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
     /// `servo_jp`, in: go to these angles now. Send it repeatedly, faster than its deadline.
-    ServoJp "I2risServoJpV1" {
+    ServoJp "I2risServoJpV1": message {
         /// Counts up by one per command of one client.
         pub sequence: u64,
         /// When the client sent it.
@@ -26,7 +26,7 @@ payload! {
 
     /// `actuators/servo_jp`, in: turn the motors to these encoder positions now. No model is
     /// needed: for calibration.
-    ServoActuator "I2risServoActuatorV1" {
+    ServoActuator "I2risServoActuatorV1": message {
         /// As in [`ServoJp`].
         pub sequence: u64,
         /// As in [`ServoJp`].
@@ -44,7 +44,7 @@ payload! {
     }
 
     /// `external/measured_jp`, in: angles measured by a camera or another sensor.
-    ExternalPosition "I2risExternalPositionV2" {
+    ExternalPosition "I2risExternalPositionV2": message {
         /// Counts up by one per message.
         pub sequence: u64,
         /// Time of the exposure, not of the transmission.

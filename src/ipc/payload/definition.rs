@@ -1,8 +1,78 @@
 //! Declaration of payload types.
 
-/// Declares payloads by name, type name in iceoryx2, and fields. The default value is all zero.
+use std::fmt::Debug;
+
+use iceoryx2::prelude::ZeroCopySend;
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use super::layout::PayloadLayout;
+use crate::units::Nanos;
+
+/// A message, a request or a reply.
+pub trait Payload:
+    ZeroCopySend + FromBytes + IntoBytes + Immutable + Debug + Copy + Send + Sync + 'static
+{
+    /// Its fields.
+    const LAYOUT: PayloadLayout;
+
+    /// All fields in the order of memory, little endian.
+    fn bytes(&self) -> &[u8] {
+        self.as_bytes()
+    }
+
+    /// The payload with these bytes; `None` if it has another size.
+    fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        Self::read_from_bytes(bytes).ok()
+    }
+}
+
+/// A message of a stream that clients can subscribe to.
+pub trait Message: Payload {
+    /// Counts up by one per message of one sender.
+    fn sequence(&self) -> u64;
+
+    /// Time of the values.
+    fn stamp(&self) -> Nanos;
+
+    /// Age of the values at `now`.
+    fn age(&self, now: Nanos) -> Nanos {
+        now.since(self.stamp())
+    }
+}
+
+/// A message that the controller sends.
+pub(in crate::ipc) trait Outgoing: Message {
+    /// The message with the boot id and the sequence number of its sender.
+    #[must_use]
+    fn with_sender(self, boot_id: u64, sequence: u64) -> Self;
+}
+
+/// Declares payloads by name, type name in iceoryx2, and fields; `: message` for those that clients
+/// send, `: outgoing` for those of the controller. The default value is all zero.
 macro_rules! payload {
-    ($($(#[$doc:meta])* $name:ident $type_name:tt { $($fields:tt)* })*) => {$(
+    (@message $name:ident) => {
+        impl $crate::ipc::Message for $name {
+            fn sequence(&self) -> u64 {
+                self.sequence
+            }
+
+            fn stamp(&self) -> $crate::units::Nanos {
+                $crate::units::Nanos(self.stamp_ns)
+            }
+        }
+    };
+    (@outgoing $name:ident) => {
+        payload!(@message $name);
+
+        impl $crate::ipc::payload::definition::Outgoing for $name {
+            fn with_sender(self, boot_id: u64, sequence: u64) -> Self {
+                Self { boot_id, sequence, ..self }
+            }
+        }
+    };
+    ($($(#[$doc:meta])* $name:ident $type_name:literal $(: $kind:ident)? {
+        $($(#[$field_doc:meta])* pub $field:ident: $type:ty,)*
+    })*) => {$(
         $(#[$doc])*
         #[repr(C)]
         #[derive(
@@ -10,13 +80,37 @@ macro_rules! payload {
             zerocopy::FromBytes, zerocopy::IntoBytes, zerocopy::Immutable,
         )]
         #[type_name($type_name)]
-        pub struct $name { $($fields)* }
+        pub struct $name { $($(#[$field_doc])* pub $field: $type,)* }
 
         impl Default for $name {
             fn default() -> Self {
                 zerocopy::FromZeros::new_zeroed()
             }
         }
+
+        impl $crate::ipc::payload::Payload for $name {
+            const LAYOUT: $crate::ipc::payload::PayloadLayout =
+                $crate::ipc::payload::PayloadLayout {
+                    name: stringify!($name),
+                    type_name: $type_name,
+                    size: size_of::<Self>(),
+                    fields: &[$($crate::ipc::payload::Field {
+                        name: stringify!($field),
+                        kind: <$type as $crate::ipc::payload::layout::FieldValue>::KIND,
+                        count: <$type as $crate::ipc::payload::layout::FieldValue>::COUNT,
+                        offset: std::mem::offset_of!($name, $field),
+                    }),*],
+                };
+        }
+
+        impl $crate::ipc::payload::layout::FieldValue for $name {
+            const KIND: $crate::ipc::payload::FieldType =
+                $crate::ipc::payload::FieldType::Payload(
+                    &<$name as $crate::ipc::payload::Payload>::LAYOUT,
+                );
+        }
+
+        $(payload!(@$kind $name);)?
     )*};
 }
 

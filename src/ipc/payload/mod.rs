@@ -13,7 +13,8 @@
 
 mod adaptation;
 mod command_streams;
-mod definition;
+pub(super) mod definition;
+mod layout;
 mod model_requests;
 mod period_statistics;
 mod reach_target;
@@ -25,6 +26,8 @@ mod virtual_fixtures;
 
 pub use adaptation::AdaptationMsg;
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
+pub use definition::{Message, Payload};
+pub use layout::{Field, FieldType, PayloadLayout};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
 pub use period_statistics::{PeriodStatistics, SpanSummary};
 pub use reach_target::ReachTarget;
@@ -37,11 +40,74 @@ pub use state_streams::{ActuatorState, EventMsg, Health, JointState, OperatingSt
 pub use text::{padded_text, unpadded_text};
 pub use virtual_fixtures::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg};
 
+/// The layouts that the C++ header declares, in its order.
+pub const LAYOUTS: [PayloadLayout; 24] = [
+    ServoJp::LAYOUT,
+    ServoActuator::LAYOUT,
+    JointState::LAYOUT,
+    ActuatorState::LAYOUT,
+    OperatingStateMsg::LAYOUT,
+    Health::LAYOUT,
+    AdaptationMsg::LAYOUT,
+    VirtualFixturesMsg::LAYOUT,
+    EventMsg::LAYOUT,
+    ReasonMsg::LAYOUT,
+    PeriodStatistics::LAYOUT,
+    ExternalPosition::LAYOUT,
+    ReachTarget::LAYOUT,
+    ModelRequest::LAYOUT,
+    ModelSlot::LAYOUT,
+    ModelDifference::LAYOUT,
+    BlackBoxRequest::LAYOUT,
+    BlackBoxReply::LAYOUT,
+    StateCommandRequest::LAYOUT,
+    StateCommandReply::LAYOUT,
+    MoveRequest::LAYOUT,
+    VirtualFixtureRequest::LAYOUT,
+    VersionRequest::LAYOUT,
+    Version::LAYOUT,
+];
+
 #[cfg(test)]
 mod tests {
     use std::mem::{offset_of, size_of};
 
     use super::*;
+    use crate::ipc::{RequestService, Stream};
+
+    #[test]
+    fn every_payload_is_declared_without_padding() {
+        let streams = Stream::ALL.iter().map(|stream| stream.layout());
+        let requests = RequestService::ALL.iter().flat_map(|service| service.layouts());
+        for payload in streams.chain(requests).chain(LAYOUTS) {
+            let name = payload.name;
+            assert!(LAYOUTS.contains(&payload) || payload == ModelReply::LAYOUT, "{name}");
+            assert!(payload.type_name.starts_with("I2ris"), "{name}");
+            let mut end = 0;
+            for (name, number) in payload.numbers() {
+                let size = number.kind.size();
+                assert_eq!((number.offset, end % size), (end, 0), "{}: {name}", payload.name);
+                end += size * number.count;
+            }
+            assert_eq!(end, payload.size, "{name}");
+        }
+    }
+
+    #[test]
+    fn bytes_are_the_memory_of_the_payload() {
+        let message = ServoJp {
+            sequence: 0x0102,
+            position: [1.5, -2.0, 0.25],
+            count: 2,
+            ..ServoJp::default()
+        };
+        let bytes = message.bytes();
+        assert_eq!(bytes[..2], [2, 1]);
+        let offset = offset_of!(ServoJp, position);
+        assert_eq!(bytes[offset..offset + 8], 1.5_f64.to_le_bytes());
+        assert_eq!(ServoJp::from_bytes(bytes), Some(message));
+        assert_eq!(ServoJp::from_bytes(&bytes[1..]), None);
+    }
 
     /// A change here is a change of the interface: raise the version in the type name.
     #[test]

@@ -20,7 +20,7 @@ payload! {
     }
 
     /// `period_statistics`, out, once a second: timing of the control loop.
-    PeriodStatistics "I2risPeriodStatisticsV1" {
+    PeriodStatistics "I2risPeriodStatisticsV1": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
         /// End of the window.

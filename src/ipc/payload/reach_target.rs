@@ -9,7 +9,7 @@ use crate::units::MAX_OUTPUTS;
 payload! {
     /// `reach_target`, between clients: the target that a person shall reach and hold, 20 times a
     /// second while the task runs.
-    ReachTarget "I2risReachTargetV1" {
+    ReachTarget "I2risReachTargetV1": message {
         /// Counts up by one per message of one client.
         pub sequence: u64,
         /// Time of the message.

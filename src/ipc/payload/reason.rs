@@ -5,13 +5,13 @@ use iceoryx2::prelude::ZeroCopySend;
 use super::definition::payload;
 use super::state_streams::OperatingStateMsg;
 use super::text::{padded_text, unpadded_text};
-use crate::robot::{Cause, Excess, Fault, OperatingState, Quantity, Reason, Refusal};
+use crate::robot::{Cause, Fault, Measurement, OperatingState, Quantity, Reason, Refusal};
 use crate::units::Nanos;
 
 payload! {
     /// `error` (faults) and `warning` (refusals, stops, clips), out. Code, sentence and advice are
     /// the same in the log and in every program.
-    ReasonMsg "I2risReasonV1" {
+    ReasonMsg "I2risReasonV1": outgoing {
         /// Counts up by one per message of a stream.
         pub sequence: u64,
         /// When it happened.
@@ -55,7 +55,7 @@ impl ReasonMsg {
     /// The message of a reason.
     #[must_use]
     pub fn new(reason: &Reason, client_id: u64, stamp: Nanos) -> Self {
-        let fields = ExcessFields::from(reason.excess);
+        let fields = MeasurementFields::from(reason.measurement);
         Self {
             stamp_ns: stamp.0,
             client_id,
@@ -76,15 +76,15 @@ impl ReasonMsg {
     #[must_use]
     pub fn reason(&self) -> Option<Reason> {
         let cause = Cause::from_numbers(self.kind, self.number)?;
-        let fields = ExcessFields {
+        let fields = MeasurementFields {
             measured: self.measured,
             limit: self.limit,
             quantity: self.quantity,
             motor: self.motor,
             flags: self.flags,
         };
-        let excess = fields.excess();
-        Some(Reason { cause, excess })
+        let measurement = fields.measurement();
+        Some(Reason { cause, measurement })
     }
 
     /// Code, sentence, measured value and limit.
@@ -123,9 +123,9 @@ impl OperatingStateMsg {
     }
 }
 
-/// An [`Excess`] as fields of a payload.
+/// An [`Measurement`] as fields of a payload.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct ExcessFields {
+pub(super) struct MeasurementFields {
     pub measured: f64,
     pub limit: f64,
     pub quantity: u32,
@@ -133,28 +133,28 @@ pub(super) struct ExcessFields {
     pub flags: u32,
 }
 
-impl From<Option<Excess>> for ExcessFields {
-    fn from(excess: Option<Excess>) -> Self {
+impl From<Option<Measurement>> for MeasurementFields {
+    fn from(measurement: Option<Measurement>) -> Self {
         let flag = |is_known: bool, flag: u32| if is_known { flag } else { 0 };
-        let limit = excess.and_then(|it| it.limit);
-        let motor = excess.and_then(|it| it.motor);
+        let limit = measurement.and_then(|it| it.limit);
+        let motor = measurement.and_then(|it| it.motor);
         Self {
-            measured: excess.map_or(0.0, |it| it.measured),
+            measured: measurement.map_or(0.0, |it| it.measured),
             limit: limit.unwrap_or(0.0),
-            quantity: excess.map_or(0, |it| it.quantity.number()),
+            quantity: measurement.map_or(0, |it| it.quantity.number()),
             motor: motor.map_or(0, u32::from),
-            flags: flag(excess.is_some(), ReasonMsg::MEASURED)
+            flags: flag(measurement.is_some(), ReasonMsg::MEASURED)
                 | flag(limit.is_some(), ReasonMsg::LIMIT)
                 | flag(motor.is_some(), ReasonMsg::MOTOR),
         }
     }
 }
 
-impl ExcessFields {
-    pub fn excess(&self) -> Option<Excess> {
+impl MeasurementFields {
+    pub fn measurement(&self) -> Option<Measurement> {
         let has = |flag: u32| self.flags & flag != 0;
         let quantity = Quantity::from_number(self.quantity)?;
-        has(ReasonMsg::MEASURED).then_some(Excess {
+        has(ReasonMsg::MEASURED).then_some(Measurement {
             motor: u8::try_from(self.motor).ok().filter(|_| has(ReasonMsg::MOTOR)),
             quantity,
             measured: self.measured,
@@ -169,14 +169,14 @@ mod tests {
 
     #[test]
     fn a_reason_passes_through_a_message_unchanged_and_fits() {
-        let excesses = [
+        let measurements = [
             None,
-            Some(Excess::new(Quantity::ErrorCode, 34_321.0, None)),
-            Some(Excess::new(Quantity::Degrees, 123_456.78, Some(123_456.78)).of_motor(1)),
+            Some(Measurement::new(Quantity::ErrorCode, 34_321.0, None)),
+            Some(Measurement::new(Quantity::Degrees, 123_456.78, Some(123_456.78)).of_motor(1)),
         ];
         for cause in Cause::all() {
-            for excess in excesses {
-                let reason = Reason { cause, excess };
+            for measurement in measurements {
+                let reason = Reason { cause, measurement };
                 let message = ReasonMsg::new(&reason, 7, Nanos(9));
                 assert_eq!(message.reason(), Some(reason));
                 assert_eq!(message.text(), reason.text(), "cut");

@@ -3,9 +3,9 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
-use super::reason::ExcessFields;
+use super::reason::MeasurementFields;
 use super::text::unpadded_text;
-use crate::robot::{Excess, OperatingState, Refusal};
+use crate::robot::{Measurement, OperatingState, Refusal};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
@@ -103,10 +103,10 @@ payload! {
 }
 
 impl StateCommandReply {
-    /// The reply to a command. `excess`: what was measured, if it was refused.
+    /// The reply to a command. `measurement`: what was measured, if it was refused.
     #[must_use]
-    pub fn new(refusal: Refusal, state: OperatingState, excess: Option<Excess>) -> Self {
-        let fields = ExcessFields::from(excess);
+    pub fn new(refusal: Refusal, state: OperatingState, measurement: Option<Measurement>) -> Self {
+        let fields = MeasurementFields::from(measurement);
         Self {
             refusal: refusal.number(),
             state: state.number(),
@@ -121,15 +121,15 @@ impl StateCommandReply {
 
     /// What was measured when the command was refused, where it is known.
     #[must_use]
-    pub fn excess(&self) -> Option<Excess> {
-        let fields = ExcessFields {
+    pub fn measurement(&self) -> Option<Measurement> {
+        let fields = MeasurementFields {
             measured: self.measured,
             limit: self.limit,
             quantity: self.quantity,
             motor: self.motor,
             flags: self.flags,
         };
-        fields.excess()
+        fields.measurement()
     }
 }
 

@@ -3,8 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
-use crate::core::REFUSED_CLIENTS;
-use crate::robot::Refusal;
+use crate::robot::{AxisPhase, REFUSED_CLIENTS, Refusal};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
@@ -13,7 +12,7 @@ payload! {
     /// `measured_js` is the model's estimate from the encoders, `setpoint_js` the estimate at the
     /// setpoints, `goal_js` the requested goal, clipped to the calibrated hull. All three
     /// are invalid while no model is loaded.
-    JointState "I2risJointStateV1" {
+    JointState "I2risJointStateV1": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
         /// Time of the values.
@@ -37,7 +36,7 @@ payload! {
     }
 
     /// `actuators/measured_js`, out: state of the motors.
-    ActuatorState "I2risActuatorStateV1" {
+    ActuatorState "I2risActuatorStateV1": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
         /// Time of the tick.
@@ -67,7 +66,7 @@ payload! {
         pub statusword: [u16; MAX_MOTORS],
         /// Error codes (0x603F).
         pub error_code: [u16; MAX_MOTORS],
-        /// Phase of each drive: [`crate::ipc::drive_phase::phase_number`].
+        /// Phase of each drive: [`AxisPhase`].
         pub phase: [u8; MAX_MOTORS],
         /// 0.
         pub reserved: [u8; 2],
@@ -76,7 +75,7 @@ payload! {
     }
 
     /// `operating_state`, out: state of the controller and its reason.
-    OperatingStateMsg "I2risOperatingStateV2" {
+    OperatingStateMsg "I2risOperatingStateV2": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
         /// Time of the tick.
@@ -112,7 +111,7 @@ payload! {
 
     /// `health`, out, once a second: what failed or was lost since the start of the controller. All
     /// 0 in a healthy one.
-    Health "I2risHealthV1" {
+    Health "I2risHealthV1": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
         /// Time of the message.
@@ -141,7 +140,7 @@ payload! {
     }
 
     /// `events`, out: a line of the log.
-    EventMsg "I2risEventV1" {
+    EventMsg "I2risEventV1": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
         /// When the controller wrote the line. The text has the time of the event.
@@ -162,6 +161,15 @@ impl JointState {
     pub const CLIPPED: u32 = 4;
     /// Flag: a virtual fixture limited the goal.
     pub const FIXTURE: u32 = 8;
+}
+
+impl ActuatorState {
+    /// The phase of a drive, in words.
+    #[must_use]
+    pub fn phase_text(&self, motor: usize) -> &'static str {
+        let phase = self.phase.get(motor).and_then(|it| AxisPhase::from_number(u32::from(*it)));
+        phase.map_or("unknown", AxisPhase::text)
+    }
 }
 
 impl OperatingStateMsg {
@@ -199,7 +207,7 @@ impl OperatingStateMsg {
     pub const PINNED: u32 = 256;
     /// Flag: a watchdog is there and holds every port.
     pub const WATCHED: u32 = 512;
-    /// Flag: the pose is compared with a camera; see [`crate::config::PlausibilityConfig`].
+    /// Flag: the pose is compared with a camera; see `plausibility` of the configuration.
     pub const COMPARED: u32 = 1024;
     /// Flag: a virtual fixture limited the goal; see [`super::VirtualFixturesMsg`].
     pub const FIXTURE: u32 = 2048;

@@ -21,7 +21,7 @@ payload! {
     }
 
     /// `virtual_fixtures`, out, once a second and after every change.
-    VirtualFixturesMsg "I2risVirtualFixturesV1" {
+    VirtualFixturesMsg "I2risVirtualFixturesV1": outgoing {
         /// Counts up by one per message.
         pub sequence: u64,
         /// Time of the message.

@@ -15,13 +15,9 @@ use iceoryx2::service::port_factory::{publish_subscribe, request_response};
 use super::error::IpcError;
 use crate::ipc::domain::Domain;
 use crate::ipc::domain_lock::DomainLock;
-use crate::ipc::payload::{
-    ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
-    Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
-    ReachTarget, ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest,
-    Version, VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
-};
-use crate::ipc::service::{self, create_node, create_request};
+use crate::ipc::payload::*;
+use crate::ipc::service::{TransportError, create_node};
+use crate::ipc::streams::{RequestService, Stream, for_each_request, for_each_stream};
 
 /// Creation takes 10 to 20 ms; a loaded machine may need fifty times as long.
 const TIMEOUT: Duration = Duration::from_secs(1);
@@ -29,31 +25,53 @@ const TIMEOUT: Duration = Duration::from_secs(1);
 pub(super) type StreamFactory<T> = publish_subscribe::PortFactory<ipc::Service, T, ()>;
 pub(super) type RequestFactory<Q, R> = request_response::PortFactory<ipc::Service, Q, (), R, ()>;
 
+macro_rules! stream_factories {
+    (controller { $($controller:tt)* } clients { $($clients:tt)* }) => {
+        stream_factories! { $($controller)* $($clients)* }
+    };
+    ($($(#[$doc:meta])* $stream:ident $function:ident $name:literal $payload:ident
+        $direction:ident $publishers:tt $subscribers:tt $history:tt;)*) => {
+        /// The services of all streams.
+        pub(super) struct StreamFactories {
+            $(pub $function: StreamFactory<$payload>,)*
+        }
+
+        impl StreamFactories {
+            fn create(node: &Node<ipc::Service>) -> Result<Self, TransportError> {
+                Ok(Self { $($function: Stream::$stream.create(node)?,)* })
+            }
+        }
+    };
+}
+
+for_each_stream!(stream_factories);
+
+macro_rules! request_factories {
+    (user { $($user:tt)* } server { $($server:tt)* }) => {
+        request_factories! { $($user)* $($server)* }
+    };
+    ($($(#[$doc:meta])* $service:ident $function:ident $name:literal
+        $request:ident $reply:ident $speed:ident;)*) => {
+        /// The services of all requests.
+        pub(super) struct RequestFactories {
+            $(pub $function: RequestFactory<$request, $reply>,)*
+        }
+
+        impl RequestFactories {
+            fn create(node: &Node<ipc::Service>) -> Result<Self, TransportError> {
+                Ok(Self { $($function: RequestService::$service.create(node)?,)* })
+            }
+        }
+    };
+}
+
+for_each_request!(request_factories);
+
 /// Node and services. Unlike ports they can change threads.
 pub(super) struct Services {
     pub node: Node<ipc::Service>,
-    pub servo_jp: StreamFactory<ServoJp>,
-    pub servo_actuators: StreamFactory<ServoActuator>,
-    pub external: StreamFactory<ExternalPosition>,
-    pub measured: StreamFactory<JointState>,
-    pub setpoint: StreamFactory<JointState>,
-    pub goal: StreamFactory<JointState>,
-    pub actuators: StreamFactory<ActuatorState>,
-    pub operating_state: StreamFactory<OperatingStateMsg>,
-    pub period_statistics: StreamFactory<PeriodStatistics>,
-    pub health: StreamFactory<Health>,
-    pub adaptation: StreamFactory<AdaptationMsg>,
-    pub events: StreamFactory<EventMsg>,
-    pub virtual_fixtures: StreamFactory<VirtualFixturesMsg>,
-    pub error: StreamFactory<ReasonMsg>,
-    pub warning: StreamFactory<ReasonMsg>,
-    pub reach_target: StreamFactory<ReachTarget>,
-    pub state_commands: RequestFactory<StateCommandRequest, StateCommandReply>,
-    pub black_boxes: RequestFactory<BlackBoxRequest, BlackBoxReply>,
-    pub models: RequestFactory<ModelRequest, ModelReply>,
-    pub moves: RequestFactory<MoveRequest, StateCommandReply>,
-    pub fixture_requests: RequestFactory<VirtualFixtureRequest, StateCommandReply>,
-    pub versions: RequestFactory<VersionRequest, Version>,
+    pub streams: StreamFactories,
+    pub requests: RequestFactories,
 }
 
 /// Creates node and services; cleans up and tries once more if that fails or hangs.
@@ -88,31 +106,9 @@ fn run_with_timeout<T: Send + 'static>(
 impl Services {
     fn create(domain: &Domain, boot_id: u64) -> Result<Self, IpcError> {
         let node = create_node(domain, boot_id)?;
-        Ok(Self {
-            servo_jp: service::SERVO_JP.create(&node)?,
-            servo_actuators: service::SERVO_ACTUATORS.create(&node)?,
-            external: service::EXTERNAL.create(&node)?,
-            measured: service::MEASURED_JS.create(&node)?,
-            setpoint: service::SETPOINT_JS.create(&node)?,
-            goal: service::GOAL_JS.create(&node)?,
-            actuators: service::ACTUATORS.create(&node)?,
-            operating_state: service::OPERATING_STATE.create(&node)?,
-            period_statistics: service::PERIOD_STATISTICS.create(&node)?,
-            health: service::HEALTH.create(&node)?,
-            adaptation: service::ADAPTATION.create(&node)?,
-            events: service::EVENTS.create(&node)?,
-            virtual_fixtures: service::VIRTUAL_FIXTURES.create(&node)?,
-            error: service::ERROR.create(&node)?,
-            warning: service::WARNING.create(&node)?,
-            reach_target: service::REACH_TARGET.create(&node)?,
-            state_commands: create_request(&node, service::STATE_COMMAND)?,
-            black_boxes: create_request(&node, service::BLACK_BOX)?,
-            models: create_request(&node, service::MODEL)?,
-            moves: create_request(&node, service::MOVE_JP)?,
-            fixture_requests: create_request(&node, service::VIRTUAL_FIXTURE)?,
-            versions: create_request(&node, service::VERSION)?,
-            node,
-        })
+        let streams = StreamFactories::create(&node)?;
+        let requests = RequestFactories::create(&node)?;
+        Ok(Self { node, streams, requests })
     }
 }
 

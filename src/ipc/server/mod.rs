@@ -18,25 +18,20 @@ mod stream_publisher;
 
 use iceoryx2::node::Node;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{ZeroCopySend, ipc};
+use iceoryx2::prelude::ipc;
 
 use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
-use super::payload::{
-    ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
-    Health, JointState, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, PeriodStatistics,
-    ReachTarget, ReasonMsg, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest,
-    Version, VersionRequest, VirtualFixtureRequest, VirtualFixturesMsg,
-};
+use super::payload::{ExternalPosition, Payload, ReachTarget, ServoActuator, ServoJp, Version};
 use super::ready::{INTERFACE_VERSION, Ready};
-use super::service::{self, TransportError, failed};
-use crate::robot::Reason;
+use super::service::{TransportError, failed};
+use super::streams::{Request, Stream, StreamMessage};
 use crate::units::{MAX_OUTPUTS, Nanos};
 use command_turns::CommandTurns;
 use creation::{Services, StreamFactory};
-use request_server::RequestServer;
-use stream_publisher::StreamPublisher;
+use request_server::RequestServers;
+use stream_publisher::StreamPublishers;
 
 pub use command_turns::ReceivedCommand;
 pub use error::IpcError;
@@ -49,10 +44,6 @@ const LATE_SUBSCRIBER_PERIOD: Nanos = Nanos::from_millis(50);
 /// Period of removing the leftovers of killed clients. Costs 0.4 ms, and about 1 ms per killed
 /// client.
 const CLEANUP_PERIOD: Nanos = Nanos::from_millis(500);
-/// Age of a request at which its client has given up.
-const REQUEST_TIMEOUT: Nanos = Nanos::from_millis(2000);
-/// The same for slow requests: checking a model over its whole hull, syncing a file to the disk.
-const SLOW_REQUEST_TIMEOUT: Nanos = Nanos::from_millis(60_000);
 /// Unread commands that are kept of every publisher: a bridge sends for several clients. Of one
 /// client only the newest counts, so that the queue adds no delay.
 const COMMANDS: usize = 8;
@@ -66,26 +57,10 @@ pub struct Server {
     servo_actuators: Subscriber<ipc::Service, ServoActuator, ()>,
     turns: CommandTurns,
     external: Subscriber<ipc::Service, ExternalPosition, ()>,
-    measured: StreamPublisher<JointState>,
-    setpoint: StreamPublisher<JointState>,
-    goal: StreamPublisher<JointState>,
-    actuators: StreamPublisher<ActuatorState>,
-    operating_state: StreamPublisher<OperatingStateMsg>,
-    period_statistics: StreamPublisher<PeriodStatistics>,
-    health: StreamPublisher<Health>,
-    adaptation: StreamPublisher<AdaptationMsg>,
-    events: StreamPublisher<EventMsg>,
-    virtual_fixtures: StreamPublisher<VirtualFixturesMsg>,
-    error: StreamPublisher<ReasonMsg>,
-    warning: StreamPublisher<ReasonMsg>,
+    publishers: StreamPublishers,
     /// Between clients: it exists as long as somebody has it open.
     _reach_target: StreamFactory<ReachTarget>,
-    state_commands: RequestServer<StateCommandRequest, StateCommandReply>,
-    black_boxes: RequestServer<BlackBoxRequest, BlackBoxReply>,
-    models: RequestServer<ModelRequest, ModelReply>,
-    moves: RequestServer<MoveRequest, StateCommandReply>,
-    fixture_requests: RequestServer<VirtualFixtureRequest, StateCommandReply>,
-    versions: RequestServer<VersionRequest, Version>,
+    requests: RequestServers,
     version: Version,
     failures: u64,
     last_failure: Option<TransportError>,
@@ -127,49 +102,15 @@ impl Server {
     }
 
     fn with_ports(from: Services, lock: DomainLock) -> Result<Self, TransportError> {
-        use service::{ACTUATORS, GOAL_JS, MEASURED_JS, OPERATING_STATE, SETPOINT_JS};
-        let boot_id = lock.boot_id();
-        let (fast, slow) = (REQUEST_TIMEOUT, SLOW_REQUEST_TIMEOUT);
+        let (streams, boot_id) = (from.streams, lock.boot_id());
         Ok(Self {
-            servo_jp: subscribe(&from.servo_jp, service::SERVO_JP.name, COMMANDS)?,
-            servo_actuators: subscribe(
-                &from.servo_actuators,
-                service::SERVO_ACTUATORS.name,
-                COMMANDS,
-            )?,
+            servo_jp: subscribe(&streams.servo_jp, Stream::ServoJp, COMMANDS)?,
+            servo_actuators: subscribe(&streams.servo_actuators, Stream::ServoActuators, COMMANDS)?,
             turns: CommandTurns::default(),
-            external: subscribe(&from.external, service::EXTERNAL.name, 1)?,
-            measured: StreamPublisher::new(&from.measured, MEASURED_JS, boot_id)?,
-            setpoint: StreamPublisher::new(&from.setpoint, SETPOINT_JS, boot_id)?,
-            goal: StreamPublisher::new(&from.goal, GOAL_JS, boot_id)?,
-            actuators: StreamPublisher::new(&from.actuators, ACTUATORS, boot_id)?,
-            operating_state: StreamPublisher::new(&from.operating_state, OPERATING_STATE, boot_id)?,
-            period_statistics: StreamPublisher::new(
-                &from.period_statistics,
-                service::PERIOD_STATISTICS,
-                boot_id,
-            )?,
-            health: StreamPublisher::new(&from.health, service::HEALTH, boot_id)?,
-            adaptation: StreamPublisher::new(&from.adaptation, service::ADAPTATION, boot_id)?,
-            events: StreamPublisher::new(&from.events, service::EVENTS, boot_id)?,
-            virtual_fixtures: StreamPublisher::new(
-                &from.virtual_fixtures,
-                service::VIRTUAL_FIXTURES,
-                boot_id,
-            )?,
-            error: StreamPublisher::new(&from.error, service::ERROR, boot_id)?,
-            warning: StreamPublisher::new(&from.warning, service::WARNING, boot_id)?,
-            _reach_target: from.reach_target,
-            state_commands: RequestServer::new(&from.state_commands, service::STATE_COMMAND, fast)?,
-            black_boxes: RequestServer::new(&from.black_boxes, service::BLACK_BOX, slow)?,
-            models: RequestServer::new(&from.models, service::MODEL, slow)?,
-            moves: RequestServer::new(&from.moves, service::MOVE_JP, fast)?,
-            fixture_requests: RequestServer::new(
-                &from.fixture_requests,
-                service::VIRTUAL_FIXTURE,
-                fast,
-            )?,
-            versions: RequestServer::new(&from.versions, service::VERSION, fast)?,
+            external: subscribe(&streams.external, Stream::External, 1)?,
+            publishers: StreamPublishers::new(&streams, boot_id)?,
+            _reach_target: streams.reach_target,
+            requests: RequestServers::new(&from.requests)?,
             version: version(boot_id),
             failures: 0,
             last_failure: None,
@@ -206,11 +147,10 @@ impl Server {
 
     fn receive_commands(&mut self) -> Result<(), TransportError> {
         let turns = &mut self.turns;
-        drain(&self.servo_jp, service::SERVO_JP.name, |from, command| {
+        drain(&self.servo_jp, Stream::ServoJp, |from, command| {
             turns.add(from, ReceivedCommand::Joint(command));
         })?;
-        let name = service::SERVO_ACTUATORS.name;
-        drain(&self.servo_actuators, name, |from, command| {
+        drain(&self.servo_actuators, Stream::ServoActuators, |from, command| {
             turns.add(from, ReceivedCommand::Actuator(command));
         })
     }
@@ -218,7 +158,7 @@ impl Server {
     /// The newest `external/measured_jp` since the last call.
     pub fn poll_external(&mut self) -> Option<ExternalPosition> {
         let mut newest: Option<ExternalPosition> = None;
-        let received = drain(&self.external, service::EXTERNAL.name, |_, seen| {
+        let received = drain(&self.external, Stream::External, |_, seen| {
             if newest.is_none_or(|newest| seen.stamp_ns >= newest.stamp_ns) {
                 newest = Some(seen);
             }
@@ -227,136 +167,31 @@ impl Server {
         newest
     }
 
-    /// Passes every new state command to `take`, with the token for [`Server::reply`]. Requests
-    /// without reply are dropped after 2 s; their clients have given up by then.
-    pub fn poll_state_commands(&mut self, now: Nanos, take: impl FnMut(u64, StateCommandRequest)) {
-        let polled = self.state_commands.poll(now, take);
+    /// All new requests, each with the token for [`Server::reply`]. Requests without reply are
+    /// dropped after 2 s, those about models and black boxes after 60 s; their clients have given
+    /// up by then.
+    pub fn poll_requests(&mut self, now: Nanos) -> Vec<(u64, Request)> {
+        let mut requests = Vec::new();
+        let polled = self.requests.poll(now, &mut requests);
         self.count_failure(polled);
+        requests
     }
 
-    /// Replies to a state command. A token that is unknown, answered or too old is ignored.
-    pub fn reply(&mut self, token: u64, reply: StateCommandReply) {
-        let sent = self.state_commands.reply(token, reply);
+    /// Replies to a request, with the payload that the table has for it. A token that is unknown,
+    /// answered or too old is ignored.
+    pub fn reply<R: Payload>(&mut self, token: u64, reply: R) {
+        let sent = self.requests.reply(token, reply);
         self.count_failure(sent);
     }
 
-    /// Passes every new `move_jp` request to `take`.
-    pub fn poll_moves(&mut self, now: Nanos, take: impl FnMut(u64, MoveRequest)) {
-        let polled = self.moves.poll(now, take);
-        self.count_failure(polled);
-    }
-
-    /// Replies to a `move_jp` request.
-    pub fn reply_move(&mut self, token: u64, reply: StateCommandReply) {
-        let sent = self.moves.reply(token, reply);
-        self.count_failure(sent);
-    }
-
-    /// Passes every new `virtual_fixture` request to `take`.
-    pub fn poll_fixtures(&mut self, now: Nanos, take: impl FnMut(u64, VirtualFixtureRequest)) {
-        let polled = self.fixture_requests.poll(now, take);
-        self.count_failure(polled);
-    }
-
-    /// Replies to a `virtual_fixture` request.
-    pub fn reply_fixture(&mut self, token: u64, reply: StateCommandReply) {
-        let sent = self.fixture_requests.reply(token, reply);
-        self.count_failure(sent);
-    }
-
-    /// Passes every new request about models to `take`. These may take up to 60 s.
-    pub fn poll_models(&mut self, now: Nanos, take: impl FnMut(u64, ModelRequest)) {
-        let polled = self.models.poll(now, take);
-        self.count_failure(polled);
-    }
-
-    /// Replies to a request about models.
-    pub fn reply_model(&mut self, token: u64, reply: ModelReply) {
-        let sent = self.models.reply(token, reply);
-        self.count_failure(sent);
-    }
-
-    /// Passes every new request for a black box to `take`. These may take up to 60 s.
-    pub fn poll_black_boxes(&mut self, now: Nanos, take: impl FnMut(u64, BlackBoxRequest)) {
-        let polled = self.black_boxes.poll(now, take);
-        self.count_failure(polled);
-    }
-
-    /// Replies to a request for a black box.
-    pub fn reply_black_box(&mut self, token: u64, reply: BlackBoxReply) {
-        let sent = self.black_boxes.reply(token, reply);
-        self.count_failure(sent);
-    }
-
-    /// Publishes `measured_js`. For all streams the server sets `sequence` and `boot_id`.
-    pub fn publish_measured(&mut self, message: JointState) {
-        let sent = self.measured.send(message);
-        self.count_failure(sent);
-    }
-
-    /// Publishes `setpoint_js`.
-    pub fn publish_setpoint(&mut self, message: JointState) {
-        let sent = self.setpoint.send(message);
-        self.count_failure(sent);
-    }
-
-    /// Publishes `goal_js`.
-    pub fn publish_goal(&mut self, message: JointState) {
-        let sent = self.goal.send(message);
-        self.count_failure(sent);
-    }
-
-    /// Publishes `actuators/measured_js`.
-    pub fn publish_actuators(&mut self, message: ActuatorState) {
-        let sent = self.actuators.send(message);
-        self.count_failure(sent);
-    }
-
-    /// Publishes `operating_state`.
-    pub fn publish_operating_state(&mut self, message: OperatingStateMsg) {
-        let sent = self.operating_state.send(message);
-        self.count_failure(sent);
-    }
-
-    /// Publishes `period_statistics`.
-    pub fn publish_period_statistics(&mut self, message: PeriodStatistics) {
-        let sent = self.period_statistics.send(message);
-        self.count_failure(sent);
-    }
-
-    /// Publishes `health`. The server adds the number of its own failures.
-    pub fn publish_health(&mut self, message: Health) {
-        let ipc_failures = message.ipc_failures.saturating_add(self.failures);
-        let sent = self.health.send(Health { ipc_failures, ..message });
-        self.count_failure(sent);
-    }
-
-    /// Publishes `virtual_fixtures`.
-    pub fn publish_fixtures(&mut self, message: VirtualFixturesMsg) {
-        let sent = self.virtual_fixtures.send(message);
-        self.count_failure(sent);
-    }
-
-    /// Publishes `adaptation`.
-    pub fn publish_adaptation(&mut self, message: AdaptationMsg) {
-        let sent = self.adaptation.send(message);
-        self.count_failure(sent);
-    }
-
-    /// Publishes `events`.
-    pub fn publish_event(&mut self, message: EventMsg) {
-        let sent = self.events.send(message);
-        self.count_failure(sent);
-    }
-
-    /// Publishes a reason: a fault in `error`, all others in `warning`.
-    pub fn publish_reason(&mut self, reason: &Reason, client_id: u64, stamp: Nanos) {
-        let message = ReasonMsg::new(reason, client_id, stamp);
-        let sent = if reason.cause.is_error() {
-            self.error.send(message)
-        } else {
-            self.warning.send(message)
-        };
+    /// Publishes a message of a stream of the controller. The server sets `sequence` and `boot_id`,
+    /// and adds the number of its own failures to `health`.
+    #[inline]
+    pub fn publish(&mut self, mut message: StreamMessage) {
+        if let StreamMessage::Health(health) = &mut message {
+            health.ipc_failures = health.ipc_failures.saturating_add(self.failures);
+        }
+        let sent = self.publishers.send(message);
         self.count_failure(sent);
     }
 
@@ -395,11 +230,11 @@ impl Server {
     /// Housekeeping, to be called in every pass: replies to `version`, sends the last message of
     /// every stream to late subscribers, and twice a second removes what killed clients left.
     pub fn maintain(&mut self, now: Nanos) {
-        let replied = self.versions.reply_to_all(now, self.version);
+        let replied = self.requests.reply_version(now, self.version);
         self.count_failure(replied);
         if now >= self.next_late_subscribers {
             self.next_late_subscribers = now + LATE_SUBSCRIBER_PERIOD;
-            let served = self.serve_late_subscribers();
+            let served = self.publishers.serve_late_subscribers();
             self.count_failure(served);
         }
         if now >= self.next_cleanup {
@@ -413,21 +248,6 @@ impl Server {
     #[must_use]
     pub fn failures(&self) -> (u64, Option<&TransportError>) {
         (self.failures, self.last_failure.as_ref())
-    }
-
-    fn serve_late_subscribers(&self) -> Result<(), TransportError> {
-        self.measured.serve_late_subscribers()?;
-        self.setpoint.serve_late_subscribers()?;
-        self.goal.serve_late_subscribers()?;
-        self.actuators.serve_late_subscribers()?;
-        self.operating_state.serve_late_subscribers()?;
-        self.period_statistics.serve_late_subscribers()?;
-        self.health.serve_late_subscribers()?;
-        self.virtual_fixtures.serve_late_subscribers()?;
-        self.error.serve_late_subscribers()?;
-        self.warning.serve_late_subscribers()?;
-        self.adaptation.serve_late_subscribers()?;
-        self.events.serve_late_subscribers()
     }
 
     fn count_failure<T: Default>(&mut self, outcome: Result<T, TransportError>) -> T {
@@ -463,23 +283,24 @@ fn version(boot_id: u64) -> Version {
 }
 
 /// A subscriber that keeps the newest messages of every sender.
-fn subscribe<T: ZeroCopySend + std::fmt::Debug + 'static>(
+fn subscribe<T: Payload>(
     factory: &StreamFactory<T>,
-    name: &'static str,
+    stream: Stream,
     messages: usize,
 ) -> Result<Subscriber<ipc::Service, T, ()>, TransportError> {
     let created = factory.subscriber_builder().buffer_size(messages).create();
-    created.map_err(failed("subscribe to", name))
+    created.map_err(failed("subscribe to", stream.properties().service))
 }
 
 /// Passes all messages to `take`, with the identity of their publishers.
-fn drain<T: ZeroCopySend + std::fmt::Debug + Copy + 'static>(
+fn drain<T: Payload>(
     subscriber: &Subscriber<ipc::Service, T, ()>,
-    name: &'static str,
+    stream: Stream,
     mut take: impl FnMut(u128, T),
 ) -> Result<(), TransportError> {
+    let failed = || failed("receive", stream.properties().service);
     for _ in 0..MAX_DRAINED {
-        let Some(sample) = subscriber.receive().map_err(failed("receive", name))? else {
+        let Some(sample) = subscriber.receive().map_err(failed())? else {
             break;
         };
         take(sample.header().publisher_id().value(), *sample);

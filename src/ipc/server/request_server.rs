@@ -1,81 +1,135 @@
-//! The controller's end of a request service.
+//! The controller's end of the request services.
 
+use std::any::Any;
 use std::collections::BTreeMap;
-use std::fmt::Debug;
 
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::port::server;
-use iceoryx2::prelude::{ZeroCopySend, ipc};
+use iceoryx2::prelude::ipc;
 
-use super::creation::RequestFactory;
+use super::creation::{RequestFactories, RequestFactory};
+use crate::ipc::payload::*;
 use crate::ipc::service::{TransportError, failed};
+use crate::ipc::streams::{ReplySpeed, Request, RequestService, for_each_request};
 use crate::units::Nanos;
 
 type Active<Q, R> = ActiveRequest<ipc::Service, Q, (), R, ()>;
 
-/// Receives requests and keeps them until they are answered.
+/// Receives requests of one service and keeps them until they are answered.
 #[derive(Debug)]
-pub(super) struct RequestServer<Q, R>
-where
-    Q: ZeroCopySend + Debug + Copy + 'static,
-    R: ZeroCopySend + Debug + Copy + 'static,
-{
+struct RequestServer<Q: Payload, R: Payload> {
     // Dropped before the port.
     pending: BTreeMap<u64, (Nanos, Active<Q, R>)>,
-    next_token: u64,
     port: server::Server<ipc::Service, Q, (), R, ()>,
-    name: &'static str,
-    /// Age of a request at which its client has given up.
-    timeout: Nanos,
+    service: RequestService,
 }
 
-impl<Q, R> RequestServer<Q, R>
-where
-    Q: ZeroCopySend + Debug + Copy + 'static,
-    R: ZeroCopySend + Debug + Copy + 'static,
-{
-    pub fn new(
+/// Age of a request at which its client has given up.
+const fn timeout(service: RequestService) -> Nanos {
+    match service.speed() {
+        ReplySpeed::Quick => Nanos::from_millis(2000),
+        ReplySpeed::Slow => Nanos::from_millis(60_000),
+    }
+}
+
+impl<Q: Payload, R: Payload> RequestServer<Q, R> {
+    fn new(
         factory: &RequestFactory<Q, R>,
-        name: &'static str,
-        timeout: Nanos,
+        service: RequestService,
     ) -> Result<Self, TransportError> {
-        let port = factory.server_builder().create();
-        Ok(Self {
-            pending: BTreeMap::new(),
-            next_token: 1,
-            port: port.map_err(failed("serve", name))?,
-            name,
-            timeout,
-        })
+        let port = factory.server_builder().create().map_err(failed("serve", service.service()))?;
+        Ok(Self { pending: BTreeMap::new(), port, service })
     }
 
-    /// Passes new requests to `take`, each with a token for its reply, and drops old requests.
-    pub fn poll(&mut self, now: Nanos, mut take: impl FnMut(u64, Q)) -> Result<(), TransportError> {
-        self.pending.retain(|_, (since, _)| now.since(*since) < self.timeout);
-        loop {
-            let received = self.port.receive().map_err(failed("receive", self.name))?;
-            let Some(active) = received else {
-                return Ok(());
-            };
-            let (token, request) = (self.next_token, *active);
-            self.next_token += 1;
+    /// Drops old requests and receives the next one, which gets this token.
+    fn poll(&mut self, now: Nanos, token: u64) -> Result<Option<Q>, TransportError> {
+        self.pending.retain(|_, (since, _)| now.since(*since) < timeout(self.service));
+        let received = self.port.receive().map_err(failed("receive", self.service.service()))?;
+        Ok(received.map(|active| {
+            let request = *active;
             self.pending.insert(token, (now, active));
-            take(token, request);
-        }
+            request
+        }))
     }
 
     /// Replies to one request. Unknown tokens are ignored.
-    pub fn reply(&mut self, token: u64, reply: R) -> Result<(), TransportError> {
+    fn reply(&mut self, token: u64, reply: R) -> Result<(), TransportError> {
         let Some((_, request)) = self.pending.remove(&token) else {
             return Ok(());
         };
-        request.send_copy(reply).map_err(failed("answer", self.name))
+        request.send_copy(reply).map_err(failed("answer", self.service.service()))
     }
+}
 
-    /// Sends the same reply to all new requests.
-    pub fn reply_to_all(&mut self, now: Nanos, reply: R) -> Result<(), TransportError> {
-        let mut tokens = Vec::new();
-        self.poll(now, |token, _| tokens.push(token))?;
-        tokens.into_iter().try_for_each(|token| self.reply(token, reply))
+macro_rules! request_servers {
+    (
+        user { $($(#[$doc:meta])* $service:ident $function:ident $name:literal
+            $request:ident $reply:ident $speed:ident;)* }
+        server { $(#[$own_doc:meta])* Version version $($own:tt)* }
+    ) => {
+        /// Servers of all requests. A token identifies a request among those of all services.
+        #[derive(Debug)]
+        pub(super) struct RequestServers {
+            $($function: RequestServer<$request, $reply>,)*
+            version: RequestServer<VersionRequest, Version>,
+            last_token: u64,
+        }
+
+        impl RequestServers {
+            pub fn new(from: &RequestFactories) -> Result<Self, TransportError> {
+                Ok(Self {
+                    $($function:
+                        RequestServer::new(&from.$function, RequestService::$service)?,)*
+                    version: RequestServer::new(&from.version, RequestService::Version)?,
+                    last_token: 0,
+                })
+            }
+
+            /// Adds the new requests of all services but `version`, each with a token for its
+            /// reply.
+            pub fn poll(
+                &mut self,
+                now: Nanos,
+                requests: &mut Vec<(u64, Request)>,
+            ) -> Result<(), TransportError> {
+                // One service that fails does not keep the others waiting.
+                let mut outcome = Ok(());
+                $(loop {
+                    match self.$function.poll(now, self.last_token + 1) {
+                        Ok(None) => break,
+                        Ok(Some(request)) => {
+                            self.last_token += 1;
+                            requests.push((self.last_token, Request::$service(request)));
+                        }
+                        Err(error) => {
+                            outcome = Err(error);
+                            break;
+                        }
+                    }
+                })*
+                outcome
+            }
+
+            /// Replies to a request. A token that is unknown or of another kind of reply is
+            /// ignored.
+            pub fn reply<R: Payload>(&mut self, token: u64, reply: R) -> Result<(), TransportError> {
+                $(if let Some(reply) = (&reply as &dyn Any).downcast_ref::<$reply>() {
+                    self.$function.reply(token, *reply)?;
+                })*
+                Ok(())
+            }
+        }
+    };
+}
+
+for_each_request!(request_servers);
+
+impl RequestServers {
+    /// Replies to all new requests for the version.
+    pub fn reply_version(&mut self, now: Nanos, version: Version) -> Result<(), TransportError> {
+        while self.version.poll(now, 0)?.is_some() {
+            self.version.reply(0, version)?;
+        }
+        Ok(())
     }
 }

@@ -3,15 +3,14 @@
 use std::fs;
 use std::io::{Read, Write};
 use std::os::unix::fs::PermissionsExt;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use std::sync::atomic::Ordering;
 
 use i2ris::config::PortConfig;
+use i2ris::drive::Port;
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::inspect::inspect;
-use i2ris::drive::{AxisPhase, DriveError, Port};
-use i2ris_emulator::drive::{Mode, State};
+use i2ris_simulation::drive::{Mode, State};
+use i2ris_testing::Background;
 use nix::unistd::{Uid, setfsuid};
 use serialport::{SerialPort, TTYPort};
 
@@ -53,13 +52,11 @@ fn a_missing_node_is_named() {
 fn another_device_on_the_port_is_no_drive() {
     let (mut master, slave) = TTYPort::pair().unwrap();
     let device = slave.name().unwrap();
-    let stop = Arc::new(AtomicBool::new(false));
-    let stopped = Arc::clone(&stop);
     master.set_timeout(std::time::Duration::from_millis(20)).unwrap();
     // It echoes: a terminal server, or a wire loop.
-    let echo = thread::spawn(move || {
+    let _echo = Background::start(move |stop| {
         let mut bytes = [0; 64];
-        while !stopped.load(Ordering::Relaxed) {
+        while !stop.load(Ordering::Relaxed) {
             if let Ok(count) = master.read(&mut bytes) {
                 let _ = master.write_all(&bytes[..count]);
             }
@@ -69,17 +66,6 @@ fn another_device_on_the_port_is_no_drive() {
     let bench = TestBench::emulated(&SETUPS[0]);
     let text = refusal(&quick(PortConfig { device: device.into(), ..bench.port() }));
     assert!(text.contains("no drive answers"), "{text}");
-    stop.store(true, Ordering::Relaxed);
-    echo.join().unwrap();
-}
-
-#[test]
-fn a_limit_that_the_drive_refuses_is_named_with_the_reason() {
-    let bench = TestBench::emulated(&SETUPS[0]);
-    let text = refusal(&bench.port_with(|axis| axis.motor_speed_rpm = 60_000));
-    assert!(text.contains("max profile velocity (0x607F:00)"), "{text}");
-    assert!(text.contains("value out of range"), "{text}");
-    assert!(!bench.drive().state.is_powered());
 }
 
 #[test]
@@ -102,7 +88,7 @@ fn a_drive_left_running_in_another_mode_is_switched_off_and_configured() {
         for (index, value) in writes {
             let [low, high] = index.to_le_bytes();
             let request = [0, low, high, 0, value, 0, 0, 0];
-            host.write_all(&i2ris_emulator::frame::encode(0x68, &request)).unwrap();
+            host.write_all(&i2ris_simulation::frame::encode(0x68, &request)).unwrap();
             host.read_exact(&mut [0; 10]).unwrap();
         }
     }
@@ -144,15 +130,6 @@ fn an_inspection_changes_nothing_and_finds_differences() {
         assert!(differences.any(|(object, ..)| object.index == 0x607D));
         assert_eq!(bench.drive(), before);
     }
-}
-
-#[test]
-fn a_port_in_use_is_refused() {
-    let bench = TestBench::emulated(&SETUPS[4]);
-    let mut axis = bench.run();
-    let outcome = inspect(&bench.port());
-    assert!(matches!(outcome, Err(DriveError::Busy { .. })));
-    assert_eq!(axis.feedback().phase, AxisPhase::Disabled);
 }
 
 #[test]

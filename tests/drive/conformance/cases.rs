@@ -4,8 +4,8 @@
 use i2ris::config::HomingMethod;
 use i2ris::drive::{AxisPhase, Demand, Port, PortEventKind};
 use i2ris::units::Counts;
-use i2ris_emulator::Injection;
-use i2ris_emulator::drive::State;
+use i2ris_simulation::Injection;
+use i2ris_simulation::drive::State;
 
 use super::running_axis::RunningAxis;
 use super::test_bench::{SERIAL_NUMBERS, TestBench};

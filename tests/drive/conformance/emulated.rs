@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use i2ris::config::PortConfig;
-use i2ris::drive::{AxisPhase, AxisRequest, Demand};
+use i2ris::drive::AxisPhase;
 use i2ris::units::Counts;
-use i2ris_emulator::Injection;
-use i2ris_emulator::drive::State;
+use i2ris_simulation::Injection;
+use i2ris_simulation::drive::State;
 
 use super::test_bench::{PATIENCE, SERIAL_NUMBERS, SETUPS, TestBench};
 
@@ -17,38 +17,6 @@ fn a_name_in_several_segments_is_read() {
     assert_eq!(port.axes()[0].name.as_deref(), Some("EPOS4"));
     let full = 0x1_0000_0000 + u64::from(SERIAL_NUMBERS[0]);
     assert_eq!(port.axes()[0].full_serial_number, Some(full));
-}
-
-#[test]
-fn a_drive_left_enabled_by_a_killed_controller_is_switched_off_at_the_next_start() {
-    let bench = TestBench::emulated(&SETUPS[0]);
-    let (mut runner, mut links) = bench.bring_up().unwrap().split();
-    let request = AxisRequest { demand: Demand::Enabled, ..AxisRequest::default() };
-    let mut ignore = |_| {};
-    for _ in 0..2 {
-        runner.turn(&mut ignore);
-    }
-    links[0].requests.write(request);
-    let start = Instant::now();
-    while links[0].feedback.read().phase != AxisPhase::Enabled {
-        assert!(start.elapsed() < PATIENCE);
-        runner.turn(&mut ignore);
-    }
-    // As after `kill -9`.
-    drop(runner);
-    assert_eq!(bench.drive().state, State::OperationEnabled);
-    let _port = bench.bring_up().unwrap();
-    assert_eq!(bench.drive().state, State::ReadyToSwitchOn);
-}
-
-#[test]
-fn a_fault_at_boot_waits_for_the_operator() {
-    let bench = TestBench::with(&SETUPS[0], |config| config.drives[0].boot_fault = Some(0x8120));
-    let mut axis = bench.run();
-    axis.until_fault(0x8120);
-    axis.request(|request| request.fault_resets = 1);
-    axis.until_phase(AxisPhase::Disabled);
-    axis.enable();
 }
 
 #[test]

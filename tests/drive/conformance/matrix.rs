@@ -1,19 +1,15 @@
 //! The matrix of setups and cases.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::thread;
 
 use super::cases::ALL;
 use super::test_bench::{SETUPS, Setup, TestBench};
 
-/// Runs every case on every setup and prints the results. The setups run in parallel.
+/// Runs every case on every setup, one after the other, and prints the results.
 #[test]
-#[ignore = "prints the matrix; the single tests report more"]
+#[ignore = "minutes: for .ci/nightly"]
 fn matrix() {
-    let columns: Vec<Vec<bool>> = thread::scope(|scope| {
-        let threads: Vec<_> = SETUPS.iter().map(|setup| scope.spawn(|| column(setup))).collect();
-        threads.into_iter().map(|thread| thread.join().unwrap()).collect()
-    });
+    let columns: Vec<Vec<bool>> = SETUPS.iter().map(column).collect();
     let names: Vec<&str> = SETUPS.iter().map(|setup| setup.name).collect();
     println!("| | {} |", names.join(" | "));
     println!("|---|{}", "---|".repeat(SETUPS.len()));

@@ -6,10 +6,10 @@ use std::time::Duration;
 use i2ris::config::{AxisConfig, Config, Family, Framing, PortConfig, Streaming};
 use i2ris::drive::{Configured, DriveError, Port};
 use i2ris::units::Counts;
-use i2ris_emulator::drive::DriveSnapshot;
-use i2ris_emulator::log::EventKind;
-use i2ris_emulator::snake::SnakeConfig;
-use i2ris_emulator::{Emulator, EmulatorConfig};
+use i2ris_simulation::drive::DriveSnapshot;
+use i2ris_simulation::log::EventKind;
+use i2ris_simulation::physics::springs::SnakeConfig;
+use i2ris_simulation::{Emulator, EmulatorConfig};
 use tempfile::TempDir;
 
 use super::running_axis::RunningAxis;
@@ -81,7 +81,7 @@ impl TestBench {
         config.drives[0].family = emulated_family(setup.port);
         config.drives[axis].family = emulated_family(setup.drive);
         if setup.framing == Framing::V1 {
-            config.line.framing = i2ris_emulator::Framing::V1;
+            config.line.framing = i2ris_simulation::Framing::V1;
         }
         if setup.gateway {
             config.gateway_us = Some(600);
@@ -167,10 +167,10 @@ impl TestBench {
     }
 }
 
-fn emulated_family(family: Family) -> i2ris_emulator::drive::Family {
+fn emulated_family(family: Family) -> i2ris_simulation::drive::Family {
     match family {
-        Family::Epos4 => i2ris_emulator::drive::Family::Epos4,
-        Family::Epos2 => i2ris_emulator::drive::Family::Epos2,
+        Family::Epos4 => i2ris_simulation::drive::Family::Epos4,
+        Family::Epos2 => i2ris_simulation::drive::Family::Epos2,
     }
 }
 

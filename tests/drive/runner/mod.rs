@@ -14,6 +14,4 @@ mod two_axes;
 use i2ris::drive::event::{PortEventKind, TransitionError};
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::units::{Counts, Nanos};
-
-use crate::fixture::port_rig::{NODE, PortRig, one_drive};
-use crate::fixture::*;
+use i2ris_testing::drive::{NODE, PortRig, one_drive, *};

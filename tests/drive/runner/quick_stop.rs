@@ -1,7 +1,7 @@
 use i2ris::drive::{AxisRequest, Port};
+use i2ris_testing::drive::open;
 
 use super::*;
-use crate::fixture::port_rig::open;
 
 fn stopped() -> PortRig {
     let mut rig = PortRig::enabled();

@@ -39,6 +39,8 @@ fn occurrence() -> impl Strategy<Value = Occurrence> {
 }
 
 proptest! {
+    #![proptest_config(i2ris_testing::cases(64))]
+
     /// In every sequence: the motor is never powered with a target other than its position, no
     /// target outside the limits is written, nothing is powered without demand, and at the end
     /// everything is off.

@@ -1,12 +1,11 @@
 //! Documents that are written by a program and kept in the repository: what they say about the
 //! software is read from the software, and a test fails when one is out of date.
 //!
-//! `I2RIS_UPDATE=1 cargo test --test hazards up_to_date` writes all of them.
+//! `I2RIS_UPDATE=1 cargo test --test real_time up_to_date` writes all of them.
 
+mod map;
 mod packages;
-mod requirements;
 mod risk;
-mod sbom;
 mod soup;
 mod third_party;
 
@@ -14,10 +13,10 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+pub const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Folder of the chapters for whoever has to judge the safety of the robot.
-const SAFETY: &str = "tools/manual/src/safety";
+pub const SAFETY: &str = "tools/manual/src/safety";
 
 /// Writes a document if asked to, and fails when it is out of date.
 fn require_up_to_date(path: &str, wanted: &str) {
@@ -30,17 +29,17 @@ fn require_up_to_date(path: &str, wanted: &str) {
     let missing: Vec<&str> = wanted.lines().filter(|line| !known.contains(line)).take(10).collect();
     assert!(
         found == wanted,
-        "{path} is out of date ({missing:#?}); run I2RIS_UPDATE=1 cargo test --test hazards \
+        "{path} is out of date ({missing:#?}); run I2RIS_UPDATE=1 cargo test --test real_time \
          up_to_date"
     );
 }
 
-fn read(path: &str) -> String {
+pub fn read(path: &str) -> String {
     fs::read_to_string(Path::new(ROOT).join(path)).unwrap()
 }
 
 /// The cells of the rows of a Markdown table that begin with `start`.
-fn rows(text: &str, start: &str) -> Vec<Vec<String>> {
+pub fn rows(text: &str, start: &str) -> Vec<Vec<String>> {
     let lines = text.lines().filter(|line| line.starts_with(start));
     let cells = |line: &str| {
         let cells = line.trim_matches('|').split('|');
@@ -50,11 +49,11 @@ fn rows(text: &str, start: &str) -> Vec<Vec<String>> {
 }
 
 /// The words of a cell that are set as code.
-fn code(cell: &str) -> Vec<&str> {
+pub fn code(cell: &str) -> Vec<&str> {
     cell.split('`').skip(1).step_by(2).collect()
 }
 
 /// Id, hazard, control and tests of every hazard.
-fn hazards() -> Vec<Vec<String>> {
+pub fn hazards() -> Vec<Vec<String>> {
     rows(&read("tests/hazards/README.md"), "| H")
 }

@@ -15,8 +15,6 @@ pub struct Package {
     pub description: String,
     /// Part of this repository.
     pub is_own: bool,
-    /// SHA-256 of the archive, from the lock file.
-    pub checksum: Option<String>,
     /// Indices of what it needs to run.
     pub uses: BTreeSet<usize>,
     /// Indices of what it needs to be built.
@@ -51,14 +49,12 @@ impl Class {
 /// All packages, in the order of name and version.
 pub fn packages() -> Vec<Package> {
     let metadata = metadata();
-    let checksums = checksums();
     let list = metadata["packages"].as_array().unwrap();
     let mut sorted: Vec<&Value> = list.iter().collect();
     sorted.sort_by_key(|package| (text(package, "name"), text(package, "version")));
     let index: BTreeMap<String, usize> =
         (0..).zip(&sorted).map(|(index, package)| (text(package, "id"), index)).collect();
-    let mut packages: Vec<Package> =
-        sorted.iter().map(|package| new_package(package, &checksums)).collect();
+    let mut packages: Vec<Package> = sorted.iter().map(|package| new_package(package)).collect();
     for node in metadata["resolve"]["nodes"].as_array().unwrap() {
         let package = &mut packages[index[&text(node, "id")]];
         for dependency in node["deps"].as_array().unwrap() {
@@ -85,41 +81,22 @@ fn metadata() -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-fn new_package(package: &Value, checksums: &BTreeMap<(String, String), String>) -> Package {
-    let (name, version) = (text(package, "name"), text(package, "version"));
-    let checksum = checksums.get(&(name.clone(), version.clone())).cloned();
+fn new_package(package: &Value) -> Package {
     let words = text(package, "description");
     Package {
+        name: text(package, "name"),
+        version: text(package, "version"),
         description: words.split_whitespace().collect::<Vec<_>>().join(" "),
         licence: text(package, "license"),
         is_own: package["source"].is_null(),
-        checksum,
         uses: BTreeSet::new(),
         builds_with: BTreeSet::new(),
         tests_with: BTreeSet::new(),
-        name,
-        version,
     }
 }
 
 fn text(value: &Value, field: &str) -> String {
     value[field].as_str().unwrap_or_default().to_owned()
-}
-
-/// The checksums of the lock file, by name and version.
-fn checksums() -> BTreeMap<(String, String), String> {
-    let lock = read("Cargo.lock");
-    let value = |entry: &str, key: &str| {
-        let line = entry.lines().find_map(|line| line.strip_prefix(key))?;
-        Some(line.trim_start_matches([' ', '=']).trim_matches('"').to_owned())
-    };
-    let entries = lock.split("[[package]]").skip(1);
-    entries
-        .filter_map(|entry| {
-            let id = (value(entry, "name")?, value(entry, "version")?);
-            Some((id, value(entry, "checksum")?))
-        })
-        .collect()
 }
 
 /// The class of every own package, from the page about the architecture.

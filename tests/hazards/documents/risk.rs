@@ -42,7 +42,7 @@ const HEAD: &str = "\
 # Risk
 
 Every [hazard](../../../../tests/hazards/README.md), with its risk before and after its control.
-This page is written by `I2RIS_UPDATE=1 cargo test --test hazards up_to_date` from the table of the
+This page is written by `I2RIS_UPDATE=1 cargo test --test real_time up_to_date` from the table of the
 hazards, with the ratings in `tests/hazards/documents/risk.rs`; a test fails when it is not up to
 date or a hazard has no rating.
 

@@ -30,9 +30,10 @@ const HEAD: &str = "\
 
 Everything that `Cargo.lock` holds on Linux, x86-64: name, version, licence, role, and the safety
 class of the [part that uses it](architecture.md), which is the highest of all its users. *none*: it
-only builds or tests the software. The same list for programs, with checksums and dependencies, is
-[sbom.cdx.json](sbom.cdx.json) (CycloneDX 1.5). This page and that file are written by
-`I2RIS_UPDATE=1 cargo test --test hazards third_party`; a test fails when they are not up to date.
+only builds or tests the software. This page is written by
+`I2RIS_UPDATE=1 cargo test --test real_time third_party`; a test fails when it is not up to date. The
+Debian package brings the same for programs, with checksums and dependencies, one file per package:
+`/usr/share/doc/i2ris/sbom` (CycloneDX, by `cargo cyclonedx`).
 
 The lists of known anomalies have **not** been reviewed. Who puts the robot to use reviews them for
 class C and B, and notes the date. `cargo deny check advisories` compares the lock file with the

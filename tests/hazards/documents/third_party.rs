@@ -16,7 +16,7 @@ fn page() -> String {
     format!(
         "# Third-party software\n\n\
          What `Cargo.lock` holds on Linux, x86-64, tests and tools included. Written by\n\
-         `I2RIS_UPDATE=1 cargo test --test hazards third_party`; a test fails when it is not up \
+         `I2RIS_UPDATE=1 cargo test --test real_time third_party`; a test fails when it is not up \
          to date.\n\n\
          | package | version | licence |\n|---|---|---|\n{}\n",
         rows.join("\n")

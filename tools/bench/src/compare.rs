@@ -6,63 +6,141 @@
 //! between two consecutive runs of one version. A median moved if the median of the changes from
 //! one version to the other is larger.
 
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde::Serialize;
 use serde_json::Value;
 
+use crate::BenchError;
+
+/// Arguments of `i2ris bench compare`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Outcomes of the old version: an array of repeated runs
+    old: PathBuf,
+    /// Outcomes of the new version, its runs in turns with those of the old one
+    new: PathBuf,
+    /// Measure first: run this program of the old version and the present one in turns, and write
+    /// both files
+    #[arg(long, value_name = "PROGRAM", requires = "measurement")]
+    against: Option<PathBuf>,
+    /// Runs of each version
+    #[arg(long, value_name = "N", default_value_t = 6, requires = "against",
+          value_parser = clap::value_parser!(u32).range(2..=1000))]
+    runs: u32,
+    /// The measurement and its arguments
+    #[arg(last = true, value_name = "MEASUREMENT", requires = "against")]
+    measurement: Vec<String>,
+}
+
 /// One variant in both versions.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MedianChange {
+#[derive(Debug, Clone, Serialize)]
+struct MedianChange {
     /// Measurement, group and variant.
-    pub name: String,
-    /// Median of the medians of the old version and of the new one: multiples of the floor, or us.
-    pub medians: [f64; 2],
-    /// They are multiples of the floor.
-    pub is_ratio: bool,
+    name: String,
+    /// Median of the medians of the versions.
+    old: f64,
+    new: f64,
+    /// Multiples of the floor, or us.
+    unit: &'static str,
     /// Pairs of runs.
-    pub pairs: usize,
+    pairs: usize,
     /// Median of new / old, pair by pair.
-    pub change: f64,
+    change: f64,
     /// The largest factor between two consecutive runs of one version.
-    pub noise: f64,
-}
-
-impl MedianChange {
+    noise: f64,
     /// The change is beyond the noise.
-    #[must_use]
-    pub fn has_moved(&self) -> bool {
-        self.change.max(1.0 / self.change) > self.noise
+    moved: bool,
+}
+
+/// Compares two files, after measuring them if asked.
+pub fn run(arguments: &Arguments, as_json: bool) -> Result<(), BenchError> {
+    if let Some(program) = &arguments.against {
+        measure(arguments, program)?;
     }
+    let changes = compare(&read(&arguments.old)?, &read(&arguments.new)?)?;
+    if as_json {
+        println!("{}", serde_json::to_string_pretty(&changes)?);
+    } else {
+        print(&changes);
+    }
+    Ok(())
 }
 
-/// Why two files cannot be compared.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum CompareError {
-    /// A file is no outcome of a measurement.
-    #[error("{0} is no outcome of a measurement; write one with `i2ris bench ... --json`")]
-    NoOutcome(&'static str),
-    /// There is nothing that both have, or too few runs.
-    #[error(
-        "the files have no variant in common with at least two runs in each; repeat the \
-         measurement, for example with `i2ris bench compare OLD.json NEW.json --against PROGRAM \
-         -- inverse`"
-    )]
-    NothingInCommon,
+/// Runs both programs in turns.
+fn measure(arguments: &Arguments, program: &Path) -> Result<(), BenchError> {
+    let own = std::env::current_exe()?;
+    let (mut old, mut new) = (Vec::new(), Vec::new());
+    for _ in 0..arguments.runs {
+        old.extend(outcomes(program, &arguments.measurement)?);
+        new.extend(outcomes(&own, &arguments.measurement)?);
+    }
+    for (file, runs) in [(&arguments.old, old), (&arguments.new, new)] {
+        fs::write(file, format!("{:#}\n", Value::Array(runs)))
+            .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+    }
+    Ok(())
 }
 
-/// Compares two files: the outcomes of the runs, as `--json` prints them.
-///
-/// # Errors
-///
-/// [`CompareError`].
-pub fn compare(old: &Value, new: &Value) -> Result<Vec<MedianChange>, CompareError> {
-    let old = medians(old).ok_or(CompareError::NoOutcome("the old file"))?;
-    let new = medians(new).ok_or(CompareError::NoOutcome("the new file"))?;
+fn outcomes(program: &Path, measurement: &[String]) -> Result<Vec<Value>, BenchError> {
+    let output = Command::new(program)
+        .args(measurement)
+        .arg("--json")
+        .output()
+        .map_err(|error| format!("cannot run {}: {error}", program.display()))?;
+    if !output.status.success() {
+        let reason = String::from_utf8_lossy(&output.stderr);
+        return Err(format!("{} failed: {}", program.display(), reason.trim()).into());
+    }
+    Ok(match serde_json::from_slice(&output.stdout)? {
+        Value::Array(outcomes) => outcomes,
+        outcome => vec![outcome],
+    })
+}
+
+fn read(file: &Path) -> Result<Value, BenchError> {
+    let text = fs::read_to_string(file)
+        .map_err(|error| format!("cannot read {}: {error}", file.display()))?;
+    Ok(serde_json::from_str(&text)
+        .map_err(|error| format!("{} is no JSON: {error}", file.display()))?)
+}
+
+fn print(changes: &[MedianChange]) {
+    println!(
+        "{:<72} {:>9} {:>9} {:>8} {:>8} {:>7}  moved",
+        "median", "old", "new", "", "new/old", "noise"
+    );
+    for MedianChange { name, old, new, unit, change, noise, moved, .. } in changes {
+        let moved = match (moved, *change < 1.0) {
+            (false, _) => "no",
+            (true, true) => "faster",
+            (true, false) => "slower",
+        };
+        println!("{name:<72} {old:>9.2} {new:>9.2} {unit:>8} {change:>8.3} {noise:>7.3}  {moved}");
+    }
+    let moved = changes.iter().filter(|change| change.moved).count();
+    println!("\n{moved} of {} medians moved beyond the noise", changes.len());
+}
+
+/// Compares the outcomes of the runs, as `--json` prints them.
+fn compare(old: &Value, new: &Value) -> Result<Vec<MedianChange>, String> {
+    let [old, new] = [(old, "old"), (new, "new")].map(|(file, which)| {
+        let foreign = "is no outcome of a measurement; write one with `i2ris bench ... --json`";
+        medians(file).ok_or_else(|| format!("the {which} file {foreign}"))
+    });
+    let (old, new) = (old?, new?);
     let mut changes = Vec::new();
     for before in &old {
         let after = new.iter().find(|after| after.name == before.name);
         changes.extend(after.and_then(|after| change(before, after)));
     }
     if changes.is_empty() {
-        return Err(CompareError::NothingInCommon);
+        return Err("the files have no variant in common with at least two runs in each; repeat \
+                    the measurement, for example with `i2ris bench compare OLD.json NEW.json \
+                    --against PROGRAM -- inverse`"
+            .to_owned());
     }
     Ok(changes)
 }
@@ -107,13 +185,16 @@ fn change(old: &Medians, new: &Medians) -> Option<MedianChange> {
         .into_iter()
         .flat_map(|runs| runs.windows(2))
         .map(|pair| (pair[1] / pair[0]).max(pair[0] / pair[1]));
+    let (change, noise) = (median(changes.collect()), consecutive.fold(1.0, f64::max));
     Some(MedianChange {
         name: new.name.clone(),
-        medians: [median(old.runs.clone()), median(new.runs.clone())],
-        is_ratio: new.is_ratio,
+        old: median(old.runs.clone()),
+        new: median(new.runs.clone()),
+        unit: if new.is_ratio { "x floor" } else { "us" },
         pairs,
-        change: median(changes.collect()),
-        noise: consecutive.fold(1.0, f64::max),
+        change,
+        noise,
+        moved: change.max(1.0 / change) > noise,
     })
 }
 
@@ -153,28 +234,28 @@ mod tests {
         let old = runs(&[10_000.0, 10_400.0, 10_100.0], None);
         let faster = compare(&old, &runs(&[5000.0, 5100.0, 5050.0], None)).unwrap();
         let found = &faster[0];
-        assert_eq!((found.pairs, found.is_ratio), (3, false));
-        assert!((found.change - 0.5).abs() < 0.01 && found.has_moved(), "{found:?}");
-        assert!((found.medians[0] - 10.1).abs() < 1e-9);
+        assert_eq!((found.pairs, found.unit), (3, "us"));
+        assert!((found.change - 0.5).abs() < 0.01 && found.moved, "{found:?}");
+        assert!((found.old - 10.1).abs() < 1e-9);
         let same = compare(&old, &runs(&[10_200.0, 10_300.0, 10_000.0], None)).unwrap();
-        assert!(!same[0].has_moved(), "{same:?}");
+        assert!(!same[0].moved, "{same:?}");
         let slower = compare(&old, &runs(&[12_000.0, 12_300.0, 12_100.0], None)).unwrap();
-        assert!(slower[0].has_moved());
+        assert!(slower[0].moved);
     }
 
     #[test]
     fn ratios_to_the_floor_are_compared_where_there_are_some() {
         let old = runs(&[10_000.0, 20_000.0], Some(100.0));
         let found = &compare(&old, &old).unwrap()[0];
-        assert_eq!((found.medians, found.is_ratio), ([150.0; 2], true));
+        assert_eq!((found.old, found.new, found.unit), (150.0, 150.0, "x floor"));
         assert_eq!((found.change, found.noise), (1.0, 2.0));
     }
 
     #[test]
     fn single_runs_and_other_files_are_refused() {
         let one = runs(&[10.0], None);
-        assert_eq!(compare(&one, &one), Err(CompareError::NothingInCommon));
+        assert!(compare(&one, &one).unwrap_err().contains("no variant in common"));
         let nonsense = json!({ "any": 1 });
-        assert_eq!(compare(&nonsense, &one), Err(CompareError::NoOutcome("the old file")));
+        assert!(compare(&nonsense, &one).unwrap_err().contains("the old file is no outcome"));
     }
 }

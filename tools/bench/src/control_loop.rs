@@ -1,107 +1,98 @@
 //! A periodic loop: lateness of its ticks, and computing time of a tick of the controller.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use i2ris::clock;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
-use crate::durations::Durations;
-use crate::error::BenchError;
+use crate::BenchError;
 use crate::inverse::two_clock_readings;
-use crate::machine::{LoadMonitor, Machine};
 use crate::model::Operators;
-use crate::outcome::{BenchOutcome, Quantity, Role, Variant};
-use crate::placement::{ThreadPlacement, ThreadRole, run_in_thread};
-use crate::tick::{AdaptingCycle, Cycle};
+use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
+use crate::placement::{Run, in_thread};
+use crate::tick::Cycle;
 
-/// Duration of one turn of a variant. Short turns give both variants the same load of the machine.
+/// Duration of one turn of a variant. Short turns give all variants the same load of the machine.
 const TURN: Nanos = Nanos::from_millis(1000);
 /// Ticks that do not count.
 const WARM_UP: u64 = 200;
 
-/// Components of the model.
 const COMPONENTS: usize = 10;
 /// Plays per motor.
 const PLAYS: usize = 8;
 
-/// Settings of the measurement.
-#[derive(Debug, Clone)]
+const LATE: [(&str, Role); 3] = [
+    ("bare timer (clock_nanosleep)", Role::Floor),
+    ("ticker of the controller", Role::Ours),
+    ("the same with adaptation", Role::Ours),
+];
+const COMPUTING: [(&str, Role); 4] = [
+    ("two readings of the clock", Role::Floor),
+    ("one tick: gate, inverse, limits, states", Role::Ours),
+    ("the same with adaptation", Role::Ours),
+    ("one of these with a frame of the camera", Role::Ours),
+];
+
+#[derive(Debug)]
 pub struct LoopBenchmark {
-    /// Periods of the loop, at least one.
+    /// At least one.
     pub periods: Vec<Nanos>,
     /// The controller's ticker wakes this long before each tick and reads the clock until then.
     pub spin: Nanos,
     /// Turns of each variant, of a second.
     pub turns: u32,
-    /// Scheduling of the thread.
-    pub placement: ThreadPlacement,
 }
 
 /// Runs the ticker of the controller with its cycle, without and with adaptation, and a bare timer,
 /// in turns.
-///
-/// # Errors
-///
-/// [`BenchError`].
-pub fn run(
-    benchmark: &LoopBenchmark,
-    is_interrupted: &dyn Fn() -> bool,
-) -> Result<BenchOutcome, BenchError> {
-    run_in_thread(is_interrupted, |stop| measure(benchmark, stop))
+pub fn run(benchmark: &LoopBenchmark, run: Run) -> Result<Outcome, BenchError> {
+    let about = "A periodic loop: lateness of its ticks, and computing time of a tick of the \
+                 controller";
+    Outcome::of("loop", about, || in_thread(|| measure(benchmark, run)))
 }
 
 /// What is measured at one rate.
 struct Rate {
     period: Nanos,
     cycle: Cycle,
-    adapting: AdaptingCycle,
-    timer_late: Durations,
-    ticker_late: Durations,
-    adapting_late: Durations,
-    nothing: Durations,
-    compute: Durations,
-    adapting_compute: Durations,
-    /// Of ticks in which a frame of the camera arrives.
-    frame_compute: Durations,
+    adapting: Cycle,
+    late: [Durations; 3],
+    computing: [Durations; 4],
 }
 
 impl Rate {
     fn new(period: Nanos) -> Result<Self, BenchError> {
-        let new = || Durations::new(WARM_UP);
+        let cycle = |adapts| Cycle::new(period, COMPONENTS, Operators::Plays(PLAYS), adapts);
         Ok(Self {
             period,
-            cycle: Cycle::new(period, COMPONENTS, Operators::Plays(PLAYS))?,
-            adapting: AdaptingCycle::new(period, COMPONENTS, Operators::Plays(PLAYS))?,
-            timer_late: new(),
-            ticker_late: new(),
-            adapting_late: new(),
-            nothing: new(),
-            compute: new(),
-            adapting_compute: new(),
-            frame_compute: Durations::new(0),
+            cycle: cycle(false)?,
+            adapting: cycle(true)?,
+            late: LATE.map(|_| Durations::new(WARM_UP)),
+            computing: [WARM_UP, WARM_UP, WARM_UP, 0].map(Durations::new),
         })
     }
 
     /// One turn of the bare timer, and one of the ticker without and with adaptation.
     fn turns(&mut self, spin: Nanos) -> Result<(), BenchError> {
-        run_turn(self.period, Nanos::ZERO, &mut self.timer_late, || {
-            self.nothing.push(two_clock_readings());
+        let Self { period, cycle, adapting, late, computing } = self;
+        let [timer, ticker, adapting_late] = late;
+        let [nothing, tick, adapting_tick, with_frame] = computing;
+        run_turn(*period, Nanos::ZERO, timer, || {
+            nothing.push(two_clock_readings());
             Ok(())
         })?;
-        run_turn(self.period, spin, &mut self.ticker_late, || {
+        run_turn(*period, spin, ticker, || {
             let begin = clock::now();
-            self.cycle.step()?;
-            self.compute.push(clock::now().since(begin));
+            cycle.step()?;
+            tick.push(clock::now().since(begin));
             Ok(())
         })?;
-        run_turn(self.period, spin, &mut self.adapting_late, || {
+        run_turn(*period, spin, adapting_late, || {
             let begin = clock::now();
-            let has_frame = self.adapting.step();
+            let has_frame = adapting.step()?;
             let time = clock::now().since(begin);
-            self.adapting_compute.push(time);
+            adapting_tick.push(time);
             if has_frame {
-                self.frame_compute.push(time);
+                with_frame.push(time);
             }
             Ok(())
         })
@@ -111,52 +102,43 @@ impl Rate {
         1e9 / self.period.0 as f64
     }
 
-    /// `suffix` names the rate where there are several.
-    fn variants(self, suffix: &str) -> [Variant; 7] {
-        let [late, computing] = ["lateness", "compute"].map(|group| format!("{group}{suffix}"));
-        let timer = "bare timer (clock_nanosleep)";
-        let ticker = "ticker of the controller";
-        let readings = "two readings of the clock";
-        let tick = "one tick: gate, inverse, limits, states";
-        let adapting = "the same with adaptation";
-        let frame = "one of these with a frame of the camera";
+    fn quantities(&self) -> [Quantity; 3] {
+        let busy = 1e5 * self.computing[1].median_us() / self.period.0 as f64;
         [
-            Variant::new(timer, &late, Role::Floor, self.timer_late),
-            Variant::new(ticker, &late, Role::Ours, self.ticker_late),
-            Variant::new(adapting, &late, Role::Ours, self.adapting_late),
-            Variant::new(readings, &computing, Role::Floor, self.nothing),
-            Variant::new(tick, &computing, Role::Ours, self.compute),
-            Variant::new(adapting, &computing, Role::Ours, self.adapting_compute),
-            Variant::new(frame, &computing, Role::Ours, self.frame_compute),
+            Quantity::new("ticks per second", self.ticks_per_s(), "1/s"),
+            Quantity::new("computing, of the period", busy, "%"),
+            Quantity::new("frames that were learned from", self.adapting.learned() as f64, ""),
         ]
+    }
+
+    /// `suffix` names the rate where there are several.
+    fn variants(self, suffix: &str) -> impl Iterator<Item = Variant> + use<> {
+        let [lateness, compute] = ["lateness", "compute"].map(|group| format!("{group}{suffix}"));
+        let late = LATE.into_iter().zip(self.late);
+        let computing = COMPUTING.into_iter().zip(self.computing);
+        let late = late
+            .map(move |((name, role), durations)| Variant::new(name, &lateness, role, durations));
+        late.chain(
+            computing.map(move |((name, role), durations)| {
+                Variant::new(name, &compute, role, durations)
+            }),
+        )
     }
 }
 
-fn measure(benchmark: &LoopBenchmark, stop: &AtomicBool) -> Result<BenchOutcome, BenchError> {
-    let monitor = LoadMonitor::start();
-    let scheduling = benchmark.placement.apply(ThreadRole::Receiver);
-    let spin = benchmark.spin;
+fn measure(benchmark: &LoopBenchmark, run: Run) -> Result<Found, BenchError> {
+    let scheduling = vec![run.placement.apply("loop", 0)];
     let rates = benchmark.periods.iter().map(|period| Rate::new(*period));
     let mut rates = rates.collect::<Result<Vec<_>, _>>()?;
     for _ in 0..benchmark.turns {
         for rate in &mut rates {
-            if stop.load(Ordering::Relaxed) {
-                return Err(BenchError::Interrupted);
-            }
-            rate.turns(spin)?;
+            run.check()?;
+            rate.turns(benchmark.spin)?;
         }
     }
-    let mut quantities = Vec::new();
-    for rate in &rates {
-        let busy = 100.0 * rate.compute.percentiles().p50 as f64 / rate.period.0 as f64;
-        let hz = rate.ticks_per_s();
-        quantities.push(Quantity::new("ticks per second", hz, "1/s"));
-        let learned = rate.adapting.learned() as f64;
-        quantities.push(Quantity::new("computing, of the period", busy, "%"));
-        quantities.push(Quantity::new("frames that were learned from", learned, ""));
-    }
+    let mut quantities: Vec<Quantity> = rates.iter().flat_map(Rate::quantities).collect();
     quantities.extend([
-        Quantity::new("spinning before each tick", spin.0 as f64 / 1e3, "us"),
+        Quantity::new("spinning before each tick", benchmark.spin.0 as f64 / 1e3, "us"),
         Quantity::new("components of the model", COMPONENTS as f64, ""),
         Quantity::new("plays per motor", PLAYS as f64, ""),
     ]);
@@ -168,18 +150,7 @@ fn measure(benchmark: &LoopBenchmark, stop: &AtomicBool) -> Result<BenchOutcome,
         };
         rate.variants(&suffix)
     });
-    let machine = Machine::detect();
-    Ok(BenchOutcome {
-        bench: "loop",
-        about: "A periodic loop: lateness of its ticks, and computing time of a tick of the \
-                controller",
-        load: monitor.stop(),
-        scheduling: vec![scheduling.replace("receiving thread", "loop")],
-        variants: variants.collect(),
-        quantities,
-        notes: machine.notes(),
-        machine,
-    })
+    Ok(Found { scheduling, variants: variants.collect(), quantities, notes: Vec::new() })
 }
 
 /// Runs a ticker for one turn: records the lateness of its ticks and calls `work` in each.

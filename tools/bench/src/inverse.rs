@@ -1,33 +1,63 @@
 //! One call of a model: from desired angles to counts, and from counts to angles.
 
+use std::f64::consts::{PI, TAU};
 use std::hint::black_box;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
-use i2ris::model::{Model, ModelError};
-use i2ris::units::Nanos;
+use i2ris::model::{Memory, Model, Query};
+use i2ris::units::{Nanos, OutputVec};
 
-use crate::durations::Durations;
-use crate::error::BenchError;
-use crate::machine::{LoadMonitor, Machine};
-use crate::model::model;
-use crate::outcome::{BenchOutcome, Role, Variant};
-use crate::placement::{ThreadPlacement, ThreadRole, run_in_thread};
-use crate::workload::{QueryTick, TICKS, workload};
+use crate::BenchError;
+use crate::model::{Operators, model};
+use crate::outcome::{Durations, Found, Outcome, Role, Variant};
+use crate::placement::{Run, in_thread};
 
 /// Calls that do not count.
 const WARM_UP: u64 = 1000;
 
-const INVERSE: &str = "inverse";
-const FORWARD: &str = "forward";
-
-/// The models: components, plays per motor, name, role.
-const MODELS: [(usize, usize, &str, Role); 4] = [
+/// Components, plays per motor, name, role.
+pub const MODELS: [(usize, usize, &str, Role); 4] = [
     (10, 0, "gmr, no memory, K = 10 (the published method)", Role::Peer),
     (3, 4, "gmr-play, K = 3, 4 plays per motor", Role::Ours),
     (10, 8, "gmr-play, K = 10, 8 plays per motor", Role::Ours),
     (20, 12, "gmr-play, K = 20, 12 plays per motor", Role::Ours),
 ];
+
+/// Ticks of 1 ms of a workload.
+pub const TICKS: usize = 2000;
+
+/// The query of one tick.
+#[derive(Debug, Clone, Copy)]
+pub struct QueryTick {
+    /// The memory before the motors moved.
+    pub memory: Memory,
+    /// The goal, rad.
+    pub goal: OutputVec,
+    /// Starts at the result of the tick before and contains the model's correction, as in the loop.
+    pub query: Query,
+}
+
+/// The queries of the control loop over two seconds: goals on a circle of changing radius, so that
+/// both motors turn often. The memory has passed through the whole range before.
+pub fn workload(model: &Model) -> Vec<QueryTick> {
+    let mut memory = model.new_memory();
+    for corner in model.hull().corners() {
+        model.advance(&mut memory, &corner);
+    }
+    let mut start = model.hull().centre();
+    model.advance(&mut memory, &start);
+    let tick = |number: usize| {
+        let turn = TAU * number as f64 / TICKS as f64;
+        let radius = (12.0 + 4.0 * (7.0 * turn).sin()) * PI / 180.0;
+        let goal = [radius * turn.cos(), radius * turn.sin(), 0.0];
+        let query = Query { correction: Some(model.correction(&memory)), ..Query::new(start) };
+        let tick = QueryTick { memory, goal, query };
+        start = model.invert(&goal, &memory, &query).counts;
+        model.advance(&mut memory, &start);
+        tick
+    };
+    (0..TICKS).map(tick).collect()
+}
 
 struct MeasuredModel {
     model: Model,
@@ -38,25 +68,14 @@ struct MeasuredModel {
 
 /// Calls every model along a motion that turns both motors often, `rounds` times, the models in
 /// turns.
-///
-/// # Errors
-///
-/// [`BenchError`].
-pub fn run(
-    rounds: u32,
-    placement: ThreadPlacement,
-    is_interrupted: &dyn Fn() -> bool,
-) -> Result<BenchOutcome, BenchError> {
-    run_in_thread(is_interrupted, |stop| measure(rounds, placement, stop))
+pub fn run(rounds: u32, run: Run) -> Result<Outcome, BenchError> {
+    let about = "One call of a model: desired angles to counts (inverse), counts to angles with \
+                 covariance (forward)";
+    Outcome::of("inverse", about, || in_thread(|| measure(rounds, run)))
 }
 
-fn measure(
-    rounds: u32,
-    placement: ThreadPlacement,
-    stop: &AtomicBool,
-) -> Result<BenchOutcome, BenchError> {
-    let monitor = LoadMonitor::start();
-    let scheduling = placement.apply(ThreadRole::Receiver);
+fn measure(rounds: u32, run: Run) -> Result<Found, BenchError> {
+    let scheduling = vec![run.placement.apply("calling thread", 0)];
     let models = MODELS.map(|(components, plays, ..)| MeasuredModel::new(components, plays));
     let mut models = models.into_iter().collect::<Result<Vec<_>, _>>()?;
     let mut floor = Durations::new(WARM_UP);
@@ -67,58 +86,46 @@ fn measure(
         for model in &mut models {
             model.call_all();
         }
-        if stop.load(Ordering::Relaxed) {
-            return Err(BenchError::Interrupted);
-        }
+        run.check()?;
     }
     let mut variants = Vec::new();
-    for group in [INVERSE, FORWARD] {
+    for group in ["inverse", "forward"] {
         let name = "two readings of the clock";
         variants.push(Variant::new(name, group, Role::Floor, floor.clone()));
         for ((.., name, role), measured) in MODELS.iter().zip(&models) {
-            let durations = if group == INVERSE { &measured.inverse } else { &measured.forward };
+            let durations = if group == "inverse" { &measured.inverse } else { &measured.forward };
             variants.push(Variant::new(name, group, *role, durations.clone()));
         }
     }
-    let machine = Machine::detect();
     let note = "Each duration is one call with the readings of the clock around it; subtract the \
                 floor for the call alone. For instructions, which other load does not change: \
-                i2ris bench instructions.";
-    Ok(BenchOutcome {
-        bench: "inverse",
-        about: "One call of a model: desired angles to counts (inverse), counts to angles with \
-                covariance (forward)",
-        load: monitor.stop(),
-        scheduling: vec![scheduling.replace("receiving thread", "calling thread")],
-        notes: [note.to_owned()].into_iter().chain(machine.notes()).collect(),
-        machine,
-        variants,
-        quantities: Vec::new(),
-    })
+                i2ris bench inverse --instructions.";
+    Ok(Found { scheduling, variants, notes: vec![note.to_owned()], ..Found::default() })
 }
 
 /// The duration of nothing: the floor of all durations of a call.
-pub(crate) fn two_clock_readings() -> Nanos {
+pub fn two_clock_readings() -> Nanos {
     let begin = clock::now();
     clock::now().since(begin)
 }
 
+/// The duration of an inverse.
+pub fn inverse_time(model: &Model, tick: &QueryTick) -> Nanos {
+    let begin = clock::now();
+    black_box(model.invert(black_box(&tick.goal), &tick.memory, &tick.query));
+    clock::now().since(begin)
+}
+
 impl MeasuredModel {
-    fn new(components: usize, plays: usize) -> Result<Self, ModelError> {
-        let model = model(components, plays)?;
-        Ok(Self {
-            ticks: workload(&model),
-            model,
-            inverse: Durations::new(WARM_UP),
-            forward: Durations::new(WARM_UP),
-        })
+    fn new(components: usize, plays: usize) -> Result<Self, BenchError> {
+        let model = model(components, Operators::Plays(plays))?;
+        let [inverse, forward] = [WARM_UP; 2].map(Durations::new);
+        Ok(Self { ticks: workload(&model), model, inverse, forward })
     }
 
     fn call_all(&mut self) {
         for tick in &self.ticks {
-            let begin = clock::now();
-            black_box(self.model.invert(black_box(&tick.goal), &tick.memory, &tick.query));
-            self.inverse.push(clock::now().since(begin));
+            self.inverse.push(inverse_time(&self.model, tick));
             let begin = clock::now();
             black_box(self.model.predict(black_box(&tick.query.start), &tick.memory));
             self.forward.push(clock::now().since(begin));

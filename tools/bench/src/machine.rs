@@ -5,18 +5,13 @@ use std::path::Path;
 
 use serde::Serialize;
 
-/// Properties of a machine.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Machine {
-    /// Model of the processor.
     pub processor: String,
-    /// Number of processors.
     pub processors: usize,
-    /// Release of the kernel.
     pub kernel: String,
     /// Preemption model of the kernel: PREEMPT_DYNAMIC, PREEMPT_RT, ...
     pub preemption: String,
-    /// Clock source of the kernel.
     pub clock: String,
     /// Frequency governor of the first processor; empty: none.
     pub governor: String,
@@ -24,7 +19,6 @@ pub struct Machine {
     pub isolated: String,
     /// Limit for real-time threads, percent of the time; `None`: no limit.
     pub real_time_share: Option<f64>,
-    /// It is a virtual machine.
     pub is_virtual: bool,
 }
 
@@ -50,7 +44,6 @@ fn real_time_share(runtime: &str, period: &str) -> Option<f64> {
 
 impl Machine {
     /// Reads the properties of this machine from /proc and /sys.
-    #[must_use]
     pub fn detect() -> Self {
         let cpu = read("/proc/cpuinfo");
         let value = |name: &str| {
@@ -78,7 +71,6 @@ impl Machine {
     }
 
     /// The machine in one sentence.
-    #[must_use]
     pub fn description(&self) -> String {
         let kind = if self.is_virtual { "virtual machine" } else { "no virtual machine" };
         let mut text = format!(
@@ -95,7 +87,6 @@ impl Machine {
     }
 
     /// What measurements on this machine show, and what they do not show.
-    #[must_use]
     pub fn notes(&self) -> Vec<String> {
         let debug = cfg!(debug_assertions).then_some(DEBUG_NOTE);
         let notes = if self.is_virtual { VIRTUAL_NOTES } else { REAL_NOTES };
@@ -132,7 +123,6 @@ pub struct SystemLoad {
 
 impl SystemLoad {
     /// The load in one sentence.
-    #[must_use]
     pub fn description(&self) -> String {
         let Self { busy_percent: busy, stolen_percent: stolen } = self;
         format!("{busy:.0} % of all processors in use, {stolen:.1} % stolen by the host")
@@ -151,14 +141,10 @@ struct Times {
 }
 
 impl LoadMonitor {
-    /// Starts.
-    #[must_use]
     pub fn start() -> Self {
         Self(times(&read("/proc/stat")))
     }
 
-    /// The load since the start.
-    #[must_use]
     pub fn stop(self) -> SystemLoad {
         let (before, after) = (self.0, times(&read("/proc/stat")));
         let total = after.total.saturating_sub(before.total).max(1) as f64;

@@ -16,7 +16,7 @@ use i2ris::model::hysteresis::stop::{
 use i2ris::model::{Model, ModelError};
 
 /// Half the width of the hull, counts.
-pub const REACH: f64 = 1500.0;
+const REACH: f64 = 1500.0;
 
 /// Degrees per count of each motor in the direction that it bends.
 const GAIN_DEG: f64 = 0.022;
@@ -30,9 +30,7 @@ const STOPS: usize = 3;
 /// What a model remembers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Operators {
-    /// Nothing: `gmr`.
-    None,
-    /// Plays per motor beside the one of threshold 0: `gmr-play`.
+    /// Plays per motor beside the one of threshold 0: `gmr-play`; none: `gmr`.
     Plays(usize),
     /// Segments of three stops: `gmr-stop`.
     Stops(usize),
@@ -44,33 +42,14 @@ impl Operators {
     /// Number of lags of the operator.
     fn lags(self) -> usize {
         match self {
-            Self::None => 0,
             Self::Plays(plays) | Self::GeneralisedPlays(plays) => 2 * plays,
             Self::Stops(segments) => segments * STOPS * 4 + 2,
         }
     }
 }
 
-/// A model with a mixture of `components`, and `plays` per motor beside the one of threshold 0;
-/// without plays it is `gmr`.
-///
-/// # Errors
-///
-/// [`ModelError`]: the model is invalid.
-pub fn model(components: usize, plays: usize) -> Result<Model, ModelError> {
-    let operators = match plays {
-        0 => Operators::None,
-        plays => Operators::Plays(plays),
-    };
-    model_of(components, operators)
-}
-
 /// A model with a mixture of `components` and the given operators.
-///
-/// # Errors
-///
-/// [`ModelError`]: the model is invalid.
-pub fn model_of(components: usize, operators: Operators) -> Result<Model, ModelError> {
+pub fn model(components: usize, operators: Operators) -> Result<Model, ModelError> {
     let mixture = mixture(components);
     let square = |reach: f64| HullParameters {
         corners: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
@@ -81,7 +60,7 @@ pub fn model_of(components: usize, operators: Operators) -> Result<Model, ModelE
     let residual = Some(residual(operators.lags()));
     let virtual_hull = hull.clone();
     let family = match operators {
-        Operators::None => FamilyParameters::Gmr { mixture },
+        Operators::Plays(0) => FamilyParameters::Gmr { mixture },
         Operators::Plays(plays) => FamilyParameters::GmrPlay {
             plays: play_parameters(plays),
             mixture,

@@ -1,9 +1,78 @@
-//! The outcome of a measurement.
+//! The outcome of a measurement: variants with their histograms, and further numbers.
 
+use hdrhistogram::Histogram;
+use i2ris::units::Nanos;
 use serde::Serialize;
 
-use crate::durations::Durations;
-use crate::machine::{Machine, SystemLoad};
+use crate::BenchError;
+use crate::machine::{LoadMonitor, Machine, SystemLoad};
+
+/// Longer durations count as this one: a minute.
+const LONGEST_NS: u64 = 60_000_000_000;
+/// Significant digits of a duration.
+const DIGITS: u8 = 3;
+
+/// A histogram of durations. The first durations, in which caches and clocks warm up, do not count.
+#[derive(Debug, Clone)]
+pub struct Durations {
+    histogram: Histogram<u64>,
+    warm_up: u64,
+}
+
+/// Percentiles, ns.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Percentiles {
+    pub count: u64,
+    pub p50: u64,
+    pub p90: u64,
+    pub p99: u64,
+    pub p999: u64,
+    pub max: u64,
+}
+
+impl Durations {
+    #[allow(clippy::expect_used, reason = "the bounds are valid constants; a test makes one")]
+    pub fn new(warm_up: u64) -> Self {
+        let histogram = Histogram::new_with_bounds(1, LONGEST_NS, DIGITS).expect("constant bounds");
+        Self { histogram, warm_up }
+    }
+
+    pub fn push(&mut self, duration: Nanos) {
+        match self.warm_up {
+            0 => self.histogram.saturating_record(duration.0.max(1)),
+            _ => self.warm_up -= 1,
+        }
+    }
+
+    pub fn add(&mut self, other: &Self) {
+        // Only a histogram with a wider range is refused, and all have the same range.
+        let _ = self.histogram.add(&other.histogram);
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.histogram.is_empty()
+    }
+
+    pub fn histogram(&self) -> &Histogram<u64> {
+        &self.histogram
+    }
+
+    pub fn percentiles(&self) -> Percentiles {
+        let quantile = |share| self.histogram.value_at_quantile(share);
+        Percentiles {
+            count: self.histogram.len(),
+            p50: quantile(0.5),
+            p90: quantile(0.9),
+            p99: quantile(0.99),
+            p999: quantile(0.999),
+            max: self.histogram.max(),
+        }
+    }
+
+    pub fn median_us(&self) -> f64 {
+        self.percentiles().p50 as f64 / 1e3
+    }
+}
 
 /// The purpose of a variant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -18,27 +87,40 @@ pub enum Role {
 }
 
 /// One implementation of the measured task.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Variant {
-    /// Its name.
     pub name: String,
     /// Variants of one group are compared with the first floor of the group.
     pub group: String,
-    /// Its purpose.
     pub role: Role,
-    /// Its durations.
+    #[serde(rename = "spans_ns")]
+    pub percentiles: Percentiles,
+    /// `None` for a floor, without a floor, and without durations.
+    pub x_floor: Option<Ratio>,
+    #[serde(skip)]
     pub durations: Durations,
 }
 
+/// Percentiles as multiples of those of the floor.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Ratio {
+    pub p50: f64,
+    pub p99: f64,
+}
+
 impl Variant {
-    /// A variant with its durations.
-    #[must_use]
-    pub fn new(name: &str, group: impl Into<String>, role: Role, durations: Durations) -> Self {
-        Self { name: name.to_owned(), group: group.into(), role, durations }
+    pub fn new(name: &str, group: &str, role: Role, durations: Durations) -> Self {
+        Self {
+            name: name.to_owned(),
+            group: group.to_owned(),
+            role,
+            percentiles: durations.percentiles(),
+            x_floor: None,
+            durations,
+        }
     }
 
     /// Its name, with a remark if it is the floor.
-    #[must_use]
     pub fn display_name(&self) -> String {
         let remark = if self.role == Role::Floor { " (floor)" } else { "" };
         format!("{}{remark}", self.name)
@@ -46,57 +128,62 @@ impl Variant {
 }
 
 /// A number that is not a distribution.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Quantity {
-    /// Its name.
     pub name: String,
-    /// Its value.
     pub value: f64,
-    /// Its unit.
     pub unit: &'static str,
 }
 
 impl Quantity {
-    /// A number with its name and unit.
-    #[must_use]
     pub fn new(name: impl Into<String>, value: f64, unit: &'static str) -> Self {
         Self { name: name.into(), value, unit }
     }
 }
 
-/// The outcome of one measurement.
-#[derive(Debug, Clone)]
-pub struct BenchOutcome {
-    /// The measurement: `ipc`, `loop`, `inverse`, `wire`, `e2e`.
-    pub bench: &'static str,
-    /// Its description.
-    pub about: &'static str,
-    /// The machine.
-    pub machine: Machine,
-    /// The load of the machine during the measurement.
-    pub load: SystemLoad,
+/// What a measurement found.
+#[derive(Debug, Default)]
+pub struct Found {
     /// Scheduling and processors of the threads.
     pub scheduling: Vec<String>,
-    /// The variants, floors first within their group.
     pub variants: Vec<Variant>,
-    /// Further numbers.
     pub quantities: Vec<Quantity>,
     /// What these numbers show, and what they do not show.
     pub notes: Vec<String>,
 }
 
-/// Percentiles of a variant as multiples of those of its floor.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Ratio {
-    /// Of the medians.
-    pub p50: f64,
-    /// Of the 99th percentiles.
-    pub p99: f64,
+/// What a measurement found, and where.
+#[derive(Debug, Clone, Serialize)]
+pub struct Outcome {
+    /// The measurement: `ipc`, `loop`, `inverse`, `wire`, `e2e`.
+    pub bench: &'static str,
+    pub about: &'static str,
+    pub machine: Machine,
+    #[serde(rename = "weather")]
+    pub load: SystemLoad,
+    pub scheduling: Vec<String>,
+    pub variants: Vec<Variant>,
+    pub quantities: Vec<Quantity>,
+    pub notes: Vec<String>,
 }
 
-impl BenchOutcome {
+impl Outcome {
+    /// Measures, and compares every variant with its floor.
+    pub fn of(
+        bench: &'static str,
+        about: &'static str,
+        measure: impl FnOnce() -> Result<Found, BenchError>,
+    ) -> Result<Self, BenchError> {
+        let monitor = LoadMonitor::start();
+        let Found { scheduling, mut variants, quantities, mut notes } = measure()?;
+        let machine = Machine::detect();
+        notes.extend(machine.notes());
+        compare_with_floors(&mut variants);
+        let load = monitor.stop();
+        Ok(Self { bench, about, machine, load, scheduling, variants, quantities, notes })
+    }
+
     /// The groups with their variants, in the order of their first variant.
-    #[must_use]
     pub fn groups(&self) -> Vec<(&str, Vec<&Variant>)> {
         let mut groups: Vec<(&str, Vec<&Variant>)> = Vec::new();
         for variant in &self.variants {
@@ -107,30 +194,26 @@ impl BenchOutcome {
         }
         groups
     }
+}
 
-    /// The ratio of a variant to the floor of its group; `None` for a floor and without a floor.
-    #[must_use]
-    pub fn ratio(&self, variant: &Variant) -> Option<Ratio> {
-        let is_floor = |other: &&Variant| other.group == variant.group && other.role == Role::Floor;
-        let floor = self.variants.iter().find(is_floor)?;
-        let is_empty = floor.durations.is_empty() || variant.durations.is_empty();
-        if variant.role == Role::Floor || is_empty {
-            return None;
-        }
-        let (own, least) = (variant.durations.percentiles(), floor.durations.percentiles());
+fn compare_with_floors(variants: &mut [Variant]) {
+    let is_floor = |variant: &&Variant| variant.role == Role::Floor;
+    let floors: Vec<Variant> = variants.iter().filter(is_floor).cloned().collect();
+    for variant in variants.iter_mut().filter(|variant| variant.role != Role::Floor) {
+        let floor = floors.iter().find(|floor| floor.group == variant.group);
+        let (Some(floor), false) = (floor, variant.durations.is_empty()) else { continue };
         let ratio = |own: u64, least: u64| own as f64 / least.max(1) as f64;
-        Some(Ratio { p50: ratio(own.p50, least.p50), p99: ratio(own.p99, least.p99) })
+        let (own, least) = (variant.percentiles, floor.percentiles);
+        variant.x_floor = (!floor.durations.is_empty())
+            .then(|| Ratio { p50: ratio(own.p50, least.p50), p99: ratio(own.p99, least.p99) });
     }
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-    use i2ris::units::Nanos;
-
+pub mod tests {
     use super::*;
-    use crate::machine::LoadMonitor;
 
-    pub(crate) fn variant(name: &str, group: &'static str, role: Role, ns: u64) -> Variant {
+    pub fn variant(name: &str, group: &str, role: Role, ns: u64) -> Variant {
         let mut durations = Durations::new(0);
         for step in 0..1000 {
             durations.push(Nanos(ns + step));
@@ -138,17 +221,33 @@ pub(crate) mod tests {
         Variant::new(name, group, role, durations)
     }
 
-    pub(crate) fn outcome(variants: Vec<Variant>) -> BenchOutcome {
-        BenchOutcome {
-            bench: "ipc",
-            about: "a test",
-            machine: Machine::detect(),
-            load: LoadMonitor::start().stop(),
+    pub fn outcome(variants: Vec<Variant>) -> Outcome {
+        let found = Found {
             scheduling: vec!["sender: normal scheduling".to_owned()],
             variants,
             quantities: vec![Quantity::new("exchanges", 470.0, "1/s")],
             notes: vec!["<nothing>".to_owned()],
+        };
+        Outcome::of("ipc", "a test", || Ok(found)).unwrap()
+    }
+
+    #[test]
+    fn the_warm_up_does_not_count_and_long_durations_are_limited() {
+        let mut durations = Durations::new(10);
+        let first = std::iter::repeat_n(1_000_000_000, 10);
+        for ns in first.chain(1..=1000) {
+            durations.push(Nanos(ns));
         }
+        let found = durations.percentiles();
+        assert_eq!((found.count, found.p50, found.max), (1000, 500, 1000));
+        assert!((989..=991).contains(&found.p99), "{found:?}");
+        let mut all = Durations::new(0);
+        assert!(all.is_empty());
+        all.add(&durations);
+        durations.push(Nanos(u64::MAX));
+        all.add(&durations);
+        let Percentiles { count, max, .. } = all.percentiles();
+        assert!(count == 2001 && max <= LONGEST_NS + LONGEST_NS / 1000, "{max}");
     }
 
     #[test]
@@ -160,7 +259,7 @@ pub(crate) mod tests {
             variant("socket", "waiting", Role::Peer, 200_000),
             variant("alone", "other", Role::Ours, 5),
         ]);
-        let p50 = |index: usize| outcome.ratio(&outcome.variants[index]).map(|ratio| ratio.p50);
+        let p50 = |index: usize| outcome.variants[index].x_floor.map(|ratio| ratio.p50);
         assert_eq!((p50(0), p50(2), p50(4)), (None, None, None));
         assert!((p50(1).unwrap() - 30_500.0 / 10_500.0).abs() < 0.01);
         assert!((p50(3).unwrap() - 200_500.0 / 100_500.0).abs() < 0.01);

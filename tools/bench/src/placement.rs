@@ -1,66 +1,55 @@
 //! Scheduling of threads: a processor of their own and SCHED_FIFO, where that is permitted.
 
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use i2ris::clock;
 use i2ris::realtime::{Granted, Wanted, request};
-use i2ris::units::Nanos;
+use i2ris_terminal::Interrupt;
 
-use crate::error::BenchError;
+use crate::{BenchError, panicked};
 
 /// The scheduling that the threads of a measurement request.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct ThreadPlacement {
+#[derive(Debug, Clone, Copy)]
+pub struct Placement {
     /// SCHED_FIFO priority; 0: normal scheduling.
     pub priority: u8,
     /// Each thread has a processor of its own, if there are two.
     pub pinned: bool,
 }
 
-/// One of the two threads of a measurement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ThreadRole {
-    /// Sends, or is the only one.
-    Sender,
-    /// Receives.
-    Receiver,
+/// What every measurement gets.
+#[derive(Debug, Clone, Copy)]
+pub struct Run<'a> {
+    pub placement: Placement,
+    pub interrupt: &'a Interrupt,
 }
 
-impl ThreadPlacement {
-    /// Requests the scheduling for the calling thread, and describes what was granted.
-    #[must_use]
-    pub fn apply(self, role: ThreadRole) -> String {
+impl Run<'_> {
+    /// An error after Ctrl-C.
+    pub fn check(self) -> Result<(), BenchError> {
+        if self.interrupt.came() { Err("interrupted".into()) } else { Ok(()) }
+    }
+}
+
+impl Placement {
+    /// Requests the scheduling for the calling thread, and describes what was granted. The first
+    /// processor serves the interrupts of most machines: threads count from the last one.
+    pub fn apply(self, thread: &str, from_last: usize) -> String {
+        let processors = thread::available_parallelism().map_or(1, usize::from);
         let granted = request(Wanted {
             priority: self.priority,
-            cpu: self.cpu(role),
+            cpu: (self.pinned && processors >= 2).then(|| processors - 1 - from_last),
             lock_memory: self.priority > 0,
         });
-        let name = match role {
-            ThreadRole::Sender => "sending thread",
-            ThreadRole::Receiver => "receiving thread",
-        };
-        format!("{name}: {}", describe(&granted))
-    }
-
-    /// One of the last processors: the first one serves the interrupts of most machines.
-    fn cpu(self, role: ThreadRole) -> Option<usize> {
-        let processors = thread::available_parallelism().map_or(1, usize::from);
-        let from_end = match role {
-            ThreadRole::Sender => 2,
-            ThreadRole::Receiver => 1,
-        };
-        (self.pinned && processors >= 2).then(|| processors - from_end)
+        format!("{thread}: {}", describe(&granted))
     }
 }
 
 /// Requests a SCHED_FIFO priority for the calling thread.
-pub(crate) fn request_priority(priority: u8) {
+pub fn request_priority(priority: u8) {
     let _ = request(Wanted { priority, ..Wanted::default() });
 }
 
 /// What was granted, and what was refused with the reason.
-#[must_use]
 pub fn describe(granted: &Granted) -> String {
     let mut text = match granted.priority {
         0 => "normal scheduling".to_owned(),
@@ -79,19 +68,9 @@ pub fn describe(granted: &Granted) -> String {
     text
 }
 
-/// Runs `work` in a thread of its own: its scheduling ends with the thread. Sets the flag that is
-/// passed to `work` when `is_interrupted` returns true.
-pub(crate) fn run_in_thread<T: Send>(
-    is_interrupted: &dyn Fn() -> bool,
-    work: impl FnOnce(&AtomicBool) -> Result<T, BenchError> + Send,
+/// Runs `work` in a thread of its own: its scheduling ends with the thread.
+pub fn in_thread<T: Send>(
+    work: impl FnOnce() -> Result<T, BenchError> + Send,
 ) -> Result<T, BenchError> {
-    let stop = AtomicBool::new(false);
-    thread::scope(|scope| {
-        let working = scope.spawn(|| work(&stop));
-        while !working.is_finished() {
-            stop.fetch_or(is_interrupted(), Ordering::Relaxed);
-            clock::sleep(Nanos::from_millis(10));
-        }
-        working.join().map_err(BenchError::panicked)?
-    })
+    thread::scope(|scope| scope.spawn(work).join().map_err(panicked)?)
 }

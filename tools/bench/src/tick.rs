@@ -6,116 +6,86 @@ use std::path::Path;
 use std::sync::Arc;
 
 use i2ris::config::Config;
-use i2ris::core::rehearsal::Rehearsal;
-use i2ris::core::simulated_loop::{Motors, SimulatedInputs, SimulatedLoop, state_request};
 use i2ris::core::{ExternalPose, ServoGoal};
-use i2ris::robot::StateCommand;
+use i2ris::robot::{OperatingState, StateCommand};
 use i2ris::units::Nanos;
+use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs};
 
-use crate::error::BenchError;
-use crate::model::{Operators, model_of};
+use crate::BenchError;
+use crate::model::{Operators, model};
 
 /// The configuration with limits and filters.
-const CONFIG: &str = include_str!("../../../config/emulator.toml");
-
-/// The cycle of the controller, which follows a motion with ideal drives.
-#[derive(Debug)]
-pub struct Cycle {
-    rehearsal: Rehearsal,
-    seconds: f64,
-    period_s: f64,
-}
-
-impl Cycle {
-    /// A cycle with a model of so many components and such operators.
-    ///
-    /// # Errors
-    ///
-    /// [`BenchError`].
-    pub fn new(period: Nanos, components: usize, operators: Operators) -> Result<Self, BenchError> {
-        let config = config(period)?;
-        let model = Arc::new(model_of(components, operators)?);
-        Ok(Self {
-            rehearsal: Rehearsal::new(&config, &model, &[])?,
-            seconds: 0.0,
-            period_s: period.as_seconds(),
-        })
-    }
-
-    /// One tick.
-    ///
-    /// # Errors
-    ///
-    /// [`BenchError`].
-    pub fn step(&mut self) -> Result<(), BenchError> {
-        self.seconds += self.period_s;
-        self.rehearsal.follow(goal(self.seconds))?;
-        Ok(())
-    }
-}
-
-/// The same with adaptation, behind a camera.
-#[derive(Debug)]
-pub struct AdaptingCycle {
-    control: SimulatedLoop,
-    seconds: f64,
-    period_s: f64,
-    /// Frames on their way, with their arrival.
-    frames: VecDeque<(Nanos, ExternalPose)>,
-    next_frame: Nanos,
-}
+pub const CONFIG: &str = include_str!("../../../config/emulator.toml");
 
 /// The camera: interval and age of its frames, and how far it is from the calibration, rad.
 const FRAME_INTERVAL: Nanos = Nanos::from_millis(33);
 const FRAME_AGE: Nanos = Nanos::from_millis(60);
 const SHIFT: [f64; 3] = [0.01, -0.006, 0.0];
 
-/// Enabling and conditioning take some ten thousand ticks.
-const LONGEST_START_TICKS: u32 = 200_000;
+/// The cycle of the controller, which follows a motion with ideal drives.
+#[derive(Debug)]
+pub struct Cycle {
+    control: ClosedLoop<IdealMotors>,
+    seconds: f64,
+    /// With adaptation only.
+    camera: Option<Camera>,
+}
 
-impl AdaptingCycle {
-    /// As [`Cycle::new`], with a memory that a conditioning cycle has made known.
-    ///
-    /// # Errors
-    ///
-    /// [`BenchError`].
-    pub fn new(period: Nanos, components: usize, operators: Operators) -> Result<Self, BenchError> {
-        let mut config = config(period)?;
-        config.adaptation.enabled = true;
-        let model = Arc::new(model_of(components, operators)?);
-        let mut control = SimulatedLoop::new(&config, &model);
-        for command in [StateCommand::Enable, StateCommand::Condition] {
-            control.tick(
-                Motors::AtTargets,
-                SimulatedInputs {
-                    request: Some(state_request(command)),
-                    ..SimulatedInputs::default()
-                },
-            );
-            for _ in 0..LONGEST_START_TICKS {
-                if !control.report().busy {
-                    break;
-                }
-                control.tick(Motors::AtTargets, SimulatedInputs::default());
-            }
+/// Frames on their way, with their arrival.
+#[derive(Debug, Default)]
+struct Camera {
+    frames: VecDeque<(Nanos, ExternalPose)>,
+    next: Nanos,
+}
+
+impl Cycle {
+    /// An enabled cycle; with adaptation also a camera, and a memory that a conditioning cycle has
+    /// made known.
+    pub fn new(
+        period: Nanos,
+        components: usize,
+        operators: Operators,
+        adapts: bool,
+    ) -> Result<Self, BenchError> {
+        let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
+        config.control.rate_hz = (1_000_000_000 / period.0.max(1)) as u32;
+        config.adaptation.enabled = adapts;
+        let model = Arc::new(model(components, operators)?);
+        let mut control = ClosedLoop::new(&config, &model, IdealMotors::default());
+        control.command(StateCommand::Enable)?;
+        if adapts {
+            control.command(StateCommand::Condition)?;
         }
-        Ok(Self {
-            next_frame: control.next(),
-            control,
-            seconds: 0.0,
-            period_s: period.as_seconds(),
-            frames: VecDeque::with_capacity(8),
-        })
+        Ok(Self { camera: adapts.then(Camera::default), control, seconds: 0.0 })
     }
 
-    /// One tick; whether a frame arrived in it.
-    pub fn step(&mut self) -> bool {
-        self.seconds += self.period_s;
-        let now = self.control.next();
-        if now >= self.next_frame
-            && let Some(joint) = self.control.report().joint
+    /// One tick; whether a frame of the camera arrived in it.
+    pub fn step(&mut self) -> Result<bool, BenchError> {
+        self.seconds += self.control.period().as_seconds();
+        let external = self.camera.as_mut().and_then(|camera| camera.frame(&self.control));
+        let servo = Some(self.control.servo_command(goal(self.seconds)));
+        let report = &self.control.tick(Inputs { servo, external, ..Inputs::default() }).report;
+        if report.state != OperatingState::Enabled {
+            let (state, fault) = (report.state.text(), report.fault);
+            return Err(format!("the simulated controller is {state}, fault: {fault}").into());
+        }
+        Ok(external.is_some())
+    }
+
+    /// Frames that were learned from.
+    pub fn learned(&self) -> u64 {
+        self.control.report().adaptation.map_or(0, |adaptation| adaptation.frames.used)
+    }
+}
+
+impl Camera {
+    /// Takes a frame at its interval; the one that arrives in the next tick.
+    fn frame(&mut self, control: &ClosedLoop<IdealMotors>) -> Option<ExternalPose> {
+        let now = control.next();
+        if now >= self.next
+            && let Some(joint) = control.report().joint
         {
-            self.next_frame = now + FRAME_INTERVAL;
+            self.next = now + FRAME_INTERVAL;
             let pose = ExternalPose {
                 stamp: now,
                 position: [0, 1, 2].map(|output: usize| joint.measured[output] + SHIFT[output]),
@@ -124,29 +94,10 @@ impl AdaptingCycle {
             };
             self.frames.push_back((now + FRAME_AGE, pose));
         }
-        let due = self.frames.front().filter(|(arrival, _)| *arrival <= now);
-        let external = due.map(|(_, pose)| *pose);
-        if external.is_some() {
-            self.frames.pop_front();
-        }
-        let servo = Some(self.control.servo_command(goal(self.seconds)));
-        let inputs = SimulatedInputs { servo, external, ..SimulatedInputs::default() };
-        self.control.tick(Motors::AtTargets, inputs);
-        external.is_some()
+        let (_, pose) = *self.frames.front().filter(|(arrival, _)| *arrival <= now)?;
+        self.frames.pop_front();
+        Some(pose)
     }
-
-    /// Frames that were learned from.
-    #[must_use]
-    pub fn learned(&self) -> u64 {
-        let adaptation = self.control.report().adaptation;
-        adaptation.map_or(0, |adaptation| adaptation.frames.used)
-    }
-}
-
-fn config(period: Nanos) -> Result<Config, BenchError> {
-    let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
-    config.control.rate_hz = (1_000_000_000 / period.0.max(1)) as u32;
-    Ok(config)
 }
 
 /// Two frequencies with a long common period: both motors turn at many positions.

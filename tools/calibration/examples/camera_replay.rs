@@ -3,8 +3,8 @@
 //!
 //! A row is a frame. The encoders follow the recorded counts; what the controller expects before it
 //! has received the frame of a row is compared with the frame. Two poses are compared: the one that
-//! is applied, which moves with the goal and no faster than its limit, and the estimate. The same is
-//! shown with a larger budget: the wrist is wrong by more than the default one of a snake. Rows
+//! is applied, which moves with the goal and no faster than its limit, and the estimate. The same
+//! is shown with a larger budget: the wrist is wrong by more than the default one of a snake. Rows
 //! without a time are given one.
 //!
 //! `cargo run --release -p i2ris-calibration --example camera_replay`
@@ -17,8 +17,6 @@ use std::sync::Arc;
 
 use i2ris::config::{AdaptationConfig, Config, PortConfig};
 use i2ris::core::adaptation::{AdaptationReport, Drift};
-use i2ris::core::rehearsal::without_limits;
-use i2ris::core::simulated_loop::{Motors, SimulatedInputs, SimulatedLoop, state_request};
 use i2ris::core::{ExternalPose, ServoGoal};
 use i2ris::model::Model;
 use i2ris::robot::{OperatingState, StateCommand};
@@ -27,6 +25,9 @@ use i2ris_calibration::drift::DriftEstimate;
 use i2ris_calibration::fit::{Choice, Family, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_simulation::closed_loop::{
+    ClosedLoop, Inputs, PlacedMotors, state_request, without_limits,
+};
 
 /// Ticks per second. Lines and drives are not part of it: a slower cycle shows the same.
 const RATE_HZ: u32 = 200;
@@ -186,8 +187,7 @@ fn shown(errors: &[[f64; 2]], outputs: usize) -> String {
 
 /// The cycle in front of encoders that follow a recording.
 struct Robot {
-    control: SimulatedLoop,
-    at: MotorVec,
+    control: ClosedLoop<PlacedMotors>,
     /// rad.
     goal: OutputVec,
     outputs: u32,
@@ -204,11 +204,10 @@ impl Robot {
             AdaptationConfig { enabled: adaptation.is_some(), ..adaptation.unwrap_or_default() };
         // What a recording shows against its model is judged here; it is no fault.
         config.plausibility.distance_deg = 0.0;
-        let control = SimulatedLoop::new(&config, model);
+        let control = ClosedLoop::new(&config, model, PlacedMotors(model.hull().centre()));
         Self {
             row_stamp: control.now(),
             control,
-            at: model.hull().centre(),
             goal: [0.0; 3],
             outputs: model.outputs() as u32,
             unit: model.file().outputs[0].unit.si(),
@@ -218,18 +217,18 @@ impl Robot {
     /// The motors go along a recording with the drives off: the memory becomes known.
     fn follow_by_hand(&mut self, recording: &Recording) {
         for position in recording.path() {
-            self.at = position.counts;
-            self.tick(SimulatedInputs::default());
+            self.control.motors.0 = position.counts;
+            self.tick(Inputs::default());
         }
     }
 
     fn enable(&mut self) {
-        self.tick(SimulatedInputs {
+        self.tick(Inputs {
             request: Some(state_request(StateCommand::Enable)),
-            ..SimulatedInputs::default()
+            ..Inputs::default()
         });
         for _ in 0..100 {
-            self.tick(SimulatedInputs::default());
+            self.tick(Inputs::default());
         }
         assert_eq!(self.control.report().state, OperatingState::Enabled);
     }
@@ -243,20 +242,20 @@ impl Robot {
         interval_s: f64,
         frame: Option<OutputVec>,
     ) {
-        let (from, goal_from) = (self.at, self.goal);
+        let (from, goal_from) = (self.control.motors.0, self.goal);
         let goal_to = outputs.map(|value| value * self.unit);
         let stamp = self.row_stamp;
         let ticks = (interval_s * f64::from(RATE_HZ)).round() as u32;
         let moving = ((MOTION_SHARE * f64::from(ticks)) as u32).max(1);
         for tick in 1..=ticks {
             let share = (f64::from(tick) / f64::from(moving)).min(1.0);
-            self.at =
+            self.control.motors.0 =
                 [0, 1].map(|motor: usize| from[motor] + share * (counts[motor] - from[motor]));
             let arrived = frame.filter(|_| tick == moving);
             self.goal = std::array::from_fn(|i| goal_from[i] + share * (goal_to[i] - goal_from[i]));
             let goal = ServoGoal::Joint(self.goal, self.outputs);
             let servo = Some(self.control.servo_command(goal));
-            self.tick(SimulatedInputs {
+            self.tick(Inputs {
                 servo,
                 external: arrived.map(|outputs| ExternalPose {
                     stamp,
@@ -264,7 +263,7 @@ impl Robot {
                     outputs: self.outputs,
                     quality: 1.0,
                 }),
-                ..SimulatedInputs::default()
+                ..Inputs::default()
             });
             let report = self.control.report();
             let (state, fault) = (report.state, report.fault);
@@ -273,8 +272,8 @@ impl Robot {
         self.row_stamp = self.control.now() - REST;
     }
 
-    fn tick(&mut self, inputs: SimulatedInputs) {
-        self.control.tick(Motors::At(self.at), inputs);
+    fn tick(&mut self, inputs: Inputs) {
+        self.control.tick(inputs);
     }
 
     fn adaptation(&self) -> Option<AdaptationReport> {

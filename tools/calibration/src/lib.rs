@@ -14,7 +14,7 @@
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`regression`] | affine, ridge and mixture regression; the number of components |
 //! | [`series`] | the path of the motors with the samples along it |
-//! | [`survey`] | properties of a recording alone: noise, spikes, cycles, identifiability |
+//! | [`quality`] | of a recording alone: noise, spikes, cycles, identifiability |
 //! | [`families`] | the fit of each family: kinematic, direction, play and stop operators |
 //! | [`fit`] | all families, their model files, metrics, and the choice among them |
 //! | [`drift`] | how far a robot is from its calibration, and a new model from an old one |
@@ -27,6 +27,7 @@
 //! - **training rows, held-out rows**: rows that a fit uses; rows that only test it.
 //! - **block left out**: contiguous rows that a fit does not see, to measure its error on them.
 //! - **virtual counts**: counts after a hysteresis operator, input of the regression.
+#![warn(missing_docs)]
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod drift;
@@ -35,11 +36,11 @@ pub mod families;
 pub mod fit;
 pub mod parallel;
 pub mod progress;
+pub mod quality;
 pub mod recording;
 pub mod regression;
 pub mod report;
 pub mod series;
-pub mod survey;
 pub mod table;
 #[cfg(test)]
 mod testing;

@@ -11,10 +11,10 @@ use i2ris_calibration::fit::flatness::{FlatSpot, LEAST_SHARE, flat_spot};
 use i2ris_calibration::fit::split::HoldOut;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
+use i2ris_calibration::quality::Finding;
+use i2ris_calibration::quality::Warning;
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
 use i2ris_calibration::regression::linear::fit_linear;
-use i2ris_calibration::survey::identifiability::Finding;
-use i2ris_calibration::survey::overview::Warning;
 use i2ris_calibration::table::DataTable;
 
 fn recording() -> Option<(Recording, ReadReport)> {
@@ -78,12 +78,12 @@ fn its_noise_and_its_limits_are_reported() {
         em: EmOptions { restarts: 1, ..EmOptions::default() },
         ..FitOptions::default()
     };
-    let survey = fit(&recording, &options, &Silent).unwrap().report.survey;
-    let noise: Vec<_> = survey.noise.iter().map(|noise| noise.unwrap().deviation).collect();
+    let quality = fit(&recording, &options, &Silent).unwrap().report.quality;
+    let noise: Vec<_> = quality.noise.iter().map(|noise| noise.unwrap().deviation).collect();
     assert!((noise[0] - 0.2).abs() < 0.05 && (noise[1] - 0.4).abs() < 0.05, "{noise:?}");
-    assert!(survey.spikes.is_empty());
-    let [Warning::Hysteresis(Finding::Circulation { turns })] = survey.warnings[..] else {
-        panic!("{:?}", survey.warnings)
+    assert!(quality.spikes.is_empty());
+    let [Warning::Hysteresis(Finding::Circulation { turns })] = quality.warnings[..] else {
+        panic!("{:?}", quality.warnings)
     };
     assert!((turns - 3.97).abs() < 0.01);
 }

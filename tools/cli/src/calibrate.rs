@@ -3,14 +3,10 @@
 mod collect;
 mod columns;
 mod compare;
-mod drift;
 mod fit;
-mod fit_report;
+mod guided;
 mod merge;
-mod progress_bar;
 mod update;
-mod walk;
-mod zoo;
 
 use i2ris_terminal::Failure;
 
@@ -32,17 +28,15 @@ pub struct Arguments {
     #[command(subcommand)]
     command: Option<Command>,
     #[command(flatten)]
-    walk: walk::Arguments,
+    guided: guided::Arguments,
 }
 
 impl Arguments {
-    /// Whether it moves nothing.
     pub fn only_prints(&self) -> bool {
         self.command.as_ref().is_some_and(Command::only_prints)
     }
 }
 
-/// The steps.
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     /// Move the motors through a calibration protocol and record them with what a camera sees
@@ -55,8 +49,6 @@ enum Command {
     Merge(merge::Arguments),
     /// Make a new model from an old one and a minute of motion
     Update(update::Arguments),
-    /// Judge the fit on emulated snakes of many physics, in simulated time
-    Zoo(zoo::Arguments),
 }
 
 impl Command {
@@ -65,10 +57,9 @@ impl Command {
     }
 }
 
-/// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let Some(command) = arguments.command else {
-        return walk::run(&arguments.walk);
+        return guided::run(&arguments.guided);
     };
     match command {
         Command::Collect(arguments) => collect::run(&arguments),
@@ -76,6 +67,5 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
         Command::Update(arguments) => update::run(&arguments),
-        Command::Zoo(arguments) => zoo::run(&arguments),
     }
 }

@@ -2,9 +2,8 @@
 
 mod fixture;
 pub mod prepare;
-mod progress;
+pub mod progress;
 mod reach;
-pub mod rejoin;
 mod stream;
 pub mod stream_monitor;
 mod teleop;
@@ -15,28 +14,22 @@ mod trajectory_player;
 use std::path::PathBuf;
 
 use clap::error::ErrorKind;
-use i2ris::ipc::client::Client;
 use i2ris::ipc::{OperatingState, StateCommand};
-use i2ris::units::Nanos;
 
-use i2ris_terminal::Failure;
-use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
+use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
+
+use crate::numbers::{finite, pair, positive, within};
 use prepare::{PrepareOptions, carry_out};
 use reach::ReachOptions;
 use stream::{OnLate, Plan};
 use stream_monitor::StopReason;
 use teleop::DeviceOption;
-use trajectory::{Angles, Trajectory, Waypoints};
+use trajectory::{Trajectory, Waypoints};
 
-/// Time to wait for a controller that is starting.
-const CONNECT: Nanos = Nanos::from_millis(2000);
-
-/// How far one key press goes.
 const STEP_DEG: f64 = 0.25;
 /// The same in a task: steps of the former would miss targets.
 const FINE_STEP_DEG: f64 = 0.1;
 
-/// Arguments of `i2ris command`.
 #[derive(Debug, clap::Args)]
 #[command(
     arg_required_else_help = true,
@@ -260,13 +253,12 @@ impl StateWord {
     }
 }
 
-/// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let Arguments { domain, stream, teleop, what } = arguments;
     let what = match (what, teleop.device()) {
         (Some(what), None) => what,
         (None, Some(device)) => {
-            let mut client = Client::connect(&domain.domain()?, CONNECT)?;
+            let mut client = crate::connection::connect(&domain.domain()?)?;
             let plan = teleop.plan(&stream, device, None);
             return teleop::run(&mut client, &plan, &Interrupt::catch()?);
         }
@@ -279,7 +271,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     };
     // A wrong file is refused before the robot moves.
     let waypoints = if let What::File { csv } = &what { Some(Waypoints::load(csv)?) } else { None };
-    let mut client = Client::connect(&domain.domain()?, CONNECT)?;
+    let mut client = crate::connection::connect(&domain.domain()?)?;
     let interrupt = Interrupt::catch()?;
     let (name, path, duration_s) = match what {
         What::State { command, no_wait, json } => {
@@ -351,35 +343,14 @@ fn print_state(
     Ok(())
 }
 
-/// The command line takes exactly two values.
-fn pair(values: &[f64]) -> Angles {
-    [values.first().copied().unwrap_or(0.0), values.get(1).copied().unwrap_or(0.0)]
-}
-
-fn finite(text: &str) -> Result<f64, String> {
-    let number: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if number.is_finite() { Ok(number) } else { Err("must be finite".to_owned()) }
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    finite(text).and_then(
-        |number| {
-            if number > 0.0 { Ok(number) } else { Err("must be above 0".to_owned()) }
-        },
-    )
-}
-
 fn rate(text: &str) -> Result<f64, String> {
-    let in_range = |number: &f64| (10.0..=1000.0).contains(number);
-    finite(text).ok().filter(in_range).ok_or_else(|| "must be 10 to 1000".to_owned())
+    within(10.0..=1000.0, "must be 10 to 1000", text)
 }
 
 fn share(text: &str) -> Result<f64, String> {
-    let in_range = |number: &f64| (0.01..=1.0).contains(number);
-    finite(text).ok().filter(in_range).ok_or_else(|| "must be 0.01 to 1".to_owned())
+    within(0.01..=1.0, "must be 0.01 to 1", text)
 }
 
 fn step(text: &str) -> Result<f64, String> {
-    let in_range = |number: &f64| (0.01..=2.0).contains(number);
-    finite(text).ok().filter(in_range).ok_or_else(|| "must be 0.01 to 2".to_owned())
+    within(0.01..=2.0, "must be 0.01 to 2", text)
 }

@@ -7,7 +7,6 @@ use i2ris_terminal::{Failure, until_closed};
 
 use crate::external;
 
-/// Arguments of `i2ris completions`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   i2ris completions bash > ~/.local/share/bash-completion/completions/i2ris

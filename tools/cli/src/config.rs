@@ -43,7 +43,6 @@ pub enum Command {
     },
 }
 
-/// Runs it.
 pub fn run(command: &Command) -> Result<(), Failure> {
     match command {
         Command::Check { file, json } => check(file.clone(), *json)?,

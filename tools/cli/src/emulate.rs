@@ -1,30 +1,26 @@
 //! `i2ris emulate`.
 
 use std::fmt::Write as _;
-use std::io::{self, IsTerminal, Write};
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
-use i2ris_emulator::camera::CameraConfig;
-use i2ris_emulator::drive::Family;
-use i2ris_emulator::zoo::Physics;
-use i2ris_emulator::{
+use i2ris_simulation::camera::CameraConfig;
+use i2ris_simulation::drive::Family;
+use i2ris_simulation::physics::Physics;
+use i2ris_simulation::{
     DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario, SnakeSource, Snapshot,
 };
 
-use i2ris_terminal::Failure;
+use i2ris_terminal::{Failure, Interrupt, Screen};
 
-/// Time between two status lines.
+use crate::numbers::{seconds, within};
+
 const STATUS_PERIOD: Nanos = Nanos::from_millis(200);
 
-/// Time between two checks for the end.
 const POLL_PERIOD: Nanos = Nanos::from_millis(20);
 
-/// Arguments of `i2ris emulate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris emulate --log setpoints.csv
@@ -99,7 +95,6 @@ enum FramingName {
     V1,
 }
 
-/// The names of the snakes.
 pub fn snake_help() -> String {
     let mut text = String::from(
         "The snake: steel, brass or multi; NAME:SEED with the name of a physics and a seed for \
@@ -141,26 +136,23 @@ impl Arguments {
     }
 }
 
-/// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let domain = Domain::new(&arguments.domain)?;
     let config = arguments.config()?;
 
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))?;
-
+    let interrupt = Interrupt::catch()?;
     let serial_numbers = [0, 1].map(|axis: usize| config.drives[axis].serial_number);
     let name = config.snake.name();
     let mut emulator = Emulator::start(config)?;
     if !arguments.no_camera {
         emulator.publish_camera(&domain)?;
     }
+    // Whoever closed the other end of the pipe does not want to know more.
+    let mut screen = Screen::stdout();
+    let mut say = |line: &str| drop(screen.say(line));
     for (axis, serial_number) in serial_numbers.iter().enumerate() {
-        say(&format!(
-            "axis {axis}: {} (serial number {serial_number})",
-            emulator.device(axis).display()
-        ));
+        let device = emulator.device(axis).display();
+        say(&format!("axis {axis}: {device} (serial number {serial_number})"));
     }
     let camera = if arguments.no_camera {
         "no camera".to_owned()
@@ -168,26 +160,25 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         format!("camera on domain {}", domain.name())
     };
     say(&format!("ready: snake {name}, {camera}; Ctrl-C ends"));
-    watch(&emulator, &stop, arguments.duration);
+    watch(&emulator, &interrupt, arguments.duration);
     say(&summary(&emulator.snapshot(), emulator.host_bugs()));
     Ok(())
 }
 
-/// Shows the status until it is time to end.
-fn watch(emulator: &Emulator, stop: &AtomicBool, duration: Option<Nanos>) {
+/// Shows the status on a terminal until it is time to end.
+fn watch(emulator: &Emulator, interrupt: &Interrupt, duration: Option<Nanos>) {
     let start = clock::now();
     let end = duration.map(|duration| start + duration);
-    let shows = io::stdout().is_terminal();
-    let mut next_status = start;
-    while !stop.load(Ordering::Relaxed) && end.is_none_or(|end| clock::now() < end) {
-        if shows && clock::now() >= next_status {
+    let (mut screen, mut next_status) = (Screen::stdout(), start);
+    while !interrupt.came() && end.is_none_or(|end| clock::now() < end) {
+        if screen.is_terminal() && clock::now() >= next_status {
             next_status = clock::now() + STATUS_PERIOD;
-            print_over(&status(&emulator.snapshot(), emulator.host_bugs()));
+            let _ = screen.draw(&[status(&emulator.snapshot(), emulator.host_bugs())]);
         }
         clock::sleep(POLL_PERIOD);
     }
-    if shows {
-        print_over("");
+    if screen.is_terminal() {
+        let _ = screen.draw(&[]);
     }
 }
 
@@ -207,30 +198,6 @@ fn summary(snapshot: &Snapshot, host_bugs: u64) -> String {
     format!("ended: {first} and {second} requests, {host_bugs} rules broken by the host")
 }
 
-/// Prints a line. Whoever closed the other end of the pipe does not want to know more.
-fn say(line: &str) {
-    let _ = writeln!(io::stdout(), "{line}");
-}
-
-/// Replaces the present line of the terminal.
-fn print_over(line: &str) {
-    let mut out = io::stdout().lock();
-    let _ = write!(out, "\r\x1b[K{line}").and_then(|()| out.flush());
-}
-
-/// Parses a standard deviation.
 fn noise(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|deg: &f64| (0.0..=10.0).contains(deg));
-    value.ok_or_else(|| "must be a number of degrees from 0 to 10".to_owned())
-}
-
-/// Parses a span in seconds.
-fn seconds(text: &str) -> Result<Nanos, String> {
-    let wrong = || "must be a number of seconds above 0".to_owned();
-    let value: f64 = text.parse().map_err(|_| wrong())?;
-    if value.is_finite() && value > 0.0 && value < 1e9 {
-        Ok(Nanos((value * 1e9) as u64))
-    } else {
-        Err(wrong())
-    }
+    within(0.0..=10.0, "must be a number of degrees from 0 to 10", text)
 }

@@ -10,7 +10,6 @@ use i2ris_terminal::description::Description;
 use i2ris_terminal::program::DESCRIBE;
 use i2ris_terminal::programs::{PROGRAMS, Program, find};
 
-/// A call of `i2ris-NAME`.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Call {
     name: String,
@@ -54,7 +53,6 @@ impl Call {
     }
 }
 
-/// Adds the programs to the help of `i2ris`.
 pub fn with_programs(command: clap::Command) -> clap::Command {
     let named = |program: Program| clap::Command::new(program.name).about(program.about);
     command.subcommands(PROGRAMS.map(named))

@@ -8,6 +8,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use i2ris_simulation::benchmark;
 use i2ris_terminal::Failure;
 use i2ris_terminal::program::{end_with_reader, finish};
 
@@ -15,15 +16,19 @@ mod calibrate;
 mod command;
 mod completions;
 mod config;
+mod connection;
+mod csv_table;
 mod demo;
 mod doctor;
 mod emulate;
 mod exit;
 mod external;
 mod model;
+mod numbers;
+mod process;
+mod progress_bar;
 mod replay;
 mod start;
-mod trajectory_time;
 mod why;
 
 /// Calibrate, emulate, command and watch the I2RIS snake robot.
@@ -66,6 +71,9 @@ enum Task {
     Replay(replay::Arguments),
     /// Have the running controller write its black box: the last seconds of every tick
     Dump(replay::DumpArguments),
+    /// Judge families of models on emulated snakes of many physics, in simulated time (speed:
+    /// bench)
+    Benchmark(benchmark::Arguments),
     /// Show the whole path on the emulator: calibrate, fit, follow, measure
     Demo(demo::Arguments),
 }
@@ -79,7 +87,8 @@ impl Task {
             | Self::Why(_)
             | Self::Config(_)
             | Self::Completions(_)
-            | Self::Replay(_) => true,
+            | Self::Replay(_)
+            | Self::Benchmark(_) => true,
             Self::Calibrate(arguments) => arguments.only_prints(),
             Self::Start(_)
             | Self::Emulate(_)
@@ -102,6 +111,7 @@ impl Task {
             Self::Completions(arguments) => completions::run(&arguments, Cli::command()),
             Self::Replay(arguments) => replay::run(&arguments),
             Self::Dump(arguments) => replay::dump(&arguments),
+            Self::Benchmark(arguments) => benchmark::run(&arguments),
             Self::Demo(arguments) => demo::run(arguments),
         }
     }
@@ -121,23 +131,4 @@ fn main() -> ExitCode {
         end_with_reader();
     }
     finish(task.run().map_err(exit::with_code))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_subcommand_has_an_example_and_the_command_line_is_consistent() {
-        let mut command = Cli::command();
-        command.build();
-        for subcommand in command.get_subcommands_mut().filter(|it| it.get_name() != "help") {
-            let name = subcommand.get_name().to_owned();
-            let help = subcommand.render_long_help().to_string();
-            let has_example = help.contains("Example") && help.contains(&format!("i2ris {name}"));
-            assert!(has_example, "{name}: {help}");
-        }
-        command.debug_assert();
-        external::with_programs(Cli::command()).debug_assert();
-    }
 }

@@ -4,18 +4,9 @@
 use std::path::PathBuf;
 
 use i2ris::core::{CycleEventKind, CycleOutputs};
-use i2ris::ipc::client::Client;
 use i2ris::process::black_box::{BlackBox, ReplayDifference, ReplayResult, replay};
-use i2ris::units::Nanos;
+use i2ris_terminal::{DomainOption, Failure, while_working};
 
-use i2ris_terminal::DomainOption;
-use i2ris_terminal::Failure;
-use i2ris_terminal::while_working;
-
-/// How long to wait for a controller that is just starting.
-const CONNECT: Nanos = Nanos::from_millis(2000);
-
-/// Arguments of `i2ris replay`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   i2ris replay $(i2ris dump)")]
@@ -27,7 +18,6 @@ pub struct Arguments {
     events: bool,
 }
 
-/// Arguments of `i2ris dump`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   i2ris replay $(i2ris dump)")]
@@ -36,9 +26,8 @@ pub struct DumpArguments {
     domain: DomainOption,
 }
 
-/// Has the controller write its black box, and prints where.
 pub fn dump(arguments: &DumpArguments) -> Result<(), Failure> {
-    let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
+    let mut client = crate::connection::connect(&arguments.domain.domain()?)?;
     println!("{}", while_working("the controller writes", || client.write_black_box())?.display());
     Ok(())
 }

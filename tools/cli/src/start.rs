@@ -7,21 +7,20 @@ use std::process::Command;
 
 use i2ris::clock;
 use i2ris::config::Config;
+use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 use i2ris_terminal::programs::find;
 use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
-use crate::demo::process::Process;
+use crate::process::Process;
 
-/// The configuration of the emulated robot.
 const CONFIG: &str = include_str!("../../../config/emulator.toml");
 
 /// Time limit for emulator and controller to be there. A loaded machine needs much of it.
 const START_TIMEOUT: Nanos = Nanos::from_millis(30_000);
 const POLL_PERIOD: Nanos = Nanos::from_millis(50);
 
-/// Arguments of `i2ris start`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris start
@@ -45,44 +44,79 @@ pub struct Arguments {
     domain: DomainOption,
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let domain = arguments.domain.domain()?;
-    let controller = find("control").ok_or(
-        "there is no program i2ris-control beside i2ris or on PATH; build it with `cargo build \
-         --release`",
-    )?;
     let interrupt = Interrupt::catch()?;
     fs::create_dir_all(&arguments.folder)
         .map_err(|error| format!("--folder {}: {error}", arguments.folder.display()))?;
     let folder = fs::canonicalize(&arguments.folder)?;
-    let config = config(&folder, domain.name())?;
-    let file = folder.join("controller.toml");
-    fs::write(&file, toml::to_string(&config)?)
-        .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
-
-    let mut emulator = start_emulator(arguments, &folder, domain.name())?;
-    wait(&interrupt, &mut [&mut emulator], "the ports", || {
-        config.ports.iter().all(|port| port.device.exists())
-    })?;
-    let words = ["--config".to_owned(), text(&file)?];
-    let mut control = Process::start("controller", &controller, &words, &folder)?;
-    let mut client = None;
-    wait(&interrupt, &mut [&mut emulator, &mut control], "the controller", || {
-        client = Client::connect(&domain, Nanos::ZERO).ok();
-        client.is_some()
-    })?;
-    drop(client);
-    let (name, logs) = (domain.name(), folder.display());
-    let file = file.display();
+    let snake = match &arguments.snake {
+        Some(snake) => vec!["--snake".to_owned(), text(&fs::canonicalize(snake)?)?],
+        None => Vec::new(),
+    };
+    let mut robot = EmulatedRobot::start(&folder, &domain, &snake, |_| {}, &interrupt)?;
+    let (name, logs, file) = (domain.name(), folder.display(), robot.config.display());
     until_closed(Screen::stdout().say(&format!(
         "ready: emulator and controller on domain {name}, logs in {logs}\n\
          next, in another terminal: i2ris calibrate --config {file}"
     )))?;
-    let outcome = watch(arguments, name, &interrupt, &mut [&mut emulator, &mut control]);
-    // The controller first: it switches the drives off in order.
-    let ended = control.end().and_then(|()| emulator.end());
+    let outcome = watch(arguments, name, &interrupt, &mut robot);
+    let ended = robot.end();
     outcome.and(ended)
+}
+
+/// Emulator and controller as processes of their own. Dropping ends both.
+pub struct EmulatedRobot {
+    /// The file that the controller runs with.
+    pub config: PathBuf,
+    pub robot_id: String,
+    // The controller first: it switches the drives off in order.
+    controller: Process,
+    emulator: Process,
+}
+
+impl EmulatedRobot {
+    /// Starts both in a folder. `emulate`: options of `i2ris emulate`.
+    pub fn start(
+        folder: &Path,
+        domain: &Domain,
+        emulate: &[String],
+        change: impl FnOnce(&mut Config),
+        interrupt: &Interrupt,
+    ) -> Result<Self, Failure> {
+        let program = find("control").ok_or(
+            "there is no program i2ris-control beside i2ris or on PATH; build it with `cargo \
+             build --release`",
+        )?;
+        let mut config = config(folder, domain.name())?;
+        change(&mut config);
+        let file = folder.join("controller.toml");
+        fs::write(&file, toml::to_string(&config)?)
+            .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(["emulate", "--domain", domain.name(), "--ports"]).arg(folder.join("ports"));
+        let mut emulator = Process::start("emulator", command.args(emulate), folder)?;
+        wait(interrupt, &mut [&mut emulator], "the ports", || {
+            config.ports.iter().all(|port| port.device.exists())
+        })?;
+        let mut command = Command::new(program);
+        let mut controller =
+            Process::start("controller", command.arg("--config").arg(&file), folder)?;
+        wait(interrupt, &mut [&mut emulator, &mut controller], "the controller", || {
+            Client::connect(domain, Nanos::ZERO).is_ok()
+        })?;
+        Ok(Self { config: file, robot_id: config.robot_id, controller, emulator })
+    }
+
+    /// Fails if one of them has ended.
+    pub fn check(&mut self) -> Result<(), Failure> {
+        self.emulator.check()?;
+        self.controller.check()
+    }
+
+    pub fn end(self) -> Result<(), Failure> {
+        self.controller.end().and_then(|()| self.emulator.end())
+    }
 }
 
 fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
@@ -103,15 +137,6 @@ fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     Ok(config)
 }
 
-fn start_emulator(arguments: &Arguments, folder: &Path, domain: &str) -> Result<Process, Failure> {
-    let ports = text(&folder.join("ports"))?;
-    let mut words = ["emulate", "--domain", domain, "--ports", &ports].map(str::to_owned).to_vec();
-    if let Some(snake) = &arguments.snake {
-        words.extend(["--snake".to_owned(), text(&fs::canonicalize(snake)?)?]);
-    }
-    Process::start("emulator", &std::env::current_exe()?, &words, folder)
-}
-
 /// Waits until something is there. A child that ends, or an interrupt, ends the wait.
 fn wait(
     interrupt: &Interrupt,
@@ -121,9 +146,7 @@ fn wait(
 ) -> Result<(), Failure> {
     let start = clock::now();
     while !is_there() {
-        for child in children.iter_mut() {
-            child.check()?;
-        }
+        children.iter_mut().try_for_each(|child| child.check())?;
         if interrupt.came() {
             return Err("interrupted".into());
         }
@@ -141,7 +164,7 @@ fn watch(
     arguments: &Arguments,
     domain: &str,
     interrupt: &Interrupt,
-    children: &mut [&mut Process],
+    robot: &mut EmulatedRobot,
 ) -> Result<(), Failure> {
     let has_terminal = io::stdout().is_terminal() && io::stdin().is_terminal();
     let program = find("monitor").filter(|_| has_terminal && !arguments.no_monitor);
@@ -150,15 +173,14 @@ fn watch(
         None => None,
     };
     let outcome = loop {
-        if interrupt.came() {
+        let has_ended = match &mut monitor {
+            Some(monitor) => monitor.try_wait()?.is_some(),
+            None => false,
+        };
+        if has_ended || interrupt.came() {
             break Ok(());
         }
-        if let Some(monitor) = &mut monitor
-            && monitor.try_wait()?.is_some()
-        {
-            break Ok(());
-        }
-        if let Some(error) = children.iter_mut().find_map(|child| child.check().err()) {
+        if let Err(error) = robot.check() {
             break Err(error);
         }
         clock::sleep(POLL_PERIOD);
@@ -180,7 +202,7 @@ fn end_monitor(monitor: &mut std::process::Child) -> Result<(), Failure> {
 }
 
 /// A path as text for a command line. Fails for a name that is not UTF-8.
-fn text(path: &Path) -> Result<String, Failure> {
+pub fn text(path: &Path) -> Result<String, Failure> {
     path.to_str()
         .map(str::to_owned)
         .ok_or_else(|| format!("{} is not UTF-8", path.display()).into())

@@ -2,42 +2,33 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
-use i2ris::ipc::Message;
-use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
+use i2ris::ipc::payload::JointState;
+use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::units::Nanos;
-use i2ris_record::layout::Layout;
-use i2ris_record::schema::{self, JOINT_STATE};
+use i2ris_gateway::clock::Moment;
+use i2ris_record::schema::JOINT_STATE;
 use i2ris_record::standard::{DEFAULT_NAMES, StandardMessages, text};
-use i2ris_record::subscriptions::Sink;
-use i2ris_record::topic::{Stream, Topic};
+use i2ris_record::topic::Topic;
 use i2ris_record::{cdr, joints};
 
-use crate::server::{Channel, Server};
+use crate::server::Server;
 
 /// Topic of the goal minus the estimate.
 const ERROR: &str = "/tracking_error";
 /// Estimates that wait for the goal of their tick. Streams are read one after the other.
 const UNMATCHED: usize = 128;
 
-/// All channels: the topics of a recording, in their order, and the error.
-pub fn channels() -> Vec<Channel> {
-    let channel = |topic: String, schema_name: String, schema: String| Channel {
-        topic,
-        encoding: cdr::ENCODING,
-        schema_name,
-        schema_encoding: schema::ENCODING,
-        schema,
-    };
+/// The topics of a recording, in their order, and the error; each with name and definition of its
+/// messages.
+pub fn channels() -> Vec<[String; 3]> {
     let topics = Topic::all().map(|topic| {
         let schema = topic.schema();
-        channel(topic.name(), schema.name, schema.definition)
+        [topic.name(), schema.name, schema.definition]
     });
-    let (name, definition) = (JOINT_STATE.name.to_owned(), JOINT_STATE.definition());
-    let error = channel(ERROR.to_owned(), name, definition);
+    let error = [ERROR.to_owned(), JOINT_STATE.name.to_owned(), JOINT_STATE.definition()];
     topics.chain([error]).collect()
 }
 
-/// What goes to Foxglove.
 #[derive(Debug)]
 pub struct Live {
     server: Server,
@@ -51,8 +42,11 @@ pub struct Live {
 }
 
 impl Live {
-    /// Sends by a server of [`channels`].
-    pub fn new(server: Server, unix_offset_ns: u64, period: Nanos) -> Self {
+    /// Sends by a server of [`channels`], a stream at most once in `period`.
+    pub fn new(server: Server, period: Nanos) -> Self {
+        // A step of the wall clock later shifts the display only.
+        let Moment { monotonic, unix_ns } = Moment::now();
+        let unix_offset_ns = unix_ns.wrapping_sub(monotonic.0);
         let names = DEFAULT_NAMES.map(str::to_owned).to_vec();
         Self {
             server,
@@ -66,12 +60,10 @@ impl Live {
         }
     }
 
-    /// The start of the controller that sent last.
     pub fn boot_id(&self) -> Option<u64> {
         self.boot_id
     }
 
-    /// Sets the names of the joints.
     pub fn name_joints(&mut self, names: Vec<String>) {
         self.standard.joints = names;
     }
@@ -128,59 +120,43 @@ impl Live {
             }
         }
     }
-}
 
-impl Sink for Live {
-    fn message<T: Layout + Message>(&mut self, stream: Stream, message: &T, _received: Nanos) {
-        let every_one =
-            matches!(stream, Stream::Events | Stream::Health | Stream::Error | Stream::Warning);
-        if every_one || self.is_due(stream, message.stamp()) {
-            let bytes = cdr::encode(message);
-            self.send(Topic::Payload(stream), message.stamp().0, &bytes);
+    /// Sends a message of a stream, if it is due, and what belongs to it.
+    pub fn send_message(&mut self, message: &StreamMessage) {
+        let (stream, stamp) = (message.stream(), message.stamp());
+        match message {
+            StreamMessage::Measured(state)
+            | StreamMessage::Setpoint(state)
+            | StreamMessage::Goal(state) => self.boot_id = Some(state.boot_id),
+            _ => {}
         }
-    }
-
-    fn joints(&mut self, stream: Stream, message: &JointState, _received: Nanos) {
-        self.boot_id = Some(message.boot_id);
-        if stream == Stream::Goal {
-            self.send_error(message);
+        if let StreamMessage::Goal(goal) = message {
+            self.send_error(goal);
         }
-        if !self.is_due(stream, message.stamp()) {
+        let is_due = is_log(stream) || self.is_due(stream, stamp);
+        // Changes of state pass all.
+        if (is_due || stream == Stream::State)
+            && let Some(bytes) = self.standard.message(message)
+        {
+            self.send(Topic::Standard(stream), stamp.0, &bytes);
+            if stream == Stream::State {
+                self.last_state = Some((stamp.0, bytes));
+            }
+        }
+        if !is_due {
             return;
         }
-        let stamp_ns = message.stamp_ns;
-        self.send(Topic::Payload(stream), stamp_ns, &cdr::encode(message));
-        if let Some(bytes) = self.standard.joint_state(message) {
-            self.send(Topic::Standard(stream), stamp_ns, &bytes);
-        }
-        if stream == Stream::Measured {
-            self.unmatched.push_back(*message);
+        self.send(Topic::Payload(stream), stamp.0, &cdr::encode(message.bytes()));
+        if let StreamMessage::Measured(measured) = message {
+            self.unmatched.push_back(*measured);
             if self.unmatched.len() > UNMATCHED {
                 self.unmatched.pop_front();
             }
         }
     }
+}
 
-    fn servo_jp(&mut self, command: &ServoJp, _received: Nanos) {
-        if !self.is_due(Stream::ServoJp, command.stamp()) {
-            return;
-        }
-        let bytes = cdr::encode(command);
-        self.send(Topic::Payload(Stream::ServoJp), command.stamp_ns, &bytes);
-        if let Some(bytes) = self.standard.servo_jp(command) {
-            self.send(Topic::Standard(Stream::ServoJp), command.stamp_ns, &bytes);
-        }
-    }
-
-    fn state(&mut self, message: &OperatingStateMsg, _received: Nanos) {
-        let stamp_ns = message.stamp_ns;
-        if let Some(bytes) = self.standard.operating_state(message) {
-            self.send(Topic::Standard(Stream::State), stamp_ns, &bytes);
-            self.last_state = Some((stamp_ns, bytes));
-        }
-        if self.is_due(Stream::State, message.stamp()) {
-            let bytes = cdr::encode(message);
-            self.send(Topic::Payload(Stream::State), stamp_ns, &bytes);
-        }
-    }
+/// Whether every message counts. `health` changes seldom, and then all of it.
+fn is_log(stream: Stream) -> bool {
+    stream.properties().history > 1 || stream == Stream::Health
 }

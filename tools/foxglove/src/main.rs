@@ -1,4 +1,13 @@
-//! `i2ris foxglove`: the streams of a controller, live in Foxglove and Lichtblick.
+//! `i2ris foxglove`: streams of a controller, live in Foxglove and Lichtblick: Foxglove's WebSocket
+//! server with the topics of a recording ([`i2ris_record::topic`]). It only sends.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `server` | the WebSocket server |
+//! | `live` | the messages of a recording, each stream as often as a screen needs it |
+
+mod live;
+mod server;
 
 use std::fs::File;
 use std::io::Write as _;
@@ -7,9 +16,23 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
+use i2ris::clock;
+use i2ris::ipc::client::{Client, Subscriptions, Watcher};
+use i2ris::ipc::{Domain, Stream};
 use i2ris::units::Nanos;
-use i2ris_foxglove::{LAYOUT, LiveServer};
+use i2ris_record::joints;
 use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
+
+use live::Live;
+use server::Server;
+
+/// The layout: angles, error, plane, loops, state and the snake.
+const LAYOUT: &str = include_str!("../layout.json");
+
+/// Time between two reads. Buffers hold an eighth of a second.
+const READ_PERIOD: Nanos = Nanos::from_millis(4);
+/// Waiting time for a controller, after which an interrupt is looked for.
+const CONNECT_TIMEOUT: Nanos = Nanos::from_millis(200);
 
 /// The port that Foxglove calls if none is named.
 const PORT: u16 = 8765;
@@ -55,17 +78,37 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     if let Some(file) = &arguments.layout {
         return write_layout(file);
     }
-    let server = LiveServer {
-        domain: arguments.domain.domain()?,
-        listen: arguments.listen,
-        period: Nanos(1_000_000_000 / arguments.rate_hz),
-    };
-    let interrupt = Interrupt::catch()?;
-    let ready = |address| {
-        // A reader that went away does not end the server.
-        let _ = Screen::stdout().say(&format!("open ws://{address} in Foxglove; Ctrl-C ends"));
-    };
-    Ok(server.run(|| interrupt.came(), ready)?)
+    let (domain, interrupt) = (arguments.domain.domain()?, Interrupt::catch()?);
+    let listen = arguments.listen;
+    let server = Server::start(listen, live::channels()).map_err(|error| {
+        format!("cannot listen at {listen}: {error}; another program may, choose another port")
+    })?;
+    // A reader that went away does not end the server.
+    let ready = format!("open ws://{} in Foxglove; Ctrl-C ends", server.address());
+    let _ = Screen::stdout().say(&ready);
+    let mut live = Live::new(server, Nanos(1_000_000_000 / arguments.rate_hz));
+    let mut subscriptions = Subscriptions::new(&Watcher::new(&domain), Stream::ALL);
+    let mut named = None;
+    while !interrupt.came() {
+        match subscriptions.drain(|message| live.send_message(&message)) {
+            Ok(()) => {}
+            Err(error) if error.is_absent() => clock::sleep(CONNECT_TIMEOUT),
+            Err(error) => return Err(error.into()),
+        }
+        if named != live.boot_id() {
+            named = name_joints(&domain, &mut live);
+        }
+        live.repeat_for_newcomers();
+        clock::sleep(READ_PERIOD);
+    }
+    Ok(())
+}
+
+/// Takes the names of the joints from the controller, once per start of it.
+fn name_joints(domain: &Domain, live: &mut Live) -> Option<u64> {
+    let mut client = Client::connect(domain, CONNECT_TIMEOUT).ok()?;
+    live.name_joints(joints::names(&client.version().ok()?));
+    live.boot_id()
 }
 
 fn write_layout(path: &Path) -> Result<(), Failure> {
@@ -74,19 +117,4 @@ fn write_layout(path: &Path) -> Result<(), Failure> {
     let line = format!("{}: import it as a layout in Foxglove", path.display());
     until_closed(Screen::stdout().say(&line))?;
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use clap::CommandFactory;
-
-    use super::*;
-
-    #[test]
-    fn the_help_has_an_example_and_the_command_line_is_consistent() {
-        let mut command = Arguments::command();
-        let help = command.render_long_help().to_string();
-        assert!(help.contains("Example") && help.contains("i2ris foxglove"), "{help}");
-        command.debug_assert();
-    }
 }

@@ -11,20 +11,7 @@ use foxglove::{
     Context, FoxgloveError, PartialMetadata, RawChannel, Schema, WebSocketServerHandle,
 };
 
-/// A channel.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Channel {
-    /// Its topic.
-    pub topic: String,
-    /// Encoding of its messages.
-    pub encoding: &'static str,
-    /// Full name of its messages.
-    pub schema_name: String,
-    /// Language of the definition.
-    pub schema_encoding: &'static str,
-    /// Definition of its messages.
-    pub schema: String,
-}
+use i2ris_record::{cdr, schema};
 
 /// Whether somebody has subscribed since the last look.
 #[derive(Debug, Default)]
@@ -48,18 +35,14 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens, with these channels. The number of a channel is its place.
-    ///
-    /// # Errors
-    ///
-    /// When the address cannot be used.
-    pub fn start(listen: SocketAddr, channels: Vec<Channel>) -> Result<Self, FoxgloveError> {
+    /// Listens, with these channels: topic, name and definition of the messages. The number of a
+    /// channel is its place.
+    pub fn start(listen: SocketAddr, channels: Vec<[String; 3]>) -> Result<Self, FoxgloveError> {
         let context = Context::new();
-        let add = |channel: Channel| {
-            let definition = channel.schema.into_bytes();
-            let schema = Schema::new(channel.schema_name, channel.schema_encoding, definition);
-            { context.channel_builder(channel.topic) }
-                .message_encoding(channel.encoding)
+        let add = |[topic, name, definition]: [String; 3]| {
+            let schema = Schema::new(name, schema::ENCODING, definition.into_bytes());
+            { context.channel_builder(topic) }
+                .message_encoding(cdr::ENCODING)
                 .schema(schema)
                 .build_raw()
         };
@@ -86,14 +69,11 @@ impl Server {
         })
     }
 
-    /// Where it listens, with the port if the system chose it.
-    #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
     /// Whether somebody has subscribed since the last call.
-    #[must_use]
     pub fn has_newcomer(&self) -> bool {
         self.newcomers.0.swap(false, Ordering::AcqRel)
     }

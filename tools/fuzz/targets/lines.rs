@@ -11,10 +11,7 @@ use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
     let command_sets = [Family::Epos4, Family::Epos2].map(|family| {
-        let port = PortConfig {
-            family,
-            ..PortConfig::new("/dev/null".into(), Vec::new())
-        };
+        let port = PortConfig { family, ..PortConfig::new("/dev/null".into(), Vec::new()) };
         family_of_port(&port).command_set()
     });
     let read = |frame: SerialFrame<'_>| {
@@ -36,15 +33,9 @@ fuzz_target!(|bytes: &[u8]| {
         let _ = handshake_frame::decode(opcode, data);
     }
     parser.reset();
-    let frame = SerialFrame {
-        opcode: 0,
-        data: &[1, 2, 3, 4],
-    };
+    let frame = SerialFrame { opcode: 0, data: &[1, 2, 3, 4] };
     let mut encoder = FrameEncoder::default();
     let wire = encoder.encode(frame).expect("eight bytes fit a frame");
-    let found = wire
-        .iter()
-        .filter(|byte| parser.push(**byte) == ParserEvent::Frame(frame))
-        .count();
+    let found = wire.iter().filter(|byte| parser.push(**byte) == ParserEvent::Frame(frame)).count();
     assert_eq!(found, 1, "a good frame was lost");
 });

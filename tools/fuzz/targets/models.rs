@@ -10,13 +10,6 @@ fuzz_target!(|text: &str| {
         return;
     };
     let memory = model.new_memory();
-    let inverse = model.invert(
-        &[0.1, -0.1, 0.0],
-        &memory,
-        &Query::new(model.hull().centre()),
-    );
-    assert!(
-        inverse.counts.iter().all(|counts| counts.is_finite()),
-        "{inverse:?}"
-    );
+    let inverse = model.invert(&[0.1, -0.1, 0.0], &memory, &Query::new(model.hull().centre()));
+    assert!(inverse.counts.iter().all(|counts| counts.is_finite()), "{inverse:?}");
 });

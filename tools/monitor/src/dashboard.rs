@@ -1,21 +1,37 @@
-//! Everything that the monitor shows: filled by [`super::subscriptions::Subscriptions`], read by
-//! terminal and web page.
+//! Everything that the monitor knows: filled by [`super::subscriptions::Subscriptions`].
+
+use i2ris::units::Nanos;
+use i2ris_terminal::view::{LatestMessages, State, View};
 
 use super::event_log::EventLog;
 use super::history::History;
-use super::latest_messages::LatestMessages;
-use super::model_poller::Models;
+use super::model_poller::Known;
 
-/// The content of screen and page.
+/// What terminal and web page show.
 #[derive(Debug, Clone, Default)]
 pub struct Dashboard {
-    /// The last message of every stream. Kept when the controller ends, and stale then.
-    pub view: LatestMessages,
+    /// Kept when the controller ends, and stale then.
+    pub messages: LatestMessages,
     /// The process that holds the lease, if it is known.
     pub commander: Option<String>,
     /// Why the controller is not reachable, if it is not.
     pub problem: Option<String>,
     pub history: History,
     pub event_log: EventLog,
-    pub models: Models,
+    pub models: Known,
+}
+
+impl Dashboard {
+    /// What people see of the robot.
+    pub fn view(&self, now: Nanos) -> View {
+        let view = View::new(&self.messages, now);
+        let commander = self.commander.clone();
+        View {
+            problem: self.problem.clone(),
+            state: view.state.map(|state| State { commander, ..state }),
+            models: self.models.models.clone(),
+            events: self.event_log.newest(now),
+            ..view
+        }
+    }
 }

@@ -5,8 +5,7 @@ use std::collections::VecDeque;
 use i2ris::ipc::Message;
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState};
 use i2ris::units::{MAX_MOTORS, Nanos};
-
-use super::latest_messages::{LatestMessages, STALE, angles, count};
+use i2ris_terminal::view::{LatestMessages, Pair, STALE, angles, count};
 
 /// Time between samples: enough for a plot, and a small part of the rate of the streams.
 pub const SAMPLE_PERIOD: Nanos = Nanos::from_millis(40);
@@ -16,9 +15,6 @@ pub const SPAN: Nanos = Nanos::from_millis(30_000);
 const CAPACITY: usize = (SPAN.0 / SAMPLE_PERIOD.0) as usize;
 /// Frames that wait for the encoder position at their instant.
 const MAX_PENDING: usize = 16;
-
-/// Pitch and yaw, degrees.
-pub type Pair = Option<[f64; 2]>;
 
 /// Everything at one instant. A stream that is stale, invalid or absent leaves a gap.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -139,7 +135,8 @@ impl History {
 }
 
 fn sample(view: &LatestMessages, now: Nanos) -> Sample {
-    let fresh = |joint: Option<&JointState>| angles(joint.filter(|joint| joint.age(now) <= STALE));
+    let fresh =
+        |joint: Option<&JointState>| joint.filter(|joint| joint.age(now) <= STALE).and_then(angles);
     let estimate = view.measured.as_ref();
     let deviation =
         |joint: &JointState| [joint.deviation[0].to_degrees(), joint.deviation[1].to_degrees()];

@@ -5,6 +5,7 @@ use std::path::Path;
 use i2ris::model::file::OutputUnit;
 use i2ris::model::{Model, ModelId};
 use i2ris::units::MAX_MOTORS;
+use i2ris_terminal::view::short_id;
 
 /// Points on every side of the hull: its sides are straight in counts, not in angles.
 const POINTS_PER_SIDE: usize = 12;
@@ -68,8 +69,7 @@ pub enum OutlineError {
 pub fn outline_of(file: &Path, used: ModelId) -> Result<Outline, OutlineError> {
     let model = Model::load(file)?;
     if model.id() != used {
-        let (found, used) =
-            (super::latest_messages::short_id(model.id()), super::latest_messages::short_id(used));
+        let (found, used) = (short_id(model.id()), short_id(used));
         return Err(OutlineError::Other { file: file.display().to_string(), found, used });
     }
     Ok(Outline {
@@ -121,10 +121,7 @@ fn edge(model: &Model) -> Result<Vec<[f64; 2]>, OutlineError> {
 
 #[cfg(test)]
 mod tests {
-    use i2ris::model::file::{
-        FORMAT, FamilyParameters, FitMetrics, HullParameters, ModelFile, OutputMetrics, OutputSpec,
-        SCHEMA_VERSION, TrainingRecord,
-    };
+    use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile};
 
     use super::*;
 
@@ -134,43 +131,15 @@ mod tests {
     }
 
     fn with_gain(unit: OutputUnit, gain: [[f64; 2]; 2]) -> Model {
-        let fit = FitMetrics { r2: 0.99, rmsd: 1.0, nrmsd: 0.1, mae: 0.8, max: 2.0 };
-        Model::from_file(ModelFile {
-            slow_error: None,
-            format: FORMAT.to_owned(),
-            schema_version: SCHEMA_VERSION,
-            robot_id: "test".to_owned(),
-            outputs: ["pitch", "yaw"]
-                .map(|name| OutputSpec { name: name.to_owned(), unit })
-                .to_vec(),
-            family: FamilyParameters::Linear {
-                gain: gain.map(|row| row.to_vec()).to_vec(),
-                offset: vec![0.0, 1.0],
-                covariance: vec![vec![0.01, 0.0], vec![0.0, 0.01]],
-            },
-            hull: HullParameters {
-                corners: vec![
-                    vec![-500.0, -300.0],
-                    vec![500.0, -300.0],
-                    vec![500.0, 300.0],
-                    vec![-500.0, 300.0],
-                ],
-            },
-            training: TrainingRecord {
-                data_file: "none".to_owned(),
-                data_sha256: "0".repeat(64),
-                rows: 10,
-                seed: 1,
-                restarts: 1,
-                log_likelihood: None,
-                bic: None,
-                software: "test".to_owned(),
-                linear_gain: None,
-            },
-            worthless: None,
-            metrics: vec![OutputMetrics { training: fit, held_out: None }; 2],
-        })
-        .unwrap()
+        let family = FamilyParameters::Linear {
+            gain: gain.map(|row| row.to_vec()).to_vec(),
+            offset: vec![0.0, 1.0],
+            covariance: vec![vec![0.01, 0.0], vec![0.0, 0.01]],
+        };
+        let corners = [[-500.0, -300.0], [500.0, -300.0], [500.0, 300.0], [-500.0, 300.0]];
+        let hull = HullParameters { corners: corners.map(Vec::from).to_vec() };
+        let file = i2ris_testing::cycle::model(unit).file().clone();
+        Model::from_file(ModelFile { family, hull, ..file }).unwrap()
     }
 
     #[test]

@@ -4,10 +4,11 @@
 //! | part | does |
 //! |---|---|
 //! | `subscriptions` | subscribes to every stream; it only reads |
-//! | `dashboard` | what is shown: |
-//! | `latest_messages`, `history`, `event_log` | last messages, last seconds, last events |
+//! | `dashboard` | what is known, and the one view of it that everything below draws |
+//! | `history`, `event_log` | last seconds, last events |
 //! | `commander` | name of the process that commands |
 //! | `model_poller`, `hull_outline` | models and hull |
+//! | `lines` | lines of text |
 //! | `terminal` | the screen with keys; only its `operator_commands` sends requests |
 //! | `web` | the page; it holds a dashboard and no client |
 //!
@@ -15,16 +16,13 @@
 //! the loop never waits.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
-mod adaptation;
 mod commander;
 mod dashboard;
 mod event_log;
-mod fixtures;
 mod history;
 mod hull_outline;
-mod latest_messages;
+mod lines;
 mod model_poller;
-mod reach_target;
 mod subscriptions;
 mod terminal;
 mod web;
@@ -103,7 +101,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     }
     let interrupt = Interrupt::catch()?;
     if arguments.once {
-        return once(&mut subscriptions, &interrupt, title);
+        return once(&mut subscriptions, &interrupt, &title);
     }
     plain(&mut subscriptions, &interrupt, &title, span)
 }
@@ -124,26 +122,30 @@ fn plain(
         subscriptions.refresh(&mut dashboard, now);
         if now >= next_draw {
             next_draw = now + period;
-            open = until_closed(screen.draw(&lines(&dashboard, &screen, title, now)))?;
+            open = until_closed(screen.draw(&text(&dashboard, &screen, title, now)))?;
         }
         clock::sleep(READ_PERIOD);
     }
     Ok(())
 }
 
-fn lines(dashboard: &Dashboard, screen: &Screen, title: &str, now: Nanos) -> Vec<String> {
+fn text(dashboard: &Dashboard, screen: &Screen, title: &str, now: Nanos) -> Vec<String> {
     match &dashboard.problem {
         Some(problem) => vec![problem.clone()],
-        None if screen.is_terminal() => [vec![title.to_owned()], dashboard.view.page(now)].concat(),
-        None => vec![dashboard.view.line(now)],
+        None if screen.is_terminal() => page(dashboard, title, now),
+        None => vec![lines::line(&dashboard.view(now))],
     }
+}
+
+fn page(dashboard: &Dashboard, title: &str, now: Nanos) -> Vec<String> {
+    [vec![title.to_owned()], lines::page(&dashboard.view(now))].concat()
 }
 
 /// Waits for a message of every stream that a controller always publishes, then shows the page.
 fn once(
     subscriptions: &mut Subscriptions,
     interrupt: &Interrupt,
-    title: String,
+    title: &str,
 ) -> Result<(), Failure> {
     let start = clock::now();
     let mut dashboard = Dashboard::default();
@@ -153,29 +155,13 @@ fn once(
         if let Some(problem) = dashboard.problem {
             return Err(problem.into());
         }
-        if dashboard.view.is_complete()
+        if dashboard.messages.is_complete()
             || now.since(start) > FIRST_MESSAGE_TIMEOUT
             || interrupt.came()
         {
-            let page = [vec![title], dashboard.view.page(now)].concat();
-            until_closed(Screen::stdout().draw(&page))?;
+            until_closed(Screen::stdout().draw(&page(&dashboard, title, now)))?;
             return Ok(());
         }
         clock::sleep(Nanos::from_millis(5));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use clap::CommandFactory;
-
-    use super::*;
-
-    #[test]
-    fn the_help_has_an_example_and_the_command_line_is_consistent() {
-        let mut command = Arguments::command();
-        let help = command.render_long_help().to_string();
-        assert!(help.contains("Example") && help.contains("i2ris monitor"), "{help}");
-        command.debug_assert();
     }
 }

@@ -11,9 +11,9 @@ use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::{ModelSlot, Version, unpadded_text};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
+use i2ris_terminal::view::{LoadedModel, Models, short_id};
 
 use super::hull_outline::{Outline, outline_of};
-use super::latest_messages::short_id;
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(200);
@@ -22,64 +22,35 @@ const PERIOD: Duration = Duration::from_secs(3);
 
 /// What is known about models.
 #[derive(Debug, Clone, Default)]
-pub struct Models {
-    /// In use, staged, in use before; `None`: not known yet.
-    pub slots: Option<[ModelSlot; 3]>,
+pub struct Known {
+    pub models: Models,
     /// The hull of the model in use.
     pub outline: Arc<Outline>,
     /// Software and process of the controller, and its model, in one line.
     pub title: Option<String>,
-    /// Why there are no models to name.
-    pub problem: Option<String>,
-    /// Why there is no outline.
-    pub hull_problem: Option<String>,
 }
 
-/// A loaded model.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LoadedModel {
-    pub id: ModelId,
-    /// Family and the beginning of the identity.
-    pub name: String,
-    /// The end of the path of its file.
-    pub file: String,
-    pub memory_known: bool,
+fn loaded(slot: &ModelSlot) -> Option<LoadedModel> {
+    let id = ModelId(slot.model_id);
+    (slot.flags & ModelSlot::PRESENT != 0).then(|| LoadedModel {
+        id,
+        name: format!("{} {}", unpadded_text(&slot.family), short_id(id)),
+        file: unpadded_text(&slot.file),
+        memory_known: slot.flags & ModelSlot::MEMORY_KNOWN != 0,
+    })
 }
 
-impl Models {
-    /// The model in use.
-    pub fn used(&self) -> Option<LoadedModel> {
-        self.slot(0)
-    }
-
-    /// The model that was staged.
-    pub fn staged(&self) -> Option<LoadedModel> {
-        self.slot(1)
-    }
-
-    /// The model that was in use before.
-    pub fn previous(&self) -> Option<LoadedModel> {
-        self.slot(2)
-    }
-
-    fn slot(&self, index: usize) -> Option<LoadedModel> {
-        let slot =
-            self.slots.as_ref()?.get(index).filter(|slot| slot.flags & ModelSlot::PRESENT != 0)?;
-        let id = ModelId(slot.model_id);
-        Some(LoadedModel {
-            id,
-            name: format!("{} {}", unpadded_text(&slot.family), short_id(id)),
-            file: unpadded_text(&slot.file),
-            memory_known: slot.flags & ModelSlot::MEMORY_KNOWN != 0,
-        })
-    }
+/// The models in use, staged, and in use before.
+fn models(slots: &[ModelSlot; 3]) -> Models {
+    let [used, staged, previous] = slots.each_ref().map(loaded);
+    Models { known: true, used, staged, previous, ..Models::default() }
 }
 
 /// Polls the list of models every few seconds, and on request. It sends no other request, so it
 /// cannot change anything.
 #[derive(Debug)]
 pub struct ModelPoller {
-    known: Arc<Mutex<Models>>,
+    known: Arc<Mutex<Known>>,
     requests: SyncSender<()>,
 }
 
@@ -87,7 +58,7 @@ impl ModelPoller {
     /// Starts the thread. `file`: the model in use, if the path that the controller reports is not
     /// valid here.
     pub fn start(domain: &Domain, file: Option<PathBuf>) -> Self {
-        let known = Arc::new(Mutex::new(Models::default()));
+        let known = Arc::new(Mutex::new(Known::default()));
         let (requests, receiver) = sync_channel(1);
         thread::spawn({
             let (domain, known) = (domain.clone(), Arc::clone(&known));
@@ -102,7 +73,7 @@ impl ModelPoller {
     }
 
     /// What is known.
-    pub fn known(&self) -> Models {
+    pub fn known(&self) -> Known {
         self.known.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
@@ -112,34 +83,40 @@ fn poll_until_disconnected(
     domain: &Domain,
     file: Option<&Path>,
     requests: &Receiver<()>,
-    known: &Mutex<Models>,
+    known: &Mutex<Known>,
 ) {
     let mut drawn: Option<ModelId> = None;
     while requests.recv_timeout(PERIOD) != Err(RecvTimeoutError::Disconnected) {
         let answer = ask(domain);
-        let mut models = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        (models.slots, models.title, models.problem) = match answer {
-            Ok((slots, title)) => (Some(slots), Some(title), None),
-            Err(error) => (None, None, Some(format!("models not known: {error}"))),
+        let mut new = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let hull_problem = new.models.hull_problem.take();
+        (new.models, new.title) = match answer {
+            Ok((models, title)) => (models, Some(title)),
+            Err(error) => {
+                let problem = Some(format!("models not known: {error}"));
+                (Models { problem, ..Models::default() }, None)
+            }
         };
-        let used = models.used();
-        if used.as_ref().map(|used| used.id) != drawn {
-            drawn = used.as_ref().map(|used| used.id);
-            (models.outline, models.hull_problem) = match &used {
-                None => (Arc::default(), None),
-                Some(used) => outline(file, &used.file, used.id),
-            };
+        new.models.hull_problem = hull_problem;
+        let used = new.models.used.as_ref();
+        if used.map(|used| used.id) != drawn {
+            drawn = used.map(|used| used.id);
+            let outline = used
+                .map(|used| outline_of(file.unwrap_or(Path::new(&used.file)), used.id))
+                .transpose();
+            new.models.hull_problem = outline.as_ref().err().map(ToString::to_string);
+            new.outline = Arc::new(outline.ok().flatten().unwrap_or_default());
         }
-        *known.lock().unwrap_or_else(PoisonError::into_inner) = models;
+        *known.lock().unwrap_or_else(PoisonError::into_inner) = new;
     }
 }
 
-fn ask(domain: &Domain) -> Result<([ModelSlot; 3], String), ClientError> {
+fn ask(domain: &Domain) -> Result<(Models, String), ClientError> {
     let mut client = Client::connect(domain, CONNECT)?;
     let slots = client.models()?.slots;
     let version = client.version()?;
     let [used, ..] = &slots;
-    Ok((slots, title(&version, domain.name(), used.model_id)))
+    Ok((models(&slots), title(&version, domain.name(), used.model_id)))
 }
 
 /// Software and process of the controller, and its model, in one line.
@@ -152,17 +129,6 @@ pub fn title(version: &Version, domain: &str, model: [u8; 32]) -> String {
     };
     let process = version.pid;
     format!("i2ris {major}.{minor}.{patch}, domain {domain}, process {process}, {model}")
-}
-
-fn outline(file: Option<&Path>, reported: &str, used: ModelId) -> (Arc<Outline>, Option<String>) {
-    let outline = match file {
-        Some(file) => outline_of(file, used),
-        None => outline_of(Path::new(reported), used),
-    };
-    match outline {
-        Ok(outline) => (Arc::new(outline), None),
-        Err(error) => (Arc::default(), Some(error.to_string())),
-    }
 }
 
 #[cfg(test)]
@@ -180,14 +146,9 @@ mod tests {
             flags: ModelSlot::PRESENT | ModelSlot::MEMORY_KNOWN,
             ..ModelSlot::default()
         };
-        let models =
-            Models { slots: Some([there, ModelSlot::default(), there]), ..Models::default() };
-        let named = models.used().unwrap();
-        assert_eq!(
-            (named.name.as_str(), named.file.as_str()),
-            ("gmr-play 5a5a5a5a", "/models/a.json")
-        );
-        assert!(named.memory_known && models.staged().is_none() && models.previous().is_some());
-        assert!(Models::default().used().is_none());
+        let models = models(&[there, ModelSlot::default(), there]);
+        let named = models.used.unwrap();
+        assert_eq!((&*named.name, &*named.file), ("gmr-play 5a5a5a5a", "/models/a.json"));
+        assert!(named.memory_known && models.staged.is_none() && models.previous.is_some());
     }
 }

@@ -1,16 +1,13 @@
 //! The subscriptions to all streams of a controller. They only read, so they cannot move the robot.
 
-use i2ris::ipc::client::{ClientError, Subscription, Watcher};
-use i2ris::ipc::payload::{
-    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ReachTarget, ReasonMsg, VirtualFixturesMsg,
-};
-use i2ris::ipc::{Domain, Message};
+use i2ris::ipc::client::{self, ClientError, Subscription, Watcher};
+use i2ris::ipc::payload::{ActuatorState, OperatingStateMsg};
+use i2ris::ipc::{Domain, Message, Stream, StreamMessage};
 use i2ris::units::{MAX_MOTORS, Nanos};
+use i2ris_terminal::view::LatestMessages;
 
 use super::commander::Commander;
 use super::dashboard::Dashboard;
-use super::latest_messages::LatestMessages;
 
 /// How often streams are read: their buffers hold 128 messages.
 pub const READ_PERIOD: Nanos = Nanos::from_millis(20);
@@ -20,22 +17,27 @@ pub const DRAW_PERIOD: Nanos = Nanos::from_millis(100);
 const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 
+/// All but the operating state, in the order in which the event log has what comes together.
+const STREAMS: [Stream; 12] = [
+    Stream::Actuators,
+    Stream::Goal,
+    Stream::Setpoint,
+    Stream::Measured,
+    Stream::Error,
+    Stream::Warning,
+    Stream::Health,
+    Stream::Adaptation,
+    Stream::VirtualFixtures,
+    Stream::ReachTarget,
+    Stream::Statistics,
+    Stream::External,
+];
+
 /// Subscriptions to all streams.
 pub struct Subscriptions {
     state: Subscription<OperatingStateMsg>,
-    goal: Subscription<JointState>,
-    setpoint: Subscription<JointState>,
-    measured: Subscription<JointState>,
-    camera: Subscription<ExternalPosition>,
-    actuators: Subscription<ActuatorState>,
-    statistics: Subscription<PeriodStatistics>,
-    health: Subscription<Health>,
-    error: Subscription<ReasonMsg>,
-    warning: Subscription<ReasonMsg>,
+    others: client::Subscriptions,
     commander: Commander,
-    adaptation: Subscription<AdaptationMsg>,
-    fixtures: Subscription<VirtualFixturesMsg>,
-    target: Subscription<ReachTarget>,
     exchanges: Exchanges,
     boot_id: Option<u64>,
 }
@@ -45,19 +47,8 @@ impl Subscriptions {
         let watcher = Watcher::new(domain);
         Self {
             state: watcher.operating_state(),
-            goal: watcher.goal_js(),
-            setpoint: watcher.setpoint_js(),
-            measured: watcher.measured_js(),
-            camera: watcher.external(),
-            actuators: watcher.actuators(),
-            statistics: watcher.period_statistics(),
-            health: watcher.health(),
-            error: watcher.error(),
-            warning: watcher.warning(),
+            others: client::Subscriptions::new(&watcher, &STREAMS),
             commander: Commander::new(domain),
-            adaptation: watcher.adaptation(),
-            fixtures: watcher.virtual_fixtures(),
-            target: watcher.reach_target(),
             exchanges: Exchanges::default(),
             boot_id: None,
         }
@@ -65,20 +56,20 @@ impl Subscriptions {
 
     /// Reads what has arrived. Returns whether the controller was restarted or the model changed.
     pub fn refresh(&mut self, dashboard: &mut Dashboard, now: Nanos) -> bool {
-        let model = dashboard.view.measured.map(|measured| measured.model_id);
+        let model = dashboard.messages.measured.map(|measured| measured.model_id);
         let outcome = self.read(dashboard);
         dashboard.problem = outcome.as_ref().err().map(ToString::to_string);
         dashboard.event_log.update_connection(dashboard.problem.as_deref(), now);
-        dashboard.event_log.update_camera(&dashboard.view, now);
-        dashboard.commander = self.commander.name(dashboard.view.state.as_ref(), now);
-        dashboard.history.sample(&dashboard.view, now);
+        dashboard.event_log.update_camera(&dashboard.messages, now);
+        dashboard.commander = self.commander.name(dashboard.messages.state.as_ref(), now);
+        dashboard.history.sample(&dashboard.messages, now);
         outcome.unwrap_or(false)
-            || model != dashboard.view.measured.map(|measured| measured.model_id)
+            || model != dashboard.messages.measured.map(|measured| measured.model_id)
     }
 
     fn read(&mut self, dashboard: &mut Dashboard) -> Result<bool, ClientError> {
-        let Dashboard { view, history, event_log, .. } = dashboard;
-        let (mut states, mut motors) = (Vec::new(), Vec::new());
+        let Dashboard { messages: view, history, event_log, .. } = dashboard;
+        let mut states = Vec::new();
         self.state.drain(|message| states.push(message))?;
         let is_restarted = self.boot_id != self.state.boot_id();
         if is_restarted {
@@ -89,47 +80,43 @@ impl Subscriptions {
             event_log.update_state(message);
             view.state = Some(*message);
         }
-        self.actuators.drain(|message| motors.push(message))?;
-        for message in &motors {
-            event_log.update_motors(message);
-            view.actuators = Some(*message);
-        }
+        self.others.drain(|message| match message {
+            StreamMessage::Actuators(message) => {
+                event_log.update_motors(&message);
+                view.actuators = Some(message);
+            }
+            StreamMessage::Goal(message) => view.goal = Some(message),
+            StreamMessage::Setpoint(message) => view.setpoint = Some(message),
+            StreamMessage::Measured(message) => {
+                event_log.update_model(&message);
+                view.measured = Some(message);
+            }
+            StreamMessage::Error(message) => {
+                event_log.update_reason(&message);
+                view.error = Some(message);
+            }
+            StreamMessage::Warning(message) => {
+                event_log.update_reason(&message);
+                view.warning = Some(message);
+            }
+            StreamMessage::Health(message) => view.health = Some(message),
+            StreamMessage::Adaptation(message) => view.adaptation = Some(message),
+            StreamMessage::VirtualFixtures(message) => view.fixtures = Some(message),
+            StreamMessage::ReachTarget(message) => view.target = Some(message),
+            StreamMessage::Statistics(message) => {
+                event_log.update_ticks(&message);
+                view.statistics = Some(message);
+            }
+            StreamMessage::External(message) => {
+                history.add_frame(&message);
+                view.camera = Some(message);
+            }
+            _ => {}
+        })?;
         view.exchange_rates =
             view.actuators.as_ref().and_then(|message| self.exchanges.rates(message));
-        replace_if_new(&mut view.goal, self.goal.newest()?);
-        replace_if_new(&mut view.setpoint, self.setpoint.newest()?);
-        if replace_if_new(&mut view.measured, self.measured.newest()?) {
-            view.measured.iter().for_each(|message| event_log.update_model(message));
-        }
-        self.error.drain(|message| {
-            event_log.update_reason(&message);
-            view.error = Some(message);
-        })?;
-        self.warning.drain(|message| {
-            event_log.update_reason(&message);
-            view.warning = Some(message);
-        })?;
-        replace_if_new(&mut view.health, self.health.newest()?);
-        replace_if_new(&mut view.adaptation, self.adaptation.newest()?);
-        replace_if_new(&mut view.fixtures, self.fixtures.newest()?);
-        replace_if_new(&mut view.target, self.target.newest()?);
-        if replace_if_new(&mut view.statistics, self.statistics.newest()?) {
-            view.statistics.iter().for_each(|message| event_log.update_ticks(message));
-        }
-        self.camera.drain(|message| {
-            history.add_frame(&message);
-            view.camera = Some(message);
-        })?;
         Ok(is_restarted)
     }
-}
-
-fn replace_if_new<T>(old: &mut Option<T>, new: Option<T>) -> bool {
-    let came = new.is_some();
-    if came {
-        *old = new;
-    }
-    came
 }
 
 /// Turns counters into rates, about once a second.

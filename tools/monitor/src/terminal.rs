@@ -13,11 +13,11 @@ use std::time::Duration;
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
+use i2ris_terminal::view::Severity;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
 
 use super::dashboard::Dashboard;
-use super::event_log::Severity;
 use super::model_poller::ModelPoller;
 use super::subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
 use i2ris_terminal::Failure;
@@ -108,9 +108,9 @@ impl Session {
             // A change of size also arrives here; drawing handles it.
             if let Event::Key(key) = event::read()? {
                 let now = clock::now();
-                let order = self.key_handler.press(&key, &self.dashboard.models, now);
-                if let Some(refused) = order.and_then(|order| self.operator_commands.execute(order))
-                {
+                let order = self.key_handler.press(&key, &self.dashboard.models.models, now);
+                let refused = order.and_then(|order| self.operator_commands.execute(order));
+                if let Some(refused) = refused {
                     self.show_result(refused, now);
                 }
             }
@@ -141,13 +141,9 @@ impl Session {
 
 #[cfg(test)]
 mod tests {
-    use std::fs::File;
-    use std::io::Read;
-    use std::os::fd::AsFd;
-    use std::os::unix::process::CommandExt;
     use std::process::Command;
 
-    use nix::sys::termios::{LocalFlags, tcgetattr};
+    use i2ris_testing::Terminal;
 
     use super::*;
 
@@ -159,46 +155,13 @@ mod tests {
         if std::env::var_os(CHILD).is_some() {
             return on_screen(|_| panic!("on purpose")).unwrap();
         }
-        let pty = nix::pty::openpty(None, None).unwrap();
-        let slave = || std::process::Stdio::from(pty.slave.try_clone().unwrap());
         let mut command = Command::new(std::env::current_exe().unwrap());
         command.args(["--exact", "terminal::tests::a_panic_puts_the_terminal_back", "--nocapture"]);
-        command
-            .env(CHILD, "1")
-            .env("TERM", "xterm-256color")
-            .stdin(slave())
-            .stdout(slave())
-            .stderr(slave());
-        // SAFETY: both calls are async-signal-safe and touch no memory of the parent.
-        unsafe {
-            command.pre_exec(|| {
-                nix::unistd::setsid()?;
-                nix::errno::Errno::result(nix::libc::ioctl(0, nix::libc::TIOCSCTTY, 0))?;
-                Ok(())
-            });
-        }
-        let mut child = command.spawn().unwrap();
-        // It holds descriptors of the terminal that would keep the reading below from ending.
-        drop(command);
-        let ours = File::from(pty.slave.try_clone().unwrap());
-        let reader = std::thread::spawn(move || {
-            let (mut bytes, mut chunk, mut master) =
-                (Vec::new(), [0; 4096], File::from(pty.master));
-            while !String::from_utf8_lossy(&bytes).contains("test result") {
-                match master.read(&mut chunk) {
-                    Ok(count @ 1..) => bytes.extend(&chunk[..count]),
-                    _ => break,
-                }
-            }
-            (String::from_utf8_lossy(&bytes).into_owned(), master)
-        });
-        assert!(!child.wait().unwrap().success());
-        let (text, _master) = reader.join().unwrap();
-        let position =
-            |part: &str| text.find(part).unwrap_or_else(|| panic!("{part:?} is not in {text:?}"));
-        assert!(position("\u{1b}[?1049h") < position("\u{1b}[?1049l"), "the first screen again");
-        assert!(position("\u{1b}[?1049l") < position("on purpose"), "and the reason is on it");
-        let flags = tcgetattr(ours.as_fd()).unwrap().local_flags;
-        assert!(flags.contains(LocalFlags::ICANON | LocalFlags::ECHO));
+        command.env(CHILD, "1");
+        let mut terminal = Terminal::run(command, 24, 80);
+        assert!(!terminal.end().success());
+        terminal.assert_restored();
+        let text = terminal.screen.screen().contents();
+        assert!(text.contains("on purpose"), "the reason is on the first screen: {text}");
     }
 }

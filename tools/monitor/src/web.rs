@@ -9,11 +9,11 @@
 //! A browser asks again and again for what is new ([`source`]), so a slow one gets less and a
 //! vanished one costs nothing: the server remembers nothing about any of them.
 
-mod cursor;
 mod http;
 mod listen_address;
 mod route;
 mod server;
+mod since;
 mod snapshot;
 mod source;
 

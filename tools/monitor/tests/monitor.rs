@@ -1,8 +1,6 @@
 //! `i2ris monitor` against a controller without drives.
 #![allow(clippy::unwrap_used)]
 
-#[path = "monitor/browser.rs"]
-mod browser;
 #[path = "monitor/chromium.rs"]
 mod chromium;
 #[path = "monitor/contrast.rs"]
@@ -11,8 +9,6 @@ mod contrast;
 mod http;
 #[path = "monitor/pages.rs"]
 mod pages;
-#[path = "monitor/processes.rs"]
-mod processes;
 #[path = "monitor/terminal.rs"]
 mod terminal;
 #[path = "monitor/web.rs"]
@@ -20,13 +16,11 @@ mod web;
 
 use std::io::{BufRead, BufReader, Read};
 
-use i2ris::ipc::{Domain, random_id};
-use i2ris_testing::{Controller, Program};
+use i2ris_testing::{Controller, Program, unique_domain};
 
 #[test]
 fn without_a_controller_it_says_so() {
-    let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
-    let (success, _, error) = Program::run(&domain, &["monitor"]);
+    let (success, _, error) = Program::run(&unique_domain(), &["monitor"]);
     assert!(!success && error.contains("no controller serves domain"), "{error}");
 }
 

@@ -11,9 +11,9 @@ use std::time::Duration;
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
+use i2ris_gateway::Reason;
 
 use crate::keys::PersonalKey;
-use crate::message::SessionRefusal;
 use crate::{BridgeEvent, NetworkError};
 use joined::{Course, Joined};
 use network::Network;
@@ -31,14 +31,12 @@ const WAIT: Duration = Duration::from_millis(1);
 /// The same while somebody streams commands: they wait for half of this on average.
 const STREAMING_WAIT: Duration = Duration::from_micros(200);
 
-/// How a client is run.
 #[derive(Debug, Clone)]
 pub struct BridgeClient {
     /// The domain to serve, on this computer.
     pub domain: Domain,
     /// Where the server listens: address and UDP port.
     pub server: String,
-    /// The key.
     pub key: PersonalKey,
     /// Silence after which the server counts as lost.
     pub lost_after: Nanos,
@@ -147,17 +145,16 @@ impl End {
                 let reason = "connected, and no answer: the key may not be in the list there";
                 self.pause(now + REFUSED_PERIOD, reason, report);
             }
-            Course::Refused(SessionRefusal::Ended) => {
+            Course::Refused(Reason::Ended) => {
                 self.leave(now + CALL_PERIOD);
                 report(BridgeEvent::Left(address));
             }
-            Course::Refused(SessionRefusal::Full) => {
+            Course::Refused(Reason::Full) => {
                 self.leave(now + REFUSED_PERIOD);
-                report(BridgeEvent::Full(address));
+                report(BridgeEvent::Refused(format!("{address}: {}", Reason::Full)));
             }
-            Course::Refused(_) => {
-                let reason = "refused: this key was revoked";
-                self.pause(now + REFUSED_PERIOD, reason, report);
+            Course::Refused(reason) => {
+                self.pause(now + REFUSED_PERIOD, &reason.to_string(), report);
             }
         }
     }
@@ -166,10 +163,7 @@ impl End {
         self.leave(until);
         if self.last_reason != reason {
             reason.clone_into(&mut self.last_reason);
-            report(BridgeEvent::Refused {
-                address: self.options.server.clone(),
-                reason: reason.to_owned(),
-            });
+            report(BridgeEvent::Refused(format!("{}: {reason}", self.options.server)));
         }
     }
 

@@ -4,40 +4,20 @@ use std::fmt;
 
 use i2ris::units::Nanos;
 
-/// What either end reports while it runs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum BridgeEvent {
-    /// The other end is there.
-    Joined {
-        /// Its key or address.
-        who: String,
-        /// Whether commands pass.
-        commands: bool,
-    },
+    /// The other end is there, by its key or address.
+    Joined { who: String, commands: bool },
     /// The other end has said that it ends.
     Left(String),
     /// The other end has been silent for too long.
     Lost(String),
-    /// The server serves as many clients as it can.
-    Full(String),
-    /// A client of another version of the interface was refused.
-    Foreign {
-        /// Its key.
-        who: String,
-        /// Its version.
-        interface: u32,
-    },
+    /// Who is refused or refuses, or cannot be reached, and why.
+    Refused(String),
     /// The list of keys has changed, and everyone has to begin again.
     AccessChanged,
-    /// The list of keys or the network cannot be used, so nobody is served.
+    /// The list of keys or the network cannot be used.
     Closed(String),
-    /// The server cannot be reached, or refuses.
-    Refused {
-        /// Its address.
-        address: String,
-        /// The reason.
-        reason: String,
-    },
     /// Something that Zenoh warns of, for instance a certificate that was not accepted.
     Warning(String),
     /// The client's domain is served.
@@ -55,16 +35,9 @@ impl fmt::Display for BridgeEvent {
             Self::Joined { who, commands: false } => write!(f, "{who}: joined, to watch only"),
             Self::Left(who) => write!(f, "{who}: left"),
             Self::Lost(who) => write!(f, "{who}: silent, connection lost"),
-            Self::Full(who) => {
-                write!(f, "{who}: refused, as many clients as possible are joined")
-            }
-            Self::Foreign { who, interface } => write!(
-                f,
-                "{who}: refused, it has interface version {interface}; build both from one release"
-            ),
+            Self::Refused(line) => f.write_str(line),
             Self::AccessChanged => write!(f, "the list of keys has changed; all sessions ended"),
             Self::Closed(reason) => write!(f, "nobody is served: {reason}"),
-            Self::Refused { address, reason } => write!(f, "{address}: {reason}"),
             Self::Warning(text) => write!(f, "warning: {text}"),
             Self::Serving => write!(f, "the controller is there"),
             Self::NoController => write!(f, "there is no controller at the other end"),

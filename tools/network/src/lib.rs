@@ -12,7 +12,8 @@
 //! | [`link`] | the configuration of Zenoh: QUIC, certificates of both ends, access control |
 //! | [`names`] | key expressions |
 //! | [`message`], [`request`], [`state`] | what goes over the network |
-//! | [`offset`] | the offset between the clocks of both computers |
+//! | `pace` | how often to send |
+//! | `event`, `error`, `warnings` | what either end reports, what can go wrong, what Zenoh warns of |
 //! | [`server`], [`client`] | the two ends |
 //!
 //! # Sessions
@@ -28,10 +29,10 @@
 //! # Time
 //!
 //! Clocks of two computers are never compared. Every answer to `alive` has the server's clock, and
-//! [`offset::ClockOffset`] keeps bounds of the lead of one clock over the other, as far apart as
-//! the smallest round trip. The client puts the stamps of commands on the controller's clock by the
-//! bound that makes them older, never younger. A command that was held up anywhere arrives as old
-//! as it is or older, and the controller refuses it by its own deadline.
+//! [`i2ris_gateway::clock::ClockOffset`] keeps bounds of the lead of one clock over the other, as
+//! far apart as the smallest round trip. The client puts the stamps of commands on the controller's
+//! clock by the bound that makes them older, never younger. A command that was held up anywhere
+//! arrives as old as it is or older, and the controller refuses it by its own deadline.
 //!
 //! # Streams and requests
 //!
@@ -56,7 +57,6 @@ pub mod keys;
 pub mod link;
 pub mod message;
 pub mod names;
-pub mod offset;
 mod pace;
 pub mod request;
 pub mod server;

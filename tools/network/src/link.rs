@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use zenoh::{Config, Session, Wait};
 
 use crate::keys::{Access, AccessList, PersonalKey};
-use crate::names::{FROM, STATES, Source, What};
+use crate::names::{COMMANDS, FROM, STATES, Source, What};
 use crate::{NetworkError, warnings};
 
 /// Silence after which Zenoh gives up a connection, ms. A session ends long before.
@@ -135,7 +135,7 @@ fn access_control(access: &AccessList, commands: bool) -> Value {
         if let Some(may) = access.access(id) {
             allowed.extend(["watch", "show"].map(str::to_owned));
             if commands && may == Access::Command {
-                let keys = What::COMMANDS.map(|what| command_of_any_session(id, what));
+                let keys = COMMANDS.map(|stream| command_of_any_session(id, What::Command(stream)));
                 rules.push(rule(&command, "ingress", &["put"], &keys));
                 allowed.push(command);
             }

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use i2ris::units::Nanos;
 use i2ris_network::keys::{Access, Lifetime, PersonalKey, make_key, revoke};
 use i2ris_network::{BridgeClient, BridgeEvent, BridgeServer};
@@ -73,12 +73,6 @@ struct Shared {
     domain: DomainOption,
 }
 
-impl Shared {
-    fn lost_after(&self) -> Nanos {
-        Nanos::from_millis(self.lost_ms)
-    }
-}
-
 #[derive(Debug, clap::Args)]
 struct ServeArguments {
     /// Where to listen: address and UDP port
@@ -118,8 +112,8 @@ struct KeyArguments {
     /// Name of the person: letters, digits, `-` and `_`
     name: String,
     /// What the key may do
-    #[arg(long, value_enum, default_value_t = May::Watch)]
-    may: May,
+    #[arg(long, value_enum, default_value_t = Access::Watch)]
+    may: Access,
     /// Days that the key is valid
     #[arg(long, default_value_t = 365, value_name = "DAYS",
         value_parser = clap::value_parser!(u16).range(1..=3650))]
@@ -130,14 +124,6 @@ struct KeyArguments {
     host: Vec<String>,
     #[command(flatten)]
     keys: KeysOption,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum May {
-    /// Streams, and questions that change nothing
-    Watch,
-    /// Commands and requests, too
-    Command,
 }
 
 fn main() -> ExitCode {
@@ -162,14 +148,10 @@ fn say(line: &str) -> Result<(), Failure> {
 }
 
 fn key(arguments: &KeyArguments) -> Result<(), Failure> {
-    let access = match arguments.may {
-        May::Watch => Access::Watch,
-        May::Command => Access::Command,
-    };
     let folder = make_key(
         &arguments.keys.keys,
         &arguments.name,
-        access,
+        arguments.may,
         &arguments.host,
         Lifetime::days(arguments.days),
     )?;
@@ -184,7 +166,7 @@ fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
         keys: arguments.keys.keys.clone(),
         commands: arguments.command,
         period: Nanos(1_000_000_000 / arguments.rate_hz),
-        lost_after: shared.lost_after(),
+        lost_after: Nanos::from_millis(shared.lost_ms),
     };
     let interrupt = Interrupt::catch()?;
     let server = server.open()?;
@@ -193,9 +175,9 @@ fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
     } else {
         "to watch only"
     };
-    let mut output = Output::new();
-    output.say(&format!("listening at {}, {access}; Ctrl-C ends", arguments.listen));
-    server.run(|| interrupt.came(), |event| output.report(&event));
+    let mut screen = Screen::stdout();
+    let _ = screen.say(&format!("listening at {}, {access}; Ctrl-C ends", arguments.listen));
+    server.run(|| interrupt.came(), |event| report(&mut screen, &event));
     Ok(())
 }
 
@@ -203,9 +185,9 @@ fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
     let shared = &arguments.shared;
     let domain = shared.domain.domain()?;
     let key = PersonalKey::load(&arguments.key)?;
-    let mut output = Output::new();
+    let mut screen = Screen::stdout();
     let interrupt = Interrupt::catch()?;
-    output.say(&format!(
+    let _ = screen.say(&format!(
         "connecting to {} for domain {}; Ctrl-C ends",
         arguments.server,
         domain.name()
@@ -214,49 +196,17 @@ fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
         domain,
         server: arguments.server.clone(),
         key,
-        lost_after: shared.lost_after(),
+        lost_after: Nanos::from_millis(shared.lost_ms),
     };
-    Ok(client.run(|| interrupt.came(), |event| output.report(&event))?)
+    Ok(client.run(|| interrupt.came(), |event| report(&mut screen, &event))?)
 }
 
-/// Messages on standard output. A reader that went away does not end the bridge: the robot may
-/// depend on it.
-struct Output {
-    screen: Screen,
-}
-
-impl Output {
-    fn new() -> Self {
-        Self { screen: Screen::stdout() }
-    }
-
-    fn say(&mut self, line: &str) {
-        let _ = self.screen.say(line);
-    }
-
-    fn report(&mut self, event: &BridgeEvent) {
-        match event {
-            // Once a second, on a terminal that shows the latest one only.
-            BridgeEvent::RoundTrip(_) if self.screen.is_terminal() => {
-                drop(self.screen.draw(&[event.to_string()]))
-            }
-            BridgeEvent::RoundTrip(_) => {}
-            event => self.say(&event.to_string()),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use clap::CommandFactory;
-
-    use super::*;
-
-    #[test]
-    fn the_help_has_an_example_and_the_command_line_is_consistent() {
-        let mut command = Arguments::command();
-        let help = command.render_long_help().to_string();
-        assert!(help.contains("Example") && help.contains("i2ris bridge"), "{help}");
-        command.debug_assert();
-    }
+/// A reader of the lines that went away does not end the bridge: the robot may depend on it.
+fn report(screen: &mut Screen, event: &BridgeEvent) {
+    let _ = match event {
+        // Once a second, on a terminal that shows the latest one only.
+        BridgeEvent::RoundTrip(_) if screen.is_terminal() => screen.draw(&[event.to_string()]),
+        BridgeEvent::RoundTrip(_) => Ok(()),
+        event => screen.say(&event.to_string()),
+    };
 }

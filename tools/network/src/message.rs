@@ -1,5 +1,6 @@
 //! What goes over the network besides the payloads of shared memory, little endian as they are.
 
+use i2ris_gateway::Reason;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 /// `alive`, query of a client, twenty times a second.
@@ -13,7 +14,6 @@ pub struct Alive {
     /// How much later than the quickest one messages of streams arrived since the last question,
     /// us; 0: not known.
     pub lag_us: u32,
-    /// 0.
     pub reserved: u32,
 }
 
@@ -25,7 +25,7 @@ pub struct AliveReply {
     pub now_ns: u64,
     /// Version of the interface.
     pub interface: u32,
-    /// [`SessionRefusal`]; 0: the session lives.
+    /// Of [`refusal_number`]; 0: the session lives.
     pub refusal: u32,
     /// 1: commands pass; 0: to watch only.
     pub commands: u32,
@@ -34,32 +34,30 @@ pub struct AliveReply {
     /// How much later than the quickest one commands arrived since the last answer, us; 0: none
     /// arrived.
     pub lag_us: u32,
-    /// 0.
     pub reserved: u32,
 }
 
-/// Why there is no session.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum SessionRefusal {
-    /// The client has another version of the interface.
-    Interface = 1,
-    /// As many clients as possible are there.
-    Full = 2,
-    /// The session has ended, by silence or by the client. It never lives again: choose another
-    /// number.
-    Ended = 3,
-    /// The key was revoked, or is not in the list.
-    Revoked = 4,
+/// The number of the reason why there is no session.
+#[must_use]
+pub const fn refusal_number(reason: &Reason) -> u32 {
+    match reason {
+        Reason::Interface(_) => 1,
+        Reason::Full => 2,
+        // Choose another number for another session.
+        Reason::Ended => 3,
+        // Or the key is not in the list.
+        Reason::Revoked => 4,
+        _ => 0,
+    }
 }
 
-impl SessionRefusal {
-    /// The refusal of this number.
+impl AliveReply {
+    /// Why there is no session.
     #[must_use]
-    pub fn of(number: u32) -> Option<Self> {
-        [Self::Interface, Self::Full, Self::Ended, Self::Revoked]
+    pub fn reason(&self) -> Option<Reason> {
+        [Reason::Interface(self.interface), Reason::Full, Reason::Ended, Reason::Revoked]
             .into_iter()
-            .find(|it| *it as u32 == number)
+            .find(|reason| refusal_number(reason) == self.refusal)
     }
 }
 
@@ -74,12 +72,10 @@ pub struct QuestionHeader {
     pub asked_ns: u64,
 }
 
-/// What precedes the payload of a reply.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct AnswerHeader {
     /// [`crate::request::Outcome`].
     pub outcome: u32,
-    /// 0.
     pub reserved: u32,
 }

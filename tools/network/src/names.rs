@@ -3,26 +3,21 @@
 //! `i2ris/state/STREAM` is what the controller reports. `i2ris/from/ID/SESSION/WHAT` is what one
 //! key sends in one session, so that access control of Zenoh holds every key to its own name.
 
-use crate::request::Service;
+use i2ris::ipc::{RequestService, Stream};
 
 /// All streams of the controller.
 pub const STATES: &str = "i2ris/state/**";
-/// The log of the controller. Of this stream and the next two every message counts.
-pub const EVENTS: &str = "events";
-/// Faults.
-pub const ERROR: &str = "error";
-/// Refusals, stops and clips.
-pub const WARNING: &str = "warning";
 /// Everything that keys send.
 pub const FROM: &str = "i2ris/from";
+/// The commands that clients may put.
+pub const COMMANDS: [Stream; 2] = [Stream::ServoJp, Stream::ServoActuators];
 
-/// A stream of the controller.
 #[must_use]
 pub fn state(stream: &str) -> String {
     format!("i2ris/state/{stream}")
 }
 
-/// The stream of a key expression.
+/// The name of the stream of a key expression.
 #[must_use]
 pub fn stream(key: &str) -> Option<&str> {
     key.strip_prefix("i2ris/state/")
@@ -33,36 +28,27 @@ pub fn stream(key: &str) -> Option<&str> {
 pub enum What {
     /// The sign of life.
     Alive,
-    /// A command in angles.
-    ServoJp,
-    /// A command in counts.
-    ServoActuators,
-    /// A request.
-    Request(Service),
+    /// One of [`COMMANDS`].
+    Command(Stream),
+    /// Anything but [`RequestService::Version`], which the other end answers by itself.
+    Request(RequestService),
 }
 
 impl What {
-    /// Everything that is put.
-    pub const COMMANDS: [Self; 2] = [Self::ServoJp, Self::ServoActuators];
-
-    fn name(self) -> &'static str {
+    fn name(self) -> String {
         match self {
-            Self::Alive => "alive",
-            Self::ServoJp => "servo_jp",
-            Self::ServoActuators => "actuators/servo_jp",
-            Self::Request(Service::StateCommand) => "request/state_command",
-            Self::Request(Service::Move) => "request/move_jp",
-            Self::Request(Service::Model) => "request/model",
-            Self::Request(Service::BlackBox) => "request/black_box",
-            Self::Request(Service::Fixture) => "request/virtual_fixture",
+            Self::Alive => "alive".to_owned(),
+            Self::Command(stream) => stream.name().to_owned(),
+            Self::Request(service) => format!("request/{}", service.name()),
         }
     }
 
     fn named(name: &str) -> Option<Self> {
-        let requests = Service::ALL.map(Self::Request);
-        [Self::Alive, Self::ServoJp, Self::ServoActuators]
+        let requests = RequestService::ALL.iter().filter(|it| **it != RequestService::Version);
+        [Self::Alive]
             .into_iter()
-            .chain(requests)
+            .chain(COMMANDS.map(Self::Command))
+            .chain(requests.map(|service| Self::Request(*service)))
             .find(|what| what.name() == name)
     }
 }
@@ -70,19 +56,21 @@ impl What {
 /// A sender with one thing that it sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Source<'a> {
-    /// The key.
     pub id: &'a str,
-    /// The session, chosen by the client.
+    /// Chosen by the client.
     pub session: u64,
-    /// What is sent.
     pub what: What,
 }
 
 impl<'a> Source<'a> {
-    /// The key expression.
     #[must_use]
     pub fn key(&self) -> String {
         format!("{FROM}/{}/{:016x}/{}", self.id, self.session, self.what.name())
+    }
+
+    /// The key and the number of the session.
+    pub(crate) fn session_key(&self) -> (String, u64) {
+        (self.id.to_owned(), self.session)
     }
 
     /// The sender of a key expression; `None` for everything else, wildcards too.
@@ -104,13 +92,16 @@ mod tests {
 
     #[test]
     fn a_sender_is_read_again_and_anything_else_is_none() {
-        for what in [What::Alive, What::ServoJp, What::ServoActuators, What::Request(Service::Move)]
-        {
+        for (what, name) in [
+            (What::Alive, "alive"),
+            (What::Command(Stream::ServoJp), "servo_jp"),
+            (What::Command(Stream::ServoActuators), "actuators/servo_jp"),
+            (What::Request(RequestService::Move), "request/move_jp"),
+        ] {
             let source = Source { id: "alice-1", session: 0xab, what };
+            assert_eq!(source.key(), format!("i2ris/from/alice-1/00000000000000ab/{name}"));
             assert_eq!(Source::of(&source.key()), Some(source));
         }
-        let key = "i2ris/from/alice-1/00000000000000ab/servo_jp";
-        assert_eq!(Source::of(key).unwrap().what, What::ServoJp);
         for key in [
             "i2ris/from/*/00000000000000ab/servo_jp",
             "i2ris/from/alice-1/*/servo_jp",
@@ -118,6 +109,8 @@ mod tests {
             "i2ris/from/alice-1/+0000000000000ab/servo_jp",
             "i2ris/from/alice-1/ab/servo_jp",
             "i2ris/from/alice-1/00000000000000ab",
+            "i2ris/from/alice-1/00000000000000ab/measured_js",
+            "i2ris/from/alice-1/00000000000000ab/request/version",
             "i2ris/state/servo_jp",
             "",
         ] {

@@ -6,6 +6,7 @@
 //! one, and the sender sends less often while they queue.
 
 use i2ris::units::Nanos;
+use i2ris_gateway::clock::SenderClock;
 
 /// The longest time between two messages.
 const SLOWEST: Nanos = Nanos::from_millis(200);
@@ -16,7 +17,6 @@ const LATE: Nanos = Nanos::from_millis(50);
 /// Messages that are no later than this do not.
 const PROMPT: Nanos = Nanos::from_millis(20);
 
-/// How often to send.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Pace {
     fastest: Nanos,
@@ -53,26 +53,21 @@ impl Pace {
 /// How much later than the quickest messages arrive.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Lag {
-    /// Age of the quickest message on arrival, ns.
-    quickest: Option<u64>,
-    largest: Option<u64>,
+    clock: SenderClock,
+    largest: Option<Nanos>,
 }
 
 impl Lag {
-    /// A message has arrived at this age.
-    pub fn note(&mut self, age: Nanos) {
-        // Rises by a thousandth, so that a link that became slower is not late for ever.
-        let quickest =
-            self.quickest.map_or(age.0, |quickest| (quickest + quickest / 1000 + 1000).min(age.0));
-        self.quickest = Some(quickest);
-        let lag = age.0 - quickest;
-        self.largest = Some(self.largest.unwrap_or(0).max(lag));
+    /// A message of this time has arrived.
+    pub fn note(&mut self, stamp_ns: u64, now: Nanos) {
+        let lag = self.clock.age(stamp_ns, now);
+        self.largest = Some(self.largest.unwrap_or_default().max(lag));
     }
 
     /// The largest lag since the last call, us, at least 1; 0: nothing arrived.
     pub fn take_us(&mut self) -> u32 {
         let lag = self.largest.take();
-        lag.map_or(0, |lag| u32::try_from(lag / 1000).unwrap_or(u32::MAX).max(1))
+        lag.map_or(0, |lag| u32::try_from(lag.0 / 1000).unwrap_or(u32::MAX).max(1))
     }
 }
 
@@ -95,7 +90,7 @@ mod tests {
             let now = Nanos::from_millis(1000 + tick);
             if pace.is_due(now) {
                 free_at = free_at.max(now) + capacity;
-                lag.note(free_at.since(now));
+                lag.note(now.0, free_at);
                 if now > half {
                     sent += 1;
                     worst = worst.max(free_at.since(now));
@@ -129,10 +124,10 @@ mod tests {
     fn without_an_arrival_there_is_no_lag() {
         let mut lag = Lag::default();
         assert_eq!(lag_of_us(lag.take_us()), None);
-        lag.note(Nanos::from_millis(70));
+        lag.note(0, Nanos::from_millis(70));
         assert_eq!(lag.take_us(), 1);
-        lag.note(Nanos::from_millis(170));
-        assert!((99_000..=100_000).contains(&lag.take_us()));
+        lag.note(0, Nanos::from_millis(170));
+        assert_eq!(lag.take_us(), 100_000);
         assert_eq!(lag.take_us(), 0);
     }
 }

@@ -1,54 +1,27 @@
 //! Requests: asked until answered, carried out once, and not when nobody waits any more.
 
-use i2ris::ipc::client::{ClientError, RequestForwarder};
-use i2ris::ipc::payload::{
-    BlackBoxReply, ModelReply, ModelRequest, StateCommandReply, StateCommandRequest, padded_text,
-};
-use i2ris::ipc::{ModelAction, Refusal, StateCommand};
+use i2ris::ipc::client::RequestForwarder;
+use i2ris::ipc::{ModelAction, Payload, Request, RequestService, StateCommand};
 use i2ris::units::Nanos;
-
-use zerocopy::{FromBytes, Immutable, IntoBytes};
+use i2ris_gateway::Reason;
+use i2ris_gateway::admission::Ages;
+use zerocopy::{FromBytes, IntoBytes};
 
 use crate::message::{AnswerHeader, QuestionHeader};
 
 /// Age at which a request is not carried out: a client waits for a second, and the answer needs its
 /// time.
-pub(crate) const LATE: Nanos = Nanos::from_millis(500);
+const LATE: Nanos = Nanos::from_millis(500);
 
-/// Which service is asked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Service {
-    /// `state_command`.
-    StateCommand,
-    /// `move_jp`.
-    Move,
-    /// `model`.
-    Model,
-    /// `black_box`.
-    BlackBox,
-    /// `virtual_fixture`.
-    Fixture,
-}
+const AGES: Ages = Ages { oldest: LATE, ahead: Nanos(u64::MAX), since_ns: 0 };
 
-impl Service {
-    /// All services.
-    pub const ALL: [Self; 5] =
-        [Self::StateCommand, Self::Move, Self::Model, Self::BlackBox, Self::Fixture];
-
-    /// Whether the answer may take seconds.
-    pub fn is_slow(self) -> bool {
-        matches!(self, Self::Model | Self::BlackBox)
-    }
-}
-
-/// A request in transit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Question {
     pub number: u64,
     /// When it was asked. In transit and in the server on the controller's clock, in the client on
     /// its own.
     pub asked: u64,
-    pub service: Service,
+    pub service: RequestService,
     pub payload: Vec<u8>,
 }
 
@@ -59,7 +32,7 @@ impl Question {
         [header.as_bytes(), &self.payload].concat()
     }
 
-    pub fn read(service: Service, bytes: &[u8]) -> Option<Self> {
+    pub fn read(service: RequestService, bytes: &[u8]) -> Option<Self> {
         let (header, payload) = QuestionHeader::read_from_prefix(bytes).ok()?;
         Some(Self {
             number: header.number,
@@ -71,56 +44,45 @@ impl Question {
 
     /// Whether it only looks.
     pub fn only_looks(&self) -> bool {
-        let listing = |request: ModelRequest| request.action == ModelAction::List.number();
-        self.service == Service::Model
-            && ModelRequest::read_from_bytes(&self.payload).ok().is_some_and(listing)
+        let Some(Request::Model(request)) = self.request() else {
+            return false;
+        };
+        request.action == ModelAction::List.number()
     }
 
     /// Whether it only stops. Better late than never.
     pub fn only_stops(&self) -> bool {
-        let stops = |request: StateCommandRequest| {
-            use StateCommand::{Disable, Hold, Pause, Release};
-            matches!(
-                StateCommand::from_number(request.command),
-                Some(Disable | Pause | Hold | Release)
-            )
+        use StateCommand::{Disable, Hold, Pause, Release};
+        let Some(Request::StateCommand(request)) = self.request() else {
+            return false;
         };
-        self.service == Service::StateCommand
-            && StateCommandRequest::read_from_bytes(&self.payload).ok().is_some_and(stops)
+        let command = StateCommand::from_number(request.command);
+        matches!(command, Some(Disable | Pause | Hold | Release))
+    }
+
+    fn request(&self) -> Option<Request> {
+        Request::from_bytes(self.service, &self.payload)
     }
 
     /// Whether it comes too late to be carried out; `asked` is by our clock.
     pub fn is_late(&self, now: Nanos) -> bool {
-        !self.only_stops() && now.since(Nanos(self.asked)) > LATE
+        !self.only_stops() && AGES.check(self.asked, now.0).is_err()
     }
 
     /// Asks the controller and waits. Nothing is asked of it that is malformed.
     pub fn carry_out(&self, controller: &mut RequestForwarder) -> Answer {
-        let payload = match self.service {
-            Service::StateCommand => {
-                ask(&self.payload, |request| controller.state_command(request))
-            }
-            Service::Move => ask(&self.payload, |request| controller.move_jp(request)),
-            Service::Model => ask(&self.payload, |request| controller.model(request)),
-            Service::BlackBox => ask(&self.payload, |request| controller.black_box(request)),
-            Service::Fixture => ask(&self.payload, |request| controller.virtual_fixture(request)),
-        };
-        match payload {
-            Some(payload) => Answer { number: self.number, outcome: Outcome::Answered, payload },
-            None => Answer { number: self.number, outcome: Outcome::Silent, payload: Vec::new() },
+        let reply = self.request().and_then(|request| controller.forward(request).ok());
+        match reply {
+            Some(reply) => Answer {
+                number: self.number,
+                outcome: Outcome::Answered,
+                payload: reply.bytes().to_vec(),
+            },
+            None => Answer::empty(self.number, Outcome::Silent),
         }
     }
 }
 
-fn ask<Q: FromBytes + IntoBytes + Immutable, R: FromBytes + IntoBytes + Immutable>(
-    payload: &[u8],
-    ask: impl FnOnce(Q) -> Result<R, ClientError>,
-) -> Option<Vec<u8>> {
-    let reply = ask(Q::read_from_bytes(payload).ok()?).ok()?;
-    Some(reply.as_bytes().to_vec())
-}
-
-/// What became of a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Outcome {
@@ -140,18 +102,8 @@ impl Outcome {
             .into_iter()
             .find(|it| *it as u32 == number)
     }
-
-    /// What the client receives instead of an answer; `None`: nothing, so that it finds out by
-    /// itself.
-    fn excuse(self) -> Option<&'static str> {
-        match self {
-            Self::Answered | Self::Silent | Self::Late => None,
-            Self::Watching => Some("this key may watch only; see the list of keys"),
-        }
-    }
 }
 
-/// An answer in transit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Answer {
     pub number: u64,
@@ -160,7 +112,6 @@ pub(crate) struct Answer {
 }
 
 impl Answer {
-    /// An answer without a payload.
     pub fn empty(number: u64, outcome: Outcome) -> Self {
         Self { number, outcome, payload: Vec::new() }
     }
@@ -175,38 +126,20 @@ impl Answer {
         Some(Self { number, outcome: Outcome::of(header.outcome)?, payload: payload.to_vec() })
     }
 
-    /// The answer to a state command, a motion or a change of the virtual fixtures.
-    pub fn state(&self, state: u32) -> Option<StateCommandReply> {
-        let refusal = Refusal::Unsupported.number();
-        self.outcome
-            .excuse()
-            .map(|_| StateCommandReply { refusal, state, ..StateCommandReply::default() })
-            .or_else(|| self.value())
-    }
-
-    /// The answer about models.
-    pub fn model(&self) -> Option<ModelReply> {
-        let refused = |why: &str| ModelReply {
-            refusal: Refusal::Unsupported.number(),
-            message: padded_text(why),
-            ..ModelReply::default()
-        };
-        self.outcome.excuse().map(refused).or_else(|| self.value())
-    }
-
-    /// The answer to a request for a black box.
-    pub fn black_box(&self) -> Option<BlackBoxReply> {
-        let refused = |why: &str| BlackBoxReply { ticks: 0, text: padded_text(why) };
-        self.outcome.excuse().map(refused).or_else(|| self.value())
-    }
-
-    fn value<T: FromBytes + IntoBytes + Immutable>(&self) -> Option<T> {
-        T::read_from_bytes(&self.payload).ok()
+    /// The reply for the client, or what it gets in its place if it may only watch. `None`:
+    /// nothing, so that it finds out by itself.
+    pub fn reply<T: Payload>(&self, refused: impl FnOnce(&str) -> T) -> Option<T> {
+        match self.outcome {
+            Outcome::Watching => Some(refused(&Reason::WatchOnly.to_string())),
+            _ => T::from_bytes(&self.payload),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use i2ris::ipc::payload::{ModelRequest, StateCommandRequest};
+
     use super::*;
 
     fn command(command: StateCommand) -> Question {
@@ -214,7 +147,7 @@ mod tests {
         Question {
             number: 1,
             asked: 1_000,
-            service: Service::StateCommand,
+            service: RequestService::StateCommand,
             payload: request.as_bytes().to_vec(),
         }
     }
@@ -226,7 +159,7 @@ mod tests {
         assert_eq!(Question::read(question.service, &bytes), Some(question));
         let answer = Answer { number: 3, outcome: Outcome::Answered, payload: vec![1, 2, 3] };
         assert_eq!(Answer::read(3, &answer.write()), Some(answer));
-        assert_eq!(Question::read(Service::Move, &[0; 15]), None);
+        assert_eq!(Question::read(RequestService::Move, &[0; 15]), None);
         assert_eq!(Answer::read(3, &[0; 8]), None, "no outcome has this number");
     }
 
@@ -239,7 +172,7 @@ mod tests {
             assert_eq!(command(*word).is_late(late), !stops, "{word}");
             assert!(!command(*word).is_late(Nanos(1_000) + LATE));
         }
-        let motion = Question { service: Service::Move, ..command(StateCommand::Hold) };
+        let motion = Question { service: RequestService::Move, ..command(StateCommand::Hold) };
         assert!(motion.is_late(late), "the payload of another service says nothing");
     }
 
@@ -250,7 +183,7 @@ mod tests {
             Question {
                 number: 1,
                 asked: 0,
-                service: Service::Model,
+                service: RequestService::Model,
                 payload: request.as_bytes().to_vec(),
             }
             .only_looks()

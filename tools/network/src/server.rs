@@ -1,32 +1,34 @@
 //! The end beside the controller: a client that speaks for clients elsewhere.
 
 mod controller;
-mod describe;
 mod network;
 mod session;
-mod worker;
 
 use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::time::{Duration, SystemTime};
 
 use i2ris::clock;
-use i2ris::ipc::Domain;
 use i2ris::ipc::ready::INTERFACE_VERSION;
+use i2ris::ipc::{Domain, Payload, StreamMessage};
 use i2ris::units::Nanos;
+use i2ris_gateway::Reason;
+use i2ris_gateway::admission::Peers;
+use i2ris_gateway::refusals::{Refusals, Refused};
 use zenoh::query::Query;
 use zenoh::sample::Sample;
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::keys::{Access, AccessList};
-use crate::message::{Alive, AliveReply, SessionRefusal};
+use crate::message::{Alive, AliveReply, refusal_number};
 use crate::names::{self, Source, What};
 use crate::pace::{Pace, lag_of_us};
 use crate::request::Question;
+use crate::state::{VERSION, is_log};
 use crate::{BridgeEvent, NetworkError, warnings};
 use controller::Controller;
 use network::{Arrival, Network};
-use session::{Session, reply};
+use session::{Session, SessionKey, reply};
 
 /// Clients at the same time.
 const CLIENTS: usize = 4;
@@ -41,14 +43,11 @@ const ACCESS_PERIOD: Nanos = Nanos::from_millis(500);
 /// Pause after the network could not be opened.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// How a server is run.
 #[derive(Debug, Clone)]
 pub struct BridgeServer {
-    /// The controller's domain.
     pub domain: Domain,
     /// Where to listen: address and UDP port.
     pub listen: String,
-    /// The folder of keys.
     pub keys: PathBuf,
     /// Whether commands and requests are passed on; otherwise every key may only watch.
     pub commands: bool,
@@ -76,8 +75,9 @@ impl BridgeServer {
             changed,
             network: Some(network),
             controller,
-            sessions: Vec::new(),
+            sessions: Peers::new(CLIENTS),
             ended: VecDeque::new(),
+            refusals: Refusals::default(),
             pace,
             next_access: Nanos::ZERO,
             last_warning: String::new(),
@@ -91,7 +91,6 @@ fn changed(options: &BridgeServer) -> Option<SystemTime> {
     file.metadata().and_then(|data| data.modified()).ok()
 }
 
-/// A server that listens.
 #[derive(Debug)]
 pub struct OpenServer {
     options: BridgeServer,
@@ -100,9 +99,10 @@ pub struct OpenServer {
     /// `None` while it cannot be opened again.
     network: Option<Network>,
     controller: Controller,
-    sessions: Vec<Session>,
-    /// Numbers of sessions that have ended, oldest first.
-    ended: VecDeque<u64>,
+    sessions: Peers<SessionKey, Session>,
+    /// Sessions that have ended, oldest first.
+    ended: VecDeque<SessionKey>,
+    refusals: Refusals,
     /// How often the state is sent. The slowest client decides.
     pace: Pace,
     next_access: Nanos,
@@ -110,7 +110,6 @@ pub struct OpenServer {
 }
 
 impl OpenServer {
-    /// Serves until `stop`.
     pub fn run(mut self, stop: impl Fn() -> bool, mut report: impl FnMut(BridgeEvent)) {
         while !stop() {
             self.receive(&mut report);
@@ -124,6 +123,9 @@ impl OpenServer {
                 self.next_access = now + ACCESS_PERIOD;
                 self.follow_access(now, &mut report);
                 self.report_warnings(&mut report);
+                for line in self.refusals.due(now) {
+                    report(BridgeEvent::Refused(line));
+                }
             }
         }
         if let Some(network) = self.network.take() {
@@ -163,10 +165,11 @@ impl OpenServer {
         let Some(source) = Source::of(sample.key_expr()) else {
             return;
         };
-        if let Some(session) = find(&mut self.sessions, &source) {
-            session.received_last = now;
+        if let Some(session) = self.sessions.heard(&source.session_key(), now)
+            && let What::Command(stream) = source.what
+        {
             let bytes = sample.payload().to_bytes();
-            session.command(source.what, &bytes, now, &mut self.controller);
+            session.command(stream, &bytes, now, &mut self.controller);
         }
     }
 
@@ -184,14 +187,14 @@ impl OpenServer {
                 }
             }
             What::Request(service) => {
-                if let Some(session) = find(&mut self.sessions, &source)
-                    && let Some(question) = Question::read(service, &bytes)
+                let (key, question) = (source.session_key(), Question::read(service, &bytes));
+                if let Some(question) = question
+                    && let Some(session) = self.sessions.heard(&key, now)
                 {
-                    session.received_last = now;
-                    session.request(question, query, &mut self.controller, now);
+                    session.request(&key, question, query, &self.controller, now);
                 }
             }
-            What::ServoJp | What::ServoActuators => {}
+            What::Command(_) => {}
         }
     }
 
@@ -204,8 +207,16 @@ impl OpenServer {
         now: Nanos,
         report: &mut impl FnMut(BridgeEvent),
     ) {
-        let refusal = self.admit(source, alive, now, report).err();
-        let session = find(&mut self.sessions, source);
+        let key = source.session_key();
+        let refusal = self.admit(&key, alive, now, report).err();
+        if let Some(Reason::Interface(_) | Reason::Full) = &refusal {
+            let (client, reason) = (key.0.clone(), refusal.clone().unwrap_or(Reason::Full));
+            let refused = Refused { client, topic: "", reason, count: 1 };
+            if let Some(line) = self.refusals.add(refused, now) {
+                report(BridgeEvent::Refused(line));
+            }
+        }
+        let session = self.sessions.get_mut(&key);
         let (commands, lag_us) =
             session.map_or((false, 0), |session| (session.commands, session.lag.take_us()));
         if let Some(lag) = lag_of_us(alive.lag_us).filter(|_| refusal.is_none()) {
@@ -214,7 +225,7 @@ impl OpenServer {
         let answer = AliveReply {
             now_ns: clock::now().0,
             interface: INTERFACE_VERSION,
-            refusal: refusal.map_or(0, |refusal| refusal as u32),
+            refusal: refusal.as_ref().map_or(0, refusal_number),
             commands: commands.into(),
             controller: self.controller.is_present().into(),
             lag_us,
@@ -225,44 +236,36 @@ impl OpenServer {
 
     fn admit(
         &mut self,
-        source: &Source<'_>,
+        key: &SessionKey,
         alive: Alive,
         now: Nanos,
         report: &mut impl FnMut(BridgeEvent),
-    ) -> Result<(), SessionRefusal> {
-        let id = || source.id.to_owned();
+    ) -> Result<(), Reason> {
+        let who = &key.0;
         if alive.interface != INTERFACE_VERSION {
-            report(BridgeEvent::Foreign { who: id(), interface: alive.interface });
-            return Err(SessionRefusal::Interface);
+            return Err(Reason::Interface(alive.interface));
         }
-        let access = self.access.access(source.id);
-        let access = access.ok_or(SessionRefusal::Revoked)?;
-        if self.ended.contains(&source.session) {
-            return Err(SessionRefusal::Ended);
+        let access = self.access.access(who).ok_or(Reason::Revoked)?;
+        if self.ended.contains(key) {
+            return Err(Reason::Ended);
         }
         if alive.leaving != 0 {
-            self.end(source.session);
-            report(BridgeEvent::Left(id()));
-            return Err(SessionRefusal::Ended);
+            self.end(key);
+            report(BridgeEvent::Left(who.clone()));
+            return Err(Reason::Ended);
         }
-        if let Some(session) = find(&mut self.sessions, source) {
-            session.received_last = now;
+        if self.sessions.heard(key, now).is_some() {
             return Ok(());
         }
-        if self.sessions.len() >= CLIENTS {
-            report(BridgeEvent::Full(id()));
-            return Err(SessionRefusal::Full);
-        }
         let commands = self.options.commands && access == Access::Command;
-        let session = Session::new(source.id, source.session, commands, now);
-        self.sessions.push(session);
-        report(BridgeEvent::Joined { who: id(), commands });
+        self.sessions.join(key.clone(), Session::new(commands), now)?;
+        report(BridgeEvent::Joined { who: who.clone(), commands });
         Ok(())
     }
 
-    fn end(&mut self, number: u64) {
-        self.sessions.retain(|session| session.number != number);
-        self.ended.push_back(number);
+    fn end(&mut self, key: &SessionKey) {
+        self.sessions.remove(key);
+        self.ended.push_back(key.clone());
         if self.ended.len() > REMEMBERED {
             self.ended.pop_front();
         }
@@ -271,20 +274,27 @@ impl OpenServer {
     /// Answers with everything that is known of the streams that a query asks for.
     fn send_known(&self, query: &Query) {
         use zenoh::Wait;
-        self.controller.write_known(|stream, bytes| {
-            let key = names::state(stream);
+        let send = |name: &str, bytes: &[u8]| {
+            let key = names::state(name);
             let asked = zenoh::key_expr::keyexpr::new(&key);
             if asked.is_ok_and(|key| query.key_expr().intersects(key)) {
                 let _ = query.reply(&key, bytes).wait();
             }
-        });
+        };
+        let known = self.controller.known();
+        for (stream, messages) in known.streams() {
+            let bytes: Vec<&[u8]> = messages.iter().map(StreamMessage::bytes).collect();
+            send(stream.name(), &bytes.concat());
+        }
+        if let Some(version) = &known.version {
+            send(VERSION, version.bytes());
+        }
     }
 
     /// Hands over what the controller has answered.
     fn answer(&mut self) {
-        while let Some((number, answer)) = self.controller.answered() {
-            let sessions = &mut self.sessions;
-            if let Some(session) = sessions.iter_mut().find(|it| it.number == number) {
+        while let Some((key, answer)) = self.controller.answered() {
+            if let Some(session) = self.sessions.get_mut(&key) {
                 session.answered(answer);
             }
         }
@@ -294,19 +304,21 @@ impl OpenServer {
         let Some(network) = &mut self.network else {
             return;
         };
-        let new = self.controller.look(now, |stream, bytes| {
-            network.publish_reliably(stream, bytes);
-        });
-        new.write(|stream, bytes| network.publish(stream, bytes));
+        let new = self.controller.look(now);
+        for (stream, messages) in new.streams() {
+            for message in messages {
+                network.publish(stream.name(), is_log(stream), message.bytes());
+            }
+        }
+        if let Some(version) = &new.version {
+            network.publish(VERSION, false, version.bytes());
+        }
     }
 
     fn expire(&mut self, now: Nanos, report: &mut impl FnMut(BridgeEvent)) {
-        let limit = self.options.lost_after;
-        let is_lost = |session: &&Session| now.since(session.received_last) > limit;
-        while let Some(lost) = self.sessions.iter().find(is_lost) {
-            let number = lost.number;
-            report(BridgeEvent::Lost(lost.id.clone()));
-            self.end(number);
+        while let Some(key) = self.sessions.silent(now, self.options.lost_after) {
+            report(BridgeEvent::Lost(key.0.clone()));
+            self.end(&key);
         }
     }
 
@@ -320,8 +332,8 @@ impl OpenServer {
         if let Some(network) = self.network.take() {
             network.close();
         }
-        while let Some(number) = self.sessions.first().map(|session| session.number) {
-            self.end(number);
+        while let Some(key) = self.sessions.first() {
+            self.end(&key);
         }
         let options = &self.options;
         let opened =
@@ -343,8 +355,4 @@ impl OpenServer {
             }
         }
     }
-}
-
-fn find<'a>(sessions: &'a mut [Session], source: &Source<'_>) -> Option<&'a mut Session> {
-    { sessions.iter_mut() }.find(|it| it.number == source.session && it.id == source.id)
 }

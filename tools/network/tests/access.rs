@@ -1,25 +1,23 @@
 //! Who may watch and who may command: certificates and access control, with Zenoh clients that
 //! keep to no rule of ours.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
-
-mod common;
-
 use std::path::Path;
 use std::time::Duration;
 
-use common::{RawClient, eventually, free_address, hosts, make};
 use i2ris::clock;
 use i2ris::ipc::payload::{ServoJp, StateCommandReply};
-use i2ris::ipc::{Refusal, StateCommand};
+use i2ris::ipc::{Refusal, RequestService, StateCommand, Stream};
 use i2ris::units::Nanos;
+use i2ris_gateway::Reason;
 use i2ris_network::keys::{Access, AccessList, Lifetime, make_key, revoke};
-use i2ris_network::message::{QuestionHeader, SessionRefusal};
+use i2ris_network::message::{QuestionHeader, refusal_number};
 use i2ris_network::names::What;
-use i2ris_network::request::{Outcome, Service};
-use i2ris_testing::Controller;
+use i2ris_network::request::Outcome;
+use i2ris_testing::{Controller, wait_until};
 use zerocopy::{FromBytes, IntoBytes};
 
-use crate::common::{RunningServer, state_command};
+use crate::common::{
+    self, LOST_AFTER, RawClient, RunningServer, free_address, hosts, make, state_command,
+};
 
 /// Longer than anything takes that comes to something here.
 const LONG: Nanos = Nanos::from_millis(700);
@@ -41,27 +39,27 @@ fn a_key_that_may_command_does_so_under_its_own_name_only() {
     let alice = make(folder.path(), "alice", Access::Command);
     let bob = make(folder.path(), "bob", Access::Command);
     let watcher = make(folder.path(), "eve", Access::Watch);
-    let server = RunningServer::start(&controller, folder.path(), true);
+    let server = RunningServer::start(&controller, folder.path());
     let alice = RawClient::join(&server.address, &alice);
     assert_eq!(alice.reply.commands, 1);
-    alice.put(What::ServoJp, command(1, 1, 0.02).as_bytes());
+    alice.put(What::Command(Stream::ServoJp), command(1, 1, 0.02).as_bytes());
     controller.wait("a command of alice", |robot| robot.poses.len() == 1);
     // Bob in alice's session: his certificate has another name.
     let bob = RawClient::join(&server.address, &bob);
     let forged = command(1, 2, 0.03);
-    bob.put_as(&alice.source(What::ServoJp), forged.as_bytes());
+    bob.put_as(&alice.source(What::Command(Stream::ServoJp)), forged.as_bytes());
     bob.put_as("i2ris/from/**", forged.as_bytes());
     bob.put_as("i2ris/from/*/*/servo_jp", forged.as_bytes());
     // Eve may only watch, and sends commands all the same, in her own session.
     let eve = RawClient::join(&server.address, &watcher);
     assert_eq!(eve.reply.commands, 0);
-    eve.put(What::ServoJp, command(2, 1, 0.04).as_bytes());
-    eve.put(What::ServoActuators, &[0; 48]);
+    eve.put(What::Command(Stream::ServoJp), command(2, 1, 0.04).as_bytes());
+    eve.put(What::Command(Stream::ServoActuators), &[0; 48]);
     let answer = eve.ask(state_command(1, StateCommand::Disable)).unwrap();
     assert_eq!(answer.0.outcome, Outcome::Watching as u32);
     // What is sent to others is for them alone.
     let overheard = eve.listen("i2ris/from/**");
-    alice.put(What::ServoJp, command(1, 3, 0.02).as_bytes());
+    alice.put(What::Command(Stream::ServoJp), command(1, 3, 0.02).as_bytes());
     controller.wait("another command of alice", |robot| robot.poses.len() == 2);
     clock::sleep(LONG);
     assert!(overheard.try_recv().is_err());
@@ -74,7 +72,7 @@ fn a_key_that_may_command_does_so_under_its_own_name_only() {
 fn a_request_is_carried_out_once_and_a_late_one_never() {
     let (controller, folder) = (Controller::start(), tempfile::tempdir().unwrap());
     let alice = make(folder.path(), "alice", Access::Command);
-    let server = RunningServer::start(&controller, folder.path(), true);
+    let server = RunningServer::start(&controller, folder.path());
     let alice = RawClient::join(&server.address, &alice);
     for _ in 0..3 {
         let (header, payload) = alice.ask(state_command(7, StateCommand::Home)).unwrap();
@@ -98,23 +96,23 @@ fn a_request_is_carried_out_once_and_a_late_one_never() {
 fn a_session_that_was_silent_never_lives_again() {
     let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
     let key = make(folder.path(), "alice", Access::Command);
-    let server = RunningServer::start(&controller, folder.path(), true);
+    let server = RunningServer::start(&controller, folder.path());
     let alice = RawClient::join(&server.address, &key);
-    alice.put(What::ServoJp, command(1, 1, 0.02).as_bytes());
+    alice.put(What::Command(Stream::ServoJp), command(1, 1, 0.02).as_bytes());
     controller.wait("a command", |robot| robot.poses.len() == 1);
     // Longer than the silence after which the server gives a client up.
-    clock::sleep(common::LOST_AFTER + LONG);
-    alice.put(What::ServoJp, command(1, 2, 0.02).as_bytes());
+    clock::sleep(LOST_AFTER + LONG);
+    alice.put(What::Command(Stream::ServoJp), command(1, 2, 0.02).as_bytes());
     assert!(alice.ask(state_command(1, StateCommand::Home)).is_none());
     let reply = alice.alive().unwrap();
-    assert_eq!(reply.refusal, SessionRefusal::Ended as u32);
-    alice.put(What::ServoJp, command(1, 3, 0.02).as_bytes());
+    assert_eq!(reply.refusal, refusal_number(&Reason::Ended));
+    alice.put(What::Command(Stream::ServoJp), command(1, 3, 0.02).as_bytes());
     clock::sleep(LONG);
     assert_eq!(controller.robot().poses.len(), 1);
     assert!(controller.robot().asked.is_empty());
     // Another number is another session.
     let again = RawClient::join(&server.address, &key);
-    again.put(What::ServoJp, command(1, 4, 0.02).as_bytes());
+    again.put(What::Command(Stream::ServoJp), command(1, 4, 0.02).as_bytes());
     controller.wait("a command again", |robot| robot.poses.len() == 2);
 }
 
@@ -137,7 +135,7 @@ fn without_a_valid_certificate_of_this_authority_nobody_gets_in() {
     };
     let expired = life(-60);
     let foreign = make(&others, "alice", Access::Command);
-    let server = RunningServer::start(&controller, &keys, true);
+    let server = RunningServer::start(&controller, &keys);
     assert!(!is_kept_out(&server.address, &valid));
     assert!(is_kept_out(&server.address, &expired), "expired");
     assert!(is_kept_out(&server.address, &foreign), "of another authority");
@@ -162,16 +160,12 @@ fn a_certificate_that_ends_ends_the_connection() {
     let lifetime = Lifetime::seconds(6);
     let made = make_key(folder.path(), "alice", Access::Command, &hosts(), lifetime);
     let key = made.unwrap();
-    let server = RunningServer::start(&controller, folder.path(), true);
+    let server = RunningServer::start(&controller, folder.path());
     let alice = RawClient::join(&server.address, &key);
-    alice.put(What::ServoJp, command(1, 1, 0.02).as_bytes());
+    alice.put(What::Command(Stream::ServoJp), command(1, 1, 0.02).as_bytes());
     controller.wait("a command", |robot| robot.poses.len() == 1);
-    let end = clock::now() + Nanos::from_millis(20_000);
-    while alice.alive().is_some() {
-        assert!(clock::now() < end, "it goes on for ever");
-        clock::sleep(Nanos::from_millis(100));
-    }
-    alice.put(What::ServoJp, command(1, 2, 0.02).as_bytes());
+    wait_until("it ends", || alice.alive().is_none());
+    alice.put(What::Command(Stream::ServoJp), command(1, 2, 0.02).as_bytes());
     assert!(is_kept_out(&server.address, &key));
     assert_eq!(controller.robot().poses.len(), 1);
 }
@@ -181,22 +175,18 @@ fn a_revoked_key_gets_the_reason_and_others_come_back() {
     let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
     let alice = make(folder.path(), "alice", Access::Command);
     let bob = make(folder.path(), "bob", Access::Command);
-    let server = RunningServer::start(&controller, folder.path(), true);
+    let server = RunningServer::start(&controller, folder.path());
     let former = RawClient::join(&server.address, &alice);
     revoke(folder.path(), "alice").unwrap();
-    let end = clock::now() + Nanos::from_millis(20_000);
     let refusal = |client: &RawClient| client.alive().map(|reply| reply.refusal);
-    let is_refused = |client: &RawClient| refusal(client) == Some(SessionRefusal::Revoked as u32);
+    let is_refused = |client: &RawClient| refusal(client) == Some(refusal_number(&Reason::Revoked));
     // Zenoh connects the former session again by itself.
-    while !is_refused(&former) {
-        assert!(clock::now() < end, "never refused");
-        clock::sleep(Nanos::from_millis(50));
-    }
-    former.put(What::ServoJp, command(1, 1, 0.02).as_bytes());
+    wait_until("a refusal", || is_refused(&former));
+    former.put(What::Command(Stream::ServoJp), command(1, 1, 0.02).as_bytes());
     let again = RawClient::connect(&server.address, &alice).unwrap();
     assert!(is_refused(&again));
     let bob = RawClient::join(&server.address, &bob);
-    bob.put(What::ServoJp, command(2, 1, 0.02).as_bytes());
+    bob.put(What::Command(Stream::ServoJp), command(2, 1, 0.02).as_bytes());
     controller.wait("a command of bob", |robot| robot.poses.len() == 1);
 }
 
@@ -214,22 +204,22 @@ fn a_personal_key_cannot_pass_for_the_server() {
 fn messages_that_are_none_and_a_flood_change_nothing() {
     let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
     let alice = make(folder.path(), "alice", Access::Command);
-    let server = RunningServer::start(&controller, folder.path(), true);
+    let server = RunningServer::start(&controller, folder.path());
     let alice = RawClient::join(&server.address, &alice);
     for length in [0, 1, size_of::<ServoJp>() - 1, size_of::<ServoJp>() + 1, 5000] {
-        alice.put(What::ServoJp, &vec![1; length]);
-        alice.put(What::Request(Service::Move), &vec![1; length]);
+        alice.put(What::Command(Stream::ServoJp), &vec![1; length]);
+        alice.put(What::Request(RequestService::Move), &vec![1; length]);
     }
     let empty = QuestionHeader { number: 1, asked_ns: clock::now().0 };
-    let (answer, _) = alice.ask_bytes(Service::Move, empty.as_bytes()).unwrap();
+    let (answer, _) = alice.ask_bytes(RequestService::Move, empty.as_bytes()).unwrap();
     assert_eq!(answer.outcome, Outcome::Silent as u32, "no payload");
     for number in 0..20_000 {
-        alice.put(What::ServoJp, &[number as u8; 7]);
+        alice.put(What::Command(Stream::ServoJp), &[number as u8; 7]);
     }
     // A sign of life in the flood can be lost, as everything of the client that floods.
-    eventually("the session lives", || alice.alive());
+    wait_until("the session lives", || alice.alive());
     assert!(controller.robot().poses.is_empty());
-    alice.put(What::ServoJp, command(1, 1, 0.02).as_bytes());
+    alice.put(What::Command(Stream::ServoJp), command(1, 1, 0.02).as_bytes());
     controller.wait("a command", |robot| robot.poses.len() == 1);
 }
 
@@ -237,14 +227,9 @@ fn messages_that_are_none_and_a_flood_change_nothing() {
 fn the_newest_of_every_stream_is_sent_on_request_and_then_as_it_comes() {
     let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
     let eve = make(folder.path(), "eve", Access::Watch);
-    let server = RunningServer::start(&controller, folder.path(), true);
+    let server = RunningServer::start(&controller, folder.path());
     let eve = RawClient::join(&server.address, &eve);
-    let end = clock::now() + Nanos::from_millis(20_000);
-    let mut known = Vec::new();
-    while known.len() < 7 {
-        assert!(clock::now() < end, "{known:?}");
-        known = eve.states();
-    }
+    let known = wait_until("seven streams", || Some(eve.states()).filter(|it| it.len() >= 7));
     for stream in ["operating_state", "measured_js", "actuators/measured_js", "version"] {
         assert!(known.contains(&format!("i2ris/state/{stream}")), "{known:?}");
     }

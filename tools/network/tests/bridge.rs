@@ -1,8 +1,4 @@
 //! `i2ris bridge`: both ends as processes, with the tools of a client unchanged on the far side.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
-
-mod common;
-
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::ChildStdout;
@@ -10,21 +6,20 @@ use std::process::ChildStdout;
 use i2ris::clock;
 use i2ris::ipc::client::Watcher;
 use i2ris::ipc::payload::{AdaptationMsg, VirtualFixturesMsg};
-use i2ris::ipc::{Domain, Fault, FixtureAction, FixtureKind, Refusal, StateCommand, random_id};
-use i2ris::robot::{Cause, Excess, Quantity, Reason};
+use i2ris::ipc::{Domain, Fault, FixtureAction, FixtureKind, Refusal, StateCommand};
+use i2ris::robot::{Cause, Measurement, Quantity, Reason};
 use i2ris::units::Nanos;
-
 use i2ris_network::keys::Access;
-use i2ris_testing::{Controller, Program};
+use i2ris_testing::{Controller, Program, unique_domain, wait_until};
 
-use common::{eventually, free_address, make};
+use crate::common::{free_address, make};
 
 /// The other computer's domain; swept when dropped, also of what a killed end left.
 struct Far(Domain);
 
 impl Far {
     fn new() -> Self {
-        Self(Domain::new(&format!("t{:016x}", random_id())).unwrap())
+        Self(unique_domain())
     }
 }
 
@@ -163,22 +158,22 @@ fn faults_warnings_drift_and_regions_are_seen_on_the_other_computer() {
     let watcher = Watcher::new(&far.0);
     // One of before the connection, and one of now.
     let mut stream = watcher.error();
-    let found = eventually("a fault", || stream.read().ok().flatten());
+    let found = wait_until("a fault", || stream.read().ok().flatten());
     assert_eq!((found.reason(), found.client_id), (Some(fault), 0));
     let refusal = Reason {
         cause: Cause::Refusal(Refusal::Step),
-        excess: Some(Excess::new(Quantity::Degrees, 12.5, Some(5.0)).of_motor(1)),
+        measurement: Some(Measurement::new(Quantity::Degrees, 12.5, Some(5.0)).of_motor(1)),
     };
     controller.robot().reasons.push((refusal, 77));
     let mut stream = watcher.warning();
-    let found = eventually("a refusal", || stream.read().ok().flatten());
+    let found = wait_until("a refusal", || stream.read().ok().flatten());
     assert_eq!((found.reason(), found.client_id), (Some(refusal), 77));
     assert!(Nanos(found.stamp_ns) <= clock::now() && found.stamp_ns > 0);
     let mut stream = watcher.adaptation();
-    let found = eventually("the drift", || stream.newest().ok().flatten());
+    let found = wait_until("the drift", || stream.newest().ok().flatten());
     assert_eq!((found.total_used, found.frames_used), (0.25, 7));
     let mut stream = watcher.virtual_fixtures();
-    let found = eventually("the regions", || stream.newest().ok().flatten());
+    let found = wait_until("the regions", || stream.newest().ok().flatten());
     assert_eq!((found.active, found.limited_by), (3, 2));
     assert_eq!((found.values, found.name), (fixtures.values, fixtures.name));
 }

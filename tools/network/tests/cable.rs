@@ -1,119 +1,99 @@
 //! H02 over a network: the commander is on another computer, and the link is cut or slow. The
 //! controller knows nothing of networks; what stops the snake is the deadline of the last command,
 //! as for any commander.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
 
-mod ends;
-#[path = "../../../tests/rig/mod.rs"]
-mod rig;
-
-use std::collections::VecDeque;
-use std::net::UdpSocket;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use std::thread;
 
 use i2ris::clock;
-use i2ris::ipc::Refusal;
-use i2ris::ipc::client::{Client, Watcher};
+use i2ris::ipc::client::{Client, ClientError, Watcher};
+use i2ris::ipc::{Domain, OperatingState, Refusal};
 use i2ris::units::Nanos;
-use i2ris_network::keys::revoke;
-
-use ends::{
-    Running, deadline, key, keys, start_client, start_server, stream_until_it_fails,
-    wait_until_stopped,
+use i2ris_network::BridgeClient;
+use i2ris_network::keys::{Access, Lifetime, PersonalKey, make_key, revoke};
+use i2ris_testing::{
+    Background, Rig, SEND_PERIOD, TIMEOUT, assert_constant, assert_stopped_within, setpoints_after,
+    settle, stream_counts, swing, wait_for, wait_until, wait_until_holding, wait_until_idle,
 };
-use rig::motion::{assert_constant, assert_stopped_within, setpoints_after, stream_counts, swing};
-use rig::{Rig, TIMEOUT, eventually, settle, wait_for, wait_until_holding, wait_until_idle};
 
-const ANY_PORT: &str = "127.0.0.1:0";
+use crate::common::{free_address, serve};
+use crate::relay::Relay;
 
-/// A UDP port that nobody uses.
-fn free_port() -> u16 {
-    UdpSocket::bind(ANY_PORT).unwrap().local_addr().unwrap().port()
+/// Long compared with stalls of the machine, short compared with the timeout of the test.
+const LOST_AFTER: Nanos = Nanos::from_millis(1500);
+
+fn keys(rig: &Rig) -> PathBuf {
+    rig.folder.path().join("keys")
 }
 
-/// A network between client and server that can be cut and delayed. Only the direction to the
-/// server is delayed.
-struct Network {
-    cut: Arc<AtomicBool>,
-    delay_ms: Arc<AtomicU64>,
-    address: String,
-    _running: Running,
+/// A key that may command.
+pub fn key(rig: &Rig) -> PersonalKey {
+    let hosts = ["127.0.0.1", "10.77.0.1"].map(str::to_owned);
+    let lifetime = Lifetime::days(1);
+    let made = make_key(&keys(rig), "surgeon", Access::Command, &hosts, lifetime);
+    PersonalKey::load(&made.unwrap()).unwrap()
 }
 
-impl Network {
-    fn to(server: &str) -> Self {
-        let near = UdpSocket::bind(ANY_PORT).unwrap();
-        let far = UdpSocket::bind(ANY_PORT).unwrap();
-        far.connect(server).unwrap();
-        near.set_nonblocking(true).unwrap();
-        far.set_nonblocking(true).unwrap();
-        let address = near.local_addr().unwrap().to_string();
-        let (cut, delay_ms) = <(Arc<AtomicBool>, Arc<AtomicU64>)>::default();
-        let switches = (Arc::clone(&cut), Arc::clone(&delay_ms));
-        let running = Running::start(move |stop| {
-            carry(&near, &far, &switches.0, &switches.1, &stop);
-        });
-        Self { cut, delay_ms, address, _running: running }
+pub fn start_server(rig: &Rig, listen: &str) -> Background {
+    serve(&rig.domain(), listen, &keys(rig), LOST_AFTER)
+}
+
+pub fn start_client(domain: &Domain, server: &str, key: PersonalKey) -> Background {
+    let (domain, server) = (domain.clone(), server.to_owned());
+    let client = BridgeClient { domain, server, key, lost_after: LOST_AFTER };
+    Background::start(move |stop| client.run(|| stop.load(Ordering::Relaxed), drop).unwrap())
+}
+
+/// Streams until it fails; the error.
+pub fn stream_until_it_fails(client: &Client) -> ClientError {
+    let (mut commander, start) = (client.commander(), clock::now());
+    loop {
+        let now = clock::now();
+        match commander.servo_actuators(&swing((now - start).as_seconds())) {
+            Ok(_) => assert!(now.since(start) < TIMEOUT, "it never fails"),
+            Err(error) => return error,
+        }
+        clock::sleep_until(now + SEND_PERIOD);
     }
 }
 
-/// Carries packets until `stop`.
-fn carry(
-    near: &UdpSocket,
-    far: &UdpSocket,
-    cut: &AtomicBool,
-    delay_ms: &AtomicU64,
-    stop: &AtomicBool,
-) {
-    let (mut client, mut buffer, mut delayed) = (None, [0; 65_536], VecDeque::new());
-    while !stop.load(Ordering::Relaxed) {
-        while let Ok((length, from)) = near.recv_from(&mut buffer) {
-            client = Some(from);
-            let due = clock::now() + Nanos::from_millis(delay_ms.load(Ordering::Relaxed));
-            delayed.push_back((due, buffer[..length].to_vec()));
-        }
-        let is_due = |(due, _): &(Nanos, Vec<u8>)| *due <= clock::now();
-        while let Some((_, packet)) = delayed.front().filter(|delayed| is_due(delayed)) {
-            if !cut.load(Ordering::Relaxed) {
-                let _ = far.send(packet);
-            }
-            delayed.pop_front();
-        }
-        while let Ok(length) = far.recv(&mut buffer) {
-            if let (false, Some(client)) = (cut.load(Ordering::Relaxed), client) {
-                let _ = near.send_to(&buffer[..length], client);
-            }
-        }
-        clock::sleep(Nanos::from_micros(500));
-    }
+/// The time from a cut until the setpoints must be constant.
+pub fn deadline(rig: &Rig) -> Nanos {
+    Nanos::from_millis(rig.config.command.deadline_ms + 250)
+}
+
+/// Waits until the robot holds because its commander has fallen silent.
+pub fn wait_until_stopped(client: &mut Client) -> u64 {
+    let held = wait_until_holding(client);
+    assert!(held.state == OperatingState::Enabled.number() && held.stale_stops >= 1);
+    held.accepted
 }
 
 #[test]
 fn h02_the_snake_holds_when_the_network_to_the_commander_is_cut() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let mut client = rig.enabled();
-    let (key, server) = (key(&rig), format!("127.0.0.1:{}", free_port()));
+    let (key, server) = (key(&rig), free_address());
     let _server = start_server(&rig, &server);
-    let network = Network::to(&server);
+    let network = Relay::to(&server);
     let far = rig.another_domain("far");
     let _client = start_client(&far, &network.address, key);
     let mut remote = Client::connect(&far, TIMEOUT).unwrap();
-    eventually("the number of motors arrives over the network", || {
-        (remote.version().unwrap().shape[0] == 2).then_some(())
+    wait_until("the number of motors arrives over the network", || {
+        remote.version().unwrap().shape[0] == 2
     });
     let watcher = Watcher::new(&far);
     let (mut health, mut events) = (watcher.health(), watcher.events());
-    eventually("the log arrives, too", || events.read().unwrap());
-    eventually("health arrives, too", || health.newest().unwrap());
+    wait_until("the log arrives, too", || events.read().unwrap());
+    wait_until("health arrives, too", || health.newest().unwrap());
     let remote = thread::spawn(move || {
         let error = stream_until_it_fails(&remote);
         (remote, error)
     });
     let moving = wait_for(&mut client, |state| state.accepted > 50);
     assert_ne!(moving.lease_client_id, 0);
-    network.cut.store(true, Ordering::Relaxed);
+    network.conditions.cut.store(true, Ordering::Relaxed);
     let cut = clock::now();
     let accepted = wait_until_stopped(&mut client);
     // Programs on the far side get an error.
@@ -123,7 +103,7 @@ fn h02_the_snake_holds_when_the_network_to_the_commander_is_cut() {
     assert_stopped_within(&rig, cut..cut + deadline(&rig));
     // When the network is back nothing moves by itself, and new commands are followed.
     drop(remote);
-    network.cut.store(false, Ordering::Relaxed);
+    network.conditions.cut.store(false, Ordering::Relaxed);
     let again = Client::connect(&far, TIMEOUT).unwrap();
     clock::sleep(Nanos::from_millis(300));
     assert_stopped_within(&rig, cut..cut + deadline(&rig));
@@ -134,17 +114,17 @@ fn h02_the_snake_holds_when_the_network_to_the_commander_is_cut() {
 
 #[test]
 fn h02_commands_that_the_network_delays_are_refused_as_stale() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let mut client = rig.enabled();
-    let (key, server) = (key(&rig), format!("127.0.0.1:{}", free_port()));
+    let (key, server) = (key(&rig), free_address());
     let _server = start_server(&rig, &server);
-    let network = Network::to(&server);
+    let network = Relay::to(&server);
     let far = rig.another_domain("far");
     let _client = start_client(&far, &network.address, key);
     let remote = Client::connect(&far, TIMEOUT).unwrap();
     // Three times the deadline, but below the silence after which the link counts as lost.
     let deadline_ms = rig.config.command.deadline_ms;
-    network.delay_ms.store(3 * deadline_ms, Ordering::Relaxed);
+    network.conditions.delay_ms[0].store(3 * deadline_ms, Ordering::Relaxed);
     clock::sleep(Nanos::from_millis(4 * deadline_ms));
     let (before, began) = (wait_until_idle(&mut client), clock::now());
     stream_counts(&remote, 2.0, swing);
@@ -159,9 +139,9 @@ fn h02_commands_that_the_network_delays_are_refused_as_stale() {
 
 #[test]
 fn h02_a_key_that_is_revoked_while_it_commands_ends_in_a_hold() {
-    let mut rig = Rig::new();
+    let mut rig = Rig::start();
     let mut client = rig.enabled();
-    let (key, server) = (key(&rig), format!("127.0.0.1:{}", free_port()));
+    let (key, server) = (key(&rig), free_address());
     let _server = start_server(&rig, &server);
     let far = rig.another_domain("far");
     let id = key.id().to_owned();

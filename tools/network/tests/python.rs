@@ -1,21 +1,13 @@
 //! The Zenoh client in Python, where there is a Python with what it needs: `I2RIS_PYTHON` names
 //! one, otherwise `python3` is tried.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::print_stderr,
-    reason = "tests, and one that skips says so"
-)]
-
-mod common;
-
 use std::path::Path;
 use std::process::Command;
 
-use common::{RunningServer, make};
 use i2ris::ipc::StateCommand;
 use i2ris_network::keys::Access;
 use i2ris_testing::Controller;
+
+use crate::common::{RunningServer, make};
 
 /// Python with the example on its path.
 fn python() -> Option<Command> {
@@ -91,7 +83,7 @@ fn run(script: &str, server: &RunningServer, key: &Path) -> bool {
 fn a_client_in_python_enables_moves_and_watches() {
     let (controller, folder) = (Controller::start(), tempfile::tempdir().unwrap());
     let key = make(folder.path(), "alice", Access::Command);
-    let server = RunningServer::start(&controller, folder.path(), true);
+    let server = RunningServer::start(&controller, folder.path());
     if run(COMMANDER, &server, &key) {
         let asked = [StateCommand::Enable, StateCommand::Home, StateCommand::Enable];
         assert_eq!(controller.robot().asked, asked);
@@ -103,7 +95,7 @@ fn a_client_in_python_enables_moves_and_watches() {
 fn a_client_in_python_with_a_key_to_watch_moves_nothing() {
     let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
     let key = make(folder.path(), "eve", Access::Watch);
-    let server = RunningServer::start(&controller, folder.path(), true);
+    let server = RunningServer::start(&controller, folder.path());
     run(WATCHER, &server, &key);
     assert!(controller.robot().asked.is_empty() && controller.robot().poses.is_empty());
 }

@@ -1,17 +1,6 @@
 //! H02 between two computers: two network namespaces with only a virtual cable between them, which
 //! is pulled. The commander is the bridge's own client with a program of a client, or a program in
 //! Python that speaks Zenoh.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::print_stderr,
-    clippy::print_stdout,
-    reason = "tests, and one that skips says so"
-)]
-
-mod ends;
-#[path = "../../../tests/rig/mod.rs"]
-mod rig;
 
 use std::ffi::OsString;
 use std::fs;
@@ -24,10 +13,13 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 use i2ris_network::keys::PersonalKey;
+use i2ris_testing::{
+    Rig, TIMEOUT, assert_stopped_within, wait_for, wait_until, wait_until_holding,
+};
 
-use ends::{deadline, key, start_client, start_server, stream_until_it_fails, wait_until_stopped};
-use rig::motion::{assert_stopped_within, linear_model};
-use rig::{Rig, TIMEOUT, eventually, wait_for, wait_until_holding};
+use crate::cable::{
+    deadline, key, start_client, start_server, stream_until_it_fails, wait_until_stopped,
+};
 
 /// Names the Python of the commander, if it is one in Python.
 const PYTHON: &str = "RIG_PYTHON";
@@ -36,7 +28,8 @@ const PYTHON: &str = "RIG_PYTHON";
 fn command_in_a_namespace(options: &str, test: &str) -> Command {
     let mut command = Command::new("unshare");
     command.arg(options).arg(std::env::current_exe().unwrap());
-    command.args(["--ignored", "--exact", "--nocapture", test]).stdin(Stdio::null());
+    let test = format!("two_computers::{test}");
+    command.args(["--ignored", "--exact", "--nocapture", &test]).stdin(Stdio::null());
     command
 }
 
@@ -149,8 +142,7 @@ fn computer_of_the_robot() {
     if std::env::var_os("RIG_NAMESPACE").is_none() {
         return;
     }
-    let mut rig = Rig::new();
-    rig.config.control.model = Some(linear_model(&rig, "model.json", "rig", 1.0));
+    let mut rig = Rig::with_model();
     let far = rig.another_domain("far");
     let key = key(&rig);
     let folder = key.secret().parent().unwrap().to_owned();
@@ -163,7 +155,7 @@ fn computer_of_the_robot() {
     let mut surgeon = KilledOnDrop(surgeon.spawn().unwrap());
     let id = surgeon.0.id().to_string();
     let own = namespace("self");
-    eventually("another namespace", || namespace(&id).filter(|there| Some(there) != own.as_ref()));
+    wait_until("another namespace", || namespace(&id).filter(|there| Some(there) != own.as_ref()));
     if !ip(&format!("link add robot type veth peer name surgeon netns {id}")) {
         return eprintln!("skipped: this kernel has no virtual cables (veth)");
     }
@@ -195,7 +187,7 @@ fn computer_of_the_surgeon() {
         return;
     };
     let far = Domain::new(&domain).unwrap();
-    eventually("the cable", || ip("link show surgeon").then_some(()));
+    wait_until("the cable", || ip("link show surgeon"));
     assert!(ip("addr add 10.77.0.2/24 dev surgeon") && ip("link set surgeon up"));
     let key = PersonalKey::load(Path::new(&std::env::var("RIG_KEY").unwrap())).unwrap();
     let _client = start_client(&far, "10.77.0.1:7447", key);

@@ -493,7 +493,7 @@ class Arm:
                 text=_text(message.text),
                 advice=_text(message.advice),
                 own=message.client_id == self._client_id,
-                measured=_excess(message),
+                measured=_measurement(message),
             )
             for _, message in kept
         ]
@@ -548,7 +548,7 @@ class Arm:
         """The state in a reply. Raises Refused."""
         state = STATES.get(reply.state, f"unknown state {reply.state}")
         if reply.refusal:
-            raise Refused(f"`{command}` in state {state}", reply.refusal, measured=_excess(reply))
+            raise Refused(f"`{command}` in state {state}", reply.refusal, measured=_measurement(reply))
         return state
 
     def _operation(self, command: str, done: Callable[[OperatingState], bool]) -> Operation:
@@ -736,8 +736,8 @@ def _text(field) -> str:
     return bytes(field).split(b"\0", 1)[0].decode("utf-8", "replace")
 
 
-def _excess(message: ReasonMsg | StateCommandReply) -> str:
-    """What was measured and its limit, as ``src/robot/excess.rs`` writes it."""
+def _measurement(message: ReasonMsg | StateCommandReply) -> str:
+    """What was measured and its limit, as ``src/robot/measurement.rs`` writes it."""
     if not message.flags & ReasonMsg.MEASURED:
         return ""
     motor = f"motor {message.motor}: " if message.flags & ReasonMsg.MOTOR else ""

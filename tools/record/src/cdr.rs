@@ -2,9 +2,10 @@
 //! are aligned to their own size, counted from the end of the encapsulation header.
 //!
 //! The bytes of a payload are its CDR encoding: its fields are aligned the same way and there is no
-//! padding, which [`crate::layout`] tests.
+//! padding.
 
-use crate::layout::{FieldType, Layout, PayloadLayout};
+use i2ris::ipc::payload::{FieldType, PayloadLayout};
+use i2ris::ipc::{Stream, StreamMessage};
 
 /// Encapsulation header: classic CDR, little endian, no options.
 pub const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
@@ -12,19 +13,17 @@ pub const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Name of the encoding in MCAP.
 pub const ENCODING: &str = "cdr";
 
-/// Encodes a payload as a message.
+/// Encodes a payload with these bytes as a message.
 #[must_use]
-pub fn encode<T: Layout>(payload: &T) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(ENCAPSULATION.len() + T::LAYOUT.size);
-    bytes.extend_from_slice(&ENCAPSULATION);
-    payload.encode(&mut bytes);
-    bytes
+pub fn encode(payload: &[u8]) -> Vec<u8> {
+    [&ENCAPSULATION[..], payload].concat()
 }
 
-/// Decodes the payload of a message; `None` if it is not such a message.
+/// Decodes the payload of a stream; `None` if it is not such a message.
 #[must_use]
-pub fn decode<T: Layout>(message: &[u8]) -> Option<T> {
-    T::decode(message.strip_prefix(&ENCAPSULATION)?)
+pub fn decode(stream: Stream, message: &[u8]) -> Option<StreamMessage> {
+    let payload = message.strip_prefix(&ENCAPSULATION)?.get(..stream.layout().size)?;
+    StreamMessage::from_bytes(stream, payload)
 }
 
 /// Encodes messages that are not payloads.
@@ -110,7 +109,7 @@ impl std::fmt::Display for Number {
 pub fn numbers(layout: &PayloadLayout, message: &[u8]) -> Option<Vec<Number>> {
     let body = message.strip_prefix(&ENCAPSULATION)?.get(..layout.size)?;
     let mut numbers = Vec::new();
-    for field in layout.fields {
+    for (_, field) in layout.numbers() {
         let size = field.kind.size();
         let bytes = body.get(field.offset..field.offset + size * field.count)?;
         for entry in bytes.chunks_exact(size) {
@@ -124,6 +123,7 @@ fn number(kind: FieldType, bytes: &[u8]) -> Option<Number> {
     Some(match kind {
         FieldType::F64 => Number::Float(f64::from_le_bytes(bytes.try_into().ok()?)),
         FieldType::I32 => Number::Signed(i32::from_le_bytes(bytes.try_into().ok()?)),
+        FieldType::Payload(_) => return None,
         FieldType::U8 | FieldType::U16 | FieldType::U32 | FieldType::U64 => {
             let mut value = [0; 8];
             value.get_mut(..bytes.len())?.copy_from_slice(bytes);
@@ -134,7 +134,7 @@ fn number(kind: FieldType, bytes: &[u8]) -> Option<Number> {
 
 #[cfg(test)]
 mod tests {
-    use i2ris::ipc::payload::ActuatorState;
+    use i2ris::ipc::payload::{ActuatorState, Payload};
     use proptest::prelude::*;
 
     use super::*;
@@ -160,7 +160,7 @@ mod tests {
             statusword: [3, 4],
             ..ActuatorState::default()
         };
-        let numbers = numbers(&ActuatorState::LAYOUT, &encode(&state)).unwrap();
+        let numbers = numbers(&ActuatorState::LAYOUT, &encode(state.bytes())).unwrap();
         assert_eq!(numbers[0], Number::Unsigned(7));
         assert_eq!(numbers[13..15], [Number::Signed(-5), Number::Signed(9)]);
         assert_eq!(numbers[21..23], [Number::Unsigned(3), Number::Unsigned(4)]);

@@ -2,9 +2,8 @@
 
 use std::fmt::Write as _;
 
+use i2ris::ipc::payload::{Field, FieldType, LAYOUTS, Payload, PayloadLayout, SpanSummary};
 use i2ris::ipc::ready::{ICEORYX2_VERSION, INTERFACE_VERSION};
-
-use crate::layout::{Field, FieldType, PayloadLayout, SPAN_MEMBERS, payload_layouts};
 
 /// The complete header. It asserts sizes and offsets, so a compiler with another layout refuses it.
 #[must_use]
@@ -25,23 +24,24 @@ pub fn cpp_header() -> String {
          // Versions of iceoryx2 refuse each other.\n\
          constexpr const char* ICEORYX2_VERSION = \"{ICEORYX2_VERSION}\";\n\n"
     );
-    let members = SPAN_MEMBERS.map(|member| format!("    std::uint64_t {member};\n"));
-    let _ = write!(text, "struct SpanSummary {{\n{}}};\n\n", members.concat());
-    for (type_name, payload) in payload_layouts() {
-        write_struct(&mut text, type_name, &payload);
+    let members = SpanSummary::LAYOUT.fields.iter();
+    let members: String = members.map(|it| format!("    std::uint64_t {};\n", it.name)).collect();
+    let _ = write!(text, "struct SpanSummary {{\n{members}}};\n\n");
+    for payload in &LAYOUTS {
+        write_struct(&mut text, payload);
     }
     text.push_str("} // namespace i2ris\n");
     text
 }
 
-fn write_struct(text: &mut String, type_name: &str, payload: &PayloadLayout) {
-    let PayloadLayout { name, size, fields } = payload;
+fn write_struct(text: &mut String, payload: &PayloadLayout) {
+    let PayloadLayout { name, type_name, size, fields } = payload;
     let _ = writeln!(text, "struct {name} {{");
     let _ = writeln!(text, "    static constexpr const char* IOX2_TYPE_NAME = \"{type_name}\";");
     for field in *fields {
         let entries = match field.count {
-            count if count > 1 && !field.is_span => format!("[{count}]"),
-            _ => String::new(),
+            1 => String::new(),
+            count => format!("[{count}]"),
         };
         let _ = writeln!(text, "    {} {}{entries};", cpp_type(field), field.name);
     }
@@ -54,12 +54,12 @@ fn write_struct(text: &mut String, type_name: &str, payload: &PayloadLayout) {
 
 const fn cpp_type(field: &Field) -> &'static str {
     match field.kind {
-        _ if field.is_span => "SpanSummary",
         FieldType::U8 => "std::uint8_t",
         FieldType::U16 => "std::uint16_t",
         FieldType::U32 => "std::uint32_t",
         FieldType::I32 => "std::int32_t",
         FieldType::U64 => "std::uint64_t",
         FieldType::F64 => "double",
+        FieldType::Payload(inner) => inner.name,
     }
 }

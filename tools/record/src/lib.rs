@@ -2,15 +2,13 @@
 //!
 //! | file | contains |
 //! |---|---|
-//! | `layout` | the fields of every payload, for schemas, tables and other languages |
 //! | `cdr` | payloads as CDR, the encoding of ROS 2 messages, and back |
 //! | `schema` | message definitions of ROS 2 |
 //! | `cpp_header` | the payloads as a C++ header |
 //! | `python_reasons` | sentence and advice of every cause as a Python module |
 //! | `standard` | standard messages of ROS 2 and CRTK |
-//! | `subscriptions` | subscriptions to every stream of a controller |
 //! | `joints` | names of the joints of a controller, and the shape of its snake |
-//! | `topic` | streams and topics of a recording |
+//! | `topic` | topics of a recording |
 //! | `recorder` | writes messages into a file that survives its writer |
 //! | `read` | records of a file, complete or cut off |
 //! | `recover` | makes a complete file of one that was cut off |
@@ -26,7 +24,6 @@ pub mod cdr;
 pub mod cpp_header;
 pub mod export;
 pub mod joints;
-pub mod layout;
 pub mod python_reasons;
 pub mod read;
 pub mod recorder;
@@ -34,5 +31,4 @@ pub mod recover;
 pub mod report;
 pub mod schema;
 pub mod standard;
-pub mod subscriptions;
 pub mod topic;

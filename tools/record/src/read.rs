@@ -18,48 +18,32 @@ const LONGEST_RECORD: usize = 1 << 28;
 pub enum ReadError {
     /// It cannot be opened or read.
     #[error("cannot read {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: io::Error,
-    },
+    Read { path: PathBuf, source: io::Error },
     /// It is another kind of file.
     #[error(
         "{path} is no recording of `i2ris record` (MCAP): it begins with other bytes; recordings \
          of `i2ris calibrate collect` are CSV files, for `i2ris calibrate fit`"
     )]
-    Kind {
-        /// The file.
-        path: PathBuf,
-    },
+    Kind { path: PathBuf },
     /// Its content is not valid MCAP, or ends too early.
     #[error(
         "{path}: {source}; if it was cut off, `i2ris record recover` makes a complete file of what \
          is there"
     )]
-    Format {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: McapError,
-    },
+    Format { path: PathBuf, source: McapError },
 }
 
-/// The records of a file. After an error there are no more.
+/// The records of a file, to the end of its data or to an error.
 pub struct Records {
     path: PathBuf,
     file: BufReader<File>,
     reader: LinearReader,
     has_ended: bool,
+    stopped_by: Option<ReadError>,
 }
 
 impl Records {
     /// Opens a file.
-    ///
-    /// # Errors
-    ///
-    /// [`ReadError::Read`].
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let file =
             File::open(path).map_err(|source| ReadError::Read { path: path.to_owned(), source })?;
@@ -72,7 +56,13 @@ impl Records {
             file: BufReader::with_capacity(1 << 20, file),
             reader: LinearReader::new_with_options(options),
             has_ended: false,
+            stopped_by: None,
         })
+    }
+
+    /// After the last record: why the file cannot be read to its end; `None`: it is complete.
+    pub fn stopped_by(self) -> Option<ReadError> {
+        self.stopped_by
     }
 
     fn read_record(&mut self) -> Result<Option<Record<'static>>, ReadError> {
@@ -109,14 +99,18 @@ fn check_kind(file: &File, path: &Path) -> Result<(), ReadError> {
 }
 
 impl Iterator for Records {
-    type Item = Result<Record<'static>, ReadError>;
+    type Item = Record<'static>;
 
     fn next(&mut self) -> Option<Self::Item> {
         if self.has_ended {
             return None;
         }
-        let record = self.read_record().transpose();
-        self.has_ended = !matches!(record, Some(Ok(_)));
-        record
+        match self.read_record() {
+            // The summary follows, which repeats what was read.
+            Ok(Some(Record::DataEnd(_)) | None) => self.has_ended = true,
+            Ok(record) => return record,
+            Err(error) => (self.has_ended, self.stopped_by) = (true, Some(error)),
+        }
+        None
     }
 }

@@ -16,16 +16,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use i2ris::ipc::Message;
-use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
+use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::units::Nanos;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 
 use crate::cdr;
-use crate::layout::Layout;
 use crate::standard::{StandardMessages, text};
-use crate::topic::{Stream, Topic};
+use crate::topic::Topic;
 
 /// The most that is lost when the program is killed.
 pub const FLUSH_PERIOD: Duration = Duration::from_millis(200);
@@ -42,34 +40,19 @@ pub const OUTCOME: &str = "i2ris.outcome";
 /// Why a recording cannot begin, or ended.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
-    /// The file cannot be created.
     #[error(
         "cannot make {path}: {source}; name a file that does not exist yet, in a folder that you \
          may write to"
     )]
-    Create {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: io::Error,
-    },
-    /// The file cannot be written.
+    Create { path: PathBuf, source: io::Error },
     #[error(
         "{path}: {}; what was written until then can be read after `i2ris record recover`",
         cause(source)
     )]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: McapError,
-    },
+    Write { path: PathBuf, source: McapError },
     /// The writing thread panicked.
     #[error("{path}: the thread that writes it ended without an error message")]
-    Thread {
-        /// The file.
-        path: PathBuf,
-    },
+    Thread { path: PathBuf },
 }
 
 /// What the system says where the format only says that it was an error of the system.
@@ -83,27 +66,20 @@ fn cause(error: &McapError) -> String {
     }
 }
 
-/// An attachment of a recording.
 #[derive(Debug, Clone)]
 pub struct AttachedFile {
-    /// Its name.
     pub name: String,
-    /// Its media type.
     pub media_type: &'static str,
-    /// Its content.
     pub content: Vec<u8>,
 }
 
-/// The start of a recording.
 #[derive(Debug, Clone, Default)]
 pub struct RecordingHeader {
     /// Facts about the recording: robot, software, model.
     pub about: BTreeMap<String, String>,
-    /// Attachments.
     pub attachments: Vec<AttachedFile>,
     /// Unix time minus monotonic time, ns.
     pub unix_offset_ns: u64,
-    /// Names of the joints.
     pub joints: Vec<String>,
     /// The fixed link.
     pub frame: String,
@@ -134,7 +110,6 @@ struct QueuedMessage {
 
 impl MessageCounts {
     /// Messages of a stream per second, between its first and its last one.
-    #[must_use]
     pub fn rate_hz(&self, stream: Stream) -> f64 {
         let messages = self.messages.get(&stream).copied().unwrap_or(0);
         let span = self.spans.get(&stream);
@@ -143,7 +118,6 @@ impl MessageCounts {
 }
 
 /// Messages per second within a span that begins with the first and ends with the last one.
-#[must_use]
 pub fn rate_hz(messages: u64, span: Nanos) -> f64 {
     if span == Nanos::ZERO { 0.0 } else { (messages as f64 - 1.0) / span.as_seconds() }
 }
@@ -161,10 +135,6 @@ pub struct TrialRecorder {
 
 impl TrialRecorder {
     /// Creates the file, which must not exist, and writes its header.
-    ///
-    /// # Errors
-    ///
-    /// [`RecordError::Create`], [`RecordError::Write`].
     pub fn start(path: &Path, header: RecordingHeader) -> Result<Self, RecordError> {
         let create = |source| RecordError::Create { path: path.to_owned(), source };
         let file = File::create_new(path).map_err(create)?;
@@ -191,59 +161,27 @@ impl TrialRecorder {
     }
 
     /// Whether writing has failed: [`TrialRecorder::finish`] returns the reason.
-    #[must_use]
     pub fn has_failed(&self) -> bool {
         self.has_failed.load(Ordering::Acquire)
     }
 
     /// The messages so far.
-    #[must_use]
     pub fn counts(&self) -> &MessageCounts {
         &self.counts
     }
 
-    /// Records a message of a stream. Does not wait.
-    pub fn record<T: Layout + Message>(&mut self, stream: Stream, message: &T, received: Nanos) {
+    /// Records a message, also as the standard message. Does not wait.
+    pub fn record(&mut self, message: &StreamMessage, received: Nanos) {
+        let (stream, stamp) = (message.stream(), message.stamp());
         *self.counts.messages.entry(stream).or_default() += 1;
-        let stamp = message.stamp();
         self.counts.spans.entry(stream).or_insert((stamp, stamp)).1 = stamp;
-        self.push(Topic::Payload(stream), message, received, cdr::encode(message));
-    }
-
-    /// Records angles, also as the standard message.
-    pub fn record_joints(&mut self, stream: Stream, message: &JointState, received: Nanos) {
-        self.record(stream, message, received);
-        let standard = self.standard.joint_state(message);
-        self.push_standard(stream, message, received, standard);
-    }
-
-    /// Records a command, also as the standard message.
-    pub fn record_servo_jp(&mut self, command: &ServoJp, received: Nanos) {
-        self.record(Stream::ServoJp, command, received);
-        let standard = self.standard.servo_jp(command);
-        self.push_standard(Stream::ServoJp, command, received, standard);
-    }
-
-    /// Records the operating state; where it changes, also as that of CRTK.
-    pub fn record_state(&mut self, message: &OperatingStateMsg, received: Nanos) {
-        self.record(Stream::State, message, received);
-        let standard = self.standard.operating_state(message);
-        self.push_standard(Stream::State, message, received, standard);
-    }
-
-    fn push_standard(
-        &mut self,
-        stream: Stream,
-        message: &impl Message,
-        received: Nanos,
-        standard: Option<Vec<u8>>,
-    ) {
-        if let Some(bytes) = standard {
+        self.push(Topic::Payload(stream), message, received, cdr::encode(message.bytes()));
+        if let Some(bytes) = self.standard.message(message) {
             self.push(Topic::Standard(stream), message, received, bytes);
         }
     }
 
-    fn push(&mut self, topic: Topic, message: &impl Message, received: Nanos, bytes: Vec<u8>) {
+    fn push(&mut self, topic: Topic, message: &StreamMessage, received: Nanos, bytes: Vec<u8>) {
         let message = QueuedMessage {
             topic,
             sequence: message.sequence() as u32,
@@ -257,10 +195,6 @@ impl TrialRecorder {
     }
 
     /// Writes the messages in the queue, `outcome`, attachments, and the end of the file.
-    ///
-    /// # Errors
-    ///
-    /// [`RecordError::Write`] with the reason why the recording ended, [`RecordError::Thread`].
     pub fn finish(
         mut self,
         outcome: BTreeMap<String, String>,

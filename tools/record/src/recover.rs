@@ -14,34 +14,24 @@ use crate::recorder::RecordError;
 /// Why a file cannot be recovered.
 #[derive(Debug, thiserror::Error)]
 pub enum RecoverError {
-    /// The old file cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// The new file cannot be written.
     #[error(transparent)]
     Write(#[from] RecordError),
 }
 
-/// What was recovered.
 #[derive(Debug, Default)]
 pub struct Recovered {
-    /// Messages.
     pub messages: u64,
-    /// Metadata records.
     pub metadata: u64,
-    /// Attached files.
     pub attachments: u64,
     /// Why the old file cannot be read to its end; `None`: it is complete.
     pub stopped_by: Option<ReadError>,
 }
 
 /// Copies everything readable of `from` into a new file `to`.
-///
-/// # Errors
-///
-/// [`RecoverError`]: `from` cannot be opened, or `to` cannot be created or written.
 pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
-    let records = Records::open(from)?;
+    let mut records = Records::open(from)?;
     let create = |source| RecordError::Create { path: to.to_owned(), source };
     let write = |source| RecordError::Write { path: to.to_owned(), source };
     let file = File::create_new(to).map_err(create)?;
@@ -52,17 +42,10 @@ pub fn recover(from: &Path, to: &Path) -> Result<Recovered, RecoverError> {
         schemas: BTreeMap::new(),
         recovered: Recovered::default(),
     };
-    for record in records {
-        match record {
-            // The summary follows; the new file has its own.
-            Ok(Record::DataEnd(_)) => break,
-            Ok(record) => copy.write(record).map_err(write)?,
-            Err(error) => {
-                copy.recovered.stopped_by = Some(error);
-                break;
-            }
-        }
+    for record in records.by_ref() {
+        copy.write(record).map_err(write)?;
     }
+    copy.recovered.stopped_by = records.stopped_by();
     copy.to.finish().map_err(write)?;
     Ok(copy.recovered)
 }

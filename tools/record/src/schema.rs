@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::layout::{PayloadLayout, SPAN_MEMBERS};
+use i2ris::ipc::payload::{FieldType, PayloadLayout};
 
 /// Name of the schema language in MCAP.
 pub const ENCODING: &str = "ros2msg";
@@ -65,33 +65,49 @@ pub fn name(payload: &PayloadLayout) -> String {
     format!("{PACKAGE}/msg/{}", payload.name)
 }
 
-/// Definition of the message of a payload.
+/// Definition of the message of a payload, with those of the payloads in it.
 #[must_use]
 pub fn definition(payload: &PayloadLayout) -> String {
+    let mut text = fields(payload);
+    let mut defined: Vec<&str> = Vec::new();
+    for field in payload.fields {
+        if let FieldType::Payload(inner) = field.kind
+            && !defined.contains(&inner.name)
+        {
+            defined.push(inner.name);
+            let _ = write!(text, "{SEPARATOR}\nMSG: {PACKAGE}/{}\n{}", inner.name, fields(inner));
+        }
+    }
+    text
+}
+
+/// One line for every field.
+fn fields(payload: &PayloadLayout) -> String {
     let mut text = String::new();
     for field in payload.fields {
-        // Writing to a string cannot fail.
-        let _ = match (field.is_span, field.count) {
-            (true, _) => writeln!(text, "{PACKAGE}/SpanSummary {}", field.name),
-            (_, 1) => writeln!(text, "{} {}", field.kind.ros_name(), field.name),
-            (_, count) => writeln!(text, "{}[{count}] {}", field.kind.ros_name(), field.name),
+        let kind = match field.kind {
+            FieldType::U8 => "uint8".to_owned(),
+            FieldType::U16 => "uint16".to_owned(),
+            FieldType::U32 => "uint32".to_owned(),
+            FieldType::I32 => "int32".to_owned(),
+            FieldType::U64 => "uint64".to_owned(),
+            FieldType::F64 => "float64".to_owned(),
+            FieldType::Payload(inner) => format!("{PACKAGE}/{}", inner.name),
         };
-    }
-    if payload.fields.iter().any(|field| field.is_span) {
-        let _ = writeln!(text, "{SEPARATOR}\nMSG: {PACKAGE}/SpanSummary");
-        for member in SPAN_MEMBERS {
-            let _ = writeln!(text, "uint64 {member}");
-        }
+        // Writing to a string cannot fail.
+        let _ = match field.count {
+            1 => writeln!(text, "{kind} {}", field.name),
+            count => writeln!(text, "{kind}[{count}] {}", field.name),
+        };
     }
     text
 }
 
 #[cfg(test)]
 mod tests {
-    use i2ris::ipc::payload::{PeriodStatistics, ServoJp};
+    use i2ris::ipc::payload::{Payload, PeriodStatistics, ServoJp};
 
     use super::*;
-    use crate::layout::Layout;
 
     #[test]
     fn a_definition_has_name_type_and_count_of_every_field() {

@@ -1,8 +1,8 @@
 //! Standard messages of ROS 2 and CRTK, which every tool of ROS knows: `sensor_msgs/JointState`,
 //! `crtk_msgs/OperatingState` and `std_msgs/String`.
 
-use i2ris::ipc::OperatingState;
 use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
+use i2ris::ipc::{OperatingState, StreamMessage};
 
 use crate::cdr::Encoder;
 
@@ -28,6 +28,18 @@ impl StandardMessages {
         Self { unix_offset_ns, joints, frame, last_state: None }
     }
 
+    /// The standard message of a message; `None` if there is none.
+    pub fn message(&mut self, message: &StreamMessage) -> Option<Vec<u8>> {
+        match message {
+            StreamMessage::Measured(state)
+            | StreamMessage::Setpoint(state)
+            | StreamMessage::Goal(state) => self.joint_state(state),
+            StreamMessage::State(state) => self.operating_state(state),
+            StreamMessage::ServoJp(command) => self.servo_jp(command),
+            _ => None,
+        }
+    }
+
     /// Angles; `None` if they are not valid.
     #[must_use]
     pub fn joint_state(&self, state: &JointState) -> Option<Vec<u8>> {
@@ -40,8 +52,7 @@ impl StandardMessages {
     }
 
     /// A command, as it was sent; `None` if it has no values.
-    #[must_use]
-    pub fn servo_jp(&self, command: &ServoJp) -> Option<Vec<u8>> {
+    fn servo_jp(&self, command: &ServoJp) -> Option<Vec<u8>> {
         let position = command.position.get(..command.count as usize)?;
         (!position.is_empty()).then(|| self.angles(command.stamp_ns, position, &[]))
     }
@@ -60,7 +71,7 @@ impl StandardMessages {
 
     /// The operating state as in CRTK; `None` if it is that of the last call, because CRTK sends
     /// changes. Stamps rise strictly: clients of CRTK ignore a message that is not newer.
-    pub fn operating_state(&mut self, message: &OperatingStateMsg) -> Option<Vec<u8>> {
+    fn operating_state(&mut self, message: &OperatingStateMsg) -> Option<Vec<u8>> {
         let flags = OperatingStateMsg::HOMED | OperatingStateMsg::BUSY;
         let value = [message.state, message.flags & flags];
         let unix_ns = message.stamp_ns.wrapping_add(self.unix_offset_ns);

@@ -4,12 +4,11 @@
 
 use std::path::{Path, PathBuf};
 
-use i2ris::ipc::OperatingState;
 use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
+use i2ris::ipc::{OperatingState, StreamMessage};
 use i2ris::units::Nanos;
 use i2ris_record::joints::snake;
 use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
-use i2ris_record::topic::Stream;
 use i2ris_testing::run_python;
 use tempfile::TempDir;
 
@@ -40,7 +39,7 @@ fn record(path: &Path) {
             flags: OperatingStateMsg::HOMED | busy,
             ..OperatingStateMsg::default()
         };
-        trial.record_state(&message, stamp);
+        trial.record(&StreamMessage::State(message), stamp);
         let angles = [0.001 * number as f64, -0.5, 0.0];
         if number > 50 {
             let command = ServoJp {
@@ -51,7 +50,7 @@ fn record(path: &Path) {
                 count: 2,
                 ..ServoJp::default()
             };
-            trial.record_servo_jp(&command, stamp);
+            trial.record(&StreamMessage::ServoJp(command), stamp);
         }
         let joints = JointState {
             sequence: number,
@@ -61,7 +60,7 @@ fn record(path: &Path) {
             flags: JointState::VALID,
             ..JointState::default()
         };
-        trial.record_joints(Stream::Measured, &joints, stamp);
+        trial.record(&StreamMessage::Measured(joints), stamp);
     }
     trial.finish(Default::default(), &[]).unwrap();
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use i2ris::clock;
 use i2ris::ipc::{Fault, OperatingState};
-use i2ris::robot::{Cause, Excess, Quantity, Reason};
+use i2ris::robot::{Cause, Measurement, Quantity, Reason};
 use i2ris::units::Nanos;
 use i2ris_testing::{Controller, Program, program, python};
 
@@ -16,17 +16,17 @@ use i2ris_testing::{Controller, Program, program, python};
 const KEPT: usize = 16;
 
 fn reasons() -> Vec<Reason> {
-    let excesses = [
+    let measurements = [
         None,
-        Some(Excess::new(Quantity::Milliseconds, 62.25, Some(50.0))),
-        Some(Excess::new(Quantity::Counts, 2314.0, Some(2000.0)).of_motor(1)),
-        Some(Excess::new(Quantity::ErrorCode, 34_321.0, None).of_motor(0)),
-        Some(Excess::new(Quantity::Sequence, 4.0, Some(9.0))),
-        Some(Excess::new(Quantity::Degrees, 9.5, Some(2.0))),
+        Some(Measurement::new(Quantity::Milliseconds, 62.25, Some(50.0))),
+        Some(Measurement::new(Quantity::Counts, 2314.0, Some(2000.0)).of_motor(1)),
+        Some(Measurement::new(Quantity::ErrorCode, 34_321.0, None).of_motor(0)),
+        Some(Measurement::new(Quantity::Sequence, 4.0, Some(9.0))),
+        Some(Measurement::new(Quantity::Degrees, 9.5, Some(2.0))),
     ];
     let causes = Cause::all().filter(|cause| !matches!(cause, Cause::State(_)));
-    let paired = causes.zip(excesses.into_iter().cycle());
-    paired.map(|(cause, excess)| Reason { cause, excess }).collect()
+    let paired = causes.zip(measurements.into_iter().cycle());
+    paired.map(|(cause, measurement)| Reason { cause, measurement }).collect()
 }
 
 /// Sets the robot into FAULT and lets the controller report its cause.

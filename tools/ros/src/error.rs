@@ -5,31 +5,18 @@ use std::io;
 /// Why the program cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum RosError {
-    /// The participant or the node could not be made.
     #[error("cannot take part in domain {domain} of ROS: {reason}")]
-    Join {
-        /// The domain.
-        domain: u16,
-        /// Why.
-        reason: String,
-    },
-    /// The sockets could not be kept from other computers.
+    Join { domain: u16, reason: String },
     #[error("cannot keep ROS on this computer ({0}); Linux 5.7 or newer can, or name --network")]
     Loopback(#[source] io::Error),
-    /// A topic or service could not be made.
     #[error("cannot make {name}: {reason}")]
-    Topic {
-        /// Its name.
-        name: String,
-        /// Why.
-        reason: String,
-    },
-    /// The system gives no thread or no poll.
+    Topic { name: String, reason: String },
     #[error("cannot {action}: {source}")]
-    System {
-        /// What was tried.
-        action: &'static str,
-        /// Why not.
-        source: io::Error,
-    },
+    System { action: &'static str, source: io::Error },
+}
+
+impl RosError {
+    pub(crate) fn thread(source: io::Error) -> Self {
+        Self::System { action: "start a thread", source }
+    }
 }

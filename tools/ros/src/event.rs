@@ -5,6 +5,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use i2ris::units::Nanos;
+use i2ris_gateway::refusals::Refused;
 
 /// Events that may wait. More are dropped: one who floods must not fill the memory.
 const WAITING: usize = 1024;
@@ -12,20 +13,9 @@ const WAITING: usize = 1024;
 /// Names that are kept.
 const NAMES: usize = 256;
 
-/// What happened.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Event {
-    /// A command was refused.
-    Refused {
-        /// Whose.
-        client: String,
-        /// Topic and number of a reason: repeats are folded by client and kind.
-        kind: (&'static str, u32),
-        /// The reason, as a sentence.
-        reason: String,
-        /// How many.
-        count: u64,
-    },
+    Refused(Refused),
     /// Something that is worth a line.
     Status(String),
     /// Something that somebody should do something about.
@@ -36,11 +26,9 @@ pub(crate) enum Event {
     MoveAnswered(Option<Nanos>),
 }
 
-/// The sending end.
 #[derive(Debug, Clone)]
 pub(crate) struct Events(SyncSender<Event>);
 
-/// A channel of events.
 pub(crate) fn channel() -> (Events, Receiver<Event>) {
     let (sender, receiver) = sync_channel(WAITING);
     (Events(sender), receiver)
@@ -63,7 +51,6 @@ impl Events {
 pub(crate) struct ClientNames(Arc<Mutex<BTreeMap<u64, String>>>);
 
 impl ClientNames {
-    /// Notes the name of a client.
     pub fn note(&self, client_id: u64, name: &str) {
         let mut names = self.lock();
         if names.get(&client_id).is_none_or(|known| known != name) {

@@ -3,13 +3,11 @@
 //!
 //! | file | contains |
 //! |---|---|
-//! | [`run`] | everything, until it is stopped |
-//! | `participant`, `loopback` | joining the network of ROS, and keeping to this computer |
+//! | `participant` | joining the network of ROS, and keeping to this computer |
 //! | `topics`, `message` | the topics with their quality of service, and the messages |
-//! | [`admission`] | which commands of which client are passed on |
-//! | `inbound` | from ROS to the controller |
+//! | `inbound` | from ROS to the controller, by [`i2ris_gateway::admission`] |
 //! | `outbound` | from the controller to ROS |
-//! | `event`, `clock`, `error` | between the threads; between the clocks; why it cannot run |
+//! | `event`, `error` | between the threads; why it cannot run |
 //!
 //! ```text
 //! ROS 2 (DDS)        servo_jp, state_command, ...      measured_js, operating_state, ...
@@ -24,14 +22,9 @@
 //! What the controller does not know of, a message that somebody kept, or a stream that went on
 //! after it broke off, is refused here.
 
-#![deny(unsafe_op_in_unsafe_fn)]
-
-pub mod admission;
-mod clock;
 mod error;
 mod event;
 mod inbound;
-mod loopback;
 pub mod message;
 mod outbound;
 mod participant;
@@ -56,15 +49,12 @@ use topics::{Inputs, Outputs, Services};
 /// How the robot is shown in ROS.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// The controller's domain.
     pub domain: Domain,
     /// The name of the robot, under which its topics are.
     pub robot: String,
-    /// Domain of ROS.
     pub ros_domain: u16,
     /// Addresses of this computer in the networks to take part in; none: this computer only.
     pub networks: Vec<IpAddr>,
-    /// Nobody may command.
     pub read_only: bool,
     /// Between two messages of the joints.
     pub period: Nanos,
@@ -119,7 +109,7 @@ pub fn run(
         let inbound = thread::Builder::new()
             .name("inbound".to_owned())
             .spawn_scoped(scope, || inbound.run(|| ended.load(Ordering::Relaxed)))
-            .map_err(|source| RosError::System { action: "start a thread", source })?;
+            .map_err(RosError::thread)?;
         outbound.run(|| stop() || inbound.is_finished(), say);
         ended.store(true, Ordering::Relaxed);
         Ok(())

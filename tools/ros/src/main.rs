@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
 use i2ris::units::Nanos;
-use i2ris_geometry::Snake;
+use i2ris_gateway::Snake;
 use i2ris_ros::{LARGEST_DOMAIN, Options, ServiceMapping};
 use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
@@ -141,17 +141,7 @@ fn name(text: &str) -> Result<String, String> {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
-
-    #[test]
-    fn the_help_has_an_example_and_the_command_line_is_consistent() {
-        let mut command = Arguments::command();
-        let help = command.render_long_help().to_string();
-        assert!(help.contains("Examples") && help.contains("i2ris ros"), "{help}");
-        command.debug_assert();
-    }
 
     #[test]
     fn names_are_those_that_ros_takes() {

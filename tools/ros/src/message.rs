@@ -1,124 +1,101 @@
 //! The messages, field by field as ROS 2 defines them (`common_interfaces`, `crtk_msgs` 1.3).
 //!
 //! Strings and sequences have no bound, as in the definitions. What arrives is checked in
-//! [`crate::admission`].
+//! [`i2ris_gateway::admission`]. Lengths are m, angles rad.
 
 use ros2_client::Message;
 use serde::{Deserialize, Serialize};
 
+/// A message that a topic can have.
+pub trait Typed {
+    /// Package and name of its type.
+    const TYPE: (&'static str, &'static str);
+}
+
 macro_rules! messages {
-    ($($(#[$meta:meta])* $name:ident {
+    ($($(#[$meta:meta])* $name:ident $package:literal $type:literal {
         $($(#[$field_meta:meta])* $field:ident: $kind:ty,)*
     })*) => {$(
         $(#[$meta])*
         #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
         pub struct $name { $($(#[$field_meta])* pub $field: $kind,)* }
         impl Message for $name {}
+        impl Typed for $name {
+            const TYPE: (&'static str, &'static str) = ($package, $type);
+        }
     )*};
 }
 
 messages! {
-    /// `builtin_interfaces/Time`: Unix time.
-    Time {
-        /// Whole seconds.
+    /// Unix time.
+    Time "builtin_interfaces" "Time" {
         sec: i32,
-        /// The rest.
         nanosec: u32,
     }
 
-    /// `std_msgs/Header`.
-    Header {
+    Header "std_msgs" "Header" {
         /// Time of the values; 0: they are not valid.
         stamp: Time,
         /// The frame that poses are given in.
         frame_id: String,
     }
 
-    /// `std_msgs/String`.
-    Text {
-        /// The text.
+    Text "std_msgs" "String" {
         data: String,
     }
 
-    /// `std_msgs/Empty`, with the byte that IDL puts into it.
-    Empty {
-        /// 0.
+    /// With the byte that IDL puts into an empty message.
+    Empty "std_msgs" "Empty" {
         structure_needs_at_least_one_member: u8,
     }
 
-    /// `sensor_msgs/JointState`.
-    JointState {
-        /// When.
+    JointState "sensor_msgs" "JointState" {
         header: Header,
-        /// Names of the joints.
         name: Vec<String>,
-        /// rad.
         position: Vec<f64>,
-        /// rad/s.
         velocity: Vec<f64>,
-        /// Empty.
         effort: Vec<f64>,
     }
 
-    /// `geometry_msgs/Point` and `geometry_msgs/Vector3`, m.
-    Point {
-        /// Across.
+    /// And `geometry_msgs/Vector3`, which is the same.
+    Point "geometry_msgs" "Point" {
         x: f64,
-        /// Across.
         y: f64,
-        /// Along the straight snake.
         z: f64,
     }
 
-    /// `geometry_msgs/Quaternion`.
-    Quaternion {
-        /// Imaginary part.
+    Quaternion "geometry_msgs" "Quaternion" {
         x: f64,
-        /// Imaginary part.
         y: f64,
-        /// Imaginary part.
         z: f64,
         /// Real part.
         w: f64,
     }
 
-    /// `geometry_msgs/Pose`.
-    Pose {
-        /// m.
+    Pose "geometry_msgs" "Pose" {
         position: Point,
-        /// Unit quaternion.
         orientation: Quaternion,
     }
 
-    /// `geometry_msgs/PoseStamped`.
-    PoseStamped {
-        /// When, and in which frame.
+    PoseStamped "geometry_msgs" "PoseStamped" {
         header: Header,
-        /// Where.
         pose: Pose,
     }
 
-    /// `geometry_msgs/TransformStamped`, with `geometry_msgs/Transform` in it.
-    TransformStamped {
-        /// When, and the frame below.
+    /// With `geometry_msgs/Transform` in it.
+    TransformStamped "geometry_msgs" "TransformStamped" {
         header: Header,
-        /// The frame that is described.
         child_frame_id: String,
-        /// m.
         translation: Point,
-        /// Unit quaternion.
         rotation: Quaternion,
     }
 
-    /// `tf2_msgs/TFMessage`.
-    Transforms {
-        /// All links.
+    Transforms "tf2_msgs" "TFMessage" {
         transforms: Vec<TransformStamped>,
     }
 
-    /// `crtk_msgs/OperatingState`.
-    OperatingState {
-        /// When; rises with every message.
+    OperatingState "crtk_msgs" "OperatingState" {
+        /// Its stamp rises with every message.
         header: Header,
         /// `DISABLED`, `ENABLED`, `PAUSED`, `FAULT`; `UNDEFINED` without a controller.
         state: String,
@@ -128,31 +105,22 @@ messages! {
         is_busy: bool,
     }
 
-    /// `crtk_msgs/StringStamped`.
-    StringStamped {
-        /// When.
+    StringStamped "crtk_msgs" "StringStamped" {
         header: Header,
-        /// The command.
         string: String,
     }
 
-    /// Request of `crtk_msgs/TriggerOperatingState` and of `std_srvs/Trigger`.
-    NoRequest {
-        /// 0.
+    /// Request of both services, with the byte that IDL puts into an empty message.
+    NoRequest "std_srvs" "Trigger_Request" {
         structure_needs_at_least_one_member: u8,
     }
 
-    /// Response of `crtk_msgs/TriggerOperatingState`.
-    TriggerOperatingStateResponse {
-        /// The state.
+    TriggerOperatingStateResponse "crtk_msgs" "TriggerOperatingState_Response" {
         operating_state: OperatingState,
     }
 
-    /// Response of `std_srvs/Trigger`.
-    TriggerResponse {
-        /// Always true.
+    TriggerResponse "std_srvs" "Trigger_Response" {
         success: bool,
-        /// The answer.
         message: String,
     }
 }
@@ -161,7 +129,6 @@ impl Time {
     /// The time that a message with values that are not valid has.
     pub const INVALID: Self = Self { sec: 0, nanosec: 0 };
 
-    /// From nanoseconds since the epoch.
     #[must_use]
     pub fn from_unix_ns(unix_ns: u64) -> Self {
         Self {

@@ -3,6 +3,7 @@
 //!
 //! What is not supported has no topic: CRTK's client names it in `check_connections`.
 
+use i2ris_gateway::admission::Topic;
 use ros2_client::qos::{Durability, History, Reliability, WhenFull};
 use ros2_client::{
     Message, MessageTypeName, Name, Node, Publisher, QosProfile, Server, ServiceMapping,
@@ -14,14 +15,8 @@ use serde::de::DeserializeOwned;
 use crate::RosError;
 use crate::message::{
     Empty, JointState, NoRequest, OperatingState, PoseStamped, StringStamped, Text, Transforms,
-    TriggerOperatingStateResponse, TriggerResponse,
+    TriggerOperatingStateResponse, TriggerResponse, Typed,
 };
-
-/// Samples that a publisher keeps: as cisst-ros.
-const DEPTH_OUT: usize = 100;
-
-/// Only the newest command counts.
-const DEPTH_IN: usize = 1;
 
 /// A reader that is stopped must not stop the others: the oldest sample is dropped instead.
 const RELIABLE: Reliability = Reliability::Reliable { when_full: WhenFull::Fail };
@@ -33,14 +28,16 @@ const fn qos(durability: Durability, depth: usize) -> QosProfile {
         .history(History::KeepLast { depth })
 }
 
-/// Streams out. A best-effort publisher would be incompatible with every client of CRTK.
-const STREAM: QosProfile = qos(Durability::Volatile, DEPTH_OUT);
+/// Streams out, as deep as those of cisst-ros. A best-effort publisher would be incompatible with
+/// every client of CRTK.
+const STREAM: QosProfile = qos(Durability::Volatile, 100);
 
 /// What a late joiner must get: the state and what was said.
-const LATCHED: QosProfile = qos(Durability::TransientLocal, DEPTH_OUT);
+const LATCHED: QosProfile = qos(Durability::TransientLocal, 100);
 
-/// Commands. VOLATILE: clients latch `state_command`, and a late reader must not get an old one.
-const COMMAND: QosProfile = qos(Durability::Volatile, DEPTH_IN);
+/// Commands, of which only the newest counts. VOLATILE: clients latch `state_command`, and a late
+/// reader must not get an old one.
+const COMMAND: QosProfile = qos(Durability::Volatile, 1);
 
 /// Services, as rmw has them.
 const SERVICE: QosProfile = qos(Durability::Volatile, 10);
@@ -52,41 +49,29 @@ struct Maker<'a> {
 }
 
 impl Maker<'_> {
-    fn topic(
-        &self,
-        name: &str,
-        (package, kind): (&str, &str),
-        qos: &QosProfile,
-    ) -> Result<rustdds::Topic, RosError> {
-        let full = full_name(self.robot, name);
-        let made = Name::parse(&full).map_err(|error| error.to_string());
-        let kind = MessageTypeName::new(package, kind);
-        made.and_then(|name| {
-            let topic = self.node.create_topic(&name, kind, qos);
-            topic.map_err(|error| error.to_string())
-        })
-        .map_err(|reason| RosError::Topic { name: full, reason })
+    fn topic<M: Typed>(&self, name: &str, qos: &QosProfile) -> Result<rustdds::Topic, RosError> {
+        let kind = MessageTypeName::new(M::TYPE.0, M::TYPE.1);
+        let topic = self.node.create_topic(&self.name(name)?, kind, qos);
+        topic.map_err(self.failed(name))
     }
 
-    fn publisher<M: Serialize>(
+    fn publisher<M: Serialize + Typed>(
         &mut self,
         name: &str,
-        kind: (&str, &str),
         qos: &QosProfile,
     ) -> Result<Publisher<M>, RosError> {
-        let topic = self.topic(name, kind, qos)?;
+        let topic = self.topic::<M>(name, qos)?;
         let made = self.node.create_publisher(&topic, Some(qos.clone()));
-        made.map_err(|error| self.failed(name, error.to_string()))
+        made.map_err(self.failed(name))
     }
 
-    fn subscription<M: DeserializeOwned + 'static>(
+    fn subscription<M: DeserializeOwned + Typed + 'static>(
         &mut self,
-        name: &str,
-        kind: (&str, &str),
+        topic: Topic,
     ) -> Result<Subscription<M>, RosError> {
-        let topic = self.topic(name, kind, &COMMAND)?;
-        let made = self.node.create_subscription(&topic, Some(COMMAND));
-        made.map_err(|error| self.failed(name, error.to_string()))
+        let dds_topic = self.topic::<M>(topic.name(), &COMMAND)?;
+        let made = self.node.create_subscription(&dds_topic, Some(COMMAND));
+        made.map_err(self.failed(topic.name()))
     }
 
     fn server<Q: Message + Clone + 'static, R: Message + Clone + 'static>(
@@ -95,26 +80,25 @@ impl Maker<'_> {
         name: &str,
         (package, kind): (&str, &str),
     ) -> Result<Server<Q, R>, RosError> {
-        let full = full_name(self.robot, name);
-        let parsed = Name::parse(&full).map_err(|error| self.failed(name, error.to_string()))?;
-        let kind = ServiceTypeName::new(package, kind);
-        let made = self.node.create_server(mapping, &parsed, &kind, SERVICE, SERVICE);
-        made.map_err(|error| self.failed(name, error.to_string()))
+        let (full, kind) = (self.name(name)?, ServiceTypeName::new(package, kind));
+        let made = self.node.create_server(mapping, &full, &kind, SERVICE, SERVICE);
+        made.map_err(self.failed(name))
     }
 
-    fn failed(&self, name: &str, reason: String) -> RosError {
-        let name = full_name(self.robot, name);
-        RosError::Topic { name, reason }
+    fn name(&self, name: &str) -> Result<Name, RosError> {
+        Name::parse(&self.full_name(name)).map_err(self.failed(name))
+    }
+
+    /// `/robot/topic`; topics with a slash in front have their name already.
+    fn full_name(&self, name: &str) -> String {
+        if name.starts_with('/') { name.to_owned() } else { format!("/{}/{name}", self.robot) }
+    }
+
+    fn failed<E: ToString>(&self, name: &str) -> impl Fn(E) -> RosError + use<E> {
+        let name = self.full_name(name);
+        move |error| RosError::Topic { name: name.clone(), reason: error.to_string() }
     }
 }
-
-/// `/robot/topic`; topics with a slash in front have their name already.
-fn full_name(robot: &str, name: &str) -> String {
-    if name.starts_with('/') { name.to_owned() } else { format!("/{robot}/{name}") }
-}
-
-const JOINT_STATE: (&str, &str) = ("sensor_msgs", "JointState");
-const TEXT: (&str, &str) = ("std_msgs", "String");
 
 /// What goes out.
 pub(crate) struct Outputs {
@@ -133,50 +117,57 @@ impl Outputs {
     pub fn new(node: &mut Node, robot: &str) -> Result<Self, RosError> {
         let mut make = Maker { node, robot };
         Ok(Self {
-            measured_js: make.publisher("measured_js", JOINT_STATE, &STREAM)?,
-            setpoint_js: make.publisher("setpoint_js", JOINT_STATE, &STREAM)?,
-            measured_cp: make.publisher(
-                "measured_cp",
-                ("geometry_msgs", "PoseStamped"),
-                &STREAM,
-            )?,
-            transforms: make.publisher("/tf", ("tf2_msgs", "TFMessage"), &STREAM)?,
-            operating_state: make.publisher(
-                "operating_state",
-                ("crtk_msgs", "OperatingState"),
-                &LATCHED,
-            )?,
-            error: make.publisher("error", TEXT, &LATCHED)?,
-            warning: make.publisher("warning", TEXT, &LATCHED)?,
-            status: make.publisher("status", TEXT, &LATCHED)?,
-            description: make.publisher("robot_description", TEXT, &LATCHED)?,
+            measured_js: make.publisher("measured_js", &STREAM)?,
+            setpoint_js: make.publisher("setpoint_js", &STREAM)?,
+            measured_cp: make.publisher("measured_cp", &STREAM)?,
+            transforms: make.publisher("/tf", &STREAM)?,
+            operating_state: make.publisher("operating_state", &LATCHED)?,
+            error: make.publisher("error", &LATCHED)?,
+            warning: make.publisher("warning", &LATCHED)?,
+            status: make.publisher("status", &LATCHED)?,
+            description: make.publisher("robot_description", &LATCHED)?,
         })
     }
 }
 
 /// What comes in. A robot that may only be watched has none of it.
 pub(crate) struct Inputs {
-    pub servo_jp: Subscription<JointState>,
-    pub servo_jr: Subscription<JointState>,
-    pub move_jp: Subscription<JointState>,
-    pub move_jr: Subscription<JointState>,
-    pub state_command: Subscription<StringStamped>,
     pub hold: Subscription<Empty>,
-    pub external: Subscription<JointState>,
+    pub state_command: Subscription<StringStamped>,
+    pub joints: [(Topic, Subscription<JointState>); 5],
 }
 
 impl Inputs {
     pub fn new(node: &mut Node, robot: &str) -> Result<Self, RosError> {
         let mut make = Maker { node, robot };
+        let mut joints = |topic| -> Result<_, RosError> { Ok((topic, make.subscription(topic)?)) };
+        let joints = [
+            joints(Topic::ServoJp)?,
+            joints(Topic::ServoJr)?,
+            joints(Topic::MoveJp)?,
+            joints(Topic::MoveJr)?,
+            joints(Topic::External)?,
+        ];
         Ok(Self {
-            servo_jp: make.subscription("servo_jp", JOINT_STATE)?,
-            servo_jr: make.subscription("servo_jr", JOINT_STATE)?,
-            move_jp: make.subscription("move_jp", JOINT_STATE)?,
-            move_jr: make.subscription("move_jr", JOINT_STATE)?,
-            state_command: make.subscription("state_command", ("crtk_msgs", "StringStamped"))?,
-            hold: make.subscription("hold", ("std_msgs", "Empty"))?,
-            external: make.subscription("external/measured_jp", JOINT_STATE)?,
+            hold: make.subscription(Topic::Hold)?,
+            state_command: make.subscription(Topic::StateCommand)?,
+            joints,
         })
+    }
+
+    /// Whether a topic of DDS that carries commands to this robot has this type. Topics of others
+    /// are none of our business.
+    pub fn is_own_type(robot: &str, dds_topic: &str, dds_type: &str) -> bool {
+        let name = dds_topic.strip_prefix(&format!("rt/{robot}/")).unwrap_or_default();
+        let Some(topic) = Topic::ALL.into_iter().find(|topic| topic.name() == name) else {
+            return true;
+        };
+        let (package, kind) = match topic {
+            Topic::Hold => Empty::TYPE,
+            Topic::StateCommand => StringStamped::TYPE,
+            _ => JointState::TYPE,
+        };
+        dds_type == format!("{package}::msg::dds_::{kind}_")
     }
 }
 

@@ -1,16 +1,13 @@
 //! A foreign end: Cyclone DDS by its Python wheel, with types written out in the example
 //! `crtk_arm.py`. Where there is a Python with `cyclonedds`: `I2RIS_PYTHON` names one.
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test may")]
-
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::bridge::Bridge;
-use common::peer::ros_domain;
-use common::robot::Robot;
 use i2ris::clock;
+use i2ris_testing::Rig;
+
+use crate::common::{Bridge, robot};
+use crate::peer::ros_domain;
 
 /// Python with the example on its path; `None` with a word where there is none.
 fn python(ros_domain: u16) -> Option<Command> {
@@ -34,11 +31,11 @@ fn finish(mut command: Command) -> String {
     out
 }
 
-fn run(arguments: &[&str], script: &str) -> Option<(Robot, Bridge, String)> {
+fn run(arguments: &[&str], script: &str) -> Option<(Rig, Bridge, String)> {
     let domain = ros_domain();
     let mut command = python(domain)?;
-    let robot = Robot::start();
-    let bridge = Bridge::start(&robot.domain, domain, arguments);
+    let robot = robot();
+    let bridge = Bridge::start(&robot.domain(), domain, arguments);
     command.args(["-c", script]);
     let out = finish(command);
     Some((robot, bridge, out))
@@ -50,8 +47,8 @@ fn the_example_runs_as_it_is() {
     let Some(mut command) = python(domain) else {
         return;
     };
-    let robot = Robot::start();
-    let bridge = Bridge::start(&robot.domain, domain, &[]);
+    let robot = robot();
+    let bridge = Bridge::start(&robot.domain(), domain, &[]);
     let from = clock::now();
     command.arg(examples().join("crtk_arm.py")).arg("i2ris");
     let out = finish(command);
@@ -70,7 +67,7 @@ fn kept_commands_of_a_foreign_end_are_not_carried_out() {
     let Some(mut command) = python(domain) else {
         return;
     };
-    let robot = Robot::start();
+    let robot = robot();
     command.args([
         "-c",
         "
@@ -94,7 +91,7 @@ assert arm.home(), arm.said
         .spawn()
         .unwrap();
     clock::sleep(i2ris::units::Nanos::from_millis(5000));
-    let bridge = Bridge::start(&robot.domain, domain, &[]);
+    let bridge = Bridge::start(&robot.domain(), domain, &[]);
     let output = child.wait_with_output().unwrap();
     let err = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{err}");
@@ -207,7 +204,7 @@ print(found[0].sequence, hex(found[0].guid), found[0].operating_state.state)
     }
 }
 
-/// For `cargo test -p i2ris-ros --release --test cyclone -- --ignored --nocapture campaign`:
+/// For `cargo test -p i2ris-ros --release --test ros -- --ignored --nocapture campaign`:
 /// seconds in `I2RIS_SOAK_S`, default one minute.
 #[test]
 #[ignore = "takes a minute"]
@@ -217,8 +214,8 @@ fn campaign_a_kilohertz_without_gaps_and_with_flat_memory() {
         return;
     };
     let seconds = std::env::var("I2RIS_SOAK_S").map_or(60, |seconds| seconds.parse().unwrap());
-    let robot = Robot::start();
-    let bridge = Bridge::start(&robot.domain, domain, &["--period-ms", "1"]);
+    let robot = robot();
+    let bridge = Bridge::start(&robot.domain(), domain, &["--period-ms", "1"]);
     command.args(["-c", &format!("SECONDS = {seconds}\n{KILOHERTZ}")]);
     let child = command.stdout(std::process::Stdio::piped()).spawn().unwrap();
     let (mut memory, start) = (Vec::new(), clock::now());

@@ -1,33 +1,21 @@
 //! Clients of ROS that do what they should not: each ends in a hold or in a refusal with a reason,
 //! never in motion.
-#![allow(clippy::unwrap_used, reason = "a test may")]
-
-mod common;
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command, Stdio};
 
-use common::bridge::Bridge;
-use common::eventually;
-use common::peer::{Peer, publisher, qos, ros_domain};
-use common::robot::Robot;
 use i2ris::clock;
 use i2ris::ipc::OperatingState;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
 use i2ris_ros::message::{Header, JointState, StringStamped, Text, Time};
+use i2ris_testing::wait_until;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use ros2_client::qos::Durability;
 
-const ROBOT: &str = "i2ris";
-
-fn start() -> (Robot, Bridge, Peer) {
-    let (robot, domain) = (Robot::start(), ros_domain());
-    let bridge = Bridge::start(&robot.domain, domain, &[]);
-    let peer = Peer::new(domain, ROBOT, "console");
-    (robot, bridge, peer)
-}
+use crate::common::{Bridge, ROBOT, robot, start, wait_for};
+use crate::peer::{Peer, publisher, qos, ros_domain};
 
 fn swing(t: f64) -> [f64; 2] {
     [3.0 * (2.0 * t).sin(), 2.0 * (1.5 * t).sin()]
@@ -44,7 +32,7 @@ const DOMAIN: &str = "I2RIS_TEST_ROS_DOMAIN";
 impl Swinger {
     fn start(ros_domain: u16) -> Self {
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "swinger_process", "--ignored", "--nocapture"])
+            .args(["--exact", "misuse::swinger_process", "--ignored", "--nocapture"])
             .env(DOMAIN, ros_domain.to_string())
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
@@ -54,7 +42,6 @@ impl Swinger {
         Self { child, lines }
     }
 
-    /// Waits until it swings.
     fn wait(&mut self) {
         let mut lines = self.lines.by_ref().map_while(Result::ok);
         assert!(lines.any(|line| line.contains("swinging")), "it ended");
@@ -75,7 +62,6 @@ impl Drop for Swinger {
 /// The process of [`Swinger`].
 #[test]
 #[ignore = "runs as a process of other tests"]
-#[allow(clippy::print_stdout, reason = "the other test waits for it")]
 fn swinger_process() {
     let domain = std::env::var(DOMAIN).unwrap().parse().unwrap();
     let mut peer = Peer::new(domain, ROBOT, "swinger");
@@ -92,7 +78,7 @@ fn swinger_process() {
 
 #[test]
 fn h24_an_old_state_command_that_the_middleware_kept_is_not_carried_out() {
-    let (robot, domain) = (Robot::start(), ros_domain());
+    let (robot, domain) = (robot(), ros_domain());
     // A client of an earlier session: its commands are kept for those who come late.
     let early = Peer::new(domain, ROBOT, "early");
     let before = clock::now();
@@ -100,12 +86,12 @@ fn h24_an_old_state_command_that_the_middleware_kept_is_not_carried_out() {
         early.command(word);
     }
     clock::sleep(Nanos::from_millis(2500));
-    let bridge = Bridge::start(&robot.domain, domain, &[]);
+    let bridge = Bridge::start(&robot.domain(), domain, &[]);
     let mut watcher = Peer::new(domain, ROBOT, "watcher");
     watcher.connect();
     // Long after the writer and the reader have met.
     let status = format!("/{ROBOT}/state_command");
-    eventually("they meet", || (early.node.subscription_count(&status) > 0).then_some(()));
+    wait_until("they meet", || early.node.subscription_count(&status) > 0);
     clock::sleep(Nanos::from_millis(3000));
     watcher.update();
     let state = watcher.seen.last().unwrap();
@@ -119,7 +105,7 @@ fn h24_an_old_state_command_that_the_middleware_kept_is_not_carried_out() {
 
 #[test]
 fn h24_a_state_command_with_an_old_stamp_is_refused() {
-    let (robot, bridge, mut peer) = start();
+    let (robot, bridge, mut peer) = start(&[]);
     peer.connect();
     peer.wait_for("a robot that waits", |state| !state.is_busy);
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
@@ -142,7 +128,7 @@ fn h24_a_state_command_with_an_old_stamp_is_refused() {
 
 #[test]
 fn the_snake_holds_when_its_client_is_killed_and_another_one_takes_over() {
-    let (robot, _bridge, mut peer) = start();
+    let (robot, _bridge, mut peer) = start(&[]);
     let mut swinger = Swinger::start(peer.node.domain_id());
     swinger.wait();
     swinger.signal(Signal::SIGKILL);
@@ -158,7 +144,7 @@ fn the_snake_holds_when_its_client_is_killed_and_another_one_takes_over() {
 /// and goes on holding. What comes through again is refused; on a busy machine DDS may have given
 /// the client up, and nothing does.
 fn stop_and_go_on(stopped: Nanos) {
-    let (robot, bridge, mut peer) = start();
+    let (mut robot, bridge, mut peer) = start(&[]);
     let mut swinger = Swinger::start(peer.node.domain_id());
     swinger.wait();
     swinger.signal(Signal::SIGSTOP);
@@ -169,7 +155,7 @@ fn stop_and_go_on(stopped: Nanos) {
     swinger.signal(Signal::SIGCONT);
     clock::sleep(Nanos::from_millis(5000));
     assert!(!robot.moved_since(resumed), "{:?}", bridge.lines());
-    let state = robot.wait_for(|_| true);
+    let state = wait_for(&mut robot, |_| true);
     assert_eq!(state.state, OperatingState::Enabled.number());
     assert!(state.flags & OperatingStateMsg::HOLDING != 0, "it holds");
     assert_eq!(state.lease_client_id, 0, "nobody commands");
@@ -183,7 +169,7 @@ fn h24_a_client_that_is_stopped_and_goes_on_does_not_move_the_snake() {
     stop_and_go_on(Nanos::from_millis(2000));
 }
 
-/// For `cargo test -p i2ris-ros --test misuse -- --ignored campaign`: DDS counts it as gone
+/// For `cargo test -p i2ris-ros --test ros -- --ignored campaign`: DDS counts it as gone
 /// meanwhile.
 #[test]
 #[ignore = "takes more than a minute"]
@@ -193,7 +179,7 @@ fn campaign_h24_a_client_that_is_stopped_for_a_minute_does_not_move_the_snake() 
 
 #[test]
 fn a_second_writer_is_refused_by_name() {
-    let (robot, bridge, mut peer) = start();
+    let (robot, bridge, mut peer) = start(&[]);
     let mut swinger = Swinger::start(peer.node.domain_id());
     swinger.wait();
     for _ in 0..100 {
@@ -207,7 +193,7 @@ fn a_second_writer_is_refused_by_name() {
     peer.send_degrees("move_jp", [1.0, 1.0]);
     peer.wait_for_line("status", "/console: move_jp: move refused");
     let from = clock::now();
-    eventually("the first one goes on", || robot.moved_since(from).then_some(()));
+    wait_until("the first one goes on", || robot.moved_since(from));
     // Anybody may stop it.
     peer.hold();
     peer.wait_for_line("status", "/console: hold");
@@ -216,7 +202,7 @@ fn a_second_writer_is_refused_by_name() {
 
 #[test]
 fn two_publishers_in_one_process_are_two_clients() {
-    let (_robot, _bridge, mut peer) = start();
+    let (_robot, _bridge, mut peer) = start(&[]);
     peer.enable();
     let second = peer.publisher("servo_jp", &qos(Durability::Volatile));
     clock::sleep(Nanos::from_millis(1000));
@@ -230,7 +216,7 @@ fn two_publishers_in_one_process_are_two_clients() {
 
 #[test]
 fn a_flood_ends_in_a_hold() {
-    let (robot, bridge, mut peer) = start();
+    let (robot, bridge, mut peer) = start(&[]);
     peer.enable();
     let (start, mut next, mut sent) = (clock::now(), clock::now(), 0_u64);
     while clock::now() - start < Nanos::from_millis(2000) {
@@ -251,17 +237,17 @@ fn a_flood_ends_in_a_hold() {
     peer.stream(|t| (t < 1.0).then(|| swing(2.0 + t)));
     assert!(!robot.moved_since(from), "{:?}", bridge.lines());
     // Something deliberate begins anew, once the flood is past.
-    eventually("it is followed again", || {
+    wait_until("it is followed again", || {
         peer.hold();
         let [pitch, yaw] = peer.setpoint_degrees();
         peer.stream(|t| (t < 0.5).then_some([pitch + t, yaw]));
-        robot.moved_since(from).then_some(())
+        robot.moved_since(from)
     });
 }
 
 #[test]
 fn values_that_make_no_sense_are_refused_and_counted() {
-    let (robot, bridge, mut peer) = start();
+    let (robot, bridge, mut peer) = start(&[]);
     peer.enable();
     robot.wait_until_still();
     let from = clock::now();
@@ -291,7 +277,7 @@ fn values_that_make_no_sense_are_refused_and_counted() {
 
 #[test]
 fn a_message_of_another_type_moves_nothing() {
-    let (robot, bridge, mut peer) = start();
+    let (robot, bridge, mut peer) = start(&[]);
     peer.enable();
     robot.wait_until_still();
     let from = clock::now();
@@ -317,7 +303,7 @@ fn a_message_of_another_type_moves_nothing() {
 
 #[test]
 fn a_reader_that_is_stopped_does_not_stop_the_others() {
-    let (robot, bridge, peer) = start();
+    let (robot, bridge, peer) = start(&[]);
     let mut swinger = Swinger::start(peer.node.domain_id());
     swinger.wait();
     let memory = bridge.memory_kb();

@@ -1,29 +1,19 @@
 //! A client of ROS, with the topics and the quality of service of CRTK's, and the emulated snake.
-#![allow(clippy::unwrap_used, reason = "a test may")]
 
-mod common;
-
-use common::bridge::Bridge;
-use common::eventually;
-use common::peer::{Peer, qos, ros_domain};
-use common::robot::Robot;
 use i2ris::clock;
+use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::Nanos;
+use i2ris_gateway::{Bend, Snake};
 use i2ris_ros::message::{
     JointState, NoRequest, OperatingState, Text, Time, Transforms, TriggerOperatingStateResponse,
     TriggerResponse,
 };
-use ros2_client::qos::{Durability, History};
-use ros2_client::{Name, QosProfile, ServiceMapping, ServiceTypeName, Subscription};
+use i2ris_testing::wait_until;
+use ros2_client::qos::Durability;
+use ros2_client::{Message, Name, QosProfile, ServiceMapping, ServiceTypeName, Subscription};
 
-const ROBOT: &str = "i2ris";
-
-fn start(arguments: &[&str]) -> (Robot, Bridge, Peer) {
-    let (robot, domain) = (Robot::start(), ros_domain());
-    let bridge = Bridge::start(&robot.domain, domain, arguments);
-    let peer = Peer::new(domain, ROBOT, "console");
-    (robot, bridge, peer)
-}
+use crate::common::{Bridge, ROBOT, robot, start, wait_for};
+use crate::peer::{Peer, qos, ros_domain};
 
 fn unix_ns(state: &OperatingState) -> u64 {
     state.header.stamp.unix_ns().unwrap()
@@ -31,7 +21,7 @@ fn unix_ns(state: &OperatingState) -> u64 {
 
 #[test]
 fn a_client_homes_enables_moves_servoes_and_holds() {
-    let (robot, bridge, mut peer) = start(&[]);
+    let (mut robot, bridge, mut peer) = start(&[]);
     peer.enable();
     // From rest to rest.
     peer.seen.clear();
@@ -58,12 +48,12 @@ fn a_client_homes_enables_moves_servoes_and_holds() {
         peer.send_degrees("servo_jr", [0.02, 0.0]);
         clock::sleep(Nanos::from_millis(5));
     }
-    eventually("the snake follows the steps", || {
+    wait_until("the snake follows the steps", || {
         let [after, _] = peer.setpoint_degrees();
-        (after - before > 0.5).then_some(())
+        after - before > 0.5
     });
     peer.wait_for_line("status", "console commands");
-    let state = robot.wait_for(|state| state.lease_client_id == 0);
+    let state = wait_for(&mut robot, |state| state.lease_client_id == 0);
     assert_eq!(state.fault, 0);
     assert!(bridge.end(), "it ends in order");
 }
@@ -76,10 +66,10 @@ fn a_move_of_length_zero_is_busy_and_then_not_and_stamps_rise() {
     for _ in 0..3 {
         let before = peer.seen.len();
         peer.send_degrees("move_jp", pose);
-        eventually("busy, then not busy", || {
+        wait_until("busy, then not busy", || {
             peer.update();
             let busy: Vec<bool> = peer.seen[before..].iter().map(|it| it.is_busy).collect();
-            (busy.ends_with(&[true, false])).then_some(())
+            busy.ends_with(&[true, false])
         });
     }
     let stamps: Vec<u64> = peer.seen.iter().map(unix_ns).collect();
@@ -98,8 +88,8 @@ fn one_who_comes_late_gets_the_state_and_what_was_said() {
     let kind = ("std_msgs", "String");
     let description: Subscription<Text> =
         late.subscription("robot_description", kind, &qos(Durability::TransientLocal));
-    let urdf = eventually("the URDF", || description.take().ok().flatten());
-    assert_eq!(urdf.0.data, i2ris_geometry::Snake::new(ROBOT).urdf());
+    let urdf = wait_until("the URDF", || description.take().ok().flatten());
+    assert_eq!(urdf.0.data, Snake::new(ROBOT).urdf());
 }
 
 #[test]
@@ -114,14 +104,14 @@ fn the_tip_and_the_frames_are_those_of_the_bend() {
     peer.wait_for("it has moved", |state| !state.is_busy);
     let tip = peer.next_tip(|tip| tip.header.stamp != Time::INVALID);
     let [pitch, yaw] = peer.measured_degrees();
-    let bend = i2ris_geometry::Bend { pitch: pitch.to_radians(), yaw: yaw.to_radians() };
-    let expected = i2ris_geometry::Snake::new(ROBOT).tip_pose(bend);
+    let bend = Bend { pitch: pitch.to_radians(), yaw: yaw.to_radians() };
+    let expected = Snake::new(ROBOT).tip_pose(bend);
     let found = [tip.pose.position.x, tip.pose.position.y, tip.pose.position.z];
     for (found, expected) in found.iter().zip(expected.position_m) {
         assert!((found - expected).abs() < 2e-5, "{found} {expected}");
     }
     assert!(tip.pose.position.y > 1e-4, "it is bent: {tip:?}");
-    let (Transforms { transforms }, _) = eventually("frames", || frames.take().ok().flatten());
+    let (Transforms { transforms }, _) = wait_until("frames", || frames.take().ok().flatten());
     assert_eq!(transforms.len(), 25);
     assert_eq!(transforms[0].header.frame_id, "i2ris_base");
 }
@@ -131,12 +121,12 @@ fn without_a_controller_the_state_is_undefined_and_data_have_stamp_zero() {
     let (mut robot, bridge, mut peer) = start(&[]);
     peer.wait_for("a controller", |state| state.state == "DISABLED");
     peer.next_measured(|it| it.header.stamp != Time::INVALID && it.position.len() == 2);
-    robot.stop_controller();
+    robot.stop_controller_thread();
     peer.wait_for("no controller", |state| state.state == "UNDEFINED");
     peer.next_measured(|it| it.header.stamp == Time::INVALID && it.position.is_empty());
     peer.next_tip(|it| it.header.stamp == Time::INVALID);
     bridge.wait_for("no controller serves domain");
-    robot.start_controller();
+    robot.start_controller_thread();
     peer.wait_for("a controller again", |state| state.state == "DISABLED");
     peer.next_measured(|it| it.header.stamp != Time::INVALID);
 }
@@ -170,8 +160,8 @@ fn what_is_not_supported_has_no_topic() {
 
 #[test]
 fn another_domain_and_another_name_are_another_robot() {
-    let (robot, domain) = (Robot::start(), ros_domain());
-    let _bridge = Bridge::start(&robot.domain, domain, &["--name", "eye"]);
+    let (robot, domain) = (robot(), ros_domain());
+    let _bridge = Bridge::start(&robot.domain(), domain, &["--name", "eye"]);
     let mut there = Peer::new(domain, "eye", "there");
     there.connect();
     let (mut elsewhere, mut other) =
@@ -186,72 +176,48 @@ fn another_domain_and_another_name_are_another_robot() {
 fn the_services_answer() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.connect();
-    let service = |depth| qos(Durability::Volatile).history(History::KeepLast { depth });
-    let (name, kind) = (
-        Name::parse(&format!("/{ROBOT}/crtk_version")).unwrap(),
-        ServiceTypeName::new("std_srvs", "Trigger"),
-    );
-    let mapping = ServiceMapping::Enhanced;
-    let version = peer.node.create_client::<NoRequest, TriggerResponse>(
-        mapping,
-        &name,
-        &kind,
-        service(10),
-        service(10),
-    );
-    let version = version.unwrap();
-    let answer = ask(
-        || version.send_request(NoRequest::default()).is_ok(),
-        || version.receive_response().ok().flatten(),
-    );
-    assert!(answer.1.success && answer.1.message.starts_with("1."), "{answer:?}");
-    let (name, kind) = (
-        Name::parse(&format!("/{ROBOT}/operating_state")).unwrap(),
-        ServiceTypeName::new("crtk_msgs", "TriggerOperatingState"),
-    );
-    let state = peer.node.create_client::<NoRequest, TriggerOperatingStateResponse>(
-        mapping,
-        &name,
-        &kind,
-        service(10),
-        service(10),
-    );
-    let state = state.unwrap();
-    let answer = ask(
-        || state.send_request(NoRequest::default()).is_ok(),
-        || state.receive_response().ok().flatten(),
-    );
-    assert_eq!(answer.1.operating_state.state, "DISABLED");
+    let trigger = ("std_srvs", "Trigger");
+    let answer: TriggerResponse = ask(&mut peer, "crtk_version", trigger);
+    assert!(answer.success && answer.message.starts_with("1."), "{answer:?}");
+    let trigger = ("crtk_msgs", "TriggerOperatingState");
+    let answer: TriggerOperatingStateResponse = ask(&mut peer, "operating_state", trigger);
+    assert_eq!(answer.operating_state.state, "DISABLED");
 }
 
 /// Asks until there is an answer: matching takes a moment.
-fn ask<A>(send: impl Fn() -> bool, receive: impl Fn() -> Option<A>) -> A {
+fn ask<R: Message + 'static>(peer: &mut Peer, name: &str, kind: (&str, &str)) -> R {
+    let name = Name::parse(&format!("/{ROBOT}/{name}")).unwrap();
+    let (kind, qos) = (ServiceTypeName::new(kind.0, kind.1), qos(Durability::Volatile));
+    let mapping = ServiceMapping::Enhanced;
+    let client =
+        peer.node.create_client::<NoRequest, R>(mapping, &name, &kind, qos.clone(), qos).unwrap();
     let mut sent = Nanos::ZERO;
-    eventually("an answer", || {
+    wait_until("an answer", || {
         if clock::now().since(sent) > Nanos::from_millis(1000) {
-            send();
+            let _ = client.send_request(NoRequest::default());
             sent = clock::now();
         }
-        receive()
+        client.receive_response().ok().flatten().map(|(_, answer)| answer)
     })
 }
 
 #[test]
 fn a_camera_of_ros_feeds_the_controller() {
-    let (robot, _bridge, mut peer) = start(&[]);
+    let (mut robot, _bridge, mut peer) = start(&[]);
     peer.connect();
     let mut seen = robot.client().watcher().external();
-    let found = eventually("a measurement", || {
+    let found = wait_until("a measurement", || {
         let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
         let mut message = JointState { position: vec![0.02, -0.01], ..JointState::default() };
         let exposed = now.unwrap().as_nanos() as u64 - 30_000_000;
         message.header.stamp = Time::from_unix_ns(exposed);
         peer.send_message("external/measured_jp", message);
         clock::sleep(Nanos::from_millis(10));
-        seen.newest().ok().flatten().map(|seen| (seen, clock::now()))
+        // The robot has a camera of its own, too.
+        let ours = |it: &ExternalPosition| it.position[..2] == [0.02, -0.01];
+        seen.newest().ok().flatten().filter(ours).map(|seen| (seen, clock::now()))
     });
     let (measurement, now) = found;
-    assert_eq!(measurement.position[..2], [0.02, -0.01]);
     let age = now.since(Nanos(measurement.stamp_ns));
     assert!(age >= Nanos::from_millis(30), "the exposure, not the arrival: {age:?}");
     peer.send("external/measured_jp", &[f64::NAN, 0.0]);
@@ -266,7 +232,7 @@ fn quality_of_service_that_does_not_fit_is_said() {
     // Fits: a reader may ask for less than is offered.
     let kind = ("sensor_msgs", "JointState");
     let less: Subscription<JointState> = peer.subscription("measured_js", kind, &best_effort);
-    eventually("a best-effort reader is served", || less.take().ok().flatten());
+    wait_until("a best-effort reader is served", || less.take().ok().flatten());
     // Does not: a reader asks for kept samples of a stream.
     let _more: Subscription<JointState> =
         peer.subscription("measured_js", kind, &qos(Durability::TransientLocal));

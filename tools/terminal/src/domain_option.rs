@@ -12,10 +12,6 @@ pub struct DomainOption {
 
 impl DomainOption {
     /// The domain.
-    ///
-    /// # Errors
-    ///
-    /// The name is not valid.
     pub fn domain(&self) -> Result<Domain, DomainError> {
         Domain::new(&self.domain)
     }

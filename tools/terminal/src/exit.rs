@@ -74,7 +74,7 @@ mod tests {
         let refused = ClientError::Refused {
             command: StateCommand::Enable,
             refusal: Refusal::NotHomed,
-            excess: None,
+            measurement: None,
             state: None,
         };
         let sentence = "the robot is in FAULT".to_owned();

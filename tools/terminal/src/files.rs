@@ -5,10 +5,6 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Refuses to write over a file, unless `overwrite`. `option` names the option that names it.
-///
-/// # Errors
-///
-/// The file exists.
 pub fn check_not_there(option: &str, path: &Path, overwrite: bool) -> Result<(), String> {
     if overwrite || !path.exists() {
         return Ok(());
@@ -17,10 +13,6 @@ pub fn check_not_there(option: &str, path: &Path, overwrite: bool) -> Result<(),
 }
 
 /// Makes the folder of a file.
-///
-/// # Errors
-///
-/// It cannot be made.
 pub fn make_folder_of(option: &str, path: &Path) -> Result<(), String> {
     let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else {
         return Ok(());
@@ -31,10 +23,6 @@ pub fn make_folder_of(option: &str, path: &Path) -> Result<(), String> {
 }
 
 /// Replaces the file at `path` atomically. After an error the old file is unchanged.
-///
-/// # Errors
-///
-/// The new file cannot be written beside the old one.
 pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut name = path.as_os_str().to_owned();
     name.push(".part");

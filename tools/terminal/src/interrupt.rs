@@ -10,19 +10,11 @@ pub struct Interrupt(Arc<AtomicBool>);
 impl Interrupt {
     /// Catches SIGINT, SIGTERM and SIGHUP. The second signal ends the program at once with exit
     /// code 130.
-    ///
-    /// # Errors
-    ///
-    /// The program catches signals already.
     pub fn catch() -> Result<Self, ctrlc::Error> {
         Self::catch_with(|| ())
     }
 
     /// The same; the second signal calls `last` before it ends the program.
-    ///
-    /// # Errors
-    ///
-    /// The program catches signals already.
     pub fn catch_with(last: fn()) -> Result<Self, ctrlc::Error> {
         let flag = Arc::new(AtomicBool::new(false));
         let caught = Arc::clone(&flag);

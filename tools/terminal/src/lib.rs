@@ -12,6 +12,7 @@
 //! | [`spinner`] | a sign of life during long work |
 //! | [`files`] | atomic replacement of files |
 //! | [`pose_table`] | pitch and yaw over time from a CSV file |
+//! | [`view`] | the robot as people see it: one value for every surface |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod description;
@@ -24,6 +25,7 @@ pub mod program;
 pub mod programs;
 pub mod screen;
 pub mod spinner;
+pub mod view;
 
 pub use domain_option::DomainOption;
 pub use interrupt::Interrupt;

@@ -33,11 +33,6 @@ pub fn separator_hint<'a>(mut header: impl Iterator<Item = &'a str>) -> &'static
 
 /// Reads the columns `t_s`, `pitch_deg` and `yaw_deg`. Rows with an empty cell among them are left
 /// out.
-///
-/// # Errors
-///
-/// The file cannot be read, a column is missing, a cell is not a number in range, or there are no
-/// angles.
 pub fn read(path: &Path) -> Result<Vec<(Nanos, Pose)>, Failure> {
     let failed = |words: String| format!("{}: {words}", path.display());
     let mut reader = csv::Reader::from_path(path).map_err(|error| failed(error.to_string()))?;

@@ -33,7 +33,11 @@ pub const PROGRAMS: [Program; 8] = [
     program("ros", "i2ris-ros", "Show and command the robot in ROS 2, as CRTK names it"),
     program("foxglove", "i2ris-foxglove", "Watch the robot live in Foxglove or Lichtblick"),
     program("vision", "i2ris-vision", "Measure angles in microscope images"),
-    program("bench", "i2ris-bench", "Measure latencies of this machine and of the controller"),
+    program(
+        "bench",
+        "i2ris-bench",
+        "Measure latencies of this machine and of the controller (how well models follow: benchmark)",
+    ),
 ];
 
 impl Program {

@@ -24,10 +24,6 @@ impl Screen {
     }
 
     /// Shows these lines in place of those shown before.
-    ///
-    /// # Errors
-    ///
-    /// Standard output cannot be written.
     pub fn draw(&mut self, lines: &[String]) -> io::Result<()> {
         let mut text = String::new();
         if self.terminal {
@@ -51,10 +47,6 @@ impl Screen {
     }
 
     /// Keeps what is shown and prints a line below it.
-    ///
-    /// # Errors
-    ///
-    /// Standard output cannot be written.
     pub fn say(&mut self, line: &str) -> io::Result<()> {
         self.drawn = 0;
         write(&format!("{line}\n"))
@@ -69,10 +61,6 @@ fn write(text: &str) -> io::Result<()> {
 
 /// Whether the reader of standard output is still there. A reader that went away is no failure:
 /// `i2ris monitor | head`.
-///
-/// # Errors
-///
-/// Every other failure of the output.
 pub fn until_closed(outcome: io::Result<()>) -> io::Result<bool> {
     match outcome {
         Ok(()) => Ok(true),

@@ -1,9 +1,7 @@
 //! A controller without drives: follows at once, and misbehaves on request.
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, mpsc};
-use std::thread::{self, JoinHandle};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use i2ris::clock;
 use i2ris::ipc::payload::{
@@ -13,12 +11,15 @@ use i2ris::ipc::payload::{
 };
 use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{
-    Domain, DomainLock, Fault, ModelAction, OperatingState, Refusal, Server, StateCommand,
-    random_id,
+    Domain, Fault, ModelAction, OperatingState, Refusal, Request, Server, StateCommand,
+    StreamMessage,
 };
 use i2ris::model::ModelId;
 use i2ris::robot::Reason;
 use i2ris::units::Nanos;
+
+use crate::server::{serve_on_thread, unique_domain};
+use crate::waiting::{Background, wait_until};
 
 /// What the robot is and what happened to it.
 #[derive(Debug)]
@@ -235,28 +236,16 @@ impl Robot {
             model_id: [self.models[0]; 32],
             ..JointState::default()
         };
-        server.publish_goal(joint);
-        server.publish_setpoint(joint);
-        server.publish_measured(joint);
-        server.publish_actuators(ActuatorState {
+        let motors = ActuatorState {
             stamp_ns: now.0,
             measured_stamp_ns: [now.0; 2],
             measured_counts: self.counts,
             setpoint_counts: self.counts,
             count: 2,
             ..ActuatorState::default()
-        });
-        server.publish_period_statistics(PeriodStatistics {
-            stamp_ns: now.0,
-            ..PeriodStatistics::default()
-        });
-        if let Some(adaptation) = self.adaptation {
-            server.publish_adaptation(AdaptationMsg { stamp_ns: now.0, ..adaptation });
-        }
-        if let Some(fixtures) = self.fixtures {
-            server.publish_fixtures(VirtualFixturesMsg { stamp_ns: now.0, ..fixtures });
-        }
-        server.publish_operating_state(OperatingStateMsg {
+        };
+        let statistics = PeriodStatistics { stamp_ns: now.0, ..PeriodStatistics::default() };
+        let state = OperatingStateMsg {
             stamp_ns: now.0,
             lease_client_id: self.lease,
             accepted: (self.poses.len() + self.places.len()) as u64,
@@ -271,7 +260,24 @@ impl Robot {
             flags: if self.homed { OperatingStateMsg::HOMED } else { 0 }
                 | if self.is_busy() { OperatingStateMsg::BUSY } else { 0 },
             ..OperatingStateMsg::default()
-        });
+        };
+        let stamped = |adaptation| AdaptationMsg { stamp_ns: now.0, ..adaptation };
+        let adaptation = self.adaptation.map(stamped).map(StreamMessage::Adaptation);
+        let stamped = |fixtures| VirtualFixturesMsg { stamp_ns: now.0, ..fixtures };
+        let fixtures = self.fixtures.map(stamped).map(StreamMessage::VirtualFixtures);
+        [
+            Some(StreamMessage::Goal(joint)),
+            Some(StreamMessage::Setpoint(joint)),
+            Some(StreamMessage::Measured(joint)),
+            Some(StreamMessage::Actuators(motors)),
+            Some(StreamMessage::Statistics(statistics)),
+            adaptation,
+            fixtures,
+            Some(StreamMessage::State(state)),
+        ]
+        .into_iter()
+        .flatten()
+        .for_each(|message| server.publish(message));
     }
 }
 
@@ -279,31 +285,23 @@ impl Robot {
 pub struct Controller {
     pub domain: Domain,
     robot: Arc<Mutex<Robot>>,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    _thread: Background,
 }
 
 impl Controller {
     /// Serves in a domain of its own.
     pub fn start() -> Self {
-        let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
+        let domain = unique_domain();
         let robot = Arc::new(Mutex::new(Robot::new()));
-        let stop = Arc::new(AtomicBool::new(false));
-        let (ready, is_ready) = mpsc::channel();
-        let thread = thread::spawn({
-            let (domain, robot, stop) = (domain.clone(), Arc::clone(&robot), Arc::clone(&stop));
-            move || {
-                let mut server = Server::create(DomainLock::acquire(&domain).unwrap()).unwrap();
+        let served = Arc::clone(&robot);
+        let mut is_described = false;
+        let thread = serve_on_thread(&domain, move |server, now| {
+            if !std::mem::replace(&mut is_described, true) {
                 server.describe([2, 0], [0; 32], Default::default());
-                ready.send(()).unwrap();
-                while !stop.load(Ordering::Relaxed) {
-                    pass(&mut server, &robot);
-                    clock::sleep(Nanos::from_millis(1));
-                }
             }
+            pass(server, &mut served.lock().unwrap(), now);
         });
-        is_ready.recv().unwrap();
-        Self { domain, robot, stop, thread: Some(thread) }
+        Self { domain, robot, _thread: thread }
     }
 
     /// A controller that is homed and enabled.
@@ -320,18 +318,12 @@ impl Controller {
 
     /// Waits until the robot is as wanted.
     pub fn wait(&self, what: &str, wanted: impl Fn(&Robot) -> bool) {
-        let end = clock::now() + Nanos::from_millis(20_000);
-        while !wanted(&self.robot()) {
-            assert!(clock::now() < end, "waited in vain: {what}");
-            clock::sleep(Nanos::from_millis(2));
-        }
+        wait_until(what, || wanted(&self.robot()));
     }
 }
 
-fn pass(server: &mut Server, robot: &Mutex<Robot>) {
-    let (mut robot, now) = (robot.lock().unwrap(), clock::now());
-    let mut requests = Vec::new();
-    server.poll_state_commands(now, |token, request| requests.push((token, request)));
+fn pass(server: &mut Server, robot: &mut Robot, now: Nanos) {
+    let requests = server.poll_requests(now);
     // A client sends its last servo command before it gives the lease back.
     while let Some(command) = server.poll_command(robot.lease, |_| true) {
         match command {
@@ -340,36 +332,24 @@ fn pass(server: &mut Server, robot: &Mutex<Robot>) {
         }
     }
     for (token, request) in requests {
-        let refusal = robot.command(request);
+        let refusal = match request {
+            Request::StateCommand(request) => robot.command(request),
+            Request::Fixture(request) => {
+                robot.asked_of_fixtures.push(request);
+                Refusal::None
+            }
+            Request::Model(request) => {
+                server.reply(token, robot.about_models(&request));
+                continue;
+            }
+            // Is not answered.
+            _ => continue,
+        };
         server.reply(token, StateCommandReply::new(refusal, robot.state, None));
     }
     for (reason, client_id) in std::mem::take(&mut robot.reasons) {
-        server.publish_reason(&reason, client_id, now);
-    }
-    let mut questions = Vec::new();
-    server.poll_models(now, |token, request| questions.push((token, request)));
-    for (token, request) in questions {
-        let reply = robot.about_models(&request);
-        server.reply_model(token, reply);
-    }
-    let mut tokens = Vec::new();
-    server.poll_fixtures(now, |token, request| {
-        robot.asked_of_fixtures.push(request);
-        tokens.push(token);
-    });
-    for token in tokens {
-        server.reply_fixture(token, StateCommandReply::new(Refusal::None, robot.state, None));
+        server.publish(StreamMessage::of_reason(&reason, client_id, now));
     }
     server.describe_robot(&robot.description);
     robot.publish(server, now);
-    server.maintain(now);
-}
-
-impl Drop for Controller {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
 }

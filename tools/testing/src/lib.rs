@@ -1,13 +1,18 @@
-//! For the tests of the command-line programs.
+//! One kit for the tests of all packages: a test says the story, and the robot is one line.
 //!
-//! | file | holds |
+//! | module | a test gets |
 //! |---|---|
-//! | [`controller`] | a controller without drives that misbehaves on request |
-//! | `enabling` | homes and enables the robot of a real controller |
+//! | `waiting` | [`wait_until`]: waits for a condition, never for a time |
+//! | `rig` | [`Rig`]: emulated drives and snake with a real controller, as a process or on a thread |
+//! | `motion` | streams of commands to a rig, and checks of the setpoints that arrive |
+//! | `controller` | [`Controller`]: follows at once without drives, and misbehaves on request |
+//! | `server` | a server of shared memory without any robot |
+//! | [`cycle`] | the control cycle in simulated time, tick by tick |
+//! | [`drive`] | a drive, its line and its port in simulated time, byte by byte |
+//! | `properties` | [`cases`]: how many random cases a property is tried with |
 //! | [`program`] | the programs of this build |
-//! | [`mod@python`] | a Python with the modules of a test |
-//! | `shared_machine` | the configuration of a controller on a machine that tests share |
-//! | [`terminal`] | a program on a terminal of any size |
+//! | `terminal` | [`Terminal`]: a program on a terminal of any size |
+//! | `python` | a Python with the modules of a test |
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -17,16 +22,24 @@
     reason = "code of tests"
 )]
 
-pub mod controller;
-mod enabling;
+mod controller;
+pub mod cycle;
+pub mod drive;
+mod motion;
 pub mod program;
-pub mod python;
-mod shared_machine;
-pub mod terminal;
+mod properties;
+mod python;
+mod rig;
+mod server;
+mod terminal;
+mod waiting;
 
 pub use controller::{Controller, Robot};
-pub use enabling::home_and_enable;
+pub use motion::*;
 pub use program::Program;
+pub use properties::cases;
 pub use python::{python, run_python};
-pub use shared_machine::run_on_shared_machine;
+pub use rig::*;
+pub use server::*;
 pub use terminal::Terminal;
+pub use waiting::{Background, Condition, TIMEOUT, wait_until};

@@ -5,19 +5,18 @@ use std::io::{Read, Write};
 use std::num::NonZeroU16;
 use std::os::fd::{AsFd, AsRawFd};
 use std::os::unix::process::CommandExt;
-use std::process::{Child, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use i2ris::clock;
 use i2ris::ipc::Domain;
 use nix::pty::{OpenptyResult, Winsize, openpty};
 use nix::sys::termios::{LocalFlags, tcgetattr};
 
 use crate::program;
-
-/// How long anything may take on a machine that does other things.
-const PATIENCE: Duration = Duration::from_secs(30);
+use crate::waiting::{TIMEOUT, wait_until};
 
 fn some(length: u16) -> NonZeroU16 {
     NonZeroU16::new(length).unwrap()
@@ -37,10 +36,13 @@ impl Terminal {
     /// Starts `i2ris` with arguments on a terminal of so many rows and columns.
     pub fn start(domain: &Domain, arguments: &[&str], rows: u16, columns: u16) -> Self {
         let mut command = program::command(arguments);
-        command
-            .env("I2RIS_DOMAIN", domain.name())
-            .env("TERM", "xterm-256color")
-            .env_remove("NO_COLOR");
+        command.env("I2RIS_DOMAIN", domain.name());
+        Self::run(command, rows, columns)
+    }
+
+    /// Runs a command on a terminal of so many rows and columns.
+    pub fn run(mut command: Command, rows: u16, columns: u16) -> Self {
+        command.env("TERM", "xterm-256color").env_remove("NO_COLOR");
         let size = Winsize { ws_row: rows, ws_col: columns, ws_xpixel: 0, ws_ypixel: 0 };
         let OpenptyResult { master, slave } = openpty(&size, None).unwrap();
         let other = || Stdio::from(slave.try_clone().unwrap());
@@ -90,13 +92,13 @@ impl Terminal {
 
     /// Waits until the screen shows something, and returns all of it.
     pub fn wait(&mut self, what: &str, shown: impl Fn(&str) -> bool) -> String {
-        let end = Instant::now() + PATIENCE;
+        let end = clock::now() + TIMEOUT;
         loop {
             let text = self.screen.screen().contents();
             if shown(&text) {
                 return text;
             }
-            assert!(Instant::now() < end, "waited in vain: {what}\n{text}");
+            assert!(clock::now() < end, "waited in vain: {what}\n{text}");
             match self.output.recv_timeout(Duration::from_millis(100)) {
                 Ok(bytes) => self.screen.process(&bytes),
                 Err(RecvTimeoutError::Timeout) => {}
@@ -120,14 +122,7 @@ impl Terminal {
 
     /// Waits for the end, and takes in what was written until then.
     pub fn end(&mut self) -> ExitStatus {
-        let end = Instant::now() + PATIENCE;
-        let status = loop {
-            if let Some(status) = self.child.try_wait().unwrap() {
-                break status;
-            }
-            assert!(Instant::now() < end, "it does not end\n{}", self.screen.screen().contents());
-            thread::sleep(Duration::from_millis(10));
-        };
+        let status = wait_until("the program ends", || self.child.try_wait().unwrap());
         while let Ok(bytes) = self.output.recv_timeout(Duration::from_millis(300)) {
             self.screen.process(&bytes);
         }

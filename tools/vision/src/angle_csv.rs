@@ -10,10 +10,8 @@ use i2ris::units::Nanos;
 
 use crate::joint_angles::JointAngles;
 
-/// Names of the axes in the columns.
 const NAMES: [&str; 2] = ["pitch", "yaw"];
 
-/// One row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AngleRow {
     /// When the frames were taken.
@@ -23,33 +21,25 @@ pub struct AngleRow {
 }
 
 /// Writes rows one by one.
-#[derive(Debug)]
 pub struct Recorder<W: Write> {
-    to: W,
+    to: csv::Writer<W>,
     axes: [bool; 2],
 }
 
 impl<W: Write> Recorder<W> {
     /// Writes the header. `axes`: whether pitch and yaw are seen.
-    ///
-    /// # Errors
-    ///
-    /// When the writer fails.
     pub fn new(to: W, axes: [bool; 2]) -> io::Result<Self> {
-        let mut recorder = Self { to, axes };
+        let mut recorder = Self { to: csv::Writer::from_writer(to), axes };
         let names = |ending: &str| NAMES.map(|name| format!("{name}_{ending}"));
         let tips = NAMES.map(|name| format!("tip_{name}_mm"));
         let (quality, along) = ("quality".into(), "tip_along_mm".into());
         let angles = [names("deg"), names("std_deg"), tips];
         recorder.line("t_s".into(), angles, [quality, along], "cause")?;
+        recorder.to.flush()?;
         Ok(recorder)
     }
 
     /// Writes a row and flushes it: an interrupted recording keeps its rows.
-    ///
-    /// # Errors
-    ///
-    /// When the writer fails.
     pub fn row(&mut self, row: &AngleRow) -> io::Result<()> {
         let Nanos(stamp) = row.stamp;
         let time = format!("{}.{:09}", stamp / 1_000_000_000, stamp % 1_000_000_000);
@@ -62,7 +52,7 @@ impl<W: Write> Recorder<W> {
             [cell(pitch, 5), cell(yaw, 5)],
         ];
         let quality = cell(angles.map(|angles| angles.quality), 3);
-        // Causes have neither quotes nor commas, with which a cell would need quotes.
+        // Without what a cell would need quotes for.
         let cause = row.seen.as_ref().err().map_or("", String::as_str);
         let cause = cause.replace([',', '"', '\n'], " ");
         self.line(time, cells, [quality, cell(along, 5)], &cause)?;
@@ -85,7 +75,8 @@ impl<W: Write> Recorder<W> {
         line.extend(cells(deviations));
         line.extend(middle);
         line.extend(cells(tips));
-        writeln!(self.to, "{},{cause}", line.join(","))
+        line.push(cause.to_owned());
+        Ok(self.to.write_record(line)?)
     }
 }
 
@@ -118,6 +109,7 @@ mod tests {
                         12.003000004,5.72958,-11.45916,0.05730,0.11459,0.900,\
                         -0.10000,0.25000,-0.50000,\n\
                         12.036000000,,,,,,,,,top: wrong size  sorry\n";
+        drop(recorder);
         assert_eq!(String::from_utf8(bytes).unwrap(), expected);
     }
 

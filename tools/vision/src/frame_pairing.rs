@@ -12,7 +12,6 @@ pub struct FramePairer<T> {
     ended: [bool; 2],
 }
 
-/// What came together.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PairResult<T> {
     /// One of each view, and the instant half-way between their stamps.
@@ -23,28 +22,23 @@ pub enum PairResult<T> {
 
 impl<T> FramePairer<T> {
     /// Pairs what lies at most `within` apart.
-    #[must_use]
     pub fn new(within: Nanos) -> Self {
         Self { within, waiting: [VecDeque::new(), VecDeque::new()], ended: [false; 2] }
     }
 
-    /// Takes one of `view`, 0 or 1.
     pub fn push(&mut self, view: usize, stamp: Nanos, item: T) {
         self.waiting[view & 1].push_back((stamp, item));
     }
 
-    /// Nothing more comes from this view.
     pub fn end(&mut self, view: usize) {
         self.ended[view & 1] = true;
     }
 
     /// The view that has to deliver before anything can be said; `None`: both have ended.
-    #[must_use]
     pub fn wanted(&self) -> Option<usize> {
         (0..2).filter(|view| !self.ended[*view]).min_by_key(|view| self.waiting[*view].len())
     }
 
-    /// What is certain by now.
     pub fn pop(&mut self) -> Option<PairResult<T>> {
         match [0, 1].map(|view| self.waiting[view].front().map(|(stamp, _)| *stamp)) {
             [Some(a), Some(b)] if a.since(b).max(b.since(a)) <= self.within => {

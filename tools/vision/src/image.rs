@@ -2,7 +2,7 @@
 
 use std::hash::{DefaultHasher, Hasher};
 
-/// A image with one byte of brightness per pixel, rows from top to bottom.
+/// An image with one byte of brightness per pixel, rows from top to bottom.
 ///
 /// Coordinates are in pixels: `x` to the right, `y` down, the centre of the first pixel is (0, 0).
 #[derive(Clone, PartialEq, Eq)]
@@ -13,9 +13,8 @@ pub struct GreyImage {
 }
 
 impl GreyImage {
-    /// A image from its bytes, row by row. `None` if there are not exactly `width * height` of
+    /// An image from its bytes, row by row. `None` if there are not exactly `width * height` of
     /// them, or none at all.
-    #[must_use]
     pub fn new(width: usize, height: usize, data: Vec<u8>) -> Option<Self> {
         (!data.is_empty() && width.checked_mul(height) == Some(data.len())).then_some(Self {
             width,
@@ -25,31 +24,25 @@ impl GreyImage {
     }
 
     /// The smallest image: one black pixel.
-    pub(crate) fn black() -> Self {
+    pub fn black() -> Self {
         Self { width: 1, height: 1, data: vec![0] }
     }
 
-    /// Pixels per row.
-    #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
-    #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
     /// The bytes, row by row.
-    #[must_use]
     pub fn data(&self) -> &[u8] {
         &self.data
     }
 
     /// Brightness at (x, y), interpolated between the four pixels around it. `None` outside the
     /// image.
-    #[must_use]
     pub fn sample(&self, x: f64, y: f64) -> Option<f32> {
         // A comparison with NaN is false, so a NaN leaves here as well.
         if !(x >= 0.0 && y >= 0.0) {
@@ -70,7 +63,6 @@ impl GreyImage {
 
     /// A number that differs between different images, to detect a frozen camera. Not stable
     /// between releases.
-    #[must_use]
     pub fn digest(&self) -> u64 {
         let mut hasher = DefaultHasher::new();
         hasher.write_usize(self.width);

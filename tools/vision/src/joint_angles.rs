@@ -34,9 +34,7 @@ const ROUNDS: usize = 4;
 pub struct JointAngles {
     /// Pitch and yaw, rad, from the rest pose; `None` for the axis that no view shows.
     pub angle_rad: [Option<f64>; 2],
-    /// Their standard deviations, rad.
     pub std_rad: [Option<f64>; 2],
-    /// The lower quality of both views.
     pub quality: f64,
     /// Where the tip is, from where it is at rest, mm: along the base, towards pitch, towards yaw.
     pub tip_mm: [Option<f64>; 3],
@@ -44,15 +42,12 @@ pub struct JointAngles {
 
 /// One view at one instant.
 #[derive(Debug, Clone, Copy)]
-pub struct ViewReading<'a> {
-    /// The view.
-    pub view: &'a View,
-    /// Its straight pose.
-    pub rest: &'a RestPose,
-    /// What it read.
-    pub reading: &'a Reading,
+struct ViewReading<'a> {
+    view: &'a View,
+    rest: &'a RestPose,
+    reading: &'a Reading,
     /// Columns and rows of the frame.
-    pub size: [usize; 2],
+    size: [usize; 2],
 }
 
 /// A sight in millimetres and tangents, in the frame of the base.
@@ -80,20 +75,6 @@ struct Depth {
     slope: f64,
     /// How much nearer the tip is than the base, mm.
     tip: f64,
-}
-
-/// Puts one or two views together.
-///
-/// # Errors
-///
-/// The view, and [`QualityIssue::Length`] when it shows the fibre shorter or longer than it can be:
-/// something else was measured.
-pub fn solve(inputs: &[ViewReading<'_>]) -> Result<JointAngles, (usize, QualityIssue)> {
-    match inputs {
-        [first, second] => two([*first, *second]),
-        [only] => one(*only),
-        _ => Err((0, QualityIssue::NoBase)),
-    }
 }
 
 fn one(input: ViewReading<'_>) -> Result<JointAngles, (usize, QualityIssue)> {
@@ -247,26 +228,26 @@ pub struct Stereo {
 
 impl Stereo {
     /// `rests` in the order of the setup's views; views without one are left out.
-    #[must_use]
     pub fn new(setup: &VisionSetup, rests: &[RestPose]) -> Self {
         Self { views: setup.views.iter().cloned().zip(rests.iter().copied()).collect() }
     }
 
-    /// Puts one reading per view together; see [`solve`].
+    /// Puts one reading per view together.
     ///
-    /// # Errors
-    ///
-    /// As [`solve`].
+    /// An error names the view that shows the fibre shorter or longer than it can be: something
+    /// else was measured.
     pub fn solve(
         &self,
         readings: &[(&Reading, [usize; 2])],
     ) -> Result<JointAngles, (usize, QualityIssue)> {
-        let inputs: Vec<ViewReading<'_>> = self
-            .views
-            .iter()
-            .zip(readings)
+        let views = self.views.iter().zip(readings);
+        let inputs: Vec<ViewReading<'_>> = views
             .map(|((view, rest), (reading, size))| ViewReading { view, rest, reading, size: *size })
             .collect();
-        solve(&inputs)
+        match inputs[..] {
+            [first, second] => two([first, second]),
+            [only] => one(only),
+            _ => Err((0, QualityIssue::NoBase)),
+        }
     }
 }

@@ -29,30 +29,16 @@ pub struct RestPose {
 /// Why there is no rest reference.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RestPoseError {
-    /// Not enough good frames.
     #[error(
         "view {view}: only {good} of {frames} frames at rest can be measured, \
          {MIN_COUNT} are needed; look at them with `i2ris vision check`"
     )]
-    TooFew {
-        /// Name of the view.
-        view: String,
-        /// Good readings.
-        good: usize,
-        /// Frames.
-        frames: usize,
-    },
-    /// It did not rest.
+    TooFew { view: String, good: usize, frames: usize },
     #[error(
         "view {view}: the angle spreads by {spread_deg:.2} deg at rest, \
          more than {MAX_SPREAD_DEG}: hold the snake straight and still, or shorten --rest-s"
     )]
-    Moving {
-        /// Name of the view.
-        view: String,
-        /// Standard deviation, deg.
-        spread_deg: f64,
-    },
+    Moving { view: String, spread_deg: f64 },
 }
 
 /// Collects frames at rest.
@@ -76,11 +62,6 @@ impl RestPoseEstimator {
         }
     }
 
-    /// The reference.
-    ///
-    /// # Errors
-    ///
-    /// [`RestPoseError`], naming `view`.
     pub fn finish(&self, view: &str) -> Result<RestPose, RestPoseError> {
         let good = self.angles.len();
         if good < MIN_COUNT {
@@ -102,7 +83,6 @@ impl RestPoseEstimator {
 
 impl RestPose {
     /// Whether all values are finite.
-    #[must_use]
     pub fn is_finite(&self) -> bool {
         let [x, y] = self.tip_px;
         [self.angle_deg, self.spread_deg, self.length_px, x, y].iter().all(|v| v.is_finite())

@@ -20,36 +20,26 @@ use crate::view_detector::{Rejection, ViewResult};
 pub enum Reference {
     /// The straight pose that the first frames show, for this long.
     First(Nanos),
-    /// What the setup says.
     Setup,
 }
 
 /// Why a session cannot start or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
-    /// No reference from the frames.
     #[error(transparent)]
     RestPose(#[from] RestPoseError),
-    /// No reference in the setup.
     #[error(
         "the setup has no rest for view {view}: begin the frames at rest and give --rest-s, \
          or calibrate"
     )]
-    NoRest {
-        /// Name of the view.
-        view: String,
-    },
-    /// Nothing to measure.
+    NoRest { view: String },
     #[error("no frame came")]
     NoPicture,
 }
 
-/// What happened so far.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SessionStatistics {
-    /// Rows.
     pub rows: usize,
-    /// Rows with angles.
     pub good: usize,
     /// Why the others have none: view and cause, or both views' names. Both views can have a cause
     /// in one row.
@@ -58,7 +48,6 @@ pub struct SessionStatistics {
     pub skew: Nanos,
 }
 
-/// One run over frames.
 #[derive(Debug)]
 pub struct Session {
     setup: VisionSetup,
@@ -74,11 +63,6 @@ pub struct Session {
 }
 
 impl Session {
-    /// Starts.
-    ///
-    /// # Errors
-    ///
-    /// [`SessionError::NoRest`].
     pub fn new(setup: &VisionSetup, reference: Reference) -> Result<Self, SessionError> {
         let mut session = Self {
             setup: setup.clone(),
@@ -106,12 +90,10 @@ impl Session {
     }
 
     /// The view that has to deliver next; `None`: all have ended.
-    #[must_use]
     pub fn wanted(&self) -> Option<usize> {
         self.pairer.wanted()
     }
 
-    /// Takes what a view saw.
     pub fn take(&mut self, view: usize, mut result: ViewResult) {
         if let Some(digest) = result.digest
             && self.duplicates.is_same_camera(view, digest)
@@ -126,7 +108,6 @@ impl Session {
         self.pairer.push(view, result.stamp, result);
     }
 
-    /// Nothing more comes from this view.
     pub fn end(&mut self, view: usize) {
         self.pairer.end(view);
         self.ended = self.pairer.wanted().is_none();
@@ -143,11 +124,6 @@ impl Session {
     }
 
     /// The rows that are certain by now.
-    ///
-    /// # Errors
-    ///
-    /// [`SessionError::RestPose`] when the first frames give no reference,
-    /// [`SessionError::NoPicture`] at an end without any.
     pub fn rows(&mut self) -> Result<Vec<AngleRow>, SessionError> {
         let mut rows = Vec::new();
         while let Some(pair) = self.pairer.pop() {
@@ -160,19 +136,14 @@ impl Session {
     }
 
     /// The straight poses in use, in the order of the views; empty while they are not known.
-    #[must_use]
     pub fn rests(&self) -> &[RestPose] {
         self.stereo.as_ref().map_or(&[], |(_, rests)| rests)
     }
 
-    /// What happened so far.
-    #[must_use]
     pub fn statistics(&self) -> &SessionStatistics {
         &self.statistics
     }
 
-    /// Whether pitch and yaw are seen.
-    #[must_use]
     pub fn axes(&self) -> [bool; 2] {
         match self.setup.views.as_slice() {
             [view] => [view.axis == JointAxis::Pitch, view.axis == JointAxis::Yaw],
@@ -249,7 +220,6 @@ impl Session {
         }
     }
 
-    /// A row without angles.
     fn row(&mut self, stamp: Nanos, causes: Vec<(usize, Rejection)>) -> AngleRow {
         self.statistics.rows += 1;
         let mut texts = Vec::new();

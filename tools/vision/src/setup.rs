@@ -4,9 +4,6 @@
 //! and scale are measured once by a person. Lengths are millimetres, so a change of the
 //! magnification changes one number.
 
-#[cfg(test)]
-mod schema_file;
-
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -85,33 +82,16 @@ pub struct View {
 
 /// Why a setup cannot be used.
 #[derive(Debug, thiserror::Error)]
-pub enum VisionSetupError {
-    /// The file cannot be read or written.
-    #[error("{path}: {source}")]
-    File {
-        /// Which.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The file is no setup.
-    #[error("{path}: {reason}")]
-    Parse {
-        /// Which.
-        path: PathBuf,
-        /// What and where.
-        reason: String,
-    },
-    /// A value makes no sense.
-    #[error("{path}: {place}: {reason}")]
-    Value {
-        /// The file.
-        path: PathBuf,
-        /// Which value.
-        place: String,
-        /// What it must be.
-        reason: &'static str,
-    },
+#[error("{path}: {reason}")]
+pub struct VisionSetupError {
+    path: PathBuf,
+    reason: String,
+}
+
+impl VisionSetupError {
+    fn new(path: &Path, reason: impl ToString) -> Self {
+        Self { path: path.to_owned(), reason: reason.to_string() }
+    }
 }
 
 fn default_pair_within_ms() -> f64 {
@@ -120,38 +100,20 @@ fn default_pair_within_ms() -> f64 {
 
 impl VisionSetup {
     /// Reads and checks a file.
-    ///
-    /// # Errors
-    ///
-    /// [`VisionSetupError`] with file, place and reason.
     pub fn load(path: &Path) -> Result<Self, VisionSetupError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| VisionSetupError::File { path: path.to_owned(), source })?;
-        let setup: Self = toml::from_str(&text).map_err(|error| VisionSetupError::Parse {
-            path: path.to_owned(),
-            reason: error.to_string(),
-        })?;
-        setup.check().map_err(|(place, reason)| VisionSetupError::Value {
-            path: path.to_owned(),
-            place,
-            reason,
-        })?;
+        let failed = |reason: &dyn ToString| VisionSetupError::new(path, reason.to_string());
+        let text = std::fs::read_to_string(path).map_err(|error| failed(&error))?;
+        let setup: Self = toml::from_str(&text).map_err(|error| failed(&error))?;
+        let checked = setup.check();
+        checked.map_err(|(place, reason)| failed(&format!("{place}: {reason}")))?;
         Ok(setup)
     }
 
     /// Writes the file.
-    ///
-    /// # Errors
-    ///
-    /// [`VisionSetupError`] with the path.
     pub fn save(&self, path: &Path) -> Result<(), VisionSetupError> {
-        let text = toml::to_string(self).map_err(|error| VisionSetupError::Parse {
-            path: path.to_owned(),
-            reason: error.to_string(),
-        })?;
+        let text = toml::to_string(self).map_err(|error| VisionSetupError::new(path, error))?;
         let text = format!("# Views of the camera process; `i2ris vision --help`.\n{text}");
-        std::fs::write(path, text)
-            .map_err(|source| VisionSetupError::File { path: path.to_owned(), source })
+        std::fs::write(path, text).map_err(|error| VisionSetupError::new(path, error))
     }
 
     fn check(&self) -> Result<(), (String, &'static str)> {
@@ -227,7 +189,6 @@ impl View {
     }
 
     /// Parameters of the detector.
-    #[must_use]
     pub fn settings(&self) -> DetectorSettings {
         let k = self.px_per_mm;
         DetectorSettings {
@@ -244,7 +205,6 @@ impl View {
 
     /// The direction that bends counter-clockwise in the image, turned from positive pitch
     /// towards positive yaw, rad.
-    #[must_use]
     pub fn plane_rad(&self) -> f64 {
         let axis = if self.axis == JointAxis::Pitch { 0.0 } else { 90.0 };
         let reversed = if self.reversed { 180.0 } else { 0.0 };
@@ -318,6 +278,19 @@ mod tests {
             let message = load(&text).unwrap_err().to_string();
             assert!(message.contains(word) && message.contains("vision.toml"), "{message}");
         }
+    }
+
+    /// The JSON Schema of the views in `config/schema` follows from the code.
+    /// After a change of the views: run this test with `I2RIS_UPDATE_SCHEMA=1` and commit the file.
+    #[test]
+    fn the_schema_file_is_up_to_date() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/schema/vision.json");
+        let schema = serde_json::Value::from(schemars::schema_for!(VisionSetup));
+        let text = serde_json::to_string_pretty(&schema).unwrap() + "\n";
+        if std::env::var_os("I2RIS_UPDATE_SCHEMA").is_some() {
+            std::fs::write(&path, &text).unwrap();
+        }
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
     }
 
     proptest! {

@@ -16,7 +16,6 @@
 
 use std::f64::consts::PI;
 
-/// The fewest frames of a motion.
 const MIN_COUNT: usize = 10;
 /// A motion has to bend by this at least, tangent (5 deg).
 const MIN_MOTION: f64 = 0.0875;
@@ -25,7 +24,6 @@ const MAX_ASIDE: f64 = 0.12;
 /// Both motions must agree on the turn within this, rad (8 deg).
 const MAX_DISAGREEMENT: f64 = 0.14;
 
-/// The result of the two motions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Alignment {
     /// Direction that each view calls positive, from pitch towards yaw, rad.
@@ -37,58 +35,30 @@ pub struct Alignment {
 /// Why motions are unsuitable.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum AlignError {
-    /// Too few readings.
     #[error(
         "{motion} motion: only {found} frames can be measured, {MIN_COUNT} are needed; \
          see `i2ris vision check`"
     )]
-    TooFew {
-        /// Which motion.
-        motion: &'static str,
-        /// How many.
-        found: usize,
-    },
-    /// It hardly bent.
+    TooFew { motion: &'static str, found: usize },
     #[error(
         "{motion} motion: bends by {deg:.1} deg only; move by 5 deg or more, best to the limits"
     )]
-    TooSmall {
-        /// Which motion.
-        motion: &'static str,
-        /// How far, deg.
-        deg: f64,
-    },
-    /// Not one axis.
+    TooSmall { motion: &'static str, deg: f64 },
     #[error(
         "{motion} motion: both axes moved ({aside:.0} % off a straight line); \
          move {motion} alone, or the order is wrong"
     )]
-    TwoAxes {
-        /// Which motion.
-        motion: &'static str,
-        /// Part that leaves the line, per cent.
-        aside: f64,
-    },
-    /// The motions contradict each other.
+    TwoAxes { motion: &'static str, aside: f64 },
     #[error(
         "the motions of pitch and yaw disagree by {deg:.1} deg on how the cameras are turned: \
          are the cameras really {between:.0} deg apart, was only one axis moved at a time?"
     )]
-    Disagree {
-        /// By how much, deg.
-        deg: f64,
-        /// Angle between the cameras, deg.
-        between: f64,
-    },
+    Disagree { deg: f64, between: f64 },
 }
 
 /// Finds how both views are turned. `pitch` and `yaw` hold the tangents of both views while only
 /// that axis moved, from rest first towards positive. `between_rad`: angle between the cameras,
 /// either way round.
-///
-/// # Errors
-///
-/// [`AlignError`].
 pub fn two_views(
     pitch: &[[f64; 2]],
     yaw: &[[f64; 2]],
@@ -120,10 +90,6 @@ pub fn two_views(
 }
 
 /// Whether the positive direction of a motion bends clockwise in the one view there is.
-///
-/// # Errors
-///
-/// [`AlignError`] when it is too short.
 pub fn is_reversed(motion: &'static str, tangents: &[f64]) -> Result<bool, AlignError> {
     let both: Vec<[f64; 2]> = tangents.iter().map(|t| [*t, 0.0]).collect();
     line(motion, &both).map(|[along, _]| along < 0.0)

@@ -6,30 +6,17 @@ use crate::fibre::{DetectorSettings, QualityIssue, Reading, measure};
 use crate::image::GreyImage;
 use crate::source::{FrameFault, SourceItem, StreamCheck};
 
-/// Why there is no angle.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, thiserror::Error)]
 pub enum Rejection {
-    /// No frame that can be trusted.
+    #[error(transparent)]
     Frame(FrameFault),
-    /// A frame that cannot be measured.
+    #[error(transparent)]
     Quality(QualityIssue),
 }
 
-impl std::fmt::Display for Rejection {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Frame(gap) => gap.fmt(f),
-            Self::Quality(issue) => issue.fmt(f),
-        }
-    }
-}
-
-/// The result of one frame.
 #[derive(Debug, Clone)]
 pub struct ViewResult {
-    /// When it was or should have been taken.
     pub stamp: Nanos,
-    /// Which one it is.
     pub name: String,
     /// Equal for equal frames; `None` without a frame, or for one without any structure.
     pub digest: Option<u64>,
@@ -43,10 +30,6 @@ pub struct ViewResult {
 
 impl ViewResult {
     /// The reading if it may be used, or why not.
-    ///
-    /// # Errors
-    ///
-    /// The cause.
     pub fn good(&self) -> Result<&Reading, Rejection> {
         let reading = self.seen.as_ref().map_err(|cause| *cause)?;
         if reading.is_good() {
@@ -65,13 +48,10 @@ pub struct ViewDetector {
 }
 
 impl ViewDetector {
-    /// A detector with these parameters.
-    #[must_use]
     pub fn new(settings: DetectorSettings) -> Self {
         Self { guard: StreamCheck::default(), settings }
     }
 
-    /// Measures a frame.
     pub fn detect(&mut self, item: SourceItem) -> ViewResult {
         match self.guard.check(item) {
             SourceItem::Missing { stamp, name, cause } => ViewResult {

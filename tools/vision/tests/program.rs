@@ -6,12 +6,12 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
-use i2ris::ipc::{Domain, DomainLock, Server, random_id};
 use i2ris::units::Nanos;
+use i2ris_testing::{serve, unique_domain, wait_until};
 use i2ris_vision::accuracy::setup;
 use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{JointPose, Rig};
@@ -87,6 +87,13 @@ fn number(cell: &str) -> f64 {
     cell.parse().unwrap()
 }
 
+/// Pitch and yaw of a row, degrees.
+#[track_caller]
+fn assert_near(row: &[String], expected: [f64; 2], within: f64) {
+    let off = [number(&row[1]) - expected[0], number(&row[2]) - expected[1]];
+    assert!(off.iter().all(|off| off.abs() < within), "{row:?}");
+}
+
 #[test]
 fn two_folders_become_angles_and_a_missing_and_a_truncated_file_become_gaps() {
     let place = Place::new();
@@ -100,43 +107,21 @@ fn two_folders_become_angles_and_a_missing_and_a_truncated_file_become_gaps() {
     assert!(output.status.success(), "{}", text(&output.stderr));
     let rows = rows(&text(&output.stdout));
     assert_eq!(rows.len(), 10);
-    for (row, [pitch, yaw]) in [(6, [10.0, -20.0]), (9, [1.0, 2.0])] {
-        assert!(
-            (number(&rows[row][1]) - pitch).abs() < 0.1
-                && (number(&rows[row][2]) - yaw).abs() < 0.1,
-            "{row}"
-        );
+    assert_near(&rows[6], [10.0, -20.0], 0.1);
+    assert_near(&rows[9], [1.0, 2.0], 0.1);
+    for (row, cause) in [(7, "view0: file missing"), (8, "view1: not a whole frame")] {
+        let row = &rows[row];
+        assert!(row[1..9].iter().all(String::is_empty) && row[9].contains(cause), "{row:?}");
     }
-    assert!(
-        rows[7][1..9].iter().all(String::is_empty) && rows[7][9].contains("view0: file missing"),
-        "{:?}",
-        rows[7]
-    );
-    assert!(
-        rows[8][1..9].iter().all(String::is_empty)
-            && rows[8][9].contains("view1: not a whole frame")
-    );
     let report = text(&output.stderr);
     assert!(report.contains("8 of 10 rows have angles") && report.contains("spread"), "{report}");
 
     // A person looks at the same frames.
     let (sheet, overlays) = (place.name("sheet.png"), place.name("overlays"));
-    let output = run(&[
-        "check",
-        "--setup",
-        &setup,
-        &first,
-        &second,
-        "--sheet",
-        &sheet,
-        "--overlays",
-        &overlays,
-    ]);
-    assert!(
-        output.status.success() && text(&output.stdout).contains("file missing"),
-        "{}",
-        text(&output.stdout)
-    );
+    let drawn = ["--sheet", &sheet, "--overlays", &overlays];
+    let output = run(&[&["check", "--setup", &setup, &first, &second], &drawn[..]].concat());
+    let words = text(&output.stdout);
+    assert!(output.status.success() && words.contains("file missing"), "{words}");
     assert!(fs::metadata(&sheet).unwrap().len() > 10_000);
     assert_eq!(fs::read_dir(&overlays).unwrap().count(), 20);
 }
@@ -170,11 +155,7 @@ fn motions_of_one_axis_tell_which_view_is_which() {
     // With the rest from the file, frames need not begin at rest.
     let output = run(&["--setup", &found, p0, p1, "--rest-s", "0"]);
     let rows = rows(&text(&output.stdout));
-    assert!(
-        (number(&rows[9][1]) - swing(3)).abs() < 0.2 && number(&rows[9][2]).abs() < 0.2,
-        "{:?}",
-        rows[9]
-    );
+    assert_near(&rows[9], [swing(3), 0.0], 0.2);
     // The wrong motions for the axes are noticed where they can be: both the same.
     let output = run(&[&common[..], &["--pitch", p0, p1, "--yaw", p0, p1]].concat());
     assert_refused(&output, &["disagree"]);
@@ -244,14 +225,21 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
     // The last frame is empty: the controller learns that nothing was seen.
     let length = bytes.len();
     bytes[length - 640 * 480..].fill(100);
-    let name = format!("t{:016x}", random_id());
-    let mut server =
-        Server::create(DomainLock::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
+    let domain = unique_domain();
+    let mut server = serve(&domain);
     let setup = place.name("one.toml");
     let before = clock::now();
     // Every frame says when it was taken: a millisecond after the one before.
-    let command =
-        vision(&["--setup", &setup, "-", "--rest-s", "0.0055", "--publish", "--domain", &name]);
+    let command = vision(&[
+        "--setup",
+        &setup,
+        "-",
+        "--rest-s",
+        "0.0055",
+        "--publish",
+        "--domain",
+        domain.name(),
+    ]);
     let mut child = { command }.stdin(Stdio::piped()).spawn().unwrap();
     let mut to = child.stdin.take().unwrap();
     let writer = std::thread::spawn(move || {
@@ -268,14 +256,11 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
         std::thread::sleep(Duration::from_millis(500));
     });
     let mut seen: Vec<ExternalPosition> = Vec::new();
-    let start = Instant::now();
-    while seen.last().is_none_or(|last| last.flags != 0)
-        && start.elapsed() < Duration::from_secs(30)
-    {
+    wait_until("the last frame shows nothing", || {
         server.maintain(clock::now());
         seen.extend(server.poll_external());
-        std::thread::sleep(Duration::from_millis(2));
-    }
+        seen.last().is_some_and(|last| last.flags == 0)
+    });
     writer.join().unwrap();
     let output = child.wait_with_output().unwrap();
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -308,10 +293,7 @@ fn a_recording_is_drawn_and_measured_again() {
     let output = run(&["--setup", setup, v0, v1, "--rest-s", "0"]);
     let rows = rows(&text(&output.stdout));
     assert_eq!((rows.len(), rows[1][0].as_str()), (2, "3.700000000"));
-    assert!(
-        (number(&rows[1][1]) + 20.0).abs() < 0.1 && (number(&rows[1][2]) - 15.5).abs() < 0.1,
-        "{rows:?}"
-    );
+    assert_near(&rows[1], [-20.0, 15.5], 0.1);
 }
 
 #[test]

@@ -3,12 +3,10 @@
 #![allow(clippy::print_stderr, reason = "a test that skips says so")]
 
 use std::process::Output;
-use std::time::{Duration, Instant};
 
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
-use i2ris::ipc::{Domain, DomainLock, Server, random_id};
-use i2ris_testing::python;
+use i2ris_testing::{python, serve, unique_domain, wait_until};
 
 fn assert_success(output: &Output) {
     let (out, err) =
@@ -31,9 +29,8 @@ fn what_python_publishes_reaches_the_controller() {
     let Some(mut python) = python("iceoryx2") else {
         return;
     };
-    let name = format!("t{:016x}", random_id());
-    let mut server =
-        Server::create(DomainLock::acquire(&Domain::new(&name).unwrap()).unwrap()).unwrap();
+    let domain = unique_domain();
+    let mut server = serve(&domain);
     let script = "
 import sys, time
 from i2ris.external import ExternalPublisher, NoController
@@ -49,17 +46,17 @@ except NoController as error:
     print(error)
 ";
     let before = clock::now().0;
-    let child =
-        python.args(["-c", script, &name]).stdout(std::process::Stdio::piped()).spawn().unwrap();
+    let child = python
+        .args(["-c", script, domain.name()])
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
     let mut seen: Vec<ExternalPosition> = Vec::new();
-    let start = Instant::now();
-    while seen.last().is_none_or(|last| last.flags != 0)
-        && start.elapsed() < Duration::from_secs(30)
-    {
+    wait_until("nothing is published", || {
         server.maintain(clock::now());
         seen.extend(server.poll_external());
-        std::thread::sleep(Duration::from_millis(1));
-    }
+        seen.last().is_some_and(|last| last.flags == 0)
+    });
     let output = child.wait_with_output().unwrap();
     assert_success(&output);
     assert!(

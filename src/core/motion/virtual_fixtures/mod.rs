@@ -15,7 +15,7 @@ mod region;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{MAX_REGIONS, VirtualFixtureConfig};
-use crate::core::event_fold::EventFold;
+use crate::core::events::fold::EventFold;
 use crate::core::motion::joint_filter::GoalStep;
 use crate::core::vector;
 use crate::model::file::OutputUnit;

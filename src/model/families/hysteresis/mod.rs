@@ -12,6 +12,7 @@
 //! | file | contents |
 //! |---|---|
 //! | `chain` | the chain and its inverse |
+//! | `play_state` | the state of play operators |
 //! | [`backlash_play`] | play operators |
 //! | [`prandtl_ishlinskii`] | play operators along directions, with widths that grow |
 //! | [`read_out`] | the regression alone, for calibration |

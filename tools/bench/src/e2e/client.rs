@@ -1,16 +1,22 @@
-//! A client that publishes commands at random instants and records encoder positions.
+//! A client that publishes commands at random instants and records encoder positions, to the
+//! controller and to the floor.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
+use std::thread;
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Commander, Subscription};
 use i2ris::ipc::payload::ActuatorState;
 use i2ris::units::Nanos;
 
-use super::matching::{Observations, Written};
-use super::{EndToEndBenchmark, PAUSE_MS, READ_PERIOD};
-use crate::error::BenchError;
-use crate::placement::{request_priority, run_in_thread};
+use super::matching::{CommandLatencies, Observations, Written, match_commands};
+use super::{EndToEndBenchmark, READ_PERIOD};
+use crate::placement::{Run, in_thread, request_priority};
+use crate::rig::{BareLoop, DriveRig, LOCAL};
+use crate::{BenchError, panicked};
+
+/// Range of the pause before a command, ms: not synchronous with loop or line.
+const PAUSE_MS: [f64; 2] = [11.0, 23.0];
 
 /// Deadline of a command. It is long because a stall of the machine must not stop the robot.
 const DEADLINE: Nanos = Nanos::from_millis(500);
@@ -19,95 +25,140 @@ const DEADLINE: Nanos = Nanos::from_millis(500);
 const RADIUS_DEG: f64 = 1.5;
 const STEP_RAD: f64 = 0.3;
 
+/// The threads that own a port have 10 less than the control loop, the client 20 less.
+const PORT_BELOW: u8 = 10;
+const CLIENT_BELOW: u8 = 20;
+
 /// Random pauses, the same for the same seed (splitmix64, G. L. Steele et al., "Fast splittable
 /// pseudorandom number generators", 2014).
 #[derive(Debug)]
-pub struct Pauses(u64);
+struct Pauses(u64);
 
-impl Pauses {
-    pub const fn new(seed: u64) -> Self {
-        Self(seed)
-    }
+impl Iterator for Pauses {
+    type Item = Nanos;
 
-    /// The next pause.
-    pub fn next(&mut self) -> Nanos {
+    fn next(&mut self) -> Option<Nanos> {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
         let share = (z ^ (z >> 31)) as f64 / u64::MAX as f64;
-        Nanos(((PAUSE_MS[0] + share * (PAUSE_MS[1] - PAUSE_MS[0])) * 1e6) as u64)
+        Some(Nanos(((PAUSE_MS[0] + share * (PAUSE_MS[1] - PAUSE_MS[0])) * 1e6) as u64))
     }
 }
 
-/// Publishes all commands and records set-points and encoder positions.
-pub fn run(
+/// Publishes commands at random instants and reads positions until the next one.
+fn at_random_instants(
+    benchmark: &EndToEndBenchmark,
+    mut publish: impl FnMut(u64, &mut Observations) -> Result<(), BenchError>,
+    mut read: impl FnMut(&mut Observations) -> Result<(), BenchError>,
+) -> Result<Observations, BenchError> {
+    let (mut observations, mut last) = (Observations::default(), None);
+    for (number, pause) in (0..benchmark.commands).zip(Pauses(benchmark.seed)) {
+        let now = clock::now();
+        let gap = now.since(last.replace(now).unwrap_or(now));
+        observations.longest_gap = observations.longest_gap.max(gap);
+        publish(number, &mut observations)?;
+        observations.sent += 1;
+        while clock::now() < now + pause {
+            read(&mut observations)?;
+            clock::sleep(READ_PERIOD);
+        }
+    }
+    Ok(observations)
+}
+
+/// Publishes all commands to a controller and records set-points and encoder positions.
+pub fn command(
     client: &mut Client,
     benchmark: &EndToEndBenchmark,
-    is_interrupted: &dyn Fn() -> bool,
+    run: Run,
 ) -> Result<Observations, BenchError> {
-    let (commander, actuators) =
-        (client.commander().with_deadline(DEADLINE), client.watcher().actuators());
-    run_in_thread(is_interrupted, |stop| {
-        request_priority(benchmark.priority.saturating_sub(20));
-        CommandLoop { commander, actuators, observations: Observations::default(), last: [0; 2] }
-            .run(benchmark, stop)
+    let mut commander = client.commander().with_deadline(DEADLINE);
+    let mut actuators = client.watcher().actuators();
+    in_thread(|| {
+        request_priority(run.placement.priority.saturating_sub(CLIENT_BELOW));
+        let mut last = [0; 2];
+        at_random_instants(
+            benchmark,
+            |number, _| {
+                run.check()?;
+                publish(&mut commander, number)
+            },
+            |observations| read_states(&mut actuators, observations, &mut last),
+        )
     })
 }
 
-struct CommandLoop {
-    commander: Commander,
-    actuators: Subscription<ActuatorState>,
-    observations: Observations,
-    /// Sequence number of the last command of each motor.
-    last: [u64; 2],
+fn publish(commander: &mut Commander, number: u64) -> Result<(), BenchError> {
+    let angle = STEP_RAD * number as f64;
+    // The circle grows from the position of the robot.
+    let radius = RADIUS_DEG.to_radians() * (number as f64 / 20.0).min(1.0);
+    commander.servo_jp(&[radius * angle.sin(), radius * (1.0 - angle.cos())])?;
+    Ok(())
 }
 
-impl CommandLoop {
-    fn run(
-        mut self,
-        benchmark: &EndToEndBenchmark,
-        stop: &AtomicBool,
-    ) -> Result<Observations, BenchError> {
-        let mut pauses = Pauses::new(benchmark.seed);
-        for number in 0..benchmark.commands {
-            if stop.load(Ordering::Relaxed) {
-                return Err(BenchError::Interrupted);
-            }
-            let next = clock::now() + pauses.next();
-            let angle = STEP_RAD * number as f64;
-            // The circle grows from the position of the robot.
-            let radius = RADIUS_DEG.to_radians() * (number as f64 / 20.0).min(1.0);
-            self.commander.servo_jp(&[radius * angle.sin(), radius * (1.0 - angle.cos())])?;
-            self.observations.sent += 1;
-            while clock::now() < next {
-                self.read_states()?;
-                clock::sleep(READ_PERIOD);
+/// `last`: sequence number of the last command of each motor.
+fn read_states(
+    actuators: &mut Subscription<ActuatorState>,
+    observations: &mut Observations,
+    last: &mut [u64; 2],
+) -> Result<(), BenchError> {
+    actuators.drain(|state| {
+        let seen = clock::now();
+        for (motor, last) in last.iter_mut().enumerate() {
+            observations.add_reading(motor, Nanos(state.measured_stamp_ns[motor]), seen);
+            let sequence = state.command_sequence[motor];
+            if state.command_stamp_ns[motor] != 0 && sequence != *last {
+                *last = sequence;
+                observations.written[motor].push(Written {
+                    command: Nanos(state.command_stamp_ns[motor]),
+                    written: Nanos(state.written_stamp_ns[motor]),
+                    counts: state.written_counts[motor],
+                });
             }
         }
-        Ok(self.observations)
-    }
+    })?;
+    Ok(())
+}
 
-    fn read_states(&mut self) -> Result<(), BenchError> {
-        let (observations, last) = (&mut self.observations, &mut self.last);
-        self.actuators.drain(|state| {
-            let seen = clock::now();
-            for (motor, last) in last.iter_mut().enumerate() {
-                let measured = Nanos(state.measured_stamp_ns[motor]);
-                observations.add_reading(motor, measured, seen);
-                let sequence = state.command_sequence[motor];
-                if state.command_stamp_ns[motor] != 0 && sequence != *last {
-                    *last = sequence;
-                    observations.written[motor].push(Written {
-                        command: Nanos(state.command_stamp_ns[motor]),
-                        written: Nanos(state.written_stamp_ns[motor]),
-                        counts: state.written_counts[motor],
-                    });
-                }
-            }
-        })?;
-        Ok(())
-    }
+/// The floor: passes commands from memory to a bare loop on the first port, and positions back.
+pub fn bare(
+    rig: &DriveRig,
+    benchmark: &EndToEndBenchmark,
+    run: Run,
+) -> Result<CommandLatencies, BenchError> {
+    let (bare, ports) = (&BareLoop::default(), &rig.ports());
+    let priority = run.placement.priority;
+    let observations = thread::scope(|scope| {
+        let serving =
+            scope.spawn(|| bare.serve(&ports[0], &[LOCAL], priority.saturating_sub(PORT_BELOW)));
+        let observations = in_thread(|| {
+            request_priority(priority.saturating_sub(CLIENT_BELOW));
+            at_random_instants(
+                benchmark,
+                |number, observations| {
+                    run.check()?;
+                    // Every set-point differs from the one before, so that it can be matched.
+                    let (command, counts) = (clock::now(), (number % 200) as i32);
+                    bare.target.store(counts, Ordering::Release);
+                    let written = Written { command, written: Nanos::ZERO, counts };
+                    observations.written[0].push(written);
+                    Ok(())
+                },
+                |observations| {
+                    let measured = Nanos(bare.measured_ns.load(Ordering::Acquire));
+                    observations.add_reading(0, measured, clock::now());
+                    if serving.is_finished() { Err("the bare loop ended".into()) } else { Ok(()) }
+                },
+            )
+        });
+        bare.stop.store(true, Ordering::Release);
+        // The reason why the loop ended comes first.
+        serving.join().map_err(panicked)??;
+        observations
+    })?;
+    Ok(match_commands(&observations, &rig.emulator.log()))
 }
 
 #[cfg(test)]
@@ -116,8 +167,7 @@ mod tests {
 
     #[test]
     fn pauses_fill_their_range() {
-        let mut pauses = Pauses::new(7);
-        let all: Vec<f64> = (0..1000).map(|_| pauses.next().as_seconds() * 1e3).collect();
+        let all: Vec<f64> = Pauses(7).take(1000).map(|pause| pause.as_seconds() * 1e3).collect();
         let range = PAUSE_MS[0] - 1e-6..=PAUSE_MS[1] + 1e-6;
         assert!(all.iter().all(|ms| range.contains(ms)));
         let mean = all.iter().sum::<f64>() / 1000.0;

@@ -1,9 +1,9 @@
 //! Matches commands with set-points and encoder positions.
 
 use i2ris::units::Nanos;
-use i2ris_emulator::log::{Event, EventKind};
+use i2ris_simulation::log::{Event, EventKind};
 
-use crate::durations::Durations;
+use crate::outcome::Durations;
 
 /// Commands at the start that do not count: caches and connections warm up.
 const WARM_UP: usize = 10;
@@ -15,7 +15,6 @@ pub struct Written {
     pub command: Nanos,
     /// When the set-point was passed to the operating system; zero: not reported.
     pub written: Nanos,
-    /// The set-point.
     pub counts: i32,
 }
 
@@ -31,12 +30,12 @@ pub struct Reading {
 /// Set-points and encoder positions of each motor, in the order of time.
 #[derive(Debug, Default)]
 pub struct Observations {
-    /// Set-points, the first one of each command.
+    /// The first set-point of each command.
     pub written: [Vec<Written>; 2],
-    /// Encoder positions.
     pub readings: [Vec<Reading>; 2],
-    /// Number of published commands.
     pub sent: u64,
+    /// The longest time between two commands.
+    pub longest_gap: Nanos,
 }
 
 impl Observations {
@@ -63,16 +62,20 @@ pub struct CommandLatencies {
     pub seen: Durations,
     /// Commands with a set-point, of both motors.
     pub commands: u64,
-    /// Commands without one.
+    /// Commands without a set-point.
     pub overtaken: u64,
+    pub longest_gap: Nanos,
+    /// From the command to the tick that read it.
+    pub read: Durations,
+    /// Stops because commands came late.
+    pub stale_stops: u64,
 }
 
 impl CommandLatencies {
-    /// Nothing yet.
-    #[must_use]
     pub fn new() -> Self {
-        let [written, arrived, wire, seen] = [0; 4].map(Durations::new);
-        Self { written, arrived, wire, seen, commands: 0, overtaken: 0 }
+        let [written, arrived, wire, seen, read] = [0; 5].map(Durations::new);
+        let (commands, overtaken, longest_gap, stale_stops) = (0, 0, Nanos::ZERO, 0);
+        Self { written, arrived, wire, seen, read, commands, overtaken, longest_gap, stale_stops }
     }
 
     /// Adds those of another turn.
@@ -81,16 +84,19 @@ impl CommandLatencies {
         self.arrived.add(&other.arrived);
         self.wire.add(&other.wire);
         self.seen.add(&other.seen);
+        self.read.add(&other.read);
         self.commands += other.commands;
         self.overtaken += other.overtaken;
+        self.stale_stops += other.stale_stops;
+        self.longest_gap = self.longest_gap.max(other.longest_gap);
     }
 }
 
 /// Matches every command with the first arrival of its counts at the drive after it was written,
 /// and with the first encoder position that was measured after that.
-#[must_use]
 pub fn match_commands(observations: &Observations, log: &[Event]) -> CommandLatencies {
     let mut matched = CommandLatencies::new();
+    matched.longest_gap = observations.longest_gap;
     for motor in 0..2 {
         let arrivals: Vec<(Nanos, i32)> =
             log.iter().filter_map(|event| setpoint(event, motor)).collect();

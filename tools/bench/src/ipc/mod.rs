@@ -1,93 +1,170 @@
 //! From one thread to another through shared memory: publish to receive.
 //!
 //! One thread sends 64 bytes, the size of a servo command, with the instant of sending every 0.2
-//! ms. Another thread receives them and reads the clock. Either it *polls* without a pause, or it
-//! *waits* in the kernel until it is woken. Each has its own floor: a seqlock in shared memory, and
-//! a futex on it.
-//!
-//! | file | contains |
-//! |---|---|
-//! | `pair` | a sending and a receiving thread |
-//! | `seqlock` | the floors: 64 bytes in shared memory, polled or woken by a futex |
-//! | `iceoryx` | iceoryx2 alone: publish-subscribe, polled or woken by its event service |
-//! | `streams` | the controller's streams: `servo_jp` in, `measured_js` out |
-//! | `socket` | the peers: Unix datagrams, UDP over loopback |
+//! ms. Another thread receives them by polling without a pause, as the controller does, and reads
+//! the clock. The floor is a seqlock.
 
-mod iceoryx;
-mod pair;
-mod seqlock;
-mod socket;
-mod streams;
+mod channels;
 
-use crate::durations::Durations;
-use crate::error::BenchError;
-use crate::machine::{LoadMonitor, Machine};
-use crate::outcome::{BenchOutcome, Role, Variant};
-use crate::placement::ThreadPlacement;
-use Role::{Floor, Ours, Peer};
-use pair::Turn;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, TryRecvError};
+use std::thread;
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+
+use crate::outcome::{Durations, Found, Outcome, Role, Variant};
+use crate::placement::{Placement, Run};
+use crate::{BenchError, busy, panicked};
 
 /// Turns of every variant. All variants have the same load of the machine.
 const TURNS: u64 = 4;
+/// Time between two messages: a fifth of a tick of the controller.
+const PERIOD: Nanos = Nanos::from_micros(200);
+/// The most messages of a turn that do not count.
+const WARM_UP: u64 = 300;
+/// Waiting time for the receiver.
+const TIMEOUT: Nanos = Nanos::from_millis(10_000);
 
-/// Groups: receivers that poll, and receivers that wait until they are woken.
-const POLLED: &str = "polled";
-const WAITING: &str = "waiting";
+const GROUP: &str = "polled";
 
 type Measure = fn(Turn) -> Result<Durations, BenchError>;
 
-const VARIANTS: [(&str, &str, Role, Measure); 12] = [
-    ("seqlock in shared memory", POLLED, Floor, seqlock::polled),
-    ("iceoryx2 publish-subscribe", POLLED, Ours, iceoryx::polled),
-    ("servo_jp: client to controller", POLLED, Ours, streams::to_controller),
-    ("measured_js: controller to client", POLLED, Ours, streams::to_client),
-    ("Unix datagram socket", POLLED, Peer, socket::unix_polled),
-    ("UDP over loopback", POLLED, Peer, socket::udp_polled),
-    ("futex on shared memory", WAITING, Floor, seqlock::waiting),
-    ("iceoryx2 publish-subscribe + event", WAITING, Ours, iceoryx::waiting),
-    ("measured_js + event", WAITING, Ours, streams::to_client_woken),
-    ("iceoryx2 publish-subscribe + event, own wait", WAITING, Peer, iceoryx::waiting_as_library),
-    ("Unix datagram socket", WAITING, Peer, socket::unix_waiting),
-    ("UDP over loopback", WAITING, Peer, socket::udp_waiting),
+const VARIANTS: [(&str, Role, Measure); 4] = [
+    ("seqlock in shared memory", Role::Floor, channels::seqlock),
+    ("iceoryx2 publish-subscribe", Role::Ours, channels::iceoryx),
+    ("servo_jp: client to controller", Role::Ours, channels::to_controller),
+    ("measured_js: controller to client", Role::Ours, channels::to_client),
 ];
 
-/// Measures every variant with about `messages` each. Calls `is_interrupted` between turns.
-///
-/// # Errors
-///
-/// [`BenchError`].
-pub fn run(
-    messages: u64,
-    placement: ThreadPlacement,
-    is_interrupted: &dyn Fn() -> bool,
-) -> Result<BenchOutcome, BenchError> {
-    let monitor = LoadMonitor::start();
-    let mut variants =
-        VARIANTS.map(|(name, group, role, _)| Variant::new(name, group, role, Durations::new(0)));
-    let turn = Turn { messages: messages.div_ceil(TURNS), placement };
-    for _ in 0..TURNS {
-        for (variant, (.., measure)) in variants.iter_mut().zip(VARIANTS) {
-            variant.durations.add(&measure(turn)?);
-            if is_interrupted() {
-                return Err(BenchError::Interrupted);
+/// Measures every variant with about `messages` each.
+pub fn run(messages: u64, run: Run) -> Result<Outcome, BenchError> {
+    let about = "From publishing 64 bytes in one thread to having them in another";
+    Outcome::of("ipc", about, || {
+        let mut all = VARIANTS.map(|_| Durations::new(0));
+        let turn = Turn { messages: messages.div_ceil(TURNS), placement: run.placement };
+        for _ in 0..TURNS {
+            for (durations, (.., measure)) in all.iter_mut().zip(VARIANTS) {
+                durations.add(&measure(turn)?);
+                run.check()?;
             }
         }
-    }
-    let machine = Machine::detect();
-    let notes = [
-        "Polling is how the controller receives commands. Waiting is for programs that have other \
-         work; its cost is that of waking a thread, whichever library does it.",
-        "A stream that keeps only the newest message loses those that a late receiver did not \
-         read; a socket delivers them late. The counts differ for that reason.",
-    ];
-    Ok(BenchOutcome {
-        bench: "ipc",
-        about: "From publishing 64 bytes in one thread to having them in another",
-        notes: notes.map(str::to_owned).into_iter().chain(machine.notes()).collect(),
-        load: monitor.stop(),
-        scheduling: pair::scheduling(placement),
-        machine,
-        variants: variants.into(),
-        quantities: Vec::new(),
+        let note = "A stream that keeps only the newest message loses those that a late receiver \
+                    did not read. The counts differ for that reason.";
+        let variants = VARIANTS.iter().zip(all);
+        Ok(Found {
+            scheduling: scheduling(run.placement),
+            variants: variants
+                .map(|((name, role, _), durations)| Variant::new(name, GROUP, *role, durations))
+                .collect(),
+            notes: vec![note.to_owned()],
+            ..Found::default()
+        })
     })
+}
+
+/// The scheduling that the two threads are granted.
+fn scheduling(placement: Placement) -> Vec<String> {
+    [("sending thread", 1), ("receiving thread", 0)]
+        .into_iter()
+        .filter_map(|(name, place)| thread::spawn(move || placement.apply(name, place)).join().ok())
+        .collect()
+}
+
+/// One turn of one variant.
+#[derive(Debug, Clone, Copy)]
+struct Turn {
+    /// Messages that count.
+    messages: u64,
+    placement: Placement,
+}
+
+impl Turn {
+    /// Messages that do not count: fewer in a short turn, in which a receiver on a busy machine
+    /// also misses some.
+    fn warm_up(self) -> u64 {
+        WARM_UP.min(self.messages / 2)
+    }
+
+    /// Creates a sender and a receiver, each in its own thread, and measures how long messages
+    /// take. The function from `sender` sends the given instant. The function from `receiver`
+    /// returns the instant that it received, or `None` if there is no message.
+    fn measure<S, R>(
+        self,
+        sender: impl FnOnce() -> Result<S, BenchError> + Send,
+        receiver: impl FnOnce() -> Result<R, BenchError> + Send,
+    ) -> Result<Durations, BenchError>
+    where
+        S: FnMut(Nanos) -> Result<(), BenchError>,
+        R: FnMut() -> Result<Option<Nanos>, BenchError>,
+    {
+        let stop = &AtomicBool::new(false);
+        let (ready, is_ready) = mpsc::channel();
+        thread::scope(|scope| {
+            let receiving = scope.spawn(move || {
+                self.placement.apply("receiving thread", 0);
+                let mut receive = receiver()?;
+                let _ = ready.send(());
+                let mut durations = Durations::new(self.warm_up());
+                while !stop.load(Ordering::Relaxed) {
+                    match receive() {
+                        Ok(Some(sent)) => durations.push(clock::now().since(sent)),
+                        Ok(None) => {}
+                        // The sender is gone because it has sent everything.
+                        Err(_) if stop.load(Ordering::Relaxed) => {}
+                        Err(error) => return Err(error),
+                    }
+                }
+                Ok(durations)
+            });
+            // In its own thread: the caller keeps its processor and its priority.
+            let sending = scope.spawn(move || {
+                self.placement.apply("sending thread", 1);
+                let sent = sender().and_then(|mut send| {
+                    let sent = until_ready(&is_ready, &mut send)
+                        .and_then(|()| paced(self.messages + self.warm_up(), &mut send));
+                    // Before the sender is dropped, which would be a failure for the receiver.
+                    stop.store(true, Ordering::Relaxed);
+                    sent
+                });
+                stop.store(true, Ordering::Relaxed);
+                sent
+            });
+            let sent = sending.join().map_err(panicked)?;
+            // The error of the receiver comes first: it also makes the sender fail.
+            let durations: Durations = receiving.join().map_err(panicked)??;
+            sent.map(|()| durations)
+        })
+    }
+}
+
+/// Sends until the receiver is ready: some senders must keep a connection alive. These messages
+/// belong to the warm-up.
+fn until_ready(
+    is_ready: &mpsc::Receiver<()>,
+    send: &mut impl FnMut(Nanos) -> Result<(), BenchError>,
+) -> Result<(), BenchError> {
+    let start = clock::now();
+    loop {
+        match is_ready.try_recv() {
+            Ok(()) => return Ok(()),
+            Err(TryRecvError::Empty) if clock::now().since(start) < TIMEOUT => {}
+            Err(_) => return Err(busy("the receiving thread did not start")),
+        }
+        send(clock::now())?;
+        clock::sleep(Nanos::from_millis(1));
+    }
+}
+
+/// Sends at equal intervals.
+fn paced(
+    messages: u64,
+    send: &mut impl FnMut(Nanos) -> Result<(), BenchError>,
+) -> Result<(), BenchError> {
+    let start = clock::now();
+    for number in 1..=messages {
+        clock::sleep_until(start + Nanos(PERIOD.0 * number));
+        send(clock::now())?;
+    }
+    Ok(())
 }

@@ -4,7 +4,7 @@
 //! 1964). Rows of a rest with the autocorrelation `a` count as `(1 - a) / (1 + a)` independent
 //! ones.
 
-use i2ris_statistics::median;
+use i2ris_report::statistics::median;
 use nalgebra::{DMatrix, DVector};
 
 /// Rounds of weighting.

@@ -20,18 +20,15 @@
 //! | `rest` | what is left over: how much, along which direction, how slow |
 //! | `verdict` | whether it is time for a new calibration |
 //! | `update` | a new model from an old one |
-//! | `page` | figures |
 
 mod estimate;
 mod least_squares;
-mod page;
 mod regressors;
 mod rest;
 mod update;
 mod verdict;
 
 pub use estimate::{DriftError, DriftEstimate, Value};
-pub use page::html;
 pub use rest::Rest;
 pub use update::{Update, UpdateError, update};
 pub use verdict::Verdict;

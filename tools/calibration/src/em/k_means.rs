@@ -144,7 +144,7 @@ fn nearest<const N: usize>(centres: &[SVector<f64, N>], point: &SVector<f64, N>)
 mod tests {
     use super::*;
     use crate::table::DataTable;
-    use i2ris_statistics::sort;
+    use i2ris_report::statistics::sort;
 
     fn samples(rows: &[[f64; 2]]) -> Samples<2> {
         Samples::new(&DataTable::from_rows(2, rows.iter().copied()))

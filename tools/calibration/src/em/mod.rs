@@ -15,6 +15,7 @@
 //! | file | contents |
 //! |---|---|
 //! | `options` | how to fit |
+//! | `error` | why nothing could be fitted |
 //! | `mixture` | a fitted mixture; its criterion and number of parameters |
 //! | `samples` | the data, standardised, in blocks |
 //! | `component` | one Gaussian: as estimated, and prepared for its density |

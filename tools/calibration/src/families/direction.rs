@@ -22,7 +22,7 @@ use crate::regression::component_choice::choose_components;
 use crate::regression::ridge::ridge;
 use crate::series::Series;
 use crate::table::DataTable;
-use i2ris_statistics::min_max;
+use i2ris_report::statistics::min_max;
 
 /// Dead-bands that are tried, counts.
 const DEAD_BANDS_COUNTS: [f64; 11] =

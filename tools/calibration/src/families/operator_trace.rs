@@ -9,7 +9,7 @@ use i2ris::model::hysteresis::residual::{count, features};
 use i2ris::model::hysteresis::stop::{StopParameters, Stops};
 use i2ris::model::hysteresis::{Lags, Operator};
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
-use i2ris_statistics::min_max;
+use i2ris_report::statistics::min_max;
 use nalgebra::{DMatrix, SVector};
 
 use crate::series::{Sample, Series};

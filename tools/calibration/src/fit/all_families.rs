@@ -15,10 +15,10 @@ use super::options::FitOptions;
 use super::outcome::{FamilyOutcome, FitOutcome, FitReport};
 use super::split::Split;
 use crate::progress::Progress;
+use crate::quality::{Quality, inputs, outputs};
 use crate::recording::Recording;
 use crate::regression::linear::{LinearFit, fit_linear};
 use crate::series::Series;
-use crate::survey::overview::{Survey, inputs, outputs};
 use crate::table::DataTable;
 
 /// More rows add hardly anything and take time and memory: of longer recordings every second,
@@ -37,17 +37,17 @@ pub fn fit(
     options: &FitOptions,
     progress: &dyn Progress,
 ) -> Result<FitOutcome, FitError> {
-    let survey = Survey::new(recording, &options.spikes)?;
+    let quality = Quality::new(recording, &options.spikes)?;
     let split = Split::new(recording, options.hold_out)?;
     if options.choice == Choice::Best && split.is_empty() {
         return Err(FitError::NothingToChooseBy);
     }
-    let usable = |row: &usize| options.spikes.keep || !survey.is_flagged(*row);
+    let usable = |row: &usize| options.spikes.keep || !quality.is_flagged(*row);
     let every = split.training().count().div_ceil(MOST_ROWS).max(1);
     let training: Vec<usize> = split.training().filter(usable).step_by(every).collect();
     outputs_change(recording, &training)?;
     let data = TrainingData::new(recording, training)?;
-    let fitter = data.fitter(&survey, &split, options, progress);
+    let fitter = data.fitter(&quality, &split, options, progress);
     let wanted = Family::ALL.into_iter().filter(|family| options.choice.includes(*family));
     let mut fitter = fitter;
     let parts = Parts::new(options.choice);
@@ -71,7 +71,7 @@ pub fn fit(
         all.collect(),
         family,
         &judged,
-        (&survey, &split),
+        (&quality, &split),
         options,
         progress,
     ) {
@@ -89,7 +89,7 @@ pub fn fit(
         family,
         linear,
         families,
-        report: FitReport { split, survey, training, every, drift, candidates, scores },
+        report: FitReport { split, quality, training, every, drift, candidates, scores },
     })
 }
 
@@ -170,7 +170,7 @@ impl<'a> TrainingData<'a> {
 
     fn fitter(
         &'a self,
-        survey: &Survey,
+        quality: &Quality,
         split: &'a Split,
         options: &'a FitOptions,
         progress: &'a dyn Progress,
@@ -186,8 +186,8 @@ impl<'a> TrainingData<'a> {
                 seed: options.em.seed,
             },
             series: Series::new(self.recording, &self.rows),
-            hidden: survey.hides_hysteresis(),
-            one_axis: survey.shows_one_axis_at_a_time(),
+            hidden: quality.hides_hysteresis(),
+            one_axis: quality.shows_one_axis_at_a_time(),
             inputs: &self.inputs,
             outputs: &self.outputs,
             straight: &self.straight,
@@ -206,7 +206,7 @@ fn refit(
     rows: Vec<usize>,
     family: Family,
     judged: &Model,
-    (survey, split): (&Survey, &Split),
+    (quality, split): (&Quality, &Split),
     options: &FitOptions,
     progress: &dyn Progress,
 ) -> Option<Model> {
@@ -214,7 +214,7 @@ fn refit(
         return None;
     }
     let data = TrainingData::new(recording, rows).ok()?;
-    let mut fitter = data.fitter(survey, split, options, progress);
+    let mut fitter = data.fitter(quality, split, options, progress);
     fitter.known = Some(&judged.file().family);
     let mut refined = fitter.attempt(family).result;
     if refined.is_err() {

@@ -8,8 +8,8 @@ use i2ris::model::Model;
 use i2ris::units::MAX_OUTPUTS;
 
 use super::metrics::predictions;
+use crate::quality::cycle::starts;
 use crate::recording::Recording;
-use crate::survey::cycle::starts;
 
 /// Parts of a motion without cycles.
 const PARTS: usize = 5;

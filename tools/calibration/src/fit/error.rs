@@ -8,8 +8,8 @@ use super::family::Family;
 use super::flatness::FlatSpot;
 use super::split::SplitError;
 use crate::em::error::EmError;
+use crate::quality::Finding;
 use crate::regression::linear::LinearError;
-use crate::survey::identifiability::Finding;
 
 /// Why there is no model.
 #[derive(Debug, thiserror::Error)]

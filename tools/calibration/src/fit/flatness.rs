@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::regression::linear::LinearFit;
 use crate::table::DataTable;
-use i2ris_statistics::min_max;
+use i2ris_report::statistics::min_max;
 
 /// The least slope, as a part of that of the affine model, that a model may have where no rows show
 /// less. The fit of the laboratory's ring with three components has a tenth between its data, that

@@ -5,7 +5,7 @@ use i2ris::model::file::FitMetrics;
 use i2ris::units::MAX_OUTPUTS;
 
 use crate::recording::Recording;
-use i2ris_statistics::min_max;
+use i2ris_report::statistics::min_max;
 
 /// Predictions of a model at every row of a recording, in the units of the recording; entries
 /// beyond the number of outputs are 0. The code is that of the controller, and its memory follows

@@ -22,10 +22,10 @@ use crate::families::play::play_fit::fit_play;
 use crate::families::prandtl_ishlinskii::operator_fit::{ShapeKind, fit_operator};
 use crate::families::stop::stop_fit::{StopOptions, fit_stop};
 use crate::progress::Progress;
+use crate::quality::Finding;
 use crate::regression::component_choice::fewer;
 use crate::regression::linear::LinearFit;
 use crate::series::Series;
-use crate::survey::identifiability::Finding;
 use crate::table::DataTable;
 
 /// The error of a family may be so many times that of a straight line, or anything below this part

@@ -3,7 +3,7 @@
 use super::family::Choice;
 use super::split::HoldOut;
 use crate::em::options::EmOptions;
-use crate::survey::spike::SpikeOptions;
+use crate::quality::SpikeOptions;
 
 /// How to fit.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,7 +4,6 @@ use std::fmt;
 use std::sync::Arc;
 
 use i2ris::model::Model;
-use i2ris::model::file::OutputUnit;
 
 use super::choice::{Score, held_out_error};
 use super::drift::Drift;
@@ -14,7 +13,7 @@ use super::gmr::{Candidate, Verdict};
 use super::split::Split;
 use crate::families::play_mechanism::PlayMechanism;
 use crate::families::stop::stop_mechanism::StopMechanism;
-use crate::survey::overview::Survey;
+use crate::quality::Quality;
 
 /// Models, and how they were found.
 #[derive(Debug)]
@@ -69,7 +68,7 @@ pub struct FitReport {
     /// What was held out.
     pub split: Split,
     /// Properties of the recording alone.
-    pub survey: Survey,
+    pub quality: Quality,
     /// Indices of the rows used for training.
     pub training: Vec<usize>,
     /// Every so many-th row that could be used was.
@@ -113,15 +112,6 @@ impl FitOutcome {
             );
         }
         Some(text)
-    }
-
-    /// Why this family was taken: a sentence per family that was scored.
-    #[must_use]
-    pub fn reasons(&self) -> Vec<String> {
-        let output = self.model.file().outputs.first();
-        let unit = output.map_or(OutputUnit::Deg, |output| output.unit);
-        let scores = self.report.scores.iter();
-        scores.map(|score| score.sentence(unit)).collect()
     }
 }
 

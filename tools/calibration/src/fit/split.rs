@@ -6,8 +6,8 @@ use std::fmt;
 use std::ops::Range;
 use std::str::FromStr;
 
+use crate::quality::cycle::{Cycle, last_cycle};
 use crate::recording::{MIN_ROWS, Recording};
-use crate::survey::cycle::{Cycle, last_cycle};
 
 /// Fraction of the rows that is held out in blocks, or where there are no cycles.
 const PART: f64 = 0.25;

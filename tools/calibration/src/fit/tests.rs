@@ -13,9 +13,9 @@ use super::split::HoldOut;
 use crate::em::options::EmOptions;
 use crate::families::direction::{DirectionOptions, fit_direction};
 use crate::progress::Silent;
+use crate::quality::SpikeOptions;
 use crate::recording::Recording;
 use crate::series::Series;
-use crate::survey::spike::SpikeOptions;
 use crate::testing::{assert_contains, assert_near, few_starts, noise, one_motor, recording};
 use crate::testing::{straight, wander};
 
@@ -168,7 +168,7 @@ fn spikes_are_tested_but_not_trained_on() {
     });
     let outcome = fitted(&spiky, &options());
     let report = &outcome.report;
-    let flagged: Vec<_> = report.survey.spikes.iter().map(|spike| spike.row).collect();
+    let flagged: Vec<_> = report.quality.spikes.iter().map(|spike| spike.row).collect();
     assert_eq!(flagged, [100, 100, 350, 350]);
     assert!(!report.training.contains(&100) && report.training.contains(&99));
     let metrics = &outcome.model.file().metrics[0];

@@ -13,6 +13,7 @@
 
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec};
 use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
 
 use super::latency_features::Features;
 use crate::parallel;
@@ -62,7 +63,7 @@ pub struct TimedOutputs {
 }
 
 /// An estimate.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Latency {
     /// s. Outputs stamped `t` belong to the motors at `t - seconds`.
     pub seconds: f64,

@@ -7,7 +7,7 @@
 //! latencies of up to 60 ms that they do not have.
 
 use i2ris::units::{MAX_MOTORS, MotorVec};
-use i2ris_statistics::min_max;
+use i2ris_report::statistics::min_max;
 use nalgebra::DMatrix;
 
 use super::latency::TimedCounts;

@@ -4,10 +4,10 @@ use i2ris::units::MotorVec;
 
 use super::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
 use super::rows::{PathPoint, Recording, Row};
-use i2ris_statistics::median;
+use i2ris_report::statistics::median;
 
 /// An estimate below this may be hysteresis that the estimate does not know: on emulated snakes of
-/// eight physics without any latency it was up to 15 ms (`i2ris calibrate zoo --keep`).
+/// eight physics without any latency it was up to 15 ms (`i2ris benchmark --keep`).
 const BIAS_S: f64 = 0.015;
 
 /// An estimate has to exceed the bias by so many standard deviations.
@@ -107,7 +107,7 @@ pub fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap_s: f64) -> Option<Mo
 mod tests {
     use super::*;
     use crate::testing::{assert_near, recording, straight, wander};
-    use i2ris_statistics::min_max;
+    use i2ris_report::statistics::min_max;
 
     #[test]
     fn a_late_camera_is_found_and_corrected() {

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
+use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use super::check;
@@ -13,7 +14,7 @@ use super::parse::parse;
 use super::rows::Recording;
 
 /// What was read and what was left out.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct ReadReport {
     /// Rows of the file, without the header.
     pub rows: usize,
@@ -30,7 +31,7 @@ pub struct ReadReport {
 }
 
 /// A row that was left out.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct DroppedRow {
     /// Line in the file.
     pub line: u64,

@@ -1,22 +1,22 @@
 //! Why the family was chosen: a sentence, and the scores of all families.
 
-use i2ris_plot::number::fixed;
-use i2ris_plot::page::TableRow;
-use i2ris_plot::{Page, Table};
+use i2ris_report::number::fixed;
+use i2ris_report::page::TableRow;
+use i2ris_report::{Page, Table};
 
-use super::data::{ChoiceScore, ReportData};
-use super::labels::unit;
+use super::fit::{CalibrationReport, ChoiceScore};
+use super::page::NONE;
 
 /// Another family this near, relative to the score of the chosen one, would do as well on another
 /// recording.
 const NEAR: f64 = 0.1;
 
-pub(super) fn write(page: &mut Page, data: &ReportData) {
+pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     let scores = &data.choice;
     let Some(chosen) = scores.iter().find(|score| score.chosen) else {
         return;
     };
-    let unit = unit(data);
+    let unit = data.unit();
     page.paragraph(explanation(scores, chosen, unit));
     let header = [
         "family".to_owned(),
@@ -34,7 +34,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
                    be tried on.";
     let mut table = Table::new(caption.to_owned(), header);
     for score in scores {
-        let none = || "–".to_owned();
+        let none = || NONE.to_owned();
         let (worst, name) = match &score.worst_plant {
             Some((error, name)) => (fixed(*error, 3), name.clone()),
             None => (none(), none()),
@@ -97,6 +97,7 @@ mod tests {
             total,
             travel: 0.0,
             chosen,
+            sentence: String::new(),
         }
     }
 

@@ -1,48 +1,172 @@
-//! The error of every family in one figure.
+//! Models side by side on one recording.
 
-use i2ris_plot::{Axis, Color, Figure, Marker, Page, Panel, ReferenceLine, Scatter};
+use std::fmt;
 
-use super::data::ReportData;
-use super::labels::{NOISE, unit};
-use super::score::{FamilyScore, Score, Scores};
+use i2ris::model::Model;
+use i2ris::model::file::FitMetrics;
+use i2ris_report::statistics::{mean, quantile_of_unsorted};
+use serde::Serialize;
 
-/// Height of a family, and of all that is around them.
-const HEIGHTS: [f64; 2] = [22.0, 66.0];
+use crate::fit::metrics::{metrics, predictions};
+use crate::recording::Recording;
 
-pub(super) fn write(page: &mut Page, data: &ReportData, scores: &Scores) {
-    let unit = unit(data);
-    let x =
-        Axis::linear(format!("root mean square error over all outputs ({unit})")).including(0.0);
-    let y = Axis::names("", data.families.iter().map(|family| family.name.clone()).collect());
-    let dots = |of: fn(&FamilyScore) -> &Option<Score>| -> Vec<[f64; 2]> {
-        let scores = scores.families.iter().enumerate();
-        scores
-            .filter_map(|(place, score)| Some([of(score).as_ref()?.rms_length, place as f64]))
-            .collect()
+/// Models side by side on one recording. Its `Display` is a table.
+#[derive(Debug, Serialize)]
+#[serde(transparent)]
+pub struct Comparison {
+    models: Vec<ComparedModel>,
+    /// Name, rows with angles, positions of the path.
+    #[serde(skip)]
+    recording: (String, usize, usize),
+}
+
+#[derive(Debug, Serialize)]
+struct ComparedModel {
+    /// The file.
+    model: String,
+    family: String,
+    /// Whether it was fitted to this recording.
+    trained_on_it: bool,
+    outputs: Vec<ComparedOutput>,
+    /// Root mean square length of the error over all outputs, in their unit.
+    rms_length: f64,
+    /// Rows at the start during which the memory of the model is not known yet.
+    unknown_memory: usize,
+    /// Rows outside the region that its calibration visited.
+    outside: usize,
+    /// As `rms_length`, of all other rows; absent without any.
+    rms_length_of_others: Option<f64>,
+}
+
+/// In the unit of the output.
+#[derive(Debug, Serialize)]
+struct ComparedOutput {
+    name: String,
+    unit: String,
+    #[serde(flatten)]
+    metrics: FitMetrics,
+    p99: f64,
+}
+
+impl Comparison {
+    /// Compares models, with the names of their files, of the motors and outputs of a recording.
+    ///
+    /// # Errors
+    ///
+    /// An output does not vary in the recording: a sentence.
+    pub fn new(models: &[(String, Model)], recording: &Recording) -> Result<Self, String> {
+        let models = models.iter().map(|(name, model)| ComparedModel::new(name, model, recording));
+        let (rows, positions) = (recording.rows().len(), recording.path().len());
+        Ok(Self {
+            models: models.collect::<Result<_, _>>()?,
+            recording: (recording.name().to_owned(), rows, positions),
+        })
+    }
+}
+
+impl ComparedModel {
+    fn new(name: &str, model: &Model, recording: &Recording) -> Result<Self, String> {
+        let predicted = predictions(model, recording);
+        let rows = || recording.rows().iter().zip(&predicted);
+        let mut outputs = Vec::new();
+        for (output, spec) in recording.outputs().iter().enumerate() {
+            let pairs = rows().map(|(row, at)| (row.outputs[output], at[output]));
+            let mut errors: Vec<f64> = pairs.clone().map(|(m, p)| (m - p).abs()).collect();
+            let metrics = metrics(&pairs.collect::<Vec<_>>())
+                .ok_or_else(|| format!("{} does not vary in the recording", spec.name))?;
+            let p99 = quantile_of_unsorted(&mut errors, 0.99).unwrap_or(f64::NAN);
+            let (name, unit) = (spec.name.clone(), spec.unit.to_string());
+            outputs.push(ComparedOutput { name, unit, metrics, p99 });
+        }
+        let square = |output: &ComparedOutput| output.metrics.rmsd * output.metrics.rmsd;
+        let doubts = doubts(model, recording);
+        let others = rows().zip(&doubts).filter(|(_, [unknown, outside])| !unknown && !outside);
+        let others = others.map(|((row, at), _)| {
+            let pairs = row.outputs.iter().zip(at).take(model.outputs());
+            pairs.map(|(measured, at)| (measured - at).powi(2)).sum()
+        });
+        Ok(Self {
+            rms_length_of_others: mean(others).map(f64::sqrt),
+            unknown_memory: doubts.iter().filter(|[unknown, _]| *unknown).count(),
+            outside: doubts.iter().filter(|[_, outside]| *outside).count(),
+            model: name.to_owned(),
+            family: family(model),
+            trained_on_it: model.file().training.data_sha256 == recording.sha256(),
+            rms_length: outputs.iter().map(square).sum::<f64>().sqrt(),
+            outputs,
+        })
+    }
+}
+
+/// Of every row: whether the memory of the model is unknown there, and whether it is outside the
+/// region that its calibration visited.
+fn doubts(model: &Model, recording: &Recording) -> Vec<[bool; 2]> {
+    let (mut memory, mut next) = (model.new_memory(), 0);
+    let mut doubt = |row: &crate::recording::Row| {
+        for point in &recording.path()[next..=row.path_index] {
+            model.advance(&mut memory, &point.counts);
+        }
+        next = row.path_index + 1;
+        [!model.knows(&memory), !model.hull().contains(&row.counts)]
     };
-    let (training, held_out) = (dots(|score| &score.training), dots(|score| &score.held_out));
-    let mut panel = Panel::new("", x, y)
-        .with(Scatter::markers(training, Color::GREY, Marker::Circle).label("training"));
-    if !held_out.is_empty() {
-        panel =
-            panel.with(Scatter::markers(held_out, Color::BLUE, Marker::Diamond).label("held out"));
+    recording.rows().iter().map(&mut doubt).collect()
+}
+
+/// As in the file.
+fn family(model: &Model) -> String {
+    let value = serde_json::to_value(&model.file().family).unwrap_or_default();
+    value.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?").to_owned()
+}
+
+impl fmt::Display for Comparison {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, rows, positions) = &self.recording;
+        writeln!(
+            f,
+            "recording  {name}: {rows} rows with angles on a path of {positions} positions"
+        )?;
+        let header = ["R2", "RMSD", "NRMSD", "MAE", "p99", "max"];
+        let header = header.map(|name| format!(" {name:>9}")).concat();
+        writeln!(f, "\n{:<23} {:<12}{header} {:>12}", "family", "output", "RMS length")?;
+        for model in &self.models {
+            let (mut family, mut length) = (&*model.family, format!(" {:>12.3}", model.rms_length));
+            for ComparedOutput { name, unit, metrics, p99 } in &model.outputs {
+                let FitMetrics { r2, rmsd, nrmsd, mae, max } = metrics;
+                let name = format!("{name} ({unit})");
+                write!(f, "{family:<23} {name:<12} {r2:>9.4} {rmsd:>9.3} {nrmsd:>9.4} {mae:>9.3}")?;
+                writeln!(f, " {p99:>9.3} {max:>9.3}{length}")?;
+                (family, length) = ("", String::new());
+            }
+            let trained = if model.trained_on_it { ", fitted to this very recording" } else { "" };
+            writeln!(f, "  {}{trained}", model.model)?;
+            model.write_doubts(f, *rows)?;
+        }
+        Ok(())
     }
-    let noise: Option<Vec<f64>> = data.outputs.iter().map(|output| output.noise).collect();
-    let noise = noise.map(|noise| noise.iter().map(|noise| noise * noise).sum::<f64>().sqrt());
-    if let Some(noise) = noise {
-        panel = panel.with(ReferenceLine::vertical(noise, NOISE));
+}
+
+impl ComparedModel {
+    /// What the errors include that the model cannot know.
+    fn write_doubts(&self, f: &mut fmt::Formatter<'_>, rows: usize) -> fmt::Result {
+        let Self { unknown_memory, outside, .. } = *self;
+        if unknown_memory > 0 {
+            writeln!(
+                f,
+                "  the memory is unknown in the first {unknown_memory} of {rows} rows: there the \
+                 error may be as large as the hysteresis loop is wide"
+            )?;
+        }
+        if outside > 0 {
+            let percent = 100.0 * outside as f64 / rows as f64;
+            writeln!(
+                f,
+                "  {outside} of {rows} rows ({percent:.0} %) are outside the region that its \
+                 calibration visited"
+            )?;
+        }
+        match self.rms_length_of_others.filter(|_| unknown_memory + outside > 0) {
+            Some(others) => writeln!(f, "  RMS length on the other rows: {others:.3}"),
+            None => Ok(()),
+        }
     }
-    let height = HEIGHTS[0] * data.families.len() as f64 + HEIGHTS[1];
-    let figure = Figure::new(
-        "families",
-        "Error of all families",
-        "Root mean square length of the error of every family of models, on the rows used for \
-         training and on the rows held out.",
-    )
-    .row(height, vec![panel]);
-    let dotted = if noise.is_some() { " Dotted: the noise of the measurement." } else { "" };
-    let caption = format!(
-        "Root mean square length of the error over all outputs, for every family of models.{dotted}"
-    );
-    page.figure(&figure, &caption);
 }

@@ -3,12 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use i2ris_plot::number::fixed;
-use i2ris_plot::{Axis, Color, Figure, Heatmap, Page, Panel, Scatter};
+use i2ris_report::number::fixed;
+use i2ris_report::{Axis, Color, Figure, Heatmap, Page, Panel, Scatter};
 
-use super::data::{FamilyResult, ReportData};
-use super::labels::{chosen, unit, with_unit};
-use i2ris_statistics::{distance, min_max, root_mean_square};
+use super::fit::{CalibrationReport, FamilyResult};
+use super::labels::with_unit;
+use i2ris_report::statistics::{distance, min_max, root_mean_square};
 
 const HEIGHT: f64 = 330.0;
 
@@ -18,8 +18,8 @@ const ACROSS: f64 = 18.0;
 /// The least number of rows in a cell for an error.
 const LEAST_ROWS: usize = 3;
 
-pub(super) fn write(page: &mut Page, data: &ReportData) {
-    let ([first, second, ..], Some(family)) = (data.outputs.as_slice(), chosen(data)) else {
+pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
+    let ([first, second, ..], Some(family)) = (data.outputs.as_slice(), data.chosen()) else {
         return;
     };
     let axes = || (Axis::linear(with_unit(first)), Axis::linear(with_unit(second)));
@@ -34,7 +34,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     if !held_out.is_empty() {
         visited = visited.with(Scatter::new(held_out, Color::BLUE, 1.8).label("held out"));
     }
-    let title = format!("error of {} ({})", family.name, unit(data));
+    let title = format!("error of {} ({})", family.name, data.unit());
     let errors = Panel::new(title, x2, y2).with(cells(data, family)).equal();
     let figure = Figure::new(
         "map",
@@ -53,7 +53,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     page.figure(&figure, &caption);
 }
 
-fn cells(data: &ReportData, family: &FamilyResult) -> Heatmap {
+fn cells(data: &CalibrationReport, family: &FamilyResult) -> Heatmap {
     let measured = &data.track.measured;
     let range = |output: usize| min_max(measured.iter().map(|measured| measured[output]));
     let (x, y) = (range(0), range(1));

@@ -1,90 +1,107 @@
-//! The content of a report from models and a recording, computed with the code of the controller.
+//! The content of a report, computed with the code of the controller.
 
-use i2ris::model::file::{FamilyParameters, HullParameters, MixtureParameters};
+use i2ris::model::file::{
+    FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit,
+};
 use i2ris::model::hysteresis::read_out::ReadOut;
-use i2ris::model::{Hull, Model};
+use i2ris::model::{Hull, Model, ModelError};
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
+use i2ris_report::statistics::{distance, quantile_of_unsorted, root_mean_square};
 use nalgebra::SVector;
 
-use super::data::{
-    FamilyResult, OutputFacts, ProjectedComponent, ReadOutView, RecordingFacts, ReportData,
-    SectionPoint, Straight, Track,
+use super::fit::{
+    CalibrationReport, CandidateFacts, ChoiceScore, Errors, FamilyResult, OutputFacts,
+    ProjectedComponent, ReadOutView, RecordingFacts, SectionPoint, Straight, Track,
 };
 use super::labels::along;
 use super::sweep::{Sweep, branches};
+use crate::fit::choice::Score;
 use crate::fit::metrics::predictions;
+use crate::fit::outcome::FamilyOutcome;
 use crate::fit::split::Split;
-use crate::recording::Recording;
+use crate::fit::{Candidate, Choice, Components, FitOptions, FitOutcome, Verdict};
+use crate::quality::{inputs, outputs};
+use crate::recording::{ReadReport, Recording};
 use crate::regression::linear::fit_linear;
-use crate::survey::overview::{Survey, inputs, outputs};
 
 /// A direction has changed when the counts along an output have come back by so much.
 const DEAD_BAND_COUNTS: f64 = 1.0;
 
-/// A model that was fitted.
-#[derive(Debug, Clone, Copy)]
-pub struct FamilyFit<'a> {
-    /// Name of the family.
-    pub name: &'a str,
-    /// The model.
-    pub model: &'a Model,
-    /// Whether this is the model that is written.
-    pub chosen: bool,
-    /// How long the fit took, s, where it was measured.
-    pub seconds: Option<f64>,
-}
-
-/// The content of a report on models and a recording: all but the settings, warnings and further
-/// facts that only the caller knows. `training` are the indices of the rows used for training.
-#[must_use]
-pub fn gather(
-    recording: &Recording,
-    survey: &Survey,
-    split: &Split,
-    training: &[usize],
-    families: &[FamilyFit],
-) -> ReportData {
-    let facts = output_facts(recording, survey, training);
-    let track = track(recording, split, training, &facts);
-    let robot = families.first().map(|family| family.model.file());
-    let chosen = families.iter().find(|family| family.chosen);
-    ReportData {
-        title: format!("Calibration of {}", robot.map_or("a robot", |file| file.robot_id.as_str())),
-        recording: RecordingFacts {
-            name: recording.name().to_owned(),
-            sha256: recording.sha256().to_owned(),
-            robot_id: robot.map_or_else(String::new, |file| file.robot_id.clone()),
-            motors: recording.motors(),
-            held_out: split.kind().to_string(),
-            more: Vec::new(),
-        },
-        families: families.iter().map(|family| result(family, recording, &facts)).collect(),
-        read_out: chosen
-            .map_or_else(Vec::new, |family| read_out(family.model, recording, &track, &facts)),
-        choice: Vec::new(),
-        software: robot.map_or_else(String::new, |file| file.training.software.clone()),
-        warnings: survey.warnings.iter().map(|warning| sentence(&warning.to_string())).collect(),
-        settings: Vec::new(),
-        chosen_by_held_out: false,
-        outputs: facts,
-        track,
+impl CalibrationReport {
+    /// Everything that a fit found out.
+    #[must_use]
+    pub fn new(
+        recording: &Recording,
+        read: &ReadReport,
+        options: &FitOptions,
+        outcome: &FitOutcome,
+    ) -> Self {
+        let report = &outcome.report;
+        let file = outcome.model.file();
+        let facts = output_facts(recording, outcome);
+        let track = track(recording, &report.split, &report.training, &facts);
+        let family = |family| family_result(family, outcome, recording, &facts, &track);
+        let families: Vec<FamilyResult> = outcome.families.iter().filter_map(family).collect();
+        let failure = |family: &FamilyOutcome| {
+            Some((family.family.to_string(), family.result.as_ref().err()?.to_string()))
+        };
+        let chosen = outcome.families.iter().find(|family| family.family == outcome.family);
+        let chosen = chosen.and_then(|family| family.result.as_deref().ok());
+        let view = |model| read_out(model, recording, &track, &facts);
+        Self {
+            robot_id: file.robot_id.clone(),
+            model_id: outcome.model.id().to_string(),
+            recording: recording_facts(recording, read, outcome),
+            spikes: report.quality.spikes.clone(),
+            latency: report.quality.latency,
+            latency_taken_off_s: None,
+            warnings: report.quality.warnings.iter().map(ToString::to_string).collect(),
+            failures: outcome.families.iter().filter_map(failure).collect(),
+            chosen_by_held_out: options.choice == Choice::Best && families.len() > 1,
+            families,
+            choice: report.scores.iter().map(|score| choice_score(score, outcome)).collect(),
+            candidates: report.candidates.iter().map(candidate).collect(),
+            max_components: match options.components {
+                Components::UpTo(most) => Some(most),
+                Components::Exactly(_) => None,
+            },
+            starts: options.em.restarts,
+            settings: settings(options),
+            software: file.training.software.clone(),
+            read_out: chosen.map_or_else(Vec::new, view),
+            outputs: facts,
+            track,
+        }
     }
 }
 
-/// With a capital letter at the beginning and a full stop at the end.
-fn sentence(words: &str) -> String {
-    let mut characters = words.chars();
-    let first = characters.next().map(|first| first.to_uppercase().to_string()).unwrap_or_default();
-    format!("{first}{}.", characters.as_str().trim_end_matches('.'))
+fn recording_facts(
+    recording: &Recording,
+    read: &ReadReport,
+    outcome: &FitOutcome,
+) -> RecordingFacts {
+    let report = &outcome.report;
+    let flagged = report.split.held_out().filter(|row| report.quality.is_flagged(*row));
+    RecordingFacts {
+        name: recording.name().to_owned(),
+        sha256: recording.sha256().to_owned(),
+        motors: recording.motors(),
+        read: read.clone(),
+        training: report.training.len(),
+        every: report.every,
+        held_out: report.split.held_out().count(),
+        held_out_rows: report.split.kind().to_string(),
+        held_out_flagged: flagged.count(),
+        drift_per: if report.drift.cycles { "cycle" } else { "fifth of the rows" }.to_owned(),
+    }
 }
 
-fn output_facts(recording: &Recording, survey: &Survey, training: &[usize]) -> Vec<OutputFacts> {
+fn output_facts(recording: &Recording, outcome: &FitOutcome) -> Vec<OutputFacts> {
+    let report = &outcome.report;
     // Recordings that determine no straight line were refused before anything was fitted; then it
     // is level.
-    let line = fit_linear(
-        &inputs(recording, training.iter().copied()),
-        &outputs(recording, training.iter().copied()),
-    );
+    let training = || report.training.iter().copied();
+    let line = fit_linear(&inputs(recording, training()), &outputs(recording, training()));
     let straight = |index: usize| {
         let fit = line.as_ref().ok()?;
         let mut gain = MotorVec::default();
@@ -93,13 +110,131 @@ fn output_facts(recording: &Recording, survey: &Survey, training: &[usize]) -> V
         }
         Some(Straight { gain, offset: *fit.offset.get(index)? })
     };
+    let gain = |index: usize| match &outcome.linear.file().family {
+        FamilyParameters::Linear { gain, .. } => gain.get(index).cloned(),
+        _ => None,
+    };
     let facts = |(index, spec): (usize, &i2ris::model::file::OutputSpec)| OutputFacts {
         name: spec.name.clone(),
         unit: spec.unit.to_string(),
-        noise: survey.noise.get(index).and_then(|noise| noise.map(|noise| noise.deviation)),
+        noise: report.quality.noise.get(index).copied().flatten(),
+        drift: [report.drift.per_part(index), report.drift.largest_step(index)],
+        gain: gain(index).unwrap_or_default(),
         straight: straight(index).unwrap_or_default(),
     };
     recording.outputs().iter().enumerate().map(facts).collect()
+}
+
+/// Nothing for a family that could not be fitted. The figures are those of the model that had not
+/// seen the rows held out; the chosen model that is written was fitted to all rows.
+fn family_result(
+    family: &FamilyOutcome,
+    outcome: &FitOutcome,
+    recording: &Recording,
+    facts: &[OutputFacts],
+    track: &Track,
+) -> Option<FamilyResult> {
+    let model = family.result.as_deref().ok()?;
+    let file: &ModelFile = model.file();
+    let chosen = family.family == outcome.family;
+    let unit = |index: usize| file.outputs.get(index).map_or(1.0, |output| output.unit.si());
+    let branch = |(index, output): (usize, &OutputFacts)| {
+        branches(model, index, &output.straight, unit(index))
+    };
+    let predicted = predictions(model, recording);
+    let held_out: Vec<usize> = track.held_out().collect();
+    Some(FamilyResult {
+        name: family.family.to_string(),
+        chosen,
+        model_id: if chosen { outcome.model.id() } else { model.id() }.to_string(),
+        components: mixture(&file.family).map(|mixture| mixture.weights.len()),
+        log_likelihood: file.training.log_likelihood,
+        bic: file.training.bic,
+        fit_seconds: family.seconds,
+        metrics: file.metrics.clone(),
+        training: errors(track, &predicted, facts.len(), &track.training),
+        held_out: errors(track, &predicted, facts.len(), &held_out),
+        reading: outcome.reading(family),
+        branches: facts.iter().enumerate().map(branch).collect(),
+        predicted,
+    })
+}
+
+fn errors(
+    track: &Track,
+    predicted: &[[f64; MAX_OUTPUTS]],
+    outputs: usize,
+    rows: &[usize],
+) -> Option<Errors> {
+    let pairs = rows.iter().map(|row| (&track.measured[*row], &predicted[*row]));
+    let lengths = pairs.clone().map(|(a, b)| distance(&a[..outputs], &b[..outputs]));
+    let p99 = |output: usize| {
+        let mut errors: Vec<f64> =
+            pairs.clone().map(|(a, b)| (a[output] - b[output]).abs()).collect();
+        quantile_of_unsorted(&mut errors, 0.99)
+    };
+    Some(Errors {
+        rms_length: root_mean_square(lengths)?,
+        p99: (0..outputs).map(p99).collect::<Option<_>>()?,
+    })
+}
+
+fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
+    let output = outcome.model.file().outputs.first();
+    let unit = output.map_or(OutputUnit::Deg, |output| output.unit);
+    let si = unit.si();
+    ChoiceScore {
+        family: score.family.to_string(),
+        held_out: score.held_out / si,
+        worst_plant: score.worst_plant.map(|(error, plant)| (error / si, plant.to_string())),
+        total: score.total() / si,
+        travel: score.travel,
+        chosen: score.family == outcome.family,
+        sentence: score.sentence(unit),
+    }
+}
+
+fn candidate(candidate: &Candidate) -> CandidateFacts {
+    let fit = candidate.fit.as_ref();
+    CandidateFacts {
+        components: candidate.components,
+        log_likelihood: fit.map(|fit| fit.log_likelihood),
+        spread: fit.map_or(0.0, |fit| fit.starts.spread()),
+        failed_starts: fit.map_or(0, |fit| fit.starts.failures.len()),
+        converged: fit.is_some_and(|fit| fit.converged),
+        bic: fit.map_or(0.0, |fit| fit.bic),
+        left_out: candidate.left_out_rms,
+        chosen: matches!(candidate.verdict, Verdict::Chosen),
+        verdict: match &candidate.verdict {
+            Verdict::Chosen => "chosen",
+            Verdict::Surpassed => "",
+            Verdict::Refused(ModelError::NotInvertible { .. }) => {
+                "refused: its inverse fails in the hull"
+            }
+            Verdict::Refused(_) => "refused",
+            Verdict::TooFlat(_) => "refused: too flat somewhere",
+            Verdict::Failed(_) => "no start succeeded",
+        },
+    }
+}
+
+fn settings(options: &FitOptions) -> Vec<(String, String)> {
+    let components = match options.components {
+        Components::Exactly(components) => components.to_string(),
+        Components::UpTo(most) => format!("up to {most}, chosen by the error on blocks left out"),
+    };
+    let spikes = if options.spikes.keep { "yes" } else { "no" };
+    [
+        ("family", options.choice.to_string()),
+        ("components of gmr", components),
+        ("starts per mixture", options.em.restarts.to_string()),
+        ("seed", options.em.seed.to_string()),
+        ("shrinkage", options.em.shrinkage.to_string()),
+        ("hold out", options.hold_out.to_string()),
+        ("train on spikes", spikes.to_owned()),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .to_vec()
 }
 
 fn track(recording: &Recording, split: &Split, training: &[usize], facts: &[OutputFacts]) -> Track {
@@ -141,25 +276,6 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
     });
     let states: Vec<_> = states.collect();
     recording.rows().iter().map(|row| states.get(row.path_index).copied().unwrap_or(now)).collect()
-}
-
-fn result(family: &FamilyFit, recording: &Recording, facts: &[OutputFacts]) -> FamilyResult {
-    let file = family.model.file();
-    let unit = |index: usize| file.outputs.get(index).map_or(1.0, |output| output.unit.si());
-    let branch = |(index, output): (usize, &OutputFacts)| {
-        branches(family.model, index, &output.straight, unit(index))
-    };
-    FamilyResult {
-        name: family.name.to_owned(),
-        chosen: family.chosen,
-        model_id: family.model.id().to_string(),
-        components: mixture(&file.family).map(|mixture| mixture.weights.len()),
-        log_likelihood: file.training.log_likelihood,
-        bic: file.training.bic,
-        fit_seconds: family.seconds,
-        predicted: predictions(family.model, recording),
-        branches: facts.iter().enumerate().map(branch).collect(),
-    }
 }
 
 fn mixture(family: &FamilyParameters) -> Option<&MixtureParameters> {

@@ -1,11 +1,11 @@
 //! Counts against angle: the loop that was measured, and the branches that the models make of it.
 
-use i2ris_plot::{
+use i2ris_report::{
     Axis, Color, Dash, Figure, Line, Marker, Page, Panel, ReferenceLine, Scatter, Stroke,
 };
 
-use super::data::{Branches, FamilyResult, OutputFacts, ReportData};
-use super::labels::{ZERO, along, chosen, reference};
+use super::fit::{Branches, CalibrationReport, FamilyResult, OutputFacts};
+use super::labels::{ZERO, along};
 
 /// Heights of the two rows of panels.
 const HEIGHTS: [f64; 2] = [250.0, 220.0];
@@ -17,7 +17,7 @@ const RISING: Stroke = Stroke::new(Color::BLUE, 1.6);
 /// Both branches of the reference model.
 const OTHER: Stroke = Stroke::new(Color::BLACK, 1.2).dash(Dash::Dotted);
 
-pub(super) fn write(page: &mut Page, data: &ReportData) {
+pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     let outputs = || data.outputs.iter().enumerate();
     let angles = outputs().map(|(index, output)| panel(data, index, output, false)).collect();
     let deviations = outputs().map(|(index, output)| panel(data, index, output, true)).collect();
@@ -40,7 +40,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     );
 }
 
-fn panel(data: &ReportData, index: usize, output: &OutputFacts, deviation: bool) -> Panel {
+fn panel(data: &CalibrationReport, index: usize, output: &OutputFacts, deviation: bool) -> Panel {
     let direction = output.straight.direction();
     let x = Axis::linear(format!("{} (counts)", along(&direction, data.recording.motors, 'q')));
     let y = if deviation {
@@ -62,14 +62,14 @@ fn panel(data: &ReportData, index: usize, output: &OutputFacts, deviation: bool)
         );
     }
     if let Some((family, branches)) =
-        reference(data).and_then(|family| Some((family, family.branches.get(index)?)))
+        data.reference().and_then(|family| Some((family, family.branches.get(index)?)))
     {
         panel = panel.with(line(&branches.rising, OTHER, deviation).label(&*family.name));
         if !one_line(branches) {
             panel = panel.with(line(&branches.falling, OTHER, deviation));
         }
     }
-    match chosen(data).and_then(|family| Some((family, family.branches.get(index)?))) {
+    match data.chosen().and_then(|family| Some((family, family.branches.get(index)?))) {
         Some((family, branches)) => panel.with_all(both(family, branches, deviation)),
         None => panel,
     }
@@ -102,7 +102,7 @@ fn line(branch: &[[f64; 3]], stroke: Stroke, deviation: bool) -> Line {
 }
 
 fn measured(
-    data: &ReportData,
+    data: &CalibrationReport,
     index: usize,
     output: &OutputFacts,
     rising: bool,

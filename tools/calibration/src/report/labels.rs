@@ -1,14 +1,10 @@
 //! Numbers and names in the form of the report.
 
 use i2ris::units::MotorVec;
-use i2ris_plot::number::{MINUS, fixed, significant};
-use i2ris_plot::{Color, Dash, Stroke};
+use i2ris_report::number::{MINUS, fixed, significant};
+use i2ris_report::{Color, Dash, Stroke};
 
-use super::data::{FamilyResult, OutputFacts, ReportData};
-use super::score::BASELINE;
-
-/// The memoryless mixture: what a model with memory has to be better than.
-const MEMORYLESS: &str = "gmr";
+use super::fit::OutputFacts;
 
 /// A part of the motion of a motor below this is not named.
 const NEGLIGIBLE: f64 = 0.05;
@@ -28,24 +24,6 @@ pub(super) fn error(value: f64) -> String {
 /// `pitch (deg)`.
 pub(super) fn with_unit(output: &OutputFacts) -> String {
     format!("{} ({})", output.name, output.unit)
-}
-
-/// The unit of all outputs.
-pub(super) fn unit(data: &ReportData) -> &str {
-    data.outputs.first().map_or("", |output| output.unit.as_str())
-}
-
-/// The model that was chosen.
-pub(super) fn chosen(data: &ReportData) -> Option<&FamilyResult> {
-    data.families.iter().find(|family| family.chosen)
-}
-
-/// What the chosen model is compared with in the figures: the memoryless mixture if there is one,
-/// otherwise the baseline; nothing if that is the chosen one.
-pub(super) fn reference(data: &ReportData) -> Option<&FamilyResult> {
-    let named =
-        |name: &str| data.families.iter().find(|family| family.name == name && !family.chosen);
-    named(MEMORYLESS).or_else(|| named(BASELINE))
 }
 
 /// Label of an axis of counts along a direction: `q₀`, or `0.83 q₀ − 0.56 q₁`. `q` is the

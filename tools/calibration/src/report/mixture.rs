@@ -1,11 +1,11 @@
 //! The mixture of the chosen model: its components, its regression, and how sure it is.
 
-use i2ris_plot::{
+use i2ris_report::{
     Axis, Band, Color, Ellipse, Figure, Line, Page, Panel, ReferenceLine, Scatter, Stroke,
 };
 
-use super::data::{OutputFacts, ProjectedComponent, ReadOutView, ReportData, SectionPoint};
-use super::labels::{CHOSEN, ZERO, chosen};
+use super::fit::{CalibrationReport, OutputFacts, ProjectedComponent, ReadOutView, SectionPoint};
+use super::labels::{CHOSEN, ZERO};
 
 /// Heights of the two rows of panels.
 const HEIGHTS: [f64; 2] = [230.0, 220.0];
@@ -16,7 +16,7 @@ const DEVIATIONS: f64 = 2.0;
 /// The thinnest and the thickest outline of a component: by its weight.
 const WIDTHS: [f64; 2] = [0.6, 1.8];
 
-pub(super) fn write(page: &mut Page, data: &ReportData) {
+pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     if data.read_out.is_empty() {
         return;
     }
@@ -32,7 +32,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
     )
     .row(HEIGHTS[0], whole)
     .row(HEIGHTS[1], tilted);
-    let family = chosen(data).map_or("the model", |family| family.name.as_str());
+    let family = data.chosen().map_or("the model", |family| family.name.as_str());
     let caption = format!(
         "The mixture of {family} along each output. Scatter: what the mixture has to explain at \
          the \

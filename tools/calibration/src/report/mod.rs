@@ -1,7 +1,5 @@
-//! The report of a fit: one HTML file with figures and tables that needs nothing but itself.
-//!
-//! [`ReportData`] holds the content as plain numbers and texts. [`of_fit`] makes it from a whole
-//! fit, with the code that the controller runs.
+//! Reports: one value each, whose `Display` is the printed text, whose `Serialize` is the JSON, and
+//! whose `html` is a page with figures and tables that needs nothing but itself.
 //!
 //! # Glossary
 //!
@@ -15,22 +13,21 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `data` | the content |
-//! | `gather`, `sweep` | the content from models and a recording |
-//! | `whole_fit` | the content from a whole fit |
-//! | `score` | the figures of merit of each family |
-//! | `summary` | the findings in words |
-//! | `choice` | why the family was chosen |
-//! | `tables`, `comparison` | families side by side |
+//! | `comparison` | models side by side on one recording |
+//! | `drift` | the drift of a robot from a calibration |
+//! | `fit` | what a fit found out |
+//! | `gather`, `sweep` | that, from the fit |
+//! | `text` | as it is printed |
+//! | `page`, `choice` | as a page |
 //! | `hysteresis_loops`, `mixture`, `error_map` | figures of the model |
 //! | `residual_times`, `residual_directions` | figures of the residuals |
-//! | `labels` | numbers and names in the form of the report |
-//! | `page` | the whole page |
+//! | `labels` | numbers and names in the form of the page |
 
 mod choice;
 mod comparison;
-mod data;
+mod drift;
 mod error_map;
+mod fit;
 mod gather;
 mod hysteresis_loops;
 mod labels;
@@ -38,14 +35,11 @@ mod mixture;
 mod page;
 mod residual_directions;
 mod residual_times;
-mod score;
-mod summary;
 mod sweep;
-mod tables;
 #[cfg(test)]
 mod tests;
-mod whole_fit;
+mod text;
 
-pub use data::ReportData;
-pub use page::html;
-pub use whole_fit::of_fit;
+pub use comparison::Comparison;
+pub use drift::DriftReport;
+pub use fit::CalibrationReport;

@@ -1,12 +1,12 @@
 //! Residuals by the direction of the motion. A model that averages the two branches of a loop has
 //! two peaks here, one for each direction, where a good model has one.
 
-use i2ris_plot::mark::FiveNumbers;
-use i2ris_plot::{Axis, BoxPlot, Color, Dash, Figure, Line, Page, Panel, ReferenceLine, Stroke};
+use i2ris_report::mark::FiveNumbers;
+use i2ris_report::{Axis, BoxPlot, Color, Dash, Figure, Line, Page, Panel, ReferenceLine, Stroke};
 
-use super::data::{FamilyResult, OutputFacts, ReportData};
-use super::labels::{ZERO, chosen, reference};
-use i2ris_statistics::{quantile, quantile_of_unsorted, sort};
+use super::fit::{CalibrationReport, FamilyResult, OutputFacts};
+use super::labels::ZERO;
+use i2ris_report::statistics::{quantile, quantile_of_unsorted, sort};
 
 /// Bars of a histogram.
 const BINS: usize = 41;
@@ -20,7 +20,7 @@ const SHOWN: f64 = 0.995;
 /// Thickness of a box and its distance from the middle of its family.
 const BOX: [f64; 2] = [0.3, 0.19];
 
-pub(super) fn write(page: &mut Page, data: &ReportData) {
+pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     let rows = data.track.judged();
     let outputs = || data.outputs.iter().enumerate();
     let histograms =
@@ -45,7 +45,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
 }
 
 fn residuals(
-    data: &ReportData,
+    data: &CalibrationReport,
     rows: &[usize],
     family: &FamilyResult,
     index: usize,
@@ -60,8 +60,13 @@ fn residuals(
     rows.iter().filter_map(residual).collect()
 }
 
-fn histogram(data: &ReportData, rows: &[usize], index: usize, output: &OutputFacts) -> Panel {
-    let families = || reference(data).into_iter().chain(chosen(data));
+fn histogram(
+    data: &CalibrationReport,
+    rows: &[usize],
+    index: usize,
+    output: &OutputFacts,
+) -> Panel {
+    let families = || data.reference().into_iter().chain(data.chosen());
     let both = [true, false];
     let reach = families()
         .flat_map(|family| both.map(|rising| residuals(data, rows, family, index, rising)));
@@ -101,7 +106,7 @@ fn shares(values: &[f64], edges: &[f64]) -> Vec<f64> {
     counts
 }
 
-fn boxes(data: &ReportData, rows: &[usize], index: usize, output: &OutputFacts) -> Panel {
+fn boxes(data: &CalibrationReport, rows: &[usize], index: usize, output: &OutputFacts) -> Panel {
     let names = data.families.iter().map(|family| family.name.clone()).collect();
     let x = Axis::linear(format!("residual ({})", output.unit)).including(0.0);
     let panel = Panel::new("all families", x, Axis::names("", names))

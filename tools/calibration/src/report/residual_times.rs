@@ -1,16 +1,16 @@
 //! Residuals over time.
 
-use i2ris_plot::{
+use i2ris_report::{
     Axis, Color, Dash, Figure, Line, Page, Panel, ReferenceLine, ShadedInterval, Stroke,
 };
 
-use super::data::{FamilyResult, OutputFacts, ReportData};
-use super::labels::{CHOSEN, NOISE, ZERO, chosen, reference};
+use super::fit::{CalibrationReport, FamilyResult, OutputFacts};
+use super::labels::{CHOSEN, NOISE, ZERO};
 
 /// Heights of a panel with both models, and of one with the chosen model alone.
 const HEIGHTS: [f64; 2] = [165.0, 150.0];
 
-pub(super) fn write(page: &mut Page, data: &ReportData) {
+pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     let figure = Figure::new(
         "residuals",
         "Residuals over time",
@@ -18,7 +18,8 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
          chosen model and the one it is compared with. The stretch that was held out is shaded.",
     );
     let figure = data.outputs.iter().enumerate().fold(figure, |figure, (index, output)| {
-        let compared = reference(data).map(|family| vec![panel(data, index, output, Some(family))]);
+        let compared =
+            data.reference().map(|family| vec![panel(data, index, output, Some(family))]);
         let figure = figure.row(HEIGHTS[0], compared.unwrap_or_default());
         figure.row(HEIGHTS[1], vec![panel(data, index, output, None)])
     });
@@ -33,7 +34,7 @@ pub(super) fn write(page: &mut Page, data: &ReportData) {
 
 /// The chosen model, with what it is compared with or alone.
 fn panel(
-    data: &ReportData,
+    data: &CalibrationReport,
     index: usize,
     output: &OutputFacts,
     compared: Option<&FamilyResult>,
@@ -43,7 +44,7 @@ fn panel(
     let ends =
         (track.time.first().copied().unwrap_or(0.0), track.time.last().copied().unwrap_or(1.0));
     let x = x.range(ends.0, ends.1);
-    let title = match (compared, chosen(data)) {
+    let title = match (compared, data.chosen()) {
         (None, Some(family)) => format!("{}, {} alone", output.name, family.name),
         _ => output.name.clone(),
     };
@@ -62,21 +63,20 @@ fn panel(
         panel = panel
             .with(line(data, family, index, Stroke::new(Color::PALE, 0.8)).label(&*family.name));
     }
-    if let Some(family) = chosen(data) {
+    if let Some(family) = data.chosen() {
         panel = panel
             .with(line(data, family, index, Stroke { width: 0.9, ..CHOSEN }).label(&*family.name));
     }
     panel = panel.with(ReferenceLine::horizontal(0.0, ZERO));
     match output.noise {
-        Some(noise) => panel.with_all(
-            [-2.0, 2.0]
-                .map(|factor| ReferenceLine::horizontal(factor * noise, NOISE.dash(Dash::Dotted))),
-        ),
+        Some(noise) => panel.with_all([-2.0, 2.0].map(|factor| {
+            ReferenceLine::horizontal(factor * noise.deviation, NOISE.dash(Dash::Dotted))
+        })),
         None => panel,
     }
 }
 
-fn line(data: &ReportData, family: &FamilyResult, index: usize, stroke: Stroke) -> Line {
+fn line(data: &CalibrationReport, family: &FamilyResult, index: usize, stroke: Stroke) -> Line {
     let rows = data.track.time.iter().zip(&data.track.measured).zip(&family.predicted);
     Line::new(
         rows.map(|((time, measured), predicted)| [*time, measured[index] - predicted[index]])

@@ -4,7 +4,7 @@
 use i2ris::model::{Hull, Model};
 use i2ris::units::MotorVec;
 
-use super::data::{Branches, Straight};
+use super::fit::{Branches, Straight};
 
 /// Positions of the rising half, and of the falling half.
 const POSITIONS: usize = 160;

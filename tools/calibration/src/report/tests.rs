@@ -4,39 +4,36 @@ use i2ris::model::file::FamilyParameters;
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{Hull, Model};
 
-use super::data::{ProjectedComponent, ReportData, Straight};
-use super::gather::{FamilyFit, gather};
-use super::page::html;
-use super::score::Scores;
+use super::CalibrationReport;
+use super::fit::{ProjectedComponent, Straight};
 use super::sweep::{Sweep, branches};
 use crate::fit::split::HoldOut;
 use crate::fit::{Choice, Components, Family, FitOptions, FitOutcome, fit};
 use crate::progress::Silent;
-use crate::recording::Recording;
+use crate::recording::{ReadReport, Recording};
 use crate::testing::{few_starts, noise, one_motor, recording, straight, wander};
 
 const NASTY: &str = "<i>\"&'</i>.csv";
 
-fn fitted(recording: &Recording) -> FitOutcome {
-    let options = FitOptions {
+fn options() -> FitOptions {
+    FitOptions {
         em: few_starts(2),
         choice: Choice::One(Family::Gmr),
         components: Components::Exactly(2),
         ..FitOptions::default()
-    };
-    fit(recording, &options, &Silent).unwrap()
+    }
 }
 
-fn gathered_of(recording: &Recording, outcome: &FitOutcome) -> ReportData {
-    let family = |name, model, chosen| FamilyFit { name, model, chosen, seconds: Some(1.25) };
-    let judged = outcome.families.iter().find(|found| found.family == outcome.family);
-    let judged = judged.unwrap().result.as_ref().unwrap();
-    let families = [family("linear", outcome.linear.as_ref(), false), family("gmr", judged, true)];
-    let report = &outcome.report;
-    gather(recording, &report.survey, &report.split, &report.training, &families)
+/// A mixture of two components, and the linear model that every fit has.
+fn fitted(recording: &Recording) -> FitOutcome {
+    fit(recording, &options(), &Silent).unwrap()
 }
 
-fn gathered(recording: &Recording) -> ReportData {
+fn gathered_of(recording: &Recording, outcome: &FitOutcome) -> CalibrationReport {
+    CalibrationReport::new(recording, &ReadReport::default(), &options(), outcome)
+}
+
+fn gathered(recording: &Recording) -> CalibrationReport {
     gathered_of(recording, &fitted(recording))
 }
 
@@ -81,7 +78,7 @@ fn assert_valid(text: &str) {
 fn a_report_has_all_figures_and_numbers() {
     let recording = two_axes();
     let data = gathered(&recording);
-    let text = html(&data);
+    let text = data.html();
     assert_valid(&text);
     assert_eq!(
         parse(&text).descendants().filter(|node| node.tag_name().name() == "svg").count(),
@@ -108,34 +105,13 @@ fn a_report_has_all_figures_and_numbers() {
     }
 }
 
-#[test]
-fn the_figures_of_merit_are_those_of_the_model_file() {
-    let recording = two_axes();
-    let outcome = fitted(&recording);
-    let scores = Scores::new(&gathered(&recording));
-    // Of the models that had not seen the rows held out.
-    let judged = outcome.families.iter().map(|found| found.result.as_ref().unwrap());
-    for (score, model) in scores.families.iter().zip(judged) {
-        for (index, metrics) in model.file().metrics.iter().enumerate() {
-            assert_eq!(
-                score.training.as_ref().unwrap().outputs[index].unwrap().metrics,
-                metrics.training
-            );
-            assert_eq!(
-                score.held_out.as_ref().unwrap().outputs[index].map(|found| found.metrics),
-                metrics.held_out
-            );
-        }
-    }
-}
-
 /// A family that was chosen by an error must not be praised for that error without saying so.
 #[test]
 fn a_choice_by_the_error_that_is_shown_is_mentioned() {
     let mut data = gathered(&two_axes());
-    assert!(!html(&data).contains("flatters"));
+    assert!(!data.html().contains("flatters"));
     data.chosen_by_held_out = true;
-    assert!(html(&data).contains(
+    assert!(data.html().contains(
         "chosen among 2 by its error on the rows held out and by its inverse on the others, so \
              that error flatters it"
     ));
@@ -144,12 +120,7 @@ fn a_choice_by_the_error_that_is_shown_is_mentioned() {
 #[test]
 fn names_cannot_break_out() {
     let mut data = gathered(&two_axes());
-    for name in [
-        &mut data.title,
-        &mut data.recording.name,
-        &mut data.recording.robot_id,
-        &mut data.software,
-    ] {
+    for name in [&mut data.robot_id, &mut data.recording.name, &mut data.software] {
         *name = NASTY.to_owned();
     }
     for output in &mut data.outputs {
@@ -160,7 +131,7 @@ fn names_cannot_break_out() {
     }
     data.settings.push((NASTY.to_owned(), NASTY.to_owned()));
     data.warnings.push(NASTY.to_owned());
-    let text = html(&data);
+    let text = data.html();
     assert_valid(&text);
     let document = parse(&text);
     assert!(document.descendants().all(|node| node.tag_name().name() != "i"));
@@ -180,24 +151,24 @@ fn one_motor_and_one_output_make_a_report() {
         let count = (400.0 * (0.7 * time).sin()).round();
         (count, 0.02 * count + 0.05 * noise())
     });
-    let text = html(&gathered(&recording));
+    let text = gathered(&recording).html();
     assert_valid(&text);
     assert!(text.contains("one motor") && text.contains("q₀ (counts)") && !text.contains("q₁"));
 }
 
 #[test]
 fn empty_data_make_a_report_too() {
-    assert_valid(&html(&ReportData::default()));
+    assert_valid(&CalibrationReport::default().html());
     let mut data = gathered(&two_axes());
     for family in &mut data.families {
         family.chosen = false;
     }
     data.track.held_out.clear();
-    let text = html(&data);
+    let text = data.html();
     assert_valid(&text);
     assert!(text.contains("No rows were held out"));
     data.families.clear();
-    assert_valid(&html(&data));
+    assert_valid(&data.html());
 }
 
 #[test]
@@ -209,7 +180,7 @@ fn numbers_that_are_none_are_left_out() {
     data.families[1].bic = Some(f64::NAN);
     data.track.measured[11][1] = f64::NEG_INFINITY;
     data.read_out[0].section[4].deviation = f64::NAN;
-    assert_valid(&html(&data));
+    assert_valid(&data.html());
 }
 
 /// Rows of noise, which thinning finds hardest.
@@ -235,7 +206,7 @@ fn thirty_thousand_rows_stay_below_two_megabytes() {
     for view in &mut data.read_out {
         view.points = (0..rows).map(|_| [900.0 * noise(), 20.0 * noise()]).collect();
     }
-    let size = html(&data).len();
+    let size = data.html().len();
     assert!((100_000..2_000_000).contains(&size), "{size} bytes");
 }
 

@@ -9,16 +9,15 @@ use clap::value_parser;
 use i2ris_calibration::em::EmOptions;
 use i2ris_calibration::fit::split::HoldOut;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
+use i2ris_calibration::quality::Quality;
+use i2ris_calibration::quality::SpikeOptions;
 use i2ris_calibration::recording::{MIN_ROWS, Recording};
-use i2ris_calibration::report::{html, of_fit};
-use i2ris_calibration::survey::overview::Survey;
-use i2ris_calibration::survey::spike::SpikeOptions;
+use i2ris_calibration::report::CalibrationReport;
 
 use super::columns::ColumnArguments;
-use super::fit_report::report;
-use super::progress_bar::Bar;
+use crate::progress_bar::Bar;
 use i2ris_terminal::Failure;
-use i2ris_terminal::files::{check_not_there, make_folder_of};
+use i2ris_terminal::files::{check_not_there, make_folder_of, replace};
 
 /// The robot of recordings that name none.
 const ROBOT_ID: &str = "i2ris";
@@ -37,6 +36,9 @@ pub struct Arguments {
     /// Where to write a report with figures: one HTML file that needs nothing but itself
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
+    /// Print what was found as JSON
+    #[arg(long)]
+    json: bool,
     /// Replace model and report, if they exist, all at once, when everything went well
     #[arg(long)]
     overwrite: bool,
@@ -126,7 +128,7 @@ impl LatencyChoice {
         }
         let seconds = match self {
             Self::Ms(ms) => ms / 1e3,
-            Self::Auto => match Survey::new(recording, &SpikeOptions::default())?.latency {
+            Self::Auto => match Quality::new(recording, &SpikeOptions::default())?.latency {
                 Some(latency) => latency.seconds,
                 None => {
                     return Err(
@@ -206,16 +208,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let outcome = fit(&recording, &options, &Bar::new())
         .map_err(|error| format!("recording {}: {error}", file.display()))?;
+    let mut report = CalibrationReport::new(&recording, &read, &options, &outcome);
+    report.latency_taken_off_s = taken_off;
     if let Some(page) = &arguments.report {
-        let mut data = of_fit(&recording, &read, &options, &outcome);
-        data.settings.extend(
-            taken_off
-                .map(|s| ("setting: latency taken off".to_owned(), format!("{:+.1} ms", 1e3 * s))),
-        );
-        write(page, &html(&data))?;
+        write(page, &report.html())?;
     }
     outcome.model.file().write(output)?;
-    print!("{}", report(&recording, &read, &options, &outcome));
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+        return Ok(());
+    }
+    print!("{report}");
     if let Some(seconds) = taken_off {
         println!("latency    {:+.1} ms were taken off the stamps of the angles", 1e3 * seconds);
     }
@@ -275,15 +278,8 @@ fn same(a: &Path, b: &Path) -> bool {
     }
 }
 
-/// Writes a file all at once: who looks at it finds the old one or the new one.
+/// Writes a page all at once: who looks at it finds the old one or the new one.
 pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".{}.part", std::process::id()));
-    let part = path.with_file_name(name);
-    let written = fs::write(&part, text).and_then(|()| fs::rename(&part, path));
-    written.map_err(|error| {
-        // Nothing more can be done about what cannot be removed either.
-        let _ = fs::remove_file(&part);
-        format!("{}: {error}; choose another --report", path.display()).into()
-    })
+    replace(path, text.as_bytes())
+        .map_err(|error| format!("{}: {error}; choose another --report", path.display()).into())
 }

@@ -6,15 +6,14 @@ use std::path::PathBuf;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_OUTPUTS, Nanos};
 use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
-use i2ris_terminal::pose_table::Pose;
-
-use super::collect::GAP_NS;
-use i2ris_statistics::TimeSeries;
+use i2ris_report::statistics::TimeSeries;
 use i2ris_terminal::Failure;
 use i2ris_terminal::files::{check_not_there, replace};
-use i2ris_terminal::pose_table as table;
+use i2ris_terminal::pose_table::{self, Pose};
 
-/// Arguments of `i2ris calibrate merge`.
+use super::collect::GAP_NS;
+use crate::numbers::within;
+
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   i2ris calibrate merge take.csv angles.csv --output pictures.csv
@@ -41,15 +40,13 @@ pub struct Arguments {
 }
 
 fn shift(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|seconds: &f64| seconds.is_finite());
-    value.ok_or_else(|| "must be a number of seconds".to_owned())
+    within(f64::MIN..=f64::MAX, "must be a number of seconds", text)
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     check_not_there("--output", &arguments.output, arguments.overwrite)?;
     let (recording, _) = Recording::read(&arguments.recording, &ColumnMap::default())?;
-    let seen = table::read(&arguments.angles)?;
+    let seen = pose_table::read(&arguments.angles)?;
     let (rows, lost) = merge(&recording, &seen, arguments.shift_s);
     if lost == seen.len() {
         let (recording, angles) = (arguments.recording.display(), arguments.angles.display());

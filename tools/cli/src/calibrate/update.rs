@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use i2ris::model::Model;
-use i2ris_calibration::drift::{Verdict, html, update};
+use i2ris_calibration::drift::{Verdict, update};
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_calibration::report::DriftReport;
 use i2ris_terminal::{Failure, while_working};
 
 use super::compare::check;
@@ -50,20 +51,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     check(&old, &recording).map_err(|reason| format!("model {name}: {reason}"))?;
     let updated = while_working("updating", || update(&old, &recording))
         .map_err(|error| format!("recording {}: {error}", file.display()))?;
-    let verdict = Verdict::new(&old, &updated.drift);
+    let drift = DriftReport::of(&name, &old, updated.drift, &recording);
     if let Some(page) = &arguments.report {
-        write(page, &html(&updated.drift, verdict, &name, &recording))?;
+        write(page, &drift.html())?;
     }
     updated.model.file().write(output)?;
-    println!("{name}");
-    super::drift::print(&updated.drift, &recording);
+    print!("{drift}");
     let [before, after] = updated.held_out;
     println!("  held out   {before:.3} before, {after:.3} after");
     if let Some(seconds) = latency {
         println!("  latency    {:+.1} ms were taken off the stamps of the angles", 1e3 * seconds);
     }
-    if verdict == Verdict::Calibrate {
-        println!("  {verdict}: this is more than a drift");
+    if drift.verdict == Verdict::Calibrate {
+        println!("  {}: this is more than a drift", drift.verdict);
     }
     println!("\nwrote {}", output.display());
     if let Some(page) = &arguments.report {

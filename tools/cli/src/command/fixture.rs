@@ -7,8 +7,8 @@ use i2ris::units::Nanos;
 
 use i2ris_terminal::{Failure, Screen, until_closed};
 
-use super::finite;
 use super::stream_monitor::StopReason;
+use crate::numbers::finite;
 
 /// Kind and values of a region, rad or m.
 type Region = (FixtureKind, [f64; 4]);
@@ -124,7 +124,6 @@ fn newest(client: &Client) -> Result<VirtualFixturesMsg, Failure> {
     }
 }
 
-/// One line per region.
 pub fn table(message: &VirtualFixturesMsg) -> String {
     let kinds = message.kind.iter().enumerate();
     let lines: Vec<String> = kinds

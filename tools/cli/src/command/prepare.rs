@@ -9,19 +9,14 @@ use i2ris_terminal::{Failure, Interrupt, while_working};
 
 use super::stream_monitor::{StopReason, enabled};
 
-/// Time limit for the first message of the controller.
 pub(super) const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
-/// Time limit for the drives to start or to switch on.
 const DRIVES_TIMEOUT: Nanos = Nanos::from_millis(15_000);
 /// Time limit for motions of the controller's own: homing, conditioning, `move_jp`.
 const MOTION_TIMEOUT: Nanos = Nanos::from_millis(300_000);
-/// Time between two attempts of a command.
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(50);
 
-/// What homing means for the operator.
 pub const HOMING: &str = "the present pose becomes the zero (where no hard stop is configured)";
 
-/// What may be done before the robot is commanded.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct PrepareOptions {
     /// Enable the robot first, where necessary
@@ -94,7 +89,6 @@ pub fn carry_out(
     })
 }
 
-/// The state of the robot after a command, in words.
 fn done(command: StateCommand) -> &'static str {
     match command {
         StateCommand::Enable => "enabled",

@@ -1,4 +1,4 @@
-//! What a stream of commands prints: refusals, and its progress.
+//! What a stream of commands prints, and how it goes on after the controller stopped the snake.
 
 use i2ris::clock;
 use i2ris::ipc::client::Client;
@@ -7,11 +7,9 @@ use i2ris_terminal::{Failure, Screen, until_closed};
 
 use super::stream_monitor::StreamMonitor;
 
-/// Time between two lines on a terminal, and in a file.
 const TERMINAL_PERIOD: Nanos = Nanos::from_millis(100);
 const FILE_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// Prints the progress of a stream of commands.
 #[derive(Debug)]
 pub struct Progress {
     monitor: StreamMonitor,
@@ -20,7 +18,6 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Prints to standard output.
     pub fn new(monitor: StreamMonitor) -> Self {
         Self { monitor, screen: Screen::stdout(), next_line: Nanos::ZERO }
     }
@@ -56,5 +53,33 @@ impl Progress {
         let period = if self.screen.is_terminal() { TERMINAL_PERIOD } else { FILE_PERIOD };
         self.next_line = now + period;
         Ok(until_closed(self.screen.draw(&[line()]))?)
+    }
+}
+
+/// Set-points that do not change for so long are at rest, and how often they are read.
+const REST: Nanos = Nanos::from_millis(100);
+const REST_POLL: Nanos = Nanos::from_millis(5);
+const REST_TIMEOUT: Nanos = Nanos::from_millis(1000);
+
+/// Printed when a stream goes on from the set-point.
+pub const LOST_SETPOINT: &str = "the controller has stopped the snake, because commands came late \
+     or none were read; the motion goes on from where it is";
+
+/// Waits until the set-points rest, and returns them.
+pub fn wait_for_rest<T: PartialEq>(
+    mut read: impl FnMut() -> Result<T, Failure>,
+) -> Result<T, Failure> {
+    let start = clock::now();
+    let (mut setpoints, mut changed) = (read()?, start);
+    loop {
+        clock::sleep(REST_POLL);
+        let (newest, now) = (read()?, clock::now());
+        if newest != setpoints {
+            (setpoints, changed) = (newest, now);
+        }
+        // Set-points that somebody else moves are noticed by the lease.
+        if now.since(changed) > REST || now.since(start) > REST_TIMEOUT {
+            return Ok(setpoints);
+        }
     }
 }

@@ -8,8 +8,7 @@ use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
 use super::prepare::{FIRST_MESSAGE_TIMEOUT, PrepareOptions, prepare};
-use super::progress::Progress;
-use super::rejoin::{LOST_SETPOINT, wait_for_rest};
+use super::progress::{LOST_SETPOINT, Progress, wait_for_rest};
 use super::stream_monitor::{LateMonitor, StopReason, StreamMonitor};
 use super::tracking::{ClipMonitor, TrackingSummary};
 use super::trajectory::{Angles, Trajectory};
@@ -26,22 +25,16 @@ pub enum OnLate {
     End,
 }
 
-/// What to stream.
 #[derive(Debug)]
 pub struct Plan {
-    /// Its name on the screen.
     pub name: &'static str,
     /// The trajectory; `None`: hold the present pose.
     pub trajectory: Option<Trajectory>,
     /// Time on the trajectory, s; `None`: to its end, or until interrupted.
     pub duration_s: Option<f64>,
-    /// Commands per second.
     pub rate_hz: f64,
-    /// Speed limit of the approach, deg/s.
     pub speed_deg_s: f64,
-    /// What to do after a stop by late commands.
     pub on_late: OnLate,
-    /// What may be done first.
     pub prepare: PrepareOptions,
 }
 

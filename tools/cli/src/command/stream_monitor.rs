@@ -5,34 +5,28 @@ use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
 
-use crate::trajectory_time::LONGEST_STEP_S;
+use i2ris_simulation::motion::trajectory_time::LONGEST_STEP_S;
 
 /// Time without an accepted command, and age of the state, at which the program gives up.
 const TIMEOUT: Nanos = Nanos::from_millis(1000);
-/// Time after which the same refusal is reported again.
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// Why a stream of commands ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum StopReason {
-    /// The controller is in FAULT.
     #[error(
         "the controller is in FAULT: {}",
         Reason::from(Cause::Fault(*.0))
     )]
     Fault(Fault),
-    /// The controller is not in ENABLED.
     #[error(
         "the controller is {0}, not ENABLED; add --enable, or run `i2ris command state enable`"
     )]
     NotEnabled(OperatingState),
-    /// The controller left ENABLED during the stream.
     #[error(
         "the controller has become {0} meanwhile: somebody has paused, disabled or ended it; the \
          snake holds"
     )]
     LeftEnabled(OperatingState),
-    /// An axis does not know its zero, and homing was not asked for.
     #[error(
         "the robot is not homed: its zero is not known. Homing makes the present pose the zero: \
          straighten the snake, then add --home, or run `i2ris command state home`"
@@ -44,32 +38,25 @@ pub enum StopReason {
          release"
     )]
     Unknown(u32),
-    /// Another client commands.
     #[error(
         "client {0:016x} holds the lease; end that program first, or wait until it falls silent"
     )]
     Lease(u64),
-    /// Another client has taken the lease.
     #[error("lost the lease to client {0:016x}")]
     LostLease(u64),
-    /// Every command is refused.
     #[error(
         "the controller refuses every command: {}",
         Reason::from(Cause::Refusal(*.0))
     )]
     Refused(Refusal),
-    /// No command is accepted, and none is refused.
     #[error("the controller accepts no command; see its log")]
     Ignored,
-    /// The state is too old.
     #[error("the controller has not reported its state for more than a second; see its log")]
     Silent,
-    /// The controller was restarted.
     #[error("the controller was restarted; check the robot before you continue")]
     Restarted,
 }
 
-/// Checks that commands are followed in this state.
 pub fn enabled(state: &OperatingStateMsg) -> Result<(), StopReason> {
     match OperatingState::from_number(state.state) {
         Some(OperatingState::Enabled) => Ok(()),
@@ -81,7 +68,6 @@ pub fn enabled(state: &OperatingStateMsg) -> Result<(), StopReason> {
     }
 }
 
-/// Checks the controller's response to one stream of commands.
 #[derive(Debug)]
 pub struct StreamMonitor {
     client_id: u64,
@@ -98,7 +84,6 @@ pub struct StreamMonitor {
 }
 
 impl StreamMonitor {
-    /// Starts with `state`, received at `now`.
     pub fn new(client_id: u64, state: &OperatingStateMsg, now: Nanos) -> Self {
         Self {
             client_id,
@@ -203,7 +188,6 @@ pub struct LateMonitor {
 }
 
 impl LateMonitor {
-    /// Starts with `state`.
     pub fn new(state: &OperatingStateMsg) -> Self {
         Self { stale_stops: state.stale_stops, shift_s: 0.0 }
     }

@@ -5,7 +5,6 @@ use i2ris::units::Nanos;
 
 use super::trajectory::Angles;
 
-/// Shortest time between two lines about clipping.
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 
 /// Sums up the distance of the snake from what was asked, by the model's estimate from the
@@ -29,7 +28,6 @@ impl TrackingSummary {
         self.largest = self.largest.max(error);
     }
 
-    /// One line; `None` without samples.
     pub fn summary(&self) -> Option<String> {
         if self.samples == 0 {
             return None;
@@ -70,7 +68,6 @@ pub struct OutOfReach {
 }
 
 impl ClipMonitor {
-    /// Starts at `since`.
     pub fn new(since: Nanos) -> Self {
         Self {
             since,
@@ -109,7 +106,6 @@ impl ClipMonitor {
         ))
     }
 
-    /// Whether everything that was asked was within reach.
     pub fn outcome(&self) -> Result<(), OutOfReach> {
         match self.reported {
             // A fixture may only slow the snake down: what counts is the end.

@@ -2,7 +2,7 @@
 //! starts and stops. Pure.
 
 use super::trajectory::{Angles, Trajectory};
-use crate::trajectory_time::{RAMP_S, TrajectoryTime, minimum_jerk};
+use i2ris_simulation::motion::trajectory_time::{RAMP_S, TrajectoryTime, minimum_jerk};
 
 /// Peak speed of [`minimum_jerk`], relative to its mean: 15/8.
 const PEAK_SPEED: f64 = 1.875;
@@ -85,7 +85,6 @@ impl TrajectoryPlayer {
         self.end_s.map(|end_s| (end_s - time_s).max(0.0))
     }
 
-    /// Whether the start of the trajectory is not reached yet.
     pub fn is_approaching(&self) -> bool {
         self.time.time_s < 0.0
     }
@@ -119,7 +118,7 @@ fn approach_time(from: Angles, to: Angles, speed_deg_s: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::trajectory_time::LONGEST_STEP_S;
+    use i2ris_simulation::motion::trajectory_time::LONGEST_STEP_S;
 
     const STEP_S: f64 = 0.005;
 

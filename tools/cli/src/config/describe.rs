@@ -8,7 +8,6 @@ use toml::Value;
 use super::schema::{Kind, Node, of};
 use i2ris_terminal::Failure;
 
-/// Characters of a line of comment at most.
 const WIDTH: usize = 110;
 
 /// The configuration with every key. Optional keys that are absent appear as comments.
@@ -65,7 +64,10 @@ fn is_table(value: &Value) -> bool {
 
 fn write_meaning(text: &mut String, node: Node<'_>) {
     let meaning = node.meaning().unwrap_or_default();
-    wrap(text, meaning);
+    match node.range() {
+        Some(range) => wrap(text, &format!("{meaning} Range: {range}.")),
+        None => wrap(text, meaning),
+    }
     for (word, meaning) in node.words() {
         wrap(text, &format!("\"{word}\": {meaning}"));
     }

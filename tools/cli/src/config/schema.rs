@@ -5,7 +5,6 @@
 
 use serde_json::Value;
 
-/// Kinds of files that people write.
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 pub enum Kind {
     /// What `i2ris-control` is given
@@ -16,7 +15,6 @@ pub enum Kind {
     Vision,
 }
 
-/// The JSON Schema of such files, as text.
 pub const fn text(kind: Kind) -> &'static str {
     match kind {
         Kind::Controller => include_str!("../../../../config/schema/controller.json"),
@@ -25,7 +23,6 @@ pub const fn text(kind: Kind) -> &'static str {
     }
 }
 
-/// The JSON Schema of such files.
 pub fn of(kind: Kind) -> serde_json::Result<Value> {
     serde_json::from_str(text(kind))
 }
@@ -38,7 +35,6 @@ pub struct Node<'a> {
 }
 
 impl<'a> Node<'a> {
-    /// The whole.
     pub fn root(root: &'a Value) -> Self {
         Self { root, here: root }
     }
@@ -53,15 +49,23 @@ impl<'a> Node<'a> {
             .collect()
     }
 
-    /// What an array holds.
     pub fn entry(self) -> Option<Self> {
         let node = self.resolved();
         node.here.get("items").map(|here| Self { here, ..self })
     }
 
-    /// The meaning of the key.
     pub fn meaning(self) -> Option<&'a str> {
         self.here.get("description").and_then(Value::as_str)
+    }
+
+    /// The range of a number, where it has one.
+    pub fn range(self) -> Option<String> {
+        let bound = |name: &str| self.here.get(name).filter(|value| value.is_number());
+        let high = bound("maximum")?;
+        Some(match bound("minimum") {
+            Some(low) => format!("{low} to {high}"),
+            None => format!("above 0, at most {high}"),
+        })
     }
 
     /// The permitted words with their meanings; empty where any value of the type is permitted.

@@ -2,10 +2,9 @@
 
 use std::path::PathBuf;
 
-use super::unseen_motion::Motion;
 use crate::emulate::snake_help;
+use i2ris_simulation::motion::unseen_motion::Motion;
 
-/// Arguments of `i2ris demo`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris demo
@@ -61,17 +60,6 @@ pub struct Arguments {
     /// Copy the recording, the models and the logs to this folder before cleaning up
     #[arg(long, value_name = "FOLDER")]
     pub keep: Option<PathBuf>,
-}
-
-impl Arguments {
-    /// The families asked for, or the usual ones, separated by commas.
-    pub fn families(&self, usual: &str) -> Vec<String> {
-        if self.families.is_empty() {
-            usual.split(',').map(str::to_owned).collect()
-        } else {
-            self.families.clone()
-        }
-    }
 }
 
 /// Checks a size of images, WxH. `i2ris vision` reads it again; a mistake is reported at once.

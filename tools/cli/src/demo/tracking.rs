@@ -1,28 +1,20 @@
-//! Tracking of an unseen motion: goal against camera, and latency.
+//! Tracking of an unseen motion: goal against camera, latency, and what the demo prints of them.
 
-use std::path::Path;
-
-use i2ris::clock;
-use i2ris::ipc::client::Client;
-use i2ris::ipc::payload::{ActuatorState, JointState, PeriodStatistics};
+use i2ris::ipc::client::{Client, Subscription};
+use i2ris::ipc::payload::{
+    ActuatorState, ExternalPosition, JointState, PeriodStatistics, SpanSummary,
+};
 use i2ris::units::Nanos;
-use indicatif::ProgressBar;
-
-use super::process::Process;
-use super::progress::check_children;
-use super::setup::{DemoSetup, text};
-use super::unseen_motion::RATE_HZ;
-use i2ris_statistics::{TimeSeries, quantile};
+use i2ris_report::statistics::{TimeSeries, quantile, quantile_of_unsorted};
 use i2ris_terminal::Failure;
+
+use i2ris_simulation::motion::unseen_motion::Motion;
 
 /// Longest gap between two samples, ns. The controller publishes the goal every millisecond.
 const GAP_NS: u64 = 60_000_000;
-/// How often streams are read.
-const READ_PERIOD: Nanos = Nanos::from_millis(5);
 /// The goal has come to the start of the motion when it is this near, degrees.
 const NEAR_DEG: f64 = 0.2;
 
-/// The result of one run.
 #[derive(Debug, Default)]
 pub struct MotionRun {
     /// Difference between goal and camera for every frame: pitch and yaw, degrees.
@@ -34,7 +26,6 @@ pub struct MotionRun {
     pub statistics: Vec<PeriodStatistics>,
 }
 
-/// Root mean square, per axis and of the length.
 pub fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
     let mean = |square: fn(&[f64; 2]) -> f64| {
         (errors_deg.iter().map(square).sum::<f64>() / errors_deg.len() as f64).sqrt()
@@ -42,51 +33,17 @@ pub fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
     [mean(|e| e[0] * e[0]), mean(|e| e[1] * e[1]), mean(|e| e[0] * e[0] + e[1] * e[1])]
 }
 
-/// Quantile of the length of the error over all frames.
-pub fn length_percentile_deg(errors_deg: &[[f64; 2]], share: f64) -> f64 {
+fn length_percentile_deg(errors_deg: &[[f64; 2]], share: f64) -> f64 {
     let mut lengths: Vec<f64> = errors_deg.iter().map(|e| e[0].hypot(e[1])).collect();
-    lengths.sort_by(f64::total_cmp);
-    quantile(&lengths, share).unwrap_or(f64::NAN)
+    quantile_of_unsorted(&mut lengths, share).unwrap_or(f64::NAN)
 }
 
-/// Writes a motion as a CSV of desired angles.
-pub fn write_path(file: &Path, path: &[[f64; 2]]) -> Result<(), Failure> {
-    let mut writer = csv::Writer::from_path(file)?;
-    writer.write_record(["t_s", "pitch_deg", "yaw_deg"])?;
-    for (sample, [pitch, yaw]) in path.iter().enumerate() {
-        let t_s = sample as f64 / RATE_HZ;
-        writer.write_record([t_s.to_string(), pitch.to_string(), yaw.to_string()])?;
-    }
-    Ok(writer.flush()?)
-}
-
-/// Has another process command the motion in `file` and watches until that process is done.
-pub fn follow(
-    demo: &DemoSetup,
-    client: &Client,
-    children: &mut [&mut Process],
-    file: &Path,
-    bar: &ProgressBar,
-) -> Result<MotionRun, Failure> {
-    let mut recorder = Recorder::new(client);
-    let mut commander = demo.tool_in_domain("command", &["command", "file", &text(file)?])?;
-    let start = clock::now();
-    while !commander.finished()? {
-        let now = clock::now();
-        check_children(children)?;
-        recorder.read()?;
-        bar.set_position(((now - start).as_seconds() * 10.0) as u64);
-        clock::sleep_until(now + READ_PERIOD);
-    }
-    recorder.read()?;
-    Ok(recorder.finish())
-}
-
-struct Recorder {
-    goal: i2ris::ipc::client::Subscription<JointState>,
-    actuators: i2ris::ipc::client::Subscription<ActuatorState>,
-    camera: i2ris::ipc::client::Subscription<i2ris::ipc::payload::ExternalPosition>,
-    statistics: i2ris::ipc::client::Subscription<PeriodStatistics>,
+/// Records goal, camera, latencies and statistics while another process commands.
+pub struct TrackingRecorder {
+    goal: Subscription<JointState>,
+    actuators: Subscription<ActuatorState>,
+    camera: Subscription<ExternalPosition>,
+    statistics: Subscription<PeriodStatistics>,
     goals: TimeSeries<2>,
     frames: TimeSeries<2>,
     /// Sequence of the command that each motor carried out last.
@@ -94,8 +51,8 @@ struct Recorder {
     run: MotionRun,
 }
 
-impl Recorder {
-    fn new(client: &Client) -> Self {
+impl TrackingRecorder {
+    pub fn new(client: &Client) -> Self {
         let watcher = client.watcher();
         Self {
             goal: watcher.goal_js(),
@@ -109,7 +66,7 @@ impl Recorder {
         }
     }
 
-    fn read(&mut self) -> Result<(), Failure> {
+    pub fn read(&mut self) -> Result<(), Failure> {
         let degrees = |position: [f64; 3]| [position[0].to_degrees(), position[1].to_degrees()];
         self.goal.drain(|goal| self.goals.push(goal.stamp_ns, degrees(goal.position)))?;
         self.camera.drain(|seen| {
@@ -132,7 +89,7 @@ impl Recorder {
         Ok(())
     }
 
-    fn finish(mut self) -> MotionRun {
+    pub fn finish(mut self) -> MotionRun {
         // Every motion begins at the straight pose.
         let near = |goal: &[f64; 2]| goal[0].hypot(goal[1]) < NEAR_DEG;
         let started =
@@ -146,6 +103,109 @@ impl Recorder {
         self.run.command_to_wire_us.sort_by(f64::total_cmp);
         self.run
     }
+}
+
+pub struct Followed {
+    pub family: String,
+    pub motion: Motion,
+    pub run: MotionRun,
+}
+
+/// Prints everything. `note` says what the camera adds.
+pub fn print(followed: &[Followed], note: &str) {
+    tracking(followed);
+    println!("  {note}");
+    if let Some(last) = followed.last() {
+        statistics(&last.run.statistics);
+        latency(&last.run.command_to_wire_us);
+    }
+}
+
+fn tracking(followed: &[Followed]) {
+    println!("\nTracking error on unseen motions: goal against camera, degrees");
+    println!(
+        "  motion         model              frames pitch RMS   yaw RMS \
+         length RMS length p99 length max  below linear"
+    );
+    for Followed { family, motion, run } in followed {
+        let errors = &run.errors_deg;
+        let [pitch, yaw, length] = rms_deg(errors);
+        let (p99, max) = (length_percentile_deg(errors, 0.99), length_percentile_deg(errors, 1.0));
+        let linear =
+            followed.iter().find(|other| other.family == "linear" && other.motion == *motion);
+        let below = match linear {
+            Some(linear) if family != "linear" => {
+                format!("{:.1} %", 100.0 * (1.0 - length / rms_deg(&linear.run.errors_deg)[2]))
+            }
+            _ => "-".to_owned(),
+        };
+        println!(
+            "  {motion:14} {family:16} {:>8} {pitch:>9.3} {yaw:>9.3} {length:>10.3} {p99:>10.3} \
+             {max:>10.3} {below:>13}",
+            errors.len()
+        );
+    }
+}
+
+fn statistics(windows: &[PeriodStatistics]) {
+    let (Some(first), Some(last)) = (windows.first(), windows.last()) else {
+        println!("\nThe loop reported no statistics.");
+        return;
+    };
+    let of = |pick: fn(&PeriodStatistics) -> &SpanSummary| {
+        let us = |value: fn(&SpanSummary) -> u64| -> Vec<f64> {
+            windows.iter().map(|window| value(pick(window)) as f64 / 1e3).collect()
+        };
+        let typical = |mut values: Vec<f64>| quantile_of_unsorted(&mut values, 0.5);
+        let max = us(|times| times.max_ns).into_iter().reduce(f64::max);
+        [typical(us(|times| times.p50_ns)), typical(us(|times| times.p99_ns)), max]
+            .map(Option::unwrap_or_default)
+    };
+    let ticks: u64 = windows.iter().map(|window| window.ticks).sum();
+    let missed: u64 = windows.iter().map(|window| window.missed).sum();
+    println!(
+        "\nControl loop, {:.0} Hz: {ticks} ticks, {missed} skipped; {}",
+        1e9 / first.period_ns as f64,
+        granted(last)
+    );
+    println!("  microseconds  p50 (typical)  p99 (typical)        max");
+    for (name, [p50, p99, max]) in
+        [("lateness", of(|window| &window.lateness)), ("compute", of(|window| &window.compute))]
+    {
+        println!("  {name:12} {p50:>14.1} {p99:>14.1} {max:>10.1}");
+    }
+    println!("  typical: median over the windows of one second");
+}
+
+fn granted(statistics: &PeriodStatistics) -> String {
+    let scheduling = match statistics.priority {
+        0 => "normal scheduling".to_owned(),
+        priority => format!("SCHED_FIFO {priority}"),
+    };
+    let memory = if statistics.memory_locked == 1 { "memory locked" } else { "memory not locked" };
+    let cpu = if statistics.cpu == u32::MAX {
+        "not pinned".to_owned()
+    } else {
+        format!("pinned to processor {}", statistics.cpu)
+    };
+    format!("{scheduling}, {memory}, {cpu}")
+}
+
+fn latency(sorted_us: &[f64]) {
+    let ms = |share| quantile(sorted_us, share).unwrap_or(f64::NAN) / 1e3;
+    println!(
+        "\nCommand published by another process -> its set-point handed to the serial line, {} \
+         commands",
+        sorted_us.len()
+    );
+    println!(
+        "  p50 {:.2} ms, p90 {:.2} ms, p99 {:.2} ms, max {:.2} ms",
+        ms(0.5),
+        ms(0.9),
+        ms(0.99),
+        ms(1.0)
+    );
+    println!("  On the wire a set-point takes another 1.2 ms (14 bytes at 115200 baud).");
 }
 
 #[cfg(test)]

@@ -4,29 +4,24 @@ use std::fmt;
 
 use serde::Serialize;
 
-/// How a check came out.
+/// How a check came out: as it should; the robot works, but not as well as it could; the robot will
+/// not work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Level {
-    /// As it should be.
+enum Level {
     Ok,
-    /// The robot works, but not as well as it could.
     Warn,
-    /// The robot will not work.
     Fail,
 }
 
-/// A check.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct Check {
+struct Check {
     /// What was looked at.
-    pub name: String,
-    /// How it came out.
-    pub level: Level,
-    /// What was found.
-    pub found: String,
+    name: String,
+    level: Level,
+    found: String,
     /// What to do about it; empty when nothing is to be done.
-    pub fix: String,
+    fix: String,
 }
 
 /// All checks, in order.
@@ -36,41 +31,43 @@ pub struct Report {
 }
 
 impl Report {
-    /// Adds a check that came out as it should.
     pub fn pass(&mut self, name: impl Into<String>, found: impl Into<String>) {
-        self.add(Level::Ok, name.into(), found.into(), String::new());
+        self.add(Level::Ok, name, found, "");
     }
 
-    /// Adds a check with a doubt.
     pub fn warn(
         &mut self,
         name: impl Into<String>,
         found: impl Into<String>,
         fix: impl Into<String>,
     ) {
-        self.add(Level::Warn, name.into(), found.into(), fix.into());
+        self.add(Level::Warn, name, found, fix);
     }
 
-    /// Adds a check that failed.
     pub fn fail(
         &mut self,
         name: impl Into<String>,
         found: impl Into<String>,
         fix: impl Into<String>,
     ) {
-        self.add(Level::Fail, name.into(), found.into(), fix.into());
+        self.add(Level::Fail, name, found, fix);
     }
 
-    fn add(&mut self, level: Level, name: String, found: String, fix: String) {
+    fn add(
+        &mut self,
+        level: Level,
+        name: impl Into<String>,
+        found: impl Into<String>,
+        fix: impl Into<String>,
+    ) {
+        let (name, found, fix) = (name.into(), found.into(), fix.into());
         self.checks.push(Check { name, level, found, fix });
     }
 
-    /// How many failed.
     pub fn failures(&self) -> usize {
         self.checks.iter().filter(|check| check.level == Level::Fail).count()
     }
 
-    /// All checks as JSON.
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
         serde_json::to_string_pretty(self)
     }

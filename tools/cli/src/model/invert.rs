@@ -9,14 +9,16 @@ use i2ris::config::{
     PlausibilityConfig, PortConfig, RecordConfig, VirtualFixtureConfig,
 };
 use i2ris::core::ServoGoal;
-use i2ris::core::rehearsal::{Rehearsal, RehearsalError, start_position, without_limits};
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
 use i2ris::units::{Counts, MotorVec, OutputVec};
+use i2ris_simulation::closed_loop::{
+    ClosedLoop, IdealMotors, LoopError, start_position, without_limits,
+};
 use serde::Serialize;
 
-use super::csv_table::{self, CsvRow, CsvTable};
-use super::{check_output, counts_columns, history, output_columns, outputs, si};
+use super::columns::{check_output, counts_columns, history, output_columns, outputs, si};
+use crate::csv_table;
 use i2ris_terminal::Failure;
 
 /// Speed of the approach to the first pose, degrees (mm) per second.
@@ -82,13 +84,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = config(arguments, &model)?;
     let columns: Vec<String> =
         std::iter::once("t_s".to_owned()).chain(output_columns(&model)).collect();
-    let table = CsvTable::read(trajectory, &columns)?;
-    let desired = DesiredTrajectory { rows: &table.rows, si: si(&model), outputs: model.outputs() };
+    let table = csv_table::read(trajectory, &columns)?;
+    let desired = DesiredTrajectory { rows: &table, si: si(&model), outputs: model.outputs() };
     let mut past = history(arguments.history.as_ref(), &model)?;
     if past.is_empty() {
         past.push(start_position(&model, &desired.at(desired.start_s())));
     }
-    let mut rehearsal = Rehearsal::new(&config, &model, &past)?;
+    let mut rehearsal = ClosedLoop::after(&config, &model, &past).map_err(|error| match error {
+        LoopError::Command(_, refusal) => {
+            format!("the robot cannot be enabled where its history ends: {refusal}")
+        }
+        other => other.to_string(),
+    })?;
     approach(&mut rehearsal, &desired, arguments.no_limits)
         .map_err(|error| explained(error, trajectory, desired.start_s(), &config))?;
     let known = rehearsal.report().joint.is_some_and(|joint| joint.memory_known);
@@ -129,23 +136,23 @@ fn print(outcome: &Outcome, output: &Path, json: bool) -> Result<(), Failure> {
 
 /// The trajectory.
 struct DesiredTrajectory<'a> {
-    rows: &'a [CsvRow],
+    rows: &'a [Vec<f64>],
     si: f64,
     outputs: usize,
 }
 
 impl DesiredTrajectory<'_> {
     fn start_s(&self) -> f64 {
-        self.rows.first().and_then(|row| row.values.first()).copied().unwrap_or_default()
+        self.rows.first().and_then(|row| row.first()).copied().unwrap_or_default()
     }
 
     fn end_s(&self) -> f64 {
-        self.rows.last().and_then(|row| row.values.first()).copied().unwrap_or_default()
+        self.rows.last().and_then(|row| row.first()).copied().unwrap_or_default()
     }
 
     /// rad (m), linearly between the rows.
     fn at(&self, time_s: f64) -> OutputVec {
-        let time = |row: &CsvRow| row.values.first().copied().unwrap_or_default();
+        let time = |row: &Vec<f64>| row.first().copied().unwrap_or_default();
         let after = self
             .rows
             .partition_point(|row| time(row) < time_s)
@@ -157,13 +164,8 @@ impl DesiredTrajectory<'_> {
         let (start, end) = (time(from), time(to));
         let share =
             if end > start { ((time_s - start) / (end - start)).clamp(0.0, 1.0) } else { 1.0 };
-        let values: Vec<f64> = from
-            .values
-            .iter()
-            .zip(&to.values)
-            .skip(1)
-            .map(|(from, to)| from + share * (to - from))
-            .collect();
+        let values: Vec<f64> =
+            from.iter().zip(to).skip(1).map(|(from, to)| from + share * (to - from)).collect();
         outputs(&values, self.si)
     }
 
@@ -174,10 +176,10 @@ impl DesiredTrajectory<'_> {
 
 /// Goes to the first pose, straight in the outputs, and waits until the motors are at rest.
 fn approach(
-    rehearsal: &mut Rehearsal,
+    rehearsal: &mut ClosedLoop<IdealMotors>,
     desired: &DesiredTrajectory,
     at_once: bool,
-) -> Result<(), RehearsalError> {
+) -> Result<(), LoopError> {
     let to = desired.at(desired.start_s());
     let from = rehearsal.report().joint.map_or(to, |joint| joint.setpoint);
     let distance = from.iter().zip(&to).map(|(from, to)| (to - from).powi(2)).sum::<f64>().sqrt();
@@ -205,10 +207,10 @@ fn approach(
 
 /// One row per tick: time, what is desired, and the counts.
 fn play(
-    rehearsal: &mut Rehearsal,
+    rehearsal: &mut ClosedLoop<IdealMotors>,
     desired: &DesiredTrajectory,
     outcome: &mut Outcome,
-) -> Result<Vec<Vec<f64>>, (RehearsalError, f64)> {
+) -> Result<Vec<Vec<f64>>, (LoopError, f64)> {
     let (start, period) = (desired.start_s(), rehearsal.period().as_seconds());
     let ticks = ((desired.end_s() - start) / period + 1e-9) as u64;
     let mut before = rehearsal.report().setpoints;
@@ -231,9 +233,9 @@ fn play(
     Ok(rows)
 }
 
-fn explained(error: RehearsalError, file: &Path, time_s: f64, config: &Config) -> Failure {
+fn explained(error: LoopError, file: &Path, time_s: f64, config: &Config) -> Failure {
     let remedy = match error {
-        RehearsalError::Goal(Refusal::Step) => {
+        LoopError::Goal(Refusal::Step) => {
             format!(
                 "; more than {} deg in one tick: smooth it, or lift the limits with --no-limits",
                 config.command.max_step_deg

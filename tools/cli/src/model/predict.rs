@@ -4,11 +4,10 @@ use std::path::PathBuf;
 
 use i2ris::model::Model;
 
-use super::csv_table::{self, CsvTable};
-use super::{check_output, counts_columns, history, motors, output_columns, si};
+use super::columns::{check_output, counts_columns, history, motors, output_columns, si};
+use crate::csv_table;
 use i2ris_terminal::Failure;
 
-/// Arguments of `i2ris model predict`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   i2ris model predict steel.json --counts path.csv --history before.csv --output angles.csv
@@ -29,35 +28,28 @@ pub struct Arguments {
     output: PathBuf,
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { counts, output, .. } = arguments;
     check_output(output, &[&arguments.model, counts])?;
     let model = Model::load(&arguments.model)?;
-    let time = CsvTable::has_column(counts, "t_s")?.then(|| "t_s".to_owned());
+    let time = csv_table::has_column(counts, "t_s")?.then(|| "t_s".to_owned());
     let columns: Vec<String> = time.iter().cloned().chain(counts_columns(&model)).collect();
-    let table = CsvTable::read(counts, &columns)?;
+    let table = csv_table::read(counts, &columns)?;
     let mut memory = model.new_memory();
     for counts in history(arguments.history.as_ref(), &model)? {
         model.advance(&mut memory, &counts);
     }
     let (si, mut unknown) = (si(&model), 0_usize);
-    let mut rows = Vec::with_capacity(table.rows.len());
-    for row in &table.rows {
-        let (before, counts) = row.values.split_at(time.iter().len());
+    let mut rows = Vec::with_capacity(table.len());
+    for row in &table {
+        let (before, counts) = row.split_at(time.iter().len());
         let counts = motors(counts);
         model.advance(&mut memory, &counts);
         unknown += usize::from(!model.knows(&memory));
         let angles = model.predict(&counts, &memory).mean;
         let angles = angles.iter().take(model.outputs()).map(|angle| angle / si);
-        rows.push(
-            before
-                .iter()
-                .copied()
-                .chain(angles)
-                .chain(counts.into_iter().take(model.motors()))
-                .collect(),
-        );
+        let counts = counts.into_iter().take(model.motors());
+        rows.push(before.iter().copied().chain(angles).chain(counts).collect());
     }
     let header: Vec<String> =
         time.into_iter().chain(output_columns(&model)).chain(counts_columns(&model)).collect();

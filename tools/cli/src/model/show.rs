@@ -10,10 +10,9 @@ use i2ris::model::hysteresis::residual::ResidualParameters;
 use i2ris::model::hysteresis::stop::StopParameters;
 use serde_json::json;
 
-use super::si;
+use super::columns::si;
 use i2ris_terminal::Failure;
 
-/// Arguments of `i2ris model show`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
   i2ris model show config/models/steel.json")]
@@ -25,7 +24,6 @@ pub struct Arguments {
     json: bool,
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let model = Model::load(&arguments.model)?;
     if arguments.json {
@@ -117,7 +115,6 @@ fn slopes(model: &Model, motor: usize) -> Vec<f64> {
     jacobian.iter().take(model.outputs()).map(|row| row[motor] / si(model)).collect()
 }
 
-/// Direction in which motor 0 moves two outputs.
 fn rotation_deg(model: &Model) -> Option<f64> {
     let slopes = slopes(model, 0);
     let [first, second] = slopes.as_slice() else {

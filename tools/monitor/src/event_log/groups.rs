@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use i2ris::units::Nanos;
+use i2ris_terminal::view::{Event, Severity};
 
 /// Groups that are kept.
 pub const CAPACITY: usize = 64;
@@ -12,20 +13,9 @@ const REPEAT_WINDOW: Nanos = Nanos::from_millis(2000);
 /// window is a group of its own.
 const GROUP_WINDOW: Nanos = Nanos::from_millis(60_000);
 
-/// How much an event matters.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Severity {
-    /// Normal.
-    Info,
-    /// Needs attention.
-    Warning,
-    /// Needs action now.
-    Alarm,
-}
-
 /// Something that happened, once or several times.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Event {
+pub struct Group {
     /// When it was last seen.
     pub stamp: Nanos,
     pub severity: Severity,
@@ -34,35 +24,46 @@ pub struct Event {
     pub text: String,
     /// What to do; may be empty.
     pub advice: String,
-    /// How many times.
     pub count: u64,
 }
 
-impl Event {
+impl Group {
     /// An event that happened once, with its text as key.
-    pub fn new(stamp: Nanos, severity: Severity, text: String) -> Self {
+    pub fn new(stamp: Nanos, severity: Severity, text: impl Into<String>) -> Self {
+        let text = text.into();
         Self { stamp, severity, key: text.clone(), text, advice: String::new(), count: 1 }
+    }
+
+    /// As people see it.
+    pub fn event(&self, now: Nanos) -> Event {
+        Event {
+            age_ms: now.since(self.stamp).0 / 1_000_000,
+            severity: self.severity,
+            text: self.text.clone(),
+            advice: self.advice.clone(),
+            count: self.count,
+        }
     }
 }
 
 /// The last groups, the newest at the end.
 #[derive(Debug, Clone, Default)]
-pub struct EventGroups(VecDeque<Event>);
+pub struct EventGroups(VecDeque<Group>);
 
 impl EventGroups {
     /// The oldest first.
-    pub fn iter(&self) -> impl DoubleEndedIterator<Item = &Event> + ExactSizeIterator {
+    pub fn iter(&self) -> impl DoubleEndedIterator<Item = &Group> + ExactSizeIterator {
         self.0.iter()
     }
 
     /// Adds an event to its group, or as a new one.
-    pub fn add(&mut self, event: Event) {
+    pub fn add(&mut self, event: Group) {
         self.join(event, |group, event| group.count += event.count);
     }
 
     /// Adds what explains an event that may have been counted already: text and advice of its group
     /// become those of `event`.
-    pub fn explain(&mut self, event: Event) {
+    pub fn explain(&mut self, event: Group) {
         self.join(event, |group, event| {
             let is_counted = event.stamp.since(group.stamp) < REPEAT_WINDOW;
             group.count += u64::from(!is_counted);
@@ -70,13 +71,13 @@ impl EventGroups {
         });
     }
 
-    fn join(&mut self, event: Event, update: impl Fn(&mut Event, &Event)) {
+    fn join(&mut self, event: Group, update: impl Fn(&mut Group, &Group)) {
         let window = match event.severity {
             Severity::Alarm => REPEAT_WINDOW,
             Severity::Info | Severity::Warning => GROUP_WINDOW,
         };
         let same =
-            |group: &Event| group.key == event.key && event.stamp.since(group.stamp) < window;
+            |group: &Group| group.key == event.key && event.stamp.since(group.stamp) < window;
         let Some(place) = self.0.iter().rposition(same) else {
             return self.push(event);
         };
@@ -92,7 +93,7 @@ impl EventGroups {
     }
 
     /// A full list loses its oldest event of the least severity.
-    fn push(&mut self, event: Event) {
+    fn push(&mut self, event: Group) {
         if self.0.len() == CAPACITY {
             let numbered = self.0.iter().enumerate();
             let least = numbered.min_by_key(|(place, group)| (group.severity, *place));
@@ -108,8 +109,8 @@ impl EventGroups {
 mod tests {
     use super::*;
 
-    fn event(milliseconds: u64, severity: Severity, text: &str) -> Event {
-        Event::new(Nanos::from_millis(milliseconds), severity, text.to_owned())
+    fn event(milliseconds: u64, severity: Severity, text: &str) -> Group {
+        Group::new(Nanos::from_millis(milliseconds), severity, text)
     }
 
     fn shown(groups: &EventGroups) -> Vec<(&str, u64)> {
@@ -148,7 +149,7 @@ mod tests {
     #[test]
     fn an_explanation_counts_only_what_was_not_counted() {
         let mut groups = EventGroups::default();
-        let keyed = |milliseconds, text: &str| Event {
+        let keyed = |milliseconds, text: &str| Group {
             key: "refusal 3".to_owned(),
             ..event(milliseconds, Severity::Warning, text)
         };

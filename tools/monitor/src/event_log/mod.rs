@@ -4,7 +4,6 @@ mod groups;
 #[cfg(test)]
 mod tests;
 
-use i2ris::ipc::drive_phase::phase_text;
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ReasonMsg,
 };
@@ -12,12 +11,9 @@ use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::robot::{Cause, Reason, Stop};
 use i2ris::units::{MAX_MOTORS, Nanos};
+use i2ris_terminal::view::{self, LatestMessages, STALE, Severity, short_id, state_name};
 
-use super::latest_messages::{CAMERA_STALE, LatestMessages, short_id, state_name};
-
-pub use groups::{Event, Severity};
-
-use groups::EventGroups;
+use groups::{EventGroups, Group};
 
 /// The last events, the newest at the end.
 #[derive(Debug, Clone, Default)]
@@ -28,26 +24,18 @@ pub struct EventLog {
     model: Option<[u8; 32]>,
     missed: Option<u64>,
     problem: Option<String>,
-    camera: Option<Camera>,
-}
-
-/// The last known state of the camera.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Camera {
-    Sees,
-    SeesNothing,
-    Silent,
+    camera: Option<(Severity, &'static str)>,
 }
 
 impl EventLog {
     /// The newest first.
-    pub fn newest(&self) -> impl Iterator<Item = &Event> {
-        self.events.iter().rev()
+    pub fn newest(&self, now: Nanos) -> Vec<view::Event> {
+        self.events.iter().rev().map(|group| group.event(now)).collect()
     }
 
     /// Adds an event of the monitor itself.
-    pub fn log(&mut self, stamp: Nanos, severity: Severity, text: String) {
-        self.add(stamp, severity, text, 1);
+    pub fn log(&mut self, stamp: Nanos, severity: Severity, text: impl Into<String>) {
+        self.events.add(Group::new(stamp, severity, text));
     }
 
     /// Whether the controller is reachable.
@@ -56,10 +44,8 @@ impl EventLog {
             return;
         }
         match problem {
-            Some(text) => self.add(now, Severity::Alarm, text.to_owned(), 1),
-            None => {
-                self.add(now, Severity::Info, "the controller is reachable again".to_owned(), 1)
-            }
+            Some(text) => self.log(now, Severity::Alarm, text),
+            None => self.log(now, Severity::Info, "the controller is reachable again"),
         }
         self.problem = problem.map(str::to_owned);
     }
@@ -71,20 +57,17 @@ impl EventLog {
         };
         let stamp = new.stamp();
         if old.boot_id != new.boot_id {
-            *self = Self {
-                events: std::mem::take(&mut self.events),
-                state: Some(*new),
-                ..Self::default()
-            };
-            return self.add(
-                stamp,
-                Severity::Warning,
-                "the controller was restarted".to_owned(),
-                1,
-            );
+            let events = std::mem::take(&mut self.events);
+            *self = Self { events, state: Some(*new), ..Self::default() };
+            return self.log(stamp, Severity::Warning, "the controller was restarted");
         }
         if old.state != new.state {
-            self.state_changed(&old, new);
+            let is_fault = new.state == OperatingState::Fault.number();
+            let reason = Fault::from_number(new.fault).filter(|_| is_fault);
+            let reason = reason.map(|reason| format!(": {reason}")).unwrap_or_default();
+            let severity = if is_fault { Severity::Alarm } else { Severity::Info };
+            let text = format!("{} to {}{reason}", state_name(&old), state_name(new));
+            self.log(stamp, severity, text);
         }
         self.flags_changed(&old, new);
         self.counters_rose(&old, new);
@@ -93,75 +76,52 @@ impl EventLog {
                 0 => format!("client {:016x} gave up the lease", old.lease_client_id),
                 client => format!("client {client:016x} has the lease"),
             };
-            self.add(stamp, Severity::Info, text, 1);
+            self.log(stamp, Severity::Info, text);
         }
     }
 
-    fn state_changed(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
-        let fault = new.state == OperatingState::Fault.number();
-        let reason = Fault::from_number(new.fault).filter(|_| fault);
-        let reason = reason.map(|reason| format!(": {reason}")).unwrap_or_default();
-        let severity = if fault { Severity::Alarm } else { Severity::Info };
-        self.add(
-            new.stamp(),
-            severity,
-            format!("{} to {}{reason}", state_name(old), state_name(new)),
-            1,
-        );
-    }
-
     fn flags_changed(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
-        for (flag, on, off, severity) in [
-            (OperatingStateMsg::HOMED, "homed", "zero lost: not homed", Severity::Info),
-            (OperatingStateMsg::MEMORY_KNOWN, "memory known", "memory unknown", Severity::Info),
+        use Severity::{Info, Warning};
+        const NO_WATCHDOG: &str = "NO WATCHDOG: nothing stops the drives if the controller dies";
+        for (flag, set, cleared) in [
+            (OperatingStateMsg::HOMED, (Info, "homed"), (Warning, "zero lost: not homed")),
+            (OperatingStateMsg::MEMORY_KNOWN, (Info, "memory known"), (Warning, "memory unknown")),
             (
                 OperatingStateMsg::CLIPPED,
-                "goal clipped to the hull",
-                "goal inside the hull",
-                Severity::Warning,
+                (Warning, "goal clipped to the hull"),
+                (Info, "goal inside the hull"),
             ),
             (
                 OperatingStateMsg::WATCHED,
-                "a watchdog holds every port",
-                "NO WATCHDOG: nothing stops the drives if the controller dies",
-                Severity::Info,
+                (Info, "a watchdog holds every port"),
+                (Warning, NO_WATCHDOG),
             ),
             (
                 OperatingStateMsg::COMPARED,
-                "pose compared with the camera",
-                "pose not compared with the camera",
-                Severity::Info,
+                (Info, "pose compared with the camera"),
+                (Warning, "pose not compared with the camera"),
             ),
         ] {
-            match (old.flags & flag != 0, new.flags & flag != 0) {
-                (false, true) => self.add(new.stamp(), severity, on.to_owned(), 1),
-                (true, false) => {
-                    let severity = if flag == OperatingStateMsg::CLIPPED {
-                        Severity::Info
-                    } else {
-                        Severity::Warning
-                    };
-                    self.add(new.stamp(), severity, off.to_owned(), 1);
-                }
-                _ => {}
+            if (old.flags ^ new.flags) & flag != 0 {
+                let (severity, text) = if new.flags & flag != 0 { set } else { cleared };
+                self.log(new.stamp(), severity, text);
             }
         }
     }
 
     fn counters_rose(&mut self, old: &OperatingStateMsg, new: &OperatingStateMsg) {
-        if new.refused > old.refused {
-            let count = new.refused - old.refused;
+        let stamp = new.stamp();
+        if let Some(count @ 1..) = new.refused.checked_sub(old.refused) {
             match Refusal::from_number(new.last_refusal) {
-                Some(refusal) => self.add_cause(new.stamp(), Cause::Refusal(refusal), count),
+                Some(refusal) => self.add_cause(stamp, Cause::Refusal(refusal), count),
                 None => {
-                    let text = "a command was refused for an unknown reason".to_owned();
-                    self.add(new.stamp(), Severity::Warning, text, count);
+                    let text = "a command was refused for an unknown reason";
+                    self.events.add(Group { count, ..Group::new(stamp, Severity::Warning, text) });
                 }
             }
         }
-        if new.stale_stops > old.stale_stops {
-            let count = new.stale_stops - old.stale_stops;
-            self.add_cause(new.stamp(), Cause::Stop(Stop::Stale), count);
+        if let Some(count @ 1..) = new.stale_stops.checked_sub(old.stale_stops) {
+            self.add_cause(stamp, Cause::Stop(Stop::Stale), count);
         }
     }
 
@@ -171,29 +131,15 @@ impl EventLog {
             return;
         };
         for motor in 0..MAX_MOTORS {
-            let (was, is) = (old.phase.get(motor), new.phase.get(motor));
-            if let (Some(was), Some(is)) = (was, is)
-                && was != is
-            {
-                let text = phase_text(*is);
-                let severity = if matches!(text, "lost" | "at fault") {
-                    Severity::Alarm
-                } else {
-                    Severity::Info
-                };
-                self.add(new.stamp(), severity, format!("motor {motor} {text}"), 1);
+            if old.phase[motor] != new.phase[motor] {
+                let text = new.phase_text(motor);
+                let is_bad = matches!(text, "lost" | "at fault");
+                let severity = if is_bad { Severity::Alarm } else { Severity::Info };
+                self.log(new.stamp(), severity, format!("motor {motor} {text}"));
             }
-            let (was, is) = (old.error_code.get(motor), new.error_code.get(motor));
-            if let (Some(was), Some(is)) = (was, is)
-                && was != is
-                && *is != 0
-            {
-                self.add(
-                    new.stamp(),
-                    Severity::Alarm,
-                    format!("motor {motor} error 0x{is:04X}"),
-                    1,
-                );
+            let code = new.error_code[motor];
+            if old.error_code[motor] != code && code != 0 {
+                self.log(new.stamp(), Severity::Alarm, format!("motor {motor} error 0x{code:04X}"));
             }
         }
     }
@@ -206,42 +152,32 @@ impl EventLog {
                 id if id == [0; 32] => "no model in use".to_owned(),
                 id => format!("model {} in use", short_id(ModelId(id))),
             };
-            self.add(estimate.stamp(), Severity::Info, text, 1);
+            self.log(estimate.stamp(), Severity::Info, text);
         }
     }
 
     /// Ticks that were missed.
     pub fn update_ticks(&mut self, statistics: &PeriodStatistics) {
         let before = self.missed.replace(statistics.total_missed);
-        if let Some(missed) =
-            before.and_then(|before| statistics.total_missed.checked_sub(before)).filter(|n| *n > 0)
-        {
-            self.add(
-                statistics.stamp(),
-                Severity::Warning,
-                "tick missed by the loop".to_owned(),
-                missed,
-            );
+        if let Some(count @ 1..) = before.and_then(|it| statistics.total_missed.checked_sub(it)) {
+            let (stamp, text) = (statistics.stamp(), "tick missed by the loop");
+            self.events.add(Group { count, ..Group::new(stamp, Severity::Warning, text) });
         }
     }
 
     /// How the camera is, as far as there is one.
-    pub fn update_camera(&mut self, view: &LatestMessages, now: Nanos) {
-        let Some(camera) = &view.camera else { return };
+    pub fn update_camera(&mut self, messages: &LatestMessages, now: Nanos) {
+        let Some(camera) = &messages.camera else { return };
         let is = match camera {
-            camera if camera.age(now) > CAMERA_STALE => Camera::Silent,
-            camera if camera.flags & ExternalPosition::VALID == 0 => Camera::SeesNothing,
-            _ => Camera::Sees,
+            camera if camera.age(now) > STALE => (Severity::Warning, "camera is silent"),
+            camera if camera.flags & ExternalPosition::VALID == 0 => {
+                (Severity::Warning, "camera sees nothing")
+            }
+            _ => (Severity::Info, "camera sees the snake"),
         };
-        if self.camera.replace(is) == Some(is) {
-            return;
+        if self.camera.replace(is) != Some(is) {
+            self.log(now, is.0, is.1);
         }
-        let (severity, text) = match is {
-            Camera::Sees => (Severity::Info, "camera sees the snake"),
-            Camera::SeesNothing => (Severity::Warning, "camera sees nothing"),
-            Camera::Silent => (Severity::Warning, "camera is silent"),
-        };
-        self.add(now, severity, text.to_owned(), 1);
     }
 
     /// A message of `error` or `warning`: measured value, limit and advice.
@@ -249,23 +185,19 @@ impl EventLog {
         let cause = Cause::from_numbers(message.kind, message.number);
         let is_error = cause.is_some_and(Cause::is_error);
         let severity = if is_error { Severity::Alarm } else { Severity::Warning };
-        self.events.explain(Event {
+        self.events.explain(Group {
             key: cause.map_or_else(|| message.text(), |cause| cause.to_string()),
             advice: message.advice(),
-            ..Event::new(message.stamp(), severity, message.text())
+            ..Group::new(message.stamp(), severity, message.text())
         });
     }
 
     fn add_cause(&mut self, stamp: Nanos, cause: Cause, count: u64) {
-        self.events.add(Event {
+        self.events.add(Group {
             key: cause.to_string(),
             advice: cause.advice().to_owned(),
             count,
-            ..Event::new(stamp, Severity::Warning, Reason::from(cause).text())
+            ..Group::new(stamp, Severity::Warning, Reason::from(cause).text())
         });
-    }
-
-    fn add(&mut self, stamp: Nanos, severity: Severity, text: String, count: u64) {
-        self.events.add(Event { count, ..Event::new(stamp, severity, text) });
     }
 }

@@ -1,5 +1,5 @@
 use super::groups::CAPACITY;
-use i2ris::robot::{Excess, Quantity};
+use i2ris::robot::{Measurement, Quantity};
 
 use super::*;
 
@@ -15,8 +15,20 @@ fn state(milliseconds: u64, change: impl FnOnce(&mut OperatingStateMsg)) -> Oper
     message
 }
 
-fn logged(event_log: &EventLog) -> Vec<(&str, u64)> {
-    event_log.events.iter().map(|event| (event.text.as_str(), event.count)).collect()
+/// The oldest first.
+fn logged(event_log: &EventLog) -> Vec<(String, u64)> {
+    let newest = event_log.newest(Nanos::ZERO).into_iter();
+    newest.rev().map(|event| (event.text, event.count)).collect()
+}
+
+fn newest(event_log: &EventLog) -> view::Event {
+    event_log.newest(Nanos::ZERO).remove(0)
+}
+
+fn assert_logged(event_log: &EventLog, expected: &[(&str, u64)]) {
+    let logged = logged(event_log);
+    let logged: Vec<_> = logged.iter().map(|(text, count)| (text.as_str(), *count)).collect();
+    assert_eq!(logged, expected);
 }
 
 #[test]
@@ -24,22 +36,22 @@ fn every_change_is_logged_once() {
     let mut event_log = EventLog::default();
     event_log.update_state(&state(1, |_| ()));
     event_log.update_state(&state(2, |_| ()));
-    assert_eq!(logged(&event_log), []);
+    assert_logged(&event_log, &[]);
     event_log.update_state(&state(3, |state| state.lease_client_id = 0xab));
     event_log.update_state(&state(4, |state| {
         state.lease_client_id = 0xab;
         (state.state, state.fault) = (OperatingState::Fault.number(), Fault::Link.number());
         state.flags = 0;
     }));
-    assert_eq!(
-        logged(&event_log),
-        [
+    assert_logged(
+        &event_log,
+        &[
             ("client 00000000000000ab has the lease", 1),
             ("ENABLED to FAULT: a drive does not answer", 1),
-            ("zero lost: not homed", 1)
-        ]
+            ("zero lost: not homed", 1),
+        ],
     );
-    assert_eq!(event_log.newest().nth(1).unwrap().severity, Severity::Alarm);
+    assert_eq!(event_log.newest(Nanos::ZERO)[1].severity, Severity::Alarm);
 }
 
 #[test]
@@ -50,13 +62,12 @@ fn repeats_are_counted_and_the_oldest_event_is_dropped() {
             (state.refused, state.last_refusal) = (3 * n, Refusal::Step.number());
         }));
     }
-    assert_eq!(event_log.events.iter().len(), 1);
-    assert_eq!(event_log.newest().next().unwrap().count, 3 * 99);
+    assert_eq!((logged(&event_log).len(), newest(&event_log).count), (1, 3 * 99));
     for n in 0..1000 {
         event_log.log(Nanos::from_millis(n), Severity::Info, format!("event {n}"));
     }
     assert_eq!(
-        (event_log.events.iter().len(), event_log.newest().next().unwrap().text.as_str()),
+        (logged(&event_log).len(), newest(&event_log).text.as_str()),
         (CAPACITY, "event 999")
     );
 }
@@ -66,7 +77,7 @@ fn a_restart_of_the_controller_is_no_change_of_its_counters() {
     let mut event_log = EventLog::default();
     event_log.update_state(&state(1, |state| state.refused = 50));
     event_log.update_state(&state(2, |state| (state.refused, state.boot_id) = (99, 2)));
-    assert_eq!(logged(&event_log), [("the controller was restarted", 1)]);
+    assert_logged(&event_log, &[("the controller was restarted", 1)]);
 }
 
 #[test]
@@ -90,17 +101,17 @@ fn changes_of_drives_models_ticks_and_cameras_are_logged() {
     event_log.update_camera(&seen(1), Nanos(1));
     event_log.update_camera(&seen(0), Nanos(2));
     event_log.update_camera(&seen(0), Nanos::from_millis(5000));
-    assert_eq!(
-        logged(&event_log),
-        [
+    assert_logged(
+        &event_log,
+        &[
             ("motor 0 at fault", 1),
             ("motor 0 error 0x8611", 1),
             ("model abababab in use", 1),
             ("tick missed by the loop", 2),
             ("camera sees the snake", 1),
             ("camera sees nothing", 1),
-            ("camera is silent", 1)
-        ]
+            ("camera is silent", 1),
+        ],
     );
 }
 
@@ -111,7 +122,7 @@ fn loss_and_return_of_the_controller_are_logged() {
     event_log.update_connection(Some("gone"), Nanos(2));
     event_log.update_connection(Some("gone"), Nanos(3));
     event_log.update_connection(None, Nanos(4));
-    assert_eq!(logged(&event_log), [("gone", 1), ("the controller is reachable again", 1)]);
+    assert_logged(&event_log, &[("gone", 1), ("the controller is reachable again", 1)]);
 }
 
 #[test]
@@ -119,17 +130,17 @@ fn a_reason_explains_what_the_counters_told_and_late_ones_stand_alone() {
     let mut event_log = EventLog::default();
     let step = Reason {
         cause: Cause::Refusal(Refusal::Step),
-        excess: Some(Excess::new(Quantity::Degrees, 9.0, Some(2.0))),
+        measurement: Some(Measurement::new(Quantity::Degrees, 9.0, Some(2.0))),
     };
     event_log.update_state(&state(1, |_| ()));
     event_log.update_state(&state(2, |state| {
         (state.refused, state.last_refusal) = (40, Refusal::Step.number());
     }));
     event_log.update_reason(&ReasonMsg::new(&step, 7, Nanos::from_millis(20)));
-    assert_eq!(logged(&event_log), [(step.text().as_str(), 40)]);
+    assert_logged(&event_log, &[(step.text().as_str(), 40)]);
     let fault = Reason::from(Cause::Fault(Fault::Late));
     event_log.update_reason(&ReasonMsg::new(&fault, 0, Nanos::from_millis(30)));
-    let newest = event_log.newest().next().unwrap();
+    let newest = newest(&event_log);
     assert_eq!(newest.severity, Severity::Alarm);
     assert_eq!(newest.advice, fault.cause.advice());
 }

@@ -1,6 +1,7 @@
 //! Plots out of braille: strips over time, the plane of pitch and yaw, and counts against angle.
 
 use i2ris::units::{MAX_MOTORS, Nanos};
+use i2ris_terminal::view::{Pair, View};
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};
@@ -10,7 +11,8 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType};
 
 use super::style::{CAMERA, ESTIMATE, GOAL, HULL, SETPOINT, faint};
 use crate::dashboard::Dashboard;
-use crate::history::{Pair, Sample};
+use crate::history::{CameraFrame, History, Sample};
+use crate::hull_outline::Outline;
 
 /// How far back strips go, and how far the other plots.
 const STRIP_S: f64 = 20.0;
@@ -28,106 +30,109 @@ struct Curve {
 
 impl Curve {
     fn line(colour: Color, points: impl Iterator<Item = Option<(f64, f64)>>) -> Self {
-        let mut pieces = vec![Vec::new()];
-        for point in points {
-            match (point, pieces.last_mut()) {
-                (Some(point), Some(piece)) => piece.push(point),
-                (None, Some(piece)) if !piece.is_empty() => pieces.push(Vec::new()),
-                _ => {}
-            }
+        let points: Vec<_> = points.collect();
+        let pieces = points.split(Option::is_none).filter(|piece| !piece.is_empty());
+        Self {
+            pieces: pieces.map(|it| it.iter().flatten().copied().collect()).collect(),
+            colour,
+            dots: false,
         }
-        Self { pieces, colour, dots: false }
     }
 
     fn dots(colour: Color, points: impl Iterator<Item = Option<(f64, f64)>>) -> Self {
         Self { pieces: vec![points.flatten().collect()], colour, dots: true }
     }
+}
 
-    fn values(&self, of: fn(&(f64, f64)) -> f64) -> impl Iterator<Item = f64> {
-        self.pieces.iter().flatten().map(of)
+/// The plots of the last seconds.
+pub struct Plots<'a> {
+    history: &'a History,
+    outline: &'a Outline,
+    /// Motors that there are.
+    pub motors: usize,
+    now: Nanos,
+}
+
+impl<'a> Plots<'a> {
+    pub fn new(dashboard: &'a Dashboard, view: &View, now: Nanos) -> Self {
+        let motors = view.motors.as_ref().map_or(MAX_MOTORS, Vec::len).max(1);
+        Self { history: &dashboard.history, outline: &dashboard.models.outline, motors, now }
     }
-}
 
-/// One strip: an angle over the last seconds.
-pub fn strip(frame: &mut Frame, area: Rect, dashboard: &Dashboard, axis: usize, now: Nanos) {
-    let at = |stamp: Nanos| stamp.as_seconds() - now.as_seconds();
-    let (samples, _) = dashboard.history.samples(0);
-    let samples = samples.filter(|sample| at(sample.stamp) >= -STRIP_S);
-    let of = |value: Pair| value.and_then(|value| value.get(axis).copied());
-    let curve = |colour, field: fn(&Sample) -> Pair| {
-        Curve::line(colour, samples.clone().map(|s| of(field(s)).map(|value| (at(s.stamp), value))))
-    };
-    let edge = |sign: f64| {
-        let value =
-            move |s: &Sample| Some((at(s.stamp), of(s.estimate)? + sign * of(s.deviation)?));
-        Curve::dots(Color::DarkGray, samples.clone().map(value))
-    };
-    let frames = dashboard.history.frames(0).0.filter(|frame| at(frame.stamp) >= -STRIP_S);
-    let seen = frames.map(|frame| Some((at(frame.stamp), *frame.angles.get(axis)?)));
-    let curves = [
-        edge(1.0),
-        edge(-1.0),
-        Curve::line(CAMERA, seen),
-        curve(GOAL, |sample| sample.goal),
-        curve(SETPOINT, |sample| sample.setpoint),
-        curve(ESTIMATE, |sample| sample.estimate),
-    ];
-    let name = if axis == 0 { "pitch" } else { "yaw" };
-    let y = padded(range(curves.iter().flat_map(|curve| curve.values(|p| p.1))), LEAST_DEG);
-    plot(frame, area, &format!("{name}, deg"), &curves, ([-STRIP_S, 0.0], "s"), y);
-}
+    /// Seconds from now; negative.
+    fn at(&self, stamp: Nanos) -> f64 {
+        stamp.as_seconds() - self.now.as_seconds()
+    }
 
-/// The plane of pitch and yaw, with the hull.
-pub fn plane(frame: &mut Frame, area: Rect, dashboard: &Dashboard, now: Nanos) {
-    let (samples, _) = dashboard.history.samples(0);
-    let samples = samples.filter(|sample| now.since(sample.stamp).as_seconds() <= TAIL_S);
-    let point = |value: Pair| value.map(|[pitch, yaw]| (yaw, pitch));
-    let frames =
-        dashboard.history.frames(0).0.filter(|frame| now.since(frame.stamp).as_seconds() <= TAIL_S);
-    let here = samples.clone().last().and_then(|sample| sample.estimate);
-    let curves = [
-        Curve::line(
-            HULL,
-            dashboard.models.outline.points.iter().map(|point| Some((point[1], point[0]))),
-        ),
-        Curve::line(CAMERA, frames.map(|frame| point(Some(frame.angles)))),
-        Curve::line(GOAL, samples.clone().map(|sample| point(sample.goal))),
-        Curve::line(ESTIMATE, samples.map(|sample| point(sample.estimate))),
-        Curve::dots(Color::White, std::iter::once(point(here))),
-    ];
-    let x = padded(range(curves.iter().flat_map(|curve| curve.values(|p| p.0))), LEAST_DEG);
-    let y = padded(range(curves.iter().flat_map(|curve| curve.values(|p| p.1))), LEAST_DEG);
-    let (x, y) = equal_scales(x, y, area);
-    let hull = if dashboard.models.outline.points.is_empty() {
-        "pitch over yaw, deg"
-    } else {
-        "pitch over yaw, deg, hull"
-    };
-    plot(frame, area, hull, &curves, (x, "yaw"), y);
-}
+    fn samples(&self, span_s: f64) -> impl Iterator<Item = &Sample> + Clone {
+        self.history.samples(0).0.filter(move |sample| self.at(sample.stamp) >= -span_s)
+    }
 
-/// Counts against angle: the hysteresis loop of a motor.
-pub fn hysteresis(frame: &mut Frame, area: Rect, dashboard: &Dashboard, motor: usize, now: Nanos) {
-    let outline = &dashboard.models.outline;
-    let (samples, _) = dashboard.history.samples(0);
-    let samples = samples.filter(|sample| now.since(sample.stamp).as_seconds() <= TAIL_S);
-    let frames =
-        dashboard.history.frames(0).0.filter(|frame| now.since(frame.stamp).as_seconds() <= TAIL_S);
-    let seen =
-        frames.map(|frame| Some((*frame.counts?.get(motor)?, outline.bend(motor, frame.angles))));
-    let estimated =
-        samples.map(|s| Some((*s.counts?.get(motor)?, outline.bend(motor, s.estimate?))));
-    let curves = [Curve::line(CAMERA, seen), Curve::line(ESTIMATE, estimated)];
-    let x = padded(range(curves.iter().flat_map(|curve| curve.values(|p| p.0))), LEAST_COUNTS);
-    let y = padded(range(curves.iter().flat_map(|curve| curve.values(|p| p.1))), LEAST_DEG);
-    plot(
-        frame,
-        area,
-        &format!("motor {motor}, {}, deg", outline.name(motor)),
-        &curves,
-        (x, "counts"),
-        y,
-    );
+    fn frames(&self, span_s: f64) -> impl Iterator<Item = &CameraFrame> + Clone {
+        self.history.frames(0).0.filter(move |frame| self.at(frame.stamp) >= -span_s)
+    }
+
+    /// One strip: an angle over the last seconds.
+    pub fn strip(&self, frame: &mut Frame, area: Rect, axis: usize) {
+        let of = |pair: Pair| pair.map(|pair| pair[axis]);
+        let curve = |colour, field: fn(&Sample) -> Pair| {
+            let point = |s: &Sample| of(field(s)).map(|value| (self.at(s.stamp), value));
+            Curve::line(colour, self.samples(STRIP_S).map(point))
+        };
+        let edge = |sign: f64| {
+            let value = move |s: &Sample| {
+                Some((self.at(s.stamp), of(s.estimate)? + sign * of(s.deviation)?))
+            };
+            Curve::dots(Color::DarkGray, self.samples(STRIP_S).map(value))
+        };
+        let seen = self.frames(STRIP_S).map(|it| Some((self.at(it.stamp), it.angles[axis])));
+        let curves = [
+            edge(1.0),
+            edge(-1.0),
+            Curve::line(CAMERA, seen),
+            curve(GOAL, |sample| sample.goal),
+            curve(SETPOINT, |sample| sample.setpoint),
+            curve(ESTIMATE, |sample| sample.estimate),
+        ];
+        let title = format!("{}, deg", if axis == 0 { "pitch" } else { "yaw" });
+        plot(
+            frame,
+            area,
+            &title,
+            &curves,
+            ([-STRIP_S, 0.0], "s"),
+            range(&curves, |p| p.1, LEAST_DEG),
+        );
+    }
+
+    /// The plane of pitch and yaw, with the hull.
+    pub fn plane(&self, frame: &mut Frame, area: Rect) {
+        let point = |pair: Pair| pair.map(|[pitch, yaw]| (yaw, pitch));
+        let here = self.samples(TAIL_S).last().and_then(|sample| sample.estimate);
+        let hull = &self.outline.points;
+        let curves = [
+            Curve::line(HULL, hull.iter().map(|at| point(Some(*at)))),
+            Curve::line(CAMERA, self.frames(TAIL_S).map(|it| point(Some(it.angles)))),
+            Curve::line(GOAL, self.samples(TAIL_S).map(|sample| point(sample.goal))),
+            Curve::line(ESTIMATE, self.samples(TAIL_S).map(|sample| point(sample.estimate))),
+            Curve::dots(Color::White, std::iter::once(point(here))),
+        ];
+        let x = range(&curves, |p| p.0, LEAST_DEG);
+        let (x, y) = equal_scales(x, range(&curves, |p| p.1, LEAST_DEG), area);
+        let mark = if hull.is_empty() { "" } else { ", hull" };
+        plot(frame, area, &format!("pitch over yaw, deg{mark}"), &curves, (x, "yaw"), y);
+    }
+
+    /// Counts against angle: the hysteresis loop of a motor.
+    pub fn hysteresis(&self, frame: &mut Frame, area: Rect, motor: usize) {
+        let bend = |angles| self.outline.bend(motor, angles);
+        let seen = self.frames(TAIL_S).map(|it| Some((it.counts?[motor], bend(it.angles))));
+        let estimated = self.samples(TAIL_S).map(|s| Some((s.counts?[motor], bend(s.estimate?))));
+        let curves = [Curve::line(CAMERA, seen), Curve::line(ESTIMATE, estimated)];
+        let (x, y) = (range(&curves, |p| p.0, LEAST_COUNTS), range(&curves, |p| p.1, LEAST_DEG));
+        let title = format!("motor {motor}, {}, deg", self.outline.name(motor));
+        plot(frame, area, &title, &curves, (x, "counts"), y);
+    }
 }
 
 /// What the colours mean.
@@ -149,8 +154,8 @@ fn plot(
         let kind = if curve.dots { GraphType::Scatter } else { GraphType::Line };
         Dataset::default().data(piece).marker(Marker::Braille).graph_type(kind).style(curve.colour)
     };
-    let sets = |curve| Curve::pieces_of(curve).map(move |piece| set(curve, piece));
-    let empty = curves.iter().all(|curve| curve.pieces.iter().all(Vec::is_empty));
+    let sets = |curve| pieces(curve).map(move |piece| set(curve, piece));
+    let empty = curves.iter().all(|curve| pieces(curve).next().is_none());
     let title = if empty { format!(" {title}: no data ") } else { format!(" {title} ") };
     let axis = |bounds: [f64; 2], labels: Vec<Line<'static>>| {
         Axis::default().bounds(bounds).labels(labels).style(faint())
@@ -163,25 +168,20 @@ fn plot(
     frame.render_widget(chart, area);
 }
 
-impl Curve {
-    fn pieces_of(curve: &Self) -> impl Iterator<Item = &[(f64, f64)]> {
-        curve.pieces.iter().filter(|piece| !piece.is_empty()).map(Vec::as_slice)
-    }
+fn pieces(curve: &Curve) -> impl Iterator<Item = &[(f64, f64)]> {
+    curve.pieces.iter().filter(|piece| !piece.is_empty()).map(Vec::as_slice)
 }
 
 fn label(value: f64) -> Line<'static> {
     Line::from(if value.abs() < 99.5 { format!("{value:.1}") } else { format!("{value:.0}") })
 }
 
-/// Lowest and highest value.
-fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+/// A little more than the curves, at least `least` wide; around 0 when there is nothing.
+fn range(curves: &[Curve], value: fn(&(f64, f64)) -> f64, least: f64) -> [f64; 2] {
+    let values = curves.iter().flat_map(|curve| curve.pieces.iter().flatten().map(value));
+    let [low, high] = values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
         [low.min(value), high.max(value)]
-    })
-}
-
-/// A little more than the range, at least `least` wide; around 0 when there is none.
-fn padded([low, high]: [f64; 2], least: f64) -> [f64; 2] {
+    });
     if low > high {
         return [-0.5 * least, 0.5 * least];
     }
@@ -204,15 +204,6 @@ fn equal_scales(x: [f64; 2], y: [f64; 2], area: Rect) -> ([f64; 2], [f64; 2]) {
     (widened(x, dots[0]), widened(y, dots[1]))
 }
 
-/// Motors that there are, for their plots.
-pub fn motors(dashboard: &Dashboard) -> usize {
-    dashboard
-        .view
-        .actuators
-        .map_or(MAX_MOTORS, |motors| crate::latest_messages::count(motors.count))
-        .max(1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -226,8 +217,9 @@ mod tests {
 
     #[test]
     fn ranges_are_never_empty_and_scales_are_equal() {
-        assert_eq!(padded(range(std::iter::empty()), 2.0), [-1.0, 1.0]);
-        assert_eq!(padded(range([3.0].into_iter()), 2.0), [2.0, 4.0]);
+        let of = |value| Curve::line(GOAL, std::iter::once(value));
+        assert_eq!(range(&[of(None)], |p| p.1, 2.0), [-1.0, 1.0]);
+        assert_eq!(range(&[of(Some((0.0, 3.0)))], |p| p.1, 2.0), [2.0, 4.0]);
         let area = Rect::new(0, 0, 48, 24);
         let (x, y) = equal_scales([-1.0, 1.0], [-5.0, 5.0], area);
         assert!(((x[1] - x[0]) / 80.0 - (y[1] - y[0]) / 80.0).abs() < 1e-12);

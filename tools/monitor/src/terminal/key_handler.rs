@@ -1,10 +1,10 @@
 //! The keys of the terminal screen: keys in, operator commands out. Pure.
 
 use i2ris::units::Nanos;
+use i2ris_terminal::view::Models;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
 use super::operator_commands::{CommandResult, OperatorCommand};
-use crate::model_poller::Models;
 
 /// Time after which a question is withdrawn: a late `y` may mean something else.
 const TIMEOUT: Nanos = Nanos::from_millis(10_000);
@@ -128,13 +128,15 @@ impl KeyHandler {
     }
 
     fn ask_to_swap(&mut self, models: &Models, now: Nanos) {
-        let Some(staged) = models.staged() else {
+        let Some(staged) = &models.staged else {
             let text = "no model is staged: i2ris model stage FILE";
             return self.show_result(CommandResult { good: false, text: text.to_owned() }, now);
         };
         let memory = if staged.memory_known { "" } else { ", its memory unknown" };
-        let replaced =
-            models.used().map_or_else(String::new, |used| format!(" in place of {}", used.name));
+        let replaced = models
+            .used
+            .as_ref()
+            .map_or_else(String::new, |used| format!(" in place of {}", used.name));
         self.question = Some(Confirmation {
             text: format!("Activate {}{memory}{replaced}?", staged.name),
             order: OperatorCommand::Activate(staged.id),
@@ -143,7 +145,7 @@ impl KeyHandler {
     }
 
     fn ask_to_roll_back(&mut self, models: &Models, now: Nanos) {
-        let Some(previous) = models.previous() else {
+        let Some(previous) = &models.previous else {
             let text = "no model was in use before this one";
             return self.show_result(CommandResult { good: false, text: text.to_owned() }, now);
         };
@@ -172,8 +174,8 @@ impl KeyHandler {
 
 #[cfg(test)]
 mod tests {
-    use i2ris::ipc::payload::{ModelSlot, padded_text};
     use i2ris::model::ModelId;
+    use i2ris_terminal::view::LoadedModel;
     use proptest::prelude::*;
 
     use super::*;
@@ -181,14 +183,12 @@ mod tests {
     const NOW: Nanos = Nanos(1_000_000_000);
 
     fn models() -> Models {
-        let slot = |byte, flags| ModelSlot {
-            model_id: [byte; 32],
-            family: padded_text("linear"),
-            flags,
-            ..ModelSlot::default()
+        let model = |byte: u8, memory_known| {
+            let name = format!("linear {:08x}", 0x0101_0101 * u32::from(byte));
+            Some(LoadedModel { id: ModelId([byte; 32]), name, file: String::new(), memory_known })
         };
-        let slots = [slot(1, 3), slot(2, 1), slot(3, 3)];
-        Models { slots: Some(slots), ..Models::default() }
+        let [used, staged, previous] = [model(1, true), model(2, false), model(3, true)];
+        Models { known: true, used, staged, previous, ..Models::default() }
     }
 
     fn key(character: char) -> KeyEvent {

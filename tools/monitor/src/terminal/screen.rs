@@ -1,21 +1,20 @@
 //! How the screen is divided: everything at once where there is room, one view after the other
 //! where there is not.
 
-use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
-use i2ris::ipc::{Message, OperatingState, Refusal};
-use i2ris::robot::{Cause, Reason};
+use i2ris::ipc::OperatingState;
 use i2ris::units::Nanos;
+use i2ris_terminal::view::{State, View};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
+use super::charts::{self, Plots};
 use super::key_handler::{KEYS, KeyHandler, Panel};
+use super::numbers;
 use super::style::{alarm, faint, flow, of_severity, warning};
-use super::{charts, numbers};
 use crate::dashboard::Dashboard;
-use crate::latest_messages::{STALE, state_name};
 
 /// From here on everything fits on one screen.
 const WIDE: u16 = 110;
@@ -31,7 +30,8 @@ pub fn draw(
 ) {
     let area = frame.area();
     let width = usize::from(area.width);
-    let (head, foot) = (header(dashboard, title, width, now), footer(key_handler, width, now));
+    let view = dashboard.view(now);
+    let (head, foot) = (header(&view, title, width), footer(key_handler, width, now));
     let [top, middle, bottom] = Layout::vertical([
         Constraint::Length(lines_of(&head)),
         Constraint::Min(0),
@@ -39,10 +39,11 @@ pub fn draw(
     ])
     .areas(area);
     frame.render_widget(Paragraph::new(head), top);
+    let content = Content { view: &view, plots: Plots::new(dashboard, &view, now), key_handler };
     if area.width >= WIDE && middle.height >= TALL {
-        everything(frame, middle, dashboard, key_handler, now);
+        content.everything(frame, middle);
     } else {
-        one_view(frame, middle, dashboard, key_handler, now);
+        content.one_panel(frame, middle);
     }
     frame.render_widget(Paragraph::new(foot), bottom);
 }
@@ -52,14 +53,14 @@ fn lines_of(lines: &[Line]) -> u16 {
 }
 
 /// State, what it means, who commands, and what is wrong.
-fn header(dashboard: &Dashboard, title: &str, width: usize, now: Nanos) -> Vec<Line<'static>> {
-    let problem = dashboard.problem.iter().map(|problem| Span::styled(problem.clone(), alarm()));
+fn header(view: &View, title: &str, width: usize) -> Vec<Line<'static>> {
+    let problem = view.problem.iter().map(|problem| Span::styled(problem.clone(), alarm()));
     let mut lines = flow(problem, width);
-    match &dashboard.view.state {
+    match &view.state {
         None => lines.extend(flow([Span::styled(" STATE NOT RECEIVED YET ", alarm())], width)),
         Some(state) => {
-            lines.extend(flow(state_items(dashboard, state, now), width));
-            lines.extend(flow(command_items(dashboard, state), width));
+            lines.extend(flow(state_items(view, state), width));
+            lines.extend(flow(command_items(state), width));
         }
     }
     if width >= usize::from(WIDE) {
@@ -68,81 +69,60 @@ fn header(dashboard: &Dashboard, title: &str, width: usize, now: Nanos) -> Vec<L
     lines
 }
 
-fn state_items(dashboard: &Dashboard, state: &OperatingStateMsg, now: Nanos) -> Vec<Span<'static>> {
-    let has = |flag: u32| state.flags & flag != 0;
-    let name = state_name(state);
-    let stale = state.age(now) > STALE;
-    let badge = if stale {
-        format!(" STALE {:.1} s, was {name} ", state.age(now).as_seconds())
-    } else {
-        format!(" {name} ")
+fn state_items(view: &View, state: &State) -> Vec<Span<'static>> {
+    let badge = match state.age.mark() {
+        Some(mark) => format!(" {mark}, was {} ", state.name),
+        None => format!(" {} ", state.name),
     };
-    let mut items = vec![Span::styled(badge, badge_style(state, stale))];
-    items.extend(reason_items(dashboard, now));
-    items.push(Span::raw(format!(
-        "for {:.0} s",
-        state.stamp().since(Nanos(state.since_ns)).as_seconds()
-    )));
-    let model = dashboard.models.used().map(|used| format!("model {}", used.name));
-    for (flag, on, off) in [
-        (OperatingStateMsg::HOMED, Some("homed"), Some("NOT HOMED")),
-        (OperatingStateMsg::BUSY, Some("busy"), None),
-        (OperatingStateMsg::HOLDING, Some("holding"), None),
-        (OperatingStateMsg::CLIPPED, Some("CLIPPED TO HULL"), None),
-        (OperatingStateMsg::FIXTURE, Some("AT VIRTUAL FIXTURE"), None),
-        (OperatingStateMsg::MEMORY_KNOWN, Some("memory known"), Some("memory unknown")),
-        (OperatingStateMsg::MODEL, model.as_deref().or(Some("model loaded")), Some("no model")),
-        (OperatingStateMsg::WATCHED, Some("watchdog"), Some("NO WATCHDOG")),
-        (OperatingStateMsg::COMPARED, Some("compared with camera"), None),
+    let mut items = vec![Span::styled(badge, badge_style(state))];
+    items.extend(reason(view));
+    items.push(Span::raw(format!("for {:.0} s", state.for_s)));
+    let model = view.models.used.as_ref().map(|used| format!("model {}", used.name));
+    let model = model.as_deref().unwrap_or("model loaded");
+    for (is_set, on, off) in [
+        (state.homed, "homed", "NOT HOMED"),
+        (state.busy, "busy", ""),
+        (state.holding, "holding", ""),
+        (state.clipped, "CLIPPED TO HULL", ""),
+        (state.at_fixture, "AT VIRTUAL FIXTURE", ""),
+        (state.memory_known, "memory known", "memory unknown"),
+        (state.model, model, "no model"),
+        (state.watched, "watchdog", "NO WATCHDOG"),
+        (state.compared, "compared with camera", ""),
     ] {
-        let text = if has(flag) { on } else { off };
+        let text = if is_set { on } else { off };
         let warnings = ["NOT HOMED", "NO WATCHDOG", "CLIPPED TO HULL", "AT VIRTUAL FIXTURE"];
-        let style = if text.is_some_and(|text| warnings.contains(&text)) {
-            warning()
-        } else {
-            Style::new()
-        };
-        items.extend(text.map(|text| Span::styled(text.to_owned(), style)));
+        let style = if warnings.contains(&text) { warning() } else { Style::new() };
+        items.extend((!text.is_empty()).then(|| Span::styled(text.to_owned(), style)));
     }
     items
 }
 
-/// Why the robot does not move: the fault, and a fresh refusal, stop or clip; with what to do.
-fn reason_items(dashboard: &Dashboard, now: Nanos) -> Vec<Span<'static>> {
-    let view = &dashboard.view;
-    let Some(fault) = view.fault() else {
-        let warning_of = |reason: ReasonMsg| {
-            let text = format!("{}; do: {}", reason.text(), reason.advice());
-            Span::styled(text, warning())
-        };
-        return view.recent_warning(now).map(warning_of).into_iter().collect();
+/// Why the robot does not move: the fault, or a fresh refusal, stop or clip; with what to do.
+fn reason(view: &View) -> Option<Span<'static>> {
+    let is_fault = view.state.as_ref().is_some_and(|state| state.fault.is_some());
+    let (why, style) = match is_fault {
+        true => (view.why.first(), alarm()),
+        false => (view.why.iter().find(|why| why.age_s.is_some()), warning()),
     };
-    let text = view.present_error().map_or_else(
-        || Reason::from(Cause::Fault(fault)).to_string(),
-        |error| format!("{}; do: {}", error.text(), error.advice()),
-    );
-    vec![Span::styled(text, alarm())]
+    why.map(|why| Span::styled(format!("{}; do: {}", why.text, why.advice), style))
 }
 
-fn badge_style(state: &OperatingStateMsg, stale: bool) -> Style {
-    let colour = match OperatingState::from_number(state.state) {
-        _ if stale => Color::Red,
-        Some(OperatingState::Enabled) => Color::Green,
-        Some(OperatingState::Paused) => Color::Yellow,
-        Some(OperatingState::Disabled) => Color::Gray,
-        Some(OperatingState::Fault) | None => Color::Red,
-    };
-    Style::new()
-        .fg(if colour == Color::Red { Color::White } else { Color::Black })
-        .bg(colour)
-        .add_modifier(Modifier::BOLD)
+fn badge_style(state: &State) -> Style {
+    let known = [
+        (OperatingState::Enabled, Color::Green),
+        (OperatingState::Paused, Color::Yellow),
+        (OperatingState::Disabled, Color::Gray),
+    ];
+    let known = known.iter().find(|(it, _)| it.text() == state.name && !state.age.stale);
+    let (front, back) = known.map_or((Color::White, Color::Red), |(_, back)| (Color::Black, *back));
+    Style::new().fg(front).bg(back).add_modifier(Modifier::BOLD)
 }
 
-fn command_items(dashboard: &Dashboard, state: &OperatingStateMsg) -> Vec<Span<'static>> {
-    let lease = match (state.lease_client_id, &dashboard.commander) {
-        (0, _) => "no commander".to_owned(),
-        (_, Some(name)) => format!("commander {name}"),
-        (client, None) => format!("commander {client:016x}"),
+fn command_items(state: &State) -> Vec<Span<'static>> {
+    let lease = match (&state.lease, &state.commander) {
+        (None, _) => "no commander".to_owned(),
+        (_, Some(name)) | (Some(name), None) => format!("commander {name}"),
     };
     let refused = format!("refused {}", state.refused);
     let mut items = vec![
@@ -150,8 +130,7 @@ fn command_items(dashboard: &Dashboard, state: &OperatingStateMsg) -> Vec<Span<'
         Span::raw(format!("accepted {}", state.accepted)),
         Span::styled(refused, if state.refused > 0 { warning() } else { Style::new() }),
     ];
-    let reason = Refusal::from_number(state.last_refusal).filter(|reason| *reason != Refusal::None);
-    items.extend(reason.map(|reason| Span::raw(format!("last: {reason}"))));
+    items.extend(state.last_refusal.map(|reason| Span::raw(format!("last: {reason}"))));
     if state.stale_stops > 0 {
         items.push(Span::styled(format!("stale stops {}", state.stale_stops), warning()));
     }
@@ -196,127 +175,116 @@ fn keys(width: usize) -> Vec<Line<'static>> {
     lines
 }
 
-/// Numbers and events on the left, plots on the right.
-fn everything(
-    frame: &mut Frame,
-    area: Rect,
-    dashboard: &Dashboard,
-    key_handler: &KeyHandler,
-    now: Nanos,
-) {
-    let [left, right] =
-        Layout::horizontal([Constraint::Length(numbers::WIDTH as u16 + 3), Constraint::Min(0)])
-            .areas(area);
-    let text = numbers::lines(dashboard, numbers::WIDTH, now);
-    let [top, bottom] =
-        Layout::vertical([Constraint::Length(lines_of(&text) + 1), Constraint::Min(0)]).areas(left);
-    frame.render_widget(Paragraph::new(text), top);
-    scrolled(
-        frame,
-        Rect { width: numbers::WIDTH as u16, ..bottom },
-        events(dashboard, numbers::WIDTH, now),
-        key_handler.scroll,
-    );
-    let [strips, plots] =
-        Layout::vertical([Constraint::Percentage(54), Constraint::Min(0)]).areas(right);
-    draw_strips(frame, strips, dashboard, now);
-    let [plane, loops] =
-        Layout::horizontal([Constraint::Percentage(50), Constraint::Min(0)]).areas(plots);
-    charts::plane(frame, plane, dashboard, now);
-    draw_loops(frame, loops, dashboard, now);
+/// What is between header and footer.
+struct Content<'a> {
+    view: &'a View,
+    plots: Plots<'a>,
+    key_handler: &'a KeyHandler,
 }
 
-/// One view, with its name beside those of the others.
-fn one_view(
-    frame: &mut Frame,
-    area: Rect,
-    dashboard: &Dashboard,
-    key_handler: &KeyHandler,
-    now: Nanos,
-) {
-    let width = usize::from(area.width);
-    let tabs = flow(Panel::ALL.map(|panel| tab(panel, key_handler.panel)), width);
-    let [top, rest] =
-        Layout::vertical([Constraint::Length(lines_of(&tabs)), Constraint::Min(0)]).areas(area);
-    frame.render_widget(Paragraph::new(tabs), top);
-    match key_handler.panel {
-        Panel::Numbers => {
-            scrolled(frame, rest, numbers::lines(dashboard, width.min(60), now), key_handler.scroll)
-        }
-        Panel::Strips => draw_strips(frame, rest, dashboard, now),
-        Panel::Plane => {
-            with_legend(frame, rest, |frame, area| charts::plane(frame, area, dashboard, now))
-        }
-        Panel::Loops => {
-            with_legend(frame, rest, |frame, area| draw_loops(frame, area, dashboard, now))
-        }
-        Panel::Events => scrolled(frame, rest, events(dashboard, width, now), key_handler.scroll),
+impl Content<'_> {
+    /// Numbers and events on the left, plots on the right.
+    fn everything(&self, frame: &mut Frame, area: Rect) {
+        let width = numbers::WIDTH as u16;
+        let [left, right] =
+            Layout::horizontal([Constraint::Length(width + 3), Constraint::Min(0)]).areas(area);
+        let text = numbers::lines(self.view, numbers::WIDTH);
+        let [top, bottom] =
+            Layout::vertical([Constraint::Length(lines_of(&text) + 1), Constraint::Min(0)])
+                .areas(left);
+        frame.render_widget(Paragraph::new(text), top);
+        self.scrolled(frame, Rect { width, ..bottom }, events(self.view, numbers::WIDTH));
+        let [strips, plots] =
+            Layout::vertical([Constraint::Percentage(54), Constraint::Min(0)]).areas(right);
+        self.strips(frame, strips);
+        let [plane, loops] =
+            Layout::horizontal([Constraint::Percentage(50), Constraint::Min(0)]).areas(plots);
+        self.plots.plane(frame, plane);
+        self.loops(frame, loops);
     }
-}
 
-fn tab(panel: Panel, chosen: Panel) -> Span<'static> {
-    let style =
-        if panel == chosen { Style::new().add_modifier(Modifier::REVERSED) } else { faint() };
-    Span::styled(panel.name(), style)
-}
+    /// One panel, with its name beside those of the others.
+    fn one_panel(&self, frame: &mut Frame, area: Rect) {
+        let width = usize::from(area.width);
+        let tab = |panel: Panel| {
+            let is_chosen = panel == self.key_handler.panel;
+            let chosen = Style::new().add_modifier(Modifier::REVERSED);
+            Span::styled(panel.name(), if is_chosen { chosen } else { faint() })
+        };
+        let tabs = flow(Panel::ALL.map(tab), width);
+        let [top, rest] =
+            Layout::vertical([Constraint::Length(lines_of(&tabs)), Constraint::Min(0)]).areas(area);
+        frame.render_widget(Paragraph::new(tabs), top);
+        match self.key_handler.panel {
+            Panel::Numbers => self.scrolled(frame, rest, numbers::lines(self.view, width.min(60))),
+            Panel::Strips => self.strips(frame, rest),
+            Panel::Plane => {
+                let rest = legend(frame, rest);
+                self.plots.plane(frame, rest);
+            }
+            Panel::Loops => {
+                let rest = legend(frame, rest);
+                self.loops(frame, rest);
+            }
+            Panel::Events => self.scrolled(frame, rest, events(self.view, width)),
+        }
+    }
 
-fn draw_strips(frame: &mut Frame, area: Rect, dashboard: &Dashboard, now: Nanos) {
-    with_legend(frame, area, |frame, area| {
+    fn strips(&self, frame: &mut Frame, area: Rect) {
+        let area = legend(frame, area);
         let [pitch, yaw] =
             Layout::vertical([Constraint::Percentage(50), Constraint::Min(0)]).areas(area);
-        charts::strip(frame, pitch, dashboard, 0, now);
-        charts::strip(frame, yaw, dashboard, 1, now);
-    });
-}
+        self.plots.strip(frame, pitch, 0);
+        self.plots.strip(frame, yaw, 1);
+    }
 
-/// Beside each other, or below each other where that is narrow.
-fn draw_loops(frame: &mut Frame, area: Rect, dashboard: &Dashboard, now: Nanos) {
-    let motors = charts::motors(dashboard);
-    let parts = vec![Constraint::Ratio(1, motors as u32); motors];
-    let layout = if area.width >= 56 { Layout::horizontal(parts) } else { Layout::vertical(parts) };
-    for (motor, part) in layout.split(area).iter().enumerate() {
-        charts::hysteresis(frame, *part, dashboard, motor, now);
+    /// Beside each other, or below each other where that is narrow.
+    fn loops(&self, frame: &mut Frame, area: Rect) {
+        let motors = self.plots.motors;
+        let parts = vec![Constraint::Ratio(1, motors as u32); motors];
+        let layout =
+            if area.width >= 56 { Layout::horizontal(parts) } else { Layout::vertical(parts) };
+        for (motor, part) in layout.split(area).iter().enumerate() {
+            self.plots.hysteresis(frame, *part, motor);
+        }
+    }
+
+    /// As much as fits; what does not is counted.
+    fn scrolled(&self, frame: &mut Frame, area: Rect, lines: Vec<Line<'static>>) {
+        let height = usize::from(area.height);
+        if lines.len() <= height {
+            return frame.render_widget(Paragraph::new(lines), area);
+        }
+        let room = height.saturating_sub(1);
+        let first = self.key_handler.scroll.min(lines.len() - room.min(lines.len()));
+        let more = Line::from(Span::styled(
+            format!("↑↓ lines {} to {} of {}", first + 1, first + room, lines.len()),
+            warning(),
+        ));
+        let shown: Vec<Line> =
+            lines.into_iter().skip(first).take(room).chain(std::iter::once(more)).collect();
+        frame.render_widget(Paragraph::new(shown), area);
     }
 }
 
-fn with_legend(frame: &mut Frame, area: Rect, plot: impl FnOnce(&mut Frame, Rect)) {
+/// Draws what the colours mean; what is left below it.
+fn legend(frame: &mut Frame, area: Rect) -> Rect {
     let legend = flow(charts::legend(), usize::from(area.width));
     let [top, rest] =
         Layout::vertical([Constraint::Length(lines_of(&legend)), Constraint::Min(0)]).areas(area);
     frame.render_widget(Paragraph::new(legend), top);
-    plot(frame, rest);
+    rest
 }
 
-fn events(dashboard: &Dashboard, width: usize, now: Nanos) -> Vec<Line<'static>> {
+fn events(view: &View, width: usize) -> Vec<Line<'static>> {
     let mut lines = vec![Line::from(Span::styled("events seen since this started", faint()))];
-    for event in dashboard.event_log.newest() {
+    for event in &view.events {
         let count =
             if event.count > 1 { format!(" ({} times)", event.count) } else { String::new() };
-        let age = format!("{:>4.0} s ago", now.since(event.stamp).as_seconds());
-        lines.extend(flow(
-            [
-                Span::styled(age, faint()),
-                Span::styled(format!("{}{count}", event.text), of_severity(event.severity)),
-            ],
-            width,
-        ));
+        let age = format!("{:>4.0} s ago", event.age_ms as f64 / 1000.0);
+        let text = format!("{}{count}", event.text);
+        let style = of_severity(event.severity);
+        lines.extend(flow([Span::styled(age, faint()), Span::styled(text, style)], width));
     }
     lines
-}
-
-/// As much as fits; what does not is counted.
-fn scrolled(frame: &mut Frame, area: Rect, lines: Vec<Line<'static>>, scroll: usize) {
-    let height = usize::from(area.height);
-    if lines.len() <= height {
-        return frame.render_widget(Paragraph::new(lines), area);
-    }
-    let room = height.saturating_sub(1);
-    let first = scroll.min(lines.len() - room.min(lines.len()));
-    let more = Line::from(Span::styled(
-        format!("↑↓ lines {} to {} of {}", first + 1, first + room, lines.len()),
-        warning(),
-    ));
-    let shown: Vec<Line> =
-        lines.into_iter().skip(first).take(room).chain(std::iter::once(more)).collect();
-    frame.render_widget(Paragraph::new(shown), area);
 }

@@ -1,10 +1,9 @@
 //! Colours, and text that fits: words that do not fit on a line go to the next one.
 
+use i2ris_terminal::view::Severity;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use unicode_width::UnicodeWidthStr;
-
-use crate::event_log::Severity;
 
 pub const GOAL: Color = Color::Yellow;
 pub const SETPOINT: Color = Color::Cyan;

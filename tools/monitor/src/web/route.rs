@@ -2,8 +2,8 @@
 
 use std::net::IpAddr;
 
-use super::cursor::Since;
 use super::http::{Request, Response};
+use super::since::Since;
 
 const HTML: &str = "text/html; charset=utf-8";
 const CSS: &str = "text/css; charset=utf-8";
@@ -69,41 +69,35 @@ fn is_local(host: &str) -> bool {
 mod tests {
     use super::*;
 
-    fn ask(method: &str, target: &str, host: Option<&str>, local: bool) -> Response {
-        let request = Request {
+    fn request(method: &str, target: &str, host: Option<&str>) -> Request {
+        Request {
             method: method.to_owned(),
             target: target.to_owned(),
             host: host.map(str::to_owned),
             keep_alive: true,
             has_body: false,
-        };
-        answer(&request, local, |since| format!("{since:?}"))
+        }
+    }
+
+    fn ask(target: &str, host: Option<&str>, local: bool) -> Response {
+        answer(&request("GET", target, host), local, |since| format!("{since:?}"))
     }
 
     #[test]
-    fn only_get_is_answered() {
+    fn only_get_without_a_body_is_answered() {
+        let status = |request: &Request| answer(request, true, |_| String::new()).status;
         for method in ["POST", "PUT", "DELETE", "PATCH", "OPTIONS", "HEAD", "get", "CONNECT"] {
-            assert_eq!(ask(method, "/", Some("localhost"), true).status, 405, "{method}");
+            assert_eq!(status(&request(method, "/", Some("localhost"))), 405, "{method}");
         }
-        assert_eq!(ask("GET", "/", Some("localhost"), true).status, 200);
-        let request = Request { has_body: true, ..request("/") };
-        assert_eq!(answer(&request, true, |_| String::new()).status, 400);
-    }
-
-    fn request(target: &str) -> Request {
-        Request {
-            method: "GET".to_owned(),
-            target: target.to_owned(),
-            host: Some("127.0.0.1:1".to_owned()),
-            keep_alive: true,
-            has_body: false,
-        }
+        let get = request("GET", "/", Some("127.0.0.1:1"));
+        assert_eq!(status(&get), 200);
+        assert_eq!(status(&Request { has_body: true, ..get }), 400);
     }
 
     #[test]
     fn names_that_only_lead_here_are_refused() {
         for host in ["localhost", "LOCALHOST:8765", "127.0.0.1:8765", "[::1]:8765", "127.0.0.9"] {
-            assert_eq!(ask("GET", "/live", Some(host), true).status, 200, "{host}");
+            assert_eq!(ask("/live", Some(host), true).status, 200, "{host}");
         }
         for host in [
             Some("evil.example:8765"),
@@ -112,33 +106,23 @@ mod tests {
             Some("localhost.evil.example"),
             None,
         ] {
-            assert_eq!(ask("GET", "/live", host, true).status, 403, "{host:?}");
-            assert_eq!(ask("GET", "/live", host, false).status, 200, "{host:?}");
+            assert_eq!(ask("/live", host, true).status, 403, "{host:?}");
+            assert_eq!(ask("/live", host, false).status, 200, "{host:?}");
         }
     }
 
     #[test]
-    fn everything_that_the_page_names_is_here() {
-        for page in ["/", "/operator"] {
-            everything_is_here(page);
+    fn everything_that_the_pages_name_is_here() {
+        for target in ["/", "/operator"] {
+            let page = String::from_utf8(ask(target, Some("localhost"), true).body).unwrap();
+            let is_file = |part: &&str| part.ends_with(".js") || part.ends_with(".css");
+            let named: Vec<&str> = page.split('"').filter(is_file).collect();
+            assert!(named.len() >= 2, "{named:?}");
+            for name in named {
+                assert_eq!(ask(&format!("/{name}"), Some("localhost"), true).status, 200, "{name}");
+            }
+            assert!(!page.contains("http:") && !page.contains("https:"), "nothing from elsewhere");
         }
-    }
-
-    fn everything_is_here(target: &str) {
-        let page = String::from_utf8(ask("GET", target, Some("localhost"), true).body).unwrap();
-        let named: Vec<&str> = page
-            .split(['"'])
-            .filter(|part| part.ends_with(".js") || part.ends_with(".css"))
-            .collect();
-        assert!(named.len() >= 2, "{named:?}");
-        for name in named {
-            assert_eq!(
-                ask("GET", &format!("/{name}"), Some("localhost"), true).status,
-                200,
-                "{name}"
-            );
-        }
-        assert!(!page.contains("http://") && !page.contains("https://"), "nothing from elsewhere");
-        assert_eq!(ask("GET", "/../etc/passwd", Some("localhost"), true).status, 404);
+        assert_eq!(ask("/../etc/passwd", Some("localhost"), true).status, 404);
     }
 }

@@ -12,6 +12,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use base64::prelude::{BASE64_STANDARD, Engine as _};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -29,8 +30,17 @@ pub struct Browser {
     _profile: TempDir,
 }
 
-/// Where Chromium is, if it is installed.
-pub fn find() -> Option<PathBuf> {
+/// Opens a page, if Chromium is installed.
+#[allow(clippy::print_stderr, reason = "a test that skips says so")]
+pub fn open(url: &str, size: [u32; 2]) -> Option<Browser> {
+    let program = find();
+    if program.is_none() {
+        eprintln!("SKIPPED: no Chromium is installed, so the page was not looked at in a browser");
+    }
+    program.map(|program| Browser::open(&program, url, size))
+}
+
+fn find() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     let names = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
     let places = || std::env::split_paths(&path);
@@ -38,26 +48,15 @@ pub fn find() -> Option<PathBuf> {
 }
 
 impl Browser {
-    /// Opens a page.
-    pub fn open(program: &Path, url: &str, [width, height]: [u32; 2]) -> Self {
+    fn open(program: &Path, url: &str, [width, height]: [u32; 2]) -> Self {
         let profile = tempfile::tempdir().unwrap();
         let pipe = || nix::unistd::pipe2(nix::fcntl::OFlag::O_CLOEXEC).unwrap();
         let ((their_in, our_out), (our_in, their_out)) = (pipe(), pipe());
         let mut command = Command::new(program);
         command
-            .args([
-                "--headless",
-                "--no-sandbox",
-                "--disable-gpu",
-                "--disable-dev-shm-usage",
-                "--remote-debugging-pipe",
-            ])
-            .args([
-                "--no-first-run",
-                "--disable-extensions",
-                "--disable-background-networking",
-                "--mute-audio",
-            ])
+            .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"])
+            .args(["--remote-debugging-pipe", "--no-first-run", "--disable-extensions"])
+            .args(["--disable-background-networking", "--mute-audio"])
             .arg(format!("--user-data-dir={}", profile.path().display()))
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -150,11 +149,9 @@ impl Browser {
     /// Presses a key.
     pub fn press(&mut self, key: &str) {
         for kind in ["keyDown", "keyUp"] {
-            let text = if key.len() == 1 { key } else { "" };
-            let code = if key == "Tab" { 9 } else { 0 };
-            let pressed = json!({
-                "type": kind, "key": key, "text": text, "windowsVirtualKeyCode": code,
-            });
+            let (text, code) = if key == "Tab" { ("", 9) } else { (key, 0) };
+            let mut pressed = json!({ "type": kind, "key": key, "text": text });
+            pressed["windowsVirtualKeyCode"] = json!(code);
             self.call("Input.dispatchKeyEvent", pressed);
         }
     }
@@ -165,51 +162,30 @@ impl Browser {
             return;
         };
         let data = self.call("Page.captureScreenshot", json!({ "format": "png" }));
-        let bytes = base64(data["data"].as_str().unwrap());
+        let bytes = BASE64_STANDARD.decode(data["data"].as_str().unwrap()).unwrap();
         std::fs::write(Path::new(&folder).join(format!("{name}.png")), bytes).unwrap();
     }
 
     /// The addresses of everything that the page asked for.
     pub fn asked_for(&self) -> Vec<String> {
-        let asked = self
-            .events
-            .iter()
-            .filter(|event| event["method"] == json!("Network.requestWillBeSent"));
-        asked
-            .map(|event| event["params"]["request"]["url"].as_str().unwrap_or_default().to_owned())
-            .collect()
+        let is_request = |event: &&Value| event["method"] == "Network.requestWillBeSent";
+        let url = |event: &Value| event["params"]["request"]["url"].as_str().unwrap().to_owned();
+        self.events.iter().filter(is_request).map(url).collect()
     }
 
     /// Errors and warnings on the console, and exceptions that nobody caught.
     pub fn complaints(&self) -> Vec<String> {
-        let bad = |event: &&Value| match event["method"].as_str() {
-            Some("Runtime.exceptionThrown") => true,
-            Some("Runtime.consoleAPICalled") => ["error", "warning", "assert"]
-                .contains(&event["params"]["type"].as_str().unwrap_or("")),
-            Some("Log.entryAdded") => ["error", "warning"]
-                .contains(&event["params"]["entry"]["level"].as_str().unwrap_or("")),
-            _ => false,
+        let bad = |event: &&Value| {
+            let level = match event["method"].as_str() {
+                Some("Runtime.exceptionThrown") => return true,
+                Some("Runtime.consoleAPICalled") => &event["params"]["type"],
+                Some("Log.entryAdded") => &event["params"]["entry"]["level"],
+                _ => return false,
+            };
+            ["error", "warning", "assert"].iter().any(|bad| level == bad)
         };
         self.events.iter().filter(bad).map(ToString::to_string).collect()
     }
-}
-
-/// Decodes base 64 (RFC 4648).
-fn base64(text: &str) -> Vec<u8> {
-    let value = |c: u8| match c {
-        b'A'..=b'Z' => u32::from(c - b'A'),
-        b'a'..=b'z' => u32::from(c - b'a') + 26,
-        b'0'..=b'9' => u32::from(c - b'0') + 52,
-        b'+' => 62,
-        _ => 63,
-    };
-    let digits: Vec<u32> = { text.bytes() }.filter(|c| *c != b'=').map(value).collect();
-    let group = |digits: &[u32]| {
-        let bits = { digits.iter() }.fold(0, |bits, digit| bits << 6 | digit);
-        let bytes = (bits << (6 * (4 - digits.len()))).to_be_bytes();
-        bytes[1..digits.len()].to_vec()
-    };
-    digits.chunks(4).flat_map(group).collect()
 }
 
 /// Starts it with the two pipes in the places where it looks for them.

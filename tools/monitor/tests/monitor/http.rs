@@ -7,7 +7,9 @@ use std::time::Duration;
 use i2ris::ipc::Domain;
 use serde_json::Value;
 
-use i2ris_testing::Program;
+use i2ris_testing::{Program, wait_until};
+
+use crate::chromium::{self, Browser};
 
 /// A page that is served, until dropped.
 pub struct Served {
@@ -35,6 +37,11 @@ impl Served {
         Self { program, address }
     }
 
+    /// Opens a page of it in a browser, if one is installed.
+    pub fn open(&self, page: &str, size: [u32; 2]) -> Option<Browser> {
+        chromium::open(&format!("http://{}/{page}", self.address), size)
+    }
+
     pub fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(("127.0.0.1", self.address.port())).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
@@ -52,21 +59,15 @@ impl Served {
 
     /// Waits until there is a place among the browsers.
     pub fn wait_for_a_place(&self) {
-        let end = std::time::Instant::now() + Duration::from_secs(30);
-        while self.ask("GET", "/").0 != 200 {
-            assert!(std::time::Instant::now() < end, "no place becomes free");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        wait_until("a place becomes free", || self.ask("GET", "/").0 == 200);
     }
 
     /// Asks with a method; status and body.
     pub fn ask(&self, method: &str, target: &str) -> (u16, String) {
+        let host = self.address;
         let answer = self.exchange(
-            format!(
-                "{method} {target} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n",
-                self.address
-            )
-            .as_bytes(),
+            format!("{method} {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n")
+                .as_bytes(),
         );
         let (head, body) =
             answer.split_once("\r\n\r\n").unwrap_or_else(|| panic!("no answer: {answer:?}"));
@@ -82,14 +83,6 @@ impl Served {
 
     /// Waits until a page receives something.
     pub fn wait(&self, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
-        let end = std::time::Instant::now() + Duration::from_secs(30);
-        loop {
-            let live = self.live("");
-            if wanted(&live) {
-                return live;
-            }
-            assert!(std::time::Instant::now() < end, "waited in vain: {what}\n{live:#}");
-            std::thread::sleep(Duration::from_millis(50));
-        }
+        wait_until(what, || Some(self.live("")).filter(&wanted))
     }
 }

@@ -3,38 +3,36 @@
 
 use i2ris::ipc::client::{Client, ExternalPublisher};
 use i2ris::ipc::{Fault, OperatingState, Refusal};
-use i2ris::robot::{Cause, Clip, Excess, Quantity, Reason};
+use i2ris::robot::{Cause, Clip, Measurement, Quantity, Reason};
 use i2ris::units::Nanos;
 use serde_json::json;
 
-use crate::chromium::{Browser, find};
-use crate::http::Served;
-use i2ris_testing::Controller;
+use i2ris_testing::{Background, Controller, Rig, stream_angles, swing_angles_until};
+use nix::sys::signal::Signal;
 
+use crate::chromium::Browser;
+use crate::http::Served;
+
+const PITCH: &str = "document.querySelectorAll('#joints td.estimate')[0].textContent";
 const WHY: &str = "document.getElementById('why')?.innerText";
 
-fn reason(cause: Cause, excess: Excess) -> Reason {
-    Reason { cause, excess: Some(excess) }
+fn reason(cause: Cause, measurement: Measurement) -> Reason {
+    Reason { cause, measurement: Some(measurement) }
 }
 
 #[test]
 fn both_pages_say_at_once_why_the_robot_does_not_follow() {
-    let Some(chromium) = find() else {
-        eprintln!("SKIPPED: no Chromium is installed, so the pages were not looked at");
-        return;
-    };
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
-    let mut pages = ["", "operator"].map(|page| {
-        let url = format!("http://{}/{page}", served.address);
-        Browser::open(&chromium, &url, [1280, 800])
-    });
+    let pages = ["", "operator"].map(|page| served.open(page, [1280, 800]));
+    let [Some(page), Some(operator)] = pages else { return };
+    let mut pages = [page, operator];
     for page in &mut pages {
         let present = format!("{WHY}?.startsWith('refusal 7: no model is loaded; do: ')");
         page.wait("what keeps it now", &present);
     }
-    let step = Excess::new(Quantity::Degrees, 9.25, Some(2.0));
-    let clip = Excess::new(Quantity::Degrees, 1.5, None);
+    let step = Measurement::new(Quantity::Degrees, 9.25, Some(2.0));
+    let clip = Measurement::new(Quantity::Degrees, 1.5, None);
     for reason in
         [reason(Cause::Refusal(Refusal::Step), step), reason(Cause::Clip(Clip::Reach), clip)]
     {
@@ -45,7 +43,7 @@ fn both_pages_say_at_once_why_the_robot_does_not_follow() {
             page.wait("a refusal or a clip", &expected);
         }
     }
-    let fault = Excess::new(Quantity::Counts, 2314.0, Some(2000.0)).of_motor(1);
+    let fault = Measurement::new(Quantity::Counts, 2314.0, Some(2000.0)).of_motor(1);
     let fault = reason(Cause::Fault(Fault::FollowingError), fault);
     {
         let mut robot = controller.robot();
@@ -59,7 +57,7 @@ fn both_pages_say_at_once_why_the_robot_does_not_follow() {
     let [page, operator] = &mut pages;
     // Noise does not displace the fault.
     for number in 0..60 {
-        let noise = Excess::new(Quantity::Degrees, f64::from(number), Some(2.0));
+        let noise = Measurement::new(Quantity::Degrees, f64::from(number), Some(2.0));
         let noise = reason(Cause::Refusal(Refusal::Step), noise);
         controller.robot().reasons.push((noise, 7));
     }
@@ -73,17 +71,12 @@ fn both_pages_say_at_once_why_the_robot_does_not_follow() {
 
 #[test]
 fn the_commander_has_a_name_and_a_camera_that_parts_is_alarmed() {
-    let Some(chromium) = find() else {
-        eprintln!("SKIPPED: no Chromium is installed, so the pages were not looked at");
-        return;
-    };
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     let client = Client::connect(&controller.domain, Nanos::from_millis(20_000)).unwrap();
     let mut commander = client.commander();
     let mut camera = ExternalPublisher::new(&controller.domain);
-    let url = format!("http://{}/", served.address);
-    let mut page = Browser::open(&chromium, &url, [1280, 800]);
+    let Some(mut page) = served.open("", [1280, 800]) else { return };
     page.wait("the page", "document.getElementById('lease') !== null");
     let name = std::env::current_exe().unwrap();
     let name: String = { name.file_name().unwrap().to_str().unwrap() }.chars().take(10).collect();
@@ -115,16 +108,11 @@ fn the_commander_has_a_name_and_a_camera_that_parts_is_alarmed() {
 
 #[test]
 fn angles_of_two_digits_fit_into_their_panel() {
-    let Some(chromium) = find() else {
-        eprintln!("SKIPPED: no Chromium is installed, so the page was not looked at");
-        return;
-    };
     let controller = Controller::enabled();
     controller.robot().pose = [-28.65, -34.38];
     let served = Served::start(&controller.domain);
     let mut camera = ExternalPublisher::new(&controller.domain);
-    let url = format!("http://{}/", served.address);
-    let mut page = Browser::open(&chromium, &url, [1280, 900]);
+    let Some(mut page) = served.open("", [1280, 900]) else { return };
     page.wait("the page", "document.getElementById('joints') !== null");
     for size in [[1280, 900], [1920, 1080], [800, 1400], [360, 1600]] {
         page.resize(size);
@@ -164,15 +152,10 @@ fn pictures(page: &mut Browser, name: &str) {
 
 #[test]
 fn every_width_and_both_themes_hold_everything_and_the_keyboard_reaches_it() {
-    let Some(chromium) = find() else {
-        eprintln!("SKIPPED: no Chromium is installed, so the pages were not looked at");
-        return;
-    };
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     for name in ["", "operator"] {
-        let url = format!("http://{}/{name}", served.address);
-        let mut page = Browser::open(&chromium, &url, [1920, 1080]);
+        let Some(mut page) = served.open(name, [1920, 1080]) else { return };
         page.wait("the state", "document.getElementById('badge')?.textContent === 'ENABLED'");
         for width in [360, 480, 800, 1280, 1920] {
             page.resize([width, 900]);
@@ -209,4 +192,80 @@ fn every_width_and_both_themes_hold_everything_and_the_keyboard_reaches_it() {
         page.wait("the other page", &format!("window.went === {expected}"));
         assert!(page.complaints().is_empty(), "{:?}", page.complaints());
     }
+}
+
+#[test]
+fn a_browser_shows_numbers_that_move_and_says_when_they_are_stale() {
+    let mut robot = Rig::with_model();
+    let client = robot.enabled();
+    let commander = Background::start(move |stop| stream_angles(&client, swing_angles_until(stop)));
+    let mut served = Served::start(&robot.domain());
+    let url = format!("http://{}/", served.address);
+    let Some(mut page) = served.open("", [1920, 1080]) else { return };
+    page.wait("the state", "document.getElementById('badge')?.textContent === 'ENABLED'");
+    page.wait("motion", &format!("window.first ??= {PITCH}, window.first !== {PITCH}"));
+    page.wait(
+        "a camera",
+        "/[0-9]/.test(document.querySelector('#joints td.camera, #joints td.parted').textContent)",
+    );
+    page.wait("the hull", "live.hull.length > 20");
+    page.wait("frames beside counts", "recent.frames.some((row) => row[3] !== null)");
+    page.wait(
+        "rates",
+        "/^[1-9]/.test(document.querySelectorAll('#motors tr')[1].children[4].textContent)",
+    );
+    // Every plot has something in every colour that belongs there: it is drawn, not only laid out.
+    let drawn = "[...document.querySelectorAll('canvas')].every((c) => new Set(new Uint32Array(\
+                 c.getContext('2d').getImageData(0, 0, c.width, c.height).data.buffer)).size > 50)";
+    page.wait("curves on every canvas", drawn);
+    for size in [[1920, 1080], [800, 600], [360, 800]] {
+        page.resize(size);
+        page.wait(
+            "no sideways scrolling",
+            "document.documentElement.scrollWidth <= window.innerWidth",
+        );
+    }
+    page.resize([1920, 1080]);
+    page.wait(
+        "all of it on one screen",
+        "document.documentElement.scrollHeight <= window.innerHeight",
+    );
+
+    robot.signal(Signal::SIGSTOP);
+    page.wait(
+        "staleness",
+        "document.getElementById('badge').textContent.startsWith('STALE, was ')",
+    );
+    page.wait(
+        "a banner",
+        "document.getElementById('banner').textContent.startsWith('STALE: the controller')",
+    );
+    page.wait("a mark", "document.body.innerText.includes('estimate STALE')");
+    robot.signal(Signal::SIGCONT);
+    page.wait("fresh again", "!document.getElementById('badge').textContent.startsWith('STALE')");
+    drop(commander);
+    robot.signal(Signal::SIGTERM);
+    page.wait(
+        "absence",
+        "document.getElementById('banner').textContent.includes('no controller serves domain')",
+    );
+
+    let refused = page.evaluate(
+        "fetch('/live', { method: 'POST', body: 'enable' }).then((answer) => answer.status)",
+    );
+    assert_eq!(refused, json!(405));
+    // The browser itself reports the refusal that was just requested, and of nothing else.
+    let complaints: Vec<_> =
+        page.complaints().into_iter().filter(|text| !text.contains("405")).collect();
+    assert!(complaints.is_empty(), "{complaints:#?}");
+    let strange: Vec<_> =
+        page.asked_for().into_iter().filter(|address| !address.starts_with(&url)).collect();
+    assert!(strange.is_empty(), "{strange:?}");
+    assert!(page.asked_for().len() > 10);
+
+    served.program.interrupt();
+    page.wait(
+        "silence",
+        "document.getElementById('banner').textContent.startsWith('THE MONITOR DOES NOT ANSWER')",
+    );
 }

@@ -2,22 +2,22 @@
 
 use std::collections::BTreeMap;
 
-use i2ris::ipc::Domain;
-use i2ris::ipc::payload::{EventMsg, ReasonMsg};
 use i2ris::ipc::ready::INTERFACE_VERSION;
 use i2ris::ipc::server::ReceivedCommand;
+use i2ris::ipc::{Domain, Stream, StreamMessage};
 use i2ris::units::Nanos;
-use zerocopy::{FromBytes, IntoBytes};
+use i2ris_gateway::Reason;
+use i2ris_gateway::clock::ClockOffset;
+use zerocopy::FromBytes;
 
 use super::network::{Arrival, Network};
 use super::pending_requests::PendingRequests;
 use super::service::Service;
-use crate::message::{AliveReply, SessionRefusal};
-use crate::names::{ERROR, EVENTS, WARNING, What};
-use crate::offset::ClockOffset;
+use crate::message::AliveReply;
+use crate::names::What;
 use crate::pace::{Lag, Pace, lag_of_us};
 use crate::request::Answer;
-use crate::state::State;
+use crate::state::{State, shifted};
 use crate::{BridgeEvent, NetworkError};
 
 /// How often the server receives a sign of life. Each of them is an exchange of clocks.
@@ -41,7 +41,7 @@ pub(super) struct Joined {
     lag: Lag,
     /// How often commands are sent, and the newest of every client that waits for it.
     pace: Pace,
-    waiting: BTreeMap<u64, ReceivedCommand>,
+    waiting: BTreeMap<u64, StreamMessage>,
     /// When somebody here sent a command last.
     last_command: Nanos,
     /// The domain, while there is a controller at the other end.
@@ -54,10 +54,9 @@ pub(super) struct Joined {
 /// How a session goes on.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Course {
-    /// It lives.
     Lives,
     /// The server has ended it, or does not begin it.
-    Refused(SessionRefusal),
+    Refused(Reason),
 }
 
 impl Joined {
@@ -85,7 +84,6 @@ impl Joined {
         self.network.next(wait)
     }
 
-    /// How long nothing has been received.
     pub fn silence(&self, now: Nanos) -> Nanos {
         now.since(self.received_last)
     }
@@ -110,17 +108,24 @@ impl Joined {
             return;
         };
         for command in service.commands() {
-            self.waiting.insert(sender(&command), command);
+            let (client, command) = match command {
+                ReceivedCommand::Joint(it) => (it.client_id, StreamMessage::ServoJp(it)),
+                ReceivedCommand::Actuator(it) => (it.client_id, StreamMessage::ServoActuators(it)),
+            };
+            self.waiting.insert(client, command);
             self.last_command = now;
         }
         if !self.waiting.is_empty() && self.pace.is_due(now) {
             for command in std::mem::take(&mut self.waiting).into_values() {
-                send(&self.network, command, &self.offset, now);
+                // Its stamp is put on the controller's clock.
+                if let Some(command) = shifted(&command, |time| self.offset.there(time, now)) {
+                    self.network.command(&command);
+                }
             }
         }
-        service.questions(now, |token, kind, payload| {
-            self.pending.take(token, kind, payload, now);
-        });
+        for (token, request) in service.requests(now) {
+            self.pending.take(token, &request, now);
+        }
         self.pending.due(now, |question| {
             if let Some(asked) = self.offset.there(question.asked, now) {
                 let (what, bytes) = (What::Request(question.service), question.write(asked));
@@ -130,7 +135,6 @@ impl Joined {
         service.maintain(now);
     }
 
-    /// Takes in what has arrived.
     pub fn receive(
         &mut self,
         arrival: Arrival,
@@ -140,16 +144,12 @@ impl Joined {
     ) -> Result<Course, NetworkError> {
         self.received_last = now;
         match arrival {
-            Arrival::State { stream, bytes } => match stream.as_str() {
-                EVENTS => self.log(&bytes, now),
-                ERROR | WARNING => self.reasons(&bytes, now),
-                _ => {
-                    let mut new = State::default();
-                    if new.read(&stream, &bytes) {
-                        self.show(&new, domain, now)?;
-                    }
+            Arrival::State { stream, bytes } => {
+                let mut new = State::default();
+                if new.read(&stream, &bytes) {
+                    self.show(&new, domain, now)?;
                 }
-            },
+            }
             Arrival::Alive { sent, arrived, bytes } => {
                 if let Ok(reply) = AliveReply::read_from_bytes(&bytes) {
                     return self.admit(reply, sent, arrived, report);
@@ -174,14 +174,11 @@ impl Joined {
         arrived: Nanos,
         report: &mut impl FnMut(BridgeEvent),
     ) -> Result<Course, NetworkError> {
-        match SessionRefusal::of(reply.refusal) {
-            Some(SessionRefusal::Interface) => {
-                return Err(NetworkError::Interface {
-                    theirs: reply.interface,
-                    ours: INTERFACE_VERSION,
-                });
+        match reply.reason() {
+            Some(Reason::Interface(theirs)) => {
+                return Err(NetworkError::Interface { theirs, ours: INTERFACE_VERSION });
             }
-            Some(refusal) => return Ok(Course::Refused(refusal)),
+            Some(reason) => return Ok(Course::Refused(reason)),
             None => {}
         }
         self.offset.note(sent, Nanos(reply.now_ns), arrived);
@@ -227,10 +224,13 @@ impl Joined {
         let Some(new) = new.here(&self.offset, now).filter(|_| is_there) else {
             return Ok(());
         };
-        if let Some(measured) = &new.measured {
-            self.lag.note(now.since(Nanos(measured.stamp_ns)));
+        if let Some(measured) = new.newest(Stream::Measured) {
+            self.lag.note(measured.stamp().0, now);
         }
-        let boot = new.operating.map(|message| message.boot_id);
+        let boot = match new.newest(Stream::State) {
+            Some(StreamMessage::State(state)) => Some(state.boot_id),
+            _ => None,
+        };
         let serves = self.service.as_ref().map(Service::boot_id);
         if boot.is_some() && serves.is_some() && boot != serves {
             self.end_service();
@@ -249,64 +249,9 @@ impl Joined {
         Ok(())
     }
 
-    /// Shows lines of the log.
-    fn log(&mut self, bytes: &[u8], now: Nanos) {
-        let Some(service) = &mut self.service else {
-            return;
-        };
-        for event in messages::<EventMsg>(bytes) {
-            if let Some(stamp_ns) = self.offset.here(event.stamp_ns, now) {
-                service.log(EventMsg { stamp_ns, ..event });
-            }
-        }
-    }
-
-    /// Shows faults, refusals, stops and clips.
-    fn reasons(&mut self, bytes: &[u8], now: Nanos) {
-        let Some(service) = &mut self.service else {
-            return;
-        };
-        for reason in messages::<ReasonMsg>(bytes) {
-            if let Some(stamp_ns) = self.offset.here(reason.stamp_ns, now) {
-                service.reason(&ReasonMsg { stamp_ns, ..reason });
-            }
-        }
-    }
-
     /// Ends: clients here see a controller that is gone.
     pub fn leave(self) {
         self.network.alive(true, 0);
         self.network.close();
-    }
-}
-
-/// The messages that follow each other in a payload.
-fn messages<T: FromBytes>(bytes: &[u8]) -> impl Iterator<Item = T> {
-    { bytes.chunks(size_of::<T>()) }.filter_map(|bytes| T::read_from_bytes(bytes).ok())
-}
-
-/// The client that sends a command.
-fn sender(command: &ReceivedCommand) -> u64 {
-    match command {
-        ReceivedCommand::Joint(command) => command.client_id,
-        ReceivedCommand::Actuator(command) => command.client_id,
-    }
-}
-
-/// Sends a command with its stamp on the controller's clock.
-fn send(network: &Network, command: ReceivedCommand, offset: &ClockOffset, now: Nanos) {
-    match command {
-        ReceivedCommand::Joint(mut command) => {
-            if let Some(stamp) = offset.there(command.stamp_ns, now) {
-                command.stamp_ns = stamp;
-                network.command(What::ServoJp, command.as_bytes());
-            }
-        }
-        ReceivedCommand::Actuator(mut command) => {
-            if let Some(stamp) = offset.there(command.stamp_ns, now) {
-                command.stamp_ns = stamp;
-                network.command(What::ServoActuators, command.as_bytes());
-            }
-        }
     }
 }

@@ -1,12 +1,13 @@
 //! The Zenoh side of the client.
 
+use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use std::time::Duration;
 
 use i2ris::clock;
-use i2ris::ipc::random_id;
 use i2ris::ipc::ready::INTERFACE_VERSION;
+use i2ris::ipc::{Stream, StreamMessage, random_id};
 use i2ris::units::Nanos;
 use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::qos::{CongestionControl, Priority, Reliability};
@@ -17,17 +18,15 @@ use zerocopy::IntoBytes;
 
 use crate::keys::PersonalKey;
 use crate::message::Alive;
-use crate::names::{self, STATES, Source, What};
+use crate::names::{self, COMMANDS, STATES, Source, What};
 use crate::{NetworkError, link};
 
-/// What may wait to be looked at.
 const WAITING: usize = 1024;
 /// A sign of life whose answer takes longer says nothing any more.
 const ALIVE_TIMEOUT: Duration = Duration::from_secs(2);
 /// The longest that anyone waits for an answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(31);
 
-/// What arrives.
 #[derive(Debug)]
 pub(super) enum Arrival {
     /// A message of a stream, or several of them.
@@ -38,15 +37,13 @@ pub(super) enum Arrival {
     Answer { number: u64, bytes: Vec<u8> },
 }
 
-/// A connection with a session of its own.
 #[derive(Debug)]
 pub(super) struct Network {
     id: String,
     number: u64,
     arrivals: Receiver<Arrival>,
     sender: SyncSender<Arrival>,
-    servo_jp: Publisher<'static>,
-    servo_actuators: Publisher<'static>,
+    commands: BTreeMap<Stream, Publisher<'static>>,
     _states: Subscriber<()>,
     session: Session,
 }
@@ -81,30 +78,20 @@ impl Network {
             .wait()
             .map_err(failed)?;
         let (id, number) = (key.id().to_owned(), random_id());
-        let commands = |what| {
-            let source = Source { id: &id, session: number, what };
-            session
+        let publisher = |stream| {
+            let source = Source { id: &id, session: number, what: What::Command(stream) };
+            let publisher = session
                 .declare_publisher(source.key())
                 // The next command is newer.
                 .reliability(Reliability::BestEffort)
                 .congestion_control(CongestionControl::Drop)
                 .priority(Priority::RealTime)
                 .express(true)
-                .wait()
-                .map_err(failed)
+                .wait();
+            Ok((stream, publisher.map_err(failed)?))
         };
-        let (servo_jp, servo_actuators) =
-            (commands(What::ServoJp)?, commands(What::ServoActuators)?);
-        Ok(Self {
-            id,
-            number,
-            arrivals,
-            sender,
-            servo_jp,
-            servo_actuators,
-            _states: states,
-            session,
-        })
+        let commands = COMMANDS.into_iter().map(publisher).collect::<Result<_, NetworkError>>()?;
+        Ok(Self { id, number, arrivals, sender, commands, _states: states, session })
     }
 
     /// The next arrival; waits for it so long at most.
@@ -112,17 +99,13 @@ impl Network {
         self.arrivals.recv_timeout(wait).ok()
     }
 
-    /// Sends a command.
-    pub fn command(&self, what: What, bytes: &[u8]) {
-        let publisher = match what {
-            What::ServoActuators => &self.servo_actuators,
-            _ => &self.servo_jp,
-        };
-        // A link that is cut is found out by silence.
-        let _ = publisher.put(bytes).wait();
+    pub fn command(&self, command: &StreamMessage) {
+        if let Some(publisher) = self.commands.get(&command.stream()) {
+            // A link that is cut is found out by silence.
+            let _ = publisher.put(command.bytes()).wait();
+        }
     }
 
-    /// Sends a sign of life.
     pub fn alive(&self, leaving: bool, lag_us: u32) {
         let alive =
             Alive { interface: INTERFACE_VERSION, leaving: leaving.into(), lag_us, reserved: 0 };
@@ -132,7 +115,6 @@ impl Network {
         });
     }
 
-    /// Sends a request.
     pub fn request(&self, what: What, number: u64, bytes: &[u8]) {
         let sender = self.sender.clone();
         self.ask(what, bytes, ANSWER_TIMEOUT, move |bytes| {

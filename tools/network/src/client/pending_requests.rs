@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use i2ris::ipc::{ReplySpeed, Request, RequestService};
 use i2ris::units::Nanos;
 
-use crate::request::{Question, Service};
+use crate::request::Question;
 
 /// How often a request is sent again. The link repeats what it loses, but not what was in transit
 /// when the server opened it anew.
@@ -13,7 +14,6 @@ const REPEAT: Nanos = Nanos::from_millis(200);
 const PATIENCE: Nanos = Nanos::from_millis(1500);
 const SLOW_PATIENCE: Nanos = Nanos::from_millis(31_000);
 
-/// Pending requests, by their number.
 #[derive(Debug, Default)]
 pub(super) struct PendingRequests {
     next: u64,
@@ -29,18 +29,20 @@ struct Waiting {
 
 impl PendingRequests {
     /// A client asks. `token` is what its answer wants.
-    pub fn take(&mut self, token: u64, service: Service, payload: &[u8], now: Nanos) {
+    pub fn take(&mut self, token: u64, request: &Request, now: Nanos) {
         self.next += 1;
-        let question =
-            Question { number: self.next, asked: now.0, service, payload: payload.to_vec() };
+        let (service, payload) = (request.service(), request.bytes().to_vec());
+        let question = Question { number: self.next, asked: now.0, service, payload };
         self.waiting.insert(self.next, Waiting { question, token, send: now });
     }
 
     /// Hands over what has to be sent now, and forgets what nobody waits for.
     pub fn due(&mut self, now: Nanos, mut send: impl FnMut(&Question)) {
         self.waiting.retain(|_, waiting| {
-            let patience =
-                if waiting.question.service.is_slow() { SLOW_PATIENCE } else { PATIENCE };
+            let patience = match waiting.question.service.speed() {
+                ReplySpeed::Quick => PATIENCE,
+                ReplySpeed::Slow => SLOW_PATIENCE,
+            };
             now.since(Nanos(waiting.question.asked)) < patience
         });
         for waiting in self.waiting.values_mut().filter(|waiting| now >= waiting.send) {
@@ -50,7 +52,7 @@ impl PendingRequests {
     }
 
     /// An answer has come. The first one counts.
-    pub fn answered(&mut self, number: u64) -> Option<(u64, Service)> {
+    pub fn answered(&mut self, number: u64) -> Option<(u64, RequestService)> {
         self.waiting.remove(&number).map(|waiting| (waiting.token, waiting.question.service))
     }
 }
@@ -72,11 +74,11 @@ mod tests {
     #[test]
     fn a_request_is_repeated_until_its_answer_comes() {
         let mut pending = PendingRequests::default();
-        pending.take(40, Service::StateCommand, &[], at(0));
+        pending.take(40, &Request::StateCommand(Default::default()), at(0));
         assert_eq!(sent(&mut pending, at(0)), [1]);
         assert!(sent(&mut pending, at(199)).is_empty());
         assert_eq!(sent(&mut pending, at(200)), [1]);
-        assert_eq!(pending.answered(1), Some((40, Service::StateCommand)));
+        assert_eq!(pending.answered(1), Some((40, RequestService::StateCommand)));
         assert_eq!(pending.answered(1), None);
         assert!(sent(&mut pending, at(1000)).is_empty());
     }
@@ -84,8 +86,8 @@ mod tests {
     #[test]
     fn what_nobody_waits_for_is_forgotten() {
         let mut pending = PendingRequests::default();
-        pending.take(40, Service::Move, &[], at(0));
-        pending.take(41, Service::Model, &[], at(0));
+        pending.take(40, &Request::Move(Default::default()), at(0));
+        pending.take(41, &Request::Model(Default::default()), at(0));
         assert_eq!(sent(&mut pending, at(1600)), [2]);
         assert!(sent(&mut pending, at(32_000)).is_empty());
     }

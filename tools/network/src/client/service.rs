@@ -1,15 +1,18 @@
 //! The domain on the client's computer.
 
 use i2ris::ipc::client::ExternalPublisher;
-use i2ris::ipc::payload::{EventMsg, ExternalPosition, ReasonMsg};
+use i2ris::ipc::payload::{
+    BlackBoxReply, ExternalPosition, ModelReply, StateCommandReply, padded_text,
+};
 use i2ris::ipc::server::ReceivedCommand;
-use i2ris::ipc::{Domain, DomainLock, Server};
+use i2ris::ipc::{
+    Domain, DomainLock, Payload, Refusal, Request, RequestService, Server, StreamMessage,
+};
 use i2ris::units::Nanos;
 
 use crate::NetworkError;
-use crate::request::{self, Answer};
+use crate::request::Answer;
 use crate::state::State;
-use zerocopy::IntoBytes;
 
 /// Commands of one pass; one per client.
 const MAX_COMMANDS: usize = 16;
@@ -44,50 +47,15 @@ impl Service {
             self.server.describe(version.shape, version.model_id, version.output_names);
             self.server.describe_robot(version);
         }
-        if let Some(goal) = state.goal {
-            self.server.publish_goal(goal);
-        }
-        if let Some(setpoint) = state.setpoint {
-            self.server.publish_setpoint(setpoint);
-        }
-        if let Some(measured) = state.measured {
-            self.server.publish_measured(measured);
-        }
-        if let Some(motors) = state.actuators {
-            self.server.publish_actuators(motors);
-        }
-        if let Some(statistics) = state.statistics {
-            self.server.publish_period_statistics(statistics);
-        }
-        if let Some(health) = state.health {
-            self.server.publish_health(health);
-        }
-        if let Some(message) = state.operating {
-            (self.lease, self.state) = (message.lease_client_id, message.state);
-            self.server.publish_operating_state(message);
-        }
-        if let Some(seen) = state.external {
-            self.see(&seen);
-        }
-        if let Some(adaptation) = state.adaptation {
-            self.server.publish_adaptation(adaptation);
-        }
-        if let Some(fixtures) = state.fixtures {
-            self.server.publish_fixtures(fixtures);
-        }
-    }
-
-    /// Shows clients a line of the log.
-    pub fn log(&mut self, event: EventMsg) {
-        self.server.publish_event(event);
-    }
-
-    /// Shows clients a fault, a refusal, a stop or a clip.
-    pub fn reason(&mut self, message: &ReasonMsg) {
-        // Both ends have the same version of the interface, so they know the same reasons.
-        if let Some(reason) = message.reason() {
-            let (client_id, stamp) = (message.client_id, Nanos(message.stamp_ns));
-            self.server.publish_reason(&reason, client_id, stamp);
+        for message in state.streams().flat_map(|(_, messages)| messages) {
+            match message {
+                StreamMessage::External(seen) => self.see(seen),
+                StreamMessage::State(state) => {
+                    (self.lease, self.state) = (state.lease_client_id, state.state);
+                    self.server.publish(*message);
+                }
+                _ => self.server.publish(*message),
+            }
         }
     }
 
@@ -114,53 +82,40 @@ impl Service {
             .collect()
     }
 
-    /// Hands every new request over, with the token that its answer wants.
-    pub fn questions(&mut self, now: Nanos, mut take: impl FnMut(u64, request::Service, &[u8])) {
-        self.server.poll_state_commands(now, |token, it| {
-            take(token, request::Service::StateCommand, it.as_bytes())
-        });
-        self.server.poll_moves(now, |token, it| take(token, request::Service::Move, it.as_bytes()));
-        self.server
-            .poll_models(now, |token, it| take(token, request::Service::Model, it.as_bytes()));
-        self.server.poll_black_boxes(now, |token, it| {
-            take(token, request::Service::BlackBox, it.as_bytes())
-        });
-        self.server
-            .poll_fixtures(now, |token, it| take(token, request::Service::Fixture, it.as_bytes()));
+    /// Every new request, with the token that its answer wants.
+    pub fn requests(&mut self, now: Nanos) -> Vec<(u64, Request)> {
+        self.server.poll_requests(now)
     }
 
     /// Answers a client; one whose request came to nothing finds out by itself.
-    pub fn answer(&mut self, token: u64, service: request::Service, answer: &Answer) {
+    pub fn answer(&mut self, token: u64, service: RequestService, answer: &Answer) {
+        use RequestService::{BlackBox, Fixture, Model, Move, StateCommand, Version};
+        let (refusal, state) = (Refusal::Unsupported.number(), self.state);
         match service {
-            request::Service::StateCommand => {
-                if let Some(reply) = answer.state(self.state) {
-                    self.server.reply(token, reply);
-                }
+            StateCommand | Move | Fixture => self.reply(token, answer, |_| StateCommandReply {
+                refusal,
+                state,
+                ..Default::default()
+            }),
+            Model => self.reply(token, answer, |why| ModelReply {
+                refusal,
+                message: padded_text(why),
+                ..Default::default()
+            }),
+            BlackBox => {
+                self.reply(token, answer, |why| BlackBoxReply { ticks: 0, text: padded_text(why) })
             }
-            request::Service::Move => {
-                if let Some(reply) = answer.state(self.state) {
-                    self.server.reply_move(token, reply);
-                }
-            }
-            request::Service::Model => {
-                if let Some(reply) = answer.model() {
-                    self.server.reply_model(token, reply);
-                }
-            }
-            request::Service::BlackBox => {
-                if let Some(reply) = answer.black_box() {
-                    self.server.reply_black_box(token, reply);
-                }
-            }
-            request::Service::Fixture => {
-                if let Some(reply) = answer.state(self.state) {
-                    self.server.reply_fixture(token, reply);
-                }
-            }
+            // The server answers it by itself.
+            Version => {}
         }
     }
 
-    /// Housekeeping.
+    fn reply<R: Payload>(&mut self, token: u64, answer: &Answer, refused: impl FnOnce(&str) -> R) {
+        if let Some(reply) = answer.reply(refused) {
+            self.server.reply(token, reply);
+        }
+    }
+
     pub fn maintain(&mut self, now: Nanos) {
         self.server.maintain(now);
     }

@@ -13,22 +13,20 @@ const LONGEST: u64 = 1 << 20;
 const FILE: &str = "access.toml";
 
 /// What a key may do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub enum Access {
-    /// Streams, and questions that change nothing.
+    /// Streams, and questions that change nothing
     Watch,
-    /// Commands and requests, too.
+    /// Commands and requests, too
     Command,
 }
 
-/// A key in the list.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KeyEntry {
     /// Name of the person and a random number: the common name of the certificate.
     pub id: String,
-    /// What it may do.
     pub may: Access,
     /// It may do nothing any more.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -39,7 +37,6 @@ pub struct KeyEntry {
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AccessList {
-    /// The keys.
     #[serde(default)]
     pub key: Vec<KeyEntry>,
 }

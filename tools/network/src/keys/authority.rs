@@ -26,7 +26,6 @@ const CLOCK_TOLERANCE: Duration = Duration::hours(1);
 pub struct Lifetime(Duration);
 
 impl Lifetime {
-    /// So many days.
     #[must_use]
     pub fn days(days: u16) -> Self {
         Self(Duration::days(days.into()))

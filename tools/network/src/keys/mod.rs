@@ -25,11 +25,9 @@ pub use access::{Access, AccessList, KeyEntry};
 pub use authority::{Lifetime, make_key, revoke};
 pub use personal::PersonalKey;
 
-/// A key or the list of keys cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {reason}")]
 pub struct KeyError {
-    /// The file or folder.
     pub path: PathBuf,
     /// What is wrong, and what would be right.
     pub reason: String,

@@ -71,13 +71,11 @@ impl PersonalKey {
         self.folder.join("ca.pem")
     }
 
-    /// The certificate.
     #[must_use]
     pub fn certificate(&self) -> PathBuf {
         self.folder.join("certificate.pem")
     }
 
-    /// The secret.
     #[must_use]
     pub fn secret(&self) -> PathBuf {
         self.folder.join("key.pem")

@@ -1,85 +1,53 @@
 //! The controller, as the server sees it.
 
-use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, Sender, channel};
 
-use i2ris::ipc::client::{ClientError, Forwarder, Subscription, Watcher};
-use i2ris::ipc::payload::{
-    ActuatorState, AdaptationMsg, EventMsg, ExternalPosition, Health, JointState,
-    OperatingStateMsg, PeriodStatistics, ReasonMsg, ServoActuator, ServoJp, Version,
-    VirtualFixturesMsg,
-};
-use i2ris::ipc::{Domain, Message};
+use i2ris::clock;
+use i2ris::ipc::client::{ClientError, Forwarder, RequestForwarder, Subscriptions, Watcher};
+use i2ris::ipc::payload::Version;
+use i2ris::ipc::{Domain, ReplySpeed, Stream, StreamMessage};
 use i2ris::units::Nanos;
-use zerocopy::{Immutable, IntoBytes};
+use i2ris_gateway::worker::{WAITING, Worker};
 
-use super::describe::Describer;
-use super::worker::Worker;
+use super::session::SessionKey;
 use crate::NetworkError;
-use crate::names::{ERROR, EVENTS, WARNING};
-use crate::request::{Answer, Question};
-use crate::state::State;
+use crate::request::{Answer, Outcome, Question};
+use crate::state::{State, streams};
 
 /// How often the controller is asked what it is: the model may have changed.
 const VERSION_PERIOD: Nanos = Nanos::from_millis(1000);
-/// Messages of a log that a client receives that comes later, as in shared memory.
-const LOG_KEPT: usize = 16;
 
-/// A stream of which every message counts, with its last ones.
-#[derive(Debug)]
-struct Log<T: Message> {
-    stream: &'static str,
-    subscription: Subscription<T>,
-    known: VecDeque<T>,
+/// A request, and the session that asks.
+type Task = (SessionKey, Question);
+
+/// Carries out one request after the other.
+fn start(
+    domain: &Domain,
+    name: &str,
+    answered: Sender<(SessionKey, Answer)>,
+) -> Result<Worker<Task>, NetworkError> {
+    let mut controller = RequestForwarder::new(domain);
+    let work = move |(session, question): Task| {
+        // It may have waited for the one before.
+        let answer = if question.is_late(clock::now()) {
+            Answer::empty(question.number, Outcome::Late)
+        } else {
+            question.carry_out(&mut controller)
+        };
+        let _ = answered.send((session, answer));
+    };
+    Worker::start(name, WAITING, work).map_err(NetworkError::Thread)
 }
 
-impl<T: Message + IntoBytes + Immutable> Log<T> {
-    fn new(stream: &'static str, subscription: Subscription<T>) -> Self {
-        Self { stream, subscription, known: VecDeque::new() }
-    }
-
-    /// Hands over every new message.
-    fn look(&mut self, send: &mut impl FnMut(&'static str, &[u8])) -> Result<(), ClientError> {
-        let (stream, known) = (self.stream, &mut self.known);
-        let drained = self.subscription.drain(|message| {
-            send(stream, message.as_bytes());
-            known.push_back(message);
-            if known.len() > LOG_KEPT {
-                known.pop_front();
-            }
-        });
-        drained.map(drop)
-    }
-
-    /// Hands over the last messages, if there are any.
-    fn write(&self, send: &mut impl FnMut(&'static str, &[u8])) {
-        if !self.known.is_empty() {
-            let bytes: Vec<u8> =
-                { self.known.iter() }.flat_map(|message| message.as_bytes().to_vec()).collect();
-            send(self.stream, &bytes);
-        }
-    }
-}
-
-/// The controller, as the server sees it.
 #[derive(Debug)]
 pub(super) struct Controller {
-    operating: Subscription<OperatingStateMsg>,
-    measured: Subscription<JointState>,
-    setpoint: Subscription<JointState>,
-    goal: Subscription<JointState>,
-    actuators: Subscription<ActuatorState>,
-    statistics: Subscription<PeriodStatistics>,
-    health: Subscription<Health>,
-    external: Subscription<ExternalPosition>,
-    adaptation: Subscription<AdaptationMsg>,
-    fixtures: Subscription<VirtualFixturesMsg>,
-    events: Log<EventMsg>,
-    error: Log<ReasonMsg>,
-    warning: Log<ReasonMsg>,
+    streams: Subscriptions,
     forwarder: Forwarder,
-    quick: Worker,
-    slow: Worker,
-    describer: Describer,
+    quick: Worker<Task>,
+    slow: Worker<Task>,
+    answers: Receiver<(SessionKey, Answer)>,
+    describer: Worker<()>,
+    versions: Receiver<Version>,
     is_present: bool,
     known: State,
     next_version: Nanos,
@@ -88,25 +56,24 @@ pub(super) struct Controller {
 impl Controller {
     /// The controller of a domain, which need not be there yet.
     pub fn new(domain: &Domain) -> Result<Self, NetworkError> {
-        let watcher = Watcher::new(domain);
+        let (answered, answers) = channel();
+        let (described, versions) = channel();
+        let mut controller = RequestForwarder::new(domain);
+        let describe = move |()| {
+            if let Ok(version) = controller.version(Default::default()) {
+                let _ = described.send(version);
+            }
+        };
+        let streams: Vec<Stream> = streams().collect();
         Ok(Self {
-            operating: watcher.operating_state(),
-            measured: watcher.measured_js(),
-            setpoint: watcher.setpoint_js(),
-            goal: watcher.goal_js(),
-            actuators: watcher.actuators(),
-            statistics: watcher.period_statistics(),
-            health: watcher.health(),
-            external: watcher.external(),
-            adaptation: watcher.adaptation(),
-            fixtures: watcher.virtual_fixtures(),
-            events: Log::new(EVENTS, watcher.events()),
-            error: Log::new(ERROR, watcher.error()),
-            warning: Log::new(WARNING, watcher.warning()),
+            streams: Subscriptions::new(&Watcher::new(domain), &streams),
             forwarder: Forwarder::new(domain),
-            quick: Worker::start(domain, "server-quick")?,
-            slow: Worker::start(domain, "server-slow")?,
-            describer: Describer::start(domain)?,
+            quick: start(domain, "server-quick", answered.clone())?,
+            slow: start(domain, "server-slow", answered)?,
+            answers,
+            describer: Worker::start("server-version", 1, describe)
+                .map_err(NetworkError::Thread)?,
+            versions,
             is_present: false,
             known: State::default(),
             next_version: Nanos::ZERO,
@@ -118,77 +85,52 @@ impl Controller {
         self.is_present
     }
 
-    /// What is new since the last call. Every new message of a log goes to `log`.
-    pub fn look(&mut self, now: Nanos, log: impl FnMut(&'static str, &[u8])) -> State {
-        let new = match self.streams().and_then(|new| self.logs(log).map(|()| new)) {
-            Ok(new) => new,
+    /// What is new since the last call.
+    pub fn look(&mut self, now: Nanos) -> State {
+        let mut new = State::default();
+        match self.streams.drain(|message| new.insert(message)) {
+            Ok(()) => {}
             Err(ClientError::NoController { .. } | ClientError::Interface { .. }) => {
                 // What a controller said that is gone is forgotten.
                 self.is_present = false;
                 self.known = State::default();
-                self.events.known.clear();
-                self.error.known.clear();
-                self.warning.known.clear();
                 return State::default();
             }
             // It is there, and cannot be read: no news, which watchers see grow old.
-            Err(_) => State::default(),
-        };
-        let new = State { version: self.version(now), ..new };
+            Err(_) => new = State::default(),
+        }
+        new.version = self.version(now);
         self.is_present = true;
         self.known.update(&new);
         new
     }
 
-    fn logs(&mut self, mut log: impl FnMut(&'static str, &[u8])) -> Result<(), ClientError> {
-        self.events.look(&mut log)?;
-        self.error.look(&mut log)?;
-        self.warning.look(&mut log)
-    }
-
-    /// Hands over everything that is known, the state first: a client begins with it.
-    pub fn write_known(&self, mut send: impl FnMut(&'static str, &[u8])) {
-        self.known.write(&mut send);
-        self.events.write(&mut send);
-        self.error.write(&mut send);
-        self.warning.write(&mut send);
+    /// The newest of every stream, and the end of every log.
+    pub fn known(&self) -> &State {
+        &self.known
     }
 
     /// Passes a command on. One that finds no controller is lost, as it should be.
-    pub fn servo_jp(&mut self, command: ServoJp) {
-        let _ = self.forwarder.servo_jp(command);
-    }
-
-    /// Passes a command on.
-    pub fn servo_actuators(&mut self, command: ServoActuator) {
-        let _ = self.forwarder.servo_actuators(command);
+    pub fn command(&mut self, command: StreamMessage) {
+        let _ = match command {
+            StreamMessage::ServoJp(command) => self.forwarder.servo_jp(command),
+            StreamMessage::ServoActuators(command) => self.forwarder.servo_actuators(command),
+            _ => Ok(()),
+        };
     }
 
     /// Has a request carried out. `false`: too many wait already.
-    pub fn ask(&mut self, session: u64, question: Question) -> bool {
-        let worker = if question.service.is_slow() { &self.slow } else { &self.quick };
-        worker.ask(session, question)
+    pub fn ask(&self, session: &SessionKey, question: Question) -> bool {
+        let worker = match question.service.speed() {
+            ReplySpeed::Quick => &self.quick,
+            ReplySpeed::Slow => &self.slow,
+        };
+        worker.ask((session.clone(), question))
     }
 
     /// An answer that has come since the last call, with its session.
-    pub fn answered(&mut self) -> Option<(u64, Answer)> {
-        self.quick.answered().or_else(|| self.slow.answered())
-    }
-
-    fn streams(&mut self) -> Result<State, ClientError> {
-        Ok(State {
-            operating: newest(&mut self.operating)?,
-            measured: newest(&mut self.measured)?,
-            setpoint: newest(&mut self.setpoint)?,
-            goal: newest(&mut self.goal)?,
-            actuators: newest(&mut self.actuators)?,
-            statistics: newest(&mut self.statistics)?,
-            health: newest(&mut self.health)?,
-            external: newest(&mut self.external)?,
-            adaptation: newest(&mut self.adaptation)?,
-            fixtures: newest(&mut self.fixtures)?,
-            version: None,
-        })
+    pub fn answered(&mut self) -> Option<(SessionKey, Answer)> {
+        self.answers.try_recv().ok()
     }
 
     /// What has been answered since the last call; a controller that has just come is asked at
@@ -196,12 +138,9 @@ impl Controller {
     fn version(&mut self, now: Nanos) -> Option<Version> {
         if now >= self.next_version || !self.is_present {
             self.next_version = now + VERSION_PERIOD;
-            self.describer.ask();
+            // Unless it still asks.
+            self.describer.ask(());
         }
-        self.describer.answered()
+        self.versions.try_iter().last()
     }
-}
-
-fn newest<T: Message>(subscription: &mut Subscription<T>) -> Result<Option<T>, ClientError> {
-    subscription.newest()
 }

@@ -21,10 +21,8 @@ use crate::{NetworkError, link};
 /// newest; the controller holds by its deadline then.
 const WAITING: usize = 1024;
 
-/// What arrives.
 #[derive(Debug)]
 pub(super) enum Arrival {
-    /// A command.
     Put(Sample),
     /// A sign of life or a request.
     Query(Query),
@@ -32,7 +30,6 @@ pub(super) enum Arrival {
     State(Query),
 }
 
-/// The open end.
 #[derive(Debug)]
 pub(super) struct Network {
     arrivals: Receiver<Arrival>,
@@ -44,7 +41,6 @@ pub(super) struct Network {
 }
 
 impl Network {
-    /// Listens.
     pub fn open(
         address: &str,
         keys: &Path,
@@ -84,18 +80,12 @@ impl Network {
         }
     }
 
-    /// Sends the newest of a stream, once: the next one is newer.
-    pub fn publish(&mut self, stream: &'static str, bytes: &[u8]) {
-        let qos = (Reliability::BestEffort, Priority::DataHigh);
-        self.put(stream, bytes, qos);
-    }
-
-    /// Sends a message of a stream of which every one counts.
-    pub fn publish_reliably(&mut self, stream: &'static str, bytes: &[u8]) {
-        self.put(stream, bytes, (Reliability::Reliable, Priority::DataLow));
-    }
-
-    fn put(&mut self, stream: &'static str, bytes: &[u8], qos: (Reliability, Priority)) {
+    /// Sends a message of a stream, once: the next one is newer. Of a log every one counts.
+    pub fn publish(&mut self, stream: &'static str, is_log: bool, bytes: &[u8]) {
+        let qos = match is_log {
+            true => (Reliability::Reliable, Priority::DataLow),
+            false => (Reliability::BestEffort, Priority::DataHigh),
+        };
         let publisher = match self.publishers.entry(stream) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(place) => {

@@ -2,13 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use i2ris::ipc::payload::{ServoActuator, ServoJp};
+use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::units::Nanos;
 use zenoh::query::Query;
-use zerocopy::FromBytes;
 
 use super::controller::Controller;
-use crate::names::What;
 use crate::pace::Lag;
 use crate::request::{Answer, Outcome, Question};
 
@@ -16,12 +14,11 @@ use crate::request::{Answer, Outcome, Question};
 /// can be pending.
 const REMEMBERED: usize = 128;
 
-/// One client in one session.
-#[derive(Debug)]
+/// The key of a client, and the number that it chose for this session.
+pub(super) type SessionKey = (String, u64);
+
+#[derive(Debug, Default)]
 pub(super) struct Session {
-    pub id: String,
-    pub number: u64,
-    pub received_last: Nanos,
     /// Whether commands and requests pass.
     pub commands: bool,
     /// How late commands arrive.
@@ -37,47 +34,33 @@ enum Request {
 }
 
 impl Session {
-    pub fn new(id: &str, number: u64, commands: bool, now: Nanos) -> Self {
-        Self {
-            id: id.to_owned(),
-            number,
-            received_last: now,
-            commands,
-            lag: Lag::default(),
-            requests: BTreeMap::new(),
-        }
+    pub fn new(commands: bool) -> Self {
+        Self { commands, ..Self::default() }
     }
 
     /// Passes a command on. Its stamp is on the controller's clock already.
-    pub fn command(&mut self, what: What, bytes: &[u8], now: Nanos, controller: &mut Controller) {
-        if !self.commands {
-            return;
-        }
-        let lag = &mut self.lag;
-        let mut arrived = |stamp_ns| lag.note(now.since(Nanos(stamp_ns)));
-        match what {
-            What::ServoJp => {
-                if let Ok(command) = ServoJp::read_from_bytes(bytes) {
-                    arrived(command.stamp_ns);
-                    controller.servo_jp(command);
-                }
-            }
-            What::ServoActuators => {
-                if let Ok(command) = ServoActuator::read_from_bytes(bytes) {
-                    arrived(command.stamp_ns);
-                    controller.servo_actuators(command);
-                }
-            }
-            What::Alive | What::Request(_) => {}
+    pub fn command(
+        &mut self,
+        stream: Stream,
+        bytes: &[u8],
+        now: Nanos,
+        controller: &mut Controller,
+    ) {
+        if let Some(command) = StreamMessage::from_bytes(stream, bytes)
+            && self.commands
+        {
+            self.lag.note(command.stamp().0, now);
+            controller.command(command);
         }
     }
 
     /// Takes a request, and answers at once if the answer is known.
     pub fn request(
         &mut self,
+        key: &SessionKey,
         question: Question,
         query: Query,
-        controller: &mut Controller,
+        controller: &Controller,
         now: Nanos,
     ) {
         let number = question.number;
@@ -106,7 +89,7 @@ impl Session {
             return self.answered(Answer::empty(number, outcome));
         }
         // Where too many wait already it is dropped; the client will ask again.
-        if controller.ask(self.number, question) {
+        if controller.ask(key, question) {
             self.requests.insert(number, Request::Pending(query));
         }
     }

@@ -1,7 +1,8 @@
 //! The columns of a payload, and the cells of a message.
 
+use i2ris::ipc::payload::{Field, FieldType, PayloadLayout};
+
 use crate::cdr::{Number, numbers};
-use crate::layout::{Field, FieldType, PayloadLayout, SPAN_MEMBERS};
 
 /// Byte arrays of this length and longer are hashes and texts.
 const LEAST_HASH_LENGTH: usize = 32;
@@ -48,14 +49,12 @@ pub trait TableWriter {
 pub fn columns(layout: &PayloadLayout) -> Vec<Column> {
     let seconds = ["t_s", "received_s"].map(str::to_owned);
     let mut columns = seconds.map(|name| Column { name, kind: ColumnType::Seconds }).to_vec();
-    for field in layout.fields {
-        let Field { name, count, .. } = field;
-        let names: Vec<String> = match *count {
-            _ if field.is_span => SPAN_MEMBERS.map(|member| format!("{name}_{member}")).into(),
+    for (name, field) in &layout.numbers() {
+        let names: Vec<String> = match field.count {
             count if count > 1 && !is_hash(field) => {
                 (0..count).map(|index| format!("{name}_{index}")).collect()
             }
-            _ => vec![(*name).to_owned()],
+            _ => vec![name.clone()],
         };
         let kind = column_type(field);
         columns.extend(names.into_iter().map(|name| Column { name, kind }));
@@ -77,13 +76,13 @@ pub fn cells(
     let numbers = numbers(layout, message)?;
     let valid = valid_entries(layout, &numbers);
     let mut numbers = numbers.into_iter();
-    for field in layout.fields {
+    for (_, field) in &layout.numbers() {
         let entries = numbers.by_ref().take(field.count);
         if is_hash(field) {
             cells.push(Cell::Hexadecimal(entries.map(hexadecimal).collect()));
         } else if is_identity(field) {
             cells.extend(entries.map(identity));
-        } else if field.count > 1 && field.kind == FieldType::F64 && !field.is_span {
+        } else if field.count > 1 && field.kind == FieldType::F64 {
             let cell = |(index, entry)| Cell::Number(if index < valid { entry } else { NO_NUMBER });
             cells.extend(entries.enumerate().map(cell));
         } else {
@@ -99,7 +98,7 @@ const NO_NUMBER: Number = Number::Float(f64::NAN);
 /// Number of entries that are valid in the arrays of a message.
 fn valid_entries(layout: &PayloadLayout, numbers: &[Number]) -> usize {
     let mut before = 0;
-    for field in layout.fields {
+    for (_, field) in layout.numbers() {
         if field.name == "count" {
             return match numbers.get(before) {
                 Some(Number::Unsigned(count)) => *count as usize,
@@ -160,16 +159,15 @@ fn hexadecimal(byte: Number) -> String {
 
 #[cfg(test)]
 mod tests {
-    use i2ris::ipc::payload::{JointState, PeriodStatistics};
+    use i2ris::ipc::payload::{JointState, Payload, PeriodStatistics};
 
     use super::*;
     use crate::cdr::encode;
-    use crate::layout::Layout;
 
     #[test]
     fn every_column_has_a_cell_of_its_type() {
-        let joints = (JointState::LAYOUT, encode(&JointState::default()));
-        let windows = (PeriodStatistics::LAYOUT, encode(&PeriodStatistics::default()));
+        let joints = (JointState::LAYOUT, encode(JointState::default().bytes()));
+        let windows = (PeriodStatistics::LAYOUT, encode(PeriodStatistics::default().bytes()));
         for (layout, message) in [joints, windows] {
             let columns = columns(&layout);
             let cells = cells(&layout, 5, 7, 9, &message).unwrap();
@@ -191,12 +189,13 @@ mod tests {
 
     #[test]
     fn entries_that_are_not_there_are_empty_and_identities_hexadecimal() {
-        let message = encode(&JointState {
+        let state = JointState {
             boot_id: 0xb007,
             position: [0.5, 0.25, 0.0],
             count: 2,
             ..JointState::default()
-        });
+        };
+        let message = encode(state.bytes());
         let columns = columns(&JointState::LAYOUT);
         let cells = cells(&JointState::LAYOUT, 0, 0, 0, &message).unwrap();
         let text = |name: &str| {

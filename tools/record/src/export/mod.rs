@@ -8,60 +8,46 @@
 //! | file | contains |
 //! |---|---|
 //! | `columns` | the columns of a payload, and the cells of a message |
-//! | `csv` | tables as CSV |
 //! | `parquet` | tables as Parquet: columns with types, a tenth of the size |
 
 mod columns;
-mod csv;
 mod parquet;
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
+use i2ris::ipc::Stream;
+use i2ris::ipc::payload::PayloadLayout;
 use mcap::records::{MessageHeader, Record};
 
-use crate::layout::PayloadLayout;
 use crate::read::{ReadError, Records};
-use crate::topic::{Stream, Topic};
-use columns::TableWriter;
+use crate::topic::Topic;
+use columns::{Cell, Column, TableWriter};
 
 /// The file format of tables.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum TableFormat {
-    /// Comma-separated text.
+    /// Comma-separated text
     #[default]
     Csv,
-    /// Apache Parquet, compressed with Snappy. pandas, MATLAB, DuckDB and Julia read it with types.
+    /// Apache Parquet: columns with types, compressed
+    // With Snappy. pandas, MATLAB, DuckDB and Julia read it.
     Parquet,
 }
 
 /// Why tables cannot be written.
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
-    /// The recording cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
-    /// A table cannot be written.
     #[error("cannot write {path}: {reason}; the file there is not a complete table")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        reason: String,
-    },
-    /// The folder cannot be created.
+    Write { path: PathBuf, reason: String },
     #[error("cannot make the folder {path}: {source}")]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-        /// The reason.
-        source: io::Error,
-    },
+    Folder { path: PathBuf, source: io::Error },
 }
 
-/// What was exported.
 #[derive(Debug, Default)]
 pub struct ExportedTables {
     /// Rows of every table, by file name.
@@ -79,29 +65,25 @@ struct OpenTable {
 
 /// Writes tables into a folder, which is created if necessary. A recording that was cut off gives
 /// the rows that it has.
-///
-/// # Errors
-///
-/// [`ExportError`].
 pub fn export(
     recording: &Path,
     folder: &Path,
     format: TableFormat,
 ) -> Result<ExportedTables, ExportError> {
-    let records = Records::open(recording)?;
+    let mut records = Records::open(recording)?;
     fs::create_dir_all(folder)
         .map_err(|source| ExportError::Folder { path: folder.to_owned(), source })?;
     let mut tables: BTreeMap<u16, OpenTable> = BTreeMap::new();
     let mut exported = ExportedTables::default();
     let mut start = None;
-    for record in records {
+    for record in records.by_ref() {
         match record {
-            Ok(Record::Channel(channel)) if !tables.contains_key(&channel.id) => {
+            Record::Channel(channel) if !tables.contains_key(&channel.id) => {
                 if let Some(stream) = Topic::payload_stream(&channel.topic) {
                     tables.insert(channel.id, OpenTable::create(folder, stream, format)?);
                 }
             }
-            Ok(Record::Message { header, data }) => {
+            Record::Message { header, data } => {
                 if let Some(table) = tables.get_mut(&header.channel_id) {
                     let start = *start.get_or_insert(header.publish_time.min(header.log_time));
                     if table.write_message(start, &header, &data)? {
@@ -109,14 +91,10 @@ pub fn export(
                     }
                 }
             }
-            Ok(Record::DataEnd(_)) => break,
-            Ok(_) => {}
-            Err(error) => {
-                exported.stopped_by = Some(error);
-                break;
-            }
+            _ => {}
         }
     }
+    exported.stopped_by = records.stopped_by();
     let units = units(&tables);
     for OpenTable { path, writer, .. } in tables.into_values() {
         writer.finish().map_err(|reason| ExportError::Write { path, reason })?;
@@ -151,10 +129,10 @@ impl OpenTable {
         let layout = stream.layout();
         let columns = columns::columns(&layout);
         let writer: Result<Box<dyn TableWriter>, String> = match format {
-            TableFormat::Csv => csv::CsvTable::create(&path, &columns)
-                .map(|table| Box::new(table) as Box<dyn TableWriter>),
-            TableFormat::Parquet => parquet::ParquetTable::create(&path, &columns)
-                .map(|table| Box::new(table) as Box<dyn TableWriter>),
+            TableFormat::Csv => CsvTable::create(&path, &columns).map(|table| Box::new(table) as _),
+            TableFormat::Parquet => {
+                parquet::ParquetTable::create(&path, &columns).map(|table| Box::new(table) as _)
+            }
         };
         match writer {
             Ok(writer) => Ok(Self { name, path, layout, writer }),
@@ -177,5 +155,33 @@ impl OpenTable {
         let written = self.writer.write_row(cells);
         written.map_err(|reason| ExportError::Write { path: path(), reason })?;
         Ok(true)
+    }
+}
+
+/// A CSV file in progress.
+struct CsvTable(csv::Writer<BufWriter<File>>);
+
+impl CsvTable {
+    fn create(path: &Path, columns: &[Column]) -> Result<Self, String> {
+        let file = File::create(path).map_err(|error| error.to_string())?;
+        let mut writer = csv::Writer::from_writer(BufWriter::new(file));
+        let names = columns.iter().map(|column| &column.name);
+        writer.write_record(names).map_err(|error| error.to_string())?;
+        Ok(Self(writer))
+    }
+}
+
+impl TableWriter for CsvTable {
+    fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), String> {
+        let texts = cells.into_iter().map(|cell| match cell {
+            Cell::Seconds(seconds) => format!("{seconds:.9}"),
+            Cell::Number(number) => number.to_string(),
+            Cell::Hexadecimal(digits) => digits,
+        });
+        self.0.write_record(texts).map_err(|error| error.to_string())
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<(), String> {
+        self.0.flush().map_err(|error| error.to_string())
     }
 }

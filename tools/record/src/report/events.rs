@@ -7,12 +7,9 @@ use serde_json::Value;
 
 use super::trial::Trial;
 
-/// An event of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TrialEvent {
-    /// Seconds since the start of the recording.
     pub t_s: f64,
-    /// Description.
     pub what: String,
     /// It was not intended: a fault, a stop, a refusal.
     pub is_trouble: bool,

@@ -4,7 +4,7 @@
 //! gradient of the plane that fits the output best (least squares). The distance from the plane
 //! shows the loop. Its two branches are the samples with rising and with falling counts.
 
-use i2ris_statistics::{mean, quantile_of_unsorted};
+use i2ris_report::statistics::{mean, quantile_of_unsorted};
 use serde::Serialize;
 
 use super::trial::Trial;
@@ -20,7 +20,6 @@ const LEAST_SAMPLES: usize = 5;
 /// Counts further apart in time than this are not interpolated, ns.
 const GAP_NS: u64 = 20_000_000;
 
-/// The loop of one output.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct HysteresisLoop {
     /// Pitch or yaw.
@@ -41,12 +40,9 @@ pub struct HysteresisLoop {
     pub falling: Vec<[f64; 3]>,
 }
 
-/// The loops of pitch and yaw by the camera, or by the model's estimate without a camera.
+/// The loops of pitch and yaw.
 pub fn hysteresis_loops(trial: &Trial) -> Vec<HysteresisLoop> {
-    let (from, angles) = match trial.camera.is_empty() {
-        true => ("estimate", &trial.measured),
-        false => ("camera", &trial.camera),
-    };
+    let (from, angles) = trial.observed();
     let mut loops = Vec::new();
     for (axis, output) in ["pitch", "yaw"].into_iter().enumerate() {
         let row = |(stamp, angles): &(u64, [f64; 2])| {

@@ -1,8 +1,12 @@
-//! From command to serial line, and age of encoder positions.
+//! From command to serial line, age of encoder positions, and timing of the control loop.
 
 use hdrhistogram::Histogram;
-use i2ris::ipc::payload::ActuatorState;
+use i2ris::ipc::payload::{ActuatorState, PeriodStatistics, SpanSummary};
 use i2ris::units::MAX_MOTORS;
+use i2ris_report::statistics::quantile_of_unsorted;
+use serde::Serialize;
+
+use super::tracking::Percentiles;
 
 /// Longer durations count as this one, ns: ten seconds.
 const LONGEST_NS: u64 = 10_000_000_000;
@@ -67,10 +71,54 @@ pub fn logarithmic_bins(histogram: &Histogram<u64>) -> (Vec<f64>, Vec<f64>) {
     ((0..=shares.len()).map(edge).collect(), shares)
 }
 
+/// Timing of the control loop over all windows of a second.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LoopTiming {
+    pub windows: u64,
+    pub ticks: u64,
+    pub missed: u64,
+    /// Lateness of ticks, us: medians of the percentiles of the windows, and the largest of all.
+    pub lateness_us: Percentiles,
+    /// Computing time of ticks, us, as above.
+    pub compute_us: Percentiles,
+    /// SCHED_FIFO priority at the end; 0: normal scheduling.
+    pub priority: u32,
+}
+
+pub fn loop_timing(windows: &[PeriodStatistics]) -> Option<LoopTiming> {
+    let last = windows.last()?;
+    Some(LoopTiming {
+        windows: windows.len() as u64,
+        ticks: windows.iter().map(|window| window.ticks).sum(),
+        missed: windows.iter().map(|window| window.missed).sum(),
+        lateness_us: typical(windows, |window| &window.lateness),
+        compute_us: typical(windows, |window| &window.compute),
+        priority: last.priority,
+    })
+}
+
+fn typical(
+    windows: &[PeriodStatistics],
+    summary: fn(&PeriodStatistics) -> &SpanSummary,
+) -> Percentiles {
+    let values = |pick: fn(&SpanSummary) -> u64| {
+        windows.iter().map(move |window| pick(summary(window)) as f64 * 1e-3)
+    };
+    let median = |pick| {
+        let mut values: Vec<f64> = values(pick).collect();
+        quantile_of_unsorted(&mut values, 0.5).unwrap_or(f64::NAN)
+    };
+    Percentiles {
+        p50: median(|span| span.p50_ns),
+        p90: median(|span| span.p90_ns),
+        p99: median(|span| span.p99_ns),
+        max: values(|span| span.max_ns).fold(0.0, f64::max),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::percentiles::Percentiles;
 
     fn state(ms: u64, command: u64) -> ActuatorState {
         ActuatorState {

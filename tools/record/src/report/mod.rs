@@ -1,79 +1,127 @@
-//! The report of a trial: tracking error, hysteresis, latencies and events, as numbers and as a
-//! page.
+//! The report of a trial: tracking error, hysteresis, latencies and events, gathered once; as text,
+//! as JSON and as a page.
 //!
 //! | file | contains |
 //! |---|---|
-//! | `trial` | the data of a recording, read once |
-//! | `following` | when the robot followed commands |
-//! | `tracking` | tracking error by the model's estimate and by the camera |
-//! | `reaches` | point-to-point motion: time and overshoot |
-//! | `targets` | reach-and-hold tasks: the same, and whether the snake stayed there |
+//! | `trial` | the data of a recording, read once; when the robot followed commands |
+//! | `tracking` | tracking error by the model's estimate and by the camera; percentiles |
+//! | `reaches` | point-to-point motion and reach-and-hold tasks: time, overshoot, detour |
 //! | `hysteresis` | counts against angle, width of the loop |
-//! | `latency` | from command to serial line, age of encoder positions |
+//! | `latency` | from command to serial line, age of encoder positions, the control loop |
 //! | `events` | events in words |
-//! | `percentiles` | percentiles of a quantity |
-//! | `summary` | all results as numbers |
-//! | `page` | all results as an HTML page |
+//! | `text`, `page`, `figures` | the writers |
 //!
 //! Angles are in degrees; instants are seconds since the first message of the controller.
 
-mod adaptation;
 mod events;
-mod following;
+mod figures;
 mod hysteresis;
 mod latency;
 mod page;
-mod percentiles;
 mod reaches;
-mod summary;
-mod targets;
+mod text;
 mod tracking;
 mod trial;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use i2ris_plot::Page;
-
-pub use events::TrialEvent;
-pub use hysteresis::HysteresisLoop;
-pub use percentiles::Percentiles;
-pub use reaches::{Reach, ReachScore};
-pub use summary::{LoopTiming, StreamCount, TrialSummary};
-pub use targets::{TargetReach, TargetScore};
-pub use tracking::TrackingError;
+use i2ris_report::Page;
+use serde::Serialize;
 
 use crate::read::ReadError;
-use events::trial_events;
+use events::{TrialEvent, trial_events};
+use hysteresis::{HysteresisLoop, hysteresis_loops};
+use latency::{LoopTiming, loop_timing};
+use reaches::{ReachScore, TargetScore, reach_score, target_score};
+use tracking::{Percentiles, TrackingError, tracking_errors, tracking_statistics};
 use trial::Trial;
 
-/// The report of a trial.
-#[derive(Debug)]
+/// The report of a trial. As JSON it has the numbers without the series.
+#[derive(Debug, Serialize)]
 pub struct TrialReport {
+    /// Name of the file.
+    pub file: String,
+    pub length_s: f64,
+    /// Why it cannot be read to its end; `None`: it is complete.
+    pub cut_off: Option<String>,
+    /// Metadata from its start.
+    pub about: BTreeMap<String, String>,
+    /// Metadata from its end.
+    pub outcome: BTreeMap<String, String>,
+    /// Attached files and their bytes.
+    pub attached: BTreeMap<String, usize>,
+    pub streams: Vec<StreamCount>,
+    /// Error by the camera.
+    pub camera: Option<TrackingError>,
+    /// Error by the model's estimate from the encoders.
+    pub estimate: Option<TrackingError>,
+    pub reaches: Option<ReachScore>,
+    pub targets: Option<TargetScore>,
+    pub hysteresis: Vec<HysteresisLoop>,
+    /// From the stamp of a command until its set-point was passed to the serial line, ms.
+    pub command_to_line_ms: Option<Percentiles>,
+    /// Age of the encoder position in each tick, ms.
+    pub reading_age_ms: Option<Percentiles>,
+    pub control_loop: Option<LoopTiming>,
+    pub events: Vec<TrialEvent>,
+    /// What the figures are drawn from.
+    #[serde(skip)]
     trial: Trial,
-    summary: TrialSummary,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StreamCount {
+    pub name: &'static str,
+    pub messages: u64,
+    pub rate_hz: f64,
+    /// Missing messages, by their sequence numbers.
+    pub missing: u64,
 }
 
 impl TrialReport {
     /// Reads a recording, complete or cut off, and evaluates it.
-    ///
-    /// # Errors
-    ///
-    /// [`ReadError`]: the file cannot be opened, or its beginning is not a recording.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let trial = Trial::read(path)?;
-        let summary = TrialSummary::new(&trial, trial_events(&trial));
-        Ok(Self { trial, summary })
+        let streams = trial.streams.iter().map(|(stream, count)| StreamCount {
+            name: stream.name(),
+            messages: count.messages,
+            rate_hz: count.rate_hz(),
+            missing: count.missing,
+        });
+        Ok(Self {
+            file: trial.file.clone(),
+            length_s: trial.length_s(),
+            cut_off: trial.stopped_by.clone(),
+            about: trial.about.clone(),
+            outcome: trial.outcome.clone(),
+            attached: trial.attached.clone(),
+            streams: streams.collect(),
+            camera: tracking_statistics(&tracking_errors(&trial, &trial.camera)),
+            estimate: tracking_statistics(&tracking_errors(&trial, &trial.measured)),
+            reaches: reach_score(&trial),
+            targets: target_score(&trial),
+            hysteresis: hysteresis_loops(&trial),
+            command_to_line_ms: Percentiles::of_histogram_ms(&trial.latencies.to_line),
+            reading_age_ms: Percentiles::of_histogram_ms(&trial.latencies.age),
+            control_loop: loop_timing(&trial.windows),
+            events: trial_events(&trial),
+            trial,
+        })
     }
 
-    /// The results as numbers.
-    #[must_use]
-    pub fn summary(&self) -> &TrialSummary {
-        &self.summary
+    /// As a few lines of text.
+    pub fn text(&self) -> String {
+        text::text(self)
     }
 
-    /// The results as a page.
-    #[must_use]
+    /// As an HTML page with figures.
     pub fn page(&self) -> Page {
-        page::page(&self.trial, &self.summary)
+        page::page(self)
+    }
+
+    /// Events that were not intended.
+    fn troubles(&self) -> impl Iterator<Item = &TrialEvent> {
+        self.events.iter().filter(|event| event.is_trouble)
     }
 }

@@ -1,14 +1,16 @@
-//! Point-to-point motion: every reach of a trial, scored.
+//! Point-to-point motion and reach-and-hold tasks: every reach of a trial, scored.
 //!
 //! A reach begins when the goal leaves a place where it has rested, and ends where it rests next,
-//! whoever moves it: a program, a keyboard or a gamepad. Observed angles are averaged over short
-//! windows, because a camera has noise.
+//! whoever moves it: a program, a keyboard or a gamepad. A target of a task counts from the moment
+//! it was shown to a person. It is held when the snake stays within its tolerance for its time;
+//! whether it does is evaluated again here, from the recorded angles. Observed angles are averaged
+//! over short windows, because a camera has noise.
 
-use i2ris_statistics::TimeSeries;
-use i2ris_statistics::quantile_of_unsorted;
+use i2ris::ipc::payload::ReachTarget;
+use i2ris_report::statistics::{TimeSeries, quantile_of_unsorted};
 use serde::Serialize;
 
-use super::trial::Trial;
+use super::trial::{Trial, degrees};
 
 /// The goal rests while it stays within this distance, deg, ...
 const REST_DEG: f64 = 0.02;
@@ -16,26 +18,27 @@ const REST_DEG: f64 = 0.02;
 const REST_NS: u64 = 500_000_000;
 /// A shorter motion is no reach, deg.
 const SHORTEST_DEG: f64 = 0.5;
+/// A nearer target has no direction, deg.
+const NEAREST_DEG: f64 = 1e-3;
 /// The snake has arrived within this distance of the end, deg.
 pub const ARRIVED_DEG: f64 = 0.15;
 /// Window of the mean that has to be within it, twice in a row, ns.
-pub(super) const ARRIVED_NS: u64 = 200_000_000;
+const ARRIVED_NS: u64 = 200_000_000;
 /// Window of the mean for the overshoot, ns.
 const OVERSHOOT_NS: u64 = 100_000_000;
+/// Samples with a longer gap do not show that the snake stayed.
+const LONGEST_GAP_NS: u64 = 500_000_000;
 
 /// Stamp, pitch and yaw in degrees.
-pub(super) type Sample = (u64, [f64; 2]);
+type Sample = (u64, [f64; 2]);
 
-/// One reach.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Reach {
     /// When the goal left its rest, seconds.
     pub t_s: f64,
-    /// Pitch and yaw where it began, degrees.
+    /// Pitch and yaw where it began, and where it ended, degrees.
     pub from_deg: [f64; 2],
-    /// Pitch and yaw where it ended, degrees.
     pub to_deg: [f64; 2],
-    /// Distance of the two.
     pub distance_deg: f64,
     /// Time until the goal rested again, seconds.
     pub goal_s: f64,
@@ -48,7 +51,6 @@ pub struct Reach {
     pub detour: f64,
 }
 
-/// All reaches of a trial.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ReachScore {
     /// What observed the snake: `camera` or `estimate`.
@@ -60,39 +62,116 @@ pub struct ReachScore {
     pub arrived_s: Option<[f64; 2]>,
     /// Overshoot, degrees: median and 95 %.
     pub overshoot_deg: [f64; 2],
-    /// The reaches.
     pub reaches: Vec<Reach>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct TargetReach {
+    /// Number in its task, from 1.
+    pub number: u32,
+    /// When it was shown, seconds.
+    pub t_s: f64,
+    /// Pitch and yaw of the snake then, and of the target, degrees.
+    pub from_deg: [f64; 2],
+    pub to_deg: [f64; 2],
+    pub distance_deg: f64,
+    /// Time until the snake was within 0.15 deg of it, as for a reach; `None`: never.
+    pub arrived_s: Option<f64>,
+    /// Time until it had stayed within the tolerance for the time of the task; `None`: never.
+    pub held_s: Option<f64>,
+    /// How far the snake went beyond it, along the line from where it was, degrees.
+    pub overshoot_deg: f64,
+    /// Length of the path of the goal divided by the distance: 1 is straight.
+    pub detour: f64,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TargetScore {
+    /// What observed the snake: `camera` or `estimate`.
+    pub by: &'static str,
+    /// Distance within which a target counts, degrees, of the last target.
+    pub tolerance_deg: f64,
+    /// Time for which it is to be held, seconds, of the last target.
+    pub hold_s: f64,
+    /// Share of the targets that were held.
+    pub held: f64,
+    /// Time until the target had been held, seconds: median and 95 %, of those that were.
+    pub held_s: Option<[f64; 2]>,
+    /// Time until the snake arrived, seconds: median and 95 %, of those where it did.
+    pub arrived_s: Option<[f64; 2]>,
+    /// Overshoot, degrees: median and 95 %.
+    pub overshoot_deg: [f64; 2],
+    pub targets: Vec<TargetReach>,
+}
+
+impl TargetScore {
+    /// The score in one line.
+    pub fn line(&self) -> String {
+        format!(
+            "{} targets: {:.0} % held for {:.1} s within {:.2} deg by the {}{}; overshoot \
+             {:.2} deg (95 %)",
+            self.targets.len(),
+            100.0 * self.held,
+            self.hold_s,
+            self.tolerance_deg,
+            self.by,
+            times(self.held_s),
+            self.overshoot_deg[1]
+        )
+    }
+}
+
+/// The end of a sentence: median and 95 % of times.
+pub fn times(times: Option<[f64; 2]>) -> String {
+    let Some([median, p95]) = times else { return String::new() };
+    format!(", after {median:.2} s (median), {p95:.2} s (95 %)")
 }
 
 /// Scores the reaches of a trial by the camera, or without one by the model's estimate; `None`: the
 /// goal made none, or nothing observed them.
 pub fn reach_score(trial: &Trial) -> Option<ReachScore> {
-    let (by, observed) = observed(trial);
+    let (by, series) = trial.observed();
+    let samples: Vec<Sample> = series.iter().copied().collect();
     let rests = rests(&trial.goal);
+    let pairs = rests.windows(2);
     let reaches: Vec<Reach> =
-        rests.windows(2).filter_map(|pair| reach(trial, observed, &pair[0], &pair[1])).collect();
-    if reaches.is_empty() {
-        return None;
-    }
-    let mut times: Vec<f64> = reaches.iter().filter_map(|reach| reach.arrived_s).collect();
-    let arrived = times.len() as f64 / reaches.len() as f64;
-    let mut overshoots: Vec<f64> = reaches.iter().map(|reach| reach.overshoot_deg).collect();
+        pairs.filter_map(|pair| reach(trial, &samples, pair[0], pair[1])).collect();
+    let arrived: Vec<f64> = reaches.iter().filter_map(|reach| reach.arrived_s).collect();
     Some(ReachScore {
         by,
-        arrived,
-        arrived_s: median_and_p95(&mut times),
-        overshoot_deg: median_and_p95(&mut overshoots)?,
+        arrived: arrived.len() as f64 / reaches.len() as f64,
+        arrived_s: median_and_p95(arrived),
+        overshoot_deg: median_and_p95(reaches.iter().map(|reach| reach.overshoot_deg).collect())?,
         reaches,
     })
 }
 
-/// What observed the snake: the camera, or without one the model's estimate.
-pub(super) fn observed(trial: &Trial) -> (&'static str, &TimeSeries<2>) {
-    if trial.camera.is_empty() { ("estimate", &trial.measured) } else { ("camera", &trial.camera) }
+/// Scores the targets of a trial; `None`: there were none, or nothing observed the snake.
+pub fn target_score(trial: &Trial) -> Option<TargetScore> {
+    let (by, series) = trial.observed();
+    let samples: Vec<Sample> = series.iter().copied().collect();
+    let shown = trial.targets.iter();
+    let targets: Vec<TargetReach> =
+        shown.filter_map(|shown| target(trial, &samples, shown)).collect();
+    let last = trial.targets.last()?;
+    let held_s: Vec<f64> = targets.iter().filter_map(|target| target.held_s).collect();
+    let arrived_s = targets.iter().filter_map(|target| target.arrived_s).collect();
+    let overshoots = targets.iter().map(|target| target.overshoot_deg).collect();
+    Some(TargetScore {
+        by,
+        tolerance_deg: last.tolerance.to_degrees(),
+        hold_s: last.hold_ns as f64 * 1e-9,
+        held: held_s.len() as f64 / targets.len() as f64,
+        held_s: median_and_p95(held_s),
+        arrived_s: median_and_p95(arrived_s),
+        overshoot_deg: median_and_p95(overshoots)?,
+        targets,
+    })
 }
 
-pub(super) fn median_and_p95(values: &mut [f64]) -> Option<[f64; 2]> {
-    Some([quantile_of_unsorted(values, 0.5)?, quantile_of_unsorted(values, 0.95)?])
+/// `None` for no values.
+fn median_and_p95(mut values: Vec<f64>) -> Option<[f64; 2]> {
+    Some([quantile_of_unsorted(&mut values, 0.5)?, quantile_of_unsorted(&mut values, 0.95)?])
 }
 
 /// An interval in which the goal stays where it is.
@@ -128,31 +207,74 @@ fn rests(goal: &TimeSeries<2>) -> Vec<Rest> {
     rests
 }
 
-fn reach(trial: &Trial, observed: &TimeSeries<2>, from: &Rest, to: &Rest) -> Option<Reach> {
-    let distance_deg = distance(from.at, to.at);
-    if distance_deg < SHORTEST_DEG {
-        return None;
-    }
-    let onset = from.to_ns;
-    let samples: Vec<Sample> =
-        observed.iter().filter(|(stamp, _)| (onset..=to.to_ns).contains(stamp)).copied().collect();
-    if samples.is_empty() {
-        return None;
-    }
-    Some(Reach {
+fn reach(trial: &Trial, samples: &[Sample], from: Rest, to: Rest) -> Option<Reach> {
+    let (onset, distance_deg) = (from.to_ns, distance(from.at, to.at));
+    let samples = between(samples, onset, to.to_ns)?;
+    (distance_deg >= SHORTEST_DEG).then(|| Reach {
         t_s: trial.seconds(onset),
         from_deg: from.at,
         to_deg: to.at,
         distance_deg,
         goal_s: (to.from_ns - onset) as f64 * 1e-9,
-        arrived_s: arrival(&samples, to.at).map(|stamp| (stamp - onset) as f64 * 1e-9),
-        overshoot_deg: overshoot_deg(&samples, from.at, to.at),
+        arrived_s: arrival(samples, to.at).map(|stamp| (stamp - onset) as f64 * 1e-9),
+        overshoot_deg: overshoot_deg(samples, from.at, to.at),
         detour: path_deg(&trial.goal, onset, to.from_ns) / distance_deg,
     })
 }
 
+fn target(trial: &Trial, samples: &[Sample], target: &ReachTarget) -> Option<TargetReach> {
+    let (shown, ended) = (target.shown_ns, target.stamp_ns);
+    let samples = between(samples, shown, ended)?;
+    let (_, from_deg) = *samples.first()?;
+    let to_deg = degrees(target.position);
+    let distance_deg = distance(from_deg, to_deg);
+    let seconds = |stamp: u64| stamp.saturating_sub(shown) as f64 * 1e-9;
+    let is_apart = distance_deg > NEAREST_DEG;
+    Some(TargetReach {
+        number: target.number,
+        t_s: trial.seconds(shown),
+        from_deg,
+        to_deg,
+        distance_deg,
+        arrived_s: arrival(samples, to_deg).map(seconds),
+        held_s: held_at(samples, to_deg, target).map(seconds),
+        overshoot_deg: if is_apart { overshoot_deg(samples, from_deg, to_deg) } else { 0.0 },
+        detour: if is_apart { path_deg(&trial.goal, shown, ended) / distance_deg } else { 1.0 },
+    })
+}
+
+/// The samples from one stamp to another; `None` if there are none.
+fn between(samples: &[Sample], from_ns: u64, to_ns: u64) -> Option<&[Sample]> {
+    let first = samples.partition_point(|(stamp, _)| *stamp < from_ns);
+    let after = samples.partition_point(|(stamp, _)| *stamp <= to_ns);
+    samples.get(first..after).filter(|samples| !samples.is_empty())
+}
+
+/// The stamp at which the means of short windows have been within the tolerance for the time of the
+/// task.
+fn held_at(samples: &[Sample], to: [f64; 2], target: &ReachTarget) -> Option<u64> {
+    let tolerance_deg = target.tolerance.to_degrees();
+    let mut since: Option<u64> = None;
+    let mut last = 0;
+    for (first, (stamp, _)) in samples.iter().enumerate() {
+        let is_within = mean(samples, first, ARRIVED_NS)
+            .is_some_and(|mean| distance(mean, to) <= tolerance_deg);
+        if !is_within || stamp.saturating_sub(last) > LONGEST_GAP_NS {
+            since = None;
+        }
+        last = *stamp;
+        if is_within {
+            let begun = *since.get_or_insert(*stamp);
+            if stamp - begun + ARRIVED_NS >= target.hold_ns {
+                return Some(begun + target.hold_ns);
+            }
+        }
+    }
+    None
+}
+
 /// How far the means of short windows go beyond the end, along the line from the start.
-pub(super) fn overshoot_deg(samples: &[Sample], from: [f64; 2], to: [f64; 2]) -> f64 {
+fn overshoot_deg(samples: &[Sample], from: [f64; 2], to: [f64; 2]) -> f64 {
     let length = distance(from, to);
     let direction = [0, 1].map(|axis| (to[axis] - from[axis]) / length);
     let beyond =
@@ -164,7 +286,7 @@ pub(super) fn overshoot_deg(samples: &[Sample], from: [f64; 2], to: [f64; 2]) ->
 }
 
 /// Length of the path between two stamps.
-pub(super) fn path_deg(series: &TimeSeries<2>, from_ns: u64, to_ns: u64) -> f64 {
+fn path_deg(series: &TimeSeries<2>, from_ns: u64, to_ns: u64) -> f64 {
     let path: Vec<[f64; 2]> = series
         .iter()
         .filter(|(stamp, _)| (from_ns..=to_ns).contains(stamp))
@@ -174,7 +296,7 @@ pub(super) fn path_deg(series: &TimeSeries<2>, from_ns: u64, to_ns: u64) -> f64 
 }
 
 /// The first stamp from which two means in a row are at the end.
-pub(super) fn arrival(samples: &[Sample], to: [f64; 2]) -> Option<u64> {
+fn arrival(samples: &[Sample], to: [f64; 2]) -> Option<u64> {
     let is_there = |first| {
         mean(samples, first, ARRIVED_NS).is_some_and(|mean| distance(mean, to) <= ARRIVED_DEG)
     };
@@ -186,7 +308,7 @@ pub(super) fn arrival(samples: &[Sample], to: [f64; 2]) -> Option<u64> {
 }
 
 /// The mean of the samples in a window; `None` if the samples end within it.
-pub(super) fn mean(samples: &[Sample], first: usize, window_ns: u64) -> Option<[f64; 2]> {
+fn mean(samples: &[Sample], first: usize, window_ns: u64) -> Option<[f64; 2]> {
     let end_ns = samples.get(first)?.0 + window_ns;
     if samples.last()?.0 < end_ns {
         return None;
@@ -198,7 +320,7 @@ pub(super) fn mean(samples: &[Sample], first: usize, window_ns: u64) -> Option<[
     Some(sum.map(|sum| sum / count))
 }
 
-pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
@@ -254,5 +376,72 @@ mod tests {
             still.measured.push(ms * 1_000_000, [1.0, 0.0]);
         }
         assert_eq!(reach_score(&still), None);
+    }
+
+    const MS: u64 = 1_000_000;
+
+    /// A snake that goes 4 deg in the first second, 0.5 deg too far until 1.4 s, and then is there
+    /// until 2 s; afterwards it is `later_deg` away.
+    fn task(later_deg: f64) -> Trial {
+        let mut trial = Trial::default();
+        for ms in 0..5000 {
+            let goal = 4.0 * (ms as f64 * 1e-3).min(1.0);
+            let beyond = if (1000..1400).contains(&ms) { 0.5 } else { 0.0 };
+            let away = if ms > 2000 { later_deg } else { 0.0 };
+            trial.goal.push(ms * MS, [goal, 1.0]);
+            trial.measured.push(ms * MS, [goal + beyond, 1.0 + away]);
+        }
+        trial.targets.push(ReachTarget {
+            shown_ns: 0,
+            stamp_ns: 4900 * MS,
+            hold_ns: 1000 * MS,
+            position: [4.0_f64.to_radians(), 1.0_f64.to_radians(), 0.0],
+            tolerance: 0.15_f64.to_radians(),
+            number: 1,
+            total: 1,
+            count: 2,
+            ..ReachTarget::default()
+        });
+        trial
+    }
+
+    #[test]
+    fn a_target_is_held_when_the_snake_stays_and_overshoot_counts_along_the_line() {
+        let score = target_score(&task(0.0)).unwrap();
+        let reach = score.targets[0];
+        assert_eq!((score.by, score.held, reach.number), ("estimate", 1.0, 1));
+        assert!((reach.distance_deg - 4.0).abs() < 1e-9 && (reach.detour - 1.0).abs() < 0.01);
+        assert!((reach.overshoot_deg - 0.5).abs() < 1e-6);
+        // Means of 200 ms are within 0.15 deg from 1.34 s on.
+        let held = reach.held_s.unwrap();
+        assert!((2.3..2.41).contains(&held), "{held}");
+        let arrived = reach.arrived_s.unwrap();
+        assert!((1.3..1.41).contains(&arrived), "{arrived}");
+    }
+
+    #[test]
+    fn a_snake_that_leaves_too_early_arrives_but_does_not_hold() {
+        let score = target_score(&task(0.3)).unwrap();
+        let reach = score.targets[0];
+        assert!(reach.arrived_s.is_some() && reach.held_s.is_none());
+        assert_eq!((score.held, score.held_s), (0.0, None));
+        assert!(score.line().contains("1 targets: 0 % held for 1.0 s within 0.15 deg"));
+    }
+
+    #[test]
+    fn frames_with_a_gap_do_not_show_that_the_snake_stayed() {
+        let mut gap = task(0.0);
+        gap.measured = TimeSeries::default();
+        for ms in (0..5000).filter(|ms| *ms < 1700 || *ms > 4400) {
+            gap.measured.push(ms * MS, [4.0, 1.0 + if ms < 1200 { 1.0 } else { 0.0 }]);
+        }
+        assert_eq!(target_score(&gap).unwrap().targets[0].held_s, None);
+    }
+
+    #[test]
+    fn without_targets_there_is_no_score() {
+        let mut none = task(0.0);
+        none.targets.clear();
+        assert_eq!(target_score(&none), None);
     }
 }

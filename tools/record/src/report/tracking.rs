@@ -1,9 +1,9 @@
 //! How far the robot was from the goal while it followed commands.
 
-use i2ris_statistics::{TimeSeries, root_mean_square};
+use hdrhistogram::Histogram;
+use i2ris_report::statistics::{TimeSeries, quantile, root_mean_square, sort};
 use serde::Serialize;
 
-use super::percentiles::Percentiles;
 use super::trial::Trial;
 
 /// Goals further apart than this are not interpolated, ns: the controller publishes one every tick.
@@ -15,15 +15,11 @@ pub type TimedError = (f64, [f64; 2]);
 /// Statistics of a tracking error, degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct TrackingError {
-    /// Number of samples.
     pub samples: u64,
-    /// Root mean square in pitch.
     pub pitch_rms_deg: f64,
-    /// Root mean square in yaw.
     pub yaw_rms_deg: f64,
-    /// Root mean square of the length of the two-dimensional error.
+    /// Of the length of the two-dimensional error.
     pub length_rms_deg: f64,
-    /// Percentiles of that length.
     pub length: Percentiles,
 }
 
@@ -47,6 +43,38 @@ pub fn tracking_statistics(errors: &[TimedError]) -> Option<TrackingError> {
         length_rms_deg: root_mean_square(lengths())?,
         length: Percentiles::of(lengths().collect())?,
     })
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Percentiles {
+    pub p50: f64,
+    pub p90: f64,
+    pub p99: f64,
+    pub max: f64,
+}
+
+impl Percentiles {
+    /// Percentiles of values in any order; `None` for no values.
+    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+        sort(&mut values);
+        Some(Self {
+            p50: quantile(&values, 0.5)?,
+            p90: quantile(&values, 0.9)?,
+            p99: quantile(&values, 0.99)?,
+            max: *values.last()?,
+        })
+    }
+
+    /// Percentiles in ms of a histogram in ns; `None` if it is empty.
+    pub fn of_histogram_ms(histogram: &Histogram<u64>) -> Option<Self> {
+        let ms = |share| histogram.value_at_quantile(share) as f64 * 1e-6;
+        (!histogram.is_empty()).then(|| Self {
+            p50: ms(0.5),
+            p90: ms(0.9),
+            p99: ms(0.99),
+            max: histogram.max() as f64 * 1e-6,
+        })
+    }
 }
 
 #[cfg(test)]

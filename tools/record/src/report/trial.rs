@@ -1,25 +1,25 @@
-//! The data of a recording that a report needs, read once.
+//! The data of a recording that a report needs, read once; when the robot followed commands.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use i2ris::ipc::payload::{
-    ActuatorState, AdaptationMsg, ExternalPosition, JointState, OperatingStateMsg,
-    PeriodStatistics, ReachTarget,
+    AdaptationMsg, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ReachTarget,
 };
-use i2ris_statistics::TimeSeries;
+use i2ris::ipc::{OperatingState, Stream, StreamMessage};
+use i2ris::units::Nanos;
+use i2ris_report::statistics::TimeSeries;
 use mcap::records::Record;
 
 use super::latency::Latencies;
 use crate::cdr;
 use crate::read::{ReadError, Records};
-use crate::recorder::{HEADER, OUTCOME};
-use crate::topic::{Stream, Topic};
+use crate::recorder::{HEADER, OUTCOME, rate_hz};
+use crate::topic::Topic;
 
 /// Outputs of models of angles. Models of the tip position have three outputs, in metres.
 const ANGLES: u32 = 2;
 
-/// The data of a recording.
 #[derive(Debug, Default)]
 pub struct Trial {
     pub file: String,
@@ -60,7 +60,6 @@ pub struct Trial {
     pub stopped_by: Option<String>,
 }
 
-/// Statistics of one stream.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct StreamStatistics {
     pub messages: u64,
@@ -72,10 +71,8 @@ pub struct StreamStatistics {
 }
 
 impl StreamStatistics {
-    /// Messages per second.
     pub fn rate_hz(&self) -> f64 {
-        let seconds = self.last_ns.saturating_sub(self.first_ns) as f64 * 1e-9;
-        if seconds > 0.0 { (self.messages as f64 - 1.0) / seconds } else { 0.0 }
+        rate_hz(self.messages, Nanos(self.last_ns.saturating_sub(self.first_ns)))
     }
 
     fn add(&mut self, stamp_ns: u64, sequence: u32, has_one_sender: bool) {
@@ -100,41 +97,39 @@ impl Trial {
             ..Self::default()
         };
         let mut channels: BTreeMap<u16, Stream> = BTreeMap::new();
-        let mut is_recording = false;
-        for record in Records::open(path)? {
+        let (mut is_recording, mut records) = (false, Records::open(path)?);
+        for record in records.by_ref() {
+            is_recording = true;
             match record {
-                Ok(Record::Channel(channel)) => {
+                Record::Channel(channel) => {
                     let stream = Topic::payload_stream(&channel.topic);
                     channels.extend(stream.map(|stream| (channel.id, stream)));
                 }
-                Ok(Record::Message { header, data }) => {
+                Record::Message { header, data } => {
                     if let Some(stream) = channels.get(&header.channel_id) {
                         let statistics = trial.streams.entry(*stream).or_default();
                         let has_one_sender = stream.has_one_sender();
                         statistics.add(header.publish_time, header.sequence, has_one_sender);
-                        let _ = trial.add(*stream, &data);
+                        if let Some(message) = cdr::decode(*stream, &data) {
+                            trial.add(message);
+                        }
                     }
                 }
-                Ok(Record::Metadata(found)) if found.name == HEADER => trial.about = found.metadata,
-                Ok(Record::Metadata(found)) if found.name == OUTCOME => {
-                    trial.outcome = found.metadata;
-                }
-                Ok(Record::Attachment { header, data, .. }) => {
+                Record::Metadata(found) if found.name == HEADER => trial.about = found.metadata,
+                Record::Metadata(found) if found.name == OUTCOME => trial.outcome = found.metadata,
+                Record::Attachment { header, data, .. } => {
                     if header.name.ends_with(".jsonl") && data.len() > trial.run_log.len() {
                         trial.run_log = String::from_utf8_lossy(&data).into_owned();
                     }
                     trial.attached.insert(header.name, data.len());
                 }
-                Ok(Record::DataEnd(_)) => break,
-                Ok(_) => {}
-                // The file has not even a beginning: it is not a recording.
-                Err(error) if !is_recording => return Err(error),
-                Err(error) => {
-                    trial.stopped_by = Some(error.to_string());
-                    break;
-                }
+                _ => {}
             }
-            is_recording = true;
+        }
+        match records.stopped_by() {
+            // The file has not even a beginning: it is not a recording.
+            Some(error) if !is_recording => return Err(error),
+            stopped_by => trial.stopped_by = stopped_by.map(|error| error.to_string()),
         }
         if trial.start_ns == u64::MAX {
             trial.start_ns = 0;
@@ -147,16 +142,44 @@ impl Trial {
         (i128::from(stamp_ns) - i128::from(self.start_ns)) as f64 * 1e-9
     }
 
-    /// The length of the recording.
     pub fn length_s(&self) -> f64 {
         self.end_ns.saturating_sub(self.start_ns) as f64 * 1e-9
     }
 
-    /// Adds a message; `None` if it cannot be decoded.
-    fn add(&mut self, stream: Stream, data: &[u8]) -> Option<()> {
-        match stream {
-            Stream::Measured => {
-                let state: JointState = cdr::decode(data)?;
+    /// Whether the robot followed commands at an instant. A recording without states counts as
+    /// following.
+    pub fn was_following(&self, stamp_ns: u64) -> bool {
+        let after = self.states.partition_point(|state| state.stamp_ns <= stamp_ns);
+        match self.states[..after].last() {
+            Some(state) => follows(state),
+            None => self.states.is_empty(),
+        }
+    }
+
+    /// The intervals in which the robot did not follow commands, seconds.
+    pub fn intervals_without_following(&self) -> Vec<[f64; 2]> {
+        let mut intervals: Vec<[f64; 2]> = Vec::new();
+        let mut since = None;
+        for state in &self.states {
+            let now = self.seconds(state.stamp_ns);
+            if !follows(state) {
+                since.get_or_insert(now);
+            } else if let Some(from) = since.take() {
+                intervals.push([from, now]);
+            }
+        }
+        intervals.extend(since.map(|from| [from, self.length_s()]));
+        intervals
+    }
+
+    /// What observed the snake: the camera, or without one the model's estimate.
+    pub fn observed(&self) -> (&'static str, &TimeSeries<2>) {
+        if self.camera.is_empty() { ("estimate", &self.measured) } else { ("camera", &self.camera) }
+    }
+
+    fn add(&mut self, message: StreamMessage) {
+        match message {
+            StreamMessage::Measured(state) => {
                 let is_valid = state.flags & JointState::VALID != 0;
                 let model = self.models.last().map(|(_, id)| *id);
                 if is_valid && model != Some(state.model_id) {
@@ -164,38 +187,27 @@ impl Trial {
                 }
                 self.add_angles(&state, |trial| &mut trial.measured);
             }
-            Stream::Goal => self.add_angles(&cdr::decode(data)?, |trial| &mut trial.goal),
-            Stream::Actuators => {
-                let state: ActuatorState = cdr::decode(data)?;
+            StreamMessage::Goal(state) => self.add_angles(&state, |trial| &mut trial.goal),
+            StreamMessage::Actuators(state) => {
                 self.extend_to(state.stamp_ns);
                 self.counts.push(state.stamp_ns, state.measured_counts.map(f64::from));
                 self.latencies.add(&state);
             }
-            Stream::State => {
-                let state = cdr::decode(data)?;
-                if self.states.last().is_none_or(|last| differs(last, &state)) {
-                    self.states.push(state);
-                }
+            StreamMessage::State(state)
+                if self.states.last().is_none_or(|last| differs(last, &state)) =>
+            {
+                self.states.push(state);
             }
-            Stream::Statistics => self.windows.push(cdr::decode(data)?),
-            Stream::External => {
-                let seen: ExternalPosition = cdr::decode(data)?;
-                if seen.flags & ExternalPosition::VALID != 0 && seen.count == ANGLES {
-                    self.camera.push(seen.stamp_ns, degrees(seen.position));
-                }
+            StreamMessage::Statistics(window) => self.windows.push(window),
+            StreamMessage::External(seen)
+                if seen.flags & ExternalPosition::VALID != 0 && seen.count == ANGLES =>
+            {
+                self.camera.push(seen.stamp_ns, degrees(seen.position));
             }
-            Stream::Adaptation => self.add_adaptation(cdr::decode(data)?),
-            Stream::ReachTarget => self.add_target(cdr::decode(data)?),
-            Stream::Setpoint
-            | Stream::Health
-            | Stream::VirtualFixtures
-            | Stream::Events
-            | Stream::ServoJp
-            | Stream::Error
-            | Stream::Warning
-            | Stream::ServoActuators => {}
+            StreamMessage::Adaptation(message) => self.add_adaptation(message),
+            StreamMessage::ReachTarget(message) => self.add_target(message),
+            _ => {}
         }
-        Some(())
     }
 
     /// Of the messages that come 50 times a second, the drift needs no more than these.
@@ -234,6 +246,12 @@ impl Trial {
     }
 }
 
+/// Whether the robot followed commands during this state.
+fn follows(state: &OperatingStateMsg) -> bool {
+    let other = OperatingStateMsg::HOLDING | OperatingStateMsg::BUSY;
+    state.state == OperatingState::Enabled.number() && state.flags & other == 0
+}
+
 /// Whether two states differ in more than stamps and counters.
 fn differs(a: &OperatingStateMsg, b: &OperatingStateMsg) -> bool {
     let content = |state: &OperatingStateMsg| OperatingStateMsg {
@@ -247,6 +265,33 @@ fn differs(a: &OperatingStateMsg, b: &OperatingStateMsg) -> bool {
     content(a) != content(b)
 }
 
-pub(super) fn degrees(position: [f64; 3]) -> [f64; 2] {
+pub fn degrees(position: [f64; 3]) -> [f64; 2] {
     [position[0].to_degrees(), position[1].to_degrees()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_without_following_end_with_the_next_state_or_the_recording() {
+        let state = |seconds: u64, state: OperatingState| OperatingStateMsg {
+            stamp_ns: seconds * 1_000_000_000,
+            state: state.number(),
+            ..OperatingStateMsg::default()
+        };
+        let trial = Trial {
+            states: vec![
+                state(1, OperatingState::Disabled),
+                state(2, OperatingState::Fault),
+                state(3, OperatingState::Enabled),
+                state(5, OperatingState::Disabled),
+            ],
+            end_ns: 9_000_000_000,
+            ..Trial::default()
+        };
+        assert_eq!(trial.intervals_without_following(), [[1.0, 3.0], [5.0, 9.0]]);
+        let following = [0, 2, 4, 6].map(|s| trial.was_following(s * 1_000_000_000));
+        assert_eq!(following, [false, false, true, false]);
+    }
 }

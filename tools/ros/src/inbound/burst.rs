@@ -3,12 +3,11 @@
 //! A reliable writer delivers what it kept in one go, after a stall or at a match. Of a stream only
 //! the newest counts then.
 
-use ros2_client::{MessageInfo, ROSTime, Subscription};
-use serde::de::DeserializeOwned;
-
-use crate::admission::{Times, Writer};
-use crate::clock::Moment;
 use i2ris::units::Nanos;
+use i2ris_gateway::admission::{Times, Writer};
+use i2ris_gateway::clock::Moment;
+use ros2_client::{Gid, MessageInfo, ROSTime, Subscription};
+use serde::de::DeserializeOwned;
 
 /// Messages of one topic that are read at once: more are left for the next time, so that a flood on
 /// one topic does not keep `hold` waiting.
@@ -17,7 +16,6 @@ const AT_ONCE: usize = 256;
 /// How long a message can have waited here.
 const WAITED: Nanos = Nanos::from_millis(10_000);
 
-/// A message with its writer and its times.
 #[derive(Debug)]
 pub(super) struct Received<M> {
     pub message: M,
@@ -25,25 +23,22 @@ pub(super) struct Received<M> {
     pub times: Times,
 }
 
-/// What a topic had.
 #[derive(Debug)]
 pub(super) struct Arrivals<M> {
-    /// In the order of arrival.
-    pub messages: Vec<Received<M>>,
+    /// In the order of arrival, each with how many messages it stands for.
+    pub messages: Vec<(Received<M>, u32)>,
     /// Messages without the type of the topic. Their writers are not known.
     pub undecodable: u64,
 }
 
-/// Takes what arrived.
 pub(super) fn take<M: DeserializeOwned + 'static>(subscription: &Subscription<M>) -> Arrivals<M> {
     let (mut messages, mut undecodable) = (Vec::new(), 0);
     for _ in 0..AT_ONCE {
         match subscription.take() {
-            Ok(Some((message, info))) => messages.push(Received {
-                message,
-                writer: Writer::from(info.publisher_gid()),
-                times: times(&info),
-            }),
+            Ok(Some((message, info))) => {
+                let (writer, times) = (writer(info.publisher_gid()), times(&info));
+                messages.push((Received { message, writer, times }, 1));
+            }
             Ok(None) => break,
             Err(_) => undecodable += 1,
         }
@@ -52,17 +47,21 @@ pub(super) fn take<M: DeserializeOwned + 'static>(subscription: &Subscription<M>
 }
 
 impl<M> Arrivals<M> {
-    /// The newest message of every writer, with how many it sent.
-    pub fn newest(self) -> Vec<(Received<M>, u32)> {
+    /// Only the newest message of every writer.
+    pub fn newest(self) -> Self {
         let mut newest: Vec<(Received<M>, u32)> = Vec::new();
-        for next in self.messages {
+        for (next, _) in self.messages {
             match newest.iter_mut().find(|(it, _)| it.writer == next.writer) {
                 Some((before, count)) => (*before, *count) = (next, *count + 1),
                 None => newest.push((next, 1)),
             }
         }
-        newest
+        Self { messages: newest, ..self }
     }
+}
+
+pub(super) fn writer(gid: Gid) -> Writer {
+    Writer(gid.to_bytes16())
 }
 
 fn times(info: &MessageInfo) -> Times {

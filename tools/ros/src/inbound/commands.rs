@@ -5,17 +5,22 @@ use i2ris::ipc::client::{ExternalPublisher, Forwarder, Latest, Watcher};
 use i2ris::ipc::payload::{JointState as JointPayload, ServoJp};
 use i2ris::robot::StateCommand;
 use i2ris::units::{Nanos, OutputVec};
+use i2ris_gateway::Reason;
+use i2ris_gateway::admission::{Admission, Ages, Participant, Topic, Writer, checked};
+use i2ris_gateway::clock::Moment;
+use i2ris_gateway::refusals::Refused;
 
 use super::Shared;
 use super::burst::{Arrivals, Received, take};
 use super::graph::Graph;
 use super::requests::{Ask, Requests, What};
 use crate::RosError;
-use crate::admission::{Admission, Participant, Pose, Reason, Topic, Writer, checked};
-use crate::clock::Moment;
 use crate::event::Event;
 use crate::message::{JointState, StringStamped};
 use crate::topics::Inputs;
+
+/// How old a command may be that is sent once. The clocks of two computers must agree this well.
+const ONCE_LIMIT: Nanos = Nanos::from_millis(2000);
 
 /// A goal is continued by `servo_jr` for so long; after that it starts at the setpoint.
 const CONTINUES: Nanos = Nanos::from_millis(200);
@@ -43,9 +48,11 @@ pub(super) struct Commands {
 impl Commands {
     pub fn new(inputs: Inputs, shared: Shared) -> Result<Self, RosError> {
         let domain = &shared.domain;
+        let since_ns = Moment::now().unix_ns;
+        let ages = Ages { oldest: ONCE_LIMIT, ahead: ONCE_LIMIT, since_ns };
         Ok(Self {
             inputs,
-            admission: Admission::new(Moment::now().unix_ns),
+            admission: Admission::new(ages),
             forwarder: Forwarder::new(domain),
             requests: Requests::start(domain, &shared.events, &shared.names)?,
             camera: ExternalPublisher::new(domain),
@@ -56,46 +63,36 @@ impl Commands {
         })
     }
 
-    /// A participant is gone.
     pub fn lost(&mut self, participant: Participant) {
         self.admission.lost(participant);
     }
 
     /// Does what arrived: first what stops the robot.
     pub fn take_all(&mut self, graph: &Graph) {
-        let arrivals = take(&self.inputs.hold);
-        self.judge(graph, Topic::Hold, arrivals, |commands, received, _| {
-            commands.hold(received.writer, &received.times)
+        let arrivals = take(&self.inputs.hold).newest();
+        self.judge(graph, Topic::Hold, arrivals, |commands, Received { writer, times, .. }, _| {
+            let client_id = commands.admission.once(*writer, Topic::Hold, None, times)?;
+            commands.requests.hold(client_id);
+            Ok(())
         });
+        // Every one, in order: the newest alone may mean something else.
         let arrivals = take(&self.inputs.state_command);
-        self.judge_all(graph, Topic::StateCommand, arrivals, Self::change_state);
-        for topic in [Topic::ServoJp, Topic::ServoJr] {
-            let arrivals = take(match topic {
-                Topic::ServoJp => &self.inputs.servo_jp,
-                _ => &self.inputs.servo_jr,
-            });
-            self.judge(graph, topic, arrivals, |commands, received, count| {
-                commands.servo(topic, received, count)
-            });
-        }
-        for topic in [Topic::MoveJp, Topic::MoveJr] {
-            let arrivals = take(match topic {
-                Topic::MoveJp => &self.inputs.move_jp,
-                _ => &self.inputs.move_jr,
-            });
-            self.judge(graph, topic, arrivals, |commands, received, _| {
-                commands.move_to(topic, received)
-            });
-        }
-        let arrivals = take(&self.inputs.external);
-        self.judge(graph, Topic::External, arrivals, |commands, received, count| {
-            commands.see(received, count)
+        self.judge(graph, Topic::StateCommand, arrivals, |commands, received, _| {
+            commands.change_state(received)
         });
+        for place in 0..self.inputs.joints.len() {
+            let (topic, input) = &self.inputs.joints[place];
+            let (topic, arrivals) = (*topic, take(input).newest());
+            self.judge(graph, topic, arrivals, |commands, received, count| match topic {
+                Topic::ServoJp | Topic::ServoJr => commands.servo(topic, received, count),
+                Topic::External => commands.see(received, count),
+                _ => commands.move_to(topic, received),
+            });
+        }
         // Kept, so that the first command finds it.
         let _ = self.setpoint.refresh();
     }
 
-    /// Judges the newest message of every writer.
     fn judge<M>(
         &mut self,
         graph: &Graph,
@@ -103,34 +100,26 @@ impl Commands {
         arrivals: Arrivals<M>,
         mut carry_out: impl FnMut(&mut Self, &Received<M>, u32) -> Result<(), Reason>,
     ) {
-        self.count_undecodable(topic, arrivals.undecodable);
-        for (received, count) in arrivals.newest() {
-            self.name(graph, received.writer, topic);
-            let outcome = carry_out(self, &received, count);
-            self.report(graph, received.writer, topic, count, outcome);
+        if arrivals.undecodable > 0 {
+            let client = "somebody".to_owned();
+            self.refuse(client, topic, Reason::Undecodable, arrivals.undecodable);
+        }
+        for (received, count) in arrivals.messages {
+            let (writer, name) = (received.writer, graph.name(received.writer));
+            if let Some(client_id) = self.admission.client_id(writer, topic, clock::now()) {
+                self.shared.names.note(client_id, &name);
+            }
+            match carry_out(self, &received, count) {
+                // What was expected: the next one is followed.
+                Ok(()) | Err(Reason::FirstOfStream) => {}
+                Err(reason) => self.refuse(name, topic, reason, count.into()),
+            }
         }
     }
 
-    /// Judges every message, in order: the newest alone may mean something else.
-    fn judge_all<M>(
-        &mut self,
-        graph: &Graph,
-        topic: Topic,
-        arrivals: Arrivals<M>,
-        mut carry_out: impl FnMut(&mut Self, &Received<M>) -> Result<(), Reason>,
-    ) {
-        self.count_undecodable(topic, arrivals.undecodable);
-        for received in &arrivals.messages {
-            self.name(graph, received.writer, topic);
-            let outcome = carry_out(self, received);
-            self.report(graph, received.writer, topic, 1, outcome);
-        }
-    }
-
-    fn hold(&mut self, writer: Writer, times: &crate::admission::Times) -> Result<(), Reason> {
-        let client_id = self.admission.once(writer, Topic::Hold, None, times)?;
-        self.requests.hold(client_id);
-        Ok(())
+    fn refuse(&self, client: String, topic: Topic, reason: Reason, count: u64) {
+        let refused = Refused { client, topic: topic.name(), reason, count };
+        self.shared.events.report(Event::Refused(refused));
     }
 
     fn change_state(&mut self, received: &Received<StringStamped>) -> Result<(), Reason> {
@@ -242,66 +231,12 @@ impl Commands {
             _ => Ok(self.setpoint()?.position),
         }
     }
-
-    fn name(&mut self, graph: &Graph, writer: Writer, topic: Topic) {
-        let now = clock::now();
-        if let Some(client_id) = self.admission.client_id(writer, topic, now) {
-            self.shared.names.note(client_id, &graph.name(writer));
-        }
-    }
-
-    fn count_undecodable(&self, topic: Topic, count: u64) {
-        if count > 0 {
-            let reason = Reason::Undecodable;
-            self.shared.events.report(Event::Refused {
-                client: "somebody".to_owned(),
-                kind: (topic.name(), u32::from(reason.kind())),
-                reason: reason.to_string(),
-                count,
-            });
-        }
-    }
-
-    fn report(
-        &self,
-        graph: &Graph,
-        writer: Writer,
-        topic: Topic,
-        count: u32,
-        outcome: Result<(), Reason>,
-    ) {
-        match outcome {
-            // What was expected: the next one is followed.
-            Ok(()) | Err(Reason::FirstOfStream) => {}
-            Err(reason) => self.shared.events.report(Event::Refused {
-                client: graph.name(writer),
-                kind: (topic.name(), u32::from(reason.kind())),
-                reason: reason.to_string(),
-                count: u64::from(count),
-            }),
-        }
-    }
-}
-
-impl Pose {
-    /// The pose so far from another one.
-    fn from(&self, start: &OutputVec) -> Self {
-        let mut position = self.position;
-        for (to, from) in position.iter_mut().zip(start) {
-            *to += from;
-        }
-        Self { position, ..*self }
-    }
 }
 
 fn exposure(stamp: u64, arrived_unix_ns: u64, arrived: Nanos) -> Result<Nanos, Reason> {
-    let apart = Nanos(stamp.abs_diff(arrived_unix_ns));
-    let future = stamp > arrived_unix_ns;
-    match future {
-        _ if apart > EXPOSURE_LIMIT => Err(Reason::Old { apart, future }),
-        true => Ok(arrived),
-        false => Ok(arrived - apart),
-    }
+    let ages = Ages { oldest: EXPOSURE_LIMIT, ahead: EXPOSURE_LIMIT, since_ns: 0 };
+    ages.check(stamp, arrived_unix_ns)?;
+    Ok(arrived - Nanos(arrived_unix_ns.saturating_sub(stamp)))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use i2ris_gateway::admission::{Participant, Writer};
 use ros2_client::entities_info::ParticipantEntitiesInfo;
 use ros2_client::{Context, MessageTypeName, Node, QosProfile, Subscription};
 use rustdds::qos::policy;
@@ -9,10 +10,11 @@ use rustdds::{
     DomainParticipantStatusEvent, DomainParticipantStatusListener, GUID, QosPolicies, StatusEvented,
 };
 
+use super::burst;
 use crate::RosError;
-use crate::admission::{Participant, Writer};
 use crate::event::{Event, Events};
 use crate::participant::NODE;
+use crate::topics::Inputs;
 
 /// Participants whose names are kept.
 const NAMES: usize = 256;
@@ -20,12 +22,10 @@ const NAMES: usize = 256;
 /// Where rmw announces which nodes a participant has.
 const DISCOVERY: &str = "ros_discovery_info";
 
-/// What is known of the others.
 pub(super) struct Graph {
     status: DomainParticipantStatusListener,
     nodes: Subscription<ParticipantEntitiesInfo>,
     names: BTreeMap<Participant, String>,
-    /// Our own endpoints under the name of the robot.
     robot: String,
 }
 
@@ -63,7 +63,7 @@ impl Graph {
             let names: Vec<String> =
                 { info.nodes().iter() }.map(|node| node.fully_qualified_name()).collect();
             if !names.is_empty() {
-                self.note(Writer::from(info.gid()).participant(), names.join(", "));
+                self.note(burst::writer(info.gid()).participant(), names.join(", "));
             }
         }
         while let Some(event) = self.status.try_recv_status() {
@@ -110,12 +110,12 @@ impl Graph {
                 ..
             } => self.say_mismatch(remote_reader, "wants", &requested_qos, &offered_qos, events),
             DomainParticipantStatusEvent::WriterDetected { writer }
-                if !self.is_own_type(&writer.topic_name, &writer.type_name) =>
+                if !Inputs::is_own_type(&self.robot, &writer.topic_name, &writer.type_name) =>
             {
                 let name = self.name(Writer(writer.guid.to_bytes()));
                 events.report(Event::Warning(format!(
                     "{name} publishes {} as {}: that type is not read",
-                    ros_name(&writer.topic_name),
+                    writer.topic_name.strip_prefix("rt").unwrap_or(&writer.topic_name),
                     writer.type_name
                 )));
             }
@@ -148,28 +148,6 @@ impl Graph {
             words(ours)
         )));
     }
-
-    /// Whether a writer of one of our topics has our type. Topics of others are none of our
-    /// business.
-    fn is_own_type(&self, topic: &str, kind: &str) -> bool {
-        let under = format!("rt/{}/", self.robot);
-        let Some(name) = topic.strip_prefix(&under) else {
-            return true;
-        };
-        match name {
-            "servo_jp" | "servo_jr" | "move_jp" | "move_jr" | "external/measured_jp" => {
-                kind == "sensor_msgs::msg::dds_::JointState_"
-            }
-            "state_command" => kind == "crtk_msgs::msg::dds_::StringStamped_",
-            "hold" => kind == "std_msgs::msg::dds_::Empty_",
-            _ => true,
-        }
-    }
-}
-
-/// The name that users of ROS know.
-fn ros_name(topic: &str) -> String {
-    topic.strip_prefix("rt").unwrap_or(topic).to_owned()
 }
 
 fn words(qos: &QosPolicies) -> String {

@@ -25,7 +25,7 @@ use rustdds::mio1::{Events as Ready, Interest, Poll, Token};
 use crate::RosError;
 use crate::event::{ClientNames, Events};
 use crate::message::{NoRequest, TriggerOperatingStateResponse, TriggerResponse};
-use crate::outbound::SharedState;
+use crate::outbound::{SharedState, lock};
 use crate::topics::{Inputs, Services};
 use commands::Commands;
 use graph::Graph;
@@ -39,16 +39,13 @@ const CRTK_VERSION: &str = "1.3.0";
 /// What the threads share.
 #[derive(Debug, Clone)]
 pub(crate) struct Shared {
-    /// The controller's domain.
     pub domain: Domain,
-    /// The name of the robot.
     pub robot: String,
     pub events: Events,
     pub names: ClientNames,
     pub state: SharedState,
 }
 
-/// The thread's state.
 pub(crate) struct Inbound {
     poll: Poll,
     graph: Graph,
@@ -83,16 +80,11 @@ impl Inbound {
         let mut sources: Vec<&mut dyn Source> =
             vec![&mut self.services.operating_state, &mut self.services.crtk_version];
         if let Some(Commands { inputs, .. }) = &mut self.commands {
-            let inputs: [&mut dyn Source; 7] = [
-                &mut inputs.servo_jp,
-                &mut inputs.servo_jr,
-                &mut inputs.move_jp,
-                &mut inputs.move_jr,
-                &mut inputs.state_command,
-                &mut inputs.hold,
-                &mut inputs.external,
-            ];
-            sources.extend(inputs);
+            sources.push(&mut inputs.hold);
+            sources.push(&mut inputs.state_command);
+            for (_, input) in &mut inputs.joints {
+                sources.push(input);
+            }
         }
         for (place, source) in sources.into_iter().enumerate() {
             source.register(self.poll.registry(), Token(place), Interest::READABLE)?;
@@ -100,7 +92,6 @@ impl Inbound {
         Ok(())
     }
 
-    /// Serves until `stop`.
     pub fn run(mut self, stop: impl Fn() -> bool) {
         let mut ready = Ready::with_capacity(16);
         while !stop() {
@@ -126,7 +117,7 @@ impl Inbound {
     fn answer(&self) {
         while let Ok(Some((id, NoRequest { .. }))) = self.services.operating_state.receive_request()
         {
-            let operating_state = self.shared.state.get();
+            let operating_state = lock(&self.shared.state).clone();
             let response = TriggerOperatingStateResponse { operating_state };
             let _ = self.services.operating_state.send_response(id, response);
         }

@@ -1,83 +1,69 @@
-//! A thread that asks the controller and waits for its answers, so that a stream of commands does
-//! not wait behind a request.
+//! Asks the controller, one request after the other, so that a stream of commands does not wait
+//! behind a request.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::thread::{self, JoinHandle};
-use std::time::Duration;
 
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::{ClientError, Latest, RequestForwarder, Watcher};
 use i2ris::ipc::payload::{MoveRequest, OperatingStateMsg, StateCommandReply, StateCommandRequest};
 use i2ris::robot::{OperatingState, Refusal, StateCommand};
+use i2ris_gateway::Reason;
+use i2ris_gateway::admission::{Pose, Topic};
+use i2ris_gateway::refusals::Refused;
+use i2ris_gateway::worker::{WAITING, Worker};
 
 use crate::RosError;
-use crate::admission::{Pose, Reason, Topic};
 use crate::event::{ClientNames, Event, Events};
 
-/// Requests that may wait at the same time.
-const WAITING: usize = 16;
-
-/// How often a pending hold is looked for while nothing else is asked.
-const IDLE: Duration = Duration::from_millis(20);
-
-/// A request of a client.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ask {
     pub client_id: u64,
     pub what: What,
 }
 
-/// What is asked for.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum What {
     State(StateCommand),
     Move(Topic, Pose),
 }
 
-/// The thread. Ends when dropped, once its last request is answered.
+/// Ends when dropped, once its last request is answered.
 #[derive(Debug)]
 pub(super) struct Requests {
-    asks: Option<SyncSender<Ask>>,
+    worker: Option<Worker<Ask>>,
     /// The client that wants to hold; 0: none. It overtakes everything that waits.
     hold: Arc<AtomicU64>,
-    thread: Option<JoinHandle<()>>,
 }
 
 impl Requests {
     pub fn start(domain: &Domain, events: &Events, names: &ClientNames) -> Result<Self, RosError> {
-        let (asks, to_ask) = sync_channel(WAITING);
         let hold = Arc::new(AtomicU64::new(0));
-        let worker = Worker {
+        let mut asker = Asker {
             controller: RequestForwarder::new(domain),
             state: Latest::new(Watcher::new(domain).operating_state()),
             hold: Arc::clone(&hold),
             events: events.clone(),
             names: names.clone(),
         };
-        let thread = thread::Builder::new()
-            .name("requests".to_owned())
-            .spawn(move || worker.run(&to_ask))
-            .map_err(|source| RosError::System { action: "start a thread", source })?;
-        Ok(Self { asks: Some(asks), hold, thread: Some(thread) })
+        let worker = Worker::start("requests", WAITING, move |ask| asker.take(ask));
+        let worker = worker.map_err(RosError::thread)?;
+        Ok(Self { worker: Some(worker), hold })
     }
 
-    /// Asks for something.
-    ///
     /// # Errors
     ///
     /// [`Reason::Waiting`].
     pub fn ask(&self, ask: Ask) -> Result<(), Reason> {
-        let asks = self.asks.as_ref().ok_or(Reason::Waiting)?;
-        asks.try_send(ask).map_err(|_| Reason::Waiting)
+        let taken = self.worker.as_ref().is_some_and(|worker| worker.ask(ask));
+        if taken { Ok(()) } else { Err(Reason::Waiting) }
     }
 
     /// Asks to hold. Never refused.
     pub fn hold(&self, client_id: u64) {
         self.hold.store(client_id, Ordering::Release);
-        // Wakes the thread; if it has much to do already it will look by itself.
+        // Wakes the thread. If too much waits already, what waits makes it look.
         let what = What::State(StateCommand::Hold);
         let _ = self.ask(Ask { client_id, what });
     }
@@ -85,12 +71,13 @@ impl Requests {
 
 impl Drop for Requests {
     fn drop(&mut self) {
-        self.asks = None;
-        let _ = self.thread.take().map(JoinHandle::join);
+        if let Some(worker) = self.worker.take() {
+            worker.finish();
+        }
     }
 }
 
-struct Worker {
+struct Asker {
     controller: RequestForwarder,
     state: Latest<OperatingStateMsg>,
     hold: Arc<AtomicU64>,
@@ -98,20 +85,12 @@ struct Worker {
     names: ClientNames,
 }
 
-impl Worker {
-    fn run(mut self, asks: &Receiver<Ask>) {
-        loop {
-            match asks.recv_timeout(IDLE) {
-                Ok(ask) => {
-                    let held = self.hold_if_wanted();
-                    let is_hold = matches!(ask.what, What::State(StateCommand::Hold));
-                    if !(held && is_hold) {
-                        self.carry_out(ask);
-                    }
-                }
-                Err(RecvTimeoutError::Timeout) => drop(self.hold_if_wanted()),
-                Err(RecvTimeoutError::Disconnected) => return,
-            }
+impl Asker {
+    fn take(&mut self, ask: Ask) {
+        let held = self.hold_if_wanted();
+        let is_hold = matches!(ask.what, What::State(StateCommand::Hold));
+        if !(held && is_hold) {
+            self.carry_out(ask);
         }
     }
 
@@ -184,12 +163,10 @@ impl Worker {
                 let line = format!("{client}: {topic}: {command} refused in state {state}");
                 self.events.report(Event::Status(line));
             }
-            Err(error) => self.events.report(Event::Refused {
-                client,
-                kind: (topic, u32::MAX),
-                reason: format!("{command} failed: {error}"),
-                count: 1,
-            }),
+            Err(error) => {
+                let reason = Reason::Failed(format!("{command} failed: {error}"));
+                self.events.report(Event::Refused(Refused { client, topic, reason, count: 1 }));
+            }
         }
         None
     }

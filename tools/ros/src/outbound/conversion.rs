@@ -2,9 +2,9 @@
 
 use i2ris::ipc::payload::JointState as Payload;
 use i2ris::units::Nanos;
-use i2ris_geometry::{Bend, LinkPose, Snake};
+use i2ris_gateway::clock::Moment;
+use i2ris_gateway::{Bend, LinkPose, Snake};
 
-use crate::clock::Moment;
 use crate::message::{Header, JointState, Pose, PoseStamped, Time, TransformStamped, Transforms};
 
 /// Values older than this are not valid: the controller is gone or hangs.

@@ -6,19 +6,14 @@ use i2ris::robot::{Cause, OperatingState, Refusal};
 
 use crate::event::ClientNames;
 
-/// How much a line matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Level {
-    /// The robot does not work.
     Error,
-    /// Something was refused, or is not as it was asked.
     Warning,
-    /// Something changed.
     Status,
 }
 
 impl Level {
-    /// In front of a line.
     pub const fn word(self) -> &'static str {
         match self {
             Self::Error => "error",
@@ -28,7 +23,6 @@ impl Level {
     }
 }
 
-/// What was said already.
 #[derive(Debug)]
 pub(super) struct Lines {
     names: ClientNames,
@@ -42,7 +36,6 @@ impl Lines {
         Self { names, last: None, absent: false }
     }
 
-    /// The controller is not there.
     pub fn absent(&mut self, error: &ClientError) -> Option<(Level, String)> {
         self.last = None;
         let first = !self.absent;
@@ -50,7 +43,6 @@ impl Lines {
         first.then(|| (Level::Error, error.to_string()))
     }
 
-    /// What changed in the controller's state.
     pub fn state(&mut self, now: &OperatingStateMsg) -> Vec<(Level, String)> {
         self.absent = false;
         let before = self.last.replace(*now);

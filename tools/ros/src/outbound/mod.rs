@@ -4,12 +4,10 @@
 //! |---|---|
 //! | `conversion` | messages of the controller as messages of ROS |
 //! | `state` | when an operating state is published |
-//! | `refusals` | refusals as warnings |
 //! | `lines` | what happened, as lines for `error`, `warning` and `status` |
 
 mod conversion;
 mod lines;
-mod refusals;
 mod state;
 
 use std::sync::mpsc::Receiver;
@@ -20,19 +18,18 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Latest, Subscription, Watcher};
 use i2ris::ipc::payload::{JointState as JointPayload, OperatingStateMsg, ReasonMsg};
 use i2ris::units::Nanos;
-use i2ris_geometry::Snake;
+use i2ris_gateway::clock::Moment;
+use i2ris_gateway::{Refusals, Snake};
 use ros2_client::log::LogLevel;
 use ros2_client::rosout::RosoutRaw;
 use ros2_client::{Node, Publisher};
 use serde::Serialize;
 
-use crate::clock::{Moment, RisingStamps};
 use crate::event::{ClientNames, Event};
 use crate::message::{Header, OperatingState, Text, Time};
 use crate::participant::NODE;
 use crate::topics::Outputs;
 use lines::{Level, Lines};
-use refusals::Refusals;
 use state::{Snapshot, StateReport, UNDEFINED};
 
 /// The pose of the tip and the frames are published so often, as cisst-ros does.
@@ -42,21 +39,12 @@ const POSE_PERIOD: Nanos = Nanos::from_millis(20);
 const LOOK_PERIOD: Nanos = Nanos::from_millis(2);
 
 /// The operating state that was published last, for those who ask.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct SharedState(Arc<Mutex<OperatingState>>);
+pub(crate) type SharedState = Arc<Mutex<OperatingState>>;
 
-impl SharedState {
-    /// The state.
-    pub fn get(&self) -> OperatingState {
-        self.lock().clone()
-    }
-
-    fn lock(&self) -> MutexGuard<'_, OperatingState> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+pub(crate) fn lock(state: &SharedState) -> MutexGuard<'_, OperatingState> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What is published, and from what.
 pub(crate) struct Outbound {
     outputs: Outputs,
     node: Node,
@@ -69,7 +57,8 @@ pub(crate) struct Outbound {
     warnings: Subscription<ReasonMsg>,
     events: Receiver<Event>,
     report: StateReport,
-    stamps: RisingStamps,
+    /// Of the last operating state.
+    stamp_unix_ns: u64,
     shared: SharedState,
     refusals: Refusals,
     lines: Lines,
@@ -98,7 +87,7 @@ impl Outbound {
             warnings: watcher.warning(),
             events,
             report: StateReport::default(),
-            stamps: RisingStamps::default(),
+            stamp_unix_ns: 0,
             shared,
             refusals: Refusals::default(),
             lines: Lines::new(names),
@@ -166,12 +155,9 @@ impl Outbound {
     /// Faults, and what was refused, stopped or clipped, as the controller says it.
     fn read_reasons(&mut self, say: &mut impl FnMut(&str)) {
         let mut reasons = Vec::new();
-        for (level, stream) in
-            [(Level::Error, &mut self.errors), (Level::Warning, &mut self.warnings)]
-        {
-            // Without a controller there are none.
-            let _ = stream.drain(|message| reasons.push((level, message)));
-        }
+        // Without a controller there are none.
+        let _ = self.errors.drain(|message| reasons.push((Level::Error, message)));
+        let _ = self.warnings.drain(|message| reasons.push((Level::Warning, message)));
         for (level, message) in reasons {
             let line = self.lines.reason(&message);
             self.say(level, line, say);
@@ -180,8 +166,8 @@ impl Outbound {
 
     fn take(&mut self, event: Event, now: Nanos, say: &mut impl FnMut(&str)) {
         match event {
-            Event::Refused { client, kind, reason, count } => {
-                if let Some(line) = self.refusals.add(client, kind, reason, count, now) {
+            Event::Refused(refused) => {
+                if let Some(line) = self.refusals.add(refused, now) {
                     self.say(Level::Warning, line, say);
                 }
             }
@@ -197,14 +183,15 @@ impl Outbound {
     }
 
     fn publish_state(&mut self, snapshot: Snapshot) {
-        let stamp = self.stamps.next(Moment::now().unix_ns);
+        self.stamp_unix_ns = state::rising(self.stamp_unix_ns, Moment::now().unix_ns);
+        let stamp = Time::from_unix_ns(self.stamp_unix_ns);
         let message = OperatingState {
-            header: Header { stamp: Time::from_unix_ns(stamp), frame_id: String::new() },
+            header: Header { stamp, frame_id: String::new() },
             state: snapshot.state.to_owned(),
             is_homed: snapshot.homed,
             is_busy: snapshot.busy,
         };
-        *self.shared.lock() = message.clone();
+        *lock(&self.shared) = message.clone();
         publish(&self.outputs.operating_state, message);
     }
 

@@ -7,7 +7,6 @@ use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::robot::OperatingState;
 use i2ris::units::Nanos;
 
-/// What a message says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Snapshot {
     pub state: &'static str,
@@ -36,7 +35,6 @@ impl Default for StateReport {
 }
 
 impl StateReport {
-    /// The controller's state. Returns what to publish.
     pub fn state(&mut self, message: &OperatingStateMsg) -> Option<Snapshot> {
         let has = |flag| message.flags & flag != 0;
         let busy = has(OperatingStateMsg::BUSY);
@@ -57,13 +55,11 @@ impl StateReport {
         self.change(Snapshot { state: state.text(), homed: has(OperatingStateMsg::HOMED), busy })
     }
 
-    /// There is no controller any more.
     pub fn absent(&mut self) -> Option<Snapshot> {
         self.moving = None;
         self.change(UNDEFINED)
     }
 
-    /// A client asked for a motion.
     pub fn move_asked(&mut self) {
         self.asked = true;
     }
@@ -85,9 +81,25 @@ impl StateReport {
     }
 }
 
+/// The stamp of the next message, Unix time. It rises also when the wall clock is set back: CRTK's
+/// client ignores an operating state that is not newer than the last one.
+pub(crate) fn rising(last: u64, now: u64) -> u64 {
+    now.max(last + 1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn stamps_rise_also_when_the_clock_is_set_back() {
+        let mut last = 0;
+        let found = [100, 100, 40, 41, 200].map(|now| {
+            last = rising(last, now);
+            last
+        });
+        assert_eq!(found, [100, 101, 102, 103, 200]);
+    }
 
     fn message(ms: u64, busy: bool) -> OperatingStateMsg {
         OperatingStateMsg {

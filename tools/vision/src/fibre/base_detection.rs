@@ -18,25 +18,18 @@ pub(super) const MIN_CONTRAST: f32 = 14.0;
 /// The base may be this many px off the straight line through two of its stations.
 const OFF_LINE: f64 = 2.0;
 
-/// Where the base comes in.
 #[derive(Debug, Clone, Copy)]
 pub struct BaseDetection {
     /// On the base, `MARGIN` px behind the border.
     pub start: Px,
-    /// Direction of the base.
     pub direction_rad: f64,
-    /// Contrast there, grey levels.
     pub contrast: f32,
-    /// Ground there.
     pub ground: f32,
 }
 
-/// Why no base was taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BaseNotFound {
-    /// Nothing of the right thickness comes in there.
     Nothing,
-    /// Two things do.
     Two,
 }
 
@@ -48,7 +41,6 @@ struct EdgePair {
     candidate: Candidate,
 }
 
-/// Looks for the base.
 pub fn find(image: &GreyImage, settings: &DetectorSettings) -> Result<BaseDetection, BaseNotFound> {
     let frame = BorderFrame::new(image, settings);
     let seen = frame.detect(image, settings);
@@ -136,7 +128,6 @@ impl BorderFrame {
         Self { corner, inward, along, inward_rad, width, depths }
     }
 
-    /// All candidates of all stations.
     fn detect(&self, image: &GreyImage, settings: &DetectorSettings) -> Vec<Vec<EdgePair>> {
         let (mut profile, mut found) = (IntensityProfile::default(), Vec::new());
         let half = (0.5 * self.width) as usize;

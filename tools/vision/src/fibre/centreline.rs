@@ -39,36 +39,29 @@ const ISLAND: usize = 6;
 /// No trace is longer.
 const MAX_STEPS: usize = 4000;
 
-/// One reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TracePoint {
-    /// Middle of the fibre, px.
     pub at: Px,
     /// Along the fibre from where the trace begins, px.
     pub along: f64,
-    /// Thickness there, px.
     pub width: f64,
     /// It was read as bare fibre, not as body.
     pub is_fibre: bool,
 }
 
-/// Why the trace ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TraceEnd {
     /// Ground ahead: the fibre ends.
     Background,
     /// Something lies over it and it did not come back in view.
     Covered,
-    /// It leaves the image.
     Border,
 }
 
-/// The centreline of the fibre.
 #[derive(Debug, Clone)]
 pub struct Centreline {
     /// The readings, in order; at least one.
     pub points: Vec<TracePoint>,
-    /// Why it ended.
     pub stop: TraceEnd,
     /// Contrast at its end, grey levels.
     pub contrast: f32,
@@ -76,7 +69,6 @@ pub struct Centreline {
     pub ground: f32,
 }
 
-/// What one step met.
 enum StepResult {
     Fibre(Candidate, bool),
     Background,

@@ -22,7 +22,6 @@ const WIDTH_TOLERANCE: f64 = 0.3;
 pub struct Candidate {
     /// Its middle, px from the middle of the profile.
     pub offset: f64,
-    /// Its thickness, px.
     pub width: f64,
     /// Ground minus inside, the lower of both sides, grey levels.
     pub contrast: f32,

@@ -21,11 +21,9 @@ const MIN_COUNT: usize = 8;
 /// A straight line through a stretch of the trace.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FittedLine {
-    /// The middle of the stretch, px.
     pub middle: [f64; 2],
     /// Its direction, rad, counter-clockwise as seen.
     pub direction_rad: f64,
-    /// Standard deviation of the direction, rad.
     pub std_rad: f64,
     /// Standard deviation of the points across the line, px.
     pub sigma_px: f64,
@@ -34,7 +32,6 @@ pub struct FittedLine {
     /// How much the direction turns from the middle to the end of the stretch if it is bent and not
     /// straight, rad.
     pub bend_rad: f64,
-    /// Standard deviation of the bend, rad.
     pub bend_std_rad: f64,
     /// Points that the line follows: the sum of their weights.
     pub followed: f64,
@@ -42,7 +39,6 @@ pub struct FittedLine {
 
 impl FittedLine {
     /// The place on the line `along` px from its middle.
-    #[must_use]
     pub fn at(&self, along: f64) -> [f64; 2] {
         advance(self.middle, step(self.direction_rad), along)
     }

@@ -40,71 +40,30 @@ mod limit {
 }
 
 /// Why a reading is missing or not good.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, thiserror::Error)]
 pub enum QualityIssue {
-    /// No base of the given thickness comes in on the given side.
+    #[error("no base in view")]
     NoBase,
-    /// Two things come in that could be the base.
+    #[error("two bases in view")]
     TwoBases,
-    /// Too little of the base is seen.
+    #[error("base covered")]
     BaseCovered,
-    /// The base is bent.
+    #[error("base not straight")]
     BaseBent,
-    /// Too little of the tip is seen.
+    #[error("tip covered")]
     TipCovered,
-    /// The stretch that should be the straight tip is bent.
+    #[error("tip not straight")]
     TipBent,
-    /// There is no clear end.
+    #[error("no clear end")]
     NoEnd,
-    /// Something lies at the end of the tip.
+    #[error("something at the end")]
     EndCovered,
-    /// The fibre leaves the image.
+    #[error("out of the image")]
     OutOfPicture,
-    /// It is shorter or longer than at rest.
+    #[error("not as long as at rest")]
     Length,
-    /// Too much scatter for the angle.
+    #[error("too noisy")]
     Noise,
-}
-
-impl QualityIssue {
-    /// Every doubt.
-    pub const ALL: [Self; 11] = [
-        Self::NoBase,
-        Self::TwoBases,
-        Self::BaseCovered,
-        Self::BaseBent,
-        Self::TipCovered,
-        Self::TipBent,
-        Self::NoEnd,
-        Self::EndCovered,
-        Self::OutOfPicture,
-        Self::Length,
-        Self::Noise,
-    ];
-
-    /// Its text in messages.
-    #[must_use]
-    pub const fn text(self) -> &'static str {
-        match self {
-            Self::NoBase => "no base in view",
-            Self::TwoBases => "two bases in view",
-            Self::BaseCovered => "base covered",
-            Self::BaseBent => "base not straight",
-            Self::TipCovered => "tip covered",
-            Self::TipBent => "tip not straight",
-            Self::NoEnd => "no clear end",
-            Self::EndCovered => "something at the end",
-            Self::OutOfPicture => "out of the image",
-            Self::Length => "not as long as at rest",
-            Self::Noise => "too noisy",
-        }
-    }
-}
-
-impl std::fmt::Display for QualityIssue {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.text())
-    }
 }
 
 /// What one image says. Where the quality is below [`GOOD`] the values are for looking at, not
@@ -117,9 +76,7 @@ pub struct Reading {
     pub std_rad: f64,
     /// Middle of the fibre's end, px.
     pub tip_px: [f64; 2],
-    /// The line of the base.
     pub base: FittedLine,
-    /// The line of the tip.
     pub tip: FittedLine,
     /// From the border of the image along the fibre to its end, px.
     pub length_px: f64,
@@ -132,8 +89,6 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// Whether the values may be used.
-    #[must_use]
     pub fn is_good(&self) -> bool {
         self.quality >= GOOD
     }
@@ -149,11 +104,7 @@ impl Reading {
 }
 
 /// Reads a image.
-///
-/// # Errors
-///
-/// The doubt that leaves nothing to report: no base, two bases, or too little of base or tip for a
-/// line.
+/// An error is the doubt that leaves nothing to report.
 pub fn measure(image: &GreyImage, settings: &DetectorSettings) -> Result<Reading, QualityIssue> {
     let entry = base_detection::find(image, settings).map_err(|none| match none {
         base_detection::BaseNotFound::Nothing => QualityIssue::NoBase,

@@ -33,7 +33,6 @@ pub enum EntrySide {
 pub struct DetectorSettings {
     /// The background of the fibre.
     pub ground: Background,
-    /// Where the base comes in.
     pub side: EntrySide,
     /// Where along that side, and how far from there at most, px. `None`: anywhere.
     pub near: Option<[f64; 2]>,

@@ -8,12 +8,10 @@ use crate::image::GreyImage;
 
 /// Ground differs from what it should be by less than this part of the contrast.
 const GROUND_LIKE: f32 = 0.4;
-/// Number of samples around the end.
 const SAMPLES: i32 = 5 * 15;
 /// This part of the places around the end must be ground.
 pub const FREE: f64 = 0.9;
 
-/// The end of the fibre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TipDetection {
     /// Its middle, px.

@@ -19,7 +19,6 @@ pub struct Arguments {
     seed: u64,
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { frames, cluttered: cluttered_frames, seed } = *arguments;
     println!(

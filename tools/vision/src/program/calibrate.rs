@@ -10,7 +10,7 @@ use i2ris_vision::setup::{JointAxis, VisionSetup};
 use i2ris_vision::view_alignment::{is_reversed, two_views};
 use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
-use super::input::Format;
+use super::input::{Format, check_count};
 use super::measure::span;
 use super::report::rest_words;
 use i2ris_terminal::Failure;
@@ -59,7 +59,6 @@ struct Motion {
     tangents: Vec<Vec<f64>>,
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut setup = VisionSetup::load(&arguments.setup)?;
     let read = |paths: &Vec<PathBuf>, rest_s| {
@@ -129,14 +128,7 @@ fn motion(
     paths: &[PathBuf],
     rest: Nanos,
 ) -> Result<Motion, Failure> {
-    if paths.len() != setup.views.len() {
-        let (given, wanted) = (paths.len(), setup.views.len());
-        return Err(format!(
-            "{given} sources of frames for {wanted} views in {}",
-            arguments.setup.display()
-        )
-        .into());
-    }
+    check_count(paths, setup, &arguments.setup)?;
     let mut views: Vec<Vec<ViewResult>> = Vec::new();
     let mut rests = Vec::new();
     for (view, path) in setup.views.iter().zip(paths) {

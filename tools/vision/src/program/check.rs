@@ -5,12 +5,11 @@ use std::fs;
 use std::path::PathBuf;
 
 use i2ris_vision::drawing::{Canvas, ContactSheet, overlay};
-use i2ris_vision::fibre::Reading;
 use i2ris_vision::image::GreyImage;
 use i2ris_vision::setup::VisionSetup;
-use i2ris_vision::view_detector::{Rejection, ViewDetector, ViewResult};
+use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
-use super::input::Format;
+use super::input::{Format, check_count};
 use i2ris_terminal::Failure;
 
 /// Arguments of `i2ris vision check`.
@@ -42,21 +41,13 @@ pub struct Arguments {
     columns: usize,
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let setup = VisionSetup::load(&arguments.setup)?;
-    if arguments.images.len() != setup.views.len() {
-        let (given, wanted) = (arguments.images.len(), setup.views.len());
-        return Err(format!(
-            "{given} sources of images for {wanted} views in {}",
-            arguments.setup.display()
-        )
-        .into());
-    }
+    check_count(&arguments.images, &setup, &arguments.setup)?;
     if let Some(folder) = &arguments.overlays {
         fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     }
-    let mut sheet = ContactSheet::new(arguments.columns);
+    let mut sheet = ContactSheet::default();
     for (view, path) in setup.views.iter().zip(&arguments.images) {
         let mut counts: BTreeMap<String, usize> = BTreeMap::new();
         let mut source = arguments.format.open(path)?;
@@ -86,19 +77,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     if let Some(path) = &arguments.sheet {
-        sheet.page().save(path)?;
+        sheet.page(arguments.columns).save(path)?;
         println!("wrote {}", path.display());
     }
     Ok(())
 }
 
-/// The overlay of a image, or a dark card that says why there is none.
+/// The overlay of an image, or a dark card that says why there is none.
 fn draw(name: &str, result: &ViewResult) -> Canvas {
-    let seen: Result<Reading, String> =
-        result.seen.clone().map_err(|cause: Rejection| cause.to_string());
-    match &result.image {
-        Some(image) => overlay(image, name, &seen),
-        None => GreyImage::new(320, 240, vec![40; 320 * 240])
-            .map_or_else(|| Canvas::new(1, 1, [0; 3]), |card| overlay(&card, name, &seen)),
-    }
+    let seen = result.seen.clone().map_err(|cause| cause.to_string());
+    let card = GreyImage::new(320, 240, vec![40; 320 * 240]).unwrap_or_else(GreyImage::black);
+    overlay(result.image.as_ref().unwrap_or(&card), name, &seen)
 }

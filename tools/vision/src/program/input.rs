@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
+use i2ris_terminal::Failure;
+use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::{
-    FrameClock, FrameSource, ImageFolder, ImageSize, RawStream, SourceError, Y4mStream,
+    FrameClock, FrameSource, FrameStream, ImageFolder, ImageSize, SourceError,
 };
 
 /// Frames per second of a numbered folder, by default.
@@ -40,6 +42,15 @@ fn not_negative(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "must be a number, 0 or more".to_owned())
 }
 
+/// One source for every view.
+pub fn check_count(given: &[PathBuf], setup: &VisionSetup, file: &Path) -> Result<(), Failure> {
+    if given.len() == setup.views.len() {
+        return Ok(());
+    }
+    let (given, wanted) = (given.len(), setup.views.len());
+    Err(format!("{given} sources of frames for {wanted} views in {}", file.display()).into())
+}
+
 impl Format {
     /// Opens the frames of one view. Waits for the other end of a FIFO.
     pub fn open(&self, path: &Path) -> Result<Box<dyn FrameSource>, SourceError> {
@@ -49,8 +60,7 @@ impl Format {
         if path.is_dir() {
             return Ok(Box::new(ImageFolder::open(path, self.fps.unwrap_or(FOLDER_FPS))?));
         }
-        let file = File::open(path)
-            .map_err(|source| SourceError::Read { path: path.to_owned(), source })?;
+        let file = File::open(path).map_err(|error| SourceError::file(path, error))?;
         self.stream(file)
     }
 
@@ -60,8 +70,8 @@ impl Format {
     ) -> Result<Box<dyn FrameSource>, SourceError> {
         let reader = BufReader::with_capacity(BUFFER, from);
         Ok(match self.raw {
-            Some(size) => Box::new(RawStream::new(reader, size, self.clock())),
-            None => Box::new(Y4mStream::open(reader, self.clock())?),
+            Some(size) => Box::new(FrameStream::raw(reader, size, self.clock())),
+            None => Box::new(FrameStream::y4m(reader, self.clock())?),
         })
     }
 

@@ -59,18 +59,3 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         Some(Task::Accuracy(arguments)) => accuracy::run(&arguments),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use clap::CommandFactory;
-
-    use super::*;
-
-    #[test]
-    fn the_help_has_an_example_and_the_command_line_is_consistent() {
-        let mut command = Arguments::command();
-        let help = command.render_long_help().to_string();
-        assert!(help.contains("Example") && help.contains("i2ris vision"), "{help}");
-        command.debug_assert();
-    }
-}

@@ -16,7 +16,7 @@ use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::SourceError;
 use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
-use super::input::Format;
+use super::input::{Format, check_count};
 use super::report::report;
 use i2ris_terminal::Failure;
 use i2ris_terminal::{DomainOption, Interrupt, until_closed};
@@ -63,18 +63,10 @@ pub fn span(text: &str) -> Result<Nanos, String> {
 /// A message of a view's thread.
 type ViewMessage = Result<ViewResult, SourceError>;
 
-/// Runs it.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let setup = VisionSetup::load(&arguments.setup)?;
     let Arguments { images, format, .. } = &arguments;
-    if images.len() != setup.views.len() {
-        let (given, wanted) = (images.len(), setup.views.len());
-        return Err(format!(
-            "{given} sources of frames for {wanted} views in {}",
-            arguments.setup.display()
-        )
-        .into());
-    }
+    check_count(images, &setup, &arguments.setup)?;
     let live = format.is_live(images);
     let reference = if arguments.rest_s == Nanos::ZERO {
         Reference::Setup

@@ -2,25 +2,30 @@
 //! moves.
 
 mod fifo;
-mod live;
-mod recorded;
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc::TrySendError;
 
+use i2ris::clock;
+use i2ris::ipc::payload::ExternalPosition;
+use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
-use i2ris_terminal::pose_table;
-
+use i2ris_terminal::{Failure, Interrupt, pose_table};
 use i2ris_vision::accuracy::setup;
+use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{Brightness, JointPose, Optics, Rig, SnakeShape};
 use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::ImageSize;
 
-use i2ris_terminal::Failure;
-use i2ris_terminal::Interrupt;
+use fifo::Fifos;
 
-/// Scale of a image of this width that shows the whole snake.
+/// Width of an image that shows the whole snake at 200 px/mm.
 const WIDTH_AT_200: f64 = 1280.0;
+/// Frames of the straight pose that are drawn beside those of a recording.
+const REST_FRAMES: u64 = 15;
+/// Poll period for new angles.
+const POLL: Nanos = Nanos::from_millis(2);
 
 /// Arguments of `i2ris vision render`.
 #[derive(Debug, clap::Args)]
@@ -78,7 +83,6 @@ fn turn(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "must be an angle from -180 to 180".to_owned())
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let rig = rig(arguments);
     fs::create_dir_all(&arguments.output)
@@ -87,8 +91,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         (Some(angles), _) => {
             let poses = poses(angles)?;
             match arguments.stream {
-                false => recorded::files(arguments, &rig, &poses),
-                true => recorded::stream(arguments, &rig, &poses, &Interrupt::catch()?),
+                false => files(arguments, &rig, &poses),
+                true => stream(arguments, &rig, &poses, &Interrupt::catch()?),
             }
         }
         (None, Some(domain)) => {
@@ -99,7 +103,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
                 fifo(arguments, 0).display(),
                 fifo(arguments, 1).display()
             );
-            live::run(&rig, domain, &[fifo(arguments, 0), fifo(arguments, 1)], &Interrupt::catch()?)
+            follow(&rig, domain, &[fifo(arguments, 0), fifo(arguments, 1)], &Interrupt::catch()?)
         }
         (None, None) => Err("give --angles or --live".into()),
     }
@@ -140,4 +144,114 @@ fn write_setup(arguments: &Arguments, rig: &Rig) -> Result<PathBuf, Failure> {
     let setup: VisionSetup = setup(rig);
     setup.save(&path)?;
     Ok(path)
+}
+
+/// Draws into folders, `view0` and `view1`, and the straight pose into `rest0` and `rest1`.
+fn files(arguments: &Arguments, rig: &Rig, poses: &[(Nanos, JointPose)]) -> Result<(), Failure> {
+    for view in 0..rig.cameras.len() {
+        for kind in ["view", "rest"] {
+            let folder = arguments.output.join(format!("{kind}{view}"));
+            fs::create_dir_all(&folder)
+                .map_err(|error| format!("{}: {error}", folder.display()))?;
+        }
+    }
+    for number in 0..REST_FRAMES {
+        // Numbers that no row has, so that the noise is another.
+        draw(
+            arguments,
+            rig,
+            "rest",
+            Nanos::from_millis(33 * number),
+            JointPose::default(),
+            u64::MAX - number,
+        )?;
+    }
+    let mut drawn = 0_u64;
+    for (number, (stamp, pose)) in poses.iter().enumerate().step_by(arguments.every as usize) {
+        draw(arguments, rig, "view", *stamp, *pose, number as u64)?;
+        drawn += 1;
+    }
+    let path = write_setup(arguments, rig)?;
+    println!("{drawn} poses drawn for {} views; wrote {}", rig.cameras.len(), path.display());
+    Ok(())
+}
+
+/// Draws into FIFOs, `view0` and `view1`, and waits for their reader.
+fn stream(
+    arguments: &Arguments,
+    rig: &Rig,
+    poses: &[(Nanos, JointPose)],
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    let path = write_setup(arguments, rig)?;
+    let fifos = Fifos::make(&[fifo(arguments, 0), fifo(arguments, 1)])?;
+    println!("wrote {}; drawing for who reads view0 and view1 beside it", path.display());
+    let mut drawn = 0_u64;
+    for (number, (stamp, pose)) in poses.iter().enumerate().step_by(arguments.every as usize) {
+        if interrupt.came() {
+            return Err("interrupted".into());
+        }
+        let handed =
+            fifos.sender().map(|to| to.send((*stamp, rig.render_views(*pose, number as u64))));
+        if !matches!(handed, Some(Ok(()))) {
+            return Err(format!("the reader went away after {drawn} poses").into());
+        }
+        drawn += 1;
+    }
+    fifos.finish();
+    println!("{drawn} poses drawn for {} views", rig.cameras.len());
+    Ok(())
+}
+
+fn draw(
+    arguments: &Arguments,
+    rig: &Rig,
+    kind: &str,
+    stamp: Nanos,
+    pose: JointPose,
+    number: u64,
+) -> Result<(), Failure> {
+    let name = format!("frame_t{}.{:09}.png", stamp.0 / 1_000_000_000, stamp.0 % 1_000_000_000);
+    for (view, image) in rig.render_views(pose, number).iter().enumerate() {
+        save_grey(&arguments.output.join(format!("{kind}{view}")).join(&name), image)?;
+    }
+    Ok(())
+}
+
+/// Draws the emulated snake as it moves, until interrupted or until nobody reads.
+///
+/// The emulator publishes its camera's angles to the server of its domain. This serves a domain of
+/// its own, draws the angles, and feeds the frames with their stamps to a camera process, which
+/// measures them and publishes to the real controller: angles reach the controller through frames
+/// only.
+fn follow(
+    rig: &Rig,
+    domain: &str,
+    paths: &[PathBuf],
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    let mut server = Server::create(DomainLock::acquire(&Domain::new(domain)?)?)?;
+    let fifos = Fifos::make(paths)?;
+    let (mut number, mut dropped) = (0_u64, 0_u64);
+    while !interrupt.came() {
+        server.maintain(clock::now());
+        let Some(seen) =
+            server.poll_external().filter(|seen| seen.flags & ExternalPosition::VALID != 0)
+        else {
+            clock::sleep(POLL);
+            continue;
+        };
+        let Some(feed) = fifos.sender() else { break };
+        number += 1;
+        let pose = JointPose { pitch_rad: seen.position[0], yaw_rad: seen.position[1] };
+        match feed.try_send((Nanos(seen.stamp_ns), rig.render_views(pose, number))) {
+            Ok(()) => {}
+            // The reader is slow, or has not come yet: a camera drops frames then, too. Both
+            // views or none.
+            Err(TrySendError::Full(_)) => dropped += 1,
+            Err(TrySendError::Disconnected(_)) => break,
+        }
+    }
+    println!("drew {number} poses; {dropped} of them dropped because nobody took them in time");
+    Ok(())
 }

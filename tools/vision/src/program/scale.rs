@@ -25,7 +25,6 @@ pub struct Arguments {
     view: Option<String>,
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let setup = VisionSetup::load(&arguments.setup)?;
     let named = |name: &String| setup.views.iter().find(|view| view.name == *name);

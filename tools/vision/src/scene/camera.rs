@@ -25,7 +25,6 @@ pub struct PinholeCamera {
 impl PinholeCamera {
     /// A microscope that looks straight at the plane of pitch, 85 mm away, base from the left at
     /// half height.
-    #[must_use]
     pub fn microscope(width: usize, height: usize, px_per_mm: f64) -> Self {
         Self {
             width,
@@ -41,14 +40,12 @@ impl PinholeCamera {
 
     /// A point as the view sees it, mm: along the base, across it (positive side), towards the
     /// camera.
-    #[must_use]
     pub fn in_view(&self, [x, y, z]: [f64; 3]) -> (f64, f64, f64) {
         let (sin, cos) = self.plane_rad.sin_cos();
         (z, cos * x + sin * y, -sin * x + cos * y)
     }
 
     /// A point in the image, px, and its scale relative to `px_per_mm`.
-    #[must_use]
     pub fn project(&self, point: [f64; 3]) -> ([f64; 2], f64) {
         let (along, across, near) = self.in_view(point);
         let (sin, cos) = self.tilt_rad.sin_cos();

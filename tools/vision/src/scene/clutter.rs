@@ -9,7 +9,6 @@ pub enum Clutter {
     Instrument {
         /// Where it comes from, usually outside the image.
         from: [f64; 2],
-        /// Its free end.
         to: [f64; 2],
         /// Half its thickness at both ends.
         half_width: [f64; 2],
@@ -19,29 +18,12 @@ pub enum Clutter {
         rim: f32,
     },
     /// A speck of dust, a bubble, a drop.
-    Speck {
-        /// Its middle.
-        centre: [f64; 2],
-        /// Its half axes.
-        half: [f64; 2],
-        /// Its turn.
-        turn_rad: f64,
-        /// Its brightness.
-        brightness: f32,
-    },
+    Speck { centre: [f64; 2], half: [f64; 2], turn_rad: f64, brightness: f32 },
     /// A thin bent thing.
-    Hair {
-        /// Its corners.
-        points: Vec<[f64; 2]>,
-        /// Half its thickness.
-        half_width: f64,
-        /// Its brightness.
-        brightness: f32,
-    },
+    Hair { points: Vec<[f64; 2]>, half_width: f64, brightness: f32 },
 }
 
 impl Clutter {
-    /// Paints it over what is there.
     pub(super) fn paint(&self, canvas: &mut Raster) {
         match self {
             Self::Instrument { from, to, half_width, brightness, rim } => canvas.rod(&Rod {
@@ -64,7 +46,6 @@ impl Clutter {
 }
 
 /// A sheet of one brightness over the circle of `radius` around `centre`: hides whatever is there.
-#[must_use]
 pub fn cover(centre: [f64; 2], radius: f64, brightness: f32) -> Clutter {
     Clutter::Speck { centre, half: [radius, radius], turn_rad: 0.0, brightness }
 }

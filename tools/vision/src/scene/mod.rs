@@ -9,32 +9,191 @@
 //! pitch, `y` in the direction of positive yaw, origin at the start of the bending section. Lengths
 //! in millimetres.
 //!
+//! A scene with its image and its true values stands here, with the cameras around one snake.
+//!
 //! | file | content |
 //! |---|---|
-//! | `synthetic_scene` | a scene, its image and its true values |
 //! | `snake_shape` | the curve in space: straight base, arc, straight tip |
 //! | `camera` | position of the camera; projection to pixels |
-//! | `brightness` | grey levels |
 //! | `raster` | anti-aliased rods and ellipses |
 //! | `clutter` | instruments, specks, hairs in front |
-//! | `optics` | blur, uneven light, noise |
-//! | `rig` | the cameras around one snake |
+//! | `optics` | grey levels, blur, uneven light, noise |
 //! | `random` | random scenes from a seed |
 
-mod brightness;
 mod camera;
 mod clutter;
 mod optics;
 pub mod random;
 mod raster;
-mod rig;
 mod snake_shape;
-mod synthetic_scene;
 
-pub use brightness::Brightness;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use crate::image::GreyImage;
+use raster::Raster;
+
 pub use camera::PinholeCamera;
 pub use clutter::{Clutter, cover};
-pub use optics::Optics;
-pub use rig::Rig;
+pub use optics::{Brightness, Optics};
 pub use snake_shape::{JointPose, SnakeShape};
-pub use synthetic_scene::{Scene, Truth};
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    pub snake: SnakeShape,
+    pub pose: JointPose,
+    pub camera: PinholeCamera,
+    pub paint: Brightness,
+    /// What lies in front of it, the nearest last.
+    pub clutter: Vec<Clutter>,
+    pub optics: Optics,
+}
+
+/// What a perfect measurement of a scene would say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Truth {
+    /// Bending angle in the plane of the view, rad; positive towards the camera's positive side.
+    pub angle_rad: f64,
+    /// Tip in the plane of the view: along the base, and across it, from where the bending section
+    /// begins, mm.
+    pub tip_mm: [f64; 2],
+    pub tip_px: [f64; 2],
+}
+
+impl Scene {
+    /// Draws it. The generator makes the noise: equal states, equal images.
+    pub fn render(&self, noise: &mut impl Rng) -> GreyImage {
+        let mut canvas = Raster::new(self.camera.width, self.camera.height, self.paint.ground);
+        for rod in self.snake.rods(&self.pose, &self.camera, &self.paint) {
+            canvas.rod(&rod);
+        }
+        for thing in &self.clutter {
+            thing.paint(&mut canvas);
+        }
+        self.optics.expose(canvas, noise)
+    }
+
+    pub fn truth(&self) -> Truth {
+        let tip = self.snake.tip(&self.pose);
+        let (along, across, _) = self.camera.in_view(tip);
+        Truth {
+            angle_rad: self.pose.view_angle_rad(self.camera.plane_rad),
+            tip_mm: [along, across],
+            tip_px: self.camera.project(tip).0,
+        }
+    }
+}
+
+/// A snake and the cameras that look at it at the same instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rig {
+    pub snake: SnakeShape,
+    pub paint: Brightness,
+    /// Blur, light and noise of every camera.
+    pub optics: Optics,
+    pub cameras: Vec<PinholeCamera>,
+    /// Determines the noise.
+    pub seed: u64,
+}
+
+impl Rig {
+    /// Two microscopes at right angles, one for pitch and one for yaw, in front of the robot with a
+    /// fibre sticking out.
+    pub fn laboratory(width: usize, height: usize, px_per_mm: f64) -> Self {
+        let pitch = PinholeCamera::microscope(width, height, px_per_mm);
+        let yaw = PinholeCamera { plane_rad: std::f64::consts::FRAC_PI_2, ..pitch };
+        Self {
+            snake: SnakeShape::robot(),
+            paint: Brightness::dark(),
+            optics: Optics::light(),
+            cameras: vec![pitch, yaw],
+            seed: 1,
+        }
+    }
+
+    pub fn scene(&self, camera: &PinholeCamera, pose: JointPose) -> Scene {
+        let Self { snake, paint, optics, .. } = *self;
+        Scene { snake, pose, camera: *camera, paint, clutter: Vec::new(), optics }
+    }
+
+    /// One image per camera. Equal seeds and numbers make equal noise; the noise of cameras and
+    /// numbers differs.
+    pub fn render_views(&self, pose: JointPose, number: u64) -> Vec<GreyImage> {
+        let noise = |view: usize| {
+            let stream = number.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (view as u64) << 56;
+            Pcg64Mcg::seed_from_u64(self.seed.wrapping_add(stream))
+        };
+        self.cameras
+            .iter()
+            .enumerate()
+            .map(|(view, camera)| self.scene(camera, pose).render(&mut noise(view)))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene() -> Scene {
+        Scene {
+            snake: SnakeShape::fibre(0.125),
+            pose: JointPose { pitch_rad: 0.3, yaw_rad: 0.0 },
+            camera: PinholeCamera::microscope(640, 480, 100.0),
+            paint: Brightness::dark(),
+            clutter: Vec::new(),
+            optics: Optics::clean(),
+        }
+    }
+
+    fn brightness(image: &GreyImage, [x, y]: [f64; 2]) -> f32 {
+        image.sample(x, y).unwrap()
+    }
+
+    #[test]
+    fn the_tip_is_painted_where_the_truth_says() {
+        let scene = scene();
+        let image = scene.render(&mut Pcg64Mcg::seed_from_u64(1));
+        let Truth { tip_px: [x, y], angle_rad, .. } = scene.truth();
+        let ahead =
+            |distance: f64| [x + distance * angle_rad.cos(), y - distance * angle_rad.sin()];
+        assert!(brightness(&image, ahead(-3.0)) < 80.0);
+        assert!(brightness(&image, ahead(3.0)) > 180.0);
+        assert!(
+            (brightness(&image, ahead(0.0)) - 122.0).abs() < 25.0,
+            "half covered at the very end"
+        );
+    }
+
+    #[test]
+    fn a_positive_angle_bends_upwards_and_in_the_view_of_its_own_axis_only() {
+        let mut scene = scene();
+        let straight_y = scene.camera.project([0.0, 0.0, 0.0]).0[1];
+        assert!(scene.truth().tip_px[1] < straight_y - 30.0);
+        scene.camera.plane_rad = std::f64::consts::FRAC_PI_2;
+        assert!(scene.truth().angle_rad.abs() < 1e-12);
+        assert!((scene.truth().tip_px[1] - straight_y).abs() < 1.0);
+    }
+
+    #[test]
+    fn equal_seeds_make_equal_images_and_noise_differs_from_frame_to_frame() {
+        let mut scene = scene();
+        scene.optics = Optics::light();
+        let mut noise = Pcg64Mcg::seed_from_u64(7);
+        let first = scene.render(&mut noise);
+        assert_ne!(first, scene.render(&mut noise));
+        assert_eq!(first, scene.render(&mut Pcg64Mcg::seed_from_u64(7)));
+    }
+
+    #[test]
+    fn images_of_one_instant_and_of_one_pose_all_differ_in_noise() {
+        let rig = Rig::laboratory(160, 120, 25.0);
+        let (first, again, next) = (
+            rig.render_views(JointPose::default(), 1),
+            rig.render_views(JointPose::default(), 1),
+            rig.render_views(JointPose::default(), 2),
+        );
+        assert_eq!(first, again);
+        assert!(first[0] != first[1] && first[0] != next[0] && first[1] != next[1]);
+    }
+}

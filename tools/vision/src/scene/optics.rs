@@ -1,11 +1,43 @@
-//! From the painted scene to the bytes of a sensor.
+//! Grey levels of a scene, and its way from the painting to the bytes of a sensor.
 
 use rand::Rng;
 
 use super::raster::Raster;
 use crate::image::GreyImage;
 
-/// Blur, light and noise.
+/// Brightness of everything, in grey levels before uneven light: 0 black, 255 white.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Brightness {
+    /// The ground behind.
+    pub ground: f32,
+    /// The snake's body, in the middle of it.
+    pub body: f32,
+    /// The fibre at its tip.
+    pub fibre: f32,
+    /// How much darker (or, negative, brighter) the rims of body and fibre are than their middle:
+    /// round things shade.
+    pub rim: f32,
+    /// Brightness that a glint along the body adds. 0: none.
+    pub glint: f32,
+}
+
+impl Brightness {
+    /// A dark fibre on bright ground, lit from behind.
+    pub const fn dark() -> Self {
+        Self { ground: 190.0, body: 55.0, fibre: 55.0, rim: 12.0, glint: 0.0 }
+    }
+
+    /// A bright fibre on dark ground, lit from the side.
+    pub const fn bright() -> Self {
+        Self { ground: 40.0, body: 185.0, fibre: 185.0, rim: 15.0, glint: 0.0 }
+    }
+
+    /// The same with a glint along the body.
+    pub const fn with_glint(self, glint: f32) -> Self {
+        Self { glint, ..self }
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Optics {
     /// Standard deviation of the blur, px.
@@ -20,24 +52,20 @@ pub struct Optics {
 
 impl Optics {
     /// No blur, no noise, even light.
-    #[must_use]
     pub const fn clean() -> Self {
         Self { blur_px: 0.0, noise: 0.0, vignette: 0.0, slope: [0.0, 0.0] }
     }
 
     /// A well adjusted microscope.
-    #[must_use]
     pub const fn light() -> Self {
         Self { blur_px: 1.0, noise: 3.0, vignette: 0.25, slope: [0.1, -0.1] }
     }
 
     /// Out of focus, too little light, unevenly lit.
-    #[must_use]
     pub const fn strong() -> Self {
         Self { blur_px: 4.0, noise: 15.0, vignette: 0.5, slope: [0.3, 0.25] }
     }
 
-    /// Exposes a painted scene.
     pub(super) fn expose(&self, mut canvas: Raster, random: &mut impl Rng) -> GreyImage {
         blur(&mut canvas, self.blur_px);
         let (width, height) = (canvas.width, canvas.height);

@@ -3,16 +3,14 @@
 
 use rand::{Rng, RngExt};
 
-use super::brightness::Brightness;
+use super::Scene;
 use super::camera::PinholeCamera;
 use super::clutter::{Clutter, cover};
-use super::optics::Optics;
+use super::optics::{Brightness, Optics};
 use super::snake_shape::{JointPose, SnakeShape};
-use super::synthetic_scene::Scene;
 
 /// A scene without clutter: any angle in the plane of the view and away from it up to `max_rad`,
 /// any position of the base within a few degrees and pixels.
-#[must_use]
 pub fn clear(
     random: &mut impl Rng,
     camera: PinholeCamera,
@@ -34,7 +32,6 @@ pub fn clear(
 
 /// Puts instruments, covers, specks and hairs before a scene, most of them near the fibre;
 /// sometimes the camera has been pushed so that part of the fibre is out of the image.
-#[must_use]
 pub fn clutter(random: &mut impl Rng, mut scene: Scene) -> Scene {
     if random.random_bool(0.08) {
         let (width, height) = (scene.camera.width as f64, scene.camera.height as f64);

@@ -6,9 +6,7 @@ pub struct Rod {
     /// x, y and half the thickness of every corner, px. A rod with fewer than two corners is not
     /// painted.
     pub points: Vec<[f64; 3]>,
-    /// Brightness along the middle.
     pub brightness: f32,
-    /// How much darker the rims are.
     pub rim: f32,
     /// How much brighter a streak beside the middle is.
     pub glint: f32,
@@ -40,7 +38,6 @@ const UNCOVERED: Coverage =
 const BEYOND: f64 = 8.0;
 
 impl Raster {
-    /// An even ground.
     pub fn new(width: usize, height: usize, ground: f32) -> Self {
         Self { width, height, data: vec![ground; width * height] }
     }
@@ -170,7 +167,6 @@ fn distance(x: f64, y: f64) -> f64 {
     (x * x + y * y).sqrt()
 }
 
-/// The square end of a rod.
 struct Cut {
     at: [f64; 2],
     unit: [f64; 2],

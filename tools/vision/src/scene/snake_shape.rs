@@ -1,7 +1,7 @@
 //! The snake as a curve in space: straight base, circular arc, straight tip.
 
-use super::brightness::Brightness;
 use super::camera::PinholeCamera;
+use super::optics::Brightness;
 use super::raster::Rod;
 
 /// Length of the straight pieces that replace the arc, px. The sagitta of a piece on the tightest
@@ -19,13 +19,11 @@ pub struct SnakeShape {
     pub tip_mm: f64,
     /// Thickness of base and bending section.
     pub body_width_mm: f64,
-    /// Thickness of the fibre.
     pub fibre_width_mm: f64,
 }
 
 impl SnakeShape {
     /// A bare fibre of one thickness.
-    #[must_use]
     pub const fn fibre(width_mm: f64) -> Self {
         Self {
             base_mm: 8.0,
@@ -37,20 +35,16 @@ impl SnakeShape {
     }
 
     /// The body of 0.9 mm with a fibre of 0.25 mm sticking out.
-    #[must_use]
     pub const fn robot() -> Self {
         Self { base_mm: 8.0, arc_mm: 2.4, tip_mm: 1.4, body_width_mm: 0.9, fibre_width_mm: 0.25 }
     }
 
-    /// Where the fibre ends, mm.
-    #[must_use]
     pub fn tip(&self, pose: &JointPose) -> [f64; 3] {
         self.at(pose, self.arc_mm + self.tip_mm)
     }
 
     /// The point at `length_mm` along the middle from the start of the bending section; negative on
     /// the base.
-    #[must_use]
     pub fn at(&self, pose: &JointPose, length_mm: f64) -> [f64; 3] {
         let (bend, [cx, cy]) = pose.bend();
         let arc = length_mm.clamp(0.0, self.arc_mm);
@@ -109,7 +103,6 @@ fn arc_point(bend: f64, arc: f64, total: f64) -> (f64, f64) {
     (radius * angle.sin(), radius * (1.0 - angle.cos()))
 }
 
-/// How the snake is bent.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct JointPose {
     /// Angle of the tip in the plane of x and z: its tangent is x over z of the tip's direction.
@@ -120,7 +113,6 @@ pub struct JointPose {
 
 impl JointPose {
     /// The angle that a camera sees whose positive side is turned by `plane_rad` from x towards y.
-    #[must_use]
     pub fn view_angle_rad(&self, plane_rad: f64) -> f64 {
         (self.pitch_rad.tan() * plane_rad.cos() + self.yaw_rad.tan() * plane_rad.sin()).atan()
     }

@@ -8,39 +8,27 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::image::GreyImage;
 
-/// The most pixels that a image may have: a file that claims more is not a microscope's.
+/// The most pixels that an image may have: a file that claims more is not a microscope's.
 const MAX_PIXELS: usize = 64 << 20;
 
-/// Why a file is not a image.
+/// Why a file is no image.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum DecodeError {
-    /// Neither PNG nor JPEG.
-    #[error("neither PNG nor JPEG")]
-    Unknown,
-    /// Broken or truncated.
-    #[error("{0}")]
-    Broken(String),
-    /// A kind of image that microscopes do not write.
-    #[error("{0} pixels are not supported")]
-    Pixels(String),
-}
+#[error("{0}")]
+pub struct DecodeError(String);
 
 /// Decodes the bytes of a PNG or JPEG file. Colours become brightness by the weights of ITU-R
 /// BT.601.
-///
-/// # Errors
-///
-/// [`DecodeError`]; a truncated file is an error, not a image with a grey rest.
+/// A truncated file is an error, not an image with a grey rest.
 pub fn decode(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => decode_png(bytes),
         [0xFF, 0xD8, ..] => decode_jpeg(bytes),
-        _ => Err(DecodeError::Unknown),
+        _ => Err(broken("neither PNG nor JPEG")),
     }
 }
 
 fn broken(error: impl std::fmt::Display) -> DecodeError {
-    DecodeError::Broken(error.to_string())
+    DecodeError(error.to_string())
 }
 
 fn decode_png(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
@@ -60,7 +48,7 @@ fn decode_png(bytes: &[u8]) -> Result<GreyImage, DecodeError> {
         png::ColorType::GrayscaleAlpha => data.chunks_exact(2).map(|p| p[0]).collect(),
         png::ColorType::Rgb => data.chunks_exact(3).map(brightness).collect(),
         png::ColorType::Rgba => data.chunks_exact(4).map(brightness).collect(),
-        png::ColorType::Indexed => return Err(DecodeError::Pixels("indexed".into())),
+        png::ColorType::Indexed => return Err(broken("indexed pixels are not supported")),
     };
     GreyImage::new(info.width as usize, info.height as usize, grey)
         .ok_or_else(|| broken("size and data differ"))
@@ -120,6 +108,6 @@ mod tests {
             assert!(decode(&png[..length]).is_err(), "{length} of {}", png.len());
         }
         assert!(decode(&[0xFF, 0xD8, 0xFF, 0xE0, 0, 0, 0, 0]).is_err());
-        assert_eq!(decode(b"hello"), Err(DecodeError::Unknown));
+        assert_eq!(decode(b"hello"), Err(broken("neither PNG nor JPEG")));
     }
 }

@@ -8,7 +8,7 @@ use i2ris::units::Nanos;
 use super::decode::decode;
 use super::error::SourceError;
 use super::frame::{Frame, FrameFault, SourceItem};
-use super::frame_source::FrameSource;
+use super::stream::FrameSource;
 use super::timestamps;
 
 /// More missing numbers in a row than this are reported as one gap each no more: the numbering
@@ -19,23 +19,19 @@ const MAX_GAP: u64 = 10_000;
 #[derive(Debug)]
 pub struct ImageFolder {
     path: PathBuf,
-    rest: VecDeque<(Nanos, BaseDetection)>,
+    rest: VecDeque<(Nanos, Entry)>,
 }
 
 #[derive(Debug)]
-enum BaseDetection {
+enum Entry {
     File(String),
     Missing(u64),
 }
 
 impl ImageFolder {
     /// Opens a folder. `fps` gives the stamps where only numbers in the file names do.
-    ///
-    /// # Errors
-    ///
-    /// The folder cannot be read, holds no frame, or its files cannot be put in order.
     pub fn open(path: &Path, fps: f64) -> Result<Self, SourceError> {
-        let read = |source| SourceError::Read { path: path.to_owned(), source };
+        let read = |error| SourceError::file(path, error);
         let mut names = Vec::new();
         for entry in std::fs::read_dir(path).map_err(read)? {
             let name = entry.map_err(read)?.file_name().to_string_lossy().into_owned();
@@ -44,14 +40,14 @@ impl ImageFolder {
             }
         }
         if names.is_empty() {
-            return Err(SourceError::NoFrames { path: path.to_owned() });
+            return Err(SourceError::file(path, "no PNG or JPEG file in this folder"));
         }
         names.sort_unstable();
         let list = path.join(timestamps::LIST);
         let rest = if list.exists() {
             timestamps::read_list(&list)?
                 .into_iter()
-                .map(|(name, stamp)| (stamp, BaseDetection::File(name)))
+                .map(|(name, stamp)| (stamp, Entry::File(name)))
                 .collect()
         } else if let Some(timed) = timed(&names) {
             timed
@@ -59,12 +55,6 @@ impl ImageFolder {
             numbered(&timestamps::by_number(path, names)?, fps)
         };
         Ok(Self { path: path.to_owned(), rest })
-    }
-
-    /// How many frames and gaps are still to come.
-    #[must_use]
-    pub fn remaining(&self) -> usize {
-        self.rest.len()
     }
 
     fn load(&self, stamp: Nanos, name: String) -> Result<SourceItem, SourceError> {
@@ -78,7 +68,7 @@ impl ImageFolder {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 gap(FrameFault::MissingFile, name)
             }
-            Err(source) => Err(SourceError::Read { path, source }),
+            Err(error) => Err(SourceError::file(&path, error)),
         }
     }
 }
@@ -87,8 +77,8 @@ impl FrameSource for ImageFolder {
     fn next(&mut self) -> Result<Option<SourceItem>, SourceError> {
         match self.rest.pop_front() {
             None => Ok(None),
-            Some((stamp, BaseDetection::File(name))) => self.load(stamp, name).map(Some),
-            Some((stamp, BaseDetection::Missing(number))) => Ok(Some(SourceItem::Missing {
+            Some((stamp, Entry::File(name))) => self.load(stamp, name).map(Some),
+            Some((stamp, Entry::Missing(number))) => Ok(Some(SourceItem::Missing {
                 stamp,
                 name: format!("number {number}"),
                 cause: FrameFault::MissingFile,
@@ -103,17 +93,17 @@ fn is_image(name: &str) -> bool {
 }
 
 /// Stamps from names, if all names carry one.
-fn timed(names: &[String]) -> Option<VecDeque<(Nanos, BaseDetection)>> {
-    let mut all: Vec<(Nanos, BaseDetection)> = names
+fn timed(names: &[String]) -> Option<VecDeque<(Nanos, Entry)>> {
+    let mut all: Vec<(Nanos, Entry)> = names
         .iter()
-        .map(|name| Some((timestamps::time_in(name)?, BaseDetection::File(name.clone()))))
+        .map(|name| Some((timestamps::time_in(name)?, Entry::File(name.clone()))))
         .collect::<Option<_>>()?;
     all.sort_by_key(|(stamp, _)| *stamp);
     Some(all.into())
 }
 
 /// Stamps from numbers; every missing number is an entry of its own.
-fn numbered(files: &BTreeMap<u64, String>, fps: f64) -> VecDeque<(Nanos, BaseDetection)> {
+fn numbered(files: &BTreeMap<u64, String>, fps: f64) -> VecDeque<(Nanos, Entry)> {
     let Some(first) = files.keys().next().copied() else {
         return VecDeque::new();
     };
@@ -122,9 +112,9 @@ fn numbered(files: &BTreeMap<u64, String>, fps: f64) -> VecDeque<(Nanos, BaseDet
     let mut expected = first;
     for (number, name) in files {
         if number - expected <= MAX_GAP {
-            all.extend((expected..*number).map(|n| (stamp(n), BaseDetection::Missing(n))));
+            all.extend((expected..*number).map(|n| (stamp(n), Entry::Missing(n))));
         }
-        all.push_back((stamp(*number), BaseDetection::File(name.clone())));
+        all.push_back((stamp(*number), Entry::File(name.clone())));
         expected = number + 1;
     }
     all

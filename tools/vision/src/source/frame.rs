@@ -1,10 +1,9 @@
-//! A frame with its timestamp, or the fault in its place.
+//! A frame with its timestamp, or the fault in its place; and its size.
 
 use i2ris::units::Nanos;
 
 use crate::image::GreyImage;
 
-/// A frame and when it was taken.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     /// When it was taken. Streams: monotonic clock of this machine. Folders: as its names, its list
@@ -12,89 +11,78 @@ pub struct Frame {
     pub stamp: Nanos,
     /// File name, or number in the stream; for messages and overlays.
     pub name: String,
-    /// The frame.
     pub image: GreyImage,
 }
 
 /// Why there is no frame where one should be.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, thiserror::Error)]
 pub enum FrameFault {
-    /// A number is missing in a numbered folder.
+    #[error("file missing")]
     MissingFile,
-    /// The file is not a whole frame.
+    #[error("not a whole frame")]
     Undecodable,
-    /// Not the size of the frames before.
+    #[error("wrong size")]
     WrongSize,
-    /// Identical to the frame before: the camera is frozen.
+    #[error("frozen: identical to the one before")]
     Frozen,
-    /// Identical to a frame of the other view: both views show the same camera.
+    #[error("identical to a frame of the other view")]
     SameCamera,
-    /// Taken before the frame that came before it.
+    #[error("stamp out of order")]
     OutOfOrder,
-    /// The other view has no frame of the same time.
+    #[error("no frame of the other view at that time")]
     NoPartner,
-    /// The camera delivers nothing.
+    #[error("the camera delivers nothing")]
     NoPicture,
 }
 
-impl FrameFault {
-    /// Every cause.
-    pub const ALL: [Self; 8] = [
-        Self::MissingFile,
-        Self::Undecodable,
-        Self::WrongSize,
-        Self::Frozen,
-        Self::SameCamera,
-        Self::OutOfOrder,
-        Self::NoPartner,
-        Self::NoPicture,
-    ];
-
-    /// Its text in messages.
-    #[must_use]
-    pub const fn text(self) -> &'static str {
-        match self {
-            Self::MissingFile => "file missing",
-            Self::Undecodable => "not a whole frame",
-            Self::WrongSize => "wrong size",
-            Self::Frozen => "frozen: identical to the one before",
-            Self::SameCamera => "identical to a frame of the other view",
-            Self::OutOfOrder => "stamp out of order",
-            Self::NoPartner => "no frame of the other view at that time",
-            Self::NoPicture => "the camera delivers nothing",
-        }
-    }
-}
-
-impl std::fmt::Display for FrameFault {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.text())
-    }
-}
-
-/// What a source hands over.
 #[derive(Debug, Clone, PartialEq)]
 pub enum SourceItem {
-    /// A frame.
     Frame(Frame),
     /// None, and why.
     Missing {
         /// When it should have been taken.
         stamp: Nanos,
-        /// Which one.
         name: String,
-        /// Why.
         cause: FrameFault,
     },
 }
 
 impl SourceItem {
-    /// When it was or should have been taken.
-    #[must_use]
     pub fn stamp(&self) -> Nanos {
         match self {
             Self::Frame(frame) => frame.stamp,
             Self::Missing { stamp, .. } => *stamp,
         }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ImageSize {
+    pub width: usize,
+    pub height: usize,
+}
+
+impl ImageSize {
+    /// Bytes of one frame with one byte per pixel; at least 1.
+    pub fn bytes(self) -> usize {
+        self.width * self.height
+    }
+}
+
+impl std::fmt::Display for ImageSize {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+impl std::str::FromStr for ImageSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let size = text
+            .split_once('x')
+            .and_then(|(w, h)| Some(Self { width: w.parse().ok()?, height: h.parse().ok()? }));
+        size.filter(|s| (16..=1 << 14).contains(&s.width) && (16..=1 << 14).contains(&s.height))
+            .ok_or_else(|| format!("{text:?} is no size; write columns x rows, such as 1280x960"))
     }
 }

@@ -4,8 +4,7 @@ use std::collections::VecDeque;
 
 use i2ris::units::Nanos;
 
-use super::frame::{Frame, FrameFault, SourceItem};
-use super::size::ImageSize;
+use super::frame::{Frame, FrameFault, ImageSize, SourceItem};
 
 /// Looks at the frames of one view one after the other and turns those that cannot be trusted
 /// into gaps.
@@ -18,7 +17,6 @@ pub struct StreamCheck {
 
 impl StreamCheck {
     /// Digest of the newest frame of the right size; `None` before the first.
-    #[must_use]
     pub fn digest(&self) -> Option<u64> {
         self.last_digest
     }

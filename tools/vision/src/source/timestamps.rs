@@ -15,7 +15,7 @@ pub const LIST: &str = "frames.csv";
 
 /// Reads the list of a folder: file name to stamp, in the order of the list.
 pub fn read_list(path: &Path) -> Result<Vec<(String, Nanos)>, SourceError> {
-    let bad = |line: u64, what: String| SourceError::BadList { path: path.to_owned(), line, what };
+    let bad = |line: u64, what: String| SourceError::file(path, format!("line {line}: {what}"));
     let mut reader = csv::Reader::from_path(path).map_err(|error| bad(1, error.to_string()))?;
     let headers = reader.headers().map_err(|error| bad(1, error.to_string()))?.clone();
     let column = |name: &str| {
@@ -68,10 +68,16 @@ pub fn time_in(name: &str) -> Option<Nanos> {
 pub fn by_number(path: &Path, names: Vec<String>) -> Result<BTreeMap<u64, String>, SourceError> {
     let mut numbered = BTreeMap::new();
     for name in names {
-        let number = number(&name)
-            .ok_or_else(|| SourceError::NoNumber { path: path.to_owned(), file: name.clone() })?;
+        let number = number(&name).ok_or_else(|| {
+            let reason = format!(
+                "{name} has no number in its name; number the files, or add frames.csv with \
+                 columns file,t_s"
+            );
+            SourceError::file(path, reason)
+        })?;
         if let Some(first) = numbered.insert(number, name.clone()) {
-            return Err(SourceError::SameNumber { path: path.to_owned(), first, second: name });
+            let reason = format!("{first} and {name} have the same number");
+            return Err(SourceError::file(path, reason));
         }
     }
     Ok(numbered)

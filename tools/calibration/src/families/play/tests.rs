@@ -18,7 +18,7 @@ use crate::recording::Recording;
 use crate::series::Series;
 use crate::testing::with_threads;
 use crate::testing::{assert_near, few_starts, noise, one_motor, recording, straight, wander};
-use i2ris_statistics::root_mean_square;
+use i2ris_report::statistics::root_mean_square;
 
 const THRESHOLDS: [f64; 5] = [0.0, 10.0, 25.0, 60.0, 120.0];
 

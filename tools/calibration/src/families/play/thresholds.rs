@@ -4,7 +4,7 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use nalgebra::DVector;
 
 use crate::series::Series;
-use i2ris_statistics::median;
+use i2ris_report::statistics::median;
 
 /// Below a few counts a gap cannot be distinguished from the rounding of the encoder.
 const LEAST_COUNTS: f64 = 4.0;

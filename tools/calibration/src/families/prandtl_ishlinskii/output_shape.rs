@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 use super::weight_search::lines;
 use crate::families::operator_trace::TracePoint;
 use crate::regression::polynomial::Polynomial;
-use i2ris_statistics::min_max;
+use i2ris_report::statistics::min_max;
 
 /// A curve has to lower the mean square error on the line that it has not seen by this part.
 const LEAST_GAIN: f64 = 0.05;

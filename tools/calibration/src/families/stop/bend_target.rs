@@ -12,7 +12,7 @@ use super::structure::Structure;
 use crate::regression::linear::{LinearFit, fit_linear};
 use crate::series::Series;
 use crate::table::DataTable;
-use i2ris_statistics::min_max;
+use i2ris_report::statistics::min_max;
 
 /// The furthest bend of data that are not in degrees, in the unit of the bend; parameters are then
 /// of the usual size.

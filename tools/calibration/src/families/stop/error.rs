@@ -5,8 +5,8 @@ use std::fmt;
 use i2ris::model::ModelError;
 
 use super::structure::Structure;
+use crate::quality::Finding;
 use crate::regression::linear::LinearError;
-use crate::survey::identifiability::Finding;
 
 /// Why stop operators could not be fitted.
 #[derive(Debug, thiserror::Error)]

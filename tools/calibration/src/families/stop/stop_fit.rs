@@ -15,8 +15,8 @@ use super::stop_mechanism::StopMechanism;
 use super::structure::Structure;
 use crate::parallel;
 use crate::progress::Progress;
+use crate::quality::{Finding, findings};
 use crate::series::{Series, blocks};
-use crate::survey::identifiability::{Finding, findings};
 
 /// Samples and spacing of the thinned data.
 const COARSE_SAMPLES: usize = 1500;

@@ -10,9 +10,9 @@ use super::stop_fit::{StopFit, StopOptions, fit_stop};
 use super::stop_mechanism::StopMechanism;
 use super::structure::Structure;
 use crate::progress::Silent;
+use crate::quality::Finding;
 use crate::recording::Recording;
 use crate::series::Series;
-use crate::survey::identifiability::Finding;
 use crate::testing::{assert_near, noise, one_motor, recording, straight, wander, with_threads};
 
 /// Few guesses and few stops: the search is short.

@@ -14,16 +14,13 @@ const NEIGHBOURS_NS: u64 = 300_000_000;
 const MOST_DEG: f64 = 180.0;
 const MOST_MM: f64 = 1000.0;
 
-/// Measurements of a camera frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraFrame {
-    /// When it was exposed.
     pub stamp: Nanos,
     /// In the unit of the recording.
     pub outputs: [f64; MAX_OUTPUTS],
 }
 
-/// A frame with its assessment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum JudgedFrame {
     Good(CameraFrame),
@@ -38,7 +35,6 @@ impl JudgedFrame {
     }
 }
 
-/// The queue.
 #[derive(Debug)]
 pub struct FrameQueue {
     unit: OutputUnit,
@@ -53,7 +49,6 @@ pub struct FrameQueue {
 }
 
 impl FrameQueue {
-    /// An empty queue.
     pub fn new(unit: OutputUnit, outputs: usize, outlier: f64, latency_s: f64) -> Self {
         Self { unit, outputs, outlier, latency_s, queue: VecDeque::new(), before: None }
     }
@@ -78,7 +73,6 @@ impl FrameQueue {
         self.queue.front().filter(|_| ready).map(|frame| frame.stamp)
     }
 
-    /// Removes the next frame.
     pub fn pop(&mut self) -> Option<JudgedFrame> {
         let frame = self.queue.pop_front()?;
         if self.impossible(&frame) || self.stands_out(&frame) {

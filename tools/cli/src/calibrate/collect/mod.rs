@@ -3,22 +3,16 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `protocol`, `reversals` | the motions that calibrate |
-//! | `paced_motion` | a motion as positions, and playing it |
 //! | `session` | driving the robot while recording motors and camera |
-//! | `recorder`, `frame_queue`, `recording_flag` | from messages to rows, and flagged moments |
+//! | `recorder`, `frame_queue` | from messages to rows |
 //! | `latency` | the latency of the camera |
 //! | `sidecar` | the file beside the recording: settings, outcome, flags |
 //! | `printed_report` | the printed outcome |
 
 mod frame_queue;
 mod latency;
-pub(super) mod paced_motion;
 mod printed_report;
-pub(super) mod protocol;
 mod recorder;
-mod recording_flag;
-mod reversals;
 mod session;
 mod sidecar;
 
@@ -33,28 +27,23 @@ use clap::value_parser;
 use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::Domain;
-use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::Version;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::process::robot_description;
-use i2ris::units::{MAX_MOTORS, MotorVec, Nanos};
-use indicatif::{ProgressBar, ProgressStyle};
+use i2ris::units::{MAX_MOTORS, MotorVec};
+use i2ris_terminal::{Failure, Interrupt};
 
 use crate::command::prepare::{PrepareOptions, prepare};
-use i2ris_terminal::Failure;
-use i2ris_terminal::Interrupt;
-use protocol::{MotionRequest, Protocol, Region};
+use crate::numbers::within;
+use crate::progress_bar::bar_of_time;
+use i2ris_simulation::motion::protocol::{MotionRequest, Protocol, Region, above_zero};
 use recorder::{RecordedRows, Recorder};
 use session::{Ending, Session, Subscriptions};
 use sidecar::{Limits, Outcome, ProtocolRecord, Sidecar};
 
-/// How long to wait for a controller that is just starting.
-const CONNECT: Nanos = Nanos::from_millis(2000);
-
 /// Part of the way to the nearest position limit that a protocol uses by itself.
 const USED_PART: f64 = 0.75;
 
-/// Arguments of `i2ris calibrate collect`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris calibrate collect --config config/emulator.toml --home --output steel.csv
@@ -116,17 +105,10 @@ pub struct Arguments {
     json: bool,
 }
 
-pub(super) fn above_zero(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
-    number.ok_or_else(|| "must be a number above 0".to_owned())
-}
-
 fn latency(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.abs() <= 1000.0);
-    number.ok_or_else(|| "must be a number from -1000 to 1000".to_owned())
+    within(-1000.0..=1000.0, "must be a number from -1000 to 1000", text)
 }
 
-/// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let config = Config::load(&arguments.config)?;
     let request = request(arguments, &config)?;
@@ -141,7 +123,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.ipc.domain))?;
     tell_of_environment(domain.name(), &config, &arguments.config);
     let interrupt = Interrupt::catch()?;
-    let mut client = Client::connect(&domain, CONNECT)?;
+    let mut client = crate::connection::connect(&domain)?;
     let version = client.version()?;
     check_robot(&version, &config, &arguments.config)?;
     let (mut subscriptions, count) = Subscriptions::open(&client, domain.name(), &interrupt)?;
@@ -163,7 +145,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         latency_s,
     )
     .map_err(|error| cannot_write(&arguments.output, &error))?;
-    let bar = bar(arguments.protocol.name());
+    let bar = bar_of_time(arguments.protocol.name(), 0.0);
     let mut session = Session {
         client: &mut client,
         interrupt: &interrupt,
@@ -252,7 +234,6 @@ fn request(arguments: &Arguments, config: &Config) -> Result<MotionRequest, Fail
     })
 }
 
-/// Checks the output file before the robot moves.
 fn check_output(output: &Path) -> Result<(), Failure> {
     let folder =
         output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -399,15 +380,6 @@ fn outcome(
         camera_rate_hz: rate(samples),
         missed_messages,
     }
-}
-
-fn bar(what: &'static str) -> ProgressBar {
-    let bar = ProgressBar::new(1).with_message(what);
-    // The template is fixed; were it wrong, the bar would look plain.
-    if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left") {
-        bar.set_style(style);
-    }
-    bar
 }
 
 fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {

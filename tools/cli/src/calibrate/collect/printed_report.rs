@@ -4,7 +4,7 @@ use std::path::Path;
 
 use i2ris_calibration::recording::latency::Latency;
 
-use super::recording_flag::FlagKind;
+use super::sidecar::FlagKind;
 use super::sidecar::{LatencyRecord, Sidecar};
 use i2ris_terminal::Failure;
 

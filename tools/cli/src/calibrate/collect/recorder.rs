@@ -13,8 +13,8 @@ use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos};
 use i2ris_calibration::recording::{RecordingWriter, Row};
 
 use super::frame_queue::{CameraFrame, FrameQueue, JudgedFrame};
-use super::recording_flag::{Flag, FlagKind};
-use i2ris_statistics::TimeSeries;
+use super::sidecar::{Flag, FlagKind};
+use i2ris_report::statistics::TimeSeries;
 
 /// Positions come every 4 to 10 ms; motors may have turned back in a gap of this length, ns.
 pub const GAP_NS: u64 = 60_000_000;
@@ -22,7 +22,6 @@ pub const GAP_NS: u64 = 60_000_000;
 /// No camera is slower than 5 frames a second; a gap of this length is one.
 const CAMERA_GAP_NS: u64 = 500_000_000;
 
-/// A recording under way.
 pub struct Recorder<W: Write> {
     writer: RecordingWriter<W>,
     start: Nanos,
@@ -38,12 +37,10 @@ pub struct Recorder<W: Write> {
     flags: Vec<Flag>,
 }
 
-/// A finished recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecordedRows {
     /// All rows; `outputs` are not numbers where nothing was measured.
     pub rows: Vec<Row>,
-    /// In the order in which they were found.
     pub flags: Vec<Flag>,
 }
 
@@ -85,7 +82,6 @@ impl<W: Write> Recorder<W> {
         })
     }
 
-    /// Adds positions of the motors.
     pub fn positions(&mut self, state: &ActuatorState) {
         for motor in 0..self.motors {
             let stamp = state.measured_stamp_ns[motor];
@@ -100,7 +96,6 @@ impl<W: Write> Recorder<W> {
         }
     }
 
-    /// Adds a frame.
     pub fn frame(&mut self, seen: &ExternalPosition) {
         let stamp = Nanos(seen.stamp_ns);
         if stamp < self.start {
@@ -138,12 +133,10 @@ impl<W: Write> Recorder<W> {
         Ok(())
     }
 
-    /// Number of motors.
     pub fn motors(&self) -> usize {
         self.motors
     }
 
-    /// Writes the rest.
     pub fn finish(mut self) -> io::Result<RecordedRows> {
         self.write(Nanos(u64::MAX), true)?;
         self.writer.finish()?;

@@ -10,18 +10,17 @@ use i2ris::realtime::Ticker;
 use i2ris::units::{MotorVec, Nanos};
 use indicatif::ProgressBar;
 
-use super::paced_motion::{Motion, Playback};
 use super::recorder::Recorder;
-use crate::command::rejoin::{LOST_SETPOINT, wait_for_rest};
+use crate::command::progress::{LOST_SETPOINT, wait_for_rest};
 use crate::command::stream_monitor::{StreamMonitor, enabled};
-use i2ris_terminal::Failure;
-use i2ris_terminal::Interrupt;
+use crate::progress_bar::tenths;
+use i2ris_simulation::motion::paced_motion::{Motion, Playback};
+use i2ris_terminal::{Failure, Interrupt};
 
 /// Commands per second: well below the deadline of a controller, and four times as fast as feedback
 /// needs.
 const PERIOD: Nanos = Nanos::from_millis(5);
 
-/// How long to wait for the first frame.
 const CAMERA_WAIT: Nanos = Nanos::from_millis(3000);
 
 /// A camera without a message for so long has failed.
@@ -43,18 +42,15 @@ const CONDITIONING: Nanos = Nanos::from_millis(300_000);
 /// How long the controller may take to read the last command: many ticks.
 const LAST_COMMAND: Nanos = Nanos::from_millis(50);
 
-/// How a session ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
     Complete,
     Interrupted,
 }
 
-/// Subscriptions to motors and camera.
 pub struct Subscriptions {
     actuators: Subscription<ActuatorState>,
     external: Subscription<ExternalPosition>,
-    /// When the last frame came.
     last_frame: Nanos,
     setpoint: Option<MotorVec>,
 }
@@ -119,7 +115,6 @@ impl Subscriptions {
             .map_err(|error| format!("cannot write the recording: {error}").into())
     }
 
-    /// Messages that were not read in time.
     pub fn missed(&self) -> u64 {
         self.actuators.missed() + self.external.missed()
     }
@@ -186,7 +181,6 @@ impl Session<'_> {
         Ok(ending)
     }
 
-    /// The current setpoints.
     fn current_setpoints<W: Write>(
         &mut self,
         recorder: &mut Recorder<W>,
@@ -207,7 +201,6 @@ impl Session<'_> {
         }
     }
 
-    /// Runs the conditioning cycle of the controller.
     fn condition<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<Ending, Failure> {
         self.client.state_command(StateCommand::Condition).map_err(|error| -> Failure {
             match error {
@@ -296,7 +289,6 @@ impl Session<'_> {
         }
     }
 
-    /// Receives delayed frames.
     fn receive_last_frames<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<(), Failure> {
         let end = clock::now() + LAST_FRAMES;
         while clock::now() < end {
@@ -305,8 +297,4 @@ impl Session<'_> {
         }
         Ok(())
     }
-}
-
-fn tenths(seconds: f64) -> u64 {
-    (seconds * 10.0) as u64
 }

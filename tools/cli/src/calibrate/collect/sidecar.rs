@@ -7,10 +7,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::recording_flag::Flag;
 use i2ris_terminal::files::replace;
 
-/// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Sidecar {
     /// Always `i2ris-recording`.
@@ -21,16 +19,13 @@ pub struct Sidecar {
     pub recording: String,
     /// As in the controller's configuration.
     pub robot_id: String,
-    /// This program.
     pub software: String,
-    /// The controller.
     pub controller: String,
     /// Identity of the model that the controller had loaded; absent without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model_id: Option<String>,
     /// When `t_s` was 0, on the wall clock, seconds since 1970.
     pub started_unix_s: u64,
-    /// What was asked.
     pub protocol: ProtocolRecord,
     /// How it went; absent while it goes on.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -42,7 +37,6 @@ pub struct Sidecar {
     pub flags: Vec<Flag>,
 }
 
-/// What was asked.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ProtocolRecord {
     pub name: &'static str,
@@ -67,7 +61,6 @@ pub struct Limits {
     pub acceleration_counts_s2: f64,
 }
 
-/// How it went.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outcome {
     /// The protocol was gone through to its end.
@@ -88,7 +81,6 @@ pub struct Outcome {
     pub missed_messages: u64,
 }
 
-/// The camera's latency.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LatencyRecord {
     /// What is left in the stamps of the recording as it was recorded, ms.
@@ -100,17 +92,59 @@ pub struct LatencyRecord {
 }
 
 impl Sidecar {
-    /// The name of the file beside a recording.
     pub fn path(recording: &Path) -> PathBuf {
         recording.with_extension("toml")
     }
 
-    /// Writes it, all at once.
     pub fn write(&self, recording: &Path) -> Result<(), String> {
         let path = Self::path(recording);
         let text = toml::to_string(self)
             .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
         replace(&path, text.as_bytes())
             .map_err(|error| format!("cannot write {}: {error}", path.display()))
+    }
+}
+
+/// A moment with a problem. The recording has no row with angles for it.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Flag {
+    /// As in the recording, s.
+    pub t_s: f64,
+    pub kind: FlagKind,
+    /// How long it lasted, s; 0 for a single reading.
+    pub span_s: f64,
+    /// What was measured, in the unit of the recording; empty where nothing was.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub measured: Vec<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FlagKind {
+    /// No encoder position for longer than usual; the path of the motors in between is unknown.
+    EncoderGap,
+    /// No frame for longer than usual.
+    CameraGap,
+    /// A frame in a gap of the encoders: the positions of the motors are unknown.
+    NoCounts,
+    /// The camera looked, but saw nothing.
+    NothingSeen,
+    /// Far from the frames before and after, which agree; or an angle that is impossible.
+    Outlier,
+    /// Arrived after later rows had been written, or with a stamp that does not
+    /// rise.
+    Late,
+}
+
+impl FlagKind {
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::EncoderGap => "encoder gap",
+            Self::CameraGap => "camera gap",
+            Self::NoCounts => "frame in an encoder gap",
+            Self::NothingSeen => "nothing seen",
+            Self::Outlier => "outlier",
+            Self::Late => "late frame",
+        }
     }
 }

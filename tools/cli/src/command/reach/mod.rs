@@ -6,7 +6,6 @@
 //! the tolerance for the whole time: of the camera's angles if there is a camera, otherwise of the
 //! model's estimate.
 
-mod targets;
 mod task;
 
 use i2ris::ipc::Message;
@@ -15,16 +14,13 @@ use i2ris::ipc::payload::{ExternalPosition, JointState, ReachTarget};
 use i2ris::units::Nanos;
 use i2ris_terminal::Failure;
 
-use super::{finite, positive};
-use targets::{Disc, seeded_targets};
-use task::{Settings, Task, outcome};
+use crate::numbers::{finite, pair, positive};
+use task::{Disc, Settings, Task, outcome, seeded_targets};
 
 /// Age at which the angles of a camera do not count any more.
 const CAMERA_STALE: Nanos = Nanos::from_millis(500);
-/// Time between two messages of a target.
 const PUBLISH_PERIOD: Nanos = Nanos::from_millis(50);
 
-/// The options of the task.
 #[derive(Debug, Clone, clap::Args)]
 pub struct ReachOptions {
     /// Number of targets
@@ -52,7 +48,6 @@ pub struct ReachOptions {
     limit_s: f64,
 }
 
-/// The task with its streams.
 #[derive(Debug)]
 pub struct ReachTask {
     task: Task,
@@ -66,7 +61,7 @@ pub struct ReachTask {
 impl ReachTask {
     /// Begins with the first closed clutch.
     pub fn new(options: &ReachOptions, client: &Client) -> Self {
-        let disc = Disc { center: super::pair(&options.center), range_deg: options.range_deg };
+        let disc = Disc { center: pair(&options.center), range_deg: options.range_deg };
         let settings = Settings {
             tolerance_deg: options.tolerance_deg,
             hold: seconds(options.hold_s),
@@ -83,7 +78,6 @@ impl ReachTask {
         }
     }
 
-    /// Whether every target was shown for its time.
     pub fn is_finished(&self) -> bool {
         self.task.is_finished()
     }
@@ -112,12 +106,10 @@ impl ReachTask {
         Ok(self.publisher.publish(&target)?)
     }
 
-    /// What to do now, for the line of progress.
     pub fn line(&self, now: Nanos) -> String {
         self.task.line(now)
     }
 
-    /// The results of all targets.
     pub fn summary(&self) -> String {
         self.task.summary()
     }

@@ -1,28 +1,27 @@
-//! The course of a task. Pure: time and angles are arguments.
+//! The targets and the course of a task. Pure: time and angles are arguments.
 
 use std::collections::VecDeque;
+use std::f64::consts::TAU;
 
 use i2ris::ipc::payload::ReachTarget;
 use i2ris::units::Nanos;
-use i2ris_statistics::quantile_of_unsorted;
+use i2ris_report::statistics::quantile_of_unsorted;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 
 use crate::command::trajectory::Angles;
 
 /// Window of the mean that has to be within the tolerance: a camera has noise.
 const WINDOW: Nanos = Nanos::from_millis(200);
 
-/// What counts.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
     /// Distance within which a target is reached, deg.
     pub tolerance_deg: f64,
-    /// How long it has to be held.
     pub hold: Nanos,
-    /// How long it is shown at most.
     pub limit: Nanos,
 }
 
-/// The course of a task.
 #[derive(Debug)]
 pub struct Task {
     targets: Vec<Angles>,
@@ -30,7 +29,6 @@ pub struct Task {
     index: usize,
     /// When the present target was shown; `None` before the first.
     shown: Option<Nanos>,
-    /// Angles of the last [`WINDOW`].
     window: VecDeque<(Nanos, Angles)>,
     /// Since when the mean is within the tolerance.
     within: Option<Nanos>,
@@ -39,7 +37,6 @@ pub struct Task {
 }
 
 impl Task {
-    /// A task that has not begun.
     pub fn new(targets: Vec<Angles>, settings: Settings) -> Self {
         Self {
             targets,
@@ -52,7 +49,6 @@ impl Task {
         }
     }
 
-    /// Whether every target has ended.
     pub fn is_finished(&self) -> bool {
         self.index >= self.targets.len()
     }
@@ -105,7 +101,6 @@ impl Task {
         })
     }
 
-    /// What to do now.
     pub fn line(&self, now: Nanos) -> String {
         let (Some(target), true) = (self.targets.get(self.index), self.shown.is_some()) else {
             return format!("{} targets; close the clutch to begin", self.targets.len());
@@ -123,7 +118,6 @@ impl Task {
         )
     }
 
-    /// How many targets were held, and in what time.
     pub fn summary(&self) -> String {
         let mut times = self.held_s.clone();
         let median = quantile_of_unsorted(&mut times, 0.5);
@@ -165,7 +159,6 @@ impl Task {
     }
 }
 
-/// The outcome of a target in one line.
 pub fn outcome(ended: &ReachTarget, now: Nanos) -> String {
     let took = now.since(Nanos(ended.shown_ns)).as_seconds();
     let (number, total) = (ended.number, ended.total);
@@ -180,8 +173,36 @@ fn distance(a: Angles, b: Angles) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
+#[derive(Debug, Clone, Copy)]
+pub struct Disc {
+    pub center: Angles,
+    pub range_deg: f64,
+}
+
+/// Targets of a disc, evenly distributed over its area, each at least half of its radius from the
+/// one before.
+pub fn seeded_targets(number: usize, seed: u64, disc: Disc) -> Vec<Angles> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut last = disc.center;
+    let next = |_| {
+        loop {
+            let (sin, cos) = random.random_range(0.0..TAU).sin_cos();
+            let radius = disc.range_deg * random.random_range(0.0_f64..1.0).sqrt();
+            let target = [disc.center[0] + radius * cos, disc.center[1] + radius * sin];
+            // More than half of the disc is that far away from any point of it.
+            if (target[0] - last[0]).hypot(target[1] - last[1]) >= 0.5 * disc.range_deg {
+                last = target;
+                return target;
+            }
+        }
+    };
+    (0..number).map(next).collect()
+}
+
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     const SETTINGS: Settings = Settings {
@@ -250,5 +271,20 @@ mod tests {
         }
         assert_eq!((ended.len(), ended[0].flags), (1, ReachTarget::ENDED));
         assert!(outcome(&ended[0], Nanos::from_millis(10_000)).ends_with("not held within 10 s"));
+    }
+
+    proptest! {
+        #[test]
+        fn targets_are_in_the_disc_apart_and_the_same_for_the_same_seed(
+            seed in any::<u64>(), range_deg in 0.5..20.0_f64, pitch in -5.0..5.0_f64,
+        ) {
+            let disc = Disc { center: [pitch, 1.0], range_deg };
+            let targets = seeded_targets(20, seed, disc);
+            prop_assert_eq!(&targets, &seeded_targets(20, seed, disc));
+            let distance = |a: Angles, b: Angles| (a[0] - b[0]).hypot(a[1] - b[1]);
+            let is_inside = targets.iter().all(|at| distance(*at, disc.center) < range_deg + 1e-9);
+            let mut steps = targets.windows(2).map(|pair| distance(pair[0], pair[1]));
+            prop_assert!(is_inside && steps.all(|step| step >= 0.5 * range_deg));
+        }
     }
 }

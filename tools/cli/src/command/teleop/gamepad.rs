@@ -26,7 +26,6 @@ const DEAD_ZONE: f64 = 0.1;
 /// out of range of its receiver.
 const EVENT_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
-/// A gamepad.
 #[derive(Debug)]
 pub(super) struct Gamepad {
     path: PathBuf,

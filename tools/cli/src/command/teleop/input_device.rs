@@ -4,7 +4,6 @@ use i2ris::units::Nanos;
 
 use crate::command::trajectory::Angles;
 
-/// The state of an input device.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct DeviceInput {
     /// The dead-man switch is held.
@@ -13,11 +12,9 @@ pub(super) struct DeviceInput {
     pub velocity: Angles,
     /// Key presses since the last call, pitch and yaw.
     pub steps: [i32; 2],
-    /// The operator ends the program.
     pub quit: bool,
 }
 
-/// An input device.
 pub(super) trait InputDevice {
     /// Its present state. Never waits.
     fn read(&mut self, now: Nanos) -> Result<DeviceInput, DeviceLost>;
@@ -25,7 +22,6 @@ pub(super) trait InputDevice {
     fn help(&self) -> &'static str;
 }
 
-/// The device is gone.
 #[derive(Debug, thiserror::Error)]
 #[error("{what}; the snake holds")]
 pub struct DeviceLost {

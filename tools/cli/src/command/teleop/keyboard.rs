@@ -29,7 +29,6 @@ pub(super) struct Keyboard {
 }
 
 impl Keyboard {
-    /// Takes the terminal.
     pub fn open() -> Result<Self, Failure> {
         let terminal = stdin();
         if !terminal.is_terminal() {
@@ -44,7 +43,6 @@ impl Keyboard {
         Ok(Self { keys: Keys::default(), terminal, modes_before })
     }
 
-    /// What has been typed. Never waits.
     fn bytes(&self) -> nix::Result<Vec<u8>> {
         let mut ready = [PollFd::new(self.terminal.as_fd(), PollFlags::POLLIN)];
         if poll(&mut ready, PollTimeout::ZERO)? == 0 {
@@ -85,7 +83,6 @@ impl InputDevice for Keyboard {
     }
 }
 
-/// A key press.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Key {
     Up,

@@ -35,10 +35,8 @@ use virtual_master::{MasterCommand, VirtualMaster};
 /// Longest delay of a command to the control loop: some ticks.
 const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
 
-/// The input device.
 #[derive(Debug, Clone)]
 pub enum DeviceOption {
-    /// The keys of this terminal.
     Keyboard,
     /// A device of the joystick interface of the kernel.
     Gamepad {
@@ -49,10 +47,8 @@ pub enum DeviceOption {
     },
 }
 
-/// The options of teleoperation.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// The input device.
     pub device: DeviceOption,
     /// Speed at full deflection, and of steps by keys, deg/s.
     pub speed_deg_s: f64,
@@ -60,11 +56,8 @@ pub struct Plan {
     pub step_deg: f64,
     /// Motion scaling, above 0, at most 1.
     pub scale: f64,
-    /// Commands per second.
     pub rate_hz: f64,
-    /// What may be done first.
     pub prepare: PrepareOptions,
-    /// Targets to reach.
     pub task: Option<ReachOptions>,
 }
 

@@ -2,7 +2,7 @@
 
 use super::input_device::DeviceInput;
 use crate::command::trajectory::Angles;
-use crate::trajectory_time::LONGEST_STEP_S;
+use i2ris_simulation::motion::trajectory_time::LONGEST_STEP_S;
 
 /// How far the master may be ahead of the snake, deg. A stick that is held against a limit must
 /// not accumulate a distance that the snake travels later.
@@ -11,7 +11,6 @@ const MAX_AHEAD_DEG: f64 = 2.0;
 /// stop soon after the keys do.
 const MAX_PENDING_STEPS: f64 = 3.0;
 
-/// The command to the controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MasterCommand {
     /// The pose of the master, deg.
@@ -20,7 +19,6 @@ pub(super) struct MasterCommand {
     pub clutch_open: bool,
 }
 
-/// The virtual master.
 #[derive(Debug, Clone)]
 pub(super) struct VirtualMaster {
     pose: Angles,
@@ -32,7 +30,6 @@ pub(super) struct VirtualMaster {
 }
 
 impl VirtualMaster {
-    /// At a pose, clutch open.
     pub fn new(pose: Angles, speed_deg_s: f64, step_deg: f64) -> Self {
         Self { pose, engaged: false, speed_deg_s, step_deg, left: [0.0; 2] }
     }
@@ -57,7 +54,6 @@ impl VirtualMaster {
         MasterCommand { pose: self.pose, clutch_open: !input.engaged }
     }
 
-    /// Opens the clutch.
     pub fn hold(&mut self) -> MasterCommand {
         self.engaged = false;
         MasterCommand { pose: self.pose, clutch_open: true }

@@ -251,7 +251,7 @@ function drawPlane(plot, recent, { hull, fixtures, target }, now, staleText) {
   if (target) all.push([target.deg[1], target.deg[0]]);
   plot.scales(...equal(padded(all.map((p) => p[0]), 2), padded(all.map((p) => p[1]), 2), plot));
   plot.grid('');
-  drawFixtures(plot, fixtures || []);
+  drawFixtures(plot, fixtures);
   curves.forEach(([points, colour, width]) => plot.curve(points, colour, width));
   const last = (points) => points.length && points[points.length - 1];
   for (const [points, colour, hollow] of [[of(GOAL), COLOURS.goal, true], [of(ESTIMATE), COLOURS.estimate, false]]) {

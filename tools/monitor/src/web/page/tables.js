@@ -69,8 +69,9 @@ function showHeader(live, lag, parted) {
 function showWhy(live, lag) {
   const place = byId('why');
   const known = lag <= 1500 && !live.problem && live.state && !live.state.stale;
-  const latest = !known ? null : live.error ? [live.error, 'alarm'] : live.warning ? [live.warning, 'warning'] : null;
-  const [reason, style] = latest || [known && live.why[0], ''];
+  const [fault, news] = [(it) => it.code.startsWith('fault'), (it) => it.age_s !== null];
+  const reason = known && (live.why.find(fault) || live.why.find(news) || live.why[0]);
+  const style = !reason ? '' : fault(reason) ? 'alarm' : news(reason) ? 'warning' : '';
   const key = JSON.stringify([reason && reason.text, style, known]);
   if (place.dataset.key === key) return;
   place.dataset.key = key;
@@ -187,8 +188,9 @@ function showEvents(live, lag) {
   const time = (event) => new Date(Date.now() - event.age_ms - lag).toLocaleTimeString([], { hour12: false });
   const row = (event) => [time(event), event.text + (event.count > 1 ? ` (${event.count} times)` : ''), event.severity,
     event.severity === 'info' ? '' : event.advice];
-  fillEvents(byId('alarms'), live.alarms.map(row));
-  fillEvents(byId('events'), live.events.map(row));
+  const isAlarm = (event) => event.severity === 'alarm';
+  fillEvents(byId('alarms'), live.events.filter(isAlarm).slice(0, 8).map(row));
+  fillEvents(byId('events'), live.events.filter((event) => !isAlarm(event)).slice(0, 30).map(row));
 }
 
 function fillEvents(place, rows) {

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use i2ris::units::Nanos;
-use i2ris_record::export;
+use i2ris_record::export::{TableFormat, export};
 use i2ris_record::read::Records;
 use i2ris_record::recorder::rate_hz;
-use i2ris_record::recover;
+use i2ris_record::recover::recover;
 use i2ris_terminal::{Failure, while_working};
 use mcap::records::Record;
 
@@ -30,16 +30,8 @@ pub struct ExportArguments {
     #[arg(long, short, value_name = "DIR")]
     output: PathBuf,
     /// File format of the tables
-    #[arg(long, value_enum, default_value_t = FormatName::Csv)]
-    format: FormatName,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum FormatName {
-    /// Comma-separated text
-    Csv,
-    /// Apache Parquet: columns with types, compressed
-    Parquet,
+    #[arg(long, value_enum, default_value_t)]
+    format: TableFormat,
 }
 
 /// Arguments of `i2ris record info`.
@@ -50,9 +42,9 @@ pub struct InfoArguments {
 }
 
 /// Makes a complete file.
-pub fn recover(arguments: &RecoverArguments) -> Result<(), Failure> {
+pub fn copy(arguments: &RecoverArguments) -> Result<(), Failure> {
     let recovered =
-        while_working("recovering", || recover::recover(&arguments.recording, &arguments.output))?;
+        while_working("recovering", || recover(&arguments.recording, &arguments.output))?;
     println!(
         "recovered {} messages, {} metadata records, {} attachments",
         recovered.messages, recovered.metadata, recovered.attachments
@@ -65,13 +57,9 @@ pub fn recover(arguments: &RecoverArguments) -> Result<(), Failure> {
 }
 
 /// Writes tables.
-pub fn export(arguments: &ExportArguments) -> Result<(), Failure> {
-    let format = match arguments.format {
-        FormatName::Csv => export::TableFormat::Csv,
-        FormatName::Parquet => export::TableFormat::Parquet,
-    };
+pub fn tables(arguments: &ExportArguments) -> Result<(), Failure> {
     let exported = while_working("exporting", || {
-        export::export(&arguments.recording, &arguments.output, format)
+        export(&arguments.recording, &arguments.output, arguments.format)
     })?;
     for (name, rows) in &exported.rows {
         println!("{rows:>9} rows  {}", arguments.output.join(name).display());
@@ -94,13 +82,11 @@ struct TopicStatistics {
 /// Prints the content of a recording.
 pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
     let mut topics: BTreeMap<u16, TopicStatistics> = BTreeMap::new();
-    let mut cut_off = None;
-    for record in Records::open(&arguments.recording)? {
+    let mut records = Records::open(&arguments.recording)?;
+    for record in records.by_ref() {
         match record {
-            Ok(Record::Channel(channel)) => {
-                topics.entry(channel.id).or_default().name = channel.topic
-            }
-            Ok(Record::Message { header, data }) => {
+            Record::Channel(channel) => topics.entry(channel.id).or_default().name = channel.topic,
+            Record::Message { header, data } => {
                 let topic = topics.entry(header.channel_id).or_default();
                 if topic.messages == 0 {
                     topic.first = header.publish_time;
@@ -109,22 +95,17 @@ pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
                 topic.messages += 1;
                 topic.bytes += data.len() as u64;
             }
-            Ok(Record::Metadata(metadata)) => {
+            Record::Metadata(metadata) => {
                 println!("{}", metadata.name);
                 for (name, value) in &metadata.metadata {
                     println!("  {name}: {value}");
                 }
             }
-            Ok(Record::Attachment { header, data, .. }) => {
+            Record::Attachment { header, data, .. } => {
                 let (name, size) = (header.name, data.len());
                 println!("attached {name} ({size} bytes, {})", header.media_type);
             }
-            Ok(Record::DataEnd(_)) => break,
-            Ok(_) => {}
-            Err(error) => {
-                cut_off = Some(error);
-                break;
-            }
+            _ => {}
         }
     }
     for topic in topics.values() {
@@ -133,5 +114,5 @@ pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
         let kilobytes = topic.bytes as f64 / 1e3;
         println!("{name:<32} {messages:>9} messages  {rate:>7.1} Hz  {kilobytes:>8.1} kB");
     }
-    cut_off.map_or(Ok(()), |error| Err(error.into()))
+    records.stopped_by().map_or(Ok(()), |error| Err(error.into()))
 }

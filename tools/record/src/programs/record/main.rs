@@ -48,23 +48,8 @@ fn main() -> ExitCode {
 fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.task {
         None => recording::run(&arguments.trial),
-        Some(Task::Recover(arguments)) => existing::recover(&arguments),
-        Some(Task::Export(arguments)) => existing::export(&arguments),
+        Some(Task::Recover(arguments)) => existing::copy(&arguments),
+        Some(Task::Export(arguments)) => existing::tables(&arguments),
         Some(Task::Info(arguments)) => existing::info(&arguments),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use clap::CommandFactory;
-
-    use super::*;
-
-    #[test]
-    fn the_help_has_an_example_and_the_command_line_is_consistent() {
-        let mut command = Arguments::command();
-        let help = command.render_long_help().to_string();
-        assert!(help.contains("Example") && help.contains("i2ris record"), "{help}");
-        command.debug_assert();
     }
 }

@@ -7,7 +7,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use i2ris::clock;
 use i2ris::config::Config;
-use i2ris::ipc::client::Client;
+use i2ris::ipc::Stream;
+use i2ris::ipc::client::{Client, Subscriptions};
 use i2ris::ipc::payload::{ModelSlot, Version, unpadded_text};
 use i2ris::model::ModelId;
 use i2ris::model::file::ModelFile;
@@ -15,8 +16,6 @@ use i2ris::process::robot_description;
 use i2ris::units::Nanos;
 use i2ris_record::joints;
 use i2ris_record::recorder::{AttachedFile, MessageCounts, RecordingHeader, TrialRecorder};
-use i2ris_record::subscriptions::Subscriptions;
-use i2ris_record::topic::Stream;
 use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen};
 
 use super::run_log::lines_of_run;
@@ -77,11 +76,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let attached = models.take_new(&mut client);
     let header = header(arguments, &version, config.as_ref(), attached)?;
     let mut trial = TrialRecorder::start(output, header)?;
-    let mut subscriptions = Subscriptions::new(&client.watcher());
+    let mut subscriptions = Subscriptions::new(&client.watcher(), Stream::ALL);
     let start = clock::now();
     let absent = record(arguments, &interrupt, &mut subscriptions, &mut trial, start);
     let length_s = clock::now().since(start).as_seconds();
-    let missed = subscriptions.missed();
+    let missed: BTreeMap<Stream, u64> = subscriptions.missed().collect();
     let mut outcome: BTreeMap<String, String> = missed
         .iter()
         .map(|(stream, count)| (format!("missed {}", stream.name()), count.to_string()))
@@ -120,7 +119,7 @@ fn record(
     let (mut next_draw, mut before, mut absent) = (start, start, Nanos::ZERO);
     loop {
         let now = clock::now();
-        match subscriptions.read(trial, now) {
+        match subscriptions.drain(|message| trial.record(&message, now)) {
             Ok(()) => {}
             // The recording continues if the controller starts again.
             Err(error) if error.is_absent() => absent = absent + now.since(before),
@@ -247,9 +246,8 @@ fn print_outcome(
 ) -> Result<(), Failure> {
     let lost: u64 = missed.values().sum();
     let by_stream = || {
-        Stream::ALL
-            .into_iter()
-            .map(|stream| (stream, counts.messages.get(&stream).copied().unwrap_or(0)))
+        let streams = Stream::ALL.iter();
+        streams.map(|stream| (*stream, counts.messages.get(stream).copied().unwrap_or(0)))
     };
     if json {
         let messages: serde_json::Map<_, _> =

@@ -1,0 +1,158 @@
+//! The ranges of all keys with a number: one table, read by the validation and by the JSON Schema,
+//! which `i2ris config` prints.
+
+use toml::Value;
+
+use super::Config;
+use super::finding::Findings;
+
+/// Ceilings far above any motor here: a value beyond is a mistake, for example a wrong unit.
+pub(super) const MAX_COUNTS: f64 = 1e7;
+pub(super) const MAX_MS: f64 = 60_000.0;
+const MAX_VELOCITY: f64 = 1e6;
+const MAX_ACCELERATION: f64 = 1e9;
+const MAX_JERK: f64 = 1e13;
+
+/// The largest nominal current of the drives of both families (EPOS4 70/15), mA. It fits into the
+/// 16-bit objects of an EPOS2.
+const MAX_CURRENT_MA: f64 = 15_000.0;
+
+/// The range of one key.
+pub(super) struct Bound {
+    /// The tables that hold the key, and the key. `[]`: in every entry of an array.
+    pub key: &'static str,
+    /// `None`: above 0.
+    pub low: Option<f64>,
+    pub high: f64,
+}
+
+const fn within(key: &'static str, low: f64, high: f64) -> Bound {
+    Bound { key, low: Some(low), high }
+}
+
+const fn above_zero(key: &'static str, high: f64) -> Bound {
+    Bound { key, low: None, high }
+}
+
+pub(super) const BOUNDS: &[Bound] = &[
+    within("control.rate_hz", 100.0, 4000.0),
+    within("control.spin_us", 0.0, 500.0),
+    within("control.priority", 0.0, 98.0),
+    within("record.seconds", 10.0, 120.0),
+    within("record.files", 1.0, 10_000.0),
+    // Longer than a second: the robot has to stop when commands end.
+    within("command.deadline_ms", 2.0, 1000.0),
+    within("command.motion_scale", 0.01, 1.0),
+    within("command.tremor_filter_hz", 0.0, 50.0),
+    above_zero("command.max_step_deg", 90.0),
+    above_zero("command.max_step_counts", MAX_COUNTS),
+    above_zero("limits.velocity_counts_s", MAX_VELOCITY),
+    above_zero("limits.acceleration_counts_s2", MAX_ACCELERATION),
+    above_zero("limits.stop_deceleration_counts_s2", MAX_ACCELERATION),
+    above_zero("limits.jerk_counts_s3", MAX_JERK),
+    above_zero("limits.feedback_stale_ms", MAX_MS),
+    above_zero("limits.following_error_counts", MAX_COUNTS),
+    above_zero("limits.over_current_ma", MAX_CURRENT_MA),
+    within("limits.over_current_ms", 0.0, MAX_MS),
+    within("limits.overrun_ticks", 0.0, 10_000.0),
+    above_zero("limits.overrun_window_ms", MAX_MS),
+    above_zero("joint_limits.velocity_deg_s", MAX_VELOCITY),
+    above_zero("joint_limits.acceleration_deg_s2", MAX_ACCELERATION),
+    above_zero("joint_limits.jerk_deg_s3", MAX_JERK),
+    within("compensation.factor", 0.0, 1.0),
+    within("compensation.reversal_dead_band_deg", 0.0, 2.0),
+    within("compensation.residual_filter_ms", 0.0, 1000.0),
+    within("compensation.residual_dead_band_deg", 0.0, 1.0),
+    above_zero("conditioning.half_width_counts", MAX_COUNTS),
+    within("conditioning.turns", 1.0, 20.0),
+    above_zero("conditioning.velocity_counts_s", MAX_VELOCITY),
+    within("model_swap.blend_ms", 0.0, 10_000.0),
+    above_zero("move_jp.velocity_deg_s", MAX_VELOCITY),
+    above_zero("move_jp.acceleration_deg_s2", MAX_ACCELERATION),
+    above_zero("move_jp.jerk_deg_s3", MAX_JERK),
+    within("plausibility.distance_deg", 0.0, 90.0),
+    within("plausibility.debounce_ms", 0.0, MAX_MS),
+    above_zero("adaptation.zero_budget_deg", 10.0),
+    above_zero("adaptation.gain_budget", 0.4),
+    above_zero("adaptation.gap_budget", 1.5),
+    above_zero("adaptation.latency_budget_ms", 200.0),
+    above_zero("adaptation.total_budget_deg", 20.0),
+    above_zero("adaptation.slew_deg_s", 10.0),
+    above_zero("adaptation.camera_deviation_deg", 5.0),
+    within("adaptation.largest_step_deg", 0.0, 10.0),
+    within("adaptation.least_quality", 0.0, 1.0),
+    within("virtual_fixtures.slow_down_ms", 20.0, 5000.0),
+    within("virtual_fixtures.margin_deg", 0.0, 20.0),
+    within("virtual_fixtures.margin_mm", 0.0, 2.0),
+    within("ports[].reply_timeout_ms", 3.0, 1000.0),
+    within("ports[].loop_timeout_ms", 0.0, MAX_MS),
+    within("ports[].polling.status_every_rounds", 1.0, 1000.0),
+    within("ports[].polling.slow_every_rounds", 20.0, 10_000.0),
+    within("ports[].axes[].node_id", 0.0, 127.0),
+    within("ports[].axes[].position_min_counts", -MAX_COUNTS, MAX_COUNTS),
+    within("ports[].axes[].position_max_counts", -MAX_COUNTS, MAX_COUNTS),
+    above_zero("ports[].axes[].current_limit_ma", MAX_CURRENT_MA),
+    above_zero("ports[].axes[].following_error_counts", MAX_COUNTS),
+    above_zero("ports[].axes[].motor_speed_rpm", 200_000.0),
+    above_zero("ports[].axes[].quick_stop_rpm_s", 1e7),
+    above_zero("ports[].axes[].homing_current_ma", MAX_CURRENT_MA),
+    above_zero("ports[].axes[].homing_speed_rpm", 10_000.0),
+];
+
+impl Bound {
+    fn reason(&self) -> String {
+        match self.low {
+            Some(low) => format!("must be {low} to {}", self.high),
+            None => format!("must be above 0 and at most {}", self.high),
+        }
+    }
+
+    /// TOML has `nan` and `inf`, and serde accepts them.
+    fn contains(&self, value: f64) -> bool {
+        self.low.map_or(value > 0.0, |low| value >= low) && value <= self.high
+    }
+
+    fn check(&self, value: &Value, shown: String, findings: &mut Findings) {
+        match value {
+            Value::Integer(number) => {
+                findings.require(self.contains(*number as f64), shown, number, self.reason());
+            }
+            Value::Float(number) => {
+                findings.require(self.contains(*number), shown, number, self.reason());
+            }
+            _ => {}
+        }
+    }
+
+    /// Follows the rest of the key from a table. `shown`: how messages name the table.
+    fn follow(&self, table: &Value, rest: &str, shown: &str, findings: &mut Findings) {
+        let (name, inner) = rest.split_once('.').unwrap_or((rest, ""));
+        if let Some(name) = name.strip_suffix("[]") {
+            let entries = table.get(name).and_then(Value::as_array);
+            for (index, entry) in entries.into_iter().flatten().enumerate() {
+                let shown = match entry.get("motor") {
+                    Some(motor) => format!("ports.axes[motor {motor}]."),
+                    None => format!("{shown}{name}[{index}]."),
+                };
+                self.follow(entry, inner, &shown, findings);
+            }
+        } else if let Some(value) = table.get(name) {
+            match inner {
+                "" => self.check(value, format!("{shown}{name}"), findings),
+                inner => self.follow(value, inner, &format!("{shown}{name}."), findings),
+            }
+        }
+    }
+}
+
+/// Refuses every value outside of its range. A key that is absent has none.
+pub(super) fn check(config: &Config, findings: &mut Findings) {
+    match Value::try_from(config) {
+        Ok(table) => {
+            for bound in BOUNDS {
+                bound.follow(&table, bound.key, "", findings);
+            }
+        }
+        Err(error) => findings.require(false, "configuration", error, "cannot be written as TOML"),
+    }
+}

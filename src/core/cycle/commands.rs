@@ -1,0 +1,239 @@
+//! Commands of the cycle: state commands, changes of the model and of virtual fixtures, servo
+//! commands.
+
+use crate::core::command::admission::AdmissionContext;
+use crate::core::command::followed_command::FollowedCommand;
+use crate::core::command::move_planning::plan_move;
+use crate::core::cycle::ControlCycle;
+use crate::core::drive_status::DriveSummary;
+use crate::core::events::{CycleEventKind, EventList};
+use crate::core::inputs::{ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest};
+use crate::core::joint_space::joint_model::JointModel;
+use crate::core::model_slots::loaded_models::LoadedModels;
+use crate::core::model_slots::model_swap::{SwapContext, activate};
+use crate::core::model_slots::rollback::roll_back;
+use crate::core::motion::axis_control::AxisControl;
+use crate::core::motion::conditioning::ConditioningCycle;
+use crate::core::motion::virtual_fixtures::FixtureChange;
+use crate::core::outputs::ModelSwapReply;
+use crate::core::states::command_transitions::{CommandEffect, command_effect};
+use crate::core::states::control_state::{ControlState, EnabledActivity, HOLDING};
+use crate::core::states::state_machine::TransitionCause;
+use crate::robot::{Measurement, Refusal};
+use crate::units::Nanos;
+
+impl ControlCycle {
+    /// Carries out a state command. Returns the refusal, or [`Refusal::None`], and what was
+    /// measured.
+    pub(super) fn apply_command(
+        &mut self,
+        request: &StateRequest,
+        summary: &DriveSummary,
+        events: &mut EventList,
+    ) -> (Refusal, Option<Measurement>) {
+        let (client_id, command) = (request.client_id, request.command);
+        let Err(refusal) = self.try_command(request, summary, events) else {
+            self.admission.accept_request(client_id);
+            return (Refusal::None, None);
+        };
+        let measurement = self.request_measurement(refusal, summary);
+        if self.admission.refuse_request(client_id, refusal, summary.now) {
+            let kind = CycleEventKind::RequestRefused { client_id, command, refusal };
+            events.push_measured(kind, measurement);
+        }
+        (refusal, measurement)
+    }
+
+    fn try_command(
+        &mut self,
+        request: &StateRequest,
+        summary: &DriveSummary,
+        events: &mut EventList,
+    ) -> Result<(), Refusal> {
+        if request.client_id == 0 {
+            return Err(Refusal::Malformed);
+        }
+        self.shutdown.require_allowed(request.command)?;
+        let next = match command_effect(request.command, self.machine.state(), summary)? {
+            CommandEffect::NoChange => return Ok(()),
+            CommandEffect::Change(next) => next,
+            CommandEffect::Home(next) => {
+                self.axes.for_each(AxisControl::start_homing);
+                next
+            }
+            CommandEffect::ResetFaults(next) => {
+                self.axes.for_each(AxisControl::reset_fault);
+                next
+            }
+            CommandEffect::Unhome => {
+                self.axes.for_each(AxisControl::invalidate_zero);
+                *self.machine.state()
+            }
+            CommandEffect::Condition => {
+                // Conditioning is motion, so no other client may hold the lease.
+                self.admission.require_lease(request.client_id)?;
+                // The motors cross the whole hull.
+                self.require_no_fixture()?;
+                let model = self.models.active().map(JointModel::model);
+                let start = self.axes.setpoints();
+                let cycle = ConditioningCycle::new(&self.conditioning_plan, start, model)?;
+                ControlState::Enabled(EnabledActivity::Conditioning(cycle))
+            }
+            CommandEffect::Move => ControlState::Enabled(EnabledActivity::Moving(plan_move(
+                request,
+                summary.is_at_rest,
+                &self.admission,
+                self.models.active(),
+                &self.fixtures,
+                &self.trajectory_limits,
+                summary.now,
+            )?)),
+            CommandEffect::ChangeFixtures => return self.change_fixtures(request, events),
+            CommandEffect::Release => {
+                return self.release_lease(request.client_id, summary.now, events);
+            }
+        };
+        let cause = TransitionCause::Command(request.command);
+        self.machine.change((next, cause), summary.now, events);
+        Ok(())
+    }
+
+    /// Changes the virtual fixtures. What makes them fewer needs the lease and a robot that follows
+    /// nobody.
+    fn change_fixtures(
+        &mut self,
+        request: &StateRequest,
+        events: &mut EventList,
+    ) -> Result<(), Refusal> {
+        let change = request.fixture.as_ref().ok_or(Refusal::Malformed)?;
+        match change {
+            FixtureChange::SwitchOff | FixtureChange::RemoveAdded => {
+                self.admission.require_lease(request.client_id)?;
+                if self.machine.state().is_following_joints() {
+                    return Err(Refusal::Busy);
+                }
+            }
+            FixtureChange::SwitchOn | FixtureChange::Add(_) => {}
+        }
+        self.fixtures.change(change)?;
+        events.push(CycleEventKind::Fixtures {
+            client_id: request.client_id,
+            active: self.fixtures.active_bits(),
+        });
+        Ok(())
+    }
+
+    /// Refuses motion that is not planned in joint space while virtual fixtures count.
+    fn require_no_fixture(&self) -> Result<(), Refusal> {
+        if self.fixtures.is_on() { Err(Refusal::Fixture) } else { Ok(()) }
+    }
+
+    /// A client that gives the lease back is not followed any more: the robot stops.
+    fn release_lease(
+        &mut self,
+        client_id: u64,
+        now: Nanos,
+        events: &mut EventList,
+    ) -> Result<(), Refusal> {
+        self.admission.release_lease(client_id, events)?;
+        let followed = self.machine.state().followed_command();
+        if followed.is_some_and(|command| command.client_id == client_id) {
+            self.machine.progress(HOLDING, now, events);
+        }
+        Ok(())
+    }
+
+    pub(super) fn swap_model(
+        &mut self,
+        request: &ModelSwapRequest,
+        now: Nanos,
+        events: &mut EventList,
+    ) -> ModelSwapReply {
+        let feedback = self.axes.feedback();
+        let drives = feedback.get(..self.axes.count());
+        let state = self.machine.state();
+        let context = SwapContext {
+            now,
+            is_conditioning: state.is_conditioning(),
+            is_following_joints: state.is_following_joints(),
+            is_forced: request.forced,
+            drives: drives.filter(|drives| drives.iter().all(|drive| drive.stamp > Nanos::ZERO)),
+            setpoints: &self.axes.setpoints(),
+            history: &self.history,
+        };
+        let active = |models: &LoadedModels| models.active().map(|joints| joints.model().id());
+        let from = active(&self.models);
+        let result = match request.change {
+            ModelChange::Activate(id) => activate(&mut self.models, id, &context),
+            ModelChange::Rollback => roll_back(&mut self.models, &context),
+        };
+        if result.is_ok() {
+            let to = active(&self.models).unwrap_or_default();
+            events.push(CycleEventKind::Model { from, to });
+            self.plausibility.reset();
+            if let Some(adaptation) = &mut self.adaptation {
+                adaptation.begin(self.models.previous_mut(), now);
+            }
+        }
+        ModelSwapReply { id: request.id, refusal: result.err().unwrap_or(Refusal::None) }
+    }
+
+    pub(super) fn apply_servo_command(
+        &mut self,
+        command: &ServoCommand,
+        summary: &DriveSummary,
+        events: &mut EventList,
+    ) {
+        let snake = self.models.active().and_then(JointModel::setpoint);
+        let (goal, clutch) = self.clutch.couple(command, snake);
+        let command = &ServoCommand { goal, ..*command };
+        match self.check_servo_command(command, summary) {
+            Ok(followed) => {
+                self.admission.accept(command, summary.now, events);
+                self.clutch = clutch;
+                let activity = if command.clutched {
+                    EnabledActivity::Holding
+                } else {
+                    EnabledActivity::Following(followed)
+                };
+                self.machine.progress(ControlState::Enabled(activity), summary.now, events);
+            }
+            Err(refusal) => {
+                let client_id = command.client_id;
+                if self.admission.refuse(client_id, refusal, summary.now) {
+                    let measurement = self.servo_measurement(refusal, command, summary);
+                    let kind = CycleEventKind::Refused { client_id, refusal };
+                    events.push_measured(kind, measurement);
+                }
+            }
+        }
+    }
+
+    fn check_servo_command(
+        &self,
+        command: &ServoCommand,
+        summary: &DriveSummary,
+    ) -> Result<FollowedCommand, Refusal> {
+        let state = self.machine.state();
+        let context = AdmissionContext {
+            now: summary.now,
+            state: state.operating_state(),
+            unoccupied: state.require_unoccupied(),
+            is_homed: summary.is_homed,
+            is_fresh: summary.is_fresh(),
+        };
+        let deadline = self.admission.check(command, &context)?;
+        if matches!(command.goal, ServoGoal::Actuator(..)) {
+            self.require_no_fixture()?;
+        }
+        let followed = state.followed_command().map(|followed| &followed.goal);
+        let goal = self.range_check.check(command, followed, &self.axes, self.models.active())?;
+        Ok(FollowedCommand {
+            client_id: command.client_id,
+            sequence: command.sequence,
+            stamp: command.stamp,
+            deadline,
+            goal,
+        })
+    }
+}

@@ -1,0 +1,66 @@
+//! Events of the cycle that concern several of its parts: faults with what was measured, stops for
+//! want of feedback, clips.
+
+use crate::core::cycle::ControlCycle;
+use crate::core::cycle::setpoint_generation::GeneratedSetpoint;
+use crate::core::drive_status::DriveSummary;
+use crate::core::events::clips::ClippedGoal;
+use crate::core::events::{CycleEventKind, EventList};
+use crate::core::states::automatic_transitions::next_transition;
+use crate::core::states::control_state::{ControlState, HOLDING};
+use crate::core::states::state_machine::TransitionCause;
+use crate::core::vector::distance;
+use crate::model::file::OutputUnit;
+use crate::robot::{Measurement, Quantity, Refusal};
+use crate::units::Nanos;
+
+impl ControlCycle {
+    /// The transition of this tick that no command asks for.
+    pub(super) fn follow_transition(&mut self, summary: &DriveSummary, events: &mut EventList) {
+        let Some(transition) = next_transition(self.machine.state(), summary) else {
+            self.feedback_stops.update(false, summary.now);
+            return;
+        };
+        let (next, cause) = transition;
+        let was_moving = !self.machine.state().is_holding();
+        let is_stop = matches!(self.machine.state(), ControlState::Enabled(_))
+            && was_moving
+            && next == HOLDING;
+        if self.feedback_stops.update(is_stop, summary.now) {
+            let measurement = self.request_measurement(Refusal::DrivesNotReady, summary);
+            events.push_measured(CycleEventKind::FeedbackStop, measurement);
+        }
+        let measurement = match cause {
+            TransitionCause::Fault(fault) => self.fault_measurement(fault, summary),
+            _ => None,
+        };
+        self.machine.change(transition, summary.now, events);
+        events.explain_fault(measurement);
+    }
+
+    /// A clip is an event at its beginning, and when more is cut off than was reported.
+    pub(super) fn report_clip(
+        &mut self,
+        setpoint: &GeneratedSetpoint,
+        now: Nanos,
+        events: &mut EventList,
+    ) {
+        let clip = setpoint.is_clipped.then(|| self.clipped_goal(setpoint));
+        if let Some(ClippedGoal { client_id, distance_deg }) = self.clips.update(clip, now) {
+            let measurement =
+                distance_deg.map(|deg| Measurement::new(Quantity::Degrees, deg, None));
+            events.push_measured(CycleEventKind::Clipped { client_id }, measurement);
+        }
+    }
+
+    fn clipped_goal(&self, setpoint: &GeneratedSetpoint) -> ClippedGoal {
+        let followed = self.machine.state().followed_command();
+        let is_angle = { self.models.active() }.is_some_and(|it| it.unit() == OutputUnit::Deg);
+        let requested = followed.and_then(|it| it.goal.joint().filter(|_| is_angle));
+        ClippedGoal {
+            client_id: followed.map_or(0, |followed| followed.client_id),
+            distance_deg: { requested.zip(setpoint.goal) }
+                .map(|(requested, goal)| distance(requested, &goal).to_degrees()),
+        }
+    }
+}

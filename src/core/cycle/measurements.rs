@@ -1,0 +1,123 @@
+//! What was measured when a fault occurred or a command was refused, and the limit that it broke.
+//!
+//! The checks answer yes or no; only a fault, or a refusal that becomes an event, is explained.
+
+use crate::core::cycle::ControlCycle;
+use crate::core::drive_status::DriveSummary;
+use crate::core::inputs::{ServoCommand, ServoGoal};
+use crate::core::motion::axis_control::AxisControl;
+use crate::drive::AxisPhase;
+use crate::robot::{Fault, Measurement, Quantity, Refusal};
+use crate::units::Nanos;
+
+impl ControlCycle {
+    /// The measurement behind a fault that was just detected, where there is one.
+    pub(super) fn fault_measurement(
+        &self,
+        fault: Fault,
+        summary: &DriveSummary,
+    ) -> Option<Measurement> {
+        match fault {
+            Fault::Late => Some(self.overruns.measurement()),
+            Fault::Implausible => self.plausibility.measurement(),
+            Fault::None | Fault::DriveTimeout | Fault::Homing | Fault::Model => None,
+            Fault::Drive
+            | Fault::Link
+            | Fault::FollowingError
+            | Fault::DriveState
+            | Fault::Current => self.axes.first(|axis| drive_measurement(axis, fault, summary)),
+        }
+    }
+
+    /// The measurement behind the refusal of a servo command, where there is one.
+    pub(super) fn servo_measurement(
+        &self,
+        refusal: Refusal,
+        command: &ServoCommand,
+        summary: &DriveSummary,
+    ) -> Option<Measurement> {
+        match refusal {
+            Refusal::Stale | Refusal::Stamp => {
+                self.admission.deadline_measurement(command, summary.now)
+            }
+            Refusal::Sequence => self.admission.sequence_measurement(command),
+            Refusal::Step => {
+                let state = self.machine.state();
+                let followed = state.followed_command().map(|followed| &followed.goal);
+                let joints = self.models.active();
+                self.range_check.step_measurement(command, followed, &self.axes, joints)
+            }
+            Refusal::Range => match command.goal {
+                ServoGoal::Actuator(counts, _) => {
+                    self.axes.range_measurement(|motor, _| counts.get(usize::from(motor)).copied())
+                }
+                ServoGoal::Joint(..) => None,
+            },
+            Refusal::Malformed => self.entries_measurement(command),
+            _ => self.request_measurement(refusal, summary),
+        }
+    }
+
+    /// The measurement behind the refusal of a state command, where there is one.
+    pub(super) fn request_measurement(
+        &self,
+        refusal: Refusal,
+        summary: &DriveSummary,
+    ) -> Option<Measurement> {
+        match refusal {
+            Refusal::DrivesNotReady => self.axes.first(|axis| {
+                let age = summary.now.since(axis.feedback().stamp);
+                let is_old = axis.feedback().stamp > Nanos::ZERO && age >= summary.stale_after;
+                is_old.then(|| Measurement::of_age(age, summary.stale_after))
+            }),
+            Refusal::Range => {
+                self.axes.range_measurement(|_, axis: &AxisControl| Some(axis.feedback().position))
+            }
+            _ => None,
+        }
+    }
+
+    fn entries_measurement(&self, command: &ServoCommand) -> Option<Measurement> {
+        let (given, expected) = match command.goal {
+            ServoGoal::Joint(_, entries) => (entries, self.models.active()?.outputs()),
+            ServoGoal::Actuator(_, entries) => (entries, self.axes.count()),
+        };
+        let expected = expected as f64;
+        let given = f64::from(given);
+        (given != expected).then(|| Measurement::new(Quantity::Values, given, Some(expected)))
+    }
+}
+
+fn drive_measurement(
+    axis: &AxisControl,
+    fault: Fault,
+    summary: &DriveSummary,
+) -> Option<Measurement> {
+    let feedback = axis.feedback();
+    match fault {
+        Fault::Drive if feedback.phase == AxisPhase::Faulted => {
+            let code = f64::from(feedback.error_code);
+            Some(Measurement::new(Quantity::ErrorCode, code, None))
+        }
+        Fault::DriveState if feedback.phase != AxisPhase::Enabled => {
+            let statusword = f64::from(feedback.statusword);
+            Some(Measurement::new(Quantity::Statusword, statusword, None))
+        }
+        Fault::Link => link_measurement(axis, summary),
+        Fault::FollowingError => axis.following_error_measurement(),
+        Fault::Current => axis.over_current_measurement(),
+        _ => None,
+    }
+}
+
+/// The age of the position of a drive that is lost, starts again, or is silent for too long.
+fn link_measurement(axis: &AxisControl, summary: &DriveSummary) -> Option<Measurement> {
+    let feedback = axis.feedback();
+    let is_gone = matches!(feedback.phase, AxisPhase::Lost | AxisPhase::Starting);
+    let age = summary.now.since(feedback.stamp);
+    let has_reported = feedback.stamp > Nanos::ZERO;
+    let measurement = Measurement::of_age(age, summary.lost_after);
+    // A port may give a drive up earlier, after its own time-outs: that limit was not reached.
+    let limit = measurement.limit.filter(|_| age >= summary.lost_after);
+    (has_reported && (is_gone || limit.is_some())).then_some(Measurement { limit, ..measurement })
+}

@@ -1,0 +1,123 @@
+//! Snapshot of the cycle between two ticks, for the black box and its replay.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::Config;
+use crate::core::adaptation::AdaptationState;
+use crate::core::command::admission::CommandAdmission;
+use crate::core::command::clutch::Clutch;
+use crate::core::cycle::ControlCycle;
+use crate::core::events::clips::ClipEvents;
+use crate::core::events::fold::EventFold;
+use crate::core::faults::overrun::OverrunMonitor;
+use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
+use crate::core::joint_space::position_history::PositionHistory;
+use crate::core::model_slots::loaded_models::{LoadedModelStates, LoadedModels};
+use crate::core::motion::axis_control::AxisControl;
+use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::virtual_fixtures::VirtualFixtures;
+use crate::core::states::shutdown::Shutdown;
+use crate::core::states::state_machine::StateMachine;
+use crate::model::{Model, ModelId};
+use crate::units::MAX_MOTORS;
+
+/// All values of the cycle that change from tick to tick. About 35 kB, without pointers.
+///
+/// Order and types of the fields are part of the file format of the black box.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CycleSnapshot {
+    axes: [Option<AxisControl>; MAX_MOTORS],
+    history: PositionHistory,
+    models: LoadedModelStates,
+    overruns: OverrunMonitor,
+    plausibility: PlausibilityMonitor,
+    plausibility_check: PlausibilityCheck,
+    adaptation: Option<AdaptationState>,
+    machine: StateMachine,
+    admission: CommandAdmission,
+    clutch: Clutch,
+    fixtures: VirtualFixtures,
+    feedback_stops: EventFold,
+    clips: ClipEvents,
+    ticks: u64,
+    stale_stops: u64,
+    lost_events: u64,
+    shutdown: Shutdown,
+}
+
+impl CycleSnapshot {
+    /// Number of ticks since the start of the cycle.
+    #[must_use]
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// Ids of the models that were loaded.
+    pub fn models(&self) -> impl Iterator<Item = ModelId> {
+        self.models.ids()
+    }
+}
+
+impl ControlCycle {
+    /// All values that change from tick to tick. `None` while a model waits to be taken by
+    /// [`ControlCycle::take_retired`].
+    #[must_use]
+    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
+    pub fn snapshot(&self) -> Option<CycleSnapshot> {
+        Some(CycleSnapshot {
+            axes: self.axes.to_snapshot(),
+            history: self.history,
+            models: self.models.states()?,
+            overruns: self.overruns,
+            plausibility: self.plausibility,
+            plausibility_check: self.plausibility_check,
+            adaptation: self.adaptation.map(|adaptation| adaptation.state),
+            machine: self.machine,
+            admission: self.admission,
+            clutch: self.clutch,
+            fixtures: self.fixtures,
+            feedback_stops: self.feedback_stops,
+            clips: self.clips,
+            ticks: self.ticks,
+            stale_stops: self.stale_stops,
+            lost_events: self.lost_events,
+            shutdown: self.shutdown,
+        })
+    }
+
+    /// A cycle that goes on from a snapshot of a cycle with the same configuration. Not for the
+    /// control loop.
+    ///
+    /// # Errors
+    ///
+    /// The id of a model that `find` does not know.
+    pub fn restored(
+        config: &Config,
+        snapshot: &CycleSnapshot,
+        find: impl Fn(ModelId) -> Option<Arc<Model>>,
+    ) -> Result<Self, ModelId> {
+        let mut cycle = Self::new(config, None);
+        cycle.axes = AxisGroup::from_snapshot(&snapshot.axes);
+        cycle.history = snapshot.history;
+        cycle.models = LoadedModels::from_states(&snapshot.models, config, find)?;
+        cycle.overruns = snapshot.overruns;
+        cycle.plausibility = snapshot.plausibility;
+        cycle.plausibility_check = snapshot.plausibility_check;
+        if let (Some(adaptation), Some(state)) = (&mut cycle.adaptation, snapshot.adaptation) {
+            adaptation.state = state;
+        }
+        cycle.machine = snapshot.machine;
+        cycle.admission = snapshot.admission;
+        cycle.clutch = snapshot.clutch;
+        cycle.fixtures = snapshot.fixtures;
+        cycle.feedback_stops = snapshot.feedback_stops;
+        cycle.clips = snapshot.clips;
+        cycle.ticks = snapshot.ticks;
+        cycle.stale_stops = snapshot.stale_stops;
+        cycle.lost_events = snapshot.lost_events;
+        cycle.shutdown = snapshot.shutdown;
+        Ok(cycle)
+    }
+}

@@ -1,0 +1,295 @@
+//! Events of the cycle, for the log and the black box.
+
+pub(super) mod clips;
+pub(super) mod fold;
+
+use serde::{Deserialize, Serialize};
+
+use crate::core::adaptation::AdaptationEvent;
+use crate::core::faults::plausibility::PlausibilityCheck;
+use crate::drive::AxisPhase;
+use crate::model::ModelId;
+use crate::robot::{
+    Cause, Clip, Fault, Measurement, OperatingState, Reason, Refusal, StateCommand, Stop,
+};
+use crate::units::Nanos;
+
+/// An event of the cycle.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CycleEvent {
+    /// Start of the tick in which it happened.
+    pub stamp: Nanos,
+    /// What happened.
+    pub kind: CycleEventKind,
+    /// What was measured, for an event with a cause ([`CycleEventKind::cause`]), where it is known.
+    pub measurement: Option<Measurement>,
+}
+
+impl CycleEvent {
+    /// Why the robot does not move as asked, for an event that says so.
+    #[must_use]
+    pub fn reason(&self) -> Option<Reason> {
+        let measurement = self.measurement;
+        let cause = self.kind.cause()?;
+        Some(Reason { cause, measurement })
+    }
+}
+
+/// What happened.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub enum CycleEventKind {
+    /// The operating state changed, or a command or a fault was handled in it.
+    State {
+        /// State before.
+        from: OperatingState,
+        /// State after.
+        to: OperatingState,
+        /// The command that caused the change, if any.
+        command: Option<StateCommand>,
+        /// The fault that caused the change, if any.
+        fault: Fault,
+    },
+    /// The followed command became stale and the robot stopped.
+    StaleStop {
+        /// Client that had sent the command.
+        client_id: u64,
+        /// Age of the command.
+        age: Nanos,
+    },
+    /// The motion stopped, because a drive gave no recent position. Folded to one per second.
+    FeedbackStop,
+    /// A goal began to be clipped to what can be reached, or more is cut off than was reported.
+    /// Folded to one per second.
+    Clipped {
+        /// Client whose command is followed; 0: that of a `move_jp`.
+        client_id: u64,
+    },
+    /// The lease changed its holder.
+    Lease {
+        /// The new holder; 0: none.
+        client_id: u64,
+    },
+    /// A servo command was refused. Repeats with the same reason are folded until a command of the
+    /// same client is accepted.
+    Refused {
+        /// Client that had sent the command.
+        client_id: u64,
+        /// Reason.
+        refusal: Refusal,
+    },
+    /// A state command or `move_jp` was refused. Repeats are folded as those of servo commands.
+    RequestRefused {
+        /// Client that had sent the command.
+        client_id: u64,
+        /// The command.
+        command: StateCommand,
+        /// Reason.
+        refusal: Refusal,
+    },
+    /// The active model changed.
+    Model {
+        /// Model before.
+        from: Option<ModelId>,
+        /// Model after.
+        to: ModelId,
+    },
+    /// A request changed the virtual fixtures.
+    Fixtures {
+        /// Client that asked.
+        client_id: u64,
+        /// The fixtures that count, as bits.
+        active: u32,
+    },
+    /// A virtual fixture limits the goal, after a second in which none did.
+    FixtureLimit {
+        /// Index of the fixture.
+        region: u8,
+    },
+    /// The comparison with the camera began, or cannot be made.
+    Plausibility(PlausibilityCheck),
+    /// The adaptation learned or refused something, or took a correction back.
+    Adaptation(AdaptationEvent),
+    /// A drive changed its phase.
+    Axis {
+        /// Index of the motor.
+        motor: u8,
+        /// Phase before.
+        from: AxisPhase,
+        /// Phase after.
+        to: AxisPhase,
+        /// Error code of the drive.
+        error_code: u16,
+    },
+}
+
+impl CycleEventKind {
+    /// The cause of standing still, or of moving differently from what was asked.
+    #[must_use]
+    pub fn cause(&self) -> Option<Cause> {
+        match self {
+            Self::State { fault, .. } => (*fault != Fault::None).then_some(Cause::Fault(*fault)),
+            Self::StaleStop { .. } => Some(Cause::Stop(Stop::Stale)),
+            Self::FeedbackStop => Some(Cause::Stop(Stop::Feedback)),
+            Self::Clipped { .. } => Some(Cause::Clip(Clip::Reach)),
+            Self::FixtureLimit { .. } => Some(Cause::Clip(Clip::Fixture)),
+            Self::Refused { refusal, .. } | Self::RequestRefused { refusal, .. } => {
+                Some(Cause::Refusal(*refusal))
+            }
+            Self::Lease { .. }
+            | Self::Fixtures { .. }
+            | Self::Model { .. }
+            | Self::Plausibility(_)
+            | Self::Adaptation(_)
+            | Self::Axis { .. } => None,
+        }
+    }
+
+    /// The client that the event concerns; 0: none.
+    #[must_use]
+    pub fn client_id(&self) -> u64 {
+        match self {
+            Self::StaleStop { client_id, .. }
+            | Self::Clipped { client_id }
+            | Self::Lease { client_id }
+            | Self::Fixtures { client_id, .. }
+            | Self::Refused { client_id, .. }
+            | Self::RequestRefused { client_id, .. } => *client_id,
+            Self::State { .. }
+            | Self::FeedbackStop
+            | Self::FixtureLimit { .. }
+            | Self::Model { .. }
+            | Self::Plausibility(_)
+            | Self::Adaptation(_)
+            | Self::Axis { .. } => 0,
+        }
+    }
+}
+
+/// Events of one tick, in order. Events that do not fit are counted.
+#[derive(Debug, Clone, Copy)]
+pub struct EventList {
+    stamp: Nanos,
+    list: [Option<CycleEvent>; 4],
+    lost: u64,
+}
+
+impl EventList {
+    /// No events yet. `stamp`: start of the tick.
+    #[must_use]
+    pub fn new(stamp: Nanos) -> Self {
+        Self { stamp, list: [None; 4], lost: 0 }
+    }
+
+    /// Adds an event. In a full list, a change of state replaces the last event of another kind:
+    /// the log must contain every change of state.
+    pub fn push(&mut self, kind: CycleEventKind) {
+        self.push_measured(kind, None);
+    }
+
+    /// As [`EventList::push`], with what was measured.
+    pub fn push_measured(&mut self, kind: CycleEventKind, measurement: Option<Measurement>) {
+        if self.insert(kind, measurement) {
+            return;
+        }
+        self.lost += 1;
+        if is_state_change(kind) {
+            self.remove_last_other();
+            self.insert(kind, measurement);
+        }
+    }
+
+    /// Adds what was measured to the newest event, if that is a fault.
+    pub fn explain_fault(&mut self, measurement: Option<Measurement>) {
+        let newest = self.list.iter_mut().rev().flatten().next();
+        if let Some(event) = newest
+            && matches!(event.kind.cause(), Some(Cause::Fault(_)))
+        {
+            event.measurement = measurement;
+        }
+    }
+
+    /// The events, and the number of events that did not fit.
+    #[must_use]
+    pub fn finish(self) -> ([Option<CycleEvent>; 4], u64) {
+        (self.list, self.lost)
+    }
+
+    /// Fills the first free entry. Returns false if there is none.
+    fn insert(&mut self, kind: CycleEventKind, measurement: Option<Measurement>) -> bool {
+        let free = self.list.iter_mut().find(|entry| entry.is_none());
+        let is_free = free.is_some();
+        if let Some(entry) = free {
+            *entry = Some(CycleEvent { stamp: self.stamp, kind, measurement });
+        }
+        is_free
+    }
+
+    /// Removes the last event that is not a change of state and closes the gap.
+    fn remove_last_other(&mut self) {
+        let is_other = |entry: &Option<CycleEvent>| entry.is_some_and(|e| !is_state_change(e.kind));
+        if let Some(index) = self.list.iter().rposition(is_other)
+            && let Some(tail) = self.list.get_mut(index..)
+        {
+            tail.rotate_left(1);
+            if let Some(last) = tail.last_mut() {
+                *last = None;
+            }
+        }
+    }
+}
+
+fn is_state_change(kind: CycleEventKind) -> bool {
+    matches!(kind, CycleEventKind::State { .. })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lease(client_id: u64) -> CycleEventKind {
+        CycleEventKind::Lease { client_id }
+    }
+
+    const STATE: CycleEventKind = CycleEventKind::State {
+        from: OperatingState::Enabled,
+        to: OperatingState::Fault,
+        command: None,
+        fault: Fault::Link,
+    };
+
+    fn pushed(kinds: impl IntoIterator<Item = CycleEventKind>) -> (Vec<CycleEventKind>, u64) {
+        let mut events = EventList::new(Nanos(7));
+        for kind in kinds {
+            events.push(kind);
+        }
+        let (list, lost) = events.finish();
+        (list.iter().flatten().map(|event| event.kind).collect(), lost)
+    }
+
+    #[test]
+    fn events_that_do_not_fit_are_counted() {
+        assert_eq!(pushed((1..=6).map(lease)), ((1..=4).map(lease).collect(), 2));
+    }
+
+    #[test]
+    fn only_a_fault_takes_the_measurement_of_a_fault() {
+        let measurement = Some(Measurement::new(crate::robot::Quantity::Milliseconds, 9.0, None));
+        let explained = |last| {
+            let mut events = EventList::new(Nanos(7));
+            events.push(STATE);
+            events.push(last);
+            events.explain_fault(measurement);
+            events.finish().0[1].and_then(|event| event.measurement)
+        };
+        assert_eq!(explained(STATE), measurement);
+        assert_eq!(explained(lease(1)), None);
+    }
+
+    #[test]
+    fn a_state_change_always_fits() {
+        assert_eq!(
+            pushed([STATE, lease(1), lease(2), lease(3), STATE]),
+            (vec![STATE, lease(1), lease(2), STATE], 1)
+        );
+    }
+}

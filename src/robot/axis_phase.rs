@@ -1,0 +1,29 @@
+//! The phases of a drive.
+
+use super::numbered_enum::numbered_enum;
+
+numbered_enum! {
+    /// Phase of an axis: the state of driver and drive together.
+    #[derive(Default)]
+    AxisPhase {
+        /// Not identified or not configured yet.
+        #[default]
+        Starting = 0, "starting";
+        /// Configured, power stage off.
+        Disabled = 1, "disabled";
+        /// Being enabled: the target is set to the position and read back, then power comes on.
+        Enabling = 2, "enabling";
+        /// Operation enabled; the drive follows the target.
+        Enabled = 3, "enabled";
+        /// The drive searches its home position.
+        Homing = 4, "homing";
+        /// Quick stop active: powered and holding, targets are ignored.
+        QuickStopped = 5, "quick-stopped";
+        /// Being disabled.
+        Disabling = 6, "disabling";
+        /// The drive reports a fault; see the error code.
+        Faulted = 7, "at fault";
+        /// The line does not answer, or the drive is not the configured one.
+        Lost = 8, "lost";
+    }
+}

@@ -1,0 +1,20 @@
+//! The control cycle against simulated drives, on simulated time: see [`i2ris_testing::cycle`].
+
+mod command_admission;
+mod command_flags;
+mod command_table;
+mod conditioning;
+mod enabling;
+mod endurance;
+mod faults;
+mod following;
+mod model_swap;
+mod move_and_clutch;
+mod random_inputs;
+mod reasons;
+mod rehearsal;
+mod replay;
+mod report;
+mod shutdown;
+mod stopping;
+mod virtual_fixtures;

@@ -1,0 +1,124 @@
+//! The maps in the sources against the tree: what a page names exists, what exists is named, and
+//! imports go where the page says.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::{ROOT, code, read, rows};
+
+/// All Rust sources below a folder.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|path| path.is_dir());
+    let is_source = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "rs");
+    let inner = folders.iter().filter(|path| !path.ends_with("target")).flat_map(|it| sources(it));
+    files.into_iter().filter(is_source).chain(inner).collect()
+}
+
+/// The lines of a file that are code, without those of its unit tests.
+fn code_lines(text: &str) -> impl Iterator<Item = &str> {
+    let product = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+    product.lines().filter(|line| !line.trim_start().starts_with("//"))
+}
+
+/// The first names of the paths that begin with `crate::`, or with the name of the crate.
+fn imports(text: &str) -> BTreeSet<String> {
+    let lines = code_lines(text).flat_map(|line| line.split("crate::").skip(1));
+    let name = |rest: &str| rest.chars().take_while(|c| *c == '_' || c.is_alphanumeric()).collect();
+    lines.map(name).collect()
+}
+
+#[test]
+fn the_modules_of_the_crate_are_on_its_map_and_import_what_it_says() {
+    let text = read("src/lib.rs");
+    let declared: BTreeSet<&str> =
+        text.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';')).collect();
+    let mut above: BTreeSet<&str> = BTreeSet::new();
+    let table = rows(&text, "//! | [`");
+    for row in &table {
+        let (modules, allowed) = (code(&row[1]), code(&row[3]));
+        let folders = modules.iter().map(|module| Path::new(ROOT).join("src").join(module));
+        let files = folders.flat_map(|folder| match folder.is_dir() {
+            true => sources(&folder),
+            false => vec![folder.with_extension("rs")],
+        });
+        let used: BTreeSet<String> =
+            files.flat_map(|file| imports(&fs::read_to_string(file).unwrap())).collect();
+        let used: BTreeSet<&str> = used.iter().map(String::as_str).collect();
+        let used = used.intersection(&declared).copied().filter(|name| !modules.contains(name));
+        let used: BTreeSet<&str> = used.collect();
+        let allowed: BTreeSet<&str> = if row[3].starts_with("all but") {
+            &above - &allowed.into_iter().collect()
+        } else {
+            assert_eq!(used, allowed.iter().copied().collect(), "imports of {modules:?}");
+            allowed.into_iter().collect()
+        };
+        assert!(used.is_subset(&allowed), "{modules:?} imports {used:?}, the map has {allowed:?}");
+        assert!(used.is_subset(&above), "{modules:?} imports {used:?}, which is not above it");
+        above.extend(modules.iter().copied());
+        assert!(modules.iter().all(|module| declared.contains(module)), "{modules:?} is no module");
+    }
+    assert_eq!(above, declared);
+}
+
+#[test]
+fn files_named_on_the_page_of_the_crate_exist() {
+    let text = read("src/lib.rs");
+    let words = text.lines().filter(|line| line.starts_with("//!")).flat_map(|line| {
+        line.split([' ', ',', ':']).filter(|word| word.ends_with(".rs")).map(str::to_owned)
+    });
+    let missing: Vec<String> = words
+        .filter(|word| {
+            let source = Path::new(ROOT).join("src");
+            let process = source.join("process").join(word);
+            !source.join(word).exists() && !process.exists()
+        })
+        .collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
+/// The rows of the tables of a page whose first column is `file` or `module`.
+fn module_tables(text: &str) -> BTreeSet<String> {
+    let mut is_inside = false;
+    let mut named = BTreeSet::new();
+    for line in text.lines() {
+        is_inside = line.starts_with("//! |")
+            && (is_inside
+                || line.starts_with("//! | file |")
+                || line.starts_with("//! | module |"));
+        if is_inside && let Some(cell) = line.split('|').nth(1) {
+            let names = code(cell).into_iter().map(|name| name.trim_start_matches("mod@"));
+            // Other tables name files that a program writes.
+            named.extend(names.filter(|name| !name.contains(['.', '/'])).map(str::to_owned));
+        }
+    }
+    named
+}
+
+/// The modules that a file declares, without those of tests.
+fn declared_modules(text: &str) -> BTreeSet<String> {
+    let lines: Vec<&str> = text.lines().collect();
+    let is_product = |pair: &&[&str]| pair[0] != "#[cfg(test)]" && !pair[1].starts_with("//");
+    let name = |pair: &[&str]| pair[1].split_once("mod ")?.1.strip_suffix(';').map(str::to_owned);
+    lines.windows(2).filter(is_product).filter_map(name).collect()
+}
+
+#[test]
+fn the_tables_of_modules_name_the_files_beside_them() {
+    let folders = ["src", "tools"].map(|folder| Path::new(ROOT).join(folder));
+    let mut wrong: BTreeMap<String, [BTreeSet<String>; 2]> = BTreeMap::new();
+    for path in folders.iter().flat_map(|folder| sources(folder)) {
+        let text = fs::read_to_string(&path).unwrap();
+        let named = module_tables(&text);
+        if named.is_empty() {
+            continue;
+        }
+        let declared = declared_modules(&text);
+        if named != declared {
+            let shown = path.strip_prefix(ROOT).unwrap().display().to_string();
+            wrong.insert(shown, [&named - &declared, &declared - &named]);
+        }
+    }
+    assert!(wrong.is_empty(), "named and absent, present and not named: {wrong:#?}");
+}

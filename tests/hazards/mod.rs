@@ -1,0 +1,26 @@
+//! The hazards of the design: see the table in `README.md` beside this file. Where a test of the
+//! cycle or of the drives shows the control, the table names that one; the others are here, one
+//! module per id.
+
+mod coverage;
+mod documents;
+mod drifting;
+mod h02;
+mod h03;
+mod h04;
+mod h05;
+mod h06;
+mod h08;
+mod h10;
+mod h11;
+mod h12;
+mod h13;
+mod h15;
+mod h16;
+mod h17;
+mod h18;
+mod h20;
+mod h21;
+mod h22;
+mod h23;
+mod noise;

@@ -1,0 +1,16 @@
+//! Tests of the model runtime through its public interface.
+
+mod direction;
+mod drifted;
+mod file;
+mod gmr;
+mod hull;
+mod inverse;
+mod kinematic;
+mod linear;
+mod play_operator;
+mod plays;
+mod prandtl_ishlinskii;
+mod refusals;
+mod samples;
+mod stop;

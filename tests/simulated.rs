@@ -1,0 +1,6 @@
+//! What runs in simulated time, or in none: the cycle, the models, all interleavings.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "a test may")]
+
+mod cycle;
+mod model;
+mod verification;

@@ -1,0 +1,328 @@
+//! `i2ris bench`: latencies on this machine, compared with the floor of the same run.
+//!
+//! A latency has little meaning without the least latency that the machine allows. Every
+//! measurement is an [`Outcome`] with several variants. One of them is a floor. All variants run in
+//! turns in the same run.
+//!
+//! | file | contains |
+//! |---|---|
+//! | `ipc`, `control_loop`, `inverse`, `wire`, `e2e` | the measurements |
+//! | `instructions` | instructions per call, counted under valgrind |
+//! | `curves` | how cost grows with rows, components, plays, clients, axes, loop rate |
+//! | `compare` | medians of two versions from repeated runs |
+//! | `outcome`, `report` | variants, quantities, ratios; as text, JSON, figures and page |
+//! | `placement`, `machine` | scheduling of threads; properties and load of the machine |
+//! | `rig`, `model`, `tick` | emulated drives, models of any size, a tick with ideal drives |
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod compare;
+mod control_loop;
+mod curves;
+mod e2e;
+mod instructions;
+mod inverse;
+mod ipc;
+mod machine;
+mod model;
+mod outcome;
+mod placement;
+mod report;
+mod rig;
+mod tick;
+mod wire;
+
+use std::io::{IsTerminal, stderr};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::{Parser, value_parser};
+use i2ris::ipc::Domain;
+use i2ris::units::Nanos;
+use i2ris_terminal::{Failure, Interrupt};
+use indicatif::ProgressBar;
+
+use outcome::Outcome;
+use placement::{Placement, Run};
+
+/// Why a measurement failed: one sentence for the user, which may pass from thread to thread.
+type BenchError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Something did not happen in time.
+fn busy(what: &str) -> BenchError {
+    format!("{what}: the machine is too busy to measure on, or a part of it hangs").into()
+}
+
+fn panicked<T>(_: T) -> BenchError {
+    busy("a thread of the measurement panicked")
+}
+
+/// A domain for this run alone.
+fn own_domain() -> Result<Domain, BenchError> {
+    Ok(Domain::new(&format!("bench-{:08x}", i2ris::ipc::random_id() as u32))?)
+}
+
+/// Measure latencies of this machine and of the controller
+#[derive(Debug, Parser)]
+#[command(name = "i2ris-bench", bin_name = "i2ris bench", version, propagate_version = true)]
+#[command(after_help = "Examples:
+  i2ris bench ipc
+  i2ris bench loop --duration-s 30 --json
+  i2ris bench e2e --commands 2000
+  i2ris bench all --output latencies
+  i2ris bench wire --baud 115200,1000000 --axes 1,2,4
+  i2ris bench curves --output growth
+  i2ris bench compare old.json new.json --against old/i2ris-bench -- inverse --rounds 5
+
+`--output` makes a folder: a page with figures (index.html), figures as SVG, numbers as JSON,
+HDR histogram logs (.hlog).
+
+Run it on an idle machine, built with --release. Threads request SCHED_FIFO and a processor of their
+own; without permission they run without and report it. On a virtual machine ratios and medians are
+meaningful, maxima are those of the host.")]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+    /// Print as JSON
+    #[arg(long, global = true)]
+    json: bool,
+    /// Write page, figures, numbers and histograms into this folder
+    #[arg(long, value_name = "DIR", global = true)]
+    output: Option<PathBuf>,
+    /// SCHED_FIFO priority to request; 0: normal scheduling
+    #[arg(long, value_name = "PRIORITY", default_value_t = 80, global = true,
+          value_parser = value_parser!(u8).range(0..=98))]
+    priority: u8,
+    /// Let the scheduler choose processors
+    #[arg(long, global = true)]
+    unpinned: bool,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Task {
+    /// Publish to receive by polling: the controller's streams, iceoryx2, 64 bytes in shared memory
+    Ipc(IpcArguments),
+    /// A periodic loop: lateness of the controller's ticker beside a bare timer, and what a tick
+    /// computes
+    Loop(LoopArguments),
+    /// One call of a model: desired angles to counts, and back
+    Inverse(InverseArguments),
+    /// Exchanges with two emulated drives against what the wire allows
+    Wire(WireArguments),
+    /// Command published, set-point on the wire, encoder position back at the client; with emulated
+    /// drives
+    E2e(EndToEndArguments),
+    /// All five with their defaults, one after the other; takes about two minutes
+    All(ControllerArgument),
+    /// Measure how cost grows with rows, components, plays, clients, axes and the rate of the loop;
+    /// takes about a minute
+    Curves {
+        /// Up to a million rows, and longer measurements
+        #[arg(long)]
+        full: bool,
+    },
+    /// Say which medians of two versions differ by more than the noise of repeated runs
+    Compare(compare::Arguments),
+    /// Call a model many times; `--instructions` counts this
+    #[command(hide = true)]
+    Repeat { call: String, model: usize, rounds: usize },
+    /// Fit synthetic rows and print time and memory; `curves` measures this
+    #[command(hide = true)]
+    FitCost { rows: usize },
+}
+
+#[derive(Debug, clap::Args)]
+struct IpcArguments {
+    /// Messages per variant
+    #[arg(long, value_name = "N", default_value_t = 20_000,
+          value_parser = value_parser!(u64).range(400..))]
+    messages: u64,
+}
+
+#[derive(Debug, clap::Args)]
+struct LoopArguments {
+    /// Ticks per second; several rates with commas between them are measured in turns
+    #[arg(long, value_name = "HZ", default_value = "1000", value_delimiter = ',',
+          value_parser = value_parser!(u32).range(100..=4000))]
+    rate_hz: Vec<u32>,
+    /// The ticker wakes this long before each tick and reads the clock until then
+    #[arg(long, value_name = "US", default_value_t = 100)]
+    spin_us: u64,
+    /// Duration of the measurement of each variant
+    #[arg(long, value_name = "S", default_value_t = 10,
+          value_parser = value_parser!(u32).range(1..=3600))]
+    duration_s: u32,
+    /// Count the instructions of a tick instead, for every family, independent of other load; needs
+    /// valgrind
+    #[arg(long)]
+    instructions: bool,
+}
+
+#[derive(Debug, clap::Args)]
+struct InverseArguments {
+    /// Repetitions of the motion of 2000 poses
+    #[arg(long, value_name = "N", default_value_t = 50,
+          value_parser = value_parser!(u32).range(1..))]
+    rounds: u32,
+    /// Count the instructions of every call of a model instead, independent of other load; needs
+    /// valgrind
+    #[arg(long)]
+    instructions: bool,
+}
+
+#[derive(Debug, clap::Args)]
+struct WireArguments {
+    /// Duration of the measurement of the bare loop and of the driver, each
+    #[arg(long, value_name = "S", default_value_t = 10,
+          value_parser = value_parser!(u32).range(1..=3600))]
+    duration_s: u32,
+    /// Baud rates, with commas between them; 12000000 means USB
+    #[arg(long, value_name = "BAUD", default_value = "115200", value_delimiter = ',',
+          value_parser = value_parser!(u32).range(9600..))]
+    baud: Vec<u32>,
+    /// Axes per port, 1 to 4, with commas between them
+    #[arg(long, value_name = "N", default_value = "1", value_delimiter = ',',
+          value_parser = value_parser!(u8).range(1..=wire::MAX_AXES as i64))]
+    axes: Vec<u8>,
+}
+
+#[derive(Debug, clap::Args)]
+struct EndToEndArguments {
+    /// Commands, about 60 a second
+    #[arg(long, value_name = "N", default_value_t = 1000,
+          value_parser = value_parser!(u64).range(50..))]
+    commands: u64,
+    /// Seed of the instants of commands
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Turns: in each, the bare loop, the loop on its grid, and the loop that follows the lines
+    #[arg(long, value_name = "N", default_value_t = 2,
+          value_parser = value_parser!(u32).range(1..=100))]
+    turns: u32,
+    /// Processes that only compute, beside all that is measured
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    busy: u32,
+    #[command(flatten)]
+    controller: ControllerArgument,
+}
+
+#[derive(Debug, Clone, clap::Args)]
+struct ControllerArgument {
+    /// The controller [default: i2ris-control beside this program]
+    #[arg(long, value_name = "PROGRAM")]
+    controller: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    i2ris_terminal::program::run(
+        |_| true,
+        |arguments| run(&arguments).map_err(|error| -> Failure { error }),
+    )
+}
+
+fn run(arguments: &Arguments) -> Result<(), BenchError> {
+    match &arguments.task {
+        Task::Curves { full } => grow(arguments, *full),
+        Task::Compare(compare) => compare::run(compare, arguments.json),
+        Task::Repeat { call, model, rounds } => instructions::repeat(call, *model, *rounds),
+        Task::FitCost { rows } => {
+            println!("{}", serde_json::to_string(&curves::fit_cost(*rows)?)?);
+            Ok(())
+        }
+        task => {
+            let interrupt = Interrupt::catch()?;
+            let outcomes = outcomes(arguments, task, arguments.run(&interrupt))?;
+            report::print_outcomes(&outcomes, arguments.json)?;
+            arguments.write("index.html", |folder| report::write_outcomes(folder, &outcomes))
+        }
+    }
+}
+
+fn grow(arguments: &Arguments, is_full: bool) -> Result<(), BenchError> {
+    let interrupt = Interrupt::catch()?;
+    let growth = curves::run(is_full, arguments.run(&interrupt), &mut |name| {
+        if !arguments.json {
+            eprintln!("measuring {name}");
+        }
+    })?;
+    report::print_growth(&growth, arguments.json)?;
+    arguments.write("curves.html", |folder| report::write_growth(folder, &growth))
+}
+
+impl Arguments {
+    fn run<'a>(&self, interrupt: &'a Interrupt) -> Run<'a> {
+        let placement = Placement { priority: self.priority, pinned: !self.unpinned };
+        Run { placement, interrupt }
+    }
+
+    /// Writes files into the folder for output, if there is one.
+    fn write(
+        &self,
+        page: &str,
+        write: impl FnOnce(&Path) -> Result<(), BenchError>,
+    ) -> Result<(), BenchError> {
+        let Some(folder) = &self.output else { return Ok(()) };
+        write(folder)?;
+        if !self.json {
+            println!("\nwritten: {}, with its numbers beside it", folder.join(page).display());
+        }
+        Ok(())
+    }
+}
+
+/// One measurement, or all five with their defaults.
+fn outcomes(arguments: &Arguments, task: &Task, run: Run) -> Result<Vec<Outcome>, BenchError> {
+    let is_hidden = arguments.json || !stderr().is_terminal();
+    let measured = |name: &str, task: &Task| {
+        let bar = if is_hidden { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+        let bar = bar.with_message(format!("measuring {name}; Ctrl-C ends"));
+        bar.enable_steady_tick(Duration::from_millis(250));
+        let outcome = measure(task, run);
+        bar.finish_and_clear();
+        outcome
+    };
+    let Task::All(controller) = task else { return Ok(vec![measured("it", task)?]) };
+    let all = ["ipc", "loop", "inverse", "wire", "e2e"].into_iter().map(|name| {
+        let mut task = Arguments::try_parse_from(["i2ris-bench", name])?.task;
+        if let Task::E2e(arguments) = &mut task {
+            arguments.controller = controller.clone();
+        }
+        measured(name, &task)
+    });
+    all.collect()
+}
+
+fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
+    match task {
+        Task::Ipc(IpcArguments { messages }) => ipc::run(*messages, run),
+        Task::Loop(LoopArguments { instructions: true, .. }) => instructions::of_ticks(),
+        Task::Loop(LoopArguments { rate_hz, spin_us, duration_s, .. }) => {
+            let period = |rate_hz: &u32| Nanos(1_000_000_000 / u64::from(*rate_hz));
+            let benchmark = control_loop::LoopBenchmark {
+                periods: rate_hz.iter().map(period).collect(),
+                spin: Nanos::from_micros(*spin_us),
+                turns: *duration_s,
+            };
+            control_loop::run(&benchmark, run)
+        }
+        Task::Inverse(InverseArguments { instructions: true, .. }) => instructions::of_calls(),
+        Task::Inverse(InverseArguments { rounds, .. }) => inverse::run(*rounds, run),
+        Task::Wire(WireArguments { duration_s, baud, axes }) => {
+            let on = |baud: u32| axes.iter().map(move |axes| (baud, usize::from(*axes)));
+            let lines = baud.iter().copied().flat_map(on).collect();
+            let seconds = f64::from(*duration_s);
+            wire::run(&wire::WireBenchmark { lines, seconds }, run)
+        }
+        Task::E2e(arguments) => {
+            let controller = match &arguments.controller.controller {
+                Some(program) => program.clone(),
+                None => std::env::current_exe()?.with_file_name("i2ris-control"),
+            };
+            let EndToEndArguments { commands, seed, turns, busy, .. } = *arguments;
+            let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
+            e2e::run(&benchmark, run)
+        }
+        _ => Err("this is no single measurement".into()),
+    }
+}

@@ -1,0 +1,146 @@
+//! Curves of percentiles, and curves of cost over size.
+
+use i2ris_report::{Axis, Color, Dash, Figure, Line, Marker, Panel, Stroke};
+
+use crate::curves::{Curve, Growth};
+use crate::outcome::{Durations, Outcome, Role, Variant};
+
+/// Height of a panel.
+const HEIGHT: f64 = 260.0;
+
+/// Points of a curve per factor of ten.
+const POINTS_PER_DECADE: usize = 40;
+
+/// Ticks of the horizontal axis: 1 / (1 - share), and the label.
+const TICKS: [(f64, &str); 7] = [
+    (1.0, "0 %"),
+    (2.0, "50 %"),
+    (10.0, "90 %"),
+    (100.0, "99 %"),
+    (1e3, "99.9 %"),
+    (1e4, "99.99 %"),
+    (1e5, "99.999 %"),
+];
+
+/// A curve ends where fewer durations than this are left.
+const LEAST_DURATIONS: f64 = 3.0;
+
+/// Colors, dashes and markers of our own variants.
+const OURS: [(Color, Dash, Marker); 4] = [
+    (Color::BLUE, Dash::Solid, Marker::Circle),
+    (Color::VERMILION, Dash::Solid, Marker::Square),
+    (Color::GREEN, Dash::Solid, Marker::Triangle),
+    (Color::SKY, Dash::Solid, Marker::Diamond),
+];
+/// Colors, dashes and markers of peers.
+const PEERS: [(Color, Dash, Marker); 3] = [
+    (Color::GREY, Dash::Dashed, Marker::Cross),
+    (Color::ORANGE, Dash::DashDot, Marker::Diamond),
+    (Color::BLACK, Dash::Dotted, Marker::Square),
+];
+
+/// From the median to one in ten thousand, a panel for every group.
+///
+/// The horizontal axis is the logarithm of 1 / (1 - share), as in the plots of HdrHistogram: with
+/// every step to the right a tenth of the durations is left. It shows a tail that a histogram would
+/// hide.
+pub fn percentile_curves(outcome: &Outcome) -> Figure {
+    let figure = Figure::new(
+        outcome.bench,
+        outcome.about,
+        "Curves of percentiles, one panel for each group: share of all durations to the right, \
+         time upwards, both logarithmic. Floors are dashed black lines.",
+    );
+    let groups = outcome.groups().into_iter();
+    groups.fold(figure, |figure, (name, variants)| figure.row(HEIGHT, vec![panel(name, &variants)]))
+}
+
+fn panel(group: &str, variants: &[&Variant]) -> Panel {
+    let ticks = TICKS.map(|(value, label)| (value, label.to_owned())).to_vec();
+    let x = Axis::log("share of all that took at most this long").marks(ticks);
+    let mut panel = Panel::new(group, x, Axis::log("time (µs)"));
+    let (mut ours, mut peers) = (OURS.iter().cycle(), PEERS.iter().cycle());
+    for variant in variants.iter().filter(|variant| !variant.durations.is_empty()) {
+        let points = curve(&variant.durations);
+        let style = match variant.role {
+            Role::Floor => None,
+            Role::Ours => ours.next(),
+            Role::Peer => peers.next(),
+        };
+        let line = match style {
+            None => Line::new(points, Stroke::new(Color::BLACK, 1.8).dash(Dash::Dashed)),
+            Some((color, dash, marker)) => {
+                Line::new(points, Stroke::new(*color, 1.4).dash(*dash)).marker(*marker)
+            }
+        };
+        panel = panel.with(line.label(variant.display_name()));
+    }
+    panel
+}
+
+/// `[1 / (1 - share), us]`.
+fn curve(durations: &Durations) -> Vec<[f64; 2]> {
+    let histogram = durations.histogram();
+    let decades = (histogram.len() as f64 / LEAST_DURATIONS).max(1.0).log10();
+    let last = (decades * POINTS_PER_DECADE as f64).ceil() as usize;
+    let point = |index: usize| {
+        let left = 10f64.powf(decades * index as f64 / last.max(1) as f64);
+        [left, histogram.value_at_quantile(1.0 - 1.0 / left) as f64 / 1e3]
+    };
+    (0..=last).map(point).collect()
+}
+
+/// Cost over size, a panel for every group.
+pub fn growth(growth: &Growth) -> Figure {
+    let mut groups: Vec<Vec<&Curve>> = Vec::new();
+    for curve in &growth.curves {
+        match groups.iter_mut().find(|group| group[0].group == curve.group) {
+            Some(group) => group.push(curve),
+            None => groups.push(vec![curve]),
+        }
+    }
+    let figure = Figure::new(
+        "curves",
+        "Cost over size",
+        "Panels of cost over size, both axes logarithmic: one for rows, components, plays, rates, \
+         clients and axes.",
+    );
+    let pairs = groups.chunks(2);
+    pairs.fold(figure, |figure, pair| {
+        figure.row(HEIGHT, pair.iter().map(|group| growth_panel(group)).collect())
+    })
+}
+
+fn growth_panel(group: &[&Curve]) -> Panel {
+    let Curve { group: title, size, unit, .. } = group[0];
+    let cost = format!("cost ({})", unit.replace("us", "µs"));
+    let panel = Panel::new(*title, Axis::log(*size), Axis::log(cost));
+    group.iter().zip(OURS).fold(panel, |panel, (curve, (color, dash, marker))| {
+        let line = Line::new(curve.points.clone(), Stroke::new(color, 1.4).dash(dash));
+        let label = format!("{} over {} ({})", curve.name, curve.size, exponent(curve));
+        panel.with(line.marker(marker).label(label))
+    })
+}
+
+pub fn exponent(curve: &Curve) -> String {
+    curve.exponent.map_or_else(|| "no exponent".to_owned(), |e| format!("exponent {e:.2}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::outcome::tests::variant;
+
+    #[test]
+    fn a_curve_rises_from_the_least_to_the_tail() {
+        let curve = curve(&variant("any", "group", Role::Ours, 1000).durations);
+        assert_eq!(curve[0], [1.0, 1.0]);
+        for pair in curve.windows(2) {
+            assert!(pair[0][0] < pair[1][0] && pair[0][1] <= pair[1][1], "{pair:?}");
+        }
+        let median = curve.iter().find(|point| point[0] >= 2.0).unwrap();
+        assert!((1.49..1.53).contains(&median[1]), "{median:?}");
+        let [left, us] = curve[curve.len() - 1];
+        assert!((left - 1000.0 / LEAST_DURATIONS).abs() < 1e-6 && us > 1.99, "{left} {us}");
+    }
+}

@@ -1,0 +1,162 @@
+//! The cycles of a repeating motion.
+
+use std::f64::consts::TAU;
+
+use super::circulation::circulation;
+use crate::recording::{Recording, Row};
+use i2ris_report::statistics::{median, min_max};
+
+/// Cycles that a motion needs, so that at least about one is left when the last is taken away. A
+/// little less than two, because a recording often stops just before it closes.
+const LEAST_CYCLES: f64 = 1.9;
+
+/// Travel beyond the middle of its range that makes a crossing, as a part of the range.
+const CROSSING_PART: f64 = 0.1;
+
+/// How far the length of a cycle may be from the usual one, as a part of it, in a motion that
+/// repeats.
+const IRREGULARITY: f64 = 0.25;
+
+/// The last cycle of a motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Cycle {
+    /// Index of its first row.
+    pub start: usize,
+    /// Cycles in the whole recording.
+    pub cycles: f64,
+}
+
+/// The last cycle: one turn before the end where the motors circulate, one period before the end
+/// where a motor oscillates regularly. `None` when the motion has no cycles or fewer than about
+/// two.
+pub(crate) fn last_cycle(recording: &Recording) -> Option<Cycle> {
+    let rhythm = rhythm(recording)?;
+    Some(Cycle { start: rhythm.start(1.0)?, cycles: rhythm.cycles() })
+}
+
+/// Where every whole cycle begins, counted back from the end, in order; nothing where there are no
+/// cycles.
+pub(crate) fn starts(recording: &Recording) -> Vec<usize> {
+    let Some(rhythm) = rhythm(recording) else {
+        return Vec::new();
+    };
+    // The first one may lack a little.
+    let whole = (rhythm.cycles() + 0.1).floor() as u32;
+    (1..=whole).rev().map(|back| rhythm.start(f64::from(back)).unwrap_or_default()).collect()
+}
+
+/// Phase or time at every row, and its increase in one cycle.
+struct Rhythm {
+    progress: Vec<f64>,
+    cycle: f64,
+}
+
+impl Rhythm {
+    fn cycles(&self) -> f64 {
+        let ends = self.progress.first().zip(self.progress.last());
+        ends.map_or(0.0, |(first, last)| (last - first) / self.cycle)
+    }
+
+    /// The first row of the last so many cycles.
+    fn start(&self, cycles: f64) -> Option<usize> {
+        let from = self.progress.last()? - cycles * self.cycle;
+        let before = self.progress.iter().rposition(|progress| *progress <= from)?;
+        Some(before + 1)
+    }
+}
+
+fn rhythm(recording: &Recording) -> Option<Rhythm> {
+    let around = circulation(recording).map(|mut progress| {
+        if progress.last() < progress.first() {
+            for phase in &mut progress {
+                *phase = -*phase;
+            }
+        }
+        Rhythm { progress, cycle: TAU }
+    });
+    let repeats = |rhythm: &Rhythm| rhythm.cycles() >= LEAST_CYCLES;
+    let back_and_forth = || (0..recording.motors()).find_map(|motor| periods(recording, motor));
+    around.filter(repeats).or_else(|| back_and_forth().filter(repeats))
+}
+
+fn periods(recording: &Recording, motor: usize) -> Option<Rhythm> {
+    let rows = recording.rows();
+    // Without time stamps the rows themselves are the clock.
+    let time = |(index, row): (usize, &Row)| row.time_s.unwrap_or(index as f64);
+    let progress: Vec<f64> = rows.iter().enumerate().map(time).collect();
+    let counts: Vec<f64> = rows.iter().map(|row| row.counts[motor]).collect();
+    let crossings = upward_crossings(&counts);
+    let periods = crossings.windows(2).map(|pair| progress[pair[1]] - progress[pair[0]]);
+    let mut periods: Vec<f64> = periods.collect();
+    let cycle = median(&mut periods)?;
+    let regular = |period: &f64| (period - cycle).abs() <= IRREGULARITY * cycle;
+    periods.iter().all(regular).then_some(Rhythm { progress, cycle })
+}
+
+/// Where the counts come up through the middle of their range, having been well below, and go on to
+/// well above.
+fn upward_crossings(counts: &[f64]) -> Vec<usize> {
+    let (low, high) = min_max(counts.iter().copied());
+    let (middle, band) = (0.5 * (low + high), CROSSING_PART * (high - low));
+    let mut crossings = Vec::new();
+    let mut below = false;
+    let mut crossing = None;
+    for (index, count) in counts.iter().copied().enumerate() {
+        if count < middle - band {
+            (below, crossing) = (true, None);
+        } else if below && count >= middle {
+            let first = *crossing.get_or_insert(index);
+            if count > middle + band {
+                crossings.push(first);
+                (below, crossing) = (false, None);
+            }
+        }
+    }
+    crossings
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{assert_near, circle, one_motor};
+
+    #[test]
+    fn the_last_turn_of_a_circle_is_found() {
+        // 4 turns of 12.57 s; a row every 0.2 s.
+        let found = last_cycle(&circle(251)).unwrap();
+        assert_near(found.cycles, 50.0 * 0.5 / TAU, 0.01);
+        assert_eq!(found.start, 251 - 63);
+    }
+
+    #[test]
+    fn the_periods_of_a_triangle_are_found() {
+        let triangle = one_motor(200, |time| {
+            let phase = (time / 10.0).fract();
+            (1000.0 * (0.5 - (phase - 0.5).abs()), phase)
+        });
+        let last = last_cycle(&triangle).unwrap();
+        assert_near(last.cycles, 3.98, 0.03);
+        assert!((149..=151).contains(&last.start), "{last:?}");
+        let starts = starts(&triangle);
+        assert!(starts.len() == 4 && starts[0] <= 1, "{starts:?}");
+        let lengths = starts.windows(2).map(|pair| pair[1] - pair[0]);
+        assert!(lengths.into_iter().all(|length| (49..=51).contains(&length)), "{starts:?}");
+    }
+
+    #[test]
+    fn irregular_or_short_motion_has_no_cycles() {
+        let growing = |time: f64| (0.02 * time * time).sin() * 500.0;
+        let once = |time: f64| (0.4 * time).sin() * 500.0;
+        let motions: [(usize, &dyn Fn(f64) -> f64); 3] =
+            [(300, &growing), (100, &once), (100, &|time| time)];
+        for (rows, counts) in motions {
+            assert_eq!(last_cycle(&one_motor(rows, |time| (counts(time), time))), None);
+        }
+    }
+
+    #[test]
+    fn jitter_in_the_middle_is_one_crossing() {
+        let counts = [-10.0, -1.0, 0.5, -0.5, 0.7, 10.0, -10.0, 3.0, -10.0, 10.0];
+        assert_eq!(upward_crossings(&counts), [2, 7, 9]);
+    }
+}

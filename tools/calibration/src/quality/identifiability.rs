@@ -1,0 +1,239 @@
+//! Whether a recording can separate hysteresis from the shape of the curve, by the path of the
+//! motors alone.
+//!
+//! A **turning point** is where a motor turns back by more than a dead-band, so that play or
+//! friction can show.
+
+use std::fmt;
+
+use super::circulation::{circles, turns};
+use crate::series::Series;
+use i2ris_report::statistics::min_max;
+
+/// A motor has turned back when it is this part of its range away from its turning point: noise and
+/// jitter stay below.
+const REVERSAL_PART: f64 = 0.02;
+
+/// Turning points below which there is no loop to see.
+const LEAST_TURNING_POINTS: usize = 2;
+
+/// Turning points within this part of the range are the same one.
+const SAME_PART: f64 = 0.1;
+
+/// Motors move together where the slower one does at least this part of what the faster one does.
+const TOGETHER_PART: f64 = 0.1;
+
+/// Least part of the path on which the motors have to move together to cover the plane.
+const LEAST_TOGETHER: f64 = 0.1;
+
+/// A limit of what a recording can show.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Finding {
+    /// A motor that hardly ever turns back.
+    FewReversals {
+        /// Counted from 0.
+        motor: usize,
+        /// How often it does.
+        reversals: usize,
+    },
+    /// Both motors go around one closed curve in one direction, at one frequency.
+    Circulation {
+        /// Number of turns.
+        turns: f64,
+    },
+    /// A motor always turns back at the same two positions.
+    OneLoop {
+        /// Counted from 0.
+        motor: usize,
+    },
+    /// The motors hardly ever move together.
+    OneAxisAtATime {
+        /// Part of the path on which they do, percent.
+        percent: f64,
+    },
+}
+
+impl Finding {
+    /// Whether the recording cannot show hysteresis at all, so that only models without memory can
+    /// be fitted. Otherwise a model with memory can be fitted, with the limit in the sentence.
+    #[must_use]
+    pub fn hides_hysteresis(&self) -> bool {
+        matches!(self, Self::FewReversals { .. } | Self::Circulation { .. })
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::FewReversals { motor, reversals } => write!(
+                f,
+                "motor {motor} turns back {reversals} time(s) only, so the recording cannot \
+                 separate hysteresis from the shape of the curve; record motion with many reversals"
+            ),
+            Self::Circulation { turns } => write!(
+                f,
+                "both motors go round one closed curve in one direction ({turns:.2} turns), so \
+                 every position is reached from one side only and hysteresis looks like a shift in \
+                 phase: the recording cannot separate it from the shape of the curve; record \
+                 motion with many reversals"
+            ),
+            Self::OneLoop { motor } => write!(
+                f,
+                "motor {motor} always turns back at the same two positions, so the recording shows \
+                 one loop and nothing of the smaller ones inside; record reversals of many sizes"
+            ),
+            Self::OneAxisAtATime { percent } => write!(
+                f,
+                "the motors move together on {percent:.0} % of the path only, so the recording \
+                 does not show the plane between their axes; record motion of both at once"
+            ),
+        }
+    }
+}
+
+/// The limits of the path of a series. Where it cannot show hysteresis at all, lesser findings are
+/// left out.
+#[must_use]
+pub fn findings(series: &Series) -> Vec<Finding> {
+    let motors = (0..series.motors()).filter_map(|motor| motor_finding(series, motor));
+    let mut findings: Vec<Finding> = motors.chain(plane_finding(series)).collect();
+    if findings.iter().any(Finding::hides_hysteresis) {
+        findings.retain(Finding::hides_hysteresis);
+    }
+    findings
+}
+
+fn motor_finding(series: &Series, motor: usize) -> Option<Finding> {
+    let counts = || series.path().iter().map(|counts| counts[motor]);
+    let (low, high) = min_max(counts());
+    let points = turning_points(counts(), REVERSAL_PART * (high - low));
+    if points.len() < LEAST_TURNING_POINTS {
+        let reversals = points.len();
+        return Some(Finding::FewReversals { motor, reversals });
+    }
+    // Upper and lower turning points alternate.
+    let narrow = |first: usize| {
+        let (low_point, high_point) = min_max(points.iter().copied().skip(first).step_by(2));
+        high_point - low_point <= SAME_PART * (high - low)
+    };
+    (narrow(0) && narrow(1)).then_some(Finding::OneLoop { motor })
+}
+
+fn plane_finding(series: &Series) -> Option<Finding> {
+    if series.motors() < 2 {
+        return None;
+    }
+    if let Some(phases) = circles(series.path()) {
+        let turns = turns(&phases);
+        return Some(Finding::Circulation { turns });
+    }
+    let spans = [0, 1].map(|motor| {
+        let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
+        (high - low).max(f64::MIN_POSITIVE)
+    });
+    let (mut together, mut whole) = (0.0, 0.0);
+    for pair in series.path().windows(2) {
+        let [a, b] = [0, 1].map(|motor| (pair[1][motor] - pair[0][motor]).abs() / spans[motor]);
+        let length = a.hypot(b);
+        whole += length;
+        if a.min(b) >= TOGETHER_PART * a.max(b) {
+            together += length;
+        }
+    }
+    let percent = 100.0 * together / whole;
+    (together < LEAST_TOGETHER * whole).then_some(Finding::OneAxisAtATime { percent })
+}
+
+/// Where a motor turns back by more than a band.
+fn turning_points(counts: impl Iterator<Item = f64>, band: f64) -> Vec<f64> {
+    let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut rising = None;
+    let mut points = Vec::new();
+    for count in counts {
+        (lowest, highest) = (lowest.min(count), highest.max(count));
+        let now = if count > lowest + band && rising != Some(true) {
+            true
+        } else if count < highest - band && rising != Some(false) {
+            false
+        } else {
+            continue;
+        };
+        if rising.is_some() {
+            points.push(if now { lowest } else { highest });
+        }
+        rising = Some(now);
+        (lowest, highest) = (count, count);
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::recording::{ColumnMap, Recording};
+    use crate::testing::wandering;
+    use crate::testing::{assert_contains, circle, one_motor, recording, straight, wander};
+
+    fn findings_of(recording: &Recording) -> Vec<Finding> {
+        findings(&Series::whole(recording))
+    }
+
+    /// Findings of one motor.
+    fn findings_of_motor(rows: usize, counts: impl Fn(f64) -> f64) -> Vec<Finding> {
+        findings_of(&one_motor(rows, |time| (counts(time), time)))
+    }
+
+    #[test]
+    fn many_reversals_of_many_sizes_in_the_plane_show_hysteresis() {
+        assert_eq!(findings_of(&wandering(600)), []);
+        assert_eq!(findings_of_motor(300, |time| 10.0 * time * (0.8 * time).sin()), []);
+    }
+
+    #[test]
+    fn few_reversals_and_circles_hide_hysteresis() {
+        let up = findings_of_motor(100, |time| 100.0 * time + 10.0 * (9.0 * time).sin());
+        assert!(up.len() == 1 && up[0].hides_hysteresis());
+        assert_contains(&up[0], &["motor 0 turns back 0 time(s) only"]);
+        let circle = findings_of(&circle(200));
+        assert!(circle.len() == 1 && circle[0].hides_hysteresis());
+        assert_contains(&circle[0], &["one closed curve", "one side only"]);
+    }
+
+    #[test]
+    fn equal_sweeps_and_one_axis_at_a_time_limit_what_is_shown() {
+        let sweeps = findings_of_motor(300, |time| 500.0 * (0.8 * time).sin());
+        assert_eq!(sweeps, [Finding::OneLoop { motor: 0 }]);
+        assert!(!sweeps[0].hides_hysteresis());
+        let cross = recording(600, |time| {
+            let [a, b] = wander(time);
+            let counts = if time < 60.0 { [a, 0.0] } else { [0.0, b] };
+            (counts, straight(counts))
+        });
+        let found = findings_of(&cross);
+        let one_axis = matches!(found[..], [Finding::OneAxisAtATime { percent }] if percent < 2.0);
+        assert!(one_axis, "{found:?}");
+    }
+
+    #[test]
+    fn turning_points_are_the_extremes() {
+        let counts = [0.0, 100.0, 99.0, 101.0, 50.0, 51.0, 49.0, 0.0, 70.0];
+        assert_eq!(turning_points(counts.into_iter(), 2.0), [101.0, 0.0]);
+    }
+
+    /// The recordings are beside the repository; see the example `recordings`.
+    #[test]
+    #[ignore = "needs the recordings beside the repository"]
+    fn known_recordings_are_classified() {
+        let read = |name: &str| {
+            let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+            let columns = ColumnMap::default();
+            findings_of(&Recording::read(&folder.join(name), &columns).unwrap().0)
+        };
+        let hides = |name: &str| read(name).iter().any(Finding::hides_hysteresis);
+        assert!(hides("i2ris/output_w_angles.csv"));
+        assert!(!hides("dvrk_wrist/random_first70.csv"));
+        assert_eq!(read("tee_probe/motor1_first.csv"), [Finding::OneLoop { motor: 0 }]);
+    }
+}

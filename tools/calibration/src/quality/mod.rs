@@ -1,0 +1,179 @@
+//! The quality of a recording: what it shows, before any family is fitted.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `noise` | noise of the measurement |
+//! | `spike` | single wrong readings |
+//! | `identifiability` | whether the motion can show hysteresis |
+//! | `circulation` | motion of two motors around a closed curve |
+//! | `cycle` | the cycles of a repeating motion |
+
+mod circulation;
+pub mod cycle;
+mod identifiability;
+mod noise;
+mod spike;
+
+use std::fmt;
+
+use i2ris::model::file::OutputUnit;
+
+use crate::recording::Recording;
+use crate::recording::latency::Latency;
+use crate::regression::linear::{LinearError, LinearFit, fit_linear, independence};
+use crate::series::Series;
+use crate::table::DataTable;
+
+pub use identifiability::{Finding, findings};
+pub use noise::{NoiseFloor, NoiseMethod};
+pub use spike::{Spike, SpikeOptions};
+
+use noise::noise_floor;
+use spike::spikes;
+
+/// With less independent motion than this part, the effects of two motors are separated badly.
+const HARDLY_SEPARABLE: f64 = 0.1;
+
+/// Properties of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Quality {
+    /// Noise of each output, where it can be estimated.
+    pub noise: Vec<Option<NoiseFloor>>,
+    /// Readings that were flagged, in order of rows.
+    pub spikes: Vec<Spike>,
+    /// How late the outputs are stamped against the counts, where the motion shows it.
+    pub latency: Option<Latency>,
+    /// Limits of the recording.
+    pub warnings: Vec<Warning>,
+}
+
+/// A limit of a recording; no error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Warning {
+    /// Hysteresis cannot be separated from the shape of the curve, or not all of it.
+    Hysteresis(Finding),
+    /// Motors that move nearly as one.
+    HardlySeparable {
+        /// Part of the motion that is independent, percent.
+        percent: f64,
+    },
+    /// Angles so small that they may be radians.
+    MaybeRadians {
+        /// The largest one, as recorded.
+        furthest: f64,
+    },
+}
+
+/// No snake that is calibrated bends by less than this, deg, and none by as many radians.
+const LEAST_BEND_DEG: f64 = 1.6;
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Hysteresis(finding) => finding.fmt(f),
+            Self::HardlySeparable { percent } => write!(
+                f,
+                "the motors move nearly together ({percent:.1} % of their motion is independent): \
+                 their effects are hard to separate; record motion in which they move separately"
+            ),
+            Self::MaybeRadians { furthest } => write!(
+                f,
+                "no angle is further from 0 than {furthest:.3} deg; if they are radians, multiply \
+                 them by 57.29578 and fit again"
+            ),
+        }
+    }
+}
+
+impl Quality {
+    /// Examines a recording.
+    ///
+    /// # Errors
+    ///
+    /// When the motors do not span their space, so that not even an affine model can be fitted.
+    pub fn new(recording: &Recording, options: &SpikeOptions) -> Result<Self, LinearError> {
+        let rows = recording.rows();
+        let indices = || 0..rows.len();
+        let inputs = inputs(recording, indices());
+        let linear = fit_linear(&inputs, &outputs(recording, indices()))?;
+        let warnings = warnings(recording, &inputs);
+        let mut quality = Self { noise: Vec::new(), spikes: Vec::new(), latency: None, warnings };
+        // Where hysteresis looks like a shift in phase, a shift in time does too.
+        if quality.hides_hysteresis().is_none() {
+            quality.latency = recording.latency();
+        }
+        for output in 0..recording.outputs().len() {
+            let measured: Vec<f64> = rows.iter().map(|row| row.outputs[output]).collect();
+            let residuals = residuals(&measured, &inputs, &linear, output);
+            let noise = noise_floor(rows, &measured, &residuals);
+            let deviation = noise.map_or(0.0, |noise| noise.deviation);
+            let spikes = spikes(rows, &residuals, output, &linear, deviation, options);
+            quality.spikes.extend(spikes);
+            quality.noise.push(noise);
+        }
+        quality.spikes.sort_by_key(|spike| (spike.row, spike.output));
+        Ok(quality)
+    }
+
+    /// Why hysteresis cannot be found at all, if it cannot.
+    #[must_use]
+    pub fn hides_hysteresis(&self) -> Option<Finding> {
+        self.warnings.iter().find_map(|warning| match warning {
+            Warning::Hysteresis(finding) if finding.hides_hysteresis() => Some(*finding),
+            _ => None,
+        })
+    }
+
+    /// Why the recording shows nothing between the axes of the motors, if it does not.
+    #[must_use]
+    pub fn shows_one_axis_at_a_time(&self) -> Option<Finding> {
+        self.warnings.iter().find_map(|warning| match warning {
+            Warning::Hysteresis(finding @ Finding::OneAxisAtATime { .. }) => Some(*finding),
+            _ => None,
+        })
+    }
+
+    /// Whether a row was flagged, for any output.
+    #[must_use]
+    pub fn is_flagged(&self, row: usize) -> bool {
+        self.spikes.binary_search_by_key(&row, |spike| spike.row).is_ok()
+    }
+}
+
+fn residuals(measured: &[f64], inputs: &DataTable, linear: &LinearFit, output: usize) -> Vec<f64> {
+    let predicted = |counts| linear.predict(counts).nth(output).unwrap_or_default();
+    let rows = measured.iter().zip(inputs.rows());
+    rows.map(|(measured, counts)| measured - predicted(counts)).collect()
+}
+
+fn warnings(recording: &Recording, inputs: &DataTable) -> Vec<Warning> {
+    let independent = independence(inputs);
+    let percent = 100.0 * independent;
+    let hardly = (independent < HARDLY_SEPARABLE).then_some(Warning::HardlySeparable { percent });
+    let findings = findings(&Series::whole(recording)).into_iter();
+    hardly
+        .into_iter()
+        .chain(maybe_radians(recording))
+        .chain(findings.map(Warning::Hysteresis))
+        .collect()
+}
+
+fn maybe_radians(recording: &Recording) -> Option<Warning> {
+    let specs = recording.outputs();
+    let angles = recording.rows().iter().flat_map(|row| &row.outputs[..specs.len()]);
+    let furthest = angles.fold(0.0, |most: f64, angle| most.max(angle.abs()));
+    let degrees = specs.iter().all(|spec| spec.unit == OutputUnit::Deg);
+    (degrees && furthest < LEAST_BEND_DEG).then_some(Warning::MaybeRadians { furthest })
+}
+
+/// The counts of some rows, one column per motor.
+pub(crate) fn inputs(recording: &Recording, rows: impl IntoIterator<Item = usize>) -> DataTable {
+    let counts = |index: usize| recording.rows()[index].counts;
+    DataTable::from_rows(recording.motors(), rows.into_iter().map(counts))
+}
+
+/// The outputs of some rows, one column per output.
+pub(crate) fn outputs(recording: &Recording, rows: impl IntoIterator<Item = usize>) -> DataTable {
+    let outputs = |index: usize| recording.rows()[index].outputs;
+    DataTable::from_rows(recording.outputs().len(), rows.into_iter().map(outputs))
+}

@@ -1,0 +1,234 @@
+//! The printed report of a fit.
+
+use std::fmt::{self, Display, Formatter};
+
+use i2ris::model::file::FitMetrics;
+
+use super::fit::{CalibrationReport, CandidateFacts, OutputFacts};
+use crate::quality::NoiseFloor;
+
+/// Lines of the recording that are named one by one before the rest is only counted.
+const NAMED: usize = 12;
+
+impl Display for CalibrationReport {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.what_was_read(f)?;
+        self.what_was_found(f)?;
+        self.write_candidates(f)?;
+        self.write_metrics(f)?;
+        for family in &self.families {
+            if let Some(reading) = &family.reading {
+                let name = &family.name;
+                writeln!(f, "\n{name} says of the robot (lengths in the unit of the outputs):")?;
+                reading.lines().try_for_each(|line| write!(f, "{}", Wrapped("", line)))?;
+            }
+        }
+        for warning in &self.warnings {
+            write!(f, "\n{}", Wrapped("warning", warning))?;
+        }
+        if !self.choice.is_empty() {
+            writeln!(
+                f,
+                "\nchoice     by rows held out, and by the inverse run on the other families"
+            )?;
+        }
+        self.choice.iter().try_for_each(|score| write!(f, "{}", Wrapped("", &score.sentence)))?;
+        writeln!(f, "\nmodel id   {}", self.model_id)
+    }
+}
+
+impl CalibrationReport {
+    fn what_was_read(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let read = &self.recording.read;
+        writeln!(f, "recording  {}", self.recording.name)?;
+        let motors = read.counts_columns.iter().enumerate();
+        let motors = motors.map(|(motor, column)| format!("motor {motor} `{column}`"));
+        let outputs = self.outputs.iter().zip(&read.output_columns);
+        let outputs = outputs.map(|(output, column)| format!("{} `{column}`", output.name));
+        let time = read.time_column.iter().map(|column| format!("time `{column}`"));
+        writeln!(f, "columns    {}", joined(motors.chain(outputs).chain(time)))?;
+        let positions = match read.positions {
+            0 => String::new(),
+            positions => format!(", {positions} of them without angles"),
+        };
+        let (rows, dropped) = (read.rows, &read.dropped);
+        write!(f, "rows       {rows}{positions}; {} dropped for an empty cell", dropped.len())?;
+        list(f, dropped.iter().map(|row| format!("{} ({})", row.line, row.column)))
+    }
+
+    fn what_was_found(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "spikes     {} reading(s) flagged", self.spikes.len())?;
+        list(
+            f,
+            self.spikes.iter().map(|spike| match self.outputs.get(spike.output) {
+                Some(OutputFacts { name, unit, .. }) => {
+                    let (line, measured, off) = (spike.line, spike.measured, spike.distance);
+                    format!("{line} ({name} {measured:.2} {unit}, {off:+.2} off)")
+                }
+                None => spike.line.to_string(),
+            }),
+        )?;
+        let noise = |output: &OutputFacts| match &output.noise {
+            Some(NoiseFloor { deviation, method, samples }) => {
+                format!("{} {deviation:.3} {} ({samples} {method})", output.name, output.unit)
+            }
+            None => format!("{} cannot be found from these rows", output.name),
+        };
+        writeln!(f, "noise      {}", joined(self.outputs.iter().map(noise)))?;
+        write!(f, "{}", Wrapped("axes", &self.axes()))?;
+        if let Some(latency) = self.latency {
+            let (ms, deviation) = (1e3 * latency.seconds, 1e3 * latency.deviation_s);
+            let stands_out = ms.abs() > 4.0 * deviation.max(1.0);
+            let hint = if stands_out { "; `--latency-ms auto` takes it off" } else { "" };
+            writeln!(
+                f,
+                "latency    outputs are stamped {ms:+.1} ms late (standard deviation \
+                 {deviation:.1} ms){hint}"
+            )?;
+        }
+        let drift = |OutputFacts { name, unit, drift: [per_part, largest], .. }: &OutputFacts| {
+            format!("{name} {per_part:+.3} {unit} (at most {largest:.3})")
+        };
+        let drift = joined(self.outputs.iter().map(drift));
+        let per = &self.recording.drift_per;
+        write!(f, "{}", Wrapped("drift", &format!("per {per}, away from the model: {drift}")))?;
+        let every = match self.recording.every {
+            1 => String::new(),
+            every => format!(": every {every}th, more add hardly anything"),
+        };
+        writeln!(f, "training   {} row(s){every}", self.recording.training)?;
+        match self.recording.held_out {
+            0 => writeln!(f, "held out   nothing"),
+            rows => writeln!(f, "held out   {rows} row(s): {}", self.recording.held_out_rows),
+        }
+    }
+
+    /// What the motors do on average: who knows the robot sees columns that are swapped, and a
+    /// picture that is mirrored.
+    fn axes(&self) -> String {
+        let motor = |motor: usize| {
+            let moves = self.outputs.iter().map(|OutputFacts { name, unit, gain, .. }| {
+                let gain = gain.get(motor).copied().unwrap_or_default();
+                format!("{name} by {gain:+.4} {unit}")
+            });
+            let moves: Vec<_> = moves.collect();
+            format!("a count of motor {motor} moves {}", moves.join(" and "))
+        };
+        format!(
+            "{}; where the robot does otherwise, two columns are swapped (--counts, --angles) or \
+             the picture is mirrored",
+            joined((0..self.recording.motors).map(motor))
+        )
+    }
+
+    /// What was tried, where a number of components was chosen.
+    fn write_candidates(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Some(last) = self.candidates.last() else { return Ok(()) };
+        writeln!(
+            f,
+            "\ngmr: mixtures, best of {} starts each (log-likelihood and its spread over the \
+             starts: nats/row; left\nout: RMS length of the error on blocks left out)",
+            self.starts
+        )?;
+        let header = ["log-likelihood", "spread", "failed", "BIC", "left out"];
+        let [likelihood, spread, failed, bic, left_out] = header;
+        writeln!(f, "   K {likelihood:>15} {spread:>8} {failed:>7} {bic:>12} {left_out:>9}")?;
+        self.candidates.iter().try_for_each(|candidate| write_candidate(f, candidate))?;
+        match self.max_components.filter(|_| last.chosen) {
+            Some(most) => writeln!(f, "More might be better: --max-components was {most}."),
+            None => Ok(()),
+        }
+    }
+
+    fn write_metrics(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let header =
+            ["R2", "RMSD", "NRMSD", "MAE", "max"].map(|name| format!(" {name:>9}")).concat();
+        writeln!(f, "\n{:<44}{header}", "")?;
+        for (index, output) in self.outputs.iter().enumerate() {
+            let mut name = format!("{} ({})", output.name, output.unit);
+            for family in &self.families {
+                let Some(metrics) = family.metrics.get(index) else { continue };
+                let family = format!("{}{}", family.name, if family.chosen { "*" } else { "" });
+                let line = format!("{name:<12}{family:<24}training");
+                metrics_line(f, &line, Some(&metrics.training))?;
+                if self.recording.held_out > 0 {
+                    let line = format!("{:<36}held out", "");
+                    metrics_line(f, &line, metrics.held_out.as_ref())?;
+                }
+                name.clear();
+            }
+        }
+        for (family, reason) in &self.failures {
+            write!(f, "{}", Wrapped("", &format!("No `{family}`: {reason}.")))?;
+        }
+        match self.recording.held_out_flagged {
+            0 => Ok(()),
+            flagged => writeln!(
+                f,
+                "The rows held out hold {flagged} flagged row(s), which count in these figures."
+            ),
+        }
+    }
+}
+
+fn metrics_line(f: &mut Formatter<'_>, name: &str, metrics: Option<&FitMetrics>) -> fmt::Result {
+    match metrics {
+        Some(FitMetrics { r2, rmsd, nrmsd, mae, max }) => {
+            writeln!(f, "{name:<44} {r2:>9.4} {rmsd:>9.3} {nrmsd:>9.4} {mae:>9.3} {max:>9.3}")
+        }
+        None => writeln!(f, "{name:<44} {:>9}", "constant"),
+    }
+}
+
+fn write_candidate(f: &mut Formatter<'_>, candidate: &CandidateFacts) -> fmt::Result {
+    let CandidateFacts { components: k, spread, failed_starts, bic, verdict, .. } = candidate;
+    let line = match candidate.log_likelihood {
+        Some(likelihood) => {
+            let unfinished = if candidate.converged { "" } else { " (not converged)" };
+            let left_out = candidate.left_out.map_or("-".to_owned(), |rms| format!("{rms:.3}"));
+            format!(
+                "{k:>4} {likelihood:>15.4} {spread:>8.4} {failed_starts:>7} {bic:>12.1} \
+                 {left_out:>9}  {verdict}{unfinished}"
+            )
+        }
+        None => format!("{k:>4} {verdict:>15}"),
+    };
+    writeln!(f, "{}", line.trim_end())
+}
+
+fn joined(parts: impl Iterator<Item = String>) -> String {
+    parts.collect::<Vec<_>>().join(", ")
+}
+
+/// Ends a line with the first few of some lines of the recording.
+fn list(f: &mut Formatter<'_>, lines: impl ExactSizeIterator<Item = String>) -> fmt::Result {
+    let count = lines.len();
+    if count == 0 {
+        return writeln!(f);
+    }
+    let mut text = format!("line {}", joined(lines.take(NAMED)));
+    if count > NAMED {
+        text.push_str(&format!(" and {} more", count - NAMED));
+    }
+    write!(f, ":\n{}", Wrapped("", &text))
+}
+
+/// A name and text in lines of at most 100 columns, the text in the column of the values.
+struct Wrapped<'a>(&'a str, &'a str);
+
+impl Display for Wrapped<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let mut before = format!("{:<11}", self.0);
+        let mut width = 0;
+        for word in self.1.split(' ') {
+            if width > 0 && width + 1 + word.len() > 100 {
+                writeln!(f)?;
+                (before, width) = (" ".repeat(11), 0);
+            }
+            write!(f, "{before}{word}")?;
+            width += before.len() + word.len();
+            " ".clone_into(&mut before);
+        }
+        writeln!(f)
+    }
+}

@@ -1,0 +1,251 @@
+//! `i2ris calibrate` without a command: from a straight snake to a checked model, step by step.
+//! Every step is a command of its own, is printed before it runs, and is left out if it was done.
+
+mod progress;
+mod steps;
+
+use std::fs;
+use std::io::{self, BufRead, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus};
+
+use i2ris::config::Config;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris_calibration::fit::Choice;
+use i2ris_terminal::exit::Coded;
+use i2ris_terminal::{Failure, Interrupt, Screen, until_closed};
+
+use crate::connection::CONNECT;
+use i2ris_simulation::motion::protocol::above_zero;
+use progress::{Progress, is_complete};
+use steps::Step;
+
+/// Length of the recording that no model has seen, s.
+const UNSEEN_S: f64 = 30.0;
+/// The configuration of `i2ris start`.
+const STARTED: &str = "i2ris-start/controller.toml";
+
+#[derive(Debug, clap::Args)]
+#[group(id = "guided")]
+pub struct Arguments {
+    /// The configuration that the controller runs with [default: that of `i2ris start` here]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Folder for recordings, model and report; it is made. What was done in it is not done again
+    #[arg(long, value_name = "DIR", default_value = "calibration")]
+    folder: PathBuf,
+    /// Home the robot, if its zero is not known, without asking: the present pose becomes the zero
+    #[arg(long)]
+    home: bool,
+    /// How long to record
+    #[arg(long, value_name = "S", default_value_t = 300.0, value_parser = above_zero)]
+    duration_s: f64,
+    /// Family of models, or `best`
+    #[arg(long, default_value_t = Choice::Best)]
+    family: Choice,
+    /// Domain of the controller [default: as in the configuration]
+    #[arg(long, env = "I2RIS_DOMAIN", value_name = "NAME")]
+    domain: Option<String>,
+}
+
+struct Guided {
+    config: PathBuf,
+    domain: Domain,
+    folder: PathBuf,
+    duration_s: f64,
+    family: Choice,
+    client: Client,
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let file = config_file(arguments)?;
+    let config = Config::load(&file)?;
+    let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.ipc.domain))?;
+    let client = crate::connection::connect(&domain)?;
+    let interrupt = Interrupt::catch()?;
+    fs::create_dir_all(&arguments.folder)
+        .map_err(|error| format!("--folder {}: {error}", arguments.folder.display()))?;
+    let mut guided = Guided {
+        config: file,
+        domain,
+        folder: arguments.folder.clone(),
+        duration_s: arguments.duration_s,
+        family: arguments.family,
+        client,
+    };
+    let mut progress = Progress::read(&guided.folder, &mut guided.client)?;
+    let total = Step::ALL.len();
+    for (number, step) in (1..).zip(Step::ALL) {
+        if progress.is_done(step) {
+            say(&format!("step {number} of {total}: {step}: done before"))?;
+            continue;
+        }
+        if step == Step::Collect {
+            ask_for_zero(&mut guided.client, arguments.home)?;
+        }
+        let (purpose, left) = (step.purpose(), guided.time_left(&progress));
+        say(&format!("step {number} of {total}: {step}: {purpose}; about {left} to go"))?;
+        guided.perform(step, &interrupt)?;
+        progress.done(step)?;
+        if let Some(next) = Step::ALL.get(number) {
+            let left = guided.time_left(&progress);
+            say(&format!("step {number} of {total} done; next: {next}; about {left} to go"))?;
+        }
+    }
+    let [model, report] = ["model.json", "report.html"].map(|name| guided.file(name));
+    say(&format!(
+        "done: the robot runs with {model}; the report is {report}\nto have it after a restart, \
+         too: set control.model in the controller's configuration; to calibrate again: --folder NEW"
+    ))
+}
+
+fn config_file(arguments: &Arguments) -> Result<PathBuf, Failure> {
+    if let Some(file) = &arguments.config {
+        return Ok(file.clone());
+    }
+    let started = Path::new(STARTED);
+    if started.is_file() {
+        return Ok(started.to_owned());
+    }
+    Err(format!(
+        "there is no {STARTED} here: name the configuration that the controller runs with, \
+         --config FILE, or run `i2ris start` here first"
+    )
+    .into())
+}
+
+/// Homing makes the present pose the zero: somebody has to say that the snake is straight.
+fn ask_for_zero(client: &mut Client, is_allowed: bool) -> Result<(), Failure> {
+    let state = client.wait_for(CONNECT, |_| true)?;
+    if state.flags & OperatingStateMsg::HOMED != 0 || is_allowed {
+        return Ok(());
+    }
+    if !io::stdin().is_terminal() {
+        return Err(
+            "the robot is not homed: straighten the snake, then add --home: its pose becomes the \
+             zero"
+                .into(),
+        );
+    }
+    say("the robot is not homed, and it will move. Straighten the snake: its pose becomes the \
+         zero. Enter starts, Ctrl-C ends.")?;
+    io::stdin().lock().read_line(&mut String::new())?;
+    Ok(())
+}
+
+fn say(line: &str) -> Result<(), Failure> {
+    until_closed(Screen::stdout().say(line))?;
+    Ok(())
+}
+
+fn minutes(seconds: f64) -> String {
+    if seconds < 90.0 {
+        format!("{seconds:.0} s")
+    } else {
+        format!("{:.0} min", (seconds / 60.0).ceil())
+    }
+}
+
+impl Guided {
+    fn file(&self, name: &str) -> String {
+        self.folder.join(name).display().to_string()
+    }
+
+    fn time_left(&self, progress: &Progress) -> String {
+        let left = Step::ALL.into_iter().filter(|step| !progress.is_done(*step));
+        minutes(left.map(|step| self.usual_s(step)).sum())
+    }
+
+    /// How long a step usually takes, s.
+    fn usual_s(&self, step: Step) -> f64 {
+        match step {
+            Step::Collect => self.duration_s + 40.0,
+            Step::Fit if self.family == Choice::Best => 240.0,
+            Step::Fit | Step::Activate => 30.0,
+            Step::Compare => UNSEEN_S + 40.0,
+            Step::Stage => 5.0,
+            Step::Check => 25.0,
+        }
+    }
+
+    fn commands(&self, step: Step) -> Vec<Vec<String>> {
+        let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect();
+        let (recording, unseen) = (self.file("recording.csv"), self.file("unseen.csv"));
+        let model = self.file("model.json");
+        match step {
+            Step::Collect => vec![self.collect(&recording, self.duration_s, 1)],
+            Step::Fit => {
+                let (family, report) = (self.family.to_string(), self.file("report.html"));
+                let fit = ["calibrate", "fit", &recording, "--family", &family, "--output", &model];
+                vec![words(&[&fit[..], &["--report", &report, "--overwrite"]].concat())]
+            }
+            Step::Compare => {
+                let compare = words(&["calibrate", "compare", &model, "--recording", &unseen]);
+                if is_complete(&self.folder.join("unseen.csv")) {
+                    vec![compare]
+                } else {
+                    vec![self.collect(&unseen, UNSEEN_S, 2), compare]
+                }
+            }
+            Step::Stage => vec![words(&["model", "stage", &model])],
+            // The memory of a model that takes over is unknown; conditioning makes it known.
+            Step::Activate => vec![
+                words(&["model", "activate", "--force"]),
+                words(&["command", "state", "condition"]),
+            ],
+            Step::Check => {
+                let circle = "command circle --radius-deg 5 --period-s 6 --duration-s 18 --enable";
+                vec![words(&circle.split(' ').collect::<Vec<_>>())]
+            }
+        }
+    }
+
+    fn collect(&self, output: &str, duration_s: f64, seed: u64) -> Vec<String> {
+        let (config, domain) = (self.config.display().to_string(), self.domain.name());
+        let (duration, seed) = (duration_s.to_string(), seed.to_string());
+        let collect = ["calibrate", "collect", "--config", &config, "--domain", domain, "--home"];
+        let options = ["--duration-s", &duration, "--seed", &seed, "--output", output];
+        [&collect[..], &options].concat().into_iter().map(str::to_owned).collect()
+    }
+
+    /// Runs the commands of a step. One that fails ends the calibration with its exit code.
+    fn perform(&self, step: Step, interrupt: &Interrupt) -> Result<(), Failure> {
+        let program = std::env::current_exe()?;
+        for words in self.commands(step) {
+            say(&format!("  $ i2ris {}", words.join(" ")))?;
+            let status = Command::new(&program)
+                .args(&words)
+                .env("I2RIS_DOMAIN", self.domain.name())
+                .status()?;
+            if !status.success() || interrupt.came() {
+                return Err(stopped(step, status, interrupt.came()).into());
+            }
+        }
+        Ok(())
+    }
+}
+
+fn stopped(step: Step, status: ExitStatus, is_interrupted: bool) -> Coded {
+    let again = "run `i2ris calibrate` again: it goes on with this step";
+    let sentence = if is_interrupted {
+        format!("interrupted in the step {step}; {again}")
+    } else {
+        format!("the step {step} failed, see above; {again}")
+    };
+    let code = status.code().and_then(|code| u8::try_from(code).ok());
+    Coded { code: code.filter(|code| *code != 0).unwrap_or(1), sentence }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_told_as_one_says_them() {
+        assert_eq!(minutes(5.0), "5 s");
+        assert_eq!(minutes(89.0), "89 s");
+        assert_eq!(minutes(361.0), "7 min");
+    }
+}

@@ -1,0 +1,150 @@
+//! Which steps are done: read from the files that they leave and from the controller, so that a
+//! calibration goes on after an interruption, a failure or a restart of the controller.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::ModelSlot;
+use i2ris::model::{Model, ModelId};
+use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_terminal::Failure;
+
+use super::steps::Step;
+
+#[derive(Debug)]
+pub struct Progress {
+    folder: PathBuf,
+    done: Vec<Step>,
+    model: Option<ModelId>,
+}
+
+impl Progress {
+    /// What an earlier run has left in the folder. A recording that was not completed is put aside.
+    pub fn read(folder: &Path, client: &mut Client) -> Result<Self, Failure> {
+        let mut progress = Self { folder: folder.to_owned(), done: Vec::new(), model: None };
+        let recording = folder.join("recording.csv");
+        if !is_complete(&recording) {
+            put_aside(&recording)?;
+            return Ok(progress);
+        }
+        progress.done.push(Step::Collect);
+        let unseen = folder.join("unseen.csv");
+        if !is_complete(&unseen) {
+            put_aside(&unseen)?;
+        }
+        let Some(model) = fitted(&folder.join("model.json"), &recording) else {
+            return Ok(progress);
+        };
+        progress.model = Some(model);
+        progress.done.push(Step::Fit);
+        for step in [Step::Compare, Step::Check] {
+            let note = fs::read_to_string(progress.note(step));
+            if note.is_ok_and(|text| text.trim() == model.to_string()) {
+                progress.done.push(step);
+            }
+        }
+        let [active, staged, _] = client.models()?.slots;
+        if is(&active, model) && active.flags & ModelSlot::MEMORY_KNOWN != 0 {
+            progress.done.extend([Step::Stage, Step::Activate]);
+        } else {
+            if is(&staged, model) {
+                progress.done.push(Step::Stage);
+            }
+            // The circle was followed with another start of the controller.
+            progress.done.retain(|step| *step != Step::Check);
+        }
+        Ok(progress)
+    }
+
+    pub fn is_done(&self, step: Step) -> bool {
+        self.done.contains(&step)
+    }
+
+    /// Notes that a step was done now.
+    pub fn done(&mut self, step: Step) -> Result<(), Failure> {
+        if step == Step::Fit {
+            self.model = Some(Model::load(&self.folder.join("model.json"))?.id());
+        }
+        if matches!(step, Step::Compare | Step::Check)
+            && let Some(model) = self.model
+        {
+            let path = self.note(step);
+            fs::write(&path, format!("{model}\n"))
+                .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
+        }
+        self.done.push(step);
+        Ok(())
+    }
+
+    /// The file that says for which model a step was done.
+    fn note(&self, step: Step) -> PathBuf {
+        self.folder.join(format!("{step}.done"))
+    }
+}
+
+fn is(slot: &ModelSlot, model: ModelId) -> bool {
+    slot.flags & ModelSlot::PRESENT != 0 && ModelId(slot.model_id) == model
+}
+
+/// Whether the file beside a recording says that it is complete.
+pub fn is_complete(recording: &Path) -> bool {
+    let beside = fs::read_to_string(recording.with_extension("toml"));
+    let table = beside.ok().and_then(|text| text.parse::<toml::Table>().ok());
+    let complete =
+        table.as_ref().and_then(|table| table.get("outcome")?.get("complete")?.as_bool());
+    recording.is_file() && complete == Some(true)
+}
+
+/// Renames a recording that is not complete, with the file beside it: nothing is written over.
+fn put_aside(recording: &Path) -> Result<(), Failure> {
+    for path in [recording.to_owned(), recording.with_extension("toml")] {
+        if !path.exists() {
+            continue;
+        }
+        let named = |number: u32| path.with_extension(format!("{number}.part"));
+        let free = (1..).map(named).find(|name| !name.exists());
+        if let Some(free) = free {
+            fs::rename(&path, &free)
+                .map_err(|error| format!("cannot rename {}: {error}", path.display()))?;
+        }
+    }
+    Ok(())
+}
+
+/// The identity of a model file that was fitted to this recording.
+fn fitted(model: &Path, recording: &Path) -> Option<ModelId> {
+    let model = Model::load(model).ok()?;
+    let (recording, _) = Recording::read(recording, &ColumnMap::default()).ok()?;
+    let is_own = model.file().training.data_sha256 == recording.sha256();
+    is_own.then(|| model.id())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_recording_whose_file_says_so_is_complete_and_others_are_put_aside() {
+        let folder = tempfile::tempdir().unwrap();
+        let recording = folder.path().join("recording.csv");
+        assert!(!is_complete(&recording));
+        fs::write(&recording, "t_s\n").unwrap();
+        assert!(!is_complete(&recording));
+        let beside = recording.with_extension("toml");
+        fs::write(&beside, "[outcome]\ncomplete = false\n").unwrap();
+        assert!(!is_complete(&recording));
+        put_aside(&recording).unwrap();
+        assert!(!recording.exists() && !beside.exists());
+        fs::write(&recording, "t_s\n").unwrap();
+        put_aside(&recording).unwrap();
+        let mut left: Vec<_> = { fs::read_dir(folder.path()).unwrap() }
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        left.sort();
+        assert_eq!(left.len(), 3, "{left:?}");
+        fs::write(&recording, "t_s\n").unwrap();
+        fs::write(&beside, "[outcome]\ncomplete = true\n").unwrap();
+        assert!(is_complete(&recording));
+    }
+}

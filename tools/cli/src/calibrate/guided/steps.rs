@@ -1,0 +1,43 @@
+//! The steps of a guided calibration.
+
+use std::fmt;
+
+/// A step, in the order in which they are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    Collect,
+    Fit,
+    Compare,
+    Stage,
+    Activate,
+    Check,
+}
+
+impl fmt::Display for Step {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Collect => "collect",
+            Self::Fit => "fit",
+            Self::Compare => "compare",
+            Self::Stage => "stage",
+            Self::Activate => "activate",
+            Self::Check => "check",
+        })
+    }
+}
+
+impl Step {
+    pub const ALL: [Self; 6] =
+        [Self::Collect, Self::Fit, Self::Compare, Self::Stage, Self::Activate, Self::Check];
+
+    pub fn purpose(self) -> &'static str {
+        match self {
+            Self::Collect => "the motors move through the plane while the camera measures",
+            Self::Fit => "a model is fitted to the recording",
+            Self::Compare => "the model is judged on a short recording that it has not seen",
+            Self::Stage => "the controller reads and checks the model; the robot stays as it is",
+            Self::Activate => "the model takes over, and a conditioning cycle makes it exact",
+            Self::Check => "the snake follows a circle, and the camera measures the error",
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! The robot of the demo, and commands of `i2ris` on it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::Client;
+use i2ris::units::Nanos;
+use i2ris_terminal::{Failure, Interrupt};
+use indicatif::ProgressBar;
+
+use super::arguments::Arguments;
+use super::tracking::{Followed, TrackingRecorder};
+use crate::csv_table;
+use crate::process::Process;
+use crate::progress_bar::{bar_of_time, spinner, tenths};
+use crate::start::{EmulatedRobot, text};
+use i2ris_simulation::motion::unseen_motion::RATE_HZ;
+
+/// Offset of the seeds of motions: no calibration has the same seed.
+const MOTION_SEEDS: u64 = 1000;
+const READ_PERIOD: Nanos = Nanos::from_millis(5);
+
+/// A folder of this run, removed at its end.
+pub struct Folder(pub PathBuf);
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// An emulated robot, and commands of `i2ris` on it.
+pub struct Demo {
+    pub arguments: Arguments,
+    interrupt: Interrupt,
+    domain: Domain,
+    /// `None`: it was ended.
+    robot: Option<EmulatedRobot>,
+    pub folder: Folder,
+}
+
+impl Demo {
+    pub fn start(arguments: Arguments, interrupt: Interrupt) -> Result<Self, Failure> {
+        let program = std::env::current_exe()?;
+        // Beside the folder of the programs: target/demo-PID.
+        let target =
+            program.parent().and_then(Path::parent).ok_or("the program lies in no folder")?;
+        let name = format!("demo-{}", std::process::id());
+        let (folder, domain) = (Folder(target.join(&name)), Domain::new(&name)?);
+        fs::create_dir_all(&folder.0)
+            .map_err(|error| format!("cannot create {}: {error}", folder.0.display()))?;
+        if let Some(from) = &arguments.from {
+            copy(from, &folder.0, |kind| kind == "json" || kind == "csv")?;
+        }
+        let mut demo = Self { arguments, interrupt, domain, robot: None, folder };
+        let (seed, log) = (demo.arguments.seed.to_string(), demo.file("setpoints.csv")?);
+        let snake = &demo.arguments.snake;
+        let mut options =
+            ["--snake", snake, "--seed", &seed, "--log", &log].map(str::to_owned).to_vec();
+        if demo.arguments.through_images.is_some() {
+            options.extend(["--camera-noise-deg", "0"].map(str::to_owned));
+        }
+        let bar = spinner("start emulated drives, a snake and the controller");
+        // Models without memory, which it compares with the others, are wrong by a whole loop.
+        let judge = |config: &mut i2ris::config::Config| config.plausibility.distance_deg = 0.0;
+        let interrupt = &demo.interrupt;
+        demo.robot =
+            Some(EmulatedRobot::start(&demo.folder.0, &demo.domain, &options, judge, interrupt)?);
+        finish(&bar, "done");
+        demo.run("home", &["command", "state", "home"])?;
+        demo.run("enable", &["command", "state", "enable"])?;
+        Ok(demo)
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.0.join(name)
+    }
+
+    /// A file of the demo, for a command line.
+    pub fn file(&self, name: &str) -> Result<String, Failure> {
+        text(&self.path(name))
+    }
+
+    /// The families asked for, or the usual ones, separated by commas.
+    pub fn families(&self, usual: &str) -> Vec<String> {
+        match self.arguments.families.as_slice() {
+            [] => usual.split(',').map(str::to_owned).collect(),
+            families => families.to_vec(),
+        }
+    }
+
+    pub fn connect(&self) -> Result<Client, Failure> {
+        Ok(crate::connection::connect(&self.domain)?)
+    }
+
+    /// Fails when the demo is interrupted, or emulator or controller has ended.
+    pub fn check(&mut self) -> Result<(), Failure> {
+        if self.interrupt.came() {
+            return Err("interrupted; everything was stopped and cleaned up".into());
+        }
+        self.robot.as_mut().map_or(Ok(()), EmulatedRobot::check)
+    }
+
+    /// Starts `i2ris` with arguments in the domain of the demo.
+    pub fn child(&self, name: &'static str, words: &[&str]) -> Result<Process, Failure> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(words).env("I2RIS_DOMAIN", self.domain.name());
+        Process::start(name, &mut command, &self.folder.0)
+    }
+
+    /// Waits a little.
+    pub fn pause(&mut self) -> Result<(), Failure> {
+        clock::sleep(READ_PERIOD);
+        self.check()
+    }
+
+    /// Runs `i2ris` with arguments to its end.
+    pub fn run(&mut self, what: &str, words: &[&str]) -> Result<(), Failure> {
+        let bar = spinner(what);
+        self.run_behind(words, |_| Ok(()))?;
+        finish(&bar, "done");
+        Ok(())
+    }
+
+    /// The same behind the bar of the caller. `meanwhile` gets the time that has gone by, s.
+    pub fn run_behind(
+        &mut self,
+        words: &[&str],
+        mut meanwhile: impl FnMut(f64) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let mut child = self.child("tool", words)?;
+        let start = clock::now();
+        while !child.finished()? {
+            let now = clock::now();
+            self.check()?;
+            meanwhile(now.since(start).as_seconds())?;
+            clock::sleep_until(now + READ_PERIOD);
+        }
+        meanwhile(clock::now().since(start).as_seconds())
+    }
+
+    pub fn collect(&mut self) -> Result<(), Failure> {
+        let (config, output) = (self.file("controller.toml")?, self.file("recording.csv")?);
+        let duration_s = self.arguments.calibration_s;
+        let (duration, seed) = (duration_s.to_string(), self.arguments.seed.to_string());
+        let bar = bar_of_time("calibration protocol through the controller", duration_s);
+        let collect = ["calibrate", "collect", "--config", &config, "--output", &output];
+        let options = ["--duration-s", &duration, "--seed", &seed];
+        self.run_behind(&[&collect[..], &options].concat(), |gone_s| {
+            bar.set_position(tenths(gone_s));
+            Ok(())
+        })?;
+        finish(&bar, "done");
+        Ok(())
+    }
+
+    /// Fits a family to a recording, unless the model is there.
+    pub fn fit(&mut self, recording: &str, family: &str, model: &str) -> Result<(), Failure> {
+        let output = self.path(&format!("{model}.json"));
+        if output.exists() {
+            return Ok(());
+        }
+        let (from, output, seed) =
+            (self.file(recording)?, text(&output)?, self.arguments.seed.to_string());
+        let robot = self.robot.as_ref().map_or_else(String::new, |robot| robot.robot_id.clone());
+        let fit = ["calibrate", "fit", &from, "--family", family, "--robot-id", &robot];
+        let options = ["--seed", &seed, "--output", &output];
+        self.run(&format!("fit `{model}` to {recording}"), &[&fit[..], &options].concat())
+    }
+
+    /// Takes a model into use, and follows every motion with it.
+    pub fn follow(&mut self, model: &str) -> Result<Vec<Followed>, Failure> {
+        let file = self.file(&format!("{model}.json"))?;
+        self.run(&format!("stage `{model}`"), &["model", "stage", &file])?;
+        self.run(&format!("activate `{model}`"), &["model", "activate", "--force"])?;
+        self.run("condition the wires", &["command", "state", "condition"])?;
+        let client = self.connect()?;
+        let mut followed = Vec::new();
+        for motion in self.arguments.motions.clone() {
+            let path = motion.path(self.arguments.motion_s, MOTION_SEEDS + self.arguments.seed);
+            let rows = path.iter().enumerate();
+            let rows: Vec<Vec<f64>> =
+                rows.map(|(k, [pitch, yaw])| vec![k as f64 / RATE_HZ, *pitch, *yaw]).collect();
+            let file = self.path("motion.csv");
+            csv_table::write(&file, &csv_table::ANGLES, &rows)?;
+            let length_s = path.len() as f64 / RATE_HZ;
+            let bar = bar_of_time(&format!("follow {motion} with `{model}`"), length_s);
+            let mut recorder = TrackingRecorder::new(&client);
+            self.run_behind(&["command", "file", &text(&file)?], |gone_s| {
+                bar.set_position(tenths(gone_s));
+                recorder.read()
+            })?;
+            let run = recorder.finish();
+            finish(&bar, &format!("{} frames", run.errors_deg.len()));
+            followed.push(Followed { family: model.to_owned(), motion, run });
+        }
+        Ok(followed)
+    }
+
+    pub fn end(&mut self) -> Result<(), Failure> {
+        let bar = spinner("stop controller and emulator");
+        self.robot.take().map_or(Ok(()), EmulatedRobot::end)?;
+        finish(&bar, "done");
+        Ok(())
+    }
+}
+
+/// One line per finished step, on a terminal and in a log alike.
+pub fn finish(bar: &ProgressBar, outcome: &str) {
+    let what = bar.message();
+    bar.finish_and_clear();
+    eprintln!("{what:<50} {outcome}");
+}
+
+/// Copies the files with such an extension.
+pub fn copy(from: &Path, to: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<(), Failure> {
+    fs::create_dir_all(to)?;
+    for entry in
+        fs::read_dir(from).map_err(|error| format!("cannot read {}: {error}", from.display()))?
+    {
+        let path = entry?.path();
+        let extension = path.extension().unwrap_or_default().to_string_lossy();
+        if let Some(name) = path.file_name().filter(|_| path.is_file() && is_wanted(&extension)) {
+            fs::copy(&path, to.join(name))?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,68 @@
+//! Columns of models in tables of numbers.
+
+use std::path::{Path, PathBuf};
+
+use i2ris::model::Model;
+use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
+use i2ris_terminal::Failure;
+
+use crate::csv_table;
+
+pub fn counts_columns(model: &Model) -> Vec<String> {
+    (0..model.motors()).map(|motor| format!("q{motor}_counts")).collect()
+}
+
+pub fn output_columns(model: &Model) -> Vec<String> {
+    let suffix = |output: &OutputSpec| match output.unit {
+        OutputUnit::Deg => "deg",
+        OutputUnit::Mm => "mm",
+    };
+    model
+        .file()
+        .outputs
+        .iter()
+        .map(|output| format!("{}_{}", output.name, suffix(output)))
+        .collect()
+}
+
+/// The unit of a model's outputs, in radians or metres.
+pub fn si(model: &Model) -> f64 {
+    model.file().outputs.first().map_or(1.0, |output| output.unit.si())
+}
+
+/// The path of the motors before; empty without a file.
+pub fn history(file: Option<&PathBuf>, model: &Model) -> Result<Vec<MotorVec>, Failure> {
+    let Some(file) = file else {
+        return Ok(Vec::new());
+    };
+    let rows = csv_table::read(file, &counts_columns(model))?;
+    Ok(rows.iter().map(|row| motors(row)).collect())
+}
+
+pub fn motors(values: &[f64]) -> MotorVec {
+    let mut counts = [0.0; MAX_MOTORS];
+    counts.iter_mut().zip(values).for_each(|(to, from)| *to = *from);
+    counts
+}
+
+/// Values of a row, in the unit of the file, as one per output in radians or metres.
+pub fn outputs(values: &[f64], si: f64) -> OutputVec {
+    let mut outputs = [0.0; MAX_OUTPUTS];
+    outputs.iter_mut().zip(values).for_each(|(to, from)| *to = from * si);
+    outputs
+}
+
+pub fn check_output(output: &Path, inputs: &[&Path]) -> Result<(), Failure> {
+    let same = |input: &&Path| match (input.canonicalize(), output.canonicalize()) {
+        (Ok(input), Ok(output)) => input == output,
+        _ => false,
+    };
+    match inputs.iter().find(|input| same(input)) {
+        Some(input) => {
+            let (shown, input) = (output.display(), input.display());
+            Err(format!("--output {shown}: is the same file as {input}; name another one").into())
+        }
+        None => Ok(()),
+    }
+}

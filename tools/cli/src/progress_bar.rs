@@ -1,0 +1,197 @@
+//! Signs of life: a spinner, a bar of time, and the progress of a fit.
+
+use std::io::{IsTerminal, stderr};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use i2ris_calibration::progress::Progress;
+use indicatif::{ProgressBar, ProgressStyle};
+
+const PATIENCE: Duration = Duration::from_millis(700);
+
+/// Between two lines into a pipe.
+const BETWEEN_LINES: Duration = Duration::from_secs(5);
+
+const STEPS: f64 = 1000.0;
+
+/// Less of the work does not show how long the rest takes.
+const LEAST_SHARE: f64 = 0.03;
+
+pub fn spinner(what: &str) -> ProgressBar {
+    let spinner = ProgressBar::new_spinner().with_message(what.to_owned());
+    spinner.enable_steady_tick(Duration::from_millis(100));
+    spinner
+}
+
+/// A bar that counts [`tenths`] of a second.
+pub fn bar_of_time(what: &str, length_s: f64) -> ProgressBar {
+    let bar = ProgressBar::new(tenths(length_s)).with_message(what.to_owned());
+    styled(bar, "{msg} {wide_bar} {percent} %, {eta} left")
+}
+
+pub fn tenths(seconds: f64) -> u64 {
+    (seconds * 10.0) as u64
+}
+
+/// The templates are fixed; were one wrong, the bar would look plain.
+fn styled(bar: ProgressBar, template: &str) -> ProgressBar {
+    match ProgressStyle::with_template(template) {
+        Ok(style) => bar.with_style(style),
+        Err(_) => bar,
+    }
+}
+
+/// Progress of a fit on stderr: a bar on a terminal, a line every few seconds into a pipe.
+pub struct Bar {
+    begun: Instant,
+    bar: Option<ProgressBar>,
+    work: Mutex<Work>,
+}
+
+impl Bar {
+    pub fn new() -> Self {
+        let bar = stderr().is_terminal().then(|| {
+            let bar = ProgressBar::hidden();
+            bar.set_length(STEPS as u64);
+            styled(bar, "{prefix} {wide_bar} {percent} %{msg}")
+        });
+        Self { begun: Instant::now(), bar, work: Mutex::new(Work::default()) }
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Work)) {
+        let elapsed = self.begun.elapsed();
+        let Ok(mut work) = self.work.lock() else {
+            return;
+        };
+        change(&mut work);
+        match &self.bar {
+            Some(bar) if elapsed > PATIENCE => {
+                if bar.is_hidden() {
+                    bar.set_draw_target(indicatif::ProgressDrawTarget::stderr());
+                }
+                bar.set_prefix(format!("fitting {}", work.name));
+                bar.set_message(work.time_to_go(elapsed));
+                bar.set_position((STEPS * work.share()) as u64);
+            }
+            None if elapsed >= work.next_line + BETWEEN_LINES => {
+                work.next_line = elapsed;
+                eprintln!("{}", work.line(elapsed));
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Progress for Bar {
+    fn part(&self, name: &str, from: f64, to: f64) {
+        self.change(|work| {
+            *work = Work {
+                name: name.to_owned(),
+                from,
+                to,
+                next_line: work.next_line,
+                ..Work::default()
+            }
+        });
+    }
+
+    fn begin(&self, steps: usize) {
+        self.change(|work| (work.steps, work.done) = (steps, 0));
+    }
+
+    fn step(&self) {
+        self.change(|work| work.done += 1);
+    }
+
+    fn end(&self) {
+        self.change(|work| {
+            work.pieces += 1;
+            (work.steps, work.done) = (0, 0);
+        });
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+#[derive(Debug, Clone, Default)]
+struct Work {
+    name: String,
+    /// The part of the whole that is being done.
+    from: f64,
+    to: f64,
+    /// Pieces of it that are done; how many there are is not known before.
+    pieces: i32,
+    steps: usize,
+    done: usize,
+    next_line: Duration,
+}
+
+impl Work {
+    /// Every piece takes half of what was left of its part.
+    fn share(&self) -> f64 {
+        let piece = match self.steps {
+            0 => 0.0,
+            steps => self.done as f64 / steps as f64,
+        };
+        let left = 0.5_f64.powi(self.pieces) * (1.0 - 0.5 * piece.min(1.0));
+        self.from + (self.to - self.from) * (1.0 - left)
+    }
+
+    fn time_to_go(&self, elapsed: Duration) -> String {
+        let share = self.share();
+        if share < LEAST_SHARE {
+            return String::new();
+        }
+        let left = elapsed.as_secs_f64() * (1.0 - share) / share;
+        format!(", about {:.0} s to go", left.max(1.0))
+    }
+
+    fn line(&self, elapsed: Duration) -> String {
+        let percent = 100.0 * self.share();
+        let to_go = self.time_to_go(elapsed);
+        format!("fitting {}: {percent:.0} %{to_go}", self.name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_share_grows_to_the_end_of_the_part() {
+        let mut work =
+            Work { name: "gmr-stop".to_owned(), from: 0.2, to: 1.0, steps: 10, ..Work::default() };
+        let mut before = 0.0;
+        for pieces in 0..20 {
+            for done in 0..10 {
+                (work.pieces, work.done) = (pieces, done);
+                let share = work.share();
+                assert!(share > before && share < 1.0, "{share} after {before}");
+                before = share;
+            }
+        }
+        assert!(before > 0.99);
+    }
+
+    #[test]
+    fn a_line_tells_what_is_fitted_and_how_long_it_takes() {
+        let work = Work {
+            name: "gmr".to_owned(),
+            from: 0.0,
+            to: 1.0,
+            steps: 4,
+            done: 2,
+            ..Work::default()
+        };
+        let line = work.line(Duration::from_secs(10));
+        assert_eq!(line, "fitting gmr: 25 %, about 30 s to go");
+        let begun = Work::default();
+        assert_eq!(begun.line(Duration::from_secs(10)), "fitting : 0 %");
+    }
+}

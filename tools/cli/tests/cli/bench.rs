@@ -1,0 +1,158 @@
+//! A folder with files, and `i2ris` in it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use i2ris::ipc::{Domain, random_id};
+use i2ris_testing::{Program, Rig, program};
+use tempfile::TempDir;
+
+pub struct Bench(TempDir);
+
+/// What a program left: exit code, standard output, standard error without lines about progress, of
+/// which a loaded machine has more.
+pub struct Said {
+    pub code: Option<i32>,
+    pub output: String,
+    pub error: String,
+}
+
+impl Bench {
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    pub fn with(name: &str, text: &str) -> Self {
+        let bench = Self::new();
+        bench.write(name, text);
+        bench
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// The path as an argument.
+    pub fn file(&self, name: &str) -> String {
+        self.path(name).to_str().unwrap().to_owned()
+    }
+
+    pub fn write(&self, name: &str, text: &str) {
+        fs::write(self.path(name), text).unwrap();
+    }
+
+    pub fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).unwrap()
+    }
+
+    pub fn exists(&self, name: &str) -> bool {
+        self.path(name).exists()
+    }
+
+    pub fn names(&self) -> Vec<String> {
+        let entries = fs::read_dir(self.0.path()).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    /// Runs `i2ris` in the folder.
+    pub fn run(&self, words: &str) -> Said {
+        let words: Vec<&str> = words.split_whitespace().collect();
+        let mut command = program::command(&words);
+        let output = command.current_dir(&self.0).stdin(Stdio::null()).output().unwrap();
+        Said::new(
+            output.status.code(),
+            String::from_utf8(output.stdout).unwrap(),
+            &String::from_utf8(output.stderr).unwrap(),
+        )
+    }
+
+    /// Runs it, and expects success and nothing on standard error.
+    #[track_caller]
+    pub fn succeeds(&self, words: &str) -> String {
+        let said = self.run(words);
+        assert_eq!((said.code, said.error.as_str()), (Some(0), ""), "{words}");
+        said.output
+    }
+
+    /// Runs it, and expects one sentence with these parts, and no result. Returns the sentence.
+    #[track_caller]
+    pub fn fails(&self, words: &str, parts: &[&str]) -> String {
+        let said = self.run(words);
+        assert_eq!((said.code, said.output.as_str()), (Some(1), ""), "{words}: {}", said.error);
+        assert!(said.error.starts_with("error: ") && said.error.lines().count() == 1);
+        assert_says(&said.error, parts);
+        said.error
+    }
+}
+
+impl Said {
+    fn new(code: Option<i32>, output: String, error: &str) -> Self {
+        let lines = error.lines().filter(|line| !line.starts_with("fitting "));
+        Self { code, output, error: lines.map(|line| format!("{line}\n")).collect() }
+    }
+}
+
+#[track_caller]
+pub fn assert_says(text: &str, parts: &[&str]) {
+    for part in parts {
+        assert!(text.contains(part), "`{part}` is missing in: {text}");
+    }
+}
+
+/// Starts `i2ris` on the domain of a controller.
+pub fn start(domain: &Domain, words: &str) -> Program {
+    Program::start(domain, &words.split_whitespace().collect::<Vec<_>>())
+}
+
+/// Runs it to its end.
+pub fn run(domain: &Domain, words: &str) -> Said {
+    end(start(domain, words))
+}
+
+pub fn end(program: Program) -> Said {
+    let (code, output, error) = program.code();
+    Said::new(code, output, &error)
+}
+
+/// Runs it, and expects success. Returns what it printed.
+#[track_caller]
+pub fn succeeds(domain: &Domain, words: &str) -> String {
+    let said = run(domain, words);
+    assert_eq!(said.code, Some(0), "{words}: {}{}", said.output, said.error);
+    said.output
+}
+
+/// Expects the end of a program with a code and these parts in the error, which is returned.
+#[track_caller]
+pub fn ends(program: Program, code: i32, parts: &[&str]) -> Said {
+    let said = end(program);
+    assert_eq!(said.code, Some(code), "{}{}", said.output, said.error);
+    assert_says(&said.error, parts);
+    said
+}
+
+#[track_caller]
+pub fn fails(domain: &Domain, words: &str, code: i32, parts: &[&str]) -> Said {
+    ends(start(domain, words), code, parts)
+}
+
+/// On a machine that tests share, commands of programs come late, and so do emulated drives.
+pub fn expect_stalls(rig: &mut Rig) {
+    rig.config.command.deadline_ms = 500;
+    rig.config.command.lease_timeout_ms = 2000;
+    rig.config.limits.following_error_counts = 3000;
+}
+
+/// A domain that no controller serves.
+pub fn nobody() -> Domain {
+    Domain::new(&format!("t{:016x}", random_id())).unwrap()
+}
+
+/// A file of the repository.
+pub fn repository(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(name)
+}

@@ -1,0 +1,382 @@
+//! `i2ris calibrate collect` against a controller without drives and a camera without a lens; then
+//! a whole calibration on emulated drives.
+
+use std::fs;
+use std::path::Path;
+
+use i2ris::clock;
+use i2ris::config::Config;
+use i2ris::ipc::client::ExternalPublisher;
+use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand};
+use i2ris::model::Model;
+use i2ris::process::robot_description;
+use i2ris::units::Nanos;
+use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_testing::{Background, Controller, Program, Rig, wait_until};
+
+use crate::bench::{Bench, Said, assert_says, ends, expect_stalls, fails, nobody, run, start};
+
+const ROBOT: &str = r#"
+    robot_id = "fake"
+    [[ports]]
+    device = "/dev/null"
+    [[ports.axes]]
+    motor = 0
+    node_id = 0
+    serial_number = 1
+    position_min_counts = -400
+    position_max_counts = 400
+    [[ports.axes]]
+    motor = 1
+    node_id = 1
+    serial_number = 2
+    position_min_counts = -300
+    position_max_counts = 400
+"#;
+
+/// What a camera sends.
+#[derive(Clone, Copy, PartialEq)]
+enum Shows {
+    /// Angles that follow the time.
+    Angles,
+    /// That it sees nothing.
+    Nothing,
+    /// Stamps of another clock.
+    WallClock,
+}
+
+/// A camera at 50 Hz, until dropped.
+fn camera(domain: &Domain, shows: Shows) -> Background {
+    let domain = domain.clone();
+    Background::start(move |stop| {
+        let mut publisher = ExternalPublisher::new(&domain);
+        while !stop.load(std::sync::atomic::Ordering::Relaxed) {
+            let now = clock::now();
+            let angle = 0.2 * now.as_seconds().sin();
+            let other_clock = now + Nanos::from_millis(1_700_000_000_000);
+            let _ = match shows {
+                Shows::Angles => publisher.publish(now, &[angle, 0.1 - angle], &[]),
+                Shows::Nothing => publisher.publish_nothing(now),
+                Shows::WallClock => publisher.publish(other_clock, &[angle; 2], &[]),
+            };
+            clock::sleep(Nanos::from_millis(20));
+        }
+    })
+}
+
+/// A controller that runs with the configuration of the bench, and a folder with it.
+fn described(controller: Controller) -> (Bench, Controller) {
+    let config = Config::parse(ROBOT, Path::new("robot.toml")).unwrap();
+    controller.robot().description = robot_description(&config);
+    (Bench::with("robot.toml", ROBOT), controller)
+}
+
+impl Bench {
+    fn collect(&self, domain: &Domain, options: &str) -> Program {
+        let (config, output) = (self.file("robot.toml"), self.file("take.csv"));
+        let collect = format!("calibrate collect --config {config} --output {output} {options}");
+        start(domain, &collect)
+    }
+
+    /// A run that fails and writes nothing.
+    #[track_caller]
+    fn collects_nothing(&self, domain: &Domain, options: &str, parts: &[&str]) {
+        let (success, _, error) = self.collect(domain, options).end();
+        assert!(!success && !self.exists("take.csv") && !self.exists("take.toml"), "{options}");
+        assert_says(&error, parts);
+    }
+
+    fn recording(&self, name: &str) -> Recording {
+        Recording::read(&self.path(name), &ColumnMap::default()).unwrap().0
+    }
+}
+
+#[test]
+fn a_short_run_moves_records_and_lets_go() {
+    let (bench, controller) = described(Controller::start());
+    let _camera = camera(&controller.domain, Shows::Angles);
+    let options = "--duration-s 3 --home --json --speed-counts-s 400";
+    let said = ends(bench.collect(&controller.domain, options), 0, &[]);
+    let robot = controller.robot();
+    let (enable, home) = (StateCommand::Enable, StateCommand::Home);
+    let rest = [StateCommand::Condition, StateCommand::Release];
+    assert_eq!(robot.asked, [&[enable, home, enable][..], &rest].concat());
+    assert_eq!(robot.lease, 0);
+    assert!(robot.places.len() > 100, "{}", robot.places.len());
+    for place in &robot.places {
+        // Three quarters of the 300 counts to the nearest limit, and rounding.
+        assert!(f64::from(place[0]).hypot(f64::from(place[1])) < 226.0, "{place:?}");
+    }
+    assert_eq!(robot.counts, [0, 0], "it ends in the centre");
+    let (recording, report) =
+        Recording::read(&bench.path("take.csv"), &ColumnMap::default()).unwrap();
+    assert!(recording.rows().len() > 50 && report.positions > 500, "{report:?}");
+    let outcome: serde_json::Value = serde_json::from_str(&said.output).unwrap();
+    assert_eq!(outcome["outcome"]["complete"], true);
+    assert_eq!(outcome["outcome"]["samples"], recording.rows().len());
+    let sidecar: toml::Value = toml::from_str(&bench.read("take.toml")).unwrap();
+    assert_eq!(sidecar["robot_id"].as_str(), Some("fake"));
+    assert_eq!(sidecar["protocol"]["seed"].as_integer(), Some(1));
+}
+
+#[test]
+fn an_interrupt_stops_softly_and_keeps_the_recording() {
+    let (bench, controller) = described(Controller::enabled());
+    let _camera = camera(&controller.domain, Shows::Angles);
+    let mut program = bench.collect(&controller.domain, "");
+    controller.wait("it moves", |robot| robot.places.len() > 300);
+    program.interrupt();
+    let said = ends(program, 1, &["interrupted", "kept"]);
+    assert_says(&said.output, &["recorded"]);
+    assert_eq!(controller.robot().lease, 0);
+    assert!(bench.recording("take.csv").rows().len() > 20);
+    assert_says(&bench.read("take.toml"), &["complete = false", "interrupted"]);
+}
+
+#[test]
+fn a_killed_program_leaves_what_it_had() {
+    let (bench, controller) = described(Controller::enabled());
+    let _camera = camera(&controller.domain, Shows::Angles);
+    let mut program = bench.collect(&controller.domain, "");
+    controller.wait("it moves", |robot| robot.places.len() > 500);
+    program.child().kill().unwrap();
+    drop(program);
+    let text = bench.read("take.csv");
+    assert!(text.lines().count() > 200 && text.ends_with('\n'), "{} lines", text.lines().count());
+    assert_says(&bench.read("take.toml"), &["protocol"]);
+}
+
+#[test]
+fn without_a_camera_nothing_moves() {
+    let (bench, controller) = described(Controller::enabled());
+    let domain = &controller.domain;
+    bench.collects_nothing(domain, "", &["external/measured_jp", "i2ris emulate --domain"]);
+    let blind = camera(domain, Shows::Nothing);
+    bench.collects_nothing(domain, "", &["sees nothing"]);
+    drop(blind);
+    let _other_clock = camera(domain, Shows::WallClock);
+    bench.collects_nothing(domain, "", &["CLOCK_MONOTONIC"]);
+    let robot = controller.robot();
+    assert!(robot.asked.is_empty() && robot.places.is_empty());
+}
+
+#[test]
+fn a_camera_that_falls_silent_ends_the_run_and_keeps_the_recording() {
+    let (bench, controller) = described(Controller::enabled());
+    let camera = camera(&controller.domain, Shows::Angles);
+    let program = bench.collect(&controller.domain, "");
+    controller.wait("it moves", |robot| robot.places.len() > 300);
+    drop(camera);
+    ends(program, 1, &["silent"]);
+    assert_eq!(controller.robot().lease, 0);
+    assert_says(&bench.read("take.toml"), &["silent"]);
+    assert!(bench.read("take.csv").lines().count() > 100);
+}
+
+#[test]
+fn a_controller_that_cannot_condition_is_told_how_to_go_on() {
+    let (bench, controller) = described(Controller::enabled());
+    controller.robot().conditions = false;
+    let _camera = camera(&controller.domain, Shows::Angles);
+    ends(bench.collect(&controller.domain, ""), 1, &["--no-condition"]);
+    assert!(controller.robot().places.is_empty());
+}
+
+#[test]
+fn a_robot_that_is_not_enabled_or_refuses_is_not_moved() {
+    let (bench, controller) = described(Controller::start());
+    let _camera = camera(&controller.domain, Shows::Angles);
+    bench.collects_nothing(&controller.domain, "", &["--enable"]);
+    controller.robot().homed = true;
+    controller.robot().state = OperatingState::Enabled;
+    controller.robot().refuse = Some(Refusal::Range);
+    ends(bench.collect(&controller.domain, ""), 4, &["outside the position limits"]);
+    assert!(controller.robot().places.is_empty());
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_before_a_controller_is_looked_for() {
+    let (bench, domain) = (Bench::with("robot.toml", ROBOT), nobody());
+    for (options, said) in [
+        ("--range-counts 320", "leave 300 counts"),
+        ("--centre-counts 500,0", "not within the position limits"),
+        ("--centre-counts 5", "1 value(s) for the 2 motor(s)"),
+        ("--speed-counts-s 2500", "the controller allows 2000"),
+        ("--speed-counts-s 0", "must be a number above 0"),
+        ("--duration-s nan", "must be a number above 0"),
+        ("--protocol dance", "possible values: reversals, cycles, decaying-sine, axes"),
+        ("--camera-latency-ms 5000", "must be a number from -1000 to 1000"),
+        ("", "no controller serves domain"),
+        ("--protocol axes", "trap"),
+    ] {
+        bench.collects_nothing(&domain, options, &[said]);
+    }
+}
+
+#[test]
+fn recordings_are_not_written_over_and_folders_not_invented() {
+    let (bench, domain) = (Bench::with("robot.toml", ROBOT), nobody());
+    bench.write("take.toml", "precious");
+    ends(bench.collect(&domain, ""), 1, &["not written over"]);
+    assert_eq!(bench.read("take.toml"), "precious");
+    let collect = format!("calibrate collect --config {} --output", bench.file("robot.toml"));
+    fails(&domain, &format!("{collect} /nowhere/take.csv"), 1, &["there is no folder"]);
+    fails(&domain, &format!("{collect} take.txt"), 1, &["must end in .csv"]);
+}
+
+#[test]
+fn a_configuration_of_another_robot_or_with_other_limits_moves_nothing() {
+    let (bench, controller) = described(Controller::start());
+    let _camera = camera(&controller.domain, Shows::Angles);
+    // The domain came from the environment, and the file names another one.
+    let note = format!("note: I2RIS_DOMAIN={}", controller.domain.name());
+    for (from, to, parts) in [
+        ("\"fake\"", "\"other\"", ["`fake`", "`other`", &note]),
+        ("= -400", "= -500", ["position limits", "-500", &note]),
+    ] {
+        bench.write("robot.toml", &ROBOT.replace(from, to));
+        bench.collects_nothing(&controller.domain, "--home", &parts);
+    }
+    assert_eq!(controller.robot().asked, []);
+}
+
+/// Emulated drives, snake and camera with a controller, whose folder is the bench.
+struct Whole {
+    rig: Rig,
+    domain: Domain,
+}
+
+impl Whole {
+    fn start(change: impl FnOnce(&mut Config)) -> Self {
+        let mut rig = Rig::start();
+        expect_stalls(&mut rig);
+        rig.config.conditioning.half_width_counts = Some(400);
+        (rig.config.conditioning.turns, rig.config.conditioning.velocity_counts_s) = (1, 2000.0);
+        rig.config.command.max_step_counts = 250;
+        change(&mut rig.config);
+        let mut whole = Self { domain: rig.domain(), rig };
+        whole.control(None);
+        whole
+    }
+
+    /// Ends the controller, if one runs, and starts one with this model.
+    fn control(&mut self, model: Option<&str>) {
+        self.rig.stop_controller_thread();
+        let folder = self.rig.folder.path();
+        self.rig.config.control.model = model.map(|name| folder.join(name));
+        let text = toml::to_string(&self.rig.config).unwrap();
+        fs::write(folder.join("robot.toml"), text).unwrap();
+        self.rig.start_controller_thread();
+    }
+
+    /// Words of which those that begin with `@` are files of the folder.
+    fn words(&self, words: &str) -> String {
+        let folder = self.rig.folder.path().to_str().unwrap();
+        words.replace('@', &format!("{folder}/"))
+    }
+
+    #[track_caller]
+    fn tool(&self, words: &str) -> String {
+        let Said { code, output, error } = run(&self.domain, &self.words(words));
+        assert_eq!(code, Some(0), "{words}: {error}");
+        output
+    }
+
+    fn recording(&self, name: &str) -> Recording {
+        let path = self.rig.folder.path().join(name);
+        Recording::read(&path, &ColumnMap::default()).unwrap().0
+    }
+
+    fn fit(&self, recording: &str, output: &str) -> Model {
+        let options = "--family gmr --components 4 --restarts 2";
+        self.tool(&format!(
+            "calibrate fit @{recording} --robot-id rig {options} --output @{output}"
+        ));
+        let model = Model::load(&self.rig.folder.path().join(output)).unwrap();
+        model.check_robot("rig", 2).unwrap();
+        for metrics in &model.file().metrics {
+            assert!(metrics.training.r2 > 0.9, "{:?}", model.file().metrics);
+        }
+        model
+    }
+}
+
+/// Root mean square distance between the angles of two recordings at their common instants, and how
+/// many those are.
+fn apart_deg(one: &Recording, other: &Recording) -> (f64, usize) {
+    let mut squares = Vec::new();
+    for row in one.rows() {
+        let is_same = |time_s: f64| (time_s - row.time_s.unwrap()).abs() < 1e-6;
+        let same = other.rows().iter().find(|seen| is_same(seen.time_s.unwrap()));
+        squares.extend(same.map(|seen| {
+            (0..2).map(|axis| (seen.outputs[axis] - row.outputs[axis]).powi(2)).sum::<f64>()
+        }));
+    }
+    ((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), squares.len())
+}
+
+#[test]
+fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
+    let mut whole = Whole::start(|_| {});
+    let collect = "calibrate collect --config @robot.toml --output @take.csv --home --json";
+    let motion = "--duration-s 40 --range-counts 1200 --speed-counts-s 900";
+    let printed = whole.tool(&format!("{collect} {motion}"));
+    let sidecar: serde_json::Value = serde_json::from_str(&printed).unwrap();
+    assert_eq!(sidecar["outcome"]["complete"], true, "{printed}");
+    assert_eq!(sidecar["robot_id"], "rig");
+    // The emulated camera stamps the exposure, so there is nothing to find.
+    let latency = sidecar["latency"]["estimate_ms"].as_f64().unwrap();
+    assert!(latency.abs() < 15.0, "{printed}");
+
+    let recording = whole.recording("take.csv");
+    let (rows, path) = (recording.rows().len(), recording.path());
+    assert!(rows > 300 && path.len() > 2 * rows, "{rows} rows of {}", path.len());
+    let reach =
+        [0, 1].map(|motor| path.iter().map(|place| place.counts[motor].abs()).fold(0.0, f64::max));
+    assert!(reach.iter().all(|reach| (600.0..1205.0).contains(reach)), "{reach:?}");
+    assert_eq!(whole.rig.emulator.host_bugs(), 0);
+    whole.fit("take.csv", "model.json");
+
+    // Pictures of what was recorded, the angles that are in them, and a model of those.
+    whole.tool("vision render --angles @take.csv --output @pictures --size 640x480 --every 6");
+    let setup = "vision calibrate --setup @pictures/vision.toml --output @vision.toml";
+    whole.tool(&format!("{setup} --rest @pictures/rest0 @pictures/rest1"));
+    let measure = "vision --setup @vision.toml @pictures/view0 @pictures/view1 --rest-s 0";
+    whole.tool(&format!("{measure} --output @angles.csv"));
+    whole.tool("calibrate merge @take.csv @angles.csv --output @seen.csv");
+    let (apart, common) = apart_deg(&whole.recording("seen.csv"), &recording);
+    assert!(common > 80 && apart < 0.1, "{common} pictures, {apart} deg");
+    assert!(apart > 0.0, "the angles are those of the pictures");
+    whole.fit("seen.csv", "seen.json");
+    whole.control(Some("seen.json"));
+    whole.tool("command --enable pose 8 -6 --duration-s 1");
+    let [pitch, yaw] = whole.rig.emulator.snapshot().angles_deg;
+    // The model has no memory: half the width of the loop, and what friction has left of the motion
+    // before.
+    assert!((pitch - 8.0).hypot(yaw + 6.0) < 4.0, "{pitch} {yaw}");
+}
+
+#[test]
+fn collect_goes_on_from_the_setpoint_after_a_stall() {
+    // After a stall, a program goes on by what a motor moves in 20 ms: 18 counts at 900 counts/s.
+    let whole = Whole::start(|config| config.command.max_step_counts = 8);
+    let collect = "calibrate collect --config @robot.toml --output @take.csv --home --no-condition";
+    let motion = "--duration-s 8 --range-counts 1200 --speed-counts-s 900";
+    let mut collect = start(&whole.domain, &whole.words(&format!("{collect} {motion}")));
+    let position = || whole.rig.emulator.snapshot().axes.map(|axis| axis.drive.motor_counts);
+    let start = position();
+    wait_until("it is under way", || {
+        assert!(collect.child().try_wait().unwrap().is_none(), "it ended");
+        (0..2).any(|axis| (position()[axis] - start[axis]).abs() > 200.0)
+    });
+    // Some of these are at full speed.
+    for _ in 0..5 {
+        collect.pause();
+        clock::sleep(Nanos::from_millis(300));
+        collect.resume();
+        clock::sleep(Nanos::from_millis(400));
+    }
+    ends(collect, 0, &["goes on from where it is"]);
+    let sidecar = fs::read_to_string(whole.rig.folder.path().join("take.toml")).unwrap();
+    assert_says(&sidecar, &["complete = true"]);
+}

@@ -1,0 +1,234 @@
+//! `i2ris command` against a controller without drives.
+
+use i2ris::clock;
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::robot::{Cause, Reason};
+use i2ris::units::Nanos;
+use i2ris_testing::Controller;
+
+use crate::bench::{Bench, assert_says, end, ends, fails, nobody, start, succeeds};
+
+/// Checks every accepted pose against the one before: no further than `speed_deg_s` allows in the
+/// time between their stamps. What the controller did not read in time is missing, so the steps
+/// themselves say nothing. The program plays at most 20 ms in one go, and its stamps jitter; a jump
+/// to a far pose is much more than that.
+pub fn assert_no_jump(poses: &[(Nanos, [f64; 2])], speed_deg_s: f64) {
+    let mut before: Option<(Nanos, [f64; 2])> = None;
+    for &(stamp, pose) in poses {
+        let (then, from) = before.replace((stamp, pose)).unwrap_or((stamp, [1.0, -1.0]));
+        let step = (pose[0] - from[0]).hypot(pose[1] - from[1]);
+        let allowed = speed_deg_s * ((stamp - then).as_seconds() + 0.02) + 1e-6;
+        assert!(step <= allowed, "{step} deg from {from:?} to {pose:?}, allowed {allowed}");
+    }
+}
+
+pub fn assert_near(pose: [f64; 2], target: [f64; 2]) {
+    assert!((pose[0] - target[0]).hypot(pose[1] - target[1]) < 1e-6, "{pose:?}");
+}
+
+#[test]
+fn a_pose_is_reached_without_a_jump_and_the_lease_given_back() {
+    let controller = Controller::start();
+    let pose = "command pose -4 3.5 --home --duration-s 0.2 --speed-deg-s 30";
+    let output = succeeds(&controller.domain, pose);
+    let robot = controller.robot();
+    let (enable, home) = (StateCommand::Enable, StateCommand::Home);
+    assert_eq!(robot.asked, [enable, home, enable, StateCommand::Release]);
+    assert_near(robot.pose, [-4.0, 3.5]);
+    assert_no_jump(&robot.poses, 30.0);
+    assert_eq!(robot.lease, 0);
+    assert_says(&output, &["approaching", "followed within 0.0"]);
+}
+
+#[test]
+fn a_circle_is_round_and_ends_by_itself() {
+    let controller = Controller::enabled();
+    let circle = "command circle --radius-deg 2 --center -1 0.5 --period-s 1 --duration-s 1";
+    succeeds(&controller.domain, circle);
+    let robot = controller.robot();
+    assert_no_jump(&robot.poses, 13.0);
+    let on_the_circle = |pose: &[f64; 2]| ((pose[0] + 1.0).hypot(pose[1] - 0.5) - 2.0).abs() < 1e-6;
+    let round = robot.poses.iter().filter(|(_, pose)| on_the_circle(pose)).count();
+    assert!(round > 10, "{round} of {}", robot.poses.len());
+    assert!(robot.poses.iter().any(|(_, pose)| pose[0] < -2.5));
+}
+
+#[test]
+fn a_file_is_followed_to_its_last_row_and_a_wrong_one_moves_nothing() {
+    let controller = Controller::enabled();
+    let bench = Bench::with("wrong.csv", "t_s,pitch_deg\n0,0\n");
+    let wrong = bench.file("wrong.csv");
+    fails(&controller.domain, &format!("command file {wrong}"), 1, &[&wrong, "`yaw_deg`"]);
+    assert!(controller.robot().poses.is_empty());
+    bench.write("path.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n0.4,2,1\n0.8,-1,1\n");
+    succeeds(&controller.domain, &format!("command file {}", bench.file("path.csv")));
+    let robot = controller.robot();
+    assert_near(robot.pose, [-1.0, 1.0]);
+    assert_no_jump(&robot.poses, 10.0);
+    assert!(robot.poses.iter().any(|(_, pose)| pose[0] > 1.7));
+}
+
+#[test]
+fn ctrl_c_stops_softly_and_gives_the_lease_back() {
+    let controller = Controller::enabled();
+    let mut program = start(&controller.domain, "command sine --amplitude-deg 6 0 --period-s 2");
+    controller.wait("the sine is under way", |robot| robot.pose[0] > 3.0);
+    program.interrupt();
+    ends(program, 0, &[]);
+    let robot = controller.robot();
+    assert_eq!((robot.asked.as_slice(), robot.lease), ([StateCommand::Release].as_slice(), 0));
+    // It came to rest: at the end it was much slower than before.
+    let speed = |pair: &[(Nanos, [f64; 2])]| {
+        (pair[1].1[0] - pair[0].1[0]).abs() / (pair[1].0 - pair[0].0).as_seconds()
+    };
+    let speeds: Vec<f64> = robot.poses.windows(2).map(speed).collect();
+    let (fastest, last) = (speeds.iter().copied().fold(0.0, f64::max), *speeds.last().unwrap());
+    assert!(last < 0.3 * fastest, "{last} of {fastest}");
+}
+
+#[test]
+fn a_held_pose_stays_where_it_is() {
+    let controller = Controller::enabled();
+    succeeds(&controller.domain, "command hold --duration-s 0.3");
+    let robot = controller.robot();
+    assert!(robot.poses.len() > 5);
+    robot.poses.iter().for_each(|(_, pose)| assert_near(*pose, [1.0, -1.0]));
+}
+
+#[test]
+fn a_robot_that_cannot_follow_is_left_alone_and_the_reason_told() {
+    let one_sentence = fails(&nobody(), "command hold", 3, &["no controller serves domain"]);
+    assert_eq!(one_sentence.error.lines().count(), 1);
+    let controller = Controller::start();
+    fails(&controller.domain, "command hold", 4, &["DISABLED", "--enable"]);
+    assert_eq!(controller.robot().asked, []);
+
+    let controller = Controller::enabled();
+    controller.robot().lease = 0xabc;
+    let holder = "client 0000000000000abc holds the lease";
+    fails(&controller.domain, "command hold", 4, &[holder]);
+
+    let controller = Controller::enabled();
+    controller.robot().model = false;
+    fails(&controller.domain, "command pose 0 0", 1, &["no model loaded"]);
+}
+
+#[test]
+fn what_happens_on_the_way_ends_it_with_the_cause() {
+    let on_the_way = |change: fn(&Controller), code, parts: &[&str]| {
+        let controller = Controller::enabled();
+        let program = start(&controller.domain, "command hold");
+        controller.wait("commands arrive", |robot| robot.poses.len() > 10);
+        change(&controller);
+        ends(program, code, parts)
+    };
+    let fault = |controller: &Controller| {
+        controller.robot().fault = Fault::FollowingError;
+        controller.robot().state = OperatingState::Fault;
+    };
+    on_the_way(fault, 5, &["FAULT: fault 3: set-point and encoder are too far apart"]);
+    let lost = "lost the lease to client 0000000000000abc";
+    on_the_way(|controller| controller.robot().lease = 0xabc, 4, &[lost]);
+    let disable = |controller: &Controller| controller.robot().state = OperatingState::Disabled;
+    let said = on_the_way(disable, 4, &["disabled or ended"]);
+    assert!(!said.error.contains("--enable"), "{}", said.error);
+}
+
+#[test]
+fn refusals_are_told_and_end_it_when_nothing_gets_through() {
+    let controller = Controller::enabled();
+    controller.robot().refuse = Some(Refusal::Step);
+    let sentence = "refuses every command: refusal 3: step too large";
+    let said = fails(&controller.domain, "command hold", 4, &[sentence]);
+    assert_says(&said.output, &["refused: step too large"]);
+}
+
+#[test]
+fn a_controller_that_ends_ends_it() {
+    let controller = Controller::enabled();
+    let program = start(&controller.domain, "command hold");
+    controller.wait("commands arrive", |robot| robot.poses.len() > 10);
+    drop(controller);
+    ends(program, 3, &["no controller serves domain"]);
+}
+
+#[test]
+fn states_are_changed_or_the_refusal_is_told() {
+    let controller = Controller::start();
+    let sentence = "refuses `enable` in state DISABLED: refusal 6: not homed";
+    fails(&controller.domain, "command state enable", 4, &[sentence]);
+    let printed = succeeds(&controller.domain, "command state home --json");
+    let printed: serde_json::Value = serde_json::from_str(&printed).unwrap();
+    assert_eq!((&printed["accepted"], &printed["state"]), (&"home".into(), &"DISABLED".into()));
+    let output = succeeds(&controller.domain, "command state enable");
+    assert_says(&output, &["the controller is ENABLED"]);
+}
+
+#[test]
+fn a_pose_out_of_reach_is_reported_at_once_and_is_no_success() {
+    let controller = Controller::enabled();
+    controller.robot().reach = 20.0;
+    let pose = "command pose 63 -1 --speed-deg-s 60 --duration-s 0.2";
+    let output = fails(&controller.domain, pose, 7, &["out of reach", "43.0 deg"]).output;
+    let clipped = output.find("out of reach").expect(&output);
+    assert!(clipped < output.find("followed within").unwrap(), "{output}");
+    assert!(output.contains("43.0") && !output.contains("followed within 0.0"), "{output}");
+    assert_eq!(controller.robot().lease, 0);
+}
+
+#[test]
+fn homing_needs_its_own_consent() {
+    let controller = Controller::start();
+    let hold = "command hold --duration-s 0.1";
+    let remedy = ["straighten the snake", "--home"];
+    fails(&controller.domain, &format!("{hold} --enable"), 4, &remedy);
+    assert!(!controller.robot().homed);
+    let home = start(&controller.domain, &format!("{hold} --home"));
+    ends(home, 0, &["the present pose becomes the zero"]);
+}
+
+#[test]
+fn a_state_command_ends_when_it_is_carried_out_and_no_wait_before() {
+    let controller = Controller::enabled();
+    controller.robot().busy_for = Nanos::from_millis(1000);
+    let condition = "command state condition";
+    assert_says(&succeeds(&controller.domain, condition), &["done: condition"]);
+    assert!(!controller.robot().is_busy());
+    controller.robot().busy_for = Nanos::from_millis(3_600_000);
+    let output = succeeds(&controller.domain, &format!("{condition} --no-wait"));
+    assert_says(&output, &["accepted: condition"]);
+    assert!(controller.robot().is_busy());
+    let waiting = start(&controller.domain, "command hold --duration-s 0.1");
+    clock::sleep(Nanos::from_millis(300));
+    assert!(controller.robot().poses.is_empty(), "it waits");
+    controller.robot().end_activity();
+    ends(waiting, 0, &[]);
+    assert!(!controller.robot().poses.is_empty());
+}
+
+#[test]
+fn a_stop_by_late_commands_is_told_and_can_end_the_path() {
+    let bench = Bench::with("path.csv", "t_s,pitch_deg,yaw_deg\n0,1,-1\n1.5,2,1\n");
+    let path = format!("command file {}", bench.file("path.csv"));
+    for (more, expected) in [("", 0), ("--on-late end", 1)] {
+        let controller = Controller::enabled();
+        let program = start(&controller.domain, &format!("{path} {more}"));
+        controller.wait("commands", |robot| robot.poses.len() > 5);
+        controller.robot().stale_stops += 1;
+        let said = end(program);
+        assert_eq!(said.code, Some(expected), "{}", said.error);
+        let notice = "commands came late; the trajectory is";
+        assert_says(&format!("{}{}", said.output, said.error), &[notice]);
+        controller.wait("the release", |robot| robot.lease == 0);
+    }
+}
+
+#[test]
+fn why_names_state_and_last_refusal_with_what_to_do() {
+    let controller = Controller::start();
+    let refusal = Reason::from(Cause::Refusal(Refusal::Range));
+    controller.robot().reasons.push((refusal, 7));
+    let output = succeeds(&controller.domain, "why");
+    let state = ["state DISABLED", "refusal 6: not homed", "straighten the snake"];
+    assert_says(&output, &[&state[..], &["refusal 9: outside the position limits"]].concat());
+}

@@ -1,0 +1,69 @@
+//! `i2ris calibrate compare --drift` and `i2ris calibrate update` as a person meets them.
+
+use std::fmt::Write as _;
+
+use i2ris::model::Model;
+
+use crate::bench::{Bench, assert_says};
+
+/// Rows of a snake that bends by its counts, with a zero of pitch, deg.
+fn recording(rows: u32, zero_deg: f64, phase: f64) -> String {
+    let mut text = String::from("t_s,q0_counts,q1_counts,pitch_deg,yaw_deg\n");
+    for i in 0..rows {
+        let time = 0.2 * f64::from(i);
+        let at = time + phase;
+        let q0 = (300.0 * (0.31 * at).sin() + 150.0 * (1.13 * at).sin()).round();
+        let q1 = (300.0 * (0.23 * at + 1.0).cos() + 150.0 * (0.97 * at).sin()).round();
+        let wobble = 0.1 * (57.0 * at).sin();
+        let pitch = 0.02 * q0 - 0.015 * q1 + wobble + zero_deg;
+        let yaw = 0.015 * q0 + 0.02 * q1 + wobble;
+        writeln!(text, "{time:.1},{q0},{q1},{pitch:.4},{yaw:.4}").unwrap();
+    }
+    text
+}
+
+/// The recording of a new snake, its model, and a minute of the snake today.
+fn bench() -> Bench {
+    let bench = Bench::with("new.csv", &recording(500, 0.0, 0.0));
+    bench.write("today.csv", &recording(300, 1.0, 40.0));
+    bench.succeeds("calibrate fit new.csv --output model.json --family linear --latency-ms 0");
+    bench
+}
+
+#[test]
+fn the_drift_of_a_snake_is_printed_with_a_verdict_and_a_page() {
+    let bench = bench();
+    let today = "calibrate compare model.json --recording today.csv --drift";
+    let with_page = format!("{today} --report page.html");
+    let text = bench.succeeds(&with_page);
+    let verdict = "it has drifted: `i2ris calibrate update`";
+    assert_says(&text, &["zero       pitch  +1.0", verdict]);
+    assert_says(&bench.read("page.html"), &["<svg", "zero of pitch (deg)"]);
+    let text = bench.succeeds("calibrate compare model.json --recording new.csv --drift");
+    assert_says(&text, &["the calibration holds"]);
+    let json: serde_json::Value =
+        serde_json::from_str(&bench.succeeds(&format!("{today} --json"))).unwrap();
+    assert_eq!(json[0]["verdict"], "update");
+    let zero = json[0]["zero"][0]["value"].as_f64().unwrap();
+    assert!((zero - 1.0).abs() < 0.05, "{json}");
+    bench.fails(&with_page, &["--overwrite"]);
+}
+
+#[test]
+fn an_update_writes_a_model_of_today_and_nothing_over() {
+    let bench = bench();
+    let old = bench.read("model.json");
+    let update = "calibrate update today.csv --model model.json --output";
+    assert_says(&bench.succeeds(&format!("{update} today.json")), &["wrote today.json"]);
+    let [calibrated, model] =
+        ["model.json", "today.json"].map(|name| Model::load(&bench.path(name)).unwrap());
+    let at = |model: &Model| model.predict(&[0.0; 2], &model.new_memory()).mean[0].to_degrees();
+    assert!((at(&model) - at(&calibrated) - 1.0).abs() < 0.05);
+    assert_eq!(model.file().training.data_file, "new.csv updated by today.csv");
+    bench.fails(&format!("{update} model.json"), &["model.json: exists", "--overwrite"]);
+    assert_eq!(bench.read("model.json"), old);
+    bench.succeeds(&format!("{update} today.json --overwrite"));
+    let needless = "calibrate update new.csv --model model.json --output other.json";
+    bench.fails(needless, &["no better on the rest"]);
+    assert!(!bench.exists("other.json"));
+}

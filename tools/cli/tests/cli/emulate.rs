@@ -1,0 +1,148 @@
+//! `i2ris emulate` as a process: starts, serves, ends cleanly, and says in one sentence what is
+//! wrong.
+
+use std::io::{BufRead, BufReader, Read};
+
+use i2ris::ipc::DomainLock;
+use i2ris_simulation::physics::Physics;
+use i2ris_testing::Program;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+use crate::bench::{Bench, assert_says, end, nobody, repository, start};
+
+/// A program that has printed a line with a word.
+struct Running {
+    program: Program,
+    output: BufReader<std::process::ChildStdout>,
+    lines: String,
+}
+
+impl Running {
+    fn until(word: &str, mut program: Program) -> Self {
+        let mut output = BufReader::new(program.child().stdout.take().unwrap());
+        let mut lines = String::new();
+        while !lines.contains(word) {
+            assert!(output.read_line(&mut lines).unwrap() > 0, "{lines}");
+        }
+        Self { program, output, lines }
+    }
+
+    /// Ends it in order; all that it has printed.
+    fn end(mut self, signal: Signal) -> String {
+        kill(Pid::from_raw(self.program.child().id().try_into().unwrap()), signal).unwrap();
+        self.output.read_to_string(&mut self.lines).unwrap();
+        let said = end(self.program);
+        assert_eq!(said.code, Some(0), "{}{}", self.lines, said.error);
+        self.lines
+    }
+}
+
+#[test]
+fn signals_end_it_cleanly() {
+    let snake = repository("config/snakes/multi.toml");
+    for signal in [Signal::SIGINT, Signal::SIGTERM] {
+        let bench = Bench::new();
+        let (ports, log) = (bench.file("ports"), bench.file("log.csv"));
+        let options =
+            format!("--no-camera --snake {} --ports {ports} --log {log}", snake.display());
+        let running = Running::until("ready", start(&nobody(), &format!("emulate {options}")));
+        assert!(bench.exists("ports/axis0") && bench.exists("ports/axis1"));
+        assert_says(&running.lines, &[&bench.file("ports/axis1")]);
+        running.end(signal);
+        assert!(!bench.exists("ports"));
+        assert_says(&bench.read("log.csv"), &[",boot,"]);
+    }
+}
+
+#[test]
+fn bad_input_is_refused_with_a_reason() {
+    let steel = std::fs::read_to_string(repository("config/snakes/steel.toml")).unwrap();
+    let bench = Bench::with("bad.toml", &steel.replace("drag_s", "drag"));
+    bench.write("file", "");
+    for (options, words) in [
+        ("--snake none.toml", &["none.toml", "name an existing file"][..]),
+        ("--snake bad.toml", &["bad.toml", "drag"]),
+        ("--snake adder:1", &["`adder:1` names no snake", "brass", "preisach:SEED"]),
+        ("--snake dahl:x", &["`x` is no seed", "a whole number"]),
+        ("--ports file", &["file", "--ports"]),
+        ("--ports ports --log /proc/none/log", &["/proc/none/log"]),
+        ("--ports ports --domain a/b", &["a/b"]),
+        ("--duration nan", &["--duration", "seconds"]),
+    ] {
+        let said = bench.run(&format!("emulate {options}"));
+        assert!(said.code != Some(0) && !said.error.contains("panicked"), "{}", said.error);
+        assert_says(&said.error, &[&["error: "], words].concat());
+        assert!(!bench.exists("ports"), "{options} left something behind");
+    }
+}
+
+/// The configuration of a controller for emulated drives in the folder `ports` of a bench.
+fn write_config(bench: &Bench, change: impl Fn(String) -> String) {
+    let text = std::fs::read_to_string(repository("config/emulator.toml")).unwrap();
+    bench.write("robot.toml", &change(text.replace("/tmp/i2ris-emulator", &bench.file("ports"))));
+}
+
+#[test]
+fn the_doctor_looks_at_drives_and_machine() {
+    let bench = Bench::new();
+    let options = "--no-camera --family epos2 --framing v1 --ports";
+    let emulate = format!("emulate {options} {}", bench.file("ports"));
+    let _running = Running::until("ready", start(&nobody(), &emulate));
+    let epos2 = |text: String| {
+        text.replace("baud = 115200", "baud = 115200\nfamily = \"epos2\"\nframing = \"v1\"")
+    };
+    write_config(&bench, epos2);
+    let healthy = bench.run("doctor --config robot.toml");
+    assert_eq!(healthy.code, Some(0), "{}", healthy.output);
+    let machine = ["kernel", "scheduling", "shared memory"];
+    let drives = ["ms an exchange", "EPOS2, serial number 62000001", "not homed"];
+    assert_says(&healthy.output, &[machine, drives].concat());
+    write_config(&bench, |text| epos2(text).replace("62000001", "62000007"));
+    let sick = bench.run("doctor --config robot.toml --json");
+    assert_ne!(sick.code, Some(0));
+    let checks: serde_json::Value = serde_json::from_str(&sick.output).unwrap();
+    let checks = checks["checks"].as_array().unwrap().iter();
+    let failed: Vec<_> = checks.filter(|check| check["level"] == "fail").collect();
+    let [failed] = failed[..] else { panic!("{failed:?}") };
+    let found = "62000001 (0x03B20B81) instead of 62000007";
+    assert_says(failed["found"].as_str().unwrap(), &[found]);
+    assert!(!failed["fix"].as_str().unwrap().is_empty());
+}
+
+#[test]
+fn the_doctor_names_a_port_that_is_not_there() {
+    let bench = Bench::new();
+    write_config(&bench, |text| text);
+    let said = bench.run("doctor --config robot.toml");
+    assert_ne!(said.code, Some(0));
+    assert_says(&said.output, &["FAIL", "axis0", "-> plug in the drive"]);
+}
+
+#[test]
+fn snakes_by_name_are_there_in_every_folder_and_it_ends_by_itself_when_asked() {
+    for name in ["", "--snake brass", "--snake springs:2", "--snake lugre:3", "--snake wire"] {
+        let domain = nobody();
+        let options = format!("--duration 0.2 --ports ports --domain {} {name}", domain.name());
+        let printed = Bench::new().succeeds(&format!("emulate {options}"));
+        let name = name.strip_prefix("--snake ").unwrap_or("steel");
+        assert_says(&printed, &[&format!("ready: snake {name}"), "ended: 0 and 0 requests"]);
+    }
+    let help = Bench::new().succeeds("emulate --help");
+    Physics::NAMES.iter().for_each(|name| assert_says(&help, &[&format!("- {name}: ")]));
+}
+
+#[test]
+fn start_runs_emulator_and_controller_and_ends_both() {
+    let (bench, domain) = (Bench::new(), nobody());
+    let words = format!("start --no-monitor --folder {}", bench.file("here"));
+    let running = Running::until("ready", start(&domain, &words));
+    assert_says(&running.lines, &[domain.name()]);
+    running.end(Signal::SIGINT);
+    assert!(!bench.exists("here/ports"), "the emulator has ended");
+    assert_says(&bench.read("here/emulator.log"), &["ended"]);
+    let served = format!("serves domain `{}`", domain.name());
+    assert_says(&bench.read("here/controller.log"), &[&served]);
+    // The lock is free: the controller has ended.
+    drop(DomainLock::acquire(&domain).unwrap());
+}

@@ -1,0 +1,406 @@
+//! `i2ris calibrate fit` as a person meets it, with good recordings and with bad ones. What the
+//! reader refuses is tested where it is; here each kind of refusal stands once.
+
+use std::fmt::Write as _;
+use std::fs;
+
+use i2ris::model::{Model, ModelError};
+
+use crate::bench::{Bench, assert_says, repository};
+
+const HEADER: &str = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg";
+const FIT: &str = "calibrate fit rows.csv --output model.json";
+
+/// A motion of both motors with reversals of many sizes, counts.
+fn wander(time: f64) -> [f64; 2] {
+    [
+        300.0 * (0.31 * time).sin() + 150.0 * (1.13 * time).sin(),
+        300.0 * (0.23 * time + 1.0).cos() + 150.0 * (0.97 * time).sin(),
+    ]
+}
+
+/// A recording, 5 rows a second.
+fn recording(
+    rows: u32,
+    motion: impl Fn(f64) -> [f64; 2],
+    mut angles: impl FnMut(f64, [f64; 2]) -> [f64; 2],
+) -> String {
+    let mut text = format!("{HEADER}\n");
+    for row in 0..rows {
+        let time = 0.2 * f64::from(row);
+        let [q0, q1] = motion(time).map(f64::round);
+        let [pitch, yaw] = angles(time, [q0, q1]);
+        writeln!(text, "{time:.1},{q0},{q1},{pitch:.4},{yaw:.4}").unwrap();
+    }
+    text
+}
+
+/// A snake that bends less and less, and wanders.
+fn good(rows: u32) -> String {
+    recording(rows, wander, |time, [q0, q1]| {
+        let bend = |angle: f64| 12.0 * (angle / 12.0).tanh() + 0.1 * (57.0 * time).sin();
+        [bend(0.02 * q0 - 0.015 * q1), bend(0.015 * q0 + 0.02 * q1)]
+    })
+}
+
+/// A snake with gaps, seen by a camera that makes something else of its angles.
+fn gappy(rows: u32, motion: fn(f64) -> [f64; 2], view: fn([f64; 2]) -> [f64; 2]) -> Bench {
+    let mut gaps = [0.0_f64; 2];
+    let text = recording(rows, motion, |time, counts| {
+        for (gap, counts) in gaps.iter_mut().zip(counts) {
+            *gap = gap.clamp(counts - 20.0, counts + 20.0);
+        }
+        let ([x, y], wobble) = (gaps, 0.05 * (57.0 * time).sin());
+        view([0.03 * x - 0.01 * y + wobble, 0.01 * x + 0.03 * y - wobble])
+    });
+    Bench::with("rows.csv", &text)
+}
+
+/// A good recording with the cells of a line, or of every line, replaced.
+fn with_cell(line: Option<usize>, column: usize, cell: &str) -> Bench {
+    let replace = |(number, text): (usize, &str)| {
+        let mut cells: Vec<&str> = text.split(',').collect();
+        if line.map_or(number > 0, |line| number + 1 == line) {
+            cells[column] = cell;
+        }
+        cells.join(",")
+    };
+    let lines: Vec<String> = good(100).lines().enumerate().map(replace).collect();
+    Bench::with("rows.csv", &lines.join("\n"))
+}
+
+impl Bench {
+    fn good(rows: u32) -> Self {
+        Self::with("rows.csv", &good(rows))
+    }
+
+    #[track_caller]
+    fn fits(&self, options: &str) -> String {
+        let printed = self.succeeds(&format!("{FIT} {options}"));
+        self.model();
+        printed
+    }
+
+    /// What a fit prints, without its line ends.
+    #[track_caller]
+    fn prints(&self, options: &str) -> String {
+        let said = self.run(&format!("{FIT} --restarts 2 {options}"));
+        assert_eq!(said.code, Some(0), "{}", said.error);
+        said.output.split_whitespace().collect::<Vec<_>>().join(" ")
+    }
+
+    /// The sentence of a fit that names the recording and leaves nothing behind.
+    #[track_caller]
+    fn refuses(&self, options: &str, parts: &[&str]) -> String {
+        let sentence = self.fails(&format!("{FIT} {options}"), parts);
+        assert_says(&sentence, &["rows.csv"]);
+        assert_eq!(self.names(), ["rows.csv"], "something was left behind");
+        sentence
+    }
+
+    fn model(&self) -> Model {
+        Model::load(&self.path("model.json")).unwrap()
+    }
+}
+
+#[test]
+fn a_good_recording_gives_a_model_and_a_table() {
+    let bench = Bench::good(300);
+    let printed = bench.fits("--max-components 4 --restarts 4 --robot-id left");
+    let id = format!("model id   {}", bench.model().id());
+    let head = ["rows       300; 0 dropped", "spikes     0", "noise      pitch", "chosen"];
+    let table = ["held out   ", "RMSD", "pitch (deg) linear", "yaw (deg)   linear", &id];
+    assert_says(&printed, &[&head[..], &table].concat());
+    assert!(printed.lines().all(|line| line.chars().count() <= 100), "{printed}");
+    let file = bench.model().file().clone();
+    assert_eq!((file.robot_id.as_str(), file.training.data_file.as_str()), ("left", "rows.csv"));
+}
+
+#[test]
+fn a_report_with_figures_is_written_beside_the_model() {
+    let bench = Bench::good(300);
+    let options = "--components 2 --restarts 2 --robot-id a<b>&c --report report.html";
+    let printed = bench.fits(options);
+    assert!(printed.ends_with("wrote report.html\n"), "{printed}");
+    let (text, model) = (bench.read("report.html"), bench.model());
+    let (id, hash) = (model.id().to_string(), &model.file().training.data_sha256);
+    assert_says(&text, &[&id, hash, "rows.csv", "a&lt;b&gt;&amp;c", "<svg "]);
+    let elsewhere = text.replace("http://www.w3.org/2000/svg", "");
+    assert!(!elsewhere.contains("//") && !elsewhere.contains("<script") && !text.contains("NaN"));
+    assert_eq!(bench.names(), ["model.json", "report.html", "rows.csv"]);
+}
+
+#[test]
+fn a_file_that_cannot_be_written_is_found_before_the_work() {
+    let bench = Bench::good(100);
+    for (options, part) in [
+        ("--report rows.csv/report.html", "--report rows.csv/report.html: cannot make the folder"),
+        ("--report .", "is a folder; name a file in it"),
+        ("--report rows.csv", "is the recording itself"),
+        ("--report model.json", "is the model itself"),
+    ] {
+        bench.fails(&format!("{FIT} {options}"), &[part]);
+    }
+    for (output, part) in [
+        ("rows.csv/model.json", "cannot make the folder"),
+        (".", "is a folder; name a file in it"),
+        ("rows.csv", "is the recording itself"),
+    ] {
+        bench.fails(&format!("calibrate fit rows.csv --output {output}"), &[part]);
+    }
+    assert_eq!((bench.names(), bench.read("rows.csv")), (vec!["rows.csv".to_owned()], good(100)));
+}
+
+#[test]
+fn the_linear_family_needs_no_mixture_and_the_same_seed_gives_the_same_file() {
+    let bench = Bench::good(200);
+    let printed = bench.fits("--family linear --hold-out none");
+    assert!(printed.contains("held out   nothing") && !printed.contains("gmr"), "{printed}");
+    let written = || {
+        bench.fits("--components 3 --restarts 5 --seed 9 --overwrite");
+        bench.read("model.json")
+    };
+    assert_eq!(written(), written());
+}
+
+#[test]
+fn dropped_and_flagged_rows_are_named() {
+    let spike = |line: &str| {
+        let (rest, yaw) = line.rsplit_once(',').unwrap();
+        format!("{rest},{}", yaw.parse::<f64>().unwrap() + 70.0)
+    };
+    let text = good(200);
+    let lines = text.lines().enumerate().map(|(index, line)| match index {
+        21 => line[line.find(',').unwrap()..].to_owned(),
+        59 => spike(line),
+        _ => line.to_owned(),
+    });
+    let bench = Bench::with("rows.csv", &lines.collect::<Vec<_>>().join("\n"));
+    let printed = bench.fits("--components 2 --restarts 2");
+    let dropped = "1 dropped for an empty cell:\n           line 22 (t_s)";
+    assert_says(&printed, &[dropped, "1 reading(s) flagged:\n           line 60 (yaw "]);
+}
+
+#[test]
+fn columns_can_be_named() {
+    let bench = Bench::with("rows.csv", &good(100).replace(HEADER, "when,left,right,up,side"));
+    let columns = "--counts left,right --angles up=pitch,side=yaw --time when --family linear";
+    let named = "motor 0 `left`, motor 1 `right`, pitch `up`, yaw `side`, time `when`";
+    assert_says(&bench.fits(columns), &[named]);
+}
+
+#[test]
+fn a_model_is_replaced_only_when_asked_and_only_by_a_good_one() {
+    let bench = Bench::good(100);
+    bench.write("model.json", "mine");
+    bench.fails(&format!("{FIT} --family linear"), &["model.json: exists", "--overwrite"]);
+    bench.fails(&format!("{FIT} --family gmr --components 60 --overwrite"), &[]);
+    assert_eq!(bench.read("model.json"), "mine");
+    bench.fits("--family linear --overwrite");
+}
+
+#[test]
+fn a_model_gets_its_folder_and_the_robot_of_its_recording() {
+    let bench = Bench::good(400);
+    bench.write("rows.toml", "format = \"i2ris-recording\"\nrobot_id = \"left\"\n");
+    bench.succeeds("calibrate fit rows.csv --output models/new/x.json --family linear");
+    assert_eq!(Model::load(&bench.path("models/new/x.json")).unwrap().file().robot_id, "left");
+}
+
+#[test]
+fn a_recording_that_cannot_be_read_is_refused() {
+    let bench = Bench::with("rows.csv", "");
+    bench.refuses("", &["is empty"]);
+    fs::remove_file(bench.path("rows.csv")).unwrap();
+    bench.fails(FIT, &["rows.csv: No such file"]);
+    fs::create_dir(bench.path("rows.csv")).unwrap();
+    bench.refuses("", &["rows.csv: Is a directory"]);
+}
+
+#[test]
+fn columns_and_cells_that_make_no_sense_are_refused_with_the_option_that_helps() {
+    let good = Bench::good(100);
+    let there = ["no column `bend`", "`pitch_deg`, `yaw_deg`", "--angles"];
+    good.refuses("--angles bend=pitch", &there);
+    good.refuses("--time clock", &["no column `clock`", "--time"]);
+    with_cell(None, 2, "5").refuses("", &["column `q1_counts` is 5 on every row", "--counts"]);
+    with_cell(Some(7), 1, "left")
+        .refuses("", &["line 7, column `q0_counts`: `left` is not a number"]);
+    let twice = with_cell(Some(10), 0, "1.4");
+    twice.refuses("", &["line 10, column `t_s`: time 1.4 s occurs twice", "line 9"]);
+    twice.fits("--no-time --family linear");
+    let back = "error: recording rows.csv, line 52, column `t_s`: time 0.3 s goes backwards (9.8 s \
+                in line 51); correct the stamps, cut the recording there, or read it without time \
+                (--no-time)\n";
+    assert_eq!(with_cell(Some(52), 0, "0.3").refuses("", &[]), back);
+    let as_one = |time| {
+        let counts = wander(time)[0].round();
+        [counts, 2.0 * counts]
+    };
+    let together = recording(100, as_one, |_, [q, _]| [0.02 * q, 0.015 * q]);
+    Bench::with("rows.csv", &together).refuses("", &["the motors move together", "--counts"]);
+}
+
+#[test]
+fn too_few_rows_are_refused() {
+    let one = "1 complete row(s), and a model takes at least 20";
+    Bench::good(1).refuses("", &[one]);
+    let few = Bench::good(60);
+    let most = ["60 rows of 4 variables carry at most 4", "9 are asked for"];
+    few.refuses("--family gmr --components 9 --hold-out none", &most);
+    few.refuses("--hold-out none", &["takes rows held out", "--family"]);
+    let most = ["holding out 54 of 60 rows leaves 6 for training", "--hold-out"];
+    few.refuses("--hold-out 0.9", &most);
+}
+
+#[test]
+fn a_model_that_cannot_be_inverted_is_not_written() {
+    // Both motors stay on one circle, so nothing is known of its middle, and many components make
+    // folds there.
+    let circle = |time: f64| [350.0 * (0.5 * time).cos(), 350.0 * (0.5 * time).sin()];
+    let text = recording(250, circle, |time, _| {
+        let ([q0, q1], phase, noise) = (circle(time), 0.5 * time, 0.3 * (91.0 * time).sin());
+        [
+            0.02 * q0 - 0.015 * q1 + 2.0 * (3.0 * phase).sin() + noise,
+            0.015 * q0 + 0.02 * q1 - 1.5 * (2.0 * phase).cos() - noise,
+        ]
+    });
+    let parts = ["the model of family `gmr` is refused", "the inverse fails at counts"];
+    Bench::with("rows.csv", &text).refuses("--family gmr --components 8", &parts);
+}
+
+#[test]
+fn options_that_make_no_sense_are_refused() {
+    let bench = Bench::good(100);
+    for (options, part) in [
+        ("--family cubic", "`cubic` is no family"),
+        ("--hold-out 1.5", "`1.5` is neither `blocks`"),
+        ("--components 0", "1..=64"),
+        ("--restarts 0", "--restarts"),
+        ("--shrinkage 2", "from 0 to 1"),
+        ("--angles a=", "`a=` names no output"),
+    ] {
+        let said = bench.run(&format!("{FIT} {options}"));
+        assert_ne!(said.code, Some(0));
+        assert_says(&said.error, &[part]);
+        assert!(!bench.exists("model.json"));
+    }
+}
+
+#[test]
+fn the_laboratorys_recording_is_fitted_as_it_is() {
+    let recording = repository("../shared/data/i2ris/output_w_angles.csv");
+    if !recording.exists() {
+        eprintln!("skipped: {} is absent", recording.display());
+        return;
+    }
+    let bench = Bench::with("rows.csv", &fs::read_to_string(&recording).unwrap());
+    let printed = bench.fits("--restarts 3");
+    let dropped = "249; 5 dropped for an empty cell:\n           line 38 (yaws), 74 (yaws), 97";
+    let warning = "warning    both motors go round";
+    assert_says(&printed, &[dropped, "5 blocks all over the recording", warning]);
+    assert_eq!(bench.model().outputs(), 2);
+}
+
+#[test]
+fn one_axis_at_a_time_gives_a_separable_model_and_says_so() {
+    let motion: fn(f64) -> [f64; 2] = |time| match time < 50.0 {
+        true => [400.0 * (0.31 * time).sin() * (0.05 * time).cos(), 0.0],
+        false => [0.0, 400.0 * (0.29 * time).sin() * (0.05 * time).cos()],
+    };
+    let bench = gappy(500, motion, |angles| angles);
+    let text = bench.prints("");
+    let sentence = "the motors move together on 6 % of the path only, so the recording does not \
+                    show the plane between their axes; record motion of both at once";
+    assert_says(&text, &[&format!("warning {sentence}")]);
+    for family in ["gmr", "gmr-direction", "gmr-play", "gmr-stop"] {
+        assert_says(&text, &[&format!("No `{family}`: {sentence}.")]);
+    }
+    // Beyond the measured lines it is no further off than a straight line may be.
+    let model = bench.model();
+    let [pitch, yaw, _] = model.predict(&[200.0; 2], &model.new_memory()).mean.map(f64::to_degrees);
+    assert!((pitch - 4.0).abs() < 1.5 && (yaw - 8.0).abs() < 1.5, "{pitch} {yaw}");
+}
+
+#[test]
+fn one_loop_is_reported() {
+    // Lines between four corners.
+    let motion: fn(f64) -> [f64; 2] = |time| {
+        let phase = (time / 10.0).rem_euclid(4.0);
+        let zigzag = |phase: f64| 400.0 * (2.0 - (phase.rem_euclid(4.0) - 2.0).abs() - 1.0);
+        [zigzag(phase), zigzag(2.0 * phase)]
+    };
+    let text = gappy(600, motion, |angles| angles).prints("");
+    for motor in 0..2 {
+        let sentence = format!(
+            "motor {motor} always turns back at the same two positions, so the recording shows one \
+             loop and nothing of the smaller ones inside; record reversals of many sizes"
+        );
+        assert_says(&text, &[&sentence]);
+    }
+}
+
+#[test]
+fn a_flat_recording_is_refused() {
+    let sentence = "error: recording rows.csv: column `pitch_deg` is 3 on every row: nothing was \
+                    measured; record motion of it, or leave it out with --angles\n";
+    assert_eq!(gappy(300, wander, |_| [3.0, 1.0]).refuses("", &[]), sentence);
+}
+
+#[test]
+fn angles_of_noise_alone_are_refused_and_forced_ones_are_marked() {
+    // The seconds of an angle, as if nothing but rounding were left of them.
+    let bench = gappy(300, wander, |[pitch, yaw]| [(1e4 * pitch).sin(), (1e4 * yaw).cos()]);
+    let sentence = "error: recording rows.csv: the model of family `linear` is worthless: on rows \
+                    held out, R2 of `pitch` is -0.01, below that of a constant; record motion with \
+                    reversals of many sizes of both motors, or write it all the same, marked, with \
+                    --force\n";
+    assert_eq!(bench.refuses("--restarts 2 --family linear", &[]), sentence);
+    bench.prints("--family linear --force");
+    let model = bench.model();
+    let refusal = model.check_use("i2ris", 2, false).unwrap_err();
+    assert!(matches!(&refusal, ModelError::Worthless { .. }), "{refusal}");
+    let remedy = "fit a better one, or allow it by control.allow_worthless_model = true";
+    assert_says(&refusal.to_string(), &[remedy]);
+    assert!(model.check_use("i2ris", 2, true).is_ok());
+}
+
+#[test]
+fn columns_and_units_that_were_mixed_up_show_in_what_is_printed() {
+    let swapped = gappy(300, wander, |[pitch, yaw]| [yaw, pitch]).prints("--family linear");
+    let remedy = "where the robot does otherwise, two columns are swapped (--counts, --angles) or \
+                  the picture is mirrored";
+    let moved = "a count of motor 0 moves pitch by +0.0098 deg";
+    assert_says(&swapped, &[moved, "and yaw by +0.0294 deg", remedy]);
+    let mirrored = gappy(300, wander, |[pitch, yaw]| [pitch, -yaw]).prints("--family linear");
+    let moved = "a count of motor 0 moves pitch by +0.0294 deg";
+    assert_says(&mirrored, &[moved, "and yaw by -0.0098 deg"]);
+    let radians = gappy(300, wander, |angles| angles.map(f64::to_radians));
+    let warning = "warning no angle is further from 0 than 0.290 deg; if they are radians, \
+                   multiply them by 57.29578 and fit again";
+    assert_says(&radians.prints("--family linear"), &[warning]);
+}
+
+#[test]
+fn two_hundred_rows_give_a_model_and_a_hundred_thousand_are_thinned() {
+    let short = gappy(200, wander, |angles| angles);
+    assert_says(&short.prints(""), &["training 150 row(s) held out 50 row(s)"]);
+    short.model();
+    assert_thinned(100_000, "every 4th, more add hardly anything");
+}
+
+#[test]
+#[ignore = "two minutes"]
+fn a_million_rows_are_thinned() {
+    assert_thinned(1_000_000, "training 19737 row(s): every 38th, more add hardly anything");
+}
+
+#[track_caller]
+fn assert_thinned(rows: u32, sentence: &str) {
+    let motion: fn(f64) -> [f64; 2] = |time| {
+        let part = std::f64::consts::TAU * time / 2000.0;
+        [400.0 * (7.0 * part).sin(), 400.0 * (11.3 * part).cos()]
+    };
+    let text = gappy(rows, motion, |angles| angles).prints("--family linear --latency-ms 0");
+    assert_says(&text, &[sentence]);
+}

@@ -1,0 +1,19 @@
+//! `i2ris` as processes, as a person and a script meet it.
+#![allow(clippy::unwrap_used, clippy::print_stderr)]
+
+mod bench;
+mod benchmark;
+mod collect;
+mod command;
+mod drift;
+mod emulate;
+mod external;
+mod fit;
+mod guided;
+mod help;
+mod mistakes;
+mod model;
+mod python;
+mod reach;
+mod shell;
+mod teleop;

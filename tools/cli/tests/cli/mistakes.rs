@@ -1,0 +1,250 @@
+//! What a new user does wrong: message and exit code of each mistake, by real processes. The table
+//! of the manual is made from them: `I2RIS_UPDATE=1 cargo test -p i2ris-cli --test cli
+//! mistakes` writes it.
+
+use std::fs;
+
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::Client;
+use i2ris_testing::{Rig, linear_model, wait_for, wait_until_idle};
+
+use crate::bench::{Bench, ends, expect_stalls, nobody, repository, run, start, succeeds};
+
+/// The chapter of the manual.
+const CHAPTER: &str = "tools/manual/src/mistakes.md";
+const ROBOT: &str = "i2ris-emulated";
+const HEAD: &str = "# Mistakes and their messages
+
+What people do wrong in the first hours, and what the programs say. A test makes every mistake with
+real processes and compares message and exit code with this table. `FOLDER`, `DOMAIN`, `ID` and `N`
+stand for what differs from case to case.
+
+| mistake | command | message | exit code |
+|---|---|---|---|
+";
+
+/// Mistakes made so far, as rows of the table.
+struct Table {
+    bench: Bench,
+    rows: Vec<String>,
+    wrong: Vec<String>,
+}
+
+impl Table {
+    /// Makes a mistake and notes what is said. `code`: the exit code that the help promises.
+    fn make(&mut self, domain: &Domain, what: &str, code: i32, words: &str) {
+        let folder = self.bench.file("");
+        let folder = folder.trim_end_matches('/');
+        let said = run(domain, &words.replace("FOLDER", folder));
+        let (found, error) = (said.code, said.error);
+        let generic = |text: &str| {
+            let text = text.replace(folder, "FOLDER").replace(domain.name(), "DOMAIN");
+            without_numbers(&text).replace('|', "\\|")
+        };
+        let message = error.lines().find(|line| line.starts_with("error")).unwrap_or("");
+        if found != Some(code) || message.is_empty() {
+            self.wrong.push(format!("{what}: {found:?}, not {code}\n{error}"));
+        }
+        let command = generic(words);
+        let message = without_decimals(&generic(message.trim_start_matches("error: ")));
+        self.rows.push(format!("| {what} | `i2ris {command}` | {message} | {code} |\n"));
+    }
+}
+
+/// Identities and process numbers differ from run to run.
+fn without_numbers(text: &str) -> String {
+    let is_id = |word: &str| word.len() == 16 && word.chars().all(|c| c.is_ascii_hexdigit());
+    let mut after_name = false;
+    let words = text.split(' ').map(|word| {
+        let bare = word.trim_end_matches([',', ';', ':', '.']);
+        let is_number = after_name && bare.chars().all(|c| c.is_ascii_digit());
+        after_name = matches!(bare, "process" | "user" | "id");
+        if is_id(bare) {
+            word.replace(bare, "ID")
+        } else if is_number {
+            word.replace(bare, "N")
+        } else {
+            word.to_owned()
+        }
+    });
+    words.collect::<Vec<_>>().join(" ")
+}
+
+/// Measured values differ from run to run.
+fn without_decimals(text: &str) -> String {
+    let is_measured = |word: &&str| word.contains('.') && word.parse::<f64>().is_ok();
+    let words = text.split(' ');
+    let hidden = words.map(|word| Some(word).filter(|it| !is_measured(it)).unwrap_or("N"));
+    hidden.collect::<Vec<_>>().join(" ")
+}
+
+/// Files of the wrong kind, and files that are there already.
+fn write_files(bench: &Bench) {
+    let rows = |separator: &str, count: usize| {
+        let head = ["t_s", "q0_counts", "q1_counts", "pitch_deg", "yaw_deg"].join(separator);
+        let row = |k: usize| [k, k, 2 * k, k, k].map(|v| v.to_string()).join(separator);
+        let rows: Vec<String> = (0..count).map(row).collect();
+        format!("{head}\n{}\n", rows.join("\n"))
+    };
+    let waypoints = "t_s;pitch_deg;yaw_deg\n0;0;0\n1;1;1\n";
+    let config = include_str!("../../../../config/emulator.toml");
+    for (name, text) in [
+        ("semicolons.csv", rows(";", 100)),
+        ("short.csv", rows(",", 3)),
+        ("angles.csv", "t_s,pitch_deg,yaw_deg\n0,1,2\n1,2,3\n".to_owned()),
+        ("waypoints.csv", waypoints.to_owned()),
+        ("there.csv", rows(",", 100)),
+        ("there.json", "{}".to_owned()),
+        ("typo.toml", config.replacen("robot_id", "robot_name", 1)),
+        ("broken.toml", "robot_id = [".to_owned()),
+        ("other.toml", config.replacen("i2ris-emulated", "another-robot", 1)),
+    ] {
+        bench.write(name, &text);
+    }
+    fs::write(bench.path("trial.mcap"), b"\x89MCAP0\r\n\xff\xfe\x00\x01").unwrap();
+}
+
+#[test]
+fn mistakes_of_new_users_end_with_a_sentence_and_the_right_exit_code() {
+    let bench = Bench::new();
+    write_files(&bench);
+    let mut table = Table { bench, rows: Vec::new(), wrong: Vec::new() };
+    without_a_controller(&mut table, &nobody());
+    let mut rig = Rig::start();
+    expect_stalls(&mut rig);
+    rig.config.robot_id = ROBOT.to_owned();
+    rig.config.control.model = Some(linear_model(&rig, "model.json", ROBOT, 1.0));
+    rig.start_controller_thread();
+    let (domain, mut client) = (rig.domain(), rig.client());
+    wait_until_idle(&mut client);
+    table.bench.write("robot.toml", &toml::to_string(&rig.config).unwrap());
+    let other = linear_model(&rig, "other-robot.json", "another-robot", 1.0);
+    fs::copy(other, table.bench.path("other-robot.json")).unwrap();
+    before_homing(&mut table, &domain);
+    while_enabled(&mut table, &domain, &mut rig.client());
+    assert!(table.wrong.is_empty(), "{}", table.wrong.join("\n"));
+    compare(&format!("{HEAD}{}", table.rows.concat()));
+}
+
+fn without_a_controller(table: &mut Table, domain: &Domain) {
+    for (what, code, words) in [
+        ("no controller runs", 3, "command state enable"),
+        ("a wrong domain", 3, "command state enable --domain elsewhere"),
+        ("a domain with a slash", 2, "command state enable --domain a/b"),
+        ("a typing error in a command", 2, "comand state enable"),
+        ("an option is missing", 2, "calibrate fit FOLDER/there.csv"),
+        ("a number that is none", 2, "command circle --radius-deg five --period-s 6"),
+        ("no such recording", 1, "calibrate fit FOLDER/none.csv --output FOLDER/new.json"),
+        (
+            "a recording with semicolons",
+            1,
+            "calibrate fit FOLDER/semicolons.csv --output FOLDER/new.json",
+        ),
+        (
+            "an MCAP file for a CSV file",
+            1,
+            "calibrate fit FOLDER/trial.mcap --output FOLDER/new.json",
+        ),
+        (
+            "a recording without counts",
+            1,
+            "calibrate fit FOLDER/angles.csv --output FOLDER/new.json",
+        ),
+        ("a recording of a few rows", 1, "calibrate fit FOLDER/short.csv --output FOLDER/new.json"),
+        (
+            "a model file that is there",
+            1,
+            "calibrate fit FOLDER/there.csv --output FOLDER/there.json",
+        ),
+        ("a CSV file for a model", 1, "model show FOLDER/there.csv"),
+        ("a CSV file for an MCAP file", 1, "record info FOLDER/there.csv"),
+        ("a CSV file for a black box", 1, "replay FOLDER/there.csv"),
+        (
+            "no such configuration",
+            6,
+            "calibrate collect --config FOLDER/none.toml --output FOLDER/new.csv",
+        ),
+        (
+            "a key that does not exist",
+            6,
+            "calibrate collect --config FOLDER/typo.toml --output FOLDER/new.csv",
+        ),
+        (
+            "a configuration that is no TOML",
+            6,
+            "calibrate collect --config FOLDER/broken.toml --output FOLDER/new.csv",
+        ),
+        ("no such snake", 1, "emulate --snake FOLDER/none.toml --ports FOLDER/ports"),
+    ] {
+        table.make(domain, what, code, words);
+    }
+}
+
+fn before_homing(table: &mut Table, domain: &Domain) {
+    for (what, code, words) in [
+        ("enable before home", 4, "command state enable"),
+        ("a circle while the drives are off", 4, "command circle --radius-deg 5 --period-s 6"),
+        ("acknowledge without a fault", 4, "command state acknowledge"),
+        ("resume without pause", 4, "command state resume"),
+        (
+            "all steps in a script, before home",
+            1,
+            "calibrate --config FOLDER/robot.toml --folder FOLDER/here",
+        ),
+        (
+            "a folder that is missing",
+            1,
+            "calibrate collect --config FOLDER/robot.toml --output FOLDER/none/new.csv",
+        ),
+        (
+            "a recording that is there",
+            1,
+            "calibrate collect --config FOLDER/robot.toml --output FOLDER/there.csv",
+        ),
+        (
+            "the configuration of another robot",
+            1,
+            "calibrate collect --config FOLDER/other.toml --output FOLDER/new.csv",
+        ),
+        ("a model file that is missing", 4, "model stage FOLDER/none.json"),
+        ("a model of another robot", 4, "model stage FOLDER/other-robot.json"),
+        ("activate before stage", 1, "model activate"),
+        ("roll back without a former model", 4, "model rollback"),
+    ] {
+        table.make(domain, what, code, words);
+    }
+}
+
+fn while_enabled(table: &mut Table, domain: &Domain, client: &mut Client) {
+    succeeds(domain, "command state home");
+    succeeds(domain, "command state enable");
+    table.make(domain, "enable twice", 4, "command state enable --no-wait");
+    table.make(domain, "home while enabled", 4, "command state home");
+    table.make(domain, "a table with semicolons", 1, "command file FOLDER/waypoints.csv");
+    table.make(
+        domain,
+        "a pose out of reach",
+        7,
+        "command pose 60 0 --speed-deg-s 30 --duration-s 0.5",
+    );
+    let mut first = start(domain, "command hold");
+    wait_for(client, |state| state.lease_client_id != 0);
+    table.make(domain, "a second commander", 4, "command pose 1 1 --duration-s 0.5");
+    first.interrupt();
+    ends(first, 0, &[]);
+    succeeds(domain, "command state condition --no-wait");
+    table.make(domain, "a command while the robot is busy", 4, "command state condition --no-wait");
+}
+
+fn compare(table: &str) {
+    let file = repository(CHAPTER);
+    if std::env::var_os("I2RIS_UPDATE").is_some() {
+        fs::write(&file, table).unwrap();
+    }
+    let written = fs::read_to_string(&file).unwrap_or_default();
+    assert!(
+        written == table,
+        "the messages differ from {}; look at the difference, and set I2RIS_UPDATE=1\n{table}",
+        file.display()
+    );
+}

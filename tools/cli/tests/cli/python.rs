@@ -1,0 +1,290 @@
+//! The Python client against a controller without drives and a whole one, where there is a Python
+//! with what it needs.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
+use i2ris::ipc::client::Client;
+use i2ris::ipc::{StateCommand, find_client_process};
+use i2ris::units::Nanos;
+
+use i2ris_testing::{Controller, Rig, linear_model, python};
+
+use crate::bench::expect_stalls;
+
+/// Runs a script to its end, and expects success.
+#[track_caller]
+fn runs(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let [out, err] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+    assert!(output.status.success(), "{out}{err}");
+    out
+}
+
+const SCRIPT: &str = "
+import math, sys, time
+from i2ris.arm import Arm, NoController, Refused
+
+with Arm(sys.argv[1], deadline_s=0.5) as arm:
+    assert arm.version().interface == 3
+    try:
+        arm.state_command('enable')
+        raise AssertionError('it is not homed')
+    except Refused as refused:
+        assert 'not homed' in str(refused), refused
+    arm.state_command('home')
+    assert arm.state_command('enable') == 'ENABLED'
+    arm.wait_for(lambda state: state.state == 'ENABLED')
+    assert arm.enable().wait().state == 'ENABLED', 'a script is run again'
+    assert arm.wait_for(lambda state: state.state == 'ENABLED' and state.homed).fault == 'none'
+    for k in range(200):
+        arm.servo_jp([math.radians(5.0), math.radians(-3.0)])
+        time.sleep(0.005)
+        joints = arm.measured_js()
+        if k > 20 and joints is not None and abs(math.degrees(joints.position[0]) - 5.0) < 1e-9:
+            break
+    assert abs(math.degrees(joints.position[1]) + 3.0) < 1e-9 and joints.valid and \
+    len(joints.position) == 2, joints
+    state = arm.wait_for(lambda state: state.lease)
+    assert state.accepted > 0, state
+    assert list(arm.actuators.measured_js().measured_counts) == [40, -20]
+    try:
+        arm.servo_jp([])
+        raise AssertionError('nothing is no pose')
+    except ValueError:
+        pass
+
+try:
+    Arm('nobody-' + sys.argv[1][-8:]).measured_js()
+    raise AssertionError('nobody serves there')
+except NoController as error:
+    assert 'start i2ris-control' in str(error), error
+";
+
+#[test]
+fn a_python_session_enables_moves_watches_and_gives_the_lease_back() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let controller = Controller::start();
+    runs(command.args(["-c", SCRIPT, controller.domain.name()]));
+    let robot = controller.robot();
+    assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
+    assert!(
+        (robot.pose[0] - 5.0).abs() < 1e-9 && (robot.pose[1] + 3.0).abs() < 1e-9,
+        "{:?}",
+        robot.pose
+    );
+}
+
+const HOLDER: &str = "
+import sys, time
+from i2ris.arm import Arm
+
+with Arm(sys.argv[1], deadline_s=0.5) as arm:
+    arm.servo_jp([0.0, 0.0])
+    print('commanding', flush=True)
+    sys.stdin.read()
+";
+
+#[test]
+fn who_commands_from_python_is_known_by_name() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let controller = Controller::enabled();
+    let mut child = command
+        .args(["-c", HOLDER, controller.domain.name()])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    assert_eq!(line, "commanding\n");
+    controller.wait("the lease", |robot| robot.lease != 0);
+    let lease = controller.robot().lease;
+    let mut client = Client::connect(&controller.domain, Nanos::from_millis(5000)).unwrap();
+    let boot_id = client.version().unwrap().boot_id;
+    let caller = find_client_process(&controller.domain, boot_id, lease).unwrap();
+    assert_eq!((caller.pid, caller.program.starts_with("python")), (child.id(), true), "{caller}");
+    drop(child.stdin.take());
+    assert!(child.wait().unwrap().success());
+    assert_eq!(
+        find_client_process(&controller.domain, boot_id, lease),
+        None,
+        "gone with the client"
+    );
+}
+
+const ENVIRONMENT: &str = "
+import os, time
+from i2ris.arm import Arm, Refused
+
+with Arm(deadline_s=0.5) as arm:
+    assert arm.version().interface == 3
+    end = time.monotonic() + 20.0
+    try:
+        while time.monotonic() < end:
+            arm.servo_jp([0.0, 0.0])
+            time.sleep(0.005)
+        raise AssertionError('refusals are lost')
+    except Refused as refused:
+        assert refused.code == 9 and 'position limits' in refused.reason, refused
+";
+
+#[test]
+fn the_domain_is_that_of_the_environment_and_a_refused_stream_raises() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let controller = Controller::enabled();
+    controller.robot().refuse = Some(i2ris::ipc::Refusal::Range);
+    runs(command.args(["-c", ENVIRONMENT]).env("I2RIS_DOMAIN", controller.domain.name()));
+}
+
+const FOREIGN: &str = "
+import sys
+from i2ris.arm import Arm, OtherInterface
+
+try:
+    with Arm(sys.argv[1]):
+        pass
+    raise AssertionError('it speaks another version')
+except OtherInterface as error:
+    assert 'interface version 99, this package 3: take both from one release' in str(error), error
+from i2ris.link import Link
+try:
+    Link.check_iceoryx2('0.9.1')
+    raise AssertionError('another wheel')
+except OtherInterface as error:
+    assert str(error) == 'iceoryx2 0.9.1 is installed, and interface version 3 speaks with ' \\
+        'iceoryx2 0.10.0: pip install iceoryx2==0.10.0', error
+";
+
+#[test]
+fn a_controller_of_another_version_is_refused_plainly() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let controller = Controller::start();
+    let ready = controller.domain.directory().join("ready");
+    fs::write(ready, "000000000000b007 99 1\n").unwrap();
+    runs(command.args(["-c", FOREIGN, controller.domain.name()]));
+}
+
+const SWAP: &str = "
+import math, sys, threading, time
+from i2ris.arm import Arm, OutOfReach, Refused, Stopped
+
+domain, second, broken = sys.argv[1:]
+end = time.monotonic() + 20.0
+while True:
+    try:
+        arm = Arm(domain, deadline_s=0.5).__enter__()
+        arm.wait_for(lambda state: not state.busy)
+        break
+    except Exception:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+try:
+    arm.enable()
+    raise AssertionError('it is not homed')
+except Refused as refused:
+    assert refused.code == 6 and 'not homed' in refused.reason, refused
+arm.home().wait()
+assert arm.enable().wait().state == 'ENABLED'
+arm.move_jp([math.radians(3.0), math.radians(-2.0)]).wait()
+assert abs(math.degrees(arm.setpoint_js().position[0]) - 3.0) < 0.2, arm.setpoint_js()
+try:
+    arm.move_jp([math.radians(60.0), 0.0]).wait()
+    raise AssertionError('out of reach')
+except OutOfReach as out:
+    assert '60' in str(out), out
+arm.move_jp([0.0, 0.0]).wait()
+moving = arm.move_jp([math.radians(10.0), 0.0])
+assert not moving.is_done()
+arm.hold()
+try:
+    moving.wait()
+    raise AssertionError('it was stopped')
+except Stopped:
+    pass
+arm.move_jp([0.0, 0.0]).wait()
+try:
+    while True:
+        arm.servo_jp([math.radians(20.0), 0.0])
+        time.sleep(0.005)
+except Refused as refused:
+    assert 'step too large' in refused.reason, refused
+
+done, lead = threading.Event(), Arm(domain, deadline_s=0.5)
+def move():
+    start = time.monotonic()
+    while not done.is_set():
+        t = time.monotonic() - start
+        lead.servo_jp([math.radians(2.0 * math.sin(t)), math.radians(2.0 * math.sin(1.3 * t))])
+        time.sleep(0.005)
+mover = threading.Thread(target=move)
+mover.start()
+try:
+    arm.wait_for(lambda state: state.accepted > 50)
+    first = arm.model.list()
+    assert first.active.family == 'linear', first
+    assert first.staged is None and first.previous is None, first
+    try:
+        arm.model.stage(broken)
+        raise AssertionError('a broken model')
+    except Refused as refused:
+        assert 'broken.json' in str(refused), refused
+    try:
+        arm.model.rollback(force=True)
+        raise AssertionError('nothing to go back to')
+    except Refused as refused:
+        assert 'no model was in use before' in str(refused), refused
+    staged = arm.model.stage(second)
+    assert staged.active.id == first.active.id and staged.staged.id != first.active.id, staged
+    try:
+        arm.model.activate('0' * 64, force=True)
+        raise AssertionError('another model than the staged one')
+    except Refused as refused:
+        assert 'not staged' in str(refused), refused
+    arm.model.activate(staged.staged.id, force=True)
+    def in_use(model):
+        limit = time.monotonic() + 15.0
+        while (models := arm.model.list()).active.id != model:
+            assert time.monotonic() < limit, models
+            time.sleep(0.02)
+        return models
+    swapped = in_use(staged.staged.id)
+    assert swapped.previous.id == first.active.id, swapped
+    arm.model.rollback(force=True)
+    in_use(first.active.id)
+    before = arm.operating_state().accepted
+    state = arm.wait_for(lambda state: state.accepted > before + 20)
+    assert state.state == 'ENABLED' and state.fault == 'none', state
+finally:
+    done.set()
+    mover.join()
+lead.close()
+arm.close()
+print('swapped and back')
+";
+
+#[test]
+fn models_are_swapped_from_python_while_the_snake_moves() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let mut rig = Rig::with_model();
+    expect_stalls(&mut rig);
+    rig.start_controller_thread();
+    let second = linear_model(&rig, "second.json", "rig", 1.1);
+    let broken = rig.folder.path().join("broken.json");
+    fs::write(&broken, "{}").unwrap();
+    let script = ["-c", SWAP, rig.domain().name()].map(str::to_owned);
+    let out = runs(command.args(script).args([&second, &broken]));
+    assert!(out.contains("swapped and back"), "{out}");
+}

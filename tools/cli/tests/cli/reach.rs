@@ -1,0 +1,89 @@
+//! A reach-and-hold task on emulated drives: keys through a terminal, a recording, and its report.
+
+use std::fs;
+
+use i2ris::clock;
+use i2ris::ipc::client::{Client, Latest};
+use i2ris::ipc::payload::ReachTarget;
+use i2ris::units::Nanos;
+use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, home_and_enable, wait_until};
+
+use crate::bench::{Bench, assert_says, ends, expect_stalls, fails, start, succeeds};
+
+/// How long a task of two targets may take on a machine that does other things.
+const PATIENCE: Nanos = Nanos::from_millis(240_000);
+
+/// Plays the person: presses arrows towards the target until the task has ended.
+fn reach_by_keys(client: &Client, terminal: &mut Terminal) {
+    let mut target = Latest::new(client.watcher().reach_target());
+    let mut measured = Latest::new(client.watcher().measured_js());
+    let start = clock::now();
+    while clock::now().since(start) < PATIENCE {
+        clock::sleep(Nanos::from_millis(150));
+        let mut keys = String::from(" ");
+        if let (Some(target), Some(snake)) =
+            (target.refresh().unwrap(), measured.refresh().unwrap())
+        {
+            if target.flags & ReachTarget::ENDED != 0 && target.number == target.total {
+                return;
+            }
+            for (axis, [more, less]) in
+                [["\x1b[A", "\x1b[B"], ["\x1b[C", "\x1b[D"]].iter().enumerate()
+            {
+                let away = (target.position[axis] - snake.position[axis]).to_degrees();
+                let steps = (away.abs() / 0.1).round().min(3.0) as usize;
+                keys.push_str(&if away > 0.0 { more } else { less }.repeat(steps));
+            }
+        }
+        terminal.type_keys(&keys);
+    }
+    panic!("the task does not end:\n{}", terminal.screen.screen().contents());
+}
+
+#[test]
+fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
+    let mut rig = Rig::with_model();
+    expect_stalls(&mut rig);
+    // Away from the camera, so the estimate judges.
+    let domain = rig.another_domain("blind");
+    domain.name().clone_into(&mut rig.config.ipc.domain);
+    rig.start_controller_thread();
+    let mut client = rig.client();
+    home_and_enable(&mut client, TIMEOUT).unwrap();
+    let bench = Bench::new();
+    let file = bench.file("task.mcap");
+    let mut record = start(&domain, &format!("record --output {file}"));
+    wait_until("it records", || fs::metadata(&file).is_ok_and(|data| data.len() > 0));
+    let words = "command reach --targets 2 --seed 3 --range-deg 2 --hold-s 0.5 --limit-s 100";
+    let words: Vec<&str> = words.split(' ').collect();
+    let mut terminal = Terminal::start(&domain, &words, 24, 80);
+    terminal.wait_for("2 targets; close the clutch to begin");
+    reach_by_keys(&client, &mut terminal);
+    let shown = terminal.wait_for("2 of 2 targets held for 0.5 s within 0.15 deg; median time");
+    assert_says(&shown, &["target 1 of 2: held after"]);
+    assert!(terminal.end().success());
+    terminal.assert_restored();
+
+    // The recorder has everything that came before the signal.
+    clock::sleep(Nanos::from_millis(500));
+    record.interrupt();
+    ends(record, 0, &[]);
+    let json = succeeds(&domain, &format!("report {file} --json"));
+    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let score = &report["targets"];
+    assert_eq!((&score["by"], &score["held"]), (&"estimate".into(), &1.0.into()), "{score}");
+    let targets = score["targets"].as_array().unwrap();
+    assert_eq!(targets.len(), 2);
+    for target in targets {
+        assert!(target["held_s"].as_f64().unwrap() >= 0.5, "{target}");
+        // Each is at least half the range from the one before.
+        assert!(target["distance_deg"].as_f64().unwrap() > 0.8, "{target}");
+    }
+}
+
+#[test]
+fn a_task_without_a_terminal_and_without_targets_is_refused() {
+    let controller = Controller::enabled();
+    fails(&controller.domain, "command reach", 1, &["needs a terminal"]);
+    fails(&controller.domain, "command reach --targets 0", 2, &["1..=1000"]);
+}

@@ -1,0 +1,128 @@
+//! What scripts, shells, editors and systemd rely on: exit codes, readers that go away, JSON,
+//! completions, units.
+
+use std::fs;
+use std::process::{Command, Stdio};
+
+use i2ris::ipc::{Domain, Fault, OperatingState, Refusal};
+use i2ris_testing::{Controller, program};
+
+use crate::bench::{Bench, assert_says, nobody, repository, run};
+
+fn code(domain: &Domain, words: &str) -> Option<i32> {
+    let said = run(domain, words);
+    let is_silent = said.error.is_empty();
+    assert!(said.code == Some(0) || !is_silent, "{words} fails without a word: {}", said.output);
+    said.code
+}
+
+#[test]
+fn the_exit_code_tells_what_kind_of_failure_it_was() {
+    let nobody = nobody();
+    let bench = Bench::with("bad.toml", "robot_id = 3");
+    let controller = Controller::start();
+    let domain = &controller.domain;
+    for (domain, words, expected) in [
+        (&nobody, "completions bash", 0),
+        (&nobody, "model show /nonexistent.json", 1),
+        (&nobody, "nonsense", 2),
+        (&nobody, "command", 2),
+        (&nobody, "command --domain a/b hold", 2),
+        (&nobody, "command hold", 3),
+        (&nobody, "model list", 3),
+        (domain, "command state enable", 4),
+        (domain, "command hold", 4),
+        (domain, &format!("config check {}", bench.file("bad.toml")), 6),
+    ] {
+        assert_eq!(code(domain, words), Some(expected), "{words}");
+    }
+    controller.robot().state = OperatingState::Enabled;
+    controller.robot().homed = true;
+    controller.robot().refuse = Some(Refusal::Range);
+    assert_eq!(code(domain, "command pose 1 1"), Some(4), "every command refused");
+    controller.robot().fault = Fault::Drive;
+    controller.robot().state = OperatingState::Fault;
+    assert_eq!(code(domain, "command hold"), Some(5));
+}
+
+/// `| head -0`: nobody reads any of it.
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let config = repository("config/robot.toml");
+    let config = config.to_str().unwrap();
+    for arguments in [
+        &["config", "schema"][..],
+        &["config", "print", config],
+        &["completions", "zsh"],
+        &["doctor", "--config", config, "--no-drives"],
+    ] {
+        let mut child = program::command(arguments)
+            .env("I2RIS_DOMAIN", nobody().name())
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr);
+        let panicked = error.contains("panic") || output.status.code() == Some(101);
+        assert!(!panicked, "{arguments:?}: {error}");
+    }
+}
+
+#[test]
+fn the_schema_knows_every_table_and_an_editor_can_read_it() {
+    let output = Bench::new().succeeds("config schema");
+    let schema: serde_json::Value = serde_json::from_str(&output).unwrap();
+    assert!(schema["$schema"].as_str().unwrap().contains("json-schema.org"));
+    for table in ["control", "ipc", "command", "limits", "compensation", "record", "ports"] {
+        assert!(schema["properties"][table]["description"].is_string(), "{table}");
+    }
+    assert_eq!(schema["required"], serde_json::json!(["robot_id", "ports"]));
+}
+
+#[test]
+fn a_configuration_is_judged_and_printed_with_its_defaults() {
+    let good = fs::read_to_string(repository("config/emulator.toml")).unwrap();
+    let bench = Bench::with("good.toml", &good);
+    let output = bench.succeeds("config check good.toml");
+    assert_says(&output, &["valid; robot i2ris-emulated, 2 motor(s)"]);
+    bench.write("printed.toml", &bench.succeeds("config print good.toml"));
+    bench.succeeds("config check printed.toml");
+    bench.write("bad.toml", &good.replace("rate_hz", "rate_herz"));
+    let said = bench.run("config check bad.toml");
+    assert_eq!(said.code, Some(6));
+    assert_says(&said.error, &["bad.toml", "rate_herz"]);
+}
+
+#[test]
+fn shells_are_told_every_subcommand() {
+    for shell in ["bash", "zsh", "fish"] {
+        let script = Bench::new().succeeds(&format!("completions {shell}"));
+        assert_says(&script, &["calibrate", "vision", "record", "monitor"]);
+    }
+}
+
+/// The units, with the programs of this build in the place of the installed ones.
+#[test]
+fn the_units_of_systemd_are_valid() {
+    let probe = Command::new("systemd-analyze").arg("--version").output();
+    if !probe.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: there is no systemd-analyze");
+        return;
+    }
+    let bench = Bench::new();
+    let units = ["i2ris-control@.service", "i2ris-watchdog@.service"].map(|name| {
+        let text = fs::read_to_string(repository("config/system").join(name)).unwrap();
+        assert!(text.contains("ExecStart=/usr/local/bin/i2ris-"), "{name}");
+        let program = text.lines().find_map(|line| line.strip_prefix("ExecStart=")).unwrap();
+        let installed = program.split(' ').next().unwrap();
+        bench.write(name, &text.replace(installed, env!("CARGO_BIN_EXE_i2ris")));
+        bench.path(name)
+    });
+    let output = Command::new("systemd-analyze").arg("verify").args(&units).output().unwrap();
+    let said = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+    let ours: Vec<&str> = said.lines().filter(|line| line.contains("i2ris")).collect();
+    assert!(ours.is_empty(), "{ours:?}");
+}

@@ -1,0 +1,326 @@
+//! Whose commands are passed on to the controller. Without I/O.
+//!
+//! | file | contains |
+//! |---|---|
+//! | `peers` | those that take part, a bounded number |
+//! | `flood` | how many messages a client sends |
+//! | `stream` | whether a stream of servo commands goes on, or broke off |
+//! | `reason` | why something is not passed on |
+//!
+//! The bridge knows its clients by certificates and sessions, and a session that was silent ends
+//! for ever: it needs [`Peers`], [`Ages`] and [`Reason`]. ROS 2 has neither, so everything that a
+//! message alone can tell is judged by [`Admission`].
+
+mod flood;
+mod peers;
+mod reason;
+mod stream;
+
+use std::fmt;
+
+use i2ris::ipc::random_id;
+use i2ris::units::{MAX_OUTPUTS, Nanos, OutputVec};
+
+pub use peers::Peers;
+pub use reason::Reason;
+
+use crate::clock::SenderClock;
+use flood::Flood;
+use stream::Stream;
+
+/// Participants that are remembered.
+const PARTICIPANTS: usize = 64;
+
+/// Clients in one participant: objects that publish the same topics beside each other.
+const CLIENTS_PER_PARTICIPANT: usize = 4;
+
+/// How old a command may be that is sent once, by its stamp.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Ages {
+    pub oldest: Nanos,
+    /// How far it may be in the future: the clock of its sender may be ahead.
+    pub ahead: Nanos,
+    /// Since when commands are listened to, by the same clock. Those that were sent earlier are for
+    /// somebody else: implementations of DDS deliver what they keep also to readers that do not ask
+    /// for it.
+    pub since_ns: u64,
+}
+
+impl Ages {
+    /// # Errors
+    ///
+    /// [`Reason::Old`].
+    pub fn check(&self, stamp_ns: u64, now_ns: u64) -> Result<(), Reason> {
+        let (apart, future) = (Nanos(stamp_ns.abs_diff(now_ns)), stamp_ns > now_ns);
+        let limit = if future { self.ahead } else { self.oldest };
+        if apart <= limit && stamp_ns >= self.since_ns {
+            return Ok(());
+        }
+        Err(Reason::Old { apart, future })
+    }
+}
+
+/// The writer of a message, as DDS names it: unique in the world while it lives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Writer(pub [u8; 16]);
+
+/// The process, or context of ROS, that a writer belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Participant(pub [u8; 12]);
+
+impl Writer {
+    #[must_use]
+    pub fn participant(&self) -> Participant {
+        Participant(std::array::from_fn(|i| self.0[i]))
+    }
+}
+
+impl fmt::Display for Participant {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
+}
+
+/// A topic with commands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Topic {
+    ServoJp,
+    ServoJr,
+    MoveJp,
+    MoveJr,
+    StateCommand,
+    Hold,
+    External,
+}
+
+impl Topic {
+    /// All, in the order of their numbers.
+    pub const ALL: [Self; 7] = [
+        Self::ServoJp,
+        Self::ServoJr,
+        Self::MoveJp,
+        Self::MoveJr,
+        Self::StateCommand,
+        Self::Hold,
+        Self::External,
+    ];
+
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::ServoJp => "servo_jp",
+            Self::ServoJr => "servo_jr",
+            Self::MoveJp => "move_jp",
+            Self::MoveJr => "move_jr",
+            Self::StateCommand => "state_command",
+            Self::Hold => "hold",
+            Self::External => "external/measured_jp",
+        }
+    }
+}
+
+/// When a message was sent and when it arrived.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Times {
+    pub arrived: Nanos,
+    pub arrived_unix_ns: u64,
+    /// When its writer sent it, by its own wall clock; `None`: it does not say.
+    pub sent_unix_ns: Option<u64>,
+}
+
+/// Values of the right number, all finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// rad; 0 beyond `count`.
+    pub position: OutputVec,
+    /// Number of joints.
+    pub count: u32,
+}
+
+impl Pose {
+    /// The pose so far from another one.
+    #[must_use]
+    pub fn from(&self, start: &OutputVec) -> Self {
+        Self { position: std::array::from_fn(|i| self.position[i] + start[i]), ..*self }
+    }
+}
+
+/// Checks the number of values, and that they are finite.
+///
+/// # Errors
+///
+/// [`Reason::Length`], [`Reason::NotFinite`].
+pub fn checked(values: &[f64], joints: usize) -> Result<Pose, Reason> {
+    if values.len() != joints || joints == 0 || joints > MAX_OUTPUTS {
+        let given = values.len();
+        return Err(Reason::Length { given, joints });
+    }
+    if values.iter().any(|value| !value.is_finite()) {
+        return Err(Reason::NotFinite);
+    }
+    let mut position = [0.0; MAX_OUTPUTS];
+    position[..joints].copy_from_slice(values);
+    Ok(Pose { position, count: joints as u32 })
+}
+
+/// One commander as the controller sees it.
+#[derive(Debug)]
+struct Client {
+    id: u64,
+    /// Its writer on every topic.
+    writers: [Option<Writer>; Topic::ALL.len()],
+    flood: Flood,
+    stream: Stream,
+}
+
+impl Client {
+    fn new() -> Self {
+        Self {
+            id: random_id(),
+            writers: [None; Topic::ALL.len()],
+            flood: Flood::default(),
+            stream: Stream::default(),
+        }
+    }
+}
+
+/// Everything of one process that takes part.
+#[derive(Debug, Default)]
+struct Peer {
+    clients: Vec<Client>,
+    clock: SenderClock,
+}
+
+impl Peer {
+    /// The client that a writer belongs to: the first that has this writer on the topic, or has
+    /// none there yet.
+    fn client(&mut self, writer: Writer, topic: Topic) -> Result<&mut Client, Reason> {
+        let place = topic as usize;
+        let own = |client: &Client| client.writers[place] == Some(writer);
+        let free = |client: &Client| client.writers[place].is_none();
+        let found =
+            { self.clients.iter() }.position(own).or_else(|| self.clients.iter().position(free));
+        let found = match found {
+            Some(found) => found,
+            None if self.clients.len() < CLIENTS_PER_PARTICIPANT => {
+                self.clients.push(Client::new());
+                self.clients.len() - 1
+            }
+            None => return Err(Reason::TooManyWriters),
+        };
+        let client = &mut self.clients[found];
+        client.writers[place] = Some(writer);
+        Ok(client)
+    }
+}
+
+/// A servo command that is passed on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Admitted {
+    /// The client's identity for the controller.
+    pub client_id: u64,
+    /// When it was sent, at the latest; monotonic.
+    pub stamp: Nanos,
+}
+
+/// Judges every message of ROS by its writer and its times.
+#[derive(Debug)]
+pub struct Admission {
+    peers: Peers<Participant, Peer>,
+    /// Of commands that are sent once, by their own stamp and by the one of their writer.
+    ages: Ages,
+}
+
+impl Admission {
+    #[must_use]
+    pub const fn new(ages: Ages) -> Self {
+        Self { peers: Peers::new(PARTICIPANTS), ages }
+    }
+
+    /// Counts `count` servo commands that arrived together, and judges the newest of them, which
+    /// asks for `goal`.
+    ///
+    /// # Errors
+    ///
+    /// Why it is not passed on. A client that was never heard has the reason
+    /// [`Reason::FirstOfStream`] once: it may be a message that was kept for late joiners.
+    pub fn servo(
+        &mut self,
+        writer: Writer,
+        topic: Topic,
+        goal: &Pose,
+        count: u32,
+        times: &Times,
+    ) -> Result<Admitted, Reason> {
+        let now = times.arrived;
+        let peer = self.peers.heard_or_new(&writer.participant(), now);
+        let sent = times.sent_unix_ns.ok_or(Reason::NoStamp)?;
+        let age = peer.clock.age(sent, now);
+        let client = peer.client(writer, topic)?;
+        client.flood.check(count, now)?;
+        client.stream.check(&goal.position, now)?;
+        Ok(Admitted { client_id: client.id, stamp: now - age })
+    }
+
+    /// Judges a command that is sent once. One that is passed on ends the client's stream, and lets
+    /// one that broke off begin anew.
+    ///
+    /// # Errors
+    ///
+    /// Why it is not passed on. `hold` is, whatever its age and however many came.
+    pub fn once(
+        &mut self,
+        writer: Writer,
+        topic: Topic,
+        header_unix_ns: Option<u64>,
+        times: &Times,
+    ) -> Result<u64, Reason> {
+        let peer = self.peers.heard_or_new(&writer.participant(), times.arrived);
+        let client = peer.client(writer, topic)?;
+        if topic == Topic::Hold {
+            // Always right, also in a flood, which it does not end.
+            if client.flood.check(1, times.arrived).is_ok() {
+                client.stream.begin_anew();
+            }
+            return Ok(client.id);
+        }
+        let sent = times.sent_unix_ns.ok_or(Reason::NoStamp)?;
+        for stamp in [Some(sent), header_unix_ns].into_iter().flatten() {
+            self.ages.check(stamp, times.arrived_unix_ns)?;
+        }
+        client.flood.check(1, times.arrived)?;
+        client.stream.begin_anew();
+        Ok(client.id)
+    }
+
+    /// Counts what a camera sees.
+    ///
+    /// # Errors
+    ///
+    /// [`Reason::Flood`], [`Reason::TooManyWriters`].
+    pub fn camera(&mut self, writer: Writer, count: u32, times: &Times) -> Result<(), Reason> {
+        let now = times.arrived;
+        let peer = self.peers.heard_or_new(&writer.participant(), now);
+        peer.client(writer, Topic::External)?.flood.check(count, now)
+    }
+
+    /// The identity of the client that a writer belongs to.
+    #[must_use]
+    pub fn client_id(&mut self, writer: Writer, topic: Topic, now: Nanos) -> Option<u64> {
+        let peer = self.peers.heard_or_new(&writer.participant(), now);
+        peer.client(writer, topic).ok().map(|client| client.id)
+    }
+
+    /// A participant is gone, or was silent for so long that it counts as gone: if it comes back
+    /// its streams do not go on by themselves.
+    pub fn lost(&mut self, participant: Participant) {
+        if let Some(peer) = self.peers.get_mut(&participant) {
+            for client in &mut peer.clients {
+                client.stream.break_off();
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,63 @@
+//! Why something is not passed on to the controller.
+
+use i2ris::units::Nanos;
+
+/// Why something is not passed on to the controller, or a client is not served. The sentence
+/// follows the name of the client.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Reason {
+    // A client as a whole.
+    #[error("refused, as many clients as possible are joined")]
+    Full,
+    #[error("refused, it has interface version {0}; build both from one release")]
+    Interface(u32),
+    #[error("refused: this key was revoked")]
+    Revoked,
+    /// By silence or by the client. A session that has ended never lives again.
+    #[error("refused, its session has ended")]
+    Ended,
+    #[error("this key may watch only; see the list of keys")]
+    WatchOnly,
+    #[error("its process has too many publishers of this topic")]
+    TooManyWriters,
+    #[error("more than {per_second} messages a second: send less often")]
+    Flood { per_second: u32 },
+    // What a message says.
+    #[error("{given} positions for {joints} joints")]
+    Length { given: usize, joints: usize },
+    #[error("a position is not finite")]
+    NotFinite,
+    #[error("the message does not have the type of the topic")]
+    Undecodable,
+    #[error(
+        "it is none of enable, disable, pause, resume, home, unhome, condition, acknowledge, \
+         release, hold"
+    )]
+    UnknownCommand,
+    // When it was sent.
+    /// It may have been kept for those who come late.
+    #[error("the first message of a stream is not followed; the next one is")]
+    FirstOfStream,
+    #[error("the stream broke off; it goes on after `hold`, `move_jp` or a state command")]
+    BrokenOff,
+    #[error(
+        "it was sent {:.1} s {}: kept for late joiners, or the clocks of the computers differ",
+        apart.as_seconds(),
+        if *future { "in the future" } else { "ago" }
+    )]
+    Old { apart: Nanos, future: bool },
+    /// A writer that says nothing of time cannot be distinguished from one that repeats.
+    #[error("its writer gives no time of sending")]
+    NoStamp,
+    // The controller.
+    #[error("there is no setpoint to start from")]
+    NoSetpoint,
+    #[error("the model in use has no angles")]
+    NoAngles,
+    #[error("no controller is there")]
+    NoController,
+    #[error("the controller has not answered earlier requests yet")]
+    Waiting,
+    #[error("{0}")]
+    Failed(String),
+}

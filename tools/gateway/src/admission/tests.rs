@@ -1,0 +1,175 @@
+use super::*;
+
+const START_UNIX_NS: u64 = 1_795_000_000_000_000_000;
+const MS: u64 = 1_000_000;
+
+fn writer(participant: u8, entity: u8) -> Writer {
+    let mut bytes = [participant; 16];
+    bytes[15] = entity;
+    Writer(bytes)
+}
+
+/// A message that was sent and arrives at so many milliseconds.
+fn times(sent_ms: u64, arrived_ms: u64) -> Times {
+    Times {
+        arrived: Nanos(50_000 * MS + arrived_ms * MS),
+        arrived_unix_ns: START_UNIX_NS + arrived_ms * MS,
+        sent_unix_ns: Some(START_UNIX_NS + sent_ms * MS),
+    }
+}
+
+/// Since so many milliseconds.
+fn listening(since_ms: u64) -> Admission {
+    let limit = Nanos::from_millis(2000);
+    let since_ns = START_UNIX_NS + since_ms * MS;
+    Admission::new(Ages { oldest: limit, ahead: limit, since_ns })
+}
+
+fn pose(pitch: f64) -> Pose {
+    checked(&[pitch, 0.0], 2).unwrap()
+}
+
+fn servo(
+    admission: &mut Admission,
+    writer: Writer,
+    sent_ms: u64,
+    arrived_ms: u64,
+) -> Result<Admitted, Reason> {
+    let times = times(sent_ms, arrived_ms);
+    admission.servo(writer, Topic::ServoJp, &pose(0.1), 1, &times)
+}
+
+#[test]
+fn values_of_the_wrong_number_and_values_that_are_not_finite_are_refused() {
+    assert_eq!(pose(0.25).position, [0.25, 0.0, 0.0]);
+    for wrong in [&[][..], &[1.0], &[1.0; 3], &[0.0; 1000]] {
+        let given = wrong.len();
+        assert_eq!(checked(wrong, 2), Err(Reason::Length { given, joints: 2 }));
+    }
+    for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        assert_eq!(checked(&[0.0, wrong], 2), Err(Reason::NotFinite));
+    }
+    let none = Reason::Length { given: 0, joints: 0 };
+    assert_eq!(checked(&[], 0), Err(none));
+}
+
+#[test]
+fn the_first_message_only_tells_the_clock_and_a_kept_one_moves_nothing() {
+    let (mut admission, one) = (listening(0), writer(1, 1));
+    // Kept for a minute, and delivered with nine others in one burst.
+    let kept = servo(&mut admission, one, 1000, 61_000);
+    assert_eq!(kept, Err(Reason::FirstOfStream));
+    let live = servo(&mut admission, one, 61_010, 61_010).unwrap();
+    assert_eq!(live.stamp, times(0, 61_010).arrived);
+    let late = servo(&mut admission, one, 61_020, 61_320).unwrap();
+    assert_eq!(late.stamp, times(0, 61_020).arrived, "300 ms in transit");
+}
+
+#[test]
+fn clocks_that_differ_by_hours_do_not_matter_for_a_stream() {
+    let (mut admission, one) = (listening(0), writer(1, 1));
+    let ahead = 7_200_000;
+    let _ = servo(&mut admission, one, ahead, 0);
+    let live = servo(&mut admission, one, ahead + 10, 10).unwrap();
+    assert_eq!(live.stamp, times(0, 10).arrived);
+}
+
+#[test]
+fn topics_of_one_client_are_one_identity_and_a_second_publisher_is_another() {
+    let mut admission = listening(0);
+    let mut id = |writer, topic| {
+        let now = times(0, 0).arrived;
+        admission.client_id(writer, topic, now).unwrap()
+    };
+    let servo = id(writer(1, 1), Topic::ServoJp);
+    assert_eq!(id(writer(1, 2), Topic::MoveJp), servo);
+    assert_eq!(id(writer(1, 3), Topic::StateCommand), servo);
+    assert_eq!(id(writer(1, 1), Topic::ServoJp), servo);
+    let second = id(writer(1, 4), Topic::ServoJp);
+    assert_ne!(second, servo, "the same process, another publisher");
+    assert_ne!(id(writer(2, 1), Topic::ServoJp), servo, "another process");
+}
+
+#[test]
+fn a_process_with_many_publishers_and_many_processes_do_not_fill_the_memory() {
+    let mut admission = listening(0);
+    let refused = (0..200).filter(|entity| {
+        let outcome = servo(&mut admission, writer(1, *entity), 0, 0);
+        outcome == Err(Reason::TooManyWriters)
+    });
+    assert_eq!(refused.count(), 200 - CLIENTS_PER_PARTICIPANT);
+    for participant in 0..=255 {
+        let arrived = 10 + u64::from(participant);
+        let _ = servo(&mut admission, writer(participant, 1), arrived, arrived);
+    }
+    let mut kept = |participant| {
+        let participant = writer(participant, 1).participant();
+        admission.peers.get_mut(&participant).is_some()
+    };
+    assert_eq!((0..=255).filter(|it| kept(*it)).count(), PARTICIPANTS);
+    assert!(kept(255));
+}
+
+#[test]
+fn an_old_command_that_is_sent_once_is_refused_by_either_stamp() {
+    let (mut admission, one) = (listening(0), writer(1, 1));
+    let mut once = |header_ms: Option<u64>, times: &Times| {
+        let header = header_ms.map(|ms| START_UNIX_NS + ms * MS);
+        admission.once(one, Topic::StateCommand, header, times)
+    };
+    assert!(once(None, &times(9_999, 10_000)).is_ok());
+    assert!(once(Some(9_000), &times(9_999, 10_000)).is_ok());
+    for (header, sent) in [(None, 7_000), (Some(7_000), 10_000), (None, 13_000)] {
+        let refused = once(header, &times(sent, 10_000));
+        assert!(matches!(refused, Err(Reason::Old { .. })), "{refused:?}");
+    }
+    let no_stamp = Times { sent_unix_ns: None, ..times(0, 10_000) };
+    assert_eq!(once(None, &no_stamp), Err(Reason::NoStamp));
+}
+
+#[test]
+fn a_command_from_before_we_listened_is_refused_however_young_it_is() {
+    let mut admission = listening(1000);
+    let mut once = |times| admission.once(writer(1, 1), Topic::MoveJp, None, &times);
+    assert!(matches!(once(times(999, 1500)), Err(Reason::Old { .. })));
+    assert!(once(times(1001, 1500)).is_ok());
+}
+
+#[test]
+fn hold_is_passed_on_however_old_it_is() {
+    let mut admission = listening(0);
+    let old = times(0, 100_000);
+    assert!(admission.once(writer(1, 1), Topic::Hold, None, &old).is_ok());
+}
+
+#[test]
+fn hold_is_passed_on_in_a_flood_and_does_not_end_it() {
+    let (mut admission, one) = (listening(0), writer(1, 1));
+    for _ in 0..5000 {
+        let _ = servo(&mut admission, one, 0, 0);
+    }
+    let held = admission.once(writer(1, 2), Topic::Hold, None, &times(10, 10));
+    assert!(held.is_ok());
+    for after_ms in [20, 1100] {
+        let refused = servo(&mut admission, one, after_ms, after_ms);
+        assert!(matches!(refused, Err(Reason::Flood { .. })), "{refused:?}");
+    }
+}
+
+#[test]
+fn a_command_that_is_refused_does_not_let_a_broken_stream_go_on() {
+    let (mut admission, one) = (listening(0), writer(1, 1));
+    let _ = servo(&mut admission, one, 0, 0);
+    servo(&mut admission, one, 10, 10).unwrap();
+    admission.lost(one.participant());
+    let (old, new) = (times(20, 30_000), times(29_999, 30_000));
+    let broken = Err(Reason::BrokenOff);
+    assert_eq!(servo(&mut admission, one, 29_990, 29_990), broken);
+    let replayed = admission.once(writer(1, 2), Topic::StateCommand, None, &old);
+    assert!(replayed.is_err());
+    assert_eq!(servo(&mut admission, one, 30_010, 30_010), broken);
+    admission.once(writer(1, 2), Topic::StateCommand, None, &new).unwrap();
+    let first = Err(Reason::FirstOfStream);
+    assert_eq!(servo(&mut admission, one, 30_020, 30_020), first);
+    assert!(servo(&mut admission, one, 30_030, 30_030).is_ok());
+}

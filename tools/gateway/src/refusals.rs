@@ -1,0 +1,127 @@
+//! Refusals as lines: the first at once, repeats once a second with their number.
+
+use std::mem::discriminant;
+
+use i2ris::units::Nanos;
+
+use crate::Reason;
+
+/// Repeats are said so often.
+const PERIOD: Nanos = Nanos::from_millis(1000);
+
+/// Kinds of refusals that are kept. More begin anew: whoever changes its name with every message
+/// does not fill the memory.
+const KINDS: usize = 256;
+
+/// Something that was refused.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Refused {
+    pub client: String,
+    /// What was sent; empty: the client is refused as a whole.
+    pub topic: &'static str,
+    pub reason: Reason,
+    /// How often.
+    pub count: u64,
+}
+
+impl Refused {
+    /// Repeats are counted by client, topic and kind of reason.
+    fn is_like(&self, other: &Self) -> bool {
+        let kind = |it: &Self| discriminant(&it.reason);
+        self.client == other.client && self.topic == other.topic && kind(self) == kind(other)
+    }
+
+    fn line(&self) -> String {
+        let Self { client, topic, reason, count } = self;
+        let topic = if topic.is_empty() { String::new() } else { format!("{topic}: ") };
+        let times = if *count == 1 { String::new() } else { format!(" ({count} times)") };
+        format!("{client}: {topic}{reason}{times}")
+    }
+}
+
+/// What was refused, and when that was said.
+#[derive(Debug, Default)]
+pub struct Refusals {
+    /// The count is of those that were not said yet.
+    kinds: Vec<(Nanos, Refused)>,
+}
+
+impl Refusals {
+    /// Takes in a refusal, and returns the line to say at once.
+    pub fn add(&mut self, refused: Refused, now: Nanos) -> Option<String> {
+        if self.kinds.len() >= KINDS {
+            self.kinds.retain(|(said, _)| now.since(*said) < PERIOD);
+        }
+        if self.kinds.len() >= KINDS {
+            self.kinds.clear();
+        }
+        if let Some((_, known)) = self.kinds.iter_mut().find(|(_, known)| known.is_like(&refused)) {
+            let count = known.count.saturating_add(refused.count);
+            *known = Refused { count, ..refused };
+            return None;
+        }
+        let line = refused.line();
+        self.kinds.push((now, Refused { count: 0, ..refused }));
+        Some(line)
+    }
+
+    /// The lines about repeats that are due.
+    pub fn due(&mut self, now: Nanos) -> Vec<String> {
+        let mut lines = Vec::new();
+        self.kinds.retain_mut(|(said, refused)| {
+            if now.since(*said) < PERIOD {
+                return true;
+            }
+            if refused.count == 0 {
+                return false;
+            }
+            lines.push(refused.line());
+            (*said, refused.count) = (now, 0);
+            true
+        });
+        lines
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(client: &str, reason: Reason) -> Refused {
+        Refused { client: client.to_owned(), topic: "servo_jp", reason, count: 2 }
+    }
+
+    #[test]
+    fn repeats_are_counted_and_said_once_a_second() {
+        let ms = |ms: u64| Nanos::from_millis(5000 + ms);
+        let mut refusals = Refusals::default();
+        let mut add = |reason, at| refusals.add(refused("/arm", reason), at);
+        let first = add(Reason::NotFinite, ms(0)).unwrap();
+        assert_eq!(first, "/arm: servo_jp: a position is not finite (2 times)");
+        for at in 1..500 {
+            assert_eq!(add(Reason::NotFinite, ms(at)), None);
+        }
+        assert!(add(Reason::NoStamp, ms(500)).is_some(), "another reason");
+        assert_eq!(refusals.due(ms(900)), Vec::<String>::new());
+        let counted = "/arm: servo_jp: a position is not finite (998 times)";
+        assert_eq!(refusals.due(ms(1000)), [counted]);
+        assert_eq!(refusals.due(ms(2000)), Vec::<String>::new());
+        let again = refusals.add(refused("/arm", Reason::NotFinite), ms(2001));
+        assert!(again.is_some(), "said at once again");
+    }
+
+    #[test]
+    fn names_that_change_with_every_message_do_not_fill_the_memory() {
+        let mut refusals = Refusals::default();
+        for number in 0..10_000 {
+            let _ = refusals.add(refused(&format!("{number}"), Reason::Full), Nanos(1));
+        }
+        assert!(refusals.kinds.len() <= KINDS);
+    }
+
+    #[test]
+    fn a_client_that_is_refused_as_a_whole_has_no_topic_in_its_line() {
+        let whole = Refused { topic: "", count: 1, ..refused("alice", Reason::Revoked) };
+        assert_eq!(whole.line(), "alice: refused: this key was revoked");
+    }
+}

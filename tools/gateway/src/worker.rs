@@ -1,0 +1,45 @@
+//! A thread that asks the controller and waits for its answers, so that nothing else has to wait
+//! for a controller that hangs.
+
+use std::io;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::{self, JoinHandle};
+
+/// Tasks that may wait at the same time.
+pub const WAITING: usize = 16;
+
+/// Does one task after the other. Ends when it is dropped, once its last task is done.
+#[derive(Debug)]
+pub struct Worker<T> {
+    tasks: SyncSender<T>,
+    thread: JoinHandle<()>,
+}
+
+impl<T: Send + 'static> Worker<T> {
+    /// Starts a thread of this name. At most `waiting` tasks wait.
+    ///
+    /// # Errors
+    ///
+    /// When the system gives no thread.
+    pub fn start(
+        name: &str,
+        waiting: usize,
+        mut work: impl FnMut(T) + Send + 'static,
+    ) -> io::Result<Self> {
+        let (tasks, to_do) = sync_channel(waiting);
+        let run = move || to_do.into_iter().for_each(&mut work);
+        let thread = thread::Builder::new().name(name.to_owned()).spawn(run)?;
+        Ok(Self { tasks, thread })
+    }
+
+    /// `false`: too many tasks wait already.
+    pub fn ask(&self, task: T) -> bool {
+        self.tasks.try_send(task).is_ok()
+    }
+
+    /// Waits until the last task is done.
+    pub fn finish(self) {
+        drop(self.tasks);
+        let _ = self.thread.join();
+    }
+}

@@ -1,0 +1,84 @@
+//! The URDF as a reader of URDFs sees it.
+#![allow(clippy::unwrap_used)]
+
+use std::collections::BTreeMap;
+
+use i2ris_gateway::{Bend, Snake};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use roxmltree::{Document, Node};
+
+fn attribute<'a>(node: Node<'a, '_>, child: &str, name: &str) -> Option<&'a str> {
+    let child = node.children().find(|it| it.has_tag_name(child))?;
+    child.attribute(name)
+}
+
+fn vector(text: &str) -> Vector3<f64> {
+    let numbers = text.split(' ').map(|number| number.parse().unwrap());
+    Vector3::from_iterator(numbers)
+}
+
+/// Where the tip is at a bend, by nothing but the text: joints named `pitch` and `yaw` are set,
+/// others follow them.
+fn tip(document: &Document<'_>, bend: Bend) -> Isometry3<f64> {
+    let joints = document.descendants().filter(|it| it.has_tag_name("joint"));
+    let by_child: BTreeMap<&str, Node<'_, '_>> =
+        joints.map(|joint| (attribute(joint, "child", "link").unwrap(), joint)).collect();
+    let (mut pose, mut link) = (Isometry3::identity(), "eye_tip");
+    while let Some(joint) = by_child.get(link) {
+        let master = attribute(*joint, "mimic", "joint").or(joint.attribute("name"));
+        let whole = match master {
+            Some("pitch") => bend.pitch,
+            Some("yaw") => bend.yaw,
+            _ => 0.0,
+        };
+        let share = attribute(*joint, "mimic", "multiplier").map_or(1.0, |it| it.parse().unwrap());
+        let axis = attribute(*joint, "axis", "xyz").map_or_else(Vector3::zeros, vector);
+        let origin = vector(attribute(*joint, "origin", "xyz").unwrap());
+        let turn = UnitQuaternion::from_scaled_axis(axis * (whole * share));
+        pose = Isometry3::from_parts(Translation3::from(origin), turn) * pose;
+        link = attribute(*joint, "parent", "link").unwrap();
+    }
+    assert_eq!(link, "eye_base", "the tip hangs on the base");
+    pose
+}
+
+#[test]
+fn a_reader_of_the_urdf_finds_the_tip_where_the_snake_has_it() {
+    let snake = Snake::new("eye");
+    let text = snake.urdf();
+    let document = Document::parse(&text).unwrap();
+    for (pitch, yaw) in [(0.0, 0.0), (0.7, 0.0), (0.0, -0.5), (-0.4, 0.6)] {
+        let bend = Bend { pitch, yaw };
+        let (found, expected) = (tip(&document, bend), snake.tip_pose(bend));
+        let position = Vector3::from(expected.position_m);
+        // The text has lengths to ten nanometres, twenty-five times.
+        assert!((found.translation.vector - position).norm() < 3e-7);
+        let [x, y, z, w] = expected.quaternion;
+        let expected = nalgebra::Quaternion::new(w, x, y, z);
+        assert!(found.rotation.angle_to(&UnitQuaternion::from_quaternion(expected)) < 1e-9);
+    }
+}
+
+#[test]
+fn every_link_has_one_joint_and_every_joint_has_limits_it_can_keep() {
+    let text = Snake::new("eye").urdf();
+    let document = Document::parse(&text).unwrap();
+    let robot = document.root_element();
+    let named = |tag: &'static str| robot.children().filter(move |it| it.has_tag_name(tag));
+    let links: Vec<_> = named("link").filter_map(|it| it.attribute("name")).collect();
+    let children: Vec<_> = named("joint").filter_map(|it| attribute(it, "child", "link")).collect();
+    assert_eq!(links.len(), 1 + 2 + 24 + 1);
+    assert_eq!(children.len(), links.len() - 1, "all but the base");
+    for (place, child) in children.iter().enumerate() {
+        assert!(links.contains(child), "{child}");
+        assert!(!children[..place].contains(child), "{child} hangs twice");
+    }
+    let limit = |name: &str| -> f64 {
+        let joint = named("joint").find(|it| it.attribute("name") == Some(name));
+        let limit = attribute(joint.unwrap(), "limit", "upper");
+        limit.unwrap().parse().unwrap()
+    };
+    let share: f64 = limit("yaw_6_upper") / limit("yaw");
+    assert!((share - 1.0 / 12.0).abs() < 1e-6, "{share}");
+    assert!((limit("pitch").to_degrees() - 52.5).abs() < 1e-5);
+}

@@ -1,0 +1,357 @@
+//! The robot as lines of text, for `--once` and for pipes.
+
+use i2ris_terminal::view::{Age, ControlLoop, Motor, Pose, Span, State, View};
+
+/// Everything, in several lines.
+pub fn page(view: &View) -> Vec<String> {
+    let mut lines = vec![state_line(view.state.as_ref()), lease_line(view.state.as_ref())];
+    let why = view.why.iter().filter(|why| why.is_fault() || why.age_s.is_some());
+    lines.extend(why.map(|why| format!("why        {}; do: {}", why.text, why.advice)));
+    lines.extend(angle_lines(view));
+    match &view.motors {
+        None => lines.push("motors     not received yet".to_owned()),
+        Some(motors) => {
+            lines.extend(motors.iter().enumerate().map(|(index, it)| motor_line(index, it)));
+        }
+    }
+    lines.extend(loop_lines(view.control_loop.as_ref()));
+    lines.extend(view.health.iter().map(|health| format!("health     {health}")));
+    let adaptation = view.adaptation.iter().flat_map(|it| it.lines());
+    lines.extend(adaptation.map(|line| format!("adaptation {line}")));
+    let fixtures: Vec<&str> = view.fixtures.iter().map(|it| it.text.as_str()).collect();
+    if !fixtures.is_empty() {
+        lines.push(format!("fixtures   {}", fixtures.join(", ")));
+    }
+    lines
+}
+
+/// The essentials, in one line.
+pub fn line(view: &View) -> String {
+    let state = view.state.as_ref();
+    let fault = state.and_then(|it| it.fault).map(|fault| format!(" ({fault})"));
+    let deg = |pose: Option<Pose>| pose.and_then(|pose| pose.deg);
+    let pair = |pose| {
+        deg(pose).map_or_else(|| "- -".to_owned(), |[pitch, yaw]| format!("{pitch:+.2} {yaw:+.2}"))
+    };
+    let counts = view.motors.as_ref().map(|motors| {
+        let shown = |value: fn(&Motor) -> i32| {
+            let counts: Vec<String> = motors.iter().map(|it| value(it).to_string()).collect();
+            counts.join(" ")
+        };
+        format!("; counts {} -> {}", shown(|it| it.setpoint_counts), shown(|it| it.measured_counts))
+    });
+    let late = view.control_loop.as_ref().map(|it| {
+        let [_, p99, _] = it.late.texts();
+        format!("; late p99 {p99} us, missed {}", it.missed)
+    });
+    let camera = deg(view.camera).map(|[pitch, yaw]| format!(" camera {pitch:+.2} {yaw:+.2}"));
+    format!(
+        "{}{}{}; goal {} set-point {} measured {}{} deg{}{}",
+        state.map_or("no state", |state| state.name),
+        fault.unwrap_or_default(),
+        mark(state.map(|state| &state.age)),
+        pair(view.goal),
+        pair(view.setpoint),
+        pair(view.estimate),
+        camera.unwrap_or_default(),
+        counts.unwrap_or_default(),
+        late.unwrap_or_default(),
+    )
+}
+
+fn state_line(state: Option<&State>) -> String {
+    let Some(state) = state else {
+        return "state      not received yet".to_owned();
+    };
+    let flags: Vec<&str> = [
+        (true, if state.homed { "homed" } else { "not homed" }),
+        (state.busy, "busy"),
+        (state.holding, "holding"),
+        (state.clipped, "clipped"),
+        (state.at_fixture, "limited by a virtual fixture"),
+        (true, if state.model { "model loaded" } else { "no model" }),
+        (state.memory_known, "memory known"),
+        (true, if state.watched { "watchdog" } else { "no watchdog" }),
+        (state.compared, "compared with camera"),
+    ]
+    .into_iter()
+    .filter_map(|(is_set, text)| is_set.then_some(text))
+    .collect();
+    let fault = state.fault.map(|fault| format!(": {fault}")).unwrap_or_default();
+    let (flags, mark) = (flags.join(", "), mark(Some(&state.age)));
+    format!("state      {}{fault} for {:.0} s, {flags}{mark}", state.name, state.for_s)
+}
+
+fn lease_line(state: Option<&State>) -> String {
+    let Some(State { lease, accepted, refused, last_refusal, stale_stops, .. }) = state else {
+        return "commander  -".to_owned();
+    };
+    let holder = lease.as_deref().unwrap_or("none");
+    let reason = last_refusal.map(|refusal| format!(", last: {refusal}")).unwrap_or_default();
+    format!(
+        "commander  {holder}; accepted {accepted}, refused {refused}{reason}; stale stops \
+         {stale_stops}"
+    )
+}
+
+fn angle_lines(view: &View) -> Vec<String> {
+    let camera = match &view.camera {
+        Some(camera) if camera.age.stale => format!("  CAMERA{}", &mark(Some(&camera.age))[1..]),
+        Some(camera) if camera.deg.is_none() => "  CAMERA SEES NOTHING".to_owned(),
+        _ => String::new(),
+    };
+    let estimate = mark(view.estimate.as_ref().map(|it| &it.age));
+    let mut lines = vec![format!(
+        "{:<11}{:>9}{:>11}{:>11}{:>9}{:>9}{estimate}{camera}",
+        "deg", "goal", "set-point", "measured", "+-", "camera"
+    )];
+    for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
+        let signed = |pose: Option<Pose>| {
+            let deg = pose.and_then(|pose| pose.deg);
+            deg.map_or_else(|| "-".to_owned(), |deg| format!("{:+.2}", deg[axis]))
+        };
+        let deviation = view.estimate.and_then(|it| it.deviation_deg);
+        lines.push(format!(
+            "{name:<11}{:>9}{:>11}{:>11}{:>9}{:>9}",
+            signed(view.goal),
+            signed(view.setpoint),
+            signed(view.estimate),
+            deviation.map_or_else(|| "-".to_owned(), |deg| format!("{:.2}", deg[axis])),
+            signed(view.camera),
+        ));
+    }
+    lines
+}
+
+fn motor_line(index: usize, motor: &Motor) -> String {
+    let Motor { setpoint_counts, measured_counts, current_ma, phase, status, .. } = motor;
+    let error = motor.error.as_ref().map(|code| format!(", error {code}")).unwrap_or_default();
+    let rate = motor.exchanges_per_s.map_or_else(
+        || "exchanges not counted yet".to_owned(),
+        |rate| format!("{rate:.0} exchanges/s"),
+    );
+    format!(
+        "motor {index}    set-point {setpoint_counts}, measured {measured_counts} counts, \
+         {current_ma} mA; {phase}{error}, status {status}; {rate}{}",
+        mark(Some(&motor.age))
+    )
+}
+
+fn loop_lines(control_loop: Option<&ControlLoop>) -> Vec<String> {
+    let Some(it) = control_loop else {
+        return vec!["loop       not received yet".to_owned()];
+    };
+    let ControlLoop { hz, missed, missed_in_window, granted, .. } = it;
+    let spans = |span: &Span| {
+        let [p50, p99, max] = span.texts();
+        format!("p50 {p50}, p99 {p99}, max {max} us")
+    };
+    let (late, compute, stale) = (spans(&it.late), spans(&it.compute), mark(Some(&it.age)));
+    vec![
+        format!("loop       {hz:.0} Hz; late {late}; computing {compute}{stale}"),
+        format!(
+            "missed     {missed} of {} ticks, {missed_in_window} in the last window",
+            it.ticks + missed
+        ),
+        format!("real time  {granted}"),
+    ]
+}
+
+fn mark(age: Option<&Age>) -> String {
+    age.and_then(Age::mark).map(|mark| format!("  {mark}")).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris::ipc::payload::{
+        ActuatorState, ExternalPosition, Health, JointState, OperatingStateMsg, PeriodStatistics,
+        ReasonMsg, SpanSummary,
+    };
+    use i2ris::ipc::{Fault, OperatingState, Refusal};
+    use i2ris::robot::{Cause, Measurement, Quantity, Reason};
+    use i2ris::units::Nanos;
+    use i2ris_terminal::view::LatestMessages;
+
+    use super::*;
+
+    const NOW: Nanos = Nanos(100_000_000_000);
+
+    fn joint(pitch: f64, yaw: f64) -> JointState {
+        JointState {
+            stamp_ns: NOW.0,
+            position: [pitch.to_radians(), yaw.to_radians(), 0.0],
+            deviation: [0.25_f64.to_radians(), 0.5_f64.to_radians(), 0.0],
+            count: 2,
+            flags: JointState::VALID,
+            ..JointState::default()
+        }
+    }
+
+    fn messages() -> LatestMessages {
+        LatestMessages {
+            state: Some(OperatingStateMsg {
+                stamp_ns: NOW.0,
+                since_ns: NOW.0 - 12_000_000_000,
+                lease_client_id: 0xabc,
+                accepted: 400,
+                refused: 3,
+                last_refusal: Refusal::Step.number(),
+                state: OperatingState::Enabled.number(),
+                flags: OperatingStateMsg::HOMED | OperatingStateMsg::MODEL,
+                ..OperatingStateMsg::default()
+            }),
+            goal: Some(joint(5.0, -1.0)),
+            setpoint: Some(joint(4.5, -1.0)),
+            measured: Some(joint(4.25, -1.5)),
+            actuators: Some(ActuatorState {
+                stamp_ns: NOW.0,
+                measured_stamp_ns: [NOW.0; 2],
+                measured_counts: [120, -340],
+                setpoint_counts: [130, -345],
+                current_ma: [12, -7],
+                statusword: [0x0637, 0x0637],
+                error_code: [0, 0x8611],
+                phase: [3, 7],
+                count: 2,
+                ..ActuatorState::default()
+            }),
+            statistics: Some(PeriodStatistics {
+                stamp_ns: NOW.0,
+                window_ns: 1_000_000_000,
+                ticks: 1000,
+                total_ticks: 5000,
+                total_missed: 4,
+                lateness: SpanSummary {
+                    p50_ns: 100,
+                    p99_ns: 12_300,
+                    max_ns: 250_000,
+                    ..SpanSummary::default()
+                },
+                priority: 80,
+                cpu: 1,
+                memory_locked: 1,
+                ..PeriodStatistics::default()
+            }),
+            exchange_rates: Some([470.2, 468.0]),
+            ..LatestMessages::default()
+        }
+    }
+
+    fn fault() -> OperatingStateMsg {
+        OperatingStateMsg {
+            state: OperatingState::Fault.number(),
+            fault: Fault::Link.number(),
+            stamp_ns: NOW.0,
+            ..OperatingStateMsg::default()
+        }
+    }
+
+    fn text(messages: &LatestMessages, now: Nanos) -> String {
+        page(&View::new(messages, now)).join("\n")
+    }
+
+    #[track_caller]
+    fn assert_has(text: &str, parts: &[&str]) {
+        for part in parts {
+            assert!(text.contains(part), "{part}\n{text}");
+        }
+    }
+
+    #[test]
+    fn everything_is_on_the_page_in_degrees_and_counts() {
+        let text = text(&messages(), NOW);
+        assert_has(
+            &text,
+            &[
+                "ENABLED for 12 s, homed, model loaded",
+                "0000000000000abc; accepted 400, refused 3, last: step too large",
+                "+5.00      +4.50      +4.25     0.25",
+                "motor 0    set-point 130, measured 120 counts, 12 mA; enabled, status 0x0637; 470 \
+                 exchanges/s",
+                "motor 1    set-point -345, measured -340 counts, -7 mA; at fault, error 0x8611",
+                "1000 Hz; late p50 0.1, p99 12, max 250 us",
+                "4 of 5004 ticks",
+                "SCHED_FIFO 80, memory locked, processor 1",
+            ],
+        );
+        assert!(!text.contains("STALE"), "{text}");
+    }
+
+    #[test]
+    fn old_values_are_marked() {
+        let text = text(&messages(), NOW + Nanos::from_millis(3000));
+        assert_eq!(text.matches("STALE 3.0 s").count(), 5, "{text}");
+    }
+
+    #[test]
+    fn a_camera_that_sees_nothing_or_fell_silent_is_told() {
+        let camera = |stamp_ns, flags| {
+            let seen = ExternalPosition { stamp_ns, flags, count: 2, ..Default::default() };
+            text(&LatestMessages { camera: Some(seen), ..messages() }, NOW)
+        };
+        assert_has(&camera(NOW.0, 0), &["  CAMERA SEES NOTHING"]);
+        assert_has(&camera(NOW.0 - 2_000_000_000, 1), &["  CAMERA STALE 2.0 s"]);
+        assert_has(&camera(NOW.0, 1), &["+0.00"]);
+    }
+
+    #[test]
+    fn what_is_not_known_is_not_invented() {
+        let nothing = LatestMessages::default();
+        let lines = ["state      not received yet", "loop       not received yet"];
+        assert_has(&text(&nothing, NOW), &lines);
+        let invalid = JointState { flags: 0, ..joint(5.0, 5.0) };
+        let text = text(&LatestMessages { measured: Some(invalid), ..messages() }, NOW);
+        assert!(!text.contains("+5.00      +4.50      +5.00"), "{text}");
+        assert!(line(&View::new(&nothing, NOW)).contains("no state"));
+    }
+
+    #[test]
+    fn what_is_missing_for_real_time_or_was_lost_stands_out() {
+        let statistics = PeriodStatistics { cpu: u32::MAX, ..PeriodStatistics::default() };
+        let good = LatestMessages {
+            statistics: Some(statistics),
+            health: Some(Health::default()),
+            ..messages()
+        };
+        let granted = "real time  NORMAL SCHEDULING, MEMORY NOT LOCKED, not pinned";
+        assert_has(&text(&good, NOW), &[granted, "health     no errors, nothing lost"]);
+        let health = Health { crc_errors: [2, 1], lost_records: 40, ..Health::default() };
+        let bad = text(&LatestMessages { health: Some(health), ..good }, NOW);
+        assert_has(&bad, &["health     CRC ERRORS 3, LOST RECORDS 40"]);
+    }
+
+    #[test]
+    fn one_line_holds_the_essentials() {
+        let line = |messages: &LatestMessages| line(&View::new(messages, NOW));
+        assert_eq!(
+            line(&messages()),
+            "ENABLED; goal +5.00 -1.00 set-point +4.50 -1.00 measured +4.25 -1.50 deg; counts 130 \
+             -345 -> 120 -340; late p99 12 us, missed 4"
+        );
+        let fault = LatestMessages { state: Some(fault()), ..messages() };
+        assert!(line(&fault).starts_with("FAULT (a drive does not answer);"));
+    }
+
+    #[test]
+    fn the_fault_and_a_fresh_refusal_are_told_with_what_to_do() {
+        let reason = |cause, measurement| ReasonMsg::new(&Reason { cause, measurement }, 0, NOW);
+        let measurement =
+            Some(Measurement::new(Quantity::Milliseconds, 612.0, Some(200.0)).of_motor(1));
+        let messages = LatestMessages {
+            state: Some(fault()),
+            error: Some(reason(Cause::Fault(Fault::Link), measurement)),
+            warning: Some(reason(Cause::Refusal(Refusal::Lease), None)),
+            ..messages()
+        };
+        assert_has(
+            &text(&messages, NOW),
+            &[
+                "why        fault 2: a drive does not answer (motor 1: 612.0 ms, limit 200.0 ms); \
+                 do: check cable",
+                "why        refusal 4: another client holds the lease; do: end",
+            ],
+        );
+        let later = text(&messages, NOW + Nanos::from_millis(6000));
+        assert!(later.contains("fault 2") && !later.contains("refusal 4"), "{later}");
+    }
+}

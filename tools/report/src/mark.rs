@@ -1,0 +1,440 @@
+//! What a panel can draw. Values are in the units of the axes; values that are not finite are left
+//! out.
+
+use std::f64::consts::TAU;
+
+use crate::canvas::{Point, cut};
+use crate::decimate;
+use crate::plot::{Extent, LegendEntry, Plot, Symbol};
+use crate::style::{Color, Marker, Stroke};
+
+/// Opacity of a band.
+const OPACITY: f64 = 0.22;
+
+/// Distance between markers along a line.
+const MARKER_DISTANCE: f64 = 55.0;
+
+/// The most points of a cloud that are drawn: more make a large file and a black panel.
+const MOST: usize = 3000;
+
+/// Corners of an ellipse.
+const CORNERS: u32 = 72;
+
+/// Something that a panel can draw.
+pub trait Mark: std::fmt::Debug {
+    /// The values that the axes must contain.
+    fn extent(&self) -> Extent {
+        Extent::default()
+    }
+
+    #[doc(hidden)]
+    fn draw(&self, plot: &Plot);
+
+    fn legend(&self) -> Vec<LegendEntry> {
+        Vec::new()
+    }
+}
+
+fn entry(label: &Option<String>, symbol: Symbol) -> Vec<LegendEntry> {
+    label.iter().map(|label| (label.clone(), symbol)).collect()
+}
+
+/// Implements `label` for marks with a field `label`.
+macro_rules! labelled {
+    ($($mark:ident),*) => {$(
+        impl $mark {
+            /// With an entry in the legend.
+            #[must_use]
+            pub fn label(self, label: impl Into<String>) -> Self {
+                Self { label: Some(label.into()), ..self }
+            }
+        }
+    )*};
+}
+
+labelled!(Band, BoxPlot, Ellipse, Line, Scatter, ShadedInterval);
+
+/// A line through points in their order. A point that is not finite is a gap.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line {
+    points: Vec<Point>,
+    stroke: Stroke,
+    marker: Option<Marker>,
+    label: Option<String>,
+}
+
+impl Line {
+    #[must_use]
+    pub fn new(points: Vec<Point>, stroke: Stroke) -> Self {
+        Self { points, stroke, marker: None, label: None }
+    }
+
+    /// The outline of a histogram, from 0 to 0. There is one edge more than heights.
+    #[must_use]
+    pub fn steps(edges: &[f64], heights: &[f64], stroke: Stroke) -> Self {
+        let foot = |edge: Option<&f64>| edge.map(|edge| [*edge, 0.0]);
+        let mut points = Vec::from_iter(foot(edges.first()));
+        for (edge, height) in edges.windows(2).zip(heights) {
+            points.extend([[edge[0], *height], [edge[1], *height]]);
+        }
+        points.extend(foot(edges.last()));
+        Self::new(points, stroke)
+    }
+
+    /// With markers at equal distances in the figure.
+    #[must_use]
+    pub fn marker(self, marker: Marker) -> Self {
+        Self { marker: Some(marker), ..self }
+    }
+}
+
+impl Mark for Line {
+    fn extent(&self) -> Extent {
+        Extent::of(self.points.iter().copied())
+    }
+
+    fn draw(&self, plot: &Plot) {
+        let runs = plot.runs(self.points.iter().copied());
+        let runs: Vec<_> = runs.iter().map(|run| decimate::line(run)).collect();
+        for run in &runs {
+            plot.canvas.line(run, self.stroke);
+        }
+        let Some(marker) = self.marker else { return };
+        for run in &runs {
+            // Half a distance at the start: no marker is on the frame.
+            let distances = [0.5].into_iter().chain(std::iter::repeat(1.0));
+            let pieces = cut(run, distances.map(|part| part * MARKER_DISTANCE));
+            for at in pieces.iter().skip(1).filter_map(|piece| piece.first()) {
+                plot.canvas.marker(marker, *at, Stroke { width: 1.0, ..self.stroke });
+            }
+        }
+    }
+
+    fn legend(&self) -> Vec<LegendEntry> {
+        entry(&self.label, Symbol::Line(self.stroke, self.marker))
+    }
+}
+
+/// A straight line across the whole panel at a value of one axis. It does not widen an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReferenceLine {
+    value: f64,
+    is_vertical: bool,
+    stroke: Stroke,
+}
+
+impl ReferenceLine {
+    /// At a value of y.
+    #[must_use]
+    pub const fn horizontal(value: f64, stroke: Stroke) -> Self {
+        Self { value, is_vertical: false, stroke }
+    }
+
+    /// At a value of x.
+    #[must_use]
+    pub const fn vertical(value: f64, stroke: Stroke) -> Self {
+        Self { value, is_vertical: true, stroke }
+    }
+}
+
+impl Mark for ReferenceLine {
+    fn draw(&self, plot: &Plot) {
+        let [x, y] = plot.scales();
+        let (own, other) = if self.is_vertical { (x, y) } else { (y, x) };
+        if own.contains(self.value) {
+            let end = |along: f64| match self.is_vertical {
+                true => [self.value, along],
+                false => [along, self.value],
+            };
+            plot.line(&[end(other.low), end(other.high)], self.stroke);
+        }
+    }
+}
+
+/// A point cloud. Points that others hide are not drawn, and only some points of a dense cloud.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scatter {
+    points: Vec<Point>,
+    marker: Marker,
+    stroke: Stroke,
+    label: Option<String>,
+}
+
+impl Scatter {
+    /// Filled discs with a diameter in units of the figure.
+    #[must_use]
+    pub fn new(points: Vec<Point>, color: Color, diameter: f64) -> Self {
+        Self { points, marker: Marker::Dot, stroke: Stroke::new(color, diameter), label: None }
+    }
+
+    #[must_use]
+    pub fn markers(points: Vec<Point>, color: Color, marker: Marker) -> Self {
+        Self { marker, ..Self::new(points, color, 1.1) }
+    }
+}
+
+impl Mark for Scatter {
+    fn extent(&self) -> Extent {
+        Extent::of(self.points.iter().copied())
+    }
+
+    fn draw(&self, plot: &Plot) {
+        let [on_x, on_y] = plot.scales();
+        let points = self.points.iter().filter(|[x, y]| on_x.contains(*x) && on_y.contains(*y));
+        let positions: Vec<_> = points.filter_map(|point| plot.position(*point)).collect();
+        for at in decimate::cloud(&positions, MOST) {
+            match self.marker {
+                Marker::Dot => plot.canvas.dot(at, self.stroke),
+                marker => plot.canvas.marker(marker, at, self.stroke),
+            }
+        }
+    }
+
+    fn legend(&self) -> Vec<LegendEntry> {
+        entry(&self.label, Symbol::Point(self.stroke.color, self.marker))
+    }
+}
+
+/// The area between two lines over the same x. It has an outline, so that it shows on a pale print.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Band {
+    /// `[x, low, high]`.
+    points: Vec<[f64; 3]>,
+    color: Color,
+    label: Option<String>,
+}
+
+impl Band {
+    /// A band through `[x, low, high]`.
+    #[must_use]
+    pub fn new(points: Vec<[f64; 3]>, color: Color) -> Self {
+        Self { points, color, label: None }
+    }
+}
+
+impl Mark for Band {
+    fn extent(&self) -> Extent {
+        let ends = |[x, low, high]: &[f64; 3]| [[*x, *low], [*x, *high]];
+        Extent::of(self.points.iter().flat_map(ends))
+    }
+
+    fn draw(&self, plot: &Plot) {
+        let points = self.points.iter();
+        let finite = points.filter(|point| point.iter().all(|value| value.is_finite()));
+        let edge = |side| plot.runs(finite.clone().map(|point| [point[0], point[side]]));
+        for (low, high) in edge(1).iter().zip(edge(2)) {
+            let mut outline = decimate::line(low);
+            outline.extend(decimate::line(&high).into_iter().rev());
+            plot.canvas.area(&outline, self.color, OPACITY);
+            outline.extend(outline.first().copied());
+            plot.canvas.line(&outline, Stroke::new(self.color, 0.5));
+        }
+    }
+
+    fn legend(&self) -> Vec<LegendEntry> {
+        entry(&self.label, Symbol::Patch(self.color, OPACITY, self.color))
+    }
+}
+
+/// An interval of x, shaded over the whole height. It does not widen an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ShadedInterval {
+    from: f64,
+    to: f64,
+    color: Color,
+    label: Option<String>,
+}
+
+impl ShadedInterval {
+    #[must_use]
+    pub const fn new(from: f64, to: f64, color: Color) -> Self {
+        Self { from, to, color, label: None }
+    }
+}
+
+impl Mark for ShadedInterval {
+    fn draw(&self, plot: &Plot) {
+        let [_, y] = plot.scales();
+        plot.rectangle([[self.from, y.low], [self.to, y.high]], self.color);
+    }
+
+    fn legend(&self) -> Vec<LegendEntry> {
+        entry(&self.label, Symbol::Patch(self.color, 1.0, Color::GREY))
+    }
+}
+
+/// The line of equal density of a Gaussian in the plane, `deviations` standard deviations from its
+/// mean: `mean + deviations * L [cos t; sin t]` with the Cholesky factor `L` of the covariance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ellipse {
+    mean: Point,
+    covariance: [[f64; 2]; 2],
+    deviations: f64,
+    stroke: Stroke,
+    label: Option<String>,
+}
+
+impl Ellipse {
+    /// If rounding made the covariance indefinite, it is the nearest line or point.
+    #[must_use]
+    pub const fn new(
+        mean: Point,
+        covariance: [[f64; 2]; 2],
+        deviations: f64,
+        stroke: Stroke,
+    ) -> Self {
+        Self { mean, covariance, deviations, stroke, label: None }
+    }
+
+    fn outline(&self) -> Vec<Point> {
+        let [[xx, xy], [_, yy]] = self.covariance;
+        let a = xx.max(0.0).sqrt();
+        let b = if a > 0.0 { xy / a } else { 0.0 };
+        let c = (yy - b * b).max(0.0).sqrt();
+        let ([x, y], n) = (self.mean, self.deviations);
+        let corner = |i| {
+            let (sin, cos) = (TAU * f64::from(i) / f64::from(CORNERS)).sin_cos();
+            [x + n * a * cos, y + n * (b * cos + c * sin)]
+        };
+        (0..=CORNERS).map(corner).collect()
+    }
+}
+
+impl Mark for Ellipse {
+    fn extent(&self) -> Extent {
+        Extent::of(self.outline())
+    }
+
+    fn draw(&self, plot: &Plot) {
+        plot.line(&self.outline(), self.stroke);
+    }
+
+    fn legend(&self) -> Vec<LegendEntry> {
+        entry(&self.label, Symbol::Line(self.stroke, None))
+    }
+}
+
+/// A summary of a distribution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FiveNumbers {
+    /// Low and high end of the whiskers.
+    pub whiskers: [f64; 2],
+    /// Low and high end of the box.
+    pub quartiles: [f64; 2],
+    pub median: f64,
+}
+
+/// Horizontal boxes at values of y.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BoxPlot {
+    boxes: Vec<(f64, FiveNumbers)>,
+    fill: Color,
+    thickness: f64,
+    label: Option<String>,
+}
+
+impl BoxPlot {
+    /// Boxes with their values of y; `thickness` is in the unit of y.
+    #[must_use]
+    pub fn new(boxes: Vec<(f64, FiveNumbers)>, fill: Color, thickness: f64) -> Self {
+        Self { boxes, fill, thickness, label: None }
+    }
+}
+
+impl Mark for BoxPlot {
+    fn extent(&self) -> Extent {
+        let ends = |(y, numbers): &(f64, FiveNumbers)| numbers.whiskers.map(|x| [x, *y]);
+        Extent::of(self.boxes.iter().flat_map(ends))
+    }
+
+    fn draw(&self, plot: &Plot) {
+        let thin = Stroke::new(Color::DARK, 0.9);
+        for (y, FiveNumbers { whiskers, quartiles: [left, right], median }) in &self.boxes {
+            let (half, cap) = (self.thickness / 2.0, self.thickness / 4.0);
+            let upright =
+                |x: f64, half: f64, stroke| plot.line(&[[x, y - half], [x, y + half]], stroke);
+            plot.line(&whiskers.map(|x| [x, *y]), thin);
+            whiskers.iter().for_each(|x| upright(*x, cap, thin));
+            let corners = [[*left, y - half], [*right, y + half]];
+            plot.rectangle(corners, self.fill);
+            let [[x1, y1], [x2, y2]] = corners;
+            plot.line(&[[x1, y1], [x2, y1], [x2, y2], [x1, y2], [x1, y1]], thin);
+            upright(*median, half, Stroke { width: 2.0, ..thin });
+        }
+    }
+
+    fn legend(&self) -> Vec<LegendEntry> {
+        entry(&self.label, Symbol::Patch(self.fill, 1.0, Color::DARK))
+    }
+}
+
+/// Cells of equal size in five classes, from light to dark.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Heatmap {
+    /// Lower left corner and value.
+    cells: Vec<(Point, f64)>,
+    size: [f64; 2],
+    /// Upper ends of all classes but the last.
+    bounds: [f64; 4],
+    labels: [String; 5],
+}
+
+impl Heatmap {
+    /// Cells of `size` with their lower left corners and values. Values up to `bounds[0]` are in
+    /// the first class, and so on; `labels` are the entries of the legend.
+    #[must_use]
+    pub fn new(
+        cells: Vec<(Point, f64)>,
+        size: [f64; 2],
+        bounds: [f64; 4],
+        labels: [String; 5],
+    ) -> Self {
+        Self { cells, size, bounds, labels }
+    }
+
+    fn corners(&self, [x, y]: Point) -> [Point; 2] {
+        [[x, y], [x + self.size[0], y + self.size[1]]]
+    }
+}
+
+impl Mark for Heatmap {
+    fn extent(&self) -> Extent {
+        Extent::of(self.cells.iter().flat_map(|(corner, _)| self.corners(*corner)))
+    }
+
+    fn draw(&self, plot: &Plot) {
+        for (corner, value) in self.cells.iter().filter(|(_, value)| value.is_finite()) {
+            let class = self.bounds.iter().filter(|bound| value > *bound).count();
+            plot.rectangle(self.corners(*corner), Color::SEQUENTIAL[class]);
+        }
+    }
+
+    fn legend(&self) -> Vec<LegendEntry> {
+        let labels = self.labels.iter().zip(Color::SEQUENTIAL);
+        labels.map(|(label, fill)| (label.clone(), Symbol::Patch(fill, 1.0, Color::GREY))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn the_outline_of_an_ellipse_has_one_mahalanobis_distance(
+            a in 0.1..5.0_f64, b in -3.0..3.0_f64, c in 0.1..5.0_f64, n in 0.5..3.0_f64
+        ) {
+            let [xx, xy, yy] = [a * a, a * b, b * b + c * c];
+            let stroke = Stroke::new(Color::BLACK, 1.0);
+            let ellipse = Ellipse::new([1.0, -2.0], [[xx, xy], [xy, yy]], n, stroke);
+            for [x, y] in ellipse.outline() {
+                let (dx, dy) = (x - 1.0, y + 2.0);
+                let form = yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy;
+                let distance = (form / (xx * yy - xy * xy)).sqrt();
+                prop_assert!((distance - n).abs() < 1e-6, "{distance}");
+            }
+        }
+    }
+}

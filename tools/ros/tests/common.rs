@@ -1,0 +1,102 @@
+//! Emulated drives and a controller on them, and `i2ris-ros` as a process.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex};
+use std::thread;
+
+use i2ris::ipc::Domain;
+use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris_testing::{Rig, wait_until, wait_until_idle};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+use crate::peer::{Peer, ros_domain};
+
+pub const ROBOT: &str = "i2ris";
+
+/// A robot that is neither homed nor enabled.
+pub fn robot() -> Rig {
+    let mut rig = Rig::with_model();
+    rig.start_controller_thread();
+    wait_until_idle(&mut rig.client());
+    rig
+}
+
+/// The robot as a client in shared memory sees it, when it is as wanted.
+pub fn wait_for(rig: &mut Rig, wanted: impl Fn(&OperatingStateMsg) -> bool) -> OperatingStateMsg {
+    i2ris_testing::wait_for(&mut rig.client(), wanted)
+}
+
+/// A robot, its bridge, and a client of ROS.
+pub fn start(arguments: &[&str]) -> (Rig, Bridge, Peer) {
+    let (rig, domain) = (robot(), ros_domain());
+    let bridge = Bridge::start(&rig.domain(), domain, arguments);
+    let peer = Peer::new(domain, ROBOT, "console");
+    (rig, bridge, peer)
+}
+
+/// `i2ris-ros` as a process, killed when dropped. What it says is kept.
+pub struct Bridge {
+    child: Child,
+    lines: Arc<Mutex<Vec<String>>>,
+}
+
+impl Bridge {
+    /// Starts it, and waits until it takes part in ROS.
+    pub fn start(domain: &Domain, ros_domain: u16, arguments: &[&str]) -> Self {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_i2ris-ros"))
+            .args(arguments)
+            .env("I2RIS_DOMAIN", domain.name())
+            .env("ROS_DOMAIN_ID", ros_domain.to_string())
+            .env_remove("RMW_IMPLEMENTATION")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines = Arc::<Mutex<Vec<String>>>::default();
+        let (output, kept) = (child.stdout.take().unwrap(), Arc::clone(&lines));
+        thread::spawn(move || {
+            for line in BufReader::new(output).lines().map_while(Result::ok) {
+                kept.lock().unwrap().push(line);
+            }
+        });
+        let bridge = Self { child, lines };
+        bridge.wait_for("in domain");
+        bridge
+    }
+
+    pub fn lines(&self) -> Vec<String> {
+        self.lines.lock().unwrap().clone()
+    }
+
+    /// Waits until it says something, and returns the line.
+    pub fn wait_for(&self, words: &str) -> String {
+        wait_until(&format!("{words:?} among {:?}", self.lines()), || {
+            self.lines().into_iter().find(|line| line.contains(words))
+        })
+    }
+
+    /// Resident memory, kB.
+    pub fn memory_kb(&self) -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
+        let line = status.lines().find(|line| line.starts_with("VmRSS")).unwrap();
+        line.split_whitespace().nth(1).unwrap().parse().unwrap()
+    }
+
+    /// Interrupts it and waits for its end.
+    pub fn end(mut self) -> bool {
+        kill(Pid::from_raw(self.child.id() as i32), Signal::SIGINT).unwrap();
+        wait_until("it ends", || self.child.try_wait().unwrap()).success()
+    }
+}
+
+impl Drop for Bridge {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+        if thread::panicking() {
+            eprintln!("i2ris-ros said:\n{}", self.lines().join("\n"));
+        }
+    }
+}

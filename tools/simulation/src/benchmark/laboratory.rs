@@ -1,0 +1,50 @@
+//! What every benchmark has: the configuration of the controller, recordings, and fits to them.
+
+use std::path::PathBuf;
+
+use i2ris::config::Config;
+use i2ris_calibration::fit::{Choice, FitOptions, FitOutcome, fit};
+use i2ris_calibration::progress::Silent;
+use i2ris_calibration::recording::{ColumnMap, Recording};
+
+use super::recording::RecordingPlan;
+use super::{Arguments, Failure};
+use crate::physics::DrawnSnake;
+use crate::robot::Robot;
+
+/// The configuration that goes with the emulator.
+const CONFIG: &str = include_str!("../../../../config/emulator.toml");
+
+pub struct Laboratory {
+    pub config: Config,
+    plan: RecordingPlan,
+    folder: PathBuf,
+}
+
+impl Laboratory {
+    pub fn new(arguments: &Arguments, folder: PathBuf) -> Result<Self, Failure> {
+        let config = Config::parse(CONFIG, "config/emulator.toml".as_ref())?;
+        Ok(Self { config, plan: arguments.plan(), folder })
+    }
+
+    /// A recording, as `calibrate fit` reads it.
+    pub fn record(
+        &self,
+        snake: DrawnSnake,
+        mut robot: Robot,
+        name: &str,
+    ) -> Result<Recording, String> {
+        let plan = RecordingPlan { seed: self.plan.seed + snake.seed, ..self.plan };
+        let file = self.folder.join(name);
+        plan.record(&mut robot, &file).map_err(|error| format!("cannot record: {error}"))?;
+        let (recording, _) = Recording::read(&file, &ColumnMap::default())
+            .map_err(|error| format!("cannot read the recording: {error}"))?;
+        Ok(recording.without_latency().0)
+    }
+
+    pub fn fit(&self, recording: &Recording, choice: Choice) -> Result<FitOutcome, String> {
+        let robot_id = self.config.robot_id.clone();
+        let options = FitOptions { robot_id, choice, ..FitOptions::default() };
+        fit(recording, &options, &Silent).map_err(|error| error.to_string())
+    }
+}

@@ -1,0 +1,131 @@
+//! A calibration recording in simulated time, like that of `i2ris calibrate collect`.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::Path;
+
+use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::units::MAX_OUTPUTS;
+use i2ris_calibration::recording::{RecordingWriter, Row};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::Failure;
+use crate::motion::paced_motion::Playback;
+use crate::motion::protocol::{MotionRequest, Protocol, Region};
+use crate::robot::{Robot, TICK_S};
+
+/// The radius that `i2ris calibrate collect` takes by itself with `config/emulator.toml`, counts.
+const RADIUS_COUNTS: f64 = 1800.0;
+
+/// Its usual speed, counts per second.
+const SPEED_COUNTS_S: f64 = 450.0;
+
+/// Ticks between two positions of the encoders: what the serial lines carry.
+const POSITION_TICKS: u64 = 5;
+
+const FRAMES_PER_S: f64 = 30.0;
+
+#[derive(Debug, Clone, Copy)]
+pub struct RecordingPlan {
+    pub protocol: Protocol,
+    pub duration_s: f64,
+    /// Deviation of the angles, deg.
+    pub noise_deg: f64,
+    /// How late the stamps of the camera are, ms.
+    pub latency_ms: u64,
+    pub seed: u64,
+}
+
+impl RecordingPlan {
+    /// Records a robot that has been conditioned, as always before a calibration.
+    pub fn record(&self, robot: &mut Robot, file: &Path) -> Result<(), Failure> {
+        condition(robot);
+        let request = MotionRequest {
+            protocol: self.protocol,
+            region: Region { centre: [0.0; 2], radius: RADIUS_COUNTS, motors: 2 },
+            speed_counts_s: SPEED_COUNTS_S,
+            duration_s: Some(self.duration_s),
+            seed: self.seed,
+        };
+        let mut playback = Playback::new(request.motion([0.0; 2]));
+        let writer = BufWriter::new(File::create(file)?);
+        let mut writer = RecordingWriter::new(writer, true, 2, &outputs())?;
+        let mut camera = Camera::new(self);
+        let mut tick = 0;
+        while !playback.is_finished(false) {
+            robot.tick(playback.advance(TICK_S, false).map(f64::round));
+            let time_s = Some(tick as f64 * TICK_S);
+            if let Some(angles) = camera.frame(tick, robot) {
+                writer.row(&Row::new(time_s, robot.encoders(), angles))?;
+            } else if tick % POSITION_TICKS == 0 {
+                let nothing = [f64::NAN; MAX_OUTPUTS];
+                writer.row(&Row::new(time_s, robot.encoders(), nothing))?;
+            }
+            tick += 1;
+        }
+        writer.finish()?;
+        Ok(())
+    }
+}
+
+/// A camera whose stamps are late.
+struct Camera {
+    noise_deg: f64,
+    random: Pcg64Mcg,
+    latency_ticks: u64,
+    frames: u64,
+    pending: VecDeque<(u64, [f64; 2])>,
+}
+
+impl Camera {
+    fn new(plan: &RecordingPlan) -> Self {
+        Self {
+            noise_deg: plan.noise_deg,
+            random: Pcg64Mcg::seed_from_u64(plan.seed + 999),
+            latency_ticks: plan.latency_ms,
+            frames: 0,
+            pending: VecDeque::new(),
+        }
+    }
+
+    /// The angles that are stamped with this tick, if any.
+    fn frame(&mut self, tick: u64, robot: &Robot) -> Option<[f64; MAX_OUTPUTS]> {
+        if tick as f64 * TICK_S >= self.frames as f64 / FRAMES_PER_S {
+            self.frames += 1;
+            let stamp = tick + self.latency_ticks;
+            self.pending.push_back((stamp, robot.angles_deg()));
+        }
+        let (_, [pitch, yaw]) = *self.pending.front().filter(|(stamp, _)| *stamp == tick)?;
+        self.pending.pop_front();
+        let mut noise = || self.noise_deg * normal(&mut self.random);
+        Some([pitch + noise(), yaw + noise(), 0.0])
+    }
+}
+
+/// By Box and Muller.
+fn normal(random: &mut Pcg64Mcg) -> f64 {
+    let (a, b): (f64, f64) = (random.random(), random.random());
+    (-2.0 * (1.0 - a).ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+}
+
+/// Four decaying turns, as the controller conditions without a model.
+pub fn condition(robot: &mut Robot) {
+    const TURNS: f64 = 4.0;
+    const SIZE_COUNTS: f64 = 500.0;
+    const TICKS: u32 = 12_000;
+    for tick in 0..TICKS {
+        let share = f64::from(tick) / f64::from(TICKS);
+        let (sin, cos) = (std::f64::consts::TAU * TURNS * share).sin_cos();
+        let size = SIZE_COUNTS * (1.0 - share) * (8.0 * share).min(1.0);
+        robot.tick([size * sin, size * cos]);
+    }
+    for _ in 0..500 {
+        robot.tick([0.0; 2]);
+    }
+}
+
+fn outputs() -> [OutputSpec; 2] {
+    ["pitch", "yaw"].map(|name| OutputSpec { name: name.to_owned(), unit: OutputUnit::Deg })
+}

@@ -1,0 +1,181 @@
+//! Following motions and measuring them.
+
+use i2ris::config::Config;
+use i2ris::core::ServoGoal;
+use i2ris::core::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
+use i2ris::units::{Counts, MotorVec, Nanos};
+
+use super::exact_inverse::ExactInverse;
+use super::recording::condition;
+use crate::closed_loop::ClosedLoop;
+use crate::motion::unseen_motion::{Motion, RATE_HZ};
+use crate::robot::{Robot, TICK_S};
+
+/// On the way to the start of a motion, deg/s, and rest there, s.
+const APPROACH_DEG_S: f64 = 15.0;
+const REST_S: f64 = 1.0;
+
+/// A larger step of the exact inverse is the crossing of a gap, not motion of the goal, counts.
+const GAP_COUNTS: f64 = 2.0;
+
+/// Moves a robot to goals, a tick at a time.
+pub trait Pilot {
+    /// One tick; the set-points of the motors. The error says why the robot does not follow.
+    fn follow(&mut self, goal: [f64; 2]) -> Result<MotorVec, String>;
+
+    fn robot(&self) -> &Robot;
+
+    /// Error of the tip, deg.
+    fn error(&self, goal: [f64; 2]) -> [f64; 2] {
+        let [pitch, yaw] = self.robot().angles_deg();
+        [pitch - goal[0], yaw - goal[1]]
+    }
+}
+
+impl Pilot for ClosedLoop<Robot> {
+    fn follow(&mut self, goal: [f64; 2]) -> Result<MotorVec, String> {
+        let [pitch, yaw] = goal.map(f64::to_radians);
+        let report = self.follow(ServoGoal::Joint([pitch, yaw, 0.0], 2));
+        let setpoints = report.map(|report| report.setpoints.map(Counts::as_f64));
+        setpoints.map_err(|error| error.to_string())
+    }
+
+    fn robot(&self) -> &Robot {
+        &self.motors
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Tracking {
+    /// Root mean square of the length of the error of the tip, deg.
+    pub rms_deg: f64,
+    /// Travel of the set-points of both motors, counts per second.
+    pub travel_counts_s: f64,
+}
+
+/// Follows motions one after the other.
+pub fn follow(
+    pilot: &mut impl Pilot,
+    motions: &[(Motion, Vec<[f64; 2]>)],
+) -> Result<Vec<Tracking>, String> {
+    let mut at = [0.0; 2];
+    let mut found = Vec::new();
+    for (_, path) in motions {
+        let to = path.first().copied().unwrap_or_default();
+        approach(pilot, at, to)?;
+        found.push(measure(pilot, path)?);
+        at = path.last().copied().unwrap_or(at);
+    }
+    Ok(found)
+}
+
+/// Goes from a goal to another and rests there.
+pub fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), String> {
+    let far = (to[0] - from[0]).hypot(to[1] - from[1]);
+    let ticks = (far / (APPROACH_DEG_S * TICK_S)).ceil().max(1.0);
+    let rest = (REST_S / TICK_S) as u32;
+    for tick in 1..=ticks as u32 + rest {
+        let share = (f64::from(tick) / ticks).min(1.0);
+        pilot.follow(between(from, to, share))?;
+    }
+    Ok(())
+}
+
+fn measure(pilot: &mut impl Pilot, path: &[[f64; 2]]) -> Result<Tracking, String> {
+    let length_s = path.len().saturating_sub(1) as f64 / RATE_HZ;
+    let ticks = (length_s / TICK_S) as usize;
+    let (mut squares, mut travel) = (0.0, 0.0);
+    let mut before: Option<MotorVec> = None;
+    for tick in 0..ticks {
+        let goal = at(path, tick as f64 * TICK_S);
+        let setpoints = pilot.follow(goal)?;
+        let last = before.replace(setpoints).unwrap_or(setpoints);
+        travel += (setpoints[0] - last[0]).abs() + (setpoints[1] - last[1]).abs();
+        let [pitch, yaw] = pilot.error(goal);
+        squares += pitch.powi(2) + yaw.powi(2);
+    }
+    Ok(Tracking { rms_deg: (squares / ticks as f64).sqrt(), travel_counts_s: travel / length_s })
+}
+
+/// The goal at a time on a path.
+pub fn at(path: &[[f64; 2]], time_s: f64) -> [f64; 2] {
+    let place = time_s * RATE_HZ;
+    let first = (place as usize).min(path.len() - 1);
+    let next = (first + 1).min(path.len() - 1);
+    between(path[first], path[next], place - first as f64)
+}
+
+fn between(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
+    [0, 1].map(|axis: usize| from[axis] + share * (to[axis] - from[axis]))
+}
+
+/// Follows by the exact inverse of the true snake, within the limits of the motors and with the
+/// turning band that the controller has.
+pub struct ExactPilot {
+    robot: Robot,
+    inverse: ExactInverse,
+    limiters: [VelocityLimiter; 2],
+    last: Option<MotorVec>,
+    band_deg: f64,
+    centre: Option<[f64; 2]>,
+    goal: [f64; 2],
+}
+
+impl ExactPilot {
+    /// Of a robot that is straight, and conditioned then.
+    pub fn new(config: &Config, mut robot: Robot) -> Self {
+        let limits = MotorLimits {
+            velocity: config.limits.velocity_counts_s,
+            acceleration: config.limits.acceleration_counts_s2,
+            deceleration: config.limits.stop_deceleration_counts_s2,
+            lowest: -2400.0,
+            highest: 2400.0,
+        };
+        let tick = Nanos((TICK_S * 1e9) as u64);
+        let inverse = ExactInverse::new(robot.snake());
+        condition(&mut robot);
+        Self {
+            robot,
+            inverse,
+            limiters: [VelocityLimiter::new(&limits, tick); 2],
+            last: None,
+            band_deg: config.compensation.reversal_dead_band_deg,
+            centre: None,
+            goal: [0.0; 2],
+        }
+    }
+
+    /// Holds a goal that turns back by less than the band.
+    fn turning_band(&mut self, goal: [f64; 2]) {
+        let centre = self.centre.get_or_insert(goal);
+        let apart = (goal[0] - centre[0]).hypot(goal[1] - centre[1]);
+        if apart >= self.band_deg {
+            *centre = between(goal, *centre, self.band_deg / apart.max(1e-12));
+            self.goal = goal;
+        }
+    }
+}
+
+impl Pilot for ExactPilot {
+    fn follow(&mut self, goal: [f64; 2]) -> Result<MotorVec, String> {
+        self.turning_band(goal);
+        let counts = self.inverse.solve(self.robot.snake(), self.goal);
+        let last = self.last.replace(counts).unwrap_or(counts);
+        let mut setpoints = MotorVec::default();
+        for motor in 0..2 {
+            let moved = counts[motor] - last[motor];
+            let limiter = &mut self.limiters[motor];
+            limiter.track(MotorTarget {
+                position: counts[motor],
+                increment: if moved.abs() < GAP_COUNTS { moved } else { 0.0 },
+            });
+            setpoints[motor] = limiter.position().round();
+        }
+        self.robot.tick(setpoints);
+        Ok(setpoints)
+    }
+
+    fn robot(&self) -> &Robot {
+        &self.robot
+    }
+}

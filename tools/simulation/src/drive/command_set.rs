@@ -1,0 +1,155 @@
+//! The command sets of the two families: opcodes and parameters of requests.
+//!
+//! EPOS4: Communication Guide, chapter on the serial line. EPOS2: that of the first EPOS; its
+//! parameters come in another order (reference, section 2.1).
+
+use super::abort::Abort;
+use super::family::Family;
+use super::frame::Request;
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Service {
+    ReadObject {
+        index: u16,
+        sub: u8,
+    },
+    WriteObject {
+        index: u16,
+        sub: u8,
+        raw: u32,
+    },
+    InitiateSegmentedRead {
+        index: u16,
+        sub: u8,
+    },
+    SegmentRead {
+        toggle: bool,
+    },
+    InitiateSegmentedWrite {
+        index: u16,
+        sub: u8,
+        length: usize,
+    },
+    SegmentedWrite(Segment),
+    /// Network management of a node; 0: all.
+    ManageNetwork {
+        node: u8,
+        command: u8,
+    },
+}
+
+/// One segment of a segmented write.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Segment {
+    pub(super) length: u8,
+    pub(super) toggle: bool,
+    pub(super) last: bool,
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Service {
+    /// Whether it takes more than one exchange. A gateway does not forward it.
+    pub(super) const fn is_segmented(&self) -> bool {
+        use Service::{ManageNetwork, ReadObject, WriteObject};
+        !matches!(self, ReadObject { .. } | WriteObject { .. } | ManageNetwork { .. })
+    }
+
+    /// Whether the family replies to it. An EPOS2 does not reply to network management.
+    pub(super) fn has_reply(&self, family: Family) -> bool {
+        family == Family::Epos4 || !matches!(self, Self::ManageNetwork { .. })
+    }
+}
+
+/// A service, and the node that it addresses, if it names one.
+pub(super) type Addressed = (Option<u8>, Service);
+
+pub(super) fn decode(family: Family, request: &Request) -> Result<Addressed, Abort> {
+    match family {
+        Family::Epos4 => decode_epos4(request.opcode, &request.data),
+        Family::Epos2 => decode_epos2(request.opcode, &request.data),
+    }
+}
+
+fn decode_epos4(opcode: u8, data: &[u8]) -> Result<Addressed, Abort> {
+    Ok(match (opcode, data) {
+        (0x60, &[node, low, high, sub]) => read(node, [low, high], sub),
+        (0x68, &[node, low, high, sub, a, b, c, d]) => write(node, [low, high], sub, [a, b, c, d]),
+        (0x81, &[node, low, high, sub]) => initiate_read(node, [low, high], sub),
+        (0x62, &[control, _]) => segment_read(control & 1 != 0),
+        (0x69, &[node, low, high, sub, a, b, c, d]) => {
+            let index = u16::from_le_bytes([low, high]);
+            let length = u32::from_le_bytes([a, b, c, d]) as usize;
+            (Some(node), Service::InitiateSegmentedWrite { index, sub, length })
+        }
+        (0x6A, &[length, control, ref bytes @ ..]) => {
+            let (toggle, last) = (control & 1 != 0, control & 2 != 0);
+            let bytes = bytes.to_vec();
+            (None, Service::SegmentedWrite(Segment { length, toggle, last, bytes }))
+        }
+        (0x70, &[node, 0, command, 0]) => (None, Service::ManageNetwork { node, command }),
+        (0x7A | 0x7B, _) => return Err(Abort::UnsupportedAccess),
+        (0x60 | 0x62 | 0x68 | 0x69 | 0x6A | 0x70 | 0x81, _) => return Err(Abort::Length),
+        _ => return Err(Abort::IllegalCommand),
+    })
+}
+
+fn decode_epos2(opcode: u8, data: &[u8]) -> Result<Addressed, Abort> {
+    Ok(match (opcode, data) {
+        (0x10, &[low, high, sub, node]) => read(node, [low, high], sub),
+        (0x11, &[low, high, sub, node, a, b, c, d]) => write(node, [low, high], sub, [a, b, c, d]),
+        (0x12, &[low, high, sub, node]) => initiate_read(node, [low, high], sub),
+        (0x14, &[control, _]) => segment_read(control & 1 << 6 != 0),
+        (0x0E, &[node, 0, command, 0]) => (None, Service::ManageNetwork { node, command }),
+        (0x13 | 0x15 | 0x20 | 0x21, _) => return Err(Abort::UnsupportedAccess),
+        (0x0E | 0x10 | 0x11 | 0x12 | 0x14, _) => return Err(Abort::Length),
+        _ => return Err(Abort::IllegalCommand),
+    })
+}
+
+fn read(node: u8, index: [u8; 2], sub: u8) -> Addressed {
+    let index = u16::from_le_bytes(index);
+    (Some(node), Service::ReadObject { index, sub })
+}
+
+fn write(node: u8, index: [u8; 2], sub: u8, raw: [u8; 4]) -> Addressed {
+    let (index, raw) = (u16::from_le_bytes(index), u32::from_le_bytes(raw));
+    (Some(node), Service::WriteObject { index, sub, raw })
+}
+
+fn initiate_read(node: u8, index: [u8; 2], sub: u8) -> Addressed {
+    let index = u16::from_le_bytes(index);
+    (Some(node), Service::InitiateSegmentedRead { index, sub })
+}
+
+fn segment_read(toggle: bool) -> Addressed {
+    (None, Service::SegmentRead { toggle })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Family::{Epos2, Epos4};
+    use super::*;
+
+    #[test]
+    fn each_family_has_its_own_opcodes_and_parameter_order() {
+        let written = Ok(write(2, [0x62, 0x20], 0, [0xE8, 0x03, 0, 0]));
+        let epos2_write: &[u8] = &[0x62, 0x20, 0, 2, 0xE8, 0x03, 0, 0];
+        for (family, opcode, data, expected) in [
+            (Epos2, 0x11, epos2_write, written),
+            (Epos4, 0x60, &[2, 0x41, 0x60, 0], Ok(read(2, [0x41, 0x60], 0))),
+            (Epos4, 0x10, &[0x41, 0x60, 0, 1], Err(Abort::IllegalCommand)),
+            (Epos2, 0x60, &[1, 0x41, 0x60, 0], Err(Abort::IllegalCommand)),
+            (Epos2, 0x10, &[0x41, 0x60], Err(Abort::Length)),
+        ] {
+            let data = data.to_vec();
+            assert_eq!(decode(family, &Request { opcode, data }), expected);
+        }
+    }
+
+    #[test]
+    fn only_the_epos4_replies_to_network_management() {
+        let (node, command) = (0, 1);
+        let service = Service::ManageNetwork { node, command };
+        assert!(service.has_reply(Epos4) && !service.has_reply(Epos2));
+    }
+}

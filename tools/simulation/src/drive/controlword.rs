@@ -1,0 +1,242 @@
+//! What a controlword starts, and what a fault does.
+
+use super::device::{Drive, Homing, Setpoints};
+use super::event::{EventKind, HostBug};
+use super::fault::{Fault, Reaction};
+use super::mode::Mode;
+use super::state::{DeviceCommand, State};
+use super::task::Task;
+
+/// Bit 4: new set-point, or start homing.
+pub(super) const START: u16 = 1 << 4;
+/// Bit 5: change the set-point immediately.
+const IMMEDIATELY: u16 = 1 << 5;
+/// Bit 6: the set-point is relative.
+const RELATIVE: u16 = 1 << 6;
+/// Bit 7: fault reset.
+const FAULT_RESET: u16 = 1 << 7;
+/// Bit 8: halt.
+pub(super) const HALT: u16 = 1 << 8;
+
+impl Drive {
+    pub(super) fn write_controlword(&mut self, controlword: u16) {
+        let before = std::mem::replace(&mut self.controlword, controlword);
+        let rising = controlword & !before;
+        if rising & FAULT_RESET != 0 {
+            self.reset_fault();
+        }
+        self.command(controlword);
+        if self.state == State::OperationEnabled && !self.task.is_leaving() {
+            self.halt_or_continue(before);
+            self.start(rising, before);
+        }
+    }
+
+    /// Changes the state at once and without a ramp.
+    pub(super) fn enter(&mut self, state: State) {
+        let from = std::mem::replace(&mut self.state, state);
+        if from != state {
+            self.events.push(EventKind::State { from, to: state });
+        }
+    }
+
+    pub(super) fn power_off(&mut self) {
+        self.task = Task::Off;
+        self.setpoints = Setpoints::default();
+    }
+
+    /// Ends the ramp of a stop: enters the state behind it, then executes the controlword that came
+    /// in the meantime.
+    pub(super) fn finish_stop(&mut self, then: State) {
+        self.power_off();
+        self.enter(then);
+        self.command(self.controlword);
+    }
+
+    /// Executes the state command of a controlword. During a ramp only disable voltage is executed:
+    /// one command must finish before the next one.
+    fn command(&mut self, controlword: u16) {
+        let Some(command) = DeviceCommand::from_controlword(controlword) else {
+            return;
+        };
+        if self.task.is_leaving() && command != DeviceCommand::DisableVoltage {
+            return;
+        }
+        let Some(to) = command.next_state(self.state) else {
+            return;
+        };
+        match (self.state, to) {
+            (_, State::OperationEnabled) => self.enable(),
+            (State::OperationEnabled, State::QuickStopActive) => {
+                self.brake(self.per_second(0x6085), None);
+                self.enter(to);
+            }
+            (State::OperationEnabled, State::ReadyToSwitchOn) => self.leave(0x605B, to),
+            (State::OperationEnabled, State::SwitchedOn) => self.leave(0x605C, to),
+            _ => {
+                self.power_off();
+                self.enter(to);
+            }
+        }
+    }
+
+    /// Enables the power stage. In the cyclic position mode the motor moves to object 0x607A at
+    /// once, however old that is.
+    fn enable(&mut self) {
+        self.demand = self.actual();
+        self.setpoints = Setpoints::default();
+        self.enter(State::OperationEnabled);
+        self.start_mode();
+    }
+
+    /// Leaves operation as an option code says: 0 at once, 1 after a ramp.
+    fn leave(&mut self, option: u16, to: State) {
+        if self.dictionary.get(option, 0) == 0 {
+            self.power_off();
+            self.enter(to);
+        } else {
+            self.brake(self.per_second(0x6084), Some(to));
+        }
+    }
+
+    fn halt_or_continue(&mut self, before: u16) {
+        let halted = matches!(self.task, Task::Brake { .. });
+        if self.controlword & HALT != 0 && !halted {
+            self.brake(self.per_second(0x6084), None);
+        } else if self.controlword & HALT == 0 && before & HALT != 0 {
+            self.start_mode();
+        }
+    }
+
+    /// Evaluates bit 4. Only its rising edge starts something. In the profile position mode a
+    /// set-point without a new edge is lost without an error.
+    fn start(&mut self, rising: u16, before: u16) {
+        let is_new = self.setpoints.taken != Some(self.dictionary.get(0x607A, 0));
+        match self.mode {
+            Mode::ProfilePosition if rising & START != 0 => self.take_setpoint(),
+            Mode::ProfilePosition if self.controlword & START == 0 => {
+                self.setpoints.acknowledged = self.setpoints.queued.is_some();
+            }
+            Mode::ProfilePosition if before & START != 0 && is_new => {
+                self.events.push(EventKind::HostBug(HostBug::SetpointIgnored));
+            }
+            Mode::Homing if rising & START != 0 => self.home(),
+            _ => {}
+        }
+    }
+
+    fn take_setpoint(&mut self) {
+        let written = self.dictionary.get(0x607A, 0);
+        let previous = self.setpoints.queued.or(self.setpoints.active);
+        let target = if self.controlword & RELATIVE != 0 {
+            previous.unwrap_or(self.demand.position) + written as f64
+        } else {
+            self.to_motor(written)
+        };
+        if self.is_beyond_limits(target) {
+            let fault = self.map().position_limit_fault.unwrap_or(Fault(0xFF09));
+            self.raise(fault, false);
+            return;
+        }
+        let moving = matches!(self.task, Task::Profile { .. });
+        if !moving || self.controlword & IMMEDIATELY != 0 {
+            self.setpoints.active = Some(target);
+            self.setpoints.queued = None;
+        } else if self.setpoints.queued.is_none() {
+            self.setpoints.queued = Some(target);
+        } else {
+            self.events.push(EventKind::HostBug(HostBug::SetpointIgnored));
+            return;
+        }
+        self.setpoints.acknowledged = true;
+        self.setpoints.taken = Some(written);
+        if self.controlword & HALT == 0 {
+            self.start_mode();
+        }
+    }
+
+    /// Starts homing: on the present position, or at the hard stop in a direction. The other
+    /// methods need switches or an index, and fail here.
+    fn home(&mut self) {
+        let method = self.dictionary.get(0x6098, 0);
+        if matches!(method, -3 | -4) {
+            let speed = self.per_second(0x6099) * if method == -3 { 1.0 } else { -1.0 };
+            self.homing = Homing::Idle;
+            let pressed_s = 0.0;
+            self.task = Task::SearchStop { speed, pressed_s };
+        } else {
+            self.end_homing(method == self.map().actual_position_method);
+        }
+    }
+
+    /// Ends homing at the present position.
+    pub(super) fn end_homing(&mut self, done: bool) {
+        self.homing = Homing::Failed;
+        if done {
+            self.homing = Homing::Attained;
+            self.origin = self.encoder() - self.stored(self.map().home_position);
+            self.homed = true;
+        }
+        self.events.push(EventKind::Homing(done));
+    }
+
+    /// Raises a fault. While it `persists`, it cannot be reset.
+    pub fn raise(&mut self, fault: Fault, persists: bool) {
+        self.events.push(EventKind::Fault(fault.0));
+        self.add_to_history(fault);
+        let reaction = fault.reaction(self.config.family);
+        if reaction == Reaction::Warning {
+            self.warning = true;
+            return;
+        }
+        self.fault = Some(fault);
+        self.cause_persists = persists;
+        let ramp = match (reaction, self.dictionary.get(0x605E, 0)) {
+            (Reaction::FaultOption, 0) => None,
+            (Reaction::FaultOption, 1) => Some(0x6084),
+            (Reaction::FaultOption, _) => Some(0x6085),
+            (Reaction::AbortOption, _) => (self.dictionary.get(0x6007, 0) == 3).then_some(0x6085),
+            (Reaction::Disable | Reaction::Warning, _) => None,
+        };
+        match ramp {
+            Some(_) if self.state == State::FaultReactionActive => {}
+            Some(deceleration) if self.state.is_powered() => {
+                self.enter(State::FaultReactionActive);
+                self.brake(self.per_second(deceleration), Some(State::Fault));
+            }
+            _ => {
+                self.power_off();
+                self.enter(State::Fault);
+            }
+        }
+    }
+
+    /// Removes the cause of a persistent fault.
+    pub fn remove_cause(&mut self) {
+        self.cause_persists = false;
+        self.warning = false;
+    }
+
+    fn reset_fault(&mut self) {
+        if self.state != State::Fault || self.cause_persists {
+            return;
+        }
+        let family = self.config.family;
+        if self.fault.is_some_and(|fault| fault.clears_position(family)) {
+            self.lose_position();
+        }
+        self.fault = None;
+        self.enter(State::SwitchOnDisabled);
+    }
+
+    /// Puts a fault into the error history (object 0x1003), newest first.
+    fn add_to_history(&mut self, fault: Fault) {
+        for entry in (1..5).rev() {
+            let older = self.dictionary.get(0x1003, entry);
+            self.dictionary.set(0x1003, entry + 1, older);
+        }
+        let count = self.dictionary.get(0x1003, 0) + 1;
+        self.dictionary.set(0x1003, 1, i64::from(fault.0));
+        self.dictionary.set(0x1003, 0, count.min(5));
+    }
+}

@@ -1,0 +1,73 @@
+//! What can happen on one axis, for the log.
+
+use super::mode::Mode;
+use super::state::State;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EventKind {
+    /// A set-point (object 0x607A) was received, in counts.
+    Setpoint(i32),
+    State {
+        /// Before.
+        from: State,
+        /// After.
+        to: State,
+    },
+    Mode(Mode),
+    /// A fault with this code was raised.
+    Fault(u16),
+    /// Homing ended; true if it succeeded.
+    Homing(bool),
+    /// The drive started, after power-up or by command.
+    Boot,
+    /// The line carried something that the drive could not use.
+    Line(LineTrouble),
+    /// A test or a scenario injected this fault into the axis, its line or its wire.
+    Injected(&'static str),
+    /// The host broke a rule that a real drive would punish.
+    HostBug(HostBug),
+}
+
+/// Something on the line that the drive could not use.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LineTrouble {
+    /// A frame with a wrong CRC.
+    Crc,
+    /// A frame that was not complete within the frame timeout. It is dropped without a reply.
+    FrameTimeout,
+}
+
+/// A rule that the host broke.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HostBug {
+    /// Bytes arrived before the reply to the previous request had been sent. They are lost.
+    Pipelined,
+    /// An opcode that the drive does not know.
+    Opcode(u8),
+    /// A new set-point in profile position mode without clearing bit 4 first. The drive ignores it
+    /// without an error.
+    SetpointIgnored,
+}
+
+impl EventKind {
+    /// Name, number and text in the log file.
+    pub(crate) fn columns(&self) -> (&'static str, i64, &'static str) {
+        match *self {
+            Self::Setpoint(counts) => ("setpoint", counts.into(), ""),
+            Self::State { to, .. } => ("state", to.bits().into(), to.name()),
+            Self::Mode(mode) => ("mode", mode.number().into(), mode.name()),
+            Self::Fault(code) => ("fault", code.into(), ""),
+            Self::Homing(true) => ("homing", 1, "attained"),
+            Self::Homing(false) => ("homing", 0, "failed"),
+            Self::Boot => ("boot", 0, ""),
+            Self::Line(LineTrouble::Crc) => ("line", 0, "wrong CRC"),
+            Self::Line(LineTrouble::FrameTimeout) => ("line", 0, "frame timeout"),
+            Self::Injected(name) => ("injected", 0, name),
+            Self::HostBug(HostBug::Pipelined) => ("host-bug", 0, "bytes before the reply"),
+            Self::HostBug(HostBug::Opcode(opcode)) => ("host-bug", opcode.into(), "unknown opcode"),
+            Self::HostBug(HostBug::SetpointIgnored) => {
+                ("host-bug", 0, "set-point ignored: bit 4 was not lowered")
+            }
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! Motor, encoder and position controller of one drive.
+
+/// Parameters of the motor and its position controller.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotorConfig {
+    /// Pulses of the encoder per turn; four increments (counts) each.
+    pub encoder_pulses: u32,
+    /// Bandwidth of the closed position loop, Hz. Its lag behind a ramp is the ramp divided by pi
+    /// times this.
+    pub bandwidth_hz: f64,
+    /// Acceleration per current, counts per second squared and mA.
+    pub acceleration_per_ma: f64,
+    /// Current that overcomes friction, mA.
+    pub friction_ma: f64,
+    /// Current that holds the load of the wires, mA per degree of wire stretch.
+    pub load_ma_per_deg: f64,
+    /// Hard stops, counts from the position of the motor at the start of the emulator.
+    pub stops: [f64; 2],
+}
+
+impl Default for MotorConfig {
+    /// Close to a maxon DCX 8 M with a gearhead: 0.9 mNm at 300 mA on 3e-9 kg m2, a third of it
+    /// left by the gear.
+    fn default() -> Self {
+        Self {
+            encoder_pulses: 256,
+            bandwidth_hz: 60.0,
+            acceleration_per_ma: 33_000.0,
+            friction_ma: 2.0,
+            load_ma_per_deg: 4.0,
+            stops: [-100_000.0, 100_000.0],
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits {
+    /// Output current, mA (object 0x3001:02).
+    pub current_ma: f64,
+    /// Speed, counts per second (object 0x6080).
+    pub speed: f64,
+}
+
+/// The motor. Positions are true ones: fractional counts since the start of the emulator.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Motor {
+    pub position: f64,
+    /// Counts per second.
+    pub velocity: f64,
+    pub current_ma: f64,
+    /// Load of the wires, degrees of wire stretch; positive: it pulls back to lower counts.
+    pub load: f64,
+    /// The last step met a limit.
+    pub limited: bool,
+}
+
+/// Speeds below this are standstill, counts per second.
+const STANDSTILL: f64 = 20.0;
+
+impl Motor {
+    /// A motor at standstill at this position.
+    pub fn at(position: f64) -> Self {
+        Self { position, ..Self::default() }
+    }
+
+    pub fn is_at_standstill(&self) -> bool {
+        self.velocity.abs() < STANDSTILL
+    }
+
+    /// One step under the position controller (proportional and derivative, critically damped) with
+    /// Coulomb friction. The load is balanced, as by an integral part without lag, so that it shows
+    /// in the current only.
+    pub fn follow(&mut self, config: &MotorConfig, demand: f64, limits: Limits, dt_s: f64) {
+        let rate = std::f64::consts::TAU * config.bandwidth_hz;
+        let target = rate * rate * (demand - self.position) - 2.0 * rate * self.velocity;
+        let load_ma = self.load * config.load_ma_per_deg;
+        let target_ma = target / config.acceleration_per_ma + load_ma;
+        self.drive(config, target_ma, load_ma, limits, dt_s);
+    }
+
+    /// One step under a given current. The gear is self-locking: the load brakes, but never drives.
+    pub fn push(&mut self, config: &MotorConfig, target_ma: f64, limits: Limits, dt_s: f64) {
+        let load_ma = self.load * config.load_ma_per_deg;
+        let braking = if load_ma * target_ma > 0.0 {
+            load_ma.clamp(-target_ma.abs(), target_ma.abs())
+        } else {
+            0.0
+        };
+        self.drive(config, target_ma, braking, limits, dt_s);
+    }
+
+    fn drive(
+        &mut self,
+        config: &MotorConfig,
+        target_ma: f64,
+        load_ma: f64,
+        limits: Limits,
+        dt_s: f64,
+    ) {
+        self.current_ma = target_ma.clamp(-limits.current_ma, limits.current_ma);
+        let before = self.velocity;
+        let driven = before + (self.current_ma - load_ma) * config.acceleration_per_ma * dt_s;
+        let friction = config.friction_ma * config.acceleration_per_ma * dt_s;
+        let velocity = (driven.abs() - friction).max(0.0).copysign(driven);
+        self.limited = self.current_ma != target_ma || velocity.abs() > limits.speed;
+        self.velocity = velocity.clamp(-limits.speed, limits.speed);
+        self.position += 0.5 * (before + self.velocity) * dt_s;
+        let [low, high] = config.stops;
+        if self.position < low || self.position > high {
+            self.position = self.position.clamp(low, high);
+            self.velocity = 0.0;
+        }
+    }
+
+    /// One step without power. Friction brakes; the gear is self-locking.
+    pub fn coast(&mut self, config: &MotorConfig, dt_s: f64) {
+        let limits = Limits { current_ma: 0.0, speed: f64::INFINITY };
+        self.push(config, 0.0, limits, dt_s);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: Limits = limits(300.0, 50_000.0);
+    const DT_S: f64 = 0.0005;
+
+    const fn limits(current_ma: f64, speed: f64) -> Limits {
+        Limits { current_ma, speed }
+    }
+
+    /// Follows a demand; returns the motor and its highest speed.
+    fn run(limits: Limits, seconds: f64, demand: impl Fn(f64) -> f64) -> (Motor, f64) {
+        let (config, mut motor, mut top) = (MotorConfig::default(), Motor::default(), 0.0f64);
+        for step in 0..(seconds / DT_S) as usize {
+            motor.follow(&config, demand(step as f64 * DT_S), limits, DT_S);
+            top = top.max(motor.velocity.abs());
+        }
+        (motor, top)
+    }
+
+    #[test]
+    fn settles_within_a_count() {
+        let (motor, _) = run(LIMITS, 0.2, |_| 200.0);
+        assert!((motor.position - 200.0).abs() < 1.0 && motor.is_at_standstill(), "{motor:?}");
+    }
+
+    #[test]
+    fn the_lag_behind_a_ramp_follows_from_the_bandwidth() {
+        let lag = 500.0 - run(LIMITS, 0.5, |time| 1000.0 * time).0.position;
+        assert!((4.0..8.0).contains(&lag), "{lag}");
+    }
+
+    #[test]
+    fn speed_and_current_are_limited() {
+        assert!(run(limits(300.0, 1000.0), 0.1, |_| 5000.0).1 <= 1000.0);
+        let (weak, _) = run(limits(1.0, 50_000.0), 0.2, |_| 500.0);
+        assert_eq!(weak.position, 0.0, "1 mA does not overcome the friction");
+    }
+
+    #[test]
+    fn a_hard_stop_blocks_the_motor_and_raises_the_current() {
+        let config = MotorConfig { stops: [-100.0, 100.0], ..MotorConfig::default() };
+        let mut motor = Motor::default();
+        for _ in 0..400 {
+            motor.follow(&config, 300.0, LIMITS, DT_S);
+        }
+        assert_eq!((motor.position, motor.velocity), (100.0, 0.0));
+        assert!(motor.current_ma > 100.0, "{motor:?}");
+    }
+
+    #[test]
+    fn the_current_shows_the_load_and_the_position_does_not() {
+        let run = |load: f64| {
+            let (config, mut motor) = (MotorConfig::default(), Motor::default());
+            for step in 0..400 {
+                motor.load = load;
+                motor.follow(&config, 0.5 * f64::from(step), LIMITS, DT_S);
+            }
+            motor
+        };
+        let (free, loaded) = (run(0.0), run(5.0));
+        assert_eq!(free.position, loaded.position);
+        assert!((loaded.current_ma - free.current_ma - 20.0).abs() < 1e-6);
+        // Moving takes the friction.
+        assert!((free.current_ma - 2.0).abs() < 0.5, "{free:?}");
+    }
+
+    #[test]
+    fn a_load_does_not_turn_the_gear() {
+        let mut motor = Motor { load: 8.0, ..Motor::default() };
+        for _ in 0..100 {
+            motor.coast(&MotorConfig::default(), DT_S);
+            motor.push(&MotorConfig::default(), 20.0, LIMITS, DT_S);
+            motor.push(&MotorConfig::default(), -1.0, LIMITS, DT_S);
+        }
+        assert_eq!(motor.position, 0.0);
+    }
+
+    #[test]
+    fn friction_stops_a_motor_without_power() {
+        let mut motor = Motor { velocity: 2000.0, ..Motor::default() };
+        for _ in 0..400 {
+            motor.coast(&MotorConfig::default(), DT_S);
+        }
+        assert!(motor.velocity == 0.0 && motor.position > 5.0);
+    }
+}

@@ -1,0 +1,234 @@
+//! Requests to replies.
+
+use i2ris::units::Nanos;
+
+use super::abort::Abort;
+use super::command_set::{Addressed, Service, decode};
+use super::device::{Drive, factory_settings};
+use super::event::{EventKind, HostBug, LineTrouble};
+use super::family::Family;
+use super::frame::Incoming;
+use super::object::Kind;
+use super::state::State;
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reply {
+    /// Error code, and the data behind it.
+    pub data: Vec<u8>,
+    /// Delay beyond the usual processing time.
+    pub delay: Nanos,
+}
+
+/// Garbage in the bytes that a short value does not need.
+const UNUSED_BYTES: [u8; 4] = [0xA5, 0x5A, 0xC3, 0x3C];
+
+/// "save" and "load", the signatures that protect objects 0x1010 and 0x1011.
+const SAVE: u32 = 0x6576_6173;
+const LOAD: u32 = 0x6461_6F6C;
+
+impl Drive {
+    /// Whether the drive boots. It neither receives nor replies.
+    pub(crate) fn is_booting(&self) -> bool {
+        self.state == State::NotReadyToSwitchOn
+    }
+
+    /// The reply to a frame at its own port, or `None` while booting. `behind`: the drive on the
+    /// CAN bus behind this one, and the round-trip time to it.
+    pub fn reply_at_port(
+        &mut self,
+        incoming: &Incoming,
+        behind: Option<(&mut Self, Nanos)>,
+    ) -> Option<Reply> {
+        if self.is_booting() {
+            return None;
+        }
+        // The error reply to a read may have the length of its data.
+        let opcode = match incoming {
+            Incoming::Request(request) => request.opcode,
+            Incoming::WrongCrc => 0,
+        };
+        let is_read = matches!(opcode, 0x10 | 0x60);
+        let (node, service) = match self.decode(incoming) {
+            Ok(addressed) => addressed,
+            Err(abort) => return Some(self.reply(Err(abort), is_read)),
+        };
+        // 0 and no node address the drive at the port.
+        if node.is_none_or(|node| node == 0 || node == self.config.node_id) {
+            let has_reply = service.has_reply(self.config.family);
+            let outcome = self.execute(service);
+            return has_reply.then(|| self.reply(outcome, is_read));
+        }
+        let is_reachable = |other: &Self| Some(other.config.node_id) == node && !other.is_booting();
+        let (outcome, delay) = match behind.filter(|(other, _)| is_reachable(other)) {
+            None => {
+                let timeout = Nanos::from_millis(self.config.gateway_timeout_ms);
+                (Err(Abort::SdoTimeout), timeout)
+            }
+            Some(_) if service.is_segmented() => (Err(Abort::UnsupportedAccess), Nanos::ZERO),
+            Some((other, round_trip)) => (other.execute(service), round_trip),
+        };
+        let reply = self.reply(outcome, is_read);
+        Some(Reply { delay, ..reply })
+    }
+
+    /// Decodes a frame that arrived at its own port.
+    fn decode(&mut self, incoming: &Incoming) -> Result<Addressed, Abort> {
+        let Incoming::Request(request) = incoming else {
+            self.events.push(EventKind::Line(LineTrouble::Crc));
+            return Err(Abort::Crc);
+        };
+        decode(self.config.family, request).inspect_err(|abort| {
+            if *abort == Abort::IllegalCommand {
+                let bug = HostBug::Opcode(request.opcode);
+                self.events.push(EventKind::HostBug(bug));
+            }
+        })
+    }
+
+    /// The reply with this outcome of a request.
+    fn reply(&self, outcome: Result<Vec<u8>, Abort>, is_read: bool) -> Reply {
+        let delay = Nanos::ZERO;
+        let data = match outcome {
+            Ok(data) => [&[0; 4], &data[..]].concat(),
+            Err(abort) => {
+                let mut data = (abort as u32).to_le_bytes().to_vec();
+                if is_read {
+                    data.resize(2 * usize::from(self.config.error_reply_words.max(2)), 0);
+                }
+                data
+            }
+        };
+        Reply { data, delay }
+    }
+
+    /// Executes a service. Returns the data behind the error code of the reply.
+    fn execute(&mut self, service: Service) -> Result<Vec<u8>, Abort> {
+        match service {
+            Service::ReadObject { index, sub } => return self.read_object(index, sub),
+            Service::WriteObject { index, sub, raw } => self.write(index, sub, raw)?,
+            Service::InitiateSegmentedRead { index, sub } => {
+                return self.initiate_segmented_read(index, sub);
+            }
+            Service::SegmentRead { toggle } => return self.read_segment(toggle),
+            Service::InitiateSegmentedWrite { index, sub, length } => {
+                self.transfer.start_write((index, sub), length);
+            }
+            Service::SegmentedWrite(segment) => {
+                if let Some(((index, sub), raw)) = self.transfer.write(&segment)? {
+                    self.write(index, sub, raw)?;
+                }
+                return Ok(vec![segment.length, u8::from(segment.toggle)]);
+            }
+            Service::ManageNetwork { node, command } => self.manage(node, command)?,
+        }
+        Ok(Vec::new())
+    }
+
+    fn read_object(&self, index: u16, sub: u8) -> Result<Vec<u8>, Abort> {
+        let value = self.bytes(index, sub)?;
+        if value.len() > 4 {
+            return Err(Abort::Length);
+        }
+        let mut data = if self.config.fill_unused_bytes { UNUSED_BYTES } else { [0; 4] };
+        data[..value.len()].copy_from_slice(&value);
+        Ok(data.to_vec())
+    }
+
+    /// The bytes of an object.
+    fn bytes(&self, index: u16, sub: u8) -> Result<Vec<u8>, Abort> {
+        let stored = self.dictionary.read(index, sub)?;
+        // An EPOS2 without an error has no entry. A host must not take an empty entry for an error.
+        let is_empty_entry = index == 0x1003 && i64::from(sub) > self.dictionary.get(0x1003, 0);
+        if self.config.family == Family::Epos2 && is_empty_entry {
+            return Err(Abort::NoSubindex);
+        }
+        if stored.kind == Kind::Text {
+            return Ok(self.map().name.as_bytes().to_vec());
+        }
+        let value = self.computed_value(index, sub).unwrap_or(stored.value);
+        Ok(value.to_le_bytes()[..stored.kind.size()].to_vec())
+    }
+
+    /// Writes an object and applies the value.
+    fn write(&mut self, index: u16, sub: u8, raw: u32) -> Result<(), Abort> {
+        let is_powered = self.state.is_powered();
+        let value = self.dictionary.check_write(index, sub, raw, is_powered)?;
+        match (index, sub, raw) {
+            (0x1010, 1, SAVE) => {
+                self.stored = self.dictionary.clone();
+                return Ok(());
+            }
+            // Takes effect with the next reset.
+            (0x1011, 1, LOAD) => {
+                self.stored = factory_settings(&self.config);
+                return Ok(());
+            }
+            (0x1010 | 0x1011, 1, _) => return Err(Abort::CannotStore),
+            (0x1003, 0, _) => {
+                for entry in 1..=5 {
+                    self.dictionary.set(0x1003, entry, 0);
+                }
+            }
+            _ => {}
+        }
+        self.dictionary.set(index, sub, value);
+        match (index, sub) {
+            (0x6040, 0) => self.write_controlword(value as u16),
+            (0x6060, 0) => {
+                if let Some(mode) = self.config.family.mode(value) {
+                    self.change_mode(mode);
+                }
+            }
+            address if address == (0x607A, 0) || address == self.map().direct_target => {
+                self.since_setpoint_s = 0.0;
+                self.events.push(EventKind::Setpoint(value as i32));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// EPOS4: the reply carries the length and the first segment. EPOS2: neither.
+    fn initiate_segmented_read(&mut self, index: u16, sub: u8) -> Result<Vec<u8>, Abort> {
+        let mut value = self.bytes(index, sub)?;
+        if self.config.family == Family::Epos2 {
+            self.transfer.start_read(value);
+            return Ok(Vec::new());
+        }
+        let length = value.len() as u32;
+        let rest = value.split_off(value.len().min(self.max_segment()));
+        self.transfer.start_read(rest);
+        Ok([&length.to_le_bytes()[..], &[value.len() as u8], &value].concat())
+    }
+
+    fn read_segment(&mut self, toggle: bool) -> Result<Vec<u8>, Abort> {
+        let most = self.max_segment();
+        let (value, last) = self.transfer.read(toggle, most)?;
+        let length = value.len() as u8;
+        let head = match self.config.family {
+            Family::Epos4 => vec![length, u8::from(toggle) | u8::from(last) << 1],
+            Family::Epos2 => vec![length | u8::from(toggle) << 6 | u8::from(!last) << 7],
+        };
+        Ok([&head[..], &value].concat())
+    }
+
+    /// Maximum bytes of a segment. The length field of the EPOS2 has 6 bits.
+    fn max_segment(&self) -> usize {
+        let most = usize::from(self.config.segment_bytes.max(1));
+        if self.config.family == Family::Epos2 { most.min(63) } else { most }
+    }
+
+    /// Executes a network management command. The reply goes out before a reset takes effect.
+    fn manage(&mut self, node: u8, command: u8) -> Result<(), Abort> {
+        if node != 0 && node != self.config.node_id {
+            return Ok(());
+        }
+        match command {
+            1 => self.operational = true,
+            2 | 128 | 130 => self.operational = false,
+            129 => self.power_cycle(),
+            _ => return Err(Abort::Range),
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,141 @@
+//! Faults that can be injected into drives, lines and wires.
+
+use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantNames};
+
+/// A fault of an axis, its line or its wire. Offsets count from the first byte of a frame, in
+/// bytes or bits, and wrap at its end.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, IntoStaticStr, VariantNames)]
+#[serde(tag = "kind", rename_all = "kebab-case", rename_all_fields = "snake_case")]
+#[serde(deny_unknown_fields)]
+#[strum(serialize_all = "kebab-case")]
+pub enum Injection {
+    /// The next request is lost.
+    LoseRequest,
+    /// A byte of the next request is lost.
+    DropRequest { offset: usize },
+    /// A bit of the next request is flipped.
+    FlipRequest { offset: usize },
+    /// A byte of the next request is sent twice.
+    DoubleRequest { offset: usize },
+    /// The next request ends before this byte.
+    CutRequest { offset: usize },
+    /// The next reply is lost.
+    LoseReply,
+    /// A byte of the next reply is lost.
+    DropReply { offset: usize },
+    /// A bit of the next reply is flipped.
+    FlipReply { offset: usize },
+    /// A byte of the next reply is sent twice.
+    DoubleReply { offset: usize },
+    /// The next reply ends before this byte.
+    CutReply { offset: usize },
+    /// The next reply ends between the halves of a doubled byte.
+    CutReplyInPair,
+    /// The next reply is late.
+    LateReply { delay_ms: u64 },
+    /// The next reply is an error of an invalid length.
+    WrongLength,
+    /// An unsolicited reply comes before the next one.
+    StrayReply,
+    /// The port disappears and comes back.
+    HangUp { for_ms: u64 },
+    /// The drive does not reply, but executes everything.
+    Mute { for_ms: u64 },
+    /// The node is reset: parameters as stored, position lost.
+    Reset,
+    /// A fault is raised.
+    Fault { code: u16 },
+    /// The encoder stops counting.
+    FreezeEncoder { for_ms: u64 },
+    /// The encoder loses or gains counts at once.
+    SlipEncoder { counts: i32 },
+    /// The wire has play.
+    SlackWire { counts: u32 },
+    /// The wire breaks.
+    BreakWire,
+    /// The wire is repaired.
+    MendWire,
+}
+
+impl Injection {
+    /// The names of all kinds, as in files.
+    pub const NAMES: &'static [&'static str] = <Self as VariantNames>::VARIANTS;
+
+    /// Every kind, with random values.
+    pub fn all(random: &mut impl Rng) -> Vec<Self> {
+        let offset = random.random_range(0..64);
+        let bit = random.random_range(0..192);
+        let delay_ms = random.random_range(1..300);
+        let hang_ms = random.random_range(50..400);
+        let mute_ms = random.random_range(20..600);
+        let code = [0x2310, 0x3210, 0x3220, 0x8611, 0x4210][random.random_range(0..5)];
+        let freeze_ms = random.random_range(50..500);
+        let slip = random.random_range(-300..300);
+        let play = random.random_range(20..200);
+        vec![
+            Self::LoseRequest,
+            Self::DropRequest { offset },
+            Self::FlipRequest { offset: bit },
+            Self::DoubleRequest { offset },
+            Self::CutRequest { offset },
+            Self::LoseReply,
+            Self::DropReply { offset },
+            Self::FlipReply { offset: bit },
+            Self::DoubleReply { offset },
+            Self::CutReply { offset },
+            Self::CutReplyInPair,
+            Self::LateReply { delay_ms },
+            Self::WrongLength,
+            Self::StrayReply,
+            Self::HangUp { for_ms: hang_ms },
+            Self::Mute { for_ms: mute_ms },
+            Self::Reset,
+            Self::Fault { code },
+            Self::FreezeEncoder { for_ms: freeze_ms },
+            Self::SlipEncoder { counts: slip },
+            Self::SlackWire { counts: play },
+            Self::BreakWire,
+            Self::MendWire,
+        ]
+    }
+
+    /// The name of its kind, as in files.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        self.into()
+    }
+}
+
+/// An injection and its axis: a line of the control socket.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct AxisInjection {
+    /// Axis number.
+    #[serde(default)]
+    pub axis: usize,
+    /// What.
+    #[serde(flatten)]
+    pub injection: Injection,
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    #[test]
+    fn every_kind_has_the_same_name_in_files_and_in_the_log() {
+        let axis = 0;
+        let all = Injection::all(&mut Pcg64Mcg::new(3));
+        assert_eq!(all.len(), Injection::NAMES.len());
+        for injection in all {
+            let text = toml::to_string(&AxisInjection { axis, injection }).unwrap();
+            let kind = format!("kind = \"{}\"", injection.name());
+            assert!(text.contains(&kind), "{text}");
+            let parsed: AxisInjection = toml::from_str(&text).unwrap();
+            assert_eq!(parsed.injection, injection);
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! The event log: in memory for tests, in a CSV file for people.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use i2ris::units::Nanos;
+
+pub use crate::drive::event::{EventKind, HostBug, LineTrouble};
+
+/// Maximum events in memory: half an hour of two axes at full rate.
+const MAX_EVENTS: usize = 1_000_000;
+
+/// Something that happened on one axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Event {
+    /// When, on the monotonic clock.
+    pub stamp: Nanos,
+    pub axis: usize,
+    pub kind: EventKind,
+}
+
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, value, text) = self.kind.columns();
+        write!(f, "{},{},{name},{value},{text}", self.stamp.0, self.axis)
+    }
+}
+
+#[derive(Debug, Default)]
+pub struct Log {
+    inner: Mutex<Inner>,
+}
+
+#[derive(Debug, Default)]
+struct Inner {
+    events: VecDeque<Event>,
+    host_bugs: u64,
+    /// There is a writable file.
+    to_file: bool,
+    /// Not yet in the file.
+    pending: Vec<Event>,
+    /// Absent during a write: adding an event never waits for a disk.
+    file: Option<BufWriter<File>>,
+}
+
+/// Why a log file cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write the log {path}: {source}; name a file in a folder that exists and is yours")]
+pub struct LogError {
+    path: PathBuf,
+    source: io::Error,
+}
+
+impl Log {
+    /// A log that also goes to a file.
+    pub fn to_file(path: &Path) -> Result<Self, LogError> {
+        let start = || -> io::Result<BufWriter<File>> {
+            let mut file = BufWriter::new(File::create(path)?);
+            writeln!(file, "stamp_ns,axis,event,value,text")?;
+            file.flush()?;
+            Ok(file)
+        };
+        let file = start().map_err(|source| LogError { path: path.to_owned(), source })?;
+        Ok(Self {
+            inner: Mutex::new(Inner { to_file: true, file: Some(file), ..Inner::default() }),
+        })
+    }
+
+    pub fn push(&self, event: Event) {
+        let mut inner = self.lock();
+        if inner.events.len() == MAX_EVENTS {
+            inner.events.pop_front();
+        }
+        inner.host_bugs += u64::from(matches!(event.kind, EventKind::HostBug(_)));
+        inner.events.push_back(event);
+        if inner.to_file {
+            inner.pending.push(event);
+        }
+    }
+
+    /// All events in memory, oldest first.
+    pub fn events(&self) -> Vec<Event> {
+        self.lock().events.iter().copied().collect()
+    }
+
+    /// How often a host broke a rule.
+    pub fn host_bugs(&self) -> u64 {
+        self.lock().host_bugs
+    }
+
+    /// Writes the pending events to the file. Call it from a thread that may wait for a disk.
+    pub fn flush(&self) -> io::Result<()> {
+        let (pending, file) = {
+            let mut inner = self.lock();
+            (std::mem::take(&mut inner.pending), inner.file.take())
+        };
+        let Some(mut file) = file else { return Ok(()) };
+        let write = |event: &Event| writeln!(file, "{event}");
+        let written = pending.iter().try_for_each(write).and_then(|()| file.flush());
+        let mut inner = self.lock();
+        inner.to_file = written.is_ok();
+        inner.file = written.is_ok().then_some(file);
+        written
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn setpoint(stamp: u64, counts: i32) -> Event {
+        Event { stamp: Nanos(stamp), axis: 1, kind: EventKind::Setpoint(counts) }
+    }
+
+    #[test]
+    fn events_reach_memory_and_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let log = Log::to_file(&path).unwrap();
+        log.push(setpoint(7, -12));
+        log.push(Event { kind: EventKind::HostBug(HostBug::Opcode(0x20)), ..setpoint(9, 0) });
+        log.flush().unwrap();
+        log.push(setpoint(11, 5));
+        log.flush().unwrap();
+        assert_eq!(log.events().len(), 3);
+        let text = std::fs::read_to_string(&path).unwrap();
+        let expected = "stamp_ns,axis,event,value,text\n7,1,setpoint,-12,\n\
+                        9,1,host-bug,32,unknown opcode\n11,1,setpoint,5,\n";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_named() {
+        let message = Log::to_file(Path::new("/proc/none/log.csv")).unwrap_err().to_string();
+        assert!(message.contains("/proc/none/log.csv"), "{message}");
+    }
+}

@@ -1,0 +1,160 @@
+//! Both drives and the snake behind them, advanced in fixed small time steps.
+
+use std::sync::Arc;
+
+use i2ris::units::Nanos;
+
+use super::log::{Event, Log};
+use super::wire::Wire;
+use crate::drive::event::EventKind;
+use crate::drive::frame::Incoming;
+use crate::drive::{Drive, Reply};
+use crate::physics::Snake;
+
+/// Time step of the plant: a tenth of the time constant of a position loop.
+const STEP: Nanos = Nanos::from_micros(500);
+
+/// After a longer stall (a suspended machine) the time before is skipped.
+const MAX_CATCH_UP: Nanos = Nanos::from_millis(2000);
+
+#[derive(Debug)]
+pub(crate) struct Plant {
+    pub(crate) drives: [Drive; 2],
+    pub(crate) snake: Snake,
+    /// The wires between motors and snake.
+    pub(crate) wires: [Wire; 2],
+    /// The first drive forwards requests to the second over CAN, with this round-trip time.
+    gateway: Option<Nanos>,
+    time: Nanos,
+    log: Arc<Log>,
+}
+
+impl Plant {
+    /// Starts at `now` with a straight snake and the motors at the positions of the drives.
+    pub(crate) fn new(
+        drives: [Drive; 2],
+        snake: Snake,
+        gateway: Option<Nanos>,
+        log: Arc<Log>,
+        now: Nanos,
+    ) -> Self {
+        let mut plant = Self { drives, snake, wires: Default::default(), gateway, time: now, log };
+        plant.record(now);
+        plant
+    }
+
+    /// The instant of the present state.
+    pub(crate) fn time(&self) -> Nanos {
+        self.time
+    }
+
+    /// Advances to `now`. Does nothing if `now` has passed: two threads may come in either order.
+    pub(crate) fn advance_to(&mut self, now: Nanos) {
+        if now - self.time > MAX_CATCH_UP {
+            self.time = now - MAX_CATCH_UP;
+        }
+        while self.time + STEP <= now {
+            self.time = self.time + STEP;
+            let mut pulled = [0.0; 2];
+            for (axis, pulled) in pulled.iter_mut().enumerate() {
+                self.drives[axis].advance(STEP.as_seconds());
+                *pulled = self.wires[axis].pull(self.drives[axis].motor_counts());
+            }
+            self.snake.step(STEP.as_seconds(), pulled);
+            let load = self.snake.load();
+            for ((drive, wire), load) in self.drives.iter_mut().zip(&self.wires).zip(load) {
+                let is_pulled = !matches!(wire, Wire::Broken(_));
+                drive.set_load(if is_pulled { load } else { 0.0 });
+            }
+            self.record(self.time);
+        }
+    }
+
+    /// The reply of a drive to a frame that was complete at `arrived`.
+    pub(crate) fn reply(
+        &mut self,
+        axis: usize,
+        incoming: &Incoming,
+        arrived: Nanos,
+    ) -> Option<Reply> {
+        self.advance_to(arrived);
+        let [first, second] = &mut self.drives;
+        let (port, other) = if axis == 0 { (first, second) } else { (second, first) };
+        let behind = self.gateway.map(|round_trip| (other, round_trip));
+        let reply = port.reply_at_port(incoming, behind);
+        // A late thread cannot change the past: its set-points count from the present time.
+        self.record(self.time.max(arrived));
+        reply
+    }
+
+    pub(crate) fn disturb(&mut self, axis: usize, now: Nanos, change: impl FnOnce(&mut Drive)) {
+        self.advance_to(now);
+        change(&mut self.drives[axis]);
+        self.record(self.time.max(now));
+    }
+
+    /// Logs an event of an axis.
+    pub(crate) fn log(&self, axis: usize, stamp: Nanos, kind: EventKind) {
+        self.log.push(Event { stamp, axis, kind });
+    }
+
+    fn record(&mut self, stamp: Nanos) {
+        for axis in 0..2 {
+            for kind in self.drives[axis].take_events() {
+                self.log(axis, stamp, kind);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::DriveConfig;
+    use crate::drive::frame::Request;
+    use crate::physics::springs::SpringSnake;
+    use crate::physics::springs::tests::config;
+
+    fn plant(log: &Arc<Log>) -> Plant {
+        let drives = [0, 1].map(|_| Drive::new(&DriveConfig::default(), 0.0));
+        let snake = SpringSnake::new(&config("steel"), 1);
+        Plant::new(drives, snake.into(), None, Arc::clone(log), Nanos::ZERO)
+    }
+
+    fn write(plant: &mut Plant, now: Nanos, index: u16, value: u8) {
+        let [low, high] = index.to_le_bytes();
+        let (opcode, data) = (0x68, vec![1, low, high, 0, value, 0, 0, 0]);
+        let request = Incoming::Request(Request { opcode, data });
+        assert!(plant.reply(0, &request, now).is_some());
+    }
+
+    #[test]
+    fn requests_do_not_change_the_time_steps_of_the_plant() {
+        let positions = [10_000u64, 1_300].map(|period_us| {
+            let mut plant = plant(&Arc::default());
+            for (index, value) in [(0x6060, 3), (0x6040, 6), (0x6040, 15), (0x60FF, 50)] {
+                write(&mut plant, Nanos::ZERO, index, value);
+            }
+            for step in 1..=1_000_000 / period_us {
+                write(&mut plant, Nanos::from_micros(step * period_us), 0x60FF, 50);
+            }
+            plant.advance_to(Nanos::from_millis(1000));
+            plant.drives[0].motor_counts()
+        });
+        let [idle, busy] = positions;
+        assert!(idle > 500.0 && (idle - busy).abs() < 2.0, "{positions:?}");
+    }
+
+    #[test]
+    fn a_late_request_is_stamped_when_it_takes_effect() {
+        let log = Arc::new(Log::default());
+        let mut plant = plant(&log);
+        plant.advance_to(Nanos::from_millis(20));
+        write(&mut plant, Nanos::from_millis(5), 0x607A, 9);
+        write(&mut plant, Nanos::from_micros(20_300), 0x607A, 9);
+        let mut events = log.events();
+        events.retain(|event| event.kind == EventKind::Setpoint(9));
+        let stamps: Vec<Nanos> = events.iter().map(|event| event.stamp).collect();
+        assert_eq!(stamps, [Nanos::from_millis(20), Nanos::from_micros(20_300)]);
+    }
+}

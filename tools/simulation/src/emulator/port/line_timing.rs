@@ -1,0 +1,149 @@
+//! Timing of a serial line: when bytes arrive and when replies are complete.
+//!
+//! A pseudo-terminal delivers any number of bytes at once. Here they take the time that they take
+//! on a real line. All instants follow from the earlier ones and not from the wake-up time of a
+//! thread, so late wake-ups do not accumulate.
+
+use i2ris::units::Nanos;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Framing {
+    /// With sync bytes and byte stuffing.
+    #[default]
+    V2,
+    /// With handshake bytes.
+    V1,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct LineConfig {
+    pub framing: Framing,
+    /// Bits per second; ten bits a byte.
+    pub baud: u32,
+    /// A host at another bit rate sends garbage, as on a real line. A pseudo-terminal ignores the
+    /// rate.
+    pub strict_baud: bool,
+    /// Processing time of the drive, microseconds.
+    pub processing_us: u64,
+    /// Maximum random time added to it, microseconds.
+    pub jitter_us: u64,
+    /// How long a USB adapter delays short replies, milliseconds; 0: no adapter, or one without
+    /// delay.
+    pub adapter_hold_ms: u64,
+    /// How much of a late wake-up is not counted as the host's time, microseconds: bytes that are
+    /// read this long after the line was free count as sent when it became free. A wake-up takes
+    /// about 70.
+    pub allowance_us: u64,
+}
+
+impl Default for LineConfig {
+    fn default() -> Self {
+        Self {
+            framing: Framing::default(),
+            baud: 115_200,
+            strict_baud: false,
+            processing_us: 400,
+            jitter_us: 0,
+            adapter_hold_ms: 0,
+            allowance_us: 150,
+        }
+    }
+}
+
+/// Timing of both directions of a line.
+#[derive(Debug, Clone)]
+pub(super) struct LineTiming {
+    byte: Nanos,
+    allowance: Nanos,
+    /// When the line towards the drive is free.
+    free: Nanos,
+    /// Delay of the last reply, caused by this thread and not by the host.
+    late: Nanos,
+}
+
+impl LineTiming {
+    pub(super) fn new(config: &LineConfig) -> Self {
+        Self {
+            byte: Nanos(10 * 1_000_000_000 / u64::from(config.baud.max(1))),
+            allowance: Nanos::from_micros(config.allowance_us),
+            free: Nanos::ZERO,
+            late: Nanos::ZERO,
+        }
+    }
+
+    /// The arrival time of a byte that was read at `read`.
+    pub(super) fn arrive(&mut self, read: Nanos) -> Nanos {
+        self.free = self.free.max(read - (self.allowance + self.late)) + self.byte;
+        self.free
+    }
+
+    /// The arrival time of a frame that was read whole at `read`: not before the host had sent it.
+    pub(super) fn complete(&mut self, read: Nanos) -> Nanos {
+        self.free = self.free.max(read);
+        self.free
+    }
+
+    /// The end of a reply of `bytes` that starts at `start`. The host cannot respond before.
+    pub(super) fn depart(&mut self, start: Nanos, bytes: usize) -> Nanos {
+        let end = start + Nanos(self.byte.0 * bytes as u64);
+        self.free = self.free.max(end);
+        end
+    }
+
+    /// Notes that the reply due at `due` was delivered at `now`.
+    pub(super) fn hand_over(&mut self, due: Nanos, now: Nanos) {
+        self.late = now - due;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A byte takes 1 ms.
+    fn timing() -> LineTiming {
+        LineTiming::new(&LineConfig { baud: 10_000, allowance_us: 100, ..LineConfig::default() })
+    }
+
+    const BYTE: Nanos = Nanos::from_millis(1);
+
+    #[test]
+    fn bytes_follow_each_other_at_the_bit_rate() {
+        let mut timing = timing();
+        let arrivals = [50, 50, 50].map(|read_ms| timing.arrive(Nanos::from_millis(read_ms)));
+        assert_eq!(arrivals, [50_900, 51_900, 52_900].map(Nanos::from_micros));
+    }
+
+    #[test]
+    fn late_wake_ups_do_not_accumulate() {
+        let (mut timing, mut ideal) = (timing(), Nanos::from_millis(100));
+        timing.depart(ideal - BYTE, 1);
+        for lateness_us in [0, 50, 99, 20] {
+            let arrived = timing.arrive(ideal + Nanos::from_micros(lateness_us));
+            assert_eq!(arrived, ideal + BYTE);
+            ideal = timing.depart(arrived, 2);
+            assert_eq!(ideal, arrived + BYTE + BYTE);
+        }
+    }
+
+    #[test]
+    fn the_delay_of_a_late_reply_is_not_the_host_s() {
+        let mut timing = timing();
+        let due = timing.depart(Nanos::from_millis(10), 1);
+        timing.hand_over(due, due + Nanos::from_micros(700));
+        let read = due + Nanos::from_micros(800);
+        assert_eq!(timing.arrive(read), due + BYTE);
+        assert_eq!(timing.complete(read), due + BYTE);
+        let read = due + Nanos::from_millis(9);
+        timing.hand_over(due, read);
+        timing.arrive(read);
+        assert_eq!(timing.complete(read), read, "nothing arrives before it was sent");
+    }
+
+    #[test]
+    fn a_slow_host_keeps_its_delay() {
+        let mut timing = timing();
+        timing.depart(Nanos::ZERO, 1);
+        assert_eq!(timing.arrive(Nanos::from_millis(9)), Nanos::from_micros(9_900));
+    }
+}

@@ -1,0 +1,362 @@
+//! One serial port: a pseudo-terminal, the timing of the line, and the drive behind it.
+//!
+//! | file | content |
+//! |---|---|
+//! | `pty` | the pseudo-terminal |
+//! | `port_folder` | links of stable names to the pseudo-terminals |
+//! | `line_timing` | when bytes arrive and replies are complete |
+//! | `handshake` | the V1 frame |
+//! | `fault_injection` | damage to the bytes of one exchange |
+
+mod fault_injection;
+mod handshake;
+mod line_timing;
+mod port_folder;
+mod pty;
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+pub use line_timing::{Framing, LineConfig};
+pub use port_folder::FolderError;
+pub(crate) use port_folder::PortFolder;
+
+use crate::drive::Reply;
+use crate::drive::event::{EventKind, HostBug, LineTrouble};
+use crate::drive::frame::{self, Incoming, Parser};
+use crate::emulator::shared::{Line, Shared};
+use fault_injection::ExchangeFault;
+use handshake::{Action, FAILED, Handshake, OKAY};
+use line_timing::LineTiming;
+use pty::Pty;
+
+/// Maximum sleep before the thread polls whether to end.
+const POLL: Nanos = Nanos::from_millis(20);
+
+/// A thread that slept longer than this was delayed by the machine.
+const STALL: Nanos = Nanos::from_millis(30);
+
+/// A replaced pseudo-terminal stays this long for a host that read the link before.
+const REPLACED: Nanos = Nanos::from_millis(5_000);
+
+/// Maximum sleep while a replaced pseudo-terminal stays.
+const REPLACED_POLL: Nanos = Nanos::from_millis(1);
+
+/// A port that serves one axis.
+pub(crate) struct Port {
+    axis: usize,
+    pty: Pty,
+    /// The pseudo-terminal before the present one, and when it goes.
+    replaced: Option<(Pty, Nanos)>,
+    config: LineConfig,
+    timing: LineTiming,
+    parser: Parser,
+    handshake: Handshake,
+    fault: ExchangeFault,
+    /// The link of a stable name to the device.
+    link: Option<PathBuf>,
+    random: Pcg64Mcg,
+    /// Arrival of the last byte.
+    last_byte: Nanos,
+    /// An early byte of the present exchange has been logged.
+    early_byte_logged: bool,
+    shared: Arc<Shared>,
+}
+
+impl Port {
+    pub(crate) fn open(
+        axis: usize,
+        config: &LineConfig,
+        seed: u64,
+        shared: Arc<Shared>,
+    ) -> io::Result<Self> {
+        Ok(Self {
+            axis,
+            pty: Pty::open()?,
+            replaced: None,
+            config: config.clone(),
+            timing: LineTiming::new(config),
+            parser: Parser::default(),
+            handshake: Handshake::default(),
+            fault: ExchangeFault::default(),
+            link: None,
+            random: Pcg64Mcg::seed_from_u64(seed),
+            last_byte: Nanos::ZERO,
+            early_byte_logged: false,
+            shared,
+        })
+    }
+
+    /// The device file.
+    pub(crate) fn path(&self) -> &Path {
+        self.pty.path()
+    }
+
+    /// Sets the link to the device.
+    pub(crate) fn set_link(&mut self, link: &Path) {
+        self.link = Some(link.to_owned());
+    }
+
+    /// Serves the host until the emulator ends.
+    pub(crate) fn run(mut self) {
+        let mut buffer = [0; 512];
+        while !self.shared.is_stopping() {
+            if let Some(span) = self.line().take_hang_up() {
+                self.hang_up(span);
+            }
+            self.check_replaced();
+            let before = clock::now();
+            let span = self.replaced.as_ref().map_or(POLL, |_| REPLACED_POLL);
+            if self.pty.wait(span) {
+                let count = self.pty.read(&mut buffer);
+                let read = clock::now();
+                self.receive(buffer[..count].to_vec(), read, read - before > STALL);
+            } else {
+                self.on_silence(clock::now());
+            }
+        }
+    }
+
+    /// Closes the pseudo-terminal as if the cable was pulled, then opens another one.
+    fn hang_up(&mut self, span: Nanos) {
+        let until = clock::now() + span;
+        if let Some(link) = &self.link {
+            let _ = std::fs::remove_file(link);
+        }
+        self.pty.hang_up();
+        self.replaced = None;
+        self.reset_line();
+        while clock::now() < until && !self.shared.is_stopping() {
+            clock::sleep_until(until.min(clock::now() + POLL));
+        }
+        // If no pseudo-terminal is left, the port stays closed, as may happen with a real one.
+        if let Ok(pty) = Pty::open() {
+            self.pty = pty;
+            if let Some(link) = &self.link {
+                let _ = port_folder::redirect(link, self.pty.path());
+            }
+        }
+    }
+
+    fn line(&self) -> &Line {
+        &self.shared.lines[self.axis]
+    }
+
+    fn reset_line(&mut self) {
+        self.parser.reset();
+        self.handshake = Handshake::default();
+        self.early_byte_logged = false;
+    }
+
+    /// Takes bytes that were read at `read`. After a stall of the machine, the host may have had to
+    /// repeat them.
+    fn receive(&mut self, mut bytes: Vec<u8>, read: Nanos, stalled: bool) {
+        self.drop_stale_frame(read);
+        if self.is_between_frames() {
+            self.fault = ExchangeFault(self.line().take_exchange_fault());
+        }
+        if self.config.strict_baud && !self.pty.has_baud_rate(self.config.baud) {
+            // Every bit is sampled at the wrong time.
+            for byte in &mut bytes {
+                *byte = byte.wrapping_mul(73).rotate_left(3) | 1;
+            }
+        }
+        match self.config.framing {
+            Framing::V2 => {
+                self.fault.damage_request(&mut bytes);
+                self.receive_frame(&bytes, read, stalled);
+            }
+            Framing::V1 => {
+                // The fault of a request damages the part behind its opcode, which comes in one
+                // piece.
+                if matches!(self.handshake, Handshake::Body { .. }) {
+                    self.fault.damage_request(&mut bytes);
+                }
+                self.receive_parts(&bytes, read);
+            }
+        }
+    }
+
+    fn receive_frame(&mut self, bytes: &[u8], read: Nanos, stalled: bool) {
+        for (index, byte) in bytes.iter().enumerate() {
+            self.last_byte = self.timing.arrive(read);
+            if let Some(incoming) = self.parser.push(*byte) {
+                self.last_byte = self.timing.complete(read);
+                if index + 1 < bytes.len() && !stalled {
+                    self.log_early_byte(self.last_byte);
+                }
+                self.exchange(&incoming, self.last_byte);
+                self.early_byte_logged = false;
+                // The drive does not receive the bytes behind the frame.
+                return;
+            }
+        }
+    }
+
+    fn receive_parts(&mut self, bytes: &[u8], read: Nanos) {
+        for byte in bytes {
+            self.last_byte = self.timing.arrive(read);
+            // A booting drive receives nothing.
+            if self.shared.plant().drives[self.axis].is_booting() {
+                self.handshake = Handshake::default();
+                continue;
+            }
+            match self.handshake.push(*byte) {
+                Action::Wait => {}
+                Action::Acknowledge(byte) => {
+                    if byte == FAILED {
+                        self.log(self.last_byte, EventKind::Line(LineTrouble::Crc));
+                    }
+                    self.send(vec![byte], self.last_byte);
+                }
+                Action::Discard => self.log_early_byte(self.last_byte),
+                Action::Send(mut reply) => {
+                    self.fault.damage_reply(&mut reply);
+                    self.send(reply, self.last_byte + self.fault.delay());
+                    self.line().replies.fetch_add(1, Ordering::Relaxed);
+                }
+                Action::Execute(incoming) => {
+                    self.last_byte = self.timing.complete(read);
+                    self.send(vec![OKAY], self.last_byte);
+                    if let Some((reply, ready)) = self.execute(&incoming, self.last_byte) {
+                        self.handshake.offer(&reply.data);
+                        self.send(vec![0x00], ready);
+                    }
+                    self.early_byte_logged = false;
+                }
+            }
+        }
+    }
+
+    fn is_between_frames(&self) -> bool {
+        match self.config.framing {
+            Framing::V2 => !self.parser.is_partial(),
+            Framing::V1 => self.handshake == Handshake::Idle,
+        }
+    }
+
+    /// Executes a request. Returns the reply and when it is ready, if the host gets one.
+    fn execute(&mut self, incoming: &Incoming, arrived: Nanos) -> Option<(Reply, Nanos)> {
+        let reply = self.shared.plant().reply(self.axis, incoming, arrived);
+        self.line().requests.fetch_add(1, Ordering::Relaxed);
+        let mut reply = reply.filter(|_| !self.line().is_muted(clock::now()))?;
+        reply.data = self.fault.reply_data(reply.data);
+        let jitter = Nanos::from_micros(self.random.random_range(0..=self.config.jitter_us));
+        let start = arrived + Nanos::from_micros(self.config.processing_us) + jitter + reply.delay;
+        Some((reply, start))
+    }
+
+    /// Executes one request. Nothing is received before the reply is complete.
+    fn exchange(&mut self, incoming: &Incoming, arrived: Nanos) {
+        self.watch_for_early_bytes(arrived);
+        let Some((answer, ready)) = self.execute(incoming, arrived) else {
+            return;
+        };
+        let mut reply = frame::reply(&answer.data);
+        self.fault.damage_reply(&mut reply);
+        if let Some(stray) = self.fault.stray_reply() {
+            reply.splice(0..0, frame::reply(&stray));
+        }
+        let delay = self.fault.delay();
+        if delay > Nanos::ZERO {
+            // The timeout of the host may expire.
+            self.early_byte_logged = true;
+        }
+        self.send(reply, ready + delay);
+        self.line().replies.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Sends bytes from `start` on, and delivers them when the last has arrived.
+    fn send(&mut self, bytes: Vec<u8>, start: Nanos) {
+        let end = self.timing.depart(start, bytes.len());
+        let due = end + Nanos::from_millis(self.config.adapter_hold_ms);
+        self.watch_for_early_bytes(due);
+        self.pty.write(&bytes);
+        self.timing.hand_over(due, clock::now());
+    }
+
+    /// Waits, and detects a host that sends before it has its reply. Its bytes are lost.
+    fn watch_for_early_bytes(&mut self, until: Nanos) {
+        loop {
+            let now = clock::now();
+            if now >= until {
+                return;
+            }
+            if self.pty.wait((until - now).min(POLL)) {
+                // If this thread was delayed, the reply is late and the timeout of the host may
+                // have expired.
+                if clock::now() >= until {
+                    return;
+                }
+                if self.pty.read(&mut [0; 512]) > 0 {
+                    self.log_early_byte(now);
+                }
+            } else if self.shared.is_stopping() {
+                return;
+            } else if self.pty.is_closed() {
+                clock::sleep_until(until.min(now + POLL));
+            }
+        }
+    }
+
+    /// Logs an early byte once per exchange.
+    fn log_early_byte(&mut self, stamp: Nanos) {
+        if !std::mem::replace(&mut self.early_byte_logged, true) {
+            self.log(stamp, EventKind::HostBug(HostBug::Pipelined));
+        }
+    }
+
+    fn on_silence(&mut self, now: Nanos) {
+        self.drop_stale_frame(now);
+        if self.pty.is_closed() {
+            self.renew();
+        }
+    }
+
+    /// Replaces the pseudo-terminal after its last host closed it. The kernel ends the exclusive
+    /// use of a serial port with its last descriptor, but that of a pseudo-terminal with the pair.
+    fn renew(&mut self) {
+        let (Some(link), Ok(pty)) = (&self.link, Pty::open()) else {
+            return clock::sleep(POLL);
+        };
+        let _ = port_folder::redirect(link, pty.path());
+        let old = std::mem::replace(&mut self.pty, pty);
+        self.replaced = Some((old, clock::now() + REPLACED));
+    }
+
+    /// Goes back to the replaced pseudo-terminal when a host opened it after all: it had read the
+    /// link before it was redirected. A real port is never away in between.
+    fn check_replaced(&mut self) {
+        let Some((old, until)) = self.replaced.take() else {
+            return;
+        };
+        if !old.is_closed() {
+            if let Some(link) = &self.link {
+                let _ = port_folder::redirect(link, old.path());
+            }
+            self.pty = old;
+        } else if clock::now() < until {
+            self.replaced = Some((old, until));
+        }
+    }
+
+    /// Drops a frame that is not complete in time, without a reply (object 0x2005).
+    fn drop_stale_frame(&mut self, now: Nanos) {
+        let timeout = || self.shared.plant().drives[self.axis].frame_timeout();
+        if !self.is_between_frames() && now - self.last_byte > timeout() {
+            self.reset_line();
+            self.log(now, EventKind::Line(LineTrouble::FrameTimeout));
+        }
+    }
+
+    fn log(&self, stamp: Nanos, kind: EventKind) {
+        self.shared.plant().log(self.axis, stamp, kind);
+    }
+}

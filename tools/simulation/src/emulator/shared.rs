@@ -1,0 +1,187 @@
+//! The state that the threads of an emulator share.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+
+use super::injection::Injection;
+use super::log::Log;
+use super::plant::Plant;
+use super::scenario::SocketCommand;
+use super::wire::Wire;
+use crate::ageing::Change;
+use crate::camera::TimedCameraFault;
+use crate::drive::event::EventKind;
+use crate::drive::{Drive, Fault};
+
+pub(crate) struct Shared {
+    plant: Mutex<Plant>,
+    pub(crate) log: Arc<Log>,
+    stop: AtomicBool,
+    pub(crate) lines: [Line; 2],
+    /// Both axes are behind the first line.
+    pub(crate) gateway: bool,
+    /// When the encoders of these axes count again.
+    frozen: Mutex<Vec<(Nanos, usize)>>,
+    camera: Mutex<Vec<CameraCommand>>,
+}
+
+/// What the camera's thread has to do.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum CameraCommand {
+    Begin(TimedCameraFault),
+    Clear,
+}
+
+/// Counters and pending faults of one line.
+#[derive(Debug, Default)]
+pub(crate) struct Line {
+    pub(crate) requests: AtomicU64,
+    pub(crate) replies: AtomicU64,
+    pub(crate) muted: AtomicBool,
+    pending: Mutex<PendingFaults>,
+}
+
+#[derive(Debug, Default)]
+struct PendingFaults {
+    /// One for each of the next exchanges.
+    exchanges: VecDeque<Injection>,
+    hang_up: Option<Nanos>,
+    muted_until: Nanos,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Line {
+    /// Takes the fault of the next exchange.
+    pub(crate) fn take_exchange_fault(&self) -> Option<Injection> {
+        lock(&self.pending).exchanges.pop_front()
+    }
+
+    /// Takes the duration for which the port disappears now.
+    pub(crate) fn take_hang_up(&self) -> Option<Nanos> {
+        lock(&self.pending).hang_up.take()
+    }
+
+    /// Whether the drive must not reply.
+    pub(crate) fn is_muted(&self, now: Nanos) -> bool {
+        self.muted.load(Ordering::Relaxed) || now < lock(&self.pending).muted_until
+    }
+}
+
+impl Shared {
+    pub(crate) fn new(plant: Plant, log: Arc<Log>, gateway: bool) -> Self {
+        Self {
+            plant: Mutex::new(plant),
+            log,
+            stop: AtomicBool::new(false),
+            lines: Default::default(),
+            gateway,
+            frozen: Mutex::default(),
+            camera: Mutex::default(),
+        }
+    }
+
+    pub(crate) fn plant(&self) -> MutexGuard<'_, Plant> {
+        lock(&self.plant)
+    }
+
+    pub(crate) fn line(&self, axis: usize) -> &Line {
+        &self.lines[if self.gateway { 0 } else { axis }]
+    }
+
+    /// Executes a line of the control socket.
+    pub(crate) fn execute(&self, command: &SocketCommand) {
+        match *command {
+            SocketCommand::Inject(line) => self.inject(line.axis, line.injection),
+            SocketCommand::Age(change) => self.begin_ageing(change),
+            SocketCommand::Camera(fault) => self.tell_camera(CameraCommand::Begin(fault)),
+            SocketCommand::CameraGood => self.tell_camera(CameraCommand::Clear),
+        }
+    }
+
+    /// A change of the snake begins.
+    pub(crate) fn begin_ageing(&self, change: Change) {
+        let mut plant = self.plant();
+        plant.advance_to(clock::now());
+        plant.snake.begin_ageing(change);
+    }
+
+    pub(crate) fn tell_camera(&self, command: CameraCommand) {
+        lock(&self.camera).push(command);
+    }
+
+    /// What was sent to the camera since the last call.
+    pub(crate) fn take_camera_commands(&self) -> Vec<CameraCommand> {
+        std::mem::take(&mut lock(&self.camera))
+    }
+
+    /// Injects a fault into an axis, its line or its wire.
+    pub(crate) fn inject(&self, axis: usize, injection: Injection) {
+        let now = clock::now();
+        let event = EventKind::Injected(injection.name());
+        self.plant().log(axis, now, event);
+        let pending = || lock(&self.line(axis).pending);
+        let disturb = |change: &dyn Fn(&mut Drive)| self.plant().disturb(axis, now, change);
+        match injection {
+            Injection::HangUp { for_ms } => {
+                pending().hang_up = Some(Nanos::from_millis(for_ms));
+            }
+            Injection::Mute { for_ms } => {
+                pending().muted_until = now + Nanos::from_millis(for_ms);
+            }
+            Injection::Reset => disturb(&Drive::power_cycle),
+            Injection::Fault { code } => disturb(&|drive| drive.raise(Fault(code), false)),
+            Injection::FreezeEncoder { for_ms } => {
+                disturb(&|drive| drive.freeze_encoder(true));
+                let until = now + Nanos::from_millis(for_ms);
+                lock(&self.frozen).push((until, axis));
+            }
+            Injection::SlipEncoder { counts } => disturb(&|drive| drive.slip_encoder(counts)),
+            Injection::SlackWire { counts } => self.change_wire(axis, now, |wire, motor| {
+                wire.slacken(motor, f64::from(counts));
+            }),
+            Injection::BreakWire => self.change_wire(axis, now, Wire::break_at),
+            Injection::MendWire => self.change_wire(axis, now, |wire, _| *wire = Wire::Intact),
+            of_exchange => pending().exchanges.push_back(of_exchange),
+        }
+    }
+
+    fn change_wire(&self, axis: usize, now: Nanos, change: impl FnOnce(&mut Wire, f64)) {
+        let mut plant = self.plant();
+        plant.advance_to(now);
+        let motor = plant.drives[axis].motor_counts();
+        change(&mut plant.wires[axis], motor);
+    }
+
+    /// Advances the plant, and lets frozen encoders count again.
+    pub(crate) fn advance(&self, now: Nanos) {
+        let due: Vec<_> = lock(&self.frozen).extract_if(.., |(until, _)| *until <= now).collect();
+        let mut plant = self.plant();
+        plant.advance_to(now);
+        for (_, axis) in due {
+            plant.disturb(axis, now, |drive| drive.freeze_encoder(false));
+        }
+    }
+
+    /// True pitch and yaw, degrees, and their instant.
+    pub(crate) fn true_angles(&self, now: Nanos) -> (Nanos, [f64; 2]) {
+        let mut plant = self.plant();
+        plant.advance_to(now);
+        (plant.time(), plant.snake.angles_deg())
+    }
+
+    pub(crate) fn stop(&self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the threads have to end.
+    pub(crate) fn is_stopping(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}

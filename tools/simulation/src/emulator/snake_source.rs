@@ -1,0 +1,129 @@
+//! Which snake to emulate, as named on a command line.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use crate::physics::springs::{SnakeConfig, SnakeConfigError, SpringSnake};
+use crate::physics::{DrawnSnake, ParseDrawnSnakeError, Physics, Snake};
+
+/// The snakes of `config/snakes`, part of the program: their names work in every folder.
+const EMBEDDED: [(&str, &str); 3] = [
+    ("steel", include_str!("../../../../config/snakes/steel.toml")),
+    ("brass", include_str!("../../../../config/snakes/brass.toml")),
+    ("multi", include_str!("../../../../config/snakes/multi.toml")),
+];
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum SnakeSource {
+    /// By the parameters of a file.
+    Described(Box<SnakeConfig>),
+    /// By a physics and a seed.
+    Drawn(DrawnSnake),
+}
+
+/// Why there is no such snake.
+#[derive(Debug, thiserror::Error)]
+pub enum SnakeSourceError {
+    #[error(transparent)]
+    File(#[from] SnakeConfigError),
+    #[error(
+        "`{0}` names no snake: there are {embedded}, {drawn}, and files, such as {example}",
+        embedded = EMBEDDED.map(|(name, _)| name).join(", "),
+        drawn = drawn_names(),
+        example = "config/snakes/steel.toml"
+    )]
+    Name(String),
+    #[error(transparent)]
+    Drawn(ParseDrawnSnakeError),
+}
+
+fn drawn_names() -> String {
+    let names = Physics::NAMES.iter().map(|name| format!("{name}:SEED"));
+    names.collect::<Vec<_>>().join(", ")
+}
+
+impl SnakeSource {
+    pub fn name(&self) -> String {
+        match self {
+            Self::Described(config) => config.name.clone(),
+            Self::Drawn(drawn) => drawn.to_string(),
+        }
+    }
+
+    /// The snake, straight and at rest. `seed` determines the drift of those that drift.
+    pub fn build(&self, seed: u64) -> Snake {
+        match self {
+            Self::Described(config) => SpringSnake::new(config, seed).into(),
+            Self::Drawn(drawn) => drawn.build(),
+        }
+    }
+
+    /// The file that a text means, if it means one: a path, or a name that ends in `.toml`.
+    pub fn file(text: &str) -> Option<PathBuf> {
+        let path = Path::new(text);
+        let is_toml = path.extension().is_some_and(|it| it == "toml");
+        (is_toml || text.contains('/')).then(|| path.to_owned())
+    }
+
+    /// The text of a command line: a name, `NAME:SEED` of a physics, or a file.
+    pub fn load(text: &str) -> Result<Self, SnakeSourceError> {
+        if let Some(file) = Self::file(text) {
+            return Ok(SnakeConfig::load(&file)?.into());
+        }
+        if let Some((name, content)) = EMBEDDED.iter().find(|(name, _)| *name == text) {
+            let path = format!("{name}.toml");
+            return Ok(SnakeConfig::parse(content, Path::new(&path))?.into());
+        }
+        match DrawnSnake::from_str(text) {
+            Ok(drawn) => Ok(drawn.into()),
+            Err(ParseDrawnSnakeError::Physics(_)) => Err(SnakeSourceError::Name(text.to_owned())),
+            Err(wrong) => Err(SnakeSourceError::Drawn(wrong)),
+        }
+    }
+}
+
+impl From<SnakeConfig> for SnakeSource {
+    fn from(config: SnakeConfig) -> Self {
+        Self::Described(Box::new(config))
+    }
+}
+
+impl From<DrawnSnake> for SnakeSource {
+    fn from(drawn: DrawnSnake) -> Self {
+        Self::Drawn(drawn)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_is_a_snake() {
+        for (name, _) in EMBEDDED {
+            assert_eq!(SnakeSource::load(name).unwrap().name(), name);
+        }
+        for name in Physics::NAMES {
+            let text = format!("{name}:7");
+            assert_eq!(SnakeSource::load(&text).unwrap().name(), text);
+        }
+    }
+
+    #[test]
+    fn a_path_is_a_file() {
+        let refused = |text: &str| SnakeSource::load(text).unwrap_err().to_string();
+        for text in ["none.toml", "./steel", "/does/not/exist"] {
+            assert!(refused(text).contains("cannot read the snake"), "{text}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_name_is_refused_with_those_that_exist() {
+        let message = SnakeSource::load("adder:2").unwrap_err().to_string();
+        for part in ["`adder:2` names no snake", "brass", "bouc-wen:SEED", ".toml"] {
+            assert!(message.contains(part), "{part} in {message}");
+        }
+        let message = SnakeSource::load("gear:two").unwrap_err().to_string();
+        assert!(message.contains("`two` is no seed"), "{message}");
+    }
+}

@@ -1,0 +1,49 @@
+//! The robot without the robot: snakes, motors, drives, camera, and the real control cycle in front
+//! of them in simulated time.
+//!
+//! Physics and drives are a strict test bench for the controller. They share no model code and no
+//! frame codec with it: both sides are written from the references independently, and a test holds
+//! that. Where a reference leaves something open, the emulator does what a careless host handles
+//! worst.
+//!
+//! ```text
+//! host == pseudo-terminal == port (line timing) == drive --wire--+
+//!                                                                +-- snake -- camera
+//! host == pseudo-terminal == port (line timing) == drive --wire--+
+//!
+//! ControlCycle == set-points, encoders (closed_loop) == motors ------ snake -- camera
+//! ```
+//!
+//! | module | content |
+//! |---|---|
+//! | [`physics`] | motor positions to angles, with the hysteresis of eight theories; pure |
+//! | [`ageing`] | parameters of a snake as functions of time; pure |
+//! | [`camera`] | measured angles of the snake; pure |
+//! | [`drive`] | an EPOS4 or EPOS2: frames, objects, states, modes, motor; pure |
+//! | [`robot`] | motors and snake in simulated time, without lines and threads; pure |
+//! | [`closed_loop`] | the control cycle in front of simulated motors; pure |
+//! | [`motion`] | motions that calibrate, and motions that no calibration has seen; pure |
+//! | [`benchmark`] | `i2ris benchmark`: how well families of models follow on drawn snakes |
+//! | [`emulator`] | the drives on pseudo-terminals, with threads; scenarios and injected faults |
+//!
+//! Pure modules take time as an argument. The threads read [`i2ris::clock`].
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
+
+pub mod ageing;
+pub mod benchmark;
+pub mod camera;
+pub mod closed_loop;
+pub mod drive;
+pub mod emulator;
+pub mod motion;
+pub mod physics;
+pub mod robot;
+
+pub use drive::frame;
+pub use emulator::config::{DEFAULT_FOLDER, EmulatorConfig};
+pub use emulator::injection::Injection;
+pub use emulator::log;
+pub use emulator::port::{FolderError, Framing, LineConfig};
+pub use emulator::scenario::{Scenario, ScenarioError};
+pub use emulator::snake_source::{SnakeSource, SnakeSourceError};
+pub use emulator::{AxisSnapshot, Emulator, EmulatorError, Snapshot};

@@ -1,0 +1,242 @@
+//! Motions that no calibration has seen. The tracking error is measured on them.
+
+use std::f64::consts::TAU;
+use std::fmt;
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use super::trajectory_time::minimum_jerk;
+
+/// Samples per second: tremor of 10 Hz needs many.
+pub const RATE_HZ: f64 = 200.0;
+
+/// Range of teleoperation, deg, and its largest speed, deg/s.
+const SPAN_DEG: f64 = 30.0;
+const SPEED_DEG_S: f64 = 12.0;
+
+/// Amplitude of a hand's tremor per axis, deg, and its frequency, Hz.
+const TREMOR_DEG: f64 = 0.05;
+const TREMOR_HZ: f64 = 10.0;
+
+/// A motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Motion {
+    /// As a hand would move: wandering, with nested minor loops and tremor
+    Teleoperation,
+    /// Turns of 10 s on a circle of 20 deg
+    Circle,
+    /// Twice round a square of 36 deg, with a rest in every corner
+    Square,
+    /// From point to point, with a rest at each
+    Points,
+    /// At four poses to and fro in one direction, by less and less
+    MinorLoops,
+}
+
+impl fmt::Display for Motion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Teleoperation => "teleoperation",
+            Self::Circle => "circle",
+            Self::Square => "square",
+            Self::Points => "points",
+            Self::MinorLoops => "minor-loops",
+        })
+    }
+}
+
+impl Motion {
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::Teleoperation, Self::MinorLoops, Self::Circle, Self::Square, Self::Points];
+
+    /// Pitch and yaw, deg, [`RATE_HZ`] times a second from the straight pose on. `duration_s` and
+    /// `seed` are those of teleoperation; the points and the minor loops have a seed too.
+    pub fn path(self, duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
+        match self {
+            Self::Teleoperation => teleoperation(duration_s, seed),
+            Self::Circle => circle(),
+            Self::Square => {
+                let round = [[18.0, 18.0], [18.0, -18.0], [-18.0, -18.0], [-18.0, 18.0]];
+                visit(round.into_iter().chain(round).chain([[18.0, 18.0], [0.0, 0.0]]))
+            }
+            Self::Points => {
+                let mut random = Pcg64::seed_from_u64(seed);
+                visit((0..12).map(|_| [0, 1].map(|_| random.random_range(-22.0..22.0))))
+            }
+            Self::MinorLoops => visit(minor_loops(seed).into_iter()),
+        }
+    }
+}
+
+fn samples(duration_s: f64) -> impl Iterator<Item = f64> + Clone {
+    (0..(duration_s * RATE_HZ) as u32).map(|i| f64::from(i) / RATE_HZ)
+}
+
+fn circle() -> Vec<[f64; 2]> {
+    let at = |t_s: f64| {
+        let (sin, cos) = (TAU * t_s / 10.0).sin_cos();
+        [20.0 * minimum_jerk(t_s / 4.0) * cos, 20.0 * minimum_jerk(t_s / 4.0) * sin]
+    };
+    samples(34.0).map(at).collect()
+}
+
+/// Turning points around four poses, nested in each other.
+fn minor_loops(seed: u64) -> Vec<[f64; 2]> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut turns = Vec::new();
+    for _ in 0..4 {
+        let middle = [0, 1].map(|_| random.random_range(-14.0..14.0));
+        let (sin, cos) = random.random_range(0.0..TAU).sin_cos();
+        for size in [7.0, -5.0, 4.0, -3.0, 2.0, -1.5, 1.0, -0.6, 0.0] {
+            turns.push([middle[0] + size * cos, middle[1] + size * sin]);
+        }
+    }
+    turns
+}
+
+/// Straight lines between points, with a rest of half a second at each.
+fn visit(points: impl Iterator<Item = [f64; 2]>) -> Vec<[f64; 2]> {
+    let mut path = vec![[0.0; 2]];
+    let mut from = [0.0; 2];
+    for to in points {
+        let step = [to[0] - from[0], to[1] - from[1]];
+        let duration_s = (step[0].hypot(step[1]) / 10.0 * 1.3_f64).max(0.5);
+        path.extend(
+            samples(duration_s)
+                .map(|t_s| minimum_jerk(t_s / duration_s))
+                .map(|s| [from[0] + s * step[0], from[1] + s * step[1]]),
+        );
+        path.extend(samples(0.5).map(|_| to));
+        from = to;
+    }
+    path
+}
+
+/// Noise of deviation 1 below a frequency: a sum of sines.
+struct BandNoise(Vec<(f64, f64)>);
+
+impl BandNoise {
+    fn below(hz: f64, random: &mut Pcg64) -> Self {
+        Self(
+            (0..16)
+                .map(|_| (random.random_range(0.1..1.0) * hz, random.random_range(0.0..TAU)))
+                .collect(),
+        )
+    }
+
+    fn at(&self, t_s: f64) -> f64 {
+        let sum: f64 = self.0.iter().map(|(hz, phase)| (TAU * hz * t_s + phase).sin()).sum();
+        sum * (2.0 / self.0.len() as f64).sqrt()
+    }
+}
+
+/// An oscillation that fades in and out.
+struct Loop {
+    middle_s: f64,
+    width_s: f64,
+    hz: f64,
+    size: [f64; 2],
+}
+
+impl Loop {
+    fn new(duration_s: f64, random: &mut Pcg64) -> Self {
+        let (size, angle) = (random.random_range(0.05..0.35), random.random_range(0.0..TAU));
+        Self {
+            middle_s: random.random_range(0.0..duration_s),
+            width_s: random.random_range(1.0..2.5),
+            hz: random.random_range(0.4..1.2),
+            size: [size * f64::cos(angle), size * f64::sin(angle)],
+        }
+    }
+
+    fn at(&self, t_s: f64) -> f64 {
+        let since = t_s - self.middle_s;
+        (-(since / self.width_s).powi(2)).exp() * (TAU * self.hz * since).sin()
+    }
+}
+
+fn teleoperation(duration_s: f64, seed: u64) -> Vec<[f64; 2]> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let parts = [0, 1].map(|_| {
+        [(0.06, 0.62), (0.25, 0.22), (0.8, 0.06)]
+            .map(|(hz, share)| (BandNoise::below(hz, &mut random), share))
+    });
+    let loops: Vec<Loop> =
+        (0..(duration_s / 8.0) as u32).map(|_| Loop::new(duration_s, &mut random)).collect();
+    let at = |t_s: f64| {
+        let mut goal = [0.0; 2];
+        for (axis, goal) in goal.iter_mut().enumerate() {
+            *goal = parts[axis].iter().map(|(noise, share)| share * noise.at(t_s)).sum::<f64>();
+            *goal += loops.iter().map(|swing| swing.size[axis] * swing.at(t_s)).sum::<f64>();
+        }
+        // The operator stays within the range.
+        let far = goal[0].hypot(goal[1]).max(1e-9);
+        goal.map(|g| SPAN_DEG * minimum_jerk(t_s / 3.0) * g * (far / 1.6).tanh() / far)
+    };
+    let slowed = slow_down(&samples(duration_s).map(at).collect::<Vec<_>>());
+    let phases = [0, 1].map(|_| random.random_range(0.0..TAU));
+    let tremor = |t_s: f64, axis: usize| {
+        let strength = 1.0 + 0.4 * (TAU * 0.3 * t_s + phases[1 - axis]).sin();
+        TREMOR_DEG * strength * (TAU * TREMOR_HZ * t_s + phases[axis]).sin()
+    };
+    let trembling =
+        |(goal, t_s): ([f64; 2], f64)| [goal[0] + tremor(t_s, 0), goal[1] + tremor(t_s, 1)];
+    slowed.into_iter().zip(samples(duration_s)).map(trembling).collect()
+}
+
+/// The same path with limited speed, cut to the same number of samples.
+fn slow_down(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let most = SPEED_DEG_S / RATE_HZ;
+    let mut slowed = Vec::with_capacity(path.len());
+    let mut position = 0.0;
+    while slowed.len() < path.len() {
+        let before = (position as usize).min(path.len() - 2);
+        let (from, to) = (path[before], path[before + 1]);
+        let share = position - before as f64;
+        let step = [to[0] - from[0], to[1] - from[1]];
+        slowed.push([from[0] + share * step[0], from[1] + share * step[1]]);
+        position += (most / step[0].hypot(step[1]).max(1e-12)).min(1.0);
+    }
+    slowed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_motion_starts_straight_and_keeps_its_limits_of_range_and_speed() {
+        for motion in Motion::ALL {
+            let path = motion.path(30.0, 5);
+            let far = path.iter().map(|p| p[0].hypot(p[1])).fold(0.0, f64::max);
+            assert!(
+                path[0][0].hypot(path[0][1]) < 0.2 && (10.0..36.0).contains(&far),
+                "{motion}: {far}"
+            );
+            let step = |w: &[[f64; 2]]| (w[1][0] - w[0][0]).hypot(w[1][1] - w[0][1]) * RATE_HZ;
+            let fastest = path.windows(2).map(step).fold(0.0, f64::max);
+            // The tremor adds up to 2 pi 10 Hz 0.05 deg 1.4 per axis.
+            assert!(fastest < 22.0, "{motion}: {fastest} deg/s");
+        }
+    }
+
+    #[test]
+    fn the_seed_determines_the_motion() {
+        let path = |seed| Motion::Teleoperation.path(10.0, seed);
+        assert_eq!(path(1), path(1));
+        assert_ne!(path(1), path(2));
+    }
+
+    #[test]
+    fn the_tremor_has_the_requested_amplitude() {
+        let path = Motion::Teleoperation.path(20.0, 3);
+        // Second differences let the tremor through and hold the rest back.
+        let gain = 2.0 - 2.0 * (TAU * TREMOR_HZ / RATE_HZ).cos();
+        let second = |w: &[[f64; 2]]| (w[2][0] - 2.0 * w[1][0] + w[0][0]).powi(2);
+        let rms =
+            (path.windows(3).map(second).sum::<f64>() / (path.len() - 2) as f64).sqrt() / gain;
+        assert!((0.03..0.05).contains(&rms), "{rms} instead of about 0.05 / sqrt 2");
+    }
+}

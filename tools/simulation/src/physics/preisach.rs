@@ -1,0 +1,202 @@
+//! Preisach: a plane of relays with a density that changes along the stroke.
+//!
+//! Source: I. D. Mayergoyz, "Mathematical Models of Hysteresis", Springer 1991, chapter 1: the
+//! output is the integral of the density over the relays that are on; between two turning points
+//! it changes by the Everett function, the mass of the triangle between them. Passing an earlier
+//! turning point wipes out what lies after it.
+//!
+//! The plane is cut into square cells of even density. So the Everett function is bilinear in
+//! every cell, and a table of its corners is exact.
+
+use std::sync::Arc;
+
+use super::draw::Draw;
+use super::hysteresis::Hysteresis;
+use super::pair::Pair;
+use crate::ageing::AgeingEffect;
+
+/// Cells along each side of the plane.
+const CELLS: usize = 200;
+
+/// The relays switch within this travel to both sides, degrees: more than the position limits.
+const RANGE_DEG: f64 = 72.0;
+
+const CELL_DEG: f64 = 2.0 * RANGE_DEG / CELLS as f64;
+
+/// Spread of the half gaps at a place: the deviation of their logarithm.
+const SPREAD: [f64; 2] = [0.25, 0.6];
+
+/// The mass of relays in triangles: switched on below `up` and off above `down`.
+#[derive(Debug, PartialEq)]
+struct Everett(Vec<f64>);
+
+impl Everett {
+    /// `half_gap` is the median of the half gaps around a place, degrees.
+    fn new(half_gap: impl Fn(f64) -> f64, spread: f64) -> Self {
+        let mut mass = vec![0.0; CELLS * CELLS];
+        // Along an anti-diagonal the middle between on and off is the same.
+        for sum in 1..2 * CELLS - 2 {
+            let cells = (sum.div_ceil(2)..=sum.min(CELLS - 1))
+                .map(|up| (up, sum - up))
+                .filter(|(up, down)| up > down);
+            let middle = CELL_DEG * (sum as f64 + 1.0) / 2.0 - RANGE_DEG;
+            let median = half_gap(middle);
+            let density = |(up, down): (usize, usize)| {
+                let half = 0.5 * CELL_DEG * (up - down) as f64;
+                (-0.5 * ((half / median).ln() / spread).powi(2)).exp() / half
+            };
+            let total: f64 = cells.clone().map(density).sum();
+            for cell in cells {
+                let (up, down) = cell;
+                // So the middle of the stroke has a gain of 1.
+                mass[up * CELLS + down] = 0.5 * CELL_DEG * density(cell) / total.max(1e-300);
+            }
+        }
+        Self::summed(&mass)
+    }
+
+    /// Entry `(i, j)`: the mass of the cells with `up < i` and `down >= j`.
+    fn summed(mass: &[f64]) -> Self {
+        let side = CELLS + 1;
+        let mut table = vec![0.0; side * side];
+        for up in 0..CELLS {
+            let mut row = 0.0;
+            for down in (0..CELLS).rev() {
+                row += mass[up * CELLS + down];
+                table[(up + 1) * side + down] = table[up * side + down] + row;
+            }
+        }
+        Self(table)
+    }
+
+    /// The mass between a lower and a higher place.
+    fn between(&self, low: f64, high: f64) -> f64 {
+        let place = |at: f64| {
+            let cells = (at + RANGE_DEG) / CELL_DEG;
+            let cell = (cells.max(0.0) as usize).min(CELLS - 1);
+            (cell, (cells - cell as f64).clamp(0.0, 1.0))
+        };
+        let ((up, x), (down, y)) = (place(high), place(low));
+        let corner = |i: usize, j: usize| self.0[i * (CELLS + 1) + j];
+        let at_down = corner(up, down) + x * (corner(up + 1, down) - corner(up, down));
+        let above = corner(up, down + 1) + x * (corner(up + 1, down + 1) - corner(up, down + 1));
+        at_down + y * (above - at_down)
+    }
+}
+
+/// A place, and the output there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Place {
+    input: f64,
+    output: f64,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Relays {
+    everett: Arc<Everett>,
+    /// From the lower end of the range on: low, high, low, ..., each inside the two before.
+    turns: Vec<Place>,
+    now: Place,
+    is_rising: bool,
+}
+
+impl Relays {
+    /// Without memory of a direction: after ever smaller strokes around 0.
+    fn new(everett: Everett) -> Self {
+        let total = everett.between(-RANGE_DEG, RANGE_DEG);
+        let start = Place { input: -RANGE_DEG, output: -0.5 * total };
+        let mut relays =
+            Self { everett: Arc::new(everett), turns: vec![start], now: start, is_rising: true };
+        for cell in 0..CELLS / 2 {
+            let size = RANGE_DEG - (cell as f64 + 0.5) * CELL_DEG;
+            relays.advance(size);
+            relays.advance(-size + 0.5 * CELL_DEG);
+        }
+        relays.advance(0.0);
+        relays
+    }
+
+    fn advance(&mut self, input: f64) {
+        let input = input.clamp(-RANGE_DEG, RANGE_DEG);
+        if input == self.now.input {
+            return;
+        }
+        let rises = input > self.now.input;
+        if rises != self.is_rising {
+            self.turns.push(self.now);
+            self.is_rising = rises;
+        }
+        self.wipe_out(input);
+        let turn = self.turns[self.turns.len() - 1];
+        let change = if self.is_rising {
+            self.everett.between(turn.input, input)
+        } else {
+            -self.everett.between(input, turn.input)
+        };
+        let output = turn.output + change;
+        self.now = Place { input, output };
+    }
+
+    fn wipe_out(&mut self, input: f64) {
+        while let [.., earlier, _] = self.turns.as_slice() {
+            let passed =
+                if self.is_rising { input >= earlier.input } else { input <= earlier.input };
+            if !passed {
+                return;
+            }
+            self.turns.truncate(self.turns.len() - 2);
+            if self.turns.is_empty() {
+                // The lower end of the range: all relays are off again.
+                let total = self.everett.between(-RANGE_DEG, RANGE_DEG);
+                self.turns.push(Place { input: -RANGE_DEG, output: -0.5 * total });
+                self.is_rising = true;
+            }
+        }
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Preisach {
+    relays: [Relays; 2],
+    /// Median of the half gaps, degrees.
+    half_gaps: Pair,
+}
+
+impl Preisach {
+    pub(super) fn draw(draw: &mut Draw, deg_per_count: Pair) -> Self {
+        let gaps = draw.half_gaps_deg(deg_per_count);
+        let relays = gaps.map(|half_gap| {
+            let tilt = draw.uniform(-0.35, 0.35);
+            let (bump, place) = (draw.uniform(-0.3, 0.4), draw.uniform(-12.0, 12.0));
+            let spread = draw.uniform(SPREAD[0], SPREAD[1]);
+            let median = |middle: f64| {
+                let bump = bump * (-((middle - place) / 12.0).powi(2)).exp();
+                half_gap * (1.0 + tilt * (middle / 20.0).tanh() + bump)
+            };
+            Relays::new(Everett::new(median, spread))
+        });
+        Self { relays, half_gaps: gaps }
+    }
+}
+
+impl Hysteresis for Preisach {
+    fn largest_step_deg(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    fn advance(&mut self, _dt_s: f64, travel: Pair) {
+        for (relays, travel) in self.relays.iter_mut().zip(travel) {
+            relays.advance(travel);
+        }
+    }
+
+    fn bend(&self) -> Pair {
+        self.relays.each_ref().map(|relays| relays.now.output)
+    }
+
+    fn set_ageing(&mut self, _effect: &AgeingEffect) {}
+
+    fn half_lost_deg(&self) -> Option<Pair> {
+        Some(self.half_gaps)
+    }
+}

@@ -1,0 +1,164 @@
+//! A snake of any physics in time steps.
+
+use super::bouc_wen::BoucWen;
+use super::dahl::Dahl;
+use super::draw::Draw;
+use super::frame::Frame;
+use super::gear::Gears;
+use super::hysteresis::Hysteresis;
+use super::lugre::LuGre;
+use super::names::Physics;
+use super::pair::{Pair, between, subtract};
+use super::prandtl_ishlinskii::PrandtlIshlinskii;
+use super::preisach::Preisach;
+use super::springs::SpringSnake;
+use super::wire::Wires;
+use crate::ageing::{Ageing, AgeingEffect, Change};
+
+/// Maximum inner steps of one step: a jump takes bounded time, in coarser steps.
+const MAX_INNER_STEPS: u32 = 1000;
+
+/// A snake of any physics: motor positions in, pitch and yaw of the tip out. Pure: the same steps
+/// give the same angles to the bit.
+#[derive(Debug, Clone)]
+pub struct Snake(Kind);
+
+#[derive(Debug, Clone)]
+enum Kind {
+    Springs(Box<SpringSnake>),
+    Drawn(Box<DrawnState>),
+}
+
+#[derive(Debug, Clone)]
+struct DrawnState {
+    frame: Frame,
+    /// Counts, the last finite ones.
+    counts: Pair,
+    /// Degrees, behind the play.
+    travel: Pair,
+    hysteresis: Box<dyn Hysteresis>,
+    ageing: Ageing,
+    effect: AgeingEffect,
+}
+
+impl From<SpringSnake> for Snake {
+    fn from(snake: SpringSnake) -> Self {
+        Self(Kind::Springs(Box::new(snake)))
+    }
+}
+
+impl Snake {
+    /// Straight and at rest. `physics` is not [`Physics::Springs`], which has a frame of its own.
+    /// `seed` determines what is random about ageing.
+    pub(super) fn drawn(physics: Physics, draw: &mut Draw, seed: u64) -> Self {
+        let frame = Frame::draw(draw);
+        let gain = frame.deg_per_count;
+        let hysteresis: Box<dyn Hysteresis> = match physics {
+            Physics::Springs | Physics::PrandtlIshlinskii => {
+                Box::new(PrandtlIshlinskii::draw(draw, gain))
+            }
+            Physics::Preisach => Box::new(Preisach::draw(draw, gain)),
+            Physics::BoucWen => Box::new(BoucWen::draw(draw, gain)),
+            Physics::Dahl => Box::new(Dahl::draw(draw, gain)),
+            Physics::LuGre => Box::new(LuGre::draw(draw, gain)),
+            Physics::Wire => Box::new(Wires::draw(draw, gain)),
+            Physics::Gear => Box::new(Gears::draw(draw, gain)),
+        };
+        Self(Kind::Drawn(Box::new(DrawnState {
+            frame,
+            counts: Pair::default(),
+            travel: Pair::default(),
+            hysteresis,
+            ageing: Ageing::new(&[], seed),
+            effect: AgeingEffect::NONE,
+        })))
+    }
+
+    /// Moves the motors uniformly to `motor_counts` within `dt_s` seconds. Counts may be
+    /// fractional: they are positions of the motor, not of the encoder. A value that is not finite
+    /// leaves its motor in place; a time that is not finite or below 0 counts as 0.
+    pub fn step(&mut self, dt_s: f64, motor_counts: [f64; 2]) {
+        match &mut self.0 {
+            Kind::Springs(snake) => snake.step(dt_s, motor_counts),
+            Kind::Drawn(snake) => snake.step(dt_s, motor_counts),
+        }
+    }
+
+    /// Pitch and yaw of the tip, degrees.
+    pub fn angles_deg(&self) -> [f64; 2] {
+        match &self.0 {
+            Kind::Springs(snake) => snake.angles_deg(),
+            Kind::Drawn(snake) => {
+                let bend = snake.hysteresis.bend();
+                snake.effect.seen(snake.frame.angles_deg(bend))
+            }
+        }
+    }
+
+    /// Force of each motor on its wires, degrees of wire stretch; 0 where the motor runs free.
+    pub fn load(&self) -> [f64; 2] {
+        match &self.0 {
+            Kind::Springs(snake) => snake.load(),
+            Kind::Drawn(snake) => snake.load(),
+        }
+    }
+
+    /// A change of this snake begins, after its own `start_s`. It has been checked
+    /// ([`Change::check`]).
+    pub fn begin_ageing(&mut self, change: Change) {
+        match &mut self.0 {
+            Kind::Springs(snake) => snake.begin_ageing(change),
+            Kind::Drawn(snake) => snake.ageing.begin(change),
+        }
+    }
+}
+
+impl DrawnState {
+    fn step(&mut self, dt_s: f64, motor_counts: Pair) {
+        let dt_s = if dt_s.is_finite() { dt_s.max(0.0) } else { 0.0 };
+        if let Some(effect) = self.ageing.step(dt_s) {
+            self.hysteresis.set_ageing(&effect);
+            self.effect = effect;
+        }
+        let from = self.travel;
+        let ahead = self.ahead(motor_counts);
+        let play = self.play_deg();
+        self.travel = [0, 1].map(|motor: usize| {
+            from[motor].clamp(ahead[motor] - play[motor], ahead[motor] + play[motor])
+        });
+        let moved = subtract(self.travel, from);
+        let hysteresis = &mut self.hysteresis;
+        let longest = moved[0].abs().max(moved[1].abs());
+        let steps = (longest / hysteresis.largest_step_deg()).ceil() as u32;
+        let steps = steps.clamp(1, MAX_INNER_STEPS);
+        let inner_s = dt_s / f64::from(steps);
+        for step in 1..=steps {
+            let share = f64::from(step) / f64::from(steps);
+            hysteresis.advance(inner_s, between(from, self.travel, share));
+        }
+    }
+
+    /// Travel of the motors, degrees, in front of the play.
+    fn ahead(&mut self, motor_counts: Pair) -> Pair {
+        self.frame.travel(motor_counts, &mut self.counts, &self.effect)
+    }
+
+    /// Half of the play of each motor by growth of its gap, degrees.
+    fn play_deg(&self) -> Pair {
+        let lost = self.hysteresis.half_lost_deg();
+        lost.map_or([0.0; 2], |lost| {
+            [0, 1].map(|motor: usize| (self.effect.gap[motor] - 1.0).max(0.0) * lost[motor])
+        })
+    }
+
+    fn load(&self) -> Pair {
+        let mut counts = self.counts;
+        let ahead = self.frame.travel(counts, &mut counts, &self.effect);
+        let play = self.play_deg();
+        let load = self.hysteresis.load(self.travel);
+        [0, 1].map(|motor: usize| {
+            let inside = (ahead[motor] - self.travel[motor]).abs() < play[motor] - 1e-9;
+            if inside { 0.0 } else { load[motor] }
+        })
+    }
+}

@@ -1,0 +1,283 @@
+//! Parameters of a snake: TOML, units in the key names, unknown keys refused.
+//!
+//! Lengths are degrees of bend: the wire travel that would bend the snake by so much without
+//! losses. Forces are in degrees of wire stretch: the stiffness of the wire is 1 by definition.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::ageing::{AgeingEffect, Change, ChangeError};
+
+/// Maximum number of segments.
+pub(super) const MAX_SEGMENTS: usize = 4;
+
+/// Maximum number of kinds of bristles.
+pub(super) const MAX_BRISTLES: usize = 4;
+
+/// One snake.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct SnakeConfig {
+    /// Its name.
+    pub name: String,
+    /// Wire travel per encoder count, degrees.
+    pub deg_per_count: f64,
+    /// Angle between the plane that motor 0 bends and the pitch axis, degrees. Motor 1 is at right
+    /// angles to motor 0.
+    pub motor_axes_deg: f64,
+    /// Viscous drag: force per speed, seconds.
+    pub drag_s: f64,
+    /// Stiffness of the stops at the ends of the segments.
+    pub stop_stiffness: f64,
+    /// Gearheads and pulleys.
+    pub gear: GearConfig,
+    /// Wires.
+    pub wire: WireConfig,
+    /// Friction of the wires in the shaft and in the snake.
+    pub friction: FrictionConfig,
+    /// The snake from base to tip, in series: each bends under the same wires.
+    pub segments: Vec<SegmentConfig>,
+    /// Slow random changes.
+    pub drift: DriftConfig,
+    /// What changes as it ages.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ageing: Vec<Change>,
+}
+
+/// Gearheads and pulleys, one entry per motor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct GearConfig {
+    /// Backlash between motor and pulley, from flank to flank, degrees.
+    pub backlash_deg: [f64; 2],
+    /// Stiffness of a flank in contact.
+    pub contact_stiffness: f64,
+    /// Rounding of the contact, degrees.
+    pub softness_deg: f64,
+    /// Friction that holds the pulley inside the backlash.
+    pub friction: [f64; 2],
+}
+
+/// Antagonist wires. In pairs: motor, then direction (the wire that pulls to positive angles
+/// first).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct WireConfig {
+    /// Slack of each wire when the snake is straight, degrees.
+    pub slack_deg: [[f64; 2]; 2],
+    /// Stiffness while both wires are slack.
+    pub slack_stiffness: f64,
+    /// Rounding of the corner where a wire becomes taut, degrees.
+    pub softness_deg: f64,
+}
+
+/// Friction of the wires.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct FrictionConfig {
+    /// Break-away force without any tension.
+    pub base: f64,
+    /// Share of the friction in the joints of the snake, common to the wires of both motors; the
+    /// rest is in the guides of each motor's own wires. 0 to 1.
+    pub shared: f64,
+    /// Coefficient of friction between wire and guide, in the capstan equation (Euler-Eytelwein).
+    pub coefficient: f64,
+    /// Wrap angle of each wire between motor and snake, degrees; the bend of the snake adds to it.
+    pub wrap_deg: [[f64; 2]; 2],
+    /// The bristles that break away one after the other.
+    pub bristles: Vec<BristleConfig>,
+}
+
+/// Bristles of one kind.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct BristleConfig {
+    /// Stiffness before it slips.
+    pub stiffness: f64,
+    /// Share of the break-away force, all shares summing to 1.
+    pub share: f64,
+}
+
+/// A part of the snake.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct SegmentConfig {
+    /// Bending stiffness.
+    pub stiffness: f64,
+    /// Growth of that stiffness with the square of the bend, per degree squared.
+    pub stiffening: f64,
+    /// Bend at which its joints meet their stops, degrees, for pitch and yaw alike.
+    pub limit_deg: f64,
+    /// Its friction, as a share of the friction of the wires.
+    pub friction: f64,
+}
+
+/// Slow random changes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct DriftConfig {
+    /// Standard deviation of the zero of pitch and yaw in the long run, degrees.
+    pub offset_deg: f64,
+    /// Its time constant, seconds.
+    pub offset_time_s: f64,
+    /// Relative standard deviation of the friction in the long run.
+    pub friction: f64,
+    /// Its time constant, seconds.
+    pub friction_time_s: f64,
+    /// Time constant of creep under load, seconds.
+    pub creep_time_s: f64,
+}
+
+/// Why a snake is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum SnakeConfigError {
+    #[error(
+        "cannot read the snake {path}: {source}; \
+         name an existing file, such as config/snakes/steel.toml"
+    )]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("the snake {path} is not valid: {source}")]
+    Parse { path: PathBuf, source: Box<toml::de::Error> },
+    #[error("the snake {path}: {key} = {value}: {reason}")]
+    Value { path: PathBuf, key: &'static str, value: f64, reason: &'static str },
+    #[error("the snake {path}: {source}")]
+    Ageing { path: PathBuf, source: ChangeError },
+}
+
+impl SnakeConfig {
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be read, is not TOML of this shape, or holds a value out of range.
+    pub fn load(path: &Path) -> Result<Self, SnakeConfigError> {
+        let text = fs::read_to_string(path)
+            .map_err(|source| SnakeConfigError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Parses and checks the text of a file; `path` is for messages only.
+    ///
+    /// # Errors
+    ///
+    /// When the text is not TOML of this shape or holds a value out of range.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, SnakeConfigError> {
+        let config: Self = toml::from_str(text).map_err(|source| SnakeConfigError::Parse {
+            path: path.to_owned(),
+            source: Box::new(source),
+        })?;
+        for change in &config.ageing {
+            change
+                .check()
+                .map_err(|source| SnakeConfigError::Ageing { path: path.to_owned(), source })?;
+        }
+        match config.check() {
+            Ok(()) => Ok(config),
+            Err((key, value, reason)) => {
+                Err(SnakeConfigError::Value { path: path.to_owned(), key, value, reason })
+            }
+        }
+    }
+
+    /// The snake with aged gear and wires. Gains, friction of the wires and zeros change elsewhere.
+    pub(super) fn aged(&self, effect: &AgeingEffect) -> Self {
+        let mut aged = self.clone();
+        for motor in 0..2 {
+            aged.gear.backlash_deg[motor] *= effect.gap[motor];
+            aged.gear.friction[motor] *= effect.friction[motor];
+            for slack in &mut aged.wire.slack_deg[motor] {
+                *slack /= effect.preload[motor];
+            }
+        }
+        aged
+    }
+
+    /// Checks all values. The error is a key, its value and the rule.
+    fn check(&self) -> Result<(), (&'static str, f64, &'static str)> {
+        let count = self.segments.len() as f64;
+        if !(1.0..=MAX_SEGMENTS as f64).contains(&count) {
+            return Err(("segments", count, "a snake has one to four segments"));
+        }
+        let (friction, kinds) = (&self.friction, self.friction.bristles.len() as f64);
+        if !(1.0..=MAX_BRISTLES as f64).contains(&kinds) {
+            let reason = "friction has one to four kinds of bristles";
+            return Err(("friction.bristles", kinds, reason));
+        }
+        let total: f64 = friction.bristles.iter().map(|bristle| bristle.share).sum();
+        if (total - 1.0).abs() > 1e-9 {
+            return Err(("friction.bristles.share", total, "the shares must sum to 1"));
+        }
+        if !(0.0..=1.0).contains(&friction.shared) {
+            return Err(("friction.shared", friction.shared, "must be 0 to 1"));
+        }
+        if !self.motor_axes_deg.is_finite() {
+            return Err(("motor_axes_deg", self.motor_axes_deg, "must be a finite number"));
+        }
+        for (key, value) in self.positive() {
+            if !(value.is_finite() && value > 0.0) {
+                return Err((key, value, "must be a finite number above 0"));
+            }
+        }
+        for (key, value) in self.not_negative() {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err((key, value, "must be a finite number, 0 or above"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Divisors, and values that make the balance of forces solvable.
+    fn positive(&self) -> Vec<(&'static str, f64)> {
+        let mut values = vec![
+            ("deg_per_count", self.deg_per_count),
+            ("drag_s", self.drag_s),
+            ("stop_stiffness", self.stop_stiffness),
+            ("gear.contact_stiffness", self.gear.contact_stiffness),
+            ("gear.softness_deg", self.gear.softness_deg),
+            ("wire.softness_deg", self.wire.softness_deg),
+            ("drift.offset_time_s", self.drift.offset_time_s),
+            ("drift.friction_time_s", self.drift.friction_time_s),
+            ("drift.creep_time_s", self.drift.creep_time_s),
+        ];
+        for bristle in &self.friction.bristles {
+            values.push(("friction.bristles.stiffness", bristle.stiffness));
+        }
+        for segment in &self.segments {
+            values.push(("segments.limit_deg", segment.limit_deg));
+        }
+        values
+    }
+
+    fn not_negative(&self) -> Vec<(&'static str, f64)> {
+        let mut values = vec![
+            ("wire.slack_stiffness", self.wire.slack_stiffness),
+            ("friction.base", self.friction.base),
+            ("friction.coefficient", self.friction.coefficient),
+            ("drift.offset_deg", self.drift.offset_deg),
+            ("drift.friction", self.drift.friction),
+        ];
+        let (slack, wrap) = (self.wire.slack_deg, self.friction.wrap_deg);
+        values.extend(self.gear.backlash_deg.map(|value| ("gear.backlash_deg", value)));
+        values.extend(self.gear.friction.map(|value| ("gear.friction", value)));
+        values.extend(slack.as_flattened().iter().map(|value| ("wire.slack_deg", *value)));
+        values.extend(wrap.as_flattened().iter().map(|value| ("friction.wrap_deg", *value)));
+        for bristle in &self.friction.bristles {
+            values.push(("friction.bristles.share", bristle.share));
+        }
+        for segment in &self.segments {
+            values.push(("segments.stiffness", segment.stiffness));
+            values.push(("segments.stiffening", segment.stiffening));
+            values.push(("segments.friction", segment.friction));
+        }
+        values
+    }
+}

@@ -1,0 +1,153 @@
+//! Friction of one segment: its limits under the tension of the wires, and its bristles.
+
+use super::config::{FrictionConfig, MAX_BRISTLES};
+use super::force_law::{Force, return_mapping};
+use crate::physics::pair::{Pair, add, dot};
+
+/// Largest bend, radians. It prevents an overflow of the capstan equation.
+const MAX_BEND_RAD: f64 = 2.0;
+
+/// Break-away forces, each as if all friction was of that kind.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct BreakAway {
+    /// In the joints, which all wires press on.
+    shared: f64,
+    /// In the guides of each motor's own wires.
+    own: Pair,
+}
+
+impl BreakAway {
+    /// By the capstan equation: `base + sum over wires of tension * (exp(coefficient * wrap) - 1)`.
+    /// `tensions` are by motor and direction. The two pairs of wires press at right angles, so
+    /// their loads add as vectors.
+    pub(super) fn new(
+        config: &FrictionConfig,
+        tensions: [[Force; 2]; 2],
+        bend: Pair,
+        factor: Pair,
+    ) -> Self {
+        let bend_rad = bend[0].hypot(bend[1]).to_radians().min(MAX_BEND_RAD);
+        let capstan = |tension: Force, wrap_deg: f64| {
+            let wrap_rad = wrap_deg.to_radians() + bend_rad;
+            tension.value * (config.coefficient * wrap_rad).exp_m1()
+        };
+        let load = [0, 1].map(|motor: usize| {
+            let wires = tensions[motor].iter().zip(config.wrap_deg[motor]);
+            wires.map(|(tension, wrap)| capstan(*tension, wrap)).sum::<f64>()
+        });
+        Self {
+            shared: 0.5 * (factor[0] + factor[1]) * (config.base + load[0].hypot(load[1])),
+            own: [0, 1].map(|motor: usize| factor[motor] * (config.base + load[motor])),
+        }
+    }
+}
+
+/// Deflections of the bristles of one segment, degrees of bend.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Bristles {
+    /// In the joints, by kind: pitch and yaw, limited by a circle.
+    shared: [Pair; MAX_BRISTLES],
+    /// In the guides, by kind: motor 0 and motor 1, each limited by itself.
+    own: [Pair; MAX_BRISTLES],
+}
+
+/// The friction of a segment after a movement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct FrictionForce {
+    /// The bristles after slipping.
+    pub bristles: Bristles,
+    /// Pitch and yaw.
+    pub force: Pair,
+    /// The slope of the force, symmetric.
+    pub slope: [Pair; 2],
+}
+
+impl Bristles {
+    /// Moves the segment by `moved`. `share` scales the break-away forces for this segment; `axes`
+    /// are the directions of the motors in pitch and yaw.
+    pub(super) fn slide(
+        &self,
+        config: &FrictionConfig,
+        break_away: &BreakAway,
+        share: f64,
+        axes: [Pair; 2],
+        moved: Pair,
+    ) -> FrictionForce {
+        let mut friction = FrictionForce { bristles: *self, force: [0.0; 2], slope: [[0.0; 2]; 2] };
+        for (kind, law) in config.bristles.iter().enumerate() {
+            let limit = |break_away: f64| share * break_away * law.share / law.stiffness;
+            let joint = return_mapping(add(self.shared[kind], moved), limit(break_away.shared));
+            friction.bristles.shared[kind] = joint.bend;
+            friction.add(law.stiffness * config.shared, joint.bend, joint.slope);
+            for (motor, axis) in axes.into_iter().enumerate() {
+                let trial = [self.own[kind][motor] + dot(axis, moved), 0.0];
+                let guide = return_mapping(trial, limit(break_away.own[motor]));
+                let (bend, slope) = (guide.bend[0], guide.slope[0][0]);
+                friction.bristles.own[kind][motor] = bend;
+                friction.add(
+                    law.stiffness * (1.0 - config.shared),
+                    axis.map(|along| bend * along),
+                    axis.map(|along| axis.map(|across| slope * along * across)),
+                );
+            }
+        }
+        friction
+    }
+
+    /// Reduces all deflections to the share `left`.
+    pub(super) fn creep(&mut self, left: f64) {
+        for bend in self.shared.as_flattened_mut() {
+            *bend *= left;
+        }
+        for bend in self.own.as_flattened_mut() {
+            *bend *= left;
+        }
+    }
+}
+
+impl FrictionForce {
+    fn add(&mut self, stiffness: f64, bend: Pair, slope: [Pair; 2]) {
+        self.force = add(self.force, bend.map(|bend| stiffness * bend));
+        let scaled = slope.map(|row| row.map(|slope| stiffness * slope));
+        self.slope = [add(self.slope[0], scaled[0]), add(self.slope[1], scaled[1])];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AXES: [Pair; 2] = [[1.0, 0.0], [0.0, 1.0]];
+
+    fn config(shared: f64) -> FrictionConfig {
+        FrictionConfig { shared, ..crate::physics::springs::tests::config("steel").friction }
+    }
+
+    fn tensions(tension: f64) -> [[Force; 2]; 2] {
+        let mut tensions = [[Force::default(); 2]; 2];
+        tensions[0][0] = Force::new(tension, 1.0);
+        tensions
+    }
+
+    #[test]
+    fn the_break_away_force_grows_with_tension_and_bend() {
+        let force = |tension: f64, bend: f64| {
+            BreakAway::new(&config(0.0), tensions(tension), [bend, 0.0], [1.0; 2]).own[0]
+        };
+        assert!(force(5.0, 0.0) > 1.1 * force(0.0, 0.0));
+        assert!(force(5.0, 40.0) > 1.1 * force(5.0, 0.0));
+        assert_eq!(force(0.0, 40.0), force(0.0, 0.0));
+    }
+
+    #[test]
+    fn sliding_in_one_axis_frees_the_other_only_where_friction_is_shared() {
+        for (shared, frees) in [(1.0, true), (0.0, false)] {
+            let config = config(shared);
+            let break_away = BreakAway::new(&config, tensions(0.0), [0.0; 2], [1.0; 2]);
+            let slide = |from: Bristles, moved| from.slide(&config, &break_away, 1.0, AXES, moved);
+            let first = slide(Bristles::default(), [5.0, 0.0]);
+            let second = slide(first.bristles, [0.0, 5.0]);
+            assert_eq!(second.force[0] < 0.5 * first.force[0], frees, "{first:?} {second:?}");
+        }
+    }
+}

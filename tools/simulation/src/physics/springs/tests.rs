@@ -1,0 +1,236 @@
+//! Properties that every snake has.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::path::Path;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::physics::pair::dot;
+
+const SNAKES: [&str; 3] = ["steel", "brass", "multi"];
+
+pub(crate) fn config(name: &str) -> SnakeConfig {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes");
+    SnakeConfig::load(&folder.join(format!("{name}.toml"))).unwrap()
+}
+
+/// The same snake without drift, so that two runs at different speeds can be compared.
+fn steady(name: &str) -> SpringSnake {
+    let mut config = config(name);
+    config.drift.offset_deg = 0.0;
+    config.drift.friction = 0.0;
+    config.drift.creep_time_s = 1e12;
+    SpringSnake::new(&config, 1)
+}
+
+/// Motor positions that bend in pitch alone, without losses.
+fn pitch(counts: f64) -> [f64; 2] {
+    [FRAC_1_SQRT_2 * counts, -FRAC_1_SQRT_2 * counts]
+}
+
+/// Moves in pitch at a constant rate and returns the pitch at the end.
+fn go(snake: &mut SpringSnake, from: f64, to: f64, counts_s: f64) -> f64 {
+    let dt_s = 0.01;
+    let steps = ((to - from).abs() / (counts_s * dt_s)).ceil().max(1.0) as usize;
+    for step in 1..=steps {
+        snake.step(dt_s, pitch(from + (to - from) * step as f64 / steps as f64));
+    }
+    snake.angles_deg()[0]
+}
+
+/// The pitch while rising and while falling at `counts`, in full cycles.
+fn loop_at(snake: &mut SpringSnake, counts: f64, counts_s: f64) -> [f64; 2] {
+    const FULL: f64 = 2150.0;
+    go(snake, 0.0, FULL, counts_s);
+    go(snake, FULL, -FULL, counts_s);
+    let up = go(snake, -FULL, counts, counts_s);
+    go(snake, counts, FULL, counts_s);
+    let down = go(snake, FULL, counts, counts_s);
+    go(snake, counts, 0.0, counts_s);
+    [up, down]
+}
+
+/// Eight full cycles in pitch: pairs of counts and pitch.
+fn cycles(snake: &mut SpringSnake) -> Vec<(f64, f64)> {
+    let (dt_s, period_s) = (0.02, 20.0);
+    (0..(8.0 * period_s / dt_s) as usize)
+        .map(|step| {
+            let counts = 2150.0 * (std::f64::consts::TAU * step as f64 * dt_s / period_s).sin();
+            snake.step(dt_s, pitch(counts));
+            (counts, snake.angles_deg()[0])
+        })
+        .collect()
+}
+
+/// R2 and RMSD of the best function of the counts alone: the mean in narrow bins.
+fn memoryless_fit(samples: &[(f64, f64)]) -> (f64, f64) {
+    let bin = |counts: f64| (counts / 50.0).floor() as i64;
+    let mut bins = std::collections::BTreeMap::<i64, (f64, f64)>::new();
+    for (counts, angle) in samples {
+        let entry = bins.entry(bin(*counts)).or_default();
+        *entry = (entry.0 + 1.0, entry.1 + angle);
+    }
+    let mean = samples.iter().map(|(_, angle)| angle).sum::<f64>() / samples.len() as f64;
+    let squares = |expected: &dyn Fn(f64) -> f64| -> f64 {
+        samples.iter().map(|(counts, angle)| (angle - expected(*counts)).powi(2)).sum()
+    };
+    let error = squares(&|counts| bins[&bin(counts)].1 / bins[&bin(counts)].0);
+    let spread = squares(&|_| mean);
+    (1.0 - error / spread, (error / samples.len() as f64).sqrt())
+}
+
+#[test]
+fn the_error_of_a_memoryless_function_is_that_of_the_robot() {
+    for (name, rmsd_band) in [("steel", 1.5..2.1), ("brass", 2.3..3.1), ("multi", 1.9..2.7)] {
+        let samples = cycles(&mut SpringSnake::new(&config(name), 1));
+        let (r2, rmsd) = memoryless_fit(&samples);
+        let top = samples.iter().fold(0.0f64, |top, (_, angle)| top.max(angle.abs()));
+        assert!((0.985..0.998).contains(&r2), "{name}: R2 {r2}");
+        assert!(rmsd_band.contains(&rmsd), "{name}: RMSD {rmsd}");
+        assert!((38.0..48.0).contains(&top), "{name}: bends to {top}");
+    }
+}
+
+#[test]
+fn the_hysteresis_loop_is_some_degrees_wide_and_lags() {
+    for (name, band) in [("steel", 2.5..5.5), ("brass", 3.5..10.0), ("multi", 3.0..8.0)] {
+        for counts in [-1200.0, -600.0, 0.0, 600.0, 1200.0] {
+            let [up, down] = loop_at(&mut steady(name), counts, 1000.0);
+            assert!(band.contains(&(down - up)), "{name} at {counts}: {up} {down}");
+        }
+    }
+}
+
+#[test]
+fn brass_is_asymmetric_and_multi_has_several_slopes() {
+    let width = |counts: f64| {
+        let [up, down] = loop_at(&mut steady("brass"), counts, 1000.0);
+        down - up
+    };
+    assert!(width(-1500.0) > 1.2 * width(1500.0));
+
+    let mut snake = steady("multi");
+    go(&mut snake, 0.0, 2150.0, 1000.0);
+    let angles: Vec<f64> = [2150.0, 1750.0, 1550.0, 500.0, 250.0, -1600.0, -2000.0]
+        .windows(2)
+        .map(|ends| go(&mut snake, ends[0], ends[1], 1000.0))
+        .collect();
+    let slope = |first: usize, counts: f64| (angles[first] - angles[first + 1]) / counts;
+    let (crossing, middle, end) = (slope(0, 200.0), slope(2, 250.0), slope(4, 400.0));
+    assert!(crossing < 0.6 * middle && end < 0.75 * middle, "{crossing} {middle} {end}");
+}
+
+#[test]
+fn slack_wires_reduce_the_gain() {
+    let mut config = config("brass");
+    config.friction.base = 0.0;
+    config.friction.coefficient = 0.0;
+    config.drift.offset_deg = 0.0;
+    let mut snake = SpringSnake::new(&config, 1);
+    let start = go(&mut snake, 0.0, 15.0, 100.0);
+    let at_rest = (go(&mut snake, 15.0, 30.0, 100.0) - start) / 15.0;
+    let taut = go(&mut snake, 30.0, 400.0, 100.0);
+    let bent = (go(&mut snake, 400.0, 500.0, 100.0) - taut) / 100.0;
+    assert!(at_rest < 0.5 * bent, "{at_rest} {bent}");
+}
+
+#[test]
+fn the_angle_hardly_depends_on_speed() {
+    for name in SNAKES {
+        for counts in [-900.0, 300.0] {
+            let slow = loop_at(&mut steady(name), counts, 200.0);
+            let fast = loop_at(&mut steady(name), counts, 2000.0);
+            for branch in 0..2 {
+                assert!(
+                    (slow[branch] - fast[branch]).abs() < 0.35,
+                    "{name} at {counts}: {slow:?} {fast:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_minor_loop_is_inside_and_returns_to_the_outer_branch() {
+    for name in SNAKES {
+        let mut snake = steady(name);
+        go(&mut snake, 0.0, 2000.0, 1000.0);
+        go(&mut snake, 2000.0, -2000.0, 1000.0);
+        let before = go(&mut snake, -2000.0, 600.0, 1000.0);
+        let inside = go(&mut snake, 600.0, 420.0, 1000.0);
+        let half_way = go(&mut snake, 420.0, 500.0, 1000.0);
+        let after = go(&mut snake, 500.0, 600.0, 1000.0);
+        // A reversal has to cross the backlash first.
+        assert!(before - inside < 0.8 * 180.0 * 0.0215, "{name}");
+        assert!(half_way >= inside, "{name}");
+        assert!((after - before).abs() < 0.35, "{name}: {before} {after}");
+        let outer = go(&mut snake, 600.0, 1500.0, 1000.0);
+        let mut direct = steady(name);
+        go(&mut direct, 0.0, 2000.0, 1000.0);
+        go(&mut direct, 2000.0, -2000.0, 1000.0);
+        let expected = go(&mut direct, -2000.0, 1500.0, 1000.0);
+        assert!((outer - expected).abs() < 0.1, "{name}: {outer} {expected}");
+    }
+}
+
+#[test]
+fn one_motor_moves_the_other_axis_a_little() {
+    let mut snake = steady("brass");
+    let hold = 900.0;
+    for step in 0..=300 {
+        let counts = hold * f64::from(step) / 200.0;
+        snake.step(0.01, [counts.min(hold), 0.0]);
+    }
+    let along = |snake: &SpringSnake| dot(snake.angles_deg(), [FRAC_1_SQRT_2; 2]);
+    let before = along(&snake);
+    for step in 0..=200 {
+        snake.step(0.01, [hold, 4.0 * f64::from(step)]);
+    }
+    assert!((along(&snake) - before).abs() > 0.1, "motor 1 moves the plane of motor 0");
+}
+
+#[test]
+fn equal_seeds_give_equal_angles() {
+    let end = |seed: u64| {
+        let mut snake = SpringSnake::new(&config("steel"), seed);
+        go(&mut snake, 0.0, 800.0, 100.0);
+        snake.angles_deg()
+    };
+    assert_eq!(end(4), end(4));
+    assert_ne!(end(4), end(5));
+}
+
+#[test]
+fn invalid_files_are_refused_with_their_key() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes");
+    let text = std::fs::read_to_string(folder.join("steel.toml")).unwrap();
+    for (from, to, key) in [
+        ("stiffness = 8.0", "stiffness = nan", "gear.contact_stiffness"),
+        ("share = 0.5", "share = 0.6", "friction.bristles.share"),
+        ("shared = 0.2", "shared = 1.2", "friction.shared"),
+        ("drag_s", "drag", "drag"),
+        // The former key: the message names the new one.
+        ("backlash_deg", "gap_deg", "expected one of `backlash_deg`"),
+    ] {
+        assert!(text.contains(from));
+        let result = SnakeConfig::parse(&text.replace(from, to), Path::new("x.toml"));
+        let message = result.unwrap_err().to_string();
+        assert!(message.contains(key) && message.contains("x.toml"), "{message}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn angles_stay_finite(
+            moves in prop::collection::vec((0.0..2.0f64, -5e4..5e4f64, -5e4..5e4f64), 1..20),
+        ) {
+        let mut snake = steady("multi");
+        for (dt_s, first, second) in moves {
+            snake.step(dt_s, [first, second]);
+            prop_assert!(snake.angles_deg().iter().all(|angle| angle.abs() < 2e3));
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! A wire in pieces through guides: every guide holds its piece by capstan friction.
+//!
+//! Sources: the capstan equation of Euler and Eytelwein, `T_out = T_in exp(-mu wrap)`; in pieces
+//! along a tendon: M. Kaneko, T. Yamashita, K. Tanie, "Basic considerations on transmission
+//! characteristics for tendon drive robots", ICAR 1991; V. Agrawal, W. J. Peine, B. Yao,
+//! "Modeling of transmission characteristics across a cable-conduit system", IEEE Transactions on
+//! Robotics 26(5), 2010.
+//!
+//! The wires of a motor pull against each other with a pretension, so the force on the guides is
+//! the sum of both. A turn frees one piece after the other, from the motor on; the tip rests until
+//! the last one slides.
+
+use super::draw::Draw;
+use super::hysteresis::Hysteresis;
+use super::pair::Pair;
+use crate::ageing::AgeingEffect;
+
+/// Pieces of a wire.
+const PIECES: usize = 6;
+
+/// Over-relaxation of the sweeps; for a chain of this length about the best.
+const RELAXATION: f64 = 1.55;
+
+/// Sweeps end when no piece moves further, degrees.
+const TOLERANCE_DEG: f64 = 1e-7;
+
+const MAX_SWEEPS: u32 = 200;
+
+/// The wires of one motor; the stiffness of the snake is 1, so forces are in degrees of bend.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Wire {
+    stiffness: f64,
+    /// Bend per travel without friction.
+    gain: f64,
+    pretension: f64,
+    friction: f64,
+    /// Growth of both.
+    pretension_factor: f64,
+    friction_factor: f64,
+    /// Half of the lost motion as it was new, degrees.
+    half_lost: f64,
+    /// Wrap of the straight snake at each guide, radians.
+    wrap: [f64; PIECES],
+    /// Places of the guided points; the last is the tip.
+    places: [f64; PIECES],
+}
+
+impl Wire {
+    fn draw(draw: &mut Draw, half_gap: f64) -> Self {
+        let compliance = draw.uniform(0.35, 0.8);
+        let pretension = draw.uniform(16.0, 26.0);
+        let shares: [f64; PIECES] = std::array::from_fn(|_| draw.uniform(0.4, 1.6));
+        let total: f64 = shares.iter().sum();
+        let wrap_rad = draw.uniform(2.0, 4.0);
+        // Friction stretches the wire by half of its sum, for it adds up from the tip on.
+        let friction = half_gap / (compliance * pretension * wrap_rad);
+        Self {
+            stiffness: PIECES as f64 / compliance,
+            gain: 1.0 / (1.0 + compliance),
+            pretension,
+            friction,
+            pretension_factor: 1.0,
+            friction_factor: 1.0,
+            half_lost: half_gap,
+            wrap: shares.map(|share| wrap_rad * share / total),
+            places: [0.0; PIECES],
+        }
+    }
+
+    /// Where the wire enters a piece: at the motor, or at the guided point before.
+    fn before(&self, piece: usize, travel: f64) -> f64 {
+        match piece {
+            0 => travel,
+            _ => self.places[piece - 1],
+        }
+    }
+
+    /// The most that each guide can hold, with the snake bent by `bend_rad` altogether.
+    fn limits(&self, travel: f64, bend_rad: f64) -> [f64; PIECES] {
+        let pretension = self.pretension_factor * self.pretension;
+        let friction = self.friction_factor * self.friction;
+        std::array::from_fn(|piece| {
+            let force = self.stiffness * (self.before(piece, travel) - self.places[piece]);
+            // Beyond the pretension the other wire is slack.
+            let pressing = (2.0 * pretension).max(pretension + force.abs());
+            let wrap = self.wrap[piece] + bend_rad / PIECES as f64;
+            pressing * (friction * wrap).exp_m1()
+        })
+    }
+
+    /// The balance: a piece moves until the rest of the force is what its guide can hold.
+    fn advance(&mut self, travel: f64, bend_rad: f64) {
+        let limits = self.limits(travel, bend_rad);
+        for _ in 0..MAX_SWEEPS {
+            let mut moved = 0.0_f64;
+            for (piece, limit) in limits.iter().enumerate() {
+                let before = self.before(piece, travel);
+                let here = self.places[piece];
+                let (onward, stiffness) = match self.places.get(piece + 1) {
+                    Some(next) => (self.stiffness * (here - next), 2.0 * self.stiffness),
+                    None => (here, self.stiffness + 1.0),
+                };
+                let force = self.stiffness * (before - here) - onward;
+                let left = force - force.clamp(-limit, *limit);
+                let step = RELAXATION * left / stiffness;
+                self.places[piece] += step;
+                moved = moved.max(step.abs());
+            }
+            if moved < TOLERANCE_DEG {
+                return;
+            }
+        }
+    }
+
+    fn bend(&self) -> f64 {
+        self.places[PIECES - 1] / self.gain
+    }
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Wires([Wire; 2]);
+
+impl Wires {
+    pub(super) fn draw(draw: &mut Draw, deg_per_count: Pair) -> Self {
+        let gaps = draw.half_gaps_deg(deg_per_count);
+        Self(gaps.map(|half_gap| Wire::draw(draw, 0.7 * half_gap)))
+    }
+}
+
+impl Hysteresis for Wires {
+    fn largest_step_deg(&self) -> f64 {
+        0.04
+    }
+
+    fn advance(&mut self, _dt_s: f64, travel: Pair) {
+        let [first, second] = self.bend();
+        let bend_rad = first.hypot(second).to_radians().min(2.0);
+        for (wire, travel) in self.0.iter_mut().zip(travel) {
+            wire.advance(travel, bend_rad);
+        }
+    }
+
+    fn bend(&self) -> Pair {
+        self.0.each_ref().map(Wire::bend)
+    }
+
+    fn set_ageing(&mut self, effect: &AgeingEffect) {
+        for (motor, wire) in self.0.iter_mut().enumerate() {
+            wire.pretension_factor = effect.preload[motor];
+            wire.friction_factor = effect.friction[motor];
+        }
+    }
+
+    fn half_lost_deg(&self) -> Option<Pair> {
+        Some(self.0.each_ref().map(|wire| wire.half_lost))
+    }
+}

@@ -1,0 +1,392 @@
+//! The emulator through its serial ports, as a host sees it.
+#![allow(clippy::unwrap_used, reason = "a test may")]
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::fd::AsRawFd;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+use i2ris_simulation::drive::State;
+use i2ris_simulation::frame::{Incoming, Parser, encode};
+use i2ris_simulation::log::{Event, EventKind, HostBug, LineTrouble};
+use i2ris_simulation::physics::springs::SnakeConfig;
+use i2ris_simulation::{Emulator, EmulatorConfig, EmulatorError, FolderError};
+use serialport::{SerialPort, TTYPort};
+use tempfile::TempDir;
+
+/// Longer than any stall of the machine.
+const TIMEOUT: Duration = Duration::from_secs(5);
+
+/// "Write 0x6040 = 0x000F to node 1", from the reference.
+const WRITE_CONTROLWORD: [u8; 14] =
+    [0x90, 0x02, 0x68, 0x04, 0x01, 0x40, 0x60, 0, 0x0F, 0, 0, 0, 0xB3, 0x07];
+
+/// "Read 0x6041 of node 1", from the reference.
+const READ_STATUSWORD: [u8; 10] = [0x90, 0x02, 0x60, 0x02, 0x01, 0x41, 0x60, 0, 0x22, 0xD1];
+
+fn config(folder: &Path) -> EmulatorConfig {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/snakes/steel.toml");
+    EmulatorConfig::new(SnakeConfig::load(&path).unwrap(), &folder.join("ports"))
+}
+
+fn start() -> (Emulator, TempDir) {
+    start_with(|_| {})
+}
+
+fn start_with(change: impl FnOnce(&mut EmulatorConfig)) -> (Emulator, TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = config(folder.path());
+    change(&mut config);
+    (Emulator::start(config).unwrap(), folder)
+}
+
+/// The controller's end of a line.
+struct Host {
+    port: TTYPort,
+}
+
+impl Host {
+    fn open(emulator: &Emulator, axis: usize) -> Self {
+        let builder = serialport::new(emulator.device(axis).to_string_lossy(), 115_200);
+        let port = builder.timeout(TIMEOUT).open_native().unwrap();
+        Self { port }
+    }
+
+    fn send(&mut self, bytes: &[u8]) {
+        self.port.write_all(bytes).unwrap();
+    }
+
+    /// The data of the next reply.
+    fn reply(&mut self) -> Option<Vec<u8>> {
+        let mut parser = Parser::default();
+        let mut byte = [0];
+        loop {
+            self.port.read_exact(&mut byte).ok()?;
+            if let Some(Incoming::Request(reply)) = parser.push(byte[0]) {
+                assert_eq!(reply.opcode, 0);
+                return Some(reply.data);
+            }
+        }
+    }
+
+    /// The number of replies until the line is silent.
+    fn replies(&mut self) -> usize {
+        self.port.set_timeout(Duration::from_millis(300)).unwrap();
+        let count = std::iter::from_fn(|| self.reply()).count();
+        self.port.set_timeout(TIMEOUT).unwrap();
+        count
+    }
+
+    fn read(&mut self, index: u16, sub: u8) -> i32 {
+        let [low, high] = index.to_le_bytes();
+        self.send(&encode(0x60, &[0, low, high, sub]));
+        let data = self.reply().unwrap();
+        assert_eq!(data[..4], [0; 4]);
+        i32::from_le_bytes(data[4..8].try_into().unwrap())
+    }
+
+    fn write(&mut self, index: u16, sub: u8, value: i32) {
+        let [low, high] = index.to_le_bytes();
+        let [a, b, c, d] = value.to_le_bytes();
+        self.send(&encode(0x68, &[0, low, high, sub, a, b, c, d]));
+        assert_eq!(self.reply().unwrap(), [0; 4], "{index:04X}");
+    }
+
+    fn enable_cyclic_position(&mut self) {
+        let position = self.read(0x6064, 0);
+        self.write(0x607A, 0, position);
+        self.write(0x6060, 0, 8);
+        self.write(0x6040, 0, 0x06);
+        self.write(0x6040, 0, 0x0F);
+    }
+}
+
+fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(start.elapsed() < TIMEOUT, "{what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn events(emulator: &Emulator) -> Vec<EventKind> {
+    emulator.log().iter().map(|event| event.kind).collect()
+}
+
+fn host_bugs(emulator: &Emulator) -> Vec<EventKind> {
+    let mut events = events(emulator);
+    events.retain(|event| matches!(event, EventKind::HostBug(_)));
+    events
+}
+
+const PIPELINED: EventKind = EventKind::HostBug(HostBug::Pipelined);
+
+#[test]
+fn frames_of_the_reference_are_answered() {
+    let (emulator, _folder) = start();
+    let mut host = Host::open(&emulator, 0);
+    host.send(&READ_STATUSWORD);
+    assert_eq!(host.reply().unwrap()[..6], [0, 0, 0, 0, 0x40, 0x00]);
+    host.send(&WRITE_CONTROLWORD);
+    let mut reply = [0; 10];
+    host.port.read_exact(&mut reply).unwrap();
+    assert_eq!(reply, [0x90, 0x02, 0x00, 0x02, 0, 0, 0, 0, 0x40, 0x8B]);
+    assert_eq!(host_bugs(&emulator), []);
+}
+
+#[test]
+fn both_axes_bend_the_snake() {
+    let (emulator, _folder) = start();
+    let mut hosts = [Host::open(&emulator, 0), Host::open(&emulator, 1)];
+    assert_eq!(hosts[0].read(0x1018, 4), 62_000_001);
+    assert_eq!(hosts[1].read(0x1018, 4), 62_000_002);
+    for host in &mut hosts {
+        host.enable_cyclic_position();
+    }
+    for target in (0..=1000).step_by(100) {
+        hosts[0].write(0x607A, 0, target);
+        hosts[1].write(0x607A, 0, target);
+    }
+    let mut has_arrived = |axis: usize| (hosts[axis].read(0x6064, 0) - 1000).abs() <= 1;
+    wait_for("motors arrive", || has_arrived(0) && has_arrived(1));
+    let snapshot = emulator.snapshot();
+    assert!(snapshot.axes.iter().all(|axis| axis.drive.state == State::OperationEnabled));
+    // Equal counts bend in yaw.
+    let [pitch, yaw] = snapshot.angles_deg;
+    assert!(pitch.abs() < 4.0 && (22.0..36.0).contains(&yaw), "{pitch} {yaw}");
+    let mut setpoints = emulator.log();
+    setpoints.retain(|event| event.axis == 1 && matches!(event.kind, EventKind::Setpoint(_)));
+    let expected = [0, 0, 100, 200, 300, 400, 500, 600, 700, 800, 900, 1000];
+    assert!(setpoints.iter().map(|event| event.kind).eq(expected.map(EventKind::Setpoint)));
+}
+
+#[test]
+fn a_host_that_does_not_wait_is_detected() {
+    let (emulator, _folder) = start();
+    let mut host = Host::open(&emulator, 0);
+    // After a stall of the machine the emulator does not report the host.
+    wait_for("the host is detected", || {
+        host.send(&[READ_STATUSWORD, READ_STATUSWORD].concat());
+        let replies = host.replies();
+        assert!(replies == 1 || replies == 2);
+        replies == 1 && host_bugs(&emulator) == [PIPELINED]
+    });
+    assert_eq!(host.read(0x1018, 1), 0xFB, "the line recovers");
+}
+
+#[test]
+fn bytes_during_the_processing_are_detected() {
+    let (emulator, _folder) = start_with(|config| config.line.processing_us = 400_000);
+    let mut host = Host::open(&emulator, 0);
+    host.send(&READ_STATUSWORD);
+    wait_for("request is received", || emulator.snapshot().axes[0].requests == 1);
+    host.send(&READ_STATUSWORD);
+    assert!(host.reply().is_some());
+    assert_eq!(host.replies(), 0);
+    assert_eq!(host_bugs(&emulator), [PIPELINED]);
+}
+
+#[test]
+fn damaged_and_truncated_frames_have_no_effect() {
+    let (emulator, _folder) = start();
+    let mut host = Host::open(&emulator, 0);
+    host.write(0x2005, 0, 50);
+    let mut damaged = READ_STATUSWORD;
+    damaged[5] ^= 1;
+    host.send(&damaged);
+    assert_eq!(host.reply().unwrap(), [0x04, 0x00, 0x04, 0x05]);
+    host.send(&WRITE_CONTROLWORD[..9]);
+    assert_eq!(host.replies(), 0);
+    let timeout = EventKind::Line(LineTrouble::FrameTimeout);
+    wait_for("the truncated frame is dropped", || events(&emulator).contains(&timeout));
+    assert_eq!(host.read(0x1018, 1), 0xFB);
+    host.send(&WRITE_CONTROLWORD[..9]);
+    assert_eq!(host.read(0x1018, 1), 0xFB, "a new frame replaces a truncated one");
+    assert_eq!(host.read(0x6040, 0) & 0xFFFF, 0, "no truncated frame was executed");
+}
+
+#[test]
+fn set_points_follow_each_other_no_faster_than_the_line() {
+    let (emulator, _folder) = start_with(|config| config.line.baud = 9_600);
+    let mut host = Host::open(&emulator, 0);
+    let before = clock::now();
+    for counts in 0..6 {
+        host.write(0x607A, 0, counts);
+    }
+    let mut setpoints = emulator.log();
+    setpoints.retain(|event| matches!(event.kind, EventKind::Setpoint(_)));
+    // Request and reply are 24 bytes of ten bits, at least. The first may count as sent a little
+    // before it was read.
+    let (exchange, slack) = (Nanos(24 * 10 * 1_000_000_000 / 9_600), Nanos::from_millis(1));
+    let mut earliest = before;
+    for Event { stamp, .. } in setpoints {
+        assert!(stamp + slack > earliest, "{stamp:?} is before {earliest:?}");
+        earliest = earliest + exchange;
+    }
+    assert_eq!(earliest - before, Nanos(6 * exchange.0));
+}
+
+#[test]
+fn a_port_is_for_one_host_and_can_be_opened_again() {
+    let (emulator, _folder) = start();
+    let path = emulator.device(0).to_string_lossy().into_owned();
+    for _ in 0..2 {
+        let mut host = Host::open(&emulator, 0);
+        assert!(serialport::new(&path, 115_200).open_native().is_err());
+        assert_eq!(host.read(0x1018, 1), 0xFB);
+    }
+}
+
+fn open_shared(emulator: &Emulator) -> File {
+    let mut options = File::options();
+    options.read(true).write(true).custom_flags(libc::O_NOCTTY);
+    options.open(emulator.device(0)).unwrap()
+}
+
+/// Whether the port is in exclusive use. Asks the kernel, since root may open it anyway.
+fn is_exclusive(file: &File) -> bool {
+    let mut flag: libc::c_int = 0;
+    // SAFETY: the request writes an `int`, and the descriptor is open.
+    let answer = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCGEXCL, &raw mut flag) };
+    assert_eq!(answer, 0);
+    flag != 0
+}
+
+#[test]
+fn exclusive_use_ends_with_the_last_open_descriptor() {
+    let (emulator, _folder) = start();
+    let (killed, beside) = (open_shared(&emulator), open_shared(&emulator));
+    // SAFETY: the request takes no argument, and the descriptor is open.
+    unsafe { libc::ioctl(killed.as_raw_fd(), libc::TIOCEXCL) };
+    // As at the end of a killed process: nothing clears the flag.
+    drop(killed);
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(is_exclusive(&beside));
+    drop(beside);
+    wait_for("a new port", || {
+        let options = File::options().read(true).open(emulator.device(0));
+        options.is_ok_and(|file| !is_exclusive(&file))
+    });
+    Host::open(&emulator, 0).send(&READ_STATUSWORD);
+}
+
+#[test]
+fn a_host_that_read_the_link_before_the_port_was_replaced_gets_the_port() {
+    let (emulator, _folder) = start();
+    let link = || std::fs::read_link(emulator.device(0)).unwrap();
+    let first = link();
+    drop(open_shared(&emulator));
+    wait_for("a new port", || link() != first);
+    let late = File::options().read(true).open(&first).unwrap();
+    wait_for("the first port again", || link() == first);
+    assert_eq!(Host::open(&emulator, 0).read(0x1018, 1), 0xFB);
+    drop(late);
+}
+
+#[test]
+fn faults_mutes_and_power_cycles_affect_one_axis() {
+    let (emulator, _folder) = start();
+    let mut host = Host::open(&emulator, 1);
+    host.enable_cyclic_position();
+    emulator.raise_fault(1, 0x2310, false);
+    assert_eq!(host.read(0x6041, 0) & 0x6F, 0x08);
+    assert_eq!(host.read(0x603F, 0) & 0xFFFF, 0x2310);
+    emulator.mute(1, true);
+    host.send(&READ_STATUSWORD);
+    assert_eq!(host.replies(), 0);
+    emulator.mute(1, false);
+    assert_eq!(host.read(0x6041, 0) & 0x6F, 0x08);
+    emulator.power_cycle(1);
+    let state = || emulator.snapshot().axes[1].drive.state;
+    wait_for("the drive boots", || state() == State::SwitchOnDisabled);
+    assert_eq!(host.read(0x6041, 0) & 0xFFFF, 0x0040);
+    assert_eq!(emulator.snapshot().axes[0].drive.error_code, 0, "the other axis");
+}
+
+#[test]
+fn the_camera_delivers_frames_in_order() {
+    let (mut emulator, _folder) = start();
+    let (sender, receiver) = std::sync::mpsc::channel();
+    let send = move |frame| {
+        let _ = sender.send(frame);
+    };
+    emulator.start_camera(move || send).unwrap();
+    let frames: Vec<_> = (0..5).map(|_| receiver.recv_timeout(TIMEOUT).unwrap()).collect();
+    assert!(frames.is_sorted_by(|a, b| a.stamp_ns < b.stamp_ns));
+    for frame in frames {
+        assert!(frame.position[..2].iter().all(|angle| angle.to_degrees().abs() < 1.0));
+        assert_eq!((frame.count, frame.flags), (2, 1));
+    }
+}
+
+#[test]
+fn links_and_log_file_live_as_long_as_the_emulator() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = config(folder.path());
+    let log: PathBuf = folder.path().join("log.csv");
+    config.log = Some(log.clone());
+    let emulator = Emulator::start(config.clone()).unwrap();
+    let device = emulator.device(1).to_owned();
+    assert!(device.exists() && device.is_symlink());
+    config.log = None;
+    let second = Emulator::start(config).err();
+    assert!(matches!(second, Some(EmulatorError::Folder(FolderError::InUse { .. }))));
+    Host::open(&emulator, 1).write(0x607A, 0, -7);
+    drop(emulator);
+    assert!(!device.is_symlink() && !folder.path().join("ports").exists());
+    let text = std::fs::read_to_string(log).unwrap();
+    assert!(text.lines().any(|line| line.ends_with(",1,setpoint,-7,")), "{text}");
+}
+
+#[test]
+fn the_control_socket_injects_faults_and_reports_the_state() {
+    use std::io::{BufRead, BufReader};
+    use std::os::unix::net::UnixStream;
+
+    let (emulator, folder) = start();
+    let mut host = Host::open(&emulator, 0);
+    let socket = UnixStream::connect(folder.path().join("ports/control")).unwrap();
+    socket.set_read_timeout(Some(TIMEOUT)).unwrap();
+    let (mut answers, mut commands) = (BufReader::new(socket.try_clone().unwrap()), socket);
+    let mut send = |line: &str| {
+        writeln!(commands, "{line}").unwrap();
+        let mut answer = String::new();
+        answers.read_line(&mut answer).unwrap();
+        answer.trim().to_owned()
+    };
+    assert!(send("state").starts_with("switch-on-disabled position 0 error 0x0000 homed false; "));
+    assert_eq!(send("{axis = 0, kind = \"fault\", code = 0x2310}"), "ok");
+    assert_eq!(host.read(0x603F, 0) & 0xFFFF, 0x2310);
+    assert_eq!(send("{kind = \"cut-reply-in-pair\"}"), "ok");
+    host.send(&READ_STATUSWORD);
+    assert_eq!(host.replies(), 0, "the reply was cut");
+    assert_eq!(host.read(0x1018, 1), 0xFB);
+    assert!(send("{kind = \"explode\"}").starts_with("error: "));
+    assert!(events(&emulator).contains(&EventKind::Injected("cut-reply-in-pair")));
+}
+
+#[test]
+fn a_scenario_is_played() {
+    let text = "[[at]]\nms = 50\naxis = 1\nkind = \"fault\"\ncode = 0x3210";
+    let scenario = i2ris_simulation::Scenario::parse(text).unwrap();
+    let (emulator, _folder) = start_with(|config| config.scenario = scenario);
+    let error_code = |axis: usize| emulator.snapshot().axes[axis].drive.error_code;
+    wait_for("the fault", || error_code(1) == 0x3210);
+    assert_eq!(error_code(0), 0);
+}
+
+#[test]
+fn a_port_disappears_and_comes_back_under_its_name() {
+    let (emulator, _folder) = start();
+    let mut host = Host::open(&emulator, 0);
+    assert_eq!(host.read(0x1018, 1), 0xFB);
+    emulator.inject(0, i2ris_simulation::Injection::HangUp { for_ms: 100 });
+    wait_for("the host fails", || host.port.write_all(&READ_STATUSWORD).is_err());
+    drop(host);
+    wait_for("the port is back", || emulator.device(0).exists());
+    assert_eq!(Host::open(&emulator, 0).read(0x1018, 1), 0xFB);
+}

@@ -1,0 +1,144 @@
+//! The adaptation in words and numbers.
+
+use i2ris::core::adaptation::{Drift, Pauses};
+use i2ris::ipc::payload::AdaptationMsg;
+use serde::Serialize;
+
+use super::json;
+
+/// From this share of the budget on it is marked.
+const WARNING: f64 = 0.7;
+
+/// Estimate, budget, and why nothing is learned.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Adaptation {
+    pub on: bool,
+    /// In the order of [`Drift::to_array`].
+    #[serde(serialize_with = "json::drift")]
+    pub estimate: [f64; 10],
+    #[serde(serialize_with = "json::drift")]
+    pub applied: [f64; 10],
+    #[serde(serialize_with = "json::drift")]
+    pub budget_used: [f64; 10],
+    pub total_used: f64,
+    /// Whether the motion shows the parameter.
+    pub excited: [bool; 10],
+    pub pauses: Vec<&'static str>,
+    pub frames: Frames,
+    pub calibrated_error_deg: f64,
+    pub adapted_error_deg: f64,
+    pub taken_back: u32,
+}
+
+/// What became of the frames of the camera.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Frames {
+    pub used: u64,
+    pub refused: u64,
+    pub paused: u64,
+    pub dropped: u64,
+}
+
+impl Adaptation {
+    pub(super) fn new(message: &AdaptationMsg) -> Self {
+        Self {
+            on: message.flags & AdaptationMsg::ON != 0,
+            estimate: message.estimate,
+            applied: message.applied,
+            budget_used: message.budget_used,
+            total_used: message.total_used,
+            excited: std::array::from_fn(|bit| message.excited >> bit & 1 == 1),
+            pauses: Pauses(message.pauses).iter().map(|pause| pause.text()).collect(),
+            frames: Frames {
+                used: message.frames_used,
+                refused: message.frames_refused,
+                paused: message.frames_paused,
+                dropped: message.frames_dropped.iter().sum(),
+            },
+            calibrated_error_deg: message.calibrated_error.to_degrees(),
+            adapted_error_deg: message.adapted_error.to_degrees(),
+            taken_back: message.taken_back,
+        }
+    }
+
+    /// Two lines; none while it is off.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        if !self.on {
+            return Vec::new();
+        }
+        let drift = Drift::from_array(self.estimate);
+        let [pitch, yaw] = drift.zero.map(f64::to_degrees);
+        let [[a, b], [c, d]] = drift.gain.map(|row| row.map(|gain| 100.0 * gain));
+        let [first, second] = drift.gap.map(|gap| 100.0 * gap);
+        let latency = 1e3 * drift.latency_s;
+        let drift = format!(
+            "drift zero {pitch:+.2} {yaw:+.2} deg, gain {a:+.1} {b:+.1} {c:+.1} {d:+.1} %, gap \
+             {first:+.0} {second:+.0} %, camera {latency:+.0} ms"
+        );
+        vec![drift, format!("{}, {}", self.budget(), self.learning())]
+    }
+
+    /// The share of the budget; in capitals from the warning on.
+    fn budget(&self) -> String {
+        let used = self.budget_used.iter().copied().fold(self.total_used, f64::max);
+        let name = match used {
+            1.0.. => "BUDGET USED UP",
+            WARNING.. => "BUDGET",
+            _ => "budget",
+        };
+        format!("{name} {:.0} %", 100.0 * used)
+    }
+
+    /// Why nothing is learned, or what the windows say.
+    fn learning(&self) -> String {
+        let errors = format!(
+            "camera {:.2} deg from the calibrated, {:.2} deg from the adapted model",
+            self.calibrated_error_deg, self.adapted_error_deg
+        );
+        if self.pauses.is_empty() {
+            format!("learning; {errors}")
+        } else {
+            format!("nothing is learned: {}; {errors}", self.pauses.join(", "))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris::core::adaptation::Pause;
+
+    use super::*;
+
+    #[test]
+    fn estimate_budget_and_reasons_are_shown_while_it_is_on() {
+        let drift = Drift {
+            zero: [0.01, -0.02],
+            gain: [[0.05, 0.0], [0.0, -0.1]],
+            gap: [0.4, 0.0],
+            latency_s: 0.012,
+            slow: 0.0,
+        };
+        let message = AdaptationMsg {
+            estimate: drift.to_array(),
+            budget_used: [0.2, 0.4, 0.3, 0.0, 0.0, 0.5, 0.8, 0.0, 0.2, 0.0],
+            total_used: 0.6,
+            flags: AdaptationMsg::ON,
+            ..AdaptationMsg::default()
+        };
+        let [drift, state] = &Adaptation::new(&message).lines()[..] else { panic!("two lines") };
+        assert!(drift.contains("zero +0.57 -1.15 deg"), "{drift}");
+        assert!(drift.contains("gap +40 +0 %"), "{drift}");
+        assert!(state.starts_with("BUDGET 80 %, learning"), "{state}");
+        let paused = AdaptationMsg {
+            pauses: Pause::NoMotion as u32 | Pause::BudgetUsed as u32,
+            budget_used: [1.0; 10],
+            ..message
+        };
+        let state = &Adaptation::new(&paused).lines()[1];
+        assert!(state.starts_with("BUDGET USED UP 100 %, nothing is learned"), "{state}");
+        assert!(state.contains("too little motion"), "{state}");
+        let off = Adaptation::new(&AdaptationMsg::default());
+        assert!(!off.on && off.lines().is_empty());
+    }
+}

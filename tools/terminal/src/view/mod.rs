@@ -1,0 +1,447 @@
+//! The robot as people see it: one value, made from the last message of every stream. Terminal,
+//! lines, web page and `i2ris why` draw it. Pure.
+//!
+//! Degrees, counts, milliampere, seconds. As JSON, angles have three digits (a thousandth of a
+//! degree; more is noise, and bytes), and ages are in milliseconds.
+
+mod adaptation;
+mod fixtures;
+mod json;
+mod reasons;
+
+use i2ris::ipc::payload::{
+    ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
+    PeriodStatistics, ReachTarget, ReasonMsg, SpanSummary, VirtualFixturesMsg,
+};
+use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
+use i2ris::model::ModelId;
+use i2ris::units::{MAX_MOTORS, Nanos};
+use serde::Serialize;
+
+pub use adaptation::Adaptation;
+pub use fixtures::{Fixture, Target};
+pub use reasons::{Why, reasons};
+
+/// Age at which a value is marked as stale.
+pub const STALE: Nanos = Nanos::from_millis(500);
+/// Statistics come once a second.
+const STATISTICS_STALE: Nanos = Nanos::from_millis(2500);
+/// How long the last refusal, stop or clip is news.
+const WARNING_SHOWN: Nanos = Nanos::from_millis(5000);
+
+/// Pitch and yaw, degrees.
+pub type Pair = Option<[f64; 2]>;
+
+/// The last message of every stream, as far as there is one.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LatestMessages {
+    pub state: Option<OperatingStateMsg>,
+    pub goal: Option<JointState>,
+    pub setpoint: Option<JointState>,
+    pub measured: Option<JointState>,
+    pub camera: Option<ExternalPosition>,
+    pub actuators: Option<ActuatorState>,
+    pub statistics: Option<PeriodStatistics>,
+    pub health: Option<Health>,
+    pub adaptation: Option<AdaptationMsg>,
+    pub fixtures: Option<VirtualFixturesMsg>,
+    /// The target of a reach-and-hold task.
+    pub target: Option<ReachTarget>,
+    /// The last fault.
+    pub error: Option<ReasonMsg>,
+    /// The last refusal, stop or clip.
+    pub warning: Option<ReasonMsg>,
+    /// Answered requests per second and drive.
+    pub exchange_rates: Option<[f64; MAX_MOTORS]>,
+}
+
+impl LatestMessages {
+    /// Whether there is a message of every stream that a controller always publishes.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        let Self { state, measured, actuators, statistics, exchange_rates, .. } = self;
+        let all =
+            state.is_some() && measured.is_some() && actuators.is_some() && statistics.is_some();
+        all && exchange_rates.is_some()
+    }
+}
+
+/// What people see of the robot.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct View {
+    /// Why the controller is not reachable, if it is not.
+    pub problem: Option<String>,
+    pub state: Option<State>,
+    /// What keeps the robot from moving now, the one that matters most first; then what was refused
+    /// or clipped a short time ago.
+    pub why: Vec<Why>,
+    pub goal: Option<Pose>,
+    pub setpoint: Option<Pose>,
+    pub estimate: Option<Pose>,
+    pub camera: Option<Pose>,
+    pub motors: Option<Vec<Motor>>,
+    #[serde(rename = "loop")]
+    pub control_loop: Option<ControlLoop>,
+    /// What failed or was lost since the start of the controller; in capitals if anything did.
+    pub health: Option<String>,
+    pub adaptation: Option<Adaptation>,
+    pub fixtures: Vec<Fixture>,
+    pub target: Option<Target>,
+    pub models: Models,
+    /// The newest first.
+    pub events: Vec<Event>,
+}
+
+/// How old a value is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Age {
+    /// `None`: there never was a value.
+    #[serde(rename = "age_ms", serialize_with = "json::milliseconds")]
+    pub age: Option<Nanos>,
+    pub stale: bool,
+}
+
+impl Age {
+    fn of(message: &impl Message, now: Nanos, limit: Nanos) -> Self {
+        Self { age: Some(message.age(now)), stale: message.age(now) > limit }
+    }
+
+    /// `STALE` and the age, `NEVER READ`, or nothing.
+    #[must_use]
+    pub fn mark(&self) -> Option<String> {
+        match self.age {
+            None => Some("NEVER READ".to_owned()),
+            Some(age) => self.stale.then(|| format!("STALE {:.1} s", age.as_seconds())),
+        }
+    }
+}
+
+/// The state of the controller.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct State {
+    pub name: &'static str,
+    /// Why it is in FAULT.
+    pub fault: Option<&'static str>,
+    pub for_s: f64,
+    pub homed: bool,
+    pub busy: bool,
+    pub holding: bool,
+    /// The goal is outside of the hull.
+    pub clipped: bool,
+    /// Limited by a virtual fixture.
+    pub at_fixture: bool,
+    pub model: bool,
+    pub memory_known: bool,
+    /// A watchdog holds every port.
+    pub watched: bool,
+    /// The pose is compared with the camera.
+    pub compared: bool,
+    /// Program, process and user that hold the lease, where they are known.
+    pub commander: Option<String>,
+    /// The client that holds the lease.
+    pub lease: Option<String>,
+    pub accepted: u64,
+    pub refused: u64,
+    pub last_refusal: Option<&'static str>,
+    pub stale_stops: u64,
+    #[serde(flatten)]
+    pub age: Age,
+}
+
+/// Angles of a stream.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Pose {
+    /// `None`: they mean nothing, or are a position instead.
+    #[serde(serialize_with = "json::pair")]
+    pub deg: Pair,
+    /// Standard deviation.
+    #[serde(serialize_with = "json::pair")]
+    pub deviation_deg: Pair,
+    /// The model gives a position, not angles.
+    pub is_position: bool,
+    #[serde(flatten)]
+    pub age: Age,
+}
+
+impl Pose {
+    /// The angles, while they are fresh.
+    #[must_use]
+    pub fn fresh(&self) -> Pair {
+        self.deg.filter(|_| !self.age.stale)
+    }
+}
+
+/// A motor and its drive.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Motor {
+    pub setpoint_counts: i32,
+    pub measured_counts: i32,
+    pub current_ma: i32,
+    pub phase: &'static str,
+    /// The drive does not do what it should.
+    pub bad: bool,
+    pub status: String,
+    pub error: Option<String>,
+    /// Answered requests per second; `None`: not counted yet.
+    pub exchanges_per_s: Option<f64>,
+    /// Age of the encoder position.
+    #[serde(flatten)]
+    pub age: Age,
+}
+
+/// The control loop, in the last window.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ControlLoop {
+    pub hz: f64,
+    pub late: Span,
+    pub compute: Span,
+    pub missed: u64,
+    pub missed_in_window: u64,
+    pub ticks: u64,
+    /// What the system granted; capitals where something is missing.
+    pub granted: String,
+    pub real_time: bool,
+    #[serde(flatten)]
+    pub age: Age,
+}
+
+/// Quantiles of a duration, microseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Span {
+    #[serde(serialize_with = "json::tenth")]
+    pub p50_us: f64,
+    #[serde(serialize_with = "json::tenth")]
+    pub p99_us: f64,
+    #[serde(serialize_with = "json::tenth")]
+    pub max_us: f64,
+}
+
+impl Span {
+    /// With as many digits as mean something.
+    #[must_use]
+    pub fn texts(&self) -> [String; 3] {
+        let digits = |us: f64| if us < 10.0 { format!("{us:.1}") } else { format!("{us:.0}") };
+        [self.p50_us, self.p99_us, self.max_us].map(digits)
+    }
+}
+
+/// What is known about models.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Models {
+    pub known: bool,
+    pub used: Option<LoadedModel>,
+    pub staged: Option<LoadedModel>,
+    /// The one that was in use before.
+    pub previous: Option<LoadedModel>,
+    /// Why there are no models to name.
+    pub problem: Option<String>,
+    /// Why there is no hull.
+    pub hull_problem: Option<String>,
+}
+
+/// A loaded model.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LoadedModel {
+    #[serde(skip)]
+    pub id: ModelId,
+    /// Family and the beginning of the identity.
+    pub name: String,
+    /// The end of the path of its file.
+    pub file: String,
+    pub memory_known: bool,
+}
+
+/// How much an event matters: normal, needs attention, needs action now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    Info,
+    Warning,
+    Alarm,
+}
+
+/// Something that happened, once or several times.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Event {
+    /// Since it was last seen.
+    pub age_ms: u64,
+    pub severity: Severity,
+    pub text: String,
+    /// What to do; may be empty.
+    pub advice: String,
+    pub count: u64,
+}
+
+impl View {
+    /// What the messages say. Models and events are known to the monitor only.
+    #[must_use]
+    pub fn new(messages: &LatestMessages, now: Nanos) -> Self {
+        let joint = |it: &JointState| pose(it, now);
+        let warning = messages.warning.filter(|it| it.age(now) < WARNING_SHOWN);
+        Self {
+            state: messages.state.as_ref().map(|it| state(it, now)),
+            why: messages.state.as_ref().map_or_else(Vec::new, |it| {
+                reasons(it, messages.error.as_ref(), warning.as_slice(), now)
+            }),
+            goal: messages.goal.as_ref().map(joint),
+            setpoint: messages.setpoint.as_ref().map(joint),
+            estimate: messages.measured.as_ref().map(joint),
+            camera: messages.camera.as_ref().map(|it| seen(it, now)),
+            motors: messages.actuators.as_ref().map(|it| motors(it, messages.exchange_rates, now)),
+            control_loop: messages.statistics.as_ref().map(|it| control_loop(it, now)),
+            health: messages.health.as_ref().map(health),
+            adaptation: messages.adaptation.as_ref().map(Adaptation::new),
+            fixtures: messages.fixtures.as_ref().map_or_else(Vec::new, fixtures::fixtures),
+            target: messages.target.as_ref().and_then(|it| Target::new(it, now)),
+            ..Self::default()
+        }
+    }
+}
+
+fn state(message: &OperatingStateMsg, now: Nanos) -> State {
+    let has = |flag: u32| message.flags & flag != 0;
+    let last = Refusal::from_number(message.last_refusal).filter(|it| *it != Refusal::None);
+    let is_fault = message.state == OperatingState::Fault.number();
+    State {
+        name: state_name(message),
+        fault: Fault::from_number(message.fault).filter(|_| is_fault).map(Fault::text),
+        for_s: message.stamp().since(Nanos(message.since_ns)).as_seconds().round(),
+        homed: has(OperatingStateMsg::HOMED),
+        busy: has(OperatingStateMsg::BUSY),
+        holding: has(OperatingStateMsg::HOLDING),
+        clipped: has(OperatingStateMsg::CLIPPED),
+        at_fixture: has(OperatingStateMsg::FIXTURE),
+        model: has(OperatingStateMsg::MODEL),
+        memory_known: has(OperatingStateMsg::MEMORY_KNOWN),
+        watched: has(OperatingStateMsg::WATCHED),
+        compared: has(OperatingStateMsg::COMPARED),
+        commander: None,
+        lease: (message.lease_client_id != 0).then(|| format!("{:016x}", message.lease_client_id)),
+        accepted: message.accepted,
+        refused: message.refused,
+        last_refusal: last.map(Refusal::text),
+        stale_stops: message.stale_stops,
+        age: Age::of(message, now, STALE),
+    }
+}
+
+fn pose(joint: &JointState, now: Nanos) -> Pose {
+    let deg = angles(joint);
+    let deviation = [joint.deviation[0].to_degrees(), joint.deviation[1].to_degrees()];
+    Pose {
+        deg,
+        deviation_deg: deg.map(|_| deviation),
+        is_position: joint.count == 3,
+        age: Age::of(joint, now, STALE),
+    }
+}
+
+fn seen(camera: &ExternalPosition, now: Nanos) -> Pose {
+    let is_valid = camera.flags & ExternalPosition::VALID != 0 && camera.count == 2;
+    let deg = [camera.position[0].to_degrees(), camera.position[1].to_degrees()];
+    Pose {
+        deg: is_valid.then_some(deg),
+        deviation_deg: None,
+        is_position: false,
+        age: Age::of(camera, now, STALE),
+    }
+}
+
+fn motors(message: &ActuatorState, rates: Option<[f64; MAX_MOTORS]>, now: Nanos) -> Vec<Motor> {
+    let is_old = message.age(now) > STALE;
+    let motor = |motor: usize| {
+        let phase = message.phase_text(motor);
+        let read = Some(Nanos(message.measured_stamp_ns[motor])).filter(|it| *it != Nanos::ZERO);
+        let age = read.map(|read| now.since(read));
+        let error = message.error_code[motor];
+        Motor {
+            setpoint_counts: message.setpoint_counts[motor],
+            measured_counts: message.measured_counts[motor],
+            current_ma: message.current_ma[motor],
+            phase,
+            bad: matches!(phase, "lost" | "at fault" | "unknown"),
+            status: format!("0x{:04X}", message.statusword[motor]),
+            error: (error != 0).then(|| format!("0x{error:04X}")),
+            exchanges_per_s: rates.map(|rates| rates[motor].round()),
+            age: Age { age, stale: is_old || age.is_none_or(|age| age > STALE) },
+        }
+    };
+    (0..count(message.count)).map(motor).collect()
+}
+
+fn control_loop(message: &PeriodStatistics, now: Nanos) -> ControlLoop {
+    let us = |nanos: u64| nanos as f64 / 1000.0;
+    let span = |span: &SpanSummary| Span {
+        p50_us: us(span.p50_ns),
+        p99_us: us(span.p99_ns),
+        max_us: us(span.max_ns),
+    };
+    let window = Nanos(message.window_ns).as_seconds();
+    ControlLoop {
+        hz: if window > 0.0 { (message.ticks as f64 / window).round() } else { 0.0 },
+        late: span(&message.lateness),
+        compute: span(&message.compute),
+        missed: message.total_missed,
+        missed_in_window: message.missed,
+        ticks: message.total_ticks,
+        granted: granted(message),
+        real_time: message.priority > 0,
+        age: Age::of(message, now, STATISTICS_STALE),
+    }
+}
+
+fn granted(message: &PeriodStatistics) -> String {
+    let scheduling = match message.priority {
+        0 => "NORMAL SCHEDULING".to_owned(),
+        priority => format!("SCHED_FIFO {priority}"),
+    };
+    let memory = if message.memory_locked == 1 { "memory locked" } else { "MEMORY NOT LOCKED" };
+    let processor = match message.cpu {
+        u32::MAX => "not pinned".to_owned(),
+        cpu => format!("processor {cpu}"),
+    };
+    format!("{scheduling}, {memory}, {processor}")
+}
+
+fn health(message: &Health) -> String {
+    let sum = |counters: &[u64]| counters.iter().sum::<u64>();
+    let counters = [
+        ("TIMEOUTS", sum(&message.timeouts)),
+        ("CRC ERRORS", sum(&message.crc_errors)),
+        ("RESYNCHRONISATIONS", sum(&message.resynchronisations)),
+        ("RETRIES", sum(&message.retries)),
+        ("SHARED-MEMORY FAILURES", message.ipc_failures),
+        ("LOST EVENTS", message.lost_events),
+        ("LOST MESSAGES", message.lost_reports),
+        ("LOST RECORDS", message.lost_records),
+        ("LOST REPLIES", message.lost_replies),
+    ];
+    let found = counters.iter().filter(|(_, count)| *count > 0);
+    let found: Vec<String> = found.map(|(name, count)| format!("{name} {count}")).collect();
+    if found.is_empty() { "no errors, nothing lost".to_owned() } else { found.join(", ") }
+}
+
+/// The name of the state.
+#[must_use]
+pub fn state_name(state: &OperatingStateMsg) -> &'static str {
+    OperatingState::from_number(state.state).map_or("UNKNOWN STATE", OperatingState::text)
+}
+
+/// The beginning of a model's identity: enough to distinguish models.
+#[must_use]
+pub fn short_id(id: ModelId) -> String {
+    id.to_string().chars().take(8).collect()
+}
+
+/// Pitch and yaw, degrees; `None` where they mean nothing, or are a position instead.
+#[must_use]
+pub fn angles(joint: &JointState) -> Pair {
+    (joint.flags & JointState::VALID != 0 && joint.count == 2)
+        .then(|| [joint.position[0].to_degrees(), joint.position[1].to_degrees()])
+}
+
+/// How many motors there are.
+#[must_use]
+pub fn count(count: u32) -> usize {
+    usize::try_from(count).unwrap_or(MAX_MOTORS).min(MAX_MOTORS)
+}

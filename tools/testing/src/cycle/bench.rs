@@ -1,0 +1,429 @@
+//! A cycle with two simulated drives, on simulated time. Every tick of every test is checked
+//! against the invariants in `invariant`.
+
+use std::sync::Arc;
+
+use i2ris::config::Config;
+use i2ris::core::CycleSnapshot;
+use i2ris::core::cycle::ControlCycle;
+use i2ris::core::{
+    CycleEventKind, CycleInputs, CycleOutputs, CycleReport, ExternalPose, FixtureChange,
+    HistoryCursor, JointReport, ModelCandidate, ModelChange, ModelSwapRequest, ServoCommand,
+    ServoGoal, StateReply, StateRequest,
+};
+use i2ris::drive::AxisPhase;
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::model::file::OutputUnit;
+use i2ris::model::{History, Model};
+use i2ris::process::black_box::{OfferRecord, TickRecord};
+use i2ris::realtime::{Tick, TickTiming};
+use i2ris::robot::Reason;
+use i2ris::units::{Counts, Nanos, OutputVec};
+
+use super::invariants::InvariantCheck;
+use super::sample_models::{config, model, rad};
+use super::simulated_drive::{Quirk, SimulatedDrive};
+
+pub struct Bench {
+    pub cycle: ControlCycle,
+    pub config: Config,
+    pub now: Nanos,
+    pub drives: [SimulatedDrive; 2],
+    pub out: CycleOutputs,
+    pub events: Vec<CycleEventKind>,
+    pub reasons: Vec<Reason>,
+    pub shutdown: bool,
+    /// Asked for in the next tick.
+    pub model_request: Option<ModelSwapRequest>,
+    /// The clutch is open in servo commands from now on.
+    pub clutched: bool,
+    /// Where to go, in the next request.
+    pub pose: Option<(OutputVec, u32)>,
+    pub fixture: Option<FixtureChange>,
+    /// Seen by a camera, in the next tick.
+    pub external: Option<ExternalPose>,
+    /// A camera that sees the estimate and this shift, rad, 30 times a second and 20 ms late.
+    pub camera: Option<[f64; 2]>,
+    /// How many ticks late every tick is from now on.
+    pub missed: u32,
+    /// Something that counts, read before and after every step, and the sum of the differences.
+    pub probe: fn() -> u64,
+    pub probed: u64,
+    /// Where the motors have been, and how far that is, as the thread that stages models knows it.
+    pub history: History,
+    pub mark: HistoryCursor,
+    /// Fills while there is one.
+    pub recording: Option<Recording>,
+    client_sequence: u64,
+    request_id: u64,
+    watch: InvariantCheck,
+}
+
+/// What a black box would be filled with.
+#[derive(Default)]
+pub struct Recording {
+    pub ticks: Vec<TickRecord>,
+    pub snapshots: Vec<CycleSnapshot>,
+    /// Ticks from snapshot to snapshot; 0: in every tick.
+    pub interval: usize,
+    pub offers: Vec<OfferRecord>,
+    pub models: Vec<Vec<u8>>,
+    offered: Option<u64>,
+}
+
+impl Recording {
+    fn push(
+        &mut self,
+        now: Nanos,
+        inputs: &CycleInputs,
+        outputs: &CycleOutputs,
+        snapshot: Option<CycleSnapshot>,
+    ) {
+        let tick = Tick { planned: now, started: now, missed: 0 };
+        let timing = TickTiming { tick, ended: now };
+        let number = outputs.requests[0].sequence;
+        self.ticks.push(TickRecord {
+            number,
+            offered: self.offered.take(),
+            inputs: *inputs,
+            outputs: *outputs,
+            timing,
+        });
+        let is_due = self.ticks.len().is_multiple_of(self.interval.max(1));
+        self.snapshots.extend(snapshot.filter(|_| is_due));
+    }
+
+    pub fn keep(&mut self, model: &Model) {
+        self.models.push(model.file().canonical_form().unwrap());
+    }
+
+    fn offer(&mut self, candidate: &ModelCandidate) {
+        let number = self.offers.len() as u64 + 1;
+        self.offers.push(OfferRecord {
+            number,
+            model: candidate.model().id(),
+            carried: candidate.state(),
+        });
+        self.keep(candidate.model());
+        self.offered = Some(number);
+    }
+}
+
+/// The client that the helpers of [`Bench`] speak for.
+pub const CLIENT: u64 = 7;
+
+impl Bench {
+    pub fn new(config: Config, model: Option<Arc<Model>>) -> Self {
+        let mut bench = Self {
+            cycle: ControlCycle::new(&config, model),
+            watch: InvariantCheck::new(&config),
+            config,
+            now: Nanos::from_millis(10_000),
+            drives: [SimulatedDrive::new(0), SimulatedDrive::new(0)],
+            out: ControlCycle::new(&super::config(""), None)
+                .step(Nanos::ZERO, &CycleInputs::default()),
+            events: Vec::with_capacity(1000),
+            reasons: Vec::with_capacity(1000),
+            shutdown: false,
+            model_request: None,
+            clutched: false,
+            pose: None,
+            fixture: None,
+            external: None,
+            camera: None,
+            missed: 0,
+            probe: || 0,
+            probed: 0,
+            history: History::default(),
+            mark: HistoryCursor::default(),
+            recording: None,
+            client_sequence: 0,
+            request_id: 0,
+        };
+        for drive in &mut bench.drives {
+            drive.feedback.stamp = bench.now;
+        }
+        bench.step(None, None);
+        bench
+    }
+
+    pub fn standard() -> Self {
+        Self::new(config(""), Some(model(OutputUnit::Deg)))
+    }
+
+    /// One tick.
+    pub fn step(&mut self, servo: Option<ServoCommand>, request: Option<StateRequest>) {
+        let requests = self.out.requests;
+        self.now = self.now + self.config.control.period();
+        for (drive, request) in self.drives.iter_mut().zip(&requests) {
+            drive.tick(self.now, request);
+        }
+        let feedback = [self.drives[0].feedback, self.drives[1].feedback];
+        self.see();
+        let (model, external, missed) =
+            (self.model_request.take(), self.external.take(), self.missed);
+        let inputs = CycleInputs {
+            servo,
+            request,
+            model,
+            external,
+            missed,
+            feedback,
+            shutdown: self.shutdown,
+        };
+        let before = (self.probe)();
+        self.out = self.cycle.step(self.now, &inputs);
+        let retired = self.cycle.take_retired();
+        let snapshot = self.cycle.snapshot();
+        self.probed += (self.probe)() - before;
+        drop(retired);
+        if let Some(recording) = &mut self.recording {
+            recording.push(self.now, &inputs, &self.out, snapshot);
+        }
+        self.watch.check(&inputs, &self.out);
+        self.note_events();
+        self.record_motion();
+    }
+
+    fn see(&mut self) {
+        let is_due = (self.now.0 / 1_000_000).is_multiple_of(33);
+        if let Some([pitch, yaw]) = self.camera
+            && is_due
+            && let Some(joint) = self.out.report.joint
+        {
+            self.external = Some(ExternalPose {
+                stamp: self.now - Nanos::from_millis(20),
+                position: [joint.measured[0] + pitch, joint.measured[1] + yaw, 0.0],
+                outputs: 2,
+                quality: 0.0,
+            });
+        }
+    }
+
+    fn record_motion(&mut self) {
+        let mark = self.out.report.mark;
+        if mark.epoch != self.mark.epoch {
+            self.history.forget();
+        }
+        if mark != self.mark {
+            let position = self.out.report.feedback.map(|drive| drive.position.as_f64());
+            self.history.note(&position);
+            self.mark = mark;
+        }
+    }
+
+    /// A model that has seen what the motors did so far.
+    pub fn candidate(&self, model: &Arc<Model>) -> ModelCandidate {
+        ModelCandidate::new(Arc::clone(model), &self.config, &self.history, self.mark)
+    }
+
+    /// Stages a model.
+    pub fn offer(&mut self, candidate: ModelCandidate) {
+        if let Some(recording) = &mut self.recording {
+            recording.offer(&candidate);
+        }
+        let before = (self.probe)();
+        assert!(self.cycle.can_stage_model());
+        self.cycle.stage_model(candidate);
+        self.probed += (self.probe)() - before;
+    }
+
+    /// One tick with a change of the model in use.
+    pub fn change_model(&mut self, change: ModelChange, forced: bool) -> Refusal {
+        self.request_id += 1;
+        self.model_request = Some(ModelSwapRequest { id: self.request_id, change, forced });
+        self.tick();
+        let reply = self.out.model_reply.expect("a change of the model is answered in its tick");
+        assert_eq!(reply.id, self.request_id);
+        reply.refusal
+    }
+
+    /// Stages a model, waits until it has caught up, and lets it take over.
+    pub fn swap(&mut self, model: &Arc<Model>) -> Refusal {
+        self.offer(self.candidate(model));
+        self.tick();
+        self.change_model(ModelChange::Activate(model.id()), false)
+    }
+
+    fn note_events(&mut self) {
+        for event in self.out.events.iter().flatten() {
+            assert_eq!(event.stamp, self.now);
+            if self.events.len() < self.events.capacity() {
+                self.events.push(event.kind);
+                self.reasons.extend(event.reason());
+            }
+        }
+    }
+
+    pub fn tick(&mut self) {
+        self.step(None, None);
+    }
+
+    pub fn run(&mut self, ticks: usize) {
+        for _ in 0..ticks {
+            self.tick();
+        }
+    }
+
+    /// Time passes without ticks.
+    pub fn skip(&mut self, span: Nanos) {
+        self.now = self.now + span;
+    }
+
+    /// One tick with a state command.
+    pub fn ask_as(&mut self, client_id: u64, command: StateCommand) -> StateReply {
+        self.request_id += 1;
+        let id = self.request_id;
+        let pose = self.pose.take();
+        let fixture = self.fixture.take();
+        self.step(None, Some(StateRequest { id, client_id, command, pose, fixture }));
+        let reply = self.out.reply.expect("a state command is answered in its tick");
+        assert_eq!(reply.id, id);
+        assert_eq!(reply.state, self.out.report.state);
+        reply
+    }
+
+    pub fn ask(&mut self, command: StateCommand) -> Refusal {
+        self.ask_as(CLIENT, command).refusal
+    }
+
+    /// A servo command of the usual client, sent now.
+    pub fn servo(&mut self, goal: ServoGoal) -> ServoCommand {
+        self.client_sequence += 1;
+        let stamp = self.now + self.config.control.period();
+        ServoCommand {
+            client_id: CLIENT,
+            sequence: self.client_sequence,
+            stamp,
+            deadline: Nanos::ZERO,
+            goal,
+            clutched: self.clutched,
+            has_unknown_flags: false,
+        }
+    }
+
+    /// One tick with a servo command; the refusal, or `None` if it was accepted.
+    pub fn send(&mut self, command: ServoCommand) -> Refusal {
+        let (accepted, refused) = (self.report().accepted, self.report().refused);
+        self.step(Some(command), None);
+        match (self.report().accepted - accepted, self.report().refused - refused) {
+            (1, 0) => Refusal::None,
+            (0, 1) => self.report().last_refusal,
+            other => panic!("one command is accepted or refused, not {other:?}"),
+        }
+    }
+
+    pub fn joint(&mut self, pitch_deg: f64, yaw_deg: f64) -> Refusal {
+        let command = self.servo(ServoGoal::Joint(rad(pitch_deg, yaw_deg), 2));
+        self.send(command)
+    }
+
+    pub fn actuator(&mut self, counts: [i32; 2]) -> Refusal {
+        let command = self.servo(ServoGoal::Actuator(counts.map(Counts), 2));
+        self.send(command)
+    }
+
+    pub fn report(&self) -> &CycleReport {
+        &self.out.report
+    }
+
+    pub fn joints(&self) -> JointReport {
+        self.out.report.joint.expect("a model is loaded and drives have reported")
+    }
+
+    pub fn state(&self) -> OperatingState {
+        self.out.report.state
+    }
+
+    pub fn targets(&self) -> [i32; 2] {
+        [self.out.requests[0].target.0, self.out.requests[1].target.0]
+    }
+
+    pub fn phases(&self) -> [AxisPhase; 2] {
+        [self.drives[0].feedback.phase, self.drives[1].feedback.phase]
+    }
+
+    /// Runs until something holds, at most 40 seconds: longer than any timeout.
+    pub fn until(&mut self, what: &str, holds: impl Fn(&Self) -> bool) {
+        for _ in 0..40_000_000_000 / self.config.control.period().0 {
+            if holds(self) {
+                return;
+            }
+            self.tick();
+        }
+        panic!("waited in vain for: {what}; {:?}", self.out.report);
+    }
+
+    pub fn idle(&mut self) {
+        self.until("not busy", |bench| !bench.report().busy);
+    }
+
+    // Builders of states.
+
+    pub fn homed() -> Self {
+        let mut bench = Self::standard();
+        bench.home();
+        bench
+    }
+
+    pub fn home(&mut self) {
+        assert_eq!(self.ask(StateCommand::Home), Refusal::None);
+        self.idle();
+        assert!(self.report().homed);
+    }
+
+    pub fn enable(&mut self) {
+        assert_eq!(self.ask(StateCommand::Enable), Refusal::None);
+        self.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
+    }
+
+    pub fn enabled() -> Self {
+        Self::enabled_with(config(""), Some(model(OutputUnit::Deg)))
+    }
+
+    pub fn enabled_with(config: Config, model: Option<Arc<Model>>) -> Self {
+        let mut bench = Self::new(config, model);
+        bench.home();
+        bench.enable();
+        bench
+    }
+
+    /// Enabled and moving to a far goal, at full speed, with a command that has just been
+    /// accepted.
+    pub fn moving() -> Self {
+        let mut bench = Self::enabled();
+        for _ in 0..7 {
+            bench.run(9);
+            assert_eq!(bench.actuator([250, 250]), Refusal::None);
+        }
+        let before = bench.targets();
+        bench.tick();
+        assert_eq!(bench.targets(), before.map(|target| target + 2), "2000 counts/s");
+        bench
+    }
+
+    pub fn paused() -> Self {
+        let mut bench = Self::enabled();
+        assert_eq!(bench.ask(StateCommand::Pause), Refusal::None);
+        bench.idle();
+        bench
+    }
+
+    /// Drive 0 at fault.
+    pub fn faulted() -> Self {
+        let mut bench = Self::enabled();
+        bench.fault(0);
+        bench
+    }
+
+    pub fn fault(&mut self, axis: usize) {
+        self.drives[axis].feedback.phase = AxisPhase::Faulted;
+        self.drives[axis].feedback.error_code = 0x8611;
+        self.run(2);
+        assert_eq!((self.state(), self.report().fault), (OperatingState::Fault, Fault::Drive));
+    }
+
+    pub fn quirk(&mut self, axis: usize, quirk: Quirk) {
+        self.drives[axis].quirk = quirk;
+    }
+}

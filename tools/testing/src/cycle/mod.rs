@@ -1,0 +1,12 @@
+//! The control cycle in simulated time, with two simulated drives. Every tick of every test is
+//! checked against the invariants.
+
+mod bench;
+mod invariants;
+mod sample_models;
+mod simulated_drive;
+
+pub use bench::*;
+pub use invariants::InvariantCheck;
+pub use sample_models::*;
+pub use simulated_drive::{Quirk, SimulatedDrive};

@@ -1,0 +1,170 @@
+//! A configured port on a simulated line, with the control loop's ends of its axes.
+
+use i2ris::config::PortConfig;
+use i2ris::drive::event::{PortEvent, PortEventKind};
+use i2ris::drive::{
+    AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, DriveError, Opened, Port, PortRunner,
+};
+use i2ris::units::Counts;
+
+use super::line::{SERIAL_NUMBER, SimulatedLine, port_config};
+use super::mini_drive::MiniDrive;
+
+pub const NODE: u8 = 1;
+
+pub struct PortRig {
+    pub line: SimulatedLine,
+    pub runner: PortRunner<SimulatedLine>,
+    pub links: Vec<AxisLink>,
+    pub requests: Vec<AxisRequest>,
+    pub events: Vec<PortEvent>,
+}
+
+/// One drive behind the port.
+pub fn one_drive() -> MiniDrive {
+    MiniDrive::new(NODE, SERIAL_NUMBER)
+}
+
+pub fn open(drives: Vec<MiniDrive>) -> (SimulatedLine, PortConfig, Port<Opened, SimulatedLine>) {
+    let config = port_config(&drives);
+    let line = SimulatedLine::new(drives);
+    let port = Port::over(line.clone(), &config);
+    (line, config, port)
+}
+
+pub fn bring_up(drive: MiniDrive) -> (SimulatedLine, Result<(), DriveError>) {
+    let (line, _, port) = open(vec![drive]);
+    let end = port.bring_up().map(drop);
+    (line, end)
+}
+
+impl PortRig {
+    pub fn new(drives: Vec<MiniDrive>) -> Self {
+        let (line, _, port) = open(drives);
+        let (runner, links) = port.bring_up().unwrap().split();
+        let requests = vec![AxisRequest::default(); links.len()];
+        Self { line, runner, links, requests, events: Vec::new() }
+    }
+
+    /// One drive, found disabled.
+    pub fn disabled() -> Self {
+        let mut rig = Self::new(vec![one_drive()]);
+        rig.until(AxisPhase::Disabled);
+        rig
+    }
+
+    /// One drive, enabled at its position of 120 counts.
+    pub fn enabled() -> Self {
+        let mut rig = Self::disabled();
+        rig.drive(|drive| drive.position = 120);
+        rig.enable(120);
+        rig.until(AxisPhase::Enabled);
+        rig.drive(|drive| drive.writes.clear());
+        rig.events.clear();
+        rig
+    }
+
+    pub fn drive<R>(&self, access: impl FnOnce(&mut MiniDrive) -> R) -> R {
+        self.line.drive(NODE, access)
+    }
+
+    /// Changes the request of the first axis and sends it.
+    pub fn request(&mut self, change: impl FnOnce(&mut AxisRequest)) {
+        self.request_of(0, change);
+    }
+
+    pub fn request_of(&mut self, axis: usize, change: impl FnOnce(&mut AxisRequest)) {
+        change(&mut self.requests[axis]);
+        self.requests[axis].sequence += 1;
+        self.links[axis].requests.write(self.requests[axis]);
+    }
+
+    pub fn demand(&mut self, demand: Demand) {
+        self.request(|request| request.demand = demand);
+    }
+
+    pub fn turns(&mut self, count: usize) {
+        for _ in 0..count {
+            let events = &mut self.events;
+            self.runner.turn(&mut |event| events.push(event));
+        }
+    }
+
+    pub fn feedback(&mut self) -> AxisFeedback {
+        self.feedback_of(0)
+    }
+
+    pub fn phase(&mut self) -> AxisPhase {
+        self.feedback().phase
+    }
+
+    pub fn phases(&mut self) -> [AxisPhase; 2] {
+        [0, 1].map(|axis| self.feedback_of(axis).phase)
+    }
+
+    pub fn feedback_of(&mut self, axis: usize) -> AxisFeedback {
+        *self.links[axis].feedback.read()
+    }
+
+    /// Runs turns until the first axis is in a phase.
+    pub fn until(&mut self, phase: AxisPhase) {
+        self.until_feedback("reaches the phase", |feedback| feedback.phase == phase);
+    }
+
+    pub fn until_feedback(&mut self, what: &str, is_true: impl Fn(&AxisFeedback) -> bool) {
+        for _ in 0..20_000 {
+            self.turns(1);
+            if is_true(&self.feedback()) {
+                return;
+            }
+        }
+        let feedback = self.feedback();
+        panic!("never {what}: {feedback:?}, events {:?}", self.events);
+    }
+
+    pub fn shut_down(&mut self) {
+        let events = &mut self.events;
+        self.runner.shut_down(&mut |event| events.push(event));
+    }
+
+    pub fn kinds(&self) -> Vec<PortEventKind> {
+        self.events.iter().map(|event| event.kind).collect()
+    }
+
+    pub fn has_event(&self, kind: PortEventKind) -> bool {
+        self.kinds().contains(&kind)
+    }
+
+    pub fn count_events(&self, is_counted: fn(&PortEventKind) -> bool) -> usize {
+        self.kinds().iter().filter(|kind| is_counted(kind)).count()
+    }
+
+    /// Enables the first axis with this target.
+    pub fn enable(&mut self, target: i32) {
+        self.request(|request| {
+            (request.demand, request.target) = (Demand::Enabled, Counts(target));
+        });
+    }
+
+    /// Releases the demand, then demands enabled again.
+    pub fn release_and_enable(&mut self) {
+        self.demand(Demand::Disabled);
+        self.turns(2);
+        self.demand(Demand::Enabled);
+        self.until(AxisPhase::Enabled);
+    }
+
+    /// Requests a homing.
+    pub fn start_homing(&mut self) {
+        self.request(|request| request.homings += 1);
+    }
+
+    pub fn state(&self) -> u16 {
+        self.drive(|drive| drive.state)
+    }
+
+    /// Controlwords that were written.
+    pub fn controlwords(&self) -> Vec<u32> {
+        self.drive(|drive| drive.written(0x6040, 0))
+    }
+}

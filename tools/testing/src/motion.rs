@@ -1,0 +1,134 @@
+//! Streams of commands, model files, and checks of setpoints.
+
+use std::fs;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use i2ris::clock;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::ActuatorState;
+use i2ris::units::Nanos;
+
+use crate::rig::Rig;
+use crate::waiting::wait_until;
+
+/// Period of the commands that tests send.
+pub const SEND_PERIOD: Nanos = Nanos::from_millis(5);
+
+/// Sends a motion of the motors for a while.
+pub fn stream_counts(client: &Client, seconds: f64, counts: impl Fn(f64) -> [i32; 2]) {
+    let (mut commander, start) = (client.commander(), clock::now());
+    while (clock::now() - start).as_seconds() < seconds {
+        let now = clock::now();
+        let counts = counts((now - start).as_seconds());
+        commander.servo_actuators(&counts).unwrap();
+        clock::sleep_until(now + SEND_PERIOD);
+    }
+}
+
+/// Sends angles, degrees, until `goal` returns none.
+pub fn stream_angles(client: &Client, mut goal: impl FnMut(f64) -> Option<[f64; 2]>) {
+    let (mut commander, start) = (client.commander(), clock::now());
+    while let Some(goal) = goal((clock::now() - start).as_seconds()) {
+        let now = clock::now();
+        commander.servo_jp(&goal.map(f64::to_radians)).unwrap();
+        clock::sleep_until(now + SEND_PERIOD);
+    }
+}
+
+/// A motion of both motors at different frequencies, counts.
+pub fn swing(t: f64) -> [i32; 2] {
+    [2.0, 1.7].map(|rate| (600.0 * (t * rate).sin()) as i32)
+}
+
+/// A motion of both angles at different frequencies, degrees, until `done`.
+pub fn swing_angles_until(done: &AtomicBool) -> impl FnMut(f64) -> Option<[f64; 2]> + '_ {
+    move |t| {
+        let goal = [6.0 * (2.0 * t).sin(), 4.0 * (1.3 * t).sin()];
+        (!done.load(Ordering::Relaxed)).then_some(goal)
+    }
+}
+
+/// Writes a linear model of the emulated snake, accurate to a few degrees: 0.022 degrees per count,
+/// axes turned by 45 degrees. `factor` scales its angles.
+pub fn linear_model(rig: &Rig, name: &str, robot_id: &str, factor: f64) -> PathBuf {
+    let g = factor * 0.022 * std::f64::consts::FRAC_1_SQRT_2;
+    let metrics = r#"{"training": {"r2": 1.0, "rmsd": 1.0, "nrmsd": 0.1, "mae": 1.0, "max": 2.0},
+        "held_out": null}"#;
+    let text = format!(
+        r#"{{"format": "i2ris-model", "schema_version": 1, "robot_id": "{robot_id}",
+            "outputs": [{{"name": "pitch", "unit": "deg"}}, {{"name": "yaw", "unit": "deg"}}],
+            "family": {{"kind": "linear", "gain": [[{g}, {minus}], [{g}, {g}]],
+                "offset": [0.0, 0.0], "covariance": [[1.0, 0.0], [0.0, 1.0]]}},
+            "hull": {{"corners": [[-1000.0, -1000.0], [1000.0, -1000.0], [1000.0, 1000.0],
+                [-1000.0, 1000.0]]}},
+            "training": {{"data_file": "none", "data_sha256": "{sha}", "rows": 10, "seed": 0,
+                "restarts": 0, "log_likelihood": null, "bic": null, "software": "test"}},
+            "metrics": [{metrics}, {metrics}]}}"#,
+        minus = -g,
+        sha = "0".repeat(64)
+    );
+    let file = rig.folder.path().join(name);
+    fs::write(&file, text).unwrap();
+    file
+}
+
+/// The largest setpoint step between two consecutive ticks until `done`, and the number of ticks.
+pub fn largest_step(client: &Client, done: &AtomicBool) -> (i32, u32) {
+    let mut actuators = client.watcher().actuators();
+    let (mut before, mut largest, mut pairs) = (None::<ActuatorState>, 0, 0);
+    while !done.load(Ordering::Relaxed) {
+        let drained = actuators.drain(|message| {
+            if let Some(before) = before.replace(message)
+                && before.sequence + 1 == message.sequence
+            {
+                for (before, after) in before.setpoint_counts.iter().zip(message.setpoint_counts) {
+                    largest = largest.max((after - before).abs());
+                }
+                pairs += 1;
+            }
+        });
+        drained.unwrap();
+        clock::sleep(Nanos::from_millis(10));
+    }
+    (largest, pairs)
+}
+
+/// The setpoints of an axis after an instant, at least 20 of them.
+pub fn setpoints_after(rig: &Rig, axis: usize, instant: Nanos) -> Vec<i32> {
+    wait_until("setpoints are still sent", || {
+        let setpoints = rig.setpoints(axis).into_iter();
+        let after = setpoints.filter(|(stamp, _)| *stamp > instant);
+        let after: Vec<i32> = after.map(|(_, counts)| counts).collect();
+        (after.len() > 20).then_some(after)
+    })
+}
+
+/// Asserts that the setpoints of both axes moved before the start of the range, and are constant
+/// after its end.
+pub fn assert_stopped_within(rig: &Rig, range: Range<Nanos>) {
+    for axis in 0..2 {
+        let setpoints = rig.setpoints(axis);
+        let before = setpoints.iter().filter(|(stamp, _)| *stamp < range.start);
+        let before = before.map(|(_, counts)| counts);
+        let moved = before.clone().max().unwrap() - before.min().unwrap();
+        assert!(moved > 20, "axis {axis} moved before");
+        assert_constant(&setpoints_after(rig, axis, range.end), axis);
+    }
+}
+
+/// Asserts that all setpoints of an axis are equal.
+pub fn assert_constant(setpoints: &[i32], axis: usize) {
+    let constant = setpoints.windows(2).all(|pair| pair[0] == pair[1]);
+    assert!(constant, "axis {axis} moved: {setpoints:?}");
+}
+
+/// Sets a flag on drop, so that the threads of a test end also when it fails.
+pub struct SetOnDrop<'a>(pub &'a AtomicBool);
+
+impl Drop for SetOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}

@@ -1,0 +1,342 @@
+//! A whole robot: emulated drives and snake in this process, the controller as a process of its own
+//! or on a thread. Every rig has its own domain and folder; drop ends and removes everything.
+
+use std::ffi::OsString;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use i2ris::clock;
+use i2ris::config::{AxisConfig, Config, PortConfig};
+use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
+use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::watchdog_presence::WatchdogPresence;
+use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
+use i2ris::process::controller;
+use i2ris::units::{Counts, Nanos};
+use i2ris_simulation::log::{Event, EventKind};
+use i2ris_simulation::physics::springs::SnakeConfig;
+use i2ris_simulation::{Emulator, EmulatorConfig};
+use nix::sys::signal::{Signal, kill};
+use tempfile::TempDir;
+
+use crate::motion::linear_model;
+use crate::program;
+use crate::waiting::{Background, TIMEOUT, wait_until};
+
+static RIGS: AtomicU32 = AtomicU32::new(0);
+
+/// See above.
+pub struct Rig {
+    pub emulator: Emulator,
+    pub config: Config,
+    pub folder: TempDir,
+    /// Variables of the environment of every program.
+    pub environment: Vec<(OsString, OsString)>,
+    controller: Option<Child>,
+    thread: Option<Background>,
+    /// Dropped last, when no other part uses the domains any more.
+    clean_ups: Vec<CleanUp>,
+}
+
+/// Removes the shared memory of a domain, also the leftovers of a killed process.
+struct CleanUp(Domain);
+
+impl Drop for CleanUp {
+    fn drop(&mut self) {
+        drop(WatchdogPresence::announce(&self.0));
+        drop(DomainLock::acquire(&self.0));
+    }
+}
+
+impl Rig {
+    /// Drives and snake, no controller yet.
+    pub fn start() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let snake = SnakeConfig::load(&root().join("config/snakes/steel.toml")).unwrap();
+        let emulation = EmulatorConfig::new(snake, &folder.path().join("ports"));
+        let serial_numbers = emulation.drives.clone().map(|drive| drive.serial_number);
+        let mut emulator = Emulator::start(emulation).unwrap();
+        let number = RIGS.fetch_add(1, Ordering::Relaxed);
+        let domain = Domain::new(&format!("rig-{}-{number}", std::process::id())).unwrap();
+        let mut publisher = ExternalPublisher::new(&domain);
+        let camera = emulator.start_camera(move || {
+            move |seen| {
+                let (position, deviation) = (&seen.position[..2], &seen.deviation[..2]);
+                // Fails while there is no controller.
+                let _ = publisher.publish(Nanos(seen.stamp_ns), position, deviation);
+            }
+        });
+        camera.unwrap();
+        let ports = (0..2).map(|axis| port(emulator.device(axis), axis, serial_numbers[axis]));
+        let mut config: Config = toml::from_str("robot_id = \"rig\"\nports = []").unwrap();
+        config.ports = ports.collect();
+        config.ipc.domain = domain.name().to_owned();
+        run_on_shared_machine(&mut config);
+        config.command.deadline_ms = 200;
+        config.command.lease_timeout_ms = 1000;
+        Self {
+            emulator,
+            config,
+            folder,
+            environment: Vec::new(),
+            controller: None,
+            thread: None,
+            clean_ups: vec![CleanUp(domain)],
+        }
+    }
+
+    /// A robot whose controller starts with a linear model.
+    pub fn with_model() -> Self {
+        let mut rig = Self::start();
+        rig.config.control.model = Some(linear_model(&rig, "model.json", "rig", 1.0));
+        rig
+    }
+
+    /// A domain for another server, removed at the end.
+    pub fn another_domain(&mut self, name: &str) -> Domain {
+        let domain = Domain::new(&format!("{}-{name}", self.config.ipc.domain)).unwrap();
+        self.clean_ups.push(CleanUp(domain.clone()));
+        domain
+    }
+
+    /// Starts a controller on the rig's configuration. Its log goes to a file.
+    pub fn start_controller(&mut self) {
+        assert!(self.controller.is_none(), "one at a time");
+        self.controller = Some(self.spawn_controller("controller"));
+    }
+
+    /// The same with another standard error.
+    pub fn start_controller_with(&mut self, stderr: Stdio) {
+        assert!(self.controller.is_none(), "one at a time");
+        self.controller = Some(self.spawn(stderr));
+    }
+
+    /// Starts a controller on a thread of this process.
+    pub fn start_controller_thread(&mut self) {
+        let mut config = self.config.clone();
+        config.record.folder = self.folder.path().join(&config.record.folder);
+        self.thread = Some(Background::start(move |stop| {
+            controller::run(&config, "", stop, &mut io::sink()).unwrap();
+        }));
+    }
+
+    /// Ends the controller on the thread in order.
+    pub fn stop_controller_thread(&mut self) {
+        self.thread = None;
+    }
+
+    /// Starts a controller that the rig does not own: for tests about second ones.
+    pub fn spawn_controller(&self, name: &str) -> Child {
+        let mut options = fs::File::options();
+        let log = options.create(true).append(true).open(self.log_file(name));
+        self.spawn(Stdio::from(log.unwrap()))
+    }
+
+    fn spawn(&self, stderr: Stdio) -> Child {
+        let file = self.folder.path().join("robot.toml");
+        fs::write(&file, toml::to_string(&self.config).unwrap()).unwrap();
+        let mut command = Command::new(program::path("i2ris-control"));
+        command.args([Path::new("--config"), &file]);
+        command.envs(self.environment.iter().cloned());
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(stderr);
+        command.spawn().unwrap()
+    }
+
+    /// The log of a controller.
+    pub fn log_text(&self, name: &str) -> String {
+        fs::read_to_string(self.log_file(name)).unwrap_or_default()
+    }
+
+    fn log_file(&self, name: &str) -> PathBuf {
+        self.folder.path().join(format!("{name}.log"))
+    }
+
+    pub fn domain(&self) -> Domain {
+        Domain::new(&self.config.ipc.domain).unwrap()
+    }
+
+    /// A client of the running controller.
+    pub fn client(&mut self) -> Client {
+        let start = clock::now();
+        loop {
+            let log = self.log_text("controller");
+            if let Some(child) = &mut self.controller
+                && let Some(status) = child.try_wait().unwrap()
+            {
+                panic!("the controller ended ({status}):\n{log}");
+            }
+            match Client::connect(&self.domain(), Nanos::from_millis(200)) {
+                Ok(client) => return client,
+                Err(error) => {
+                    let wait = error.is_absent() && clock::now() - start < TIMEOUT;
+                    assert!(wait, "{error}:\n{log}");
+                }
+            }
+        }
+    }
+
+    /// A client of a controller that runs, is homed and enabled.
+    pub fn enabled(&mut self) -> Client {
+        self.start_controller();
+        let mut client = self.client();
+        home_and_enable(&mut client, TIMEOUT).unwrap();
+        client
+    }
+
+    /// Sends a signal to the controller.
+    pub fn signal(&self, signal: Signal) {
+        let id = self.controller.as_ref().expect("a controller runs").id();
+        kill(nix::unistd::Pid::from_raw(id as i32), signal).unwrap();
+    }
+
+    /// Waits until the controller has ended.
+    pub fn wait_for_end(&mut self) -> ExitStatus {
+        let status = wait_for_end(self.controller.as_mut().expect("a controller runs"));
+        self.controller = None;
+        status
+    }
+
+    /// The setpoints that an axis received, oldest first.
+    pub fn setpoints(&self, axis: usize) -> Vec<(Nanos, i32)> {
+        let setpoint = |event: Event| match event.kind {
+            EventKind::Setpoint(counts) if event.axis == axis => Some((event.stamp, counts)),
+            _ => None,
+        };
+        self.emulator.log().into_iter().filter_map(setpoint).collect()
+    }
+
+    /// Whether the setpoints of an axis changed since an instant.
+    pub fn moved_since(&self, instant: Nanos) -> bool {
+        (0..2).any(|axis| {
+            let setpoints = self.setpoints(axis).into_iter();
+            let mut after = setpoints.filter(|(stamp, _)| *stamp > instant).map(|(_, to)| to);
+            after.next().is_some_and(|first| after.any(|next| next != first))
+        })
+    }
+
+    /// Waits until the snake has held still for a while; since when.
+    pub fn wait_until_still(&self) -> Nanos {
+        wait_until("the snake holds still", || {
+            let from = clock::now();
+            clock::sleep(Nanos::from_millis(400));
+            (!self.moved_since(from)).then_some(from)
+        })
+    }
+
+    /// The encoder positions of the drives.
+    pub fn positions(&self) -> [i32; 2] {
+        self.emulator.snapshot().axes.map(|axis| axis.drive.position)
+    }
+}
+
+impl Drop for Rig {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            eprintln!("log of the controller:\n{}", self.log_text("controller"));
+        }
+        if let Some(mut child) = self.controller.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Waits until a program has ended.
+pub fn wait_for_end(child: &mut Child) -> ExitStatus {
+    wait_until("the program ends", || child.try_wait().unwrap())
+}
+
+/// Nothing spins or asks for real-time scheduling, and a stall of a machine that tests share is
+/// neither a lost drive nor the end of a command.
+pub fn run_on_shared_machine(config: &mut Config) {
+    config.control.spin_us = 0;
+    config.control.priority = 0;
+    config.control.lock_memory = false;
+    config.limits.feedback_stale_ms = 2000;
+    config.limits.feedback_lost_ms = 10_000;
+    config.command.deadline_ms = 500;
+    config.command.lease_timeout_ms = 2000;
+    for port in &mut config.ports {
+        // The longest that is allowed: on a loaded machine an emulated drive may answer late.
+        port.reply_timeout_ms = 1000;
+    }
+}
+
+/// Homes and enables the robot of a controller; each step may take so long. For programs, too.
+///
+/// # Errors
+///
+/// As [`Client::state_command`] and [`Client::wait_for`].
+pub fn home_and_enable(client: &mut Client, timeout: Nanos) -> Result<(), ClientError> {
+    let is_idle = |state: &OperatingStateMsg| !has(state, OperatingStateMsg::BUSY);
+    client.wait_for(timeout, is_idle)?;
+    client.state_command(StateCommand::Home)?;
+    client.wait_for(timeout, |state| is_idle(state) && has(state, OperatingStateMsg::HOMED))?;
+    client.state_command(StateCommand::Enable)?;
+    let enabled = OperatingState::Enabled.number();
+    client.wait_for(timeout, |state| is_idle(state) && state.state == enabled)?;
+    Ok(())
+}
+
+pub fn home(client: &mut Client) {
+    wait_until_idle(client);
+    client.state_command(StateCommand::Home).unwrap();
+    settle(client, |state| has(state, OperatingStateMsg::HOMED));
+}
+
+pub fn enable(client: &mut Client) {
+    client.state_command(StateCommand::Enable).unwrap();
+    settle_in(client, OperatingState::Enabled);
+}
+
+/// Whether a flag of the operating state is set.
+pub fn has(state: &OperatingStateMsg, flag: u32) -> bool {
+    state.flags & flag != 0
+}
+
+/// Waits until a condition is true.
+pub fn wait_for(
+    client: &mut Client,
+    condition: impl Fn(&OperatingStateMsg) -> bool,
+) -> OperatingStateMsg {
+    client.wait_for(TIMEOUT, condition).unwrap()
+}
+
+/// Waits until the robot holds.
+pub fn wait_until_holding(client: &mut Client) -> OperatingStateMsg {
+    wait_for(client, |state| has(state, OperatingStateMsg::HOLDING))
+}
+
+/// Waits until the robot is not busy.
+pub fn wait_until_idle(client: &mut Client) -> OperatingStateMsg {
+    settle(client, |_| true)
+}
+
+/// Waits until the robot is not busy and in a state.
+pub fn settle_in(client: &mut Client, state: OperatingState) -> OperatingStateMsg {
+    settle(client, |message| message.state == state.number())
+}
+
+/// Waits until the robot is not busy and a condition is true.
+pub fn settle(
+    client: &mut Client,
+    condition: impl Fn(&OperatingStateMsg) -> bool,
+) -> OperatingStateMsg {
+    wait_for(client, |state| !has(state, OperatingStateMsg::BUSY) && condition(state))
+}
+
+/// The root of the repository.
+fn root() -> PathBuf {
+    let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+    let root = folders.find(|folder| folder.join("config/snakes").exists());
+    root.unwrap().to_owned()
+}
+
+fn port(device: &Path, axis: usize, serial_number: u32) -> PortConfig {
+    let mut axis = AxisConfig::new(axis, serial_number, [Counts(-2000), Counts(2000)]);
+    axis.motor_speed_rpm = 10_000;
+    PortConfig::new(device.to_owned(), vec![axis])
+}

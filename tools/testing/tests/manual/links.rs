@@ -1,0 +1,61 @@
+//! Links between README, manual and other documents; listings are the files that they show.
+
+use std::fs;
+
+use super::markdown::{Document, root};
+
+#[test]
+fn every_link_leads_to_a_file_and_a_heading() {
+    let mut broken = Vec::new();
+    for document in Document::all() {
+        let folder = document.path.parent().unwrap();
+        for link in document.links() {
+            if link.starts_with("http://") || link.starts_with("https://") {
+                continue;
+            }
+            let (file, anchor) = link.split_once('#').unwrap_or((&link, ""));
+            let target = if file.is_empty() { document.path.clone() } else { folder.join(file) };
+            let is_found = target.exists()
+                && (anchor.is_empty()
+                    || Document::read(&target).anchors().iter().any(|known| known == anchor));
+            if !is_found {
+                broken.push(format!("{}: {link}", document.path.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken:#?}");
+}
+
+#[test]
+fn every_chapter_is_in_the_table_of_contents() {
+    let folder = root().join("tools/manual/src");
+    let listed = Document::read(&folder.join("SUMMARY.md")).links();
+    for document in Document::all() {
+        let name = document.path.file_name().unwrap().to_str().unwrap();
+        if document.path.starts_with(&folder) && name != "SUMMARY.md" {
+            assert!(listed.iter().any(|link| link == name), "{name} is not in SUMMARY.md");
+        }
+    }
+}
+
+#[test]
+fn the_readme_is_short_and_leads_to_the_manual() {
+    let text = fs::read_to_string(root().join("README.md")).unwrap();
+    assert!(text.lines().count() <= 150, "{} lines", text.lines().count());
+    assert!(text.contains("tools/manual/src/first-hour.md"));
+}
+
+#[test]
+fn every_listing_is_its_file() {
+    let chapter = root().join("tools/manual/src/shared-memory.md");
+    let text = fs::read_to_string(&chapter).unwrap();
+    let mut listings = 0;
+    for part in text.split("<!-- file: ").skip(1) {
+        let (name, rest) = part.split_once(" -->\n").unwrap();
+        let listing = rest.split_once('\n').unwrap().1.split_once("```").unwrap().0;
+        let file = fs::read_to_string(chapter.parent().unwrap().join(name)).unwrap();
+        assert!(listing == file, "the listing of {name} differs from the file");
+        listings += 1;
+    }
+    assert_eq!(listings, 2);
+}

@@ -1,0 +1,246 @@
+//! Streams of frames: YUV4MPEG2, or grey bytes, frame after frame, without any header.
+//!
+//! YUV4MPEG2 is what `ffmpeg -f yuv4mpegpipe` and mplayer write: a line of text for the stream, a
+//! line for each frame, then its planes. Only the first plane, brightness, is kept. 8 bit only. A
+//! program that knows when it took a frame says so with `XT=` and seconds of the monotonic clock in
+//! the line of the frame (`FRAME XT=12.345678901`): words that begin with X are left to
+//! applications.
+
+use std::io::{BufRead, BufReader, Read};
+
+use i2ris::units::Nanos;
+
+use super::error::SourceError;
+use super::frame::{Frame, ImageSize, SourceItem};
+use super::timestamps::seconds;
+use crate::image::GreyImage;
+
+/// No header line is longer.
+const MAX_LINE: usize = 512;
+
+pub trait FrameSource: Send {
+    /// The next frame or gap; `None` at the end.
+    fn next(&mut self) -> Result<Option<SourceItem>, SourceError>;
+}
+
+/// What gives a frame of a stream its stamp.
+pub enum FrameClock {
+    /// The instant that its last byte arrived.
+    Arrival(Box<dyn FnMut() -> Nanos + Send>),
+    /// Its number and the rate: for recordings that are piped in faster or slower than they were
+    /// taken.
+    Rate(f64),
+}
+
+impl FrameClock {
+    /// The stamp of frame `number`, counted from 0.
+    fn stamp(&mut self, number: u64) -> Nanos {
+        match self {
+            Self::Arrival(now) => now(),
+            Self::Rate(fps) => Nanos((number as f64 / *fps * 1e9).round() as u64),
+        }
+    }
+}
+
+/// What a stream is made of.
+#[derive(Debug, Clone, PartialEq)]
+struct Format {
+    size: ImageSize,
+    /// Bytes of the planes behind the first one.
+    colour_bytes: usize,
+    /// Every frame begins with a line.
+    has_lines: bool,
+}
+
+/// A stream of frames.
+pub struct FrameStream<R> {
+    reader: BufReader<R>,
+    format: Format,
+    clock: FrameClock,
+    /// Frames so far.
+    number: u64,
+}
+
+impl<R: Read + Send> FrameStream<R> {
+    /// Grey bytes without any header.
+    pub fn raw(reader: R, size: ImageSize, clock: FrameClock) -> Self {
+        let format = Format { size, colour_bytes: 0, has_lines: false };
+        Self { reader: BufReader::new(reader), format, clock, number: 0 }
+    }
+
+    /// Reads the header of YUV4MPEG2.
+    pub fn y4m(reader: R, clock: FrameClock) -> Result<Self, SourceError> {
+        let mut reader = BufReader::new(reader);
+        let line = read_line(&mut reader)?.ok_or_else(|| SourceError::Stream("empty".into()))?;
+        let format = parse(&line).map_err(SourceError::Stream)?;
+        Ok(Self { reader, format, clock, number: 0 })
+    }
+
+    /// What a frame says of its stamp; `None` at the end of the stream.
+    fn begin(&mut self) -> Result<Option<Option<Nanos>>, SourceError> {
+        if !self.format.has_lines {
+            return Ok((!self.reader.fill_buf()?.is_empty()).then_some(None));
+        }
+        match read_line(&mut self.reader)? {
+            None => Ok(None),
+            Some(line) if line == "FRAME" || line.starts_with("FRAME ") => {
+                let stamp = line.split(' ').find_map(|word| word.strip_prefix("XT="));
+                Ok(Some(stamp.and_then(seconds)))
+            }
+            Some(line) => {
+                let number = self.number + 1;
+                let reason = format!("frame {number} begins with {line:?}, not FRAME");
+                Err(SourceError::Stream(reason))
+            }
+        }
+    }
+}
+
+impl<R: Read + Send> FrameSource for FrameStream<R> {
+    fn next(&mut self) -> Result<Option<SourceItem>, SourceError> {
+        let Some(reported) = self.begin()? else { return Ok(None) };
+        self.number += 1;
+        let (number, Format { size, colour_bytes, .. }) = (self.number, &self.format);
+        let mut data = vec![0; size.bytes() + colour_bytes];
+        let (got, expected) = (fill(&mut self.reader, &mut data)?, data.len());
+        if got < expected {
+            return Err(SourceError::Stream(format!(
+                "ends within frame {number}, after {got} of {expected} bytes; is the size {size} \
+                 right?"
+            )));
+        }
+        data.truncate(size.bytes());
+        let stamp = reported.unwrap_or_else(|| self.clock.stamp(number - 1));
+        let name = format!("frame {number}");
+        let image = GreyImage::new(size.width, size.height, data);
+        Ok(image.map(|image| SourceItem::Frame(Frame { stamp, name, image })))
+    }
+}
+
+/// Fills `data`; fewer bytes mean the end of the stream.
+fn fill(reader: &mut impl Read, data: &mut [u8]) -> Result<usize, std::io::Error> {
+    let mut got = 0;
+    while got < data.len() {
+        match reader.read(&mut data[got..]) {
+            Ok(0) => break,
+            Ok(count) => got += count,
+            Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(got)
+}
+
+/// One line without its end; `None` at the end of the stream.
+fn read_line(reader: &mut impl BufRead) -> Result<Option<String>, SourceError> {
+    let mut line = Vec::new();
+    reader.take(MAX_LINE as u64 + 1).read_until(b'\n', &mut line)?;
+    let error = |text: &str| Err(SourceError::Stream(text.into()));
+    match line.pop() {
+        None => Ok(None),
+        Some(b'\n') => Ok(Some(String::from_utf8_lossy(&line).into_owned())),
+        Some(_) if line.len() == MAX_LINE => {
+            error("no end of the header line; is this a Y4M stream?")
+        }
+        Some(_) => error("ends within a header line"),
+    }
+}
+
+fn parse(line: &str) -> Result<Format, String> {
+    let mut words = line.split(' ');
+    if words.next() != Some("YUV4MPEG2") {
+        return Err(
+            "does not begin with YUV4MPEG2; for grey bytes without a header give --raw WxH".into(),
+        );
+    }
+    let (mut width, mut height, mut colour) = ("", "", "420");
+    for word in words.filter(|word| !word.is_empty()) {
+        match word.split_at_checked(1) {
+            Some(("W", rest)) => width = rest,
+            Some(("H", rest)) => height = rest,
+            Some(("C", rest)) => colour = rest,
+            // Rate, interlacing, aspect and comments do not change where the bytes are.
+            _ => {}
+        }
+    }
+    let size: ImageSize = format!("{width}x{height}").parse()?;
+    let half = |n: usize| n.div_ceil(2);
+    let colour_bytes = match colour {
+        "mono" => 0,
+        "420" | "420jpeg" | "420paldv" | "420mpeg2" => 2 * half(size.width) * half(size.height),
+        "422" => 2 * half(size.width) * size.height,
+        "444" => 2 * size.bytes(),
+        other => {
+            return Err(format!(
+                "colour space {other} is not supported; use 8 bit mono, 420, 422 or 444"
+            ));
+        }
+    };
+    Ok(Format { size, colour_bytes, has_lines: true })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn stream(header: &str, images: &[Vec<u8>]) -> Vec<u8> {
+        let mut bytes = format!("{header}\n").into_bytes();
+        for image in images {
+            bytes.extend(b"FRAME\n");
+            bytes.extend(image);
+        }
+        bytes
+    }
+
+    #[test]
+    fn keeps_brightness_and_skips_colour() {
+        let image = |value: u8| [vec![value; 16 * 16], vec![200; 2 * 8 * 8]].concat();
+        let bytes = stream("YUV4MPEG2 W16 H16 F30:1 Ip C420jpeg", &[image(7), image(9)]);
+        let mut source = FrameStream::y4m(&bytes[..], FrameClock::Rate(30.0)).unwrap();
+        for (value, stamp) in [(7, 0), (9, 33_333_333)] {
+            let Some(SourceItem::Frame(frame)) = source.next().unwrap() else { panic!("no frame") };
+            assert_eq!(frame.image.data(), vec![value; 256]);
+            assert_eq!(frame.stamp, Nanos(stamp));
+        }
+        assert_eq!(source.next().unwrap(), None);
+    }
+
+    #[test]
+    fn a_frame_that_says_when_it_was_taken_is_believed() {
+        let mut bytes = b"YUV4MPEG2 W16 H16 Cmono\nFRAME Ip XT=12.345678901\n".to_vec();
+        bytes.extend([0; 256]);
+        let mut source = FrameStream::y4m(&bytes[..], FrameClock::Rate(30.0)).unwrap();
+        let Some(SourceItem::Frame(frame)) = source.next().unwrap() else { panic!("no frame") };
+        assert_eq!(frame.stamp, Nanos(12_345_678_901));
+    }
+
+    #[test]
+    fn a_stream_that_ends_within_a_frame_says_so() {
+        let mut bytes = stream("YUV4MPEG2 W16 H16 Cmono", &[vec![1; 256], vec![2; 256]]);
+        bytes.truncate(bytes.len() - 10);
+        let mut source = FrameStream::y4m(&bytes[..], FrameClock::Rate(30.0)).unwrap();
+        assert!(matches!(source.next(), Ok(Some(SourceItem::Frame(_)))));
+        let error = source.next().unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "frame stream: ends within frame 2, after 246 of 256 bytes; is the size 16x16 right?"
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn arbitrary_bytes_do_not_panic(
+            bytes in proptest::collection::vec(any::<u8>(), 0..600),
+            with_header: bool,
+        ) {
+            let header: &[u8] = if with_header { b"YUV4MPEG2 W16 H16 Cmono\n" } else { &[] };
+            let mut all = header.to_vec();
+            all.extend(bytes);
+            if let Ok(mut source) = FrameStream::y4m(&all[..], FrameClock::Rate(1.0)) {
+                while let Ok(Some(_)) = source.next() {}
+            }
+        }
+    }
+}
