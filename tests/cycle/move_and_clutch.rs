@@ -3,8 +3,11 @@
 use std::sync::Arc;
 
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
 use i2ris_testing::cycle::{Bench, CLIENT, GAIN_DEG, HULL, config, model, play_model, rad};
+
+use crate::model::drifted::stop_file;
 
 fn enabled(tables: &str) -> Bench {
     Bench::enabled_with(config(tables), Some(model(OutputUnit::Deg)))
@@ -38,6 +41,24 @@ fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_ther
     assert!((9.0..10.1).contains(&fastest), "{fastest}");
     assert!((pitch(&bench) - 8.0).abs() < 1e-3 && bench.report().holding);
     assert_eq!(bench.report().accepted, 0);
+}
+
+#[test]
+fn every_trajectory_ends_with_every_family() {
+    let stops = Arc::new(Model::from_file(stop_file()).unwrap());
+    let models = [("linear", model(OutputUnit::Deg)), ("play", play_model()), ("stop", stops)];
+    for (name, model) in models {
+        let mut bench = Bench::enabled_with(config(""), Some(model));
+        for k in 1..=100 {
+            // Multiples of two irrational numbers: spread evenly, and never twice the same.
+            let angle = |step: f64| 16.0 * (f64::from(k) * step).fract() - 8.0;
+            let (pitch, yaw) = (angle(0.754_877_666), angle(0.569_840_291));
+            assert_eq!(go(&mut bench, pitch, yaw), Refusal::None);
+            // The longest path takes 2.3 s.
+            bench.run(3000);
+            assert!(!bench.report().busy, "{name}, pose {k}: {pitch} {yaw}");
+        }
+    }
 }
 
 #[test]

@@ -37,7 +37,7 @@ fn play_file() -> ModelFile {
     file(2, family, region(2, 1500.0))
 }
 
-fn stop_file() -> ModelFile {
+pub fn stop_file() -> ModelFile {
     let family = FamilyParameters::GmrStop {
         stops: some_stops(2),
         mixture: flat_mixture(),

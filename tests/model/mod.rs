@@ -1,7 +1,7 @@
 //! Tests of the model runtime through its public interface.
 
 mod direction;
-mod drifted;
+pub mod drifted;
 mod file;
 mod gmr;
 mod hull;
@@ -12,5 +12,5 @@ mod play_operator;
 mod plays;
 mod prandtl_ishlinskii;
 mod refusals;
-mod samples;
+pub mod samples;
 mod stop;

@@ -121,7 +121,7 @@ impl MotionTick<'_> {
         let inverse = self.invert_goal(goal, trajectory.end())?;
         self.track_outside(&inverse.targets)?;
         let is_finished =
-            trajectory.is_finished(self.now) && self.axes.all(AxisControl::is_at_rest);
+            trajectory.is_finished(self.now) && self.axes.all(AxisControl::is_settled);
         Ok(GeneratedSetpoint {
             is_clipped: inverse.is_clipped || trajectory.is_clipped(),
             next: is_finished.then_some(EnabledActivity::Holding),

@@ -124,6 +124,13 @@ impl AxisControl {
         self.limiter.is_at_rest() && self.jerk_limiter.is_at_rest()
     }
 
+    /// The setpoint moves less than a count in a hundred ticks. An inverse that searches may creep
+    /// towards its solution for ever.
+    pub fn is_settled(&self) -> bool {
+        const COUNTS_PER_TICK: f64 = 0.01;
+        self.limiter.velocity().abs() < COUNTS_PER_TICK && self.jerk_limiter.is_settled()
+    }
+
     /// Every requested homing has ended.
     pub fn is_homing_done(&self) -> bool {
         self.feedback.homings == self.homings && self.feedback.phase == AxisPhase::Disabled

@@ -63,6 +63,11 @@ impl JerkLimiter {
         self.increment == 0.0 && self.values().all(|past| *past == self.output)
     }
 
+    /// All values in the window are less than a count from the output.
+    pub fn is_settled(&self) -> bool {
+        self.values().all(|past| (past - self.output).abs() < 1.0)
+    }
+
     fn values(&self) -> impl Iterator<Item = &f64> {
         self.past.iter().take(self.window as usize)
     }
