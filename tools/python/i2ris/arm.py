@@ -19,7 +19,8 @@
 - ``enable``, ``home``, ``move_jp`` and the like return when the controller has accepted them. ``wait()`` of the result
   returns when they are carried out, and raises when they cannot be: ``Fault``, ``Stopped``, ``OutOfReach``.
 - Send ``servo_jp`` faster than the deadline (default 50 ms), or the robot stops and holds.
-- At the end of the ``with`` block, also after an exception, the robot holds and the lease is free.
+- At the end of the ``with`` block, also after an exception, the robot holds and the lease is free. Without ``with``, as
+  in a notebook, ``arm = Arm()`` connects; ``arm.close()`` or the end of Python holds and frees the lease.
 - The domain is that of the argument, or of the environment variable ``I2RIS_DOMAIN``, or ``i2ris``.
 
 Homing makes the present pose the zero, unless a hard stop is configured: straighten the snake before ``home``.
@@ -27,14 +28,19 @@ Homing makes the present pose the zero, unless a hard stop is configured: straig
 
 from __future__ import annotations
 
+import atexit
 import os
 import secrets
+import signal
+import subprocess
 import time
-from dataclasses import dataclass
-from typing import Callable, Sequence
+import weakref
+from pathlib import Path
+from typing import Any, Callable, Sequence
 
 import numpy as np
 
+from .fixtures import FixtureArm
 from .link import Link, NoController, OtherInterface, client, publisher, subscriber
 from .payload import (
     ActuatorState,
@@ -42,7 +48,6 @@ from .payload import (
     JointState,
     ModelReply,
     ModelRequest,
-    ModelSlot,
     MoveRequest,
     OperatingStateMsg,
     PeriodStatistics,
@@ -54,7 +59,27 @@ from .payload import (
     Version,
     VersionRequest,
 )
-from .reasons import ADVICE, FAULTS, QUANTITIES, REFUSALS
+from .reasons import FAULTS
+from .values import (
+    FAULT_KIND,
+    REFUSAL_KIND,
+    STATES,
+    Actuators,
+    Fault,
+    Joints,
+    Model,
+    Models,
+    NoReply,
+    OperatingState,
+    OutOfReach,
+    Reason,
+    Refused,
+    Stopped,
+    measurement,
+    model,
+    refusal_text,
+    text,
+)
 
 __all__ = [
     "Actuators",
@@ -70,11 +95,11 @@ __all__ = [
     "OtherInterface",
     "OutOfReach",
     "Reason",
+    "Recording",
     "Refused",
     "Stopped",
 ]
 
-STATES = {0: "DISABLED", 1: "ENABLED", 2: "PAUSED", 3: "FAULT"}
 COMMANDS = {
     "enable": 1,
     "disable": 2,
@@ -89,13 +114,15 @@ COMMANDS = {
 }
 #: Refusal of a second commander.
 LEASE_REFUSAL = 4
-#: Kinds in ``error`` and ``warning``.
-FAULT_KIND, REFUSAL_KIND = 1, 2
+#: Causes that ``why`` tells.
+WHY = 3
 #: Messages of ``error`` and of ``warning`` that are kept.
 REASONS = 16
 #: Time for the message of a refusal, which comes after the count of refusals, s.
 REASON_TIMEOUT_S = 0.25
 
+#: Timeout for the start and the end of a recording, s.
+RECORD_TIMEOUT_S = 30.0
 #: Timeout for a reply, s.
 REPLY_TIMEOUT_S = 1.0
 #: Timeout for requests about models, which are checked over their whole hull, s.
@@ -106,153 +133,12 @@ DRIVES_TIMEOUT_S = 15.0
 DRIVES_NOT_READY = 16
 #: Distance of the set-point from the goal at which a motion has arrived, deg: rounding to counts, and the dead-band.
 ARRIVAL_DEG = 0.5
+#: Time for the first message of a stream: the slowest one that a client needs comes once a second, s.
+FIRST_TIMEOUT_S = 1.5
+#: Time in which a controller that has just been started serves, s.
+CONNECT_TIMEOUT_S = 1.0
 #: Polling period for replies, s.
 POLL_S = 0.001
-
-
-class Refused(Exception):
-    """The controller refuses a command; nothing has changed. ``str()`` gives what ``i2ris why`` prints."""
-
-    def __init__(self, what: str, code: int, detail: str = "", measured: str = ""):
-        #: The reason, in words.
-        self.reason: str = detail or _refusal(code)
-        #: The reason as a number, see ``REFUSALS``.
-        self.code: int = code
-        #: The measured value and the limit; empty where they are not known.
-        self.measured: str = measured
-        #: What to do.
-        self.advice: str = ADVICE.get((REFUSAL_KIND, code), "")
-        super().__init__(f"the controller refuses {what}: {_sentence('refusal', self)}")
-
-
-class Fault(Exception):
-    """The robot is in FAULT; ``str()`` gives what ``i2ris why`` prints."""
-
-    def __init__(self, what: str, code: int, measured: str = ""):
-        #: The cause, in words.
-        self.reason: str = FAULTS.get(code, f"unknown fault {code}")
-        #: The cause as a number, see ``FAULTS``.
-        self.code: int = code
-        #: The measured value and the limit; empty where they are not known.
-        self.measured: str = measured
-        #: What to do.
-        self.advice: str = ADVICE.get((FAULT_KIND, code), "")
-        super().__init__(f"{what}the robot is in FAULT: {_sentence('fault', self)}")
-
-
-def _sentence(kind: str, error: Refused | Fault) -> str:
-    """The text of every outlet: code, sentence, measured value and limit, what to do."""
-    measured = f" ({error.measured})" if error.measured else ""
-    return f"{kind} {error.code}: {error.reason}{measured}; do: {error.advice}"
-
-
-@dataclass(frozen=True)
-class Reason:
-    """Why the robot does not move as asked: a message of ``error`` or ``warning``."""
-
-    stamp_ns: int
-    #: 1 fault, 2 refusal, 3 stop, 4 clip; and the number within its kind.
-    kind: int
-    code: int
-    #: Code, sentence, measured value and limit.
-    text: str
-    #: What to do.
-    advice: str
-    #: It concerns a command of this client.
-    own: bool
-    #: Measured value and limit; empty where they are not known.
-    measured: str
-
-
-class Stopped(Exception):
-    """An operation ended before it was carried out: paused, disabled or held by somebody."""
-
-
-class OutOfReach(Exception):
-    """The pose was clipped to the calibrated hull and the position limits."""
-
-
-class NoReply(Exception):
-    """The controller does not reply."""
-
-
-@dataclass(frozen=True)
-class Joints:
-    """Angles at an instant. ``valid`` is False while no model is loaded."""
-
-    stamp_ns: int
-    #: Pitch and yaw, rad (x, y, z, m, for a model of the tip).
-    position: np.ndarray
-    #: Per second.
-    velocity: np.ndarray
-    #: Standard deviation of ``position``; 0 where it is not known.
-    deviation: np.ndarray
-    valid: bool
-    #: The estimate is on the right branch of the hysteresis loop.
-    memory_known: bool
-    #: The goal was outside the calibrated hull.
-    clipped: bool
-    sequence: int
-
-
-@dataclass(frozen=True)
-class Actuators:
-    """Motors at an instant."""
-
-    stamp_ns: int
-    measured_counts: np.ndarray
-    measured_stamp_ns: np.ndarray
-    setpoint_counts: np.ndarray
-    current_ma: np.ndarray
-    error_code: np.ndarray
-    sequence: int
-
-
-@dataclass(frozen=True)
-class Model:
-    """A loaded model."""
-
-    #: SHA-256, hexadecimal.
-    id: str
-    family: str
-    file: str
-    memory_known: bool
-    #: Root mean square error per output on training data and on data held out, in degrees (millimetres).
-    training_rms: np.ndarray
-    held_out_rms: np.ndarray
-
-
-@dataclass(frozen=True)
-class Models:
-    """The loaded models; None for an empty slot."""
-
-    active: Model | None
-    staged: Model | None
-    previous: Model | None
-
-
-@dataclass(frozen=True)
-class OperatingState:
-    """State of the controller."""
-
-    stamp_ns: int
-    state: str
-    fault: str
-    homed: bool
-    busy: bool
-    holding: bool
-    memory_known: bool
-    #: This client holds the lease; any client holds it.
-    lease: bool
-    taken: bool
-    accepted: int
-    refused: int
-    #: Reason of the last refusal; empty if there was none.
-    last_refusal: str
-    #: The same as a number; 0 if there was none.
-    last_refusal_code: int = 0
-    #: The fault as a number, see ``FAULTS``.
-    fault_code: int = 0
 
 
 class Operation:
@@ -327,12 +213,44 @@ class Arm:
         self.actuators = ActuatorArm(self)
         #: Requests about models.
         self.model = ModelArm(self)
+        #: Regions that the snake may not enter.
+        self.fixtures = FixtureArm(self)
+        self._connect()
+        # A notebook has no end of a `with` block: the robot holds, and the lease is free, at the end of Python.
+        atexit.register(_close, weakref.ref(self))
+
+    def _connect(self) -> None:
+        """Opens the streams and waits for the first messages, so that every getter has a value at once."""
+        for subscribe in (self.measured_js, self.setpoint_js, self.goal_js, self.external_jp, self.errors, self.warnings):
+            subscribe()
+        for service, payload in (
+            ("i2ris/operating_state", OperatingStateMsg),
+            ("i2ris/actuators/measured_js", ActuatorState),
+            ("i2ris/measured_js", JointState),
+        ):
+            self._first(service, payload, CONNECT_TIMEOUT_S)
+
+    def _first(self, service: str, payload: Any, timeout_s: float = FIRST_TIMEOUT_S) -> Any:
+        """The newest message of a stream; waits for the first one. None if there is none in time."""
+        end = time.monotonic() + timeout_s
+        while (message := self._newest(service, payload)) is None and time.monotonic() < end:
+            time.sleep(POLL_S)
+        return message
+
+    def __repr__(self) -> str:
+        domain = f"domain {self._link.domain!r}"
+        try:
+            state, joints = self.operating_state(), self.measured_js()
+        except (NoController, OtherInterface) as error:
+            return f"<Arm of {domain}: {error}>"
+        words = [] if state is None else [state.state, "homed" if state.homed else "not homed"]
+        if state is not None and state.fault_code:
+            words.append(state.fault)
+        if joints is not None and joints.valid:
+            words.append(f"{np.degrees(joints.position).round(2).tolist()} deg")
+        return f"<Arm of {domain}: {', '.join(words) or 'no message yet'}>"
 
     def __enter__(self) -> "Arm":
-        """Connects. Messages of the controller arrive from here on, the first within 50 ms."""
-        for subscribe in (self.measured_js, self.setpoint_js, self.goal_js, self.operating_state, self.external_jp):
-            subscribe()
-        self.actuators.measured_js()
         return self
 
     def __exit__(self, *_error: object) -> None:
@@ -478,6 +396,33 @@ class Arm:
         """The last refusals, stops and clips of all clients, oldest first."""
         return self._reasons("i2ris/warning")
 
+    def why(self) -> str:
+        """Why the robot does not move, and what to do: the state, then the last causes, newest first."""
+        state = self.operating_state()
+        if state is None:
+            return "no message of the controller yet"
+        lines = [repr(self)]
+        if state.fault_code:
+            lines.append(str(self._fault(state)))
+        if not state.homed:
+            lines.append("not homed: straighten the snake, then home()")
+        elif state.state == "DISABLED":
+            lines.append("the drives are off: enable()")
+        elif state.state == "PAUSED":
+            lines.append("paused: resume()")
+        if state.taken and not state.lease:
+            lines.append("another client holds the lease: it has to release it, or to be silent")
+        causes = sorted(self.errors() + self.warnings(), key=lambda cause: cause.stamp_ns, reverse=True)
+        now = time.monotonic_ns()
+        for cause in causes[:WHY]:
+            own = " (own command)" if cause.own else ""
+            lines.append(f"{(now - cause.stamp_ns) / 1e9:.1f} s ago{own}: {cause.text}; do: {cause.advice}")
+        return "\n".join(lines)
+
+    def record(self, path: str | os.PathLike[str], note: str = "") -> "Recording":
+        """Records all streams as MCAP until ``stop()`` or the end of a ``with`` block, by the program ``i2ris record``."""
+        return Recording(self._link.domain, path, note)
+
     def _reasons(self, service: str) -> list[Reason]:
         boot = self._link.refresh()
         port = subscriber(self._link, service, ReasonMsg)
@@ -490,10 +435,10 @@ class Arm:
                 stamp_ns=message.stamp_ns,
                 kind=message.kind,
                 code=message.number,
-                text=_text(message.text),
-                advice=_text(message.advice),
+                text=text(message.text),
+                advice=text(message.advice),
                 own=message.client_id == self._client_id,
-                measured=_measurement(message),
+                measured=measurement(message),
             )
             for _, message in kept
         ]
@@ -517,7 +462,7 @@ class Arm:
         """Reason and code of the last refusal of a servo command of this client, not of another one."""
         for client, count, reason in zip(message.refused_client_id, message.refused_commands, message.refused_reason):
             if count > 0 and client == self._client_id:
-                return _refusal(reason), reason
+                return refusal_text(reason), reason
         return "", 0
 
     def state_command(self, command: str) -> str:
@@ -548,7 +493,7 @@ class Arm:
         """The state in a reply. Raises Refused."""
         state = STATES.get(reply.state, f"unknown state {reply.state}")
         if reply.refusal:
-            raise Refused(f"`{command}` in state {state}", reply.refusal, measured=_measurement(reply))
+            raise Refused(f"`{command}` in state {state}", reply.refusal, measured=measurement(reply))
         return state
 
     def _operation(self, command: str, done: Callable[[OperatingState], bool]) -> Operation:
@@ -649,6 +594,12 @@ class Arm:
         )
 
 
+def _close(arm: weakref.ref[Arm]) -> None:
+    it = arm()
+    if it is not None:
+        it.close()
+
+
 class ActuatorArm:
     """The motors of an arm, in counts."""
 
@@ -679,6 +630,44 @@ class ActuatorArm:
             error_code=np.array(message.error_code[:count]),
             sequence=message.sequence,
         )
+
+
+class Recording:
+    """A recording in progress."""
+
+    def __init__(self, domain: str, path: str | os.PathLike[str], note: str):
+        self.path = Path(path).absolute()
+        command = ["i2ris", "record", "--domain", domain, "--output", str(self.path)]
+        # In a session of its own: Ctrl-C in a notebook does not end it.
+        self._program: subprocess.Popen[str] | None = subprocess.Popen(
+            command + (["--note", note] if note else []),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        end = time.monotonic() + RECORD_TIMEOUT_S
+        while not self.path.exists() and self._program.poll() is None and time.monotonic() < end:
+            time.sleep(POLL_S)
+        if self._program.poll() is not None:
+            self.stop()
+
+    def stop(self) -> Path:
+        """Ends the recording and returns its file. Raises ``OSError`` with the message of the program if it failed."""
+        if self._program is not None:
+            program, self._program = self._program, None
+            program.send_signal(signal.SIGINT)
+            _, error = program.communicate(timeout=RECORD_TIMEOUT_S)
+            if program.returncode != 0:
+                raise OSError(error.strip())
+        return self.path
+
+    def __enter__(self) -> "Recording":
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.stop()
 
 
 class ModelArm:
@@ -715,45 +704,5 @@ class ModelArm:
         request.path[: len(path)] = path
         reply = self._arm._request("i2ris/model", request, ModelReply, MODEL_REPLY_TIMEOUT_S)
         if reply.refusal:
-            raise Refused("a request about models", reply.refusal, _text(reply.message))
-        return Models(*(_model(slot) for slot in reply.slots))
-
-
-def _model(slot: ModelSlot) -> Model | None:
-    if not slot.flags & ModelSlot.PRESENT:
-        return None
-    return Model(
-        id=bytes(slot.model_id).hex(),
-        family=_text(slot.family),
-        file=_text(slot.file),
-        memory_known=bool(slot.flags & ModelSlot.MEMORY_KNOWN),
-        training_rms=np.array(slot.training_rms[: slot.outputs]),
-        held_out_rms=np.array(slot.held_out_rms[: slot.outputs]),
-    )
-
-
-def _text(field) -> str:
-    return bytes(field).split(b"\0", 1)[0].decode("utf-8", "replace")
-
-
-def _measurement(message: ReasonMsg | StateCommandReply) -> str:
-    """What was measured and its limit, as ``src/robot/measurement.rs`` writes it."""
-    if not message.flags & ReasonMsg.MEASURED:
-        return ""
-    motor = f"motor {message.motor}: " if message.flags & ReasonMsg.MOTOR else ""
-    limit = f", limit {_value(message.quantity, message.limit)}" if message.flags & ReasonMsg.LIMIT else ""
-    return f"{motor}{_value(message.quantity, message.measured)}{limit}"
-
-
-def _value(quantity: int, value: float) -> str:
-    unit = QUANTITIES.get(quantity, "")
-    if unit in ("error code", "statusword"):
-        return f"{unit} 0x{int(value):04X}"
-    if unit == "sequence number":
-        return f"{unit} {value:.0f}"
-    digits = {"deg": 2, "mm": 2, "ms": 1}.get(unit, 0)
-    return f"{value:.{digits}f} {unit}"
-
-
-def _refusal(number: int) -> str:
-    return REFUSALS.get(number, f"unknown reason {number}")
+            raise Refused("a request about models", reply.refusal, text(reply.message))
+        return Models(*(model(slot) for slot in reply.slots))

@@ -3,13 +3,14 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use i2ris::ipc::client::Client;
 use i2ris::ipc::{StateCommand, find_client_process};
 use i2ris::units::Nanos;
 
-use i2ris_testing::{Controller, Rig, linear_model, python};
+use i2ris_testing::{Controller, Rig, linear_model, python, wait_for};
 
 use crate::bench::expect_stalls;
 
@@ -76,6 +77,52 @@ fn a_python_session_enables_moves_watches_and_gives_the_lease_back() {
         "{:?}",
         robot.pose
     );
+}
+
+const NOTEBOOK: &str = "
+import sys, time
+from i2ris.arm import Arm, Refused
+
+arm = Arm(sys.argv[1], deadline_s=0.5)
+assert arm.operating_state().state == 'ENABLED' and arm.measured_js().valid
+assert arm.enable().wait().state == 'ENABLED'
+assert 'ENABLED, homed, [0.0, 0.0] deg' in repr(arm), repr(arm)
+assert arm.why().startswith(repr(arm)), arm.why()
+assert arm.fixtures.list() == []
+arm.fixtures.add_circle(0.2, 0.0, 0.1)
+end = time.monotonic() + 20.0
+while not any(it.active for it in arm.fixtures.list()):
+    assert time.monotonic() < end
+    time.sleep(0.01)
+circle, = arm.fixtures.list()
+assert circle.kind == 'circle' and list(circle.values) == [0.2, 0.0, 0.1], circle
+try:
+    arm.move_jp([0.2, 0.0])
+    raise AssertionError('it is in the circle')
+except Refused as refused:
+    assert 'virtual fixture' in str(refused), refused
+while 'virtual fixture' not in arm.why():
+    assert time.monotonic() < end, arm.why()
+    time.sleep(0.01)
+arm.fixtures.remove_added()
+with arm.record(sys.argv[2], note='notebook') as recording:
+    arm.move_jp([0.1, 0.0]).wait()
+assert recording.path.stat().st_size > 1000
+";
+
+#[test]
+fn a_notebook_has_values_at_once_and_gives_the_lease_back_at_its_end() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let mut rig = Rig::with_model();
+    expect_stalls(&mut rig);
+    let mut client = rig.enabled();
+    let recording = rig.folder.path().join("notebook.mcap");
+    let programs = Path::new(env!("CARGO_BIN_EXE_i2ris")).parent().unwrap();
+    command.args(["-c", NOTEBOOK, rig.domain().name()]).arg(&recording).env("PATH", programs);
+    runs(&mut command);
+    wait_for(&mut client, |state| state.lease_client_id == 0);
 }
 
 const HOLDER: &str = "

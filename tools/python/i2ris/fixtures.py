@@ -1,0 +1,96 @@
+"""Virtual fixtures: regions that the snake may not enter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Sequence
+
+import numpy as np
+
+from .payload import StateCommandReply, VirtualFixtureRequest, VirtualFixturesMsg
+from .values import text
+
+if TYPE_CHECKING:
+    from .arm import Arm
+
+#: Name of a kind of region, and the number of its values; a polygon has as many as it needs.
+KINDS = {1: ("circle", 3), 2: ("half-plane", 3), 3: ("ball", 4), 4: ("half-space", 4), 5: ("polygon", 17)}
+ON, OFF, ADD, REMOVE = 1, 2, 3, 4
+
+
+@dataclass(frozen=True)
+class Fixture:
+    """A region that the snake may not enter."""
+
+    name: str
+    #: circle, half-plane, ball, half-space or polygon.
+    kind: str
+    #: rad or m, see ``VirtualFixtureRequest``; a polygon: the number of its corners, then pitch and yaw of each.
+    values: np.ndarray
+    #: It counts.
+    active: bool
+    #: It limited the goal last.
+    limits: bool
+
+
+class FixtureArm:
+    """The virtual fixtures of an arm. What makes them fewer needs the lease and a robot that follows nobody."""
+
+    def __init__(self, arm: "Arm"):
+        self._arm = arm
+
+    def list(self) -> list[Fixture]:
+        """All regions, in the order of their numbers; they are published once a second and after every change."""
+        message = self._arm._first("i2ris/virtual_fixtures", VirtualFixturesMsg)
+        if message is None:
+            return []
+        found = []
+        for index, number in enumerate(message.kind):
+            if number in KINDS:
+                kind, values = KINDS[number]
+                found.append(
+                    Fixture(
+                        name=text(message.name[index]),
+                        kind=kind,
+                        values=np.array(message.values[index][:values]),
+                        active=bool(message.active & 1 << index),
+                        limits=message.limited_by == index + 1,
+                    )
+                )
+        return found
+
+    def on(self) -> str:
+        """All regions count. Returns the state of the robot; raises ``Refused``."""
+        return self._request("fixtures on", ON)
+
+    def off(self) -> str:
+        """No region counts."""
+        return self._request("fixtures off", OFF)
+
+    def remove_added(self) -> str:
+        """Removes the regions that were added while the controller runs; those of the configuration stay."""
+        return self._request("remove fixtures", REMOVE)
+
+    def add_circle(self, pitch: float, yaw: float, radius: float) -> str:
+        """Adds a forbidden circle, rad."""
+        return self._request("add a circle", ADD, 1, [pitch, yaw, radius])
+
+    def add_half_plane(self, normal: Sequence[float], offset: float) -> str:
+        """Adds the forbidden half-plane ``normal . angles > offset``, rad."""
+        return self._request("add a half-plane", ADD, 2, [*normal, offset])
+
+    def add_ball(self, center: Sequence[float], radius: float) -> str:
+        """Adds a forbidden ball, m, for a model of the tip."""
+        return self._request("add a ball", ADD, 3, [*center, radius])
+
+    def add_half_space(self, normal: Sequence[float], offset: float) -> str:
+        """Adds the forbidden half-space ``normal . tip > offset``, m, for a model of the tip."""
+        return self._request("add a half-space", ADD, 4, [*normal, offset])
+
+    def _request(self, what: str, action: int, kind: int = 0, values: Sequence[float] = ()) -> str:
+        expected = KINDS[kind][1] if kind else 0
+        if len(values) != expected:
+            raise ValueError(f"{what}: {len(values)} values, {expected} are needed")
+        request = VirtualFixtureRequest(client_id=self._arm._client_id, action=action, kind=kind)
+        request.values[: len(values)] = [float(value) for value in values]
+        return self._arm._accepted(what, self._arm._request("i2ris/virtual_fixture", request, StateCommandReply))
