@@ -2,8 +2,8 @@
 
 use i2ris_calibration::fit::Family;
 
-use crate::fitted::{first_model, model};
-use crate::trial::{ON, SNAKES, Trial, aged};
+use super::fitted::{first_model, model};
+use super::trial::{ON, SNAKES, Trial, aged};
 
 #[test]
 fn an_aged_snake_is_tracked_nearly_as_well_as_a_new_one_and_a_new_one_no_worse() {

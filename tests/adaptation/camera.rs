@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use i2ris::core::ExternalPose;
 use i2ris::units::Nanos;
 
-use crate::random::Random;
+use super::random::Random;
 
 /// How the frames come about.
 #[derive(Debug, Clone, Copy)]

@@ -10,9 +10,9 @@ use i2ris::core::ExternalPose;
 use i2ris::model::Model;
 use i2ris::units::Nanos;
 
-use crate::fitted::first_model;
-use crate::random::Random;
-use crate::trial::{SNAKES, Trial};
+use super::fitted::first_model;
+use super::random::Random;
+use super::trial::{SNAKES, Trial};
 
 /// Kinds of signals.
 const KINDS: u64 = 12;

@@ -8,9 +8,9 @@ use i2ris_calibration::fit::Family;
 use i2ris_simulation::ageing::Change;
 use i2ris_simulation::closed_loop::Inputs;
 
-use crate::camera::{Camera, CameraPlan};
-use crate::fitted::{first_model, model};
-use crate::trial::{ON, SNAKES, Trial, gain, zero};
+use super::camera::{Camera, CameraPlan};
+use super::fitted::{first_model, model};
+use super::trial::{ON, SNAKES, Trial, gain, zero};
 
 fn trial(ageing: &[Change]) -> Trial {
     Trial::new(ON, SNAKES[0], &first_model(), ageing)

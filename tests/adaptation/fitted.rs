@@ -14,8 +14,8 @@ use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
 use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::robot::{Robot, TICK_S};
 
-use crate::random::Random;
-use crate::trial::SNAKES;
+use super::random::Random;
+use super::trial::SNAKES;
 
 fn first_model_file() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/adaptation/lugre-1.json")

@@ -12,7 +12,7 @@ use i2ris_simulation::closed_loop::{ClosedLoop, Inputs, state_request};
 use i2ris_simulation::physics::{DrawnSnake, Physics};
 use i2ris_simulation::robot::Robot;
 
-use crate::camera::{Camera, CameraPlan};
+use super::camera::{Camera, CameraPlan};
 
 const CONFIG: &str = include_str!("../../config/emulator.toml");
 

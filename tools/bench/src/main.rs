@@ -40,7 +40,7 @@ use std::time::Duration;
 use clap::{Parser, value_parser};
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
-use i2ris_terminal::{Failure, Interrupt};
+use i2ris_report::{Failure, Interrupt};
 use indicatif::ProgressBar;
 
 use outcome::Outcome;
@@ -215,7 +215,7 @@ struct ControllerArgument {
 }
 
 fn main() -> ExitCode {
-    i2ris_terminal::program::run(
+    i2ris_report::program::run(
         |_| true,
         |arguments| run(&arguments).map_err(|error| -> Failure { error }),
     )

@@ -3,7 +3,7 @@
 use std::thread;
 
 use i2ris::realtime::{Granted, Wanted, request};
-use i2ris_terminal::Interrupt;
+use i2ris_report::Interrupt;
 
 use crate::{BenchError, panicked};
 

@@ -8,7 +8,7 @@ mod guided;
 mod merge;
 mod update;
 
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// `i2ris calibrate`: a step by name, or the whole way.
 #[derive(Debug, clap::Args)]

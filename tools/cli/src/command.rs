@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use clap::error::ErrorKind;
 use i2ris::ipc::{OperatingState, StateCommand};
 
-use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 use crate::numbers::{finite, pair, positive, within};
 use prepare::{PrepareOptions, carry_out};

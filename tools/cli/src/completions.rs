@@ -3,7 +3,7 @@
 use std::io::{Write, stdout};
 
 use clap_complete::{Shell, generate};
-use i2ris_terminal::{Failure, until_closed};
+use i2ris_report::{Failure, until_closed};
 
 use crate::external;
 

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use i2ris::config::Config;
 
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 use schema::Kind;
 
 /// What `i2ris config` can do.

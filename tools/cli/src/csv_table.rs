@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use i2ris_terminal::pose_table::separator_hint;
+use i2ris_report::pose_table::separator_hint;
 
 /// The columns of desired or measured angles.
 pub const ANGLES: [&str; 3] = ["t_s", "pitch_deg", "yaw_deg"];
@@ -88,7 +88,7 @@ pub fn write<T: AsRef<[u8]>>(path: &Path, columns: &[T], rows: &[Vec<f64>]) -> R
         })
         .map_err(std::io::Error::from)
         .and_then(|()| writer.into_inner().map_err(csv::IntoInnerError::into_error))
-        .and_then(|text| i2ris_terminal::files::replace(path, &text))
+        .and_then(|text| i2ris_report::files::replace(path, &text))
         .map_err(|error| format!("cannot write {}: {error}", path.display()))
 }
 

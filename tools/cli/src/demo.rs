@@ -16,8 +16,8 @@ mod tracking;
 
 use std::process::Command;
 
+use i2ris_report::{Failure, Interrupt, programs};
 use i2ris_simulation::SnakeSource;
-use i2ris_terminal::{Failure, Interrupt, programs};
 
 pub use arguments::Arguments;
 use commands::{Demo, copy};

@@ -13,7 +13,7 @@ use i2ris_simulation::{
     DEFAULT_FOLDER, Emulator, EmulatorConfig, Framing, Scenario, SnakeSource, Snapshot,
 };
 
-use i2ris_terminal::{Failure, Interrupt, Screen};
+use i2ris_report::{Failure, Interrupt, Screen};
 
 use crate::numbers::{seconds, within};
 

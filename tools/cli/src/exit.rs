@@ -1,7 +1,7 @@
 //! Exit codes of commands that end while the robot moves.
 
-use i2ris_terminal::Failure;
-use i2ris_terminal::exit::{Coded, OUT_OF_REACH};
+use i2ris_report::Failure;
+use i2ris_report::exit::{Coded, OUT_OF_REACH};
 
 use crate::command::stream_monitor::StopReason;
 use crate::command::tracking::OutOfReach;
@@ -35,7 +35,7 @@ pub fn with_code(failure: Failure) -> Failure {
 #[cfg(test)]
 mod tests {
     use i2ris::ipc::Fault;
-    use i2ris_terminal::exit::code;
+    use i2ris_report::exit::code;
 
     use super::*;
 

@@ -5,10 +5,10 @@ use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::Command;
 
-use i2ris_terminal::Failure;
-use i2ris_terminal::description::Description;
-use i2ris_terminal::program::DESCRIBE;
-use i2ris_terminal::programs::{PROGRAMS, Program, find};
+use i2ris_report::Failure;
+use i2ris_report::description::Description;
+use i2ris_report::program::DESCRIBE;
+use i2ris_report::programs::{PROGRAMS, Program, find};
 
 #[derive(Debug, PartialEq, Eq)]
 pub struct Call {

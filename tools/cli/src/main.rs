@@ -8,9 +8,9 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use i2ris_report::Failure;
+use i2ris_report::program::{end_with_reader, finish};
 use i2ris_simulation::benchmark;
-use i2ris_terminal::Failure;
-use i2ris_terminal::program::{end_with_reader, finish};
 
 mod calibrate;
 mod command;
@@ -38,7 +38,7 @@ mod why;
     version,
     propagate_version = true,
     arg_required_else_help = true,
-    after_help = i2ris_terminal::exit::HELP
+    after_help = i2ris_report::exit::HELP
 )]
 struct Cli {
     #[command(subcommand)]

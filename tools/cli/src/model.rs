@@ -6,7 +6,7 @@ mod loaded;
 mod predict;
 mod show;
 
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// What `i2ris model` can do.
 #[derive(Debug, clap::Subcommand)]

@@ -10,7 +10,7 @@ use nix::sys::prctl::set_pdeathsig;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// Time limit for a child to end after SIGTERM: the controller switches the drives off first.
 const END_TIMEOUT: Duration = Duration::from_secs(10);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use i2ris::core::{CycleEventKind, CycleOutputs};
 use i2ris::process::black_box::{BlackBox, ReplayDifference, ReplayResult, replay};
-use i2ris_terminal::{DomainOption, Failure, while_working};
+use i2ris_report::{DomainOption, Failure, while_working};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:

@@ -10,8 +10,8 @@ use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
-use i2ris_terminal::programs::find;
-use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
+use i2ris_report::programs::find;
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 use crate::process::Process;
 

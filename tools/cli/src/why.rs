@@ -4,8 +4,8 @@ use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError, Subscription};
 use i2ris::ipc::payload::ReasonMsg;
 use i2ris::units::Nanos;
-use i2ris_terminal::view::{Why, reasons};
-use i2ris_terminal::{DomainOption, Failure, Screen, until_closed};
+use i2ris_report::view::{Why, reasons};
+use i2ris_report::{DomainOption, Failure, Screen, until_closed};
 
 /// Time to wait for a controller that is starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);

@@ -105,3 +105,6 @@ fn write_joint(out: &mut String, joint: &Joint, master: Option<&str>) -> std::fm
     }
     writeln!(out, "  </joint>")
 }
+
+#[cfg(test)]
+mod tests;

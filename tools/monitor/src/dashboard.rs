@@ -1,7 +1,7 @@
 //! Everything that the monitor knows: filled by [`super::subscriptions::Subscriptions`].
 
 use i2ris::units::Nanos;
-use i2ris_terminal::view::{LatestMessages, State, View};
+use i2ris_report::view::{LatestMessages, State, View};
 
 use super::event_log::EventLog;
 use super::history::History;

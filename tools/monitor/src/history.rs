@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use i2ris::ipc::Message;
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState};
 use i2ris::units::{MAX_MOTORS, Nanos};
-use i2ris_terminal::view::{LatestMessages, Pair, STALE, angles, count};
+use i2ris_report::view::{LatestMessages, Pair, STALE, angles, count};
 
 /// Time between samples: enough for a plot, and a small part of the rate of the streams.
 pub const SAMPLE_PERIOD: Nanos = Nanos::from_millis(40);

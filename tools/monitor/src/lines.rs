@@ -1,6 +1,6 @@
 //! The robot as lines of text, for `--once` and for pipes.
 
-use i2ris_terminal::view::{Age, ControlLoop, Motor, Pose, Span, State, View};
+use i2ris_report::view::{Age, ControlLoop, Motor, Pose, Span, State, View};
 
 /// Everything, in several lines.
 pub fn page(view: &View) -> Vec<String> {
@@ -170,7 +170,7 @@ mod tests {
     use i2ris::ipc::{Fault, OperatingState, Refusal};
     use i2ris::robot::{Cause, Measurement, Quantity, Reason};
     use i2ris::units::Nanos;
-    use i2ris_terminal::view::LatestMessages;
+    use i2ris_report::view::LatestMessages;
 
     use super::*;
 

@@ -36,8 +36,8 @@ use i2ris::units::Nanos;
 
 use clap::Parser;
 use dashboard::Dashboard;
-use i2ris_terminal::Failure;
-use i2ris_terminal::{DomainOption, Interrupt, Screen, until_closed};
+use i2ris_report::Failure;
+use i2ris_report::{DomainOption, Interrupt, Screen, until_closed};
 use std::process::ExitCode;
 use subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
 
@@ -82,7 +82,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    i2ris_terminal::program::run(|_| false, run)
+    i2ris_report::program::run(|_| false, run)
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {

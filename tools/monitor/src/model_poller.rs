@@ -11,7 +11,7 @@ use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::{ModelSlot, Version, unpadded_text};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
-use i2ris_terminal::view::{LoadedModel, Models, short_id};
+use i2ris_report::view::{LoadedModel, Models, short_id};
 
 use super::hull_outline::{Outline, outline_of};
 

@@ -4,7 +4,7 @@ use i2ris::ipc::client::{self, ClientError, Subscription, Watcher};
 use i2ris::ipc::payload::{ActuatorState, OperatingStateMsg};
 use i2ris::ipc::{Domain, Message, Stream, StreamMessage};
 use i2ris::units::{MAX_MOTORS, Nanos};
-use i2ris_terminal::view::LatestMessages;
+use i2ris_report::view::LatestMessages;
 
 use super::commander::Commander;
 use super::dashboard::Dashboard;

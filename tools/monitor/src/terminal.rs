@@ -13,15 +13,15 @@ use std::time::Duration;
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
-use i2ris_terminal::view::Severity;
+use i2ris_report::view::Severity;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
 
 use super::dashboard::Dashboard;
 use super::model_poller::ModelPoller;
 use super::subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
-use i2ris_terminal::Failure;
-use i2ris_terminal::Interrupt;
+use i2ris_report::Failure;
+use i2ris_report::Interrupt;
 use key_handler::KeyHandler;
 use operator_commands::{CommandResult, OperatorCommands};
 

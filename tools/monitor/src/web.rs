@@ -30,8 +30,8 @@ use source::Source;
 
 use super::model_poller::ModelPoller;
 use super::subscriptions::{READ_PERIOD, Subscriptions};
-use i2ris_terminal::Failure;
-use i2ris_terminal::{Interrupt, Screen, until_closed};
+use i2ris_report::Failure;
+use i2ris_report::{Interrupt, Screen, until_closed};
 
 /// Serves until a signal or the end of `span`. Needs no controller: the page says so while there is
 /// none.

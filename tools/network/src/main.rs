@@ -8,7 +8,7 @@ use clap::Parser;
 use i2ris::units::Nanos;
 use i2ris_network::keys::{Access, Lifetime, PersonalKey, make_key, revoke};
 use i2ris_network::{BridgeClient, BridgeEvent, BridgeServer};
-use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 /// Watch and command from another computer, over the network
 #[derive(Debug, Parser)]
@@ -127,7 +127,7 @@ struct KeyArguments {
 }
 
 fn main() -> ExitCode {
-    i2ris_terminal::program::run(|_| false, run)
+    i2ris_report::program::run(|_| false, run)
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {

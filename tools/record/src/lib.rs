@@ -12,6 +12,7 @@
 //! | `recorder` | writes messages into a file that survives its writer |
 //! | `read` | records of a file, complete or cut off |
 //! | `recover` | makes a complete file of one that was cut off |
+//! | `run_log` | the lines of a run in the log of the controller |
 //! | `export` | tables as CSV and Parquet |
 //! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
 //!
@@ -29,6 +30,7 @@ pub mod read;
 pub mod recorder;
 pub mod recover;
 pub mod report;
+pub mod run_log;
 pub mod schema;
 pub mod standard;
 pub mod topic;

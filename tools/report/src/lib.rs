@@ -1,8 +1,9 @@
-//! What every report is made of: statistics of plain numbers, figures as SVG, and pages of figures
-//! and tables as one HTML file.
+//! What the programs of i2ris share: how they start, print and end, and what every report is made
+//! of: statistics of plain numbers, figures as SVG, and pages of figures and tables as one HTML
+//! file.
 //!
-//! The crate turns numbers into text. It has no fonts, no scripts, no network, no input and no
-//! output, and it does not know what the numbers mean.
+//! Reports turn numbers into text. They have no fonts, no scripts, no network, no input and no
+//! output, and do not know what the numbers mean.
 //!
 //! # Principles
 //!
@@ -28,23 +29,54 @@
 //! | [`mark`] | lines, point clouds, bands, ellipses, box plots, heat maps |
 //! | `figure` | panels with a legend |
 //! | [`page`] | headings, tables and figures on one HTML page, with `maud` |
+//! | [`programs`] | the programs that `i2ris NAME` starts, and where they are found |
+//! | [`program`] | the main function of a program: command line, exit code |
+//! | [`description`] | a command line as JSON, for the shell completions of `i2ris` |
+//! | [`exit`] | exit codes |
+//! | [`domain_option`] | the option `--domain` |
+//! | [`interrupt`] | SIGINT, SIGTERM and SIGHUP |
+//! | [`screen`] | standard output, redrawn on a terminal |
+//! | [`spinner`] | a sign of life during long work |
+//! | [`files`] | atomic replacement of files |
+//! | [`pose_table`] | pitch and yaw over time from a CSV file |
+//! | [`view`] | the robot as people see it: one value for every surface |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 mod axis;
 mod canvas;
 mod decimate;
+pub mod description;
+pub mod domain_option;
+pub mod exit;
 mod figure;
+pub mod files;
+pub mod interrupt;
 pub mod mark;
 pub mod number;
 pub mod page;
 pub mod plot;
+pub mod pose_table;
+pub mod program;
+pub mod programs;
+pub mod screen;
+pub mod spinner;
 pub mod statistics;
 mod style;
+#[cfg(test)]
+mod tests;
+pub mod view;
 
 pub use axis::Axis;
+pub use domain_option::DomainOption;
 pub use figure::{Figure, Panel};
+pub use interrupt::Interrupt;
 pub use mark::{
     Band, BoxPlot, Ellipse, Heatmap, Line, Mark, ReferenceLine, Scatter, ShadedInterval,
 };
 pub use page::{Page, Table};
+pub use screen::{Screen, until_closed};
+pub use spinner::while_working;
 pub use style::{Color, Dash, Marker, Stroke};
+
+/// Why a program ends without success: one sentence for the user.
+pub type Failure = Box<dyn std::error::Error>;

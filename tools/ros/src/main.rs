@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use clap::{Parser, ValueEnum};
 use i2ris::units::Nanos;
 use i2ris_gateway::Snake;
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 use i2ris_ros::{LARGEST_DOMAIN, Options, ServiceMapping};
-use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 /// Show and command the robot in ROS 2, as CRTK names it
 #[derive(Debug, Parser)]
@@ -102,7 +102,7 @@ impl Rmw {
 
 fn main() -> ExitCode {
     let only_prints = |arguments: &Arguments| arguments.other.is_some();
-    i2ris_terminal::program::run(only_prints, run)
+    i2ris_report::program::run(only_prints, run)
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {

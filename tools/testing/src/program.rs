@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 
 use i2ris::ipc::Domain;
-use i2ris_terminal::programs;
+use i2ris_report::programs;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 

@@ -6,7 +6,7 @@ use i2ris::model::Model;
 use i2ris::model::file::OutputSpec;
 use i2ris_calibration::recording::Recording;
 use i2ris_calibration::report::{Comparison, DriftReport};
-use i2ris_terminal::{Failure, while_working};
+use i2ris_report::{Failure, while_working};
 
 use super::columns::ColumnArguments;
 use super::fit::{check_output, write};

@@ -16,8 +16,8 @@ use i2ris_calibration::report::CalibrationReport;
 
 use super::columns::ColumnArguments;
 use crate::progress_bar::Bar;
-use i2ris_terminal::Failure;
-use i2ris_terminal::files::{check_not_there, make_folder_of, replace};
+use i2ris_report::Failure;
+use i2ris_report::files::{check_not_there, make_folder_of, replace};
 
 /// The robot of recordings that name none.
 const ROBOT_ID: &str = "i2ris";

@@ -14,8 +14,8 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris_calibration::fit::Choice;
-use i2ris_terminal::exit::Coded;
-use i2ris_terminal::{Failure, Interrupt, Screen, until_closed};
+use i2ris_report::exit::Coded;
+use i2ris_report::{Failure, Interrupt, Screen, until_closed};
 
 use crate::connection::CONNECT;
 use i2ris_simulation::motion::protocol::above_zero;

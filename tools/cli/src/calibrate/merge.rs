@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_OUTPUTS, Nanos};
 use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
+use i2ris_report::Failure;
+use i2ris_report::files::{check_not_there, replace};
+use i2ris_report::pose_table::{self, Pose};
 use i2ris_report::statistics::TimeSeries;
-use i2ris_terminal::Failure;
-use i2ris_terminal::files::{check_not_there, replace};
-use i2ris_terminal::pose_table::{self, Pose};
 
 use super::collect::GAP_NS;
 use crate::numbers::within;

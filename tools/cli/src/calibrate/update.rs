@@ -6,7 +6,7 @@ use i2ris::model::Model;
 use i2ris_calibration::drift::{Verdict, update};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_calibration::report::DriftReport;
-use i2ris_terminal::{Failure, while_working};
+use i2ris_report::{Failure, while_working};
 
 use super::compare::check;
 use super::fit::{check_output, write};

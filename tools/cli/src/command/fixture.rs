@@ -5,7 +5,7 @@ use i2ris::ipc::payload::{VirtualFixturesMsg, unpadded_text};
 use i2ris::ipc::{FixtureAction, FixtureKind};
 use i2ris::units::Nanos;
 
-use i2ris_terminal::{Failure, Screen, until_closed};
+use i2ris_report::{Failure, Screen, until_closed};
 
 use super::stream_monitor::StopReason;
 use crate::numbers::finite;

@@ -5,7 +5,7 @@ use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
-use i2ris_terminal::{Failure, Interrupt, while_working};
+use i2ris_report::{Failure, Interrupt, while_working};
 
 use super::stream_monitor::{StopReason, enabled};
 

@@ -3,7 +3,7 @@
 use i2ris::clock;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
-use i2ris_terminal::{Failure, Screen, until_closed};
+use i2ris_report::{Failure, Screen, until_closed};
 
 use super::stream_monitor::StreamMonitor;
 

@@ -6,7 +6,7 @@ use i2ris::config::Config;
 use toml::Value;
 
 use super::schema::{Kind, Node, of};
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 const WIDTH: usize = 110;
 

@@ -8,7 +8,7 @@ use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
-use i2ris_terminal::{Failure, Interrupt};
+use i2ris_report::{Failure, Interrupt};
 use indicatif::ProgressBar;
 
 use super::arguments::Arguments;

@@ -8,8 +8,8 @@ use i2ris::ipc::client::Subscription;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
+use i2ris_report::Failure;
 use i2ris_report::statistics::TimeSeries;
-use i2ris_terminal::Failure;
 
 use super::commands::{Demo, finish};
 use crate::command::stream_monitor::StreamMonitor;

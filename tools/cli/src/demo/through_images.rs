@@ -14,8 +14,8 @@
 use std::fs;
 use std::path::Path;
 
-use i2ris_terminal::Failure;
-use i2ris_terminal::pose_table::{self, Pose};
+use i2ris_report::Failure;
+use i2ris_report::pose_table::{self, Pose};
 
 use super::commands::{Demo, finish};
 use super::single_axis::{REST_S, SingleAxisMotion};

@@ -5,8 +5,8 @@ use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, PeriodStatistics, SpanSummary,
 };
 use i2ris::units::Nanos;
+use i2ris_report::Failure;
 use i2ris_report::statistics::{TimeSeries, quantile, quantile_of_unsorted};
-use i2ris_terminal::Failure;
 
 use i2ris_simulation::motion::unseen_motion::Motion;
 

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use i2ris::config::Config;
 
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 use report::Report;
 
 /// Arguments of `i2ris doctor`.

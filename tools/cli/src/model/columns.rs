@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use i2ris::model::Model;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 use crate::csv_table;
 

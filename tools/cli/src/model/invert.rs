@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use super::columns::{check_output, counts_columns, history, output_columns, outputs, si};
 use crate::csv_table;
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// Speed of the approach to the first pose, degrees (mm) per second.
 const APPROACH: f64 = 10.0;

@@ -9,7 +9,7 @@ use i2ris::ipc::client::{Client, Watcher};
 use i2ris::ipc::payload::{AdaptationMsg, ModelDifference, ModelReply, ModelSlot, unpadded_text};
 use i2ris::model::file::FileDrift;
 use i2ris::model::{Model, ModelId};
-use i2ris_terminal::{DomainOption, Failure, while_working};
+use i2ris_report::{DomainOption, Failure, while_working};
 use serde_json::{Value, json};
 
 /// How long to wait for a message about the adaptation: one comes at least once a second.

@@ -6,7 +6,7 @@ use i2ris::model::Model;
 
 use super::columns::{check_output, counts_columns, history, motors, output_columns, si};
 use crate::csv_table;
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:

@@ -11,7 +11,7 @@ use i2ris::model::hysteresis::stop::StopParameters;
 use serde_json::json;
 
 use super::columns::si;
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:

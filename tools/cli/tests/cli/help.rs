@@ -1,6 +1,6 @@
 //! The help of every subcommand and of every program.
 
-use i2ris_terminal::programs::PROGRAMS;
+use i2ris_report::programs::PROGRAMS;
 
 use crate::bench::{Bench, assert_says};
 

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use i2ris::units::Nanos;
-use i2ris_terminal::view::{Event, Severity};
+use i2ris_report::view::{Event, Severity};
 
 /// Groups that are kept.
 pub const CAPACITY: usize = 64;

@@ -11,7 +11,7 @@ use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::robot::{Cause, Reason, Stop};
 use i2ris::units::{MAX_MOTORS, Nanos};
-use i2ris_terminal::view::{self, LatestMessages, STALE, Severity, short_id, state_name};
+use i2ris_report::view::{self, LatestMessages, STALE, Severity, short_id, state_name};
 
 use groups::{EventGroups, Group};
 

@@ -1,7 +1,7 @@
 //! Plots out of braille: strips over time, the plane of pitch and yaw, and counts against angle.
 
 use i2ris::units::{MAX_MOTORS, Nanos};
-use i2ris_terminal::view::{Pair, View};
+use i2ris_report::view::{Pair, View};
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};

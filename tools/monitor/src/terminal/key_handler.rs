@@ -1,7 +1,7 @@
 //! The keys of the terminal screen: keys in, operator commands out. Pure.
 
 use i2ris::units::Nanos;
-use i2ris_terminal::view::Models;
+use i2ris_report::view::Models;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
 use super::operator_commands::{CommandResult, OperatorCommand};
@@ -175,7 +175,7 @@ impl KeyHandler {
 #[cfg(test)]
 mod tests {
     use i2ris::model::ModelId;
-    use i2ris_terminal::view::LoadedModel;
+    use i2ris_report::view::LoadedModel;
     use proptest::prelude::*;
 
     use super::*;

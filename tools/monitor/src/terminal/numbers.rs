@@ -1,6 +1,6 @@
 //! The numbers, in 40 columns.
 
-use i2ris_terminal::view::{Age, LoadedModel, Motor, Pose, Span as TimeSpan, View};
+use i2ris_report::view::{Age, LoadedModel, Motor, Pose, Span as TimeSpan, View};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 

@@ -9,7 +9,7 @@ use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::{Domain, StateCommand};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
-use i2ris_terminal::view::short_id;
+use i2ris_report::view::short_id;
 
 /// Short, so that a command is not executed long after the key was pressed.
 const CONNECT: Nanos = Nanos::from_millis(200);

@@ -3,7 +3,7 @@
 
 use i2ris::ipc::OperatingState;
 use i2ris::units::Nanos;
-use i2ris_terminal::view::{State, View};
+use i2ris_report::view::{State, View};
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};

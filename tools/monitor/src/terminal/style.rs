@@ -1,6 +1,6 @@
 //! Colours, and text that fits: words that do not fit on a line go to the next one.
 
-use i2ris_terminal::view::Severity;
+use i2ris_report::view::Severity;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 use unicode_width::UnicodeWidthStr;

@@ -3,7 +3,7 @@
 
 use i2ris::model::kinematic::shape_mm;
 use i2ris::units::Nanos;
-use i2ris_terminal::view::{Pair, Pose, View};
+use i2ris_report::view::{Pair, Pose, View};
 use serde::Serialize;
 
 use super::since::Since;
@@ -112,7 +112,7 @@ fn seconds(instant: Nanos, origin: Nanos) -> f64 {
 mod tests {
     use i2ris::ipc::OperatingState;
     use i2ris::ipc::payload::{JointState, OperatingStateMsg};
-    use i2ris_terminal::view::LatestMessages;
+    use i2ris_report::view::LatestMessages;
     use serde_json::{Value, json};
 
     use super::*;

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use i2ris_record::report::TrialReport;
-use i2ris_terminal::{Failure, files, while_working};
+use i2ris_report::{Failure, files, while_working};
 
 /// Make a page of a recorded trial: tracking error, hysteresis, latencies, events
 #[derive(Debug, Parser)]
@@ -29,7 +29,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    i2ris_terminal::program::run(|_| true, run)
+    i2ris_report::program::run(|_| true, run)
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {

@@ -2,8 +2,8 @@
 
 use i2ris_vision::accuracy::{AccuracyRow, clear, cluttered, conditions, rigs, speed, stereo};
 
-use i2ris_terminal::Failure;
-use i2ris_terminal::while_working;
+use i2ris_report::Failure;
+use i2ris_report::while_working;
 
 /// Arguments of `i2ris vision accuracy`.
 #[derive(Debug, clap::Args)]

@@ -13,7 +13,7 @@ use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 use super::input::{Format, check_count};
 use super::measure::span;
 use super::report::rest_words;
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// Arguments of `i2ris vision calibrate`.
 #[derive(Debug, clap::Args)]

@@ -10,7 +10,7 @@ use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
 use super::input::{Format, check_count};
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// Arguments of `i2ris vision check`.
 #[derive(Debug, clap::Args)]

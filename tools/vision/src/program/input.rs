@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use i2ris::clock;
 use i2ris::units::Nanos;
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::{
     FrameClock, FrameSource, FrameStream, ImageFolder, ImageSize, SourceError,

@@ -11,7 +11,7 @@ mod report;
 mod scale;
 
 use clap::Parser;
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 use std::process::ExitCode;
 
 /// Measure angles in microscope images
@@ -46,7 +46,7 @@ enum Task {
 }
 
 fn main() -> ExitCode {
-    i2ris_terminal::program::run(|_| true, run)
+    i2ris_report::program::run(|_| true, run)
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {

@@ -18,8 +18,8 @@ use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
 use super::input::{Format, check_count};
 use super::report::report;
-use i2ris_terminal::Failure;
-use i2ris_terminal::{DomainOption, Interrupt, until_closed};
+use i2ris_report::Failure;
+use i2ris_report::{DomainOption, Interrupt, until_closed};
 
 /// A camera without a frame for this long has stalled.
 const STALL_TIMEOUT: Duration = Duration::from_secs(1);

@@ -11,7 +11,7 @@ use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
-use i2ris_terminal::{Failure, Interrupt, pose_table};
+use i2ris_report::{Failure, Interrupt, pose_table};
 use i2ris_vision::accuracy::setup;
 use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{Brightness, JointPose, Optics, Rig, SnakeShape};

@@ -6,7 +6,7 @@ use i2ris_vision::fibre::{Reading, measure};
 use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::decode;
 
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// Arguments of `i2ris vision scale`.
 #[derive(Debug, clap::Args)]

@@ -9,7 +9,7 @@ use i2ris_calibration::recording::latency::{Latency, TimedCounts, TimedOutputs, 
 use i2ris_calibration::recording::{RecordingWriter, Row, counts_at};
 
 use super::recorder::{GAP_NS, is_sample};
-use i2ris_terminal::files::replace;
+use i2ris_report::files::replace;
 
 /// The latency that is left in the stamps of a recording.
 pub fn latency(rows: &[Row], motors: usize) -> Option<Latency> {

@@ -31,7 +31,7 @@ use i2ris::ipc::payload::Version;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::process::robot_description;
 use i2ris::units::{MAX_MOTORS, MotorVec};
-use i2ris_terminal::{Failure, Interrupt};
+use i2ris_report::{Failure, Interrupt};
 
 use crate::command::prepare::{PrepareOptions, prepare};
 use crate::numbers::within;

@@ -6,7 +6,7 @@ use i2ris_calibration::recording::latency::Latency;
 
 use super::sidecar::FlagKind;
 use super::sidecar::{LatencyRecord, Sidecar};
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// A latency below this is none: the encoders are read every 4 ms.
 const SMALL_MS: f64 = 4.0;

@@ -14,8 +14,8 @@ use super::recorder::Recorder;
 use crate::command::progress::{LOST_SETPOINT, wait_for_rest};
 use crate::command::stream_monitor::{StreamMonitor, enabled};
 use crate::progress_bar::tenths;
+use i2ris_report::{Failure, Interrupt};
 use i2ris_simulation::motion::paced_motion::{Motion, Playback};
-use i2ris_terminal::{Failure, Interrupt};
 
 /// Commands per second: well below the deadline of a controller, and four times as fast as feedback
 /// needs.

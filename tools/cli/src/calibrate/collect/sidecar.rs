@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use i2ris_terminal::files::replace;
+use i2ris_report::files::replace;
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Sidecar {

@@ -8,7 +8,7 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::ModelSlot;
 use i2ris::model::{Model, ModelId};
 use i2ris_calibration::recording::{ColumnMap, Recording};
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 use super::steps::Step;
 

@@ -12,7 +12,7 @@ use i2ris::ipc::Message;
 use i2ris::ipc::client::{Client, Latest, ReachTargetPublisher};
 use i2ris::ipc::payload::{ExternalPosition, JointState, ReachTarget};
 use i2ris::units::Nanos;
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 use crate::numbers::{finite, pair, positive};
 use task::{Disc, Settings, Task, outcome, seeded_targets};

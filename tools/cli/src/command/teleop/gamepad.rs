@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use i2ris::units::Nanos;
 
 use super::input_device::{DeviceInput, DeviceLost, InputDevice};
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// Bytes of an event: time, ms (u32), value (i16), kind (u8), number (u8).
 const EVENT: usize = 8;

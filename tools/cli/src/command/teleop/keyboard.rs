@@ -8,7 +8,7 @@ use std::io::{IsTerminal, Stdin, stdin};
 use std::os::fd::AsFd;
 
 use i2ris::units::Nanos;
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::termios::{OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr};
 

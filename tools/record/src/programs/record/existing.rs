@@ -8,7 +8,7 @@ use i2ris_record::export::{TableFormat, export};
 use i2ris_record::read::Records;
 use i2ris_record::recorder::rate_hz;
 use i2ris_record::recover::recover;
-use i2ris_terminal::{Failure, while_working};
+use i2ris_report::{Failure, while_working};
 use mcap::records::Record;
 
 /// Arguments of `i2ris record recover`.

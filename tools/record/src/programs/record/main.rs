@@ -3,12 +3,11 @@
 
 mod existing;
 mod recording;
-mod run_log;
 
 use std::process::ExitCode;
 
 use clap::Parser;
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// Record trials, and make tables of recordings
 #[derive(Debug, Parser)]
@@ -42,7 +41,7 @@ enum Task {
 }
 
 fn main() -> ExitCode {
-    i2ris_terminal::program::run(|arguments: &Arguments| arguments.task.is_some(), run)
+    i2ris_report::program::run(|arguments: &Arguments| arguments.task.is_some(), run)
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {

@@ -16,9 +16,8 @@ use i2ris::process::robot_description;
 use i2ris::units::Nanos;
 use i2ris_record::joints;
 use i2ris_record::recorder::{AttachedFile, MessageCounts, RecordingHeader, TrialRecorder};
-use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen};
-
-use super::run_log::lines_of_run;
+use i2ris_record::run_log::lines_of_run;
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen};
 
 /// Waiting time for a controller that is starting.
 const CONNECT_TIMEOUT: Nanos = Nanos::from_millis(2000);

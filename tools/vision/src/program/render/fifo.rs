@@ -10,7 +10,7 @@ use i2ris::units::Nanos;
 use i2ris_vision::image::GreyImage;
 use nix::sys::stat::Mode;
 
-use i2ris_terminal::Failure;
+use i2ris_report::Failure;
 
 /// One frame per camera, and when they were taken.
 pub type FrameSet = (Nanos, Vec<GreyImage>);

@@ -31,7 +31,7 @@ pub const PROGRAMS: [Program; 8] = [
     ),
     program("bridge", "i2ris-network", "Watch and command from another computer, over the network"),
     program("ros", "i2ris-ros", "Show and command the robot in ROS 2, as CRTK names it"),
-    program("foxglove", "i2ris-foxglove", "Watch the robot live in Foxglove or Lichtblick"),
+    program("foxglove", "i2ris-record", "Watch the robot live in Foxglove or Lichtblick"),
     program("vision", "i2ris-vision", "Measure angles in microscope images"),
     program(
         "bench",

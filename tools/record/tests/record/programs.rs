@@ -1,5 +1,4 @@
 //! `i2ris record` and `i2ris report` against a controller without drives.
-#![allow(clippy::unwrap_used)]
 
 use std::fs;
 use std::os::unix::process::CommandExt;

@@ -1,6 +1,5 @@
 //! The Python package, where there is a Python with what it needs: `I2RIS_PYTHON` names one,
 //! otherwise `python3`. `pip install 'tools/python[markers,publish,test]'` makes one.
-#![allow(clippy::print_stderr, reason = "a test that skips says so")]
 
 use std::process::Output;
 

@@ -1,6 +1,5 @@
 //! A recording has what a recording of a dVRK has: standard messages and those of CRTK, and the
 //! robot as a URDF.
-#![allow(clippy::unwrap_used, clippy::print_stderr)]
 
 use std::path::{Path, PathBuf};
 

@@ -1,5 +1,4 @@
 //! The emulator through its serial ports, as a host sees it.
-#![allow(clippy::unwrap_used, reason = "a test may")]
 
 use std::fs::File;
 use std::io::{Read, Write};

@@ -1,5 +1,4 @@
 //! Recordings are read as they were written, complete or damaged, in Rust and in Python.
-#![allow(clippy::unwrap_used, clippy::print_stderr)]
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,6 +1,5 @@
 //! The whole path of the frames, and everything that cameras and folders do wrong: named, counted,
 //! never an angle.
-#![allow(clippy::unwrap_used, reason = "a test may")]
 
 use i2ris::units::Nanos;
 use i2ris_vision::accuracy::setup;

@@ -1,9 +1,8 @@
 //! Promises of every figure and page: well-formed, self-contained, small, only finite numbers.
-#![allow(clippy::unwrap_used)]
 
-use i2ris_report::mark::FiveNumbers;
-use i2ris_report::page::TableRow;
-use i2ris_report::*;
+use crate::mark::FiveNumbers;
+use crate::page::TableRow;
+use crate::*;
 use proptest::prelude::*;
 use roxmltree::{Document, Node, ParsingOptions};
 

@@ -1,7 +1,5 @@
 //! The camera and a controller that starts, stops and starts again; faults by the control socket.
 
-#![allow(clippy::unwrap_used, clippy::expect_used)]
-
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;

@@ -1,6 +1,5 @@
 //! Independent clients of the protocol: WebSocket, JSON and bytes in Rust and in Python, nothing of
 //! Foxglove's library.
-#![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};

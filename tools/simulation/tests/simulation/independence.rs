@@ -1,6 +1,5 @@
 //! Physics and drives are written independently of the controller: a misreading of a reference or a
 //! property of a model that both share would stay unseen.
-#![allow(clippy::unwrap_used)]
 
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -2,8 +2,7 @@
 //! not draw: within the limits of the motors, and without limits. Minutes of work, so it runs on
 //! demand, optimised:
 //!
-//! `cargo test --release -p i2ris-simulation --test described_snakes -- --ignored --nocapture`
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
+//! `cargo test --release -p i2ris-simulation --test simulation -- --ignored --nocapture`
 
 use std::path::Path;
 
@@ -19,7 +18,7 @@ use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::motion::unseen_motion::Motion;
 use i2ris_simulation::robot::Robot;
 
-const CONFIG: &str = include_str!("../../../config/emulator.toml");
+const CONFIG: &str = include_str!("../../../../config/emulator.toml");
 
 #[test]
 #[ignore = "takes minutes; prints figures"]

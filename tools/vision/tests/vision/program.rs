@@ -1,6 +1,5 @@
 //! `i2ris vision` as a process: frames in, angles out, and one sentence for everything that is
 //! wrong.
-#![allow(clippy::unwrap_used, reason = "a test may")]
 
 use std::fs;
 use std::io::Write;

@@ -1,7 +1,5 @@
 //! Every cause of standing still reads the same in `i2ris why`, the monitor, the recording and the
 //! Python client.
-#![allow(clippy::unwrap_used)]
-#![allow(clippy::print_stderr, reason = "a test that skips says so")]
 
 use std::fs;
 use std::path::Path;
@@ -152,7 +150,7 @@ fn the_table_of_the_manual_is_current() {
     if std::env::var_os("I2RIS_UPDATE").is_some() {
         fs::write(&file, &current).unwrap();
     } else {
-        assert!(text == current, "run I2RIS_UPDATE=1 cargo test -p i2ris-record --test reasons");
+        assert!(text == current, "run I2RIS_UPDATE=1 cargo test -p i2ris-record --test record");
     }
 }
 

@@ -1,9 +1,8 @@
 //! The URDF as a reader of URDFs sees it.
-#![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
 
-use i2ris_gateway::{Bend, Snake};
+use crate::{Bend, Snake};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
 

@@ -21,13 +21,13 @@ use i2ris::ipc::client::{Client, Subscriptions, Watcher};
 use i2ris::ipc::{Domain, Stream};
 use i2ris::units::Nanos;
 use i2ris_record::joints;
-use i2ris_terminal::{DomainOption, Failure, Interrupt, Screen, until_closed};
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 use live::Live;
 use server::Server;
 
 /// The layout: angles, error, plane, loops, state and the snake.
-const LAYOUT: &str = include_str!("../layout.json");
+const LAYOUT: &str = include_str!("layout.json");
 
 /// Time between two reads. Buffers hold an eighth of a second.
 const READ_PERIOD: Nanos = Nanos::from_millis(4);
@@ -71,7 +71,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    i2ris_terminal::program::run(|_| false, run)
+    i2ris_report::program::run(|_| false, run)
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {

@@ -1,5 +1,4 @@
 //! The configuration files in `config/` are valid and fit the emulator.
-#![allow(clippy::unwrap_used, reason = "a test may")]
 
 use std::path::{Path, PathBuf};
 

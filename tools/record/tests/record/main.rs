@@ -1,0 +1,14 @@
+//! Recordings, their reports, and the same streams live in Foxglove.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "tests, which say when they skip"
+)]
+
+mod crtk;
+mod files;
+mod foxglove;
+mod programs;
+mod reasons;

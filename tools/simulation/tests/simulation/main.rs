@@ -1,0 +1,14 @@
+//! The emulator from outside: lines, camera, configuration files.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "tests, which say when they skip"
+)]
+
+mod camera;
+mod config_files;
+mod described_snakes;
+mod independence;
+mod line;

@@ -1,0 +1,14 @@
+//! What the detector reads, what it refuses, and the program around it.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "tests, which say when they skip"
+)]
+
+mod accuracy;
+mod fibre;
+mod program;
+mod python;
+mod session;
