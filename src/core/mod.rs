@@ -60,6 +60,7 @@ pub use faults::plausibility::PlausibilityCheck;
 pub use inputs::{
     CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest,
 };
+pub use joint_space::gate::Gated;
 pub use joint_space::position_history::HistoryCursor;
 pub use model_slots::{CandidateState, ModelCandidate};
 pub use motion::velocity_limit;

@@ -6,8 +6,9 @@ use crate::core::adaptation::AdaptationReport;
 use crate::core::command::refusal_record::ClientRefusals;
 use crate::core::events::CycleEvent;
 use crate::core::faults::plausibility::PlausibilityCheck;
+use crate::core::joint_space::gate::Gated;
 use crate::core::joint_space::position_history::HistoryCursor;
-use crate::drive::{AxisFeedback, AxisRequest};
+use crate::drive::AxisFeedback;
 use crate::model::ModelId;
 use crate::robot::{Fault, Measurement, OperatingState, REFUSED_CLIENTS, Refusal};
 use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
@@ -16,7 +17,7 @@ use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CycleOutputs {
     /// Requests to every drive.
-    pub requests: [AxisRequest; MAX_MOTORS],
+    pub requests: [Gated; MAX_MOTORS],
     /// Reply to [`CycleInputs::request`](super::inputs::CycleInputs::request), if there was one.
     pub reply: Option<StateReply>,
     /// Reply to [`CycleInputs::model`](super::inputs::CycleInputs::model), if there was one.

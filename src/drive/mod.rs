@@ -60,4 +60,4 @@ pub use event::{PortEvent, PortEventKind};
 pub use family::DriveFamily;
 pub use link::LinkCounters;
 pub use port::{Configured, Identified, Opened, Port};
-pub use port_runner::{AxisLink, PortRunner};
+pub use port_runner::{AxisLink, PortRequest, PortRunner};

@@ -10,7 +10,7 @@ use super::error::{AxisError, DriveError, LinkError};
 use super::family_selection::{family_of_axis, family_of_port};
 use super::link::DriveLink;
 use super::object;
-use super::port_runner::{AxisLink, PortRunner};
+use super::port_runner::{AxisLink, PortRequest, PortRunner};
 use super::serial_transport::SerialTransport;
 use super::transport::Transport;
 use crate::config::{AxisConfig, PortConfig};
@@ -134,7 +134,7 @@ impl<T: Transport> Port<Configured, T> {
     /// Splits the port into the end of the port thread and the ends of the control loop, in the
     /// order of the configuration.
     #[must_use]
-    pub fn split(self) -> (PortRunner<T>, Vec<AxisLink>) {
+    pub fn split<R: PortRequest>(self) -> (PortRunner<T, R>, Vec<AxisLink<R>>) {
         let Identified { axes, exchange } = self.stage.identified;
         PortRunner::with_links(self.link, &self.config, axes, exchange, &self.stage.positions)
     }

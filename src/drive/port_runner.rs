@@ -43,13 +43,19 @@ const SHUTDOWN_TIMEOUT: Nanos = Nanos::from_millis(3000);
 /// most likely by the latency timer of an FTDI adapter.
 const SLOW_EXCHANGE: Nanos = Nanos::from_millis(4);
 
+/// What the control loop writes for an axis. The controller takes a type that only its gate makes;
+/// a bench on drives alone takes the plain request.
+pub trait PortRequest: Copy + Default + Send + Into<AxisRequest> {}
+
+impl<R: Copy + Default + Send + Into<AxisRequest>> PortRequest for R {}
+
 /// The control loop's end of one axis.
 #[derive(Debug)]
-pub struct AxisLink {
+pub struct AxisLink<R: Send = AxisRequest> {
     /// The motor.
     pub motor: usize,
     /// Requests to the axis: the newest counts.
-    pub requests: Input<AxisRequest>,
+    pub requests: Input<R>,
     /// Feedback of the axis: the newest counts.
     pub feedback: Output<AxisFeedback>,
     /// When the port takes the next set-point.
@@ -58,9 +64,9 @@ pub struct AxisLink {
 
 /// The port thread's end of a port. It allocates nothing while it runs.
 #[derive(Debug)]
-pub struct PortRunner<T = SerialTransport> {
+pub struct PortRunner<T = SerialTransport, R: Send = AxisRequest> {
     link: DriveLink<T>,
-    slots: Vec<AxisSlot>,
+    slots: Vec<AxisSlot<R>>,
     pace: Pace,
     /// Stores the positions of the axes at the end.
     positions_file: Option<PathBuf>,
@@ -79,12 +85,12 @@ struct Pace {
 
 /// One axis with its data in the port thread.
 #[derive(Debug)]
-struct AxisSlot {
+struct AxisSlot<R: Send> {
     config: AxisConfig,
     identity: AxisIdentity,
     settings: Vec<Setting>,
     axis: AxisStateMachine,
-    requests: Output<AxisRequest>,
+    requests: Output<R>,
     feedback: Input<AxisFeedback>,
     setpoint_slot: SetpointSlot,
     next_reconnect: Nanos,
@@ -99,15 +105,15 @@ struct PositionCheck {
     present: Counts,
 }
 
-impl AxisSlot {
+impl<R: PortRequest> AxisSlot<R> {
     fn with_link(
         port: &PortConfig,
         config: &AxisConfig,
         identity: AxisIdentity,
         position_check: Option<PositionCheck>,
-    ) -> (Self, AxisLink) {
+    ) -> (Self, AxisLink<R>) {
         let family = family_of_axis(port, config);
-        let (request_input, requests) = triple_buffer(&AxisRequest::default());
+        let (request_input, requests) = triple_buffer(&R::default());
         let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
         let setpoint_slot = SetpointSlot::default();
         let link = AxisLink {
@@ -156,7 +162,7 @@ impl AxisSlot {
     /// Takes the newest request from the control loop: wait-free.
     #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     fn take_request(&mut self) -> AxisRequest {
-        *self.requests.read()
+        (*self.requests.read()).into()
     }
 
     /// Passes the feedback to the control loop: wait-free.
@@ -189,14 +195,14 @@ impl AxisSlot {
     }
 }
 
-impl<T: Transport> PortRunner<T> {
+impl<T: Transport, R: PortRequest> PortRunner<T, R> {
     pub(super) fn with_links(
         link: DriveLink<T>,
         port: &PortConfig,
         identities: Vec<AxisIdentity>,
         exchange: Nanos,
         positions: &[Counts],
-    ) -> (Self, Vec<AxisLink>) {
+    ) -> (Self, Vec<AxisLink<R>>) {
         let saved = port.positions_file.as_deref().map(saved_position::take);
         let (mut slots, mut links) = (Vec::new(), Vec::new());
         for ((config, identity), &present) in port.axes.iter().zip(identities).zip(positions) {
@@ -302,13 +308,13 @@ impl<T: Transport> PortRunner<T> {
 }
 
 /// The other axes of a line while a lost one is brought up again.
-struct OtherSlots<'a> {
-    before: &'a mut [AxisSlot],
-    after: &'a mut [AxisSlot],
+struct OtherSlots<'a, R: Send> {
+    before: &'a mut [AxisSlot<R>],
+    after: &'a mut [AxisSlot<R>],
     pace: &'a mut Pace,
 }
 
-impl OtherSlots<'_> {
+impl<R: PortRequest> OtherSlots<'_, R> {
     /// Any of them answers.
     fn answer(&self) -> bool {
         let mut slots = self.before.iter().chain(&*self.after);
@@ -327,7 +333,7 @@ impl OtherSlots<'_> {
 /// One exchange with an axis that is not lost.
 fn exchange(
     link: &mut DriveLink<impl Transport>,
-    slot: &mut AxisSlot,
+    slot: &mut AxisSlot<impl PortRequest>,
     pace: &mut Pace,
     stopping: bool,
     events: EventSink<'_>,
@@ -380,8 +386,8 @@ fn perform(
 /// axis that answers never waits for more than one exchange.
 fn try_reconnect<T: Transport>(
     link: &mut DriveLink<T>,
-    slot: &mut AxisSlot,
-    mut others: OtherSlots<'_>,
+    slot: &mut AxisSlot<impl PortRequest>,
+    mut others: OtherSlots<'_, impl PortRequest>,
     events: EventSink<'_>,
 ) {
     let now = link.now();
@@ -423,7 +429,7 @@ fn try_reconnect<T: Transport>(
 /// The position of the axis after it was identified, switched off and limited again.
 fn bring_up_again(
     mut drive: DriveNode<'_, impl Transport>,
-    slot: &AxisSlot,
+    slot: &AxisSlot<impl PortRequest>,
 ) -> Result<i32, AxisError> {
     drive.check_identity(slot.config.serial_number)?;
     drive.switch_off()?;

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::clock;
 use crate::config::ControlConfig;
 use crate::core::cycle::ControlCycle;
-use crate::core::{CycleInputs, CycleOutputs};
+use crate::core::{CycleInputs, CycleOutputs, Gated};
 use crate::drive::AxisFeedback;
 use crate::drive::port_runner::AxisLink;
 use crate::ipc::heartbeat::HeartbeatWriter;
@@ -22,7 +22,7 @@ use crate::units::{MAX_MOTORS, Nanos};
 pub struct ControlLoop {
     pub cycle: ControlCycle,
     pub channels: LoopChannels,
-    pub links: Vec<AxisLink>,
+    pub links: Vec<AxisLink<Gated>>,
     pub heartbeat: HeartbeatWriter,
     /// Tells the IPC thread when the next tick begins.
     pub next_tick: SharedTick,
@@ -149,7 +149,7 @@ fn newest<T: Copy + Send>(buffer: &mut triple_buffer::Output<Option<T>>) -> Opti
     buffer.update().then(|| *buffer.output_buffer()).flatten()
 }
 
-fn read_feedback(links: &mut [AxisLink]) -> [AxisFeedback; MAX_MOTORS] {
+fn read_feedback(links: &mut [AxisLink<Gated>]) -> [AxisFeedback; MAX_MOTORS] {
     let mut feedback = [AxisFeedback::default(); MAX_MOTORS];
     for link in links {
         if let Some(slot) = feedback.get_mut(link.motor) {

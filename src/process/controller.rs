@@ -18,10 +18,11 @@ use rtrb::Consumer;
 use crate::clock;
 use crate::config::{Config, ControlConfig};
 use crate::core::cycle::ControlCycle;
-use crate::core::{CommandCheck, CycleEvent};
+use crate::core::{CommandCheck, CycleEvent, Gated};
 use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
 use crate::drive::port_runner::PortRunner;
+use crate::drive::serial_transport::SerialTransport;
 use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server, StreamMessage};
 use crate::model::Model;
@@ -285,7 +286,7 @@ fn start_ipc(
 
 fn start_port(
     config: &ControlConfig,
-    runner: PortRunner,
+    runner: PortRunner<SerialTransport, Gated>,
     events: mpsc::Sender<(Nanos, PortEvent)>,
     quit: &Arc<AtomicBool>,
 ) -> Result<NamedThread, ThreadError> {

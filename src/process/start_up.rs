@@ -5,10 +5,12 @@ use std::path::PathBuf;
 use crate::COMMIT;
 use crate::clock;
 use crate::config::Config;
+use crate::core::Gated;
 use crate::drive::AxisIdentity;
 use crate::drive::error::DriveError;
 use crate::drive::port::{Opened, Port};
 use crate::drive::port_runner::{AxisLink, PortRunner};
+use crate::drive::serial_transport::SerialTransport;
 use crate::model::{Model, ModelError};
 use crate::units::Nanos;
 
@@ -51,8 +53,8 @@ pub fn software() -> String {
 
 /// All drives, ready to be enabled.
 pub struct Drives {
-    pub runners: Vec<PortRunner>,
-    pub links: Vec<AxisLink>,
+    pub runners: Vec<PortRunner<SerialTransport, Gated>>,
+    pub links: Vec<AxisLink<Gated>>,
     pub identities: Vec<AxisIdentity>,
 }
 
@@ -75,9 +77,9 @@ pub fn bring_up_ports(config: &Config) -> Result<Drives, DriveError> {
 /// Waits until the port threads have read positions. The positions from bring-up may be old, and
 /// the loop would report a lost drive. A drive that is really lost is left to the loop, which names
 /// it.
-pub fn wait_for_positions(links: &mut [AxisLink]) {
+pub fn wait_for_positions(links: &mut [AxisLink<Gated>]) {
     let start = clock::now();
-    let is_fresh = |link: &mut AxisLink| link.feedback.read().stamp >= start;
+    let is_fresh = |link: &mut AxisLink<Gated>| link.feedback.read().stamp >= start;
     while !links.iter_mut().all(is_fresh) && clock::now() - start < FIRST_POSITIONS {
         clock::sleep(Nanos::from_millis(1));
     }

@@ -8,6 +8,7 @@ mod enabling;
 mod endurance;
 mod faults;
 mod following;
+mod gate;
 mod model_swap;
 mod move_and_clutch;
 mod random_inputs;

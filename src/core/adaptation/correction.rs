@@ -15,6 +15,7 @@ use super::budget::BudgetUse;
 use super::drift::Drift;
 use super::geometry::{ModelGeometry, add, inverse, pair, product, subtract};
 use super::settings::{Settings, length};
+use crate::core::motion::virtual_fixtures::CalibratedView;
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
 /// The correction moves a motor by at most this share of the motion of the goal.
@@ -65,9 +66,7 @@ impl Correction {
 
     /// The gapped pose whose adapted pose is the goal.
     pub fn undo(&self, goal: &OutputVec) -> OutputVec {
-        let [[a, b], [c, d]] = self.gain;
-        // The budget keeps the gain far from -1.
-        let inverse = inverse(&[[1.0 + a, b], [c, 1.0 + d]]).unwrap_or([[1.0, 0.0], [0.0, 1.0]]);
+        let inverse = self.inverse();
         let from_zero = [goal[0] - self.zero[0], goal[1] - self.zero[1]];
         let found = product(&inverse, from_zero);
         let mut gapped = *goal;
@@ -75,6 +74,17 @@ impl Correction {
             *gapped = found;
         }
         gapped
+    }
+
+    /// How the pose without the correction follows from the adapted one.
+    pub fn calibrated_view(&self) -> CalibratedView {
+        CalibratedView { inverse: self.inverse(), zero: self.zero }
+    }
+
+    fn inverse(&self) -> [Pair; 2] {
+        let [[a, b], [c, d]] = self.gain;
+        // The budget keeps the gain far from -1.
+        inverse(&[[1.0 + a, b], [c, 1.0 + d]]).unwrap_or([[1.0, 0.0], [0.0, 1.0]])
     }
 
     /// As a drift.

@@ -22,7 +22,7 @@ use crate::config::AdaptationConfig;
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::inputs::ExternalPose;
 use crate::core::joint_space::joint_model::JointModel;
-use crate::model::ModelId;
+use crate::model::{Memory, ModelId};
 use crate::units::Nanos;
 
 /// The budget counts as used up after this many frames beyond it: the first frames of a filter
@@ -98,6 +98,12 @@ impl Adaptation {
     /// The memories that follow the positions with the active model.
     pub fn memories_mut(&mut self) -> &mut DriftMemories {
         &mut self.state.memories
+    }
+
+    /// The memory of the active model as calibrated, while there is a correction.
+    pub fn calibrated_memory(&self, joints: &JointModel) -> Option<&Memory> {
+        let is_own = self.state.model == Some(joints.model().id());
+        (is_own && joints.geometry().is_some()).then(|| self.state.memories.calibrated())
     }
 
     /// The next model takes over, or the zero of the encoders moves: everything begins anew. `from`

@@ -49,7 +49,7 @@ pub(crate) fn plan_move(
     } else {
         pose
     };
-    if !fixtures.allows_line(&from, &to, joints.unit()) {
+    if !fixtures.allows_line(&from, &to, &joints.goal_space()) {
         return Err(Refusal::Fixture);
     }
     let trajectory = JointTrajectory::new(from, to, inverse.clipped, limits, now);

@@ -58,6 +58,10 @@ impl ControlCycle {
             CommandEffect::NoChange => return Ok(()),
             CommandEffect::Change(next) => next,
             CommandEffect::Home(next) => {
+                // A search for a hard stop moves the motors by itself.
+                if self.homing_moves {
+                    self.require_no_fixture()?;
+                }
                 self.axes.for_each(AxisControl::start_homing);
                 next
             }
@@ -88,7 +92,9 @@ impl ControlCycle {
                 &self.trajectory_limits,
                 summary.now,
             )?)),
-            CommandEffect::ChangeFixtures => return self.change_fixtures(request, events),
+            CommandEffect::ChangeFixtures => {
+                return self.change_fixtures(request, summary.now, events);
+            }
             CommandEffect::Release => {
                 return self.release_lease(request.client_id, summary.now, events);
             }
@@ -103,6 +109,7 @@ impl ControlCycle {
     fn change_fixtures(
         &mut self,
         request: &StateRequest,
+        now: Nanos,
         events: &mut EventList,
     ) -> Result<(), Refusal> {
         let change = request.fixture.as_ref().ok_or(Refusal::Malformed)?;
@@ -116,6 +123,10 @@ impl ControlCycle {
             FixtureChange::SwitchOn | FixtureChange::Add(_) => {}
         }
         self.fixtures.change(change)?;
+        // The cycle was planned without them, and crosses the whole hull.
+        if self.machine.state().is_conditioning() && self.fixtures.is_on() {
+            self.machine.progress(HOLDING, now, events);
+        }
         events.push(CycleEventKind::Fixtures {
             client_id: request.client_id,
             active: self.fixtures.active_bits(),

@@ -23,7 +23,7 @@ pub(super) mod snapshot;
 use std::sync::Arc;
 
 use self::setpoint_generation::GeneratedSetpoint;
-use crate::config::Config;
+use crate::config::{Config, HomingMethod};
 use crate::core::adaptation::{Adaptation, Surroundings};
 use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
@@ -35,6 +35,7 @@ use crate::core::events::{CycleEventKind, EventList};
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::inputs::{CycleInputs, ExternalPose};
+use crate::core::joint_space::gate::{Gate, JointSpace, Motion, Passed};
 use crate::core::joint_space::inverse_setpoint::MotionTick;
 use crate::core::joint_space::joint_model::{JointModel, NotFinite};
 use crate::core::joint_space::position_history::PositionHistory;
@@ -63,6 +64,8 @@ pub struct ControlCycle {
     stale_after: Nanos,
     lost_after: Nanos,
     pub(super) range_check: RangeCheck,
+    /// A drive searches for a hard stop when it is homed.
+    homing_moves: bool,
     pub(super) conditioning_plan: ConditioningPlan,
     pub(super) trajectory_limits: TrajectoryLimits,
     pub(super) axes: AxisGroup,
@@ -77,6 +80,7 @@ pub struct ControlCycle {
     pub(super) admission: CommandAdmission,
     pub(super) clutch: Clutch,
     pub(super) fixtures: VirtualFixtures,
+    pub(super) gate: Gate,
     pub(super) feedback_stops: EventFold,
     pub(super) clips: ClipEvents,
     pub(super) ticks: u64,
@@ -99,10 +103,12 @@ impl ControlCycle {
             stale_after: Nanos::from_millis(limits.feedback_stale_ms),
             lost_after: Nanos::from_millis(limits.feedback_lost_ms),
             range_check: RangeCheck::new(&config.command),
+            homing_moves: config.axes().any(|axis| axis.homing != HomingMethod::Here),
             conditioning_plan: ConditioningPlan::new(config),
             trajectory_limits: TrajectoryLimits::new(&config.move_jp),
             clutch: Clutch::new(config.command.motion_scale),
             fixtures: VirtualFixtures::new(&config.virtual_fixtures, config.control.period()),
+            gate: Gate::default(),
             feedback_stops: EventFold::default(),
             clips: ClipEvents::default(),
             axes: AxisGroup::new(config),
@@ -172,13 +178,14 @@ impl ControlCycle {
             self.apply_servo_command(command, &summary, events);
         }
         self.stop_if_stale(now, events);
-        let setpoint = self.move_setpoints(&summary, events);
+        let (setpoint, passed) = self.move_setpoints(&summary, events);
         self.report_clip(&setpoint, now, events);
         let (events, lost_events) = list.finish();
         self.lost_events = self.lost_events.saturating_add(lost_events);
         let state = self.machine.state();
         CycleOutputs {
-            requests: self.axes.requests(
+            requests: passed.requests(
+                &self.axes,
                 &state.demands(),
                 &AxisRequest {
                     sequence: self.ticks,
@@ -325,13 +332,13 @@ impl ControlCycle {
         &mut self,
         summary: &DriveSummary,
         events: &mut EventList,
-    ) -> GeneratedSetpoint {
+    ) -> (GeneratedSetpoint, Passed) {
         self.try_move_setpoints(summary.now, events).unwrap_or_else(|NotFinite| {
             if !matches!(self.machine.state(), ControlState::Fault(_)) {
                 let fault = enter_fault(self.machine.state(), Fault::Model, summary);
                 self.machine.change(fault, summary.now, events);
             }
-            GeneratedSetpoint::default()
+            (GeneratedSetpoint::default(), self.gate.keep())
         })
     }
 
@@ -339,15 +346,20 @@ impl ControlCycle {
         &mut self,
         now: Nanos,
         events: &mut EventList,
-    ) -> Result<GeneratedSetpoint, NotFinite> {
+    ) -> Result<(GeneratedSetpoint, Passed), NotFinite> {
         let mut motion = MotionTick {
-            axes: &mut self.axes,
+            axes: &self.axes,
             joints: self.models.active_mut(),
             fixtures: &mut self.fixtures,
             now,
             period: self.period,
         };
-        let setpoint = motion.generate(self.machine.state())?;
+        let mut setpoint = motion.generate(self.machine.state())?;
+        let passed = self.pass_gate(&setpoint)?;
+        if passed.is_held() && self.machine.state().is_conditioning() {
+            // The cycle waits for its motors.
+            setpoint.next = None;
+        }
         if let Some(region) = self.fixtures.begun_limit(now) {
             events.push(CycleEventKind::FixtureLimit { region });
         }
@@ -358,7 +370,17 @@ impl ControlCycle {
             let (setpoints, increments) = (self.axes.setpoints(), self.axes.increments());
             joints.update_setpoint(&setpoints, &increments, self.period)?;
         }
-        Ok(setpoint)
+        Ok((setpoint, passed))
+    }
+
+    fn pass_gate(&mut self, setpoint: &GeneratedSetpoint) -> Result<Passed, NotFinite> {
+        let adaptation = &self.adaptation;
+        let fixtures = &mut self.fixtures;
+        let space = self.models.active().map(|joints| {
+            let calibrated = adaptation.as_ref().and_then(|it| it.calibrated_memory(joints));
+            JointSpace { joints, fixtures, calibrated }
+        });
+        self.gate.pass(&mut self.axes, &setpoint.motion.unwrap_or(Motion::Stop), space)
     }
 
     fn report(&self, now: Nanos, setpoint: &GeneratedSetpoint) -> CycleReport {

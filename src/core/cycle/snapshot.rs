@@ -13,6 +13,7 @@ use crate::core::events::clips::ClipEvents;
 use crate::core::events::fold::EventFold;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
+use crate::core::joint_space::gate::Gate;
 use crate::core::joint_space::position_history::PositionHistory;
 use crate::core::model_slots::loaded_models::{LoadedModelStates, LoadedModels};
 use crate::core::motion::axis_control::AxisControl;
@@ -39,6 +40,7 @@ pub struct CycleSnapshot {
     admission: CommandAdmission,
     clutch: Clutch,
     fixtures: VirtualFixtures,
+    gate: Gate,
     feedback_stops: EventFold,
     clips: ClipEvents,
     ticks: u64,
@@ -78,6 +80,7 @@ impl ControlCycle {
             admission: self.admission,
             clutch: self.clutch,
             fixtures: self.fixtures,
+            gate: self.gate,
             feedback_stops: self.feedback_stops,
             clips: self.clips,
             ticks: self.ticks,
@@ -112,6 +115,7 @@ impl ControlCycle {
         cycle.admission = snapshot.admission;
         cycle.clutch = snapshot.clutch;
         cycle.fixtures = snapshot.fixtures;
+        cycle.gate = snapshot.gate;
         cycle.feedback_stops = snapshot.feedback_stops;
         cycle.clips = snapshot.clips;
         cycle.ticks = snapshot.ticks;

@@ -1,5 +1,6 @@
 //! Inverse setpoint: from a goal to targets of the motors, by the inverse of the model.
 
+use crate::core::joint_space::gate::Motion;
 use crate::core::joint_space::joint_model::{JointModel, NotFinite};
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::ExtrapolatedGoal;
@@ -8,13 +9,13 @@ use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::difference;
 use crate::model::Inverse;
-use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
+use crate::units::{MotorVec, Nanos, OutputVec};
 
 /// Targets of the motors in this tick.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct InverseSetpoint {
-    /// One target per motor, not yet limited.
-    pub targets: [MotorTarget; MAX_MOTORS],
+    /// For the gate.
+    pub motion: Motion,
     /// The requested goal, clipped to what can be reached, rad (m); `None` without a model.
     pub goal: Option<OutputVec>,
     pub is_clipped: bool,
@@ -30,7 +31,7 @@ struct ClampedInverse {
 
 /// What moves in a tick.
 pub(crate) struct MotionTick<'a> {
-    pub axes: &'a mut AxisGroup,
+    pub axes: &'a AxisGroup,
     /// The active model; `None` without one.
     pub joints: Option<&'a mut JointModel>,
     pub fixtures: &'a mut VirtualFixtures,
@@ -57,7 +58,7 @@ impl MotionTick<'_> {
                 let joints = self.joints.as_deref();
                 let pose = joints.map(|joints| joints.pose(goal.goal())).transpose()?;
                 Ok(InverseSetpoint {
-                    targets: targets(&self.axes.clamp(here), &self.axes.clamp(before)),
+                    motion: motion(&self.axes.clamp(here), &self.axes.clamp(before), false),
                     goal: pose,
                     is_clipped: false,
                 })
@@ -75,7 +76,8 @@ impl MotionTick<'_> {
         // Angles are only accepted, and trajectories only planned, with a model.
         let joints = self.joints.as_deref_mut().ok_or(NotFinite)?;
         let start = joints.setpoint().ok_or(NotFinite)?;
-        let filtered = self.fixtures.limit(joints.filter_goal(goal)?, start, joints.unit());
+        let filtered = joints.filter_goal(goal)?;
+        let filtered = self.fixtures.limit(filtered, start, &joints.goal_space());
         let dead_banded = joints.dead_band_goal(&filtered.now);
         let before = if dead_banded.is_held { dead_banded.goal } else { filtered.before };
         let goal_now = joints.blend_goal(dead_banded.goal, self.now);
@@ -97,7 +99,7 @@ impl MotionTick<'_> {
             *requested
         };
         Ok(InverseSetpoint {
-            targets: targets(&inverse_now.counts, &inverse_before.counts),
+            motion: motion(&inverse_now.counts, &inverse_before.counts, true),
             goal: Some(goal),
             is_clipped: end.is_clipped,
         })
@@ -130,6 +132,6 @@ fn clamped_inverses(
     })
 }
 
-fn targets(now: &MotorVec, before: &MotorVec) -> [MotorTarget; MAX_MOTORS] {
-    MotorTarget::from_vectors(now, &difference(now, before))
+fn motion(now: &MotorVec, before: &MotorVec, in_hull: bool) -> Motion {
+    Motion::Track { targets: MotorTarget::from_vectors(now, &difference(now, before)), in_hull }
 }

@@ -1,5 +1,6 @@
 //! Joint space: a model with its memory, and the inverse of goals.
 
+pub(super) mod gate;
 pub(super) mod inverse_setpoint;
 pub(super) mod joint_model;
 mod model_blend;

@@ -13,6 +13,9 @@ use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
 use crate::robot::{Measurement, Quantity};
 use crate::units::{Counts, Nanos};
 
+/// What sums of many values may be wrong by, counts.
+const ROUNDING: f64 = 1e-6;
+
 /// One axis.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct AxisControl {
@@ -168,12 +171,34 @@ impl AxisControl {
         }
     }
 
-    /// Moves the setpoint one tick towards a target, if the drive follows.
-    pub fn track(&mut self, target: MotorTarget) {
+    /// Moves the setpoint one tick towards a target, if the drive follows, with a share of the
+    /// velocity between a stop (0) and the target (1).
+    pub fn track(&mut self, target: MotorTarget, share: f64) {
         if self.source.is_following() {
-            self.limiter.track(target);
+            self.limiter.track_part(target, share);
             self.jerk_limiter.update(self.limiter.position());
         }
+    }
+
+    /// The velocities of the next tick in a stop and towards a target, counts per tick.
+    pub fn next_velocities(&self, target: MotorTarget) -> [f64; 2] {
+        [self.limiter.next_velocity(0.0), self.limiter.velocity_towards(target)]
+    }
+
+    /// Where the setpoint comes to rest when it stops from now on, counts.
+    pub fn rest_position(&self) -> f64 {
+        self.limiter.rest_position()
+    }
+
+    /// The setpoint on the wire is within the position limits, or no further out than `before`,
+    /// one tick ago, and its step and the change of its step are within the limits.
+    pub fn keeps_limits(&self, before: &Self) -> bool {
+        let [longest, change] = self.limiter.largest_steps().map(|most| most + ROUNDING);
+        let outside = |axis: &Self| (axis.clamp(axis.setpoint()) - axis.setpoint()).abs();
+        let step = self.setpoint() - before.setpoint();
+        outside(self) <= outside(before) + ROUNDING
+            && step.abs() <= longest
+            && (step - before.increment()).abs() <= change
     }
 
     /// Slows the setpoint down for one tick.

@@ -78,22 +78,39 @@ impl AxisGroup {
         }
     }
 
-    /// Moves the setpoints one tick towards targets.
-    pub fn track(&mut self, targets: &[MotorTarget; MAX_MOTORS]) {
-        for (axis, target) in self.0.iter_mut().zip(targets) {
-            axis.track(*target);
+    /// Moves the setpoints one tick towards targets, every motor with its share of the velocity
+    /// between a stop (0) and the target (1).
+    pub fn track(&mut self, targets: &[MotorTarget; MAX_MOTORS], shares: &MotorVec) {
+        for ((axis, target), share) in self.0.iter_mut().zip(targets).zip(shares) {
+            axis.track(*target, *share);
         }
     }
 
-    /// As [`AxisGroup::track`] for the motors of a mask; the others stop.
-    pub fn track_some(&mut self, targets: &[MotorTarget; MAX_MOTORS], moving: u32) {
-        for (motor, (axis, target)) in self.0.iter_mut().zip(targets).enumerate() {
-            if moving & (1 << motor) == 0 {
-                axis.stop();
-            } else {
-                axis.track(*target);
-            }
-        }
+    /// The shares with which the motors move on a straight line to their targets.
+    pub fn straight_shares(&self, targets: &[MotorTarget; MAX_MOTORS]) -> MotorVec {
+        let moves = || {
+            self.0.iter().zip(targets).map(|(axis, target)| {
+                let [stop, whole] = axis.next_velocities(*target);
+                (target.position - axis.setpoint(), stop, whole)
+            })
+        };
+        let along = moves().filter(|(left, ..)| *left != 0.0).map(|(left, _, whole)| whole / left);
+        let pace = along.fold(f64::INFINITY, f64::min).max(0.0);
+        vector::collect(moves().map(|(left, stop, whole)| {
+            let range = whole - stop;
+            if range == 0.0 { 0.0 } else { ((pace * left - stop) / range).max(0.0).min(1.0) }
+        }))
+    }
+
+    /// Where the setpoints come to rest when they stop from now on, counts.
+    pub fn rest_positions(&self) -> MotorVec {
+        vector::collect(self.0.iter().map(AxisControl::rest_position))
+    }
+
+    /// Every axis keeps its limits after a tick: [`AxisControl::keeps_limits`].
+    pub fn keep_limits(&self, before: &[Option<AxisControl>; MAX_MOTORS]) -> bool {
+        let mut pairs = self.0.iter().zip(before.iter().flatten());
+        pairs.all(|(axis, before)| axis.keeps_limits(before))
     }
 
     /// Takes back what has happened since [`AxisGroup::to_snapshot`].
@@ -151,8 +168,8 @@ impl AxisGroup {
         self.per_motor(AxisControl::target)
     }
 
-    /// Requests to the drives. `common` gives sequence and command.
-    pub fn requests(
+    /// Requests to the drives, for the gate. `common` gives sequence and command.
+    pub(in crate::core) fn requests(
         &self,
         demands: &[Demand; MAX_MOTORS],
         common: &AxisRequest,

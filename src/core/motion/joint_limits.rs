@@ -8,10 +8,72 @@ use serde::{Deserialize, Serialize};
 use crate::config::JointLimitConfig;
 use crate::core::motion::jerk_limit::JerkLimiter;
 use crate::core::motion::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
+use crate::core::vector::{largest_difference, zip_map};
 use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
 /// Far beyond any angle, rad.
 const NO_LIMIT: f64 = 1e6;
+
+/// The limits themselves, per tick. Without one: far beyond any angle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct JointBounds {
+    /// rad.
+    lowest: OutputVec,
+    highest: OutputVec,
+    /// Largest step, its largest growth, and the largest change of that, rad.
+    velocity: f64,
+    growth: f64,
+    jerk: f64,
+}
+
+impl JointBounds {
+    /// `None`: off.
+    pub fn new(config: &JointLimitConfig, tick: Nanos, has_angles: bool) -> Option<Self> {
+        let tick_s = tick.as_seconds();
+        let of = |output| limits(config, output);
+        let jerk = config.jerk_deg_s3.map_or(NO_LIMIT, f64::to_radians);
+        (has_angles && config.is_any()).then(|| Self {
+            lowest: std::array::from_fn(|output| of(output).lowest),
+            highest: std::array::from_fn(|output| of(output).highest),
+            velocity: of(0).velocity * tick_s,
+            growth: of(0).acceleration * tick_s * tick_s,
+            jerk: jerk * tick_s * tick_s * tick_s,
+        })
+    }
+
+    /// The nearest pose within the position limits.
+    pub fn clamp(&self, pose: &OutputVec) -> OutputVec {
+        let lowest = zip_map(pose, &self.lowest, f64::max);
+        zip_map(&lowest, &self.highest, f64::min)
+    }
+
+    /// How far a pose is beyond its position limits, rad; not below 0.
+    pub fn excess(&self, pose: &OutputVec) -> f64 {
+        largest_difference(pose, &self.clamp(pose))
+    }
+
+    /// The largest step of every output after a step `last`, which had grown by `growth`. What
+    /// slows down is not limited: a stop is short.
+    pub fn largest_step(
+        &self,
+        step: &OutputVec,
+        last: &OutputVec,
+        growth: &OutputVec,
+    ) -> OutputVec {
+        let mut largest = [0.0; MAX_OUTPUTS];
+        let outputs = largest.iter_mut().zip(step).zip(last).zip(growth);
+        for (((largest, step), last), growth) in outputs {
+            let speed = if step * last > 0.0 { last.abs() } else { 0.0 };
+            *largest = (speed + self.growth.min(growth.max(0.0) + self.jerk)).min(self.velocity);
+        }
+        largest
+    }
+
+    /// As [`JointBounds::largest_step`], without the jerk.
+    pub fn largest_goal_step(&self, step: &OutputVec, last: &OutputVec) -> OutputVec {
+        self.largest_step(step, last, &[NO_LIMIT; MAX_OUTPUTS])
+    }
+}
 
 /// Limiters of all outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -24,7 +24,7 @@ pub(super) mod conditioning_plan;
 pub(super) mod goal_extrapolation;
 mod jerk_limit;
 pub(super) mod joint_filter;
-mod joint_limits;
+pub(super) mod joint_limits;
 pub(super) mod joint_trajectory;
 pub(super) mod s_curve;
 mod setpoint_source;

@@ -146,22 +146,43 @@ impl VelocityLimiter {
 
     /// Moves one tick towards a target. Stops if the target is not a number.
     pub fn track(&mut self, target: MotorTarget) {
-        if target.position.is_nan() || !target.increment.is_finite() {
-            return self.stop();
-        }
-        let position = clamp(target.position, self.lowest, self.highest);
-        let gap = position - target.increment - self.position;
-        self.advance(
-            target.increment + braking_velocity(gap.abs(), self.acceleration).copysign(gap),
-        );
+        self.advance(self.velocity_towards(target));
+    }
+
+    /// As [`VelocityLimiter::track`], but with a velocity between that of a stop (0) and that
+    /// towards the target (1).
+    pub fn track_part(&mut self, target: MotorTarget, share: f64) {
+        let (whole, stop) = (self.velocity_towards(target), self.next_velocity(0.0));
+        self.advance(if share < 1.0 { stop + share.max(0.0) * (whole - stop) } else { whole });
     }
 
     /// Slows down for one tick as hard as allowed.
     pub fn stop(&mut self) {
-        self.advance(0.0);
+        self.advance(self.next_velocity(0.0));
     }
 
-    fn advance(&mut self, wanted: f64) {
+    /// Where the setpoint comes to rest when it stops from now on, counts.
+    #[must_use]
+    pub fn rest_position(&self) -> f64 {
+        let (speed, step) = (self.velocity.abs(), self.deceleration);
+        let ticks = (speed / step).floor();
+        let distance = ticks * speed - step * ticks * (ticks + 1.0) / 2.0;
+        self.position + distance.copysign(self.velocity)
+    }
+
+    /// The velocity of the next tick towards a target, counts per tick.
+    pub(crate) fn velocity_towards(&self, target: MotorTarget) -> f64 {
+        if target.position.is_nan() || !target.increment.is_finite() {
+            return self.next_velocity(0.0);
+        }
+        let position = clamp(target.position, self.lowest, self.highest);
+        let gap = position - target.increment - self.position;
+        let braking = braking_velocity(gap.abs(), self.acceleration).copysign(gap);
+        self.next_velocity(target.increment + braking)
+    }
+
+    /// The velocity nearest to a wanted one that may come next.
+    pub(crate) fn next_velocity(&self, wanted: f64) -> f64 {
         let reachable = clamp(
             wanted,
             -self.max_next_velocity(-self.velocity),
@@ -172,8 +193,17 @@ impl VelocityLimiter {
             self.stop_velocity(self.position - self.lowest),
             self.stop_velocity(self.highest - self.position),
         );
-        self.velocity = clamp(limited, -down, up);
-        self.position += self.velocity;
+        clamp(limited, -down, up)
+    }
+
+    fn advance(&mut self, velocity: f64) {
+        self.velocity = velocity;
+        self.position += velocity;
+    }
+
+    /// The largest step of a tick and its largest change, counts.
+    pub(crate) fn largest_steps(&self) -> [f64; 2] {
+        [self.velocity_limit, self.deceleration]
     }
 
     /// The highest velocity that can come after `velocity`.

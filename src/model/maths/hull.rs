@@ -179,6 +179,22 @@ impl Hull {
         }
     }
 
+    /// How far a point is beyond the side that it violates most, counts; negative inside. Not a
+    /// number for a point that is none.
+    #[must_use]
+    pub fn excess(&self, counts: &MotorVec) -> f64 {
+        match &self.shape {
+            Shape::Interval { low, high } => {
+                counts.first().map_or(f64::NAN, |at| (low - at).max(at - high))
+            }
+            Shape::Polygon { edges, .. } => {
+                let excesses = edges.iter().map(|edge| edge.excess(*counts));
+                let most = excesses.fold(f64::NEG_INFINITY, f64::max);
+                if counts.iter().any(|at| at.is_nan()) { f64::NAN } else { most }
+            }
+        }
+    }
+
     /// The nearest point of the hull, counts. A point inside is its own projection. A NaN point
     /// gives the centre.
     #[must_use]

@@ -9,9 +9,10 @@ use std::sync::Arc;
 use i2ris::config::{Config, JointLimitConfig};
 use i2ris::core::cycle::ControlCycle;
 use i2ris::core::{
-    CycleInputs, CycleOutputs, CycleReport, ExternalPose, ServoCommand, ServoGoal, StateRequest,
+    CycleInputs, CycleOutputs, CycleReport, ExternalPose, Gated, ServoCommand, ServoGoal,
+    StateRequest,
 };
-use i2ris::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand, WrittenTarget};
+use i2ris::drive::{AxisFeedback, AxisPhase, Demand, WrittenTarget};
 use i2ris::model::{Model, Query};
 use i2ris::robot::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, MAX_MOTORS, MotorVec, Nanos, OutputVec};
@@ -129,7 +130,7 @@ impl<M: Motors> ClosedLoop<M> {
             now,
             size: config.motors().min(MAX_MOTORS),
             feedback: [homed; MAX_MOTORS],
-            outputs: CycleOutputs { requests: [AxisRequest::default(); MAX_MOTORS], ..outputs },
+            outputs: CycleOutputs { requests: [Gated::default(); MAX_MOTORS], ..outputs },
             sequence: 0,
             camera: None,
             motors,
@@ -166,7 +167,7 @@ impl<M: Motors> ClosedLoop<M> {
         self.now = self.next();
         let requests = self.outputs.requests;
         let target =
-            |request: &AxisRequest| (request.demand == Demand::Enabled).then_some(request.target);
+            |request: &Gated| (request.demand == Demand::Enabled).then_some(request.target);
         let encoders = self.motors.read(requests.each_ref().map(target));
         let frame = self.frame();
         let written = if M::ARE_IDEAL { self.now } else { before };

@@ -17,6 +17,8 @@ use crate::core::joint_space::position_history::{HistoryCursor, PositionHistory}
 use crate::core::joint_space::velocity_estimate::rate;
 use crate::core::motion::backlash_dead_band::{BacklashDeadBand, DeadBandedGoal};
 use crate::core::motion::joint_filter::{GoalStep, JointFilter};
+use crate::core::motion::joint_limits::JointBounds;
+use crate::core::motion::virtual_fixtures::GoalSpace;
 use crate::core::outputs::JointReport;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
@@ -34,6 +36,8 @@ pub(crate) struct JointModel {
     compensation: f64,
     /// Duration of the blend after this model has taken over.
     blend_span: Nanos,
+    /// `None`: off, or outputs that are no angles.
+    bounds: Option<JointBounds>,
     /// Only with the adaptation on, and for models that are adapted.
     geometry: Option<ModelGeometry>,
     state: JointModelState,
@@ -190,6 +194,7 @@ impl JointModel {
             model,
             compensation: config.compensation.factor,
             blend_span: Nanos::from_millis(config.model_swap.blend_ms),
+            bounds: JointBounds::new(&config.joint_limits, tick, has_angles),
             state,
             known: Known::default(),
         }
@@ -331,6 +336,31 @@ impl JointModel {
         let (memory, residual) = (&self.state.memory, self.residual());
         let pose = self.model.pose(counts, memory, &residual);
         if vector::is_finite(&pose) { Ok(self.corrected(pose)) } else { Err(NotFinite) }
+    }
+
+    /// The outputs at given counts as calibrated, with the memory that belongs to that.
+    pub fn calibrated_pose(
+        &self,
+        counts: &MotorVec,
+        calibrated: &Memory,
+    ) -> Result<OutputVec, NotFinite> {
+        let pose = self.model.pose(counts, calibrated, &self.model.correction(calibrated));
+        if vector::is_finite(&pose) { Ok(pose) } else { Err(NotFinite) }
+    }
+
+    /// The joint limits; `None`: off, or outputs that are no angles.
+    pub fn bounds(&self) -> Option<&JointBounds> {
+        self.bounds.as_ref()
+    }
+
+    /// What a goal means to virtual fixtures.
+    pub fn goal_space(&self) -> GoalSpace<'_> {
+        let correction = self.state.correction.as_ref();
+        GoalSpace {
+            unit: self.unit(),
+            view: correction.map(Correction::calibrated_view),
+            bounds: self.bounds(),
+        }
     }
 
     /// The part of the model that depends on the memory alone.

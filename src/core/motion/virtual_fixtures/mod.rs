@@ -6,10 +6,18 @@
 //! can move, but not deeper.
 //!
 //! Several regions at once: the step of a tick is projected on the rule of every region in turn,
-//! and the result is then checked with the distances at the new goal. A step that fails the check
-//! is halved until it passes; at last the goal stays where it is. So the guarantee does not depend
-//! on the projection, and it also holds for the tip, whose motion is not linear in the angles.
+//! and clamped to the joint limits; the result is then checked with the distances at the new goal.
+//! A step that fails the check is halved until it passes; at last the goal stays where it is. So
+//! the guarantee does not depend on the projection, and it also holds for the tip, whose motion is
+//! not linear in the angles.
+//!
+//! The distance to a region is the smaller one of the pose as adapted and the pose as calibrated: a
+//! camera that misleads the adaptation opens no region.
+//!
+//! The time per tick is bounded: a pose takes one computation of the tip for all regions, and there
+//! are at most `2 + HALVINGS` poses, each of them once more as calibrated.
 
+mod distances;
 mod region;
 
 use serde::{Deserialize, Serialize};
@@ -17,24 +25,29 @@ use serde::{Deserialize, Serialize};
 use crate::config::{MAX_REGIONS, VirtualFixtureConfig};
 use crate::core::events::fold::EventFold;
 use crate::core::motion::joint_filter::GoalStep;
+use crate::core::motion::joint_limits::JointBounds;
 use crate::core::vector;
 use crate::model::file::OutputUnit;
-use crate::model::kinematic;
 use crate::robot::Refusal;
 use crate::units::{Nanos, OutputVec};
 
+pub(crate) use distances::CalibratedView;
 pub use region::{FixtureSpace, SimpleRegion, SimpleShape};
-pub(crate) use region::{Margins, Point, Region};
+pub(crate) use region::{Margins, Region};
 
+use distances::{Distances, PoseDistance};
 use region::dot;
 
 /// Rounds of projections. Two regions need two or three.
 const ROUNDS: usize = 4;
 /// Halvings of a step before the goal stays where it is.
-const HALVINGS: usize = 12;
-/// Longest step of the goal per tick while regions count: farther than any motor moves.
-const LONGEST_STEP_RAD: f64 = 0.035;
+const HALVINGS: usize = 3;
+/// Longest step of the goal per tick while regions count: farther than any motor moves. On such a
+/// step the path of the tip bends by less than a micrometre.
+const LONGEST_STEP_RAD: f64 = 0.01;
 const LONGEST_STEP_M: f64 = 1e-4;
+/// Rounding may not make a step at a limit a longer one.
+const ROUNDING: f64 = 1.0 + 1e-9;
 /// Part of the margin that setpoints may use before their motors stop. The rest is for braking.
 const BRAKING_SHARE: f64 = 0.6;
 /// Points on the line of `move_jp` that are looked at.
@@ -65,16 +78,21 @@ pub(crate) struct VirtualFixtures {
     fall: f64,
     /// The goal of the last tick, while goals in joint space are followed.
     last: Option<OutputVec>,
+    /// Its step.
+    step: OutputVec,
     /// The goal was limited in this tick, by the region with this index.
     limited_by: Option<u8>,
     limits: EventFold,
 }
 
-/// The distance of a goal to a region, with the slope in output space.
+/// What limits a goal besides the regions, and what it means.
 #[derive(Debug, Clone, Copy)]
-struct GoalDistance {
-    distance: f64,
-    slope: OutputVec,
+pub(crate) struct GoalSpace<'a> {
+    pub unit: OutputUnit,
+    /// `None`: as calibrated, or outputs that are no angles.
+    pub view: Option<CalibratedView>,
+    /// `None`: off.
+    pub bounds: Option<&'a JointBounds>,
 }
 
 impl VirtualFixtures {
@@ -91,6 +109,7 @@ impl VirtualFixtures {
             margins: Margins::new(config),
             fall: (tick.as_seconds() / slow_down.as_seconds()).min(1.0),
             last: None,
+            step: OutputVec::default(),
             limited_by: None,
             limits: EventFold::default(),
         }
@@ -146,19 +165,20 @@ impl VirtualFixtures {
 
     /// No goal in joint space is followed in this tick.
     pub fn release_goal(&mut self) {
-        self.last = None;
+        (self.last, self.step) = (None, OutputVec::default());
         self.limited_by = None;
     }
 
     /// Limits the goal of this tick. `start`: where the goal begins after a pause.
-    pub fn limit(&mut self, goal: GoalStep, start: OutputVec, unit: OutputUnit) -> GoalStep {
+    pub fn limit(&mut self, goal: GoalStep, start: OutputVec, space: &GoalSpace<'_>) -> GoalStep {
         let was_limited = self.limited_by.take().is_some();
         if !self.is_on() {
-            self.last = None;
+            (self.last, self.step) = (None, OutputVec::default());
             return goal;
         }
         let last = self.last.unwrap_or(start);
-        let now = self.limited(&last, &goal.now, unit);
+        let now = self.limited(&last, &goal.now, space);
+        self.step = vector::difference(&now, &last);
         self.last = Some(now);
         // After a limit, the goal of one tick before is not where this goal came from.
         if now == goal.now && !was_limited {
@@ -167,130 +187,143 @@ impl VirtualFixtures {
         GoalStep { now, before: last }
     }
 
-    /// Setpoints may move from one pose to another: not nearer to a region than a part of the
-    /// margin, or not deeper. Notes the region otherwise.
-    pub fn allows_setpoint(&mut self, from: &OutputVec, to: &OutputVec, unit: OutputUnit) -> bool {
-        let entered = self.regions.iter().position(|region| {
-            let Some(region) = region else { return false };
-            let border = -BRAKING_SHARE * self.margins.of(region.space);
-            let distance = |pose| goal_distance(region, pose, unit).map(|at| at.distance);
-            let (before, now) = (distance(from), distance(to));
-            !before.zip(now).is_some_and(|(before, now)| now >= before.min(border))
-        });
-        if let Some(index) = entered {
-            self.limited_by = Some(index as u8);
+    /// Setpoints may be at poses, adapted and calibrated: not nearer to a region than a part of the
+    /// margin, or not nearer than other poses, computed only where that is asked. Notes the region
+    /// otherwise.
+    pub fn allow_setpoint<E>(
+        &mut self,
+        poses: &[OutputVec],
+        unit: OutputUnit,
+        others: impl FnOnce() -> Result<[OutputVec; 2], E>,
+    ) -> Result<bool, E> {
+        let margins = self.margins;
+        let regions = self.regions;
+        let border = |index: u8| {
+            let region = regions.get(usize::from(index)).and_then(Option::as_ref);
+            region.map_or(0.0, |region| -BRAKING_SHARE * margins.of(region.space))
+        };
+        let distances =
+            |poses: &[OutputVec], at: usize| poses.get(at).map(|pose| self.distances(pose, unit));
+        let now = [distances(poses, 0), distances(poses, 1)];
+        let is_clear = |at: &PoseDistance| at.distance >= border(at.region);
+        if now.iter().flatten().all(|now| now.iter().all(is_clear)) {
+            return Ok(true);
         }
-        entered.is_none()
+        let others = others()?;
+        let least = |before: &PoseDistance| before.distance.min(border(before.region));
+        let entered = (0..).zip(&now).find_map(|(at, now)| {
+            let before = distances(&others, at)?;
+            now.as_ref()?.first_below(&before, least)
+        });
+        self.limited_by = entered.or(self.limited_by);
+        Ok(entered.is_none())
     }
 
     /// A straight line from one goal to another meets no region, apart from one that it leaves. On
     /// [`LINE_POINTS`] points: what lies between them is left to [`VirtualFixtures::limit`].
-    pub fn allows_line(&self, from: &OutputVec, to: &OutputVec, unit: OutputUnit) -> bool {
-        let mut regions = self.regions.iter().flatten().filter(|_| self.is_on);
-        regions.all(|region| {
-            let mut before = f64::NEG_INFINITY;
-            (0..=LINE_POINTS).all(|k| {
-                let at = vector::interpolate(from, to, f64::from(k) / f64::from(LINE_POINTS));
-                let now = goal_distance(region, &at, unit).map(|at| at.distance);
-                let is_allowed = now.is_some_and(|now| now >= before.min(0.0));
-                before = now.unwrap_or(before);
-                is_allowed
-            })
+    pub fn allows_line(&self, from: &OutputVec, to: &OutputVec, space: &GoalSpace<'_>) -> bool {
+        if !self.is_on() {
+            return true;
+        }
+        let mut before: Option<Distances> = None;
+        (0..=LINE_POINTS).all(|k| {
+            let at = vector::interpolate(from, to, f64::from(k) / f64::from(LINE_POINTS));
+            let now = self.seen(&at, space);
+            let last = before.replace(now).unwrap_or(now);
+            now.first_below(&last, |before| before.distance.min(0.0)).is_none()
         })
     }
 
-    fn limited(&mut self, last: &OutputVec, goal: &OutputVec, unit: OutputUnit) -> OutputVec {
-        let mut step = vector::difference(goal, last);
-        for _ in 0..ROUNDS {
-            let mut is_changed = false;
-            for (index, region) in self.regions.iter().enumerate() {
-                let Some(region) = region else { continue };
-                let Some(at) = goal_distance(region, last, unit) else {
-                    return self.held(index, last);
-                };
-                let lowest = -self.fall * at.distance.max(0.0);
-                let towards = dot(&at.slope, &step);
-                let squared = dot(&at.slope, &at.slope);
-                if towards < lowest && squared > 0.0 {
-                    let push = (lowest - towards) / squared;
-                    step = vector::zip_map(&step, &at.slope, |step, slope| step + push * slope);
-                    self.limited_by = Some(index as u8);
-                    is_changed = true;
-                }
-            }
-            if !is_changed {
-                break;
-            }
-        }
-        let length = dot(&step, &step).sqrt();
-        let longest = match unit {
-            OutputUnit::Deg => LONGEST_STEP_RAD,
-            OutputUnit::Mm => LONGEST_STEP_M,
-        };
-        if length > longest {
-            step = step.map(|value| value * longest / length);
-        } else if self.limited_by.is_none() && self.first_entered(last, &step, unit).is_none() {
+    fn distances(&self, pose: &OutputVec, unit: OutputUnit) -> Distances {
+        Distances::new(&self.regions, pose, None, unit)
+    }
+
+    fn seen(&self, goal: &OutputVec, space: &GoalSpace<'_>) -> Distances {
+        Distances::new(&self.regions, goal, space.view.as_ref(), space.unit)
+    }
+
+    fn limited(&mut self, last: &OutputVec, goal: &OutputVec, space: &GoalSpace<'_>) -> OutputVec {
+        let near = self.seen(last, space);
+        let whole = vector::difference(goal, last);
+        let projected = self.projected(whole, last, &near, space);
+        let mut step = self.shortened(projected, space);
+        if step == whole && self.first_entered(&near, last, &step, space).is_none() {
             return *goal;
         }
-        for _ in 0..HALVINGS {
-            match self.first_entered(last, &step, unit) {
+        for _ in 0..=HALVINGS {
+            match self.first_entered(&near, last, &step, space) {
                 None => return vector::zip_map(last, &step, |last, step| last + step),
-                Some(index) => self.limited_by = Some(index as u8),
+                Some(index) => self.limited_by = Some(index),
             }
             step = step.map(|value| 0.5 * value);
         }
         *last
     }
 
-    fn held(&mut self, index: usize, last: &OutputVec) -> OutputVec {
-        self.limited_by = Some(index as u8);
-        *last
-    }
-
-    /// The first region that a step enters, crosses, or enters deeper.
-    fn first_entered(&self, last: &OutputVec, step: &OutputVec, unit: OutputUnit) -> Option<usize> {
-        self.regions.iter().position(|region| {
-            let is_entered = |region| is_entered(region, last, step, unit);
-            region.as_ref().is_some_and(is_entered)
-        })
-    }
-}
-
-/// Comparisons are written so that a distance that is not a number counts as entered.
-fn is_entered(region: &Region, last: &OutputVec, step: &OutputVec, unit: OutputUnit) -> bool {
-    let Some(before) = goal_distance(region, last, unit) else {
-        return true;
-    };
-    let lowest = before.distance.min(0.0);
-    // In the coordinates of the region, no step that keeps to this rule meets the set. The tip
-    // moves on a curve, so points on its path are checked, too.
-    let is_beside = dot(&before.slope, step) >= -before.distance.max(0.0);
-    let parts = if region.space == FixtureSpace::Tip { 4 } else { 1 };
-    let is_outside = |part: u32| {
-        let share = f64::from(part) / f64::from(parts);
-        let next = vector::zip_map(last, step, |last, step| last + share * step);
-        goal_distance(region, &next, unit).is_some_and(|now| now.distance >= lowest)
-    };
-    !(is_beside && (1..=parts).all(is_outside))
-}
-
-/// `None`: a region in angles, and outputs that are none.
-fn goal_distance(region: &Region, goal: &OutputVec, unit: OutputUnit) -> Option<GoalDistance> {
-    let direct = |point: &Point| {
-        let at = region.distance(point);
-        GoalDistance { distance: at.distance, slope: at.slope }
-    };
-    match (region.space, unit) {
-        (FixtureSpace::Angles, OutputUnit::Deg) => Some(direct(&[goal[0], goal[1], 0.0])),
-        (FixtureSpace::Tip, OutputUnit::Mm) => Some(direct(goal)),
-        (FixtureSpace::Tip, OutputUnit::Deg) => {
-            let tip = kinematic::tip_position(goal[0], goal[1]);
-            let at = region.distance(&tip.position_m);
-            let along = |slope: &Point| dot(&at.slope, slope);
-            let [pitch, yaw] = &tip.slope_m_per_rad;
-            Some(GoalDistance { distance: at.distance, slope: [along(pitch), along(yaw), 0.0] })
+    /// The step that keeps to the rule of every region and to the joint limits, taken to be planes.
+    fn projected(
+        &mut self,
+        mut step: OutputVec,
+        last: &OutputVec,
+        near: &Distances,
+        space: &GoalSpace<'_>,
+    ) -> OutputVec {
+        for _ in 0..ROUNDS {
+            let mut is_changed = false;
+            for at in near.iter() {
+                let lowest = -self.fall * at.distance.max(0.0);
+                let towards = dot(&at.slope, &step);
+                let squared = dot(&at.slope, &at.slope);
+                if towards < lowest && squared > 0.0 {
+                    let push = (lowest - towards) / squared;
+                    step = vector::zip_map(&step, &at.slope, |step, slope| step + push * slope);
+                    self.limited_by = Some(at.region);
+                    is_changed = true;
+                }
+            }
+            if !is_changed {
+                break;
+            }
+            if let Some(bounds) = space.bounds {
+                let next = vector::zip_map(last, &step, |last, step| last + step);
+                step = vector::difference(&bounds.clamp(&next), last);
+            }
         }
-        (FixtureSpace::Angles, OutputUnit::Mm) => None,
+        step
+    }
+
+    /// The same direction, no faster than joint limits and motors.
+    fn shortened(&self, step: OutputVec, space: &GoalSpace<'_>) -> OutputVec {
+        let longest = match space.unit {
+            OutputUnit::Deg => LONGEST_STEP_RAD,
+            OutputUnit::Mm => LONGEST_STEP_M,
+        };
+        let mut share = longest / dot(&step, &step).sqrt();
+        if let Some(bounds) = space.bounds {
+            let largest = bounds.largest_goal_step(&step, &self.step);
+            for (largest, step) in largest.iter().zip(&step) {
+                share = share.min(ROUNDING * largest / step.abs());
+            }
+        }
+        if share < 1.0 { step.map(|value| share * value) } else { step }
+    }
+
+    /// The first region that a step enters, crosses, or enters deeper. Comparisons are written so
+    /// that a distance that is not a number counts as entered.
+    fn first_entered(
+        &self,
+        near: &Distances,
+        last: &OutputVec,
+        step: &OutputVec,
+        space: &GoalSpace<'_>,
+    ) -> Option<u8> {
+        // In the coordinates of the region, no step that keeps to this rule meets the set.
+        let is_beside = |at: &PoseDistance| dot(&at.slope, step) >= -at.distance.max(0.0);
+        let met = near.iter().find(|at| !is_beside(at)).map(|at| at.region);
+        met.or_else(|| {
+            let next = vector::zip_map(last, step, |last, step| last + step);
+            self.seen(&next, space).first_below(near, |before| before.distance.min(0.0))
+        })
     }
 }
 

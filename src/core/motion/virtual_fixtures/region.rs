@@ -77,15 +77,6 @@ struct Face {
     offset: f64,
 }
 
-/// Distance to a region and its slope.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Distance {
-    /// Negative inside.
-    pub distance: f64,
-    /// Of length 1, or 0 at the centre of a ball.
-    pub slope: Point,
-}
-
 impl Region {
     /// A region of the configuration, which has been checked.
     pub fn new(shape: &FixtureShape, config: &VirtualFixtureConfig) -> Self {
@@ -129,24 +120,24 @@ impl Region {
         }
     }
 
-    /// The distance to a point. Beyond a corner it is that to the farther of two sides, which is
-    /// not more than the real one: to the safe side.
-    pub(super) fn distance(&self, point: &Point) -> Distance {
+    /// The distance to a point, negative inside, and its slope, of length 1, or 0 at the centre of
+    /// a ball. Beyond a corner it is that to the farther of two sides, which is not more than the
+    /// real one: to the safe side.
+    pub(super) fn distance(&self, point: &Point) -> (f64, Point) {
         match &self.shape {
             Shape::Ball { centre, radius } => {
                 let from = crate::core::vector::difference(point, centre);
                 let length = norm(&from);
                 let slope =
                     if length > 0.0 { from.map(|value| value / length) } else { Point::default() };
-                Distance { distance: length - radius, slope }
+                (length - radius, slope)
             }
             Shape::Faces { faces, count } => {
-                let mut farthest =
-                    Distance { distance: f64::NEG_INFINITY, slope: Point::default() };
+                let mut farthest = (f64::NEG_INFINITY, Point::default());
                 for face in faces.iter().take(usize::from(*count)) {
                     let distance = dot(&face.outward, point) - face.offset;
-                    if distance > farthest.distance {
-                        farthest = Distance { distance, slope: face.outward };
+                    if distance > farthest.0 {
+                        farthest = (distance, face.outward);
                     }
                 }
                 farthest
@@ -239,7 +230,7 @@ mod tests {
 
     fn distance_deg(region: &Region, pitch_deg: f64, yaw_deg: f64) -> f64 {
         let point = [pitch_deg.to_radians(), yaw_deg.to_radians(), 0.0];
-        region.distance(&point).distance.to_degrees()
+        region.distance(&point).0.to_degrees()
     }
 
     #[test]
@@ -270,8 +261,8 @@ mod tests {
     fn a_ball_of_the_tip_is_in_metres() {
         let ball = FixtureShape::Ball { centre_mm: [1.0, 0.0, 2.0], radius_mm: 0.5 };
         let config = VirtualFixtureConfig { margin_mm: 0.0, ..VirtualFixtureConfig::default() };
-        let distance = Region::new(&ball, &config).distance(&[0.0, 0.0, 2e-3]);
-        assert!((distance.distance - 0.5e-3).abs() < 1e-12);
-        assert_eq!(distance.slope, [-1.0, 0.0, 0.0]);
+        let (distance, slope) = Region::new(&ball, &config).distance(&[0.0, 0.0, 2e-3]);
+        assert!((distance - 0.5e-3).abs() < 1e-12);
+        assert_eq!(slope, [-1.0, 0.0, 0.0]);
     }
 }

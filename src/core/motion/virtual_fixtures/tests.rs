@@ -4,6 +4,7 @@ use super::*;
 use crate::config::{FixtureRegionConfig, FixtureShape};
 
 const TICK: Nanos = Nanos::from_millis(1);
+const SPACE: GoalSpace<'_> = GoalSpace { unit: OutputUnit::Deg, view: None, bounds: None };
 
 fn fixtures(shapes: &[FixtureShape]) -> VirtualFixtures {
     let region = |shape: &FixtureShape| FixtureRegionConfig {
@@ -26,7 +27,7 @@ fn run(fixtures: &mut VirtualFixtures, goals: &[OutputVec], start: OutputVec) ->
     let steps = goals.iter().map(|goal| {
         let step = GoalStep { now: *goal, before };
         before = *goal;
-        fixtures.limit(step, start, OutputUnit::Deg).now
+        fixtures.limit(step, start, &SPACE).now
     });
     steps.collect()
 }
@@ -39,9 +40,9 @@ fn wall(offset_deg: f64) -> FixtureShape {
 fn without_regions_a_goal_passes_unchanged() {
     let step = GoalStep { now: degrees(3.0, 4.0), before: degrees(3.1, 4.2) };
     let mut none = fixtures(&[]);
-    assert_eq!(none.limit(step, [9.0; 3], OutputUnit::Deg), step);
+    assert_eq!(none.limit(step, [9.0; 3], &SPACE), step);
     let mut far = fixtures(&[wall(30.0)]);
-    let passed = far.limit(step, step.before, OutputUnit::Deg);
+    let passed = far.limit(step, step.before, &SPACE);
     assert_eq!((passed, far.limited_by()), (step, None));
 }
 
@@ -70,10 +71,10 @@ fn a_goal_inside_may_leave_but_not_go_deeper() {
     let start = degrees(14.0, 0.0);
     let deeper = run(&mut fixtures, &[degrees(15.0, 1.0)], start);
     assert!((deeper[0][0].to_degrees() - 14.0).abs() < 1e-9);
-    let out = run(&mut fixtures, &[degrees(12.0, 1.0)], start);
-    assert!((out[0][0].to_degrees() - 12.0).abs() < 1e-9);
-    assert!(fixtures.allows_line(&start, &degrees(0.0, 0.0), OutputUnit::Deg));
-    assert!(!fixtures.allows_line(&degrees(0.0, 0.0), &start, OutputUnit::Deg));
+    let out = run(&mut fixtures, &[degrees(13.6, 0.2)], start);
+    assert!((out[0][0].to_degrees() - 13.6).abs() < 1e-9);
+    assert!(fixtures.allows_line(&start, &degrees(0.0, 0.0), &SPACE));
+    assert!(!fixtures.allows_line(&degrees(0.0, 0.0), &start, &SPACE));
 }
 
 #[test]
@@ -139,10 +140,11 @@ proptest! {
         let goals = goals.iter().flat_map(|goal| std::iter::repeat_n(goal, stretch));
         for goal in goals {
             let goal = GoalStep { now: degrees(goal.0, goal.1), before: at };
-            let next = fixtures.limit(goal, at, OutputUnit::Deg).now;
-            for region in fixtures.regions.iter().flatten() {
-                let before = goal_distance(region, &at, OutputUnit::Deg).unwrap().distance;
-                let now = goal_distance(region, &next, OutputUnit::Deg).unwrap().distance;
+            let next = fixtures.limit(goal, at, &SPACE).now;
+            let before = fixtures.seen(&at, &SPACE);
+            let now = fixtures.seen(&next, &SPACE);
+            for (before, now) in before.iter().zip(now.iter()) {
+                let (before, now) = (before.distance, now.distance);
                 prop_assert!(now >= before.min(0.0), "{before} {now}");
             }
             at = next;
@@ -155,7 +157,7 @@ proptest! {
         let mut fixtures = fixtures(&[shape]);
         let start = degrees(0.0, 0.0);
         let goal = GoalStep { now: [f64::NAN, 0.1, 0.0], before: start };
-        let next = fixtures.limit(goal, start, OutputUnit::Deg).now;
+        let next = fixtures.limit(goal, start, &SPACE).now;
         prop_assert_eq!(next, start);
     }
 }

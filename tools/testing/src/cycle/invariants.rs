@@ -59,7 +59,7 @@ impl InvariantCheck {
             self.check_axis(motor, inputs.feedback[motor].phase, inputs, outputs);
         }
         for absent in &outputs.requests[self.limits.len()..] {
-            assert_eq!(*absent, AxisRequest::default());
+            assert_eq!(**absent, AxisRequest::default());
         }
         self.last = Some(*outputs);
     }

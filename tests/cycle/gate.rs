@@ -1,0 +1,148 @@
+//! The gate behind the order of filters, in the whole cycle: no stage undoes the limit of another.
+
+use std::sync::Arc;
+
+use i2ris::config::HomingMethod;
+use i2ris::core::{ExternalPose, FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::model::Model;
+use i2ris::model::file::OutputUnit;
+use i2ris_testing::cycle::{Bench, CLIENT, GAIN_DEG, config, model, play_model, rad};
+
+const WALL: &str = "[[virtual_fixtures.regions]]\nname = \"wall\"\n\
+     shape = { half_plane = { normal = [1.0, 0.0], offset_deg = 6.0 } }";
+
+fn enabled(tables: &str, model: Arc<Model>) -> Bench {
+    Bench::enabled_with(config(tables), Some(model))
+}
+
+fn setpoint_deg(bench: &Bench) -> [f64; 3] {
+    bench.joints().setpoint.map(f64::to_degrees)
+}
+
+/// Servo commands along a straight line, one per tick; what they led to is checked after each.
+fn sweep(
+    bench: &mut Bench,
+    from: [f64; 2],
+    to: [f64; 2],
+    ticks: u32,
+    mut check: impl FnMut(&Bench),
+) {
+    for k in 1..=ticks {
+        let share = f64::from(k) / f64::from(ticks);
+        let at = |axis: usize| from[axis] + share * (to[axis] - from[axis]);
+        assert_eq!(bench.joint(at(0), at(1)), Refusal::None);
+        check(bench);
+    }
+}
+
+/// The pose as calibrated at the setpoints on the wire, for the model without memory.
+fn calibrated_deg(bench: &Bench) -> [f64; 2] {
+    let [a, b] = bench.targets().map(f64::from);
+    [GAIN_DEG * (a + b), GAIN_DEG * (b - a)]
+}
+
+#[test]
+fn a_slanted_wall_pushes_no_setpoint_past_a_joint_limit() {
+    let tables = "[joint_limits]\nposition_min_deg = [-9.0, -9.0]\n\
+         position_max_deg = [3.0, 9.5]\n[[virtual_fixtures.regions]]\nname = \"slant\"\n\
+         shape = { half_plane = { normal = [-1.0, 1.0], offset_deg = 2.5 } }";
+    for model in [model(OutputUnit::Deg), play_model()] {
+        let mut bench = enabled(tables, model);
+        let mut highest = f64::MIN;
+        let mut note = |bench: &Bench| highest = highest.max(setpoint_deg(bench)[0]);
+        sweep(&mut bench, [0.0, 0.0], [3.0, 9.0], 4000, &mut note);
+        sweep(&mut bench, [3.0, 9.0], [3.0, 9.0], 1000, &mut note);
+        assert!(highest <= 3.002, "{highest} deg");
+        assert!(highest > 2.5, "the wall is followed up to the limit: {highest} deg");
+    }
+}
+
+#[test]
+fn around_a_circle_no_setpoint_is_faster_than_the_joint_limit() {
+    let tables = "[joint_limits]\nvelocity_deg_s = 6.0\n[[virtual_fixtures.regions]]\n\
+         name = \"circle\"\nshape = { circle = { centre_deg = [4.0, 0.0], radius_deg = 2.0 } }";
+    for (model, has_memory) in [(model(OutputUnit::Deg), false), (play_model(), true)] {
+        let mut bench = enabled(tables, model);
+        let (mut fastest, mut before) = (0.0_f64, setpoint_deg(&bench));
+        let mut note = |bench: &Bench| {
+            // From tick to tick a model with memory also learns where the motors are.
+            let now = setpoint_deg(bench);
+            let steps = [0, 1].map(|output| (now[output] - before[output]) * 1e3);
+            for speed in steps.iter().filter(|_| !has_memory) {
+                fastest = fastest.max(speed.abs());
+            }
+            before = now;
+        };
+        sweep(&mut bench, [0.0, 0.3], [9.0, 0.3], 3000, &mut note);
+        sweep(&mut bench, [9.0, 0.3], [9.0, 0.3], 2000, &mut note);
+        assert!(fastest <= 6.1, "{fastest} deg/s");
+        assert!(setpoint_deg(&bench)[0] > 8.0, "it comes round: {:?}", setpoint_deg(&bench));
+    }
+}
+
+#[test]
+fn a_camera_that_reads_too_little_leads_no_setpoint_into_a_region() {
+    let tables = format!("[adaptation]\nenabled = true\n{WALL}");
+    let mut bench = enabled(&tables, model(OutputUnit::Deg));
+    for k in 0..120_000_u32 {
+        // It comes to read 2.9 deg too little.
+        let shift_deg = -2.9 * (f64::from(k) / 90_000.0).min(1.0);
+        let [a, b] = bench.drives.each_ref().map(|drive| drive.feedback.position.as_f64());
+        bench.external = k.is_multiple_of(33).then(|| ExternalPose {
+            stamp: bench.now,
+            position: rad(GAIN_DEG * (a + b) + shift_deg, GAIN_DEG * (b - a)),
+            outputs: 2,
+            quality: 0.0,
+        });
+        let phase = 0.002 * f64::from(k);
+        assert_eq!(bench.joint(3.0 * phase.sin(), 3.0 * (0.7 * phase).sin()), Refusal::None);
+    }
+    let learned = bench.report().adaptation.unwrap().applied.zero[0].to_degrees();
+    assert!(learned < -0.9, "{learned} deg were believed");
+    let here = setpoint_deg(&bench);
+    let mut deepest = f64::MIN;
+    let mut note = |bench: &Bench| deepest = deepest.max(calibrated_deg(bench)[0]);
+    sweep(&mut bench, [here[0], here[1]], [5.4, 0.0], 4000, &mut note);
+    sweep(&mut bench, [5.4, 0.0], [5.4, 0.0], 500, &mut note);
+    assert!(deepest < 6.0, "{deepest} deg behind the wall at 6 deg");
+    assert!(bench.report().limited_by_fixture.is_some());
+}
+
+#[test]
+fn a_fixture_that_comes_during_conditioning_ends_it() {
+    let ball = SimpleRegion {
+        space: FixtureSpace::Angles,
+        shape: SimpleShape::Ball { centre: [0.1, 0.1, 0.0], radius: 0.02 },
+    };
+    for change in [FixtureChange::Add(ball), FixtureChange::SwitchOn] {
+        let mut bench = enabled(WALL, model(OutputUnit::Deg));
+        bench.fixture = Some(FixtureChange::SwitchOff);
+        assert_eq!(bench.ask(StateCommand::Fixture), Refusal::None);
+        assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+        bench.run(50);
+        assert!(bench.report().busy);
+        bench.fixture = Some(change);
+        assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Fixture).refusal, Refusal::None);
+        assert!(!bench.report().busy && bench.report().holding, "{change:?}");
+        bench.run(5);
+        let at = bench.targets();
+        bench.run(500);
+        assert_eq!(bench.targets(), at);
+    }
+}
+
+#[test]
+fn homing_against_a_stop_is_refused_while_a_fixture_counts() {
+    let mut config = config(WALL);
+    config.ports[0].axes[1].homing = HomingMethod::StopPositive;
+    let mut bench = Bench::new(config, Some(model(OutputUnit::Deg)));
+    assert_eq!(bench.ask(StateCommand::Home), Refusal::Fixture);
+    assert_eq!(bench.state(), OperatingState::Disabled);
+    bench.fixture = Some(FixtureChange::SwitchOff);
+    assert_eq!(bench.ask(StateCommand::Fixture), Refusal::None);
+    assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
+    // Without motion nothing has to be refused.
+    let mut bench = Bench::new(i2ris_testing::cycle::config(WALL), Some(model(OutputUnit::Deg)));
+    assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
+}
