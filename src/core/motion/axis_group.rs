@@ -98,7 +98,7 @@ impl AxisGroup {
         let pace = along.fold(f64::INFINITY, f64::min).max(0.0);
         vector::collect(moves().map(|(left, stop, whole)| {
             let range = whole - stop;
-            if range == 0.0 { 0.0 } else { ((pace * left - stop) / range).max(0.0).min(1.0) }
+            if range == 0.0 { 0.0 } else { ((pace * left - stop) / range).clamp(0.0, 1.0) }
         }))
     }
 
