@@ -15,6 +15,8 @@ use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 use crate::process::Process;
 
+/// The configuration of the controller, in the folder.
+const FILE: &str = "controller.toml";
 const CONFIG: &str = include_str!("../../../config/emulator.toml");
 
 /// Time limit for emulator and controller to be there. A loaded machine needs much of it.
@@ -54,7 +56,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some(snake) => vec!["--snake".to_owned(), text(&fs::canonicalize(snake)?)?],
         None => Vec::new(),
     };
-    let mut robot = EmulatedRobot::start(&folder, &domain, &snake, |_| {}, &interrupt)?;
+    let config = kept_config(&folder, domain.name())?;
+    let mut robot = EmulatedRobot::start(&folder, &config, &snake, &interrupt)?;
     let (name, logs, file) = (domain.name(), folder.display(), robot.config.display());
     until_closed(Screen::stdout().say(&format!(
         "ready: emulator and controller on domain {name}, logs in {logs}\n\
@@ -63,6 +66,23 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outcome = watch(arguments, name, &interrupt, &mut robot);
     let ended = robot.end();
     outcome.and(ended)
+}
+
+/// The configuration in the folder: what a person wrote into it stays. A new one where there is none.
+fn kept_config(folder: &Path, domain: &str) -> Result<Config, Failure> {
+    let file = folder.join(FILE);
+    if !file.exists() {
+        return config(folder, domain);
+    }
+    let config = Config::load(&file)?;
+    if config.ipc.domain != domain {
+        let (file, other) = (file.display(), &config.ipc.domain);
+        return Err(format!(
+            "{file} is of domain {other}, not {domain}: use --domain {other}, or another --folder"
+        )
+        .into());
+    }
+    Ok(config)
 }
 
 /// Emulator and controller as processes of their own. Dropping ends both.
@@ -76,23 +96,24 @@ pub struct EmulatedRobot {
 }
 
 impl EmulatedRobot {
-    /// Starts both in a folder. `emulate`: options of `i2ris emulate`.
+    /// Starts both in a folder. `config`: that of the folder, or written there if it has none.
+    /// `emulate`: options of `i2ris emulate`.
     pub fn start(
         folder: &Path,
-        domain: &Domain,
+        config: &Config,
         emulate: &[String],
-        change: impl FnOnce(&mut Config),
         interrupt: &Interrupt,
     ) -> Result<Self, Failure> {
         let program = find("control").ok_or(
             "there is no program i2ris-control beside i2ris or on PATH; build it with `cargo \
              build --release`",
         )?;
-        let mut config = config(folder, domain.name())?;
-        change(&mut config);
-        let file = folder.join("controller.toml");
-        fs::write(&file, toml::to_string(&config)?)
-            .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+        let domain = Domain::new(&config.ipc.domain)?;
+        let file = folder.join(FILE);
+        if !file.exists() {
+            fs::write(&file, toml::to_string(config)?)
+                .map_err(|error| format!("cannot write {}: {error}", file.display()))?;
+        }
         let mut command = Command::new(std::env::current_exe()?);
         command.args(["emulate", "--domain", domain.name(), "--ports"]).arg(folder.join("ports"));
         let mut emulator = Process::start("emulator", command.args(emulate), folder)?;
@@ -103,9 +124,9 @@ impl EmulatedRobot {
         let mut controller =
             Process::start("controller", command.arg("--config").arg(&file), folder)?;
         wait(interrupt, &mut [&mut emulator, &mut controller], "the controller", || {
-            Client::connect(domain, Nanos::ZERO).is_ok()
+            Client::connect(&domain, Nanos::ZERO).is_ok()
         })?;
-        Ok(Self { config: file, robot_id: config.robot_id, controller, emulator })
+        Ok(Self { config: file, robot_id: config.robot_id.clone(), controller, emulator })
     }
 
     /// Fails if one of them has ended.
@@ -119,7 +140,8 @@ impl EmulatedRobot {
     }
 }
 
-fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
+/// The configuration of the emulated robot, with its ports in a folder.
+pub fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
     domain.clone_into(&mut config.ipc.domain);
     config.record.folder = folder.join("records");

@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus};
 
 use i2ris::config::Config;
-use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::{Domain, OperatingState};
 use i2ris_calibration::fit::Choice;
 use i2ris_report::exit::Coded;
 use i2ris_report::{Failure, Interrupt, Screen, until_closed};
@@ -82,12 +82,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             say(&format!("step {number} of {total}: {step}: done before"))?;
             continue;
         }
-        if step == Step::Collect {
+        if step.moves() {
             ask_for_zero(&mut guided.client, arguments.home)?;
         }
         let (purpose, left) = (step.purpose(), guided.time_left(&progress));
         say(&format!("step {number} of {total}: {step}: {purpose}; about {left} to go"))?;
-        guided.perform(step, &interrupt)?;
+        guided.perform(step, &progress, &interrupt)?;
         progress.done(step)?;
         if let Some(next) = Step::ALL.get(number) {
             let left = guided.time_left(&progress);
@@ -95,9 +95,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     let [model, report] = ["model.json", "report.html"].map(|name| guided.file(name));
+    let state = guided.client.wait_for(CONNECT, |_| true)?;
+    let state = OperatingState::from_number(state.state).map_or("?", OperatingState::text);
+    let config = guided.config.display();
     say(&format!(
-        "done: the robot runs with {model}; the report is {report}\nto have it after a restart, \
-         too: set control.model in the controller's configuration; to calibrate again: --folder NEW"
+        "done: the robot is {state} and runs with {model}; the report is {report}\nafter a \
+         restart: run `i2ris calibrate` again, it goes on from here, or set control.model in \
+         {config}; to calibrate again: --folder NEW"
     ))
 }
 
@@ -155,26 +159,42 @@ impl Guided {
 
     fn time_left(&self, progress: &Progress) -> String {
         let left = Step::ALL.into_iter().filter(|step| !progress.is_done(*step));
-        minutes(left.map(|step| self.usual_s(step)).sum())
+        minutes(left.map(|step| self.usual_s(step, progress)).sum())
     }
 
     /// How long a step usually takes, s.
-    fn usual_s(&self, step: Step) -> f64 {
+    fn usual_s(&self, step: Step, progress: &Progress) -> f64 {
         match step {
             Step::Collect => self.duration_s + 40.0,
             Step::Fit if self.family == Choice::Best => 240.0,
             Step::Fit | Step::Activate => 30.0,
             Step::Compare => UNSEEN_S + 40.0,
             Step::Stage => 5.0,
+            Step::Check if progress.was_checked_before() => 10.0,
             Step::Check => 25.0,
         }
     }
 
-    fn commands(&self, step: Step) -> Vec<Vec<String>> {
-        let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect();
+    /// The commands that home and enable, as far as that is not done.
+    fn prepare(&mut self) -> Result<Vec<Vec<String>>, Failure> {
+        let state = self.client.wait_for(CONNECT, |_| true)?;
+        let is_in = |wanted: OperatingState| state.state == wanted.number();
+        let mut commands = Vec::new();
+        if state.flags & OperatingStateMsg::HOMED == 0 {
+            commands.push("home");
+        }
+        if is_in(OperatingState::Paused) {
+            commands.push("resume");
+        } else if !is_in(OperatingState::Enabled) {
+            commands.push("enable");
+        }
+        Ok(commands.into_iter().map(|command| words(&["command", "state", command])).collect())
+    }
+
+    fn commands(&mut self, step: Step, progress: &Progress) -> Result<Vec<Vec<String>>, Failure> {
         let (recording, unseen) = (self.file("recording.csv"), self.file("unseen.csv"));
         let model = self.file("model.json");
-        match step {
+        Ok(match step {
             Step::Collect => vec![self.collect(&recording, self.duration_s, 1)],
             Step::Fit => {
                 let (family, report) = (self.family.to_string(), self.file("report.html"));
@@ -190,16 +210,22 @@ impl Guided {
                 }
             }
             Step::Stage => vec![words(&["model", "stage", &model])],
-            // The memory of a model that takes over is unknown; conditioning makes it known.
-            Step::Activate => vec![
-                words(&["model", "activate", "--force"]),
-                words(&["command", "state", "condition"]),
-            ],
-            Step::Check => {
-                let circle = "command circle --radius-deg 5 --period-s 6 --duration-s 18 --enable";
-                vec![words(&circle.split(' ').collect::<Vec<_>>())]
+            Step::Activate => {
+                let mut commands = self.prepare()?;
+                // The memory of a model that takes over is unknown; conditioning makes it known.
+                if !progress.is_active(&mut self.client)? {
+                    commands.push(words(&["model", "activate", "--force"]));
+                }
+                commands.push(words(&["command", "state", "condition"]));
+                commands
             }
-        }
+            Step::Check => {
+                // Once more after a restart: one turn shows whether the zero is the old one.
+                let duration_s = if progress.was_checked_before() { "6" } else { "18" };
+                let circle = ["command", "circle", "--radius-deg", "5", "--period-s", "6"];
+                vec![words(&[&circle[..], &["--duration-s", duration_s, "--enable"]].concat())]
+            }
+        })
     }
 
     fn collect(&self, output: &str, duration_s: f64, seed: u64) -> Vec<String> {
@@ -211,9 +237,14 @@ impl Guided {
     }
 
     /// Runs the commands of a step. One that fails ends the calibration with its exit code.
-    fn perform(&self, step: Step, interrupt: &Interrupt) -> Result<(), Failure> {
+    fn perform(
+        &mut self,
+        step: Step,
+        progress: &Progress,
+        interrupt: &Interrupt,
+    ) -> Result<(), Failure> {
         let program = std::env::current_exe()?;
-        for words in self.commands(step) {
+        for words in self.commands(step, progress)? {
             say(&format!("  $ i2ris {}", words.join(" ")))?;
             let status = Command::new(&program)
                 .args(&words)
@@ -225,6 +256,10 @@ impl Guided {
         }
         Ok(())
     }
+}
+
+fn words(words: &[&str]) -> Vec<String> {
+    words.iter().map(|word| (*word).to_owned()).collect()
 }
 
 fn stopped(step: Step, status: ExitStatus, is_interrupted: bool) -> Coded {

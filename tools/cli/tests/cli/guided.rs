@@ -5,12 +5,97 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::Command;
 
-use i2ris::ipc::OperatingState;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::{OperatingState, StateCommand};
 use i2ris::model::Model;
-use i2ris_testing::{Rig, settle_in, wait_until};
+use i2ris::units::Nanos;
+use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_testing::{Rig, linear_model, settle_in, wait_until};
 use nix::sys::signal::{Signal, kill};
 
-use crate::bench::{Bench, assert_says, end, expect_stalls, start};
+use crate::bench::{Bench, assert_says, end, expect_stalls, nobody, start};
+
+/// The day after: recording, model and report are there, the controller was started again and knows
+/// nothing of them, and the drives have lost their zero.
+#[test]
+fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
+    let mut rig = Rig::with_model();
+    expect_stalls(&mut rig);
+    // The model is straight, and the snake is not.
+    rig.config.plausibility.distance_deg = 0.0;
+    rig.start_controller_thread();
+    let (domain, mut client) = (rig.domain(), rig.client());
+    let bench = Bench::with("robot.toml", &toml::to_string(&rig.config).unwrap());
+    fs::create_dir(bench.path("here")).unwrap();
+    let rows = (0..100).map(|k| {
+        let (t, q) = (f64::from(k) * 0.1, 5.0 * f64::from(k));
+        format!("{t},{q},{},{},{}\n", 500.0 - q, 0.02 * q, -0.02 * q)
+    });
+    let recording =
+        format!("t_s,q0_counts,q1_counts,pitch_deg,yaw_deg\n{}", rows.collect::<String>());
+    for name in ["recording", "unseen"] {
+        bench.write(&format!("here/{name}.csv"), &recording);
+        bench.write(&format!("here/{name}.toml"), "[outcome]\ncomplete = true\n");
+    }
+    let file = bench.path("here/recording.csv");
+    let read = Recording::read(&file, &ColumnMap::default()).unwrap().0;
+    let model = fs::read_to_string(linear_model(&rig, "second.json", "rig", 1.1)).unwrap();
+    bench.write("here/model.json", &model.replace(&"0".repeat(64), read.sha256()));
+    let id = Model::load(&bench.path("here/model.json")).unwrap().id();
+    for step in ["compare", "check"] {
+        bench.write(&format!("here/{step}.done"), &format!("{id}\n"));
+    }
+
+    let (config, folder) = (bench.file("robot.toml"), bench.file("here"));
+    let words = format!("calibrate --config {config} --folder {folder} --home");
+    let said = end(start(&domain, &words));
+    assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
+    let steps = [
+        "step 2 of 6: fit: done before",
+        "$ i2ris model stage ",
+        "$ i2ris command state home",
+        "$ i2ris command state enable",
+        "$ i2ris model activate --force",
+        "$ i2ris command state condition",
+        "--duration-s 6 --enable",
+        "done: the robot is ENABLED and runs with ",
+    ];
+    assert_says(&said.output, &steps);
+    assert_eq!(client.models().unwrap().slots[0].model_id, id.0);
+
+    // Off again: what is left is to switch it on and to condition, and that is what is done.
+    client.state_command(StateCommand::Disable).unwrap();
+    settle_in(&mut client, OperatingState::Disabled);
+    let said = end(start(&domain, &words));
+    assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
+    assert!(!said.output.contains("model activate"), "{}", said.output);
+    assert_says(&said.output, &["$ i2ris command state enable", "done: the robot is ENABLED"]);
+}
+
+#[test]
+fn a_configuration_that_a_person_has_changed_is_kept_by_start() {
+    let bench = Bench::new();
+    let folder = bench.path("robot");
+    let domain = nobody();
+    let words = format!("start --no-monitor --folder {}", folder.display());
+    let mut first = start(&domain, &words);
+    wait_until("the configuration", || folder.join("controller.toml").exists());
+    wait_until("the controller", || Client::connect(&domain, Nanos::ZERO).is_ok());
+    first.interrupt();
+    assert_eq!(end(first).code, Some(0));
+    let file = "robot/controller.toml";
+    let changed = format!("# mine\n{}", bench.read(file));
+    bench.write(file, &changed);
+    let mut second = start(&domain, &words);
+    wait_until("the controller", || Client::connect(&domain, Nanos::ZERO).is_ok());
+    second.interrupt();
+    assert_eq!(end(second).code, Some(0));
+    assert_eq!(bench.read(file), changed);
+    let other = nobody();
+    let said = end(start(&other, &words));
+    assert_eq!(said.code, Some(1));
+    assert_says(&said.error, &[&format!("is of domain {}, not {}", domain.name(), other.name())]);
+}
 
 #[test]
 #[ignore = "two minutes of motion"]
@@ -56,7 +141,7 @@ fn it_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use
         "$ i2ris model activate --force",
         "$ i2ris command state condition",
         "$ i2ris command circle ",
-        "done: the robot runs with ",
+        "done: the robot is ENABLED and runs with ",
     ];
     assert_says(&said.output, &steps);
     let [active, ..] = client.models().unwrap().slots;

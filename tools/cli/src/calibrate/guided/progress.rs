@@ -4,25 +4,34 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use i2ris::ipc::OperatingState;
 use i2ris::ipc::client::Client;
-use i2ris::ipc::payload::ModelSlot;
+use i2ris::ipc::payload::{ModelSlot, OperatingStateMsg};
 use i2ris::model::{Model, ModelId};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_report::Failure;
 
 use super::steps::Step;
+use crate::connection::CONNECT;
 
 #[derive(Debug)]
 pub struct Progress {
     folder: PathBuf,
     done: Vec<Step>,
     model: Option<ModelId>,
+    /// The model was checked on a circle, maybe with another start of the controller.
+    checked_before: bool,
 }
 
 impl Progress {
     /// What an earlier run has left in the folder. A recording that was not completed is put aside.
     pub fn read(folder: &Path, client: &mut Client) -> Result<Self, Failure> {
-        let mut progress = Self { folder: folder.to_owned(), done: Vec::new(), model: None };
+        let mut progress = Self {
+            folder: folder.to_owned(),
+            done: Vec::new(),
+            model: None,
+            checked_before: false,
+        };
         let recording = folder.join("recording.csv");
         if !is_complete(&recording) {
             put_aside(&recording)?;
@@ -44,17 +53,28 @@ impl Progress {
                 progress.done.push(step);
             }
         }
+        progress.checked_before = progress.is_done(Step::Check);
         let [active, staged, _] = client.models()?.slots;
-        if is(&active, model) && active.flags & ModelSlot::MEMORY_KNOWN != 0 {
-            progress.done.extend([Step::Stage, Step::Activate]);
+        if is(&active, model) || is(&staged, model) {
+            progress.done.push(Step::Stage);
+        }
+        if is(&active, model) && is_ready(client)? {
+            progress.done.push(Step::Activate);
         } else {
-            if is(&staged, model) {
-                progress.done.push(Step::Stage);
-            }
             // The circle was followed with another start of the controller.
             progress.done.retain(|step| *step != Step::Check);
         }
         Ok(progress)
+    }
+
+    /// The model of the folder is the one in use.
+    pub fn is_active(&self, client: &mut Client) -> Result<bool, Failure> {
+        let [active, ..] = client.models()?.slots;
+        Ok(self.model.is_some_and(|model| is(&active, model)))
+    }
+
+    pub fn was_checked_before(&self) -> bool {
+        self.checked_before
     }
 
     pub fn is_done(&self, step: Step) -> bool {
@@ -81,6 +101,13 @@ impl Progress {
     fn note(&self, step: Step) -> PathBuf {
         self.folder.join(format!("{step}.done"))
     }
+}
+
+/// The robot has its zero, its drives are on, and the hysteresis memory is known.
+fn is_ready(client: &mut Client) -> Result<bool, Failure> {
+    let state = client.wait_for(CONNECT, |_| true)?;
+    let flags = OperatingStateMsg::HOMED | OperatingStateMsg::MEMORY_KNOWN;
+    Ok(state.flags & flags == flags && state.state == OperatingState::Enabled.number())
 }
 
 fn is(slot: &ModelSlot, model: ModelId) -> bool {

@@ -30,6 +30,11 @@ impl Step {
     pub const ALL: [Self; 6] =
         [Self::Collect, Self::Fit, Self::Compare, Self::Stage, Self::Activate, Self::Check];
 
+    /// The robot moves, so its zero has to be known.
+    pub fn moves(self) -> bool {
+        matches!(self, Self::Collect | Self::Activate | Self::Check)
+    }
+
     pub fn purpose(self) -> &'static str {
         match self {
             Self::Collect => "the motors move through the plane while the camera measures",
