@@ -205,13 +205,6 @@ macro_rules! declare_streams {
                 }
             }
 
-            /// The stamp, for a bridge to another clock.
-            pub fn stamp_ns_mut(&mut self) -> &mut u64 {
-                match self {
-                    $(Self::$stream(message) => &mut message.stamp_ns,)*
-                }
-            }
-
             /// All fields in the order of memory, little endian.
             #[must_use]
             pub fn bytes(&self) -> &[u8] {

@@ -6,7 +6,6 @@ use i2ris::units::Nanos;
 
 use crate::BenchError;
 use crate::inverse::two_clock_readings;
-use crate::model::Operators;
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::{Run, in_thread};
 use crate::tick::Cycle;
@@ -61,7 +60,7 @@ struct Rate {
 
 impl Rate {
     fn new(period: Nanos) -> Result<Self, BenchError> {
-        let cycle = |adapts| Cycle::new(period, COMPONENTS, Operators::Plays(PLAYS), adapts);
+        let cycle = |adapts| Cycle::new(period, COMPONENTS, PLAYS, adapts);
         Ok(Self {
             period,
             cycle: cycle(false)?,

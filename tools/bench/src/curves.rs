@@ -15,7 +15,7 @@ pub use fit::fit_cost;
 use crate::BenchError;
 use crate::inverse::{inverse_time, workload};
 use crate::machine::{LoadMonitor, Machine};
-use crate::model::{Operators, model};
+use crate::model::model;
 use crate::outcome::Durations;
 use crate::placement::Run;
 use crate::tick::Cycle;
@@ -109,32 +109,28 @@ pub fn run(is_full: bool, run: Run, started: &mut dyn FnMut(&str)) -> Result<Gro
 
 fn over_components(rounds: u32) -> Result<Vec<Curve>, BenchError> {
     let sizes = [3, 5, 8, 12, 20, 32];
-    let models = sizes.map(|components| (components as f64, components, Operators::Plays(PLAYS)));
+    let models = sizes.map(|components| (components as f64, components, PLAYS));
     tick_and_inverse("components", "components K", &models, rounds)
 }
 
-/// Plays of both motors, as many as a family takes: 12 beside the one of threshold 0; 16
-/// generalised ones.
 fn over_plays(rounds: u32) -> Result<Vec<Curve>, BenchError> {
-    let backlash = [0, 1, 2, 4, 8, 12].map(|plays| (plays, Operators::Plays(plays)));
-    let most = (16, Operators::GeneralisedPlays(16));
     // The play of threshold 0 is the first: sizes start at 1.
-    let sized = |(plays, operators)| (1.0 + f64::from(plays as u32), COMPONENTS, operators);
-    let models: Vec<_> = backlash.into_iter().chain([most]).map(sized).collect();
+    let models =
+        [0, 1, 2, 4, 8, 12].map(|plays| (1.0 + f64::from(plays as u32), COMPONENTS, plays));
     tick_and_inverse("plays", "1 + plays of a motor", &models, rounds)
 }
 
 fn tick_and_inverse(
     group: &'static str,
     size: &'static str,
-    models: &[(f64, usize, Operators)],
+    models: &[(f64, usize, usize)],
     rounds: u32,
 ) -> Result<Vec<Curve>, BenchError> {
     let mut tick = Curve::new(group, "tick of the controller", size, "us");
     let mut inverse = Curve::new(group, "inverse", size, "us");
-    for (at, components, operators) in models {
-        tick.push(*at, tick_us(Nanos::from_millis(1), *components, *operators, rounds)?);
-        inverse.push(*at, inverse_us(*components, *operators, rounds)?);
+    for (at, components, plays) in models {
+        tick.push(*at, tick_us(Nanos::from_millis(1), *components, *plays, rounds)?);
+        inverse.push(*at, inverse_us(*components, *plays, rounds)?);
     }
     Ok(vec![tick, inverse])
 }
@@ -144,7 +140,7 @@ fn over_rates(rounds: u32) -> Result<Vec<Curve>, BenchError> {
     let mut curve = Curve::new("rate of the loop", name, "ticks per second", "%");
     for rate in RATES {
         let period = Nanos(1_000_000_000 / rate);
-        let us = tick_us(period, COMPONENTS, Operators::Plays(PLAYS), rounds)?;
+        let us = tick_us(period, COMPONENTS, PLAYS, rounds)?;
         curve.push(rate as f64, 100.0 * us * 1e3 / period.0 as f64);
     }
     Ok(vec![curve])
@@ -172,13 +168,8 @@ fn over_axes(rounds: u32, run: Run) -> Result<Vec<Curve>, BenchError> {
 }
 
 /// Median of a tick.
-fn tick_us(
-    period: Nanos,
-    components: usize,
-    operators: Operators,
-    rounds: u32,
-) -> Result<f64, BenchError> {
-    let mut cycle = Cycle::new(period, components, operators, false)?;
+fn tick_us(period: Nanos, components: usize, plays: usize, rounds: u32) -> Result<f64, BenchError> {
+    let mut cycle = Cycle::new(period, components, plays, false)?;
     let mut durations = Durations::new(WARM_UP);
     for _ in 0..TICKS * rounds {
         let begin = clock::now();
@@ -189,8 +180,8 @@ fn tick_us(
 }
 
 /// Median of an inverse.
-fn inverse_us(components: usize, operators: Operators, rounds: u32) -> Result<f64, BenchError> {
-    let model = model(components, operators)?;
+fn inverse_us(components: usize, plays: usize, rounds: u32) -> Result<f64, BenchError> {
+    let model = model(components, plays)?;
     let ticks = workload(&model);
     let mut durations = Durations::new(WARM_UP);
     for tick in (0..rounds).flat_map(|_| &ticks) {

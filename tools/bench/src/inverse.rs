@@ -8,7 +8,7 @@ use i2ris::model::{Memory, Model, Query};
 use i2ris::units::{Nanos, OutputVec};
 
 use crate::BenchError;
-use crate::model::{Operators, model};
+use crate::model::model;
 use crate::outcome::{Durations, Found, Outcome, Role, Variant};
 use crate::placement::{Run, in_thread};
 
@@ -16,7 +16,7 @@ use crate::placement::{Run, in_thread};
 const WARM_UP: u64 = 1000;
 
 /// Components, plays per motor, name, role.
-pub const MODELS: [(usize, usize, &str, Role); 4] = [
+const MODELS: [(usize, usize, &str, Role); 4] = [
     (10, 0, "gmr, no memory, K = 10 (the published method)", Role::Peer),
     (3, 4, "gmr-play, K = 3, 4 plays per motor", Role::Ours),
     (10, 8, "gmr-play, K = 10, 8 plays per motor", Role::Ours),
@@ -98,8 +98,7 @@ fn measure(rounds: u32, run: Run) -> Result<Found, BenchError> {
         }
     }
     let note = "Each duration is one call with the readings of the clock around it; subtract the \
-                floor for the call alone. For instructions, which other load does not change: \
-                i2ris bench inverse --instructions.";
+                floor for the call alone.";
     Ok(Found { scheduling, variants, notes: vec![note.to_owned()], ..Found::default() })
 }
 
@@ -118,7 +117,7 @@ pub fn inverse_time(model: &Model, tick: &QueryTick) -> Nanos {
 
 impl MeasuredModel {
     fn new(components: usize, plays: usize) -> Result<Self, BenchError> {
-        let model = model(components, Operators::Plays(plays))?;
+        let model = model(components, plays)?;
         let [inverse, forward] = [WARM_UP; 2].map(Durations::new);
         Ok(Self { ticks: workload(&model), model, inverse, forward })
     }

@@ -7,20 +7,16 @@
 //! | file | contains |
 //! |---|---|
 //! | `ipc`, `control_loop`, `inverse`, `wire`, `e2e` | the measurements |
-//! | `instructions` | instructions per call, counted under valgrind |
 //! | `curves` | how cost grows with rows, components, plays, clients, axes, loop rate |
-//! | `compare` | medians of two versions from repeated runs |
 //! | `outcome`, `report` | variants, quantities, ratios; as text, JSON, figures and page |
 //! | `placement`, `machine` | scheduling of threads; properties and load of the machine |
 //! | `rig`, `model`, `tick` | emulated drives, models of any size, a tick with ideal drives |
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-mod compare;
 mod control_loop;
 mod curves;
 mod e2e;
-mod instructions;
 mod inverse;
 mod ipc;
 mod machine;
@@ -73,10 +69,9 @@ fn own_domain() -> Result<Domain, BenchError> {
   i2ris bench all --output latencies
   i2ris bench wire --baud 115200,1000000 --axes 1,2,4
   i2ris bench curves --output growth
-  i2ris bench compare old.json new.json --against old/i2ris-bench -- inverse --rounds 5
 
-`--output` makes a folder: a page with figures (index.html), figures as SVG, numbers as JSON,
-HDR histogram logs (.hlog).
+`--output` makes a folder: a page with figures (index.html), figures as SVG, numbers as
+JSON.
 
 Run it on an idle machine, built with --release. Threads request SCHED_FIFO and a processor of their
 own; without permission they run without and report it. On a virtual machine ratios and medians are
@@ -122,11 +117,6 @@ enum Task {
         #[arg(long)]
         full: bool,
     },
-    /// Say which medians of two versions differ by more than the noise of repeated runs
-    Compare(compare::Arguments),
-    /// Call a model many times; `--instructions` counts this
-    #[command(hide = true)]
-    Repeat { call: String, model: usize, rounds: usize },
     /// Fit synthetic rows and print time and memory; `curves` measures this
     #[command(hide = true)]
     FitCost { rows: usize },
@@ -153,10 +143,6 @@ struct LoopArguments {
     #[arg(long, value_name = "S", default_value_t = 10,
           value_parser = value_parser!(u32).range(1..=3600))]
     duration_s: u32,
-    /// Count the instructions of a tick instead, for every family, independent of other load; needs
-    /// valgrind
-    #[arg(long)]
-    instructions: bool,
 }
 
 #[derive(Debug, clap::Args)]
@@ -165,10 +151,6 @@ struct InverseArguments {
     #[arg(long, value_name = "N", default_value_t = 50,
           value_parser = value_parser!(u32).range(1..))]
     rounds: u32,
-    /// Count the instructions of every call of a model instead, independent of other load; needs
-    /// valgrind
-    #[arg(long)]
-    instructions: bool,
 }
 
 #[derive(Debug, clap::Args)]
@@ -224,8 +206,6 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), BenchError> {
     match &arguments.task {
         Task::Curves { full } => grow(arguments, *full),
-        Task::Compare(compare) => compare::run(compare, arguments.json),
-        Task::Repeat { call, model, rounds } => instructions::repeat(call, *model, *rounds),
         Task::FitCost { rows } => {
             println!("{}", serde_json::to_string(&curves::fit_cost(*rows)?)?);
             Ok(())
@@ -296,8 +276,7 @@ fn outcomes(arguments: &Arguments, task: &Task, run: Run) -> Result<Vec<Outcome>
 fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
     match task {
         Task::Ipc(IpcArguments { messages }) => ipc::run(*messages, run),
-        Task::Loop(LoopArguments { instructions: true, .. }) => instructions::of_ticks(),
-        Task::Loop(LoopArguments { rate_hz, spin_us, duration_s, .. }) => {
+        Task::Loop(LoopArguments { rate_hz, spin_us, duration_s }) => {
             let period = |rate_hz: &u32| Nanos(1_000_000_000 / u64::from(*rate_hz));
             let benchmark = control_loop::LoopBenchmark {
                 periods: rate_hz.iter().map(period).collect(),
@@ -306,8 +285,7 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
             };
             control_loop::run(&benchmark, run)
         }
-        Task::Inverse(InverseArguments { instructions: true, .. }) => instructions::of_calls(),
-        Task::Inverse(InverseArguments { rounds, .. }) => inverse::run(*rounds, run),
+        Task::Inverse(InverseArguments { rounds }) => inverse::run(*rounds, run),
         Task::Wire(WireArguments { duration_s, baud, axes }) => {
             let on = |baud: u32| axes.iter().map(move |axes| (baud, usize::from(*axes)));
             let lines = baud.iter().copied().flat_map(on).collect();

@@ -6,13 +6,7 @@ use i2ris::model::file::{
     OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use i2ris::model::hysteresis::prandtl_ishlinskii::{
-    PlayParameters as GeneralisedPlay, PrandtlIshlinskiiParameters,
-};
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
-use i2ris::model::hysteresis::stop::{
-    StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
-};
 use i2ris::model::{Model, ModelError};
 
 /// Half the width of the hull, counts.
@@ -24,61 +18,21 @@ const GAIN_DEG: f64 = 0.022;
 /// The largest threshold of a play, counts.
 const WIDEST: f64 = 120.0;
 
-/// Stops per segment of a model with stops.
-const STOPS: usize = 3;
-
-/// What a model remembers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Operators {
-    /// Plays per motor beside the one of threshold 0: `gmr-play`; none: `gmr`.
-    Plays(usize),
-    /// Segments of three stops: `gmr-stop`.
-    Stops(usize),
-    /// Generalised plays in each of two directions: `gmr-prandtl-ishlinskii`.
-    GeneralisedPlays(usize),
-}
-
-impl Operators {
-    /// Number of lags of the operator.
-    fn lags(self) -> usize {
-        match self {
-            Self::Plays(plays) | Self::GeneralisedPlays(plays) => 2 * plays,
-            Self::Stops(segments) => segments * STOPS * 4 + 2,
-        }
-    }
-}
-
-/// A model with a mixture of `components` and the given operators.
-pub fn model(components: usize, operators: Operators) -> Result<Model, ModelError> {
+/// A model with a mixture of `components`, and so many plays per motor beside the one of threshold 0:
+/// `gmr-play`; without any, `gmr`.
+pub fn model(components: usize, plays: usize) -> Result<Model, ModelError> {
     let mixture = mixture(components);
-    let square = |reach: f64| HullParameters {
-        corners: [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
-            .map(|corner: [f64; 2]| corner.map(|c| c * reach).to_vec())
-            .to_vec(),
+    let corners: [[f64; 2]; 4] = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let hull = HullParameters {
+        corners: corners.map(|corner| corner.map(|c| c * REACH).to_vec()).to_vec(),
     };
-    let hull = square(REACH);
-    let residual = Some(residual(operators.lags()));
-    let virtual_hull = hull.clone();
-    let family = match operators {
-        Operators::Plays(0) => FamilyParameters::Gmr { mixture },
-        Operators::Plays(plays) => FamilyParameters::GmrPlay {
+    let family = match plays {
+        0 => FamilyParameters::Gmr { mixture },
+        plays => FamilyParameters::GmrPlay {
             plays: play_parameters(plays),
             mixture,
-            residual,
-            virtual_hull,
-        },
-        Operators::Stops(segments) => FamilyParameters::GmrStop {
-            stops: stop_parameters(segments),
-            mixture,
-            residual,
-            // Stops at the limits of the joints take virtual counts beyond those of the motors.
-            virtual_hull: square(1.2 * REACH),
-        },
-        Operators::GeneralisedPlays(plays) => FamilyParameters::GmrPrandtlIshlinskii {
-            operator: generalised_plays(plays),
-            mixture,
-            residual,
-            virtual_hull,
+            residual: Some(residual(2 * plays)),
+            virtual_hull: hull.clone(),
         },
     };
     Model::from_file(file(family, hull))
@@ -131,55 +85,6 @@ fn play_parameters(plays: usize) -> PlayParameters {
         thresholds_counts: vec![thresholds; 2],
         weights: vec![weights; 2],
         planar_thresholds_counts: Vec::new(),
-    }
-}
-
-/// Half of the plays act on each motor; half-widths grow by a twentieth of the bend.
-fn generalised_plays(plays: usize) -> PrandtlIshlinskiiParameters {
-    let play = |motor: usize, j: usize| {
-        let on_motor = |value: f64| (0..2).map(move |i| if i == motor { value } else { 0.0 });
-        GeneralisedPlay {
-            direction: on_motor(1.0).collect(),
-            threshold_counts: WIDEST * (j + 1) as f64 / plays as f64,
-            growth: [0.05, 0.05],
-            weight: on_motor(0.6 / plays as f64).collect(),
-        }
-    };
-    PrandtlIshlinskiiParameters {
-        centre_counts: vec![0.0; 2],
-        direct_weights: vec![0.4; 2],
-        plays: (0..2).flat_map(|motor| (0..plays).map(move |j| play(motor, j))).collect(),
-    }
-}
-
-/// A snake with slack and friction, in degrees.
-fn stop_parameters(segments: usize) -> StopParameters {
-    let motor = |axis_deg: f64| StopMotor {
-        neutral_counts: 0.0,
-        travel_per_count: 0.028,
-        axis_deg,
-        slack: [0.4, 0.4],
-        friction: [0.15, 0.15],
-    };
-    let segment = |s: usize| {
-        let rank = 2.0 * (s as f64 + 1.0) / (segments as f64 + 1.0);
-        let axis = StopAxis {
-            stiffness: 0.15 * segments as f64,
-            stiffening: 2e-5,
-            limit: 60.0 * rank / segments as f64,
-        };
-        StopSegment { axes: vec![axis; 2], friction: rank }
-    };
-    let stop = |(stiffness, share)| StopElement { stiffness, share };
-    StopParameters {
-        motors: [45.0, 135.0].map(motor).into(),
-        segments: (0..segments).map(segment).collect(),
-        softness: 0.25,
-        loose_stiffness: 0.08,
-        base_friction: 1.1,
-        friction_growth: 0.005,
-        shared: 0.25,
-        stops: [(8.0, 0.5), (3.0, 0.3), (1.2, 0.2)].map(stop).into(),
     }
 }
 

@@ -1,7 +1,6 @@
-//! Outcomes as text, as JSON, as HDR histogram log and as one page with figures.
+//! Outcomes as text, as JSON and as one page with figures.
 
 mod figures;
-mod hdr_log;
 mod page;
 
 use std::fs;
@@ -13,13 +12,12 @@ use crate::BenchError;
 use crate::curves::Growth;
 use crate::outcome::{Outcome, Percentiles, Quantity, Role, Variant};
 
-/// Writes `NAME.json`, `NAME.hlog` and `NAME.svg` of every outcome, and `index.html` of all, into a
+/// Writes `NAME.json` and `NAME.svg` of every outcome, and `index.html` of all, into a
 /// folder, which is made if necessary.
 pub fn write_outcomes(folder: &Path, outcomes: &[Outcome]) -> Result<(), BenchError> {
     for outcome in outcomes {
         let name = outcome.bench;
         write(folder, &format!("{name}.json"), json(outcome)?.as_bytes())?;
-        write(folder, &format!("{name}.hlog"), &hdr_log::hdr_log(outcome)?)?;
         let figure = figures::percentile_curves(outcome).to_string();
         write(folder, &format!("{name}.svg"), figure.as_bytes())?;
     }

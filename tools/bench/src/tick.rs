@@ -12,7 +12,7 @@ use i2ris::units::Nanos;
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs};
 
 use crate::BenchError;
-use crate::model::{Operators, model};
+use crate::model::model;
 
 /// The configuration with limits and filters.
 pub const CONFIG: &str = include_str!("../../../config/emulator.toml");
@@ -44,13 +44,13 @@ impl Cycle {
     pub fn new(
         period: Nanos,
         components: usize,
-        operators: Operators,
+        plays: usize,
         adapts: bool,
     ) -> Result<Self, BenchError> {
         let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
         config.control.rate_hz = (1_000_000_000 / period.0.max(1)) as u32;
         config.adaptation.enabled = adapts;
-        let model = Arc::new(model(components, operators)?);
+        let model = Arc::new(model(components, plays)?);
         let mut control = ClosedLoop::new(&config, &model, IdealMotors::default());
         control.command(StateCommand::Enable)?;
         if adapts {

@@ -14,13 +14,11 @@ pub const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 pub const ENCODING: &str = "cdr";
 
 /// Encodes a payload with these bytes as a message.
-#[must_use]
 pub fn encode(payload: &[u8]) -> Vec<u8> {
     [&ENCAPSULATION[..], payload].concat()
 }
 
 /// Decodes the payload of a stream; `None` if it is not such a message.
-#[must_use]
 pub fn decode(stream: Stream, message: &[u8]) -> Option<StreamMessage> {
     let payload = message.strip_prefix(&ENCAPSULATION)?.get(..stream.layout().size)?;
     StreamMessage::from_bytes(stream, payload)
@@ -74,7 +72,6 @@ impl Encoder {
     }
 
     /// The message.
-    #[must_use]
     pub fn finish(self) -> Vec<u8> {
         self.0
     }
@@ -105,7 +102,6 @@ impl std::fmt::Display for Number {
 
 /// Decodes every number of a payload in the order of its fields; `None` if it is not such a
 /// message.
-#[must_use]
 pub fn numbers(layout: &PayloadLayout, message: &[u8]) -> Option<Vec<Number>> {
     let body = message.strip_prefix(&ENCAPSULATION)?.get(..layout.size)?;
     let mut numbers = Vec::new();

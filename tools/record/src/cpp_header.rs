@@ -6,7 +6,6 @@ use i2ris::ipc::payload::{Field, FieldType, LAYOUTS, Payload, PayloadLayout, Spa
 use i2ris::ipc::ready::{ICEORYX2_VERSION, INTERFACE_VERSION};
 
 /// The complete header. It asserts sizes and offsets, so a compiler with another layout refuses it.
-#[must_use]
 pub fn cpp_header() -> String {
     let mut text = String::from(
         "// The messages of i2ris in shared memory, byte for byte as in src/ipc/payload, where \

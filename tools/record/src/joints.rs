@@ -10,7 +10,6 @@ use crate::standard::DEFAULT_NAMES;
 const SNAKE: &str = "i2ris";
 
 /// Names of the joints of a controller.
-#[must_use]
 pub fn names(version: &Version) -> Vec<String> {
     let named = version.output_names.iter().map(|name| unpadded_text(name));
     let named: Vec<String> = named.take(usize::from(version.shape[1])).collect();
@@ -18,7 +17,6 @@ pub fn names(version: &Version) -> Vec<String> {
 }
 
 /// The snake.
-#[must_use]
 pub fn snake() -> Snake {
     Snake::new(SNAKE)
 }

@@ -5,7 +5,6 @@ use std::fmt::Write as _;
 use i2ris::robot::{Cause, Quantity};
 
 /// The complete module: sentences and advice by kind and number, and the units.
-#[must_use]
 pub fn python_reasons() -> String {
     let mut text = String::from(
         "\"\"\"Why the robot does not move: sentence and advice of every cause, as in \

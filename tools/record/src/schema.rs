@@ -44,7 +44,6 @@ pub const STRING: StandardType =
 
 impl StandardType {
     /// The definition with all that it needs.
-    #[must_use]
     pub fn definition(&self) -> String {
         let mut text = self.fields.to_owned();
         if self.has_header {
@@ -60,13 +59,11 @@ impl StandardType {
 }
 
 /// Full name of the message of a payload.
-#[must_use]
 pub fn name(payload: &PayloadLayout) -> String {
     format!("{PACKAGE}/msg/{}", payload.name)
 }
 
 /// Definition of the message of a payload, with those of the payloads in it.
-#[must_use]
 pub fn definition(payload: &PayloadLayout) -> String {
     let mut text = fields(payload);
     let mut defined: Vec<&str> = Vec::new();

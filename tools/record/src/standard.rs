@@ -23,7 +23,6 @@ pub struct StandardMessages {
 
 impl StandardMessages {
     /// Messages of a robot with these joints.
-    #[must_use]
     pub fn new(unix_offset_ns: u64, joints: Vec<String>, frame: String) -> Self {
         Self { unix_offset_ns, joints, frame, last_state: None }
     }
@@ -41,7 +40,6 @@ impl StandardMessages {
     }
 
     /// Angles; `None` if they are not valid.
-    #[must_use]
     pub fn joint_state(&self, state: &JointState) -> Option<Vec<u8>> {
         let count = state.count as usize;
         if state.flags & JointState::VALID == 0 || count == 0 {
@@ -99,7 +97,6 @@ impl StandardMessages {
 }
 
 /// A text, as `std_msgs/String`.
-#[must_use]
 pub fn text(text: &str) -> Vec<u8> {
     let mut encoder = Encoder::default();
     encoder.string(text);

@@ -49,7 +49,6 @@ impl Topic {
     }
 
     /// Its name in the file.
-    #[must_use]
     pub fn name(self) -> String {
         match self {
             Self::Payload(stream) => format!("/i2ris/{}", stream.name()),
@@ -59,7 +58,6 @@ impl Topic {
     }
 
     /// Its schema.
-    #[must_use]
     pub fn schema(self) -> TopicSchema {
         let payload = |stream: Stream| {
             let layout = stream.layout();
@@ -79,7 +77,6 @@ impl Topic {
     }
 
     /// The stream whose payloads are in the topic of this name.
-    #[must_use]
     pub fn payload_stream(name: &str) -> Option<Stream> {
         Stream::named(name.strip_prefix("/i2ris/")?)
     }

@@ -46,19 +46,16 @@ impl Axis {
     }
 
     /// A linear axis. The label has the quantity and its unit: `angle (deg)`.
-    #[must_use]
     pub fn linear(label: impl Into<String>) -> Self {
         Self::new(label, Kind::Linear)
     }
 
     /// A logarithmic axis, for values above 0.
-    #[must_use]
     pub fn log(label: impl Into<String>) -> Self {
         Self::new(label, Kind::Log)
     }
 
     /// A vertical axis of names at 0, 1, 2, ... from top to bottom.
-    #[must_use]
     pub fn names(label: impl Into<String>, names: Vec<String>) -> Self {
         let range = (-0.5, names.len() as f64 - 0.5);
         let ticks = (0..).map(f64::from).zip(names).collect();
@@ -66,19 +63,16 @@ impl Axis {
     }
 
     /// Sets the range, whatever the data.
-    #[must_use]
     pub fn range(self, low: f64, high: f64) -> Self {
         Self { range: Some((low, high)), ..self }
     }
 
     /// Extends the range to a value.
-    #[must_use]
     pub fn including(self, value: f64) -> Self {
         Self { included: Some(value), ..self }
     }
 
     /// Sets the ticks and their labels. Ticks outside the range are not drawn.
-    #[must_use]
     pub fn marks(self, ticks: Vec<(f64, String)>) -> Self {
         Self { ticks, ..self }
     }

@@ -31,7 +31,6 @@ struct Argument {
 
 impl Description {
     /// Describes a command line.
-    #[must_use]
     pub fn new(command: &Command) -> Self {
         Self {
             name: command.get_name().to_owned(),
@@ -42,7 +41,6 @@ impl Description {
     }
 
     /// The command line, called `name`.
-    #[must_use]
     pub fn command(self, name: &str) -> Command {
         Command::new(name.to_owned())
             .about(Resettable::from(self.about.map(StyledStr::from)))

@@ -39,7 +39,6 @@ impl std::fmt::Display for Coded {
 impl std::error::Error for Coded {}
 
 /// The exit code of a failure.
-#[must_use]
 pub fn code(failure: &Failure) -> u8 {
     if let Some(coded) = failure.downcast_ref::<Coded>() {
         return coded.code;

@@ -60,25 +60,20 @@ struct Rectangle {
 
 impl Panel {
     /// An empty panel. The title may be empty.
-    #[must_use]
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
         Self { title: title.into(), x, y, marks: Vec::new(), is_equal: false }
     }
 
     /// Adds a mark, drawn over the others.
-    #[must_use]
     pub fn with(mut self, mark: impl Mark + 'static) -> Self {
         self.marks.push(Box::new(mark));
         self
     }
-
-    #[must_use]
     pub fn with_all<M: Mark + 'static>(self, marks: impl IntoIterator<Item = M>) -> Self {
         marks.into_iter().fold(self, Self::with)
     }
 
     /// Gives both axes the same scale: a circle stays a circle.
-    #[must_use]
     pub fn equal(self) -> Self {
         Self { is_equal: true, ..self }
     }
@@ -186,7 +181,6 @@ pub struct Figure {
 impl Figure {
     /// An empty figure. `title` and `description` are for screen readers. `id` must differ from
     /// those of other figures on the same page; all but ASCII letters and digits is replaced.
-    #[must_use]
     pub fn new(id: &str, title: impl Into<String>, description: impl Into<String>) -> Self {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
         Self {
@@ -198,7 +192,6 @@ impl Figure {
     }
 
     /// Adds a row of panels. The height includes the axes.
-    #[must_use]
     pub fn row(mut self, height: f64, panels: Vec<Panel>) -> Self {
         if !panels.is_empty() {
             self.rows.push((height, panels));

@@ -28,7 +28,6 @@ impl Interrupt {
     }
 
     /// Whether a signal has come.
-    #[must_use]
     pub fn came(&self) -> bool {
         self.0.load(Ordering::SeqCst)
     }

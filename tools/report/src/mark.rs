@@ -44,7 +44,6 @@ macro_rules! labelled {
     ($($mark:ident),*) => {$(
         impl $mark {
             /// With an entry in the legend.
-            #[must_use]
             pub fn label(self, label: impl Into<String>) -> Self {
                 Self { label: Some(label.into()), ..self }
             }
@@ -64,13 +63,11 @@ pub struct Line {
 }
 
 impl Line {
-    #[must_use]
     pub fn new(points: Vec<Point>, stroke: Stroke) -> Self {
         Self { points, stroke, marker: None, label: None }
     }
 
     /// The outline of a histogram, from 0 to 0. There is one edge more than heights.
-    #[must_use]
     pub fn steps(edges: &[f64], heights: &[f64], stroke: Stroke) -> Self {
         let foot = |edge: Option<&f64>| edge.map(|edge| [*edge, 0.0]);
         let mut points = Vec::from_iter(foot(edges.first()));
@@ -82,7 +79,6 @@ impl Line {
     }
 
     /// With markers at equal distances in the figure.
-    #[must_use]
     pub fn marker(self, marker: Marker) -> Self {
         Self { marker: Some(marker), ..self }
     }
@@ -125,13 +121,11 @@ pub struct ReferenceLine {
 
 impl ReferenceLine {
     /// At a value of y.
-    #[must_use]
     pub const fn horizontal(value: f64, stroke: Stroke) -> Self {
         Self { value, is_vertical: false, stroke }
     }
 
     /// At a value of x.
-    #[must_use]
     pub const fn vertical(value: f64, stroke: Stroke) -> Self {
         Self { value, is_vertical: true, stroke }
     }
@@ -162,12 +156,9 @@ pub struct Scatter {
 
 impl Scatter {
     /// Filled discs with a diameter in units of the figure.
-    #[must_use]
     pub fn new(points: Vec<Point>, color: Color, diameter: f64) -> Self {
         Self { points, marker: Marker::Dot, stroke: Stroke::new(color, diameter), label: None }
     }
-
-    #[must_use]
     pub fn markers(points: Vec<Point>, color: Color, marker: Marker) -> Self {
         Self { marker, ..Self::new(points, color, 1.1) }
     }
@@ -206,7 +197,6 @@ pub struct Band {
 
 impl Band {
     /// A band through `[x, low, high]`.
-    #[must_use]
     pub fn new(points: Vec<[f64; 3]>, color: Color) -> Self {
         Self { points, color, label: None }
     }
@@ -246,7 +236,6 @@ pub struct ShadedInterval {
 }
 
 impl ShadedInterval {
-    #[must_use]
     pub const fn new(from: f64, to: f64, color: Color) -> Self {
         Self { from, to, color, label: None }
     }
@@ -276,7 +265,6 @@ pub struct Ellipse {
 
 impl Ellipse {
     /// If rounding made the covariance indefinite, it is the nearest line or point.
-    #[must_use]
     pub const fn new(
         mean: Point,
         covariance: [[f64; 2]; 2],
@@ -335,7 +323,6 @@ pub struct BoxPlot {
 
 impl BoxPlot {
     /// Boxes with their values of y; `thickness` is in the unit of y.
-    #[must_use]
     pub fn new(boxes: Vec<(f64, FiveNumbers)>, fill: Color, thickness: f64) -> Self {
         Self { boxes, fill, thickness, label: None }
     }
@@ -382,7 +369,6 @@ pub struct Heatmap {
 impl Heatmap {
     /// Cells of `size` with their lower left corners and values. Values up to `bounds[0]` are in
     /// the first class, and so on; `labels` are the entries of the legend.
-    #[must_use]
     pub fn new(
         cells: Vec<(Point, f64)>,
         size: [f64; 2],

@@ -8,7 +8,6 @@ pub const MISSING: &str = "–";
 
 /// A number with a fixed number of decimals and a true minus sign, never "-0"; [`MISSING`] if it is
 /// not finite.
-#[must_use]
 pub fn fixed(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return MISSING.to_owned();
@@ -23,7 +22,6 @@ pub fn fixed(value: f64, decimals: usize) -> String {
 
 /// A number with a number of significant digits and a true minus sign: 0.01234 with 3 digits is
 /// 0.0123. [`MISSING`] if it is not finite.
-#[must_use]
 pub fn significant(value: f64, digits: usize) -> String {
     if !value.is_finite() || value == 0.0 {
         return fixed(value, 0);
@@ -36,7 +34,6 @@ pub fn significant(value: f64, digits: usize) -> String {
 }
 
 /// A whole number with thin spaces between groups of three digits: 30 000.
-#[must_use]
 pub fn grouped(value: usize) -> String {
     let digits = value.to_string();
     let mut text = String::new();
@@ -50,7 +47,6 @@ pub fn grouped(value: usize) -> String {
 }
 
 /// A duration given in milliseconds, in microseconds below 0.1 ms.
-#[must_use]
 pub fn milliseconds(value: f64) -> String {
     match value {
         ..0.1 => format!("{} µs", fixed(1e3 * value, 2)),

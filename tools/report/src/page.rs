@@ -23,7 +23,6 @@ pub struct Page {
 
 impl Page {
     /// A page with a heading.
-    #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
         let title = title.into();
         Self { body: vec![html! { h1 { (title) } }], title, figures: 0 }
@@ -131,13 +130,11 @@ pub struct TableRow {
 
 impl TableRow {
     /// A row without emphasis.
-    #[must_use]
     pub fn new(cells: impl IntoIterator<Item = String>) -> Self {
         Self { cells: cells.into_iter().collect(), ..Self::default() }
     }
 
     /// With bold text if `strong` is true.
-    #[must_use]
     pub fn strong(self, strong: bool) -> Self {
         Self { strong, ..self }
     }
@@ -145,7 +142,6 @@ impl TableRow {
 
 impl Table {
     /// An empty table. `header` has the names of the columns.
-    #[must_use]
     pub fn new(
         caption: impl Into<String>,
         header: impl IntoIterator<Item = impl Into<String>>,
@@ -159,7 +155,6 @@ impl Table {
     }
 
     /// Aligns another column left and lets its lines break.
-    #[must_use]
     pub fn text_column(mut self, column: usize) -> Self {
         self.text_columns.push(column);
         self

@@ -46,7 +46,6 @@ pub fn end_with_reader() {
 }
 
 /// Reports a failure on standard error and returns the exit code.
-#[must_use]
 pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -42,13 +42,11 @@ pub const PROGRAMS: [Program; 8] = [
 
 impl Program {
     /// The program with this subcommand name.
-    #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         PROGRAMS.into_iter().find(|program| program.name == name)
     }
 
     /// How to get it, in one sentence.
-    #[must_use]
     pub fn how_to_install(&self) -> String {
         let Self { name, package, .. } = self;
         format!(
@@ -59,7 +57,6 @@ impl Program {
 }
 
 /// The file of `i2ris-NAME`: beside the running program, or else on PATH.
-#[must_use]
 pub fn find(name: &str) -> Option<PathBuf> {
     let file = format!("i2ris-{name}");
     let beside = env::current_exe().ok();

@@ -12,13 +12,11 @@ pub struct Screen {
 
 impl Screen {
     /// Standard output.
-    #[must_use]
     pub fn stdout() -> Self {
         Self { terminal: io::stdout().is_terminal(), drawn: 0 }
     }
 
     /// Whether it is a terminal.
-    #[must_use]
     pub fn is_terminal(&self) -> bool {
         self.terminal
     }

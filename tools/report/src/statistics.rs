@@ -18,11 +18,6 @@ pub fn variance(values: impl IntoIterator<Item = f64, IntoIter: Clone>) -> Optio
     mean(values.map(|value| (value - centre) * (value - centre)))
 }
 
-/// The square root of [`variance`].
-pub fn standard_deviation(values: impl IntoIterator<Item = f64, IntoIter: Clone>) -> Option<f64> {
-    variance(values).map(f64::sqrt)
-}
-
 /// The root mean square.
 pub fn root_mean_square(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     mean(values.into_iter().map(|value| value * value)).map(f64::sqrt)
@@ -35,7 +30,6 @@ pub fn sort(values: &mut [f64]) {
 
 /// The least value that at least a share of all values does not exceed (nearest rank).
 /// `probability` is from 0 to 1, `sorted` in rising order.
-#[must_use]
 pub fn quantile(sorted: &[f64], probability: f64) -> Option<f64> {
     sorted.get(rank(sorted.len(), probability)?).copied()
 }
@@ -60,7 +54,6 @@ fn rank(count: usize, probability: f64) -> Option<usize> {
 }
 
 /// The lowest and the highest value; infinity and minus infinity for no values.
-#[must_use]
 pub fn min_max(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     let ends = (f64::INFINITY, f64::NEG_INFINITY);
     let values = values.into_iter();
@@ -69,7 +62,6 @@ pub fn min_max(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
 
 /// How many values are in each bin. Bin `i` is from `edges[i]` up to, but without, `edges[i + 1]`;
 /// the edges are in rising order. Values outside all bins are not counted.
-#[must_use]
 pub fn histogram(values: impl IntoIterator<Item = f64>, edges: &[f64]) -> Vec<u64> {
     let mut counts = vec![0; edges.len().saturating_sub(1)];
     for value in values {
@@ -82,21 +74,18 @@ pub fn histogram(values: impl IntoIterator<Item = f64>, edges: &[f64]) -> Vec<u6
 }
 
 /// The Euclidean distance. It is NaN if a coordinate is NaN.
-#[must_use]
 pub fn distance(a: &[f64], b: &[f64]) -> f64 {
     let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
     squares.sum::<f64>().sqrt()
 }
 
 /// The largest difference of a coordinate (Chebyshev distance).
-#[must_use]
 pub fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
     differences.fold(0.0, f64::max)
 }
 
 /// The distance of a point of the plane to the straight line from one point to another.
-#[must_use]
 pub fn distance_to_segment(point: [f64; 2], from: [f64; 2], to: [f64; 2]) -> f64 {
     let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
     let square = dx * dx + dy * dy;
@@ -109,7 +98,6 @@ pub fn distance_to_segment(point: [f64; 2], from: [f64; 2], to: [f64; 2]) -> f64
 }
 
 /// The point on the straight line between two points: `from` at a share of 0, `to` at 1.
-#[must_use]
 pub fn interpolate<const N: usize>(from: &[f64; N], to: &[f64; N], share: f64) -> [f64; N] {
     std::array::from_fn(|i| from[i] + share * (to[i] - from[i]))
 }
@@ -137,7 +125,6 @@ impl<const N: usize> TimeSeries<N> {
 
     /// The value at an instant, interpolated linearly between the samples around it; `None` outside
     /// the series, and if these samples are further apart than `gap_ns`.
-    #[must_use]
     pub fn value_at(&self, stamp_ns: u64, gap_ns: u64) -> Option<[f64; N]> {
         let after = self.samples.partition_point(|(stamp, _)| *stamp < stamp_ns);
         let (t1, b) = self.samples.get(after)?;
@@ -155,19 +142,16 @@ impl<const N: usize> TimeSeries<N> {
     }
 
     /// A sample by its index.
-    #[must_use]
     pub fn get(&self, index: usize) -> Option<&(u64, [f64; N])> {
         self.samples.get(index)
     }
 
     /// The newest sample.
-    #[must_use]
     pub fn last(&self) -> Option<&(u64, [f64; N])> {
         self.samples.last()
     }
 
     /// Whether the series has no samples.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.samples.is_empty()
     }
@@ -182,7 +166,6 @@ mod tests {
         let values = [1.0, 2.0, 6.0];
         assert_eq!(mean(values), Some(3.0));
         assert_eq!(variance(values), Some(14.0 / 3.0));
-        assert_eq!(standard_deviation(values), Some((14.0_f64 / 3.0).sqrt()));
         assert_eq!(root_mean_square(values), Some((41.0_f64 / 3.0).sqrt()));
     }
 

@@ -75,13 +75,11 @@ pub struct Stroke {
 
 impl Stroke {
     /// A solid line.
-    #[must_use]
     pub const fn new(color: Color, width: f64) -> Self {
         Self { color, width, dash: Dash::Solid }
     }
 
     /// With a dash pattern.
-    #[must_use]
     pub const fn dash(self, dash: Dash) -> Self {
         Self { dash, ..self }
     }

@@ -1,5 +1,6 @@
 //! The straight pose: what the angles count from.
 
+use i2ris_report::statistics;
 use serde::{Deserialize, Serialize};
 
 use crate::fibre::Reading;
@@ -91,9 +92,7 @@ impl RestPose {
 
 /// The middle value of at least one.
 fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_unstable_by(f64::total_cmp);
-    sorted[sorted.len() / 2]
+    statistics::median(&mut values.to_vec()).unwrap_or(f64::NAN)
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
 use super::EndToEndBenchmark;
-use crate::model::{Operators, model};
+use crate::model::model;
 use crate::placement::{Run, describe};
 use crate::rig::DriveRig;
 use crate::tick::CONFIG;
@@ -158,7 +158,7 @@ fn configure(
     follow_lines: bool,
 ) -> Result<PathBuf, BenchError> {
     let folder = rig.folder.path();
-    let model = model(10, Operators::Plays(8))?;
+    let model = model(10, 8)?;
     model.file().write(&folder.join("model.json"))?;
     let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
     config.robot_id.clone_from(&model.file().robot_id);

@@ -1,4 +1,4 @@
-//! What messages go through: a seqlock, iceoryx2 alone, and the controller's streams.
+//! What messages go through: a seqlock, and the controller's streams.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -9,11 +9,6 @@ use i2ris::ipc::payload::JointState;
 use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{Domain, DomainLock, Server, StreamMessage};
 use i2ris::units::Nanos;
-use iceoryx2::node::Node;
-use iceoryx2::prelude::{
-    Config, FileName, NodeBuilder, Path, SemanticString, SignalHandlingMode, ipc,
-};
-use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::Turn;
 use crate::outcome::Durations;
@@ -71,59 +66,6 @@ pub fn seqlock(turn: Turn) -> Result<Durations, BenchError> {
             let read = from.read(last);
             last = read.map_or(last, |(counter, _)| counter);
             Ok(read.map(|(_, words)| Nanos(words[0])))
-        })
-    };
-    turn.measure(sender, receiver)
-}
-
-fn failed<E: std::fmt::Debug>(step: &'static str) -> impl FnOnce(E) -> BenchError {
-    move |error| format!("cannot {step}: iceoryx2 reports {error:?}").into()
-}
-
-/// A node in a subfolder of a domain, apart from the services of the controller.
-fn node(domain: &Domain) -> Result<Node<ipc::Service>, BenchError> {
-    let mut config = Config::default();
-    let root = domain.directory().join("bench");
-    let path = Path::new(root.as_os_str().as_encoded_bytes()).map_err(failed("name a folder"))?;
-    config.global.set_root_path(&path);
-    let prefix = format!("{}bench_", domain.prefix());
-    config.global.prefix =
-        FileName::new(prefix.as_bytes()).map_err(failed("name shared memory"))?;
-    let builder =
-        NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
-    builder.create().map_err(failed("create a node"))
-}
-
-fn stream(node: &Node<ipc::Service>) -> Result<PortFactory<ipc::Service, Words, ()>, BenchError> {
-    let name = "bench/words".try_into().map_err(failed("name a service"))?;
-    let service = node.service_builder(&name).publish_subscribe::<Words>();
-    service
-        .subscriber_max_buffer_size(16)
-        .open_or_create()
-        .map_err(failed("open a publish-subscribe service"))
-}
-
-pub fn iceoryx(turn: Turn) -> Result<Durations, BenchError> {
-    let domain = own_domain()?;
-    let _guard = DomainLock::acquire(&domain)?;
-    let sender = || {
-        let node = node(&domain)?;
-        let publisher =
-            stream(&node)?.publisher_builder().create().map_err(failed("create a publisher"))?;
-        Ok(move |now: Nanos| {
-            // The node must live as long as its ports.
-            let _ = &node;
-            publisher.send_copy([now.0; 8]).map(drop).map_err(failed("send"))
-        })
-    };
-    let receiver = || {
-        let node = node(&domain)?;
-        let subscriber =
-            stream(&node)?.subscriber_builder().create().map_err(failed("create a subscriber"))?;
-        Ok(move || {
-            let _ = &node;
-            let sample = subscriber.receive().map_err(failed("receive"))?;
-            Ok(sample.map(|sample| Nanos(sample[0])))
         })
     };
     turn.measure(sender, receiver)

@@ -30,9 +30,8 @@ const GROUP: &str = "polled";
 
 type Measure = fn(Turn) -> Result<Durations, BenchError>;
 
-const VARIANTS: [(&str, Role, Measure); 4] = [
+const VARIANTS: [(&str, Role, Measure); 3] = [
     ("seqlock in shared memory", Role::Floor, channels::seqlock),
-    ("iceoryx2 publish-subscribe", Role::Ours, channels::iceoryx),
     ("servo_jp: client to controller", Role::Ours, channels::to_controller),
     ("measured_js: controller to client", Role::Ours, channels::to_client),
 ];

@@ -26,8 +26,7 @@ pub fn of_outcomes(outcomes: &[Outcome]) -> Page {
     page.footer(concat!(
         "Written by i2ris ",
         env!("CARGO_PKG_VERSION"),
-        ". The same folder has the numbers as JSON and the histograms as HDR histogram logs \
-         (.hlog, nanoseconds)."
+        ". The same folder has the numbers as JSON."
     ));
     page
 }

@@ -8,7 +8,6 @@ use i2ris_simulation::motion::unseen_motion::Motion;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris demo
-  i2ris demo --through-images --calibration-s 300 --motion-s 60 --seed 7
   i2ris demo --snake brass --calibration-s 300 --motions teleoperation,circle,square,points \
   --motion-s 60
   i2ris demo --snake preisach:3 --calibration-s 300 --families best")]
@@ -27,23 +26,13 @@ pub struct Arguments {
     #[arg(long, value_name = "S", default_value_t = 90.0)]
     pub calibration_s: f64,
     /// Families of models to compare; `best` is the one with the least error on what was held out
-    /// [default: linear,gmr,best; with --through-images: gmr-stop]
-    #[arg(long, value_name = "FAMILY,..", value_delimiter = ',')]
-    pub families: Vec<String>,
-    /// Calibrate twice over the same motion, by the true angles and through synthetic images of
-    /// this size, and compare
-    #[arg(long, value_name = "WxH", num_args = 0..=1, default_missing_value = "1280x960",
-          value_parser = image_size)]
-    pub through_images: Option<String>,
-    /// With --through-images: use every Nth frame of the camera, for both calibrations; 1 renders
-    /// 18,000 images for five minutes
     #[arg(
         long,
-        value_name = "N",
-        default_value_t = 4,
-        value_parser = clap::value_parser!(u32).range(1..)
+        value_name = "FAMILY,..",
+        value_delimiter = ',',
+        default_value = "linear,gmr,best"
     )]
-    pub pictures_every: u32,
+    pub families: Vec<String>,
     /// What to follow
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Motion::Teleoperation])]
     pub motions: Vec<Motion>,
@@ -60,13 +49,4 @@ pub struct Arguments {
     /// Copy the recording, the models and the logs to this folder before cleaning up
     #[arg(long, value_name = "FOLDER")]
     pub keep: Option<PathBuf>,
-}
-
-/// Checks a size of images, WxH. `i2ris vision` reads it again; a mistake is reported at once.
-fn image_size(text: &str) -> Result<String, String> {
-    let is_side = |side: &str| side.parse().is_ok_and(|side| (16..=1 << 14).contains(&side));
-    let is_size = text.split_once('x').is_some_and(|(w, h)| is_side(w) && is_side(h));
-    is_size
-        .then(|| text.to_owned())
-        .ok_or_else(|| "write columns x rows, such as 1280x960".to_owned())
 }

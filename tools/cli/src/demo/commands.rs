@@ -58,11 +58,7 @@ impl Demo {
         let mut demo = Self { arguments, interrupt, domain, robot: None, folder };
         let (seed, log) = (demo.arguments.seed.to_string(), demo.file("setpoints.csv")?);
         let snake = &demo.arguments.snake;
-        let mut options =
-            ["--snake", snake, "--seed", &seed, "--log", &log].map(str::to_owned).to_vec();
-        if demo.arguments.through_images.is_some() {
-            options.extend(["--camera-noise-deg", "0"].map(str::to_owned));
-        }
+        let options = ["--snake", snake, "--seed", &seed, "--log", &log].map(str::to_owned);
         let bar = spinner("start emulated drives, a snake and the controller");
         // Models without memory, which it compares with the others, are wrong by a whole loop.
         let mut config = crate::start::config(&demo.folder.0, demo.domain.name())?;
@@ -84,41 +80,20 @@ impl Demo {
         text(&self.path(name))
     }
 
-    /// The families asked for, or the usual ones, separated by commas.
-    pub fn families(&self, usual: &str) -> Vec<String> {
-        match self.arguments.families.as_slice() {
-            [] => usual.split(',').map(str::to_owned).collect(),
-            families => families.to_vec(),
-        }
-    }
-
-    pub fn connect(&self) -> Result<Client, Failure> {
+    fn connect(&self) -> Result<Client, Failure> {
         Ok(crate::connection::connect(&self.domain)?)
     }
 
     /// Fails when the demo is interrupted, or emulator or controller has ended.
-    pub fn check(&mut self) -> Result<(), Failure> {
+    fn check(&mut self) -> Result<(), Failure> {
         if self.interrupt.came() {
             return Err("interrupted; everything was stopped and cleaned up".into());
         }
         self.robot.as_mut().map_or(Ok(()), EmulatedRobot::check)
     }
 
-    /// Starts `i2ris` with arguments in the domain of the demo.
-    pub fn child(&self, name: &'static str, words: &[&str]) -> Result<Process, Failure> {
-        let mut command = Command::new(std::env::current_exe()?);
-        command.args(words).env("I2RIS_DOMAIN", self.domain.name());
-        Process::start(name, &mut command, &self.folder.0)
-    }
-
-    /// Waits a little.
-    pub fn pause(&mut self) -> Result<(), Failure> {
-        clock::sleep(READ_PERIOD);
-        self.check()
-    }
-
     /// Runs `i2ris` with arguments to its end.
-    pub fn run(&mut self, what: &str, words: &[&str]) -> Result<(), Failure> {
+    fn run(&mut self, what: &str, words: &[&str]) -> Result<(), Failure> {
         let bar = spinner(what);
         self.run_behind(words, |_| Ok(()))?;
         finish(&bar, "done");
@@ -126,12 +101,14 @@ impl Demo {
     }
 
     /// The same behind the bar of the caller. `meanwhile` gets the time that has gone by, s.
-    pub fn run_behind(
+    fn run_behind(
         &mut self,
         words: &[&str],
         mut meanwhile: impl FnMut(f64) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
-        let mut child = self.child("tool", words)?;
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(words).env("I2RIS_DOMAIN", self.domain.name());
+        let mut child = Process::start("tool", &mut command, &self.folder.0)?;
         let start = clock::now();
         while !child.finished()? {
             let now = clock::now();
@@ -209,7 +186,7 @@ impl Demo {
 }
 
 /// One line per finished step, on a terminal and in a log alike.
-pub fn finish(bar: &ProgressBar, outcome: &str) {
+fn finish(bar: &ProgressBar, outcome: &str) {
     let what = bar.message();
     bar.finish_and_clear();
     eprintln!("{what:<50} {outcome}");

@@ -26,7 +26,7 @@ pub struct MotionRun {
     pub statistics: Vec<PeriodStatistics>,
 }
 
-pub fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
+fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
     let mean = |square: fn(&[f64; 2]) -> f64| {
         (errors_deg.iter().map(square).sum::<f64>() / errors_deg.len() as f64).sqrt()
     };
@@ -111,10 +111,10 @@ pub struct Followed {
     pub run: MotionRun,
 }
 
-/// Prints everything. `note` says what the camera adds.
-pub fn print(followed: &[Followed], note: &str) {
+/// Prints everything.
+pub fn print(followed: &[Followed]) {
     tracking(followed);
-    println!("  {note}");
+    println!("  The camera adds its noise of about 0.05 degrees per axis.");
     if let Some(last) = followed.last() {
         statistics(&last.run.statistics);
         latency(&last.run.command_to_wire_us);

@@ -62,7 +62,6 @@ impl Adaptation {
     }
 
     /// Two lines; none while it is off.
-    #[must_use]
     pub fn lines(&self) -> Vec<String> {
         if !self.on {
             return Vec::new();

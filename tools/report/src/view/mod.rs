@@ -57,7 +57,6 @@ pub struct LatestMessages {
 
 impl LatestMessages {
     /// Whether there is a message of every stream that a controller always publishes.
-    #[must_use]
     pub fn is_complete(&self) -> bool {
         let Self { state, measured, actuators, statistics, exchange_rates, .. } = self;
         let all =
@@ -107,7 +106,6 @@ impl Age {
     }
 
     /// `STALE` and the age, `NEVER READ`, or nothing.
-    #[must_use]
     pub fn mark(&self) -> Option<String> {
         match self.age {
             None => Some("NEVER READ".to_owned()),
@@ -165,7 +163,6 @@ pub struct Pose {
 
 impl Pose {
     /// The angles, while they are fresh.
-    #[must_use]
     pub fn fresh(&self) -> Pair {
         self.deg.filter(|_| !self.age.stale)
     }
@@ -218,7 +215,6 @@ pub struct Span {
 
 impl Span {
     /// With as many digits as mean something.
-    #[must_use]
     pub fn texts(&self) -> [String; 3] {
         let digits = |us: f64| if us < 10.0 { format!("{us:.1}") } else { format!("{us:.0}") };
         [self.p50_us, self.p99_us, self.max_us].map(digits)
@@ -274,7 +270,6 @@ pub struct Event {
 
 impl View {
     /// What the messages say. Models and events are known to the monitor only.
-    #[must_use]
     pub fn new(messages: &LatestMessages, now: Nanos) -> Self {
         let joint = |it: &JointState| pose(it, now);
         let warning = messages.warning.filter(|it| it.age(now) < WARNING_SHOWN);
@@ -422,26 +417,22 @@ fn health(message: &Health) -> String {
 }
 
 /// The name of the state.
-#[must_use]
 pub fn state_name(state: &OperatingStateMsg) -> &'static str {
     OperatingState::from_number(state.state).map_or("UNKNOWN STATE", OperatingState::text)
 }
 
 /// The beginning of a model's identity: enough to distinguish models.
-#[must_use]
 pub fn short_id(id: ModelId) -> String {
     id.to_string().chars().take(8).collect()
 }
 
 /// Pitch and yaw, degrees; `None` where they mean nothing, or are a position instead.
-#[must_use]
 pub fn angles(joint: &JointState) -> Pair {
     (joint.flags & JointState::VALID != 0 && joint.count == 2)
         .then(|| [joint.position[0].to_degrees(), joint.position[1].to_degrees()])
 }
 
 /// How many motors there are.
-#[must_use]
 pub fn count(count: u32) -> usize {
     usize::try_from(count).unwrap_or(MAX_MOTORS).min(MAX_MOTORS)
 }

@@ -25,7 +25,6 @@ pub struct Why {
 
 impl Why {
     /// Whether it is a fault: everything else is a warning.
-    #[must_use]
     pub fn is_fault(&self) -> bool {
         self.code.starts_with("fault")
     }
@@ -46,7 +45,6 @@ impl Why {
 
 /// What keeps the robot from moving now, then the last warning of every cause, newest first.
 /// `error` is the last fault; `warnings` are in the order in which they came.
-#[must_use]
 pub fn reasons(
     state: &OperatingStateMsg,
     error: Option<&ReasonMsg>,

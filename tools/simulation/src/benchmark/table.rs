@@ -14,20 +14,12 @@ type Row<'a> = (&'a str, &'a str, &'a str);
 /// All motions, or all physics, together.
 const ALL: &str = "all";
 
-/// A figure over the draws. A robot that did not follow is worse than every number.
-struct Spread {
-    median: f64,
-    worst: f64,
-}
-
-impl Spread {
-    fn new(values: impl Iterator<Item = f64>) -> Self {
-        let mut values: Vec<f64> = values.collect();
-        Self {
-            median: median(&mut values).unwrap_or(f64::NAN),
-            worst: values.iter().copied().fold(f64::NAN, f64::max),
-        }
-    }
+/// Median and worst of a figure over the draws. A robot that did not follow is worse than every
+/// number.
+pub(super) fn spread(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let mut values: Vec<f64> = values.collect();
+    let worst = values.iter().copied().fold(f64::NAN, f64::max);
+    [median(&mut values).unwrap_or(f64::NAN), worst]
 }
 
 /// One line for a snake: its families over all motions.
@@ -102,29 +94,22 @@ pub fn table(judgements: &[Judgement]) -> String {
 }
 
 fn write_row(text: &mut String, (physics, family, motion): Row<'_>, judged: &[&Judgement]) {
-    let errors = Spread::new(judged.iter().map(|judged| rms(judged.tracking.as_ref())));
-    let exact = Spread::new(judged.iter().map(|judged| judged.exact.rms_deg));
-    let left = Spread::new(
-        judged.iter().map(|judged| rms(judged.tracking.as_ref()) / rms(judged.linear.as_ref())),
-    );
-    let travel = Spread::new(judged.iter().map(|judged| {
-        let tracking = judged.tracking.as_ref();
-        tracking.map_or(f64::INFINITY, |t| t.travel_counts_s / judged.exact.travel_counts_s)
-    }));
+    let each = |figure: &dyn Fn(&Judgement) -> f64| spread(judged.iter().map(|it| figure(it)));
+    let [error, worst] = each(&|it| rms(it.tracking.as_ref()));
+    let [exact, worst_exact] = each(&|it| it.exact.rms_deg);
+    let [left, most_left] = each(&|it| rms(it.tracking.as_ref()) / rms(it.linear.as_ref()));
+    let [travel, most_travel] = each(&|it| {
+        let tracking = it.tracking.as_ref();
+        tracking.map_or(f64::INFINITY, |t| t.travel_counts_s / it.exact.travel_counts_s)
+    });
     let below = |left: f64| 100.0 * (1.0 - left);
     let _ = writeln!(
         text,
-        "{physics:<18} {family:<14} {motion:<14} {:>5} {:>8.3} {:>8.3} {:>6.1}% {:>6.1}% {:>8.3} \
-         {:>8.3} {:>7.2} {:>7.2}",
+        "{physics:<18} {family:<14} {motion:<14} {:>5} {error:>8.3} {worst:>8.3} {:>6.1}% {:>6.1}% \
+         {exact:>8.3} {worst_exact:>8.3} {travel:>7.2} {most_travel:>7.2}",
         judged.len(),
-        errors.median,
-        errors.worst,
-        below(left.median),
-        below(left.worst),
-        exact.median,
-        exact.worst,
-        travel.median,
-        travel.worst,
+        below(left),
+        below(most_left),
     );
 }
 

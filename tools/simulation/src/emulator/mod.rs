@@ -36,7 +36,7 @@ use i2ris::units::Nanos;
 use nix::sys::prctl;
 
 use crate::ageing::Change;
-use crate::camera::{Camera, TimedCameraFault};
+use crate::camera::Camera;
 use crate::drive::{Drive, DriveSnapshot, Fault};
 use config::EmulatorConfig;
 use injection::Injection;
@@ -193,11 +193,6 @@ impl Emulator {
     /// ([`Change::check`]).
     pub fn begin_ageing(&self, change: Change) {
         self.shared.begin_ageing(change);
-    }
-
-    /// A fault of the camera begins, after its own `start_s`.
-    pub fn spoil_camera(&self, fault: TimedCameraFault) {
-        self.shared.tell_camera(CameraCommand::Begin(fault));
     }
 
     /// Injects a fault into an axis, its line or its wire.

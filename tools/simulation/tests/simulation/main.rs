@@ -9,6 +9,5 @@
 
 mod camera;
 mod config_files;
-mod described_snakes;
 mod independence;
 mod line;

@@ -6,6 +6,8 @@
 //! both saw the same pixels; the standard deviation is widened by their correlation (a first-order
 //! autoregressive process with correlation r is worth (1 - r) / (1 + r) of its points).
 
+use i2ris_report::statistics::median;
+
 use super::geometry::{Px, across, advance, relative, step};
 
 /// Tukey's constant: 95 % efficiency on normal errors.
@@ -182,15 +184,6 @@ fn inflation(residuals: &[f64], weights: &[f64]) -> f64 {
     }
     let correlation = if same > 0.0 { (next / same).clamp(0.0, 0.9) } else { 0.0 };
     (1.0 + correlation) / (1.0 - correlation)
-}
-
-/// The middle value; `None` for none. Reorders.
-pub(super) fn median(values: &mut [f64]) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]

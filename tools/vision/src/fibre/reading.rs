@@ -1,9 +1,11 @@
 //! The angle between base and tip, and how far it can be trusted.
 
+use i2ris_report::statistics::median;
+
 use super::base_detection;
 use super::centreline::{self, Centreline, TraceEnd};
 use super::geometry::Px;
-use super::line_fit::{FittedLine, median};
+use super::line_fit::FittedLine;
 use super::settings::DetectorSettings;
 use super::tip_detection;
 use crate::image::GreyImage;

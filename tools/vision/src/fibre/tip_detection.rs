@@ -1,8 +1,10 @@
 //! Where the fibre ends, and whether it is really its end.
 
+use i2ris_report::statistics::median;
+
 use super::centreline::Centreline;
 use super::geometry::{Px, across, relative};
-use super::line_fit::{FittedLine, median};
+use super::line_fit::FittedLine;
 use super::settings::{Background, DetectorSettings};
 use crate::image::GreyImage;
 

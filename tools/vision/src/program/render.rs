@@ -37,10 +37,6 @@ pub struct Arguments {
     /// and view1 of the output folder; the domain must be one that no controller serves
     #[arg(long, value_name = "NAME")]
     live: Option<String>,
-    /// Draw --angles as Y4M into FIFOs of the output folder, too, as fast as their reader takes
-    /// them: no files
-    #[arg(long, conflicts_with = "live")]
-    stream: bool,
     /// Folder for the images (view0, view1), those at rest (rest0, rest1) and their setup
     /// (vision.toml)
     #[arg(long, short, value_name = "DIR")]
@@ -88,13 +84,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     fs::create_dir_all(&arguments.output)
         .map_err(|error| format!("{}: {error}", arguments.output.display()))?;
     match (&arguments.angles, &arguments.live) {
-        (Some(angles), _) => {
-            let poses = poses(angles)?;
-            match arguments.stream {
-                false => files(arguments, &rig, &poses),
-                true => stream(arguments, &rig, &poses, &Interrupt::catch()?),
-            }
-        }
+        (Some(angles), _) => files(arguments, &rig, &poses(angles)?),
         (None, Some(domain)) => {
             let path = write_setup(arguments, &rig)?;
             println!(
@@ -176,33 +166,6 @@ fn files(arguments: &Arguments, rig: &Rig, poses: &[(Nanos, JointPose)]) -> Resu
     Ok(())
 }
 
-/// Draws into FIFOs, `view0` and `view1`, and waits for their reader.
-fn stream(
-    arguments: &Arguments,
-    rig: &Rig,
-    poses: &[(Nanos, JointPose)],
-    interrupt: &Interrupt,
-) -> Result<(), Failure> {
-    let path = write_setup(arguments, rig)?;
-    let fifos = Fifos::make(&[fifo(arguments, 0), fifo(arguments, 1)])?;
-    println!("wrote {}; drawing for who reads view0 and view1 beside it", path.display());
-    let mut drawn = 0_u64;
-    for (number, (stamp, pose)) in poses.iter().enumerate().step_by(arguments.every as usize) {
-        if interrupt.came() {
-            return Err("interrupted".into());
-        }
-        let handed =
-            fifos.sender().map(|to| to.send((*stamp, rig.render_views(*pose, number as u64))));
-        if !matches!(handed, Some(Ok(()))) {
-            return Err(format!("the reader went away after {drawn} poses").into());
-        }
-        drawn += 1;
-    }
-    fifos.finish();
-    println!("{drawn} poses drawn for {} views", rig.cameras.len());
-    Ok(())
-}
-
 fn draw(
     arguments: &Arguments,
     rig: &Rig,
@@ -241,10 +204,9 @@ fn follow(
             clock::sleep(POLL);
             continue;
         };
-        let Some(feed) = fifos.sender() else { break };
         number += 1;
         let pose = JointPose { pitch_rad: seen.position[0], yaw_rad: seen.position[1] };
-        match feed.try_send((Nanos(seen.stamp_ns), rig.render_views(pose, number))) {
+        match fifos.to.try_send((Nanos(seen.stamp_ns), rig.render_views(pose, number))) {
             Ok(()) => {}
             // The reader is slow, or has not come yet: a camera drops frames then, too. Both
             // views or none.

@@ -2,17 +2,9 @@
 
 use std::fmt::Write as _;
 
-use i2ris_report::statistics::median;
-
 use super::bench::Judgement;
 use super::measures::Steps;
-
-/// Median and worst of a figure.
-fn spread(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    let mut values: Vec<f64> = values.collect();
-    let worst = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    [median(&mut values).unwrap_or(f64::NAN), worst]
-}
+use crate::benchmark::table::spread;
 
 pub fn line(judged: &Judgement) -> String {
     let worn = &judged.worn;

@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, ErrorKind, Write};
 use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread::{self, JoinHandle};
+use std::thread;
 
 use i2ris::units::Nanos;
 use i2ris_vision::image::GreyImage;
@@ -18,8 +18,8 @@ pub type FrameSet = (Nanos, Vec<GreyImage>);
 /// FIFOs, and the thread that writes frames into them once somebody reads.
 pub struct Fifos {
     paths: Vec<PathBuf>,
-    to: Option<SyncSender<FrameSet>>,
-    writer: Option<JoinHandle<()>>,
+    /// Where frames are handed over. The other end goes when a reader goes.
+    pub to: SyncSender<FrameSet>,
 }
 
 impl Fifos {
@@ -33,24 +33,11 @@ impl Fifos {
         let (to, from) = sync_channel(1);
         let paths = paths.to_vec();
         let readers = paths.clone();
-        let writer = thread::spawn(move || match write(&readers, &from) {
+        thread::spawn(move || match write(&readers, &from) {
             Err(error) if error.kind() != ErrorKind::BrokenPipe => eprintln!("FIFOs: {error}"),
             _ => {}
         });
-        Ok(Self { paths, to: Some(to), writer: Some(writer) })
-    }
-
-    /// Where frames are handed over. The other end goes when a reader goes.
-    pub fn sender(&self) -> Option<&SyncSender<FrameSet>> {
-        self.to.as_ref()
-    }
-
-    /// Waits until everything that was handed over has been read, or a reader has gone.
-    pub fn finish(mut self) {
-        self.to = None;
-        if let Some(writer) = self.writer.take() {
-            let _ = writer.join();
-        }
+        Ok(Self { paths, to })
     }
 }
 
