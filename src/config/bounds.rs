@@ -9,13 +9,20 @@ use super::finding::Findings;
 /// Ceilings far above any motor here: a value beyond is a mistake, for example a wrong unit.
 pub(super) const MAX_COUNTS: f64 = 1e7;
 pub(super) const MAX_MS: f64 = 60_000.0;
-const MAX_VELOCITY: f64 = 1e6;
-const MAX_ACCELERATION: f64 = 1e9;
-const MAX_JERK: f64 = 1e13;
+/// Ten times what the motors of the snake do, counts/s and counts/s^2. A stop may be as hard as one
+/// tick from full speed.
+const MAX_VELOCITY: f64 = 20_000.0;
+const MAX_ACCELERATION: f64 = 2e6;
+const MAX_DECELERATION: f64 = 2e7;
+const MAX_JERK: f64 = 1e12;
+/// Ten times what a hand does, deg/s, deg/s^2 and deg/s^3.
+const MAX_ANGLE_VELOCITY: f64 = 1000.0;
+const MAX_ANGLE_ACCELERATION: f64 = 100_000.0;
+const MAX_ANGLE_JERK: f64 = 1e8;
 
-/// The largest nominal current of the drives of both families (EPOS4 70/15), mA. It fits into the
-/// 16-bit objects of an EPOS2.
-const MAX_CURRENT_MA: f64 = 15_000.0;
+/// Ten times the nominal current of the largest motor for this snake, mA: what the drives could
+/// give, up to 15 A, melts it.
+const MAX_CURRENT_MA: f64 = 2000.0;
 
 /// The range of one key.
 pub(super) struct Bound {
@@ -24,14 +31,20 @@ pub(super) struct Bound {
     /// `None`: above 0.
     pub low: Option<f64>,
     pub high: f64,
+    /// Why, where that is not plain.
+    pub why: Option<&'static str>,
 }
 
 const fn within(key: &'static str, low: f64, high: f64) -> Bound {
-    Bound { key, low: Some(low), high }
+    Bound { key, low: Some(low), high, why: None }
 }
 
 const fn above_zero(key: &'static str, high: f64) -> Bound {
-    Bound { key, low: None, high }
+    Bound { key, low: None, high, why: None }
+}
+
+const fn because(why: &'static str, bound: Bound) -> Bound {
+    Bound { why: Some(why), ..bound }
 }
 
 pub(super) const BOUNDS: &[Bound] = &[
@@ -40,15 +53,16 @@ pub(super) const BOUNDS: &[Bound] = &[
     within("control.priority", 0.0, 98.0),
     within("record.seconds", 10.0, 120.0),
     within("record.files", 1.0, 10_000.0),
-    // Longer than a second: the robot has to stop when commands end.
-    within("command.deadline_ms", 2.0, 1000.0),
+    because("the robot has to stop when commands end", within("command.deadline_ms", 2.0, 1000.0)),
     within("command.motion_scale", 0.01, 1.0),
     within("command.tremor_filter_hz", 0.0, 50.0),
     above_zero("command.max_step_deg", 90.0),
     above_zero("command.max_step_counts", MAX_COUNTS),
+    above_zero("command.first_step_deg", 90.0),
+    above_zero("command.first_step_counts", MAX_COUNTS),
     above_zero("limits.velocity_counts_s", MAX_VELOCITY),
     above_zero("limits.acceleration_counts_s2", MAX_ACCELERATION),
-    above_zero("limits.stop_deceleration_counts_s2", MAX_ACCELERATION),
+    above_zero("limits.stop_deceleration_counts_s2", MAX_DECELERATION),
     above_zero("limits.jerk_counts_s3", MAX_JERK),
     above_zero("limits.feedback_stale_ms", MAX_MS),
     above_zero("limits.following_error_counts", MAX_COUNTS),
@@ -56,9 +70,9 @@ pub(super) const BOUNDS: &[Bound] = &[
     within("limits.over_current_ms", 0.0, MAX_MS),
     within("limits.overrun_ticks", 0.0, 10_000.0),
     above_zero("limits.overrun_window_ms", MAX_MS),
-    above_zero("joint_limits.velocity_deg_s", MAX_VELOCITY),
-    above_zero("joint_limits.acceleration_deg_s2", MAX_ACCELERATION),
-    above_zero("joint_limits.jerk_deg_s3", MAX_JERK),
+    above_zero("joint_limits.velocity_deg_s", MAX_ANGLE_VELOCITY),
+    above_zero("joint_limits.acceleration_deg_s2", MAX_ANGLE_ACCELERATION),
+    above_zero("joint_limits.jerk_deg_s3", MAX_ANGLE_JERK),
     within("compensation.factor", 0.0, 1.0),
     within("compensation.reversal_dead_band_deg", 0.0, 2.0),
     within("compensation.residual_filter_ms", 0.0, 1000.0),
@@ -67,9 +81,9 @@ pub(super) const BOUNDS: &[Bound] = &[
     within("conditioning.turns", 1.0, 20.0),
     above_zero("conditioning.velocity_counts_s", MAX_VELOCITY),
     within("model_swap.blend_ms", 0.0, 10_000.0),
-    above_zero("move_jp.velocity_deg_s", MAX_VELOCITY),
-    above_zero("move_jp.acceleration_deg_s2", MAX_ACCELERATION),
-    above_zero("move_jp.jerk_deg_s3", MAX_JERK),
+    above_zero("move_jp.velocity_deg_s", MAX_ANGLE_VELOCITY),
+    above_zero("move_jp.acceleration_deg_s2", MAX_ANGLE_ACCELERATION),
+    above_zero("move_jp.jerk_deg_s3", MAX_ANGLE_JERK),
     within("plausibility.distance_deg", 0.0, 90.0),
     within("plausibility.debounce_ms", 0.0, MAX_MS),
     above_zero("adaptation.zero_budget_deg", 10.0),
@@ -101,10 +115,11 @@ pub(super) const BOUNDS: &[Bound] = &[
 
 impl Bound {
     fn reason(&self) -> String {
-        match self.low {
+        let range = match self.low {
             Some(low) => format!("must be {low} to {}", self.high),
             None => format!("must be above 0 and at most {}", self.high),
-        }
+        };
+        self.why.map_or_else(|| range.clone(), |why| format!("{range}: {why}"))
     }
 
     /// TOML has `nan` and `inf`, and serde accepts them.

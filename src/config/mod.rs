@@ -28,6 +28,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::file_permissions::{LONGEST_CONFIG, UntrustedFile, read_trusted};
+use crate::model::file::{OutputSpec, OutputUnit};
+use crate::model::{Model, ModelError};
 
 pub use finding::Finding;
 pub use ports::{AxisConfig, Family, Framing, HomingMethod, Polling, PortConfig, Streaming};
@@ -123,6 +125,34 @@ pub enum ConfigError {
 }
 
 impl Config {
+    /// The watches that are switched off, one sentence each: to be said at every start.
+    #[must_use]
+    pub fn watches_off(&self) -> Vec<String> {
+        let late = "limits.overrun_ticks = 0: late ticks are no fault".to_owned();
+        let hangs = |(index, _)| {
+            format!(
+                "ports[{index}].loop_timeout_ms = 0: a loop that hangs is left to the watchdog \
+                 alone"
+            )
+        };
+        let ports = self.ports.iter().enumerate().filter(|(_, port)| port.loop_timeout_ms == 0);
+        let overruns = (self.limits.overrun_ticks == 0).then_some(late);
+        overruns.into_iter().chain(ports.map(hangs)).collect()
+    }
+
+    /// Checks that the robot may use a model, and can keep its limits with it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Model::check_use`], and when angles are limited and the model has none.
+    pub fn check_model(&self, model: &Model) -> Result<(), ModelError> {
+        model.check_use(&self.robot_id, self.motors(), self.control.allow_worthless_model)?;
+        let is_angle = |output: &OutputSpec| output.unit == OutputUnit::Deg;
+        let has_angles = model.file().outputs.iter().all(is_angle);
+        let is_kept = has_angles || !self.joint_limits.is_any();
+        if is_kept { Ok(()) } else { Err(ModelError::NoAngles) }
+    }
+
     /// Reads and checks a file. Paths in it become relative to the folder of the file.
     ///
     /// # Errors

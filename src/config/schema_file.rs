@@ -34,7 +34,7 @@ fn pointer(root: &Value, key: &str) -> String {
     path
 }
 
-fn write_bound(root: &mut Value, Bound { key, low, high }: &Bound) {
+fn write_bound(root: &mut Value, Bound { key, low, high, .. }: &Bound) {
     let number = |value: f64| match value.fract() {
         0.0 => json!(value as i64),
         _ => json!(value),

@@ -84,11 +84,16 @@ pub struct CommandConfig {
     pub deadline_ms: u64,
     /// Silence after which the lease of a commander is free for others, in milliseconds.
     pub lease_timeout_ms: u64,
-    /// The largest difference between two servo commands in a row, and between the first and the
-    /// present pose, in degrees.
+    /// The largest difference between two servo commands in a row, in degrees.
     pub max_step_deg: f64,
     /// The same for commands in counts.
     pub max_step_counts: i32,
+    /// The largest difference between the first command of a stream and the present pose, in
+    /// degrees: also after a pause, a stop and a fault. A hand that is further away opens the
+    /// clutch, or comes back.
+    pub first_step_deg: f64,
+    /// The same for commands in counts.
+    pub first_step_counts: i32,
     /// Motion of the snake per motion of the master. With a value other than 1, a stream
     /// of commands is relative to its first one, as after the clutch; see `i2ris::core`.
     pub motion_scale: f64,
@@ -113,6 +118,8 @@ impl Default for CommandConfig {
             lease_timeout_ms: 500,
             max_step_deg: 5.0,
             max_step_counts: 250,
+            first_step_deg: 0.5,
+            first_step_counts: 25,
             motion_scale: 1.0,
             tremor_filter_hz: 0.0,
         }
@@ -148,7 +155,7 @@ pub struct LimitConfig {
     /// Duration of the over-current that leads to FAULT, in milliseconds.
     pub over_current_ms: u64,
     /// Overruns (ticks that begin a period late or more) within `overrun_window_ms` that lead to
-    /// FAULT. 0: never.
+    /// FAULT. 0: never, which is said at every start.
     pub overrun_ticks: u32,
     /// Window in which `overrun_ticks` are counted, in milliseconds.
     pub overrun_window_ms: u64,
@@ -245,8 +252,8 @@ impl Default for ModelSwapConfig {
     }
 }
 
-/// Limits on the angles before the inverse. An absent limit is off. A model of the tip position
-/// has none.
+/// Limits on the angles. An absent limit is off. With any of them, a model of the tip position is
+/// refused: it has no angles.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]

@@ -115,7 +115,7 @@ fn values_have_ceilings_and_all_of_them_are_named_at_once() {
     for key in [
         "baud = 115201",
         "loop_timeout_ms",
-        "current_limit_ma = 300000: must be above 0 and at most 15000",
+        "current_limit_ma = 300000: must be above 0 and at most 2000",
         "motor_speed_rpm",
         "homing_speed_rpm",
         "following_error_counts",
@@ -131,6 +131,41 @@ fn values_have_ceilings_and_all_of_them_are_named_at_once() {
     ] {
         assert!(text.contains(key), "{key}:\n{text}");
     }
+}
+
+#[test]
+fn a_deadline_out_of_range_is_refused_with_the_reason() {
+    let text = error("[command]\ndeadline_ms = 1001");
+    assert!(text.contains(": the robot has to stop when commands end"), "{text}");
+}
+
+#[test]
+fn limits_that_no_motor_of_the_snake_has_are_refused() {
+    for (key, value) in [
+        ("[limits]\nvelocity_counts_s", "20001"),
+        ("[limits]\nacceleration_counts_s2", "2.1e6"),
+        ("[limits]\nstop_deceleration_counts_s2", "2.1e7"),
+        ("[limits]\nover_current_ma", "2001"),
+        ("[joint_limits]\nvelocity_deg_s", "1001"),
+        ("[move_jp]\nacceleration_deg_s2", "1.1e5"),
+    ] {
+        let text = error(&format!("{key} = {value}"));
+        assert!(text.contains("at most"), "{key}: {text}");
+    }
+}
+
+#[test]
+fn watches_that_are_off_are_said() {
+    let off = Config::parse(AXIS, Path::new("robot.toml")).unwrap();
+    assert_eq!(off.watches_off(), ["limits.overrun_ticks = 0: late ticks are no fault"]);
+    let mut on = off.clone();
+    on.limits.overrun_ticks = 5;
+    assert!(on.watches_off().is_empty());
+    on.ports[0].loop_timeout_ms = 0;
+    assert_eq!(
+        on.watches_off(),
+        ["ports[0].loop_timeout_ms = 0: a loop that hangs is left to the watchdog alone"]
+    );
 }
 
 #[test]

@@ -185,8 +185,7 @@ fn check_ports(config: &Config, findings: &mut Findings) {
 pub(super) fn check_model_file(config: &Config) -> Option<Finding> {
     let path = config.control.model.as_ref()?;
     let model = Model::load_trusted(path);
-    let allow = config.control.allow_worthless_model;
-    let checked = model.and_then(|model| model.check_use(&config.robot_id, config.motors(), allow));
+    let checked = model.and_then(|model| config.check_model(&model));
     checked.err().map(|error| Finding {
         key: "control.model".to_owned(),
         value: path.display().to_string(),

@@ -76,6 +76,8 @@ pub struct StateRequest {
 pub struct ModelSwapRequest {
     /// Identifies the request to the thread that sends the reply.
     pub id: u64,
+    /// The client that sent it.
+    pub client_id: u64,
     /// The requested change.
     pub change: ModelChange,
     /// Swap even if the hysteresis memory of the next model is not known.

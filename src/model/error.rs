@@ -124,6 +124,12 @@ pub enum ModelError {
         /// Why, as the fit said it.
         doubt: String,
     },
+    /// The configuration limits angles, and the model has none.
+    #[error(
+        "gives a position of the tip, so that [joint_limits] of the configuration could not be \
+         kept; name a model of angles, or remove the limits"
+    )]
+    NoAngles,
     /// The model was calibrated on another robot.
     #[error(
         "was calibrated on robot `{model}`, and this robot is `{robot}`; name a model of \

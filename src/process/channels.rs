@@ -20,6 +20,8 @@ const REPORTS: usize = 256;
 const EVENTS: usize = 1024;
 /// State commands in flight; a client sends one and waits for its reply.
 const COMMANDS: usize = 32;
+/// Stops that wait for a tick. Each of them stops the robot, so no number is missed.
+const STOPS: usize = 256;
 /// Models in flight; they are staged one at a time.
 const MODELS: usize = 8;
 
@@ -58,6 +60,8 @@ pub struct LoopChannels {
     pub servo: triple_buffer::Output<Option<ServoCommand>>,
     pub external: triple_buffer::Output<Option<ExternalPose>>,
     pub requests: Consumer<StateRequest>,
+    /// Requests that only stop: taken before all others.
+    pub stops: Consumer<StateRequest>,
     pub replies: Producer<StateReply>,
     pub offers: Consumer<ModelOffer>,
     pub model_requests: Consumer<ModelSwapRequest>,
@@ -74,6 +78,8 @@ pub struct IpcChannels {
     pub servo: triple_buffer::Input<Option<ServoCommand>>,
     pub external: triple_buffer::Input<Option<ExternalPose>>,
     pub requests: Producer<StateRequest>,
+    /// Requests that only stop.
+    pub stops: Producer<StateRequest>,
     pub replies: Consumer<StateReply>,
     pub reports: Consumer<TickReport>,
     /// Lines of the log and reasons, from the main thread.
@@ -97,7 +103,8 @@ pub fn loop_channels(
     let (servo_in, servo) = triple_buffer(&None);
     let (external_in, external) = triple_buffer(&None);
     let (requests_in, requests) = RingBuffer::new(COMMANDS);
-    let (replies, replies_out) = RingBuffer::new(COMMANDS);
+    let (stops_in, stops) = RingBuffer::new(STOPS);
+    let (replies, replies_out) = RingBuffer::new(COMMANDS + STOPS);
     let (reports, reports_out) = RingBuffer::new(REPORTS);
     let (events, events_out) = RingBuffer::new(EVENTS);
     let (offers_in, offers) = RingBuffer::new(MODELS);
@@ -108,6 +115,7 @@ pub fn loop_channels(
         servo,
         external,
         requests,
+        stops,
         replies,
         offers,
         model_requests,
@@ -121,6 +129,7 @@ pub fn loop_channels(
         servo: servo_in,
         external: external_in,
         requests: requests_in,
+        stops: stops_in,
         replies: replies_out,
         reports: reports_out,
         log_entries,

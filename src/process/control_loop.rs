@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::clock;
 use crate::config::ControlConfig;
 use crate::core::cycle::ControlCycle;
-use crate::core::{CycleInputs, CycleOutputs, Gated};
+use crate::core::{CycleInputs, CycleOutputs, Gated, StateRequest};
 use crate::drive::AxisFeedback;
 use crate::drive::port_runner::AxisLink;
 use crate::ipc::heartbeat::HeartbeatWriter;
@@ -126,7 +126,7 @@ impl ControlLoop {
         let channels = &mut self.channels;
         CycleInputs {
             servo: newest(&mut channels.servo),
-            request: channels.requests.pop().ok(),
+            request: next_request(channels),
             model: channels.model_requests.pop().ok(),
             external: newest(&mut channels.external),
             missed: u32::try_from(tick.missed).unwrap_or(u32::MAX),
@@ -147,6 +147,11 @@ struct Lost {
 /// The value of a triple buffer, if it was written since the last call.
 fn newest<T: Copy + Send>(buffer: &mut triple_buffer::Output<Option<T>>) -> Option<T> {
     buffer.update().then(|| *buffer.output_buffer()).flatten()
+}
+
+/// What only stops overtakes what waits.
+fn next_request(channels: &mut LoopChannels) -> Option<StateRequest> {
+    channels.stops.pop().or_else(|_| channels.requests.pop()).ok()
 }
 
 fn read_feedback(links: &mut [AxisLink<Gated>]) -> [AxisFeedback; MAX_MOTORS] {

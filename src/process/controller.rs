@@ -101,6 +101,7 @@ pub fn run(
     let (name, process) = (domain.name(), std::process::id());
     write_line(log, format_args!("serves domain `{name}`, process {process}"));
     write_granted(log, &threads.granted);
+    write_watches_off(log, config);
     write_ipc_granted(log, &config.control, &threads.ipc_granted);
     if let Some(delay_s) = config.command.tremor_filter_delay_s() {
         let delay_ms = delay_s * 1e3;
@@ -334,6 +335,13 @@ fn write_granted(log: &mut dyn Write, granted: &Granted) {
     write_line(log, format_args!("loop: {scheduling} {priority}, memory {memory}, {cpu}"));
     for warning in &granted.warnings {
         write_line(log, format_args!("warning: {warning}"));
+    }
+}
+
+/// Says which watches the configuration has switched off.
+fn write_watches_off(log: &mut dyn Write, config: &Config) {
+    for watch in config.watches_off() {
+        write_line(log, format_args!("off by configuration: {watch}"));
     }
 }
 

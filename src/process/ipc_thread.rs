@@ -219,8 +219,15 @@ impl IpcThread {
 
     /// Passes a request to the loop, or replies with the refusal.
     fn request(&mut self, id: u64, request: Result<StateRequest, Refusal>) {
-        let requests = &mut self.parts.channels.requests;
-        let pushed = request.and_then(|request| requests.push(request).map_err(|_| Refusal::Busy));
+        let channels = &mut self.parts.channels;
+        let pushed = request.and_then(|request| {
+            let queue = if request.command.only_stops() {
+                &mut channels.stops
+            } else {
+                &mut channels.requests
+            };
+            queue.push(request).map_err(|_| Refusal::Busy)
+        });
         if let Err(refusal) = pushed {
             let state = self.state;
             self.reply(StateReply { id, refusal, state, measurement: None });

@@ -118,15 +118,14 @@ impl ModelManager {
             ModelAction::Activate => ModelChange::Activate(ModelId(request.model_id)),
             ModelAction::Rollback => ModelChange::Rollback,
         };
-        self.change(change, forced).map(|()| None)
+        self.change(request.client_id, change, forced).map(|()| None)
     }
 
     fn stage(&mut self, file: &Path) -> Result<Option<ModelDifference>, Refused> {
         let bad = |message: String| Refused { refusal: Refusal::BadModel, message };
         let model = Model::load_trusted(file).map_err(|error| bad(error.to_string()))?;
-        let allow = self.config.control.allow_worthless_model;
-        model
-            .check_use(&self.config.robot_id, self.config.motors(), allow)
+        self.config
+            .check_model(&model)
             .map_err(|error| bad(format!("model file {} {error}", file.display())))?;
         let model = Arc::new(model);
         let (history, active, position) = {
@@ -167,14 +166,14 @@ impl ModelManager {
         })
     }
 
-    fn change(&mut self, change: ModelChange, forced: bool) -> Result<(), Refused> {
+    fn change(&mut self, client_id: u64, change: ModelChange, forced: bool) -> Result<(), Refused> {
         self.requests += 1;
         let id = self.requests;
         let to = match change {
             ModelChange::Activate(to) => Some(to),
             ModelChange::Rollback => self.history.lock().slots.previous,
         };
-        let request = ModelSwapRequest { id, change, forced };
+        let request = ModelSwapRequest { id, client_id, change, forced };
         self.channels.requests.push(request).map_err(|_| Refusal::Busy)?;
         let refusal = self.wait_for(|manager| {
             let reply = manager.channels.replies.pop().ok()?;

@@ -40,8 +40,8 @@ pub fn load_model(config: &Config) -> Result<Option<Model>, StartModelError> {
         return Ok(None);
     };
     let model = Model::load_trusted(path)?;
-    model
-        .check_use(&config.robot_id, config.motors(), config.control.allow_worthless_model)
+    config
+        .check_model(&model)
         .map_err(|source| StartModelError::Use { path: path.clone(), source })?;
     Ok(Some(model))
 }

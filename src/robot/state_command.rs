@@ -38,3 +38,11 @@ numbered_enum! {
         Fixture = 12, "fixture";
     }
 }
+
+impl StateCommand {
+    /// It only stops: it needs no lease, and overtakes whatever waits.
+    #[must_use]
+    pub fn only_stops(self) -> bool {
+        matches!(self, Self::Disable | Self::Pause | Self::Hold)
+    }
+}

@@ -236,10 +236,10 @@ fn a_stream_that_stops_is_passed_by_at_most_two_of_its_steps() {
 fn one_motor_alone_can_be_commanded() {
     let one = ROBOT.rsplit_once("[[ports.axes]]").unwrap().0;
     let mut bench = Bench::enabled_with(Config::parse(one, "one.toml".as_ref()).unwrap(), None);
-    let command = bench.servo(ServoGoal::Actuator([Counts(30), Counts(30)], 2));
+    let command = bench.servo(ServoGoal::Actuator([Counts(20), Counts(20)], 2));
     assert_eq!(bench.send(command), Refusal::Malformed);
-    hold_goal(&mut bench, ServoGoal::Actuator([Counts(30), Counts(0)], 1));
-    assert_eq!(bench.targets(), [30, 0]);
+    hold_goal(&mut bench, ServoGoal::Actuator([Counts(20), Counts(0)], 1));
+    assert_eq!(bench.targets(), [20, 0]);
     assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
     bench.idle();
 }

@@ -3,11 +3,16 @@
 use std::sync::Arc;
 
 use i2ris::config::HomingMethod;
-use i2ris::core::{ExternalPose, FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
+use i2ris::core::{
+    CycleEventKind, ExternalPose, FixtureChange, FixtureSpace, ModelChange, SimpleRegion,
+    SimpleShape,
+};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, CLIENT, GAIN_DEG, config, model, play_model, rad};
+use i2ris_testing::cycle::{
+    Bench, CLIENT, GAIN_DEG, config, model, play_model, rad, strict_config,
+};
 
 const WALL: &str = "[[virtual_fixtures.regions]]\nname = \"wall\"\n\
      shape = { half_plane = { normal = [1.0, 0.0], offset_deg = 6.0 } }";
@@ -145,4 +150,110 @@ fn homing_against_a_stop_is_refused_while_a_fixture_counts() {
     // Without motion nothing has to be refused.
     let mut bench = Bench::new(i2ris_testing::cycle::config(WALL), Some(model(OutputUnit::Deg)));
     assert_eq!(bench.ask(StateCommand::Home), Refusal::None);
+}
+
+#[test]
+fn a_goal_that_joint_limits_cut_is_said() {
+    let tables = "[joint_limits]\nposition_max_deg = [3.0, 9.0]";
+    let mut bench = enabled(tables, model(OutputUnit::Deg));
+    sweep(&mut bench, [0.0, 0.0], [5.0, 1.0], 1000, |_| {});
+    assert!(bench.report().clipped);
+    let goal_deg = bench.joints().goal.map(f64::to_degrees);
+    assert!((goal_deg[0] - 3.0).abs() < 1e-9 && (goal_deg[1] - 1.0).abs() < 1e-9, "{goal_deg:?}");
+    let clipped = |event: &&CycleEventKind| matches!(event, CycleEventKind::Clipped { .. });
+    assert!(bench.events.iter().any(|event| clipped(&event)));
+    bench.run(700);
+    bench.events.clear();
+    bench.pose = Some((rad(8.0, 0.0), 2));
+    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+    assert!(bench.report().clipped, "of a trajectory, too");
+    bench.idle();
+    assert!((setpoint_deg(&bench)[0] - 3.0).abs() < 0.02, "{:?}", setpoint_deg(&bench));
+}
+
+#[test]
+fn a_model_of_the_tip_is_refused_where_angles_are_limited() {
+    let tip = model(OutputUnit::Mm);
+    let limited = config("[joint_limits]\nvelocity_deg_s = 20.0");
+    assert!(limited.check_model(&tip).is_err() && config("").check_model(&tip).is_ok());
+    assert!(limited.check_model(&model(OutputUnit::Deg)).is_ok());
+}
+
+#[test]
+fn motors_without_a_model_do_not_move_while_angles_are_limited() {
+    let limited = config("[joint_limits]\nposition_max_deg = [3.0, 9.0]");
+    let mut bench = Bench::enabled_with(limited, None);
+    assert_eq!(bench.actuator([10, 10]), Refusal::NoModel);
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::NoModel);
+}
+
+#[test]
+fn counts_and_conditioning_keep_the_joint_limits() {
+    let tables = "[joint_limits]\nposition_max_deg = [3.0, 9.0]\nvelocity_deg_s = 5.0";
+    let mut bench = enabled(tables, model(OutputUnit::Deg));
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::Range);
+    let mut highest = f64::MIN;
+    for k in 0..3000 {
+        let counts = (k / 5).min(240);
+        assert_eq!(bench.actuator([counts, counts]), Refusal::None);
+        highest = highest.max(setpoint_deg(&bench)[0]);
+    }
+    assert!((2.9..=3.002).contains(&highest), "{highest} deg");
+    let slow = "[joint_limits]\nvelocity_deg_s = 5.0";
+    let mut bench = enabled(slow, model(OutputUnit::Deg));
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    let mut before = setpoint_deg(&bench)[0];
+    while bench.report().busy {
+        bench.tick();
+        let now = setpoint_deg(&bench)[0];
+        assert!((now - before).abs() * 1e3 <= 5.1, "{} deg/s", (now - before) * 1e3);
+        before = now;
+    }
+}
+
+#[test]
+fn a_stream_begins_where_the_snake_is_also_after_a_pause_a_stop_and_a_fault() {
+    let begins = |bench: &mut Bench, reason: &str| {
+        let [pitch, yaw, _] = setpoint_deg(bench);
+        assert_eq!(bench.joint(pitch + 0.6, yaw), Refusal::Step, "{reason}");
+        assert_eq!(bench.joint(pitch + 0.4, yaw), Refusal::None, "{reason}");
+        assert_eq!(bench.joint(pitch + 2.0, yaw), Refusal::None, "{reason}: a followed one");
+        bench.run(30);
+    };
+    let mut bench = Bench::enabled_with(strict_config(""), Some(model(OutputUnit::Deg)));
+    begins(&mut bench, "the first");
+    bench.run(600);
+    begins(&mut bench, "after a stale stop");
+    assert_eq!(bench.ask(StateCommand::Pause), Refusal::None);
+    bench.idle();
+    assert_eq!(bench.ask(StateCommand::Resume), Refusal::None);
+    begins(&mut bench, "after a pause");
+    bench.fault(0);
+    bench.drives[0].feedback.phase = i2ris::drive::AxisPhase::Disabled;
+    bench.run(20);
+    assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+    bench.idle();
+    bench.enable();
+    begins(&mut bench, "after a fault");
+    bench.run(600);
+    let [a, b] = bench.targets();
+    assert_eq!(bench.actuator([a + 26, b]), Refusal::Step);
+    assert_eq!(bench.actuator([a + 25, b]), Refusal::None);
+}
+
+#[test]
+fn a_model_is_not_swapped_under_the_hand_of_another_client_not_even_by_force() {
+    let next = play_model();
+    let mut bench = enabled("", model(OutputUnit::Deg));
+    bench.offer(bench.candidate(&next));
+    bench.tick();
+    let change = ModelChange::Activate(next.id());
+    for forced in [false, true] {
+        assert_eq!(bench.joint(0.1, 0.1), Refusal::None);
+        assert_eq!(bench.change_model_as(CLIENT + 1, change, forced), Refusal::Lease);
+    }
+    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+    assert_eq!(bench.change_model_as(CLIENT + 1, change, true), Refusal::None);
+    assert_eq!(bench.joint(0.1, 0.1), Refusal::None);
+    assert_eq!(bench.change_model_as(CLIENT, ModelChange::Rollback, true), Refusal::None);
 }

@@ -12,7 +12,8 @@ use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 use i2ris_testing::{
-    Rig, SetOnDrop, largest_step, linear_model, stream_angles, swing_angles_until, wait_until_idle,
+    Rig, SetOnDrop, largest_step, linear_model, stream_angles_by, swing_angles_until,
+    wait_until_idle,
 };
 use nix::sys::stat::Mode;
 use nix::unistd::mkfifo;
@@ -68,7 +69,9 @@ fn h08_a_model_takes_over_while_the_snake_moves_and_is_rolled_back() {
     let done = AtomicBool::new(false);
     let (largest, pairs) = std::thread::scope(|scope| {
         let steps = scope.spawn(|| largest_step(&client, &done));
-        scope.spawn(|| stream_angles(&client, swing_angles_until(&done)));
+        // Only the client that is followed may change the model under its own hand.
+        let commander = operator.commander();
+        scope.spawn(|| stream_angles_by(commander, swing_angles_until(&done)));
         let end = SetOnDrop(&done);
         for _ in 0..5 {
             swap_and_roll_back(&mut operator, &second);

@@ -26,7 +26,7 @@ pub(in crate::core) struct Surroundings {
     pub is_following: bool,
     /// A fault, a conditioning cycle, a change of state.
     pub is_unsettled: bool,
-    /// The robot is DISABLED: a correction that was taken back may be tried again.
+    /// The robot is DISABLED: a correction that was taken back may be tried once more.
     pub is_disabled: bool,
 }
 

@@ -32,6 +32,11 @@ const FRAMES_BEYOND: u32 = 60;
 /// The share of the budget that is as good as all of it: the estimate is kept inside.
 const USED_UP: f64 = 0.99;
 
+/// A correction that was taken back is tried once more after the robot was off: the camera may have
+/// been moved back. After the second time, only another model or a restart of the controller begins
+/// anew.
+const MOST_TAKEN_BACK: u32 = 2;
+
 /// The adaptation of the active model.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::core) struct Adaptation {
@@ -59,6 +64,8 @@ pub(in crate::core) struct AdaptationState {
     is_used_up: bool,
     is_taken_back: bool,
     taken_back: u32,
+    /// The model whose correction was taken back last, and how often.
+    refuted: Option<(ModelId, u32)>,
     pauses: Pauses,
 }
 
@@ -82,8 +89,23 @@ impl AdaptationState {
             is_used_up: false,
             is_taken_back: false,
             taken_back: 0,
+            refuted: None,
             pauses: Pauses::NONE,
         }
+    }
+}
+
+impl AdaptationState {
+    /// The correction of the model was taken back too often to be tried again.
+    fn is_refuted(&self) -> bool {
+        let of = |(model, times)| Some(model) == self.model && times >= MOST_TAKEN_BACK;
+        self.refuted.is_some_and(of)
+    }
+
+    fn note_refuted(&mut self) {
+        let before = self.refuted.filter(|(model, _)| Some(*model) == self.model);
+        let times = before.map_or(0, |(_, times)| times).saturating_add(1);
+        self.refuted = self.model.map(|model| (model, times));
     }
 }
 
@@ -117,6 +139,7 @@ impl Adaptation {
         self.state = AdaptationState {
             filter: self.state.filter,
             taken_back: self.state.taken_back,
+            refuted: self.state.refuted,
             ..AdaptationState::new()
         };
         self.state.conditions.unsettle(now);
@@ -138,12 +161,13 @@ impl Adaptation {
             self.state.memories = DriftMemories::new(joints.measured_memory());
             let slow = joints.geometry().and_then(|geometry| geometry.slow);
             self.state.estimator = Estimator::new(slow.as_ref());
+            self.state.is_taken_back = self.state.is_refuted();
         }
         if surroundings.is_unsettled {
             self.state.conditions.unsettle(now);
         }
         if surroundings.is_disabled {
-            self.state.is_taken_back = false;
+            self.state.is_taken_back = self.state.is_refuted();
         }
         if joints.geometry().is_none() {
             return;
@@ -334,6 +358,7 @@ impl Adaptation {
             let state = &mut self.state;
             state.is_taken_back = true;
             state.taken_back = state.taken_back.saturating_add(1);
+            state.note_refuted();
             state.estimator = Estimator::new(geometry.slow.as_ref());
             state.integral = Integral::default();
             state.used = BudgetUse::default();

@@ -15,8 +15,8 @@ use crate::units::{MAX_OUTPUTS, Nanos};
 /// forgotten it.
 pub const LONGEST_MOVE: Nanos = Nanos::from_millis(60_000);
 
-/// Plans the trajectory of a request. A pose outside of the hull is clipped to it: beyond the hull
-/// the motors cannot follow.
+/// Plans the trajectory of a request. A pose outside of the hull or the joint limits is clipped to
+/// them: there the motors cannot follow, or may not.
 pub(crate) fn plan_move(
     request: &StateRequest,
     is_at_rest: bool,
@@ -43,16 +43,18 @@ pub(crate) fn plan_move(
     }
     admission.require_lease(request.client_id)?;
     let from = joints.setpoint().ok_or(Refusal::DrivesNotReady)?;
-    let inverse = joints.solve(&pose).map_err(|_| Refusal::BadModel)?;
+    let wanted = joints.bounds().map_or(pose, |bounds| bounds.clamp(&pose));
+    let inverse = joints.solve(&wanted).map_err(|_| Refusal::BadModel)?;
     let to = if inverse.clipped {
         joints.pose(&inverse.counts).map_err(|_| Refusal::BadModel)?
     } else {
-        pose
+        wanted
     };
+    let is_clipped = inverse.clipped || wanted != pose;
     if !fixtures.allows_line(&from, &to, &joints.goal_space()) {
         return Err(Refusal::Fixture);
     }
-    let trajectory = JointTrajectory::new(from, to, inverse.clipped, limits, now);
+    let trajectory = JointTrajectory::new(from, to, is_clipped, limits, now);
     if trajectory.duration_s() > LONGEST_MOVE.as_seconds() {
         return Err(Refusal::Range);
     }

@@ -8,7 +8,7 @@ use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolatio
 use crate::core::vector::{distance, first_entries, largest_difference};
 use crate::model::file::OutputUnit;
 use crate::robot::{Measurement, Quantity, Refusal};
-use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
+use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, OutputVec};
 
 /// Rounding of degrees to radians must not refuse a step of exactly the limit.
 const STEP_MARGIN: f64 = 1.0 + 1e-9;
@@ -16,18 +16,36 @@ const STEP_MARGIN: f64 = 1.0 + 1e-9;
 /// The largest steps from one command to the next.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RangeCheck {
-    /// Length of the step, rad.
-    joint_step: f64,
-    /// Step of every motor, counts.
-    actuator_step: f64,
+    followed: LargestStep,
+    /// From the present setpoint to the first command of a stream: also after a pause, a stop and
+    /// a fault.
+    first: LargestStep,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct LargestStep {
+    /// Length, rad.
+    joint: f64,
+    /// Of every motor, counts.
+    actuator: f64,
 }
 
 impl RangeCheck {
     pub fn new(config: &CommandConfig) -> Self {
         Self {
-            joint_step: config.max_step_deg.to_radians(),
-            actuator_step: f64::from(config.max_step_counts),
+            followed: LargestStep {
+                joint: config.max_step_deg.to_radians(),
+                actuator: f64::from(config.max_step_counts),
+            },
+            first: LargestStep {
+                joint: config.first_step_deg.min(config.max_step_deg).to_radians(),
+                actuator: f64::from(config.first_step_counts.min(config.max_step_counts)),
+            },
         }
+    }
+
+    fn largest(&self, is_first: bool) -> &LargestStep {
+        if is_first { &self.first } else { &self.followed }
     }
 
     /// Checks the goal of a command. Returns the goal to follow: the continuation of the followed
@@ -62,7 +80,8 @@ impl RangeCheck {
                 require(axes.allow(&counts), Refusal::Range)?;
                 let counts = first_entries::<MAX_MOTORS>(counts.map(Counts::as_f64), entries);
                 let from = before.map_or_else(|| axes.setpoints(), |before| *before.goal());
-                require(self.is_actuator_step_allowed(&counts, &from), Refusal::Step)?;
+                let largest = self.largest(before.is_none());
+                require(largest_difference(&counts, &from) <= largest.actuator, Refusal::Step)?;
                 Ok(ExtrapolatedGoal::Actuator(extend(before, counts, command)))
             }
         }
@@ -80,23 +99,24 @@ impl RangeCheck {
         match command.goal {
             ServoGoal::Joint(angles, entries) => {
                 let joints = joints.filter(|joints| joints.unit() == OutputUnit::Deg)?;
-                let from = match followed {
-                    Some(ExtrapolatedGoal::Joint(before)) => *before.goal(),
-                    Some(ExtrapolatedGoal::Actuator(_)) | None => joints.setpoint()?,
+                let (from, is_first) = match followed {
+                    Some(ExtrapolatedGoal::Joint(before)) => (*before.goal(), false),
+                    Some(ExtrapolatedGoal::Actuator(_)) | None => (joints.setpoint()?, true),
                 };
                 let angles = first_entries::<MAX_OUTPUTS>(angles, entries);
                 let step = distance(&angles, &from).to_degrees();
-                let limit = Some(self.joint_step.to_degrees());
+                let limit = Some(self.largest(is_first).joint.to_degrees());
                 Some(Measurement::new(Quantity::Degrees, step, limit))
             }
             ServoGoal::Actuator(counts, entries) => {
-                let from = match followed {
-                    Some(ExtrapolatedGoal::Actuator(before)) => *before.goal(),
-                    Some(ExtrapolatedGoal::Joint(_)) | None => axes.setpoints(),
+                let (from, is_first) = match followed {
+                    Some(ExtrapolatedGoal::Actuator(before)) => (*before.goal(), false),
+                    Some(ExtrapolatedGoal::Joint(_)) | None => (axes.setpoints(), true),
                 };
                 let counts = first_entries::<MAX_MOTORS>(counts.map(Counts::as_f64), entries);
                 let step = largest_difference(&counts, &from);
-                Some(Measurement::new(Quantity::Counts, step, Some(self.actuator_step)))
+                let limit = Some(self.largest(is_first).actuator);
+                Some(Measurement::new(Quantity::Counts, step, limit))
             }
         }
     }
@@ -110,12 +130,13 @@ impl RangeCheck {
         axes: &AxisGroup,
         joints: &JointModel,
     ) -> Result<bool, Refusal> {
+        let largest = self.largest(before.is_none());
         match joints.unit() {
             OutputUnit::Deg => {
                 let setpoint = || joints.setpoint().ok_or(Refusal::DrivesNotReady);
                 let from = before.copied().map_or_else(setpoint, Ok)?;
                 // A distance that is not a number is not allowed.
-                Ok(distance(goal, &from) <= self.joint_step * STEP_MARGIN)
+                Ok(distance(goal, &from) <= largest.joint * STEP_MARGIN)
             }
             OutputUnit::Mm => {
                 let solve = |goal| joints.solve(goal).map(|inverse| inverse.counts);
@@ -123,17 +144,13 @@ impl RangeCheck {
                 let (Ok(from), Ok(to)) = (from, solve(goal)) else {
                     return Ok(false);
                 };
-                Ok(self.is_actuator_step_allowed(&to, &from))
+                Ok(largest_difference(&to, &from) <= largest.actuator)
             }
         }
     }
-
-    fn is_actuator_step_allowed(&self, to: &MotorVec, from: &MotorVec) -> bool {
-        largest_difference(to, from) <= self.actuator_step
-    }
 }
 
-fn require(is_met: bool, refusal: Refusal) -> Result<(), Refusal> {
+pub(crate) fn require(is_met: bool, refusal: Refusal) -> Result<(), Refusal> {
     if is_met { Ok(()) } else { Err(refusal) }
 }
 

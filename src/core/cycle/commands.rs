@@ -4,6 +4,7 @@
 use crate::core::command::admission::AdmissionContext;
 use crate::core::command::followed_command::FollowedCommand;
 use crate::core::command::move_planning::plan_move;
+use crate::core::command::range_check::require;
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::DriveSummary;
 use crate::core::events::{CycleEventKind, EventList};
@@ -78,9 +79,15 @@ impl ControlCycle {
                 self.admission.require_lease(request.client_id)?;
                 // The motors cross the whole hull.
                 self.require_no_fixture()?;
-                let model = self.models.active().map(JointModel::model);
+                self.require_known_angles()?;
+                let joints = self.models.active();
                 let start = self.axes.setpoints();
+                let model = joints.map(JointModel::model);
                 let cycle = ConditioningCycle::new(&self.conditioning_plan, start, model)?;
+                if let Some(joints) = joints {
+                    let is_allowed = |point| joints.allows_position(point);
+                    require(cycle.corners().all(is_allowed), Refusal::Range)?;
+                }
                 ControlState::Enabled(EnabledActivity::Conditioning(cycle))
             }
             CommandEffect::Move => ControlState::Enabled(EnabledActivity::Moving(plan_move(
@@ -139,6 +146,12 @@ impl ControlCycle {
         if self.fixtures.is_on() { Err(Refusal::Fixture) } else { Ok(()) }
     }
 
+    /// Refuses motion of motors whose angles nobody knows while angles are limited.
+    fn require_known_angles(&self) -> Result<(), Refusal> {
+        let is_known = !self.limits_angles || self.models.active().is_some();
+        if is_known { Ok(()) } else { Err(Refusal::NoModel) }
+    }
+
     /// A client that gives the lease back is not followed any more: the robot stops.
     fn release_lease(
         &mut self,
@@ -174,7 +187,12 @@ impl ControlCycle {
         };
         let active = |models: &LoadedModels| models.active().map(|joints| joints.model().id());
         let from = active(&self.models);
+        // Another model moves the snake differently under the hand of its commander.
+        let followed = state.followed_command().map(|followed| followed.client_id);
         let result = match request.change {
+            _ if followed.is_some_and(|client_id| client_id != request.client_id) => {
+                Err(Refusal::Lease)
+            }
             ModelChange::Activate(id) => activate(&mut self.models, id, &context),
             ModelChange::Rollback => roll_back(&mut self.models, &context),
         };
@@ -236,6 +254,7 @@ impl ControlCycle {
         let deadline = self.admission.check(command, &context)?;
         if matches!(command.goal, ServoGoal::Actuator(..)) {
             self.require_no_fixture()?;
+            self.require_known_angles()?;
         }
         let followed = state.followed_command().map(|followed| &followed.goal);
         let goal = self.range_check.check(command, followed, &self.axes, self.models.active())?;

@@ -48,7 +48,7 @@ use crate::core::motion::s_curve::TrajectoryLimits;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::outputs::{CycleOutputs, CycleReport, StateReply};
 use crate::core::states::command_transitions::{CommandEffect, disable};
-use crate::core::states::control_state::{ControlState, HOLDING};
+use crate::core::states::control_state::{ControlState, EnabledActivity, HOLDING};
 use crate::core::states::fault_transitions::enter_fault;
 use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
@@ -66,6 +66,7 @@ pub struct ControlCycle {
     pub(super) range_check: RangeCheck,
     /// A drive searches for a hard stop when it is homed.
     homing_moves: bool,
+    limits_angles: bool,
     pub(super) conditioning_plan: ConditioningPlan,
     pub(super) trajectory_limits: TrajectoryLimits,
     pub(super) axes: AxisGroup,
@@ -104,6 +105,7 @@ impl ControlCycle {
             lost_after: Nanos::from_millis(limits.feedback_lost_ms),
             range_check: RangeCheck::new(&config.command),
             homing_moves: config.axes().any(|axis| axis.homing != HomingMethod::Here),
+            limits_angles: config.joint_limits.is_any(),
             conditioning_plan: ConditioningPlan::new(config),
             trajectory_limits: TrajectoryLimits::new(&config.move_jp),
             clutch: Clutch::new(config.command.motion_scale),
@@ -357,8 +359,9 @@ impl ControlCycle {
         let mut setpoint = motion.generate(self.machine.state())?;
         let passed = self.pass_gate(&setpoint)?;
         if passed.is_held() && self.machine.state().is_conditioning() {
-            // The cycle waits for its motors.
-            setpoint.next = None;
+            // The cycle waits for its motors, unless they cannot go on at all.
+            let is_stuck = passed.is_stopped() && self.axes.all(AxisControl::is_at_rest);
+            setpoint.next = is_stuck.then_some(EnabledActivity::Holding);
         }
         if let Some(region) = self.fixtures.begun_limit(now) {
             events.push(CycleEventKind::FixtureLimit { region });

@@ -96,11 +96,17 @@ pub(crate) enum Motion {
 pub(crate) struct Passed {
     /// The setpoints moved less than asked.
     is_held: bool,
+    /// They stop, although they were asked to move.
+    is_stopped: bool,
 }
 
 impl Passed {
     pub fn is_held(self) -> bool {
         self.is_held
+    }
+
+    pub fn is_stopped(self) -> bool {
+        self.is_stopped
     }
 
     /// The requests to the drives.
@@ -187,7 +193,7 @@ impl Gate {
     /// The motion was not followed: the setpoints have not moved.
     pub fn keep(&mut self) -> Passed {
         *self = Self::default();
-        Passed { is_held: true }
+        Passed { is_held: true, is_stopped: true }
     }
 
     /// Moves the setpoints by one tick, and lets nothing pass that breaks a limit.
@@ -208,7 +214,8 @@ impl Gate {
                 match trial.judge(axes, self)? {
                     Verdict::Passes { step } => {
                         self.note(step);
-                        return Ok(Passed { is_held: is_last || attempt != Attempt::All });
+                        let is_held = is_last || attempt != Attempt::All;
+                        return Ok(Passed { is_held, is_stopped: false });
                     }
                     Verdict::TooFast { share } if !is_last && share > 0.0 => {
                         shares = shares.map(|whole| share * whole);
@@ -225,7 +232,7 @@ impl Gate {
     fn stop(&mut self, axes: &mut AxisGroup, is_held: bool) -> Passed {
         *self = Self::default();
         axes.for_each(AxisControl::stop);
-        Passed { is_held }
+        Passed { is_held, is_stopped: is_held }
     }
 
     fn note(&mut self, step: OutputVec) {
@@ -284,8 +291,8 @@ impl<'a> Trial<'a> {
         };
         let from = joints.pose(&self.setpoints)?;
         let step = difference(&joints.pose(&axes.setpoints())?, &from);
-        let largest = bounds.largest_step(&step, &gate.step, &gate.growth);
-        let largest = largest.map(|step| STEP_MARGIN * step + STEP_TOLERANCE);
+        let largest = bounds.largest_step(&step, &gate.step, &gate.growth, STEP_MARGIN);
+        let largest = largest.map(|step| step + STEP_TOLERANCE);
         if step.iter().zip(&largest).all(|(step, largest)| step.abs() <= *largest) {
             return Ok(Verdict::Passes { step });
         }

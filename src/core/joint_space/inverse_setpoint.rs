@@ -76,6 +76,7 @@ impl MotionTick<'_> {
         // Angles are only accepted, and trajectories only planned, with a model.
         let joints = self.joints.as_deref_mut().ok_or(NotFinite)?;
         let start = joints.setpoint().ok_or(NotFinite)?;
+        let wanted = joints.bounds().map_or(*requested, |bounds| bounds.clamp(requested));
         let filtered = joints.filter_goal(goal)?;
         let filtered = self.fixtures.limit(filtered, start, &joints.goal_space());
         let dead_banded = joints.dead_band_goal(&filtered.now);
@@ -83,10 +84,10 @@ impl MotionTick<'_> {
         let goal_now = joints.blend_goal(dead_banded.goal, self.now);
         let goal_before = joints.blend_goal(before, self.now - self.period);
         joints.set_goal_motion(difference(&goal_now, &goal_before));
-        let goal_end = if goal_now == goal_before && filtered.now == *requested {
+        let goal_end = if goal_now == goal_before && filtered.now == wanted {
             goal_now
         } else {
-            joints.blend_goal(*requested, self.now)
+            joints.blend_goal(wanted, self.now)
         };
         let [inverse_now, inverse_before, end] =
             clamped_inverses(&goal_now, &goal_before, &goal_end, self.axes, joints)?;
@@ -96,12 +97,12 @@ impl MotionTick<'_> {
         } else if end.is_clipped {
             joints.pose(&end.counts)?
         } else {
-            *requested
+            wanted
         };
         Ok(InverseSetpoint {
             motion: motion(&inverse_now.counts, &inverse_before.counts, true),
             goal: Some(goal),
-            is_clipped: end.is_clipped,
+            is_clipped: end.is_clipped || wanted != *requested,
         })
     }
 }

@@ -89,6 +89,11 @@ impl ConditioningCycle {
         Some(self)
     }
 
+    /// The points between which the first round moves.
+    pub fn corners(&self) -> impl Iterator<Item = &MotorVec> {
+        (0..self.points.count()).filter_map(|number| self.points.get(number))
+    }
+
     /// Targets of the motors in this tick.
     pub fn targets(&self) -> [MotorTarget; MAX_MOTORS] {
         MotorTarget::from_vectors(&self.position, &self.increment)

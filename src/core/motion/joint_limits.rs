@@ -53,25 +53,27 @@ impl JointBounds {
     }
 
     /// The largest step of every output after a step `last`, which had grown by `growth`. What
-    /// slows down is not limited: a stop is short.
+    /// slows down is not limited: a stop is short. `margin`: a factor on all limits.
     pub fn largest_step(
         &self,
         step: &OutputVec,
         last: &OutputVec,
         growth: &OutputVec,
+        margin: f64,
     ) -> OutputVec {
         let mut largest = [0.0; MAX_OUTPUTS];
         let outputs = largest.iter_mut().zip(step).zip(last).zip(growth);
         for (((largest, step), last), growth) in outputs {
             let speed = if step * last > 0.0 { last.abs() } else { 0.0 };
-            *largest = (speed + self.growth.min(growth.max(0.0) + self.jerk)).min(self.velocity);
+            let growth = self.growth.min(growth.max(0.0) + self.jerk);
+            *largest = (speed + margin * growth).min(margin * self.velocity);
         }
         largest
     }
 
     /// As [`JointBounds::largest_step`], without the jerk.
-    pub fn largest_goal_step(&self, step: &OutputVec, last: &OutputVec) -> OutputVec {
-        self.largest_step(step, last, &[NO_LIMIT; MAX_OUTPUTS])
+    pub fn largest_goal_step(&self, step: &OutputVec, last: &OutputVec, margin: f64) -> OutputVec {
+        self.largest_step(step, last, &[NO_LIMIT; MAX_OUTPUTS], margin)
     }
 }
 

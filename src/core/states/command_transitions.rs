@@ -73,7 +73,8 @@ fn enable(state: &ControlState, summary: &DriveSummary) -> Result<CommandEffect,
     Ok(CommandEffect::Change(enabling))
 }
 
-/// Never refused: it is how the operator switches the robot off.
+/// No state refuses it: it is how the operator switches the robot off. Only a request without a
+/// client id is refused, before.
 pub(crate) fn disable(state: &ControlState, summary: &DriveSummary) -> CommandEffect {
     use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
     let since = summary.now;

@@ -38,15 +38,16 @@
 //!
 //! Busy, State and other words with a capital are [`Refusal`](crate::robot::Refusal)s. A client id
 //! of 0 is refused as Malformed. During shutdown, commands that would start something are refused
-//! with State. Commands that stop (`disable`, and `pause` of a robot that is on) are never refused,
-//! and repeating them is no error.
+//! with State. `disable` is refused to nobody who has an id, in no state, and repeating it is no
+//! error; so are `pause` and `hold` of a robot that is on.
 //!
 //! 1. DrivesNotReady unless every drive is in phase Disabled with a fresh position. NotHomed unless
 //!    every axis has a valid zero: without it, position limits mean nothing, here and in the drive.
 //!    Range if a motor is outside its position limits, because a drive clamps its target to them.
 //! 2. No change from stopping, settling and powering off: it is in progress.
 //! 3. DrivesNotReady as for `enable`. The drive does the homing itself: a counter is raised, and
-//!    the drive answers with it.
+//!    the drive answers with it. Fixture if a drive would search for a hard stop while fixtures
+//!    count.
 //! 4. CausePersists unless every drive reports a fresh position and is off, at fault or in quick
 //!    stop, and the model gives finite values. If a drive is at fault, its reset counter is raised
 //!    and FAULT stays, busy, until the drive has left its fault. After 1 s the fault is latched
@@ -55,14 +56,16 @@
 //!    being followed.
 //! 6. Busy during a conditioning cycle or a trajectory; NotHomed and DrivesNotReady as for servo
 //!    commands; Lease if another client holds it, because conditioning is motion; Range if the
-//!    position limits leave less room than the model needs to forget. The robot stops following the
-//!    present command. Servo commands are refused with Busy until the cycle has ended, where it
+//!    position limits leave less room than the model needs to forget, or the joint limits less than
+//!    it crosses; NoModel if angles are limited and nobody knows them. The robot stops following
+//!    the present command. Servo commands are refused with Busy until the cycle has ended, where it
 //!    began, and the robot holds. `pause`, `disable`, a fault, positions that are not fresh and a
-//!    lost zero end it at once.
+//!    lost zero end it at once, and so do fixtures that come.
 //! 7. By the request `move_jp`. Refused in this order: Busy, NotHomed and DrivesNotReady as for
 //!    (6), Malformed without a pose, NoModel, Malformed with a wrong number of entries, Unsupported
 //!    for a model of the tip position, NotFinite, Busy while a setpoint moves, Lease if another
-//!    client holds it. A pose outside the hull is clipped to it and reported. Otherwise as (6):
+//!    client holds it. A pose outside the hull or the joint limits is clipped to them and
+//!    reported. Otherwise as (6):
 //!    servo commands are refused with Busy meanwhile, and the same events end it. There is no
 //!    time-out: the trajectory ends at rest after a time that is known when it starts, at most
 //!    [`LONGEST_MOVE`](crate::core::LONGEST_MOVE) (Range for a longer one), and a client that dies

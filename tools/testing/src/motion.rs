@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
-use i2ris::ipc::client::Client;
+use i2ris::ipc::client::{Client, Commander};
 use i2ris::ipc::payload::ActuatorState;
 use i2ris::units::Nanos;
 
@@ -28,8 +28,13 @@ pub fn stream_counts(client: &Client, seconds: f64, counts: impl Fn(f64) -> [i32
 }
 
 /// Sends angles, degrees, until `goal` returns none.
-pub fn stream_angles(client: &Client, mut goal: impl FnMut(f64) -> Option<[f64; 2]>) {
-    let (mut commander, start) = (client.commander(), clock::now());
+pub fn stream_angles(client: &Client, goal: impl FnMut(f64) -> Option<[f64; 2]>) {
+    stream_angles_by(client.commander(), goal);
+}
+
+/// As [`stream_angles`], by a commander whose client may do something else meanwhile.
+pub fn stream_angles_by(mut commander: Commander, mut goal: impl FnMut(f64) -> Option<[f64; 2]>) {
+    let start = clock::now();
     while let Some(goal) = goal((clock::now() - start).as_seconds()) {
         let now = clock::now();
         commander.servo_jp(&goal.map(f64::to_radians)).unwrap();

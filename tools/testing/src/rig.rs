@@ -76,6 +76,9 @@ impl Rig {
         config.ipc.domain = domain.name().to_owned();
         run_on_shared_machine(&mut config);
         config.command.deadline_ms = 200;
+        // Tests need not lead up to the first goal of every stream.
+        config.command.first_step_deg = config.command.max_step_deg;
+        config.command.first_step_counts = config.command.max_step_counts;
         config.command.lease_timeout_ms = 1000;
         Self {
             emulator,

@@ -348,6 +348,12 @@ impl JointModel {
         if vector::is_finite(&pose) { Ok(pose) } else { Err(NotFinite) }
     }
 
+    /// The pose at given counts keeps the position limits of the angles.
+    pub fn allows_position(&self, counts: &MotorVec) -> bool {
+        let excess = |bounds: &JointBounds| self.pose(counts).map(|pose| bounds.excess(&pose));
+        self.bounds().is_none_or(|bounds| excess(bounds).is_ok_and(|excess| excess <= 0.0))
+    }
+
     /// The joint limits; `None`: off, or outputs that are no angles.
     pub fn bounds(&self) -> Option<&JointBounds> {
         self.bounds.as_ref()

@@ -300,9 +300,9 @@ impl VirtualFixtures {
         };
         let mut share = longest / dot(&step, &step).sqrt();
         if let Some(bounds) = space.bounds {
-            let largest = bounds.largest_goal_step(&step, &self.step);
+            let largest = bounds.largest_goal_step(&step, &self.step, ROUNDING);
             for (largest, step) in largest.iter().zip(&step) {
-                share = share.min(ROUNDING * largest / step.abs());
+                share = share.min(largest / step.abs());
             }
         }
         if share < 1.0 { step.map(|value| share * value) } else { step }

@@ -230,8 +230,18 @@ impl Bench {
 
     /// One tick with a change of the model in use.
     pub fn change_model(&mut self, change: ModelChange, forced: bool) -> Refusal {
+        self.change_model_as(CLIENT, change, forced)
+    }
+
+    pub fn change_model_as(
+        &mut self,
+        client_id: u64,
+        change: ModelChange,
+        forced: bool,
+    ) -> Refusal {
         self.request_id += 1;
-        self.model_request = Some(ModelSwapRequest { id: self.request_id, change, forced });
+        let request = ModelSwapRequest { id: self.request_id, client_id, change, forced };
+        self.model_request = Some(request);
         self.tick();
         let reply = self.out.model_reply.expect("a change of the model is answered in its tick");
         assert_eq!(reply.id, self.request_id);

@@ -34,8 +34,17 @@ pub const ROBOT: &str = r#"
     position_max_counts = 1000
 "#;
 
-/// The robot with further tables in front of its ports.
+/// The robot with further tables in front of its ports. A stream may begin as far away as it may
+/// go on, so that a test need not lead up to every goal.
 pub fn config(tables: &str) -> Config {
+    let mut config = strict_config(tables);
+    config.command.first_step_deg = config.command.max_step_deg;
+    config.command.first_step_counts = config.command.max_step_counts;
+    config
+}
+
+/// As [`config`], and a stream begins where the snake is.
+pub fn strict_config(tables: &str) -> Config {
     let (head, ports) = ROBOT.split_once("[[ports]]").unwrap();
     Config::parse(&format!("{head}\n{tables}\n[[ports]]{ports}"), "bench.toml".as_ref()).unwrap()
 }
