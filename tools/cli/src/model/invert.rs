@@ -3,11 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use i2ris::config::{
-    AdaptationConfig, AxisConfig, CommandConfig, CompensationConfig, ConditioningConfig, Config,
-    ControlConfig, IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig,
-    PlausibilityConfig, PortConfig, RecordConfig, VirtualFixtureConfig,
-};
+use i2ris::config::{AxisConfig, Config, PortConfig};
 use i2ris::core::ServoGoal;
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
@@ -253,13 +249,13 @@ fn config(arguments: &Arguments, model: &Model) -> Result<Config, Failure> {
             model.check_robot(&config.robot_id, config.motors())?;
             config
         }
-        None => standard(model),
+        None => standard(model)?,
     };
     Ok(if arguments.no_limits { without_limits(&config) } else { config })
 }
 
 /// A robot for a model: every default, and position limits around the calibrated hull.
-fn standard(model: &Model) -> Config {
+fn standard(model: &Model) -> Result<Config, Failure> {
     let corners: Vec<MotorVec> = model.hull().corners().collect();
     let axis = |motor: usize| {
         let values = corners.iter().map(|corner| corner[motor]);
@@ -272,21 +268,8 @@ fn standard(model: &Model) -> Config {
         AxisConfig::new(motor, 0, limits)
     };
     let axes = (0..model.motors()).map(axis).collect();
-    Config {
-        robot_id: model.file().robot_id.clone(),
-        control: ControlConfig::default(),
-        ipc: IpcConfig::default(),
-        command: CommandConfig::default(),
-        limits: LimitConfig::default(),
-        compensation: CompensationConfig::default(),
-        conditioning: ConditioningConfig::default(),
-        model_swap: ModelSwapConfig::default(),
-        joint_limits: JointLimitConfig::default(),
-        move_jp: MoveConfig::default(),
-        virtual_fixtures: VirtualFixtureConfig::default(),
-        plausibility: PlausibilityConfig::default(),
-        adaptation: AdaptationConfig::default(),
-        record: RecordConfig::default(),
-        ports: vec![PortConfig::new(PathBuf::new(), axes)],
-    }
+    let mut config: Config = toml::from_str("robot_id = \"\"\nports = []")?;
+    config.robot_id.clone_from(&model.file().robot_id);
+    config.ports = vec![PortConfig::new(PathBuf::new(), axes)];
+    Ok(config)
 }
