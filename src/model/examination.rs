@@ -36,8 +36,12 @@ const MOST_ERROR: f64 = 0.7;
 /// The travel of the motors may be so many times that of the path.
 const MOST_TRAVEL: f64 = 6.0;
 
-/// The gain of the model over that of a straight line through the recording.
-const GAINS: std::ops::RangeInclusive<f64> = 1.0 / 3.0..=3.0;
+/// The gain of the model may be so many times that of a straight line through the recording, or
+/// that part of it, times what backlash makes of a gain.
+const MOST_GAIN: f64 = 3.0;
+
+/// How much of the gain the widest backlash leaves at least, for the comparison.
+const LEAST_LEFT: f64 = 0.1;
 
 /// Directions whose gain is less than this part of that of the strongest one are not compared.
 const LEAST_GAIN: f64 = 0.02;
@@ -52,6 +56,8 @@ pub struct Examination {
     /// The least and the greatest gain of the model, relative to the straight line; `None` if the
     /// file has none.
     pub gains: Option<[f64; 2]>,
+    /// What backlash as wide as the memory of the model leaves of a gain, 0 to 1.
+    pub left: f64,
 }
 
 impl Examination {
@@ -59,13 +65,15 @@ impl Examination {
     pub(in crate::model) fn of(runtime: &dyn Runtime, hull: &Hull, file: &ModelFile) -> Self {
         let trial = Trial::new(runtime, hull, file);
         let (error, travel) = trial.follow();
-        Self { error, travel, gains: trial.gains() }
+        Self { error, travel, gains: trial.gains(), left: trial.left_by_backlash() }
     }
 
     /// Refuses a model that commands nonsense.
     pub(in crate::model) fn verdict(&self) -> Result<(), ModelError> {
+        let most_gain = MOST_GAIN / self.left.max(LEAST_LEFT);
+        let range = 1.0 / most_gain..=most_gain;
         if let Some([least, most]) = self.gains
-            && !(GAINS.contains(&least) && GAINS.contains(&most))
+            && !(range.contains(&least) && range.contains(&most))
         {
             return Err(ModelError::Gain { least, most });
         }
@@ -86,6 +94,8 @@ struct Trial<'a> {
     path: TrialPath,
     /// What the model predicts along the path.
     goals: Vec<OutputVec>,
+    /// The same path, as wide as the hull: inside of wide backlash a model has no gain to compare.
+    wide: TrialPath,
 }
 
 impl<'a> Trial<'a> {
@@ -97,13 +107,20 @@ impl<'a> Trial<'a> {
             motors: file.hull.corners.first().map_or(0, Vec::len),
             path: TrialPath::new(hull, TURNING_STEPS, STEPS),
             goals: Vec::new(),
+            wide: TrialPath::wide(hull, TURNING_STEPS, STEPS),
         };
-        let mut memory = trial.memory_after_turns();
-        for counts in &trial.path.wander {
-            trial.advance(&mut memory, counts);
-            trial.goals.push(runtime.predict(counts, &memory).mean);
-        }
+        trial.goals = trial.along(&trial.path);
         trial
+    }
+
+    /// What the model predicts along a path.
+    fn along(&self, path: &TrialPath) -> Vec<OutputVec> {
+        let mut memory = self.memory_after_turns();
+        let predict = |counts: &MotorVec| {
+            self.advance(&mut memory, counts);
+            self.runtime.predict(counts, &memory).mean
+        };
+        path.wander.iter().map(predict).collect()
     }
 
     fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
@@ -155,18 +172,19 @@ impl<'a> Trial<'a> {
         ((squares / size).sqrt(), travel / path.travel().max(1.0))
     }
 
-    /// The least and the greatest gain of the model along the path, relative to the straight line
-    /// through the recording.
+    /// The least and the greatest gain of the model along the wide path, relative to the straight
+    /// line through the recording.
     fn gains(&self) -> Option<[f64; 2]> {
-        let Self { path, goals, .. } = self;
+        let path = &self.wide.wander;
+        let goals = self.along(&self.wide);
         let line = self.file.training.linear_gain.as_ref()?;
         let unit = self.file.outputs.first()?.unit.si();
         let (motors, outputs) = (self.motors, self.file.outputs.len());
         let line = DMatrix::from_fn(outputs, motors, |output, motor| {
             line.get(output).and_then(|row| row.get(motor)).copied().unwrap_or(f64::NAN) * unit
         });
-        let rows = path.wander.len();
-        let mut inputs = DMatrix::from_fn(rows, motors, |row, motor| path.wander[row][motor]);
+        let rows = path.len();
+        let mut inputs = DMatrix::from_fn(rows, motors, |row, motor| path[row][motor]);
         let mut angles = DMatrix::from_fn(rows, outputs, |row, output| goals[row][output]);
         for mut column in inputs.column_iter_mut().chain(angles.column_iter_mut()) {
             let mean = column.mean();
@@ -179,6 +197,30 @@ impl<'a> Trial<'a> {
         let gain = (gram * inputs.tr_mul(&angles)).transpose();
         relative_gains(&gain, &line)
     }
+
+    /// What a play, as wide as the range after which the model has forgotten earlier motion, leaves
+    /// of a gain along the wide path: of the motor where that is least.
+    fn left_by_backlash(&self) -> f64 {
+        let ranges = self.runtime.conditioning_range();
+        let left = |motor: usize| {
+            let path = self.wide.wander.iter().map(|counts| counts[motor]);
+            slope_of_play(path, 0.5 * ranges[motor])
+        };
+        (0..self.motors).map(left).fold(1.0, f64::min)
+    }
+}
+
+/// The slope of a straight line through what a play of a half-width makes of a path.
+fn slope_of_play(path: impl ExactSizeIterator<Item = f64> + Clone, half_width: f64) -> f64 {
+    let mean = path.clone().sum::<f64>() / path.len().max(1) as f64;
+    let mut play = mean;
+    let (mut product, mut square) = (0.0, 0.0);
+    for at in path {
+        play = play.max(at - half_width).min(at + half_width);
+        product += (play - mean) * (at - mean);
+        square += (at - mean).powi(2);
+    }
+    if square > 0.0 { product / square } else { 1.0 }
 }
 
 /// Of each direction in which the straight line moves the outputs: by how much the model does.
@@ -217,7 +259,9 @@ mod tests {
         let strong = DMatrix::from_row_slice(2, 2, &[0.02, 0.0, 0.0, 0.02]);
         let [least, most] = relative_gains(&weak, &strong).unwrap();
         assert!((least - 0.025).abs() < 1e-9 && (most - 1.0).abs() < 1e-9);
-        assert!(GAINS.contains(&most) && !GAINS.contains(&least));
+        let found = |gains| Examination { error: 0.0, travel: 1.0, gains: Some(gains), left: 1.0 };
+        assert!(matches!(found([least, most]).verdict(), Err(ModelError::Gain { .. })));
+        assert!(found([most; 2]).verdict().is_ok());
     }
 
     #[test]
@@ -230,7 +274,7 @@ mod tests {
 
     #[test]
     fn an_inverse_that_misses_or_chatters_is_refused() {
-        let found = |error, travel| Examination { error, travel, gains: None };
+        let found = |error, travel| Examination { error, travel, gains: None, left: 1.0 };
         assert!(found(0.01, 1.0).verdict().is_ok());
         for (error, travel) in [(0.8, 1.0), (0.01, 9.0), (f64::NAN, 1.0), (0.01, f64::NAN)] {
             let refusal = found(error, travel).verdict();

@@ -21,6 +21,17 @@ impl TrialPath {
     /// A path of so many steps inside a hull.
     #[must_use]
     pub fn new(hull: &Hull, turning_steps: usize, steps: usize) -> Self {
+        Self::sized(hull, turning_steps, steps, [0.45, 0.12])
+    }
+
+    /// The same path, but over the whole width of the hull.
+    #[must_use]
+    pub fn wide(hull: &Hull, turning_steps: usize, steps: usize) -> Self {
+        Self::sized(hull, turning_steps, steps, [0.8, 0.2])
+    }
+
+    /// `sizes` are those of the slow and of the fast part of the motion.
+    fn sized(hull: &Hull, turning_steps: usize, steps: usize, [slow, fast]: [f64; 2]) -> Self {
         let mut low = [f64::INFINITY; MAX_MOTORS];
         let mut high = [f64::NEG_INFINITY; MAX_MOTORS];
         for corner in hull.corners() {
@@ -46,8 +57,8 @@ impl TrialPath {
             let part = step as f64 / steps as f64;
             let wave = |turns: f64, phase: f64| (TAU * turns * part + phase).sin();
             at([
-                0.45 * wave(3.0, 0.0) + 0.12 * wave(19.0, 1.0),
-                0.45 * wave(4.0, 0.5) + 0.12 * wave(23.0, 2.0),
+                slow * wave(3.0, 0.0) + fast * wave(19.0, 1.0),
+                slow * wave(4.0, 0.5) + fast * wave(23.0, 2.0),
             ])
         };
         Self {

@@ -2,10 +2,13 @@
 
 use std::path::Path;
 
-use i2ris::model::file::{FamilyParameters, MixtureParameters, ModelFile, OutputUnit};
+use i2ris::model::file::{
+    FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit,
+};
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{Model, ModelError};
 
-use super::samples::{file, linear, region, square, two_by_two, two_components};
+use super::samples::{DEG, file, linear, region, square, two_by_two, two_components};
 
 fn refused(file: ModelFile) -> String {
     let text = Model::from_file(file).unwrap_err().to_string();
@@ -248,5 +251,41 @@ fn a_model_with_another_gain_than_its_recording_is_refused() {
         let sentence = with_line(line).unwrap_err().to_string();
         let start = format!("commands nonsense: a count moves its outputs by {gains} times");
         assert_mentions(&sentence, &[&start, "record motion of both motors together"]);
+    }
+}
+
+#[test]
+fn wide_backlash_is_no_nonsense_and_a_wild_gain_is() {
+    // Nearly all of the motion is behind a gap that takes most of the range.
+    let mixture = MixtureParameters {
+        weights: vec![1.0],
+        means: vec![vec![0.0, 0.0]],
+        covariances: vec![vec![vec![1e4, 200.0], vec![200.0, 4.01]]],
+    };
+    let plays = PlayParameters {
+        thresholds_counts: vec![vec![0.0, 330.0]],
+        weights: vec![vec![0.02, 0.98]],
+        planar_thresholds_counts: Vec::new(),
+    };
+    let virtual_hull = HullParameters { corners: region(1, 400.0) };
+    let family = FamilyParameters::GmrPlay { plays, mixture, residual: None, virtual_hull };
+    let mut file = file(1, family, region(1, 400.0));
+    let model = Model::from_file(file.clone()).unwrap();
+    let mut memory = model.new_memory();
+    let (mut product, mut square) = (0.0, 0.0);
+    for step in 0..4000 {
+        let at = 400.0 * (f64::from(step) * 0.01).sin();
+        model.advance(&mut memory, &[at, 0.0]);
+        product += at * model.predict(&[at, 0.0], &memory).mean[0] / DEG;
+        square += at * at;
+    }
+    let mut with_line = |line: f64| {
+        file.training.linear_gain = Some(vec![vec![line]]);
+        Model::from_file(file.clone()).map(drop)
+    };
+    with_line(product / square).unwrap();
+    for wild in [1e-9, 1e9, -1.0] {
+        let found = with_line(wild * product / square);
+        assert!(matches!(found, Err(ModelError::Gain { .. })), "{found:?}");
     }
 }

@@ -1,127 +1,156 @@
-//! Errors of all families on the recordings beside the repository (`shared/data`), on rows that no
-//! fit has seen. Where the folder is absent it prints that.
+//! A table of the errors of all families on a folder of recordings, on rows that no fit has seen.
 //!
-//! `cargo run --release -p i2ris-calibration --example recordings`
+//! `cargo run --release -p i2ris-calibration --example recordings -- FOLDER [NAME]`
+//!
+//! Every CSV file below the folder with known columns is fitted with default options: to the first
+//! 70 % of its rows, tested on the rest. Of files `NAME_train.csv` and `NAME_test.csv` (or `_first`
+//! and `_second`) the one is fitted and the other tested, with the memory that the first leaves.
+//! Beside the families stand plays with a ridge regression, which know no mixture and no latency.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::{env, fs};
 
 use i2ris::model::Model;
 use i2ris_calibration::families::play::linear_baseline::LinearPlays;
 use i2ris_calibration::fit::metrics::predictions;
-use i2ris_calibration::fit::split::{HoldOut, Split};
-use i2ris_calibration::fit::{FitOptions, fit};
+use i2ris_calibration::fit::{Family, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
-use i2ris_calibration::recording::{ColumnMap, Recording, Row};
+use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_calibration::series::Series;
 
-type Outputs = [f64; 3];
+/// What a model written by default may have, relative to plays and a ridge regression.
+const MOST: f64 = 1.1;
+
+/// Names of the two parts of a recording in two files.
+const PARTS: [(&str, &str); 2] = [("_train", "_test"), ("_first", "_second")];
 
 fn main() {
-    if let Some(wrist) = read("dvrk_wrist/random_first70.csv") {
-        println!("dvrk_wrist: trained on the first 70 % of the rows, tested on the rest");
-        later_rows(&wrist, wrist.rows().len() * 7 / 10);
-    }
-    if let Some(snake) = read("i2ris/output_w_angles.csv") {
-        println!("i2ris: trained on three turns, tested on the fourth");
-        let split = Split::new(&snake, HoldOut::LastCycle).unwrap();
-        later_rows(&snake, split.training().count());
-    }
-    if let (Some(first), Some(second)) =
-        (read("tee_probe/motor1_first.csv"), read("tee_probe/motor1_second.csv"))
-    {
-        println!("tee_probe: trained on the first sweep, tested on the second, means taken off");
-        sweeps(&first, &second);
+    let Some(folder) = env::args().nth(1) else {
+        println!("give the folder of the recordings, and a part of their names to choose by");
+        return;
+    };
+    let filter = env::args().nth(2).unwrap_or_default();
+    let mut files = Vec::new();
+    find(Path::new(&folder), &mut files);
+    files.sort();
+    let lines: Vec<String> = files
+        .iter()
+        .filter(|file| file.to_string_lossy().contains(&filter))
+        .filter_map(|file| Some((file, read(file)?)))
+        .map(|(file, (recording, training))| line(file, &recording, training))
+        .collect();
+    println!("\n| recording | late ms | plays + ridge | linear | written | error | ratio | |");
+    println!("|---|---|---|---|---|---|---|---|");
+    lines.iter().for_each(|line| println!("{line}"));
+}
+
+fn find(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            find(&path, files);
+        } else if path.extension().is_some_and(|extension| extension == "csv") {
+            files.push(path);
+        }
     }
 }
 
-fn read(name: &str) -> Option<Recording> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
-    if !path.exists() {
-        println!("skipped: {} is absent", path.display());
+/// A recording and how many of its rows are for training; `None` for the second of two parts, and
+/// for what is no recording.
+fn read(file: &Path) -> Option<(Recording, usize)> {
+    let stem = file.file_stem()?.to_str()?;
+    if PARTS.iter().any(|(_, second)| stem.ends_with(second)) {
         return None;
     }
-    Some(Recording::read(&path, &ColumnMap::default()).unwrap().0)
-}
-
-/// All families, trained on the first rows and tested on the others.
-fn later_rows(recording: &Recording, count: usize) {
-    let training = recording.first_rows(count);
-    let outputs = recording.outputs().len();
-    let tested = |predicted: &[Outputs]| {
-        let rows = recording.rows().iter().zip(predicted).skip(count);
-        rms(rows.map(|(row, found)| (row.outputs, *found)), outputs)
+    let recording = |path: &Path| match Recording::read(path, &ColumnMap::default()) {
+        Ok((recording, _)) => Some(recording),
+        Err(error) => {
+            println!("left out: {error}");
+            None
+        }
     };
-    let plays = LinearPlays::fit(&Series::whole(&training)).unwrap();
-    let predicted = plays.predict(&Series::whole(recording)).unwrap();
-    println!("  {:<24} tested {}", "plays + ridge", tested(&predicted));
-    each_family(&training, |model| tested(&predictions(model, recording)));
+    let first = recording(file)?;
+    for (one, other) in PARTS {
+        let Some(stem) = stem.strip_suffix(one) else { continue };
+        let other = fs::read_to_string(file.with_file_name(format!("{stem}{other}.csv"))).unwrap();
+        let (_, rows) = other.split_once('\n').unwrap();
+        let both = env::temp_dir().join(format!("{stem}_{}.csv", std::process::id()));
+        fs::write(&both, fs::read_to_string(file).unwrap() + rows).unwrap();
+        let joined = recording(&both);
+        fs::remove_file(&both).unwrap();
+        return Some((joined?, first.rows().len()));
+    }
+    let training = first.rows().len() * 7 / 10;
+    Some((first, training))
 }
 
-/// Fits all families with default options, and prints what `test` says of each.
-fn each_family(training: &Recording, test: impl Fn(&Model) -> String) {
-    let (training, _) = training.clone().without_latency();
-    let outcome = fit(&training, &FitOptions::default(), &Silent).unwrap();
+/// Fits one recording, prints what every family does, and gives a line of the table.
+fn line(file: &Path, recording: &Recording, count: usize) -> String {
+    let name = file.file_stem().unwrap().to_string_lossy();
+    println!("{name}: {count} of {} rows for training", recording.rows().len());
+    let training = recording.first_rows(count);
+    let plays = LinearPlays::fit(&Series::whole(&training)).ok();
+    let plays = plays.and_then(|plays| plays.predict(&Series::whole(recording)).ok());
+    let ridge = plays.map(|predicted| errors(recording, count, &predicted));
+    let tested = |model: &Model| errors(recording, count, &predictions(model, recording));
+    let (training, late) = training.without_latency();
+    let late = late.map_or_else(|| "-".to_owned(), |late| format!("{:.1}", 1e3 * late));
+    let text = |errors: &Option<Errors>| errors.as_ref().map_or("-".to_owned(), Errors::text);
+    println!("  {:<24} {}   {late} ms late", "plays + ridge", text(&ridge));
+    let outcome = match fit(&training, &FitOptions::default(), &Silent) {
+        Ok(outcome) => outcome,
+        Err(error) => {
+            println!("  refused: {error}");
+            return format!("| {name} | {late} | {} | | none | | | {error} |", text(&ridge));
+        }
+    };
     for family in &outcome.families {
-        let name = family.family.to_string();
         let result = match &family.result {
-            Ok(model) => format!("tested {}", test(model)),
+            Ok(model) => tested(model).text(),
             Err(error) => error.to_string(),
         };
-        println!("  {name:<24} {result}   ({:.1} s)", family.seconds);
-        if let Some(mechanism) = &family.mechanism {
-            println!("    {}", mechanism.to_string().trim_end().replace('\n', "\n    "));
-        }
+        println!("  {:<24} {result}   ({:.1} s)", family.family.to_string(), family.seconds);
     }
-    println!("  default: {}   tested {}", outcome.family, test(&outcome.model));
+    for score in &outcome.report.scores {
+        println!("  {}", score.sentence(outcome.model.file().outputs[0].unit));
+    }
+    let written = tested(&outcome.model);
+    let linear = outcome.families.iter().find(|family| family.family == Family::Linear);
+    let linear = linear.and_then(|linear| Some(tested(linear.result.as_ref().ok()?)));
+    let ratio = ridge.as_ref().map_or(f64::NAN, |ridge| written.length / ridge.length);
+    println!("  written: {} {}, {ratio:.2} of plays + ridge", outcome.family, written.text());
+    format!(
+        "| {name} | {late} | {} | {} | {} | {} | {ratio:.2} | {} |",
+        text(&ridge),
+        text(&linear),
+        outcome.family,
+        written.text(),
+        if ratio > MOST { "above" } else { "" }
+    )
 }
 
-/// The second sweep began on the other branch than the one where the first sweep ended: over its
-/// first hundred counts nothing moves. So its memory is not known, and it is tested from a cold
-/// start; the error with the memory of the first sweep is printed beside.
-fn sweeps(first: &Recording, second: &Recording) {
-    each_family(first, |model| {
-        let cold = sweep_error(model, None, second);
-        let warm = sweep_error(model, Some(first), second);
-        format!("{cold}, with the memory of the first sweep {warm}")
-    });
+/// Root mean squares over the rows that were not for training.
+struct Errors {
+    outputs: Vec<f64>,
+    length: f64,
 }
 
-/// The error on a recording of one motor after another recording, its mean taken off.
-fn sweep_error(model: &Model, before: Option<&Recording>, recording: &Recording) -> String {
-    let mut memory = model.new_memory();
-    for point in before.iter().flat_map(|before| before.path()) {
-        model.advance(&mut memory, &point.counts);
+impl Errors {
+    fn text(&self) -> String {
+        let each: Vec<String> = self.outputs.iter().map(|error| format!("{error:.3}")).collect();
+        each.join("/")
     }
-    let si = recording.outputs()[0].unit.si();
-    let mut next = 0;
-    let predict = |row: &Row| {
-        for point in &recording.path()[next..=row.path_index] {
-            model.advance(&mut memory, &point.counts);
-        }
-        next = row.path_index + 1;
-        model.predict(&row.counts, &memory).mean[0] / si
+}
+
+fn errors(recording: &Recording, count: usize, predicted: &[[f64; 3]]) -> Errors {
+    let rows = || recording.rows().iter().zip(predicted).skip(count);
+    let of = |output: usize| {
+        let errors = rows().map(|(row, found)| row.outputs[output] - found[output]);
+        (errors.map(|error| error * error).sum::<f64>() / rows().count() as f64).sqrt()
     };
-    let predicted: Vec<f64> = recording.rows().iter().map(predict).collect();
-    let errors = recording.rows().iter().zip(&predicted);
-    let errors: Vec<f64> = errors.map(|(row, found)| row.outputs[0] - found).collect();
-    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-    let centred = errors.iter().map(|error| ([*error, 0.0, 0.0], [mean, 0.0, 0.0]));
-    rms(centred, 1)
-}
-
-/// Root mean square of every output, and of the length of the error, of pairs of measured and
-/// predicted outputs.
-fn rms(pairs: impl Iterator<Item = (Outputs, Outputs)>, outputs: usize) -> String {
-    let (mut squares, mut rows) = (vec![0.0; outputs], 0.0);
-    for (measured, predicted) in pairs {
-        rows += 1.0;
-        for (sum, (m, p)) in squares.iter_mut().zip(measured.iter().zip(predicted)) {
-            *sum += (m - p).powi(2);
-        }
-    }
-    let each: Vec<String> =
-        squares.iter().map(|sum| format!("{:.3}", (sum / rows).sqrt())).collect();
-    format!("{} ({:.3})", each.join("/"), (squares.iter().sum::<f64>() / rows).sqrt())
+    let outputs: Vec<f64> = (0..recording.outputs().len()).map(of).collect();
+    let length = outputs.iter().map(|error| error * error).sum::<f64>().sqrt();
+    Errors { outputs, length }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use i2ris::model::file::HullParameters;
 use i2ris::model::{Hull, Model};
 
-use super::choice::{Score, best, scores};
+use super::choice::{Score, best, judged_rows, plays_error, scores};
 use super::drift::Drift;
 use super::error::{FitError, refused};
 use super::family::{Choice, Family};
@@ -58,8 +58,17 @@ pub fn fit(
         })
         .collect();
     let candidates = std::mem::take(&mut fitter.candidates);
-    let (linear, family, judged, scores) = choose(&mut families, options.choice)?;
-    let doubt = match (doubt(&judged), options.force) {
+    // Where nothing shows hysteresis, plays imitate something else.
+    let judged_rows = judged_rows(recording, &split, &usable);
+    let plays = match quality.hides_hysteresis() {
+        None => plays_error(recording, fitter.context.training, &judged_rows),
+        Some(_) => None,
+    };
+    let data_of_choice = (recording, judged_rows.as_slice(), plays);
+    let (linear, family, judged, scores) = choose(&mut families, options.choice, data_of_choice)?;
+    let doubt =
+        doubt(&judged).or_else(|| missed_memory(&scores, family, plays, &families, &judged));
+    let doubt = match (doubt, options.force) {
         (Some(doubt), false) => return Err(FitError::Worthless { family, doubt }),
         (doubt, _) => doubt,
     };
@@ -89,7 +98,7 @@ pub fn fit(
         family,
         linear,
         families,
-        report: FitReport { split, quality, training, every, drift, candidates, scores },
+        report: FitReport { split, quality, training, every, drift, candidates, scores, plays },
     })
 }
 
@@ -134,6 +143,33 @@ fn doubt(model: &Model) -> Option<String> {
             format!("on rows held out, R2 of `{name}` is {r2:.2}, below that of a constant")
         })
     })
+}
+
+/// That the best family misses what the robot remembers, and why there is no better one.
+pub(super) fn missed_memory(
+    scores: &[Score],
+    family: Family,
+    plays: Option<f64>,
+    families: &[FamilyOutcome],
+    model: &Model,
+) -> Option<String> {
+    let plays = plays?;
+    let chosen = scores.iter().find(|score| score.family == family)?;
+    if !chosen.misses_memory(plays) {
+        return None;
+    }
+    let unit = model.file().outputs.first()?.unit;
+    let (error, plays) = (chosen.held_out / unit.si(), plays / unit.si());
+    let failed = families.iter().filter(|outcome| outcome.family.has_memory());
+    let failed =
+        failed.filter_map(|outcome| Some((outcome.family, outcome.result.as_ref().err()?)));
+    let failed: Vec<String> =
+        failed.map(|(family, error)| format!("; {family}: {error}")).collect();
+    Some(format!(
+        "on rows held out it leaves {error:.3} {unit}, and plays with a linear read-out, which have \
+         no inverse, {plays:.3} {unit}: it misses what the robot remembers{}",
+        failed.concat()
+    ))
 }
 
 /// The model with the mark that the controller looks for.
@@ -234,7 +270,11 @@ fn refit(
 /// The affine model, the family and model to take, and why. An error where there is none.
 type Choosing = (Arc<Model>, Family, Arc<Model>, Vec<Score>);
 
-fn choose(families: &mut Vec<FamilyOutcome>, choice: Choice) -> Result<Choosing, FitError> {
+fn choose(
+    families: &mut Vec<FamilyOutcome>,
+    choice: Choice,
+    (recording, judged, plays): (&Recording, &[Vec<usize>], Option<f64>),
+) -> Result<Choosing, FitError> {
     let fitted: Vec<(Family, Arc<Model>)> = families
         .iter()
         .filter_map(|outcome| Some((outcome.family, outcome.result.as_ref().ok()?.clone())))
@@ -243,7 +283,7 @@ fn choose(families: &mut Vec<FamilyOutcome>, choice: Choice) -> Result<Choosing,
         fitted.iter().map(|(family, model)| (*family, &**model)).collect();
     let (scores, family) = match choice {
         Choice::Best => {
-            let scores = scores(&models);
+            let scores = scores(&models, recording, judged, plays);
             let best = best(&scores);
             (scores, best)
         }

@@ -1,23 +1,50 @@
 //! The choice among the families: by what the robot will do.
 //!
 //! A model commands counts by its inverse, and the snake is another one than the model believes.
-//! So the inverse of every family is run through the other families as plants, and is scored by the
-//! worst of them, beside its own error on the rows held out. An inverse that only its own model
-//! likes loses. A family whose error on the rows held out is far above the least is no plant.
+//! So the inverse of every family is run through the other families as plants, and is scored by
+//! what it leaves there, beside its own error on the rows held out. An inverse that only its own
+//! model likes loses. A family whose error on the rows held out is far above the least is no plant,
+//! and neither is one that no other family can follow: that would decide for whichever family is
+//! the dullest.
+//!
+//! The errors held out are those of blocks all over the recording, so that their spread tells how
+//! sure the choice is.
+
+use std::ops::Range;
 
 use i2ris::model::file::OutputUnit;
 use i2ris::model::{Model, Query, TrialPath};
-use i2ris::units::OutputVec;
+use i2ris::units::{MAX_OUTPUTS, OutputVec};
+use i2ris_report::statistics::min_max;
 
 use super::family::Family;
+use super::metrics::predictions;
+use super::split::Split;
+use crate::families::play::linear_baseline::LinearPlays;
 use crate::parallel;
+use crate::recording::Recording;
+use crate::series::{Series, blocks};
 
-/// A family is a plant if its error on the rows held out is at most so many times the least.
+/// A family is credible, and a plant, if its error on the rows held out is at most so many times
+/// the least, that of plays with a linear read-out among them.
 const CREDIBLE: f64 = 1.5;
+
+/// A family misses the memory of the robot if plays with a linear read-out are so many times better.
+const MISSED: f64 = 3.0;
+
+/// A family is no plant if even the best of the others leaves so many times what both of them leave
+/// of the rows held out.
+const FOLLOWED: f64 = 3.0;
 
 /// A later family has to be better by this part: the errors on five blocks held out scatter by as
 /// much.
 const LEAST_GAIN: f64 = 0.05;
+
+/// The part of its range that every motor has to cover before rows are judged.
+const LEAST_COVERED: f64 = 0.5;
+
+/// A single block held out is cut into so many, for the spread.
+const PIECES: usize = 5;
 
 /// Ticks of a trial, and ticks at its start that do not count.
 const TICKS: usize = 4000;
@@ -28,15 +55,20 @@ const SETTLING: usize = 400;
 const FASTEST: f64 = 0.02;
 
 /// How a family did.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Score {
     /// The family.
     pub family: Family,
     /// RMS length of the error on the rows held out, rad (m).
     pub held_out: f64,
-    /// RMS length of the tracking error on the worst of the other families, rad (m), and which;
-    /// `None` without another credible family.
-    pub worst_plant: Option<(f64, Family)>,
+    /// The same on the rows used for training. A model that is worse there has gone wrong somewhere
+    /// where nothing was held out.
+    pub training: f64,
+    /// Mean square length of the error in every block held out, rad^2 (m^2).
+    pub blocks: Vec<f64>,
+    /// RMS length of the tracking error on the other families that are plants, rad (m), and the one
+    /// where it is worst; `None` without another plant.
+    pub tracking: Option<(f64, Family)>,
     /// Travel of the motors in the trials, relative to that of `linear`.
     pub travel: f64,
 }
@@ -45,37 +77,97 @@ impl Score {
     /// Both errors together.
     #[must_use]
     pub fn total(&self) -> f64 {
-        self.worst_plant.map_or(self.held_out, |(error, _)| self.held_out.hypot(error))
+        self.fitted().hypot(self.tracking.map_or(0.0, |(error, _)| error))
     }
-}
 
-impl Score {
+    /// The error on measured rows.
+    fn fitted(&self) -> f64 {
+        self.held_out.max(self.training)
+    }
+
+    /// Whether plays with a linear read-out, which nobody can invert, leave so much less that the
+    /// family has missed the memory of the robot.
+    #[must_use]
+    pub fn misses_memory(&self, plays: f64) -> bool {
+        self.held_out > MISSED * plays
+    }
+
+    /// The standard deviation of the difference between the errors of two families, by their blocks.
+    #[must_use]
+    pub fn uncertainty_beside(&self, other: &Self) -> f64 {
+        let differences: Vec<f64> =
+            self.blocks.iter().zip(&other.blocks).map(|(own, other)| own - other).collect();
+        let count = differences.len() as f64;
+        let mean = differences.iter().sum::<f64>() / count;
+        let squares = differences.iter().map(|difference| (difference - mean).powi(2));
+        let of_mean = (squares.sum::<f64>() / (count - 1.0) / count).sqrt();
+        let size = self.held_out + other.held_out;
+        if of_mean.is_finite() && size > 0.0 { of_mean / size } else { 0.0 }
+    }
+
     /// The score in a sentence, in a unit.
     #[must_use]
     pub fn sentence(&self, unit: OutputUnit) -> String {
         let (family, held_out) = (self.family, self.held_out / unit.si());
-        let tracking = match self.worst_plant {
+        let tracking = match self.tracking {
             Some((error, plant)) => format!(
-                "its inverse leaves {:.3} {unit} on {plant}, the worst of the others, with {:.2} \
-                 times the travel of linear",
+                "its inverse leaves {:.3} {unit} on the others, most on {plant}, with {:.2} times \
+                 the travel of linear",
                 error / unit.si(),
                 self.travel
             ),
             None => "no other family is near enough to test its inverse".to_owned(),
         };
-        format!("{family}: {held_out:.3} {unit} on rows held out; {tracking}")
+        let worse = match self.training > self.held_out {
+            true => {
+                format!(" ({:.3} {unit} on those used for training)", self.training / unit.si())
+            }
+            false => String::new(),
+        };
+        format!("{family}: {held_out:.3} {unit} on rows held out{worse}; {tracking}")
     }
 }
 
 /// Scores the families, in the order given.
-pub(super) fn scores(models: &[(Family, &Model)]) -> Vec<Score> {
-    let held_out: Vec<f64> = models.iter().map(|(_, model)| held_out_error(model)).collect();
-    let least = held_out.iter().copied().fold(f64::INFINITY, f64::min);
-    let plants: Vec<usize> =
-        (0..models.len()).filter(|index| held_out[*index] <= CREDIBLE * least).collect();
+pub(super) fn scores(
+    models: &[(Family, &Model)],
+    recording: &Recording,
+    judged: &[Vec<usize>],
+    plays: Option<f64>,
+) -> Vec<Score> {
+    let errors = parallel::map(models.len(), |index| {
+        block_errors(&predictions(models[index].1, recording), recording, judged)
+    });
+    let held_out: Vec<f64> = errors.iter().map(|blocks| rms(blocks)).collect();
+    let trials = trials(models, &held_out, plays);
+    let score = |(index, (family, model)): (usize, &(Family, &Model))| {
+        let trials = &trials[index];
+        let worst = trials.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error));
+        let squares: f64 = trials.iter().map(|(_, trial)| trial.error.powi(2)).sum();
+        let error = (squares / trials.len() as f64).sqrt();
+        Score {
+            family: *family,
+            held_out: held_out[index],
+            training: training_error(model),
+            blocks: errors[index].clone(),
+            tracking: worst.map(|(plant, _)| (error, models[*plant].0)),
+            travel: trials.iter().map(|(_, trial)| trial.travel).fold(0.0, f64::max),
+        }
+    };
+    models.iter().enumerate().map(score).collect()
+}
+
+/// Of every family, how its inverse does on the others that are plants.
+fn trials(
+    models: &[(Family, &Model)],
+    held_out: &[f64],
+    plays: Option<f64>,
+) -> Vec<Vec<(usize, Trial)>> {
+    let least = held_out.iter().copied().chain(plays).fold(f64::INFINITY, f64::min);
+    let credible = |index: &usize| held_out[*index] <= CREDIBLE * least;
+    let plants: Vec<usize> = (0..models.len()).filter(credible).collect();
     let goals = models.first().map(|(_, model)| Goals::new(model));
-    let straight = goals.as_ref().map_or(0.0, |goals| goals.path.travel());
-    let trials = parallel::map(models.len(), |index| {
+    let mut trials = parallel::map(models.len(), |index| {
         let others = plants.iter().filter(|plant| **plant != index);
         let trial = |plant: &usize| {
             let goals = goals.as_ref()?;
@@ -83,17 +175,23 @@ pub(super) fn scores(models: &[(Family, &Model)]) -> Vec<Score> {
         };
         others.filter_map(trial).collect::<Vec<_>>()
     });
-    let score = |(index, (family, _)): (usize, &(Family, &Model))| {
-        let worst = trials[index].iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error));
-        let travel = trials[index].iter().map(|(_, trial)| trial.travel);
-        Score {
-            family: *family,
-            held_out: held_out[index],
-            worst_plant: worst.map(|(plant, trial)| (trial.error, models[*plant].0)),
-            travel: travel.fold(0.0, f64::max) / straight.max(f64::MIN_POSITIVE),
-        }
-    };
-    models.iter().enumerate().map(score).collect()
+    let followed = followed(&trials, held_out);
+    for trials in &mut trials {
+        trials.retain(|(plant, _)| followed.contains(plant));
+    }
+    trials
+}
+
+/// The plants that at least one other family can follow, as far as both know the robot.
+fn followed(trials: &[Vec<(usize, Trial)>], held_out: &[f64]) -> Vec<usize> {
+    let families = trials.iter().enumerate();
+    let good = families.flat_map(|(index, trials)| {
+        let follows = move |(plant, trial): &&(usize, Trial)| {
+            trial.error <= FOLLOWED * held_out[index].hypot(held_out[*plant])
+        };
+        trials.iter().filter(follows).map(|(plant, _)| *plant)
+    });
+    good.collect()
 }
 
 /// The family to take: the least score, the simpler family where the difference is small.
@@ -106,6 +204,78 @@ pub(super) fn best(scores: &[Score]) -> Option<Family> {
         }
     }
     best.map(|score| score.family)
+}
+
+/// The rows held out that families are judged by, in blocks: those that are usable, from where the
+/// motors have covered some range. Before, nobody knows where in its loops the snake is, and an
+/// error says nothing about a model.
+pub(super) fn judged_rows(
+    recording: &Recording,
+    split: &Split,
+    usable: &dyn Fn(&usize) -> bool,
+) -> Vec<Vec<usize>> {
+    let series = Series::whole(recording);
+    let ranges = std::array::from_fn(|motor| {
+        let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
+        LEAST_COVERED * (high - low)
+    });
+    let covered = series.covered_from(&ranges);
+    let known = recording.rows().partition_point(|row| row.path_index < covered);
+    let rows_from = |first: usize| -> Vec<Vec<usize>> {
+        let rows = |block: &Range<usize>| block.clone().filter(|row| *row >= first).filter(usable);
+        let all = split.blocks().iter().map(|block| rows(block).collect::<Vec<_>>());
+        all.filter(|block| !block.is_empty()).collect()
+    };
+    let count = |blocks: &[Vec<usize>]| blocks.iter().map(Vec::len).sum::<usize>();
+    let (all, known) = (rows_from(0), rows_from(known));
+    let judged = if 2 * count(&known) >= count(&all) { known } else { all };
+    match judged.as_slice() {
+        [one] => blocks(one.len(), PIECES).into_iter().map(|piece| one[piece].to_vec()).collect(),
+        _ => judged,
+    }
+}
+
+/// Of every block, the mean square length of the errors of predictions at every row, in SI units.
+fn block_errors(
+    predicted: &[[f64; MAX_OUTPUTS]],
+    recording: &Recording,
+    blocks: &[Vec<usize>],
+) -> Vec<f64> {
+    let square = |row: &usize| {
+        let outputs = recording.outputs().iter().enumerate();
+        let errors = outputs.map(|(output, spec)| {
+            spec.unit.si() * (recording.rows()[*row].outputs[output] - predicted[*row][output])
+        });
+        errors.map(|error| error * error).sum::<f64>()
+    };
+    let mean = |block: &Vec<usize>| block.iter().map(square).sum::<f64>() / block.len() as f64;
+    blocks.iter().map(mean).collect()
+}
+
+/// RMS over blocks of about the same length.
+fn rms(blocks: &[f64]) -> f64 {
+    let error = (blocks.iter().sum::<f64>() / blocks.len() as f64).sqrt();
+    if error.is_finite() { error } else { f64::MAX }
+}
+
+/// The error on the judged rows of plays with a linear read-out, rad (m): what every model with
+/// memory should reach. `None` where they cannot be fitted or nothing is held out.
+pub(super) fn plays_error(
+    recording: &Recording,
+    training: &[usize],
+    judged: &[Vec<usize>],
+) -> Option<f64> {
+    let plays = LinearPlays::fit(&Series::new(recording, training)).ok()?;
+    let predicted = plays.predict(&Series::whole(recording)).ok()?;
+    (!judged.is_empty()).then(|| rms(&block_errors(&predicted, recording, judged)))
+}
+
+/// RMS over the rows used for training of the length of the error, in SI units.
+fn training_error(model: &Model) -> f64 {
+    let outputs = model.file().outputs.iter().zip(&model.file().metrics);
+    let squares =
+        outputs.map(|(output, metrics)| (metrics.training.rmsd * output.unit.si()).powi(2));
+    squares.sum::<f64>().sqrt()
 }
 
 /// RMS over the rows held out of the length of the error, in SI units.
@@ -139,6 +309,7 @@ impl Goals {
 
 struct Trial {
     error: f64,
+    /// Relative to the path of the goals.
     travel: f64,
 }
 
@@ -168,15 +339,24 @@ fn track(model: &Model, plant: &Model, goals: &Goals) -> Trial {
         }
         counts = next;
     }
-    Trial { error: (squares / (TICKS - SETTLING) as f64).sqrt(), travel }
+    let straight = goals.path.travel().max(f64::MIN_POSITIVE);
+    Trial { error: (squares / (TICKS - SETTLING) as f64).sqrt(), travel: travel / straight }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::assert_near;
 
     fn score(family: Family, held_out: f64, on_others: f64) -> Score {
-        Score { family, held_out, worst_plant: Some((on_others, Family::Linear)), travel: 1.0 }
+        Score {
+            family,
+            held_out,
+            training: held_out,
+            blocks: vec![held_out.powi(2); 5],
+            tracking: Some((on_others, Family::Linear)),
+            travel: 1.0,
+        }
     }
 
     #[test]
@@ -187,6 +367,40 @@ mod tests {
             score(Family::GmrStop, 0.19, 0.9),
         ];
         assert_eq!(best(&scores), Some(Family::GmrPlay));
+    }
+
+    /// The numbers of a cable arm, of `linear`, `gmr` and `gmr-stop`.
+    #[test]
+    fn a_family_that_no_other_can_follow_does_not_vote() {
+        let held_out = [2.05, 1.23, 0.97];
+        let on = |plant, error| (plant, Trial { error, travel: 1.0 });
+        let trials = [vec![on(1, 1.62), on(2, 14.26)], vec![on(2, 14.66)], vec![on(1, 25.71)]];
+        assert_eq!(followed(&trials, &held_out), [1]);
+    }
+
+    #[test]
+    fn a_model_that_is_worse_where_it_was_trained_is_judged_by_that() {
+        let mut wild = score(Family::GmrPlay, 0.2, 0.2);
+        wild.training = 5.0;
+        let scores = [score(Family::Gmr, 1.0, 0.2), wild];
+        assert_eq!(best(&scores), Some(Family::Gmr));
+        let sentence = scores[1].sentence(OutputUnit::Deg);
+        assert!(sentence.contains("on those used for training"), "{sentence}");
+    }
+
+    #[test]
+    fn the_blocks_tell_how_sure_a_difference_is() {
+        let [one, mut other] = [Family::Gmr, Family::GmrPlay].map(|f| score(f, 1.0, 1.0));
+        assert_eq!(one.uncertainty_beside(&other), 0.0);
+        other.blocks = vec![0.5, 1.5, 0.5, 1.5, 1.0];
+        // Differences of squares with a variance of 0.25, five of them, over the sum of the errors.
+        assert_near(one.uncertainty_beside(&other), 0.05_f64.sqrt() / 2.0, 1e-12);
+    }
+
+    #[test]
+    fn what_plays_explain_much_better_is_missed_memory() {
+        let linear = score(Family::Linear, 9.0, 1.0);
+        assert!(linear.misses_memory(1.0) && !linear.misses_memory(8.0));
     }
 
     #[test]

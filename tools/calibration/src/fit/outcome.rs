@@ -81,6 +81,9 @@ pub struct FitReport {
     /// Scores of the families that could be fitted, the simplest first; none where a family was
     /// asked for.
     pub scores: Vec<Score>,
+    /// On the same rows, the error of plays with a linear read-out, rad (m); `None` where nothing
+    /// is held out, or the recording cannot show hysteresis.
+    pub plays: Option<f64>,
 }
 
 /// Another family explains a recording as well if its error is at most so many times as large.

@@ -3,12 +3,13 @@
 use i2ris::model::Model;
 use i2ris::model::file::FamilyParameters;
 
-use super::all_families::fit;
+use super::all_families::{fit, missed_memory};
+use super::choice::Score;
 use super::error::FitError;
 use super::family::{Choice, Family};
 use super::gmr::{Candidate, Verdict};
 use super::options::{Components, FitOptions};
-use super::outcome::FitOutcome;
+use super::outcome::{FamilyOutcome, FitOutcome};
 use super::split::HoldOut;
 use crate::em::options::EmOptions;
 use crate::families::direction::{DirectionOptions, fit_direction};
@@ -315,4 +316,48 @@ fn a_model_with_memory_without_inverse_is_fitted_with_fewer_components() {
     };
     let found = mixture.weights.len();
     assert!(found < free.components, "{found} of {}", free.components);
+}
+
+/// A tendon in a sheath: full strokes only, and a gap that takes up most of what smaller ones move.
+fn sheath() -> Recording {
+    let (mut random, mut behind) = (noise(11), 0.0_f64);
+    one_motor(504, |time| {
+        let stroke = 4.0 * ((time / 20.0).fract() - 0.5).abs() - 1.0;
+        let counts = (6000.0 * stroke).round();
+        behind = behind.clamp(counts - 2400.0, counts + 2400.0);
+        (counts, 0.01 * behind + 0.1 * random())
+    })
+}
+
+#[test]
+fn a_gap_wider_than_most_of_the_path_is_no_nonsense() {
+    let outcome = fitted(&sheath(), &FitOptions { choice: Choice::Best, ..options() });
+    assert!(outcome.family.has_memory(), "{} {:?}", outcome.family, outcome.report.scores);
+    let [found, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, 0));
+    assert!(found < 0.2 * linear, "{found} beside {linear}");
+}
+
+#[test]
+fn missing_the_memory_of_the_robot_is_told() {
+    let outcome = fitted(&sheath(), &FitOptions { force: true, ..of_family(Family::Linear) });
+    let plays = outcome.report.plays.unwrap();
+    let error = held_out(&outcome.model, 0).to_radians();
+    assert!(error > 3.0 * plays, "{error} beside {plays}");
+    let score = Score {
+        family: Family::Linear,
+        held_out: error,
+        training: error,
+        blocks: Vec::new(),
+        tracking: None,
+        travel: 1.0,
+    };
+    let failed = FamilyOutcome {
+        family: Family::GmrPlay,
+        result: Err(FitError::NothingToChooseBy),
+        mechanism: None,
+        seconds: 0.0,
+    };
+    let linear = &outcome.model;
+    let missed = missed_memory(&[score], Family::Linear, Some(plays), &[failed], linear).unwrap();
+    assert_contains(&missed, &["it misses what the robot remembers; gmr-play: choosing the best"]);
 }

@@ -39,6 +39,9 @@ const BLOCKS: usize = 8;
 /// Penalty of the regression against features that are alike, relative to features of size 1.
 const PENALTY: f64 = 1e-9;
 
+/// The same where a block is left out: without it polynomials run away there.
+const LEFT_OUT_PENALTY: f64 = 1e-4;
+
 /// The least part of what a shift changes that other features must not make good. It is 2 to 8 %
 /// where every stroke has a speed of its own, and below 1 % in decaying sines, whose estimates are
 /// wrong by up to 140 ms.
@@ -71,6 +74,9 @@ pub struct Latency {
     pub deviation_s: f64,
     /// Part of the outputs' variance that the features explain at this shift.
     pub r2: f64,
+    /// Whether it also helps on rows that the regression has not seen: left out block by block,
+    /// they are explained better at this shift than at none.
+    pub helps: bool,
 }
 
 /// Estimates the latency of `measured` from the path of `motors` motors, both in order of time.
@@ -104,10 +110,12 @@ pub fn estimate_latency(
     if !search.is_visible(middle, whole)? {
         return None;
     }
+    let seconds = middle + lowest(whole)?;
     Some(Latency {
-        seconds: middle + lowest(whole)?,
+        seconds,
         deviation_s: jackknife_deviation(&estimates),
         r2: 1.0 - whole[1] / search.outputs.ncols() as f64,
+        helps: search.helps(seconds)?,
     })
 }
 
@@ -177,6 +185,11 @@ impl Search<'_> {
         Some(kept > LEAST_VISIBLE * changed)
     }
 
+    /// See [`Latency::helps`].
+    fn helps(&self, seconds: f64) -> Option<bool> {
+        Some(left_out(&self.sums(seconds)?)? < left_out(&self.sums(0.0)?)?)
+    }
+
     fn around(&self, middle: f64) -> Option<[Sums; 3]> {
         let (before, after) = (middle - WIDTH_S, middle + WIDTH_S);
         Some([self.sums(before)?, self.sums(middle)?, self.sums(after)?])
@@ -194,6 +207,15 @@ fn errors(around: &[Sums; 3], without: Option<usize>) -> Option<[f64; 3]> {
 fn left(sums: &Sums, without: Option<usize>) -> Option<f64> {
     let sum = total(sums, without)?;
     Some(sum.mean_error(&sum.solve(PENALTY)?))
+}
+
+/// The sum over blocks of the mean square that the regression on the others leaves.
+fn left_out(sums: &Sums) -> Option<f64> {
+    let error = |block: usize| {
+        let coefficients = total(sums, Some(block))?.solve(LEFT_OUT_PENALTY)?;
+        Some(sums[block].mean_error(&coefficients))
+    };
+    (0..sums.len()).map(error).sum()
 }
 
 fn total(sums: &Sums, without: Option<usize>) -> Option<NormalEquations> {

@@ -1,11 +1,14 @@
 //! Why the family was chosen: a sentence, and the scores of all families.
 
+use i2ris::model::file::OutputUnit;
 use i2ris_report::number::fixed;
 use i2ris_report::page::TableRow;
 use i2ris_report::{Page, Table};
 
 use super::fit::{CalibrationReport, ChoiceScore};
 use super::page::NONE;
+use crate::fit::FitOutcome;
+use crate::fit::choice::Score;
 
 /// Another family this near, relative to the score of the chosen one, would do as well on another
 /// recording.
@@ -13,29 +16,29 @@ const NEAR: f64 = 0.1;
 
 pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     let scores = &data.choice;
-    let Some(chosen) = scores.iter().find(|score| score.chosen) else {
+    let unit = data.unit();
+    let Some(explanation) = explanation(scores, unit) else {
         return;
     };
-    let unit = data.unit();
-    page.paragraph(explanation(scores, chosen, unit));
+    page.paragraph(explanation);
     let header = [
         "family".to_owned(),
         format!("held out ({unit})"),
-        format!("tracking, worst ({unit})"),
-        "tried on".to_owned(),
+        format!("tracking ({unit})"),
+        "worst on".to_owned(),
         format!("score ({unit})"),
         "travel".to_owned(),
     ];
     let caption = "The choice: RMS length of the error on the rows held out; RMS length of the \
-                   tracking error when the inverse of the family moves another family as a robot, \
-                   the one where that goes worst; the score is both together, the root of the sum \
-                   of squares; travel of the motors in these trials, relative to that of linear. A \
-                   family whose error on the rows held out is far above the least is no robot to \
-                   be tried on.";
+                   tracking error when the inverse of the family moves the other families as a \
+                   robot, and the one where that goes worst; the score is both together, the root \
+                   of the sum of squares; travel of the motors in these trials, relative to that \
+                   of linear. A family whose error on the rows held out is far above the least, or \
+                   that no other can follow, is no robot to be tried on.";
     let mut table = Table::new(caption.to_owned(), header);
     for score in scores {
         let none = || NONE.to_owned();
-        let (worst, name) = match &score.worst_plant {
+        let (worst, name) = match &score.tracking {
             Some((error, name)) => (fixed(*error, 3), name.clone()),
             None => (none(), none()),
         };
@@ -46,7 +49,7 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
                 worst,
                 name,
                 fixed(score.total, 3),
-                if score.worst_plant.is_some() { fixed(score.travel, 2) } else { none() },
+                if score.tracking.is_some() { fixed(score.travel, 2) } else { none() },
             ],
             strong: score.chosen,
             rule: true,
@@ -55,34 +58,66 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     page.table(&table);
 }
 
-/// Why this one, and how sure that is.
-fn explanation(scores: &[ChoiceScore], chosen: &ChoiceScore, unit: &str) -> String {
+/// Why this one, and how sure that is; `None` where none was chosen.
+pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> {
+    let chosen = scores.iter().find(|score| score.chosen)?;
     let family = &chosen.family;
     let others = scores.iter().filter(|score| !score.chosen);
     let next = others.min_by(|a, b| a.total.total_cmp(&b.total));
     let Some(next) = next else {
-        return format!("{family} is the only family that could be fitted.");
+        return Some(format!("{family} is the only family that could be fitted."));
     };
     let part = next.total / chosen.total - 1.0;
     let percent = fixed(100.0 * part.abs(), 0);
     let (other, side) = (&next.family, if part < 0.0 { "below" } else { "above" });
+    let uncertainty = fixed(next.uncertainty, 3);
     let sure = match part {
         part if part < 0.0 => "so little that the simpler family was taken",
         part if part < NEAR => "so near that another recording may turn it round",
         _ => "a clear difference",
     };
     let held_out = fixed(chosen.held_out, 3);
-    let tracking = match &chosen.worst_plant {
-        Some((error, plant)) => format!(
-            "its inverse leaves {} {unit} on {plant}, the worst of the others",
-            fixed(*error, 3)
-        ),
+    let tracking = match &chosen.tracking {
+        Some((error, plant)) => {
+            format!("its inverse leaves {} {unit} on the others, most on {plant}", fixed(*error, 3))
+        }
         None => "no other family is near enough to try its inverse on".to_owned(),
     };
-    format!(
+    Some(format!(
         "{family} was chosen for its score: on the rows held out its error is {held_out} {unit}, \
-         and {tracking}. The score of the next family, {other}, is {percent} % {side} it, {sure}."
-    )
+         and {tracking}. The score of the next family, {other}, is {percent} % {side} it, {sure}. \
+         By the blocks held out, the difference of their errors has a standard deviation of \
+         {uncertainty} {unit}."
+    ))
+}
+
+/// The unit of the outputs.
+pub(super) fn unit(outcome: &FitOutcome) -> OutputUnit {
+    let output = outcome.model.file().outputs.first();
+    output.map_or(OutputUnit::Deg, |output| output.unit)
+}
+
+/// The score of a family, in the unit of the outputs.
+pub(super) fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
+    let unit = unit(outcome);
+    let si = unit.si();
+    ChoiceScore {
+        family: score.family.to_string(),
+        held_out: score.held_out / si,
+        tracking: score.tracking.map(|(error, plant)| (error / si, plant.to_string())),
+        uncertainty: uncertainty(score, outcome) / si,
+        total: score.total() / si,
+        travel: score.travel,
+        chosen: score.family == outcome.family,
+        sentence: score.sentence(unit),
+    }
+}
+
+/// How sure the difference of a family to the chosen one is.
+fn uncertainty(score: &Score, outcome: &FitOutcome) -> f64 {
+    let mut scores = outcome.report.scores.iter();
+    let chosen = scores.find(|score| score.family == outcome.family);
+    chosen.map_or(0.0, |chosen| score.uncertainty_beside(chosen))
 }
 
 #[cfg(test)]
@@ -93,7 +128,8 @@ mod tests {
         ChoiceScore {
             family: family.to_owned(),
             held_out: total,
-            worst_plant: None,
+            tracking: None,
+            uncertainty: 0.03 * total,
             total,
             travel: 0.0,
             chosen,
@@ -113,11 +149,11 @@ mod tests {
                 score("gmr-play", 1.0, true),
                 score("gmr-stop", next, false),
             ];
-            let text = explanation(&scores, &scores[1], "deg");
+            let text = explanation(&scores, "deg").unwrap();
             assert!(text.contains(part), "{text}");
             assert!(text.contains("no other family is near enough"), "{text}");
         }
         let one = [score("linear", 1.0, true)];
-        assert!(explanation(&one, &one[0], "deg").contains("the only family"));
+        assert!(explanation(&one, "deg").unwrap().contains("the only family"));
     }
 }

@@ -41,6 +41,9 @@ pub struct CalibrationReport {
     pub(super) chosen_by_held_out: bool,
     /// The scores that the family was chosen by; none where it was asked for.
     pub(super) choice: Vec<ChoiceScore>,
+    /// RMS length of the error of plays with a linear read-out on the same rows; `None` where
+    /// nothing is held out or nothing shows hysteresis.
+    pub(super) plays: Option<f64>,
     /// Numbers of components that were tried.
     pub(super) candidates: Vec<CandidateFacts>,
     /// The most components there were to choose from.
@@ -96,9 +99,11 @@ pub(super) struct ChoiceScore {
     pub family: String,
     /// RMS length of the error on the rows held out.
     pub held_out: f64,
-    /// RMS length of the tracking error of its inverse on the worst of the other families, and the
-    /// name of that one; `None` without another credible one.
-    pub worst_plant: Option<(f64, String)>,
+    /// RMS length of the tracking error of its inverse on the other families, and the name of the
+    /// one where it is worst; `None` without another credible one.
+    pub tracking: Option<(f64, String)>,
+    /// Standard deviation of the difference between its error and that of the chosen family.
+    pub uncertainty: f64,
     /// Both together.
     pub total: f64,
     /// Travel of the motors, relative to that of `linear`.

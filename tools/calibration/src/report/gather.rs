@@ -1,21 +1,19 @@
 //! The content of a report, computed with the code of the controller.
 
-use i2ris::model::file::{
-    FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit,
-};
+use i2ris::model::file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile};
 use i2ris::model::hysteresis::read_out::ReadOut;
 use i2ris::model::{Hull, Model, ModelError};
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use i2ris_report::statistics::{distance, quantile_of_unsorted, root_mean_square};
 use nalgebra::SVector;
 
+use super::choice;
 use super::fit::{
-    CalibrationReport, CandidateFacts, ChoiceScore, Errors, FamilyResult, OutputFacts,
-    ProjectedComponent, ReadOutView, RecordingFacts, SectionPoint, Straight, Track,
+    CalibrationReport, CandidateFacts, Errors, FamilyResult, OutputFacts, ProjectedComponent,
+    ReadOutView, RecordingFacts, SectionPoint, Straight, Track,
 };
 use super::labels::along;
 use super::sweep::{Sweep, branches};
-use crate::fit::choice::Score;
 use crate::fit::metrics::predictions;
 use crate::fit::outcome::FamilyOutcome;
 use crate::fit::split::Split;
@@ -59,7 +57,12 @@ impl CalibrationReport {
             failures: outcome.families.iter().filter_map(failure).collect(),
             chosen_by_held_out: options.choice == Choice::Best && families.len() > 1,
             families,
-            choice: report.scores.iter().map(|score| choice_score(score, outcome)).collect(),
+            choice: report
+                .scores
+                .iter()
+                .map(|score| choice::choice_score(score, outcome))
+                .collect(),
+            plays: report.plays.map(|plays| plays / choice::unit(outcome).si()),
             candidates: report.candidates.iter().map(candidate).collect(),
             max_components: match options.components {
                 Components::UpTo(most) => Some(most),
@@ -177,21 +180,6 @@ fn errors(
         rms_length: root_mean_square(lengths)?,
         p99: (0..outputs).map(p99).collect::<Option<_>>()?,
     })
-}
-
-fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
-    let output = outcome.model.file().outputs.first();
-    let unit = output.map_or(OutputUnit::Deg, |output| output.unit);
-    let si = unit.si();
-    ChoiceScore {
-        family: score.family.to_string(),
-        held_out: score.held_out / si,
-        worst_plant: score.worst_plant.map(|(error, plant)| (error / si, plant.to_string())),
-        total: score.total() / si,
-        travel: score.travel,
-        chosen: score.family == outcome.family,
-        sentence: score.sentence(unit),
-    }
 }
 
 fn candidate(candidate: &Candidate) -> CandidateFacts {

@@ -4,6 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use i2ris::model::file::FitMetrics;
 
+use super::choice::explanation;
 use super::fit::{CalibrationReport, CandidateFacts, OutputFacts};
 use crate::quality::NoiseFloor;
 
@@ -33,6 +34,17 @@ impl Display for CalibrationReport {
             )?;
         }
         self.choice.iter().try_for_each(|score| write!(f, "{}", Wrapped("", &score.sentence)))?;
+        if let Some(explanation) = explanation(&self.choice, self.unit()) {
+            write!(f, "{}", Wrapped("", &explanation))?;
+        }
+        if let Some(plays) = self.plays {
+            let unit = self.unit();
+            let plays = format!(
+                "plays with a linear read-out, which have no inverse, leave {plays:.3} {unit} on \
+                 the rows held out"
+            );
+            write!(f, "\n{}", Wrapped("beside", &plays))?;
+        }
         writeln!(f, "\nmodel id   {}", self.model_id)
     }
 }
