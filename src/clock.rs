@@ -18,6 +18,15 @@ pub fn now() -> Nanos {
         .map_or(Nanos::ZERO, |t| Nanos(t.tv_sec() as u64 * 1_000_000_000 + t.tv_nsec() as u64))
 }
 
+/// How long the computer slept since it started, at least: `CLOCK_BOOTTIME` goes on in a suspend.
+/// An interruption between the two reads makes it less, never more.
+#[must_use]
+pub fn suspended() -> Nanos {
+    let boot_time = clock_gettime(ClockId::CLOCK_BOOTTIME)
+        .map_or(Nanos::ZERO, |t| Nanos(t.tv_sec() as u64 * 1_000_000_000 + t.tv_nsec() as u64));
+    boot_time.since(now())
+}
+
 /// Sleeps until the absolute instant `until`, or not at all if it has passed. Interrupting signals
 /// do not shorten it.
 pub fn sleep_until(until: Nanos) {

@@ -21,6 +21,9 @@ pub const LONGEST_MODEL: u64 = 64 << 20;
 /// Write access for everyone, in a mode.
 const WRITABLE_BY_ALL: u32 = 0o002;
 
+/// Write access for a group, in a mode.
+const WRITABLE_BY_GROUP: u32 = 0o020;
+
 /// Only the owner of a file may rename it, in the mode of a folder.
 const STICKY: u32 = 0o1000;
 
@@ -71,6 +74,17 @@ pub enum UntrustedFile {
         /// The file or its folder.
         path: PathBuf,
     },
+    /// A group may write it that is not this user's own.
+    #[error(
+        "{path}: everybody in group {group} may write it; take that away with `chmod g-w {path}`, \
+         and look through it first"
+    )]
+    WritableByGroup {
+        /// The file or its folder.
+        path: PathBuf,
+        /// The group.
+        group: u32,
+    },
 }
 
 impl UntrustedFile {
@@ -87,8 +101,8 @@ impl UntrustedFile {
     }
 }
 
-/// Reads the text of a file that only root or the user of this process may write, in a folder of
-/// which the same is true.
+/// Reads the text of a file that only root or the user of this process may write, in folders of
+/// which the same is true up to the root: who may rename one of them may exchange the file.
 ///
 /// # Errors
 ///
@@ -97,7 +111,7 @@ pub fn read_trusted(path: &Path, limit: u64) -> Result<String, UntrustedFile> {
     let io = |source| UntrustedFile::Io { path: path.to_owned(), source };
     // Behind symbolic links: the folder of the file itself decides who can exchange it.
     let real = path.canonicalize().map_err(io)?;
-    if let Some(folder) = real.parent() {
+    for folder in real.ancestors().skip(1) {
         let opened = open(folder, libc::O_DIRECTORY).map_err(io)?;
         check_access(folder, &opened.metadata().map_err(io)?, true)?;
     }
@@ -132,6 +146,11 @@ fn check_access(path: &Path, metadata: &Metadata, is_folder: bool) -> Result<(),
     let is_protected = is_folder && metadata.mode() & STICKY != 0;
     if metadata.mode() & WRITABLE_BY_ALL != 0 && !is_protected {
         return Err(UntrustedFile::WritableByAll { path });
+    }
+    // Many systems give every user a group of the same number, and let it write.
+    let group = metadata.gid();
+    if metadata.mode() & WRITABLE_BY_GROUP != 0 && !is_protected && ![0, user].contains(&group) {
+        return Err(UntrustedFile::WritableByGroup { path, group });
     }
     Ok(())
 }
@@ -175,6 +194,33 @@ mod tests {
             set_mode(folder.path(), mode);
             assert_eq!(read_trusted(&file, LIMIT).is_ok(), is_accepted, "{mode:o}");
         }
+    }
+
+    #[test]
+    fn what_another_group_may_write_is_refused_up_to_the_root() {
+        if !nix::unistd::geteuid().is_root() {
+            return; // Only root can give a file to a group of others.
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let parent = folder.path().join("parent");
+        let file = parent.join("folder/robot.toml");
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        fs::write(&file, "text").unwrap();
+        let give = |path: &Path, mode| {
+            std::os::unix::fs::chown(path, None, Some(12_345)).unwrap();
+            set_mode(path, mode);
+        };
+        give(&file, 0o640);
+        assert!(read_trusted(&file, LIMIT).is_ok(), "they may read it");
+        give(&file, 0o660);
+        assert!(error(&file).contains("everybody in group 12345"));
+        give(&file, 0o640);
+        give(&parent, 0o770);
+        assert!(error(&file).contains("everybody in group 12345"), "the folder of its folder");
+        give(&parent, 0o1770);
+        assert!(read_trusted(&file, LIMIT).is_ok());
+        set_mode(&parent, 0o777);
+        assert!(error(&file).contains("every user"));
     }
 
     #[test]

@@ -62,7 +62,7 @@
 //! | [`realtime`] | real-time scheduling, the tick grid | `units`, `clock` |
 //! | [`model`] | forward model and inverse, model files | `units`, `robot`, `file_permissions` |
 //! | [`config`] | the configuration file | `units`, `file_permissions`, `model` |
-//! | [`drive`] | maxon drives: serial frames, objects, CiA 402, one thread per serial port | `units`, `robot`, `clock`, `config` |
+//! | [`drive`] | maxon drives: serial frames, objects, CiA 402, one thread per serial port | `units`, `robot`, `clock`, `file_permissions`, `config` |
 //! | [`core`] | the control cycle: a pure function of time and inputs, with its states and limits | `units`, `robot`, `config`, `model`, `drive` |
 //! | [`ipc`] | payloads and services in shared memory, the client library | `units`, `robot`, `clock` |
 //! | [`process`] | the controller process around the core: threads, channels, black box, run log | all but `watchdog` |

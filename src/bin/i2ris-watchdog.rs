@@ -12,10 +12,11 @@ use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::ipc::watchdog_presence::WatchdogPresence;
+use i2ris::process::console_log::ConsoleLog;
 use i2ris::realtime::{self, Wanted};
 use i2ris::service_manager;
 use i2ris::units::Nanos;
-use i2ris::watchdog::{self, WatchdogEvent};
+use i2ris::watchdog;
 use lexopt::Arg::{Long, Short};
 use lexopt::ValueExt;
 
@@ -48,16 +49,25 @@ enum Request {
 }
 
 fn main() -> ExitCode {
-    match start() {
+    // Its own thread writes it: a terminal that blocks must not keep the drives from being stopped.
+    let mut log = match ConsoleLog::start(io::stderr()) {
+        Ok(log) => log,
+        Err(failure) => {
+            let _ = writeln!(io::stderr(), "error: cannot start a thread: {failure}");
+            return ExitCode::FAILURE;
+        }
+    };
+    log.take_panic_messages();
+    match start(&mut log) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            let _ = writeln!(io::stderr(), "error: {failure}");
+            let _ = writeln!(log, "error: {failure}");
             ExitCode::FAILURE
         }
     }
 }
 
-fn start() -> Result<(), Failure> {
+fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
     let request = parse(std::env::args_os().skip(1))
         .map_err(|error| format!("{error}; see i2ris-watchdog --help"))?;
     match request {
@@ -68,7 +78,7 @@ fn start() -> Result<(), Failure> {
         Request::Run(path, silence) => {
             let config = Config::load(&path)?;
             let domain = Domain::new(&config.ipc.domain)?;
-            let presence = WatchdogPresence::announce(&domain)?;
+            let presence = WatchdogPresence::announce(&domain, &config.devices())?;
             let stop = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&stop);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
@@ -76,24 +86,21 @@ fn start() -> Result<(), Failure> {
                 Wanted { priority: PRIORITY, cpu: None, lock_memory: config.control.lock_memory };
             let granted = realtime::request(wanted);
             for warning in &granted.warnings {
-                print(format_args!("warning: {warning}"));
+                print(log, format_args!("warning: {warning}"));
             }
-            watchdog::run(&config, &domain, &presence, silence, &stop, &mut report);
+            watchdog::run(&config, &domain, &presence, silence, &stop, &mut |event| {
+                for line in event.to_string().lines() {
+                    print(log, format_args!("{line}"));
+                }
+            });
             service_manager::notify(service_manager::STOPPING);
             Ok(())
         }
     }
 }
 
-fn report(event: WatchdogEvent) {
-    for line in event.to_string().lines() {
-        print(format_args!("{line}"));
-    }
-}
-
-fn print(line: std::fmt::Arguments<'_>) {
-    // A closed or full log must not stop the watchdog.
-    let _ = writeln!(io::stderr(), "[{:12.6}] {line}", clock::now().as_seconds());
+fn print(log: &mut ConsoleLog, line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(log, "[{:12.6}] {line}", clock::now().as_seconds());
 }
 
 /// Reads the command line.

@@ -218,6 +218,12 @@ impl Config {
         Err(ConfigError::Values { path, findings })
     }
 
+    /// The devices of the ports.
+    #[must_use]
+    pub fn devices(&self) -> Vec<PathBuf> {
+        self.ports.iter().map(|port| port.device.clone()).collect()
+    }
+
     /// The number of motors.
     #[must_use]
     pub fn motors(&self) -> usize {

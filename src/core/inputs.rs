@@ -20,6 +20,7 @@ pub struct CycleInputs {
     /// Newest pose from an external sensor, if one arrived since the last tick.
     pub external: Option<ExternalPose>,
     /// Number of periods that had already passed when this tick began. They are not run later.
+    /// [`u32::MAX`]: the computer was suspended, which is a fault by itself.
     pub missed: u32,
     /// Newest feedback of every drive. It may be the same as in the last tick.
     pub feedback: [AxisFeedback; MAX_MOTORS],

@@ -5,12 +5,14 @@
 //! position can only revoke that, never grant it. An axis is not homed if its position differs from
 //! the saved one, or if none was saved because the controller was killed.
 
-use std::fs;
-use std::io;
+use std::fs::{self, OpenOptions};
+use std::io::{self, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::file_permissions::read_trusted;
 use crate::units::Counts;
 
 /// The position of one drive.
@@ -27,9 +29,13 @@ struct SavedPositions {
     axes: Vec<SavedPosition>,
 }
 
-/// Reads and removes the file: a position is valid for one start. An unreadable file is empty.
+/// Longest file, bytes.
+const LONGEST: u64 = 1 << 16;
+
+/// Reads and removes the file: a position is valid for one start. A file that cannot be read, or that
+/// somebody else may have written, is empty.
 pub(super) fn take(file: &Path) -> Vec<SavedPosition> {
-    let text = fs::read_to_string(file).unwrap_or_default();
+    let text = read_trusted(file, LONGEST).unwrap_or_default();
     let _ = fs::remove_file(file);
     toml::from_str::<SavedPositions>(&text).unwrap_or_default().axes
 }
@@ -43,12 +49,18 @@ pub(super) fn save(file: &Path, axes: Vec<SavedPosition>) -> io::Result<()> {
     let text = toml::to_string(&SavedPositions { axes }).map_err(io::Error::other)?;
     // Renamed when complete: an older file must not survive a partial write.
     let draft = file.with_extension("draft");
-    fs::write(&draft, text)?;
+    // A FIFO or a link in its place would block, or lead elsewhere.
+    let _ = fs::remove_file(&draft);
+    let created = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&draft);
+    created?.write_all(text.as_bytes())?;
     fs::rename(&draft, file)
 }
 
 #[cfg(test)]
 mod tests {
+    use nix::sys::stat::Mode;
+    use nix::unistd::mkfifo;
+
     use super::*;
 
     #[test]
@@ -62,5 +74,18 @@ mod tests {
         fs::write(&file, "axes = 3").unwrap();
         assert!(take(&file).is_empty());
         assert!(!file.exists());
+    }
+
+    #[test]
+    fn a_fifo_in_its_place_blocks_neither_the_start_nor_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("positions.toml");
+        for fifo in [&file, &file.with_extension("draft")] {
+            mkfifo(fifo, Mode::S_IRWXU).unwrap();
+        }
+        assert!(take(&file).is_empty());
+        let position = SavedPosition { serial_number: 62_000_001, position: Counts(7) };
+        save(&file, vec![position]).unwrap();
+        assert_eq!(take(&file), [position]);
     }
 }

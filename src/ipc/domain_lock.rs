@@ -115,7 +115,13 @@ impl DomainLock {
 
     fn shared_memory(&self) -> Result<Vec<PathBuf>, DomainError> {
         let prefix = self.domain.prefix().as_bytes();
-        let ours = |entry: &fs::DirEntry| entry.file_name().as_encoded_bytes().starts_with(prefix);
+        // Every user can create names in `/dev/shm`; those of others are none of ours, and cannot
+        // be removed.
+        let user = nix::unistd::geteuid().as_raw();
+        let ours = |entry: &fs::DirEntry| {
+            entry.file_name().as_encoded_bytes().starts_with(prefix)
+                && entry.metadata().is_ok_and(|metadata| metadata.uid() == user)
+        };
         let files = entries(Path::new(SHARED_MEMORY))?.filter(ours);
         Ok(files.map(|entry| entry.path()).collect())
     }

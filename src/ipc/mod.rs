@@ -15,6 +15,7 @@
 //! | `streams` | the tables of all streams and requests |
 //! | `service` | creating and opening the services of iceoryx2 |
 //! | `random_id` | random numbers for boot and client ids |
+//! | `identities` | whose a client id is |
 //! | `client_process` | process, user and program of a client |
 //! | `server` | the controller's side: all publishers, subscribers and request servers |
 //! | `client` | the public client library |
@@ -24,6 +25,7 @@ mod client_process;
 pub mod domain;
 pub mod domain_lock;
 pub mod heartbeat;
+mod identities;
 pub mod payload;
 mod random_id;
 pub mod ready;
@@ -38,6 +40,7 @@ pub use crate::robot::{
 pub use client_process::{ClientProcess, find_client_process};
 pub use domain::{Domain, DomainError};
 pub use domain_lock::DomainLock;
+pub use identities::Identities;
 pub use payload::{Message, Payload};
 pub use random_id::random_id;
 pub use server::{IpcError, Server};

@@ -366,3 +366,17 @@ macro_rules! declare_requests {
 }
 
 for_each_request!(declare_requests);
+
+impl Request {
+    /// The client that asks, where a request says it.
+    pub fn client_id_mut(&mut self) -> Option<&mut u64> {
+        match self {
+            Self::StateCommand(request) => Some(&mut request.client_id),
+            Self::Move(request) => Some(&mut request.client_id),
+            Self::Fixture(request) => Some(&mut request.client_id),
+            Self::Model(request) => Some(&mut request.client_id),
+            Self::BlackBox(request) => Some(&mut request.client_id),
+            Self::Version(_) => None,
+        }
+    }
+}

@@ -1,17 +1,30 @@
 //! Presence of a watchdog: whether something would stop the drives if the controller died now.
 //!
+//! It does if it runs, lives and holds the ports of this controller: a watchdog that is stopped or
+//! hangs keeps its locks, and one with another configuration holds other ports. So the file also
+//! holds which ports they are, and a sign of life that the watchdog renews ten times a second.
+//!
 //! The watchdog locks a file beside the directory of the domain, which comes and goes with the
 //! controller. The kernel releases the locks when it ends for any reason. One byte says that it
 //! runs, another that it holds every port. As with the lock of a domain, looking takes no lock.
 
 use std::fs::{self, File, OpenOptions};
 use std::io;
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
+use std::path::PathBuf;
 
 use nix::libc;
+use sha2::{Digest, Sha256};
 
 use super::domain::{Domain, DomainError};
 use super::domain_lock::{LockedByte, is_locked, set_lock};
+use crate::units::Nanos;
+
+/// A sign of life older than this is none: ten times as long as between two of them.
+const SILENCE: Nanos = Nanos::from_millis(1000);
+
+/// The content of the file: the last sign of life, ns, and the ports. Little-endian.
+const CONTENT: usize = 8 + 32;
 
 /// Whether a watchdog watches a domain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,14 +33,18 @@ pub enum WatchdogStatus {
     Absent,
     /// One runs, and does not hold every port: it could not stop every drive.
     Incomplete,
+    /// One runs, but hangs or is stopped.
+    Silent,
+    /// One runs for other ports: it has another configuration.
+    OtherPorts,
     /// One runs and holds every port.
     Watching,
 }
 
 impl WatchdogStatus {
-    /// The watchdog of a domain.
+    /// The watchdog of a domain whose controller has these ports, at `now`.
     #[must_use]
-    pub fn read(domain: &Domain) -> Self {
+    pub fn read(domain: &Domain, devices: &[PathBuf], now: Nanos) -> Self {
         let mut options = OpenOptions::new();
         options.read(true).custom_flags(libc::O_NOFOLLOW);
         let Ok(file) = options.open(domain.watchdog_file()) else {
@@ -35,14 +52,31 @@ impl WatchdogStatus {
         };
         // Every user can create names in `/dev/shm`.
         let is_ours = |metadata: fs::Metadata| metadata.uid() == nix::unistd::geteuid().as_raw();
-        if !file.metadata().is_ok_and(is_ours) || !is_locked(&file, LockedByte::Held) {
+        let is_held = file.metadata().is_ok_and(is_ours) && is_locked(&file, LockedByte::Held);
+        let mut content = [0; CONTENT];
+        let is_read = file.read_exact_at(&mut content, 0).is_ok();
+        let (alive, ports) = content.split_at(8);
+        let alive = Nanos(u64::from_le_bytes(alive.try_into().unwrap_or_default()));
+        if !is_held {
             Self::Absent
+        } else if !is_read || now.since(alive) > SILENCE {
+            Self::Silent
+        } else if ports != digest(devices) {
+            Self::OtherPorts
         } else if is_locked(&file, LockedByte::Serves) {
             Self::Watching
         } else {
             Self::Incomplete
         }
     }
+}
+
+/// Which ports these are, whatever their order.
+fn digest(devices: &[PathBuf]) -> [u8; 32] {
+    let mut devices: Vec<&[u8]> =
+        devices.iter().map(|device| device.as_os_str().as_encoded_bytes()).collect();
+    devices.sort_unstable();
+    Sha256::digest(devices.join(&0)).into()
 }
 
 /// The announcement of a watchdog; held by it. Drop withdraws it.
@@ -53,12 +87,12 @@ pub struct WatchdogPresence {
 }
 
 impl WatchdogPresence {
-    /// Announces a watchdog that holds no port yet.
+    /// Announces a watchdog for these ports, of which it holds none yet.
     ///
     /// # Errors
     ///
     /// When the domain has a watchdog already, or the file cannot be created.
-    pub fn announce(domain: &Domain) -> Result<Self, DomainError> {
+    pub fn announce(domain: &Domain, devices: &[PathBuf]) -> Result<Self, DomainError> {
         let path = domain.watchdog_file();
         let mut options = OpenOptions::new();
         options.write(true).read(true).create(true).truncate(false);
@@ -66,7 +100,18 @@ impl WatchdogPresence {
         let file = options.open(&path).map_err(DomainError::io("write", &path))?;
         set_lock(&file, LockedByte::Held, libc::F_WRLCK)
             .map_err(|_| DomainError::Watched { name: domain.name().to_owned() })?;
+        file.write_all_at(&[&[0; 8][..], &digest(devices)].concat(), 0)
+            .map_err(DomainError::io("write", &path))?;
         Ok(Self { domain: domain.clone(), file })
+    }
+
+    /// Says that it lives.
+    ///
+    /// # Errors
+    ///
+    /// When the system call fails.
+    pub fn alive(&self, now: Nanos) -> io::Result<()> {
+        self.file.write_all_at(&now.0.to_le_bytes(), 0)
     }
 
     /// Says whether it holds every port.
@@ -94,10 +139,14 @@ mod tests {
     #[test]
     fn a_watchdog_is_seen_from_its_start_to_its_end() {
         let domain = Domain::new(&format!("watched-{}", std::process::id())).unwrap();
-        let status = || WatchdogStatus::read(&domain);
+        let devices = ["/dev/ttyUSB0", "/dev/ttyUSB1"].map(PathBuf::from);
+        let now = Nanos::from_millis(7000);
+        let status = || WatchdogStatus::read(&domain, &devices, now);
         assert_eq!(status(), WatchdogStatus::Absent);
-        let presence = WatchdogPresence::announce(&domain).unwrap();
-        let second = WatchdogPresence::announce(&domain);
+        let presence = WatchdogPresence::announce(&domain, &devices).unwrap();
+        assert_eq!(status(), WatchdogStatus::Silent);
+        presence.alive(now).unwrap();
+        let second = WatchdogPresence::announce(&domain, &devices);
         assert!(matches!(second, Err(DomainError::Watched { .. })));
         for (is_complete, expected) in [
             (false, WatchdogStatus::Incomplete),
@@ -108,11 +157,24 @@ mod tests {
             presence.set_complete(is_complete).unwrap();
             assert_eq!(status(), expected);
         }
+        let swapped = [devices[1].clone(), devices[0].clone()];
+        assert_eq!(WatchdogStatus::read(&domain, &swapped, now), WatchdogStatus::Watching);
+        assert_eq!(
+            WatchdogStatus::read(&domain, &devices[..1], now),
+            WatchdogStatus::OtherPorts,
+            "a watchdog of another configuration cannot stop these drives"
+        );
+        let later = now + SILENCE + Nanos(1);
+        assert_eq!(
+            WatchdogStatus::read(&domain, &devices, later),
+            WatchdogStatus::Silent,
+            "one that is stopped keeps its locks"
+        );
         drop(presence);
         assert_eq!(status(), WatchdogStatus::Absent);
         // The file of a killed watchdog is not locked.
         fs::write(domain.watchdog_file(), "").unwrap();
         assert_eq!(status(), WatchdogStatus::Absent);
-        drop(WatchdogPresence::announce(&domain).unwrap());
+        drop(WatchdogPresence::announce(&domain, &devices).unwrap());
     }
 }

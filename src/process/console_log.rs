@@ -87,7 +87,12 @@ impl Write for ConsoleLog {
         Ok(bytes.len())
     }
 
+    /// Passes on what is no whole line yet.
     fn flush(&mut self) -> io::Result<()> {
+        if !self.line.is_empty() {
+            let line = std::mem::take(&mut self.line);
+            self.send(line);
+        }
         Ok(())
     }
 }

@@ -14,7 +14,7 @@ use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::process::black_box::{RecorderChannels, TickRecord};
 use crate::process::channels::{LoopChannels, LostCounters, TickReport};
 use crate::process::tick_plan::{SharedTick, delayed};
-use crate::realtime::{Tick, TickTiming, Ticker};
+use crate::realtime::{SuspendMonitor, Tick, TickTiming, Ticker};
 use crate::robot::OperatingState;
 use crate::units::{MAX_MOTORS, Nanos};
 
@@ -36,10 +36,11 @@ impl ControlLoop {
         let mut recording = TickRecording::new(config.rate_hz);
         recording.push_snapshot(&self.cycle, &mut self.channels.recorder);
         let mut lost = Lost::default();
+        let mut suspends = SuspendMonitor::new();
         loop {
             let planned = self.plan_tick(config, ticker.next());
             let tick = ticker.wait_until(planned);
-            if self.run_tick(tick, &mut recording, &mut lost, shutdown) {
+            if self.run_tick(tick, &mut suspends, &mut recording, &mut lost, shutdown) {
                 return;
             }
         }
@@ -50,12 +51,18 @@ impl ControlLoop {
     fn run_tick(
         &mut self,
         tick: Tick,
+        suspends: &mut SuspendMonitor,
         recording: &mut TickRecording,
         lost: &mut Lost,
         shutdown: &AtomicBool,
     ) -> bool {
         let offered = self.take_offer();
-        let inputs = self.read_inputs(&tick, shutdown);
+        // The clock of the ticks stood still meanwhile: more were missed than there are numbers.
+        let missed = match suspends.update(clock::suspended()) {
+            None => u32::try_from(tick.missed).unwrap_or(u32::MAX - 1),
+            Some(_) => u32::MAX,
+        };
+        let inputs = self.read_inputs(missed, shutdown);
         let outputs = self.cycle.step(tick.started, &inputs);
         for link in &mut self.links {
             if let Some(request) = outputs.requests.get(link.motor) {
@@ -122,14 +129,14 @@ impl ControlLoop {
         Some(offer.number)
     }
 
-    fn read_inputs(&mut self, tick: &Tick, shutdown: &AtomicBool) -> CycleInputs {
+    fn read_inputs(&mut self, missed: u32, shutdown: &AtomicBool) -> CycleInputs {
         let channels = &mut self.channels;
         CycleInputs {
             servo: newest(&mut channels.servo),
             request: next_request(channels),
             model: channels.model_requests.pop().ok(),
             external: newest(&mut channels.external),
-            missed: u32::try_from(tick.missed).unwrap_or(u32::MAX),
+            missed,
             feedback: read_feedback(&mut self.links),
             shutdown: shutdown.load(Ordering::Acquire),
         }

@@ -51,6 +51,8 @@ const PORT_PRIORITY_DISTANCE: u8 = 10;
 /// they are stale. It is below the port threads: an exchange that has begun must not wait for a
 /// client.
 const IPC_PRIORITY_DISTANCE: u8 = 20;
+/// Events of the drives that the log may lag.
+const PORT_EVENTS: usize = 1024;
 /// Time for the other threads to end after the loop. The black box is written meanwhile.
 const END_TIMEOUT: Nanos = Nanos::from_millis(10_000);
 /// Delay of the first tick after the start of the threads.
@@ -183,6 +185,7 @@ fn start_threads(
         channels: ipc_channels,
         robot: robot_description(config),
         motors: config.motors() as u32,
+        devices: config.devices(),
         command_check: CommandCheck::new(&config.command),
         history,
         queues,
@@ -193,7 +196,7 @@ fn start_threads(
     let (to_ipc, granted) = mpsc::channel();
     let (ipc, (heartbeat, ipc_granted)) = start_ipc(config, lock, parts, granted, &quit)?;
     others.push(ipc);
-    let (to_main, port_events) = mpsc::channel();
+    let (to_main, port_events) = mpsc::sync_channel(PORT_EVENTS);
     for runner in drives.runners {
         others.push(start_port(&config.control, runner, to_main.clone(), &quit)?);
     }
@@ -288,7 +291,7 @@ fn start_ipc(
 fn start_port(
     config: &ControlConfig,
     runner: PortRunner<SerialTransport, Gated>,
-    events: mpsc::Sender<(Nanos, PortEvent)>,
+    events: mpsc::SyncSender<(Nanos, PortEvent)>,
     quit: &Arc<AtomicBool>,
 ) -> Result<NamedThread, ThreadError> {
     let quit = Arc::clone(quit);
@@ -301,8 +304,9 @@ fn start_port(
         // A refusal here is a refusal for the loop as well, which reports it.
         let _ = realtime::request(wanted);
         runner.run(&quit, |event| {
-            // The log may have ended when the last events arrive.
-            let _ = events.send((clock::now(), event));
+            // The queue is allocated: the thread neither allocates nor waits. One that is full is
+            // that of a main thread that stalls, and the log may have ended at the last events.
+            let _ = events.try_send((clock::now(), event));
         });
     })
 }

@@ -5,6 +5,7 @@
 //! goes, so they are here and not in the loop.
 
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
@@ -52,6 +53,8 @@ pub struct IpcThreadParts {
     /// Robot and limits, for the reply to `version`.
     pub robot: Version,
     pub motors: u32,
+    /// The ports, which a watchdog has to hold.
+    pub devices: Vec<PathBuf>,
     pub command_check: CommandCheck,
     pub history: SharedLoopHistory,
     pub queues: RequestQueues,
@@ -130,7 +133,7 @@ impl IpcThread {
     fn pass(&mut self, now: Nanos) {
         if now >= self.next_watchdog {
             self.next_watchdog = now + WATCHDOG_PERIOD;
-            let watchdog = WatchdogStatus::read(self.server.domain());
+            let watchdog = WatchdogStatus::read(self.server.domain(), &self.parts.devices, now);
             self.watched = watchdog == WatchdogStatus::Watching;
         }
         self.take_servo(now);

@@ -14,6 +14,7 @@ use crate::ipc::payload::{EventMsg, padded_text};
 use crate::ipc::{Domain, StreamMessage, find_client_process};
 use crate::process::run_log::RunLog;
 use crate::process::threads::NamedThread;
+use crate::realtime::SuspendMonitor;
 use crate::robot::Reason;
 use crate::units::Nanos;
 use crate::wall_clock;
@@ -38,9 +39,15 @@ pub struct MainThread<'a> {
 impl MainThread<'_> {
     /// Writes the log until the loop has ended. If another thread ends early, the loop shuts down.
     pub fn run(&mut self, control: &NamedThread, others: &[NamedThread], shutdown: &AtomicBool) {
+        let mut suspends = SuspendMonitor::new();
         while !control.is_finished() {
             if others.iter().any(NamedThread::is_finished) {
                 shutdown.store(true, Ordering::Release);
+            }
+            if let Some(slept) = suspends.update(clock::suspended()) {
+                let (slept_s, now) = (slept.as_seconds(), clock::now());
+                let line = format_args!("the computer was suspended for {slept_s:.1} s");
+                self.write_text(stamped_line(now, line));
             }
             self.write_events();
             clock::sleep(LOG_PERIOD);

@@ -9,6 +9,7 @@
 //! |---|---|
 //! | `heartbeat_monitor` | status of the controller: a pure function of heartbeats and time |
 //! | `shared_port` | a port that is open beside the controller, and quick stop through it |
+//! | `unstopped` | ports whose drives could not be stopped, for another try |
 //! | `event` | events for the log |
 //!
 //! The watchdog opens its ports before the controller does and keeps them open: a port that the
@@ -23,6 +24,7 @@
 mod event;
 mod heartbeat_monitor;
 mod shared_port;
+mod unstopped;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -38,6 +40,7 @@ use crate::units::Nanos;
 pub use event::{AxisStop, WatchdogEvent};
 pub use heartbeat_monitor::{ControllerStatus, HeartbeatMonitor};
 pub use shared_port::SharedPort;
+use unstopped::{Unstopped, is_complete_stop};
 
 /// Period of reading the heartbeat.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
@@ -74,6 +77,7 @@ pub fn run(
     let mut monitor = HeartbeatMonitor::new(silence);
     let mut next_open = Nanos::ZERO;
     let mut was_complete = false;
+    let mut unstopped = Unstopped::default();
     while !stop.load(Ordering::Acquire) {
         let now = clock::now();
         if now >= next_open {
@@ -93,29 +97,42 @@ pub fn run(
                 service_manager::notify(service_manager::READY);
             }
             service_manager::notify(service_manager::ALIVE);
+            // If it fails, clients see a watchdog that is silent: the safe side, too.
+            let _ = presence.alive(now);
         }
         let heartbeat = reader.read();
         let status = monitor.update(heartbeat, clock::now());
         match status {
             ControllerStatus::Absent | ControllerStatus::Alive => {}
-            ControllerStatus::Started => report(WatchdogEvent::Monitoring),
+            ControllerStatus::Started => {
+                unstopped.clear();
+                report(WatchdogEvent::Monitoring);
+            }
             ControllerStatus::Ended => report(WatchdogEvent::ControllerEnded),
             ControllerStatus::Died | ControllerStatus::Hangs => {
                 let age = monitor.age(clock::now());
-                // Sends quick stop to every axis before it reports: the log may block.
-                let stopped = quick_stop_all(&ports);
+                // Sends quick stop to every axis before it reports.
+                let stopped = quick_stop_all(&ports.iter().collect::<Vec<_>>());
                 report(WatchdogEvent::ControllerLost(status, age));
-                for event in stopped {
-                    report(event);
-                }
+                unstopped.note(&stopped, clock::now());
+                stopped.into_iter().for_each(&mut *report);
             }
+        }
+        if unstopped.is_due(now) {
+            // A controller that has opened a port again stops its drives itself.
+            let due = ports.iter().filter(|port| {
+                unstopped.contains(port.device()) && port.is_open() && !port.is_in_use()
+            });
+            let stopped = quick_stop_all(&due.collect::<Vec<_>>());
+            unstopped.note_again(&stopped);
+            stopped.into_iter().filter(is_complete_stop).for_each(&mut *report);
         }
         clock::sleep(POLL_PERIOD);
     }
 }
 
 /// Stops the axes of all ports at the same time: a port that does not answer takes seconds.
-fn quick_stop_all(ports: &[SharedPort]) -> Vec<WatchdogEvent> {
+fn quick_stop_all(ports: &[&SharedPort]) -> Vec<WatchdogEvent> {
     thread::scope(|scope| {
         let stopping: Vec<_> = ports
             .iter()

@@ -67,6 +67,18 @@ impl SharedPort {
         self.file.is_some()
     }
 
+    /// The device of the port.
+    #[must_use]
+    pub fn device(&self) -> &Path {
+        &self.config.device
+    }
+
+    /// Whether another process has opened the port for itself, as a controller does.
+    #[must_use]
+    pub fn is_in_use(&self) -> bool {
+        self.file.as_ref().is_some_and(is_exclusive)
+    }
+
     /// Sends quick stop to every axis that may be powered. Then other processes may open the port.
     pub fn quick_stop(&self) -> WatchdogEvent {
         let file = self.file.as_ref().and_then(|file| file.try_clone().ok());

@@ -1,13 +1,14 @@
 //! Faulty and foreign clients beside an honest one: they cannot displace its commands, and every
 //! client learns of its own refusals only.
 
+use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use i2ris::clock;
-use i2ris::ipc::client::{Client, Forwarder};
-use i2ris::ipc::payload::{OperatingStateMsg, ServoActuator, ServoJp};
-use i2ris::ipc::{Domain, Refusal};
+use i2ris::ipc::client::{Client, Forwarder, RequestForwarder};
+use i2ris::ipc::payload::{OperatingStateMsg, ServoActuator, ServoJp, StateCommandRequest};
+use i2ris::ipc::{Domain, Refusal, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_testing::{Rig, SetOnDrop, stream_counts, wait_for};
 
@@ -117,6 +118,69 @@ fn hostile_clients_on_either_stream_do_not_displace_the_commander() {
         // Until the lease and the entries of refusals are free.
         wait_for(&mut client, |state| state.lease_client_id == 0);
     }
+}
+
+/// Not a test of its own: a process that commands under the id of another client.
+#[test]
+#[ignore = "run as a process by another test"]
+fn forger_process() {
+    let Ok(domain) = std::env::var("RIG_DOMAIN") else {
+        return;
+    };
+    let client_id = std::env::var("RIG_CLIENT").unwrap().parse().unwrap();
+    let domain = Domain::new(&domain).unwrap();
+    let (mut forwarder, mut requests) = (Forwarder::new(&domain), RequestForwarder::new(&domain));
+    let release =
+        StateCommandRequest { client_id, command: StateCommand::Release.number(), reserved: 0 };
+    loop {
+        for sequence in [1_000_000, u64::MAX - 1, u64::MAX] {
+            let stamp_ns = clock::now().0;
+            let command = ServoActuator {
+                sequence,
+                stamp_ns,
+                client_id,
+                position_counts: [300, 300],
+                count: 2,
+                ..ServoActuator::default()
+            };
+            let _ = forwarder.servo_actuators(command);
+            clock::sleep(Nanos::from_millis(2));
+        }
+        let _ = requests.state_command(release);
+    }
+}
+
+#[test]
+fn a_forged_id_neither_moves_the_snake_nor_ends_the_lease_of_its_owner() {
+    let mut rig = Rig::start();
+    let mut client = rig.enabled();
+    stream_counts(&client, 0.2, |_| [0, 0]);
+    let before = wait_for(&mut client, |state| state.lease_client_id != 0);
+    assert_eq!(before.lease_client_id, client.id());
+    let mut forger = Command::new(std::env::current_exe().unwrap());
+    forger.args(["--ignored", "--exact", "process::hostile_clients::forger_process"]);
+    forger.env("RIG_DOMAIN", &rig.config.ipc.domain).env("RIG_CLIENT", client.id().to_string());
+    let mut forger = forger.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let done = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let _stop = SetOnDrop(&done);
+        let (commander, done) = (client.commander(), &done);
+        scope.spawn(move || {
+            let mut commander = commander;
+            while !done.load(Ordering::Relaxed) {
+                let _ = commander.servo_actuators(&[0, 0]);
+                clock::sleep(Nanos::from_millis(5));
+            }
+        });
+        let mut watching = rig.client();
+        let state = wait_for(&mut watching, |state| state.refused > before.refused + 50);
+        assert_eq!(state.refusals_of(client.id()), (0, Refusal::None), "{state:?}");
+        assert_eq!(state.lease_client_id, client.id());
+        assert_eq!(state.last_refusal, Refusal::Lease.number());
+    });
+    forger.kill().unwrap();
+    forger.wait().unwrap();
+    assert!(rig.positions().iter().all(|counts| counts.abs() < 20), "{:?}", rig.positions());
 }
 
 #[test]

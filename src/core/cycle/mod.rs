@@ -218,7 +218,8 @@ impl ControlCycle {
         self.axes.update_feedback(&inputs.feedback, now, events);
         let is_model_finite = self.update_models(now).is_ok();
         self.adapt(inputs.external.as_ref(), now, events);
-        let is_overrun = self.overruns.add(u32::from(inputs.missed > 0), now);
+        let is_late = self.overruns.add(u32::from(inputs.missed > 0), now);
+        let is_overrun = is_late || inputs.missed == u32::MAX;
         let check = self.plausibility_check;
         let is_implausible = self.is_implausible(inputs.external.as_ref(), now);
         if self.plausibility_check != check {

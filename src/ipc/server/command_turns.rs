@@ -34,6 +34,13 @@ impl ReceivedCommand {
         }
     }
 
+    pub(super) fn client_id_mut(&mut self) -> &mut u64 {
+        match self {
+            Self::Joint(command) => &mut command.client_id,
+            Self::Actuator(command) => &mut command.client_id,
+        }
+    }
+
     /// Order of the commands of one client, which may use both streams.
     fn age_order(&self) -> (u64, u64) {
         match self {

@@ -23,6 +23,7 @@ use iceoryx2::prelude::ipc;
 use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
+use super::identities::Identities;
 use super::payload::{ExternalPosition, Payload, ReachTarget, ServoActuator, ServoJp, Version};
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{TransportError, failed};
@@ -50,12 +51,26 @@ const COMMANDS: usize = 8;
 /// Maximum number of commands read at once; only a faulty client sends more.
 const MAX_DRAINED: usize = 64;
 
+/// The process of a port. All streams and requests of one client come from one process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+struct Process(u32);
+
+impl Process {
+    /// The process that created a port, from the identity that iceoryx2 gives it: time, process id
+    /// and a counter.
+    fn of_port(id: u128) -> Self {
+        let [.., p0, p1, p2, p3, _, _, _, _] = id.to_ne_bytes();
+        Self(u32::from_ne_bytes([p0, p1, p2, p3]))
+    }
+}
+
 /// All ports of the controller.
 #[derive(Debug)]
 pub struct Server {
     servo_jp: Subscriber<ipc::Service, ServoJp, ()>,
     servo_actuators: Subscriber<ipc::Service, ServoActuator, ()>,
     turns: CommandTurns,
+    identities: Identities<Process>,
     external: Subscriber<ipc::Service, ExternalPosition, ()>,
     publishers: StreamPublishers,
     /// Between clients: it exists as long as somebody has it open.
@@ -107,6 +122,7 @@ impl Server {
             servo_jp: subscribe(&streams.servo_jp, Stream::ServoJp, COMMANDS)?,
             servo_actuators: subscribe(&streams.servo_actuators, Stream::ServoActuators, COMMANDS)?,
             turns: CommandTurns::default(),
+            identities: Identities::default(),
             external: subscribe(&streams.external, Stream::External, 1)?,
             publishers: StreamPublishers::new(&streams, boot_id)?,
             _reach_target: streams.reach_target,
@@ -146,33 +162,47 @@ impl Server {
     }
 
     fn receive_commands(&mut self) -> Result<(), TransportError> {
-        let turns = &mut self.turns;
+        let (turns, identities) = (&mut self.turns, &mut self.identities);
+        let mut add = |from, mut command: ReceivedCommand| {
+            let client_id = command.client_id_mut();
+            *client_id = identities.resolve(&Process::of_port(from), *client_id);
+            turns.add(from, command);
+        };
         drain(&self.servo_jp, Stream::ServoJp, |from, command| {
-            turns.add(from, ReceivedCommand::Joint(command));
+            add(from, ReceivedCommand::Joint(command));
         })?;
         drain(&self.servo_actuators, Stream::ServoActuators, |from, command| {
-            turns.add(from, ReceivedCommand::Actuator(command));
+            add(from, ReceivedCommand::Actuator(command));
         })
     }
 
-    /// The newest `external/measured_jp` since the last call.
+    /// The newest `external/measured_jp` since the last call, of whichever publisher.
     pub fn poll_external(&mut self) -> Option<ExternalPosition> {
-        let mut newest: Option<ExternalPosition> = None;
-        let received = drain(&self.external, Stream::External, |_, seen| {
-            if newest.is_none_or(|newest| seen.stamp_ns >= newest.stamp_ns) {
-                newest = Some(seen);
+        let newest = self.poll_cameras().into_iter().max_by_key(|(_, seen)| seen.stamp_ns);
+        newest.map(|(_, seen)| seen)
+    }
+
+    /// The newest `external/measured_jp` of every publisher since the last call, with a number that
+    /// no other publisher has.
+    pub fn poll_cameras(&mut self) -> Vec<(u128, ExternalPosition)> {
+        let mut newest: Vec<(u128, ExternalPosition)> = Vec::new();
+        let received = drain(&self.external, Stream::External, |from, seen| {
+            match newest.iter_mut().find(|(publisher, _)| *publisher == from) {
+                Some((_, known)) if seen.stamp_ns >= known.stamp_ns => *known = seen,
+                Some(_) => {}
+                None => newest.push((from, seen)),
             }
         });
         self.count_failure(received);
         newest
     }
 
-    /// All new requests, each with the token for [`Server::reply`]. Requests without reply are
+    /// All new requests, with the client ids of [`Identities`], each with the token for [`Server::reply`]. Requests without reply are
     /// dropped after 2 s, those about models and black boxes after 60 s; their clients have given
     /// up by then.
     pub fn poll_requests(&mut self, now: Nanos) -> Vec<(u64, Request)> {
         let mut requests = Vec::new();
-        let polled = self.requests.poll(now, &mut requests);
+        let polled = self.requests.poll(now, &mut self.identities, &mut requests);
         self.count_failure(polled);
         requests
     }
@@ -306,4 +336,32 @@ fn drain<T: Payload>(
         take(sample.header().publisher_id().value(), *sample);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ipc::client::{Client, ExternalPublisher};
+    use crate::ipc::random_id;
+
+    /// The layout of the identity belongs to one version of iceoryx2.
+    #[test]
+    fn a_port_is_of_the_process_that_created_it() {
+        let domain = Domain::new(&format!("t{:016x}", random_id())).unwrap();
+        let mut server = Server::create(DomainLock::acquire(&domain).unwrap()).unwrap();
+        let client = Client::connect(&domain, Nanos::ZERO).unwrap();
+        client.commander().servo_jp(&[0.1, 0.2]).unwrap();
+        let mut publishers = Vec::new();
+        drain(&server.servo_jp, Stream::ServoJp, |from, _| publishers.push(from)).unwrap();
+        let mut senders = [0, 1].map(|_| ExternalPublisher::new(&domain));
+        for sender in &mut senders {
+            sender.publish(Nanos(1), &[0.1], &[]).unwrap();
+        }
+        let cameras = server.poll_cameras();
+        assert!(cameras.len() == 2 && cameras[0].0 != cameras[1].0, "{cameras:?}");
+        publishers.extend(cameras.iter().map(|(from, _)| *from));
+        for publisher in publishers {
+            assert_eq!(Process::of_port(publisher), Process(std::process::id()));
+        }
+    }
 }

@@ -7,7 +7,9 @@ use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::port::server;
 use iceoryx2::prelude::ipc;
 
+use super::Process;
 use super::creation::{RequestFactories, RequestFactory};
+use crate::ipc::identities::Identities;
 use crate::ipc::payload::*;
 use crate::ipc::service::{TransportError, failed};
 use crate::ipc::streams::{ReplySpeed, Request, RequestService, for_each_request};
@@ -42,13 +44,13 @@ impl<Q: Payload, R: Payload> RequestServer<Q, R> {
     }
 
     /// Drops old requests and receives the next one, which gets this token.
-    fn poll(&mut self, now: Nanos, token: u64) -> Result<Option<Q>, TransportError> {
+    fn poll(&mut self, now: Nanos, token: u64) -> Result<Option<(Q, Process)>, TransportError> {
         self.pending.retain(|_, (since, _)| now.since(*since) < timeout(self.service));
         let received = self.port.receive().map_err(failed("receive", self.service.service()))?;
         Ok(received.map(|active| {
-            let request = *active;
+            let (request, process) = (*active, Process::of_port(active.origin().value()));
             self.pending.insert(token, (now, active));
-            request
+            (request, process)
         }))
     }
 
@@ -90,6 +92,7 @@ macro_rules! request_servers {
             pub fn poll(
                 &mut self,
                 now: Nanos,
+                identities: &mut Identities<Process>,
                 requests: &mut Vec<(u64, Request)>,
             ) -> Result<(), TransportError> {
                 // One service that fails does not keep the others waiting.
@@ -97,9 +100,13 @@ macro_rules! request_servers {
                 $(loop {
                     match self.$function.poll(now, self.last_token + 1) {
                         Ok(None) => break,
-                        Ok(Some(request)) => {
+                        Ok(Some((request, process))) => {
                             self.last_token += 1;
-                            requests.push((self.last_token, Request::$service(request)));
+                            let mut request = Request::$service(request);
+                            if let Some(client_id) = request.client_id_mut() {
+                                *client_id = identities.resolve(&process, *client_id);
+                            }
+                            requests.push((self.last_token, request));
                         }
                         Err(error) => {
                             outcome = Err(error);

@@ -270,21 +270,9 @@ impl Recorder {
         let folder = &self.config.record.folder;
         create_folder(folder)?;
         let stem = format!("{}-{}", wall_clock::now().compact(), content.header.cause);
-        let ticks = content.ticks.len() as u64;
-        let mut path = folder.join(format!("{stem}.box"));
-        for number in 2..1000 {
-            match content.write(&path) {
-                Err(BlackBoxError::Io { source, .. })
-                    if source.kind() == std::io::ErrorKind::AlreadyExists =>
-                {
-                    path = folder.join(format!("{stem}-{number}.box"));
-                }
-                Err(error) => return Err(error),
-                Ok(()) => break,
-            }
-        }
-        remove_oldest(folder, self.config.record.files);
-        Ok((path, ticks))
+        let path = write_new(content, folder, &stem)?;
+        remove_oldest(folder, self.config.record.files, &path);
+        Ok((path, content.ticks.len() as u64))
     }
 
     fn header(&self, cause: &str, written: &str) -> BlackBoxHeader {
@@ -311,6 +299,22 @@ impl Recorder {
     }
 }
 
+/// Writes a black box under a name that is not taken.
+fn write_new(content: &BlackBox, folder: &Path, stem: &str) -> Result<PathBuf, BlackBoxError> {
+    let mut path = folder.join(format!("{stem}.box"));
+    for number in 2..1000 {
+        match content.write(&path) {
+            Err(BlackBoxError::Io { source, .. })
+                if source.kind() == std::io::ErrorKind::AlreadyExists =>
+            {
+                path = folder.join(format!("{stem}-{number}.box"));
+            }
+            outcome => return outcome.map(|()| path),
+        }
+    }
+    content.write(&path).map(|()| path)
+}
+
 /// Creates a folder for its owner only, unless it exists.
 fn create_folder(folder: &Path) -> Result<(), BlackBoxError> {
     if fs::metadata(folder).is_ok_and(|metadata| metadata.is_dir()) {
@@ -320,15 +324,17 @@ fn create_folder(folder: &Path) -> Result<(), BlackBoxError> {
     created.map_err(BlackBoxError::io("write", folder))
 }
 
-/// Removes the oldest black boxes of a folder beyond a number. Their names begin with the time.
-fn remove_oldest(folder: &Path, keep: usize) {
+/// Removes the oldest black boxes of a folder beyond a number, and never the one that was written
+/// now. Their names begin with the time, by a clock that may have been set back: those that are
+/// later than the newest one come from before that, and are the oldest.
+fn remove_oldest(folder: &Path, keep: usize, newest: &Path) {
     let Ok(entries) = fs::read_dir(folder) else {
         return;
     };
     let paths = entries.flatten().map(|entry| entry.path());
     let mut boxes: Vec<PathBuf> =
         paths.filter(|path| path.extension().is_some_and(|extension| extension == "box")).collect();
-    boxes.sort();
+    boxes.sort_by_key(|path| (path.as_path() <= newest, path.clone()));
     let excess = boxes.len().saturating_sub(keep);
     for path in boxes.iter().take(excess) {
         // One that stays is removed the next time.
@@ -348,11 +354,39 @@ mod tests {
         for name in names.iter().chain(&["runs.jsonl", "0-notes.txt"]) {
             fs::write(folder.path().join(name), "").unwrap();
         }
-        remove_oldest(folder.path(), 3);
+        let newest = folder.path().join(names[2]);
+        remove_oldest(folder.path(), 3, &newest);
         assert!(folder.path().join(names[0]).exists());
-        remove_oldest(folder.path(), 1);
+        remove_oldest(folder.path(), 1, &newest);
         let left = |name: &str| folder.path().join(name).exists();
         assert_eq!(names.map(left), [false, false, true]);
         assert!(left("runs.jsonl") && left("0-notes.txt"));
+    }
+
+    #[test]
+    fn the_newest_black_box_stays_after_the_clock_was_set_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = ["20250101-000000-fault.box", "20260101-000000-a.box", "20260102-000000-b.box"];
+        names.iter().for_each(|name| fs::write(folder.path().join(name), "").unwrap());
+        remove_oldest(folder.path(), 1, &folder.path().join(names[0]));
+        assert_eq!(names.map(|name| folder.path().join(name).exists()), [true, false, false]);
+    }
+
+    #[test]
+    fn a_name_that_is_taken_for_ever_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let taken = |name: String| fs::write(folder.path().join(name), "").unwrap();
+        taken("a.box".to_owned());
+        (2..1000).for_each(|number| taken(format!("a-{number}.box")));
+        let content = BlackBox {
+            header: BlackBoxHeader::default(),
+            config: String::new(),
+            models: vec![],
+            offers: vec![],
+            snapshots: vec![],
+            ticks: vec![],
+        };
+        assert!(write_new(&content, folder.path(), "a").is_err());
+        assert!(write_new(&content, folder.path(), "b").is_ok());
     }
 }

@@ -46,7 +46,7 @@ struct CleanUp(Domain);
 
 impl Drop for CleanUp {
     fn drop(&mut self) {
-        drop(WatchdogPresence::announce(&self.0));
+        drop(WatchdogPresence::announce(&self.0, &[]));
         drop(DomainLock::acquire(&self.0));
     }
 }

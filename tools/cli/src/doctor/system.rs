@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::thread;
 
+use i2ris::clock;
 use i2ris::config::Config;
 use i2ris::ipc::Domain;
 use i2ris::ipc::ready::Ready;
@@ -25,12 +26,22 @@ fn check_watchdog(config: &Config, report: &mut Report) {
     let Ok(domain) = Domain::new(&config.ipc.domain) else {
         return; // Reported with the shared memory.
     };
-    match WatchdogStatus::read(&domain) {
+    match WatchdogStatus::read(&domain, &config.devices(), clock::now()) {
         WatchdogStatus::Watching => report.pass("watchdog", "runs and holds every port"),
         WatchdogStatus::Incomplete => report.warn(
             "watchdog",
             "runs, but could not open every port: it cannot stop every drive",
             "see its log; end the controller, and start it after the watchdog",
+        ),
+        WatchdogStatus::Silent => report.warn(
+            "watchdog",
+            "is there, but hangs or is stopped: it cannot stop any drive",
+            "end it and the controller; start the watchdog, then the controller",
+        ),
+        WatchdogStatus::OtherPorts => report.warn(
+            "watchdog",
+            "runs for other ports: it cannot stop every drive of this configuration",
+            "end it; start it with this configuration before the controller",
         ),
         WatchdogStatus::Absent => report.warn(
             "watchdog",

@@ -1,0 +1,106 @@
+//! Whose a client id is.
+//!
+//! A client id is a number in a payload, which anybody can write who has seen it. So an id belongs
+//! to the owner that used it first: in shared memory the process whose port sent it, in a bridge
+//! the key. The same number from anybody else stands for another client, with an id that nobody
+//! can guess: it cannot renew the lease of the owner, nor use up its sequence numbers, nor release.
+//!
+//! An id stays with its owner after the lease, so that it cannot be taken in a pause. Owners come
+//! and go, so the table is bounded: an owner displaces its own oldest id, and a new one the id that
+//! was silent for longest.
+
+use std::collections::BTreeMap;
+use std::hash::{BuildHasher, Hash, RandomState};
+
+/// Ids of one owner: a bridge speaks for several clients.
+const IDS_PER_OWNER: usize = 64;
+/// Ids of all owners.
+const IDS: usize = 512;
+
+/// The owner of every client id that was used lately.
+#[derive(Debug)]
+pub struct Identities<K> {
+    owned: BTreeMap<u64, Owned<K>>,
+    uses: u64,
+    salt: RandomState,
+}
+
+#[derive(Debug)]
+struct Owned<K> {
+    owner: K,
+    last_use: u64,
+}
+
+impl<K> Default for Identities<K> {
+    fn default() -> Self {
+        Self { owned: BTreeMap::new(), uses: 0, salt: RandomState::new() }
+    }
+}
+
+impl<K: Clone + Eq + Hash> Identities<K> {
+    /// The client that `owner` means by `client_id`: that id if it is its own or nobody's, and
+    /// another one if it belongs to somebody else. 0 is no id and stays 0.
+    pub fn resolve(&mut self, owner: &K, client_id: u64) -> u64 {
+        if client_id == 0 {
+            return 0;
+        }
+        self.uses += 1;
+        match self.owned.get_mut(&client_id) {
+            Some(known) if known.owner == *owner => known.last_use = self.uses,
+            Some(_) => return self.salt.hash_one((owner, client_id)).max(1),
+            None => {
+                self.make_room(owner);
+                let owned = Owned { owner: owner.clone(), last_use: self.uses };
+                self.owned.insert(client_id, owned);
+            }
+        }
+        client_id
+    }
+
+    fn make_room(&mut self, owner: &K) {
+        let own = self.owned.values().filter(|owned| owned.owner == *owner).count();
+        let is_full = own >= IDS_PER_OWNER;
+        if !is_full && self.owned.len() < IDS {
+            return;
+        }
+        let candidates = self.owned.iter().filter(|(_, it)| !is_full || it.owner == *owner);
+        let oldest = candidates.min_by_key(|(_, owned)| owned.last_use);
+        if let Some(oldest) = oldest.map(|(client_id, _)| *client_id) {
+            self.owned.remove(&oldest);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_id_belongs_to_the_first_that_used_it() {
+        let mut identities = Identities::default();
+        assert_eq!(identities.resolve(&"alice", 7), 7);
+        let forged = identities.resolve(&"bob", 7);
+        assert!(![0, 7].contains(&forged));
+        assert_eq!(identities.resolve(&"bob", 7), forged, "one client, and not one per command");
+        assert_ne!(identities.resolve(&"carol", 7), forged);
+        assert_eq!(identities.resolve(&"bob", 8), 8, "his own");
+        assert_eq!(identities.resolve(&"alice", 7), 7);
+        assert_eq!(identities.resolve(&"alice", 0), 0);
+    }
+
+    #[test]
+    fn who_uses_many_ids_displaces_its_own_and_the_table_stays_bounded() {
+        let mut identities = Identities::default();
+        identities.resolve(&0, 7);
+        for client_id in 100..10_000 {
+            identities.resolve(&1, client_id);
+        }
+        assert_eq!(identities.owned.len(), 1 + IDS_PER_OWNER);
+        assert_ne!(identities.resolve(&1, 7), 7);
+        for owner in 2..2000 {
+            identities.resolve(&owner, 20_000 + owner);
+            assert_eq!(identities.resolve(&0, 7), 7, "in use, so never displaced");
+        }
+        assert_eq!(identities.owned.len(), IDS);
+    }
+}

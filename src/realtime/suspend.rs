@@ -1,0 +1,65 @@
+//! Whether the computer slept: `CLOCK_MONOTONIC` stops in a suspend and `CLOCK_BOOTTIME` goes on, so
+//! the distance of the two jumps. To everything that reads only the first, a command from before the
+//! suspend is as young as ever, while the robot may have been touched for hours.
+
+use crate::clock;
+use crate::units::Nanos;
+
+/// A shorter jump is none: the two clocks are not read at the same instant.
+const SHORTEST: Nanos = Nanos::from_millis(50);
+
+/// Reads at the start, of which the best counts: the thread may be interrupted in between.
+const FIRST_READS: usize = 16;
+
+/// Detects suspends of the computer.
+#[derive(Debug, Clone, Copy)]
+pub struct SuspendMonitor {
+    /// Time in suspend since the boot, at least.
+    known: Nanos,
+}
+
+impl SuspendMonitor {
+    /// Knows nothing of suspends before.
+    #[must_use]
+    pub fn new() -> Self {
+        let reads = (0..FIRST_READS).map(|_| clock::suspended());
+        Self { known: reads.max().unwrap_or(Nanos::ZERO) }
+    }
+
+    /// How long the computer slept since the last call, if it did. `suspended`:
+    /// [`clock::suspended`], which never reads too much.
+    pub fn update(&mut self, suspended: Nanos) -> Option<Nanos> {
+        let jump = suspended.since(self.known);
+        self.known = self.known.max(suspended);
+        (jump > SHORTEST).then_some(jump)
+    }
+}
+
+impl Default for SuspendMonitor {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_jump_of_the_two_clocks_is_a_suspend_and_an_interruption_between_two_reads_is_none() {
+        let ms = Nanos::from_millis;
+        let mut monitor = SuspendMonitor { known: ms(5000) };
+        // Interrupted reads show less, and never more.
+        for read in [5000, 4000, 5000, 5001, 4990] {
+            assert_eq!(monitor.update(ms(read)), None, "{read}");
+        }
+        assert_eq!(monitor.update(ms(65_001)), Some(ms(60_000)));
+        assert_eq!(monitor.update(ms(65_001)), None, "told once");
+    }
+
+    #[test]
+    fn this_computer_does_not_sleep_while_it_runs_this() {
+        let mut monitor = SuspendMonitor::new();
+        assert!((0..1000).all(|_| monitor.update(clock::suspended()).is_none()));
+    }
+}

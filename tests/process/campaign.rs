@@ -1,0 +1,418 @@
+//! Every process with its output blocked, gone or on a full disk, and stopped: the robot stops all
+//! the same. One row per case; every one has to stop within its deadline.
+//!
+//! The whole table: `cargo test --test real_time -- --ignored --nocapture campaign_whole`.
+
+use std::fs::{self, File};
+use std::os::fd::AsFd;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+
+use i2ris::clock;
+use i2ris::ipc::client::{Client, ExternalPublisher, Forwarder, RequestForwarder};
+use i2ris::ipc::payload::{OperatingStateMsg, ServoActuator, ServoJp, StateCommandRequest};
+use i2ris::ipc::watchdog_presence::WatchdogStatus;
+use i2ris::ipc::{OperatingState, StateCommand};
+use i2ris::units::Nanos;
+use i2ris_simulation::drive::State;
+use i2ris_testing::{
+    Rig, SetOnDrop, enable, has, home, program, settle_in, swing, wait_for, wait_until,
+};
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+/// Silence of the loop at which the watchdog stops the drives, ms: more than a machine that tests
+/// share stalls.
+const SILENCE_MS: u64 = 1000;
+/// For what is measured from outside, on a machine that tests share.
+const TOLERANCE_MS: u64 = 250;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Subject {
+    Controller,
+    Watchdog,
+    Bridge,
+    Ros,
+    Foxglove,
+    Recorder,
+    Monitor,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Trouble {
+    /// Standard output and error are a full pipe that nobody reads.
+    Blocked,
+    /// Nobody has the other end any more.
+    Gone,
+    FullDisk,
+    /// The process is stopped (SIGSTOP).
+    Stopped,
+}
+
+const SUBJECTS: [Subject; 7] = [
+    Subject::Controller,
+    Subject::Watchdog,
+    Subject::Bridge,
+    Subject::Ros,
+    Subject::Foxglove,
+    Subject::Recorder,
+    Subject::Monitor,
+];
+const TROUBLES: [Trouble; 4] =
+    [Trouble::Blocked, Trouble::Gone, Trouble::FullDisk, Trouble::Stopped];
+
+/// Both ends of standard output and error, as long as it is held.
+struct Output {
+    /// Held, and never read.
+    _reader: Option<std::io::PipeReader>,
+    file: Option<File>,
+    pipe: Option<std::io::PipeWriter>,
+}
+
+impl Output {
+    fn new(trouble: Option<Trouble>) -> Self {
+        let mut output = Self { _reader: None, file: None, pipe: None };
+        match trouble {
+            None | Some(Trouble::Stopped) => {}
+            Some(Trouble::FullDisk) => {
+                output.file = Some(File::options().write(true).open("/dev/full").unwrap());
+            }
+            Some(Trouble::Gone) => output.pipe = Some(std::io::pipe().unwrap().1),
+            Some(Trouble::Blocked) => {
+                let (reader, writer) = std::io::pipe().unwrap();
+                fill(&writer);
+                (output._reader, output.pipe) = (Some(reader), Some(writer));
+            }
+        }
+        output
+    }
+
+    fn stdio(&self) -> Stdio {
+        match (&self.file, &self.pipe) {
+            (Some(file), _) => Stdio::from(file.try_clone().unwrap()),
+            (_, Some(pipe)) => Stdio::from(pipe.try_clone().unwrap()),
+            (None, None) => Stdio::null(),
+        }
+    }
+}
+
+fn fill(pipe: &std::io::PipeWriter) {
+    let set_flags = |flags| fcntl(pipe.as_fd(), FcntlArg::F_SETFL(flags)).unwrap();
+    set_flags(OFlag::O_NONBLOCK);
+    while nix::unistd::write(pipe.as_fd(), &[b' '; 4096]).is_ok() {}
+    while nix::unistd::write(pipe.as_fd(), b" ").is_ok() {}
+    set_flags(OFlag::empty());
+}
+
+/// A process that is killed and reaped on drop.
+struct Process(Child);
+
+impl Process {
+    fn start(rig: &Rig, name: &str, arguments: &[&str], output: &Output) -> Self {
+        let mut command = Command::new(program::path(name));
+        command.args(arguments).current_dir(rig.folder.path()).stdin(Stdio::null());
+        command.env("I2RIS_DOMAIN", &rig.config.ipc.domain).env("ROS_DOMAIN_ID", "98");
+        command.stdout(output.stdio()).stderr(output.stdio());
+        Self(command.spawn().unwrap())
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill(Pid::from_raw(self.0.id() as i32), signal).unwrap();
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A robot with a watchdog and the process that has the trouble.
+struct Scene {
+    rig: Rig,
+    watchdog: Process,
+    /// Besides controller and watchdog.
+    other: Option<Process>,
+    client: Client,
+    _outputs: [Output; 2],
+}
+
+impl Scene {
+    fn new(subject: Subject, trouble: Trouble) -> Self {
+        let mut rig = Rig::start();
+        let file = rig.folder.path().join("watched.toml");
+        fs::write(&file, toml::to_string(&rig.config).unwrap()).unwrap();
+        let output = |of| Output::new((of == subject).then_some(trouble));
+        let (watchdog_output, output_of) = (output(Subject::Watchdog), Output::new(Some(trouble)));
+        let arguments =
+            ["--config", file.to_str().unwrap(), "--silence-ms", &SILENCE_MS.to_string()];
+        let watchdog = Process::start(&rig, "i2ris-watchdog", &arguments, &watchdog_output);
+        let devices = rig.config.devices();
+        wait_until("the watchdog holds every port", || {
+            let status = WatchdogStatus::read(&rig.domain(), &devices, clock::now());
+            status == WatchdogStatus::Watching
+        });
+        match subject {
+            Subject::Controller => rig.start_controller_with(output_of.stdio()),
+            _ => rig.start_controller(),
+        }
+        let mut client = rig.client();
+        home(&mut client);
+        enable(&mut client);
+        wait_for(&mut client, |state| has(state, OperatingStateMsg::WATCHED));
+        let other = Self::other(&rig, subject, &output_of);
+        Self { rig, watchdog, other, client, _outputs: [watchdog_output, output_of] }
+    }
+
+    fn other(rig: &Rig, subject: Subject, output: &Output) -> Option<Process> {
+        let start =
+            |name: &str, arguments: &[&str]| Some(Process::start(rig, name, arguments, output));
+        match subject {
+            Subject::Controller | Subject::Watchdog => None,
+            Subject::Bridge => {
+                let key = ["key", "alice", "--may", "command", "--host", "127.0.0.1"];
+                let key = Process::start(rig, "i2ris-bridge", &key, &Output::new(None));
+                wait_until("a key", || rig.folder.path().join("keys/access.toml").exists());
+                drop(key);
+                let listen = ["serve", "--listen", "127.0.0.1:0", "--command"];
+                start("i2ris-bridge", &listen)
+            }
+            Subject::Ros => start("i2ris-ros", &["--command"]),
+            Subject::Foxglove => start("i2ris-foxglove", &["--listen", "127.0.0.1:0"]),
+            Subject::Recorder => start("i2ris-record", &["--output", "all.mcap"]),
+            Subject::Monitor => start("i2ris-monitor", &[]),
+        }
+    }
+
+    fn stop_subject(&self, subject: Subject) {
+        match (subject, &self.other) {
+            (Subject::Controller, _) => self.rig.signal(Signal::SIGSTOP),
+            (Subject::Watchdog, _) => self.watchdog.signal(Signal::SIGSTOP),
+            (_, Some(other)) => other.signal(Signal::SIGSTOP),
+            (_, None) => {}
+        }
+    }
+
+    /// Until both drives are stopped by the watchdog; ms since `from`.
+    fn until_stopped(&self, from: Nanos) -> u64 {
+        wait_until("both drives are stopped", || {
+            let states = self.rig.emulator.snapshot().axes.map(|axis| axis.drive.state);
+            states == [State::QuickStopActive; 2]
+        });
+        clock::now().since(from).0 / 1_000_000
+    }
+
+    /// Until the last change of a set-point; ms since `from`.
+    fn until_held(&self, from: Nanos) -> u64 {
+        self.rig.wait_until_still();
+        let last_change = |axis| {
+            let setpoints = self.rig.setpoints(axis);
+            let change = setpoints.windows(2).rev().find(|pair| pair[0].1 != pair[1].1);
+            change.map_or(Nanos::ZERO, |pair| pair[1].0)
+        };
+        last_change(0).max(last_change(1)).since(from).0 / 1_000_000
+    }
+}
+
+/// Commands until `end` says so; when the last command was sent.
+fn stream_until(client: &Client, end: &AtomicBool) -> Nanos {
+    let (mut commander, start) = (client.commander(), clock::now());
+    loop {
+        let now = clock::now();
+        let _ = commander.servo_actuators(&swing(now.since(start).as_seconds()));
+        if end.load(Ordering::Relaxed) {
+            return now;
+        }
+        clock::sleep_until(now + Nanos::from_millis(5));
+    }
+}
+
+/// How long the robot took to hold without commands, and the drives to stop without a controller,
+/// ms. `None`: this process is the one that is stopped.
+fn run(subject: Subject, trouble: Trouble) -> [Option<u64>; 2] {
+    let mut scene = Scene::new(subject, trouble);
+    let end = AtomicBool::new(false);
+    let is_stopped = trouble == Trouble::Stopped;
+    let from = thread::scope(|scope| {
+        let _end = SetOnDrop(&end);
+        let commanding = scope.spawn(|| stream_until(&scene.client, &end));
+        wait_until("the robot moves", || scene.rig.positions().iter().all(|it| it.abs() > 30));
+        if is_stopped {
+            scene.stop_subject(subject);
+        }
+        if is_stopped && subject == Subject::Controller {
+            return clock::now();
+        }
+        end.store(true, Ordering::Relaxed);
+        commanding.join().unwrap()
+    });
+    if is_stopped && subject == Subject::Controller {
+        let stop = scene.until_stopped(from);
+        scene.rig.signal(Signal::SIGCONT);
+        return [None, Some(stop)];
+    }
+    let hold = scene.until_held(from);
+    if is_stopped && subject == Subject::Watchdog {
+        wait_for(&mut scene.client, |state| !has(state, OperatingStateMsg::WATCHED));
+        return [Some(hold), None];
+    }
+    let killed = clock::now();
+    scene.rig.signal(Signal::SIGKILL);
+    scene.rig.wait_for_end();
+    [Some(hold), Some(scene.until_stopped(killed))]
+}
+
+/// Runs cases, prints the table, and asserts that every one stopped in time.
+fn campaign(cases: impl Iterator<Item = (Subject, Trouble)>) {
+    let deadline_ms = Rig::start().config.command.deadline_ms + TOLERANCE_MS;
+    let mut failed = Vec::new();
+    println!("| process | trouble | holds after, ms | drives stopped after, ms | in time |");
+    println!("|---|---|---|---|---|");
+    for (subject, trouble) in cases {
+        let [hold, stop] = run(subject, trouble);
+        let is_in_time = hold.is_none_or(|ms| ms <= deadline_ms)
+            && stop.is_none_or(|ms| ms <= SILENCE_MS + 2 * TOLERANCE_MS);
+        let text = |ms: Option<u64>| ms.map_or("-".to_owned(), |ms| ms.to_string());
+        let (hold, stop) = (text(hold), text(stop));
+        println!("| {subject:?} | {trouble:?} | {hold} | {stop} | {is_in_time} |");
+        if !is_in_time {
+            failed.push((subject, trouble));
+        }
+    }
+    assert!(failed.is_empty(), "not in time: {failed:?}");
+}
+
+/// A rig has some twenty threads: one after the other.
+static ONE: Mutex<()> = Mutex::new(());
+
+#[test]
+fn campaign_controller_and_watchdog_stop_the_robot_whatever_their_output_is() {
+    let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+    campaign(
+        [
+            (Subject::Watchdog, Trouble::Blocked),
+            (Subject::Watchdog, Trouble::FullDisk),
+            (Subject::Watchdog, Trouble::Stopped),
+            (Subject::Controller, Trouble::Blocked),
+            (Subject::Controller, Trouble::Stopped),
+        ]
+        .into_iter(),
+    );
+}
+
+#[test]
+#[ignore = "every process and every trouble: two minutes"]
+fn campaign_whole() {
+    let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+    campaign(SUBJECTS.into_iter().flat_map(|subject| TROUBLES.map(|trouble| (subject, trouble))));
+}
+
+/// A library that is loaded before the C library: after SIGUSR1 the clock that goes on in a suspend
+/// is a minute ahead, as if the computer had slept.
+const FAKE_CLOCK: &str = r"
+#define _GNU_SOURCE
+#include <signal.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+static volatile sig_atomic_t slept;
+static void sleep_for_a_minute(int signal) { (void)signal; slept = 60; }
+__attribute__((constructor)) static void start(void) { signal(SIGUSR1, sleep_for_a_minute); }
+int clock_gettime(clockid_t clock, struct timespec *now) {
+    int outcome = syscall(SYS_clock_gettime, clock, now);
+    if (outcome == 0 && clock == CLOCK_BOOTTIME) now->tv_sec += slept;
+    return outcome;
+}
+";
+
+fn fake_clock(rig: &Rig) -> PathBuf {
+    let (source, library) = (rig.folder.path().join("clock.c"), rig.folder.path().join("clock.so"));
+    fs::write(&source, FAKE_CLOCK).unwrap();
+    let mut compiler = Command::new("cc");
+    compiler.args(["-shared", "-fPIC", "-O1", "-o"]).args([&library, &source]);
+    assert!(compiler.status().unwrap().success(), "a C compiler, as the README asks for");
+    library
+}
+
+#[test]
+fn a_suspend_of_the_computer_is_a_fault_and_the_snake_holds() {
+    let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut rig = Rig::start();
+    rig.environment.push(("LD_PRELOAD".into(), fake_clock(&rig).into()));
+    let mut client = rig.enabled();
+    let end = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let _end = SetOnDrop(&end);
+        let commander = rig.client();
+        let end = &end;
+        scope.spawn(move || stream_until(&commander, end));
+        wait_for(&mut client, |state| state.accepted > 50);
+        rig.signal(Signal::SIGUSR1);
+        settle_in(&mut client, OperatingState::Fault);
+        rig.wait_until_still();
+    });
+    wait_until("the log says why", || rig.log_text("controller").contains("suspended for 60.0 s"));
+    client.state_command(StateCommand::Acknowledge).unwrap();
+}
+
+/// As fast as it goes, on every inlet, by a process' own clients.
+#[test]
+fn a_flood_on_every_inlet_keeps_no_stop_waiting() {
+    let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut rig = Rig::with_model();
+    let mut client = rig.enabled();
+    let (domain, end) = (rig.domain(), AtomicBool::new(false));
+    let until_end = |mut send: Box<dyn FnMut(u64) + Send>| {
+        let mut number = 0;
+        while !end.load(Ordering::Relaxed) {
+            number += 1;
+            send(number);
+        }
+    };
+    let held = thread::scope(|scope| {
+        let _end = SetOnDrop(&end);
+        let (mut joints, mut counts) = (Forwarder::new(&domain), Forwarder::new(&domain));
+        let mut requests = RequestForwarder::new(&domain);
+        let mut camera = ExternalPublisher::new(&domain);
+        let floods: [Box<dyn FnMut(u64) + Send>; 4] = [
+            Box::new(move |sequence| {
+                let command = ServoJp { sequence, client_id: sequence, ..ServoJp::default() };
+                let _ = joints.servo_jp(command);
+            }),
+            Box::new(move |sequence| {
+                let stamp_ns = clock::now().0;
+                let _ = counts.servo_actuators(ServoActuator {
+                    sequence,
+                    stamp_ns,
+                    client_id: 5,
+                    position_counts: [30_000, 0],
+                    count: 2,
+                    ..ServoActuator::default()
+                });
+            }),
+            Box::new(move |_| {
+                let command = StateCommand::Acknowledge.number();
+                let request = StateCommandRequest { client_id: 6, command, reserved: 0 };
+                let _ = requests.state_command(request);
+            }),
+            Box::new(move |_| {
+                let _ = camera.publish(clock::now(), &[f64::NAN, 0.0], &[]);
+            }),
+        ];
+        for flood in floods {
+            let until_end = &until_end;
+            scope.spawn(move || until_end(flood));
+        }
+        wait_for(&mut client, |state| state.refused > 200);
+        client.state_command(StateCommand::Pause).unwrap();
+        settle_in(&mut client, OperatingState::Paused);
+        client.state_command(StateCommand::Disable).unwrap();
+        settle_in(&mut client, OperatingState::Disabled)
+    });
+    assert_eq!(held.fault, 0, "{held:?}");
+}
