@@ -36,6 +36,16 @@ const RATINGS: &[(&str, [u32; 3], &str)] = &[
     ("H22", [2, 4, 1], "a motion that shows a parameter badly"),
     ("H23", [3, 3, 1], "a correction in the direction of the goal"),
     ("H24", [3, 4, 1], "clocks of two computers that differ by less than two seconds"),
+    ("H25", [4, 3, 1], "a process of the same user that writes into the memory of another one"),
+    ("H26", [4, 3, 1], "a user who may command by ROS, where that is allowed"),
+    (
+        "H27",
+        [4, 3, 1],
+        "a computer that stops without a suspend: only a relay on the STO inputs acts",
+    ),
+    ("H28", [4, 4, 1], "lines that are lost, and counted"),
+    ("H29", [4, 3, 1], "a stop that the network itself does not deliver"),
+    ("H30", [3, 4, 1], "a delay that is there from the first message on"),
 ];
 
 const HEAD: &str = "\

@@ -47,16 +47,15 @@ impl Moment {
     }
 }
 
-/// An offset of a [`SenderClock`] is forgotten after one to two of these: clocks drift, and may be
-/// set. A clock that was set back makes messages old until then, and the robot holds.
-const WINDOW: Nanos = Nanos::from_millis(10_000);
-
 /// What the messages of one sender tell of its clock.
+///
+/// A lead is never forgotten: a delay that stays would be the usual one after a while, and every
+/// message late without being old. The smallest lead only rises as fast as clocks may drift apart.
+/// A clock that is set back makes all messages old, and the robot holds; its sender starts again.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SenderClock {
-    start: Nanos,
-    /// Smallest lead of our clock in the window before and in this one, ns.
-    smallest: [Option<i64>; 2],
+    /// Smallest lead of our clock, ns, and the arrival up to which drift is in it.
+    smallest: Option<(i64, Nanos)>,
 }
 
 impl SenderClock {
@@ -64,16 +63,13 @@ impl SenderClock {
     pub fn age(&mut self, sent_ns: u64, arrived: Nanos) -> Nanos {
         // Wraps for absurd stamps, which gives an absurd age.
         let lead = (arrived.0 as i64).wrapping_sub(sent_ns as i64);
-        let elapsed = arrived.since(self.start);
-        if elapsed >= WINDOW {
-            let recent = self.smallest[1].filter(|_| elapsed < WINDOW + WINDOW);
-            self.smallest = [recent, None];
-            self.start = arrived;
-        }
-        let known = self.smallest.into_iter().flatten().min();
-        self.smallest[1] = Some(self.smallest[1].map_or(lead, |known| known.min(lead)));
-        let more = known.map_or(0, |known| lead.saturating_sub(known));
-        Nanos(u64::try_from(more).unwrap_or(0))
+        let known = self.smallest.map(|(known, at)| {
+            let drift = (arrived.since(at).0 as f64 * DRIFT) as i64;
+            (known.saturating_add(drift), at.max(arrived))
+        });
+        let (smallest, at) = known.unwrap_or((lead, arrived));
+        self.smallest = Some((smallest.min(lead), at));
+        Nanos(u64::try_from(lead.saturating_sub(smallest)).unwrap_or(0))
     }
 }
 
@@ -182,17 +178,35 @@ mod tests {
     fn the_age_is_what_a_message_took_longer_than_the_quickest() {
         let mut clock = SenderClock::default();
         let mut age = |sent_ms: u64, arrived_ms: u64| {
-            clock.age(THERE + sent_ms * MS, Nanos(arrived_ms * MS)).0 / MS
+            let age = clock.age(THERE + sent_ms * MS, Nanos(arrived_ms * MS));
+            (age.0 + MS / 2) / MS
         };
         assert_eq!(age(1000, 1005), 0, "nothing is known yet");
         assert_eq!(age(1010, 1012), 0, "the quickest so far");
         assert_eq!(age(1020, 1030), 8, "8 ms more than the quickest");
-        assert_eq!(age(1030, 3030), 1998, "kept for two seconds");
+        assert_eq!(age(1030, 3030), 1996, "kept for two seconds");
         assert_eq!(age(9000, 3040), 0, "a clock that was set ahead");
         assert_eq!(age(3050, 3050), 5960, "and back: old");
-        assert_eq!(age(30_000, 30_000), 0, "until that is forgotten");
+        assert_eq!(age(30_000, 30_000), 5933, "for as long as clocks cannot have drifted so far");
         for sent in [0, u64::MAX, i64::MAX as u64, 1 << 63, THERE] {
             let _ = clock.age(sent, Nanos(5 * MS));
+        }
+    }
+
+    #[test]
+    fn a_delay_that_stays_or_grows_slowly_stays_an_age() {
+        for (delay_ms, per_s_ms) in [(500, 0.0), (0, 2.4)] {
+            let mut clock = SenderClock::default();
+            let mut late = Nanos::ZERO;
+            for sent_ms in (0..60_000).step_by(10) {
+                let grown = per_s_ms * f64::from(sent_ms) / 1000.0;
+                let delay = if sent_ms < 1000 { 0 } else { delay_ms + grown as u64 };
+                let sent_ms = u64::from(sent_ms as u32);
+                late = clock.age(THERE + sent_ms * MS, Nanos((sent_ms + delay) * MS));
+            }
+            let (delay, drift) = (delay_ms as f64 + 60.0 * per_s_ms, 60.0);
+            let late_ms = late.as_seconds() * 1e3;
+            assert!((delay - drift - 3.0..=delay).contains(&late_ms), "{late_ms} of {delay}");
         }
     }
 

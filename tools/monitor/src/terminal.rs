@@ -13,6 +13,7 @@ use std::time::Duration;
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
+use i2ris_report::Screen;
 use i2ris_report::view::Severity;
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
@@ -102,6 +103,10 @@ impl Session {
     /// Waits a moment for keys and does what they say. Returns whether something has to be drawn at
     /// once.
     fn keys(&mut self) -> Result<bool, Failure> {
+        // Reading from it would find its end for ever, and crossterm does so inside of `poll`.
+        if Screen::is_gone() {
+            return Err("the terminal is gone".into());
+        }
         let mut any = event::poll(Duration::from_nanos(READ_PERIOD.0))?;
         let typed = any;
         while any {

@@ -149,9 +149,13 @@ impl End {
                 self.leave(now + CALL_PERIOD);
                 report(BridgeEvent::Left(address));
             }
-            Course::Refused(Reason::Full) => {
+            Course::Refused(reason @ Reason::Full) => {
                 self.leave(now + REFUSED_PERIOD);
-                report(BridgeEvent::Refused(format!("{address}: {}", Reason::Full)));
+                report(BridgeEvent::Refused(format!("{address}: {reason}")));
+            }
+            Course::Refused(reason @ Reason::KeyInUse) => {
+                // By a session of this program that was cut off, as a rule: it ends soon.
+                self.pause(now + CALL_PERIOD, &reason.to_string(), report);
             }
             Course::Refused(reason) => {
                 self.pause(now + REFUSED_PERIOD, &reason.to_string(), report);

@@ -8,6 +8,7 @@ use clap::Parser;
 use i2ris::units::Nanos;
 use i2ris_network::keys::{Access, Lifetime, PersonalKey, make_key, revoke};
 use i2ris_network::{BridgeClient, BridgeEvent, BridgeServer};
+use i2ris_report::program::yield_to_controller;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 /// Watch and command from another computer, over the network
@@ -175,7 +176,8 @@ fn serve(arguments: &ServeArguments) -> Result<(), Failure> {
     } else {
         "to watch only"
     };
-    let mut screen = Screen::stdout();
+    yield_to_controller();
+    let mut screen = Screen::never_blocking()?;
     let _ = screen.say(&format!("listening at {}, {access}; Ctrl-C ends", arguments.listen));
     server.run(|| interrupt.came(), |event| report(&mut screen, &event));
     Ok(())
@@ -185,7 +187,8 @@ fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
     let shared = &arguments.shared;
     let domain = shared.domain.domain()?;
     let key = PersonalKey::load(&arguments.key)?;
-    let mut screen = Screen::stdout();
+    yield_to_controller();
+    let mut screen = Screen::never_blocking()?;
     let interrupt = Interrupt::catch()?;
     let _ = screen.say(&format!(
         "connecting to {} for domain {}; Ctrl-C ends",

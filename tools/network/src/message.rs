@@ -47,6 +47,7 @@ pub const fn refusal_number(reason: &Reason) -> u32 {
         Reason::Ended => 3,
         // Or the key is not in the list.
         Reason::Revoked => 4,
+        Reason::KeyInUse => 5,
         _ => 0,
     }
 }
@@ -55,7 +56,8 @@ impl AliveReply {
     /// Why there is no session.
     #[must_use]
     pub fn reason(&self) -> Option<Reason> {
-        [Reason::Interface(self.interface), Reason::Full, Reason::Ended, Reason::Revoked]
+        let interface = Reason::Interface(self.interface);
+        [interface, Reason::Full, Reason::Ended, Reason::Revoked, Reason::KeyInUse]
             .into_iter()
             .find(|reason| refusal_number(reason) == self.refusal)
     }

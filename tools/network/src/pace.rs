@@ -6,7 +6,6 @@
 //! one, and the sender sends less often while they queue.
 
 use i2ris::units::Nanos;
-use i2ris_gateway::clock::SenderClock;
 
 /// The longest time between two messages.
 const SLOWEST: Nanos = Nanos::from_millis(200);
@@ -50,17 +49,33 @@ impl Pace {
     }
 }
 
+/// The quickest message is forgotten after one to two of these: a delay that stays is the link's,
+/// and no queue.
+const WINDOW: Nanos = Nanos::from_millis(10_000);
+
 /// How much later than the quickest messages arrive.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Lag {
-    clock: SenderClock,
+    start: Nanos,
+    /// Smallest delay, plus the distance of the clocks, in the window before and in this one, ns.
+    quickest: [Option<i64>; 2],
     largest: Option<Nanos>,
 }
 
 impl Lag {
     /// A message of this time has arrived.
     pub fn note(&mut self, stamp_ns: u64, now: Nanos) {
-        let lag = self.clock.age(stamp_ns, now);
+        let delay = (now.0 as i64).wrapping_sub(stamp_ns as i64);
+        let elapsed = now.since(self.start);
+        if elapsed >= WINDOW {
+            let recent = self.quickest[1].filter(|_| elapsed < WINDOW + WINDOW);
+            self.quickest = [recent, None];
+            self.start = now;
+        }
+        let known = self.quickest.into_iter().flatten().min();
+        self.quickest[1] = Some(self.quickest[1].map_or(delay, |known| known.min(delay)));
+        let more = known.map_or(0, |known| delay.saturating_sub(known));
+        let lag = Nanos(u64::try_from(more).unwrap_or(0));
         self.largest = Some(self.largest.unwrap_or_default().max(lag));
     }
 

@@ -64,6 +64,17 @@ impl Question {
         Request::from_bytes(self.service, &self.payload)
     }
 
+    /// The same from the client that `resolve` makes of the one that it names.
+    pub fn asked_by(mut self, resolve: impl FnOnce(u64) -> u64) -> Self {
+        if let Some(mut request) = self.request()
+            && let Some(client_id) = request.client_id_mut()
+        {
+            *client_id = resolve(*client_id);
+            self.payload = request.bytes().to_vec();
+        }
+        self
+    }
+
     /// Whether it comes too late to be carried out; `asked` is by our clock.
     pub fn is_late(&self, now: Nanos) -> bool {
         !self.only_stops() && AGES.check(self.asked, now.0).is_err()
@@ -174,6 +185,21 @@ mod tests {
         }
         let motion = Question { service: RequestService::Move, ..command(StateCommand::Hold) };
         assert!(motion.is_late(late), "the payload of another service says nothing");
+    }
+
+    #[test]
+    fn a_request_comes_from_the_client_that_its_session_may_be() {
+        let pause = command(StateCommand::Pause);
+        assert_eq!(pause.clone().asked_by(|client_id| client_id), pause);
+        let other = pause.clone().asked_by(|client_id| client_id + 1);
+        let expected = StateCommandRequest {
+            client_id: 8,
+            command: StateCommand::Pause.number(),
+            reserved: 0,
+        };
+        assert_eq!(other.request(), Some(Request::StateCommand(expected)));
+        let malformed = Question { payload: vec![1, 2], ..pause };
+        assert_eq!(malformed.clone().asked_by(|_| 8), malformed);
     }
 
     #[test]

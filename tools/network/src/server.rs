@@ -30,8 +30,10 @@ use controller::Controller;
 use network::{Arrival, Network};
 use session::{Session, SessionKey, reply};
 
-/// Clients at the same time.
+/// Clients at the same time, one per key.
 const CLIENTS: usize = 4;
+/// Those of them that only watch: one place is kept for a key that may command.
+const WATCHERS: usize = CLIENTS - 1;
 /// Sessions that have ended and are remembered, so that none of them lives again.
 const REMEMBERED: usize = 1024;
 /// Arrivals that are looked at before anything else is done again.
@@ -165,11 +167,12 @@ impl OpenServer {
         let Some(source) = Source::of(sample.key_expr()) else {
             return;
         };
-        if let Some(session) = self.sessions.heard(&source.session_key(), now)
+        let key = source.session_key();
+        if let Some(session) = self.sessions.heard(&key, now)
             && let What::Command(stream) = source.what
         {
             let bytes = sample.payload().to_bytes();
-            session.command(stream, &bytes, now, &mut self.controller);
+            session.command(&key, stream, &bytes, now, &mut self.controller);
         }
     }
 
@@ -191,7 +194,7 @@ impl OpenServer {
                 if let Some(question) = question
                     && let Some(session) = self.sessions.heard(&key, now)
                 {
-                    session.request(&key, question, query, &self.controller, now);
+                    session.request(&key, question, query, &mut self.controller, now);
                 }
             }
             What::Command(_) => {}
@@ -209,7 +212,7 @@ impl OpenServer {
     ) {
         let key = source.session_key();
         let refusal = self.admit(&key, alive, now, report).err();
-        if let Some(Reason::Interface(_) | Reason::Full) = &refusal {
+        if let Some(Reason::Interface(_) | Reason::Full | Reason::KeyInUse) = &refusal {
             let (client, reason) = (key.0.clone(), refusal.clone().unwrap_or(Reason::Full));
             let refused = Refused { client, topic: "", reason, count: 1 };
             if let Some(line) = self.refusals.add(refused, now) {
@@ -219,7 +222,9 @@ impl OpenServer {
         let session = self.sessions.get_mut(&key);
         let (commands, lag_us) =
             session.map_or((false, 0), |session| (session.commands, session.lag.take_us()));
-        if let Some(lag) = lag_of_us(alive.lag_us).filter(|_| refusal.is_none()) {
+        // Who only watches slows only those down who do the same.
+        let counts = commands || self.sessions.values().all(|session| !session.commands);
+        if let Some(lag) = lag_of_us(alive.lag_us).filter(|_| refusal.is_none() && counts) {
             self.pace.note(lag);
         }
         let answer = AliveReply {
@@ -257,7 +262,15 @@ impl OpenServer {
         if self.sessions.heard(key, now).is_some() {
             return Ok(());
         }
+        if self.sessions.keys().any(|(id, _)| id == who) {
+            // The one that was cut off ends by its silence, and then this one may come.
+            return Err(Reason::KeyInUse);
+        }
         let commands = self.options.commands && access == Access::Command;
+        let watchers = self.sessions.values().filter(|session| !session.commands).count();
+        if !commands && self.options.commands && watchers >= WATCHERS {
+            return Err(Reason::Full);
+        }
         self.sessions.join(key.clone(), Session::new(commands), now)?;
         report(BridgeEvent::Joined { who: who.clone(), commands });
         Ok(())

@@ -69,6 +69,24 @@ fn a_key_that_may_command_does_so_under_its_own_name_only() {
 }
 
 #[test]
+fn an_id_of_another_key_is_another_client_and_cannot_take_its_lease() {
+    let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
+    let alice = make(folder.path(), "alice", Access::Command);
+    let bob = make(folder.path(), "bob", Access::Command);
+    let server = RunningServer::start(&controller, folder.path());
+    let (alice, bob) =
+        (RawClient::join(&server.address, &alice), RawClient::join(&server.address, &bob));
+    alice.put(What::Command(Stream::ServoJp), command(1, 1, 0.02).as_bytes());
+    controller.wait("a command of alice", |robot| robot.poses.len() == 1);
+    // The id of alice, which everybody can read who may watch, and the last sequence number.
+    bob.put(What::Command(Stream::ServoJp), command(1, u64::MAX, 0.03).as_bytes());
+    controller.wait("a refusal of bob", |robot| robot.refused == 1);
+    alice.put(What::Command(Stream::ServoJp), command(1, 2, 0.02).as_bytes());
+    controller.wait("another command of alice", |robot| robot.poses.len() == 2);
+    assert_eq!(controller.robot().refused, 1, "she is not locked out");
+}
+
+#[test]
 fn a_request_is_carried_out_once_and_a_late_one_never() {
     let (controller, folder) = (Controller::start(), tempfile::tempdir().unwrap());
     let alice = make(folder.path(), "alice", Access::Command);

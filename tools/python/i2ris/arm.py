@@ -320,8 +320,13 @@ class Arm:
         """Take servo commands again."""
         return self._operation("resume", lambda state: state.state == "ENABLED")
 
-    def home(self) -> Operation:
-        """The present pose becomes the zero (where no hard stop is configured): straighten the snake before."""
+    def home(self, *, straightened: bool = False) -> Operation:
+        """The present pose becomes the zero (where no hard stop is configured).
+
+        `straightened=True` says that a person has straightened the snake.
+        """
+        if not straightened:
+            raise ValueError("home() makes the present pose the zero: straighten the snake, then home(straightened=True)")
         return self._operation("home", lambda state: state.homed)
 
     def unhome(self) -> Operation:

@@ -39,6 +39,20 @@ fn describe(command: &clap::Command) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Memory that a program beside the controller may take, bytes: many times what it needs.
+const MEMORY: u64 = 2 << 30;
+
+/// For programs that strangers can send to: one forged message must not take the memory of the
+/// computer from the controller. The program gets two gigabytes at most, and ends if it asks for
+/// more; and where memory is short the kernel ends it first.
+pub fn yield_to_controller() {
+    let limit = nix::libc::rlimit { rlim_cur: MEMORY, rlim_max: MEMORY };
+    // SAFETY: reads the value that it is given.
+    let _ = unsafe { nix::libc::setrlimit(nix::libc::RLIMIT_DATA, &raw const limit) };
+    // Raising one's own score needs no rights. Without /proc there is none to raise.
+    let _ = std::fs::write("/proc/self/oom_score_adj", "500");
+}
+
 /// Lets the kernel end the program when the reader of its output goes away.
 pub fn end_with_reader() {
     // SAFETY: this replaces no handler of the program, and only one thread runs.

@@ -1,6 +1,10 @@
 //! Standard output, redrawn on a terminal.
 
 use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::os::fd::AsFd;
+
+use i2ris::process::console_log::ConsoleLog;
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 /// Standard output: a block of lines that is redrawn in place on a terminal, and appended
 /// elsewhere.
@@ -8,12 +12,34 @@ use std::io::{self, ErrorKind, IsTerminal, Write};
 pub struct Screen {
     terminal: bool,
     drawn: usize,
+    /// Writes in its own thread.
+    log: Option<ConsoleLog>,
 }
 
 impl Screen {
     /// Standard output.
     pub fn stdout() -> Self {
-        Self { terminal: io::stdout().is_terminal(), drawn: 0 }
+        Self { terminal: io::stdout().is_terminal(), drawn: 0, log: None }
+    }
+
+    /// Standard output, for programs on which the robot may depend: a terminal that is stopped
+    /// (Ctrl-S) and a pipe that nobody reads do not stop them. Lines are lost instead.
+    ///
+    /// # Errors
+    ///
+    /// When the system gives no thread.
+    pub fn never_blocking() -> io::Result<Self> {
+        Ok(Self { log: Some(ConsoleLog::start(io::stdout())?), ..Self::stdout() })
+    }
+
+    /// Whether the terminal behind standard output was closed.
+    #[must_use]
+    pub fn is_gone() -> bool {
+        let output = io::stdout();
+        let mut outputs = [PollFd::new(output.as_fd(), PollFlags::empty())];
+        let closed = PollFlags::POLLHUP | PollFlags::POLLERR | PollFlags::POLLNVAL;
+        poll(&mut outputs, PollTimeout::ZERO).is_ok()
+            && outputs[0].revents().is_some_and(|events| events.intersects(closed))
     }
 
     /// Whether it is a terminal.
@@ -41,20 +67,24 @@ impl Screen {
             text.push_str("\x1b[J\x1b[?7h");
         }
         self.drawn = lines.len();
-        write(&text)
+        self.write(&text)
     }
 
     /// Keeps what is shown and prints a line below it.
     pub fn say(&mut self, line: &str) -> io::Result<()> {
         self.drawn = 0;
-        write(&format!("{line}\n"))
+        self.write(&format!("{line}\n"))
     }
-}
 
-fn write(text: &str) -> io::Result<()> {
-    let mut out = io::stdout().lock();
-    out.write_all(text.as_bytes())?;
-    out.flush()
+    fn write(&mut self, text: &str) -> io::Result<()> {
+        if let Some(log) = &mut self.log {
+            log.write_all(text.as_bytes())?;
+            return log.flush();
+        }
+        let mut out = io::stdout().lock();
+        out.write_all(text.as_bytes())?;
+        out.flush()
+    }
 }
 
 /// Whether the reader of standard output is still there. A reader that went away is no failure:

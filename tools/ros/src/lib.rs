@@ -56,6 +56,8 @@ pub struct Options {
     /// Addresses of this computer in the networks to take part in; none: this computer only.
     pub networks: Vec<IpAddr>,
     pub read_only: bool,
+    /// Whether clients may make the present pose the zero.
+    pub may_home: bool,
     /// Between two messages of the joints.
     pub period: Nanos,
     /// How services are put on DDS, which differs between implementations of ROS.
@@ -85,6 +87,7 @@ pub fn run(
     let shared = Shared {
         domain: options.domain.clone(),
         robot: robot.to_owned(),
+        may_home: options.may_home,
         events,
         names: names.clone(),
         state: state.clone(),
@@ -102,7 +105,11 @@ pub fn run(
         "/{robot} is in domain {} of ROS, {}, {}; Ctrl-C ends",
         options.ros_domain,
         reach(&options.networks),
-        if options.read_only { "to watch only" } else { "to watch and to command" }
+        match (options.read_only, options.networks.is_empty()) {
+            (true, _) => "to watch only",
+            (false, true) => "to watch, and to command by every user of this computer",
+            (false, false) => "to watch, and to command by everybody in that network",
+        }
     ));
     let ended = AtomicBool::new(false);
     thread::scope(|scope| {

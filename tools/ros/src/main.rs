@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use clap::{Parser, ValueEnum};
 use i2ris::units::Nanos;
 use i2ris_gateway::Snake;
+use i2ris_report::program::yield_to_controller;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 use i2ris_ros::{LARGEST_DOMAIN, Options, ServiceMapping};
 
@@ -20,7 +21,8 @@ use i2ris_ros::{LARGEST_DOMAIN, Options, ServiceMapping};
 )]
 #[command(after_help = "Examples:
   i2ris ros                                     topics under /i2ris, this computer only
-  i2ris ros --name eye --read-only              topics under /eye, nobody can command
+  i2ris ros --name eye --command                topics under /eye, every user of this computer can
+                                                command
   i2ris ros --network 192.168.1.10              other computers of that network, too
   i2ris ros urdf eye > eye.urdf                 the snake for RViz and Foxglove
 
@@ -28,8 +30,8 @@ No installation of ROS is needed. Topics, types and quality of service are those
 measured_js, setpoint_js, measured_cp, operating_state, error, warning, status; servo_jp, \
 servo_jr, move_jp, move_jr, state_command, hold.
 
-ROS 2 has no access control: with --network everybody in that network can command, unless \
---read-only is given.")]
+ROS 2 has no access control: with --command every user of this computer can command, and with \
+--network everybody in that network.")]
 struct Arguments {
     #[command(subcommand)]
     other: Option<Other>,
@@ -65,9 +67,13 @@ struct RunArguments {
     /// this computer is reached
     #[arg(long, value_name = "ADDRESS")]
     network: Vec<IpAddr>,
-    /// Take no commands
+    /// Take commands, of every user of this computer and of everybody in the networks
     #[arg(long)]
-    read_only: bool,
+    command: bool,
+    /// Take the command `home`, too, which makes the present pose the zero: straighten the snake
+    /// before
+    #[arg(long, requires = "command")]
+    home: bool,
     /// Time between two messages of measured_js and setpoint_js
     #[arg(
         long,
@@ -106,23 +112,25 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {
-    let mut screen = Screen::stdout();
     if let Some(Other::Urdf { name }) = arguments.other {
-        until_closed(screen.say(Snake::new(&name).urdf().trim_end()))?;
+        until_closed(Screen::stdout().say(Snake::new(&name).urdf().trim_end()))?;
         return Ok(());
     }
-    let RunArguments { name, ros_domain, network, read_only, period_ms, rmw, domain } =
+    let RunArguments { name, ros_domain, network, command, home, period_ms, rmw, domain } =
         arguments.run;
+    yield_to_controller();
     let options = Options {
         domain: domain.domain()?,
         robot: name,
         ros_domain,
         networks: network,
-        read_only,
+        read_only: !command,
+        may_home: home,
         period: Nanos::from_millis(period_ms),
         services: rmw.mapping(),
     };
     let interrupt = Interrupt::catch()?;
+    let mut screen = Screen::never_blocking()?;
     // A reader of the lines that went away ends nothing: the robot may depend on it.
     i2ris_ros::run(&options, || interrupt.came(), |line| drop(screen.say(line)))?;
     Ok(())

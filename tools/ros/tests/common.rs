@@ -43,8 +43,13 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// Starts it, and waits until it takes part in ROS.
+    /// Starts it for clients that command and home, and waits until it takes part in ROS.
     pub fn start(domain: &Domain, ros_domain: u16, arguments: &[&str]) -> Self {
+        Self::start_with(domain, ros_domain, &[&["--command", "--home"], arguments].concat())
+    }
+
+    /// Starts it with nothing but these arguments.
+    pub fn start_with(domain: &Domain, ros_domain: u16, arguments: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_i2ris-ros"))
             .args(arguments)
             .env("I2RIS_DOMAIN", domain.name())
@@ -64,6 +69,10 @@ impl Bridge {
         let bridge = Self { child, lines };
         bridge.wait_for("in domain");
         bridge
+    }
+
+    pub fn id(&self) -> u32 {
+        self.child.id()
     }
 
     pub fn lines(&self) -> Vec<String> {

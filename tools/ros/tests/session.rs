@@ -1,5 +1,8 @@
 //! A client of ROS, with the topics and the quality of service of CRTK's, and the emulated snake.
 
+use std::os::fd::AsFd;
+use std::process::{Command, Stdio};
+
 use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::Nanos;
@@ -9,6 +12,7 @@ use i2ris_ros::message::{
     TriggerResponse,
 };
 use i2ris_testing::wait_until;
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
 use ros2_client::qos::Durability;
 use ros2_client::{Message, Name, QosProfile, ServiceMapping, ServiceTypeName, Subscription};
 
@@ -132,8 +136,54 @@ fn without_a_controller_the_state_is_undefined_and_data_have_stamp_zero() {
 }
 
 #[test]
+fn a_terminal_that_blocks_does_not_stop_the_bridge() {
+    let (robot, domain) = (robot(), ros_domain());
+    let (_reader, writer) = std::io::pipe().unwrap();
+    let set_flags = |flags| fcntl(writer.as_fd(), FcntlArg::F_SETFL(flags)).unwrap();
+    set_flags(OFlag::O_NONBLOCK);
+    while nix::unistd::write(writer.as_fd(), &[b' '; 64]).is_ok() {}
+    while nix::unistd::write(writer.as_fd(), b" ").is_ok() {}
+    set_flags(OFlag::empty());
+    let mut bridge = Command::new(env!("CARGO_BIN_EXE_i2ris-ros"));
+    bridge.args(["--command", "--home"]).env("I2RIS_DOMAIN", robot.domain().name());
+    bridge.env("ROS_DOMAIN_ID", domain.to_string()).stdin(Stdio::null());
+    let mut bridge = bridge.stdout(writer).spawn().unwrap();
+    let mut peer = Peer::new(domain, ROBOT, "console");
+    peer.enable();
+    peer.hold();
+    peer.wait_for_line("status", "/console: hold");
+    bridge.kill().unwrap();
+    bridge.wait().unwrap();
+}
+
+/// A forged datagram that asks for gigabytes ends the bridge, and nothing else of the computer.
+#[test]
+fn the_bridge_gets_no_more_memory_than_its_limit_and_is_ended_before_the_controller() {
+    let (_robot, bridge, _peer) = start(&[]);
+    let read = |name| std::fs::read_to_string(format!("/proc/{}/{name}", bridge.id())).unwrap();
+    let limits = read("limits");
+    let data = limits.lines().find(|line| line.starts_with("Max data size")).unwrap();
+    assert_eq!(data.split_whitespace().nth(3), Some("2147483648"), "{data}");
+    assert_eq!(read("oom_score_adj").trim(), "500");
+}
+
+#[test]
+fn homing_needs_the_consent_of_who_started_the_bridge() {
+    let (robot, domain) = (robot(), ros_domain());
+    let bridge = Bridge::start_with(&robot.domain(), domain, &["--command"]);
+    let mut peer = Peer::new(domain, ROBOT, "console");
+    peer.wait_for("a state", |_| true);
+    assert!(bridge.lines()[0].contains("every user of this computer"), "{:?}", bridge.lines());
+    peer.command("home");
+    peer.wait_for_line("warning", "--home");
+    assert!(!peer.seen.iter().any(|state| state.is_homed || state.is_busy));
+}
+
+#[test]
 fn a_robot_to_watch_only_has_no_topic_for_commands() {
-    let (robot, bridge, mut peer) = start(&["--read-only"]);
+    let (robot, domain) = (robot(), ros_domain());
+    let bridge = Bridge::start_with(&robot.domain(), domain, &[]);
+    let mut peer = Peer::new(domain, ROBOT, "console");
     peer.wait_for("a state", |_| true);
     peer.wait_for_line("status", "the robot is DISABLED");
     assert!(bridge.lines()[0].contains("to watch only"));

@@ -241,7 +241,12 @@ try:
     raise AssertionError('it is not homed')
 except Refused as refused:
     assert refused.code == 6 and 'not homed' in refused.reason, refused
-arm.home().wait()
+try:
+    arm.home()
+    raise AssertionError('nobody said that the snake is straight')
+except ValueError as error:
+    assert 'straighten' in str(error), error
+arm.home(straightened=True).wait()
 assert arm.enable().wait().state == 'ENABLED'
 arm.move_jp([math.radians(3.0), math.radians(-2.0)]).wait()
 assert abs(math.degrees(arm.setpoint_js().position[0]) - 3.0) < 0.2, arm.setpoint_js()

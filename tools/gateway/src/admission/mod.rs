@@ -31,6 +31,10 @@ use stream::Stream;
 /// Participants that are remembered.
 const PARTICIPANTS: usize = 64;
 
+/// Age at which a stream breaks off. The controller refuses what is older than its own deadline, which
+/// is shorter, and follows again what is younger: good for a moment, and not for a delay that stays.
+const LATE: Nanos = Nanos::from_millis(250);
+
 /// Clients in one participant: objects that publish the same topics beside each other.
 const CLIENTS_PER_PARTICIPANT: usize = 4;
 
@@ -258,8 +262,29 @@ impl Admission {
         let age = peer.clock.age(sent, now);
         let client = peer.client(writer, topic)?;
         client.flood.check(count, now)?;
+        if age > LATE {
+            client.stream.break_off();
+            return Err(Reason::Late(age));
+        }
         client.stream.check(&goal.position, now)?;
         Ok(Admitted { client_id: client.id, stamp: now - age })
+    }
+
+    /// The client that stops the robot. What only stops is always right: whatever its age, however
+    /// many came, and from whichever publisher. It ends the client's stream, and lets one that broke
+    /// off begin anew, if it is no flood.
+    pub fn stop(&mut self, writer: Writer, topic: Topic, times: &Times) -> u64 {
+        let peer = self.peers.heard_or_new(&writer.participant(), times.arrived);
+        match peer.client(writer, topic) {
+            Ok(client) => {
+                if client.flood.check(1, times.arrived).is_ok() {
+                    client.stream.begin_anew();
+                }
+                client.id
+            }
+            // One of too many publishers: any name will do.
+            Err(_) => peer.clients.first().map_or_else(random_id, |client| client.id),
+        }
     }
 
     /// Judges a command that is sent once. One that is passed on ends the client's stream, and lets
@@ -267,7 +292,7 @@ impl Admission {
     ///
     /// # Errors
     ///
-    /// Why it is not passed on. `hold` is, whatever its age and however many came.
+    /// Why it is not passed on.
     pub fn once(
         &mut self,
         writer: Writer,
@@ -277,13 +302,6 @@ impl Admission {
     ) -> Result<u64, Reason> {
         let peer = self.peers.heard_or_new(&writer.participant(), times.arrived);
         let client = peer.client(writer, topic)?;
-        if topic == Topic::Hold {
-            // Always right, also in a flood, which it does not end.
-            if client.flood.check(1, times.arrived).is_ok() {
-                client.stream.begin_anew();
-            }
-            return Ok(client.id);
-        }
         let sent = times.sent_unix_ns.ok_or(Reason::NoStamp)?;
         for stamp in [Some(sent), header_unix_ns].into_iter().flatten() {
             self.ages.check(stamp, times.arrived_unix_ns)?;

@@ -67,6 +67,14 @@ impl<K: Ord + Clone, T> Peers<K, T> {
         self.known.iter().find(silent).map(|(key, _)| key.clone())
     }
 
+    pub fn keys(&self) -> impl Iterator<Item = &K> {
+        self.known.keys()
+    }
+
+    pub fn values(&self) -> impl Iterator<Item = &T> {
+        self.known.values().map(|(_, peer)| peer)
+    }
+
     pub fn first(&self) -> Option<K> {
         self.known.keys().next().cloned()
     }

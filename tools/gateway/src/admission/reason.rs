@@ -9,6 +9,8 @@ pub enum Reason {
     // A client as a whole.
     #[error("refused, as many clients as possible are joined")]
     Full,
+    #[error("refused: this key is in use in another session")]
+    KeyInUse,
     #[error("refused, it has interface version {0}; build both from one release")]
     Interface(u32),
     #[error("refused: this key was revoked")]
@@ -46,6 +48,12 @@ pub enum Reason {
         if *future { "in the future" } else { "ago" }
     )]
     Old { apart: Nanos, future: bool },
+    #[error(
+        "it comes {:.1} s later than the quickest one: the network became slow, or the clock of \
+         its computer was set; `hold` begins anew, or start its program again",
+        .0.as_seconds()
+    )]
+    Late(Nanos),
     /// A writer that says nothing of time cannot be distinguished from one that repeats.
     #[error("its writer gives no time of sending")]
     NoStamp,
@@ -58,6 +66,10 @@ pub enum Reason {
     NoController,
     #[error("the controller has not answered earlier requests yet")]
     Waiting,
+    #[error("a stop came after it")]
+    Overtaken,
+    #[error("homing makes the present pose the zero; start `i2ris ros` with --home to allow it")]
+    NoHoming,
     #[error("{0}")]
     Failed(String),
 }

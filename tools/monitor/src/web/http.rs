@@ -133,12 +133,12 @@ mod tests {
 
     #[test]
     fn a_head_is_read_whole_or_waited_for() {
-        let text = "GET /live?after=3 HTTP/1.1\r\nHost: localhost:8765\r\nAccept: */*\r\n\r\n";
+        let text = "GET /live?after=3 HTTP/1.1\r\nHost: localhost:8766\r\nAccept: */*\r\n\r\n";
         let request = whole(text);
         assert_eq!((request.method.as_str(), request.target.as_str()), ("GET", "/live?after=3"));
         assert_eq!(
             (request.host.as_deref(), request.keep_alive, request.has_body),
-            (Some("localhost:8765"), true, false)
+            (Some("localhost:8766"), true, false)
         );
         assert!((0..text.len()).all(|end| parse(&text.as_bytes()[..end]) == Head::Partial));
         assert!(!whole("GET / HTTP/1.0\r\n\r\n").keep_alive);

@@ -3,9 +3,9 @@
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::str::FromStr;
 
-const DEFAULT_PORT: u16 = 8765;
+const DEFAULT_PORT: u16 = 8766;
 /// The address for `--web` without a value.
-pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8765";
+pub const DEFAULT_ADDRESS: &str = "127.0.0.1:8766";
 
 /// An address and a port.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,13 +50,13 @@ mod tests {
     #[test]
     fn a_port_alone_is_local_and_names_are_refused() {
         for (text, wanted) in [
-            (DEFAULT_ADDRESS, "127.0.0.1:8765"),
+            (DEFAULT_ADDRESS, "127.0.0.1:8766"),
             ("8080", "127.0.0.1:8080"),
-            ("localhost", "127.0.0.1:8765"),
+            ("localhost", "127.0.0.1:8766"),
             ("localhost:81", "127.0.0.1:81"),
-            ("0.0.0.0", "0.0.0.0:8765"),
+            ("0.0.0.0", "0.0.0.0:8766"),
             ("192.168.1.5:80", "192.168.1.5:80"),
-            ("::1", "[::1]:8765"),
+            ("::1", "[::1]:8766"),
             ("[::1]:9", "[::1]:9"),
         ] {
             assert_eq!(text.parse::<ListenAddress>().unwrap().0.to_string(), wanted, "{text}");

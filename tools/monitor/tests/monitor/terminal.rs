@@ -1,11 +1,13 @@
 //! `i2ris monitor` on a terminal: what it shows at every size, what its keys do, and how it leaves
 //! the terminal.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::Read;
 
 use i2ris::clock;
 use i2ris::ipc::{Fault, ModelAction, OperatingState, StateCommand};
-use i2ris_testing::{Controller, Terminal, serve, unique_domain};
+use i2ris_testing::{Controller, Terminal, program, serve, unique_domain, wait_for_end};
+use nix::pty::{OpenptyResult, openpty};
 use nix::sys::signal::{Signal, kill};
 
 const KEYS: [&str; 9] = [
@@ -158,6 +160,23 @@ fn the_terminal_is_put_back_by_q_and_by_signals() {
         terminal.assert_restored();
     }
     assert!(controller.robot().asked.is_empty(), "looking asks for nothing");
+}
+
+/// A terminal that is gone reads as its end for ever.
+#[test]
+fn a_terminal_that_is_gone_ends_it_without_a_signal() {
+    let controller = Controller::enabled();
+    let OpenptyResult { master, slave } = openpty(None, None).unwrap();
+    let mut command = program::command(&["monitor"]);
+    command.env("I2RIS_DOMAIN", controller.domain.name()).env("TERM", "xterm-256color");
+    command.stdin(slave.try_clone().unwrap()).stdout(slave.try_clone().unwrap());
+    let mut child = command.stderr(slave).spawn().unwrap();
+    drop(command);
+    let mut screen = File::from(master);
+    // It draws, so it has the terminal.
+    screen.read_exact(&mut [0; 512]).unwrap();
+    drop(screen);
+    wait_for_end(&mut child);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Makes certificates, on the computer of the robot.
 
-use std::fs::{self, DirBuilder, OpenOptions};
+use std::fs::{self, DirBuilder, File, OpenOptions};
 use std::io::Write as _;
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -58,6 +58,8 @@ pub fn make_key(
             "`{name}` is no name of a key: letters, digits, `-` and `_`, 64 at most"
         )));
     }
+    make_folder(folder)?;
+    let _lock = lock(folder)?;
     let has_server = folder.join("server.pem").exists();
     if hosts.is_empty() && !has_server {
         return Err(wrong(folder)(
@@ -96,6 +98,7 @@ pub fn make_key(
 ///
 /// When there is none, or the list cannot be read or written.
 pub fn revoke(folder: &Path, id_or_name: &str) -> Result<Vec<String>, KeyError> {
+    let _lock = lock(folder)?;
     let mut list = AccessList::load(folder)?;
     let mut revoked = Vec::new();
     for entry in &mut list.key {
@@ -182,6 +185,17 @@ fn name_and_date(params: &mut CertificateParams, name: &str, lifetime: Duration)
     params.not_after = now + lifetime;
 }
 
+/// The list is read, changed and written by one program at a time: a key that is made meanwhile would
+/// bring back one that was revoked.
+fn lock(folder: &Path) -> Result<File, KeyError> {
+    let path = folder.join("lock");
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(false).mode(0o600);
+    let file = options.open(&path).map_err(wrong(&path))?;
+    file.lock().map_err(wrong(&path))?;
+    Ok(file)
+}
+
 fn make_folder(path: &Path) -> Result<(), KeyError> {
     let mut builder = DirBuilder::new();
     builder.recursive(true).mode(0o700);
@@ -263,6 +277,27 @@ mod tests {
         assert!(list.access(&third).is_some() && list.access(&bob).is_some());
         assert_eq!(revoke(folder.path(), &bob).unwrap(), [bob]);
         assert!(revoke(folder.path(), "carol").is_err());
+    }
+
+    #[test]
+    fn keys_that_are_made_and_revoked_at_the_same_time_do_not_undo_each_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let make = |name: &str| {
+            make_key(folder.path(), name, Access::Command, &[], Lifetime::days(1)).unwrap()
+        };
+        make_key(folder.path(), "first", Access::Watch, &hosts(), Lifetime::days(1)).unwrap();
+        let names: Vec<String> = (0..10).map(|number| format!("person{number}")).collect();
+        names.iter().for_each(|name| drop(make(name)));
+        std::thread::scope(|scope| {
+            scope.spawn(|| (0..20).for_each(|_| drop(make("other"))));
+            scope.spawn(|| {
+                names.iter().for_each(|name| drop(revoke(folder.path(), name).unwrap()));
+            });
+        });
+        let list = AccessList::load(folder.path()).unwrap();
+        assert_eq!(list.key.len(), 31);
+        let revoked = list.key.iter().filter(|entry| entry.revoked);
+        assert_eq!(revoked.count(), names.len(), "{list:?}");
     }
 
     #[test]

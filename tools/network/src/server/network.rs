@@ -1,10 +1,11 @@
 //! The Zenoh side of the server: what arrives goes into a queue, what the controller reports goes
 //! out.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
-use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::Duration;
 
 use zenoh::pubsub::{Publisher, Subscriber};
@@ -14,11 +15,13 @@ use zenoh::sample::Sample;
 use zenoh::{Session, Wait};
 
 use crate::keys::AccessList;
-use crate::names::{self, FROM, STATES};
+use crate::names::{self, FROM, STATES, Source, What};
+use crate::request::Question;
 use crate::{NetworkError, link};
 
-/// What may wait to be looked at. A client that floods loses its own commands and everyone's
-/// newest; the controller holds by its deadline then.
+/// What may wait to be looked at, of each kind. A client that floods with commands loses its own and
+/// everyone's newest; the controller holds by its deadline then. What only stops has a queue of its
+/// own, which is looked at first.
 const WAITING: usize = 1024;
 
 #[derive(Debug)]
@@ -32,7 +35,9 @@ pub(super) enum Arrival {
 
 #[derive(Debug)]
 pub(super) struct Network {
-    arrivals: Receiver<Arrival>,
+    /// Stops, then other questions, then commands.
+    arrivals: [Receiver<Arrival>; 3],
+    is_turn_of_commands: Cell<bool>,
     publishers: BTreeMap<&'static str, Publisher<'static>>,
     _commands: Subscriber<()>,
     _questions: Queryable<()>,
@@ -48,7 +53,8 @@ impl Network {
         commands: bool,
     ) -> Result<Self, NetworkError> {
         let session = link::listen(address, keys, access, commands)?;
-        let (sender, arrivals) = sync_channel(WAITING);
+        let [(stop, stops), (ask, asked), (put, puts)] =
+            std::array::from_fn(|_| sync_channel(WAITING));
         let failed = |source: zenoh::Error| NetworkError::Link {
             action: "listen at",
             address: address.to_owned(),
@@ -56,13 +62,17 @@ impl Network {
         };
         let from = format!("{FROM}/**");
         let commands =
-            session.declare_subscriber(&from).callback(passed_on(&sender, Arrival::Put)).wait();
-        let questions =
-            session.declare_queryable(&from).callback(passed_on(&sender, Arrival::Query)).wait();
+            session.declare_subscriber(&from).callback(passed_on(&put, Arrival::Put)).wait();
+        let (stopping, asking) =
+            (passed_on(&stop, Arrival::Query), passed_on(&ask, Arrival::Query));
+        let question =
+            move |query| if only_stops(&query) { stopping(query) } else { asking(query) };
+        let questions = session.declare_queryable(&from).callback(question).wait();
         let states =
-            session.declare_queryable(STATES).callback(passed_on(&sender, Arrival::State)).wait();
+            session.declare_queryable(STATES).callback(passed_on(&ask, Arrival::State)).wait();
         Ok(Self {
-            arrivals,
+            arrivals: [stops, asked, puts],
+            is_turn_of_commands: Cell::new(false),
             publishers: BTreeMap::new(),
             _commands: commands.map_err(failed)?,
             _questions: questions.map_err(failed)?,
@@ -73,11 +83,15 @@ impl Network {
 
     /// The next arrival; waits for it so long at most.
     pub fn next(&self, wait: Duration) -> Option<Arrival> {
-        match self.arrivals.try_recv() {
-            Ok(arrival) => Some(arrival),
-            Err(TryRecvError::Disconnected) => None,
-            Err(TryRecvError::Empty) => self.arrivals.recv_timeout(wait).ok(),
-        }
+        let [stops, asked, commands] = &self.arrivals;
+        let first = || {
+            // In turn, so that neither kind displaces the other.
+            let is_asked = !self.is_turn_of_commands.replace(!self.is_turn_of_commands.get());
+            let turn = if is_asked { [asked, commands] } else { [commands, asked] };
+            { [stops].into_iter().chain(turn) }.find_map(|arrivals| arrivals.try_recv().ok())
+        };
+        // Commands come most often; the others wait for a millisecond at most.
+        first().or_else(|| commands.recv_timeout(wait).ok()).or_else(first)
     }
 
     /// Sends a message of a stream, once: the next one is newer. Of a log every one counts.
@@ -110,6 +124,17 @@ impl Network {
     pub fn close(self) {
         let _ = self.session.close().wait();
     }
+}
+
+/// Whether a question only stops the robot.
+fn only_stops(query: &Query) -> bool {
+    let source = Source::of(query.key_expr());
+    let Some(What::Request(service)) = source.map(|source| source.what) else {
+        return false;
+    };
+    let bytes = query.payload().map(|payload| payload.to_bytes());
+    let question = bytes.and_then(|bytes| Question::read(service, &bytes));
+    question.is_some_and(|question| question.only_stops())
 }
 
 /// A callback that puts what comes into the queue, or drops it where the queue is full.

@@ -41,6 +41,7 @@ impl Session {
     /// Passes a command on. Its stamp is on the controller's clock already.
     pub fn command(
         &mut self,
+        key: &SessionKey,
         stream: Stream,
         bytes: &[u8],
         now: Nanos,
@@ -50,7 +51,7 @@ impl Session {
             && self.commands
         {
             self.lag.note(command.stamp().0, now);
-            controller.command(command);
+            controller.command(key, command);
         }
     }
 
@@ -60,7 +61,7 @@ impl Session {
         key: &SessionKey,
         question: Question,
         query: Query,
-        controller: &Controller,
+        controller: &mut Controller,
         now: Nanos,
     ) {
         let number = question.number;

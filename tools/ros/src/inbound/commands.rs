@@ -13,7 +13,7 @@ use i2ris_gateway::refusals::Refused;
 use super::Shared;
 use super::burst::{Arrivals, Received, take};
 use super::graph::Graph;
-use super::requests::{Ask, Requests, What};
+use super::requests::{Requests, STOPS, What};
 use crate::RosError;
 use crate::event::Event;
 use crate::message::{JointState, StringStamped};
@@ -71,8 +71,8 @@ impl Commands {
     pub fn take_all(&mut self, graph: &Graph) {
         let arrivals = take(&self.inputs.hold).newest();
         self.judge(graph, Topic::Hold, arrivals, |commands, Received { writer, times, .. }, _| {
-            let client_id = commands.admission.once(*writer, Topic::Hold, None, times)?;
-            commands.requests.hold(client_id);
+            let client_id = commands.admission.stop(*writer, Topic::Hold, times);
+            commands.requests.stop(client_id, StateCommand::Hold);
             Ok(())
         });
         // Every one, in order: the newest alone may mean something else.
@@ -131,13 +131,16 @@ impl Commands {
             .filter(|command| **command != StateCommand::Move)
             .find(known)
             .ok_or(Reason::UnknownCommand)?;
-        let client_id = self.admission.once(*writer, Topic::StateCommand, header, times)?;
-        let what = What::State(*command);
-        if *command == StateCommand::Hold {
-            self.requests.hold(client_id);
+        if STOPS.contains(command) {
+            let client_id = self.admission.stop(*writer, Topic::StateCommand, times);
+            self.requests.stop(client_id, *command);
             return Ok(());
         }
-        self.requests.ask(Ask { client_id, what })
+        if *command == StateCommand::Home && !self.shared.may_home {
+            return Err(Reason::NoHoming);
+        }
+        let client_id = self.admission.once(*writer, Topic::StateCommand, header, times)?;
+        self.requests.ask(client_id, What::State(*command))
     }
 
     fn servo(
@@ -179,8 +182,7 @@ impl Commands {
         };
         let header = message.header.stamp.unix_ns();
         let client_id = self.admission.once(*writer, topic, header, times)?;
-        let what = What::Move(topic, goal);
-        self.requests.ask(Ask { client_id, what })
+        self.requests.ask(client_id, What::Move(topic, goal))
     }
 
     /// What a camera saw. Its stamp is the time of the exposure; nothing moves by it, so a stamp

@@ -41,6 +41,8 @@ const CRTK_VERSION: &str = "1.3.0";
 pub(crate) struct Shared {
     pub domain: Domain,
     pub robot: String,
+    /// Whether `home` is passed on.
+    pub may_home: bool,
     pub events: Events,
     pub names: ClientNames,
     pub state: SharedState,

@@ -1,5 +1,5 @@
 //! Asks the controller, one request after the other, so that a stream of commands does not wait
-//! behind a request.
+//! behind a request. What stops has a thread of its own and waits behind nothing.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,10 +17,16 @@ use i2ris_gateway::worker::{WAITING, Worker};
 use crate::RosError;
 use crate::event::{ClientNames, Event, Events};
 
+/// State commands that only stop. They pass every check and overtake every queue.
+pub(super) const STOPS: [StateCommand; 3] =
+    [StateCommand::Disable, StateCommand::Pause, StateCommand::Hold];
+
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Ask {
-    pub client_id: u64,
-    pub what: What,
+struct Ask {
+    client_id: u64,
+    what: What,
+    /// Stops before it.
+    stops: u64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -29,48 +35,77 @@ pub(super) enum What {
     Move(Topic, Pose),
 }
 
+impl What {
+    const fn topic(&self) -> &'static str {
+        match self {
+            Self::State(_) => Topic::StateCommand.name(),
+            Self::Move(topic, _) => topic.name(),
+        }
+    }
+}
+
+/// What is to be stopped, and by whom, for the thread that does nothing else.
+#[derive(Debug, Default)]
+struct Stops {
+    /// The client that wants each of [`STOPS`]; 0: none.
+    wanted: [AtomicU64; STOPS.len()],
+    /// How many there were: what waited when one came is not carried out any more.
+    count: AtomicU64,
+}
+
 /// Ends when dropped, once its last request is answered.
 #[derive(Debug)]
 pub(super) struct Requests {
     worker: Option<Worker<Ask>>,
-    /// The client that wants to hold; 0: none. It overtakes everything that waits.
-    hold: Arc<AtomicU64>,
+    stopper: Option<Worker<()>>,
+    stops: Arc<Stops>,
 }
 
 impl Requests {
     pub fn start(domain: &Domain, events: &Events, names: &ClientNames) -> Result<Self, RosError> {
-        let hold = Arc::new(AtomicU64::new(0));
-        let mut asker = Asker {
+        let stops = Arc::<Stops>::default();
+        let asker = || Asker {
             controller: RequestForwarder::new(domain),
             state: Latest::new(Watcher::new(domain).operating_state()),
-            hold: Arc::clone(&hold),
+            stops: Arc::clone(&stops),
             events: events.clone(),
             names: names.clone(),
         };
-        let worker = Worker::start("requests", WAITING, move |ask| asker.take(ask));
-        let worker = worker.map_err(RosError::thread)?;
-        Ok(Self { worker: Some(worker), hold })
+        let (mut asking, mut stopping) = (asker(), asker());
+        let worker = Worker::start("requests", WAITING, move |ask| asking.take(ask));
+        let stopper = Worker::start("stops", 1, move |()| stopping.stop_all());
+        let (worker, stopper) =
+            (worker.map_err(RosError::thread)?, stopper.map_err(RosError::thread)?);
+        Ok(Self { worker: Some(worker), stopper: Some(stopper), stops })
     }
 
     /// # Errors
     ///
     /// [`Reason::Waiting`].
-    pub fn ask(&self, ask: Ask) -> Result<(), Reason> {
+    pub fn ask(&self, client_id: u64, what: What) -> Result<(), Reason> {
+        let ask = Ask { client_id, what, stops: self.stops.count.load(Ordering::Acquire) };
         let taken = self.worker.as_ref().is_some_and(|worker| worker.ask(ask));
         if taken { Ok(()) } else { Err(Reason::Waiting) }
     }
 
-    /// Asks to hold. Never refused.
-    pub fn hold(&self, client_id: u64) {
-        self.hold.store(client_id, Ordering::Release);
-        // Wakes the thread. If too much waits already, what waits makes it look.
-        let what = What::State(StateCommand::Hold);
-        let _ = self.ask(Ask { client_id, what });
+    /// Asks for one of [`STOPS`]. Never refused: what waits is overtaken, and not carried out after
+    /// it.
+    pub fn stop(&self, client_id: u64, command: StateCommand) {
+        self.stops.count.fetch_add(1, Ordering::AcqRel);
+        let place = STOPS.iter().position(|stop| *stop == command);
+        if let Some(wanted) = place.and_then(|place| self.stops.wanted.get(place)) {
+            wanted.store(client_id, Ordering::Release);
+        }
+        // If it is awake, or is to be woken already, it looks at all of them.
+        let _ = self.stopper.as_ref().is_some_and(|stopper| stopper.ask(()));
     }
 }
 
 impl Drop for Requests {
     fn drop(&mut self) {
+        if let Some(stopper) = self.stopper.take() {
+            stopper.finish();
+        }
         if let Some(worker) = self.worker.take() {
             worker.finish();
         }
@@ -80,26 +115,29 @@ impl Drop for Requests {
 struct Asker {
     controller: RequestForwarder,
     state: Latest<OperatingStateMsg>,
-    hold: Arc<AtomicU64>,
+    stops: Arc<Stops>,
     events: Events,
     names: ClientNames,
 }
 
 impl Asker {
     fn take(&mut self, ask: Ask) {
-        let held = self.hold_if_wanted();
-        let is_hold = matches!(ask.what, What::State(StateCommand::Hold));
-        if !(held && is_hold) {
-            self.carry_out(ask);
+        if self.stops.count.load(Ordering::Acquire) == ask.stops {
+            return self.carry_out(ask);
         }
+        let (client, topic) = (self.name(ask.client_id), ask.what.topic());
+        let refused = Refused { client, topic, reason: Reason::Overtaken, count: 1 };
+        self.events.report(Event::Refused(refused));
     }
 
-    fn hold_if_wanted(&mut self) -> bool {
-        let client_id = self.hold.swap(0, Ordering::AcqRel);
-        if client_id != 0 {
-            self.change_state(client_id, StateCommand::Hold);
+    fn stop_all(&mut self) {
+        let stops = Arc::clone(&self.stops);
+        for (wanted, command) in stops.wanted.iter().zip(STOPS) {
+            let client_id = wanted.swap(0, Ordering::AcqRel);
+            if client_id != 0 {
+                self.change_state(client_id, command);
+            }
         }
-        client_id != 0
     }
 
     fn carry_out(&mut self, ask: Ask) {
@@ -178,5 +216,41 @@ impl Asker {
 
     fn name(&self, client_id: u64) -> String {
         self.names.of(client_id).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::event;
+
+    #[test]
+    fn what_waits_when_a_stop_comes_is_not_carried_out_after_it() {
+        let (events, reported) = event::channel();
+        let domain = Domain::new(&format!("t{:016x}", i2ris::ipc::random_id())).unwrap();
+        let requests = Requests::start(&domain, &events, &ClientNames::default()).unwrap();
+        let mut asker = Asker {
+            controller: RequestForwarder::new(&domain),
+            state: Latest::new(Watcher::new(&domain).operating_state()),
+            stops: Arc::clone(&requests.stops),
+            events,
+            names: ClientNames::default(),
+        };
+        let before = Ask { client_id: 7, what: What::State(StateCommand::Enable), stops: 0 };
+        for _ in 0..100 {
+            // Never refused, however many wait.
+            requests.stop(7, StateCommand::Disable);
+        }
+        asker.take(before);
+        drop(requests);
+        let reasons: Vec<String> = { reported.try_iter() }
+            .filter_map(|event| match event {
+                Event::Refused(refused) => Some(refused.reason.to_string()),
+                _ => None,
+            })
+            .collect();
+        assert!(reasons.iter().any(|reason| *reason == Reason::Overtaken.to_string()));
+        assert!(reasons.iter().any(|reason| reason.contains("disable failed")), "{reasons:?}");
+        assert!(!reasons.iter().any(|reason| reason.contains("enable failed")), "{reasons:?}");
     }
 }

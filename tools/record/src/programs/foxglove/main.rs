@@ -21,6 +21,7 @@ use i2ris::ipc::client::{Client, Subscriptions, Watcher};
 use i2ris::ipc::{Domain, Stream};
 use i2ris::units::Nanos;
 use i2ris_record::joints;
+use i2ris_report::program::yield_to_controller;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 use live::Live;
@@ -78,6 +79,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     if let Some(file) = &arguments.layout {
         return write_layout(file);
     }
+    yield_to_controller();
     let (domain, interrupt) = (arguments.domain.domain()?, Interrupt::catch()?);
     let listen = arguments.listen;
     let server = Server::start(listen, live::channels()).map_err(|error| {
@@ -85,7 +87,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     })?;
     // A reader that went away does not end the server.
     let ready = format!("open ws://{} in Foxglove; Ctrl-C ends", server.address());
-    let _ = Screen::stdout().say(&ready);
+    let _ = Screen::never_blocking()?.say(&ready);
     let mut live = Live::new(server, Nanos(1_000_000_000 / arguments.rate_hz));
     let mut subscriptions = Subscriptions::new(&Watcher::new(&domain), Stream::ALL);
     let mut named = None;
