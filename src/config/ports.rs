@@ -323,7 +323,7 @@ mod tests {
         assert!(
             parse("", "family = \"epos2\"\ncurrent_limit_ma = 70000")
                 .unwrap_err()
-                .contains("at most 15000")
+                .contains("at most 2000")
         );
         assert!(parse("family = \"epos3\"", "").unwrap_err().contains("epos2"));
     }

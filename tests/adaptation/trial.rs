@@ -29,7 +29,10 @@ pub const ON: &str = "[adaptation]\nenabled = true";
 pub fn config(table: &str) -> Config {
     let (head, ports) = CONFIG.split_once("[[ports]]").unwrap();
     let text = format!("{head}\n{table}\n[[ports]]{ports}");
-    Config::parse(&text, "emulator.toml".as_ref()).unwrap()
+    let mut config = Config::parse(&text, "emulator.toml".as_ref()).unwrap();
+    // The goal of the hand begins anywhere.
+    config.command.first_step_deg = config.command.max_step_deg;
+    config
 }
 
 /// At once, in both motors.

@@ -291,13 +291,13 @@ proptest! {
     }
 
     #[test]
-    fn without_a_reset_only_a_frame_after_half_a_pair_is_lost(data in any_data(), keep: usize) {
+    fn without_a_reset_only_a_frame_after_half_a_pair_may_be_lost(data in any_data(), keep: usize) {
         let wire = encode(0x00, &data);
         let mut parser = FrameParser::default();
         feed(&mut parser, &wire[..keep % wire.len()]);
         let inside_a_pair = matches!(parser.state, ParserState::Escaped { .. });
         let found = feed(&mut parser, &good_wire()).0;
-        prop_assert_eq!(found.len(), usize::from(!inside_a_pair));
+        prop_assert!(inside_a_pair || found.len() == 1);
     }
 
     #[test]
