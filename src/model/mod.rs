@@ -47,6 +47,7 @@ pub use families::{direction, hysteresis, kinematic};
 pub use history::History;
 pub use maths::gaussian_mixture::MAX_COMPONENTS;
 pub use maths::hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
+pub use maths::polynomial_regression;
 pub use maths::regression::Local;
 pub use prepared::Model;
 pub use trial_path::TrialPath;

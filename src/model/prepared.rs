@@ -12,6 +12,7 @@ use crate::model::families::direction::DirectionGmr;
 use crate::model::families::hysteresis::Operator;
 use crate::model::families::hysteresis::backlash_play::Plays;
 use crate::model::families::hysteresis::chain::Chain;
+use crate::model::families::hysteresis::force_balance::ForceBalance;
 use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskii;
 use crate::model::families::hysteresis::residual::{Residual, ResidualParameters};
 use crate::model::families::hysteresis::stop::Stops;
@@ -23,6 +24,7 @@ use crate::model::file::{FamilyParameters, HullParameters, MixtureParameters, Mo
 use crate::model::history::History;
 use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::Hull;
+use crate::model::maths::polynomial_regression::PolynomialRegression;
 use crate::model::output_unit::OutputUnit;
 use crate::robot::ModelId;
 use crate::units::{MotorVec, OutputVec};
@@ -352,6 +354,12 @@ fn prepare_sized<const D: usize, const M: usize>(
                 si,
             )?)
         }
+        FamilyParameters::ForceBalance { balance, read_out, virtual_hull } => Box::new(Chain {
+            operator: ForceBalance::<D>::prepare(balance)?,
+            read_out: PolynomialRegression::<D, M>::prepare(read_out, virtual_hull, si)?,
+            residual: None,
+            virtual_hull: Hull::new(virtual_hull, D)?,
+        }),
     })
 }
 
@@ -361,7 +369,7 @@ fn prepare_chain<O: Operator<D>, const D: usize, const M: usize>(
     residual: Option<&ResidualParameters>,
     virtual_hull: &HullParameters,
     si: f64,
-) -> Result<Chain<O, D, M>, ModelError> {
+) -> Result<Chain<O, Gmr<D, M>, D, M>, ModelError> {
     let lags = operator.lags(&operator.begin(&SVector::zeros())).as_slice().len();
     Ok(Chain {
         operator,

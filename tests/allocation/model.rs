@@ -9,7 +9,9 @@ use i2ris::model::kinematic::KinematicParameters;
 use i2ris::model::{Model, Query};
 
 use crate::allocations;
-use crate::samples::{DEG, REACH, SmoothMap, file, linear, region, some_stops, square};
+use crate::samples::{
+    DEG, REACH, SmoothMap, balance_file, file, linear, region, some_stops, square,
+};
 
 /// One second of control: goals inside and outside the hull, huge and NaN goals, with and without a
 /// good start.
@@ -143,6 +145,7 @@ fn a_tick_with_a_model_allocates_nothing() {
     let family = linear(&[&[0.02, 0.01], &[-0.01, 0.02]], &[0.0, 0.0]);
     models.push(Model::from_file(file(2, family, square(500.0))).unwrap());
     models.extend([stops(1), stops(2)]);
+    models.extend([1, 2].map(|motors| Model::from_file(balance_file(motors)).unwrap()));
     let map = SmoothMap { gain: vec![vec![0.02, 0.01], vec![-0.01, 0.02]], bend: 0.3, steps: 4 };
     models.extend([plays(&map), directions(&map), chain()]);
     for model in &models {

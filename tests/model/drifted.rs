@@ -4,7 +4,7 @@ use i2ris::model::file::{FamilyParameters, FileDrift, MixtureParameters, ModelFi
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{Model, Query};
 
-use super::samples::{file, linear, region, some_stops, two_by_two};
+use super::samples::{balance_file, file, linear, region, some_stops, two_by_two};
 
 /// 0.02 deg per count of every motor.
 fn flat_mixture() -> MixtureParameters {
@@ -107,7 +107,7 @@ fn a_file_with_a_drift_predicts_what_the_model_predicts_with_the_drift_beside_it
 
 #[test]
 fn a_larger_gap_lags_more_and_its_inverse_is_exact() {
-    for file in [play_file(), stop_file()] {
+    for file in [play_file(), stop_file(), balance_file(2)] {
         let model = Model::from_file(file).unwrap();
         let (mut usual, mut wide) = (model.new_memory(), model.new_memory());
         let mut apart = 0.0_f64;
@@ -130,7 +130,7 @@ fn a_larger_gap_lags_more_and_its_inverse_is_exact() {
 
 #[test]
 fn a_gap_scale_of_one_changes_no_bit() {
-    for file in [play_file(), stop_file()] {
+    for file in [play_file(), stop_file(), balance_file(2)] {
         let model = Model::from_file(file).unwrap();
         let (mut usual, mut scaled) = (model.new_memory(), model.new_memory());
         for counts in path() {

@@ -3,6 +3,7 @@
 mod direction;
 pub mod drifted;
 mod file;
+mod force_balance;
 mod gmr;
 mod hull;
 mod inverse;

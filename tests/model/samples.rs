@@ -2,8 +2,9 @@
 
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
-    OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
+    OutputMetrics, OutputSpec, OutputUnit, PolynomialParameters, SCHEMA_VERSION, TrainingRecord,
 };
+use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters, BalanceStop};
 use i2ris::model::hysteresis::stop::{
     StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
 };
@@ -261,6 +262,77 @@ pub fn stops(motors: usize) -> impl Strategy<Value = StopParameters> {
             stops_of(motors, slack, friction, travel, [axes.0, axes.1], loose, segments)
         },
     )
+}
+
+/// A balance of forces of a snake with slack, backlash and friction: a typical sample of
+/// [`balances`].
+pub fn some_balance(motors: usize) -> BalanceParameters {
+    balance_of(motors, [6.0, 9.0], [-12.0, -6.0, 15.0, 8.0], [0.2, 0.3])
+}
+
+/// A model of [`some_balance`] whose outputs are nearly straight.
+pub fn balance_file(motors: usize) -> ModelFile {
+    let rows = [[0.0, 12.0, -8.0, 0.5, 0.2, 0.1], [1.0, 9.0, 11.0, 0.1, -0.3, 0.2]];
+    let one = |row: &[f64; 6]| vec![row[0], row[1], row[3]];
+    let row = |row: &[f64; 6]| if motors == 1 { one(row) } else { row.to_vec() };
+    let covariance = |i: usize| (0..motors).map(|j| if i == j { 0.01 } else { 0.0 }).collect();
+    let family = FamilyParameters::ForceBalance {
+        balance: some_balance(motors),
+        read_out: PolynomialParameters {
+            centre_counts: vec![0.0; motors],
+            scale_counts: vec![500.0; motors],
+            degree: 2,
+            coefficients: rows[..motors].iter().map(row).collect(),
+            covariance: (0..motors).map(covariance).collect(),
+        },
+        virtual_hull: HullParameters { corners: region(motors, 900.0) },
+    };
+    file(motors, family, region(motors, 1000.0))
+}
+
+fn balance_of(
+    motors: usize,
+    gap: [f64; 2],
+    preload: [f64; 4],
+    by_tension: [f64; 2],
+) -> BalanceParameters {
+    let other = |value: f64| if motors == 1 { 0.0 } else { value };
+    let motor = |i: usize| BalanceMotor {
+        centre_counts: [15.0, -20.0][i],
+        travel_per_count: [0.8, 0.9][i],
+        neutral: 4.0,
+        gap: gap[i],
+        coupling: other(0.05),
+        preload: [preload[2 * i], preload[2 * i + 1]],
+        preload_growth: 10.0,
+        stiffness: [1.1, 0.9],
+        spring: 0.15,
+        hardening: 0.1,
+        friction: 25.0,
+        friction_by_tension: [by_tension[i], 0.2],
+        friction_by_other: other(0.03),
+        friction_growth: [0.2, other(0.1)],
+        friction_slope: 0.1,
+        friction_asymmetry: -0.1,
+    };
+    let stop = |(stiffness, share)| BalanceStop { stiffness, share };
+    let shared = [(6.0, 0.2), (1.5, 0.3)].map(stop);
+    BalanceParameters {
+        motors: (0..motors).map(motor).collect(),
+        own_stops: [(10.0, 0.4), (3.0, 0.4), (1.0, 0.2)].map(stop).into(),
+        shared_stops: if motors == 1 { Vec::new() } else { shared.into() },
+        loose_stiffness: 0.08,
+        softness: 8.0,
+    }
+}
+
+/// Balances of forces of snakes: taut and slack, with and without backlash.
+pub fn balances(motors: usize) -> impl Strategy<Value = BalanceParameters> {
+    let gap = prop::array::uniform2(0.0..60.0_f64);
+    let preload = prop::array::uniform4(-60.0..80.0_f64);
+    let by_tension = prop::array::uniform2(0.0..0.6_f64);
+    (gap, preload, by_tension)
+        .prop_map(move |(gap, preload, by_tension)| balance_of(motors, gap, preload, by_tension))
 }
 
 /// Any number, also one that is none.

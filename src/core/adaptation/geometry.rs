@@ -76,6 +76,7 @@ impl ModelGeometry {
                 FamilyParameters::GmrPlay { .. }
                     | FamilyParameters::GmrPrandtlIshlinskii { .. }
                     | FamilyParameters::GmrStop { .. }
+                    | FamilyParameters::ForceBalance { .. }
             ),
         })
     }

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::families::direction::travel::Travels;
 use crate::model::families::gap_scale;
+use crate::model::families::hysteresis::force_balance::state::BalanceState;
 use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::hysteresis::prandtl_ishlinskii::state::PrandtlIshlinskiiState;
 use crate::model::families::hysteresis::stop::state::StopState;
@@ -59,10 +60,12 @@ pub(in crate::model) enum State {
     PrandtlIshlinskii(PrandtlIshlinskiiState),
     /// The state of stop operators.
     Stops(StopState),
+    /// The state of a balance of forces.
+    Balance(BalanceState),
 }
 
 impl Memory {
-    /// Scales the gaps of every motor (the thresholds of plays; slack and friction of stops) from
+    /// Scales the gaps of every motor (the thresholds of plays; gap, slack and friction of stops) from
     /// now on; 1 as calibrated, clamped to 0.2...3. Families without gaps ignore it, and so does a
     /// memory without any past motion.
     pub fn set_gap_scale(&mut self, scale: &MotorVec) {
@@ -72,6 +75,7 @@ impl Memory {
             State::Plays(state) => state.gap_scale = clamped,
             State::PrandtlIshlinskii(state) => state.gap_scale = clamped,
             State::Stops(state) => state.gap_scale = clamped,
+            State::Balance(state) => state.gap_scale = clamped,
         }
     }
 

@@ -84,6 +84,16 @@ impl ModelFile {
                 stops.base_friction *= 1.0 + mean(drift);
                 map.chain(mixture, residual);
             }
+            FamilyParameters::ForceBalance { balance, read_out, .. } => {
+                for (motor, gap) in balance.motors.iter_mut().zip(drift.gap) {
+                    motor.scale_gap(1.0 + gap);
+                }
+                read_out.coefficients = map.times(&read_out.coefficients);
+                for (row, zero) in read_out.coefficients.iter_mut().zip(&map.zero) {
+                    row[0] += zero;
+                }
+                read_out.covariance = map.around(&read_out.covariance);
+            }
         }
         Ok(file)
     }

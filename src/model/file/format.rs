@@ -6,6 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::families::hysteresis::backlash_play::PlayParameters;
+use crate::model::families::hysteresis::force_balance::BalanceParameters;
 use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiParameters;
 use crate::model::families::hysteresis::residual::ResidualParameters;
 use crate::model::families::hysteresis::stop::StopParameters;
@@ -13,6 +14,7 @@ use crate::model::families::kinematic::KinematicParameters;
 
 pub use crate::model::maths::gaussian_mixture::MixtureParameters;
 pub use crate::model::maths::hull::HullParameters;
+pub use crate::model::maths::polynomial_regression::PolynomialParameters;
 pub use crate::model::output_unit::OutputUnit;
 pub use crate::model::schema_version::{FORMAT, SCHEMA_VERSION};
 
@@ -139,6 +141,16 @@ pub enum FamilyParameters {
         /// The remaining error; absent without a residual.
         residual: Option<ResidualParameters>,
         /// The region of virtual counts that calibration visited.
+        virtual_hull: HullParameters,
+    },
+    /// A balance of forces between gear, wires, spring and friction, then a polynomial of the
+    /// virtual counts.
+    ForceBalance {
+        /// From counts to virtual counts.
+        balance: BalanceParameters,
+        /// From virtual counts to outputs.
+        read_out: PolynomialParameters,
+        /// The region of virtual counts that calibration visited. Beyond it the read-out is affine.
         virtual_hull: HullParameters,
     },
 }

@@ -9,5 +9,6 @@ pub(in crate::model) mod mixture_conditioning;
 mod mixture_part;
 pub(in crate::model) mod newton_inverse;
 pub(in crate::model) mod polygon;
+pub mod polynomial_regression;
 pub(in crate::model) mod quadratic;
 pub(in crate::model) mod regression;

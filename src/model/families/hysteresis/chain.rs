@@ -9,7 +9,6 @@ use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Que
 use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
 use crate::model::families::runtime::Runtime;
-use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::{Hull, TOLERANCE_COUNTS};
 use crate::model::maths::newton_inverse::{self, SearchStart};
 use crate::model::maths::regression::{Local, Regression, array, bounded, estimate, rows, vector};
@@ -18,16 +17,20 @@ use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
 /// A prepared model with memory.
 #[derive(Debug)]
-pub(in crate::model) struct Chain<O, const D: usize, const M: usize> {
+pub(in crate::model) struct Chain<O, R, const D: usize, const M: usize> {
     pub operator: O,
     /// From virtual counts to outputs.
-    pub read_out: Gmr<D, M>,
+    pub read_out: R,
     pub residual: Option<Residual<D, M>>,
     /// The region of virtual counts that calibration visited.
     pub virtual_hull: Hull,
 }
 
-impl<O: StoredOperator<D>, const D: usize, const M: usize> Chain<O, D, M> {
+impl<O, R, const D: usize, const M: usize> Chain<O, R, D, M>
+where
+    O: StoredOperator<D>,
+    R: Regression<D, M>,
+{
     /// Works on the state in a memory. Without one, on the state from the present position alone.
     #[inline]
     fn with_state<T>(&self, memory: &Memory, work: impl FnOnce(&O::State) -> T) -> T {
@@ -134,7 +137,11 @@ fn without(goal: &OutputVec, correction: &OutputVec) -> OutputVec {
     goal
 }
 
-impl<O: StoredOperator<D>, const D: usize, const M: usize> Runtime for Chain<O, D, M> {
+impl<O, R, const D: usize, const M: usize> Runtime for Chain<O, R, D, M>
+where
+    O: StoredOperator<D>,
+    R: Regression<D, M>,
+{
     fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
         let counts = vector(&bounded(counts));
         match O::unpack_mut(&mut memory.state) {

@@ -14,6 +14,7 @@
 //! | `chain` | the chain and its inverse |
 //! | `play_state` | the state of play operators |
 //! | [`backlash_play`] | play operators |
+//! | [`force_balance`] | gear, wires, spring and friction in a balance of forces |
 //! | [`prandtl_ishlinskii`] | play operators along directions, with widths that grow |
 //! | [`read_out`] | the regression alone, for calibration |
 //! | [`stop`] | stop operators, in a balance of forces |
@@ -21,6 +22,7 @@
 
 pub mod backlash_play;
 pub(in crate::model) mod chain;
+pub mod force_balance;
 pub(in crate::model) mod play_state;
 pub mod prandtl_ishlinskii;
 pub mod read_out;

@@ -101,6 +101,7 @@ impl DriftEstimate {
                 FamilyParameters::GmrPlay { .. }
                     | FamilyParameters::GmrPrandtlIshlinskii { .. }
                     | FamilyParameters::GmrStop { .. }
+                    | FamilyParameters::ForceBalance { .. }
             ),
         };
         let used = |scale: &[f64; MAX_MOTORS]| {

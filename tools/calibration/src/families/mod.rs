@@ -6,6 +6,7 @@
 //! | `direction` | mixtures over counts, directions of travel and outputs |
 //! | `operator_trace` | hysteresis operators along the path of a series |
 //! | `chain` | regression and residual behind a hysteresis operator |
+//! | `force_balance` | gear, wires, spring and friction in a balance of forces |
 //! | `play_error` | why plays cannot be fitted |
 //! | `play_mechanism` | what plays say of the robot |
 //! | `play` | play operators |
@@ -14,6 +15,7 @@
 
 pub mod chain;
 pub mod direction;
+pub mod force_balance;
 pub mod kinematic;
 pub mod operator_trace;
 pub mod play;

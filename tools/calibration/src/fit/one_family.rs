@@ -16,6 +16,7 @@ use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, Mechanism};
 use crate::families::chain::{ChainOptions, fit_chain};
 use crate::families::direction::{DirectionOptions, fit_direction};
+use crate::families::force_balance::search::fit_force_balance;
 use crate::families::kinematic::{KinematicOptions, fit_kinematic};
 use crate::families::operator_trace::trace_stops;
 use crate::families::play::play_fit::fit_play;
@@ -89,6 +90,7 @@ impl FamilyFitter<'_> {
             Family::GmrPlay => self.play(mechanism),
             Family::GmrPrandtlIshlinskii => self.prandtl_ishlinskii(mechanism),
             Family::GmrStop => self.stop(mechanism),
+            Family::ForceBalance => self.force_balance(mechanism),
         }
     }
 
@@ -145,7 +147,9 @@ impl FamilyFitter<'_> {
             | FamilyParameters::GmrPlay { mixture, .. }
             | FamilyParameters::GmrPrandtlIshlinskii { mixture, .. }
             | FamilyParameters::GmrStop { mixture, .. } => Some(mixture.weights.len()),
-            FamilyParameters::Linear { .. } | FamilyParameters::Kinematic { .. } => None,
+            FamilyParameters::Linear { .. }
+            | FamilyParameters::Kinematic { .. }
+            | FamilyParameters::ForceBalance { .. } => None,
         }
     }
 
@@ -239,6 +243,17 @@ impl FamilyFitter<'_> {
             };
             Ok(self.mixture_model(family, components, (chain.log_likelihood, chain.bic)))
         })
+    }
+
+    fn force_balance(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
+        let known = match self.known {
+            Some(FamilyParameters::ForceBalance { balance, .. }) => Some(balance),
+            _ => None,
+        };
+        let fit = fit_force_balance(&self.series, known, self.progress);
+        let fit = fit.map_err(|source| failed(Family::ForceBalance, source))?;
+        *mechanism = Some(Mechanism::Balance(fit.mechanism));
+        self.checked(Family::ForceBalance, &Fitted::plain(fit.family))
     }
 
     fn chain(&self, components: Option<usize>) -> ChainOptions {

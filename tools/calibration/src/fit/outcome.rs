@@ -11,6 +11,7 @@ use super::error::FitError;
 use super::family::Family;
 use super::gmr::{Candidate, Verdict};
 use super::split::Split;
+use crate::families::force_balance::mechanism::BalanceMechanism;
 use crate::families::play_mechanism::PlayMechanism;
 use crate::families::stop::stop_mechanism::StopMechanism;
 use crate::quality::Quality;
@@ -51,6 +52,8 @@ pub enum Mechanism {
     Plays(PlayMechanism),
     /// Of `gmr-stop`.
     Stops(StopMechanism),
+    /// Of `force-balance`.
+    Balance(BalanceMechanism),
 }
 
 impl fmt::Display for Mechanism {
@@ -58,6 +61,7 @@ impl fmt::Display for Mechanism {
         match self {
             Self::Plays(found) => found.fmt(f),
             Self::Stops(found) => found.fmt(f),
+            Self::Balance(found) => found.fmt(f),
         }
     }
 }

@@ -268,7 +268,9 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
 
 fn mixture(family: &FamilyParameters) -> Option<&MixtureParameters> {
     match family {
-        FamilyParameters::Linear { .. } | FamilyParameters::Kinematic { .. } => None,
+        FamilyParameters::Linear { .. }
+        | FamilyParameters::Kinematic { .. }
+        | FamilyParameters::ForceBalance { .. } => None,
         FamilyParameters::Gmr { mixture }
         | FamilyParameters::GmrDirection { mixture, .. }
         | FamilyParameters::GmrPlay { mixture, .. }
@@ -286,7 +288,8 @@ fn virtual_hull(family: &FamilyParameters) -> Option<&HullParameters> {
         | FamilyParameters::GmrDirection { .. } => None,
         FamilyParameters::GmrPlay { virtual_hull, .. }
         | FamilyParameters::GmrPrandtlIshlinskii { virtual_hull, .. }
-        | FamilyParameters::GmrStop { virtual_hull, .. } => Some(virtual_hull),
+        | FamilyParameters::GmrStop { virtual_hull, .. }
+        | FamilyParameters::ForceBalance { virtual_hull, .. } => Some(virtual_hull),
     }
 }
 

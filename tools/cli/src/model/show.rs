@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, FitMetrics};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use i2ris::model::hysteresis::force_balance::BalanceParameters;
 use i2ris::model::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiParameters;
 use i2ris::model::hysteresis::residual::ResidualParameters;
 use i2ris::model::hysteresis::stop::StopParameters;
@@ -154,6 +155,10 @@ fn family(model: &Model) {
             residual_line(residual.as_ref());
             stop_table(stops);
         }
+        FamilyParameters::ForceBalance { balance, read_out, .. } => {
+            println!("polynomial degree {} of virtual counts", read_out.degree);
+            balance_table(balance);
+        }
     }
 }
 
@@ -204,6 +209,27 @@ fn generalised_play_table(operator: &PrandtlIshlinskiiParameters) {
             2.0 * play.threshold_counts,
             format!("{above:.3}, {below:.3}"),
             format!("{:.4?}", play.weight)
+        );
+    }
+}
+
+/// Lengths in counts.
+fn balance_table(balance: &BalanceParameters) {
+    println!(
+        "\n{:<8}{:>14}{:>20}{:>20}{:>22}",
+        "motor", "gap (counts)", "preload (counts)", "friction (counts)", "friction per tension"
+    );
+    for (index, motor) in balance.motors.iter().enumerate() {
+        let counts = |travel: f64| travel / motor.travel_per_count;
+        let [plus, minus] = motor.preload.map(counts);
+        let [by_plus, by_minus] = motor.friction_by_tension;
+        println!(
+            "{:<8}{:>14.1}{:>20}{:>20.1}{:>22}",
+            format!("motor {index}"),
+            2.0 * counts(motor.gap),
+            format!("{plus:.1}, {minus:.1}"),
+            counts(motor.friction),
+            format!("{by_plus:.3}, {by_minus:.3}")
         );
     }
 }

@@ -34,14 +34,14 @@ const MOST_CORRECTIONS: usize = 3;
 const LEAST_PROGRESS: f64 = 0.02;
 
 /// Sum of squares as a function of parameters.
-pub(super) trait LeastSquares: Sync {
+pub(in crate::families) trait LeastSquares: Sync {
     /// The residuals, always as many; `None` where there is no model.
     fn residuals(&self, at: &DVector<f64>) -> Option<DVector<f64>>;
 }
 
 /// When a search ends.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct StoppingRule {
+pub(in crate::families) struct StoppingRule {
     pub iterations: usize,
     /// A step that lowers the sum of squares by less than this part is the last one.
     pub tolerance: f64,
@@ -49,14 +49,14 @@ pub(super) struct StoppingRule {
 
 /// The end of a search.
 #[derive(Debug, Clone)]
-pub(super) struct Minimum {
+pub(in crate::families) struct Minimum {
     pub at: DVector<f64>,
     pub sum_of_squares: f64,
 }
 
 /// Minimises from a start; `None` if there is no model there. `stepped` is called once for every
 /// iteration that the rule allows.
-pub(super) fn minimise(
+pub(in crate::families) fn minimise(
     squares: &dyn LeastSquares,
     start: DVector<f64>,
     stop: StoppingRule,
@@ -103,7 +103,7 @@ pub(super) fn minimise(
 }
 
 /// One step from a start with a Jacobian that is known; the start itself where no step is better.
-pub(super) fn one_step(
+pub(in crate::families) fn one_step(
     squares: &dyn LeastSquares,
     start: &DVector<f64>,
     jacobian: &DMatrix<f64>,
@@ -116,7 +116,10 @@ pub(super) fn one_step(
 }
 
 /// The Jacobian at given parameters; `None` if there is no model there.
-pub(super) fn jacobian(squares: &dyn LeastSquares, at: &DVector<f64>) -> Option<DMatrix<f64>> {
+pub(in crate::families) fn jacobian(
+    squares: &dyn LeastSquares,
+    at: &DVector<f64>,
+) -> Option<DMatrix<f64>> {
     Some(Place::new(squares, at.clone())?.jacobian(squares))
 }
 

@@ -20,7 +20,7 @@
 mod bend_target;
 pub mod error;
 mod initial_guess;
-mod levenberg_marquardt;
+pub(super) mod levenberg_marquardt;
 mod parameterisation;
 pub mod stop_fit;
 pub mod stop_mechanism;

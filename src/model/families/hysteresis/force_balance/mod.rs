@@ -1,0 +1,349 @@
+//! A balance of forces between gear, wires, spring and friction: the model of a tendon-driven
+//! snake, and the family `force-balance`.
+//!
+//! # Terms
+//!
+//! Lengths are in units of wire travel: half the range of the calibration is 1000. Forces are in
+//! the same unit: a taut wire has a stiffness of about 1.
+//!
+//! - **gap** `g`: half the play of the gear. The pulley `p` follows the motor `q` inside it, `p <-
+//!   max(q - g, min(q + g, p))`.
+//! - **travel** `x_i = p_i - n_i + kappa_i p_j`: what the pulley pulls; `kappa` couples the motors.
+//! - **bend** `u`: the travel that the bend of the snake takes up, by motor.
+//! - **stretch** `e = x - u`. The **tension** of the two wires of a motor is `k+ c(P+ + e)` and
+//!   `k- c(P- - e)`; `c(y) = max(0, y)`, rounded over a softness `w` on both sides of 0.
+//! - **preload** `P`: the stretch of a wire of a straight snake at rest; below 0 it is slack. It
+//!   grows with the square of the bend: the path of a wire through a bent snake is another one.
+//! - **stop**: an elastic element of stiffness `s` that slips at a force (Maxwell slip; the elements
+//!   of A. Y. Ishlinskii 1944 and L. Prandtl 1928). An **own** stop resists the bend of one motor, a
+//!   **shared** stop the bend in the plane: its reach is a disc (return mapping, J. C. Simo and T.
+//!   J. R. Hughes, "Computational Inelasticity", 1998).
+//!
+//! # Balance
+//!
+//! ```text
+//! k+ c(P+ + e) - k- c(P- - e) + eps e = s u (1 + h (u/R)^2) + sum own stops + sum shared stops
+//! limit of own stop k = share_k (1 +- sense) pose (base + mu+ T+ + mu- T- + nu T_other)
+//! pose = 1 + a |u_i|/R + b |u_j|/R + c u_i/R,     limit of shared stop k = share_k (base + |(mu T)|)
+//! ```
+//!
+//! Friction grows with the tension that presses a wire on its guides (capstan equation, L. Euler
+//! 1762, J. A. Eytelwein 1808), so loops are wide where the bend is large. Limits and preload are
+//! those of the state before a step. With them both sides are gradients of convex functions of the
+//! bend: there is exactly one balance, and it rises with every motor. A semi-smooth Newton method
+//! with a line search finds it (L. Qi and J. Sun 1993).
+//!
+//! The inverse needs no search: a bend gives the forces that hold it, these give the stretch of the
+//! wires, the pulleys, and the motors, each across its gap in the direction of its motion. So a gap
+//! is crossed in one tick as far as the limits of the motor allow.
+//!
+//! **Virtual counts** are the bend in counts: as if wires were taut and there were no gap and no
+//! friction.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `parameters` | parameters in a file, and their checks |
+//! | `state` | the state, and what a step takes from it |
+//! | `wires` | the force of two wires, and its inverse |
+//! | `solve` | forces, slopes and Newton's method |
+
+mod parameters;
+mod solve;
+pub(in crate::model) mod state;
+mod wires;
+
+use nalgebra::{SMatrix, SVector};
+
+use super::{Lags, Operator, StoredOperator};
+use crate::model::error::ModelError;
+use crate::model::families::memory::State;
+use crate::model::maths::regression::{Local, array, vector};
+use crate::units::MotorVec;
+use parameters::Stop;
+pub use parameters::{
+    BalanceMotor, BalanceParameters, BalanceStop, OWN_STOPS, REACH, SHARED_STOPS,
+};
+pub use state::BalanceState;
+use state::Limits;
+
+/// The longest step of an advance, in units of travel: limits and preload follow from step to
+/// step.
+const STEP: f64 = 20.0;
+
+/// The most steps of one advance. A longer motion uses longer steps.
+const MAX_STEPS: u32 = 64;
+
+/// A pulley that has to move by less than this does not move, units of travel.
+const STILL: f64 = 1e-9;
+
+/// Safety factor on the estimate of the conditioning range, which leaves out the other motor.
+const CONDITIONING_MARGIN: f64 = 1.2;
+
+/// Stops with less than this share of the friction do not count for the conditioning range.
+const LEAST_SHARE: f64 = 0.05;
+
+/// A prepared balance of forces of D motors.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ForceBalance<const D: usize> {
+    motors: [BalanceMotor; D],
+    own: [Stop; OWN_STOPS],
+    shared: [Stop; SHARED_STOPS],
+    loose_stiffness: f64,
+    softness: f64,
+    /// From pulleys to travel, without the neutral positions, and back.
+    coupling: SMatrix<f64, D, D>,
+    uncoupling: SMatrix<f64, D, D>,
+    /// Bend per travel of each motor with taut wires and without friction.
+    gain: SVector<f64, D>,
+}
+
+impl<const D: usize> ForceBalance<D> {
+    /// Checks the parameters of a file.
+    ///
+    /// # Errors
+    ///
+    /// When sizes differ or numbers are out of their range.
+    pub fn prepare(file: &BalanceParameters) -> Result<Self, ModelError> {
+        file.check(D)?;
+        let motors: [BalanceMotor; D] = std::array::from_fn(|i| file.motors[i].clone());
+        let stops = |stops: &[BalanceStop], k: usize| stops.get(k).map_or(Stop::NONE, Stop::new);
+        let coupling =
+            SMatrix::<f64, D, D>::from_fn(|i, j| if i == j { 1.0 } else { motors[i].coupling });
+        Ok(Self {
+            own: std::array::from_fn(|k| stops(&file.own_stops, k)),
+            shared: std::array::from_fn(|k| stops(&file.shared_stops, k)),
+            loose_stiffness: file.loose_stiffness,
+            softness: file.softness,
+            uncoupling: coupling.try_inverse().unwrap_or_else(SMatrix::identity),
+            coupling,
+            gain: SVector::from_fn(|i, _| {
+                let taut = motors[i].stiffness[0] + motors[i].stiffness[1];
+                taut / (taut + motors[i].spring)
+            }),
+            motors,
+        })
+    }
+
+    /// The bend of a state, units of travel.
+    #[must_use]
+    pub fn bend(&self, state: &BalanceState) -> SVector<f64, D> {
+        vector(&state.bend)
+    }
+
+    /// The virtual counts of a bend.
+    #[must_use]
+    pub fn virtual_counts_at(&self, bend: &SVector<f64, D>) -> SVector<f64, D> {
+        self.counts(&bend.component_div(&self.gain))
+    }
+
+    /// Wire travel at pulleys.
+    fn travel(&self, pulleys: &SVector<f64, D>) -> SVector<f64, D> {
+        let mut travel = self.coupling * pulleys;
+        for (travel, motor) in travel.iter_mut().zip(&self.motors) {
+            *travel -= motor.neutral;
+        }
+        travel
+    }
+
+    /// Motor positions in units of travel, from counts and back.
+    fn positions(&self, counts: &SVector<f64, D>) -> SVector<f64, D> {
+        SVector::from_fn(|i, _| {
+            (counts[i] - self.motors[i].centre_counts) * self.motors[i].travel_per_count
+        })
+    }
+
+    fn counts(&self, positions: &SVector<f64, D>) -> SVector<f64, D> {
+        SVector::from_fn(|i, _| {
+            positions[i] / self.motors[i].travel_per_count + self.motors[i].centre_counts
+        })
+    }
+
+    /// The bend of virtual counts.
+    fn bend_of(&self, virtual_counts: &SVector<f64, D>) -> SVector<f64, D> {
+        self.positions(virtual_counts).component_mul(&self.gain)
+    }
+
+    /// The pulleys after a straight motion of the motors; not a number where the motor is none.
+    fn drag(&self, state: &BalanceState, positions: &SVector<f64, D>) -> SVector<f64, D> {
+        SVector::from_fn(|i, _| {
+            let (gap, pulley) = (self.gap(state, i), state.pulley[i]);
+            let (low, high) = (positions[i] - gap, positions[i] + gap);
+            if low <= pulley && pulley <= high {
+                pulley
+            } else if low > pulley {
+                low
+            } else {
+                high
+            }
+        })
+    }
+
+    fn gap(&self, state: &BalanceState, motor: usize) -> f64 {
+        state.gap_scale[motor] * self.motors[motor].gap
+    }
+
+    /// The pulleys that hold a bend.
+    fn pulleys_at(
+        &self,
+        state: &BalanceState,
+        limits: &Limits<D>,
+        bend: &SVector<f64, D>,
+    ) -> SVector<f64, D> {
+        let held = self.resistance(state, limits, bend);
+        let travel = SVector::<f64, D>::from_fn(|i, _| {
+            bend[i] + self.wires(i, limits).stretch(held.force[i]) + self.motors[i].neutral
+        });
+        self.uncoupling * travel
+    }
+}
+
+/// A state, its limits, and those without friction.
+#[derive(Debug)]
+pub struct BalanceOrigin<'a, const D: usize> {
+    state: &'a BalanceState,
+    limits: Limits<D>,
+}
+
+impl<const D: usize> Operator<D> for ForceBalance<D> {
+    type State = BalanceState;
+    type Origin<'a> = BalanceOrigin<'a, D>;
+
+    /// Pulleys in the middle of their gaps, all stops centred.
+    fn begin(&self, counts: &SVector<f64, D>) -> BalanceState {
+        let pulleys = self.positions(counts);
+        let travel = self.travel(&pulleys);
+        let mut state = BalanceState::at(&array(counts), &array(&pulleys));
+        state.bend = array(&travel.component_mul(&self.gain));
+        let limits = self.limits(&state).without_friction();
+        let bend = self.solve(&state, &limits, &travel);
+        self.store(&mut state, &limits, &travel, &bend);
+        state
+    }
+
+    fn advance(&self, state: &mut BalanceState, counts: &SVector<f64, D>) {
+        let from = self.positions(&vector(&state.position));
+        let motion = self.positions(counts) - from;
+        let steps = (motion.amax() / STEP).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
+        for step in 1..=steps {
+            let position = from + motion * (f64::from(step) / f64::from(steps));
+            let pulleys = self.drag(state, &position);
+            if array(&pulleys) == state.pulley {
+                continue;
+            }
+            let limits = self.limits(state);
+            let travel = self.travel(&pulleys);
+            let bend = self.solve(state, &limits, &travel);
+            self.store(state, &limits, &travel, &bend);
+            state.pulley = array(&pulleys);
+        }
+        state.position = array(counts);
+    }
+
+    /// Computed in one step, with the present limits. This is exact for the short motion of a tick,
+    /// and approximate for a long motion. Inside a gap the slope is 0.
+    fn local(&self, state: &BalanceState, counts: &SVector<f64, D>) -> Local<D, D> {
+        let positions = self.positions(counts);
+        let pulleys = self.drag(state, &positions);
+        let limits = self.limits(state);
+        let travel = self.travel(&pulleys);
+        let bend = self.solve(state, &limits, &travel);
+        let mut slope = self.slope(state, &limits, &travel, &bend) * self.coupling;
+        for (i, mut column) in slope.column_iter_mut().enumerate() {
+            // The same sums as in the drag: a rounded difference would do now and then.
+            let (gap, pulley) = (self.gap(state, i), state.pulley[i]);
+            let is_pushed = positions[i] - gap >= pulley || positions[i] + gap <= pulley;
+            column *= if is_pushed { self.motors[i].travel_per_count } else { 0.0 };
+        }
+        for (i, mut row) in slope.row_iter_mut().enumerate() {
+            row /= self.gain[i] * self.motors[i].travel_per_count;
+        }
+        Local { mean: self.virtual_counts_at(&bend), jacobian: slope }
+    }
+
+    fn virtual_counts(&self, state: &BalanceState, counts: &SVector<f64, D>) -> SVector<f64, D> {
+        let pulleys = self.drag(state, &self.positions(counts));
+        if array(&pulleys) == state.pulley {
+            return self.virtual_counts_at(&self.bend(state));
+        }
+        let bend = self.solve(state, &self.limits(state), &self.travel(&pulleys));
+        self.virtual_counts_at(&bend)
+    }
+
+    fn origin<'a>(&'a self, state: &'a BalanceState) -> BalanceOrigin<'a, D> {
+        BalanceOrigin { state, limits: self.limits(state) }
+    }
+
+    fn invert_from(
+        &self,
+        origin: &BalanceOrigin<'_, D>,
+        goal: &SVector<f64, D>,
+        compensation: f64,
+    ) -> SVector<f64, D> {
+        let (state, bend) = (origin.state, self.bend_of(goal));
+        let pulleys = self.pulleys_at(state, &origin.limits, &bend);
+        let mut positions = self.positions(&vector(&state.position));
+        for (i, position) in positions.iter_mut().enumerate() {
+            let (moved, gap) = (pulleys[i] - state.pulley[i], self.gap(state, i));
+            if moved > STILL {
+                *position = pulleys[i] + gap;
+            } else if moved < -STILL {
+                *position = pulleys[i] - gap;
+            }
+        }
+        if compensation < 1.0 {
+            let free = self.pulleys_at(state, &origin.limits.without_friction(), &bend);
+            positions = free + (positions - free) * compensation;
+        }
+        self.counts(&positions)
+    }
+
+    /// One lag per own stop and motor.
+    fn push_lags(&self, state: &BalanceState, lags: &mut Lags) {
+        let limits = self.limits(state);
+        for (motor, own) in state.own.iter().enumerate().take(D) {
+            for (deflection, stop) in own.iter().zip(&self.own) {
+                lags.push(deflection / (stop.reach * limits.own[motor][1]).max(STILL));
+            }
+        }
+    }
+
+    /// An estimate: the gap, the slack, the change of the stretch from one direction of friction to
+    /// the other, and the bend that drags the widest stop from one end to the other.
+    fn wipe_counts(&self) -> MotorVec {
+        let widest = |stops: &[Stop]| {
+            let counted = stops.iter().filter(|stop| stop.share > LEAST_SHARE);
+            counted.map(|stop| stop.reach).fold(0.0, f64::max)
+        };
+        let reach = widest(&self.own).max(if D > 1 { widest(&self.shared) } else { 0.0 });
+        let range = self.motors.each_ref().map(|motor| {
+            let tension = motor.spring * 0.5 * REACH;
+            let coefficient = motor.friction_by_tension[0].max(motor.friction_by_tension[1]);
+            let friction = motor.friction + coefficient * tension;
+            let taut = motor.stiffness[0].min(motor.stiffness[1]);
+            let slack = -motor.preload.iter().sum::<f64>().min(0.0);
+            let travel = 2.0 * motor.gap + slack + 2.0 * friction / taut + 2.0 * reach * friction;
+            CONDITIONING_MARGIN * travel / motor.travel_per_count
+        });
+        array(&vector::<D>(&range))
+    }
+}
+
+impl<const D: usize> StoredOperator<D> for ForceBalance<D> {
+    fn pack(state: BalanceState) -> State {
+        State::Balance(state)
+    }
+
+    fn unpack(state: &State) -> Option<&BalanceState> {
+        match state {
+            State::Balance(state) => Some(state),
+            _ => None,
+        }
+    }
+
+    fn unpack_mut(state: &mut State) -> Option<&mut BalanceState> {
+        match state {
+            State::Balance(state) => Some(state),
+            _ => None,
+        }
+    }
+}

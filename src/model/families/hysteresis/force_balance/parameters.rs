@@ -1,0 +1,202 @@
+//! The parameters of a balance of forces in a model file, and their checks.
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::error::{ModelError, require};
+use crate::model::maths::matrix_checks::parameters;
+
+/// The most own stops of a motor.
+pub const OWN_STOPS: usize = 5;
+
+/// The most shared stops.
+pub const SHARED_STOPS: usize = 2;
+
+/// The bend to which growth with the bend refers, units of travel: half the range of a calibration.
+pub const REACH: f64 = 1000.0;
+
+/// The largest length or force. It keeps squares and cubes far from overflow.
+const LARGEST: f64 = 1e6;
+
+/// The least stiffness and softness: slopes are divided by them.
+const LEAST: f64 = 1e-4;
+
+/// The parameters of a balance of forces in a model file. Lengths and forces are in units of
+/// travel, stiffnesses ratios to that of a taut wire.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BalanceParameters {
+    /// One per motor.
+    pub motors: Vec<BalanceMotor>,
+    /// One to [`OWN_STOPS`]: each motor has all of them.
+    pub own_stops: Vec<BalanceStop>,
+    /// Up to [`SHARED_STOPS`]; none for one motor.
+    pub shared_stops: Vec<BalanceStop>,
+    /// Stiffness while both wires are slack.
+    pub loose_stiffness: f64,
+    /// Half the length of the transition of a wire from slack to taut.
+    pub softness: f64,
+}
+
+/// A motor, its gear, its wires, and what resists it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BalanceMotor {
+    /// Middle of the calibration, counts.
+    pub centre_counts: f64,
+    /// Above 0.
+    pub travel_per_count: f64,
+    /// Travel at which the snake is straight.
+    pub neutral: f64,
+    /// Half the play of the gear, not negative.
+    pub gap: f64,
+    /// Travel per travel of the other motor.
+    pub coupling: f64,
+    /// Of the wire that pulls to positive bends, and of the other; below 0 it is slack.
+    pub preload: [f64; 2],
+    /// Growth of both with the square of the bend, at a bend of [`REACH`].
+    pub preload_growth: f64,
+    /// Of both wires.
+    pub stiffness: [f64; 2],
+    /// Stiffness of the bend, and its relative growth with the square of the bend at [`REACH`].
+    pub spring: f64,
+    /// See `spring`; not negative.
+    pub hardening: f64,
+    /// Friction without tension, a force, not negative.
+    pub friction: f64,
+    /// Friction per tension of both wires, not negative.
+    pub friction_by_tension: [f64; 2],
+    /// Friction per tension of the other motor's wires.
+    pub friction_by_other: f64,
+    /// Relative growth of the friction with the bend of this motor and with that of the other, in
+    /// whatever direction, at [`REACH`].
+    pub friction_growth: [f64; 2],
+    /// Relative growth of the friction along the bend of this motor, at [`REACH`].
+    pub friction_slope: f64,
+    /// Relative excess of the friction of rising over that of falling bends, halved.
+    pub friction_asymmetry: f64,
+}
+
+/// One stop.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BalanceStop {
+    /// Force per bend until it slips, above 0.
+    pub stiffness: f64,
+    /// Share of the friction at which it slips, not negative.
+    pub share: f64,
+}
+
+/// A prepared stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Stop {
+    pub stiffness: f64,
+    pub share: f64,
+    /// Deflection at which it slips, per force.
+    pub reach: f64,
+}
+
+impl Stop {
+    /// In the place of a stop that a file does not have.
+    pub const NONE: Self = Self { stiffness: 0.0, share: 0.0, reach: 0.0 };
+
+    pub fn new(file: &BalanceStop) -> Self {
+        let BalanceStop { stiffness, share } = *file;
+        Self { stiffness, share, reach: share / stiffness }
+    }
+}
+
+impl BalanceParameters {
+    /// Checks all parameters.
+    ///
+    /// # Errors
+    ///
+    /// When a size is wrong or a value is out of its range.
+    pub(super) fn check(&self, motors: usize) -> Result<(), ModelError> {
+        let found = self.motors.len();
+        let key = || "family.balance.motors".to_owned();
+        require(found == motors, key, found, "must be as many as the robot has")?;
+        for (index, motor) in self.motors.iter().enumerate() {
+            motor.check(index)?;
+        }
+        let stops = [
+            ("own_stops", &self.own_stops, 1..=OWN_STOPS),
+            ("shared_stops", &self.shared_stops, 0..=if motors > 1 { SHARED_STOPS } else { 0 }),
+        ];
+        for (name, stops, range) in stops {
+            let key = || format!("family.balance.{name}");
+            require(range.contains(&stops.len()), key, stops.len(), "are too many or too few")?;
+            for (index, stop) in stops.iter().enumerate() {
+                let named = |field: &str| format!("{name}[{index}].{field}");
+                within(stop.stiffness, LEAST, LARGEST, &named("stiffness"))?;
+                within(stop.share, 0.0, LARGEST, &named("share"))?;
+            }
+        }
+        within(self.loose_stiffness, LEAST, LARGEST, "loose_stiffness")?;
+        within(self.softness, LEAST, LARGEST, "softness")?;
+        let product: f64 = self.motors.iter().map(|motor| motor.coupling).product();
+        let key = || "family.balance.motors.coupling".to_owned();
+        require(motors < 2 || product < 0.5, key, product, "the motors must not be one")
+    }
+}
+
+impl BalanceMotor {
+    /// Scales gap, slack and friction of this motor.
+    pub(in crate::model) fn scale_gap(&mut self, factor: f64) {
+        self.gap *= factor;
+        let slack = self.slack() * (factor - 1.0);
+        self.preload = self.preload.map(|preload| preload - slack);
+        self.friction *= factor;
+        self.friction_by_other *= factor;
+        self.friction_by_tension = self.friction_by_tension.map(|friction| factor * friction);
+    }
+
+    /// How slack a wire is on average when the snake is straight; 0 if both are taut.
+    pub(super) fn slack(&self) -> f64 {
+        -0.5 * (self.preload[0] + self.preload[1]).min(0.0)
+    }
+
+    fn check(&self, index: usize) -> Result<(), ModelError> {
+        let name = |field: &str| format!("motors[{index}].{field}");
+        parameters(&[self.centre_counts], || format!("family.balance.{}", name("centre_counts")))?;
+        let positive = [
+            ("travel_per_count", self.travel_per_count),
+            ("stiffness", self.stiffness[0]),
+            ("stiffness", self.stiffness[1]),
+            ("spring", self.spring),
+        ];
+        for (field, value) in positive {
+            within(value, 1e-9, LARGEST, &name(field))?;
+        }
+        let not_negative = [
+            ("gap", self.gap),
+            ("hardening", self.hardening),
+            ("friction", self.friction),
+            ("friction_by_tension", self.friction_by_tension[0]),
+            ("friction_by_tension", self.friction_by_tension[1]),
+        ];
+        for (field, value) in not_negative {
+            within(value, 0.0, LARGEST, &name(field))?;
+        }
+        let signed = [
+            ("neutral", self.neutral),
+            ("coupling", self.coupling),
+            ("preload", self.preload[0]),
+            ("preload", self.preload[1]),
+            ("preload_growth", self.preload_growth),
+            ("friction_by_other", self.friction_by_other),
+            ("friction_growth", self.friction_growth[0]),
+            ("friction_growth", self.friction_growth[1]),
+            ("friction_slope", self.friction_slope),
+            ("friction_asymmetry", self.friction_asymmetry),
+        ];
+        for (field, value) in signed {
+            within(value, -LARGEST, LARGEST, &name(field))?;
+        }
+        Ok(())
+    }
+}
+
+fn within(value: f64, least: f64, largest: f64, name: &str) -> Result<(), ModelError> {
+    let key = || format!("family.balance.{name}");
+    require((least..=largest).contains(&value), key, value, "is out of its range")
+}

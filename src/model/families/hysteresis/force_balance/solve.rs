@@ -1,0 +1,180 @@
+//! Forces on the bend, their slopes, and the bend at which they balance.
+
+use nalgebra::{SMatrix, SVector};
+
+use super::ForceBalance;
+use super::parameters::REACH;
+use super::state::{BalanceState, Limits};
+
+/// A balance is found when the rest of the forces is below this.
+const TOLERANCE: f64 = 1e-6;
+
+/// The most steps of Newton's method. From the state before a step it takes three to six.
+const MAX_ITERATIONS: u32 = 40;
+
+/// The least part of a step that the line search tries. There the direction is taken all the same:
+/// a corner between two pieces is passed so.
+const LEAST_PART: f64 = 0.02;
+
+/// A part of a step has to lower the square of the rest by this part of it.
+const DESCENT: f64 = 0.2;
+
+/// What resists a bend, and how that grows with it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Resistance<const D: usize> {
+    pub force: SVector<f64, D>,
+    pub slope: SMatrix<f64, D, D>,
+}
+
+impl<const D: usize> ForceBalance<D> {
+    /// Spring and friction at a bend after a step from a state.
+    #[inline]
+    pub(super) fn resistance(
+        &self,
+        state: &BalanceState,
+        limits: &Limits<D>,
+        bend: &SVector<f64, D>,
+    ) -> Resistance<D> {
+        let mut found = Resistance { force: SVector::zeros(), slope: SMatrix::zeros() };
+        for (i, motor) in self.motors.iter().enumerate() {
+            let relative = bend[i] / REACH;
+            let hardened = motor.hardening * relative * relative;
+            let mut force = motor.spring * bend[i] * (1.0 + hardened);
+            let mut slope = motor.spring * (1.0 + 3.0 * hardened);
+            let moved = bend[i] - state.bend[i];
+            let [falling, rising] = limits.own[i];
+            for (deflection, stop) in state.own[i].iter().zip(&self.own) {
+                let trial = stop.stiffness * (deflection + moved);
+                let (low, high) = (-stop.share * falling, stop.share * rising);
+                if trial > high {
+                    force += high;
+                } else if trial < low {
+                    force += low;
+                } else {
+                    force += trial;
+                    slope += stop.stiffness;
+                }
+            }
+            found.force[i] = force;
+            found.slope[(i, i)] = slope;
+        }
+        if D > 1 {
+            self.add_shared(state, limits, bend, &mut found);
+        }
+        found
+    }
+
+    fn add_shared(
+        &self,
+        state: &BalanceState,
+        limits: &Limits<D>,
+        bend: &SVector<f64, D>,
+        found: &mut Resistance<D>,
+    ) {
+        let last = D - 1;
+        let moved = [bend[0] - state.bend[0], bend[last] - state.bend[last]];
+        for (deflection, stop) in state.shared.iter().zip(&self.shared) {
+            let trial = [deflection[0] + moved[0], deflection[1] + moved[1]];
+            let (squared, reach) =
+                (trial[0] * trial[0] + trial[1] * trial[1], stop.reach * limits.shared);
+            let (scale, across) = if squared <= reach * reach {
+                (stop.stiffness, 0.0)
+            } else {
+                let length = squared.sqrt();
+                let scale = stop.stiffness * reach / length;
+                (scale, scale / squared)
+            };
+            for (row, at) in [(0, trial[0]), (last, trial[1])] {
+                found.force[row] += scale * at;
+                found.slope[(row, row)] += scale - across * at * at;
+            }
+            found.slope[(0, last)] -= across * trial[0] * trial[1];
+            found.slope[(last, 0)] -= across * trial[0] * trial[1];
+        }
+    }
+
+    /// The rest of the forces at a bend, and the slope of what balances it.
+    #[inline]
+    fn rest(
+        &self,
+        state: &BalanceState,
+        limits: &Limits<D>,
+        travel: &SVector<f64, D>,
+        bend: &SVector<f64, D>,
+    ) -> Resistance<D> {
+        let mut rest = self.resistance(state, limits, bend);
+        for i in 0..D {
+            let pull = self.wires(i, limits).force(travel[i] - bend[i]);
+            rest.force[i] = pull.value - rest.force[i];
+            rest.slope[(i, i)] += pull.slope;
+        }
+        rest
+    }
+
+    /// The bend after a step from a state to a travel; not a number if the travel is none.
+    pub(super) fn solve(
+        &self,
+        state: &BalanceState,
+        limits: &Limits<D>,
+        travel: &SVector<f64, D>,
+    ) -> SVector<f64, D> {
+        let mut bend = self.bend(state);
+        let mut rest = self.rest(state, limits, travel, &bend);
+        let mut square = rest.force.norm_squared();
+        if !square.is_finite() {
+            return SVector::repeat(f64::NAN);
+        }
+        for _ in 0..MAX_ITERATIONS {
+            if square <= TOLERANCE * TOLERANCE {
+                break;
+            }
+            let step = solved(&rest.slope, &rest.force);
+            let mut part = 1.0;
+            loop {
+                let next = bend + step * part;
+                let at = self.rest(state, limits, travel, &next);
+                let left = at.force.norm_squared();
+                if left < square * (1.0 - DESCENT * part) || part < LEAST_PART {
+                    (bend, rest, square) = (next, at, left);
+                    break;
+                }
+                part *= 0.5;
+            }
+        }
+        bend
+    }
+
+    /// Slope of the bend over the travel, at a balance.
+    pub(super) fn slope(
+        &self,
+        state: &BalanceState,
+        limits: &Limits<D>,
+        travel: &SVector<f64, D>,
+        bend: &SVector<f64, D>,
+    ) -> SMatrix<f64, D, D> {
+        let rest = self.rest(state, limits, travel, bend);
+        let mut slope = SMatrix::<f64, D, D>::zeros();
+        for i in 0..D {
+            let mut pull = SVector::<f64, D>::zeros();
+            pull[i] = self.wires(i, limits).force(travel[i] - bend[i]).slope;
+            slope.set_column(i, &solved(&rest.slope, &pull));
+        }
+        slope
+    }
+}
+
+/// Solves the equations of one or two unknowns by Cramer's rule. The matrix is positive definite.
+#[inline]
+fn solved<const D: usize>(slope: &SMatrix<f64, D, D>, force: &SVector<f64, D>) -> SVector<f64, D> {
+    if D == 1 {
+        return force / slope[(0, 0)];
+    }
+    let last = D - 1;
+    let [[a, b], [c, d]] =
+        [[slope[(0, 0)], slope[(0, last)]], [slope[(last, 0)], slope[(last, last)]]];
+    let determinant = a * d - b * c;
+    let mut found = *force;
+    found[0] = (force[0] * d - b * force[last]) / determinant;
+    found[last] = (a * force[last] - c * force[0]) / determinant;
+    found
+}

@@ -1,0 +1,139 @@
+//! The state of a balance of forces, and what a step takes from it.
+
+use nalgebra::SVector;
+use serde::{Deserialize, Serialize};
+
+use super::ForceBalance;
+use super::parameters::{OWN_STOPS, REACH, SHARED_STOPS};
+use super::wires::Wires;
+use crate::model::families::gap_scale::UNSCALED;
+use crate::units::{MAX_MOTORS, MotorVec};
+
+/// Factors on friction stay above this, however far a snake is bent.
+const LEAST_FACTOR: f64 = 0.1;
+
+/// Positions of motors and pulleys, bend, tension of the wires, and deflections of all stops.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct BalanceState {
+    /// Counts.
+    pub(super) position: MotorVec,
+    /// Units of travel, as all that follows.
+    pub(super) pulley: MotorVec,
+    pub(super) bend: MotorVec,
+    pub(super) tension: [[f64; 2]; MAX_MOTORS],
+    pub(super) own: [[f64; OWN_STOPS]; MAX_MOTORS],
+    pub(super) shared: [MotorVec; SHARED_STOPS],
+    /// Factor on gap, slack and friction of every motor: 1 as calibrated.
+    pub(in crate::model) gap_scale: MotorVec,
+}
+
+impl BalanceState {
+    /// Without bend, tension and deflections.
+    pub(super) fn at(position: &MotorVec, pulley: &MotorVec) -> Self {
+        Self {
+            position: *position,
+            pulley: *pulley,
+            bend: MotorVec::default(),
+            tension: [[0.0; 2]; MAX_MOTORS],
+            own: [[0.0; OWN_STOPS]; MAX_MOTORS],
+            shared: [MotorVec::default(); SHARED_STOPS],
+            gap_scale: UNSCALED,
+        }
+    }
+}
+
+/// What stays as before during a step: preload and limits of friction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Limits<const D: usize> {
+    pub preload: [[f64; 2]; D],
+    /// Forces at which all own stops slip, in falling and in rising direction.
+    pub own: [[f64; 2]; D],
+    /// Force at which all shared stops would slip if they had all the friction.
+    pub shared: f64,
+}
+
+impl<const D: usize> Limits<D> {
+    /// Stops that hold nothing.
+    pub fn without_friction(&self) -> Self {
+        Self { own: [[0.0; 2]; D], shared: 0.0, ..*self }
+    }
+}
+
+impl<const D: usize> ForceBalance<D> {
+    /// Preload and limits for a step from a state.
+    pub(super) fn limits(&self, state: &BalanceState) -> Limits<D> {
+        let relative: [f64; D] = std::array::from_fn(|i| state.bend[i] / REACH);
+        let mut limits = Limits { preload: [[0.0; 2]; D], own: [[0.0; 2]; D], shared: 0.0 };
+        let (mut base, mut squared_load) = (0.0, 0.0);
+        for (i, motor) in self.motors.iter().enumerate() {
+            let (scale, own) = (state.gap_scale[i], relative[i]);
+            let across = if D > 1 { relative[D - 1 - i] } else { 0.0 };
+            let growth = motor.preload_growth * own * own;
+            let slack = motor.slack() * (scale - 1.0);
+            limits.preload[i] = motor.preload.map(|preload| preload - slack + growth);
+            let [plus, minus] = state.tension[i];
+            let load = motor.friction_by_tension[0] * plus + motor.friction_by_tension[1] * minus;
+            let other = if D > 1 {
+                motor.friction_by_other * state.tension[D - 1 - i].iter().sum::<f64>()
+            } else {
+                0.0
+            };
+            let [own_growth, other_growth] = motor.friction_growth;
+            let pose = 1.0
+                + own_growth * own.abs()
+                + other_growth * across.abs()
+                + motor.friction_slope * own;
+            let factor = scale * pose.max(LEAST_FACTOR);
+            let friction = (motor.friction + load + other).max(0.0) * factor;
+            limits.own[i] = [-motor.friction_asymmetry, motor.friction_asymmetry]
+                .map(|sense| friction * (1.0 + sense).max(LEAST_FACTOR));
+            base += scale * motor.friction / D as f64;
+            squared_load += (load * factor).powi(2);
+        }
+        limits.shared = base + squared_load.sqrt();
+        limits
+    }
+
+    /// The wires of a motor in a step.
+    #[inline]
+    pub(super) fn wires(&self, motor: usize, limits: &Limits<D>) -> Wires {
+        Wires {
+            preload: limits.preload[motor],
+            stiffness: self.motors[motor].stiffness,
+            softness: self.softness,
+            loose: self.loose_stiffness,
+        }
+    }
+
+    /// Stores the balance that a step has found.
+    pub(super) fn store(
+        &self,
+        state: &mut BalanceState,
+        limits: &Limits<D>,
+        travel: &SVector<f64, D>,
+        bend: &SVector<f64, D>,
+    ) {
+        for i in 0..D {
+            let moved = bend[i] - state.bend[i];
+            let [falling, rising] = limits.own[i];
+            for (deflection, stop) in state.own[i].iter_mut().zip(&self.own) {
+                let (low, high) = (-stop.reach * falling, stop.reach * rising);
+                *deflection = (*deflection + moved).max(low).min(high);
+            }
+            state.tension[i] = self.wires(i, limits).tensions(travel[i] - bend[i]);
+        }
+        if D > 1 {
+            for (deflection, stop) in state.shared.iter_mut().zip(&self.shared) {
+                let trial: MotorVec =
+                    std::array::from_fn(|i| deflection[i] + bend[i.min(D - 1)] - state.bend[i]);
+                let length = trial[0].hypot(trial[1]);
+                let reach = stop.reach * limits.shared;
+                let share = if length <= reach { 1.0 } else { reach / length };
+                *deflection = trial.map(|trial| share * trial);
+            }
+        }
+        for (state, bend) in state.bend.iter_mut().zip(bend.iter()) {
+            *state = *bend;
+        }
+    }
+}

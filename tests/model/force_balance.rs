@@ -1,0 +1,189 @@
+//! Properties of a balance of forces, for all parameters of snakes.
+
+use i2ris::model::file::ModelFile;
+use i2ris::model::hysteresis::Operator;
+use i2ris::model::hysteresis::force_balance::{BalanceParameters, BalanceState, ForceBalance};
+use i2ris::model::{Model, Query};
+use nalgebra::SVector;
+use proptest::prelude::*;
+
+use super::samples::{DEG, balance_file, balances, distance, memory_after, some_balance};
+
+/// Half the range of the motions.
+const REACH: f64 = 1200.0;
+
+/// Turning points of a motion.
+fn turning_points() -> impl Strategy<Value = Vec<[f64; 2]>> {
+    prop::collection::vec(prop::array::uniform2(-REACH..REACH), 1..6)
+}
+
+fn to_vector<const D: usize>(counts: [f64; 2]) -> SVector<f64, D> {
+    SVector::from_fn(|i, _| counts[i])
+}
+
+/// The state after straight motions from one turning point to the next, in steps of `step` counts.
+fn state_after<const D: usize>(
+    operator: &ForceBalance<D>,
+    turning_points: &[[f64; 2]],
+    step: f64,
+) -> BalanceState {
+    let mut at = SVector::<f64, D>::zeros();
+    let mut state = operator.begin(&at);
+    for turn in turning_points {
+        let to = to_vector(*turn);
+        let steps = ((to - at).amax() / step).ceil().max(1.0) as u32;
+        for i in 1..=steps {
+            operator.advance(&mut state, &(at + (to - at) * (f64::from(i) / f64::from(steps))));
+        }
+        at = to;
+    }
+    state
+}
+
+fn check_inverse<const D: usize>(
+    file: &BalanceParameters,
+    turning_points: &[[f64; 2]],
+    to: [f64; 2],
+) {
+    let operator = ForceBalance::<D>::prepare(file).unwrap();
+    let state = state_after(&operator, turning_points, 10.0);
+    let goal = operator.virtual_counts(&state, &to_vector(to));
+    let counts = operator.invert(&state, &goal, 1.0);
+    let reached = operator.virtual_counts(&state, &counts);
+    assert!((reached - goal).amax() < 1e-4, "{reached:?} for {goal:?}");
+}
+
+fn check_jacobian<const D: usize>(
+    file: &BalanceParameters,
+    turning_points: &[[f64; 2]],
+    to: [f64; 2],
+) {
+    let operator = ForceBalance::<D>::prepare(file).unwrap();
+    let state = state_after(&operator, turning_points, 10.0);
+    let local = operator.local(&state, &to_vector(to));
+    for motor in 0..D {
+        let (mut above, mut below) = (to, to);
+        above[motor] += 1e-3;
+        below[motor] -= 1e-3;
+        let found = [above, to, below].map(|at| operator.virtual_counts(&state, &to_vector(at)));
+        let (right, left) = ((found[0] - found[1]) / 1e-3, (found[1] - found[2]) / 1e-3);
+        // When a stop begins to slip or a gap ends, the slope is one-sided.
+        let error = (0.5 * (left + right) - local.jacobian.column(motor)).amax();
+        assert!(error <= (right - left).amax() + 1e-3, "{error}: {left} {right}");
+    }
+}
+
+proptest! {
+    #![proptest_config(i2ris_testing::cases(32))]
+
+    #[test]
+    fn inverse_reaches_the_virtual_counts(
+        one in balances(1),
+        two in balances(2),
+        turning_points in turning_points(),
+        to in prop::array::uniform2(-REACH..REACH),
+    ) {
+        check_inverse::<1>(&one, &turning_points, to);
+        check_inverse::<2>(&two, &turning_points, to);
+    }
+
+    #[test]
+    fn jacobian_matches_the_numerical_derivative(
+        one in balances(1),
+        two in balances(2),
+        turning_points in turning_points(),
+        to in prop::array::uniform2(-REACH..REACH),
+    ) {
+        check_jacobian::<1>(&one, &turning_points, to);
+        check_jacobian::<2>(&two, &turning_points, to);
+    }
+
+    #[test]
+    fn virtual_counts_rise_with_the_counts(
+        file in balances(1),
+        turning_points in turning_points(),
+        to in -REACH..REACH,
+        more in 0.0..9.0,
+    ) {
+        let operator = ForceBalance::<1>::prepare(&file).unwrap();
+        let state = state_after(&operator, &turning_points, 10.0);
+        let [near, far] = [to, to + more]
+            .map(|at| operator.virtual_counts(&state, &SVector::from([at]))[0]);
+        prop_assert!(near <= far + 1e-6, "{near} {far}");
+    }
+
+    #[test]
+    fn prediction_is_the_state_after_a_tick(
+        file in balances(2),
+        turning_points in turning_points(),
+        to in prop::array::uniform2(-4.0..4.0),
+    ) {
+        let operator = ForceBalance::<2>::prepare(&file).unwrap();
+        let mut state = state_after(&operator, &turning_points, 10.0);
+        let at = turning_points.last().map_or([0.0; 2], |last| [last[0] + to[0], last[1] + to[1]]);
+        let predicted = operator.virtual_counts(&state, &SVector::from(at));
+        operator.advance(&mut state, &SVector::from(at));
+        let reached = operator.virtual_counts(&state, &SVector::from(at));
+        prop_assert!((predicted - reached).amax() < 1e-9);
+    }
+}
+
+#[test]
+fn inside_the_gap_nothing_moves() {
+    let file = some_balance(1);
+    let operator = ForceBalance::<1>::prepare(&file).unwrap();
+    let state = state_after(&operator, &[[500.0, 0.0]], 5.0);
+    let gap = 2.0 * file.motors[0].gap / file.motors[0].travel_per_count;
+    let bend = |back: f64| operator.virtual_counts(&state, &SVector::from([500.0 - back]))[0];
+    assert_eq!(bend(0.0), bend(0.9 * gap));
+    assert!(bend(gap + 20.0) < bend(0.0));
+}
+
+#[test]
+fn positions_that_are_no_numbers_give_none() {
+    let operator = ForceBalance::<2>::prepare(&some_balance(2)).unwrap();
+    let state = state_after(&operator, &[[300.0, -200.0]], 5.0);
+    let found = operator.virtual_counts(&state, &SVector::from([f64::NAN, 0.0]));
+    assert!(found.iter().any(|counts| counts.is_nan()));
+}
+
+#[test]
+fn parameters_out_of_range_are_refused() {
+    type Change = fn(&mut BalanceParameters);
+    let changes: [(&str, Change); 7] = [
+        ("motors", |file| file.motors.truncate(1)),
+        ("gap", |file| file.motors[1].gap = -1.0),
+        ("spring", |file| file.motors[0].spring = 0.0),
+        ("neutral", |file| file.motors[0].neutral = f64::NAN),
+        ("own_stops", |file| file.own_stops.clear()),
+        ("softness", |file| file.softness = 0.0),
+        ("coupling", |file| {
+            for motor in &mut file.motors {
+                motor.coupling = 1.0;
+            }
+        }),
+    ];
+    for (key, change) in changes {
+        let mut file = some_balance(2);
+        change(&mut file);
+        let error = ForceBalance::<2>::prepare(&file).unwrap_err().to_string();
+        assert!(error.contains(key), "{key}: {error}");
+    }
+}
+
+#[test]
+fn a_model_of_it_is_accepted_and_follows_its_own_predictions() {
+    for motors in [1, 2] {
+        let model = Model::from_file(balance_file(motors)).unwrap();
+        let again = ModelFile::parse(&serde_json::to_string(model.file()).unwrap()).unwrap();
+        assert_eq!(&again, model.file());
+        let mut memory = memory_after(&model, &[[0.0; 2], [400.0, -300.0], [100.0, 50.0]]);
+        let to = if motors == 1 { [112.0, 0.0] } else { [112.0, 64.0] };
+        let goal = model.predict(&to, &memory).mean;
+        let found = model.invert(&goal, &memory, &Query::new([100.0, 50.0]));
+        assert!(!found.clipped && found.residual < 1e-6, "{found:?}");
+        model.advance(&mut memory, &found.counts);
+        let reached = model.predict(&found.counts, &memory).mean;
+        assert!(distance(&reached, &goal) < 0.05 * DEG, "{reached:?} for {goal:?}");
+    }
+}

@@ -1,0 +1,235 @@
+//! The parameters of a balance as a vector: every number is the distance from what is usual, in
+//! standard deviations. Positive parameters are logarithms.
+
+use i2ris::model::hysteresis::force_balance::{
+    BalanceMotor, BalanceParameters, BalanceStop, OWN_STOPS, SHARED_STOPS,
+};
+use nalgebra::DVector;
+
+/// What is usual of a parameter.
+#[derive(Debug, Clone, Copy)]
+struct Usual {
+    value: f64,
+    deviation: f64,
+    is_logarithm: bool,
+}
+
+const fn positive(value: f64, deviation: f64) -> Usual {
+    Usual { value, deviation, is_logarithm: true }
+}
+
+const fn signed(value: f64, deviation: f64) -> Usual {
+    Usual { value, deviation, is_logarithm: false }
+}
+
+impl Usual {
+    fn decode(&self, at: f64) -> f64 {
+        match self.is_logarithm {
+            true => self.value * (self.deviation * at).exp(),
+            false => self.value + self.deviation * at,
+        }
+    }
+
+    fn encode(&self, value: f64) -> f64 {
+        match self.is_logarithm {
+            true => (value / self.value).ln() / self.deviation,
+            false => (value - self.value) / self.deviation,
+        }
+    }
+
+    /// The deviation of a value whose number has a deviation.
+    fn spread(&self, value: f64, deviation: f64) -> f64 {
+        let scale = if self.is_logarithm { value } else { 1.0 };
+        scale * self.deviation * deviation
+    }
+}
+
+/// Number of parameters of a motor.
+const PER_MOTOR: usize = 17;
+
+/// Places of parameters of a motor.
+pub(super) const GAP: usize = 1;
+pub(super) const PRELOAD: [usize; 2] = [3, 4];
+pub(super) const FRICTION: usize = 9;
+
+/// In units of travel: half the range of a motor is 1000.
+const MOTOR: [Usual; PER_MOTOR] = [
+    signed(0.0, 20.0),
+    positive(10.0, 1.0),
+    signed(0.0, 0.05),
+    signed(15.0, 40.0),
+    signed(15.0, 40.0),
+    signed(0.0, 20.0),
+    signed(0.0, 0.2),
+    positive(0.15, 0.5),
+    positive(0.02, 1.0),
+    positive(30.0, 1.0),
+    positive(0.2, 0.7),
+    positive(0.2, 0.7),
+    signed(0.0, 0.1),
+    signed(0.2, 0.3),
+    signed(0.1, 0.3),
+    signed(0.0, 0.2),
+    signed(0.0, 0.2),
+];
+
+/// Own stops: stiffness and share, the stiffest first. The share of the last one is fixed: only
+/// their ratios matter.
+const OWN_STIFFNESS: [Usual; OWN_STOPS] = [
+    positive(10.0, 0.5),
+    positive(4.0, 0.5),
+    positive(1.6, 0.5),
+    positive(0.6, 0.5),
+    positive(0.25, 0.5),
+];
+const OWN_SHARE: [Usual; OWN_STOPS - 1] =
+    [positive(1.0, 1.0), positive(1.0, 1.0), positive(1.0, 1.0), positive(0.5, 1.0)];
+const LAST_SHARE: f64 = 0.7;
+
+const SHARED_STIFFNESS: [Usual; SHARED_STOPS] = [positive(6.0, 0.7), positive(1.5, 0.7)];
+const SHARED_SHARE: Usual = positive(0.2, 1.0);
+const LOOSE: Usual = positive(0.08, 0.7);
+const SOFTNESS: Usual = positive(8.0, 0.5);
+
+/// The parameters of a number of motors.
+#[derive(Debug, Clone)]
+pub(super) struct Layout {
+    /// Middle and travel per count of every motor.
+    scales: Vec<(f64, f64)>,
+}
+
+impl Layout {
+    pub fn new(scales: Vec<(f64, f64)>) -> Self {
+        Self { scales }
+    }
+
+    pub fn motors(&self) -> usize {
+        self.scales.len()
+    }
+
+    fn usual(&self) -> Vec<Usual> {
+        let motors = self.scales.iter().flat_map(|_| MOTOR);
+        let own = OWN_STIFFNESS.into_iter().chain(OWN_SHARE);
+        let mut usual: Vec<Usual> = motors.chain(own).collect();
+        if self.motors() > 1 {
+            usual.extend(SHARED_STIFFNESS.into_iter().chain([SHARED_SHARE; SHARED_STOPS]));
+        }
+        usual.extend([LOOSE, SOFTNESS]);
+        usual
+    }
+
+    /// The usual parameters with a preload and a gap, units of travel.
+    pub fn start(&self, preload: f64, gap: f64) -> DVector<f64> {
+        let mut at = DVector::zeros(self.usual().len());
+        for motor in 0..self.motors() {
+            let first = motor * PER_MOTOR;
+            at[first + GAP] = MOTOR[GAP].encode(gap);
+            for place in PRELOAD {
+                at[first + place] = MOTOR[place].encode(preload);
+            }
+        }
+        at
+    }
+
+    pub fn decode(&self, at: &DVector<f64>) -> BalanceParameters {
+        let usual = self.usual();
+        let mut values = usual.iter().zip(at.iter()).map(|(usual, at)| usual.decode(*at));
+        let mut next = || values.next().unwrap_or_default();
+        let motor = |(centre_counts, travel_per_count): &(f64, f64)| {
+            let mut motor = BalanceMotor {
+                centre_counts: *centre_counts,
+                travel_per_count: *travel_per_count,
+                neutral: next(),
+                gap: next(),
+                coupling: next(),
+                preload: [next(), next()],
+                preload_growth: next(),
+                stiffness: [next(), 0.0],
+                spring: next(),
+                hardening: next(),
+                friction: next(),
+                friction_by_tension: [next(), next()],
+                friction_by_other: next(),
+                friction_growth: [next(), next()],
+                friction_slope: next(),
+                friction_asymmetry: next(),
+            };
+            let ratio = motor.stiffness[0].exp();
+            motor.stiffness = [ratio, 1.0 / ratio];
+            if self.scales.len() == 1 {
+                (motor.coupling, motor.friction_by_other) = (0.0, 0.0);
+                motor.friction_growth[1] = 0.0;
+            }
+            motor
+        };
+        let motors = self.scales.iter().map(motor).collect();
+        let stiffness: [f64; OWN_STOPS] = std::array::from_fn(|_| next());
+        let mut shares = [LAST_SHARE; OWN_STOPS];
+        for share in &mut shares[..OWN_STOPS - 1] {
+            *share = next();
+        }
+        let sum: f64 = shares.iter().sum();
+        let stop = |(stiffness, share): (f64, f64)| BalanceStop { stiffness, share };
+        let own_stops = stiffness.into_iter().zip(shares.map(|share| share / sum)).map(stop);
+        let own_stops = own_stops.collect();
+        let mut shared_stops = Vec::new();
+        if self.scales.len() > 1 {
+            let stiffness: [f64; SHARED_STOPS] = std::array::from_fn(|_| next());
+            shared_stops.extend(stiffness.map(|stiffness| stop((stiffness, next()))));
+        }
+        let (loose_stiffness, softness) = (next(), next());
+        BalanceParameters { motors, own_stops, shared_stops, loose_stiffness, softness }
+    }
+
+    /// The vector of parameters that [`Self::decode`] has given.
+    pub fn encode(&self, balance: &BalanceParameters) -> DVector<f64> {
+        let mut values = Vec::new();
+        for motor in &balance.motors {
+            values.extend([motor.neutral, motor.gap, motor.coupling]);
+            values.extend(motor.preload);
+            values.extend([motor.preload_growth, motor.stiffness[0].ln(), motor.spring]);
+            values.extend([motor.hardening, motor.friction]);
+            values.extend(motor.friction_by_tension);
+            values.push(motor.friction_by_other);
+            values.extend(motor.friction_growth);
+            values.extend([motor.friction_slope, motor.friction_asymmetry]);
+        }
+        values.extend(balance.own_stops.iter().map(|stop| stop.stiffness));
+        let last = balance.own_stops.last().map_or(1.0, |stop| stop.share);
+        let own = balance.own_stops.iter().map(|stop| stop.share * LAST_SHARE / last);
+        values.extend(own.take(OWN_STOPS - 1));
+        values.extend(balance.shared_stops.iter().map(|stop| stop.stiffness));
+        values.extend(balance.shared_stops.iter().map(|stop| stop.share));
+        values.extend([balance.loose_stiffness, balance.softness]);
+        let usual = self.usual();
+        let numbers = usual.iter().zip(values).map(|(usual, value)| usual.encode(value));
+        DVector::from_vec(numbers.collect())
+    }
+
+    /// Value and deviation of a parameter of a motor, by the deviations of all numbers.
+    pub fn spread(
+        &self,
+        (motor, place): (usize, usize),
+        at: &DVector<f64>,
+        deviations: &DVector<f64>,
+    ) -> (f64, f64) {
+        let index = motor * PER_MOTOR + place;
+        let value = MOTOR[place].decode(at[index]);
+        (value, MOTOR[place].spread(value, deviations[index]))
+    }
+
+    pub fn travel_per_count(&self, motor: usize) -> f64 {
+        self.scales[motor].1
+    }
+
+    /// Index of a parameter of a motor.
+    pub fn index(&self, motor: usize, place: usize) -> usize {
+        motor * PER_MOTOR + place
+    }
+
+    /// Indices of the shares of the shared stops.
+    pub fn shared_shares(&self) -> std::ops::Range<usize> {
+        let first = self.motors() * PER_MOTOR + 2 * OWN_STOPS - 1;
+        if self.motors() > 1 { first + SHARED_STOPS..first + 2 * SHARED_STOPS } else { 0..0 }
+    }
+}

@@ -1,0 +1,132 @@
+//! What a fitted balance says of the robot, with standard deviations.
+
+use std::fmt;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::layout::{FRICTION, GAP, Layout, PRELOAD};
+
+/// A parameter whose deviation is above this part of what is usual was not shown by the recording.
+const NOT_SHOWN: f64 = 0.8;
+
+/// Errors of neighbouring samples count as so many at most.
+const MOST_ALIKE: f64 = 100.0;
+
+/// Properties of the mechanism.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BalanceMechanism {
+    /// One per motor.
+    pub motors: Vec<BalanceMotorFound>,
+    /// What the recording did not show.
+    pub not_shown: Vec<String>,
+}
+
+/// A number with its standard deviation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measured {
+    /// The number.
+    pub value: f64,
+    /// Its standard deviation.
+    pub deviation: f64,
+}
+
+/// Properties of one motor, counts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BalanceMotorFound {
+    /// Play of the gear, from flank to flank.
+    pub gap: Measured,
+    /// Mean preload of both wires; below 0 they are slack.
+    pub preload: Measured,
+    /// Stretch of a wire that overcomes the friction without tension.
+    pub friction: Measured,
+}
+
+impl fmt::Display for Measured {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.1} +- {:.1}", self.value, self.deviation)
+    }
+}
+
+impl BalanceMechanism {
+    /// From the parameters at the minimum, the slopes of all residuals there, and the errors of the
+    /// outputs. The rows of the distance from the usual parameters are the last of the slopes.
+    pub(super) fn new(
+        layout: &Layout,
+        at: &DVector<f64>,
+        slopes: &DMatrix<f64>,
+        errors: &DMatrix<f64>,
+    ) -> Self {
+        let parameters = at.len();
+        let data = slopes.rows(0, slopes.nrows() - parameters);
+        let information = data.tr_mul(&data) / alike(errors);
+        let covariance = (information + DMatrix::identity(parameters, parameters)).try_inverse();
+        let covariance = covariance.unwrap_or_else(|| DMatrix::identity(parameters, parameters));
+        let deviations = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
+        let mut not_shown = Vec::new();
+        let motor = |motor: usize| {
+            let per_count = layout.travel_per_count(motor);
+            let spread = |place: usize, factor: f64| {
+                let (value, deviation) = layout.spread((motor, place), at, &deviations);
+                let scale = factor / per_count;
+                Measured { value: scale * value, deviation: scale * deviation }
+            };
+            let named = [("gap", GAP), ("preload", PRELOAD[0]), ("friction", FRICTION)];
+            for (name, place) in named {
+                if deviations[layout.index(motor, place)] > NOT_SHOWN {
+                    not_shown.push(format!("{name} of motor {motor}"));
+                }
+            }
+            let [plus, minus] = PRELOAD.map(|place| layout.index(motor, place));
+            let (of_plus, of_minus) = (spread(PRELOAD[0], 0.5), spread(PRELOAD[1], 0.5));
+            let together = covariance[(plus, minus)]
+                / (deviations[plus] * deviations[minus]).max(f64::MIN_POSITIVE);
+            let variance = of_plus.deviation.powi(2)
+                + of_minus.deviation.powi(2)
+                + 2.0 * together * of_plus.deviation * of_minus.deviation;
+            BalanceMotorFound {
+                gap: spread(GAP, 2.0),
+                preload: Measured {
+                    value: of_plus.value + of_minus.value,
+                    deviation: variance.max(0.0).sqrt(),
+                },
+                friction: spread(FRICTION, 1.0),
+            }
+        };
+        let motors = (0..layout.motors()).map(motor).collect();
+        let mut shared = layout.shared_shares();
+        if layout.motors() > 1 && shared.all(|share| deviations[share] > NOT_SHOWN) {
+            not_shown.push("friction that both axes share".to_owned());
+        }
+        Self { motors, not_shown }
+    }
+}
+
+/// How many samples count as one, because their errors are alike: by the correlation of neighbours.
+fn alike(errors: &DMatrix<f64>) -> f64 {
+    let rows = errors.nrows();
+    let before = errors.rows(0, rows - 1);
+    let after = errors.rows(1, rows - 1);
+    let correlation = before.dot(&after) / errors.norm_squared().max(f64::MIN_POSITIVE);
+    let correlation = correlation.clamp(0.0, 0.99);
+    ((1.0 + correlation) / (1.0 - correlation)).min(MOST_ALIKE)
+}
+
+impl fmt::Display for BalanceMechanism {
+    /// A line per motor, then what is not known.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (motor, found) in self.motors.iter().enumerate() {
+            let wires = if found.preload.value < 0.0 { "slack" } else { "preload" };
+            let preload = Measured { value: found.preload.value.abs(), ..found.preload };
+            writeln!(
+                f,
+                "motor {motor}: gap {} counts, {wires} {preload} counts, friction {} counts of \
+                 stretch without tension",
+                found.gap, found.friction
+            )?;
+        }
+        if !self.not_shown.is_empty() {
+            writeln!(f, "not shown by this recording: {}", self.not_shown.join(", "))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,27 @@
+//! The fit of a balance of forces.
+//!
+//! The parameters are the minimum of the squared error of the outputs along the whole path and of
+//! the squared distance from usual parameters ([`layout`]). The polynomial from the bend to the
+//! outputs is solved for in every step of the search (variable projection, G. H. Golub and V.
+//! Pereyra 1973), with a penalty that grows with its degree. The search starts from several
+//! preloads and gaps: a start with the wrong one ends in a local minimum. The inverse of the normal
+//! equations at the end gives the deviations of the parameters, and tells which of them the
+//! recording does not show.
+//!
+//! | file | contents |
+//! |---|---|
+//! | `layout` | parameters as numbers of the order of 1, with what is usual |
+//! | `target` | the path, the samples along it, and the bend that parameters give there |
+//! | `read_out` | the polynomial of the outputs |
+//! | `objective` | the sum of squares |
+//! | `search` | the whole fit |
+//! | `mechanism` | what the parameters say of the robot |
+
+mod layout;
+pub mod mechanism;
+mod objective;
+mod read_out;
+pub mod search;
+mod target;
+#[cfg(test)]
+mod tests;

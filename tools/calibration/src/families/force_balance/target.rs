@@ -1,0 +1,107 @@
+//! The path of the motors, the samples along it, and the bend that parameters give there.
+
+use i2ris::model::hysteresis::Operator;
+use i2ris::model::hysteresis::force_balance::{BalanceParameters, ForceBalance, REACH};
+use i2ris::units::MAX_OUTPUTS;
+use i2ris_report::statistics::min_max;
+use nalgebra::{DMatrix, SVector};
+
+use super::layout::Layout;
+use crate::series::Series;
+
+/// Part of the range of every motor that has to be covered before samples count: before that, the
+/// memory is a guess.
+const CONDITIONED: f64 = 0.25;
+
+/// A path and what was measured along it.
+#[derive(Debug, Clone)]
+pub(super) struct Target<const D: usize> {
+    path: Vec<SVector<f64, D>>,
+    samples: Vec<(usize, [f64; MAX_OUTPUTS])>,
+    pub outputs: usize,
+    pub layout: Layout,
+}
+
+impl<const D: usize> Target<D> {
+    pub fn new(series: &Series) -> Self {
+        let (mut scales, mut ranges) = (Vec::new(), [0.0; 2]);
+        for motor in 0..D {
+            let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
+            scales.push((0.5 * (low + high), 2.0 * REACH / (high - low).max(1.0)));
+            ranges[motor] = CONDITIONED * (high - low);
+        }
+        let from = series.covered_from(&ranges);
+        let samples = series.samples().iter();
+        let mut samples: Vec<_> =
+            samples.map(|sample| (sample.path_index, sample.outputs)).collect();
+        let first = samples.partition_point(|(place, _)| *place < from);
+        if 2 * first <= samples.len() {
+            samples.drain(..first);
+        }
+        let vector = |counts: &[f64; 2]| SVector::from_fn(|i, _| counts[i]);
+        Self {
+            path: series.path().iter().map(vector).collect(),
+            samples,
+            outputs: series.outputs(),
+            layout: Layout::new(scales),
+        }
+    }
+
+    pub fn samples(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// The measured outputs, one row per sample.
+    pub fn measured(&self) -> DMatrix<f64> {
+        DMatrix::from_fn(self.samples.len(), self.outputs, |row, output| {
+            self.samples[row].1[output]
+        })
+    }
+
+    /// The counts of every sample.
+    pub fn counts(&self) -> DMatrix<f64> {
+        DMatrix::from_fn(self.samples.len(), D, |row, motor| self.path[self.samples[row].0][motor])
+    }
+
+    /// Every so many-th sample, and a path of points about `spacing` units of travel apart, with
+    /// all its turning points.
+    pub fn thinned(&self, every: usize, spacing: f64) -> Self {
+        let mut samples: Vec<_> = self.samples.iter().copied().step_by(every.max(1)).collect();
+        let spacing: [f64; D] = std::array::from_fn(|i| spacing / self.layout.travel_per_count(i));
+        let mut path: Vec<SVector<f64, D>> = Vec::new();
+        let mut last = SVector::<f64, D>::zeros();
+        let mut wanted = samples.iter_mut().peekable();
+        for (place, counts) in self.path.iter().enumerate() {
+            let next = self.path.get(place + 1).unwrap_or(counts);
+            let turns = (0..D).any(|i| (counts[i] - last[i]) * (next[i] - counts[i]) < 0.0);
+            let far = (0..D).any(|i| (counts[i] - last[i]).abs() >= spacing[i]);
+            let is_sampled = wanted.peek().is_some_and(|sample| sample.0 == place);
+            if path.is_empty() || far || turns || is_sampled {
+                path.push(*counts);
+                last = *counts;
+            }
+            while let Some(sample) = wanted.next_if(|sample| sample.0 == place) {
+                sample.0 = path.len() - 1;
+            }
+        }
+        Self { path, samples, ..self.clone() }
+    }
+
+    /// The bend at every sample, relative to the reach; `None` where there is no model.
+    pub fn bends(&self, balance: &BalanceParameters) -> Option<DMatrix<f64>> {
+        let operator = ForceBalance::<D>::prepare(balance).ok()?;
+        let mut state = operator.begin(self.path.first()?);
+        let mut bends = DMatrix::zeros(self.samples.len(), D);
+        let mut next = 0;
+        for (row, (place, _)) in self.samples.iter().enumerate() {
+            for counts in self.path.get(next..=*place)? {
+                operator.advance(&mut state, counts);
+            }
+            next = place + 1;
+            for (motor, bend) in operator.bend(&state).iter().enumerate() {
+                bends[(row, motor)] = bend / REACH;
+            }
+        }
+        bends.iter().all(|bend| bend.is_finite()).then_some(bends)
+    }
+}
