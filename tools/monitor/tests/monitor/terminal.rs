@@ -3,11 +3,14 @@
 
 use std::fs::{self, File};
 use std::io::Read;
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::OpenOptionsExt;
 
 use i2ris::clock;
 use i2ris::ipc::{Fault, ModelAction, OperatingState, StateCommand};
 use i2ris_testing::{Controller, Terminal, program, serve, unique_domain, wait_for_end};
-use nix::pty::{OpenptyResult, openpty};
+use nix::fcntl::OFlag;
+use nix::pty::{grantpt, posix_openpt, ptsname_r, unlockpt};
 use nix::sys::signal::{Signal, kill};
 
 const KEYS: [&str; 9] = [
@@ -166,13 +169,20 @@ fn the_terminal_is_put_back_by_q_and_by_signals() {
 #[test]
 fn a_terminal_that_is_gone_ends_it_without_a_signal() {
     let controller = Controller::enabled();
-    let OpenptyResult { master, slave } = openpty(None, None).unwrap();
+    // Closed in every child: one that had it would keep the terminal there.
+    let flags = OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_CLOEXEC;
+    let master = posix_openpt(flags).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let mut options = File::options();
+    options.read(true).write(true).custom_flags(OFlag::O_NOCTTY.bits());
+    let slave = options.open(ptsname_r(&master).unwrap()).unwrap();
     let mut command = program::command(&["monitor"]);
     command.env("I2RIS_DOMAIN", controller.domain.name()).env("TERM", "xterm-256color");
     command.stdin(slave.try_clone().unwrap()).stdout(slave.try_clone().unwrap());
     let mut child = command.stderr(slave).spawn().unwrap();
     drop(command);
-    let mut screen = File::from(master);
+    let mut screen = File::from(OwnedFd::from(master));
     // It draws, so it has the terminal.
     screen.read_exact(&mut [0; 512]).unwrap();
     drop(screen);
