@@ -103,11 +103,8 @@ impl Session {
     /// Waits a moment for keys and does what they say. Returns whether something has to be drawn at
     /// once.
     fn keys(&mut self) -> Result<bool, Failure> {
-        // Reading from it would find its end for ever, and crossterm does so inside of `poll`.
-        if Screen::is_gone() {
-            return Err("the terminal is gone".into());
-        }
-        let mut any = event::poll(Duration::from_nanos(READ_PERIOD.0))?;
+        // Not by crossterm: it reads the end of a terminal that goes for ever, inside of its `poll`.
+        let mut any = Screen::is_typed(READ_PERIOD)? && event::poll(Duration::ZERO)?;
         let typed = any;
         while any {
             // A change of size also arrives here; drawing handles it.

@@ -410,7 +410,7 @@ class Arm:
         if state.fault_code:
             lines.append(str(self._fault(state)))
         if not state.homed:
-            lines.append("not homed: straighten the snake, then home()")
+            lines.append("not homed: straighten the snake, then home(straightened=True)")
         elif state.state == "DISABLED":
             lines.append("the drives are off: enable()")
         elif state.state == "PAUSED":

@@ -4,7 +4,9 @@ use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::os::fd::AsFd;
 
 use i2ris::process::console_log::ConsoleLog;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+use i2ris::units::Nanos;
+use nix::errno::Errno;
+use nix::poll::{PollFd, PollFlags, poll};
 
 /// Standard output: a block of lines that is redrawn in place on a terminal, and appended
 /// elsewhere.
@@ -32,14 +34,24 @@ impl Screen {
         Ok(Self { log: Some(ConsoleLog::start(io::stdout())?), ..Self::stdout() })
     }
 
-    /// Whether the terminal behind standard output was closed.
-    #[must_use]
-    pub fn is_gone() -> bool {
-        let output = io::stdout();
-        let mut outputs = [PollFd::new(output.as_fd(), PollFlags::empty())];
-        let closed = PollFlags::POLLHUP | PollFlags::POLLERR | PollFlags::POLLNVAL;
-        poll(&mut outputs, PollTimeout::ZERO).is_ok()
-            && outputs[0].revents().is_some_and(|events| events.intersects(closed))
+    /// Waits a moment for keys.
+    ///
+    /// # Errors
+    ///
+    /// When the terminal behind standard input is gone.
+    pub fn is_typed(span: Nanos) -> io::Result<bool> {
+        let input = io::stdin();
+        let mut inputs = [PollFd::new(input.as_fd(), PollFlags::POLLIN)];
+        let span_ms = u16::try_from(span.0 / 1_000_000).unwrap_or(u16::MAX);
+        match poll(&mut inputs, span_ms) {
+            Err(Errno::EINTR) => return Ok(false),
+            outcome => outcome?,
+        };
+        let found = inputs[0].revents().unwrap_or(PollFlags::empty());
+        if found.intersects(PollFlags::POLLHUP | PollFlags::POLLERR | PollFlags::POLLNVAL) {
+            return Err(io::Error::other("the terminal is gone"));
+        }
+        Ok(found.contains(PollFlags::POLLIN))
     }
 
     /// Whether it is a terminal.

@@ -292,18 +292,18 @@ try:
     except Refused as refused:
         assert 'broken.json' in str(refused), refused
     try:
-        arm.model.rollback(force=True)
+        lead.model.rollback(force=True)
         raise AssertionError('nothing to go back to')
     except Refused as refused:
         assert 'no model was in use before' in str(refused), refused
     staged = arm.model.stage(second)
     assert staged.active.id == first.active.id and staged.staged.id != first.active.id, staged
     try:
-        arm.model.activate('0' * 64, force=True)
+        lead.model.activate('0' * 64, force=True)
         raise AssertionError('another model than the staged one')
     except Refused as refused:
         assert 'not staged' in str(refused), refused
-    arm.model.activate(staged.staged.id, force=True)
+    lead.model.activate(staged.staged.id, force=True)
     def in_use(model):
         limit = time.monotonic() + 15.0
         while (models := arm.model.list()).active.id != model:
@@ -312,7 +312,7 @@ try:
         return models
     swapped = in_use(staged.staged.id)
     assert swapped.previous.id == first.active.id, swapped
-    arm.model.rollback(force=True)
+    lead.model.rollback(force=True)
     in_use(first.active.id)
     before = arm.operating_state().accepted
     state = arm.wait_for(lambda state: state.accepted > before + 20)

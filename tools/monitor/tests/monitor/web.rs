@@ -151,7 +151,7 @@ fn several_browsers_see_the_same() {
 #[test]
 fn without_a_controller_the_page_waits_for_one_and_says_when_it_goes() {
     let served = Served::start(&unique_domain());
-    let live = served.live("");
+    let live = served.wait("the reason", |live| live["problem"].is_string());
     assert!(live["problem"].as_str().unwrap().contains("no controller serves domain"), "{live}");
     assert_eq!(live["state"], json!(null));
 

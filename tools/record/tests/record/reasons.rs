@@ -171,7 +171,8 @@ fn python_has_the_versions_of_the_controller() {
 
 const SCRIPT: &str = "
 import json, sys, time
-from i2ris.arm import Arm, Fault, Refused, _sentence
+from i2ris.arm import Arm, Fault, Refused
+from i2ris.values import _sentence
 
 with Arm(sys.argv[1]) as arm:
     end = time.monotonic() + 20.0

@@ -1,7 +1,7 @@
 //! The fit of a balance of forces.
 //!
 //! The parameters are the minimum of the squared error of the outputs along the whole path and of
-//! the squared distance from usual parameters ([`layout`]). The polynomial from the bend to the
+//! the squared distance from usual parameters (`layout`). The polynomial from the bend to the
 //! outputs is solved for in every step of the search (variable projection, G. H. Golub and V.
 //! Pereyra 1973), with a penalty that grows with its degree. The search starts from several
 //! preloads and gaps: a start with the wrong one ends in a local minimum. The inverse of the normal
