@@ -18,7 +18,7 @@ import threading
 import time
 from dataclasses import dataclass, field
 
-from cyclonedds.core import Policy, Qos
+from cyclonedds.core import DDSStatus, Policy, Qos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import float64, int32, sequence, uint8, uint32
@@ -180,9 +180,9 @@ class MoveHandle:
 
 
 class Arm:
-    """An arm of CRTK."""
+    """An arm of CRTK. CRTK's own client does not ask for latched states."""
 
-    def __init__(self, name: str, domain: int | None = None) -> None:
+    def __init__(self, name: str, domain: int | None = None, latched: bool = True) -> None:
         if domain is None:
             domain = int(os.environ.get("ROS_DOMAIN_ID", "0"))
         self.name = name
@@ -198,7 +198,7 @@ class Arm:
             "measured_js": self.reader("measured_js", JointState),
             "setpoint_js": self.reader("setpoint_js", JointState),
             "measured_cp": self.reader("measured_cp", PoseStamped),
-            "operating_state": self.reader("operating_state", OperatingState, latched=True),
+            "operating_state": self.reader("operating_state", OperatingState, latched),
         }
         for word in self.said:
             self._readers[word] = self.reader(word, String, latched=True)
@@ -259,7 +259,7 @@ class Arm:
 
         def heard() -> bool:
             writers = [*self._servo.values(), self._state_command, self._hold]
-            matched = all(writer.get_matched_subscriptions() for writer in writers)
+            matched = all(writer.read_status(DDSStatus.PublicationMatched) for writer in writers)
             return matched and self.operating_state() != "UNDEFINED"
 
         end = time.time() + timeout

@@ -20,6 +20,10 @@ pub(crate) enum Event {
     Status(String),
     /// Something that somebody should do something about.
     Warning(String),
+    /// Somebody asked for the state that is there already.
+    AskedAgain,
+    /// A reader of the operating state was found.
+    ReaderCame,
     /// A client asked for a motion; the answer follows.
     MoveAsked,
     /// The controller moves, since this instant; or does not.

@@ -91,6 +91,7 @@ pub fn run(
         events,
         names: names.clone(),
         state: state.clone(),
+        state_writer: outputs.operating_state.guid(),
     };
     let inbound = Inbound::new(&context, &mut node, inputs, services, shared)?;
     let outbound = Outbound::new(

@@ -6,6 +6,9 @@
 use ros2_client::Message;
 use serde::{Deserialize, Serialize};
 
+/// The names of the joints; also those of the URDF.
+pub const JOINTS: [&str; 2] = ["pitch", "yaw"];
+
 /// A message that a topic can have.
 pub trait Typed {
     /// Package and name of its type.

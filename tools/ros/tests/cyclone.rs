@@ -163,6 +163,27 @@ print('done')
 }
 
 #[test]
+fn a_foreign_end_that_comes_late_and_reads_volatile_enables_and_moves() {
+    let script = "
+import time
+from crtk_arm import Arm
+first = Arm('i2ris')
+first.check_connections()
+assert first.home() and first.enable(), first.said
+late = Arm('i2ris', latched=False)
+assert late._wait(20.0, lambda: late.operating_state() == 'ENABLED'), late.states
+asked = time.time()
+assert late.enable(5.0), late.said
+assert late._wait(5.0, lambda: late.states[-1].header.stamp.seconds() > asked), late.states
+assert late.move_jp([0.02, 0.0]).wait(), late.said
+print('done')
+";
+    if let Some((_robot, _bridge, out)) = run(&[], script) {
+        assert!(out.contains("done"), "{out}");
+    }
+}
+
+#[test]
 fn services_answer_as_cyclone_dds_asks() {
     let script = "
 import time

@@ -121,7 +121,7 @@ fn h24_a_state_command_with_an_old_stamp_is_refused() {
     peer.wait_for_line("warning", "kept for late joiners");
     assert!(!peer.seen.iter().any(|state| state.is_homed));
     peer.command("dance");
-    let line = peer.wait_for_line("warning", "none of enable");
+    let line = peer.wait_for_line("warning", "\"dance\" is none of enable");
     assert!(line.starts_with("/console: state_command"), "{line}");
     drop((robot, bridge));
 }

@@ -97,6 +97,79 @@ fn one_who_comes_late_gets_the_state_and_what_was_said() {
 }
 
 #[test]
+fn a_state_that_is_there_already_is_said_again() {
+    let (_robot, bridge, mut peer) = start(&[]);
+    peer.enable();
+    let now = || {
+        let unix = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+        unix.unwrap().as_nanos() as u64
+    };
+    for word in ["enable", "resume", "home", "pause", "pause", "disable", "disable"] {
+        let asked = now();
+        peer.command(word);
+        peer.wait_for(word, |state| unix_ns(state) > asked);
+        let state = if word == "pause" { "PAUSED" } else { "ENABLED" };
+        let state = if word == "disable" { "DISABLED" } else { state };
+        peer.wait_for(word, |found| found.state == state && !found.is_busy);
+    }
+    let lines = bridge.lines();
+    assert!(!lines.iter().any(|line| line.starts_with("warning")), "{lines:?}");
+}
+
+#[test]
+fn joints_go_by_their_names_and_those_of_another_robot_are_refused() {
+    let (robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let named = |names: [&str; 2], degrees: [f64; 2]| JointState {
+        name: names.map(str::to_owned).to_vec(),
+        position: degrees.map(f64::to_radians).to_vec(),
+        ..JointState::default()
+    };
+    peer.send_message("move_jp", named(["yaw", "pitch"], [-2.0, 4.0]));
+    peer.wait_for("it is busy", |state| state.is_busy);
+    peer.wait_for("it has moved", |state| !state.is_busy);
+    let [pitch, yaw] = peer.setpoint_degrees();
+    assert!((pitch - 4.0).abs() < 0.2 && (yaw + 2.0).abs() < 0.2, "{pitch} {yaw}");
+    robot.wait_until_still();
+    let from = clock::now();
+    for names in [["outer_yaw", "outer_pitch"], ["pitch", "pitch"]] {
+        peer.send_message("move_jp", named(names, [1.0, 1.0]));
+        let line = peer.wait_for_line("warning", "those of this robot are pitch and yaw");
+        assert!(line.contains("/console: move_jp: "), "{line}");
+        peer.said.clear();
+        clock::sleep(Nanos::from_millis(1100));
+    }
+    for _ in 0..20 {
+        peer.send_message("servo_jp", named(["outer_yaw", "outer_pitch"], [4.5, -2.0]));
+        clock::sleep(Nanos::from_millis(5));
+    }
+    peer.wait_for_line("warning", "servo_jp: it names \"outer_yaw\"");
+    assert!(!robot.moved_since(from));
+}
+
+#[test]
+fn a_velocity_that_is_not_used_is_said_once() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let goal = |velocity| JointState {
+        position: vec![0.0; 2],
+        velocity: vec![velocity; 2],
+        ..JointState::default()
+    };
+    for velocity in [0.0, 0.1, 0.2, 0.3] {
+        peer.send_message("servo_jp", goal(velocity));
+        clock::sleep(Nanos::from_millis(20));
+        peer.send_message("servo_jp", goal(velocity));
+        clock::sleep(Nanos::from_millis(20));
+    }
+    peer.wait_for_line("warning", "/console: servo_jp: its velocity is not used");
+    clock::sleep(Nanos::from_millis(1500));
+    peer.update();
+    let said = peer.said.iter().filter(|(_, line)| line.contains("velocity"));
+    assert_eq!(said.count(), 1, "{:?}", peer.said);
+}
+
+#[test]
 fn the_tip_and_the_frames_are_those_of_the_bend() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.enable();

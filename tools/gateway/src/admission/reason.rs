@@ -31,11 +31,13 @@ pub enum Reason {
     NotFinite,
     #[error("the message does not have the type of the topic")]
     Undecodable,
+    #[error("it names {name:?}; those of this robot are {own}, each once")]
+    JointName { name: String, own: String },
     #[error(
-        "it is none of enable, disable, pause, resume, home, unhome, condition, acknowledge, \
+        "{0:?} is none of enable, disable, pause, resume, home, unhome, condition, acknowledge, \
          release, hold"
     )]
-    UnknownCommand,
+    UnknownCommand(String),
     // When it was sent.
     /// It may have been kept for those who come late.
     #[error("the first message of a stream is not followed; the next one is")]

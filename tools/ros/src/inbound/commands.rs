@@ -1,12 +1,14 @@
 //! Everything that can move the robot.
 
+use std::collections::VecDeque;
+
 use i2ris::clock;
 use i2ris::ipc::client::{ExternalPublisher, Forwarder, Latest, Watcher};
 use i2ris::ipc::payload::{JointState as JointPayload, ServoJp};
 use i2ris::robot::StateCommand;
 use i2ris::units::{Nanos, OutputVec};
 use i2ris_gateway::Reason;
-use i2ris_gateway::admission::{Admission, Ages, Participant, Topic, Writer, checked};
+use i2ris_gateway::admission::{Admission, Ages, Participant, Pose, Topic, Writer, checked};
 use i2ris_gateway::clock::Moment;
 use i2ris_gateway::refusals::Refused;
 
@@ -16,7 +18,7 @@ use super::graph::Graph;
 use super::requests::{Requests, STOPS, What};
 use crate::RosError;
 use crate::event::Event;
-use crate::message::{JointState, StringStamped};
+use crate::message::{JOINTS, JointState, StringStamped};
 use crate::topics::Inputs;
 
 /// How old a command may be that is sent once. The clocks of two computers must agree this well.
@@ -31,6 +33,9 @@ const FRESH: Nanos = Nanos::from_millis(500);
 /// How long ago an exposure of a camera may have been, and how far its clock may be ahead.
 const EXPOSURE_LIMIT: Nanos = Nanos::from_millis(1000);
 
+/// Clients that are remembered as told.
+const TOLD: usize = 64;
+
 /// Subscriptions, and the connections to the controller.
 pub(super) struct Commands {
     pub inputs: Inputs,
@@ -42,6 +47,8 @@ pub(super) struct Commands {
     /// The last goal that was passed on: whose, where, when.
     last: Option<(u64, OutputVec, Nanos)>,
     sequence: u64,
+    /// Those who were told that their velocities are not used.
+    told_of_velocity: VecDeque<u64>,
     shared: Shared,
 }
 
@@ -59,6 +66,7 @@ impl Commands {
             setpoint: Latest::new(Watcher::new(domain).setpoint_js()),
             last: None,
             sequence: 0,
+            told_of_velocity: VecDeque::new(),
             shared,
         })
     }
@@ -130,7 +138,7 @@ impl Commands {
         let command = { StateCommand::ALL.iter() }
             .filter(|command| **command != StateCommand::Move)
             .find(known)
-            .ok_or(Reason::UnknownCommand)?;
+            .ok_or_else(|| Reason::UnknownCommand(shortened(&message.string)))?;
         if STOPS.contains(command) {
             let client_id = self.admission.stop(*writer, Topic::StateCommand, times);
             self.requests.stop(client_id, *command);
@@ -150,13 +158,14 @@ impl Commands {
         count: u32,
     ) -> Result<(), Reason> {
         let Received { message, writer, times } = received;
-        let given = checked(&message.position, self.joints(&message.position)?)?;
+        let given = self.given(message)?;
         let start = match topic {
             Topic::ServoJr => self.goal_of(*writer, topic, times.arrived)?,
             _ => OutputVec::default(),
         };
         let goal = given.from(&start);
         let admitted = self.admission.servo(*writer, topic, &goal, count, times)?;
+        self.tell_of_velocity(admitted.client_id, topic, message);
         self.sequence += 1;
         let command = ServoJp {
             sequence: self.sequence,
@@ -175,14 +184,28 @@ impl Commands {
 
     fn move_to(&mut self, topic: Topic, received: &Received<JointState>) -> Result<(), Reason> {
         let Received { message, writer, times } = received;
-        let given = checked(&message.position, self.joints(&message.position)?)?;
+        let given = self.given(message)?;
         let goal = match topic {
             Topic::MoveJr => given.from(&self.setpoint()?.position),
             _ => given,
         };
         let header = message.header.stamp.unix_ns();
         let client_id = self.admission.once(*writer, topic, header, times)?;
+        self.tell_of_velocity(client_id, topic, message);
         self.requests.ask(client_id, What::Move(topic, goal))
+    }
+
+    /// Says once to a client that commands have positions only.
+    fn tell_of_velocity(&mut self, client_id: u64, topic: Topic, message: &JointState) {
+        let is_zero = message.velocity.iter().all(|velocity| *velocity == 0.0);
+        if is_zero || self.told_of_velocity.contains(&client_id) {
+            return;
+        }
+        self.told_of_velocity.truncate(TOLD - 1);
+        self.told_of_velocity.push_front(client_id);
+        let (name, topic) = (self.shared.names.of(client_id).unwrap_or_default(), topic.name());
+        let line = format!("{name}: {topic}: its velocity is not used, only its position");
+        self.shared.events.report(Event::Warning(line));
     }
 
     /// What a camera saw. Its stamp is the time of the exposure; nothing moves by it, so a stamp
@@ -197,11 +220,17 @@ impl Commands {
         let sent = if message.position.is_empty() {
             self.camera.publish_nothing(exposed)
         } else {
-            let seen = checked(&message.position, self.joints(&message.position)?)?;
+            let seen = self.given(message)?;
             let values = seen.position.get(..seen.count as usize).unwrap_or_default();
             self.camera.publish(exposed, values, &[])
         };
         sent.map_err(|_| Reason::NoController)
+    }
+
+    /// The positions of a message in the order of the joints.
+    fn given(&mut self, message: &JointState) -> Result<Pose, Reason> {
+        let joints = self.joints(&message.position)?;
+        checked(&in_order(&message.name, &message.position, joints)?, joints)
     }
 
     /// The number of joints of the robot. Without a model the controller refuses every number.
@@ -233,6 +262,28 @@ impl Commands {
             _ => Ok(self.setpoint()?.position),
         }
     }
+}
+
+/// Values in the order of the joints: by their names if there are some, else as they are.
+fn in_order(names: &[String], values: &[f64], joints: usize) -> Result<Vec<f64>, Reason> {
+    if names.is_empty() {
+        return Ok(values.to_vec());
+    }
+    let own = JOINTS.get(..joints).unwrap_or_default();
+    if names.len() != values.len() || names.len() != own.len() {
+        return Err(Reason::Length { given: names.len().min(values.len()), joints });
+    }
+    let value = |joint: &&str| names.iter().position(|name| name == joint).map(|at| values[at]);
+    let ordered: Option<Vec<f64>> = own.iter().map(value).collect();
+    ordered.ok_or_else(|| {
+        let other = names.iter().find(|name| !own.contains(&name.as_str())).unwrap_or(&names[0]);
+        Reason::JointName { name: shortened(other), own: own.join(" and ") }
+    })
+}
+
+/// What a client wrote, for a line.
+fn shortened(text: &str) -> String {
+    text.chars().take(40).collect()
 }
 
 fn exposure(stamp: u64, arrived_unix_ns: u64, arrived: Nanos) -> Result<Nanos, Reason> {

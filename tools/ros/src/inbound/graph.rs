@@ -10,7 +10,7 @@ use rustdds::{
     DomainParticipantStatusEvent, DomainParticipantStatusListener, GUID, QosPolicies, StatusEvented,
 };
 
-use super::burst;
+use super::{Shared, burst};
 use crate::RosError;
 use crate::event::{Event, Events};
 use crate::participant::NODE;
@@ -27,10 +27,11 @@ pub(super) struct Graph {
     nodes: Subscription<ParticipantEntitiesInfo>,
     names: BTreeMap<Participant, String>,
     robot: String,
+    state_writer: GUID,
 }
 
 impl Graph {
-    pub fn new(context: &Context, node: &mut Node, robot: &str) -> Result<Self, RosError> {
+    pub fn new(context: &Context, node: &mut Node, shared: &Shared) -> Result<Self, RosError> {
         let failed = |error: ros2_client::CreateError| RosError::Topic {
             name: DISCOVERY.to_owned(),
             reason: error.to_string(),
@@ -45,7 +46,8 @@ impl Graph {
             status: context.domain_participant().status_listener(),
             nodes,
             names: BTreeMap::new(),
-            robot: robot.to_owned(),
+            robot: shared.robot.clone(),
+            state_writer: shared.state_writer,
         })
     }
 
@@ -94,6 +96,11 @@ impl Graph {
                 if let Some(name) = self.names.remove(&participant) {
                     events.report(Event::Status(format!("{name} is gone")));
                 }
+            }
+            DomainParticipantStatusEvent::RemoteReaderMatched { local_writer, .. }
+                if local_writer == self.state_writer =>
+            {
+                events.report(Event::ReaderCame);
             }
             DomainParticipantStatusEvent::RemoteWriterQosIncompatible {
                 remote_writer,

@@ -19,6 +19,7 @@ use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
 use ros2_client::{Context, Node};
+use rustdds::GUID;
 use rustdds::mio1::event::Source;
 use rustdds::mio1::{Events as Ready, Interest, Poll, Token};
 
@@ -46,6 +47,8 @@ pub(crate) struct Shared {
     pub events: Events,
     pub names: ClientNames,
     pub state: SharedState,
+    /// What publishes the operating state.
+    pub state_writer: GUID,
 }
 
 pub(crate) struct Inbound {
@@ -69,7 +72,7 @@ impl Inbound {
         let commands = inputs.map(|inputs| Commands::new(inputs, shared.clone()));
         let mut inbound = Self {
             poll: Poll::new().map_err(failed)?,
-            graph: Graph::new(context, node, &shared.robot)?,
+            graph: Graph::new(context, node, &shared)?,
             commands: commands.transpose()?,
             services,
             shared,

@@ -142,11 +142,15 @@ impl Asker {
 
     fn carry_out(&mut self, ask: Ask) {
         match ask.what {
-            What::State(StateCommand::Home) if self.is_homed() => {
+            What::State(command) if self.is_so_already(command) => {
                 let name = self.name(ask.client_id);
-                self.events.report(Event::Status(format!(
-                    "{name}: home: homed already; `unhome` first to set a new zero"
-                )));
+                let more = match command {
+                    StateCommand::Home => "; `unhome` first to set a new zero",
+                    _ => "",
+                };
+                let line = format!("{name}: {command}: it is so already{more}");
+                self.events.report(Event::Status(line));
+                self.events.report(Event::AskedAgain);
             }
             What::State(command) => self.change_state(ask.client_id, command),
             What::Move(topic, pose) => self.move_to(ask.client_id, topic, &pose),
@@ -154,6 +158,7 @@ impl Asker {
     }
 
     fn change_state(&mut self, client_id: u64, command: StateCommand) {
+        let again = self.is_so_already(command);
         let reply = self.controller.state_command(StateCommandRequest {
             client_id,
             command: command.number(),
@@ -164,6 +169,9 @@ impl Asker {
             let name = self.name(client_id);
             let line = format!("{name}: {command}; the controller is {state}");
             self.events.report(Event::Status(line));
+            if again {
+                self.events.report(Event::AskedAgain);
+            }
         }
     }
 
@@ -209,9 +217,21 @@ impl Asker {
         None
     }
 
-    fn is_homed(&mut self) -> bool {
-        let state = self.state.refresh().ok().flatten();
-        state.is_some_and(|state| state.flags & OperatingStateMsg::HOMED != 0)
+    /// Whether a command asks for what is there. CRTK's clients wait for the state to be said.
+    fn is_so_already(&mut self, command: StateCommand) -> bool {
+        let Some(state) = self.state.refresh().ok().flatten() else {
+            return false;
+        };
+        let is_in = |wanted: OperatingState| state.state == wanted.number();
+        let is_homed = state.flags & OperatingStateMsg::HOMED != 0;
+        match command {
+            StateCommand::Enable | StateCommand::Resume => is_in(OperatingState::Enabled),
+            StateCommand::Disable => is_in(OperatingState::Disabled),
+            StateCommand::Pause => is_in(OperatingState::Paused),
+            StateCommand::Home => is_homed,
+            StateCommand::Unhome => !is_homed,
+            _ => false,
+        }
     }
 
     fn name(&self, client_id: u64) -> String {

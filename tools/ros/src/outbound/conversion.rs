@@ -5,19 +5,18 @@ use i2ris::units::Nanos;
 use i2ris_gateway::clock::Moment;
 use i2ris_gateway::{Bend, LinkPose, Snake};
 
-use crate::message::{Header, JointState, Pose, PoseStamped, Time, TransformStamped, Transforms};
+use crate::message::{
+    Header, JOINTS, JointState, Pose, PoseStamped, Time, TransformStamped, Transforms,
+};
 
 /// Values older than this are not valid: the controller is gone or hangs.
 const FRESH: Nanos = Nanos::from_millis(200);
-
-/// The names of the joints; also those of the URDF.
-const NAMES: [&str; 2] = ["pitch", "yaw"];
 
 /// Angles that are valid now.
 fn valid<'a>(state: Option<&'a Payload>, now: &Moment) -> Option<&'a Payload> {
     state.filter(|state| {
         state.flags & Payload::VALID != 0
-            && (1..=NAMES.len()).contains(&(state.count as usize))
+            && (1..=JOINTS.len()).contains(&(state.count as usize))
             && now.monotonic.since(Nanos(state.stamp_ns)) < FRESH
     })
 }
@@ -37,7 +36,7 @@ pub(super) fn joint_state(state: Option<&Payload>, now: &Moment) -> JointState {
     };
     JointState {
         header: header(state, now, ""),
-        name: NAMES.map(str::to_owned).to_vec(),
+        name: JOINTS.map(str::to_owned).to_vec(),
         position: values(|state| &state.position),
         velocity: values(|state| &state.velocity),
         effort: Vec::new(),
@@ -130,7 +129,7 @@ mod tests {
                 assert!(urdf.contains(&format!("<link name=\"{frame}\"")), "{frame}");
             }
         }
-        for name in NAMES {
+        for name in JOINTS {
             assert!(urdf.contains(&format!("<joint name=\"{name}\"")));
         }
         let tip = tip(&snake, Some(&state), &NOW);

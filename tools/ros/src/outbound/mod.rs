@@ -38,6 +38,13 @@ const POSE_PERIOD: Nanos = Nanos::from_millis(20);
 /// The state is looked at so often.
 const LOOK_PERIOD: Nanos = Nanos::from_millis(2);
 
+/// A new reader gets the state so often: what is sent before it knows of the writer is lost where
+/// it asks for nothing kept.
+const GREETINGS: u32 = 5;
+
+/// Time between two of these.
+const GREETING_PERIOD: Nanos = Nanos::from_millis(250);
+
 /// The operating state that was published last, for those who ask.
 pub(crate) type SharedState = Arc<Mutex<OperatingState>>;
 
@@ -59,6 +66,8 @@ pub(crate) struct Outbound {
     report: StateReport,
     /// Of the last operating state.
     stamp_unix_ns: u64,
+    /// How often new readers are still to get it, and when.
+    greetings: (u32, Nanos),
     shared: SharedState,
     refusals: Refusals,
     lines: Lines,
@@ -88,6 +97,7 @@ impl Outbound {
             events,
             report: StateReport::default(),
             stamp_unix_ns: 0,
+            greetings: (0, Nanos::ZERO),
             shared,
             refusals: Refusals::default(),
             lines: Lines::new(names),
@@ -146,6 +156,7 @@ impl Outbound {
                 }
             }
         }
+        self.greet(now);
         self.read_reasons(say);
         for line in self.refusals.due(now) {
             self.say(Level::Warning, line, say);
@@ -173,6 +184,8 @@ impl Outbound {
             }
             Event::Status(line) => self.say(Level::Status, line, say),
             Event::Warning(line) => self.say(Level::Warning, line, say),
+            Event::AskedAgain => self.publish_state(self.report.published()),
+            Event::ReaderCame => self.greetings = (GREETINGS, now),
             Event::MoveAsked => self.report.move_asked(),
             Event::MoveAnswered(since) => {
                 if let Some(snapshot) = self.report.move_answered(since) {
@@ -182,8 +195,22 @@ impl Outbound {
         }
     }
 
+    /// Tells new readers the state, as of when it was said: a client that waits for the end of its
+    /// motion takes nothing that is older than its command.
+    fn greet(&mut self, now: Nanos) {
+        let (left, due) = self.greetings;
+        if left > 0 && now >= due {
+            self.greetings = (left - 1, now + GREETING_PERIOD);
+            self.publish_state_at(self.report.published(), self.stamp_unix_ns);
+        }
+    }
+
     fn publish_state(&mut self, snapshot: Snapshot) {
-        self.stamp_unix_ns = state::rising(self.stamp_unix_ns, Moment::now().unix_ns);
+        self.publish_state_at(snapshot, Moment::now().unix_ns);
+    }
+
+    fn publish_state_at(&mut self, snapshot: Snapshot, unix_ns: u64) {
+        self.stamp_unix_ns = state::rising(self.stamp_unix_ns, unix_ns);
         let stamp = Time::from_unix_ns(self.stamp_unix_ns);
         let message = OperatingState {
             header: Header { stamp, frame_id: String::new() },

@@ -55,6 +55,10 @@ impl StateReport {
         self.change(Snapshot { state: state.text(), homed: has(OperatingStateMsg::HOMED), busy })
     }
 
+    pub const fn published(&self) -> Snapshot {
+        self.published
+    }
+
     pub fn absent(&mut self) -> Option<Snapshot> {
         self.moving = None;
         self.change(UNDEFINED)
