@@ -37,6 +37,7 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
             log_likelihood: Some(-4.25),
             bic: None,
             software: "i2ris 0.1.0".to_owned(),
+            recorded_at: None,
             linear_gain: None,
         },
         worthless: None,

@@ -175,6 +175,10 @@ pub struct TrainingRecord {
     pub bic: Option<f64>,
     /// Version of the software that fitted it.
     pub software: String,
+    /// Date and time of the recording, UTC; absent where nothing says it. The same recording gives
+    /// the same model on any day, so the day of the fit is not in the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub recorded_at: Option<String>,
     /// Gain of the affine model of the same rows, m rows of d; absent in older files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linear_gain: Option<Vec<Vec<f64>>>,

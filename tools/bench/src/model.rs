@@ -119,6 +119,7 @@ fn file(family: FamilyParameters, hull: HullParameters) -> ModelFile {
             log_likelihood: None,
             bic: None,
             software: "i2ris-bench".to_owned(),
+            recorded_at: None,
             linear_gain: None,
         },
         worthless: None,

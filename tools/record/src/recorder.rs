@@ -34,6 +34,8 @@ const QUEUE_LENGTH: usize = 1 << 16;
 
 /// Name of the metadata at the start.
 pub const HEADER: &str = "i2ris.header";
+/// The entry of it with the names of the joints.
+pub const JOINTS: &str = "joints";
 /// Name of the metadata at the end of a recording that ended without an error.
 pub const OUTCOME: &str = "i2ris.outcome";
 
@@ -226,6 +228,9 @@ fn write_header(file: File, header: &RecordingHeader) -> Result<McapFile, McapEr
     let mut about = header.about.clone();
     let offset = header.unix_offset_ns.to_string();
     about.insert("unix_minus_monotonic_ns".to_owned(), offset);
+    if !header.joints.is_empty() {
+        about.insert(JOINTS.to_owned(), header.joints.join(" "));
+    }
     write_metadata(&mut file, HEADER, about)?;
     attach(&mut file, &header.attachments, header.unix_offset_ns)?;
     for topic in Topic::all() {

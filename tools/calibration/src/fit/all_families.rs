@@ -219,6 +219,7 @@ impl<'a> TrainingData<'a> {
                 hull: &self.hull,
                 straight: &self.straight,
                 robot_id: &options.robot_id,
+                recorded_at: options.recorded_at.as_deref(),
                 seed: options.em.seed,
             },
             series: Series::new(self.recording, &self.rows),

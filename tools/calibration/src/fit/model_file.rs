@@ -54,6 +54,7 @@ pub(super) struct FileContext<'a> {
     /// The affine model of the same rows.
     pub straight: &'a LinearFit,
     pub robot_id: &'a str,
+    pub recorded_at: Option<&'a str>,
     pub seed: u64,
 }
 
@@ -90,6 +91,7 @@ impl FileContext<'_> {
                 log_likelihood: fitted.log_likelihood,
                 bic: fitted.bic,
                 software: concat!("i2ris-calibration ", env!("CARGO_PKG_VERSION")).to_owned(),
+                recorded_at: self.recorded_at.map(str::to_owned),
                 linear_gain: Some(self.straight.gain.clone()),
             },
             worthless: None,

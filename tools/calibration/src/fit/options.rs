@@ -10,6 +10,8 @@ use crate::quality::SpikeOptions;
 pub struct FitOptions {
     /// The robot that was recorded.
     pub robot_id: String,
+    /// Date and time of the recording, UTC.
+    pub recorded_at: Option<String>,
     /// What to fit.
     pub choice: Choice,
     /// Components of a mixture on the counts.
@@ -28,6 +30,7 @@ impl Default for FitOptions {
     fn default() -> Self {
         Self {
             robot_id: "i2ris".to_owned(),
+            recorded_at: None,
             choice: Choice::Best,
             components: Components::UpTo(MAX_COMPONENTS_TRIED),
             em: EmOptions::default(),

@@ -21,6 +21,8 @@ const MEMORYLESS: &str = "gmr";
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct CalibrationReport {
     pub(super) robot_id: String,
+    /// Date and time of the recording, UTC.
+    pub(super) recorded_at: Option<String>,
     /// SHA-256 of the canonical form of the model that was written, hexadecimal.
     pub(super) model_id: String,
     pub(super) recording: RecordingFacts,

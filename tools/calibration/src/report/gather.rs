@@ -48,6 +48,7 @@ impl CalibrationReport {
         let view = |model| read_out(model, recording, &track, &facts);
         Self {
             robot_id: file.robot_id.clone(),
+            recorded_at: file.training.recorded_at.clone(),
             model_id: outcome.model.id().to_string(),
             recording: recording_facts(recording, read, outcome),
             spikes: report.quality.spikes.clone(),

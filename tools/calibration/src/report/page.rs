@@ -312,6 +312,7 @@ impl CalibrationReport {
         fact("recording", recording.name.clone());
         fact("its SHA-256", recording.sha256.clone());
         fact("robot", self.robot_id.clone());
+        fact("recorded", self.recorded_at.clone().unwrap_or_else(|| "no date known".to_owned()));
         fact("rows", grouped(self.track.time.len()));
         fact("columns of counts", read.counts_columns.join(", "));
         fact("columns of outputs", read.output_columns.join(", "));

@@ -52,7 +52,8 @@ impl Display for CalibrationReport {
 impl CalibrationReport {
     fn what_was_read(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let read = &self.recording.read;
-        writeln!(f, "recording  {}", self.recording.name)?;
+        let at = self.recorded_at.as_ref().map_or_else(String::new, |at| format!(", {at}"));
+        writeln!(f, "recording  {}{at}", self.recording.name)?;
         let motors = read.counts_columns.iter().enumerate();
         let motors = motors.map(|(motor, column)| format!("motor {motor} `{column}`"));
         let outputs = self.outputs.iter().zip(&read.output_columns);

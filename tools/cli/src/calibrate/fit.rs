@@ -6,6 +6,7 @@ use std::str::FromStr;
 
 use clap::builder::NonEmptyStringValueParser;
 use clap::value_parser;
+use i2ris::wall_clock::WallTime;
 use i2ris_calibration::em::EmOptions;
 use i2ris_calibration::fit::split::HoldOut;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
@@ -156,10 +157,11 @@ fn part(text: &str) -> Result<f64, String> {
 }
 
 impl Arguments {
-    fn options(&self, robot_id: String) -> FitOptions {
+    fn options(&self, robot_id: String, recorded_at: Option<String>) -> FitOptions {
         let model = &self.model;
         FitOptions {
             robot_id,
+            recorded_at,
             choice: model.family,
             components: match model.components {
                 Some(components) => Components::Exactly(components.into()),
@@ -192,11 +194,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             .into());
         }
     }
-    let robot_id = match &arguments.robot_id {
-        Some(id) => id.clone(),
-        None => recorded_robot(file)?.unwrap_or_else(|| ROBOT_ID.to_owned()),
+    let beside = beside(file);
+    let robot_id = match (&arguments.robot_id, &beside) {
+        (Some(id), _) => id.clone(),
+        (None, Ok(beside)) => {
+            beside.as_ref().map_or_else(|| ROBOT_ID.to_owned(), |it| it.robot_id.clone())
+        }
+        (None, Err(error)) => return Err(error.clone().into()),
     };
-    let options = arguments.options(robot_id);
+    let started = beside.ok().flatten().and_then(|beside| beside.started_unix_s);
+    let recorded_at = started.map(|seconds| WallTime::from_unix_seconds(seconds).to_string());
+    let options = arguments.options(robot_id, recorded_at);
     let (mut recording, read) = Recording::read(file, &arguments.columns.map())?;
     let taken_off;
     (recording, taken_off) = match arguments.model.latency_ms {
@@ -247,25 +255,25 @@ pub fn check_output(
     Ok(make_folder_of(option, output)?)
 }
 
-/// The robot that the file beside a recording names, as `i2ris calibrate collect` writes it.
-fn recorded_robot(recording: &Path) -> Result<Option<String>, Failure> {
-    #[derive(serde::Deserialize)]
-    struct Beside {
-        robot_id: String,
-    }
+/// What the file beside a recording says of it, as `i2ris calibrate collect` writes it.
+#[derive(serde::Deserialize)]
+struct Beside {
+    robot_id: String,
+    started_unix_s: Option<u64>,
+}
+
+fn beside(recording: &Path) -> Result<Option<Beside>, String> {
     let path = recording.with_extension("toml");
     let Ok(text) = fs::read_to_string(&path) else {
         return Ok(None);
     };
-    match toml::from_str::<Beside>(&text) {
-        Ok(beside) => Ok(Some(beside.robot_id)),
-        Err(error) => Err(format!(
+    toml::from_str(&text).map(Some).map_err(|error| {
+        format!(
             "{} beside the recording names no robot ({}); add --robot-id",
             path.display(),
             error.message()
         )
-        .into()),
-    }
+    })
 }
 
 /// Whether two names mean one file, which need not exist yet.

@@ -2,8 +2,8 @@
 
 use i2ris::clock;
 use i2ris::ipc::StateCommand;
-use i2ris::ipc::client::{Client, Commander, Latest};
-use i2ris::ipc::payload::JointState;
+use i2ris::ipc::client::{Client, Commander, Latest, Subscription};
+use i2ris::ipc::payload::{ExternalPosition, JointState};
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
@@ -89,6 +89,7 @@ pub fn run(client: &mut Client, plan: Plan, interrupt: &Interrupt) -> Result<(),
         commander: client.commander(),
         goal: Latest::new(client.watcher().goal_js()),
         measured: Latest::new(client.watcher().measured_js()),
+        camera: client.watcher().external(),
         tracking: TrackingSummary::default(),
         clips: ClipMonitor::new(clock::now()),
         late: LateMonitor::new(&state),
@@ -111,6 +112,7 @@ struct Stream {
     commander: Commander,
     goal: Latest<JointState>,
     measured: Latest<JointState>,
+    camera: Subscription<ExternalPosition>,
     tracking: TrackingSummary,
     clips: ClipMonitor,
     late: LateMonitor,
@@ -168,8 +170,10 @@ impl Stream {
             }
         }
         if let Some(measured) = self.measured.refresh()? {
-            self.tracking.record(angles, measured);
+            self.tracking.record(clock::now(), angles, measured);
         }
+        let tracking = &mut self.tracking;
+        self.camera.drain(|frame| tracking.record_frame(&frame))?;
         if let Some(goal) = self.goal.refresh()?
             && let Some(clipped) = self.clips.check(angles, goal, clock::now())
             && !self.progress.say(&clipped)?

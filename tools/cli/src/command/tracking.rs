@@ -1,43 +1,96 @@
 //! What was asked beside what the robot does: the tracking error, and goals out of reach. Pure.
 
-use i2ris::ipc::payload::JointState;
+use std::collections::VecDeque;
+
+use i2ris::ipc::Message;
+use i2ris::ipc::payload::{ExternalPosition, JointState};
 use i2ris::units::Nanos;
+use i2ris_report::statistics::interpolate;
 
 use super::trajectory::Angles;
 
 const REPEAT_PERIOD: Nanos = Nanos::from_millis(1000);
 
-/// Sums up the distance of the snake from what was asked, by the model's estimate from the
-/// encoders.
+/// What was asked is kept for so long: a camera's frame is older than the command it belongs to.
+const REMEMBERED: Nanos = Nanos::from_millis(2000);
+
+/// Sums up the distance of the snake from what was asked: by the camera, where there is one, and by
+/// the model's estimate from the encoders.
 #[derive(Debug, Default)]
 pub struct TrackingSummary {
+    asked: VecDeque<(Nanos, Angles)>,
+    camera: ErrorSum,
+    estimate: ErrorSum,
+    last_frame_ns: u64,
+}
+
+#[derive(Debug, Default)]
+struct ErrorSum {
     samples: u64,
     squares: f64,
     largest: f64,
 }
 
-impl TrackingSummary {
-    /// Adds one pair: asked (deg) and measured.
-    pub fn record(&mut self, asked: Angles, measured: &JointState) {
-        if measured.flags & JointState::VALID == 0 {
-            return;
-        }
-        let error = distance_deg(asked, measured);
+impl ErrorSum {
+    fn add(&mut self, error: f64) {
         self.samples += 1;
         self.squares += error * error;
         self.largest = self.largest.max(error);
     }
 
-    pub fn summary(&self) -> Option<String> {
-        if self.samples == 0 {
-            return None;
-        }
+    fn text(&self) -> String {
         let rms = (self.squares / self.samples as f64).sqrt();
-        let largest = self.largest;
-        Some(format!(
-            "followed within {rms:.2} deg RMS, {largest:.2} deg at most, of what was asked, by the \
-             model's own estimate"
-        ))
+        format!("{rms:.2} deg RMS, {:.2} deg at most", self.largest)
+    }
+}
+
+impl TrackingSummary {
+    /// Adds what is asked now, deg, and what the encoders say.
+    pub fn record(&mut self, now: Nanos, asked: Angles, measured: &JointState) {
+        self.asked.push_back((now, asked));
+        while self.asked.front().is_some_and(|(at, _)| now.since(*at) > REMEMBERED) {
+            self.asked.pop_front();
+        }
+        if measured.flags & JointState::VALID != 0 {
+            self.estimate.add(distance_deg(asked, measured.position));
+        }
+    }
+
+    /// Adds a frame of the camera, compared with what was asked when it was taken.
+    pub fn record_frame(&mut self, frame: &ExternalPosition) {
+        let is_new = frame.stamp_ns > self.last_frame_ns;
+        let is_valid = frame.flags & ExternalPosition::VALID != 0 && frame.count == 2;
+        if is_new
+            && is_valid
+            && let Some(asked) = self.asked_at(frame.stamp())
+        {
+            self.last_frame_ns = frame.stamp_ns;
+            self.camera.add(distance_deg(asked, frame.position));
+        }
+    }
+
+    /// Interpolated.
+    fn asked_at(&self, stamp: Nanos) -> Option<Angles> {
+        let after = self.asked.partition_point(|(at, _)| *at < stamp);
+        let (to_at, to) = self.asked.get(after)?;
+        let (from_at, from) = self.asked.get(after.checked_sub(1)?)?;
+        let share = stamp.since(*from_at).as_seconds() / to_at.since(*from_at).as_seconds();
+        Some(interpolate(from, to, share))
+    }
+
+    pub fn summary(&self) -> Option<String> {
+        let estimate = (self.estimate.samples > 0).then(|| self.estimate.text())?;
+        Some(match self.camera.samples {
+            0 => format!(
+                "followed within {estimate}, of what was asked, by the model's own estimate; no \
+                 camera has seen it"
+            ),
+            frames => format!(
+                "followed within {}, of what was asked, by {frames} frames of the camera (by the \
+                 model's own estimate: {estimate})",
+                self.camera.text()
+            ),
+        })
     }
 }
 
@@ -89,7 +142,7 @@ impl ClipMonitor {
             return None;
         }
         let began = !std::mem::replace(&mut self.is_clipped, true);
-        let away = distance_deg(asked, goal);
+        let away = distance_deg(asked, goal.position);
         self.farthest_deg = self.farthest_deg.max(away);
         let due = |last: Nanos| now.since(last) >= REPEAT_PERIOD;
         if !began || !self.reported.is_none_or(due) {
@@ -117,8 +170,8 @@ impl ClipMonitor {
     }
 }
 
-fn distance_deg(asked: Angles, joint: &JointState) -> f64 {
-    let [pitch, yaw, _] = joint.position.map(f64::to_degrees);
+fn distance_deg(asked: Angles, position: [f64; 3]) -> f64 {
+    let [pitch, yaw, _] = position.map(f64::to_degrees);
     (asked[0] - pitch).hypot(asked[1] - yaw)
 }
 
@@ -139,10 +192,36 @@ mod tests {
         };
         let mut tracking = TrackingSummary::default();
         assert_eq!(tracking.summary(), None);
-        tracking.record([3.0, 0.0], &joint(0.0, JointState::VALID));
-        tracking.record([4.0, 0.0], &joint(0.0, JointState::VALID));
-        tracking.record([90.0, 0.0], &joint(0.0, 0));
-        assert!(tracking.summary().unwrap().contains("3.54 deg RMS, 4.00 deg at most"));
+        tracking.record(at(0), [3.0, 0.0], &joint(0.0, JointState::VALID));
+        tracking.record(at(5), [4.0, 0.0], &joint(0.0, JointState::VALID));
+        tracking.record(at(10), [90.0, 0.0], &joint(0.0, 0));
+        let alone = tracking.summary().unwrap();
+        assert!(alone.contains("3.54 deg RMS, 4.00 deg at most"), "{alone}");
+        assert!(alone.ends_with("by the model's own estimate; no camera has seen it"), "{alone}");
+    }
+
+    #[test]
+    fn where_a_camera_publishes_its_error_is_the_first_number() {
+        let joint = JointState { flags: JointState::VALID, ..JointState::default() };
+        let mut tracking = TrackingSummary::default();
+        for step in 0..=100 {
+            tracking.record(at(5 * step), [0.01 * step as f64, 0.0], &joint);
+        }
+        let frame = |ms, pitch: f64| ExternalPosition {
+            stamp_ns: at(ms).0,
+            position: [pitch.to_radians(), 0.0, 0.0],
+            count: 2,
+            flags: ExternalPosition::VALID,
+            ..ExternalPosition::default()
+        };
+        // Halfway between two commands, 2.5 deg off what was asked then: 0.205 deg.
+        tracking.record_frame(&frame(102, 2.704));
+        tracking.record_frame(&frame(102, 90.0));
+        tracking.record_frame(&ExternalPosition { flags: 0, ..frame(200, 90.0) });
+        let text = tracking.summary().unwrap();
+        let first = "followed within 2.50 deg RMS, 2.50 deg at most, of what was asked, by 1 frames \
+                     of the camera (by the model's own estimate: 0.5";
+        assert!(text.starts_with(first), "{text}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! `i2ris model show`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
 
 use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, FitMetrics};
@@ -9,6 +10,7 @@ use i2ris::model::hysteresis::force_balance::BalanceParameters;
 use i2ris::model::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiParameters;
 use i2ris::model::hysteresis::residual::ResidualParameters;
 use i2ris::model::hysteresis::stop::StopParameters;
+use i2ris::wall_clock::WallTime;
 use serde_json::json;
 
 use super::columns::si;
@@ -32,7 +34,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         println!("{}", serde_json::to_string_pretty(&whole)?);
         return Ok(());
     }
-    header(&model);
+    header(arguments, &model);
     mechanics(&model);
     examination(&model);
     family(&model);
@@ -41,12 +43,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn header(model: &Model) {
+/// When the file was written. The day of the fit is not in it.
+fn written(file: &Path) -> Option<String> {
+    let at = std::fs::metadata(file).ok()?.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
+    Some(WallTime::from_unix_seconds(at.as_secs()).to_string())
+}
+
+fn header(arguments: &Arguments, model: &Model) {
     let file = model.file();
     let kind = serde_json::to_value(&file.family).unwrap_or_default();
     let outputs: Vec<String> =
         file.outputs.iter().map(|output| format!("{} ({})", output.name, output.unit)).collect();
     println!("model      {}", model.id());
+    println!("file of    {}", written(&arguments.model).unwrap_or_else(|| "unknown".to_owned()));
     println!("family     {}", kind.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?"));
     println!("robot      {}, {} motor(s)", file.robot_id, model.motors());
     println!("outputs    {}", outputs.join(", "));
@@ -280,6 +289,8 @@ fn metrics_line(name: &str, FitMetrics { r2, rmsd, nrmsd, mae, max }: &FitMetric
 fn training(model: &Model) {
     let training = &model.file().training;
     println!("\nfitted to  {} ({} rows)", training.data_file, training.rows);
+    let recorded = training.recorded_at.as_deref().unwrap_or("at a time that nothing says");
+    println!("           recorded {recorded}");
     println!("           SHA-256 {}", training.data_sha256);
     println!(
         "by         {}, seed {}, {} start(s)",

@@ -208,6 +208,23 @@ fn a_model_gets_its_folder_and_the_robot_of_its_recording() {
 }
 
 #[test]
+fn a_model_and_its_report_say_when_it_was_recorded_and_are_the_same_on_any_day() {
+    let bench = Bench::good(400);
+    let beside = "format = \"i2ris-recording\"\nrobot_id = \"left\"\nstarted_unix_s = 1700000000\n";
+    bench.write("rows.toml", beside);
+    let output = bench.fits("--family linear --report page.html");
+    assert!(output.contains("2023-11-14T22:13:20Z"), "{output}");
+    assert!(bench.read("page.html").contains("2023-11-14T22:13:20Z"));
+    let first = bench.read("model.json");
+    std::thread::sleep(std::time::Duration::from_millis(1100));
+    bench.fits("--family linear --overwrite");
+    assert_eq!(bench.read("model.json"), first, "the day of the fit is not in the file");
+    let shown = bench.succeeds("model show model.json");
+    assert!(shown.contains("recorded 2023-11-14T22:13:20Z"), "{shown}");
+    assert!(shown.contains("file of    20"), "{shown}");
+}
+
+#[test]
 fn a_recording_that_cannot_be_read_is_refused() {
     let bench = Bench::with("rows.csv", "");
     bench.refuses("", &["is empty"]);

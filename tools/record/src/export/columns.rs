@@ -1,15 +1,16 @@
 //! The columns of a payload, and the cells of a message.
 
-use i2ris::ipc::payload::{Field, FieldType, PayloadLayout};
+use i2ris::ipc::payload::{FIXTURES, Field, FieldType, PayloadLayout, unpadded_text};
+use i2ris::robot::{AxisPhase, Fault, OperatingState, Refusal};
+use i2ris::units::MAX_OUTPUTS;
 
 use crate::cdr::{Number, numbers};
-
-/// Byte arrays of this length and longer are hashes and texts.
-const LEAST_HASH_LENGTH: usize = 32;
 
 /// The type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColumnType {
+    /// An instant of the wall clock, UTC.
+    Time,
     /// `f64`, seconds with nine decimals.
     Seconds,
     /// `f64`.
@@ -18,8 +19,8 @@ pub enum ColumnType {
     Unsigned(u8),
     /// `i32`.
     Signed,
-    /// Bytes as hexadecimal digits.
-    Hexadecimal,
+    /// Texts, names, and identities as hexadecimal digits.
+    Text,
 }
 
 /// One column.
@@ -32,9 +33,11 @@ pub struct Column {
 /// One cell.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Cell {
+    /// Unix time, ns.
+    Time(u64),
     Seconds(f64),
     Number(Number),
-    Hexadecimal(String),
+    Text(String),
 }
 
 /// A file that takes rows.
@@ -45,18 +48,80 @@ pub trait TableWriter {
     fn finish(self: Box<Self>) -> Result<(), String>;
 }
 
-/// All columns of a payload.
-pub fn columns(layout: &PayloadLayout) -> Vec<Column> {
-    let seconds = ["t_s", "received_s"].map(str::to_owned);
-    let mut columns = seconds.map(|name| Column { name, kind: ColumnType::Seconds }).to_vec();
-    for (name, field) in &layout.numbers() {
-        let names: Vec<String> = match field.count {
-            count if count > 1 && !is_hash(field) => {
-                (0..count).map(|index| format!("{name}_{index}")).collect()
+/// What the entries of a field are in a table.
+#[derive(Clone, Copy)]
+enum Meaning {
+    /// Bytes as hexadecimal digits.
+    Hash,
+    /// So many texts.
+    Texts(usize),
+    /// A random number, written as everywhere else: 16 hexadecimal digits.
+    Identity,
+    /// The number of a value with a name.
+    Name(fn(u32) -> Option<&'static str>),
+    /// One entry for each output of the model; with what follows the name of the output.
+    Outputs(&'static str, &'static str),
+    Numbers,
+}
+
+impl Meaning {
+    fn of(field: &Field) -> Self {
+        let is_bytes = field.kind == FieldType::U8 && field.count > 2;
+        let is_outputs = field.kind == FieldType::F64 && field.count == MAX_OUTPUTS;
+        match field.name {
+            "model_id" => Self::Hash,
+            "name" if is_bytes => Self::Texts(FIXTURES),
+            _ if is_bytes => Self::Texts(1),
+            "boot_id" | "client_id" | "lease_client_id" | "refused_client_id" => Self::Identity,
+            "state" => Self::Name(|it| OperatingState::from_number(it).map(OperatingState::text)),
+            "fault" => Self::Name(|it| Fault::from_number(it).map(Fault::text)),
+            "last_refusal" | "refused_reason" => {
+                Self::Name(|it| Refusal::from_number(it).map(Refusal::text))
             }
-            _ => vec![name.clone()],
+            "phase" => Self::Name(|it| AxisPhase::from_number(it).map(AxisPhase::text)),
+            "position" if is_outputs => Self::Outputs("", ""),
+            "velocity" if is_outputs => Self::Outputs("_velocity", "_s"),
+            "deviation" if is_outputs => Self::Outputs("_deviation", ""),
+            _ => Self::Numbers,
+        }
+    }
+
+    fn column_type(self, field: &Field) -> ColumnType {
+        match (self, field.kind) {
+            (Self::Hash | Self::Texts(_) | Self::Identity | Self::Name(_), _) => ColumnType::Text,
+            (_, FieldType::F64) => ColumnType::Float,
+            (_, FieldType::I32) => ColumnType::Signed,
+            (_, unsigned) => ColumnType::Unsigned(8 * unsigned.size() as u8),
+        }
+    }
+}
+
+/// Models of two outputs give angles, which are in degrees in tables; those of the tip positions.
+pub fn unit_of(outputs: &[String]) -> &'static str {
+    if outputs.len() < MAX_OUTPUTS { "deg" } else { "m" }
+}
+
+/// All columns of a payload, for a model with outputs of these names.
+pub fn columns(layout: &PayloadLayout, outputs: &[String]) -> Vec<Column> {
+    let mut columns = vec![Column { name: "time".to_owned(), kind: ColumnType::Time }];
+    let seconds = ["t_s", "received_s"].map(str::to_owned);
+    columns.extend(seconds.map(|name| Column { name, kind: ColumnType::Seconds }));
+    for (name, field) in &layout.numbers() {
+        let numbered = |count| match count {
+            1 => vec![name.clone()],
+            count => (0..count).map(|index| format!("{name}_{index}")).collect(),
         };
-        let kind = column_type(field);
+        let meaning = Meaning::of(field);
+        let names = match meaning {
+            Meaning::Hash => numbered(1),
+            Meaning::Texts(count) => numbered(count),
+            Meaning::Outputs(quantity, per) => {
+                let unit = unit_of(outputs);
+                outputs.iter().map(|output| format!("{output}{quantity}_{unit}{per}")).collect()
+            }
+            _ => numbered(field.count),
+        };
+        let kind = meaning.column_type(field);
         columns.extend(names.into_iter().map(|name| Column { name, kind }));
     }
     columns
@@ -66,59 +131,83 @@ pub fn columns(layout: &PayloadLayout) -> Vec<Column> {
 /// are in ns of Unix time.
 pub fn cells(
     layout: &PayloadLayout,
+    outputs: &[String],
     start: u64,
-    stamp: u64,
-    received: u64,
+    [stamp, received]: [u64; 2],
     message: &[u8],
 ) -> Option<Vec<Cell>> {
-    let seconds = |ns: u64| Cell::Seconds((i128::from(ns) - i128::from(start)) as f64 * 1e-9);
-    let mut cells = vec![seconds(stamp), seconds(received)];
+    let mut cells = vec![Cell::Time(stamp), seconds(stamp, start), seconds(received, start)];
     let numbers = numbers(layout, message)?;
     let valid = valid_entries(layout, &numbers);
     let mut numbers = numbers.into_iter();
     for (_, field) in &layout.numbers() {
-        let entries = numbers.by_ref().take(field.count);
-        if is_hash(field) {
-            cells.push(Cell::Hexadecimal(entries.map(hexadecimal).collect()));
-        } else if is_identity(field) {
-            cells.extend(entries.map(identity));
-        } else if field.count > 1 && field.kind == FieldType::F64 {
-            let cell = |(index, entry)| Cell::Number(if index < valid { entry } else { NO_NUMBER });
-            cells.extend(entries.enumerate().map(cell));
-        } else {
-            cells.extend(entries.map(Cell::Number));
+        let entries: Vec<Number> = numbers.by_ref().take(field.count).collect();
+        match Meaning::of(field) {
+            Meaning::Hash => {
+                let digits = entries.into_iter().map(|byte| format!("{:02x}", unsigned(byte)));
+                cells.push(Cell::Text(digits.collect()));
+            }
+            Meaning::Texts(count) => {
+                let bytes: Vec<u8> = entries.into_iter().map(|it| unsigned(it) as u8).collect();
+                let texts = bytes.chunks(bytes.len() / count);
+                cells.extend(texts.map(|text| Cell::Text(unpadded_text(text))));
+            }
+            Meaning::Identity => {
+                let digits = |number| Cell::Text(format!("{:016x}", unsigned(number)));
+                cells.extend(entries.into_iter().map(digits));
+            }
+            Meaning::Name(name) => cells.extend(entries.into_iter().map(|number| {
+                let name = name(unsigned(number) as u32).map(str::to_owned);
+                Cell::Text(name.unwrap_or_else(|| number.to_string()))
+            })),
+            Meaning::Outputs(..) => {
+                let is_there = valid == outputs.len();
+                let cell = |entry| output(entry, is_there, unit_of(outputs));
+                cells.extend(entries.into_iter().take(outputs.len()).map(cell));
+            }
+            Meaning::Numbers if field.count > 1 && field.kind == FieldType::F64 => {
+                let cell = |(index, entry)| if index < valid { entry } else { NO_NUMBER };
+                cells.extend(entries.into_iter().enumerate().map(cell).map(Cell::Number));
+            }
+            Meaning::Numbers => cells.extend(entries.into_iter().map(Cell::Number)),
         }
     }
     Some(cells)
 }
 
+/// Seconds between two instants in ns.
+pub fn seconds(ns: u64, start: u64) -> Cell {
+    Cell::Seconds((i128::from(ns) - i128::from(start)) as f64 * 1e-9)
+}
+
 /// An entry that is not there is no 0.
 const NO_NUMBER: Number = Number::Float(f64::NAN);
+
+/// An angle, rad in messages, or a position.
+fn output(entry: Number, is_there: bool, unit: &str) -> Cell {
+    Cell::Number(match entry {
+        Number::Float(rad) if is_there && unit == "deg" => Number::Float(rad.to_degrees()),
+        entry if is_there => entry,
+        _ => NO_NUMBER,
+    })
+}
 
 /// Number of entries that are valid in the arrays of a message.
 fn valid_entries(layout: &PayloadLayout, numbers: &[Number]) -> usize {
     let mut before = 0;
     for (_, field) in layout.numbers() {
         if field.name == "count" {
-            return match numbers.get(before) {
-                Some(Number::Unsigned(count)) => *count as usize,
-                _ => usize::MAX,
-            };
+            return numbers.get(before).map_or(usize::MAX, |count| unsigned(*count) as usize);
         }
         before += field.count;
     }
     usize::MAX
 }
 
-/// Identities are random numbers, written as everywhere else: 16 hexadecimal digits.
-fn is_identity(field: &Field) -> bool {
-    ["boot_id", "client_id", "lease_client_id"].contains(&field.name)
-}
-
-fn identity(number: Number) -> Cell {
+fn unsigned(number: Number) -> u64 {
     match number {
-        Number::Unsigned(number) => Cell::Hexadecimal(format!("{number:016x}")),
-        other => Cell::Number(other),
+        Number::Unsigned(number) => number,
+        Number::Signed(_) | Number::Float(_) => u64::MAX,
     }
 }
 
@@ -127,88 +216,115 @@ pub fn unit(column: &str) -> &'static str {
     let name = column.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
     let ends = |end: &str| name.ends_with(end);
     match name {
-        "position" | "deviation" => "rad (m for a model of the tip)",
-        "velocity" => "rad/s (m/s for a model of the tip)",
-        "t_s" | "received_s" => "s",
+        "time" => "UTC",
+        "tolerance" => "rad (m for a model of the tip)",
+        _ if ends("_deg_s") => "deg/s",
+        _ if ends("_deg") => "deg",
+        _ if ends("_m_s") => "m/s",
+        _ if ends("_m") => "m",
         _ if ends("_ns") => "ns",
         _ if ends("_counts") => "counts",
         _ if ends("_ma") => "mA",
+        _ if ends("_s") => "s",
         _ => "",
-    }
-}
-
-fn is_hash(field: &Field) -> bool {
-    field.kind == FieldType::U8 && field.count >= LEAST_HASH_LENGTH
-}
-
-fn column_type(field: &Field) -> ColumnType {
-    match field.kind {
-        _ if is_hash(field) || is_identity(field) => ColumnType::Hexadecimal,
-        FieldType::F64 => ColumnType::Float,
-        FieldType::I32 => ColumnType::Signed,
-        unsigned => ColumnType::Unsigned(8 * unsigned.size() as u8),
-    }
-}
-
-fn hexadecimal(byte: Number) -> String {
-    match byte {
-        Number::Unsigned(byte) => format!("{byte:02x}"),
-        _ => String::new(),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use i2ris::ipc::payload::{JointState, Payload, PeriodStatistics};
+    use i2ris::ipc::payload::{
+        JointState, OperatingStateMsg, Payload, PeriodStatistics, ReasonMsg, VirtualFixturesMsg,
+        padded_text,
+    };
 
     use super::*;
     use crate::cdr::encode;
+
+    fn angles() -> [String; 2] {
+        ["pitch", "yaw"].map(str::to_owned)
+    }
+
+    /// The cell of a column of a message, as text.
+    fn text(message: &impl Payload, column: &str) -> String {
+        text_of(message, &angles(), column)
+    }
+
+    fn text_of<P: Payload>(message: &P, outputs: &[String], column: &str) -> String {
+        let columns = columns(&P::LAYOUT, outputs);
+        let index = columns.iter().position(|it| it.name == column);
+        let index = index.unwrap_or_else(|| panic!("{column}: {columns:#?}"));
+        let message = encode(message.bytes());
+        match &cells(&P::LAYOUT, outputs, 0, [0, 0], &message).unwrap()[index] {
+            Cell::Number(number) => number.to_string(),
+            Cell::Text(text) => text.clone(),
+            Cell::Seconds(seconds) => seconds.to_string(),
+            Cell::Time(ns) => ns.to_string(),
+        }
+    }
 
     #[test]
     fn every_column_has_a_cell_of_its_type() {
         let joints = (JointState::LAYOUT, encode(JointState::default().bytes()));
         let windows = (PeriodStatistics::LAYOUT, encode(PeriodStatistics::default().bytes()));
-        for (layout, message) in [joints, windows] {
-            let columns = columns(&layout);
-            let cells = cells(&layout, 5, 7, 9, &message).unwrap();
+        let regions = (VirtualFixturesMsg::LAYOUT, encode(VirtualFixturesMsg::default().bytes()));
+        for (layout, message) in [joints, windows, regions] {
+            let columns = columns(&layout, &angles());
+            let cells = cells(&layout, &angles(), 5, [7, 9], &message).unwrap();
             assert_eq!(columns.len(), cells.len(), "{}", layout.name);
             for (column, cell) in columns.iter().zip(&cells) {
                 let is_same = matches!(
                     (column.kind, cell),
-                    (ColumnType::Seconds, Cell::Seconds(_))
+                    (ColumnType::Time, Cell::Time(7))
+                        | (ColumnType::Seconds, Cell::Seconds(_))
                         | (ColumnType::Float, Cell::Number(Number::Float(_)))
                         | (ColumnType::Unsigned(_), Cell::Number(Number::Unsigned(_)))
                         | (ColumnType::Signed, Cell::Number(Number::Signed(_)))
-                        | (ColumnType::Hexadecimal, Cell::Hexadecimal(_))
+                        | (ColumnType::Text, Cell::Text(_))
                 );
                 assert!(is_same, "{}: {cell:?}", column.name);
             }
         }
-        assert_eq!(cells(&JointState::LAYOUT, 0, 0, 0, &[0, 1, 0, 0, 7]), None);
+        assert_eq!(cells(&JointState::LAYOUT, &angles(), 0, [0, 0], &[0, 1, 0, 0, 7]), None);
     }
 
     #[test]
-    fn entries_that_are_not_there_are_empty_and_identities_hexadecimal() {
+    fn angles_are_in_degrees_by_name_and_positions_of_the_tip_in_metres() {
         let state = JointState {
             boot_id: 0xb007,
             position: [0.5, 0.25, 0.0],
             count: 2,
             ..JointState::default()
         };
-        let message = encode(state.bytes());
-        let columns = columns(&JointState::LAYOUT);
-        let cells = cells(&JointState::LAYOUT, 0, 0, 0, &message).unwrap();
-        let text = |name: &str| {
-            let index = columns.iter().position(|column| column.name == name);
-            match &cells[index.unwrap()] {
-                Cell::Number(number) => number.to_string(),
-                Cell::Hexadecimal(digits) => digits.clone(),
-                Cell::Seconds(seconds) => seconds.to_string(),
-            }
-        };
-        assert_eq!(text("boot_id"), "000000000000b007");
-        assert_eq!((text("position_1"), text("position_2")), ("0.25".into(), String::new()));
+        assert_eq!(text(&state, "boot_id"), "000000000000b007");
+        assert_eq!(text(&state, "pitch_deg"), 0.5_f64.to_degrees().to_string());
+        assert_eq!(text(&state, "yaw_velocity_deg_s"), "0");
+        assert_eq!(text(&state, "yaw_deviation_deg"), "0");
+        let nothing = JointState { count: 0, ..state };
+        assert_eq!(text(&nothing, "pitch_deg"), "", "what is not there is no 0");
+        let tip = JointState { count: 3, ..state };
+        let names = ["x", "y", "z"].map(str::to_owned);
+        assert_eq!(text_of(&tip, &names, "y_m"), "0.25");
         assert_eq!(unit("measured_counts_1"), "counts");
-        assert_eq!((unit("deadline_ns"), unit("flags")), ("ns", ""));
+        assert_eq!((unit("deadline_ns"), unit("flags"), unit("t_s")), ("ns", "", "s"));
+        assert_eq!((unit("yaw_velocity_deg_s"), unit("y_m")), ("deg/s", "m"));
+    }
+
+    #[test]
+    fn texts_and_states_are_words() {
+        let reason = ReasonMsg {
+            text: padded_text("refusal 4: another client"),
+            advice: padded_text("wait"),
+            ..ReasonMsg::default()
+        };
+        assert_eq!(text(&reason, "text"), "refusal 4: another client");
+        assert_eq!(text(&reason, "advice"), "wait");
+        let mut regions = VirtualFixturesMsg::default();
+        regions.name[1] = padded_text("retina");
+        assert_eq!(text(&regions, "name_1"), "retina");
+        let state =
+            OperatingStateMsg { state: 3, fault: 2, last_refusal: 99, ..Default::default() };
+        assert_eq!(text(&state, "state"), "FAULT");
+        assert_eq!(text(&state, "fault"), "a drive does not answer");
+        assert_eq!(text(&state, "last_refusal"), "99", "of a later release");
     }
 }

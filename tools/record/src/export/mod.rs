@@ -1,16 +1,20 @@
 //! Tables for MATLAB, pandas and spreadsheets: one CSV or Parquet file for each topic of payloads.
 //!
-//! Columns are the fields of the payload: arrays as `NAME_0`, `NAME_1`, ..., members of spans as
-//! `NAME_p50_ns`, hashes as hexadecimal digits. The first columns are `t_s`, seconds since the
-//! first message of the file, and `received_s`, the same for the arrival at the recorder. Entries
-//! that a message does not have are empty (NaN). `units.csv` has the unit of every column.
+//! Columns are the fields of the payload: angles as `pitch_deg`, `yaw_deg`, states by name, other
+//! arrays as `NAME_0`, `NAME_1`, ..., members of spans as `NAME_p50_ns`, hashes as hexadecimal
+//! digits. The first columns are `time`, UTC, `t_s`, seconds since the first message of the file,
+//! and `received_s`, the same for the arrival at the recorder. Entries that a message does not have
+//! are empty (NaN). `units.csv` has the unit of every column. `trial` is the table for people: all
+//! angles and the state on one grid.
 //!
 //! | file | contains |
 //! |---|---|
 //! | `columns` | the columns of a payload, and the cells of a message |
+//! | `joined` | goal, set-point, estimate, camera and state on one grid |
 //! | `parquet` | tables as Parquet: columns with types, a tenth of the size |
 
 mod columns;
+mod joined;
 mod parquet;
 
 use std::collections::BTreeMap;
@@ -20,9 +24,13 @@ use std::path::{Path, PathBuf};
 
 use i2ris::ipc::Stream;
 use i2ris::ipc::payload::PayloadLayout;
+use i2ris::wall_clock::WallTime;
 use mcap::records::{MessageHeader, Record};
 
 use crate::read::{ReadError, Records};
+use crate::recorder::{HEADER, JOINTS};
+use crate::report::Trial;
+use crate::standard::DEFAULT_NAMES;
 use crate::topic::Topic;
 use columns::{Cell, Column, TableWriter};
 
@@ -60,6 +68,8 @@ struct OpenTable {
     name: String,
     path: PathBuf,
     layout: PayloadLayout,
+    outputs: Vec<String>,
+    columns: Vec<Column>,
     writer: Box<dyn TableWriter>,
 }
 
@@ -75,12 +85,18 @@ pub fn export(
         .map_err(|source| ExportError::Folder { path: folder.to_owned(), source })?;
     let mut tables: BTreeMap<u16, OpenTable> = BTreeMap::new();
     let mut exported = ExportedTables::default();
-    let mut start = None;
+    let (mut start, mut outputs) = (None, DEFAULT_NAMES.map(str::to_owned).to_vec());
     for record in records.by_ref() {
         match record {
+            Record::Metadata(found) if found.name == HEADER => {
+                let named = found.metadata.get(JOINTS);
+                let named = named.map(|names| names.split(' ').map(str::to_owned).collect());
+                outputs = named.unwrap_or(outputs);
+            }
             Record::Channel(channel) if !tables.contains_key(&channel.id) => {
                 if let Some(stream) = Topic::payload_stream(&channel.topic) {
-                    tables.insert(channel.id, OpenTable::create(folder, stream, format)?);
+                    let table = OpenTable::of_stream(folder, stream, &outputs, format)?;
+                    tables.insert(channel.id, table);
                 }
             }
             Record::Message { header, data } => {
@@ -95,8 +111,10 @@ pub fn export(
         }
     }
     exported.stopped_by = records.stopped_by();
+    let joined = joined_table(recording, folder, format, &mut exported)?;
+    let tables: Vec<OpenTable> = joined.into_iter().chain(tables.into_values()).collect();
     let units = units(&tables);
-    for OpenTable { path, writer, .. } in tables.into_values() {
+    for OpenTable { path, writer, .. } in tables {
         writer.finish().map_err(|reason| ExportError::Write { path, reason })?;
     }
     let path = folder.join("units.csv");
@@ -105,12 +123,32 @@ pub fn export(
     Ok(exported)
 }
 
+/// The table of all angles; `None` if the recording has none.
+fn joined_table(
+    recording: &Path,
+    folder: &Path,
+    format: TableFormat,
+    exported: &mut ExportedTables,
+) -> Result<Option<OpenTable>, ExportError> {
+    let trial = Trial::read(recording)?;
+    if !joined::has_angles(&trial) {
+        return Ok(None);
+    }
+    let layout = Stream::Measured.layout();
+    let mut table = OpenTable::create(folder, "trial", layout, joined::columns(), format)?;
+    for row in joined::rows(&trial) {
+        table.write_row(row)?;
+        *exported.rows.entry(table.name.clone()).or_default() += 1;
+    }
+    Ok(Some(table))
+}
+
 /// The unit of every column of every table, as CSV.
-fn units(tables: &BTreeMap<u16, OpenTable>) -> String {
+fn units(tables: &[OpenTable]) -> String {
     let mut text = "table,column,unit\n".to_owned();
-    for table in tables.values() {
+    for table in tables {
         let name = table.path.file_stem().unwrap_or_default().to_string_lossy();
-        for column in columns::columns(&table.layout) {
+        for column in &table.columns {
             let unit = columns::unit(&column.name);
             text.push_str(&format!("{name},{},{unit}\n", column.name));
         }
@@ -119,15 +157,31 @@ fn units(tables: &BTreeMap<u16, OpenTable>) -> String {
 }
 
 impl OpenTable {
-    fn create(folder: &Path, stream: Stream, format: TableFormat) -> Result<Self, ExportError> {
+    fn of_stream(
+        folder: &Path,
+        stream: Stream,
+        outputs: &[String],
+        format: TableFormat,
+    ) -> Result<Self, ExportError> {
+        let (name, layout) = (stream.name().replace('/', "_"), stream.layout());
+        let columns = columns::columns(&layout, outputs);
+        let table = Self::create(folder, &name, layout, columns, format)?;
+        Ok(Self { outputs: outputs.to_vec(), ..table })
+    }
+
+    fn create(
+        folder: &Path,
+        name: &str,
+        layout: PayloadLayout,
+        columns: Vec<Column>,
+        format: TableFormat,
+    ) -> Result<Self, ExportError> {
         let extension = match format {
             TableFormat::Csv => "csv",
             TableFormat::Parquet => "parquet",
         };
-        let name = format!("{}.{extension}", stream.name().replace('/', "_"));
+        let name = format!("{name}.{extension}");
         let path = folder.join(&name);
-        let layout = stream.layout();
-        let columns = columns::columns(&layout);
         let writer: Result<Box<dyn TableWriter>, String> = match format {
             TableFormat::Csv => CsvTable::create(&path, &columns).map(|table| Box::new(table) as _),
             TableFormat::Parquet => {
@@ -135,7 +189,7 @@ impl OpenTable {
             }
         };
         match writer {
-            Ok(writer) => Ok(Self { name, path, layout, writer }),
+            Ok(writer) => Ok(Self { name, path, layout, outputs: Vec::new(), columns, writer }),
             Err(reason) => Err(ExportError::Write { path, reason }),
         }
     }
@@ -147,15 +201,23 @@ impl OpenTable {
         header: &MessageHeader,
         data: &[u8],
     ) -> Result<bool, ExportError> {
-        let (stamp, received) = (header.publish_time, header.log_time);
-        let Some(cells) = columns::cells(&self.layout, start, stamp, received, data) else {
-            return Ok(false);
-        };
-        let path = || self.path.clone();
-        let written = self.writer.write_row(cells);
-        written.map_err(|reason| ExportError::Write { path: path(), reason })?;
-        Ok(true)
+        let times = [header.publish_time, header.log_time];
+        match columns::cells(&self.layout, &self.outputs, start, times, data) {
+            Some(cells) => self.write_row(cells).map(|()| true),
+            None => Ok(false),
+        }
     }
+
+    fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), ExportError> {
+        let written = self.writer.write_row(cells);
+        written.map_err(|reason| ExportError::Write { path: self.path.clone(), reason })
+    }
+}
+
+/// An instant as in ISO 8601, with microseconds.
+fn iso(unix_ns: u64) -> String {
+    let second = WallTime::from_unix_seconds(unix_ns / 1_000_000_000).to_string();
+    format!("{}.{:06}Z", second.trim_end_matches('Z'), unix_ns / 1000 % 1_000_000)
 }
 
 /// A CSV file in progress.
@@ -174,9 +236,10 @@ impl CsvTable {
 impl TableWriter for CsvTable {
     fn write_row(&mut self, cells: Vec<Cell>) -> Result<(), String> {
         let texts = cells.into_iter().map(|cell| match cell {
+            Cell::Time(ns) => iso(ns),
             Cell::Seconds(seconds) => format!("{seconds:.9}"),
             Cell::Number(number) => number.to_string(),
-            Cell::Hexadecimal(digits) => digits,
+            Cell::Text(text) => text,
         });
         self.0.write_record(texts).map_err(|error| error.to_string())
     }

@@ -105,7 +105,8 @@ fn schema(columns: &[Column]) -> String {
                 let storage = if *bits == 64 { "int64" } else { "int32" };
                 writeln!(text, "required {storage} {name} (INTEGER({bits},false));")
             }
-            ColumnType::Hexadecimal => writeln!(text, "required binary {name} (UTF8);"),
+            ColumnType::Time => writeln!(text, "required int64 {name} (TIMESTAMP(MICROS,true));"),
+            ColumnType::Text => writeln!(text, "required binary {name} (UTF8);"),
         };
     }
     text.push('}');
@@ -124,25 +125,26 @@ impl ColumnBuffer {
     const fn new(kind: ColumnType) -> Self {
         match kind {
             ColumnType::Seconds | ColumnType::Float => Self::Double(Vec::new()),
-            ColumnType::Unsigned(64) => Self::Int64(Vec::new()),
+            ColumnType::Time | ColumnType::Unsigned(64) => Self::Int64(Vec::new()),
             ColumnType::Signed | ColumnType::Unsigned(_) => Self::Int32(Vec::new()),
-            ColumnType::Hexadecimal => Self::Text(Vec::new()),
+            ColumnType::Text => Self::Text(Vec::new()),
         }
     }
 
     /// Appends a cell, which has the type of the column. Parquet stores unsigned integers as signed
     /// ones with the same bits.
     fn push(&mut self, cell: Cell) {
-        use Cell::{Hexadecimal, Seconds};
+        use Cell::{Seconds, Text, Time};
         use Number::{Float, Signed, Unsigned};
         match (self, cell) {
             (Self::Double(values), Seconds(value) | Cell::Number(Float(value))) => {
                 values.push(value);
             }
+            (Self::Int64(values), Time(ns)) => values.push((ns / 1000) as i64),
             (Self::Int64(values), Cell::Number(Unsigned(value))) => values.push(value as i64),
             (Self::Int32(values), Cell::Number(Unsigned(value))) => values.push(value as i32),
             (Self::Int32(values), Cell::Number(Signed(value))) => values.push(value),
-            (Self::Text(values), Hexadecimal(text)) => values.push(text.into_bytes().into()),
+            (Self::Text(values), Text(text)) => values.push(text.into_bytes().into()),
             _ => {}
         }
     }

@@ -5,6 +5,7 @@
 //! |---|---|
 //! | `trial` | the data of a recording, read once; when the robot followed commands |
 //! | `tracking` | tracking error by the model's estimate and by the camera; percentiles |
+//! | `shortfall` | asked against reached: commands out of reach |
 //! | `reaches` | point-to-point motion and reach-and-hold tasks: time, overshoot, detour |
 //! | `hysteresis` | counts against angle, width of the loop |
 //! | `latency` | from command to serial line, age of encoder positions, the control loop |
@@ -19,6 +20,7 @@ mod hysteresis;
 mod latency;
 mod page;
 mod reaches;
+mod shortfall;
 mod text;
 mod tracking;
 mod trial;
@@ -34,14 +36,17 @@ use events::{TrialEvent, trial_events};
 use hysteresis::{HysteresisLoop, hysteresis_loops};
 use latency::{LoopTiming, loop_timing};
 use reaches::{ReachScore, TargetScore, reach_score, target_score};
+use shortfall::{Shortfall, shortfall};
 use tracking::{Percentiles, TrackingError, tracking_errors, tracking_statistics};
-use trial::Trial;
+pub(crate) use trial::Trial;
 
 /// The report of a trial. As JSON it has the numbers without the series.
 #[derive(Debug, Serialize)]
 pub struct TrialReport {
     /// Name of the file.
     pub file: String,
+    /// Date and time of its start, UTC.
+    pub recorded: Option<String>,
     pub length_s: f64,
     /// Why it cannot be read to its end; `None`: it is complete.
     pub cut_off: Option<String>,
@@ -56,6 +61,8 @@ pub struct TrialReport {
     pub camera: Option<TrackingError>,
     /// Error by the model's estimate from the encoders.
     pub estimate: Option<TrackingError>,
+    /// What it was asked for and could not reach.
+    pub shortfall: Option<Shortfall>,
     pub reaches: Option<ReachScore>,
     pub targets: Option<TargetScore>,
     pub hysteresis: Vec<HysteresisLoop>,
@@ -91,6 +98,7 @@ impl TrialReport {
         });
         Ok(Self {
             file: trial.file.clone(),
+            recorded: trial.recorded(),
             length_s: trial.length_s(),
             cut_off: trial.stopped_by.clone(),
             about: trial.about.clone(),
@@ -99,6 +107,7 @@ impl TrialReport {
             streams: streams.collect(),
             camera: tracking_statistics(&tracking_errors(&trial, &trial.camera)),
             estimate: tracking_statistics(&tracking_errors(&trial, &trial.measured)),
+            shortfall: shortfall(&trial),
             reaches: reach_score(&trial),
             targets: target_score(&trial),
             hysteresis: hysteresis_loops(&trial),

@@ -35,16 +35,21 @@ pub fn page(report: &TrialReport) -> Page {
 }
 
 fn main_result(report: &TrialReport) -> String {
-    let length = format!("{:.1} s", report.length_s);
+    let mut length = format!("{:.1} s", report.length_s);
+    let mut goal = "its goal";
+    if let Some(shortfall) = &report.shortfall {
+        length = format!("{length}; {}", shortfall.sentence());
+        goal = "the nearest goal in reach";
+    }
     match (&report.camera, &report.estimate) {
         (Some(camera), _) => format!(
-            "{length}. While it followed commands, the robot was {:.2} deg from its goal by the \
+            "{length}. While it followed commands, the robot was {:.2} deg from {goal} by the \
              camera (root mean square of the two-dimensional error), at most {:.2} deg.",
             camera.length_rms_deg, camera.length.max
         ),
         (None, Some(estimate)) => format!(
             "{length}, no camera. While it followed commands, the model's estimate was {:.2} deg \
-             from the goal (root mean square of the two-dimensional error). This recording does \
+             from {goal} (root mean square of the two-dimensional error). This recording does \
              not contain how far the robot itself was.",
             estimate.length_rms_deg
         ),
@@ -79,8 +84,9 @@ fn facts(report: &TrialReport) -> Vec<(String, String)> {
     // The offset of the clocks is for programs.
     let is_shown = |(name, value): &(&String, &String)| !value.is_empty() && !name.ends_with("_ns");
     let about = report.about.iter().filter(is_shown);
-    let mut facts: Vec<(String, String)> =
-        about.map(|(name, value)| (name.replace('_', " "), value.clone())).collect();
+    let recorded = report.recorded.iter().map(|at| ("recorded".to_owned(), at.clone()));
+    let about = about.map(|(name, value)| (name.replace('_', " "), value.clone()));
+    let mut facts: Vec<(String, String)> = recorded.chain(about).collect();
     let attached = report.attached.iter().map(|(name, size)| format!("{name} ({size} bytes)"));
     let attached: Vec<String> = attached.collect();
     let attached = if attached.is_empty() { "nothing".to_owned() } else { attached.join(", ") };

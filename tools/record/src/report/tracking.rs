@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::trial::Trial;
 
 /// Goals further apart than this are not interpolated, ns: the controller publishes one every tick.
-const GAP_NS: u64 = 60_000_000;
+pub const GAP_NS: u64 = 60_000_000;
 
 /// Seconds, and the error in pitch and yaw, degrees.
 pub type TimedError = (f64, [f64; 2]);

@@ -8,6 +8,7 @@ use i2ris::ipc::payload::{
 };
 use i2ris::ipc::{OperatingState, Stream, StreamMessage};
 use i2ris::units::Nanos;
+use i2ris::wall_clock::WallTime;
 use i2ris_report::statistics::TimeSeries;
 use mcap::records::Record;
 
@@ -36,8 +37,16 @@ pub struct Trial {
     pub start_ns: u64,
     /// Last stamp of the controller.
     pub end_ns: u64,
+    /// Unix time minus the clock of the stamps, ns.
+    pub unix_offset_ns: Option<u64>,
     /// The goal, degrees.
     pub goal: TimeSeries<2>,
+    /// Stamp and flags of every goal.
+    pub goal_flags: Vec<(u64, u32)>,
+    /// The commands of the client that led, degrees.
+    pub commands: TimeSeries<2>,
+    /// What the controller sends after all limits, degrees.
+    pub setpoint: TimeSeries<2>,
     /// The model's estimate, degrees.
     pub measured: TimeSeries<2>,
     /// Angles by the camera, degrees.
@@ -111,6 +120,8 @@ impl Trial {
                         let has_one_sender = stream.has_one_sender();
                         statistics.add(header.publish_time, header.sequence, has_one_sender);
                         if let Some(message) = cdr::decode(*stream, &data) {
+                            let offset = header.publish_time.wrapping_sub(message.stamp().0);
+                            trial.unix_offset_ns.get_or_insert(offset);
                             trial.add(message);
                         }
                     }
@@ -137,6 +148,31 @@ impl Trial {
         Ok(trial)
     }
 
+    /// Every series of angles, with its name.
+    pub fn angles(&self) -> [(&'static str, &TimeSeries<2>); 4] {
+        let Self { goal, setpoint, measured, camera, .. } = self;
+        [("goal", goal), ("setpoint", setpoint), ("estimate", measured), ("camera", camera)]
+    }
+
+    /// The name of the operating state at an instant.
+    pub fn state_at(&self, stamp_ns: u64) -> Option<&'static str> {
+        let after = self.states.partition_point(|state| state.stamp_ns <= stamp_ns);
+        let state = self.states[..after].last()?;
+        OperatingState::from_number(state.state).map(OperatingState::text)
+    }
+
+    /// An instant in Unix time, ns.
+    pub fn unix_ns(&self, stamp_ns: u64) -> u64 {
+        stamp_ns.wrapping_add(self.unix_offset_ns.unwrap_or(0))
+    }
+
+    /// Date and time of the start, UTC; `None` for a recording without messages.
+    pub fn recorded(&self) -> Option<String> {
+        self.unix_offset_ns?;
+        let seconds = self.unix_ns(self.start_ns) / 1_000_000_000;
+        Some(WallTime::from_unix_seconds(seconds).to_string())
+    }
+
     /// Seconds since the start.
     pub fn seconds(&self, stamp_ns: u64) -> f64 {
         (i128::from(stamp_ns) - i128::from(self.start_ns)) as f64 * 1e-9
@@ -154,6 +190,13 @@ impl Trial {
             Some(state) => follows(state),
             None => self.states.is_empty(),
         }
+    }
+
+    /// Mean time between two goals, seconds.
+    pub fn goal_period_s(&self) -> f64 {
+        let ends = self.goal_flags.first().zip(self.goal_flags.last());
+        let span = ends.map_or(0.0, |((first, _), (last, _))| (last - first) as f64 * 1e-9);
+        span / (self.goal_flags.len().max(2) - 1) as f64
     }
 
     /// The intervals in which the robot did not follow commands, seconds.
@@ -187,7 +230,19 @@ impl Trial {
                 }
                 self.add_angles(&state, |trial| &mut trial.measured);
             }
-            StreamMessage::Goal(state) => self.add_angles(&state, |trial| &mut trial.goal),
+            StreamMessage::Setpoint(state) => {
+                self.add_angles(&state, |trial| &mut trial.setpoint);
+            }
+            StreamMessage::ServoJp(command) if command.count == ANGLES => {
+                let leads = |state: &OperatingStateMsg| state.lease_client_id == command.client_id;
+                if self.states.last().is_some_and(leads) {
+                    self.commands.push(command.stamp_ns, degrees(command.position));
+                }
+            }
+            StreamMessage::Goal(state) => {
+                self.goal_flags.push((state.stamp_ns, state.flags));
+                self.add_angles(&state, |trial| &mut trial.goal);
+            }
             StreamMessage::Actuators(state) => {
                 self.extend_to(state.stamp_ns);
                 self.counts.push(state.stamp_ns, state.measured_counts.map(f64::from));

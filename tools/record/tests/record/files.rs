@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use i2ris::ipc::payload::{
-    ActuatorState, Field, JointState, LAYOUTS, ModelReply, Payload, PayloadLayout, PeriodStatistics,
+    ActuatorState, ExternalPosition, Field, JointState, LAYOUTS, ModelReply, OperatingStateMsg,
+    Payload, PayloadLayout, PeriodStatistics, ServoJp,
 };
 use i2ris::ipc::{Direction, RequestService, Stream, StreamMessage};
 use i2ris::units::Nanos;
@@ -99,6 +100,114 @@ fn csv_tables_have_every_row() {
     assert!(table.lines().nth(1).unwrap().contains(&"ab".repeat(32)));
     let table = fs::read_to_string(folder.path().join("tables/period_statistics.csv")).unwrap();
     assert!(table.lines().next().unwrap().contains("lateness_p99_ns") && table.contains("4321"));
+}
+
+#[test]
+fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    let header = RecordingHeader { unix_offset_ns: UNIX, ..RecordingHeader::default() };
+    let mut trial = TrialRecorder::start(&file, header).unwrap();
+    for ms in 0..=1000_u64 {
+        let stamp = Nanos::from_millis(ms);
+        let joint = |degrees: f64| JointState {
+            sequence: ms,
+            stamp_ns: stamp.0,
+            position: [degrees.to_radians(), -degrees.to_radians(), 0.0],
+            count: 2,
+            flags: JointState::VALID,
+            ..JointState::default()
+        };
+        trial.record(&StreamMessage::Goal(joint(4.0)), stamp);
+        trial.record(&StreamMessage::Setpoint(joint(3.0)), stamp);
+        trial.record(&StreamMessage::Measured(joint(2.0)), stamp);
+        if ms % 100 == 0 {
+            let state = OperatingStateMsg {
+                stamp_ns: stamp.0,
+                state: if ms < 500 { 1 } else { 3 },
+                ..OperatingStateMsg::default()
+            };
+            trial.record(&StreamMessage::State(state), stamp);
+            let camera = ExternalPosition {
+                stamp_ns: stamp.0,
+                position: [f64::to_radians(ms as f64 * 1e-3), 0.0, 0.0],
+                count: 2,
+                flags: ExternalPosition::VALID,
+                ..ExternalPosition::default()
+            };
+            // It falls silent.
+            if ms <= 600 {
+                trial.record(&StreamMessage::External(camera), stamp);
+            }
+        }
+    }
+    trial.finish(BTreeMap::new(), &[]).unwrap();
+    let tables = folder.path().join("tables");
+    let exported = export(&file, &tables, TableFormat::Csv).unwrap();
+    assert_eq!(exported.rows["trial.csv"], 101);
+    let table = fs::read_to_string(tables.join("trial.csv")).unwrap();
+    let rows: Vec<&str> = table.lines().collect();
+    assert_eq!(
+        rows[0],
+        "time,t_s,state,goal_pitch_deg,goal_yaw_deg,setpoint_pitch_deg,setpoint_yaw_deg,\
+         estimate_pitch_deg,estimate_yaw_deg,camera_pitch_deg,camera_yaw_deg"
+    );
+    let cells: Vec<&str> = rows[1 + 25].split(',').collect();
+    assert_eq!(cells[..3], ["2023-11-14T22:13:20.250000Z", "0.250000000", "ENABLED"]);
+    let degrees: Vec<f64> = cells[3..].iter().map(|cell| cell.parse().unwrap()).collect();
+    for (found, wanted) in degrees.iter().zip([4.0, -4.0, 3.0, -3.0, 2.0, -2.0, 0.25, 0.0]) {
+        assert!((found - wanted).abs() < 1e-9, "{degrees:?}");
+    }
+    let late: Vec<&str> = rows[1 + 75].split(',').collect();
+    assert_eq!((late[2], late[9], late[10]), ("FAULT", "", ""), "no angles without a camera");
+    let units = fs::read_to_string(tables.join("units.csv")).unwrap();
+    assert!(units.contains("trial,camera_yaw_deg,deg\n"), "{units}");
+    assert!(tables.join("trial.csv").exists());
+    let again = export(&file, &tables, TableFormat::Parquet).unwrap();
+    assert_eq!(again.rows["trial.parquet"], 101);
+    let report = TrialReport::read(&file).unwrap();
+    assert_eq!(report.recorded.as_deref(), Some("2023-11-14T22:13:20Z"));
+    assert!(report.text().contains("recorded 2023-11-14T22:13:20Z"), "{}", report.text());
+    assert!(report.page().to_string().contains("2023-11-14T22:13:20Z"));
+}
+
+#[test]
+fn a_trial_that_ends_short_of_what_was_asked_says_so_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    let mut trial = TrialRecorder::start(&file, RecordingHeader::default()).unwrap();
+    let state = OperatingStateMsg { state: 1, lease_client_id: 7, ..Default::default() };
+    trial.record(&StreamMessage::State(state), Nanos(1));
+    for ms in 1..=9000_u64 {
+        let stamp = Nanos::from_millis(ms);
+        let asked = (ms as f64 * 0.01).min(60.0);
+        let flags = if asked > 37.3 { JointState::CLIPPED } else { 0 };
+        let command = ServoJp {
+            stamp_ns: stamp.0,
+            client_id: 7,
+            position: [asked.to_radians(), 0.0, 0.0],
+            count: 2,
+            ..ServoJp::default()
+        };
+        let goal = JointState {
+            stamp_ns: stamp.0,
+            position: [asked.min(37.3).to_radians(), 0.0, 0.0],
+            count: 2,
+            flags: JointState::VALID | flags,
+            ..JointState::default()
+        };
+        trial.record(&StreamMessage::ServoJp(command), stamp);
+        trial.record(&StreamMessage::Goal(goal), stamp);
+        trial.record(&StreamMessage::Measured(goal), stamp);
+    }
+    trial.finish(BTreeMap::new(), &[]).unwrap();
+    let report = TrialReport::read(&file).unwrap();
+    let text = report.text();
+    assert!(text.lines().nth(1).unwrap().contains("22.7 deg short"), "{text}");
+    let page = report.page().to_string();
+    let short = page.find("asked for pitch, yaw +60.0 +0.0 deg").unwrap();
+    assert!(short < page.find("deg from the nearest goal in reach").unwrap());
+    assert!(!page.contains("from its goal"));
 }
 
 #[test]

@@ -88,6 +88,7 @@ fn a_recording_has_every_stream_and_is_exported() {
         "attached emulator.toml",
         "/measured_js",
         "/i2ris/goal_js",
+        "recorded 20",
     ] {
         assert!(info.contains(part), "{part}\n{info}");
     }
@@ -99,15 +100,15 @@ fn a_recording_has_every_stream_and_is_exported() {
     assert!(fs::read(tables.join("measured_js.parquet")).unwrap().starts_with(b"PAR1"));
     let table = fs::read_to_string(tables.join("measured_js.csv")).unwrap();
     let units = fs::read_to_string(tables.join("units.csv")).unwrap();
-    assert!(units.contains("measured_js,velocity_1,rad/s"), "{units}");
-    let header = "t_s,received_s,sequence,stamp_ns,boot_id,position_0,position_1";
+    assert!(units.contains("measured_js,yaw_velocity_deg_s,deg/s"), "{units}");
+    let header = "time,t_s,received_s,sequence,stamp_ns,boot_id,pitch_deg,yaw_deg";
     assert!(table.starts_with(header), "{table}");
     let rows = table.lines().skip(1).map(|line| line.split(',').collect());
     let rows: Vec<Vec<&str>> = rows.collect();
     assert_eq!(rows.len() as u64, messages);
-    let degrees = |row: &Vec<&str>| row[5].parse::<f64>().unwrap().to_degrees();
+    let degrees = |row: &Vec<&str>| row[6].parse::<f64>().unwrap();
     assert!(rows.iter().all(|row| (degrees(row) - 1.0).abs() < 1e-9));
-    let sequence = |row: &Vec<&str>| row[2].parse::<u64>().unwrap();
+    let sequence = |row: &Vec<&str>| row[3].parse::<u64>().unwrap();
     assert!(rows.windows(2).all(|pair| sequence(&pair[0]) < sequence(&pair[1])));
     let table = fs::read_to_string(tables.join("virtual_fixtures.csv")).unwrap();
     let mut rows = table.lines().map(|line| line.split(',').collect::<Vec<_>>());

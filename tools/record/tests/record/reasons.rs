@@ -99,21 +99,15 @@ fn every_cause_reads_the_same_in_why_monitor_and_recording() {
     }
 }
 
-/// Text and advice of every row; bytes are written as hexadecimal digits.
+/// Text and advice of every row.
 fn texts(table: &Path) -> Vec<(String, String)> {
     let mut reader = csv::Reader::from_path(table).unwrap();
     let headers = reader.headers().unwrap().clone();
     let column = |name: &str| headers.iter().position(|header| header == name).unwrap();
     let (text, advice) = (column("text"), column("advice"));
-    let decoded = |digits: &str| {
-        let pairs = digits.as_bytes().chunks(2);
-        let digits = pairs.map(|pair| std::str::from_utf8(pair).unwrap());
-        let bytes: Vec<u8> = digits.map(|pair| u8::from_str_radix(pair, 16).unwrap()).collect();
-        i2ris::ipc::payload::unpadded_text(&bytes)
-    };
     { reader.records() }
         .map(|row| row.unwrap())
-        .map(|row| (decoded(&row[text]), decoded(&row[advice])))
+        .map(|row| (row[text].to_owned(), row[advice].to_owned()))
         .collect()
 }
 

@@ -117,6 +117,7 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
             log_likelihood: None,
             bic: None,
             software: "test".to_owned(),
+            recorded_at: None,
             linear_gain: None,
         },
         worthless: None,

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use i2ris::units::Nanos;
+use i2ris::wall_clock::WallTime;
 use i2ris_record::export::{TableFormat, export};
 use i2ris_record::read::Records;
 use i2ris_record::recorder::rate_hz;
@@ -107,6 +108,12 @@ pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
             }
             _ => {}
         }
+    }
+    let recorded = topics.values().filter(|topic| topic.messages > 0);
+    let first = recorded.clone().map(|topic| topic.first).min();
+    if let (Some(first), Some(last)) = (first, recorded.map(|topic| topic.last).max()) {
+        let [begin, end] = [first, last].map(|ns| WallTime::from_unix_seconds(ns / 1_000_000_000));
+        println!("recorded {begin} to {end} (UTC)");
     }
     for topic in topics.values() {
         let (name, messages) = (&topic.name, topic.messages);

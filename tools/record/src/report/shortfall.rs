@@ -1,0 +1,109 @@
+//! Asked against reached: commands beyond what the snake can reach.
+
+use i2ris::ipc::payload::JointState;
+use i2ris_report::statistics::median;
+use serde::Serialize;
+
+use super::tracking::GAP_NS;
+use super::trial::Trial;
+
+/// A median distance above this between commands and goals that were not clipped shows that a
+/// clutch or a scale is between them: then no command says which pose was asked for, deg.
+const COUPLED_DEG: f64 = 0.5;
+
+/// What the robot was asked for and could not reach.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Shortfall {
+    /// How long the goal was clipped, seconds.
+    pub clipped_s: f64,
+    /// Where it was worst: pitch and yaw that were asked for, degrees.
+    pub asked_deg: [f64; 2],
+    /// Where the robot was then, degrees.
+    pub reached_deg: [f64; 2],
+    /// The distance of both.
+    pub short_deg: f64,
+    /// What observed the snake: `camera` or `estimate`.
+    pub by: &'static str,
+}
+
+impl Shortfall {
+    /// In one sentence.
+    pub fn sentence(&self) -> String {
+        let Self { clipped_s, asked_deg: [pitch, yaw], reached_deg, short_deg, by } = self;
+        format!(
+            "asked for pitch, yaw {pitch:+.1} {yaw:+.1} deg, the robot reached {:+.1} {:+.1} deg by \
+             the {by}: {short_deg:.1} deg short; {clipped_s:.1} s of the commands were out of reach",
+            reached_deg[0], reached_deg[1]
+        )
+    }
+}
+
+/// The worst of it; `None`: every command was in reach, or a clutch or a scale was between command
+/// and goal.
+pub fn shortfall(trial: &Trial) -> Option<Shortfall> {
+    let (by, observed) = trial.observed();
+    let (mut in_reach, mut clipped_ticks) = (Vec::new(), 0_u64);
+    let mut worst: Option<Shortfall> = None;
+    let mut flags = trial.goal_flags.iter();
+    for (stamp, goal) in trial.goal.iter().filter(|(stamp, _)| trial.was_following(*stamp)) {
+        let flags = flags.by_ref().find(|(at, _)| at == stamp).map_or(0, |(_, flags)| *flags);
+        let Some(asked_deg) = trial.commands.value_at(*stamp, GAP_NS) else { continue };
+        if flags & (JointState::CLIPPED | JointState::FIXTURE) == 0 {
+            in_reach.push(distance(asked_deg, *goal));
+            continue;
+        }
+        clipped_ticks += 1;
+        let Some(reached_deg) = observed.value_at(*stamp, CAMERA_GAP_NS) else { continue };
+        let short_deg = distance(asked_deg, reached_deg);
+        if worst.is_none_or(|worst| short_deg > worst.short_deg) {
+            worst = Some(Shortfall { clipped_s: 0.0, asked_deg, reached_deg, short_deg, by });
+        }
+    }
+    let is_coupled = median(&mut in_reach).is_some_and(|away| away > COUPLED_DEG);
+    let clipped_s = clipped_ticks as f64 * trial.goal_period_s();
+    worst.filter(|_| !is_coupled).map(|worst| Shortfall { clipped_s, ..worst })
+}
+
+/// A slow camera has ten frames a second.
+const CAMERA_GAP_NS: u64 = 110_000_000;
+
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris::ipc::payload::OperatingStateMsg;
+
+    use super::*;
+
+    /// A pose of 60 deg is asked for; the goal stays at 37.3, and so does the snake. `scale`: of the
+    /// goal beside the command.
+    fn trial(scale: f64) -> Trial {
+        let mut trial = Trial::default();
+        trial.states.push(OperatingStateMsg { state: 1, ..OperatingStateMsg::default() });
+        for ms in 0..20_000_u64 {
+            let stamp = ms * 1_000_000;
+            let asked = (ms as f64 * 0.01).min(60.0);
+            let goal = [(asked * scale).min(37.3), 0.0];
+            trial.commands.push(stamp, [asked, 0.0]);
+            trial.goal.push(stamp, goal);
+            trial.measured.push(stamp, goal);
+            let is_clipped = asked * scale > 37.3;
+            trial.goal_flags.push((stamp, if is_clipped { JointState::CLIPPED } else { 0 }));
+        }
+        trial
+    }
+
+    #[test]
+    fn a_pose_out_of_reach_is_short_by_its_distance() {
+        let found = shortfall(&trial(1.0)).unwrap();
+        assert!((found.short_deg - 22.7).abs() < 1e-9 && found.by == "estimate", "{found:?}");
+        assert!((found.clipped_s - 16.27).abs() < 0.02, "{found:?}");
+        let text = "asked for pitch, yaw +60.0 +0.0 deg, the robot reached +37.3 +0.0 deg by the \
+                    estimate: 22.7 deg short; 16.3 s of the commands were out of reach";
+        assert_eq!(found.sentence(), text);
+        // With a scale, the command is a displacement of the master.
+        assert_eq!(shortfall(&trial(0.7)), None);
+    }
+}
