@@ -42,6 +42,8 @@ pub struct Joint {
     /// Where it is along the z axis of the link below, m.
     pub along_m: f64,
     pub motion: Motion,
+    /// Its angle per angle of the whole snake.
+    pub share: f64,
     /// Length of the link that it carries, m, and where along its z axis the link begins. `None`:
     /// the link has no body.
     pub body: Option<[f64; 2]>,
@@ -57,22 +59,14 @@ impl Joint {
         }
     }
 
-    /// Its angle per angle of the whole snake.
-    #[must_use]
-    pub fn share(&self) -> f64 {
-        match self.motion {
-            Motion::Pitch | Motion::Yaw => SHARE,
-            Motion::Fixed => 0.0,
-        }
-    }
-
-    fn at(&self, bend: &Bend) -> Isometry3<f64> {
+    /// The link that it carries, as the link below sees it.
+    pub(crate) fn at(&self, bend: &Bend) -> Isometry3<f64> {
         let whole = match self.motion {
             Motion::Pitch => bend.pitch,
             Motion::Yaw => bend.yaw,
             Motion::Fixed => 0.0,
         };
-        let turn = Vector3::from(self.axis()) * (whole * self.share());
+        let turn = Vector3::from(self.axis()) * (whole * self.share);
         Isometry3::from_parts(
             Translation3::new(0.0, 0.0, self.along_m),
             UnitQuaternion::from_scaled_axis(turn),
@@ -101,6 +95,8 @@ impl From<Isometry3<f64>> for LinkPose {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Snake {
     name: String,
+    /// Turn by the whole bend, and carry links without bodies beside the chain.
+    masters: [Joint; 2],
     joints: Vec<Joint>,
 }
 
@@ -120,6 +116,7 @@ impl Snake {
                     child: hinge.clone(),
                     along_m: end - RADIUS_M,
                     motion,
+                    share: SHARE,
                     body: None,
                 });
                 joints.push(Joint {
@@ -128,6 +125,7 @@ impl Snake {
                     child: child.clone(),
                     along_m: 2.0 * RADIUS_M,
                     motion,
+                    share: SHARE,
                     body: Some([LINK_M, -RADIUS_M]),
                 });
                 (parent, end) = (child, LINK_M - RADIUS_M);
@@ -139,10 +137,21 @@ impl Snake {
             child: link("tip"),
             along_m: end,
             motion: Motion::Fixed,
+            share: 0.0,
             body: None,
         });
+        let masters =
+            [("pitch", Motion::Pitch), ("yaw", Motion::Yaw)].map(|(axis, motion)| Joint {
+                name: axis.to_owned(),
+                parent: link("base"),
+                child: link(axis),
+                along_m: 0.0,
+                motion,
+                share: 1.0,
+                body: None,
+            });
         let name = name.to_owned();
-        Self { name, joints }
+        Self { name, masters, joints }
     }
 
     #[must_use]
@@ -162,6 +171,13 @@ impl Snake {
         format!("{}_tip", self.name)
     }
 
+    /// The joints `pitch` and `yaw`, which those of the chain follow.
+    #[must_use]
+    pub fn masters(&self) -> &[Joint] {
+        &self.masters
+    }
+
+    /// The chain from base to tip.
     #[must_use]
     pub fn joints(&self) -> &[Joint] {
         &self.joints
@@ -169,7 +185,7 @@ impl Snake {
 
     /// Where the link of every joint is, as the link below sees it.
     pub fn link_poses(&self, bend: Bend) -> impl Iterator<Item = (&Joint, LinkPose)> {
-        let joints = self.joints.iter();
+        let joints = self.masters.iter().chain(&self.joints);
         joints.map(move |joint| (joint, joint.at(&bend).into()))
     }
 

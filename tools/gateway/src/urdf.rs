@@ -34,18 +34,9 @@ impl Snake {
         writeln!(out, "    <color rgba=\"0.72 0.74 0.78 1\"/>")?;
         writeln!(out, "  </material>")?;
         write_link(out, &base, Some([BASE_M, -BASE_M]))?;
-        for (master, motion) in [("pitch", Motion::Pitch), ("yaw", Motion::Yaw)] {
-            let child = format!("{}_{master}", self.name());
-            write_link(out, &child, None)?;
-            let joint = Joint {
-                name: master.to_owned(),
-                parent: base.clone(),
-                child,
-                along_m: 0.0,
-                motion,
-                body: None,
-            };
-            write_joint(out, &joint, None)?;
+        for joint in self.masters() {
+            write_link(out, &joint.child, joint.body)?;
+            write_joint(out, joint, None)?;
         }
         for joint in self.joints() {
             write_link(out, &joint.child, joint.body)?;
@@ -88,7 +79,7 @@ fn write_joint(out: &mut String, joint: &Joint, master: Option<&str>) -> std::fm
     if !fixed {
         let [x, y, z] = joint.axis();
         let whole = JOINTS_PER_AXIS as f64 * STOP_RAD;
-        let limit = whole * master.map_or(1.0, |_| joint.share());
+        let limit = whole * joint.share;
         writeln!(out, "    <axis xyz=\"{x} {y} {z}\"/>")?;
         writeln!(
             out,
@@ -100,7 +91,7 @@ fn write_joint(out: &mut String, joint: &Joint, master: Option<&str>) -> std::fm
         writeln!(
             out,
             "    <mimic joint=\"{master}\" multiplier=\"{:.15}\" offset=\"0\"/>",
-            joint.share()
+            joint.share
         )?;
     }
     writeln!(out, "  </joint>")

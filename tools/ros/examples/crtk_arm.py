@@ -23,6 +23,7 @@ from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.types import float64, int32, sequence, uint8, uint32
 from cyclonedds.pub import DataWriter
+from cyclonedds.internal import InvalidSample
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
@@ -132,6 +133,37 @@ class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
 
 
 @dataclass
+class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
+    linear: Vector3 = field(default_factory=Vector3)
+    angular: Vector3 = field(default_factory=Vector3)
+
+
+@dataclass
+class TwistStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TwistStamped_"):
+    header: Header = field(default_factory=Header)
+    twist: Twist = field(default_factory=Twist)
+
+
+@dataclass
+class MultiArrayDimension(IdlStruct, typename="std_msgs::msg::dds_::MultiArrayDimension_"):
+    label: str = ""
+    size: uint32 = 0
+    stride: uint32 = 0
+
+
+@dataclass
+class MultiArrayLayout(IdlStruct, typename="std_msgs::msg::dds_::MultiArrayLayout_"):
+    dim: sequence[MultiArrayDimension] = field(default_factory=list)
+    data_offset: uint32 = 0
+
+
+@dataclass
+class Float64MultiArray(IdlStruct, typename="std_msgs::msg::dds_::Float64MultiArray_"):
+    layout: MultiArrayLayout = field(default_factory=MultiArrayLayout)
+    data: sequence[float64] = field(default_factory=list)
+
+
+@dataclass
 class OperatingState(IdlStruct, typename="crtk_msgs::msg::dds_::OperatingState_"):
     header: Header = field(default_factory=Header)
     state: str = "UNDEFINED"
@@ -191,13 +223,18 @@ class Arm:
         self._lock = threading.Condition()
         self.states: list[OperatingState] = []
         self.said: dict[str, list[str]] = {"error": [], "warning": [], "status": []}
-        self._measured = JointState()
-        self._setpoint = JointState()
-        self._tip = PoseStamped()
+        streams = {
+            "measured_js": JointState,
+            "setpoint_js": JointState,
+            "goal_js": JointState,
+            "measured_cp": PoseStamped,
+            "setpoint_cp": PoseStamped,
+            "measured_cv": TwistStamped,
+            "jacobian": Float64MultiArray,
+        }
+        self._newest = {name: kind() for name, kind in streams.items()}
         self._readers = {
-            "measured_js": self.reader("measured_js", JointState),
-            "setpoint_js": self.reader("setpoint_js", JointState),
-            "measured_cp": self.reader("measured_cp", PoseStamped),
+            **{name: self.reader(name, kind) for name, kind in streams.items()},
             "operating_state": self.reader("operating_state", OperatingState, latched),
         }
         for word in self.said:
@@ -208,6 +245,7 @@ class Arm:
         }
         self._state_command = self.writer("state_command", StringStamped, latched=True)
         self._hold = self.writer("hold", Empty)
+        self._free = self.writer("free", Empty)
         self._ended = False
         self._thread = threading.Thread(target=self._receive, daemon=True)
         self._thread.start()
@@ -229,7 +267,7 @@ class Arm:
         while not self._ended:
             for name, reader in self._readers.items():
                 for message in reader.take(100):
-                    if hasattr(message, "header") or hasattr(message, "data"):
+                    if not isinstance(message, InvalidSample):
                         self._note(name, message)
             time.sleep(0.001)
 
@@ -240,12 +278,8 @@ class Arm:
                 # As CRTK's client: what is not newer is not looked at.
                 if message.header.stamp.seconds() > newest:
                     self.states.append(message)
-            elif name == "measured_js":
-                self._measured = message
-            elif name == "setpoint_js":
-                self._setpoint = message
-            elif name == "measured_cp":
-                self._tip = message
+            elif name in self._newest:
+                self._newest[name] = message
             else:
                 self.said[name].append(message.data)
             self._lock.notify_all()
@@ -258,7 +292,7 @@ class Arm:
         """Waits until somebody listens to every command and something came from the arm."""
 
         def heard() -> bool:
-            writers = [*self._servo.values(), self._state_command, self._hold]
+            writers = [*self._servo.values(), self._state_command, self._hold, self._free]
             matched = all(writer.read_status(DDSStatus.PublicationMatched) for writer in writers)
             return matched and self.operating_state() != "UNDEFINED"
 
@@ -271,21 +305,36 @@ class Arm:
     # Queries.
 
     def measured_jp(self) -> list[float]:
-        return self._valid("_measured")
+        return list(self._valid("measured_js").position)
 
     def setpoint_jp(self) -> list[float]:
-        return self._valid("_setpoint")
+        return list(self._valid("setpoint_js").position)
+
+    def goal_jp(self) -> list[float]:
+        return list(self._valid("goal_js").position)
 
     def measured_cp(self) -> PoseStamped:
-        self._valid("_tip")
-        return self._tip
+        return self._valid("measured_cp")
+
+    def setpoint_cp(self) -> PoseStamped:
+        return self._valid("setpoint_cp")
+
+    def measured_cv(self) -> TwistStamped:
+        return self._valid("measured_cv")
+
+    def jacobian(self) -> list[list[float]]:
+        if not self._wait(5.0, lambda: self._newest["jacobian"].data):
+            raise RuntimeWarning("no valid data for jacobian")
+        message = self._newest["jacobian"]
+        columns = message.layout.dim[1].size
+        data = list(message.data)
+        return [data[at : at + columns] for at in range(0, len(data), columns)]
 
     def _valid(self, name: str, timeout: float = 5.0):
-        valid = lambda: getattr(self, name).header.stamp.seconds() > 0.0
+        valid = lambda: self._newest[name].header.stamp.seconds() > 0.0
         if not self._wait(timeout, valid):
-            raise RuntimeWarning(f"no valid data for {name[1:]}")
-        message = getattr(self, name)
-        return list(message.position) if isinstance(message, JointState) else message
+            raise RuntimeWarning(f"no valid data for {name}")
+        return self._newest[name]
 
     def operating_state(self) -> str:
         with self._lock:
@@ -332,6 +381,9 @@ class Arm:
 
     def hold(self) -> None:
         self._hold.write(Empty())
+
+    def free(self) -> None:
+        self._free.write(Empty())
 
     def wait_for_busy(self, is_busy: bool, start: float, timeout: float) -> bool:
         def done() -> bool:

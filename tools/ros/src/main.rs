@@ -27,8 +27,9 @@ use i2ris_ros::{LARGEST_DOMAIN, Options, ServiceMapping};
   i2ris ros urdf eye > eye.urdf                 the snake for RViz and Foxglove
 
 No installation of ROS is needed. Topics, types and quality of service are those of CRTK: \
-measured_js, setpoint_js, measured_cp, operating_state, error, warning, status; servo_jp, \
-servo_jr, move_jp, move_jr, state_command, hold.
+measured_js, setpoint_js, goal_js, measured_cp, setpoint_cp, measured_cv, jacobian, \
+period_statistics, operating_state, error, warning, status; servo_jp, servo_jr, move_jp, move_jr, \
+state_command, hold, free.
 
 ROS 2 has no access control: with --command every user of this computer can command, and with \
 --network everybody in that network.")]

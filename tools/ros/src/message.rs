@@ -97,6 +97,43 @@ messages! {
         transforms: Vec<TransformStamped>,
     }
 
+    /// With `geometry_msgs/Twist` in it.
+    TwistStamped "geometry_msgs" "TwistStamped" {
+        header: Header,
+        linear: Point,
+        angular: Point,
+    }
+
+    MultiArrayDimension "std_msgs" "MultiArrayDimension" {
+        label: String,
+        size: u32,
+        stride: u32,
+    }
+
+    /// With `std_msgs/MultiArrayLayout` in it.
+    MultiArray "std_msgs" "Float64MultiArray" {
+        dim: Vec<MultiArrayDimension>,
+        data_offset: u32,
+        data: Vec<f64>,
+    }
+
+    /// Of the control loop, seconds. What the controller does not know is NaN.
+    IntervalStatistics "cisst_msgs" "IntervalStatistics" {
+        header: Header,
+        period_avg: f64,
+        period_std_dev: f64,
+        period_min: f64,
+        period_max: f64,
+        compute_time_avg: f64,
+        compute_time_std_dev: f64,
+        compute_time_min: f64,
+        compute_time_max: f64,
+        number_of_samples: i64,
+        number_of_overruns: i64,
+        statistics_interval: f64,
+        user_data: i64,
+    }
+
     OperatingState "crtk_msgs" "OperatingState" {
         /// Its stamp rises with every message.
         header: Header,
@@ -113,7 +150,31 @@ messages! {
         string: String,
     }
 
-    /// Request of both services, with the byte that IDL puts into an empty message.
+    QueryForwardKinematics "crtk_msgs" "QueryForwardKinematics_Request" {
+        jp: Vec<f64>,
+        /// Not used.
+        cp: Pose,
+    }
+
+    QueryForwardKinematicsResponse "crtk_msgs" "QueryForwardKinematics_Response" {
+        cp: Pose,
+        result: bool,
+        message: String,
+    }
+
+    QueryInverseKinematics "crtk_msgs" "QueryInverseKinematics_Request" {
+        cp: Pose,
+        /// Where the search begins; empty: straight.
+        jp: Vec<f64>,
+    }
+
+    QueryInverseKinematicsResponse "crtk_msgs" "QueryInverseKinematics_Response" {
+        jp: Vec<f64>,
+        result: bool,
+        message: String,
+    }
+
+    /// Request of services that are only called, with the byte that IDL puts into an empty message.
     NoRequest "std_srvs" "Trigger_Request" {
         structure_needs_at_least_one_member: u8,
     }

@@ -14,8 +14,10 @@ use serde::de::DeserializeOwned;
 
 use crate::RosError;
 use crate::message::{
-    Empty, JointState, NoRequest, OperatingState, PoseStamped, StringStamped, Text, Transforms,
-    TriggerOperatingStateResponse, TriggerResponse, Typed,
+    Empty, IntervalStatistics, JointState, MultiArray, NoRequest, OperatingState, PoseStamped,
+    QueryForwardKinematics, QueryForwardKinematicsResponse, QueryInverseKinematics,
+    QueryInverseKinematicsResponse, StringStamped, Text, Transforms, TriggerOperatingStateResponse,
+    TriggerResponse, TwistStamped, Typed,
 };
 
 /// A reader that is stopped must not stop the others: the oldest sample is dropped instead.
@@ -104,7 +106,12 @@ impl Maker<'_> {
 pub(crate) struct Outputs {
     pub measured_js: Publisher<JointState>,
     pub setpoint_js: Publisher<JointState>,
+    pub goal_js: Publisher<JointState>,
     pub measured_cp: Publisher<PoseStamped>,
+    pub setpoint_cp: Publisher<PoseStamped>,
+    pub measured_cv: Publisher<TwistStamped>,
+    pub jacobian: Publisher<MultiArray>,
+    pub period_statistics: Publisher<IntervalStatistics>,
     pub transforms: Publisher<Transforms>,
     pub operating_state: Publisher<OperatingState>,
     pub error: Publisher<Text>,
@@ -119,7 +126,12 @@ impl Outputs {
         Ok(Self {
             measured_js: make.publisher("measured_js", &STREAM)?,
             setpoint_js: make.publisher("setpoint_js", &STREAM)?,
+            goal_js: make.publisher("goal_js", &STREAM)?,
             measured_cp: make.publisher("measured_cp", &STREAM)?,
+            setpoint_cp: make.publisher("setpoint_cp", &STREAM)?,
+            measured_cv: make.publisher("measured_cv", &STREAM)?,
+            jacobian: make.publisher("jacobian", &STREAM)?,
+            period_statistics: make.publisher("period_statistics", &STREAM)?,
             transforms: make.publisher("/tf", &STREAM)?,
             operating_state: make.publisher("operating_state", &LATCHED)?,
             error: make.publisher("error", &LATCHED)?,
@@ -132,7 +144,8 @@ impl Outputs {
 
 /// What comes in. A robot that may only be watched has none of it.
 pub(crate) struct Inputs {
-    pub hold: Subscription<Empty>,
+    /// What stops.
+    pub stops: [(Topic, Subscription<Empty>); 2],
     pub state_command: Subscription<StringStamped>,
     pub joints: [(Topic, Subscription<JointState>); 5],
 }
@@ -148,8 +161,9 @@ impl Inputs {
             joints(Topic::MoveJr)?,
             joints(Topic::External)?,
         ];
+        let mut stops = |topic| -> Result<_, RosError> { Ok((topic, make.subscription(topic)?)) };
         Ok(Self {
-            hold: make.subscription(Topic::Hold)?,
+            stops: [stops(Topic::Hold)?, stops(Topic::Free)?],
             state_command: make.subscription(Topic::StateCommand)?,
             joints,
         })
@@ -163,7 +177,7 @@ impl Inputs {
             return true;
         };
         let (package, kind) = match topic {
-            Topic::Hold => Empty::TYPE,
+            Topic::Hold | Topic::Free => Empty::TYPE,
             Topic::StateCommand => StringStamped::TYPE,
             _ => JointState::TYPE,
         };
@@ -175,15 +189,21 @@ impl Inputs {
 pub(crate) struct Services {
     pub operating_state: Server<NoRequest, TriggerOperatingStateResponse>,
     pub crtk_version: Server<NoRequest, TriggerResponse>,
+    pub forward: Server<QueryForwardKinematics, QueryForwardKinematicsResponse>,
+    pub inverse: Server<QueryInverseKinematics, QueryInverseKinematicsResponse>,
 }
 
 impl Services {
     pub fn new(node: &mut Node, robot: &str, mapping: ServiceMapping) -> Result<Self, RosError> {
         let mut make = Maker { node, robot };
         let trigger = ("crtk_msgs", "TriggerOperatingState");
+        let forward = ("crtk_msgs", "QueryForwardKinematics");
+        let inverse = ("crtk_msgs", "QueryInverseKinematics");
         Ok(Self {
             operating_state: make.server(mapping, "operating_state", trigger)?,
             crtk_version: make.server(mapping, "crtk_version", ("std_srvs", "Trigger"))?,
+            forward: make.server(mapping, "forward_kinematics", forward)?,
+            inverse: make.server(mapping, "inverse_kinematics", inverse)?,
         })
     }
 }

@@ -132,7 +132,7 @@ end = time.time() + 20
 while time.time() < end and (len(heard.wrong) < 2 or not fits.read(1) or not tf.read(1)):
     time.sleep(0.05)
 assert {kind for kind, _ in heard.wrong} == {'reader', 'writer'}, heard.wrong
-assert fits.read(1) and len(tf.take(1)[0].transforms) == 25
+assert fits.read(1) and len(tf.take(1)[0].transforms) == 27
 arm._wait(20.0, lambda: any('BEST_EFFORT' in it for it in arm.said['warning']))
 print(arm.said['warning'])
 ";
@@ -176,6 +176,14 @@ asked = time.time()
 assert late.enable(5.0), late.said
 assert late._wait(5.0, lambda: late.states[-1].header.stamp.seconds() > asked), late.states
 assert late.move_jp([0.02, 0.0]).wait(), late.said
+rows = late.jacobian()
+assert len(rows) == 6 and rows[1][0] > 1e-4 and rows[0][1] > 1e-4, rows
+time.sleep(0.2)
+assert abs(late.setpoint_cp().pose.position.y - 0.02 * rows[1][0]) < 1e-6, late.setpoint_cp()
+assert abs(late.goal_jp()[0] - 0.02) < 1e-3, late.goal_jp()
+assert abs(late.measured_cv().twist.linear.x) < 1.0, late.measured_cv()
+late.free()
+assert late._wait(10.0, lambda: late.operating_state() == 'DISABLED'), late.states
 print('done')
 ";
     if let Some((_robot, _bridge, out)) = run(&[], script) {

@@ -9,6 +9,7 @@
 )]
 
 mod common;
+mod crtk;
 mod cyclone;
 mod misuse;
 mod peer;

@@ -94,18 +94,20 @@ pub enum Topic {
     MoveJr,
     StateCommand,
     Hold,
+    Free,
     External,
 }
 
 impl Topic {
     /// All, in the order of their numbers.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::ServoJp,
         Self::ServoJr,
         Self::MoveJp,
         Self::MoveJr,
         Self::StateCommand,
         Self::Hold,
+        Self::Free,
         Self::External,
     ];
 
@@ -118,6 +120,7 @@ impl Topic {
             Self::MoveJr => "move_jr",
             Self::StateCommand => "state_command",
             Self::Hold => "hold",
+            Self::Free => "free",
             Self::External => "external/measured_jp",
         }
     }

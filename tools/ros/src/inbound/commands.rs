@@ -77,12 +77,22 @@ impl Commands {
 
     /// Does what arrived: first what stops the robot.
     pub fn take_all(&mut self, graph: &Graph) {
-        let arrivals = take(&self.inputs.hold).newest();
-        self.judge(graph, Topic::Hold, arrivals, |commands, Received { writer, times, .. }, _| {
-            let client_id = commands.admission.stop(*writer, Topic::Hold, times);
-            commands.requests.stop(client_id, StateCommand::Hold);
-            Ok(())
-        });
+        for place in 0..self.inputs.stops.len() {
+            let (topic, input) = &self.inputs.stops[place];
+            let (topic, arrivals) = (*topic, take(input).newest());
+            self.judge(graph, topic, arrivals, |commands, Received { writer, times, .. }, _| {
+                let client_id = commands.admission.stop(*writer, topic, times);
+                commands.requests.stop(
+                    client_id,
+                    match topic {
+                        // Without power the motors turn freely.
+                        Topic::Free => StateCommand::Disable,
+                        _ => StateCommand::Hold,
+                    },
+                );
+                Ok(())
+            });
+        }
         // Every one, in order: the newest alone may mean something else.
         let arrivals = take(&self.inputs.state_command);
         self.judge(graph, Topic::StateCommand, arrivals, |commands, received, _| {

@@ -5,11 +5,13 @@
 //! | `burst` | what arrived together |
 //! | `commands` | everything that can move the robot |
 //! | `requests` | the thread that asks the controller |
+//! | `kinematics` | from joints to the tip and back, for those who ask |
 //! | `graph` | who takes part in ROS |
 
 mod burst;
 mod commands;
 mod graph;
+mod kinematics;
 mod requests;
 
 use std::io::{self, ErrorKind};
@@ -18,7 +20,8 @@ use std::time::Duration;
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
-use ros2_client::{Context, Node};
+use i2ris_gateway::Snake;
+use ros2_client::{Context, Message, Node, Server};
 use rustdds::GUID;
 use rustdds::mio1::event::Source;
 use rustdds::mio1::{Events as Ready, Interest, Poll, Token};
@@ -33,6 +36,9 @@ use graph::Graph;
 
 /// How long to wait for messages before anything else is looked at.
 const WAIT: Duration = Duration::from_millis(10);
+
+/// Requests of one service that are answered at once: more wait, so that they keep no command.
+const AT_ONCE: usize = 16;
 
 /// The version of CRTK's messages that these are.
 const CRTK_VERSION: &str = "1.3.0";
@@ -56,6 +62,7 @@ pub(crate) struct Inbound {
     graph: Graph,
     commands: Option<Commands>,
     services: Services,
+    snake: Snake,
     shared: Shared,
 }
 
@@ -75,6 +82,7 @@ impl Inbound {
             graph: Graph::new(context, node, &shared)?,
             commands: commands.transpose()?,
             services,
+            snake: Snake::new(&shared.robot),
             shared,
         };
         inbound.register().map_err(failed)?;
@@ -82,10 +90,14 @@ impl Inbound {
     }
 
     fn register(&mut self) -> io::Result<()> {
+        let services = &mut self.services;
         let mut sources: Vec<&mut dyn Source> =
-            vec![&mut self.services.operating_state, &mut self.services.crtk_version];
+            vec![&mut services.operating_state, &mut services.crtk_version];
+        sources.extend([&mut services.forward as &mut dyn Source, &mut services.inverse]);
         if let Some(Commands { inputs, .. }) = &mut self.commands {
-            sources.push(&mut inputs.hold);
+            for (_, input) in &mut inputs.stops {
+                sources.push(input);
+            }
             sources.push(&mut inputs.state_command);
             for (_, input) in &mut inputs.joints {
                 sources.push(input);
@@ -120,15 +132,29 @@ impl Inbound {
     }
 
     fn answer(&self) {
-        while let Ok(Some((id, NoRequest { .. }))) = self.services.operating_state.receive_request()
-        {
+        answer(&self.services.operating_state, |NoRequest { .. }| {
             let operating_state = lock(&self.shared.state).clone();
-            let response = TriggerOperatingStateResponse { operating_state };
-            let _ = self.services.operating_state.send_response(id, response);
-        }
-        while let Ok(Some((id, NoRequest { .. }))) = self.services.crtk_version.receive_request() {
-            let response = TriggerResponse { success: true, message: CRTK_VERSION.to_owned() };
-            let _ = self.services.crtk_version.send_response(id, response);
-        }
+            TriggerOperatingStateResponse { operating_state }
+        });
+        answer(&self.services.crtk_version, |NoRequest { .. }| TriggerResponse {
+            success: true,
+            message: CRTK_VERSION.to_owned(),
+        });
+        answer(&self.services.forward, |request| kinematics::forward(&self.snake, &request));
+        answer(&self.services.inverse, |request| kinematics::inverse(&self.snake, &request));
+    }
+}
+
+/// Answers what was asked of a service; what cannot be sent is asked again.
+fn answer<Q, R>(server: &Server<Q, R>, respond: impl Fn(Q) -> R)
+where
+    Q: Message + Clone + 'static,
+    R: Message + Clone + 'static,
+{
+    for _ in 0..AT_ONCE {
+        let Ok(Some((id, request))) = server.receive_request() else {
+            return;
+        };
+        let _ = server.send_response(id, respond(request));
     }
 }

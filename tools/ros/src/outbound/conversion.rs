@@ -1,12 +1,13 @@
 //! From the controller's messages to those of ROS. Without I/O.
 
-use i2ris::ipc::payload::JointState as Payload;
+use i2ris::ipc::payload::{JointState as Payload, PeriodStatistics};
 use i2ris::units::Nanos;
 use i2ris_gateway::clock::Moment;
 use i2ris_gateway::{Bend, LinkPose, Snake};
 
 use crate::message::{
-    Header, JOINTS, JointState, Pose, PoseStamped, Time, TransformStamped, Transforms,
+    Header, IntervalStatistics, JOINTS, JointState, MultiArray, MultiArrayDimension, Pose,
+    PoseStamped, Time, TransformStamped, Transforms, TwistStamped,
 };
 
 /// Values older than this are not valid: the controller is gone or hangs.
@@ -59,6 +60,56 @@ pub(super) fn tip(snake: &Snake, state: Option<&Payload>, now: &Moment) -> PoseS
         Pose { position: position_m.into(), orientation: quaternion.into() }
     });
     PoseStamped { header: header(state, now, &snake.base()), pose }
+}
+
+/// The velocity of the tip, as the base sees it. Without valid angles: stamp 0.
+pub(super) fn twist(snake: &Snake, state: Option<&Payload>, now: &Moment) -> TwistStamped {
+    let state = valid(state, now);
+    let velocity = state.map_or([0.0; 6], |state| {
+        let [pitch, yaw, _] = state.velocity;
+        snake.jacobian(bend(state)).map(|[by_pitch, by_yaw]| by_pitch * pitch + by_yaw * yaw)
+    });
+    let [x, y, z, about_x, about_y, about_z] = velocity;
+    TwistStamped {
+        header: header(state, now, &snake.base()),
+        linear: [x, y, z].into(),
+        angular: [about_x, about_y, about_z].into(),
+    }
+}
+
+/// Linear and angular velocity of the tip by those of the joints, row by row; it has no stamp, so
+/// `None` without valid angles.
+pub(super) fn jacobian(snake: &Snake, state: Option<&Payload>, now: &Moment) -> Option<MultiArray> {
+    let jacobian = snake.jacobian(bend(valid(state, now)?));
+    let (rows, columns) = (jacobian.len() as u32, jacobian[0].len() as u32);
+    let dimension =
+        |label: &str, size, stride| MultiArrayDimension { label: label.to_owned(), size, stride };
+    Some(MultiArray {
+        dim: vec![dimension("rows", rows, rows * columns), dimension("cols", columns, columns)],
+        data_offset: 0,
+        data: jacobian.concat(),
+    })
+}
+
+/// Timing of the control loop; NaN for what the controller does not count.
+pub(super) fn statistics(of: &PeriodStatistics, now: &Moment) -> IntervalStatistics {
+    let seconds = |ns: u64| Nanos(ns).as_seconds();
+    let unix_ns = now.unix_ns_at(Nanos(of.stamp_ns));
+    IntervalStatistics {
+        header: Header { stamp: Time::from_unix_ns(unix_ns), frame_id: String::new() },
+        period_avg: seconds(of.window_ns) / of.ticks.max(1) as f64,
+        period_std_dev: f64::NAN,
+        period_min: f64::NAN,
+        period_max: seconds(of.period.max_ns),
+        compute_time_avg: f64::NAN,
+        compute_time_std_dev: f64::NAN,
+        compute_time_min: f64::NAN,
+        compute_time_max: seconds(of.compute.max_ns),
+        number_of_samples: of.ticks as i64,
+        number_of_overruns: of.missed as i64,
+        statistics_interval: seconds(of.window_ns),
+        user_data: 0,
+    }
 }
 
 /// All links; `None` without valid angles: a frame with stamp 0 would be one for all times.

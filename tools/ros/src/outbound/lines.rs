@@ -3,6 +3,7 @@
 use i2ris::ipc::client::ClientError;
 use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
 use i2ris::robot::{Cause, OperatingState, Refusal};
+use i2ris::units::Nanos;
 
 use crate::event::ClientNames;
 
@@ -22,6 +23,9 @@ impl Level {
         }
     }
 }
+
+/// What is younger is told without its age.
+const RECENT: Nanos = Nanos::from_millis(5000);
 
 #[derive(Debug)]
 pub(super) struct Lines {
@@ -68,8 +72,27 @@ impl Lines {
         lines
     }
 
-    /// A reason that the controller gives, with the client that it concerns.
-    pub fn reason(&self, message: &ReasonMsg) -> String {
+    /// What is news since an instant. What was said before is over, but for the fault that the robot
+    /// is in.
+    pub fn news(
+        &self,
+        mut reasons: Vec<(Level, ReasonMsg)>,
+        since: Nanos,
+    ) -> Vec<(Level, ReasonMsg)> {
+        let is_old = |message: &ReasonMsg| Nanos(message.stamp_ns) < since;
+        let in_fault = |state: &OperatingStateMsg| state.state == OperatingState::Fault.number();
+        let fault = self.last.filter(in_fault).map(|state| state.fault);
+        let is_fault = |(level, message): &&(Level, ReasonMsg)| {
+            *level == Level::Error && is_old(message) && Some(message.number) == fault
+        };
+        let present = reasons.iter().rfind(is_fault).copied();
+        reasons.retain(|(_, message)| !is_old(message));
+        present.into_iter().chain(reasons).collect()
+    }
+
+    /// A reason that the controller gives, with the client that it concerns, and how long ago it
+    /// was if somebody may wonder.
+    pub fn reason(&self, message: &ReasonMsg, now: Nanos) -> String {
         let (text, advice) = (message.text(), message.advice());
         let lease = Cause::Refusal(Refusal::Lease);
         let holder = self.last.map_or(0, |state| state.lease_client_id);
@@ -79,7 +102,12 @@ impl Lines {
             }
             _ => String::new(),
         };
-        let line = format!("{text}{by}; do: {advice}");
+        let age = now.since(Nanos(message.stamp_ns));
+        let ago = match age < RECENT {
+            true => String::new(),
+            false => format!(" ({:.0} s ago)", age.as_seconds()),
+        };
+        let line = format!("{text}{by}{ago}; do: {advice}");
         match message.client_id {
             0 => line,
             client_id => format!("{}: {line}", self.client(client_id)),
@@ -95,7 +123,6 @@ impl Lines {
 #[cfg(test)]
 mod tests {
     use i2ris::robot::Fault;
-    use i2ris::units::Nanos;
 
     use super::*;
 
@@ -124,12 +151,38 @@ mod tests {
         let mut lines = Lines::new(names);
         lines.state(&OperatingStateMsg { lease_client_id: 7, ..message(OperatingState::Enabled) });
         let reason = |cause: Cause, client_id| {
-            lines.reason(&ReasonMsg::new(&cause.into(), client_id, Nanos(1)))
+            lines.reason(&ReasonMsg::new(&cause.into(), client_id, Nanos(1)), Nanos(1))
         };
         let line = reason(Cause::Refusal(Refusal::Lease), 8);
         assert!(line.starts_with("/intruder: refusal 4: another client"), "{line}");
         assert!(line.contains(": /console; do: "), "{line}");
         let line = reason(Cause::Fault(Fault::Link), 0);
         assert!(line.starts_with("fault 2: ") && line.contains("; do: "), "{line}");
+    }
+    #[test]
+    fn of_what_was_said_before_only_the_fault_that_is_there_is_news() {
+        let s = |seconds: u64| Nanos::from_millis(1000 * seconds);
+        let reason = |cause: Cause, at| ReasonMsg::new(&cause.into(), 0, at);
+        let (late, link) = (Cause::Fault(Fault::Late), Cause::Fault(Fault::Link));
+        let refused = Cause::Refusal(Refusal::Lease);
+        let said = vec![
+            (Level::Error, reason(link, s(10))),
+            (Level::Error, reason(late, s(20))),
+            (Level::Error, reason(link, s(30))),
+            (Level::Warning, reason(refused, s(40))),
+            (Level::Warning, reason(refused, s(60))),
+        ];
+        let mut lines = Lines::new(ClientNames::default());
+        lines.state(&message(OperatingState::Disabled));
+        let news = lines.news(said.clone(), s(50));
+        assert_eq!(news, said[4..], "the faults are acknowledged");
+        let fault =
+            OperatingStateMsg { fault: Fault::Link.number(), ..message(OperatingState::Fault) };
+        lines.state(&fault);
+        let news = lines.news(said.clone(), s(50));
+        assert_eq!(news, [said[2], said[4]]);
+        let line = lines.reason(&said[2].1, s(75));
+        assert!(line.contains(" (45 s ago); do: "), "{line}");
+        assert!(!lines.reason(&said[4].1, s(61)).contains("ago"));
     }
 }

@@ -16,7 +16,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Latest, Subscription, Watcher};
-use i2ris::ipc::payload::{JointState as JointPayload, OperatingStateMsg, ReasonMsg};
+use i2ris::ipc::payload::{
+    JointState as JointPayload, OperatingStateMsg, PeriodStatistics, ReasonMsg,
+};
 use i2ris::units::Nanos;
 use i2ris_gateway::clock::Moment;
 use i2ris_gateway::{Refusals, Snake};
@@ -59,6 +61,8 @@ pub(crate) struct Outbound {
     period: Nanos,
     measured: Latest<JointPayload>,
     setpoint: Latest<JointPayload>,
+    goal: Latest<JointPayload>,
+    statistics: Subscription<PeriodStatistics>,
     states: Subscription<OperatingStateMsg>,
     errors: Subscription<ReasonMsg>,
     warnings: Subscription<ReasonMsg>,
@@ -71,6 +75,7 @@ pub(crate) struct Outbound {
     shared: SharedState,
     refusals: Refusals,
     lines: Lines,
+    started: Nanos,
 }
 
 impl Outbound {
@@ -91,6 +96,8 @@ impl Outbound {
             period,
             measured: Latest::new(watcher.measured_js()),
             setpoint: Latest::new(watcher.setpoint_js()),
+            goal: Latest::new(watcher.goal_js()),
+            statistics: watcher.period_statistics(),
             states: watcher.operating_state(),
             errors: watcher.error(),
             warnings: watcher.warning(),
@@ -101,6 +108,7 @@ impl Outbound {
             shared,
             refusals: Refusals::default(),
             lines: Lines::new(names),
+            started: clock::now(),
         }
     }
 
@@ -121,6 +129,7 @@ impl Outbound {
             if now.monotonic >= next_pose {
                 next_pose = following(next_pose, POSE_PERIOD, now.monotonic);
                 self.publish_pose();
+                self.publish_statistics();
             }
             next = following(next, look, clock::now());
             clock::sleep_until(next);
@@ -169,8 +178,8 @@ impl Outbound {
         // Without a controller there are none.
         let _ = self.errors.drain(|message| reasons.push((Level::Error, message)));
         let _ = self.warnings.drain(|message| reasons.push((Level::Warning, message)));
-        for (level, message) in reasons {
-            let line = self.lines.reason(&message);
+        for (level, message) in self.lines.news(reasons, self.started) {
+            let line = self.lines.reason(&message, clock::now());
             self.say(level, line, say);
         }
     }
@@ -226,20 +235,38 @@ impl Outbound {
         // Without a controller nothing is known.
         let measured = self.measured.refresh().ok().flatten();
         let setpoint = self.setpoint.refresh().ok().flatten();
+        let goal = self.goal.refresh().ok().flatten();
         let now = Moment::now();
-        let [measured, setpoint] =
-            [measured, setpoint].map(|state| conversion::joint_state(state, &now));
+        let [measured, setpoint, goal] =
+            [measured, setpoint, goal].map(|state| conversion::joint_state(state, &now));
         publish(&self.outputs.measured_js, measured);
         publish(&self.outputs.setpoint_js, setpoint);
+        publish(&self.outputs.goal_js, goal);
     }
 
     fn publish_pose(&mut self) {
         let measured = self.measured.refresh().ok().flatten();
+        let setpoint = self.setpoint.refresh().ok().flatten();
         let now = Moment::now();
-        let tip = conversion::tip(&self.snake, measured, &now);
+        let [tip, wanted] =
+            [measured, setpoint].map(|state| conversion::tip(&self.snake, state, &now));
         publish(&self.outputs.measured_cp, tip);
+        publish(&self.outputs.setpoint_cp, wanted);
+        publish(&self.outputs.measured_cv, conversion::twist(&self.snake, measured, &now));
+        if let Some(jacobian) = conversion::jacobian(&self.snake, measured, &now) {
+            publish(&self.outputs.jacobian, jacobian);
+        }
         if let Some(links) = conversion::links(&self.snake, measured, &now) {
             publish(&self.outputs.transforms, links);
+        }
+    }
+
+    fn publish_statistics(&mut self) {
+        let mut seen = Vec::new();
+        let _ = self.statistics.drain(|message| seen.push(message));
+        for message in &seen {
+            let message = conversion::statistics(message, &Moment::now());
+            publish(&self.outputs.period_statistics, message);
         }
     }
 

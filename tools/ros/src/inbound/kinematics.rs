@@ -1,0 +1,56 @@
+//! Forward and inverse kinematics, as CRTK asks for them. Nothing moves by them, and no model is in
+//! them: they are the shape of the snake at its angles.
+
+use i2ris_gateway::admission::checked;
+use i2ris_gateway::{Bend, LinkPose, Snake};
+
+use crate::message::{
+    JOINTS, Pose, QueryForwardKinematics, QueryForwardKinematicsResponse, QueryInverseKinematics,
+    QueryInverseKinematicsResponse,
+};
+
+/// A place is reached if the tip comes as near as this, m.
+const REACHED_M: f64 = 1e-6;
+
+fn bend(jp: &[f64]) -> Result<Bend, String> {
+    let given = checked(jp, JOINTS.len()).map_err(|reason| reason.to_string())?;
+    Ok(Bend { pitch: given.position[0], yaw: given.position[1] })
+}
+
+pub(super) fn forward(
+    snake: &Snake,
+    request: &QueryForwardKinematics,
+) -> QueryForwardKinematicsResponse {
+    match bend(&request.jp) {
+        Ok(bend) => {
+            let LinkPose { position_m, quaternion } = snake.tip_pose(bend);
+            let cp = Pose { position: position_m.into(), orientation: quaternion.into() };
+            QueryForwardKinematicsResponse { cp, result: true, message: String::new() }
+        }
+        Err(message) => QueryForwardKinematicsResponse { message, ..Default::default() },
+    }
+}
+
+/// Pitch and yaw decide on the orientation of the tip, too: that of the request is not used.
+pub(super) fn inverse(
+    snake: &Snake,
+    request: &QueryInverseKinematics,
+) -> QueryInverseKinematicsResponse {
+    let failed = |message| QueryInverseKinematicsResponse { message, ..Default::default() };
+    let from = if request.jp.is_empty() { Ok(Bend::default()) } else { bend(&request.jp) };
+    let from = match from {
+        Ok(from) => from,
+        Err(message) => return failed(message),
+    };
+    let place = &request.cp.position;
+    let (bend, away_m) = snake.bend_to([place.x, place.y, place.z], from);
+    if !away_m.is_finite() {
+        return failed("a position is not finite".to_owned());
+    }
+    let result = away_m <= REACHED_M;
+    let message = match result {
+        true => String::new(),
+        false => format!("out of reach: the nearest pose is {:.3} mm away", away_m * 1e3),
+    };
+    QueryInverseKinematicsResponse { jp: vec![bend.pitch, bend.yaw], result, message }
+}

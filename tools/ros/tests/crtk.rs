@@ -1,0 +1,250 @@
+//! What CRTK asks of a robot: its states, joints and tip, and its services.
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+use i2ris_gateway::{Bend, Snake};
+use i2ris_ros::message::{
+    Empty, IntervalStatistics, JointState, MultiArray, NoRequest, PoseStamped,
+    QueryForwardKinematics, QueryForwardKinematicsResponse, QueryInverseKinematics,
+    QueryInverseKinematicsResponse, Time, Transforms, TriggerOperatingStateResponse,
+    TriggerResponse, TwistStamped,
+};
+use i2ris_testing::wait_until;
+use ros2_client::qos::Durability;
+use ros2_client::{Message, Name, ServiceMapping, ServiceTypeName, Subscription};
+
+use crate::common::{ROBOT, start};
+use crate::peer::{Peer, publisher, qos};
+
+#[test]
+fn a_state_that_is_there_already_is_said_again() {
+    let (_robot, bridge, mut peer) = start(&[]);
+    peer.enable();
+    let now = || {
+        let unix = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+        unix.unwrap().as_nanos() as u64
+    };
+    for word in ["enable", "resume", "home", "pause", "pause", "disable", "disable"] {
+        let asked = now();
+        peer.command(word);
+        peer.wait_for(word, |state| state.header.stamp.unix_ns() > Some(asked));
+        let state = if word == "pause" { "PAUSED" } else { "ENABLED" };
+        let state = if word == "disable" { "DISABLED" } else { state };
+        peer.wait_for(word, |found| found.state == state && !found.is_busy);
+    }
+    let lines = bridge.lines();
+    assert!(!lines.iter().any(|line| line.starts_with("warning")), "{lines:?}");
+}
+
+#[test]
+fn joints_go_by_their_names_and_those_of_another_robot_are_refused() {
+    let (robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let named = |names: [&str; 2], degrees: [f64; 2]| JointState {
+        name: names.map(str::to_owned).to_vec(),
+        position: degrees.map(f64::to_radians).to_vec(),
+        ..JointState::default()
+    };
+    peer.send_message("move_jp", named(["yaw", "pitch"], [-2.0, 4.0]));
+    peer.wait_for("it is busy", |state| state.is_busy);
+    peer.wait_for("it has moved", |state| !state.is_busy);
+    let [pitch, yaw] = peer.setpoint_degrees();
+    assert!((pitch - 4.0).abs() < 0.2 && (yaw + 2.0).abs() < 0.2, "{pitch} {yaw}");
+    robot.wait_until_still();
+    let from = clock::now();
+    for names in [["outer_yaw", "outer_pitch"], ["pitch", "pitch"]] {
+        peer.send_message("move_jp", named(names, [1.0, 1.0]));
+        let line = peer.wait_for_line("warning", "those of this robot are pitch and yaw");
+        assert!(line.contains("/console: move_jp: "), "{line}");
+        peer.said.clear();
+        clock::sleep(Nanos::from_millis(1100));
+    }
+    for _ in 0..20 {
+        peer.send_message("servo_jp", named(["outer_yaw", "outer_pitch"], [4.5, -2.0]));
+        clock::sleep(Nanos::from_millis(5));
+    }
+    peer.wait_for_line("warning", "servo_jp: it names \"outer_yaw\"");
+    assert!(!robot.moved_since(from));
+}
+
+#[test]
+fn a_velocity_that_is_not_used_is_said_once() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let goal = |velocity| JointState {
+        position: vec![0.0; 2],
+        velocity: vec![velocity; 2],
+        ..JointState::default()
+    };
+    for velocity in [0.0, 0.1, 0.2, 0.3] {
+        peer.send_message("servo_jp", goal(velocity));
+        clock::sleep(Nanos::from_millis(20));
+        peer.send_message("servo_jp", goal(velocity));
+        clock::sleep(Nanos::from_millis(20));
+    }
+    peer.wait_for_line("warning", "/console: servo_jp: its velocity is not used");
+    clock::sleep(Nanos::from_millis(1500));
+    peer.update();
+    let said = peer.said.iter().filter(|(_, line)| line.contains("velocity"));
+    assert_eq!(said.count(), 1, "{:?}", peer.said);
+}
+
+#[test]
+fn the_tip_and_the_frames_are_those_of_the_bend() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let kind = ("tf2_msgs", "TFMessage");
+    let frames: Subscription<Transforms> =
+        peer.subscription("/tf", kind, &qos(Durability::Volatile));
+    peer.send_degrees("move_jp", [8.0, 0.0]);
+    peer.wait_for("it is busy", |state| state.is_busy);
+    peer.wait_for("it has moved", |state| !state.is_busy);
+    let tip = peer.next_tip(|tip| tip.header.stamp != Time::INVALID);
+    let [pitch, yaw] = peer.measured_degrees();
+    let bend = Bend { pitch: pitch.to_radians(), yaw: yaw.to_radians() };
+    let expected = Snake::new(ROBOT).tip_pose(bend);
+    let found = [tip.pose.position.x, tip.pose.position.y, tip.pose.position.z];
+    for (found, expected) in found.iter().zip(expected.position_m) {
+        assert!((found - expected).abs() < 2e-5, "{found} {expected}");
+    }
+    assert!(tip.pose.position.y > 1e-4, "it is bent: {tip:?}");
+    let (Transforms { transforms }, _) = wait_until("frames", || frames.take().ok().flatten());
+    assert_eq!(transforms.len(), 27, "all links but the base");
+    for master in ["i2ris_pitch", "i2ris_yaw"] {
+        assert!(transforms.iter().any(|it| it.child_frame_id == master), "{master}");
+    }
+    assert_eq!(transforms[0].header.frame_id, "i2ris_base");
+}
+
+#[test]
+fn the_tip_has_a_setpoint_a_velocity_and_a_jacobian_and_the_loop_its_statistics() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let volatile = qos(Durability::Volatile);
+    let pose = ("geometry_msgs", "PoseStamped");
+    let setpoints: Subscription<PoseStamped> = peer.subscription("setpoint_cp", pose, &volatile);
+    let goals: Subscription<JointState> =
+        peer.subscription("goal_js", ("sensor_msgs", "JointState"), &volatile);
+    let twist = ("geometry_msgs", "TwistStamped");
+    let twists: Subscription<TwistStamped> = peer.subscription("measured_cv", twist, &volatile);
+    let array = ("std_msgs", "Float64MultiArray");
+    let jacobians: Subscription<MultiArray> = peer.subscription("jacobian", array, &volatile);
+    let statistics = ("cisst_msgs", "IntervalStatistics");
+    let statistics: Subscription<IntervalStatistics> =
+        peer.subscription("period_statistics", statistics, &volatile);
+    peer.send_degrees("move_jp", [8.0, -3.0]);
+    // While it moves, along the bend.
+    let moving = wait_until("a velocity", || {
+        let (twist, _) = twists.take().ok().flatten()?;
+        (twist.linear.y > 1e-4 && twist.angular.x < -1e-2).then_some(twist)
+    });
+    assert_eq!(moving.header.frame_id, "i2ris_base");
+    peer.wait_for("it has moved", |state| !state.is_busy);
+    let snake = Snake::new(ROBOT);
+    let bend = Bend { pitch: 8.0_f64.to_radians(), yaw: (-3.0_f64).to_radians() };
+    let there = snake.tip_pose(bend).position_m;
+    wait_until("the set-point of the tip is that of the goal", || {
+        let position = setpoints.take().ok().flatten()?.0.pose.position;
+        let found = [position.x, position.y, position.z];
+        found.iter().zip(there).all(|(found, wanted)| (found - wanted).abs() < 1e-5).then_some(())
+    });
+    wait_until("the goal", || {
+        let goal = goals.take().ok().flatten()?.0.position;
+        (goal.len() == 2 && (goal[0] - bend.pitch).abs() < 1e-3).then_some(())
+    });
+    let expected = snake.jacobian(bend);
+    wait_until("the jacobian, row by row", || {
+        let found = jacobians.take().ok().flatten()?.0;
+        let sizes: Vec<u32> = found.dim.iter().map(|it| it.size).collect();
+        assert_eq!((sizes.as_slice(), found.data.len()), (&[6, 2][..], 12));
+        let near = |place: usize| (found.data[place] - expected[place / 2][place % 2]).abs();
+        (0..12).all(|place| near(place) < 1e-2).then_some(())
+    });
+    let loops = wait_until("statistics", || statistics.take().ok().flatten()).0;
+    assert!(loops.number_of_samples > 0 && loops.period_avg > 1e-4, "{loops:?}");
+    assert!(loops.period_avg < loops.period_max && loops.period_min.is_nan(), "{loops:?}");
+}
+
+#[test]
+fn free_takes_the_power_off_the_motors() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    let kind = ("std_msgs", "Empty");
+    let free = publisher::<Empty>(&mut peer.node, ROBOT, "free", kind, &qos(Durability::Volatile));
+    peer.enable();
+    free.publish(Empty::default()).unwrap();
+    peer.wait_for("off", |state| state.state == "DISABLED" && !state.is_busy);
+    peer.wait_for_line("status", "/console: disable");
+}
+
+#[test]
+fn what_is_not_supported_has_no_topic() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.connect();
+    for topic in ["servo_cp", "servo_jv", "servo_jf", "move_cp", "servo_cv", "interpolate_jp"] {
+        let name = format!("/{ROBOT}/{topic}");
+        let both = (peer.node.subscription_count(&name), peer.node.publisher_count(&name));
+        assert_eq!(both, (0, 0), "{name}");
+    }
+}
+
+#[test]
+fn the_services_answer() {
+    let (_robot, _bridge, mut peer) = start(&[]);
+    peer.connect();
+    let nothing = NoRequest::default();
+    ask(
+        &mut peer,
+        "crtk_version",
+        ("std_srvs", "Trigger"),
+        &nothing,
+        |answer: &TriggerResponse| answer.success && answer.message.starts_with("1."),
+    );
+    let state = |answer: &TriggerOperatingStateResponse| answer.operating_state.state == "DISABLED";
+    let trigger = ("crtk_msgs", "TriggerOperatingState");
+    ask(&mut peer, "operating_state", trigger, &nothing, state);
+    let forward = ("crtk_msgs", "QueryForwardKinematics");
+    let request = QueryForwardKinematics { jp: vec![0.2, -0.1], ..Default::default() };
+    let there = |answer: &QueryForwardKinematicsResponse| answer.result;
+    let there = ask(&mut peer, "forward_kinematics", forward, &request, there);
+    let tip = Snake::new(ROBOT).tip_pose(Bend { pitch: 0.2, yaw: -0.1 });
+    assert_eq!(there.cp.position, tip.position_m.into());
+    let request = QueryForwardKinematics { jp: vec![0.2], ..Default::default() };
+    let refused = |answer: &QueryForwardKinematicsResponse| {
+        !answer.result && answer.message == "1 positions for 2 joints"
+    };
+    ask(&mut peer, "forward_kinematics", forward, &request, refused);
+    let inverse = ("crtk_msgs", "QueryInverseKinematics");
+    let mut request = QueryInverseKinematics { cp: there.cp, jp: Vec::new() };
+    let back = |answer: &QueryInverseKinematicsResponse| {
+        let near = |joint: usize, angle: f64| (answer.jp[joint] - angle).abs() < 1e-6;
+        answer.result && near(0, 0.2) && near(1, -0.1)
+    };
+    ask(&mut peer, "inverse_kinematics", inverse, &request, back);
+    request.cp.position.z += 1e-3;
+    let far = |answer: &QueryInverseKinematicsResponse| {
+        !answer.result && answer.message.starts_with("out of reach")
+    };
+    ask(&mut peer, "inverse_kinematics", inverse, &request, far);
+}
+
+/// Asks until the answer is as wanted: matching takes a moment, and answers to others are heard.
+fn ask<Q: Message + Clone + 'static, R: Message + 'static>(
+    peer: &mut Peer,
+    name: &str,
+    kind: (&str, &str),
+    request: &Q,
+    wanted: impl Fn(&R) -> bool,
+) -> R {
+    let full = Name::parse(&format!("/{ROBOT}/{name}")).unwrap();
+    let (kind, qos) = (ServiceTypeName::new(kind.0, kind.1), qos(Durability::Volatile));
+    let mapping = ServiceMapping::Enhanced;
+    let client = peer.node.create_client::<Q, R>(mapping, &full, &kind, qos.clone(), qos).unwrap();
+    let mut sent = Nanos::ZERO;
+    wait_until(name, || {
+        if clock::now().since(sent) > Nanos::from_millis(1000) {
+            let _ = client.send_request(request.clone());
+            sent = clock::now();
+        }
+        client.receive_response().ok().flatten().map(|(_, answer)| answer).filter(&wanted)
+    })
+}
