@@ -3,37 +3,30 @@
 mod fixture;
 pub mod prepare;
 pub mod progress;
-mod reach;
-mod stream;
+pub mod reach;
+pub mod stream;
 pub mod stream_monitor;
-mod teleop;
 pub mod tracking;
-mod trajectory;
+pub mod trajectory;
 mod trajectory_player;
 
 use std::path::PathBuf;
 
-use clap::error::ErrorKind;
 use i2ris::ipc::{OperatingState, StateCommand};
 
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 use crate::numbers::{finite, pair, positive, within};
+use crate::teleop::{self, HandOptions};
 use prepare::{PrepareOptions, carry_out};
 use reach::ReachOptions;
 use stream::{OnLate, Plan};
 use stream_monitor::StopReason;
-use teleop::DeviceOption;
 use trajectory::{Trajectory, Waypoints};
-
-const STEP_DEG: f64 = 0.25;
-/// The same in a task: steps of the former would miss targets.
-const FINE_STEP_DEG: f64 = 0.1;
 
 #[derive(Debug, clap::Args)]
 #[command(
     arg_required_else_help = true,
-    subcommand_negates_reqs = true,
     after_help = "Examples:
   i2ris command state home && i2ris command state enable
   i2ris command pose 5 -3 --duration-s 2
@@ -41,8 +34,6 @@ const FINE_STEP_DEG: f64 = 0.1;
   i2ris command state condition --no-wait
   i2ris command file desired.csv
   i2ris command fixture circle 10 5 3            a circle of 3 deg around 10, 5 is forbidden
-  i2ris command --keyboard --scale 0.5           space bar: dead-man switch; arrows steer
-  i2ris command --gamepad /dev/input/js0         hold a shoulder button, steer with the left stick
   i2ris command reach --targets 5                bring the snake to targets and hold it there
 
 Ctrl-C comes to rest softly, gives the lease back and ends; the snake holds."
@@ -52,60 +43,8 @@ pub struct Arguments {
     domain: DomainOption,
     #[command(flatten)]
     stream: StreamOptions,
-    #[command(flatten)]
-    teleop: TeleopOptions,
     #[command(subcommand)]
-    what: Option<What>,
-}
-
-#[derive(Debug, clap::Args)]
-struct TeleopOptions {
-    /// Command the snake with the keys of this terminal
-    #[arg(long, conflicts_with = "gamepad")]
-    keyboard: bool,
-    /// Command the snake with a gamepad
-    #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "/dev/input/js0")]
-    gamepad: Option<PathBuf>,
-    /// Number of the button of the gamepad that has to be held; 5 is the right shoulder button of
-    /// most
-    #[arg(long, default_value_t = 5, value_name = "NUMBER")]
-    dead_man: u8,
-    /// How much of the motion of keys and stick reaches the snake
-    #[arg(long, default_value_t = 1.0, value_name = "SHARE", value_parser = share)]
-    scale: f64,
-    /// How far one key press goes [default: 0.25, and 0.1 in `reach`]
-    #[arg(long, value_name = "DEG", value_parser = step)]
-    step_deg: Option<f64>,
-}
-
-impl TeleopOptions {
-    fn device(&self) -> Option<DeviceOption> {
-        let gamepad =
-            |path: &PathBuf| DeviceOption::Gamepad { path: path.clone(), dead_man: self.dead_man };
-        if self.keyboard {
-            Some(DeviceOption::Keyboard)
-        } else {
-            self.gamepad.as_ref().map(gamepad)
-        }
-    }
-
-    fn plan(
-        &self,
-        stream: &StreamOptions,
-        device: DeviceOption,
-        task: Option<ReachOptions>,
-    ) -> teleop::Plan {
-        let step_deg = if task.is_some() { FINE_STEP_DEG } else { STEP_DEG };
-        teleop::Plan {
-            device,
-            speed_deg_s: stream.speed_deg_s,
-            step_deg: self.step_deg.unwrap_or(step_deg),
-            scale: self.scale,
-            rate_hz: stream.rate_hz,
-            prepare: stream.prepare,
-            task,
-        }
-    }
+    what: What,
 }
 
 #[derive(Debug, clap::Args)]
@@ -114,7 +53,7 @@ struct StreamOptions {
     /// between
     #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate, global = true)]
     rate_hz: f64,
-    /// Speed limit of the approach to the start of the trajectory, and of keyboard and gamepad
+    /// Speed limit of the approach to the start of the trajectory, and of motion by hand
     #[arg(
         long,
         default_value_t = 10.0,
@@ -179,7 +118,7 @@ enum What {
         #[command(flatten)]
         task: ReachOptions,
         #[command(flatten)]
-        teleop: TeleopOptions,
+        hand: HandOptions,
     },
     /// Regions that the snake may not enter
     #[command(subcommand)]
@@ -254,21 +193,7 @@ impl StateWord {
 }
 
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    let Arguments { domain, stream, teleop, what } = arguments;
-    let what = match (what, teleop.device()) {
-        (Some(what), None) => what,
-        (None, Some(device)) => {
-            let mut client = crate::connection::connect(&domain.domain()?)?;
-            let plan = teleop.plan(&stream, device, None);
-            return teleop::run(&mut client, &plan, &Interrupt::catch()?);
-        }
-        (Some(_), Some(_)) => {
-            wrong_usage("give either --keyboard or --gamepad or a subcommand, not both")
-        }
-        (None, None) => {
-            wrong_usage("give --keyboard, --gamepad or a subcommand; see `i2ris command --help`")
-        }
-    };
+    let Arguments { domain, stream, what } = arguments;
     // A wrong file is refused before the robot moves.
     let waypoints = if let What::File { csv } = &what { Some(Waypoints::load(csv)?) } else { None };
     let mut client = crate::connection::connect(&domain.domain()?)?;
@@ -285,10 +210,10 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
                 print_state(true, command, state, json)
             };
         }
-        What::Reach { task, teleop } => {
-            let device = teleop.device().unwrap_or(DeviceOption::Keyboard);
-            let plan = teleop.plan(&stream, device, Some(task));
-            return teleop::run(&mut client, &plan, &interrupt);
+        What::Reach { task, hand } => {
+            let StreamOptions { rate_hz, speed_deg_s, prepare, .. } = stream;
+            let plan = hand.plan(teleop::Pace { rate_hz, speed_deg_s }, prepare, Some(task));
+            return teleop::run_plan(&mut client, &plan, &interrupt);
         }
         What::Fixture(command) => return fixture::run(&mut client, &command),
         What::Hold { duration_s } => ("hold", None, duration_s),
@@ -319,11 +244,6 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     )
 }
 
-/// Ends the program as clap does for a command line that is wrong.
-fn wrong_usage(what: &str) -> ! {
-    clap::Error::raw(ErrorKind::ArgumentConflict, format!("{what}\n")).exit()
-}
-
 fn print_state(
     is_done: bool,
     command: StateCommand,
@@ -343,14 +263,6 @@ fn print_state(
     Ok(())
 }
 
-fn rate(text: &str) -> Result<f64, String> {
+pub fn rate(text: &str) -> Result<f64, String> {
     within(10.0..=1000.0, "must be 10 to 1000", text)
-}
-
-fn share(text: &str) -> Result<f64, String> {
-    within(0.01..=1.0, "must be 0.01 to 1", text)
-}
-
-fn step(text: &str) -> Result<f64, String> {
-    within(0.01..=2.0, "must be 0.01 to 2", text)
 }

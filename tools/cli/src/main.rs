@@ -23,12 +23,14 @@ mod doctor;
 mod emulate;
 mod exit;
 mod external;
+mod input;
 mod model;
 mod numbers;
 mod process;
 mod progress_bar;
 mod replay;
 mod start;
+mod teleop;
 mod why;
 
 /// Calibrate, emulate, command and watch the I2RIS snake robot.
@@ -60,6 +62,11 @@ enum Task {
     Doctor(doctor::Arguments),
     /// Command the robot
     Command(command::Arguments),
+    /// Steer the robot by hand: gamepad, joystick, SpaceMouse, pedal or keyboard
+    Teleop(teleop::Arguments),
+    /// Look at input devices, record them and play what was recorded
+    #[command(subcommand)]
+    Input(input::Command),
     /// Say why the robot does not move as asked, and what to do
     Why(why::Arguments),
     /// Look at a configuration
@@ -93,6 +100,8 @@ impl Task {
             Self::Start(_)
             | Self::Emulate(_)
             | Self::Command(_)
+            | Self::Teleop(_)
+            | Self::Input(_)
             | Self::Dump(_)
             | Self::Demo(_) => false,
         }
@@ -106,6 +115,8 @@ impl Task {
             Self::Emulate(arguments) => emulate::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Command(arguments) => command::run(arguments),
+            Self::Teleop(arguments) => teleop::run(&arguments),
+            Self::Input(command) => input::run(&command),
             Self::Why(arguments) => why::run(&arguments),
             Self::Config(command) => config::run(&command),
             Self::Completions(arguments) => completions::run(&arguments, Cli::command()),

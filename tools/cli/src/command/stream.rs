@@ -39,7 +39,7 @@ pub struct Plan {
 }
 
 /// Waits for the present pose, which is the set-point.
-pub(super) fn present_pose(client: &Client) -> Result<Angles, Failure> {
+pub fn present_pose(client: &Client) -> Result<Angles, Failure> {
     let mut setpoint = Latest::new(client.watcher().setpoint_js());
     let start = clock::now();
     loop {
@@ -60,7 +60,7 @@ pub(super) fn present_pose(client: &Client) -> Result<Angles, Failure> {
     }
 }
 
-pub(super) fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
+pub fn two_angles(joint: &JointState) -> Result<Angles, Failure> {
     match joint.count {
         2 => Ok([joint.position[0].to_degrees(), joint.position[1].to_degrees()]),
         count => Err(format!(

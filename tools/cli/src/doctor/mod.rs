@@ -3,6 +3,7 @@
 //! Nothing is changed: drives are read, not written. While a controller runs it holds the ports,
 //! and the drives cannot be looked at.
 
+mod devices;
 mod drives;
 mod report;
 mod system;
@@ -48,6 +49,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             "correct the file, or name another with --config",
         ),
     }
+    devices::check(&mut report);
     if arguments.json {
         println!("{}", report.to_json()?);
     } else {

@@ -1,49 +1,108 @@
-//! Leading by hand: a gamepad played by a pipe in the form of the kernel's joystick events, a
-//! keyboard by a pseudo-terminal.
+//! Leading by hand: recordings of devices that are played through pipes, a keyboard by a
+//! pseudo-terminal.
 
 use std::fs::{File, OpenOptions};
-use std::io::Write;
+use std::io::{BufRead, BufReader, Write};
 use std::os::unix::fs::OpenOptionsExt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 
 use i2ris::clock;
 use i2ris::ipc::StateCommand;
-use i2ris::ipc::payload::ServoJp;
+use i2ris::ipc::client::{Client, ExternalPublisher, Latest};
+use i2ris::ipc::payload::{JointState, ServoJp};
 use i2ris::units::Nanos;
-use i2ris_testing::{Controller, Terminal};
+use i2ris_teleop::evdev_decoder::encode;
+use i2ris_teleop::identity::Identity;
+use i2ris_teleop::recording::{self, write_frame, write_head};
+use i2ris_teleop::space_mouse;
+use i2ris_teleop::state::{Description, Protocol, Range};
+use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, home_and_enable, wait_until};
 use nix::sys::stat::Mode;
 
-use crate::bench::{Bench, ends, fails, start};
+use crate::bench::{Bench, end, ends, expect_stalls, fails, start};
 use crate::command::{assert_near, assert_no_jump};
 
-const DEAD_MAN: u8 = 5;
-const BUTTON: u8 = 1;
-const AXIS: u8 = 2;
-const SIDE: u8 = 0;
+const KEY: u16 = 1;
+const AXIS: u16 = 3;
+const X: u16 = 0;
+const Y: u16 = 1;
+const BTN_SOUTH: u16 = 0x130;
+const BTN_TR: u16 = 0x137;
+const KEY_B: u16 = 48;
 
-/// A pipe that a program takes for a gamepad.
-struct Pad {
-    bench: Bench,
-    file: Option<File>,
+fn identity(vendor: u16, product: u16, serial: &str) -> Identity {
+    Identity { vendor, product, name: "Device".into(), serial: serial.into() }
 }
 
-impl Pad {
-    fn new() -> Self {
+/// An Xbox controller, as the kernel describes one.
+fn pad(serial: &str) -> Description {
+    let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
+    Description {
+        identity: identity(0x045e, 0x02ea, serial),
+        protocol: Protocol::Evdev,
+        absolute: vec![range(X), range(Y), range(3), range(4)],
+        relative: Vec::new(),
+        keys: vec![BTN_SOUTH, BTN_TR - 1, BTN_TR],
+    }
+}
+
+fn pedal() -> Description {
+    Description {
+        identity: identity(0x0c45, 0x7403, ""),
+        protocol: Protocol::Evdev,
+        absolute: Vec::new(),
+        relative: Vec::new(),
+        keys: vec![KEY_B],
+    }
+}
+
+/// A device that is played through a pipe.
+struct Played {
+    bench: Bench,
+    pipe: Option<File>,
+}
+
+impl Played {
+    fn new(description: &Description) -> Self {
         let bench = Bench::new();
-        let path = bench.path("js0");
-        nix::unistd::mkfifo(&path, Mode::S_IRUSR | Mode::S_IWUSR).unwrap();
+        nix::unistd::mkfifo(&bench.path("device"), Mode::S_IRUSR | Mode::S_IWUSR).unwrap();
+        let mut played = Self { bench, pipe: None };
+        played.plug_in(description);
+        played
+    }
+
+    fn file(&self) -> String {
+        self.bench.file("device")
+    }
+
+    fn plug_in(&mut self, description: &Description) {
         // Reading as well, so that opening does not wait for the program.
         let mut options = OpenOptions::new();
         options.read(true).write(true).custom_flags(nix::libc::O_NONBLOCK);
-        Self { bench, file: Some(options.open(&path).unwrap()) }
-    }
-
-    fn play(&mut self, kind: u8, number: u8, value: i16) {
-        let [low, high] = value.to_le_bytes();
-        self.file.as_mut().unwrap().write_all(&[0, 0, 0, 0, low, high, kind, number]).unwrap();
+        let mut pipe = options.open(self.bench.path("device")).unwrap();
+        write_head(&mut pipe, description).unwrap();
+        self.pipe = Some(pipe);
     }
 
     fn unplug(&mut self) {
-        self.file = None;
+        self.pipe = None;
+    }
+
+    fn report(&mut self, bytes: &[u8]) {
+        write_frame(self.pipe.as_mut().unwrap(), clock::now(), bytes).unwrap();
+    }
+
+    /// A pad that is seen at rest.
+    fn rest(&mut self) {
+        self.tell(AXIS, X, 0);
+        self.tell(AXIS, Y, 0);
+        self.tell(KEY, BTN_TR, 0);
+    }
+
+    /// An event, and the report that ends it.
+    fn tell(&mut self, kind: u16, code: u16, value: i32) {
+        self.report(&[encode(kind, code, value), encode(0, 0, 0)].concat());
     }
 }
 
@@ -57,29 +116,66 @@ fn place(controller: &Controller) -> ([f64; 2], usize) {
     (robot.pose, robot.poses.len())
 }
 
-#[test]
-fn a_gamepad_steers_while_its_dead_man_is_held_and_the_snake_holds_when_it_is_unplugged() {
-    let controller = Controller::enabled();
-    let mut pad = Pad::new();
-    let words = format!("command --gamepad {} --speed-deg-s 20 --scale 0.5", pad.bench.file("js0"));
-    let program = start(&controller.domain, &words);
-    pad.play(AXIS, SIDE, 32767);
-    controller.wait("commands with an open clutch", |robot| robot.poses.len() > 50);
-    assert!(clutch_is_open(controller.robot().flags));
-    assert_near(controller.robot().pose, [1.0, -1.0]);
-    pad.play(BUTTON, DEAD_MAN, 1);
-    controller.wait("motion to the side", |robot| robot.pose[1] > 1.0);
-    assert!(!clutch_is_open(controller.robot().flags));
-    pad.play(BUTTON, DEAD_MAN, 0);
+/// Expects that the clutch is open, and that nothing moves during fifty more commands.
+fn assert_holds(controller: &Controller) -> [f64; 2] {
     controller.wait("the clutch", |robot| clutch_is_open(robot.flags));
-    let (there, count) = place(&controller);
+    let (there, count) = place(controller);
     controller.wait("more commands", |robot| robot.poses.len() > count + 50);
     assert_near(controller.robot().pose, there);
+    there
+}
+
+#[test]
+fn a_gamepad_steers_while_its_dead_man_is_held_and_is_found_again_by_what_it_is() {
+    let controller = Controller::enabled();
+    let mut device = Played::new(&pad("1"));
+    let words = format!("teleop --played {} --speed-deg-s 20 --scale 0.5", device.file());
+    let mut program = start(&controller.domain, &words);
+    controller.wait("commands with an open clutch", |robot| robot.poses.len() > 50);
+    assert_holds(&controller);
+    // Held before anything was seen at rest: a deflected stick closes nothing.
+    device.tell(AXIS, X, 32767);
+    device.tell(KEY, BTN_TR, 1);
+    assert_near(assert_holds(&controller), [1.0, -1.0]);
+    device.rest();
+    assert_holds(&controller);
+    device.tell(KEY, BTN_TR, 1);
+    controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
+    device.tell(AXIS, X, 32767);
+    controller.wait("motion to the side", |robot| robot.pose[1] > 1.0);
+    device.tell(KEY, BTN_TR, 0);
+    let there = assert_holds(&controller);
     // Pulled out in motion.
-    pad.play(BUTTON, DEAD_MAN, 1);
+    device.tell(AXIS, X, 0);
+    assert_holds(&controller);
+    device.tell(KEY, BTN_TR, 1);
+    controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
+    device.tell(AXIS, X, 32767);
     controller.wait("motion again", |robot| robot.pose[1] > there[1] + 1.0);
-    pad.unplug();
-    ends(program, 1, &["js0 is gone", "the snake holds"]);
+    device.unplug();
+    assert_holds(&controller);
+    // Another one in its place is not taken; the same one is, and has to be seen at rest.
+    device.plug_in(&pad("2"));
+    device.tell(KEY, BTN_TR, 1);
+    let there = assert_holds(&controller);
+    device.unplug();
+    device.plug_in(&pad("1"));
+    device.tell(AXIS, X, 32767);
+    device.tell(KEY, BTN_TR, 1);
+    assert_near(assert_holds(&controller), there);
+    wait_until("it is taken again", || {
+        device.rest();
+        clock::sleep(Nanos::from_millis(100));
+        device.tell(KEY, BTN_TR, 1);
+        clock::sleep(Nanos::from_millis(100));
+        !clutch_is_open(controller.robot().flags)
+    });
+    program.interrupt();
+    let said = end(program);
+    assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
+    for part in ["is gone (closed); the snake holds", "is back at", "+yaw goes → (+0 deg)"] {
+        assert!(said.output.contains(part), "{part}: {}", said.output);
+    }
     let robot = controller.robot();
     assert!(clutch_is_open(robot.flags), "the last command opens the clutch");
     assert_eq!((robot.lease, robot.asked.last()), (0, Some(&StateCommand::Release)));
@@ -89,9 +185,203 @@ fn a_gamepad_steers_while_its_dead_man_is_held_and_the_snake_holds_when_it_is_un
 }
 
 #[test]
+fn a_space_mouse_steers_under_a_pedal_and_the_loss_of_either_opens_the_clutch() {
+    let controller = Controller::enabled();
+    let mouse_description = space_mouse::description(identity(0x256f, 0xc635, ""));
+    let (mut mouse, mut foot) = (Played::new(&mouse_description), Played::new(&pedal()));
+    let words =
+        format!("teleop --played {} --played {} --mode position", mouse.file(), foot.file());
+    let mut program = start(&controller.domain, &words);
+    mouse.report(&[1, 0, 0, 0, 0, 0, 0]);
+    controller.wait("commands", |robot| robot.poses.len() > 50);
+    // Its own button does not count beside a pedal.
+    mouse.report(&[3, 1, 0]);
+    assert_holds(&controller);
+    mouse.report(&[3, 0, 0]);
+    foot.tell(KEY, KEY_B, 1);
+    controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
+    // Pushed away from the person, by its full 350: up, by the reach of 1.5 deg.
+    mouse.report(&[1, 0, 0, 0xa2, 0xfe, 0, 0]);
+    controller.wait("the whole way", |robot| robot.pose[0] > 2.499);
+    assert_near(controller.robot().pose, [2.5, -1.0]);
+    foot.unplug();
+    assert_holds(&controller);
+    mouse.report(&[1, 0, 0, 0, 0, 0, 0]);
+    foot.plug_in(&pedal());
+    wait_until("the pedal is taken again", || {
+        foot.tell(KEY, KEY_B, 0);
+        clock::sleep(Nanos::from_millis(100));
+        foot.tell(KEY, KEY_B, 1);
+        clock::sleep(Nanos::from_millis(100));
+        !clutch_is_open(controller.robot().flags)
+    });
+    mouse.unplug();
+    assert_holds(&controller);
+    program.interrupt();
+    ends(program, 0, &[]);
+}
+
+/// A picture that is turned by 90 deg and mirrored: +pitch goes to the right, +yaw goes up.
+fn show_turned(domain: &i2ris::ipc::Domain, stop: &AtomicBool) {
+    let client = Client::connect(domain, TIMEOUT).unwrap();
+    let mut setpoint: Latest<JointState> = Latest::new(client.watcher().setpoint_js());
+    let mut camera = ExternalPublisher::new(domain);
+    while !stop.load(Ordering::Relaxed) {
+        if let Some(joint) = setpoint.refresh().unwrap() {
+            let [pitch, yaw, _] = joint.position;
+            // In the order of the payload: up, then right.
+            camera.publish(clock::now(), &[yaw, pitch], &[]).unwrap();
+        }
+        clock::sleep(Nanos::from_millis(15));
+    }
+}
+
+#[test]
+fn a_view_that_was_measured_lets_right_be_right_and_up_be_up() {
+    let controller = Controller::enabled();
+    let mut device = Played::new(&pad("1"));
+    let stop = AtomicBool::new(false);
+    thread::scope(|scope| {
+        scope.spawn(|| show_turned(&controller.domain, &stop));
+        let words = format!("teleop --played {} --measure-view", device.file());
+        let mut program = start(&controller.domain, &words);
+        controller.wait("the measurement", |robot| robot.poses.len() > 500);
+        controller.wait("its end", |robot| clutch_is_open(robot.flags));
+        assert_near(assert_holds(&controller), [1.0, -1.0]);
+        device.rest();
+        assert_holds(&controller);
+        device.tell(KEY, BTN_TR, 1);
+        controller.wait("a closed clutch", |robot| !clutch_is_open(robot.flags));
+        device.tell(AXIS, X, 32767);
+        controller.wait("right is +pitch", |robot| robot.pose[0] > 2.0);
+        device.tell(AXIS, X, 0);
+        let pitch = controller.robot().pose[0];
+        device.tell(AXIS, Y, -32768);
+        controller.wait("up is +yaw", |robot| robot.pose[1] > 0.0);
+        assert!(controller.robot().pose[0] < pitch + 1.0);
+        stop.store(true, Ordering::Relaxed);
+        program.interrupt();
+        let said = end(program);
+        assert!(said.output.contains("+pitch goes → (") && said.output.contains("+yaw goes ↑ ("));
+    });
+}
+
+#[test]
+fn without_a_camera_the_view_is_not_measured_and_said() {
+    let controller = Controller::enabled();
+    let device = Played::new(&pad("1"));
+    let words = format!("teleop --played {} --measure-view", device.file());
+    fails(&controller.domain, &words, 1, &["0 pictures", "--view-rotation-deg"]);
+}
+
+/// The real controller, its line and the emulated drives behind it.
+#[test]
+fn the_snake_of_the_emulator_follows_a_device_and_holds_when_it_is_gone() {
+    let mut rig = Rig::with_model();
+    expect_stalls(&mut rig);
+    rig.start_controller_thread();
+    let mut client = rig.client();
+    home_and_enable(&mut client, TIMEOUT).unwrap();
+    let mut device = Played::new(&pad("1"));
+    let mut program = start(&rig.domain(), &format!("teleop --played {}", device.file()));
+    let mut measured = Latest::new(client.watcher().measured_js());
+    let mut yaw_deg = || {
+        let joint = measured.refresh().unwrap().copied();
+        joint.map_or(0.0, |joint| joint.position[1].to_degrees())
+    };
+    wait_until("it follows", || {
+        device.rest();
+        clock::sleep(Nanos::from_millis(50));
+        device.tell(KEY, BTN_TR, 1);
+        clock::sleep(Nanos::from_millis(50));
+        device.tell(AXIS, X, 20_000);
+        clock::sleep(Nanos::from_millis(200));
+        yaw_deg() > 0.5
+    });
+    device.unplug();
+    clock::sleep(Nanos::from_millis(500));
+    let there = yaw_deg();
+    clock::sleep(Nanos::from_millis(500));
+    assert!((yaw_deg() - there).abs() < 0.1, "{there} {}", yaw_deg());
+    program.interrupt();
+    ends(program, 0, &[]);
+}
+
+#[test]
+fn a_device_is_recorded_played_and_learned() {
+    let controller = Controller::enabled();
+    let unknown = Description { identity: identity(0x1234, 0xabcd, ""), ..pad("") };
+    let mut device = Played::new(&unknown);
+    let bench = Bench::new();
+    let (file, profile) = (bench.file("device.input"), bench.file("mine.toml"));
+    let played = device.file();
+    fails(
+        &controller.domain,
+        &format!("teleop --played {played}"),
+        1,
+        &["input learn", "not known"],
+    );
+    device.plug_in(&unknown);
+    let words = format!("input record --played {played} --output {file}");
+    let mut program = start(&controller.domain, &words);
+    wait_until("it records", || bench.exists("device.input"));
+    device.tell(AXIS, X, 32767);
+    device.tell(KEY, BTN_TR, 1);
+    wait_until("the head of the pipe is read", || {
+        let frames = recording::read(File::open(bench.path("device.input")).unwrap());
+        device.tell(AXIS, Y, 0);
+        clock::sleep(Nanos::from_millis(20));
+        frames.is_ok_and(|(_, frames)| frames.len() > 2)
+    });
+    program.interrupt();
+    ends(program, 0, &[]);
+    let (head, frames) = recording::read(File::open(bench.path("device.input")).unwrap()).unwrap();
+    assert_eq!(head, unknown);
+    assert_eq!(frames[0].1, [encode(AXIS, X, 32767), encode(0, 0, 0)].concat());
+    fails(&controller.domain, &words, 1, &["exists"]);
+    // Played into the questions: at rest, then what each answer shows.
+    device.unplug();
+    device.plug_in(&unknown);
+    let mut learn = i2ris_testing::program::command(&[
+        "input", "learn", "--played", &played, "--output", &profile,
+    ]);
+    let learn = learn.stdin(std::process::Stdio::piped()).stdout(std::process::Stdio::piped());
+    let mut learn = learn.spawn().unwrap();
+    let mut answers = learn.stdin.take().unwrap();
+    let mut questions = BufReader::new(learn.stdout.take().unwrap()).lines();
+    for (question, events) in [
+        ("let go of everything", &[(AXIS, X, 0), (AXIS, Y, 0)][..]),
+        ("to the right", &[(AXIS, X, 32767)]),
+        ("away from you", &[(AXIS, X, 0), (AXIS, Y, -32768)]),
+        ("shall be the dead-man", &[(AXIS, Y, 0), (KEY, BTN_TR, 1)]),
+    ] {
+        assert!(questions.next().unwrap().unwrap().contains(question));
+        for (kind, code, value) in events {
+            device.tell(*kind, *code, *value);
+        }
+        answers.write_all(b"\n").unwrap();
+    }
+    assert!(learn.wait().unwrap().success());
+    let text = bench.read("mine.toml");
+    for part in ["1234:abcd", "right = \"ABS_X\"", "up = \"-ABS_Y\"", "dead_man = \"BTN_TR\""] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    // The recording, played by the program: known now, and it steers nothing, as it was never at rest.
+    device.unplug();
+    let words = format!("teleop --played {played} --profile {profile}");
+    let play = start(&controller.domain, &format!("input play {file} --to {played}"));
+    let mut teleop = start(&controller.domain, &words);
+    controller.wait("commands", |robot| robot.poses.len() > 50);
+    assert_near(assert_holds(&controller), [1.0, -1.0]);
+    ends(play, 0, &[]);
+    teleop.interrupt();
+    ends(teleop, 0, &[]);
+}
+
+#[test]
 fn keys_steer_after_the_space_bar_and_a_second_without_one_opens_the_clutch() {
     let controller = Controller::enabled();
-    let words = ["command", "--keyboard", "--step-deg", "0.5"];
+    let words = ["teleop", "--keyboard", "--step-deg", "0.5"];
     let mut terminal = Terminal::start(&controller.domain, &words, 24, 80);
     controller.wait("commands", |robot| robot.poses.len() > 20);
     for _ in 0..5 {
@@ -125,13 +415,21 @@ fn keys_steer_after_the_space_bar_and_a_second_without_one_opens_the_clutch() {
 #[test]
 fn devices_that_are_none_and_two_masters_at_once_are_refused() {
     let controller = Controller::enabled();
+    let device = Played::new(&pedal());
+    let (pipe, folder) = (device.file(), device.bench.file(""));
     for (words, code, parts) in [
-        ("--gamepad /nonexistent/js7", 1, &["/nonexistent/js7", "ls /dev/input/js*"][..]),
-        ("--keyboard", 1, &["needs a terminal"]),
-        ("--keyboard hold", 2, &["not both"]),
-        ("--keyboard --gamepad", 2, &["cannot be used with"]),
+        ("--device /nonexistent/event7".to_owned(), 1, &["/nonexistent/event7: No such"][..]),
+        (format!("--device {pipe}"), 1, &["is a pipe and no input device", "--played"]),
+        (format!("--device {folder}"), 1, &["is a folder"]),
+        (format!("--played {pipe}"), 1, &["a pedal alone moves nothing"]),
+        ("--played /dev/null".to_owned(), 1, &["/dev/null: it does not begin"]),
+        ("--keyboard".to_owned(), 1, &["needs a terminal"]),
+        ("--keyboard --device x".to_owned(), 2, &["cannot be used with"]),
+        ("--measure-view --view-mirror".to_owned(), 2, &["cannot be used with"]),
+        ("--profile /nonexistent.toml".to_owned(), 1, &["/nonexistent.toml: No such"]),
+        ("--scale 1,7".to_owned(), 2, &["0.01 to 1"]),
     ] {
-        fails(&controller.domain, &format!("command {words}"), code, parts);
+        fails(&controller.domain, &format!("teleop {words}"), code, parts);
     }
     assert!(controller.robot().poses.is_empty());
 }

@@ -1,5 +1,5 @@
 //! A reach-and-hold task: targets that a person brings the snake to, one after the other, with
-//! keyboard or gamepad.
+//! whatever a hand holds.
 //!
 //! The targets are published, so that the monitor shows them and a recording has them; `i2ris
 //! report` scores them. A target counts as held when the mean of the last 200 ms has been within

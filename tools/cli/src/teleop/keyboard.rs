@@ -12,7 +12,9 @@ use i2ris_report::Failure;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 use nix::sys::termios::{OutputFlags, SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr};
 
-use super::input_device::{DeviceInput, DeviceLost, InputDevice};
+use i2ris_teleop::clutch::Open;
+
+use super::source::{Asked, Source, SourceLost};
 
 /// Longer than a keyboard waits before it repeats (250 to 660 ms), short enough for someone who has
 /// left.
@@ -64,22 +66,21 @@ impl Drop for Keyboard {
     }
 }
 
-impl InputDevice for Keyboard {
-    fn read(&mut self, now: Nanos) -> Result<DeviceInput, DeviceLost> {
-        let mut input = DeviceInput::default();
-        let bytes = self
-            .bytes()
-            .map_err(|error| DeviceLost { what: format!("the terminal is gone ({error})") })?;
+impl Source for Keyboard {
+    fn read(&mut self, now: Nanos) -> Result<Asked, SourceLost> {
+        let mut input = Asked::default();
+        let bytes = self.bytes().map_err(SourceLost)?;
         for key in keys(&bytes) {
             self.keys.press(key, now, &mut input);
         }
-        input.engaged = self.keys.engaged(now);
+        input.open = Keys::open(self.keys.engaged(now));
         Ok(input)
     }
 
-    fn help(&self) -> &'static str {
-        "Space closes the clutch; arrows: pitch and yaw; x opens the clutch, and so does a second \
+    fn help(&self) -> String {
+        "Space closes the clutch; arrows: right, left, up and down; x opens the clutch, and so does a second \
          without a key; q ends."
+            .to_owned()
     }
 }
 
@@ -144,21 +145,26 @@ struct Keys {
 }
 
 impl Keys {
-    fn press(&mut self, key: Key, now: Nanos, input: &mut DeviceInput) {
-        let [pitch, yaw] = &mut input.steps;
+    fn press(&mut self, key: Key, now: Nanos, input: &mut Asked) {
+        let [right, up] = &mut input.steps;
         match key {
             Key::Quit => input.quit = true,
             Key::Space => self.closed = Some(now),
-            Key::Up => *pitch += 1,
-            Key::Down => *pitch -= 1,
-            Key::Right => *yaw += 1,
-            Key::Left => *yaw -= 1,
+            Key::Up => *up += 1.0,
+            Key::Down => *up -= 1.0,
+            Key::Right => *right += 1.0,
+            Key::Left => *right -= 1.0,
             // Any other key, hit in haste, is a reason to stop.
             Key::Other => self.closed = None,
         }
         if self.engaged(now) {
             self.closed = Some(now);
         }
+    }
+
+    /// A terminal that is silent for too long is a dead-man that is not pressed.
+    fn open(engaged: bool) -> Option<Open> {
+        (!engaged).then_some(Open::Released)
     }
 
     fn engaged(&mut self, now: Nanos) -> bool {
@@ -175,20 +181,20 @@ mod tests {
         Nanos::from_millis(5_000 + milliseconds)
     }
 
-    fn press(keys: &mut Keys, key: Key, now: Nanos) -> DeviceInput {
-        let mut input = DeviceInput::default();
+    fn press(keys: &mut Keys, key: Key, now: Nanos) -> Asked {
+        let mut input = Asked::default();
         keys.press(key, now, &mut input);
-        input.engaged = keys.engaged(now);
+        input.open = Keys::open(keys.engaged(now));
         input
     }
 
     #[test]
     fn arrows_do_nothing_before_the_space_bar() {
         let mut keys = Keys::default();
-        assert!(!press(&mut keys, Key::Up, at(0)).engaged);
-        assert!(press(&mut keys, Key::Space, at(10)).engaged);
+        assert!(press(&mut keys, Key::Up, at(0)).open.is_some());
+        assert!(press(&mut keys, Key::Space, at(10)).open.is_none());
         let input = press(&mut keys, Key::Up, at(20));
-        assert!(input.engaged && input.steps == [1, 0]);
+        assert!(input.open.is_none() && input.steps == [0.0, 1.0]);
     }
 
     #[test]
@@ -196,17 +202,18 @@ mod tests {
         let mut keys = Keys::default();
         press(&mut keys, Key::Space, at(0));
         for milliseconds in (0..5000).step_by(600) {
-            assert!(press(&mut keys, Key::Left, at(milliseconds)).engaged);
+            assert!(press(&mut keys, Key::Left, at(milliseconds)).open.is_none());
         }
         assert!(keys.engaged(at(4800 + 999)) && !keys.engaged(at(4800 + 1000)));
-        assert!(!press(&mut keys, Key::Left, at(6000)).engaged, "an arrow does not close it again");
+        let late = press(&mut keys, Key::Left, at(6000));
+        assert!(late.open.is_some(), "an arrow does not close it again");
     }
 
     #[test]
     fn any_other_key_opens_the_clutch_and_quit_ends() {
         let mut keys = Keys::default();
         press(&mut keys, Key::Space, at(0));
-        assert!(!press(&mut keys, Key::Other, at(1)).engaged);
+        assert!(press(&mut keys, Key::Other, at(1)).open.is_some());
         assert!(press(&mut keys, Key::Quit, at(2)).quit);
     }
 

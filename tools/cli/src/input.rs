@@ -1,0 +1,196 @@
+//! `i2ris input`: looks at input devices, records them, and plays what was recorded.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, BufRead, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+use i2ris_report::{Failure, Interrupt, Screen, until_closed};
+use i2ris_teleop::device::{Device, HEAD};
+use i2ris_teleop::finder;
+use i2ris_teleop::learning::{self, QUESTIONS, Snapshot};
+use i2ris_teleop::recording;
+
+use crate::numbers::seconds;
+use crate::teleop::profiles;
+
+const POLL: Nanos = Nanos::from_millis(5);
+const DRAW: Nanos = Nanos::from_millis(100);
+
+#[derive(Debug, clap::Subcommand)]
+pub enum Command {
+    /// List the devices that a hand may hold, and whether they are known
+    List,
+    /// Show what a device tells, by the names that a profile uses
+    Test(Chosen),
+    /// Record what a device tells: its description, and raw bytes with their times
+    Record {
+        #[command(flatten)]
+        device: Chosen,
+        /// The new file
+        #[arg(long, value_name = "FILE")]
+        output: PathBuf,
+        /// End after this time instead of with Ctrl-C
+        #[arg(long, value_name = "S", value_parser = seconds)]
+        duration_s: Option<Nanos>,
+    },
+    /// Play a recording through a pipe (`mkfifo`), for `i2ris teleop --played PIPE`
+    Play {
+        /// The recording
+        recording: PathBuf,
+        /// The pipe
+        #[arg(long, value_name = "PIPE")]
+        to: PathBuf,
+    },
+    /// Ask what the controls of an unknown device are, and write its profile
+    Learn {
+        #[command(flatten)]
+        device: Chosen,
+        /// The new profile
+        #[arg(long, value_name = "FILE")]
+        output: PathBuf,
+    },
+}
+
+#[derive(Debug, clap::Args)]
+pub struct Chosen {
+    /// The device: /dev/input/event* or /dev/hidraw*
+    #[arg(value_name = "DEVICE")]
+    path: PathBuf,
+    /// It is a pipe through which a recording is played
+    #[arg(long)]
+    played: bool,
+}
+
+impl Chosen {
+    fn open(&self) -> Result<Device, Failure> {
+        let Self { path, played } = self;
+        Ok(if *played { Device::open_played(path, HEAD)? } else { Device::open(path)? })
+    }
+}
+
+pub fn run(command: &Command) -> Result<(), Failure> {
+    match command {
+        Command::List => list(),
+        Command::Test(device) => test(device.open()?, &Interrupt::catch()?),
+        Command::Record { output, .. } | Command::Learn { output, .. } if output.exists() => {
+            Err(format!("--output {}: exists; name another file", output.display()).into())
+        }
+        Command::Record { device, output, duration_s } => {
+            record(device.open()?, output, *duration_s, &Interrupt::catch()?)
+        }
+        Command::Play { recording, to } => play(recording, to),
+        Command::Learn { device, output } => learn(device.open()?, output),
+    }
+}
+
+fn list() -> Result<(), Failure> {
+    let profiles = profiles(&[])?;
+    let found = finder::scan(&profiles);
+    if found.is_empty() {
+        return Err("no device that a hand may hold: neither /dev/input/event* nor /dev/hidraw* \
+                    has one"
+            .into());
+    }
+    let mut screen = Screen::stdout();
+    for found in &found {
+        until_closed(screen.say(&finder::line(found, &profiles)))?;
+    }
+    Ok(())
+}
+
+fn test(mut device: Device, interrupt: &Interrupt) -> Result<(), Failure> {
+    let mut screen = Screen::stdout();
+    until_closed(screen.say(&format!("{}; Ctrl-C ends", device.description().identity)))?;
+    let mut next = clock::now();
+    while !interrupt.came() {
+        device.read(clock::now(), |_| {})?;
+        if clock::now() >= next {
+            next = next + DRAW;
+            let (_, state) = device.parts();
+            let axes = state.axes().map(|(axis, value)| format!("{axis} {value}"));
+            let mut told: Vec<_> = axes.collect();
+            told.extend(state.pressed().map(|key| format!("{key} pressed")));
+            if !until_closed(screen.draw(&[told.join("  ")]))? {
+                break;
+            }
+        }
+        clock::sleep(POLL);
+    }
+    Ok(())
+}
+
+fn record(
+    mut device: Device,
+    output: &Path,
+    duration: Option<Nanos>,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    let named = |error: io::Error| format!("{}: {error}", output.display());
+    let mut file = BufWriter::new(File::create_new(output).map_err(named)?);
+    recording::write_head(&mut file, device.description()).map_err(named)?;
+    let (start, mut frames) = (clock::now(), 0_u64);
+    let mut ended = Ok(());
+    while !interrupt.came() && duration.is_none_or(|span| clock::now().since(start) < span) {
+        let now = clock::now();
+        let mut written = Ok(());
+        let read = device.read(now, |bytes| {
+            frames += 1;
+            if written.is_ok() {
+                written = recording::write_frame(&mut file, now.since(start), bytes);
+            }
+        });
+        written.map_err(named)?;
+        if let Err(gone) = read {
+            ended = Err(gone);
+            break;
+        }
+        clock::sleep(Nanos::from_millis(1));
+    }
+    file.flush().map_err(named)?;
+    until_closed(Screen::stdout().say(&format!("{}: {frames} frames", output.display())))?;
+    Ok(ended?)
+}
+
+/// Writes each frame at its time. Waits until somebody reads.
+fn play(recording: &Path, to: &Path) -> Result<(), Failure> {
+    let named = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+    let file = File::open(recording).map_err(|error| named(recording, &error))?;
+    let (head, frames) = recording::read(file).map_err(|error| named(recording, &error))?;
+    let mut pipe = OpenOptions::new().write(true).open(to).map_err(|error| named(to, &error))?;
+    let mut write = || -> io::Result<()> {
+        recording::write_head(&mut pipe, &head)?;
+        let start = clock::now();
+        for (at, bytes) in &frames {
+            clock::sleep_until(start + *at);
+            recording::write_frame(&mut pipe, *at, bytes)?;
+        }
+        Ok(())
+    };
+    // Who reads may end first.
+    until_closed(write())?;
+    Ok(())
+}
+
+fn learn(mut device: Device, output: &Path) -> Result<(), Failure> {
+    let mut screen = Screen::stdout();
+    let mut answers = <[Snapshot; 4]>::default();
+    for (answer, question) in answers.iter_mut().zip(QUESTIONS) {
+        until_closed(screen.say(&format!("{question}, then press Enter")))?;
+        if io::stdin().lock().read_line(&mut String::new())? == 0 {
+            return Err("the input has ended before the last answer; no profile is written".into());
+        }
+        device.read(clock::now(), |_| {})?;
+        *answer = Snapshot::of(device.parts().1);
+    }
+    let profile = learning::profile(device.description(), &answers)?;
+    let text = toml::to_string(&profile)?;
+    let named = |error: io::Error| format!("{}: {error}", output.display());
+    { File::create_new(output) }
+        .and_then(|mut file| file.write_all(text.as_bytes()))
+        .map_err(named)?;
+    let output = output.display();
+    until_closed(screen.say(&format!("{output}; use it with `i2ris teleop --profile {output}`")))?;
+    Ok(())
+}

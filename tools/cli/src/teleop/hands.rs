@@ -1,0 +1,214 @@
+//! The devices of a hand: found, opened, read together, and found again after a loss.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+use i2ris_report::Failure;
+use i2ris_teleop::clutch::Clutch;
+use i2ris_teleop::control::{Control, Fault, Reading};
+use i2ris_teleop::device::{Device, HEAD};
+use i2ris_teleop::finder::{self, known, reopen, scan};
+use i2ris_teleop::identity::Identity;
+use i2ris_teleop::profile::{Handedness, Profile};
+use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+
+use super::source::{Asked, Source, SourceLost};
+
+/// How often a device that is gone is looked for.
+const SEARCH: Nanos = Nanos::from_millis(500);
+const GONE: Reading =
+    Reading { push: None, dead_man: None, fault: Some(Fault::Gone), scale_steps: 0 };
+
+/// Which devices, and how they are held.
+#[derive(Debug, Clone)]
+pub struct Chosen {
+    /// `/dev/input/event*`, `/dev/hidraw*`; none: those that are known.
+    pub devices: Vec<PathBuf>,
+    /// Pipes through which recordings are played.
+    pub played: Vec<PathBuf>,
+    /// Files with profiles, before the shipped ones.
+    pub profiles: Vec<PathBuf>,
+    pub hand: Handedness,
+}
+
+/// Profiles of these files, then those that come with the software.
+pub fn profiles(files: &[PathBuf]) -> Result<Vec<Profile>, Failure> {
+    let mut profiles = Vec::new();
+    for file in files {
+        let named = |error: &dyn std::fmt::Display| format!("{}: {error}", file.display());
+        let text = fs::read_to_string(file).map_err(|error| named(&error))?;
+        profiles.push(Profile::parse(&text).map_err(|error| named(&error))?);
+    }
+    profiles.extend(Profile::shipped());
+    Ok(profiles)
+}
+
+struct Part {
+    /// `None` while it is gone.
+    device: Option<Device>,
+    path: PathBuf,
+    is_played: bool,
+    identity: Identity,
+    control: Control,
+    next_search: Nanos,
+}
+
+/// All devices of a hand.
+pub(super) struct Hands {
+    parts: Vec<Part>,
+    clutch: Clutch,
+    news: Vec<String>,
+}
+
+impl Hands {
+    pub fn open(chosen: &Chosen) -> Result<Self, Failure> {
+        let profiles = profiles(&chosen.profiles)?;
+        let mut parts = Vec::new();
+        let real = if chosen.devices.is_empty() && chosen.played.is_empty() {
+            only_known(&profiles)?
+        } else {
+            chosen.devices.clone()
+        };
+        let real = real.into_iter().map(|path| (path, false));
+        for (path, is_played) in real.chain(chosen.played.iter().map(|path| (path.clone(), true))) {
+            parts.push(Part::open(&path, is_played, &profiles, chosen.hand)?);
+        }
+        if !parts.iter().any(|part| part.control.has_axes()) {
+            return Err("a device that steers is missing: a pedal alone moves nothing".into());
+        }
+        if !parts.iter().any(|part| part.control.has_dead_man()) {
+            return Err("a dead-man is missing: name one in the profile, or add a pedal with a \
+                        second --device"
+                .into());
+        }
+        Ok(Self { parts, clutch: Clutch::default(), news: Vec::new() })
+    }
+}
+
+/// The known device that steers, and a known pedal beside it. Several, or none, are asked.
+fn only_known(profiles: &[Profile]) -> Result<Vec<PathBuf>, Failure> {
+    let found = scan(profiles);
+    let list = found.iter().map(|found| format!("\n  {}", finder::line(found, profiles)));
+    let list = list.collect::<String>();
+    let is = |steers: bool| {
+        found.iter().filter(move |found| {
+            let profile = found.description.as_ref().ok().and_then(|it| known(it, profiles));
+            profile.is_some_and(|profile| profile.controls.right.is_some() == steers)
+        })
+    };
+    let [steering] = is(true).collect::<Vec<_>>()[..] else {
+        let how_many = if is(true).count() == 0 { "no" } else { "more than one" };
+        return Err(format!(
+            "{how_many} known device is plugged in; name one with --device, or steer with \
+             --keyboard{list}"
+        )
+        .into());
+    };
+    let pedals: Vec<_> = is(false).map(|found| found.path.clone()).collect();
+    if pedals.len() > 1 {
+        return Err(
+            format!("more than one pedal is plugged in; name all with --device{list}").into()
+        );
+    }
+    Ok([vec![steering.path.clone()], pedals].concat())
+}
+
+impl Part {
+    fn open(
+        path: &Path,
+        is_played: bool,
+        profiles: &[Profile],
+        hand: Handedness,
+    ) -> Result<Self, Failure> {
+        let mut device =
+            if is_played { Device::open_played(path, HEAD) } else { Device::open(path) }?;
+        let description = device.description();
+        let profile = known(description, profiles).ok_or_else(|| {
+            let path = path.display();
+            format!(
+                "{path}: {} is not known, and nothing is guessed; `i2ris input learn {path} \
+                 --output mine.toml` asks what its controls are, then add --profile mine.toml",
+                description.identity
+            )
+        })?;
+        let controls = profile.controls(description, hand)?;
+        device.grab()?;
+        Ok(Self {
+            path: path.to_owned(),
+            is_played,
+            identity: device.description().identity.clone(),
+            control: Control::new(profile, controls),
+            device: Some(device),
+            next_search: Nanos::ZERO,
+        })
+    }
+
+    /// What it says, and what has to be said of it.
+    fn read(&mut self, now: Nanos) -> (Reading, Option<String>) {
+        let Some(device) = &mut self.device else {
+            return (GONE, self.search(now));
+        };
+        if let Err(error) = device.read(now, |_| {}) {
+            self.device = None;
+            self.next_search = now + SEARCH;
+            return (GONE, Some(format!("{error}; the snake holds until it is back")));
+        }
+        let (description, state) = device.parts();
+        (self.control.read(description, state, now), None)
+    }
+
+    fn search(&mut self, now: Nanos) -> Option<String> {
+        if now < self.next_search {
+            return None;
+        }
+        self.next_search = now + SEARCH;
+        let mut device = reopen(&self.path, self.is_played, &self.identity).ok()?;
+        device.grab().ok()?;
+        self.path = device.path().to_owned();
+        self.device = Some(device);
+        Some(format!("{} is back at {}", self.identity, self.path.display()))
+    }
+}
+
+impl Source for Hands {
+    fn read(&mut self, now: Nanos) -> Result<Asked, SourceLost> {
+        let mut readings = Vec::with_capacity(self.parts.len());
+        for part in &mut self.parts {
+            let (reading, news) = part.read(now);
+            self.news.extend(news);
+            readings.push((part.control.has_axes(), reading));
+        }
+        let hand = self.clutch.update(&readings);
+        Ok(Asked {
+            open: hand.open,
+            push: hand.push,
+            scale_steps: hand.scale_steps,
+            ..Asked::default()
+        })
+    }
+
+    fn wait(&mut self, until: Nanos) {
+        let devices = self.parts.iter().filter_map(|part| part.device.as_ref());
+        let mut ready: Vec<_> = devices
+            .map(|device| PollFd::new(std::os::fd::AsFd::as_fd(device), PollFlags::POLLIN))
+            .collect();
+        // An event is sent at once; milliseconds are fine enough for the period.
+        let span = until.since(clock::now()).0.div_ceil(1_000_000);
+        let span = u16::try_from(span).unwrap_or(u16::MAX);
+        if ready.is_empty() || poll(&mut ready, PollTimeout::from(span)).is_err() {
+            clock::sleep_until(until);
+        }
+    }
+
+    fn news(&mut self) -> Option<String> {
+        (!self.news.is_empty()).then(|| self.news.remove(0))
+    }
+
+    fn help(&self) -> String {
+        let names = self.parts.iter().map(|part| part.identity.to_string());
+        let names = names.collect::<Vec<_>>().join(" and ");
+        format!("{names}: hold the dead-man and steer; let go, and the snake holds. Ctrl-C ends.")
+    }
+}

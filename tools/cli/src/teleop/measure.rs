@@ -1,0 +1,135 @@
+//! Measures how the picture lies: two small motions while a camera watches.
+
+use i2ris::clock;
+use i2ris::ipc::Message;
+use i2ris::ipc::client::{Client, Commander, Latest};
+use i2ris::ipc::payload::ExternalPosition;
+use i2ris::realtime::Ticker;
+use i2ris::units::Nanos;
+use i2ris_report::{Failure, Interrupt};
+use i2ris_teleop::view::{SeenMotion, View};
+
+use crate::command::stream::present_pose;
+use crate::command::trajectory::Angles;
+
+/// How far each axis goes to both sides.
+const MOTION_DEG: f64 = 1.0;
+const SPEED_DEG_S: f64 = 2.0;
+const PERIOD: Nanos = Nanos::from_millis(5);
+/// The snake comes to rest, then the camera is asked.
+const REST: Nanos = Nanos::from_millis(500);
+const LOOK: Nanos = Nanos::from_millis(1000);
+const MIN_FRAMES: usize = 5;
+
+/// What the camera showed: mean, right and up, deg, and the variance of that mean.
+struct Seen {
+    mean: [f64; 2],
+    variance: f64,
+    setpoint: Angles,
+}
+
+/// Moves pitch and yaw by a degree to both sides, and returns to where it began.
+///
+/// Both ends of a motion are reached from the same side, so backlash is not taken for a turn.
+pub fn measure(client: &Client, interrupt: &Interrupt) -> Result<View, Failure> {
+    let mut mover = Mover {
+        commander: client.commander(),
+        camera: Latest::new(client.watcher().external()),
+        pose: present_pose(client)?,
+        interrupt,
+    };
+    let start = mover.pose;
+    let mut motion = |axis: usize| -> Result<SeenMotion, Failure> {
+        let at = |by_deg: f64| {
+            let mut pose = start;
+            pose[axis] += by_deg;
+            pose
+        };
+        mover.go(at(-2.0 * MOTION_DEG))?;
+        mover.go(at(-MOTION_DEG))?;
+        let before = mover.look(client)?;
+        mover.go(at(MOTION_DEG))?;
+        let after = mover.look(client)?;
+        mover.go(start)?;
+        let difference = |a: [f64; 2], b: [f64; 2]| [b[0] - a[0], b[1] - a[1]];
+        Ok(SeenMotion {
+            moved_deg: after.setpoint[axis] - before.setpoint[axis],
+            picture: difference(before.mean, after.mean),
+            deviation: (before.variance + after.variance).sqrt(),
+        })
+    };
+    Ok(View::measured(motion(0)?, motion(1)?)?)
+}
+
+struct Mover<'a> {
+    commander: Commander,
+    camera: Latest<ExternalPosition>,
+    pose: Angles,
+    interrupt: &'a Interrupt,
+}
+
+impl Mover<'_> {
+    /// Goes straight to a pose.
+    fn go(&mut self, to: Angles) -> Result<(), Failure> {
+        let from = self.pose;
+        let distance = (to[0] - from[0]).hypot(to[1] - from[1]);
+        let steps = (distance / (SPEED_DEG_S * PERIOD.as_seconds())).ceil().max(1.0);
+        let mut ticker = Ticker::new(clock::now() + PERIOD, PERIOD, Nanos::ZERO);
+        for step in 1..=steps as u64 {
+            ticker.wait();
+            let share = step as f64 / steps;
+            self.pose = [0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis]));
+            self.send()?;
+        }
+        Ok(())
+    }
+
+    fn send(&mut self) -> Result<(), Failure> {
+        if self.interrupt.came() {
+            return Err("interrupted while the view was measured; the snake holds".into());
+        }
+        self.commander.servo_jp(&self.pose.map(f64::to_radians))?;
+        Ok(())
+    }
+
+    /// Holds still and looks.
+    fn look(&mut self, client: &Client) -> Result<Seen, Failure> {
+        let start = clock::now();
+        let mut ticker = Ticker::new(start + PERIOD, PERIOD, Nanos::ZERO);
+        let (mut frames, mut last): (Vec<[f64; 2]>, _) = (Vec::new(), Nanos::ZERO);
+        loop {
+            let now = ticker.wait().started;
+            if now.since(start) > REST + LOOK {
+                break;
+            }
+            self.send()?;
+            let newest = self.camera.refresh()?.copied();
+            if let Some(frame) = newest
+                && frame.flags & ExternalPosition::VALID != 0
+                && frame.count == 2
+                && frame.stamp() > last.max(start + REST)
+            {
+                last = frame.stamp();
+                let [pitch, yaw, _] = frame.position;
+                // A camera calls up pitch, and right yaw.
+                frames.push([yaw.to_degrees(), pitch.to_degrees()]);
+            }
+        }
+        let count = frames.len() as f64;
+        if frames.len() < MIN_FRAMES {
+            return Err(format!(
+                "the view cannot be measured: {} pictures in {} s; start `i2ris vision`, or type \
+                 the view with --view-rotation-deg",
+                frames.len(),
+                LOOK.as_seconds()
+            )
+            .into());
+        }
+        let mean = [0, 1].map(|axis| frames.iter().map(|frame| frame[axis]).sum::<f64>() / count);
+        let squares = |axis: usize| {
+            frames.iter().map(|frame| (frame[axis] - mean[axis]).powi(2)).sum::<f64>()
+        };
+        let variance = squares(0).max(squares(1)) / (count - 1.0) / count;
+        Ok(Seen { mean, variance, setpoint: present_pose(client)? })
+    }
+}

@@ -1,0 +1,328 @@
+//! `i2ris teleop`: what a hand holds moves the snake. Dead-man, clutch, motion scaling, view.
+//!
+//! The hand moves a virtual master. While the dead-man is released the clutch is open: the snake
+//! holds, and the master stays at the pose of the snake. While it is held, the hand moves the
+//! master, and the snake follows. A device that is lost opens the clutch at once; when it is back,
+//! everything has to be at rest before the dead-man counts.
+
+mod hands;
+mod keyboard;
+mod measure;
+mod source;
+
+use std::path::PathBuf;
+
+use i2ris::clock;
+use i2ris::ipc::StateCommand;
+use i2ris::ipc::client::{Client, Commander, Latest};
+use i2ris::ipc::payload::JointState;
+use i2ris::units::Nanos;
+use i2ris_report::{DomainOption, Failure, Interrupt};
+use i2ris_teleop::master::{Master, MasterCommand, Mode, Motion, Settings};
+use i2ris_teleop::profile::Handedness;
+use i2ris_teleop::view::View;
+
+use crate::command::prepare::{PrepareOptions, prepare};
+use crate::command::progress::Progress;
+use crate::command::rate;
+use crate::command::reach::{ReachOptions, ReachTask};
+use crate::command::stream::{present_pose, two_angles};
+use crate::command::stream_monitor::StreamMonitor;
+use crate::command::tracking::ClipMonitor;
+use crate::numbers::{finite, positive, within};
+use hands::{Chosen, Hands};
+use keyboard::Keyboard;
+use source::{Asked, Source};
+
+pub use hands::profiles;
+
+/// Longest delay of a command to the control loop: some ticks.
+const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
+/// A device that tells more often than this is not sent more often.
+const MIN_PERIOD: Nanos = Nanos::from_millis(1);
+const STEP_DEG: f64 = 0.25;
+/// The same in a task: steps of the former would miss targets.
+const FINE_STEP_DEG: f64 = 0.1;
+
+/// Arguments of `i2ris teleop`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris teleop --enable                           the known device that is plugged in, and its pedal
+  i2ris teleop --keyboard --scale 0.5             space bar: dead-man; arrows steer
+  i2ris teleop --view-rotation-deg 90 --view-mirror
+  i2ris teleop --measure-view                     the snake moves by 1 deg while a camera watches
+  i2ris input list                                which devices there are
+
+Ctrl-C ends; the snake holds.")]
+pub struct Arguments {
+    #[command(flatten)]
+    domain: DomainOption,
+    #[command(flatten)]
+    hand: HandOptions,
+    /// Commands per second, at least; an event of the device is sent at once
+    #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate)]
+    rate_hz: f64,
+    /// Speed of the snake at full deflection, and its limit
+    #[arg(long, default_value_t = 10.0, value_name = "DEG_PER_S", value_parser = positive)]
+    speed_deg_s: f64,
+    #[command(flatten)]
+    prepare: PrepareOptions,
+}
+
+/// What is held, and how it moves the snake.
+#[derive(Debug, Clone, clap::Args)]
+pub struct HandOptions {
+    /// Steer with the keys of this terminal
+    #[arg(long, conflicts_with_all = ["device", "played"])]
+    keyboard: bool,
+    /// An input device; a second one is a pedal [default: those that are known]
+    #[arg(long, value_name = "DEVICE")]
+    device: Vec<PathBuf>,
+    /// A pipe through which `i2ris input play` plays a recording, in place of a device
+    #[arg(long, value_name = "PIPE")]
+    played: Vec<PathBuf>,
+    /// The profile of a device that is not known; `i2ris input learn` makes one
+    #[arg(long, value_name = "FILE")]
+    profile: Vec<PathBuf>,
+    /// What a deflection is: a speed; a distance from where the dead-man was pressed; or a distance
+    /// inside and a speed at the rim
+    #[arg(long, value_enum, default_value_t = ModeWord::Rate)]
+    mode: ModeWord,
+    /// Distance of full deflection in position and hybrid
+    #[arg(long, default_value_t = 1.5, value_name = "DEG", value_parser = positive)]
+    reach_deg: f64,
+    /// How much of the motion reaches the snake; several are steps for a button of the device
+    #[arg(long, value_delimiter = ',', default_values_t = [1.0, 0.5, 0.25], value_name = "SHARE",
+          value_parser = share)]
+    scale: Vec<f64>,
+    /// How far one key press goes [default: 0.25, and 0.1 in `reach`]
+    #[arg(long, value_name = "DEG", value_parser = step)]
+    step_deg: Option<f64>,
+    /// The device is held in the left hand: its controls of the other side are used
+    #[arg(long)]
+    left_hand: bool,
+    /// How the picture is turned, counterclockwise: 90, and +yaw goes up
+    #[arg(long, default_value_t = 0.0, value_name = "DEG", value_parser = finite,
+          allow_negative_numbers = true)]
+    view_rotation_deg: f64,
+    /// The picture is mirrored: after the turn, left and right are swapped
+    #[arg(long)]
+    view_mirror: bool,
+    /// Measure how the picture lies, by two small motions while a camera watches
+    #[arg(long, conflicts_with_all = ["view_rotation_deg", "view_mirror"])]
+    measure_view: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum ModeWord {
+    Rate,
+    Position,
+    Hybrid,
+}
+
+/// How often and fast.
+#[derive(Debug, Clone, Copy)]
+pub struct Pace {
+    pub rate_hz: f64,
+    pub speed_deg_s: f64,
+}
+
+/// All that a run needs.
+#[derive(Debug)]
+pub struct Plan {
+    hand: HandOptions,
+    settings: Settings,
+    period: Nanos,
+    prepare: PrepareOptions,
+    task: Option<ReachOptions>,
+}
+
+impl HandOptions {
+    pub fn plan(self, pace: Pace, prepare: PrepareOptions, task: Option<ReachOptions>) -> Plan {
+        let step_deg = if task.is_some() { FINE_STEP_DEG } else { STEP_DEG };
+        let settings = Settings {
+            mode: match self.mode {
+                ModeWord::Rate => Mode::Rate,
+                ModeWord::Position => Mode::Position,
+                ModeWord::Hybrid => Mode::Hybrid,
+            },
+            speed_deg_s: pace.speed_deg_s,
+            reach_deg: self.reach_deg,
+            step_deg: self.step_deg.unwrap_or(step_deg),
+        };
+        let period = Nanos((1e9 / pace.rate_hz) as u64);
+        Plan { hand: self, settings, period, prepare, task }
+    }
+
+    fn source(&self, is_task: bool) -> Result<Box<dyn Source>, Failure> {
+        let names_none = self.device.is_empty() && self.played.is_empty();
+        if self.keyboard || is_task && names_none {
+            return Ok(Box::new(Keyboard::open()?));
+        }
+        let hand = if self.left_hand { Handedness::Left } else { Handedness::Right };
+        Ok(Box::new(Hands::open(&Chosen {
+            devices: self.device.clone(),
+            played: self.played.clone(),
+            profiles: self.profile.clone(),
+            hand,
+        })?))
+    }
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let Arguments { domain, hand, rate_hz, speed_deg_s, prepare } = arguments;
+    let mut client = crate::connection::connect(&domain.domain()?)?;
+    let pace = Pace { rate_hz: *rate_hz, speed_deg_s: *speed_deg_s };
+    run_plan(&mut client, &hand.clone().plan(pace, *prepare, None), &Interrupt::catch()?)
+}
+
+/// Commands the snake until the operator or the system ends it, or the controller cannot follow any
+/// more. Then the snake holds and the lease is free.
+pub fn run_plan(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<(), Failure> {
+    let mut source = plan.hand.source(plan.task.is_some())?;
+    let state = prepare(client, plan.prepare, interrupt)?;
+    let monitor = StreamMonitor::new(client.id(), &state, clock::now());
+    let mut progress = Progress::new(monitor);
+    let view = if plan.hand.measure_view {
+        progress.say("measuring the view: the snake moves by a degree in pitch and in yaw")?;
+        measure::measure(client, interrupt)?
+    } else {
+        View::typed(plan.hand.view_rotation_deg, plan.hand.view_mirror)
+    };
+    let mut teleoperation = Teleoperation {
+        master: Master::new(present_pose(client)?, plan.settings),
+        view,
+        scales: plan.hand.scale.clone(),
+        scale: 0,
+        progress,
+        commander: client.commander(),
+        setpoint: Latest::new(client.watcher().setpoint_js()),
+        goal: Latest::new(client.watcher().goal_js()),
+        clips: ClipMonitor::new(clock::now()),
+        task: { plan.task.as_ref() }.map(|options| ReachTask::new(options, client)),
+    };
+    teleoperation.progress.say(&source.help())?;
+    teleoperation.progress.say(&format!("the view: {view}"))?;
+    let outcome = teleoperation.run(client, source.as_mut(), plan.period, interrupt);
+    // The clutch first: the lease is valid until it is released.
+    let held = teleoperation.hold();
+    // A command that arrives later would take the lease again.
+    clock::sleep(COMMAND_DELAY);
+    let released = client.state_command(StateCommand::Release);
+    outcome?;
+    held?;
+    released?;
+    if let Some(task) = &teleoperation.task {
+        teleoperation.progress.say(&task.summary())?;
+    }
+    Ok(())
+}
+
+struct Teleoperation {
+    master: Master,
+    view: View,
+    scales: Vec<f64>,
+    /// Which of them.
+    scale: usize,
+    progress: Progress,
+    commander: Commander,
+    setpoint: Latest<JointState>,
+    goal: Latest<JointState>,
+    clips: ClipMonitor,
+    task: Option<ReachTask>,
+}
+
+impl Teleoperation {
+    fn run(
+        &mut self,
+        client: &mut Client,
+        source: &mut dyn Source,
+        period: Nanos,
+        interrupt: &Interrupt,
+    ) -> Result<(), Failure> {
+        let mut last = clock::now();
+        while !interrupt.came() {
+            source.wait(last + period);
+            clock::sleep_until(last + MIN_PERIOD);
+            let now = clock::now();
+            let asked = source.read(now)?;
+            if asked.quit {
+                break;
+            }
+            let command = self.command(&asked, (now - last).as_seconds())?;
+            last = now;
+            self.send(&command)?;
+            while let Some(news) = source.news() {
+                self.progress.say(&news)?;
+            }
+            if let Some(goal) = self.goal.refresh()?
+                && let Some(clipped) = self.clips.check(command.pose, goal, now)
+            {
+                self.progress.say(&clipped)?;
+            }
+            if let Some(task) = &mut self.task {
+                if let Some(outcome) = task.update(now, asked.open.is_none())? {
+                    self.progress.say(&outcome)?;
+                }
+                if task.is_finished() {
+                    break;
+                }
+            }
+            let (task, scale) = (self.task.as_ref(), self.scales[self.scale]);
+            if !self.progress.check(client, || line(&command, &asked, scale, task, now))? {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn command(&mut self, asked: &Asked, step_s: f64) -> Result<MasterCommand, Failure> {
+        self.scale = (self.scale + asked.scale_steps as usize) % self.scales.len();
+        let snake = self.setpoint.refresh()?.map(two_angles).transpose()?;
+        let motion = Motion {
+            engaged: asked.open.is_none(),
+            push: self.view.joints(asked.push),
+            steps: self.view.joints(asked.steps),
+            scale: self.scales[self.scale],
+        };
+        Ok(self.master.update(&motion, snake, step_s))
+    }
+
+    fn send(&mut self, command: &MasterCommand) -> Result<(), Failure> {
+        self.commander.set_clutch(command.clutch_open);
+        self.commander.servo_jp(&command.pose.map(f64::to_radians))?;
+        Ok(())
+    }
+
+    /// Opens the clutch: the snake stops now and not at the deadline.
+    fn hold(&mut self) -> Result<(), Failure> {
+        let command = self.master.hold();
+        self.send(&command)
+    }
+}
+
+fn line(
+    command: &MasterCommand,
+    asked: &Asked,
+    scale: f64,
+    task: Option<&ReachTask>,
+    now: Nanos,
+) -> String {
+    let clutch = match asked.open {
+        None => format!("FOLLOWS at {:.0} %", 100.0 * scale),
+        Some(why) => format!("HOLDS ({why})"),
+    };
+    if let Some(task) = task {
+        return format!("{clutch}; {}", task.line(now));
+    }
+    let [pitch, yaw] = command.pose;
+    format!("the snake {clutch}; pitch, yaw commanded {pitch:+.2} {yaw:+.2} deg")
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    within(0.01..=1.0, "must be 0.01 to 1", text)
+}
+
+fn step(text: &str) -> Result<f64, String> {
+    within(0.01..=2.0, "must be 0.01 to 2", text)
+}

@@ -1,0 +1,45 @@
+//! What a hand asks, whatever it holds.
+
+use i2ris::units::Nanos;
+use i2ris_teleop::clutch::Open;
+use nix::errno::Errno;
+
+/// What a hand asks at a time. Directions are those of the picture: to the right, and up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Asked {
+    /// Why the snake does not follow; `None`: it may.
+    pub open: Option<Open>,
+    /// Deflection, each -1 to 1.
+    pub push: [f64; 2],
+    /// Key presses since the last call.
+    pub steps: [f64; 2],
+    /// How often the next scale was asked for since the last call.
+    pub scale_steps: u32,
+    pub quit: bool,
+}
+
+impl Default for Asked {
+    fn default() -> Self {
+        let open = Some(Open::Released);
+        Self { open, push: [0.0; 2], steps: [0.0; 2], scale_steps: 0, quit: false }
+    }
+}
+
+pub(super) trait Source {
+    /// What it asks now. Never waits.
+    fn read(&mut self, now: Nanos) -> Result<Asked, SourceLost>;
+    /// Waits until it has something new, or until that time.
+    fn wait(&mut self, until: Nanos) {
+        i2ris::clock::sleep_until(until);
+    }
+    /// Something that has to be said once.
+    fn news(&mut self) -> Option<String> {
+        None
+    }
+    /// How to use it, in one line.
+    fn help(&self) -> String;
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("the terminal is gone ({0}); the snake holds")]
+pub struct SourceLost(pub Errno);

@@ -1,0 +1,276 @@
+//! One device as deflection and dead-man, and what is wrong with it.
+//!
+//! Silence is judged here, at the device, and not at the stream that it feeds: a receiver out of
+//! range keeps its last value, and a connection that is no more may go on repeating it. Both look
+//! alive further on.
+
+use i2ris::units::Nanos;
+
+use crate::profile::{Controls, Profile, SignedAxis};
+use crate::state::{Code, Description, DeviceState};
+
+/// Relative axes that are not renewed for so long are at rest: the kernel does not report zeros.
+const RELATIVE_TIMEOUT: Nanos = Nanos::from_millis(60);
+/// Values up to this share of the range are a device that is a little off; beyond, it is another
+/// one, or broken.
+const MAX_SHARE: f64 = 1.25;
+/// A trigger or pedal counts as pressed above the first share of its way, as released below the
+/// second, and as untouched below the third.
+const PRESSED: f64 = 0.6;
+const RELEASED: f64 = 0.4;
+const UNTOUCHED: f64 = 0.1;
+
+/// What is wrong with a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Fault {
+    #[error("the device is gone")]
+    Gone,
+    #[error("the device is silent while it is deflected")]
+    Silent,
+    #[error("the device repeats itself while it is deflected")]
+    Repeats,
+    #[error("the device tells values beyond its range")]
+    OutOfRange,
+    #[error("the system has lost events of the device")]
+    Dropped,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DeadMan {
+    Released,
+    /// A trigger that is neither.
+    HalfPressed,
+    Pressed,
+}
+
+/// What a device says at a time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reading {
+    /// To the right and up, each -1 to 1, exactly 0 when centred; `None` while it was never told.
+    pub push: Option<[f64; 2]>,
+    /// `None`: the device has none.
+    pub dead_man: Option<DeadMan>,
+    pub fault: Option<Fault>,
+    /// How often the scale was asked to change since the last reading.
+    pub scale_steps: u32,
+}
+
+/// Reads one device by its profile.
+#[derive(Debug)]
+pub struct Control {
+    controls: Controls,
+    dead_zone: f64,
+    curve: f64,
+    silence: Nanos,
+    relative_range: f64,
+    /// Of a dead-man that is an axis.
+    is_pressed: bool,
+}
+
+impl Control {
+    pub fn new(profile: &Profile, controls: Controls) -> Self {
+        Self {
+            controls,
+            dead_zone: profile.dead_zone,
+            curve: profile.curve,
+            silence: Nanos::from_millis(profile.silence_ms),
+            relative_range: profile.relative_range.map_or(1.0, f64::from).max(1.0),
+            is_pressed: false,
+        }
+    }
+
+    pub fn has_axes(&self) -> bool {
+        self.controls.axes.is_some()
+    }
+
+    pub fn has_dead_man(&self) -> bool {
+        self.controls.dead_man.is_some()
+    }
+
+    pub fn read(&mut self, device: &Description, state: &mut DeviceState, now: Nanos) -> Reading {
+        let mut fault = state.take_dropped().then_some(Fault::Dropped);
+        let push = self.controls.axes.map_or(Some([0.0; 2]), |axes| {
+            let shares = axes.map(|axis| self.share(axis, device, state, now));
+            let [Some(right), Some(up)] = shares else {
+                return None;
+            };
+            if right.abs().max(up.abs()) > MAX_SHARE {
+                fault = Some(Fault::OutOfRange);
+            }
+            Some([self.shape(right, axes[0], device), self.shape(up, axes[1], device)])
+        });
+        if push.is_some_and(|push| push != [0.0; 2]) {
+            if now.since(state.last_event()) > self.silence {
+                fault = Some(Fault::Silent);
+            } else if now.since(state.last_change()) > self.silence {
+                fault = Some(Fault::Repeats);
+            }
+        }
+        let presses = state.take_presses();
+        let is_scale = |key: &&u16| self.controls.scale == Some(**key);
+        let scale_steps = presses.iter().filter(is_scale).count() as u32;
+        Reading { push, dead_man: self.dead_man(device, state), fault, scale_steps }
+    }
+
+    /// Share of the way from the centre to the end of the range.
+    fn share(
+        &self,
+        axis: SignedAxis,
+        device: &Description,
+        state: &DeviceState,
+        now: Nanos,
+    ) -> Option<f64> {
+        let value = state.axis(axis.code);
+        Some(
+            axis.sign
+                * match axis.code {
+                    Code::Absolute(code) => {
+                        let range = device.range(code)?;
+                        let (low, high) = (f64::from(range.minimum), f64::from(range.maximum));
+                        (f64::from(value?.value) - 0.5 * (low + high)) / (0.5 * (high - low))
+                    }
+                    _ => {
+                        let fresh = value.filter(|value| now.since(value.came) <= RELATIVE_TIMEOUT);
+                        fresh.map_or(0.0, |value| f64::from(value.value) / self.relative_range)
+                    }
+                },
+        )
+    }
+
+    /// Without the dead zone, without a jump at its edge, and curved.
+    fn shape(&self, share: f64, axis: SignedAxis, device: &Description) -> f64 {
+        let flat = match axis.code {
+            Code::Absolute(code) => device.range(code).map_or(0.0, |range| {
+                2.0 * f64::from(range.flat) / (f64::from(range.maximum) - f64::from(range.minimum))
+            }),
+            _ => 0.0,
+        };
+        let dead = self.dead_zone.max(flat).min(0.9);
+        let beyond = (share.abs().min(1.0) - dead) / (1.0 - dead);
+        if beyond <= 0.0 { 0.0 } else { share.signum() * beyond.powf(self.curve) }
+    }
+
+    fn dead_man(&mut self, device: &Description, state: &DeviceState) -> Option<DeadMan> {
+        let code = self.controls.dead_man?;
+        let Code::Absolute(axis) = code else {
+            let is_pressed = matches!(code, Code::Key(key) if state.is_pressed(key));
+            return Some(if is_pressed { DeadMan::Pressed } else { DeadMan::Released });
+        };
+        let way = device.range(axis).zip(state.axis(code)).map(|(range, value)| {
+            let low = f64::from(range.minimum);
+            (f64::from(value.value) - low) / (f64::from(range.maximum) - low)
+        });
+        // What is not known is half pressed: neither follows nor counts as released.
+        let way = way.unwrap_or(0.5 * (UNTOUCHED + RELEASED));
+        self.is_pressed = way > PRESSED || self.is_pressed && way > RELEASED;
+        Some(match way {
+            _ if self.is_pressed => DeadMan::Pressed,
+            way if way < UNTOUCHED => DeadMan::Released,
+            _ => DeadMan::HalfPressed,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identity::Identity;
+    use crate::profile::Handedness;
+    use crate::state::{Event, Protocol, Range};
+
+    const X: Code = Code::Absolute(0);
+    const Y: Code = Code::Absolute(1);
+    const TRIGGER: Code = Code::Absolute(5);
+
+    fn range(code: u16, minimum: i32, maximum: i32) -> Range {
+        Range { code, minimum, maximum, flat: 10 }
+    }
+
+    fn device() -> Description {
+        let name = "Pad".into();
+        Description {
+            identity: Identity { vendor: 1, product: 2, name, serial: String::new() },
+            protocol: Protocol::Evdev,
+            absolute: vec![range(0, -100, 100), range(1, 0, 255), range(5, 0, 100)],
+            relative: vec![0, 1],
+            keys: vec![0x130, 0x137],
+        }
+    }
+
+    fn control(lines: &str) -> Control {
+        let profile = Profile::parse(&format!("name = 'x'\ndevices = []\n{lines}")).unwrap();
+        let controls = profile.controls(&device(), Handedness::Right).unwrap();
+        Control::new(&profile, controls)
+    }
+
+    const STICK: &str = "right = 'ABS_X'\nup = '-ABS_Y'\ndead_man = 'ABS_RZ'\nscale = 'BTN_SOUTH'";
+
+    fn read(control: &mut Control, state: &mut DeviceState, ms: u64) -> Reading {
+        control.read(&device(), state, Nanos::from_millis(ms))
+    }
+
+    #[test]
+    fn a_stick_is_read_without_its_dead_zone_in_the_directions_of_the_picture() {
+        let (mut control, mut state) = (control(STICK), DeviceState::new(Nanos(1)));
+        assert_eq!(read(&mut control, &mut state, 1).push, None, "what was not told is not known");
+        for (x, y, right, up) in
+            [(0, 128, 0.0, 0.0), (9, 120, 0.0, 0.0), (100, 0, 1.0, 1.0), (-110, 255, -1.0, -1.0)]
+        {
+            state.apply(Event::Value(X, x), Nanos::from_millis(2));
+            state.apply(Event::Value(Y, y), Nanos::from_millis(2));
+            let reading = read(&mut control, &mut state, 3);
+            assert_eq!((reading.push, reading.fault), (Some([right, up]), None), "{x} {y}");
+        }
+        state.apply(Event::Value(X, 200), Nanos::from_millis(2));
+        assert_eq!(read(&mut control, &mut state, 3).fault, Some(Fault::OutOfRange));
+    }
+
+    #[test]
+    fn a_trigger_has_to_be_pressed_well_and_a_half_pressed_one_is_not_released() {
+        let (mut control, mut state) = (control(STICK), DeviceState::new(Nanos(1)));
+        for (way, expected) in [
+            (0, DeadMan::Released),
+            (45, DeadMan::HalfPressed),
+            (61, DeadMan::Pressed),
+            (45, DeadMan::Pressed),
+            (39, DeadMan::HalfPressed),
+            (5, DeadMan::Released),
+        ] {
+            state.apply(Event::Value(TRIGGER, way), Nanos::from_millis(2));
+            assert_eq!(read(&mut control, &mut state, 3).dead_man, Some(expected), "{way}");
+        }
+    }
+
+    #[test]
+    fn a_deflected_stick_that_is_silent_or_repeats_itself_is_a_fault_and_a_centred_one_is_none() {
+        let (mut control, mut state) = (control(STICK), DeviceState::default());
+        let at = Nanos::from_millis;
+        state.apply(Event::Value(Y, 128), at(10));
+        state.apply(Event::Value(X, 0), at(10));
+        assert_eq!(read(&mut control, &mut state, 60_000).fault, None);
+        state.apply(Event::Value(X, 80), at(60_000));
+        assert_eq!(read(&mut control, &mut state, 62_000).fault, None);
+        assert_eq!(read(&mut control, &mut state, 62_001).fault, Some(Fault::Silent));
+        state.apply(Event::Value(X, 80), at(62_001));
+        assert_eq!(read(&mut control, &mut state, 62_002).fault, Some(Fault::Repeats));
+        state.apply(Event::Dropped, at(62_003));
+        let reading = read(&mut control, &mut state, 62_004);
+        assert_eq!((reading.push, reading.fault), (None, Some(Fault::Dropped)));
+    }
+
+    #[test]
+    fn a_relative_axis_falls_back_and_a_press_counts_once() {
+        let mut control =
+            control("right = 'REL_X'\nup = 'REL_Y'\nscale = 'BTN_SOUTH'\nrelative_range = 350");
+        let mut state = DeviceState::default();
+        let at = Nanos::from_millis;
+        state.apply(Event::Value(Code::Relative(0), 350), at(10));
+        for value in [1, 2, 0, 1] {
+            state.apply(Event::Value(Code::Key(0x130), value), at(10));
+        }
+        let reading = read(&mut control, &mut state, 20);
+        assert_eq!((reading.push, reading.scale_steps), (Some([1.0, 0.0]), 2));
+        let later = read(&mut control, &mut state, 71);
+        assert_eq!((later.push, later.scale_steps, later.dead_man), (Some([0.0; 2]), 0, None));
+    }
+}

@@ -1,0 +1,295 @@
+//! One open device: a file that is read without waiting.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, ErrorKind, Read};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use evdev::raw_stream::RawDevice;
+use i2ris::clock;
+use i2ris::units::Nanos;
+
+use crate::evdev_decoder::EvdevDecoder;
+use crate::identity::{Identity, ProductId};
+use crate::recording::{MAX_FRAME, Parser, RecordingError};
+use crate::space_mouse;
+use crate::state::{Description, DeviceState, Event, Protocol, Range};
+
+/// How long the head of a played recording may take when a program starts.
+pub const HEAD: Nanos = Nanos::from_millis(10_000);
+const HEAD_POLL: Nanos = Nanos::from_millis(5);
+
+/// Why a device cannot be opened or read.
+#[derive(Debug, thiserror::Error)]
+pub enum DeviceError {
+    #[error("{path}: {error}{remedy}", path = path.display(), remedy = remedy(error))]
+    Io { path: PathBuf, error: io::Error },
+    #[error(
+        "{path} is {kind} and no input device; `i2ris input list` shows them, a recording is played \
+         with --played",
+        path = path.display()
+    )]
+    NoDevice { path: PathBuf, kind: &'static str },
+    #[error("{path}: {error}", path = path.display())]
+    Recording { path: PathBuf, error: RecordingError },
+    #[error("{path} is gone ({why})", path = path.display())]
+    Gone { path: PathBuf, why: String },
+}
+
+fn remedy(error: &io::Error) -> &'static str {
+    match error.kind() {
+        ErrorKind::PermissionDenied => {
+            "; install config/system/60-i2ris.rules (see its README), then plug the device in again"
+        }
+        ErrorKind::ResourceBusy => "; another program holds it (spacenavd? end it)",
+        _ => "",
+    }
+}
+
+#[derive(Debug)]
+enum Stream {
+    Events(EvdevDecoder),
+    Reports,
+    Played(Parser, EvdevDecoder),
+}
+
+/// An open device and its state.
+#[derive(Debug)]
+pub struct Device {
+    path: PathBuf,
+    description: Description,
+    file: File,
+    /// Keeps the grab.
+    grabbed: Option<RawDevice>,
+    stream: Stream,
+    state: DeviceState,
+}
+
+impl Device {
+    /// Opens `/dev/input/event*` or `/dev/hidraw*`.
+    ///
+    /// # Errors
+    ///
+    /// [`DeviceError`]; what is no device is not read.
+    pub fn open(path: &Path) -> Result<Self, DeviceError> {
+        let failed = |error| DeviceError::Io { path: path.to_owned(), error };
+        let kind = path.metadata().map_err(failed)?.file_type();
+        if !kind.is_char_device() {
+            let kind = match kind {
+                kind if kind.is_fifo() => "a pipe",
+                kind if kind.is_dir() => "a folder",
+                _ => "a file",
+            };
+            return Err(DeviceError::NoDevice { path: path.to_owned(), kind });
+        }
+        let file = open(path).map_err(failed)?;
+        if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("hidraw")) {
+            let description = space_mouse::description(hidraw_identity(path).map_err(failed)?);
+            return Ok(Self::with(path, description, file, Stream::Reports));
+        }
+        let raw = { file.try_clone() }.and_then(|file| RawDevice::from_fd(file.into()));
+        let raw = raw.map_err(failed)?;
+        let description = describe(&raw).map_err(failed)?;
+        monotonic(&file).map_err(failed)?;
+        let mut device =
+            Self::with(path, description, file, Stream::Events(EvdevDecoder::default()));
+        device.grabbed = Some(raw);
+        Ok(device)
+    }
+
+    /// Opens a recording that is played through a pipe: head, then frames at their times.
+    ///
+    /// # Errors
+    ///
+    /// [`DeviceError`], also when no head comes within that time.
+    pub fn open_played(path: &Path, within: Nanos) -> Result<Self, DeviceError> {
+        let failed = |error| DeviceError::Io { path: path.to_owned(), error };
+        let wrong = |error| DeviceError::Recording { path: path.to_owned(), error };
+        let mut file = open(path).map_err(failed)?;
+        let is_pipe = file.metadata().map_err(failed)?.file_type().is_fifo();
+        let (mut parser, start) = (Parser::default(), clock::now());
+        let mut buffer = [0; MAX_FRAME];
+        loop {
+            match file.read(&mut buffer) {
+                Ok(0) => {}
+                Ok(length) => parser.push(&buffer[..length]),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+                Err(error) => return Err(failed(error)),
+            }
+            if let Some(description) = parser.head().map_err(wrong)? {
+                let stream = Stream::Played(parser, EvdevDecoder::default());
+                return Ok(Self::with(path, description, file, stream));
+            }
+            if clock::now().since(start) >= within || !is_pipe {
+                return Err(wrong(RecordingError::Head));
+            }
+            clock::sleep(HEAD_POLL);
+        }
+    }
+
+    fn with(path: &Path, description: Description, file: File, stream: Stream) -> Self {
+        let state = DeviceState::new(clock::now());
+        Self { path: path.to_owned(), description, file, grabbed: None, stream, state }
+    }
+
+    /// Takes the device for this program alone: a pedal is a keyboard, and would type.
+    ///
+    /// # Errors
+    ///
+    /// [`DeviceError::Io`] when another program has taken it.
+    pub fn grab(&mut self) -> Result<(), DeviceError> {
+        let path = &self.path;
+        let grabbed = self.grabbed.as_mut().map_or(Ok(()), RawDevice::grab);
+        grabbed.map_err(|error| DeviceError::Io { path: path.clone(), error })
+    }
+
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    pub fn parts(&mut self) -> (&Description, &mut DeviceState) {
+        (&self.description, &mut self.state)
+    }
+
+    /// Takes in what has come, and hands every piece on as it came. Never waits.
+    ///
+    /// # Errors
+    ///
+    /// [`DeviceError`] when the device is gone.
+    pub fn read(&mut self, now: Nanos, mut raw: impl FnMut(&[u8])) -> Result<(), DeviceError> {
+        let mut buffer = [0; MAX_FRAME];
+        loop {
+            let gone = |why: String| DeviceError::Gone { path: self.path.clone(), why };
+            let bytes = match self.file.read(&mut buffer) {
+                Ok(0) => return Err(gone("closed".into())),
+                Ok(length) => &buffer[..length],
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(error) => return Err(gone(error.to_string())),
+            };
+            let state = &mut self.state;
+            let mut apply = |event: Event| state.apply(event, now);
+            match &mut self.stream {
+                Stream::Events(decoder) => {
+                    raw(bytes);
+                    decoder.decode(bytes, apply);
+                }
+                Stream::Reports => {
+                    raw(bytes);
+                    space_mouse::decode(bytes, apply);
+                }
+                Stream::Played(parser, decoder) => {
+                    parser.push(bytes);
+                    let wrong = |error| DeviceError::Recording { path: self.path.clone(), error };
+                    while let Some((_, frame)) = parser.frame().map_err(wrong)? {
+                        raw(&frame);
+                        match self.description.protocol {
+                            Protocol::Evdev => decoder.decode(&frame, &mut apply),
+                            Protocol::SpaceMouse => space_mouse::decode(&frame, &mut apply),
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl AsFd for Device {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.file.as_fd()
+    }
+}
+
+fn open(path: &Path) -> io::Result<File> {
+    OpenOptions::new().read(true).custom_flags(libc::O_NONBLOCK | libc::O_CLOEXEC).open(path)
+}
+
+fn describe(raw: &RawDevice) -> io::Result<Description> {
+    let id = raw.input_id();
+    let text = |text: Option<&str>| text.unwrap_or_default().to_owned();
+    let range = |(code, axis): (evdev::AbsoluteAxisCode, evdev::AbsInfo)| Range {
+        code: code.0,
+        minimum: axis.minimum(),
+        maximum: axis.maximum(),
+        flat: axis.flat(),
+    };
+    Ok(Description {
+        identity: Identity {
+            vendor: id.vendor(),
+            product: id.product(),
+            name: text(raw.name()),
+            serial: text(raw.unique_name()),
+        },
+        protocol: Protocol::Evdev,
+        absolute: raw.get_absinfo()?.map(range).collect(),
+        relative: raw
+            .supported_relative_axes()
+            .iter()
+            .flat_map(|axes| axes.iter())
+            .map(|axis| axis.0)
+            .collect(),
+        keys: raw.supported_keys().iter().flat_map(|keys| keys.iter()).map(|key| key.0).collect(),
+    })
+}
+
+/// Lets the kernel stamp events by the monotonic clock.
+fn monotonic(file: &File) -> io::Result<()> {
+    /// `_IOW('E', 0xa0, int)` of linux/input.h.
+    const EVIOCSCLOCKID: libc::Ioctl = 0x4004_45a0;
+    let clock: libc::c_int = libc::CLOCK_MONOTONIC;
+    // SAFETY: the kernel reads one integer, which lives for the whole call.
+    let outcome = unsafe { libc::ioctl(file.as_raw_fd(), EVIOCSCLOCKID, &raw const clock) };
+    if outcome == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// What the kernel tells in `/sys/class/hidraw`, without a request to the device.
+fn hidraw_identity(path: &Path) -> io::Result<Identity> {
+    let name = path.file_name().unwrap_or_default();
+    let told = Path::new("/sys/class/hidraw").join(name).join("device/uevent");
+    identity_of_uevent(&std::fs::read_to_string(told)?).ok_or_else(|| {
+        io::Error::new(ErrorKind::InvalidData, "the kernel does not tell what it is")
+    })
+}
+
+fn identity_of_uevent(text: &str) -> Option<Identity> {
+    let value = |key: &str| {
+        let line = text.lines().find_map(|line| line.strip_prefix(key))?;
+        line.strip_prefix('=')
+    };
+    // Bus, vendor, product: 0003:0000256F:0000C635.
+    let mut id = value("HID_ID")?.split(':').skip(1);
+    let mut number = || u16::try_from(u32::from_str_radix(id.next()?, 16).ok()?).ok();
+    let ProductId { vendor, product } = ProductId { vendor: number()?, product: number()? };
+    let text = |key: &str| value(key).unwrap_or_default().to_owned();
+    Some(Identity { vendor, product, name: text("HID_NAME"), serial: text("HID_UNIQ") })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_kernel_tells_of_a_hidraw_device_is_its_identity() {
+        let uevent = "DRIVER=hid-generic\nHID_ID=0003:0000256F:0000C635\nHID_NAME=3Dconnexion \
+                      SpaceMouse Compact\nHID_UNIQ=\n";
+        let identity = identity_of_uevent(uevent).unwrap();
+        assert_eq!(identity.to_string(), "3Dconnexion SpaceMouse Compact (256f:c635)");
+        assert_eq!(identity_of_uevent("HID_ID=0003:x"), None);
+    }
+
+    #[test]
+    fn what_is_no_device_is_not_read() {
+        let folder = std::env::temp_dir();
+        let error = Device::open(&folder).unwrap_err().to_string();
+        assert!(error.contains("is a folder and no input device"), "{error}");
+        let error = Device::open(Path::new("/nonexistent/event7")).unwrap_err().to_string();
+        assert!(error.starts_with("/nonexistent/event7: No such file"), "{error}");
+        // A character device that is none: the kernel refuses the question for its identity.
+        assert!(Device::open(Path::new("/dev/null")).is_err());
+    }
+}

@@ -1,0 +1,221 @@
+//! Device faults drawn at random, against what a bystander knows: the hazards of a device that is
+//! silent, gone, replaced or goes on by itself, and of a clutch that closes when it must not.
+
+use i2ris::units::Nanos;
+use proptest::prelude::*;
+
+use crate::clutch::Clutch;
+use crate::control::{Control, Fault, Reading};
+use crate::identity::Identity;
+use crate::master::{Master, Mode, Motion, Settings};
+use crate::profile::{Handedness, Profile};
+use crate::space_mouse;
+use crate::state::{Code, Description, DeviceState, Event};
+use crate::view::View;
+
+const PERIOD_MS: u64 = 5;
+/// Of the shipped profile.
+const SILENCE_MS: u64 = 500;
+const DEAD_MAN: u16 = 0x100;
+
+/// What happens in one period.
+#[derive(Debug, Clone, Copy)]
+enum Happens {
+    /// The cap is moved; 20 is within the dead zone.
+    Cap(i32),
+    DeadMan(bool),
+    /// Nothing for so many periods; a cap that is held trembles.
+    Time(u16),
+    /// The receiver is out of range: nothing comes.
+    Lost,
+    /// It tells the same for ever.
+    Zombie,
+    Back,
+    /// Pulled out, and in again as it is now.
+    Replug,
+    Dropped,
+    /// A value that no such device has.
+    Beyond,
+}
+
+fn happens() -> impl Strategy<Value = Happens> {
+    prop_oneof![
+        4 => prop_oneof![Just(0), Just(20), -350..350].prop_map(Happens::Cap),
+        4 => any::<bool>().prop_map(Happens::DeadMan),
+        6 => (1_u16..200).prop_map(Happens::Time),
+        1 => Just(Happens::Lost),
+        1 => Just(Happens::Zombie),
+        2 => Just(Happens::Back),
+        1 => Just(Happens::Replug),
+        1 => Just(Happens::Dropped),
+        1 => Just(Happens::Beyond),
+    ]
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Link {
+    Alive,
+    Lost,
+    Zombie,
+}
+
+/// The world: the device, the hand on it, and what a bystander knows of both.
+struct World {
+    device: Description,
+    state: DeviceState,
+    control: Control,
+    clutch: Clutch,
+    master: Master,
+    now_ms: u64,
+    cap: i32,
+    held: bool,
+    link: Link,
+    /// What the device told last.
+    told: (i32, bool),
+    pose: [f64; 2],
+    /// When the device last told something that was true.
+    true_ms: u64,
+    /// Since it was opened, lost or torn it told a centred cap and a released dead-man.
+    was_at_rest: bool,
+}
+
+impl World {
+    fn new() -> Self {
+        let device = space_mouse::description(Identity {
+            vendor: 0x256f,
+            product: 0xc635,
+            name: "Mouse".into(),
+            serial: String::new(),
+        });
+        let profile = Profile::shipped().find(|profile| profile.is_for(&device.identity)).unwrap();
+        let controls = profile.controls(&device, Handedness::Right).unwrap();
+        let settings =
+            Settings { mode: Mode::Rate, speed_deg_s: 10.0, reach_deg: 1.0, step_deg: 0.1 };
+        Self {
+            state: DeviceState::new(Nanos::ZERO),
+            control: Control::new(&profile, controls),
+            clutch: Clutch::default(),
+            master: Master::new([0.0; 2], settings),
+            device,
+            now_ms: 1000,
+            cap: 0,
+            held: false,
+            link: Link::Alive,
+            told: (0, false),
+            pose: [0.0; 2],
+            true_ms: 0,
+            was_at_rest: false,
+        }
+    }
+
+    fn now(&self) -> Nanos {
+        Nanos::from_millis(self.now_ms)
+    }
+
+    fn tell(&mut self, (cap, held): (i32, bool)) {
+        let now = self.now();
+        self.state.apply(Event::Value(Code::Absolute(0), cap), now);
+        self.state.apply(Event::Value(Code::Absolute(1), 0), now);
+        self.state.apply(Event::Value(Code::Key(DEAD_MAN), held.into()), now);
+        self.told = (cap, held);
+    }
+
+    /// One period; fails when the snake moves and must not.
+    fn period(&mut self) -> Result<(), TestCaseError> {
+        self.now_ms += PERIOD_MS;
+        match self.link {
+            Link::Alive => {
+                // A hand trembles, and the sensor has noise.
+                let tremble =
+                    if self.cap.abs() > 20 { (self.now_ms / PERIOD_MS % 2) as i32 } else { 0 };
+                self.tell((self.cap + tremble, self.held));
+                self.true_ms = self.now_ms;
+            }
+            Link::Lost => {}
+            Link::Zombie => self.tell(self.told),
+        }
+        let is_centred = self.told.0.abs() <= 35;
+        self.was_at_rest |= is_centred && !self.told.1 && self.link != Link::Lost;
+        let now = self.now();
+        let reading = self.control.read(&self.device, &mut self.state, now);
+        let hand = self.clutch.update(&[(true, reading)]);
+        let before = self.pose;
+        let motion = Motion {
+            engaged: hand.open.is_none(),
+            push: View::default().joints(hand.push),
+            steps: [0.0; 2],
+            scale: 1.0,
+        };
+        let command = self.master.update(&motion, Some(before), 0.005);
+        let moves = command.pose != before;
+        let tells = || format!("told {:?}, link {:?}, {hand:?}", self.told, self.link);
+        prop_assert!(!moves || self.told.1, "without a dead-man: {}", tells());
+        prop_assert!(!moves || self.was_at_rest, "never at rest: {}", tells());
+        let late_ms = SILENCE_MS + 2 * PERIOD_MS;
+        prop_assert!(!moves || self.now_ms - self.true_ms <= late_ms, "too long: {}", tells());
+        prop_assert!(!moves || self.told.0.abs() <= 438, "beyond: {}", tells());
+        self.pose = command.pose;
+        prop_assert_eq!(command.clutch_open, hand.open.is_some());
+        Ok(())
+    }
+
+    fn happen(&mut self, happens: Happens) -> Result<(), TestCaseError> {
+        match happens {
+            Happens::Cap(cap) => self.cap = cap,
+            Happens::DeadMan(held) => self.held = held,
+            Happens::Lost => self.link = Link::Lost,
+            Happens::Zombie => self.link = Link::Zombie,
+            Happens::Back => self.link = Link::Alive,
+            Happens::Replug => {
+                let gone = Reading {
+                    push: None,
+                    dead_man: None,
+                    fault: Some(Fault::Gone),
+                    scale_steps: 0,
+                };
+                self.clutch.update(&[(true, gone)]);
+                self.state = DeviceState::new(self.now());
+                (self.link, self.told, self.was_at_rest) = (Link::Alive, (0, false), false);
+            }
+            Happens::Dropped => {
+                self.state.apply(Event::Dropped, self.now());
+                self.was_at_rest = false;
+                self.told = (0, false);
+            }
+            Happens::Beyond => {
+                self.cap = 5000;
+            }
+            Happens::Time(periods) => {
+                for _ in 0..periods {
+                    self.period()?;
+                }
+            }
+        }
+        self.period()
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    #[test]
+    fn whatever_happens_to_a_device_the_snake_moves_only_with_a_dead_man_that_was_closed_at_rest(
+        story in prop::collection::vec(happens(), 1..40),
+    ) {
+        let mut world = World::new();
+        for happens in story {
+            world.happen(happens)?;
+        }
+    }
+}
+
+#[test]
+fn the_world_of_the_faults_does_move_when_all_is_well() {
+    let mut world = World::new();
+    let mut moved = false;
+    for happens in [Happens::Time(3), Happens::DeadMan(true), Happens::Time(3), Happens::Cap(200)] {
+        world.happen(happens).unwrap();
+        moved = world.pose[1] > 0.0;
+    }
+    assert!(moved);
+}

@@ -1,0 +1,114 @@
+//! Which devices there are, and those of a hand: found by what they are, not by their number.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use i2ris::units::Nanos;
+
+use crate::device::{Device, DeviceError};
+use crate::identity::Identity;
+use crate::profile::Profile;
+use crate::state::{Code, Description};
+
+const FOLDERS: [(&str, &str); 2] = [("/dev/input", "event"), ("/dev", "hidraw")];
+/// The vendors of [`crate::space_mouse`].
+const SPACE_MOUSE_VENDORS: [u16; 2] = [0x046d, 0x256f];
+
+/// A device that is there.
+#[derive(Debug)]
+pub struct Found {
+    pub path: PathBuf,
+    /// What it is, or why that is not known.
+    pub description: Result<Description, DeviceError>,
+}
+
+/// All devices of this computer that a hand may hold, in the order of their names.
+pub fn scan(profiles: &[Profile]) -> Vec<Found> {
+    let entries = FOLDERS.into_iter().flat_map(|(folder, prefix)| {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let is_one = move |path: &PathBuf| {
+            path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(prefix))
+        };
+        entries.map(|entry| entry.path()).filter(is_one)
+    });
+    let mut paths: Vec<_> = entries.collect();
+    paths.sort();
+    let found = paths.into_iter().map(|path| {
+        let description = Device::open(&path).map(|device| device.description().clone());
+        Found { path, description }
+    });
+    found.filter(|found| is_for_a_hand(found, profiles)).collect()
+}
+
+/// Whether it is a known device, or may be one; mice, keyboards and lids are not.
+fn is_for_a_hand(found: &Found, profiles: &[Profile]) -> bool {
+    const BTN_JOYSTICK: u16 = 0x120;
+    const BTN_DIGI: u16 = 0x140;
+    let is_raw = found.path.starts_with("/dev") && found.path.to_string_lossy().contains("hidraw");
+    match &found.description {
+        // Without permission nobody knows what a raw device is.
+        Err(_) => !is_raw,
+        Ok(device) if is_raw => {
+            SPACE_MOUSE_VENDORS.contains(&device.identity.vendor)
+                && known(device, profiles).is_some()
+        }
+        Ok(device) => {
+            let is_joystick = |key: &u16| (BTN_JOYSTICK..BTN_DIGI).contains(key);
+            known(device, profiles).is_some() || device.keys.iter().any(is_joystick)
+        }
+    }
+}
+
+/// The profile of a device: the first that is for it.
+pub fn known<'a>(device: &Description, profiles: &'a [Profile]) -> Option<&'a Profile> {
+    profiles.iter().find(|profile| profile.is_for(&device.identity))
+}
+
+/// Opens a device again after it was lost: the one with the same identity, wherever it is now.
+///
+/// # Errors
+///
+/// One sentence, when there is none, or another one in its place.
+pub fn reopen(last: &Path, is_played: bool, identity: &Identity) -> Result<Device, String> {
+    let is_same = |device: &Device| device.description().identity == *identity;
+    let another = |device: &Device| {
+        let found = &device.description().identity;
+        format!("{} is {found} now and not {identity}: another device", device.path().display())
+    };
+    if is_played {
+        let device = Device::open_played(last, Nanos::ZERO).map_err(|error| error.to_string())?;
+        return if is_same(&device) { Ok(device) } else { Err(another(&device)) };
+    }
+    let paths =
+        std::iter::once(last.to_owned()).chain(scan(&[]).into_iter().map(|found| found.path));
+    let mut why = format!("{identity} is not plugged in");
+    for path in paths {
+        match Device::open(&path) {
+            Ok(device) if is_same(&device) => return Ok(device),
+            Ok(device) if path == last => why = another(&device),
+            _ => {}
+        }
+    }
+    Err(why)
+}
+
+/// What a list tells of a device, in one line.
+pub fn line(found: &Found, profiles: &[Profile]) -> String {
+    let path = found.path.display();
+    match &found.description {
+        Err(error) => error.to_string(),
+        Ok(device) => match known(device, profiles) {
+            Some(profile) => format!("{path}  {}: {}", device.identity, profile.name),
+            None => {
+                let axes =
+                    device.absolute.iter().map(|range| Code::Absolute(range.code).to_string());
+                let axes = axes.collect::<Vec<_>>().join(" ");
+                format!(
+                    "{path}  {}: unknown ({axes}); `i2ris input learn {path}` asks what its controls \
+                     are",
+                    device.identity
+                )
+            }
+        },
+    }
+}

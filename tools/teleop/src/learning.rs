@@ -1,0 +1,144 @@
+//! Asks what the controls of an unknown device are: nothing is guessed.
+//!
+//! At rest, pushed to the right, pushed up, dead-man pressed: each time what differs from rest, and
+//! by most of its range, is the answer.
+
+use crate::profile::{ControlNames, Profile};
+use crate::state::{Code, Description, DeviceState};
+
+/// Share of its range by which an axis has to move.
+const MIN_SHARE: f64 = 0.3;
+/// The second largest motion may be that part of the largest.
+const MAX_SECOND: f64 = 0.7;
+
+/// What a person is asked to do.
+pub const QUESTIONS: [&str; 4] = [
+    "let go of everything",
+    "push the control to the right and keep it there",
+    "push it away from you and keep it there",
+    "let go of it, and press what shall be the dead-man",
+];
+
+/// The axes and keys at an answer.
+#[derive(Debug, Clone, Default)]
+pub struct Snapshot {
+    axes: Vec<(Code, i32)>,
+    keys: Vec<Code>,
+}
+
+impl Snapshot {
+    pub fn of(state: &DeviceState) -> Self {
+        Self { axes: state.axes().collect(), keys: state.pressed().collect() }
+    }
+
+    fn axis(&self, code: Code) -> Option<i32> {
+        self.axes.iter().find(|(axis, _)| *axis == code).map(|(_, value)| *value)
+    }
+
+    /// The axis that differs most from `rest`, as a share of its range with its sign.
+    fn moved(&self, rest: &Self, device: &Description) -> Result<(Code, f64), String> {
+        let share = |(code, value): &(Code, i32)| {
+            let Code::Absolute(number) = *code else { return None };
+            let range = device.range(number)?;
+            let moved = f64::from(*value) - f64::from(rest.axis(*code)?);
+            Some((*code, moved / (f64::from(range.maximum) - f64::from(range.minimum))))
+        };
+        let mut moved: Vec<_> = self.axes.iter().filter_map(share).collect();
+        moved.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        match moved[..] {
+            [(code, share), ref rest @ ..] if share.abs() >= MIN_SHARE => match rest.first() {
+                Some((second, other)) if other.abs() > MAX_SECOND * share.abs() => {
+                    Err(format!("{code} and {second} moved alike: push one way only"))
+                }
+                _ => Ok((code, share)),
+            },
+            _ => Err("no axis moved by a third of its range".into()),
+        }
+    }
+}
+
+/// The profile that four answers make.
+///
+/// # Errors
+///
+/// One sentence: which answer is not clear.
+pub fn profile(device: &Description, answers: &[Snapshot; 4]) -> Result<Profile, String> {
+    let [rest, right, up, dead_man] = answers;
+    let named =
+        |(code, share): (Code, f64)| format!("{}{code}", if share < 0.0 { "-" } else { "" });
+    let asked = |index: usize| move |error: String| format!("{}: {error}", QUESTIONS[index]);
+    let right = right.moved(rest, device).map_err(asked(1))?;
+    let up = up.moved(rest, device).map_err(asked(2))?;
+    if right.0 == up.0 {
+        return Err(format!("{} moved to the right and away from you: two axes are needed", up.0));
+    }
+    let pressed: Vec<_> = dead_man.keys.iter().filter(|key| !rest.keys.contains(key)).collect();
+    let dead_man = match pressed[..] {
+        [key] => key.to_string(),
+        [] => dead_man.moved(rest, device).map_err(asked(3))?.0.to_string(),
+        _ => return Err(format!("{}: {} keys were pressed", QUESTIONS[3], pressed.len())),
+    };
+    let head = format!(
+        "name = {}\ndevices = [\"{}\"]\n",
+        toml::Value::from(device.identity.name.clone()),
+        device.identity.product_id()
+    );
+    let mut profile = Profile::parse(&head)?;
+    profile.controls = ControlNames {
+        right: Some(named(right)),
+        up: Some(named(up)),
+        dead_man: Some(dead_man),
+        scale: None,
+    };
+    Ok(profile)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identity::Identity;
+    use crate::space_mouse;
+
+    fn snapshot(x: i32, y: i32, keys: &[u16]) -> Snapshot {
+        let axes = vec![(Code::Absolute(0), x), (Code::Absolute(1), y)];
+        Snapshot { axes, keys: keys.iter().map(|key| Code::Key(*key)).collect() }
+    }
+
+    #[test]
+    fn four_answers_make_a_profile_that_is_read_again() {
+        let name = "Stick \"7\"".into();
+        let device = space_mouse::description(Identity {
+            vendor: 0x1234,
+            product: 0xabcd,
+            name,
+            serial: String::new(),
+        });
+        let rest = snapshot(3, -2, &[]);
+        let answers = [
+            rest.clone(),
+            snapshot(340, 20, &[]),
+            snapshot(5, -300, &[]),
+            snapshot(0, 0, &[0x101]),
+        ];
+        let learned = profile(&device, &answers).unwrap();
+        let text = toml::to_string(&learned).unwrap();
+        assert_eq!(Profile::parse(&text).unwrap(), learned, "{text}");
+        let names = &learned.controls;
+        assert_eq!(
+            [&names.right, &names.up, &names.dead_man].map(|name| name.as_deref().unwrap()),
+            ["ABS_X", "-ABS_Y", "BTN_1"]
+        );
+        for (index, wrong, part) in [
+            (1, rest.clone(), "no axis moved"),
+            (1, snapshot(300, 290, &[]), "moved alike"),
+            (2, snapshot(300, 0, &[]), "two axes are needed"),
+            (3, snapshot(0, 0, &[0x101, 0x102]), "2 keys"),
+            (3, rest, "no axis moved"),
+        ] {
+            let mut answers = answers.clone();
+            answers[index] = wrong;
+            let error = profile(&device, &answers).unwrap_err();
+            assert!(error.contains(part), "{error}");
+        }
+    }
+}

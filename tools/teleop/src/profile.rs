@@ -1,0 +1,283 @@
+//! Which axes and keys of a device mean what. A profile belongs to an identity, and never to a
+//! number that another driver or mode would give.
+
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use crate::identity::{Identity, ProductId};
+use crate::state::{Code, Description};
+
+/// The profiles that come with the software: `config/devices`.
+const SHIPPED: [&str; 5] = [
+    include_str!("../../../config/devices/spacemouse.toml"),
+    include_str!("../../../config/devices/xbox.toml"),
+    include_str!("../../../config/devices/dualsense.toml"),
+    include_str!("../../../config/devices/pedal.toml"),
+    include_str!("../../../config/devices/joystick.toml"),
+];
+/// Exponents of the curve from deflection to speed.
+const CURVES: std::ops::RangeInclusive<f64> = 1.0..=3.0;
+const DEAD_ZONES: std::ops::RangeInclusive<f64> = 0.02..=0.5;
+const SILENCES_MS: std::ops::RangeInclusive<u64> = 50..=5000;
+
+/// A profile as it stands in its file. Names are those of the kernel, `-` before one turns it round.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Profile {
+    /// What it is for.
+    pub name: String,
+    /// Vendor and product of the devices, as `046d:c62b`.
+    pub devices: Vec<String>,
+    #[serde(flatten)]
+    pub controls: ControlNames,
+    /// Share of the range around the centre that counts as centred.
+    #[serde(default = "dead_zone")]
+    pub dead_zone: f64,
+    /// The deflection is raised to this power: above 1 it is finer near the centre.
+    #[serde(default = "curve")]
+    pub curve: f64,
+    /// A deflected control that says nothing new for so long is silent, and the snake holds.
+    #[serde(default = "silence_ms")]
+    pub silence_ms: u64,
+    /// Full deflection of axes that the kernel calls relative.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relative_range: Option<i32>,
+    /// What differs for the left hand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left: Option<ControlNames>,
+}
+
+/// The controls, by their names.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ControlNames {
+    /// The axis to the right, and the axis away from the person.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub right: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub up: Option<String>,
+    /// What has to be held: a key, or an axis that is pressed (a trigger, a pedal).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dead_man: Option<String>,
+    /// The key that goes to the next scale.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<String>,
+}
+
+fn dead_zone() -> f64 {
+    0.1
+}
+
+fn curve() -> f64 {
+    1.0
+}
+
+fn silence_ms() -> u64 {
+    2000
+}
+
+/// An axis and its sign.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SignedAxis {
+    pub code: Code,
+    pub sign: f64,
+}
+
+impl FromStr for SignedAxis {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (sign, name) = text.strip_prefix('-').map_or((1.0, text), |name| (-1.0, name));
+        match name.parse()? {
+            Code::Key(_) => Err(format!("`{text}` is a key, an axis is needed")),
+            code => Ok(Self { code, sign }),
+        }
+    }
+}
+
+/// The controls of a device, found in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Controls {
+    /// To the right and up.
+    pub axes: Option<[SignedAxis; 2]>,
+    pub dead_man: Option<Code>,
+    pub scale: Option<u16>,
+}
+
+/// Which hand holds the device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Handedness {
+    #[default]
+    Right,
+    Left,
+}
+
+impl Profile {
+    /// The profile in a text.
+    ///
+    /// # Errors
+    ///
+    /// One sentence: what is wrong and what is right.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let profile: Self = toml::from_str(text).map_err(|error| error.to_string())?;
+        for id in &profile.devices {
+            id.parse::<ProductId>()?;
+        }
+        let out_of_range = |key: &str, range: &dyn std::fmt::Debug| {
+            Err(format!("profile `{}`: {key} must be within {range:?}", profile.name))
+        };
+        if !DEAD_ZONES.contains(&profile.dead_zone) {
+            return out_of_range("dead_zone", &DEAD_ZONES);
+        }
+        if !CURVES.contains(&profile.curve) {
+            return out_of_range("curve", &CURVES);
+        }
+        if !SILENCES_MS.contains(&profile.silence_ms) {
+            return out_of_range("silence_ms", &SILENCES_MS);
+        }
+        Ok(profile)
+    }
+
+    /// All that come with the software.
+    pub fn shipped() -> impl Iterator<Item = Self> {
+        // A test reads each.
+        SHIPPED.iter().filter_map(|text| Self::parse(text).ok())
+    }
+
+    pub fn is_for(&self, identity: &Identity) -> bool {
+        self.devices.contains(&identity.product_id().to_string())
+    }
+
+    /// Finds the controls in a device.
+    ///
+    /// # Errors
+    ///
+    /// Names what the device does not have: it is another one, or in another mode.
+    pub fn controls(&self, device: &Description, hand: Handedness) -> Result<Controls, String> {
+        let left = { self.left.as_ref() }.filter(|_| hand == Handedness::Left);
+        let name = |choose: fn(&ControlNames) -> &Option<String>| {
+            let special = left.and_then(|left| choose(left).as_deref());
+            special.or(choose(&self.controls).as_deref())
+        };
+        let present = |name: &str, code: Code| {
+            let absent = format!(
+                "{} has no {name}, which its profile `{}` names: it is in another mode, or another \
+                 driver serves it; `i2ris input test` shows what it has, `i2ris input learn` makes \
+                 a profile",
+                device.identity, self.name
+            );
+            if device.has(code) { Ok(code) } else { Err(absent) }
+        };
+        let axis = |name: Option<&str>| match name {
+            None => Ok(None),
+            Some(text) => {
+                let axis: SignedAxis = text.parse()?;
+                present(text, axis.code)?;
+                if matches!(axis.code, Code::Relative(_)) && self.relative_range.is_none() {
+                    return Err(format!(
+                        "profile `{}`: {text} is a relative axis; without relative_range it has no \
+                         deflection (a mouse cannot steer)",
+                        self.name
+                    ));
+                }
+                Ok(Some(axis))
+            }
+        };
+        let key = |name: Option<&str>| match name.map(|text| Ok((text, text.parse()?))) {
+            None => Ok(None),
+            Some(Err(error)) => Err(error),
+            Some(Ok((text, code))) => present(text, code).map(Some),
+        };
+        let axes = match (axis(name(|names| &names.right))?, axis(name(|names| &names.up))?) {
+            (Some(right), Some(up)) => Some([right, up]),
+            (None, None) => None,
+            _ => return Err(format!("profile `{}`: right and up belong together", self.name)),
+        };
+        let dead_man = key(name(|names| &names.dead_man))?;
+        if axes.is_none() && dead_man.is_none() {
+            return Err(format!("profile `{}` has neither axes nor a dead-man", self.name));
+        }
+        let scale = match key(name(|names| &names.scale))? {
+            None => None,
+            Some(Code::Key(key)) => Some(key),
+            Some(code) => return Err(format!("{code} is an axis; the scale needs a key")),
+        };
+        Ok(Controls { axes, dead_man, scale })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space_mouse;
+
+    #[test]
+    fn every_shipped_profile_is_right_and_no_device_is_in_two() {
+        let profiles: Vec<_> = SHIPPED.iter().map(|text| Profile::parse(text).unwrap()).collect();
+        let mut devices: Vec<_> = profiles.iter().flat_map(|profile| &profile.devices).collect();
+        let count = devices.len();
+        devices.sort();
+        devices.dedup();
+        assert!(devices.len() == count && count > 20, "{count}");
+        for profile in &profiles {
+            for controls in [&profile.controls].into_iter().chain(&profile.left) {
+                for axis in controls.right.iter().chain(&controls.up) {
+                    axis.parse::<SignedAxis>().unwrap();
+                }
+                for code in controls.dead_man.iter().chain(&controls.scale) {
+                    code.parse::<Code>().unwrap();
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_device_without_what_its_profile_names_is_refused_by_name() {
+        let identity = Identity {
+            vendor: 0x256f,
+            product: 0xc635,
+            name: "Mouse".into(),
+            serial: String::new(),
+        };
+        let mut device = space_mouse::description(identity);
+        let profile = Profile::shipped().find(|profile| profile.is_for(&device.identity)).unwrap();
+        let controls = profile.controls(&device, Handedness::Right).unwrap();
+        assert!(controls.axes.is_some() && controls.dead_man.is_some(), "{controls:?}");
+        device.absolute.truncate(1);
+        let refused = profile.controls(&device, Handedness::Right).unwrap_err();
+        assert!(refused.contains("Mouse (256f:c635) has no -ABS_Y"), "{refused}");
+    }
+
+    #[test]
+    fn a_wrong_profile_is_said_in_one_sentence() {
+        let text = |line: &str| format!("name = 'x'\ndevices = ['1234:abcd']\n{line}\n");
+        for (line, part) in [
+            ("dead_zone = 0.9", "dead_zone must be within 0.02..=0.5"),
+            ("curve = 9.0", "curve must be within"),
+            ("silence_ms = 9", "silence_ms must be within"),
+            ("deadman = 'BTN_0'", "deadman"),
+        ] {
+            let error = Profile::parse(&text(line)).unwrap_err();
+            assert!(error.contains(part), "{line}: {error}");
+        }
+        assert!(Profile::parse("name = 'x'\ndevices = ['1']").unwrap_err().contains("046d:c62b"));
+        let device = space_mouse::description(Identity {
+            vendor: 1,
+            product: 1,
+            name: "Mouse".into(),
+            serial: String::new(),
+        });
+        for (line, part) in [
+            ("right = 'ABS_X'", "belong together"),
+            ("scale = 'BTN_0'", "neither axes nor a dead-man"),
+            ("right = 'BTN_0'\nup = 'ABS_X'", "is a key"),
+            ("dead_man = 'BTN_0'\nscale = 'ABS_X'", "needs a key"),
+            ("dead_man = 'BTN_99999'", "no axis or key"),
+        ] {
+            let profile = Profile::parse(&text(line)).unwrap();
+            let error = profile.controls(&device, Handedness::Right).unwrap_err();
+            assert!(error.contains(part), "{line}: {error}");
+        }
+    }
+}

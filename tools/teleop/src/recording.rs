@@ -1,0 +1,153 @@
+//! Raw bytes of a device with their times, as a file; played, the same bytes through a pipe.
+//!
+//! One line of JSON with the [`Description`], then frames: nanoseconds since the first (u64), length
+//! (u16), bytes; all little-endian. A report of hidraw is one frame, because its end is not in it.
+
+use std::io::{self, ErrorKind, Read, Write};
+
+use i2ris::units::Nanos;
+
+use crate::state::Description;
+
+/// Longest frame: what is read at once.
+pub const MAX_FRAME: usize = 4096;
+/// A description has some hundred keys at most.
+const MAX_HEAD: usize = 64 * 1024;
+const HEAD_OF_FRAME: usize = 10;
+
+/// Time since the first, and bytes.
+pub type Frame = (Nanos, Vec<u8>);
+
+/// Why a recording cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    #[error(
+        "it does not begin with the description of a device; `i2ris input record` makes such files"
+    )]
+    Head,
+    #[error("a frame of {0} bytes: longer than {MAX_FRAME}, so the file is damaged")]
+    Frame(usize),
+    #[error(transparent)]
+    Io(#[from] io::Error),
+}
+
+/// Writes the head of a recording.
+pub fn write_head(output: &mut impl Write, description: &Description) -> io::Result<()> {
+    serde_json::to_writer(&mut *output, description)?;
+    output.write_all(b"\n")
+}
+
+/// Writes a frame of at most [`MAX_FRAME`] bytes.
+pub fn write_frame(output: &mut impl Write, since_start: Nanos, bytes: &[u8]) -> io::Result<()> {
+    let length = u16::try_from(bytes.len()).map_err(|_| ErrorKind::InvalidInput)?;
+    let frame = [&since_start.0.to_le_bytes()[..], &length.to_le_bytes(), bytes].concat();
+    // At once: what reads a pipe sees whole frames.
+    output.write_all(&frame)
+}
+
+/// Takes a recording apart, in whatever pieces it comes.
+#[derive(Debug, Default)]
+pub struct Parser {
+    bytes: Vec<u8>,
+    has_head: bool,
+}
+
+impl Parser {
+    pub fn push(&mut self, bytes: &[u8]) {
+        self.bytes.extend(bytes);
+    }
+
+    /// The description, once it is there.
+    pub fn head(&mut self) -> Result<Option<Description>, RecordingError> {
+        let Some(end) = self.bytes.iter().position(|byte| *byte == b'\n') else {
+            return if self.bytes.len() > MAX_HEAD { Err(RecordingError::Head) } else { Ok(None) };
+        };
+        let head = serde_json::from_slice(&self.bytes[..end]).map_err(|_| RecordingError::Head)?;
+        self.bytes.drain(..=end);
+        self.has_head = true;
+        Ok(Some(head))
+    }
+
+    /// The next whole frame: its time and bytes.
+    pub fn frame(&mut self) -> Result<Option<Frame>, RecordingError> {
+        let Some((&time, rest)) = self.bytes.split_first_chunk::<8>() else {
+            return Ok(None);
+        };
+        let Some((&length, rest)) = rest.split_first_chunk::<2>().filter(|_| self.has_head) else {
+            return Ok(None);
+        };
+        let length = usize::from(u16::from_le_bytes(length));
+        if length > MAX_FRAME {
+            return Err(RecordingError::Frame(length));
+        }
+        let Some(bytes) = rest.get(..length).map(<[u8]>::to_vec) else {
+            return Ok(None);
+        };
+        self.bytes.drain(..HEAD_OF_FRAME + length);
+        Ok(Some((Nanos(u64::from_le_bytes(time)), bytes)))
+    }
+}
+
+/// A whole recording: the description, and the frames.
+pub fn read(mut input: impl Read) -> Result<(Description, Vec<Frame>), RecordingError> {
+    let (mut parser, mut bytes) = (Parser::default(), Vec::new());
+    input.read_to_end(&mut bytes)?;
+    parser.push(&bytes);
+    let head = parser.head()?.ok_or(RecordingError::Head)?;
+    let mut frames = Vec::new();
+    while let Some(frame) = parser.frame()? {
+        frames.push(frame);
+    }
+    Ok((head, frames))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::identity::Identity;
+    use crate::space_mouse;
+
+    fn description() -> Description {
+        let name = "Mouse\nof space".into();
+        space_mouse::description(Identity { vendor: 1, product: 2, name, serial: String::new() })
+    }
+
+    #[test]
+    fn what_is_no_recording_is_said() {
+        assert!(matches!(read(&b"t_s,pitch\n"[..]), Err(RecordingError::Head)));
+        let mut bytes = Vec::new();
+        write_head(&mut bytes, &description()).unwrap();
+        bytes.extend([0; 8]);
+        bytes.extend([0xff, 0xff]);
+        assert!(matches!(read(&bytes[..]), Err(RecordingError::Frame(65535))));
+    }
+
+    proptest! {
+        #[test]
+        fn a_recording_is_read_as_it_was_written_also_from_a_pipe_that_cuts_it(
+            frames in prop::collection::vec((any::<u64>(), prop::collection::vec(any::<u8>(), 0..40)), 0..8),
+            cut in 1..50_usize,
+        ) {
+            let frames: Vec<_> = frames.into_iter().map(|(at, bytes)| (Nanos(at), bytes)).collect();
+            let mut bytes = Vec::new();
+            write_head(&mut bytes, &description()).unwrap();
+            for (at, frame) in &frames {
+                write_frame(&mut bytes, *at, frame).unwrap();
+            }
+            prop_assert_eq!(read(&bytes[..]).unwrap(), (description(), frames.clone()));
+            let (mut parser, mut head, mut found) = (Parser::default(), None, Vec::new());
+            for piece in bytes.chunks(cut) {
+                parser.push(piece);
+                if head.is_none() {
+                    head = parser.head().unwrap();
+                }
+                while let Some(frame) = parser.frame().unwrap() {
+                    found.push(frame);
+                }
+            }
+            prop_assert_eq!((head, found), (Some(description()), frames));
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! From the picture that the operator sees to pitch and yaw.
+//!
+//! A hand goes right and up in the picture; the snake bends in pitch and yaw. Between both lies how
+//! the camera is turned, and whether it mirrors: 2x2, `picture = V * [pitch, yaw]`. It is typed, or
+//! measured by two small motions while a camera watches.
+//!
+//! | rotation | mirror | +pitch in the picture | +yaw in the picture |
+//! |---|---|---|---|
+//! | 0 | no | up | right |
+//! | 90 | no | left | up |
+//! | 180 | no | down | left |
+//! | 0 | yes | up | left |
+//! | 90 | yes | right | up |
+//!
+//! The mirror swaps right and left of the picture after it was turned. The hand that holds a device
+//! changes none of this: to the right is to the right, also in the left hand.
+
+use std::fmt;
+
+/// Directions nearer to each other than this cannot be told apart, deg.
+const MIN_BETWEEN_DEG: f64 = 30.0;
+/// A motion that is seen has to be so many times its own uncertainty.
+const MIN_SIGMAS: f64 = 5.0;
+
+/// What a motion of one axis does in the picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeenMotion {
+    /// How far the axis moved, deg.
+    pub moved_deg: f64,
+    /// What the picture showed, right and up, deg or any other unit.
+    pub picture: [f64; 2],
+    /// Standard deviation of each of both.
+    pub deviation: f64,
+}
+
+/// Why a view cannot be measured.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum ViewError {
+    #[error(
+        "the picture moved by {seen:.3} where {axis} moved by {moved_deg:.1} deg: too little against \
+         its uncertainty of {deviation:.3}; is the snake in the picture, does the camera see it bend?"
+    )]
+    NotSeen { axis: &'static str, moved_deg: f64, seen: f64, deviation: f64 },
+    #[error(
+        "pitch and yaw move the picture in directions that are {between_deg:.0} deg apart; \
+         {MIN_BETWEEN_DEG:.0} are needed to steer by it: turn the camera"
+    )]
+    TooNear { between_deg: f64 },
+}
+
+/// How the picture lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct View {
+    /// Right and up in the picture, for one of pitch (first) and of yaw.
+    seen: [[f64; 2]; 2],
+    /// Standard deviation of both directions, deg; zero for a typed view.
+    deviation_deg: [f64; 2],
+}
+
+impl Default for View {
+    fn default() -> Self {
+        Self::typed(0.0, false)
+    }
+}
+
+impl View {
+    /// A picture that is turned, counterclockwise, and then mirrored.
+    pub fn typed(rotation_deg: f64, mirror: bool) -> Self {
+        let (sin, cos) = rotation_deg.to_radians().sin_cos();
+        let mirrored = |[right, up]: [f64; 2]| [if mirror { -right } else { right }, up];
+        Self { seen: [mirrored([-sin, cos]), mirrored([cos, sin])], deviation_deg: [0.0; 2] }
+    }
+
+    /// From motions of pitch and of yaw alone.
+    ///
+    /// # Errors
+    ///
+    /// [`ViewError`] where they do not tell.
+    pub fn measured(pitch: SeenMotion, yaw: SeenMotion) -> Result<Self, ViewError> {
+        let column = |axis, motion: SeenMotion| {
+            let SeenMotion { moved_deg, picture: [right, up], deviation } = motion;
+            let seen = right.hypot(up);
+            if seen.is_nan() || seen < MIN_SIGMAS * deviation || seen <= 0.0 || moved_deg == 0.0 {
+                return Err(ViewError::NotSeen { axis, moved_deg, seen, deviation });
+            }
+            let deviation_deg = (deviation / seen).to_degrees();
+            Ok(([right / moved_deg, up / moved_deg], deviation_deg))
+        };
+        let (pitch, pitch_deviation_deg) = column("pitch", pitch)?;
+        let (yaw, yaw_deviation_deg) = column("yaw", yaw)?;
+        let (cross, dot) = (cross(yaw, pitch), yaw[0] * pitch[0] + yaw[1] * pitch[1]);
+        let angle_deg = cross.atan2(dot).to_degrees().abs();
+        let between_deg = angle_deg.min(180.0 - angle_deg);
+        if between_deg < MIN_BETWEEN_DEG {
+            return Err(ViewError::TooNear { between_deg });
+        }
+        // The speed of a hand stays in deg/s of the snake, whatever the picture is measured in.
+        let size = cross.abs().sqrt();
+        let seen = [pitch, yaw].map(|[right, up]| [right / size, up / size]);
+        Ok(Self { seen, deviation_deg: [pitch_deviation_deg, yaw_deviation_deg] })
+    }
+
+    /// Pitch and yaw that move the picture by right and up.
+    pub fn joints(&self, [right, up]: [f64; 2]) -> [f64; 2] {
+        let [pitch, yaw] = self.seen;
+        // Not singular: directions are apart.
+        let determinant = cross(yaw, pitch);
+        [cross(yaw, [right, up]) / determinant, cross([right, up], pitch) / determinant]
+    }
+
+    /// Where in the picture +pitch and +yaw go, deg counterclockwise from the right.
+    pub fn directions_deg(&self) -> [f64; 2] {
+        self.seen.map(|[right, up]| up.atan2(right).to_degrees())
+    }
+}
+
+fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+impl fmt::Display for View {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, axis) in ["pitch", "yaw"].into_iter().enumerate() {
+            let direction_deg = self.directions_deg()[index];
+            let arrow = ARROWS[((direction_deg / 45.0).round() as i64).rem_euclid(8) as usize];
+            let comma = if index == 0 { "" } else { ", " };
+            write!(f, "{comma}+{axis} goes {arrow} ({direction_deg:+.0}")?;
+            if self.deviation_deg[index] > 0.0 {
+                write!(f, " +- {:.1}", self.deviation_deg[index])?;
+            }
+            f.write_str(" deg)")?;
+        }
+        f.write_str(" in the picture")
+    }
+}
+
+const ARROWS: [&str; 8] = ["→", "↗", "↑", "↖", "←", "↙", "↓", "↘"];
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn near(a: [f64; 2], b: [f64; 2]) -> bool {
+        (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) < 1e-9
+    }
+
+    /// What is typed, and what pitch and yaw then do in the picture: written by hand.
+    #[test]
+    fn right_is_right_and_up_is_up_in_every_turn_and_mirror() {
+        const TABLE: [(f64, bool, [f64; 2], [f64; 2]); 8] = [
+            (0.0, false, [0.0, 1.0], [1.0, 0.0]),
+            (90.0, false, [-1.0, 0.0], [0.0, 1.0]),
+            (180.0, false, [0.0, -1.0], [-1.0, 0.0]),
+            (270.0, false, [1.0, 0.0], [0.0, -1.0]),
+            (0.0, true, [0.0, 1.0], [-1.0, 0.0]),
+            (90.0, true, [1.0, 0.0], [0.0, 1.0]),
+            (180.0, true, [0.0, -1.0], [1.0, 0.0]),
+            (270.0, true, [-1.0, 0.0], [0.0, -1.0]),
+        ];
+        for (rotation_deg, mirror, pitch_seen, yaw_seen) in TABLE {
+            let view = View::typed(rotation_deg, mirror);
+            for push in [[1.0, 0.0], [0.0, 1.0], [-0.3, 0.8]] {
+                let [pitch, yaw] = view.joints(push);
+                let picture = [0, 1].map(|axis| pitch * pitch_seen[axis] + yaw * yaw_seen[axis]);
+                assert!(near(picture, push), "{rotation_deg} {mirror} {push:?}: {picture:?}");
+            }
+        }
+        assert_eq!(
+            View::typed(90.0, false).to_string(),
+            "+pitch goes ← (+180 deg), +yaw goes ↑ (+90 deg) in the picture"
+        );
+    }
+
+    #[test]
+    fn what_is_not_seen_or_too_near_is_refused() {
+        let motion =
+            |right, up| SeenMotion { moved_deg: 1.0, picture: [right, up], deviation: 0.02 };
+        let view = View::measured(motion(-0.6, 0.8), motion(0.8, 0.6)).unwrap();
+        assert!(near(view.joints([0.8, 0.6]), [0.0, 1.0]), "{view}");
+        assert!(view.to_string().contains("+yaw goes ↗ (+37 +- 1.1 deg)"), "{view}");
+        let not_seen = View::measured(motion(0.05, 0.0), motion(0.8, 0.6)).unwrap_err();
+        assert!(matches!(not_seen, ViewError::NotSeen { axis: "pitch", .. }));
+        for yaw in [motion(0.9, 0.4), motion(-0.9, -0.4)] {
+            let near = View::measured(motion(1.0, 0.1), yaw).unwrap_err();
+            assert!(
+                matches!(near, ViewError::TooNear { .. }) && near.to_string().contains("18 deg")
+            );
+        }
+        let nan = motion(f64::NAN, 0.0);
+        assert!(View::measured(nan, motion(0.0, 1.0)).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn a_view_that_is_measured_without_noise_is_the_typed_one(
+            rotation_deg in -180.0..180.0_f64, mirror in any::<bool>(), size in 0.1..10.0_f64,
+            moved_deg in -2.0..2.0_f64, push in prop::array::uniform2(-1.0..1.0_f64),
+        ) {
+            prop_assume!(moved_deg.abs() > 0.1);
+            let typed = View::typed(rotation_deg, mirror);
+            let motion = |axis: usize| SeenMotion {
+                moved_deg,
+                picture: typed.seen[axis].map(|seen| seen * size * moved_deg),
+                deviation: 0.0,
+            };
+            let measured = View::measured(motion(0), motion(1)).unwrap();
+            prop_assert!(near(measured.joints(push), typed.joints(push)));
+        }
+    }
+}
