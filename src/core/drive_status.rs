@@ -84,6 +84,21 @@ impl DriveSummary {
             Err(Refusal::DrivesNotReady)
         }
     }
+
+    /// What enabling needs besides drives that are ready.
+    pub fn require_zero_and_range(&self) -> Result<(), Refusal> {
+        match (self.is_homed, self.is_in_range) {
+            (false, _) => Err(Refusal::NotHomed),
+            (true, false) => Err(Refusal::Range),
+            (true, true) => Ok(()),
+        }
+    }
+
+    /// Drives can be enabled now.
+    pub fn require_enabling(&self) -> Result<(), Refusal> {
+        self.require_ready()?;
+        self.require_zero_and_range()
+    }
 }
 
 /// The drive is off, or cannot be reached.

@@ -56,6 +56,8 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         Refusal::Fixture => {
             "go around the region (`i2ris command fixture list`), or switch the fixtures off"
         }
+        Refusal::Reach => "command less, or calibrate a wider range",
+        Refusal::BrokenOff => "stop sending for a second, then begin where the snake is",
         Refusal::BadModel => "read the reason in the controller's answer to `i2ris model stage`",
     }
 }

@@ -55,5 +55,9 @@ numbered_enum! {
         Conditioning = 21, "busy: the conditioning cycle is running; it ends by itself";
         /// The motion crosses a virtual fixture, or is not planned in angles while one counts.
         Fixture = 22, "a virtual fixture is in the way";
+        /// The pose is outside the calibrated hull, the position limits or the joint limits.
+        Reach = 23, "the pose is out of reach";
+        /// Another client has stopped the stream with `hold`.
+        BrokenOff = 24, "another client holds the robot, and broke this stream off";
     }
 }

@@ -175,6 +175,8 @@ fn agrees(cell: &str, column: usize, answer: Answer) -> bool {
         ("PAUSED", Answer::To(state)) => state == Paused,
         ("ENABLED, holding", Answer::To(state)) => state == Enabled,
         ("stopping", Answer::To(state)) => state == Disabled,
+        ("Busy (9)", Answer::To(state)) => state == Disabled,
+        ("Busy (9)", Answer::No(refusal)) => refusal == Refusal::Busy,
         ("(4)", Answer::To(state)) => [Disabled, Fault].contains(&state),
         ("(4)", Answer::No(refusal)) => refusal == Refusal::CausePersists,
         ("conditioning cycle, busy (6)" | "trajectory, busy (7)", Answer::No(refusal)) => {

@@ -28,15 +28,17 @@ const CONDITIONING: Answer = Answer::No(Refusal::Conditioning);
 const PERSISTS: Answer = Answer::No(Refusal::CausePersists);
 
 const CHANGING: [Answer; 11] = [BUSY, D, BUSY, BUSY, BUSY, BUSY, BUSY, NO, D, BUSY, BUSY];
-const OCCUPIED: [Answer; 11] = [NO, D, P, NO, NO, NO, BUSY, NO, E, E, BUSY];
+/// Drives that go off: `enable` waits for that.
+const GOING_OFF: [Answer; 11] = [D, D, BUSY, BUSY, BUSY, BUSY, BUSY, NO, D, BUSY, BUSY];
+const OCCUPIED: [Answer; 11] = [NO, D, P, NO, NO, NO, BUSY, NO, E, E, E];
 
 pub const TABLE: &[Row] = &[
     ("idle", Bench::homed, [D, D, NO, NO, D, D, NO, NO, D, NO, NO]),
     ("enabling", enabling, CHANGING),
     ("homing", homing, CHANGING),
-    ("stopping", stopping, CHANGING),
-    ("settling", settling, CHANGING),
-    ("powering off", powering_off, CHANGING),
+    ("stopping", stopping, GOING_OFF),
+    ("settling", settling, GOING_OFF),
+    ("powering off", powering_off, GOING_OFF),
     ("holding", Bench::enabled, [NO, D, P, NO, NO, NO, E, NO, E, E, E]),
     // A trajectory starts at rest.
     ("following", Bench::moving, [NO, D, P, NO, NO, NO, E, NO, E, E, BUSY]),

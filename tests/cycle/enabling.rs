@@ -16,7 +16,9 @@ fn drives_that_are_not_ready_cannot_be_enabled_or_homed() {
             bench.drives[1].feedback.phase = phase;
             let refusal = bench.ask(command);
             assert!(
-                matches!(refusal, Refusal::DrivesNotReady | Refusal::Busy),
+                // A drive that is on goes off first, and `enable` waits for it.
+                matches!(refusal, Refusal::DrivesNotReady | Refusal::Busy)
+                    || command == StateCommand::Enable && bench.report().busy,
                 "{command} with {phase:?}: {refusal}"
             );
             assert_eq!(bench.out.requests[0].demand, Demand::Disabled);
@@ -222,4 +224,40 @@ fn homing_is_over_when_the_drive_is_off_again() {
     bench.drives[0].feedback.phase = AxisPhase::Disabled;
     bench.tick();
     assert!(!bench.report().busy && bench.report().homed);
+}
+
+#[test]
+fn enable_while_the_drives_go_off_is_carried_out_when_they_are_off() {
+    for ticks in [0, 5, 30, 60, 75] {
+        let mut bench = Bench::moving();
+        assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+        bench.run(ticks);
+        assert_eq!(bench.ask(StateCommand::Enable), Refusal::None, "{ticks} ticks");
+        assert!(bench.report().busy && bench.state() == OperatingState::Disabled);
+        let mut was_off = false;
+        while bench.state() != OperatingState::Enabled {
+            was_off |= bench.phases() == [AxisPhase::Disabled; 2];
+            bench.tick();
+            assert!(bench.report().busy || bench.state() == OperatingState::Enabled);
+        }
+        assert!(was_off, "the drives have been off in between");
+    }
+}
+
+#[test]
+fn an_enable_that_waits_is_taken_back_by_disable_and_needs_a_zero() {
+    let mut bench = Bench::moving();
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::None);
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    bench.idle();
+    assert_eq!(bench.state(), OperatingState::Disabled);
+    assert_eq!(bench.phases(), [AxisPhase::Disabled; 2]);
+    bench.enable();
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    bench.drives[0].feedback.homed = false;
+    bench.tick();
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
+    bench.idle();
+    assert_eq!(bench.state(), OperatingState::Disabled);
 }

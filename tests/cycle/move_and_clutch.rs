@@ -5,7 +5,7 @@ use std::sync::Arc;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, CLIENT, GAIN_DEG, HULL, config, model, play_model, rad};
+use i2ris_testing::cycle::{Bench, CLIENT, config, model, play_model, rad};
 
 use crate::model::drifted::stop_file;
 
@@ -87,7 +87,7 @@ fn a_trajectory_that_would_outlast_its_client_for_long_is_refused() {
 }
 
 #[test]
-fn an_invalid_pose_is_refused_and_one_outside_the_hull_is_clipped() {
+fn an_invalid_pose_is_refused() {
     let mut bench = enabled("");
     assert_eq!(bench.ask(StateCommand::Move), Refusal::Malformed, "no pose");
     bench.pose = Some((rad(1.0, 0.0), 3));
@@ -96,11 +96,6 @@ fn an_invalid_pose_is_refused_and_one_outside_the_hull_is_clipped() {
     assert_eq!(bench.joint(0.0, 0.0), Refusal::None);
     bench.pose = Some((rad(1.0, 0.0), 2));
     assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Move).refusal, Refusal::Lease);
-    assert_eq!(go(&mut bench, 60.0, 0.0), Refusal::None);
-    bench.run(10);
-    assert!(bench.report().clipped);
-    bench.idle();
-    assert!((pitch(&bench) - 2.0 * GAIN_DEG * HULL).abs() < 1e-3, "{}", pitch(&bench));
     let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Mm)));
     assert_eq!(go(&mut bench, 0.001, 0.0), Refusal::Unsupported);
     let mut bench = Bench::enabled_with(config(""), None);
@@ -203,4 +198,101 @@ fn the_tremor_filter_delays_servo_commands() {
     let late = steady("") - steady("[command]\ntremor_filter_hz = 3.0");
     // 10 deg/s, 53 ms.
     assert!((late - 0.53).abs() < 0.05, "{late}");
+}
+
+#[test]
+fn a_second_move_of_a_client_takes_the_place_of_the_first_without_a_jump() {
+    // In every phase of the motion, and for ends before, behind and beside.
+    for after in [1, 20, 60, 120, 400, 800, 900] {
+        for to in [[-6.0, 2.0], [2.0, 0.0], [9.0, 0.0], [0.0, 7.0]] {
+            let mut bench = enabled("");
+            assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
+            bench.run(after);
+            bench.pose = Some((rad(1.0, 0.0), 2));
+            assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Move).refusal, Refusal::Busy);
+            let mut past = vec![bench.joints().goal; 2];
+            let mut note = |bench: &Bench| {
+                let at = |k: usize| past[past.len() - k];
+                let here = bench.joints().setpoint;
+                let step = |a: [f64; 3], b: [f64; 3]| (a[0] - b[0]).hypot(a[1] - b[1]).to_degrees();
+                if past.len() > 4 {
+                    assert!(step(here, at(1)) * 1e3 < 10.1, "{after} ticks, to {to:?}");
+                    let change = [0, 1, 2].map(|i| here[i] - 2.0 * at(1)[i] + at(2)[i]);
+                    // 200 deg/s^2 of the move, and what the search for the inverse leaves.
+                    let change = step(change, [0.0; 3]) * 1e6;
+                    assert!(change < 400.0, "{change} deg/s^2, {after} ticks, to {to:?}");
+                }
+                past.push(here);
+            };
+            assert_eq!(go(&mut bench, to[0], to[1]), Refusal::None, "{after} ticks");
+            note(&bench);
+            // And a third one while the first comes to rest.
+            bench.run(10);
+            assert_eq!(go(&mut bench, to[0], to[1]), Refusal::None, "{after} ticks");
+            while bench.report().busy {
+                bench.tick();
+                note(&bench);
+            }
+            let here = bench.joints().setpoint.map(f64::to_degrees);
+            assert!((here[0] - to[0]).hypot(here[1] - to[1]) < 1e-3, "{here:?}, not {to:?}");
+        }
+    }
+}
+
+#[test]
+fn a_move_that_is_refused_leaves_the_one_in_progress() {
+    let mut bench = enabled("");
+    assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
+    bench.run(300);
+    assert_eq!(go(&mut bench, 60.0, 0.0), Refusal::Reach);
+    bench.idle();
+    assert!((pitch(&bench) - 8.0).abs() < 1e-3);
+}
+
+/// The tick of a stream of two clients, each of which moves the snake where it may.
+fn both_stream(bench: &mut Bench, sequence: &mut u64) -> [Refusal; 2] {
+    let here = pitch(bench);
+    let mut command = bench.servo(i2ris::core::ServoGoal::Joint(rad(here + 0.05, 0.0), 2));
+    let first = bench.send(command);
+    *sequence += 1;
+    command = bench.servo(command.goal);
+    (command.client_id, command.sequence) = (CLIENT + 2, *sequence);
+    [first, bench.send(command)]
+}
+
+#[test]
+fn a_hold_of_another_client_holds_against_every_stream_until_it_pauses() {
+    let mut bench = enabled("");
+    let mut sequence = 0;
+    for _ in 0..200 {
+        assert_eq!(both_stream(&mut bench, &mut sequence), [Refusal::None, Refusal::Lease]);
+    }
+    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Hold).refusal, Refusal::None);
+    assert_eq!(bench.report().lease_client_id, 0);
+    bench.run(5);
+    let held = bench.targets();
+    for _ in 0..2000 {
+        let refused = both_stream(&mut bench, &mut sequence);
+        assert_eq!(refused, [Refusal::BrokenOff; 2]);
+        assert_eq!(bench.targets(), held);
+    }
+    // A pause that is too short, and one that is not.
+    bench.run(900);
+    assert_eq!(bench.joint(pitch(&bench), 0.0), Refusal::BrokenOff);
+    bench.run(1000);
+    assert_eq!(bench.joint(pitch(&bench), 0.0), Refusal::None);
+    assert_eq!(bench.report().lease_client_id, CLIENT);
+}
+
+#[test]
+fn the_client_that_holds_may_go_on_itself_and_an_own_hold_breaks_nothing_off() {
+    let mut bench = enabled("");
+    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
+    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+    assert_eq!(bench.report().lease_client_id, CLIENT);
+    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
+    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Hold).refusal, Refusal::None);
+    let mut command = bench.servo(i2ris::core::ServoGoal::Joint(rad(0.1, 0.0), 2));
+    command.client_id = CLIENT + 1;
+    assert_eq!(bench.send(command), Refusal::None);
 }

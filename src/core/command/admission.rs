@@ -14,11 +14,12 @@
 //! | 6 | every axis homed | `NotHomed` | `admission` |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | `admission` |
 //! | 8 | lease free, or held by this client | `Lease` | `lease` |
-//! | 9 | sequence above the client's last accepted one | `Sequence` | `sequence_record` |
-//! | 10 | angles: a model is loaded | `NoModel` | `range_check` |
-//! | 11 | number of entries as the model or the motors have | `Malformed` | `range_check` |
-//! | 12 | counts: within the position limits of the axes | `Range` | `range_check` |
-//! | 13 | near the last goal, or near the present setpoint | `Step` | `range_check` |
+//! | 9 | no `hold` of another client broke the stream off | `BrokenOff` | `refusal_record` |
+//! | 10 | sequence above the client's last accepted one | `Sequence` | `sequence_record` |
+//! | 11 | angles: a model is loaded | `NoModel` | `range_check` |
+//! | 12 | number of entries as the model or the motors have | `Malformed` | `range_check` |
+//! | 13 | counts: within the position limits of the axes | `Range` | `range_check` |
+//! | 14 | near the last goal, or near the present setpoint | `Step` | `range_check` |
 //!
 //! Errors of the command itself come before errors of the present situation. A refused command
 //! changes only counters: it does not renew the lease and does not use up its sequence number.
@@ -38,6 +39,9 @@ use crate::core::events::{CycleEventKind, EventList};
 use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::robot::{Measurement, OperatingState, Quantity, REFUSED_CLIENTS, Refusal};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
+
+/// Silence after which a stream that was broken off may begin anew.
+const BREAK: Nanos = Nanos::from_millis(1000);
 
 /// What admission needs to know of the robot.
 #[derive(Debug, Clone, Copy)]
@@ -78,7 +82,7 @@ impl CommandCheck {
     }
 }
 
-/// Checks 1 to 9, the lease, and the counters.
+/// Checks 1 to 10, the lease, and the counters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CommandAdmission {
     check: CommandCheck,
@@ -91,6 +95,8 @@ pub struct CommandAdmission {
     accepted: u64,
     refused: u64,
     last_refusal: Refusal,
+    /// Who broke the streams of all others off, and when.
+    broken_off: Option<(u64, Nanos)>,
 }
 
 impl CommandAdmission {
@@ -106,6 +112,7 @@ impl CommandAdmission {
             accepted: 0,
             refused: 0,
             last_refusal: Refusal::None,
+            broken_off: None,
         }
     }
 
@@ -173,7 +180,7 @@ impl CommandAdmission {
         Some(Measurement::new(Quantity::Sequence, number, last))
     }
 
-    /// Checks 1 to 9. Returns the deadline of the command. It is at most the duration of the lease:
+    /// Checks 1 to 10. Returns the deadline of the command. It is at most the duration of the lease:
     /// a client that has lost its lease is not followed.
     ///
     /// # Errors
@@ -187,6 +194,9 @@ impl CommandAdmission {
         let deadline = self.check.check(command, context.now)?;
         require_ready(context)?;
         self.lease.require_available(command.client_id)?;
+        if self.is_broken_off(command.client_id, context.now) {
+            return Err(Refusal::BrokenOff);
+        }
         self.sequences.require_newer(command.client_id, command.sequence)?;
         Ok(deadline.min(self.lease.duration()))
     }
@@ -214,6 +224,24 @@ impl CommandAdmission {
         if self.lease.expire(now) {
             events.push(CycleEventKind::Lease { client_id: 0 });
         }
+    }
+
+    /// Takes the lease from another client for good: its stream, and any other that goes on, is
+    /// refused until it has been silent for [`BREAK`].
+    pub fn break_off(&mut self, client_id: u64, now: Nanos, events: &mut EventList) {
+        let holder = self.lease.holder();
+        if [0, client_id].contains(&holder) {
+            return;
+        }
+        self.broken_off = Some((client_id, now));
+        if self.lease.release(holder) == Ok(true) {
+            events.push(CycleEventKind::Lease { client_id: 0 });
+        }
+    }
+
+    fn is_broken_off(&self, client_id: u64, now: Nanos) -> bool {
+        let is_just = |(by, at): (u64, Nanos)| by != client_id && now.since(at) < BREAK;
+        self.broken_off.is_some_and(is_just) || self.refusals.is_broken_off(client_id, now)
     }
 
     /// Gives the lease back. To give back a free lease is no error.

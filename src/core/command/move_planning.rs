@@ -1,62 +1,88 @@
-//! Planning of `move_jp`: from the present setpoint to a pose.
+//! Planning of `move_jp`: from the present setpoint, or from where a move can stop, to a pose.
 
 use crate::core::command::admission::CommandAdmission;
 use crate::core::inputs::StateRequest;
 use crate::core::joint_space::joint_model::JointModel;
+use crate::core::joint_space::reach::reach;
+use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::joint_trajectory::JointTrajectory;
 use crate::core::motion::s_curve::TrajectoryLimits;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
-use crate::core::vector::{first_entries, is_finite};
+use crate::core::vector::{distance, first_entries, is_finite};
 use crate::model::file::OutputUnit;
-use crate::robot::Refusal;
-use crate::units::{MAX_OUTPUTS, Nanos};
+use crate::robot::{Measurement, Quantity, Refusal};
+use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
 /// Longest trajectory. It goes on without its client, so it must end by itself before anybody has
 /// forgotten it.
 pub const LONGEST_MOVE: Nanos = Nanos::from_millis(60_000);
 
-/// Plans the trajectory of a request. A pose outside of the hull or the joint limits is clipped to
-/// them: there the motors cannot follow, or may not.
-pub(crate) fn plan_move(
-    request: &StateRequest,
-    is_at_rest: bool,
-    admission: &CommandAdmission,
-    joints: Option<&JointModel>,
-    fixtures: &VirtualFixtures,
-    limits: &TrajectoryLimits,
-    now: Nanos,
-) -> Result<JointTrajectory, Refusal> {
-    let (pose, entries) = request.pose.ok_or(Refusal::Malformed)?;
-    let joints = joints.ok_or(Refusal::NoModel)?;
-    if entries as usize != joints.outputs() {
-        return Err(Refusal::Malformed);
+/// What a move is planned with.
+pub(crate) struct MovePlanning<'a> {
+    pub is_at_rest: bool,
+    /// The trajectory in progress.
+    pub current: Option<&'a JointTrajectory>,
+    pub admission: &'a CommandAdmission,
+    /// The active model; `None` without one.
+    pub joints: Option<&'a JointModel>,
+    pub axes: &'a AxisGroup,
+    pub fixtures: &'a VirtualFixtures,
+    pub limits: &'a TrajectoryLimits,
+    pub now: Nanos,
+}
+
+impl MovePlanning<'_> {
+    /// Plans the trajectory of a request. The newest request of a client takes the place of its
+    /// last one, which comes to rest first.
+    pub fn plan(&self, request: &StateRequest) -> Result<JointTrajectory, Refusal> {
+        let client_id = request.client_id;
+        let (pose, entries) = request.pose.ok_or(Refusal::Malformed)?;
+        let joints = self.joints.ok_or(Refusal::NoModel)?;
+        if entries as usize != joints.outputs() {
+            return Err(Refusal::Malformed);
+        }
+        if joints.unit() != OutputUnit::Deg {
+            return Err(Refusal::Unsupported);
+        }
+        let pose = first_entries::<MAX_OUTPUTS>(pose, entries);
+        if !is_finite(&pose) {
+            return Err(Refusal::NotFinite);
+        }
+        let trajectory = match self.current {
+            Some(current) if current.client_id() == client_id => {
+                current.turned(pose, self.limits, self.now)
+            }
+            None if self.is_at_rest => {
+                let from = joints.setpoint().ok_or(Refusal::DrivesNotReady)?;
+                JointTrajectory::new(client_id, from, pose, self.limits, self.now)
+            }
+            Some(_) | None => return Err(Refusal::Busy),
+        };
+        self.admission.require_lease(client_id)?;
+        let reached = reach(joints, self.axes, trajectory.start(), &pose);
+        if reached.map_err(|_| Refusal::BadModel)? != pose {
+            return Err(Refusal::Reach);
+        }
+        if !self.fixtures.allows_line(trajectory.start(), &pose, &joints.goal_space()) {
+            return Err(Refusal::Fixture);
+        }
+        if trajectory.end_time().since(self.now) > LONGEST_MOVE {
+            return Err(Refusal::Range);
+        }
+        Ok(trajectory)
     }
-    if joints.unit() != OutputUnit::Deg {
-        return Err(Refusal::Unsupported);
+
+    /// How far the pose of a request is out of reach.
+    pub fn measure_reach(&self, request: &StateRequest) -> Option<Measurement> {
+        let (pose, entries) = request.pose?;
+        let joints = self.joints?;
+        let pose: OutputVec = first_entries(pose, entries);
+        let from = match self.current {
+            Some(current) => *current.turned(pose, self.limits, self.now).start(),
+            None => joints.setpoint()?,
+        };
+        let reached = reach(joints, self.axes, &from, &pose).ok()?;
+        let apart_deg = distance(&pose, &reached).to_degrees();
+        Some(Measurement::new(Quantity::Degrees, apart_deg, None))
     }
-    let pose = first_entries::<MAX_OUTPUTS>(pose, entries);
-    if !is_finite(&pose) {
-        return Err(Refusal::NotFinite);
-    }
-    if !is_at_rest {
-        return Err(Refusal::Busy);
-    }
-    admission.require_lease(request.client_id)?;
-    let from = joints.setpoint().ok_or(Refusal::DrivesNotReady)?;
-    let wanted = joints.bounds().map_or(pose, |bounds| bounds.clamp(&pose));
-    let inverse = joints.solve(&wanted).map_err(|_| Refusal::BadModel)?;
-    let to = if inverse.clipped {
-        joints.pose(&inverse.counts).map_err(|_| Refusal::BadModel)?
-    } else {
-        wanted
-    };
-    let is_clipped = inverse.clipped || wanted != pose;
-    if !fixtures.allows_line(&from, &to, &joints.goal_space()) {
-        return Err(Refusal::Fixture);
-    }
-    let trajectory = JointTrajectory::new(from, to, is_clipped, limits, now);
-    if trajectory.duration_s() > LONGEST_MOVE.as_seconds() {
-        return Err(Refusal::Range);
-    }
-    Ok(trajectory)
 }

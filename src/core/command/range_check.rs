@@ -1,8 +1,10 @@
 //! Range check: the goals that a servo command may request. Checks 10 to 13 of `admission`.
 
 use crate::config::CommandConfig;
+use crate::core::command::followed_command::FollowedCommand;
 use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::core::joint_space::joint_model::JointModel;
+use crate::core::joint_space::reach::reach;
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
 use crate::core::vector::{distance, first_entries, largest_difference};
@@ -50,29 +52,36 @@ impl RangeCheck {
 
     /// Checks the goal of a command. Returns the goal to follow: the continuation of the followed
     /// goal if it is of the same kind, or a new one, which must begin near the present setpoints.
+    /// Angles out of reach are clipped on the line from the last goal that was in reach.
     pub fn check(
         &self,
         command: &ServoCommand,
-        followed: Option<&ExtrapolatedGoal>,
+        followed: Option<&FollowedCommand>,
         axes: &AxisGroup,
         joints: Option<&JointModel>,
     ) -> Result<ExtrapolatedGoal, Refusal> {
         match command.goal {
             ServoGoal::Joint(angles, entries) => {
-                let before = match followed {
-                    Some(ExtrapolatedGoal::Joint(before)) => Some(before),
-                    Some(ExtrapolatedGoal::Actuator(_)) | None => None,
-                };
+                let before = followed.and_then(FollowedCommand::joint);
                 let joints = joints.ok_or(Refusal::NoModel)?;
                 require(entries as usize == joints.outputs(), Refusal::Malformed)?;
                 let angles = first_entries::<MAX_OUTPUTS>(angles, entries);
-                let last = before.map(|before| before.goal());
+                let last = before.map(|(_, requested)| requested);
                 let is_near = self.is_joint_step_allowed(&angles, last, axes, joints)?;
                 require(is_near, Refusal::Step)?;
-                Ok(ExtrapolatedGoal::Joint(extend(before, angles, command)))
+                let from = before.map(|(goal, _)| *goal.goal()).or(joints.setpoint());
+                // What is not finite here becomes a fault where it is followed.
+                let reached = from.and_then(|from| reach(joints, axes, &from, &angles).ok());
+                Ok(match reached.filter(|reached| *reached != angles) {
+                    // A goal at the border does not run ahead across it.
+                    Some(clipped) => {
+                        ExtrapolatedGoal::Joint(GoalExtrapolation::first(clipped, command.stamp))
+                    }
+                    None => ExtrapolatedGoal::Joint(extend(before.map(|it| it.0), angles, command)),
+                })
             }
             ServoGoal::Actuator(counts, entries) => {
-                let before = match followed {
+                let before = match followed.map(|followed| &followed.goal) {
                     Some(ExtrapolatedGoal::Actuator(before)) => Some(before),
                     Some(ExtrapolatedGoal::Joint(_)) | None => None,
                 };
@@ -92,16 +101,16 @@ impl RangeCheck {
     pub fn step_measurement(
         &self,
         command: &ServoCommand,
-        followed: Option<&ExtrapolatedGoal>,
+        followed: Option<&FollowedCommand>,
         axes: &AxisGroup,
         joints: Option<&JointModel>,
     ) -> Option<Measurement> {
         match command.goal {
             ServoGoal::Joint(angles, entries) => {
                 let joints = joints.filter(|joints| joints.unit() == OutputUnit::Deg)?;
-                let (from, is_first) = match followed {
-                    Some(ExtrapolatedGoal::Joint(before)) => (*before.goal(), false),
-                    Some(ExtrapolatedGoal::Actuator(_)) | None => (joints.setpoint()?, true),
+                let (from, is_first) = match followed.and_then(FollowedCommand::joint) {
+                    Some((_, requested)) => (*requested, false),
+                    None => (joints.setpoint()?, true),
                 };
                 let angles = first_entries::<MAX_OUTPUTS>(angles, entries);
                 let step = distance(&angles, &from).to_degrees();
@@ -109,7 +118,7 @@ impl RangeCheck {
                 Some(Measurement::new(Quantity::Degrees, step, limit))
             }
             ServoGoal::Actuator(counts, entries) => {
-                let (from, is_first) = match followed {
+                let (from, is_first) = match followed.map(|followed| &followed.goal) {
                     Some(ExtrapolatedGoal::Actuator(before)) => (*before.goal(), false),
                     Some(ExtrapolatedGoal::Joint(_)) | None => (axes.setpoints(), true),
                 };

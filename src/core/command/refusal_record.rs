@@ -36,6 +36,8 @@ struct Entry {
     refused: Nanos,
     /// The last refusal is an event already.
     folded: bool,
+    /// The stream was broken off, and goes on.
+    broken_off: bool,
     /// Start and number of events of the present second.
     window: Nanos,
     events: u8,
@@ -60,6 +62,8 @@ impl RefusalRecord {
         let is_repeat = entry.folded && entry.refusals.last == refusal;
         entry.refusals.count = entry.refusals.count.saturating_add(1);
         entry.refusals.last = refusal;
+        let goes_on = entry.broken_off && now.since(entry.refused) < ENTRY_AGE;
+        entry.broken_off = goes_on || refusal == Refusal::BrokenOff;
         entry.refused = now;
         entry.folded = true;
         if now.since(entry.window) >= ENTRY_AGE {
@@ -74,9 +78,16 @@ impl RefusalRecord {
     pub fn accepted(&mut self, client_id: u64) {
         for entry in &mut self.entries {
             if entry.refusals.client_id == client_id {
-                entry.folded = false;
+                (entry.folded, entry.broken_off) = (false, false);
             }
         }
+    }
+
+    /// The client was broken off, and has not been silent since then for as long as an entry lasts.
+    pub fn is_broken_off(&self, client_id: u64, now: Nanos) -> bool {
+        let is_own = |entry: &Entry| entry.broken_off && entry.refusals.client_id == client_id;
+        let own = self.entries.iter().find(|entry| is_own(entry));
+        own.is_some_and(|entry| now.since(entry.refused) < ENTRY_AGE)
     }
 
     /// All entries.

@@ -3,7 +3,7 @@
 
 use crate::core::command::admission::AdmissionContext;
 use crate::core::command::followed_command::FollowedCommand;
-use crate::core::command::move_planning::plan_move;
+use crate::core::command::move_planning::MovePlanning;
 use crate::core::command::range_check::require;
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::DriveSummary;
@@ -20,8 +20,9 @@ use crate::core::outputs::ModelSwapReply;
 use crate::core::states::command_transitions::{CommandEffect, command_effect};
 use crate::core::states::control_state::{ControlState, EnabledActivity, HOLDING};
 use crate::core::states::state_machine::TransitionCause;
+use crate::core::vector::first_entries;
 use crate::robot::{Measurement, Refusal};
-use crate::units::Nanos;
+use crate::units::{Nanos, OutputVec};
 
 impl ControlCycle {
     /// Carries out a state command. Returns the refusal, or [`Refusal::None`], and what was
@@ -37,7 +38,10 @@ impl ControlCycle {
             self.admission.accept_request(client_id);
             return (Refusal::None, None);
         };
-        let measurement = self.request_measurement(refusal, summary);
+        let measurement = match refusal {
+            Refusal::Reach => self.move_planning(summary).measure_reach(request),
+            _ => self.request_measurement(refusal, summary),
+        };
         if self.admission.refuse_request(client_id, refusal, summary.now) {
             let kind = CycleEventKind::RequestRefused { client_id, command, refusal };
             events.push_measured(kind, measurement);
@@ -90,15 +94,17 @@ impl ControlCycle {
                 }
                 ControlState::Enabled(EnabledActivity::Conditioning(cycle))
             }
-            CommandEffect::Move => ControlState::Enabled(EnabledActivity::Moving(plan_move(
-                request,
-                summary.is_at_rest,
-                &self.admission,
-                self.models.active(),
-                &self.fixtures,
-                &self.trajectory_limits,
-                summary.now,
-            )?)),
+            CommandEffect::Hold => {
+                self.admission.break_off(request.client_id, summary.now, events);
+                if self.machine.state().is_holding() {
+                    return Ok(());
+                }
+                HOLDING
+            }
+            CommandEffect::Move => {
+                let trajectory = self.move_planning(summary).plan(request)?;
+                ControlState::Enabled(EnabledActivity::Moving(trajectory))
+            }
             CommandEffect::ChangeFixtures => {
                 return self.change_fixtures(request, summary.now, events);
             }
@@ -109,6 +115,19 @@ impl ControlCycle {
         let cause = TransitionCause::Command(request.command);
         self.machine.change((next, cause), summary.now, events);
         Ok(())
+    }
+
+    fn move_planning(&self, summary: &DriveSummary) -> MovePlanning<'_> {
+        MovePlanning {
+            is_at_rest: summary.is_at_rest,
+            current: self.machine.state().trajectory(),
+            admission: &self.admission,
+            joints: self.models.active(),
+            axes: &self.axes,
+            fixtures: &self.fixtures,
+            limits: &self.trajectory_limits,
+            now: summary.now,
+        }
     }
 
     /// Changes the virtual fixtures. What makes them fewer needs the lease and a robot that follows
@@ -256,7 +275,7 @@ impl ControlCycle {
             self.require_no_fixture()?;
             self.require_known_angles()?;
         }
-        let followed = state.followed_command().map(|followed| &followed.goal);
+        let followed = state.followed_command();
         let goal = self.range_check.check(command, followed, &self.axes, self.models.active())?;
         Ok(FollowedCommand {
             client_id: command.client_id,
@@ -264,6 +283,10 @@ impl ControlCycle {
             stamp: command.stamp,
             deadline,
             goal,
+            requested: match command.goal {
+                ServoGoal::Joint(angles, entries) => first_entries(angles, entries),
+                ServoGoal::Actuator(..) => OutputVec::default(),
+            },
         })
     }
 }

@@ -56,11 +56,11 @@ impl ControlCycle {
     fn clipped_goal(&self, setpoint: &GeneratedSetpoint) -> ClippedGoal {
         let followed = self.machine.state().followed_command();
         let is_angle = { self.models.active() }.is_some_and(|it| it.unit() == OutputUnit::Deg);
-        let requested = followed.and_then(|it| it.goal.joint().filter(|_| is_angle));
+        let requested = followed.filter(|_| is_angle).map(|followed| followed.requested);
         ClippedGoal {
             client_id: followed.map_or(0, |followed| followed.client_id),
             distance_deg: { requested.zip(setpoint.goal) }
-                .map(|(requested, goal)| distance(requested, &goal).to_degrees()),
+                .map(|(requested, goal)| distance(&requested, &goal).to_degrees()),
         }
     }
 }

@@ -43,7 +43,7 @@ impl ControlCycle {
             Refusal::Sequence => self.admission.sequence_measurement(command),
             Refusal::Step => {
                 let state = self.machine.state();
-                let followed = state.followed_command().map(|followed| &followed.goal);
+                let followed = state.followed_command();
                 let joints = self.models.active();
                 self.range_check.step_measurement(command, followed, &self.axes, joints)
             }

@@ -29,8 +29,7 @@ pub(super) struct GeneratedSetpoint {
 
 impl From<&InverseSetpoint> for GeneratedSetpoint {
     fn from(inverse: &InverseSetpoint) -> Self {
-        let motion = Some(inverse.motion);
-        Self { goal: inverse.goal, is_clipped: inverse.is_clipped, motion, ..Self::default() }
+        Self { goal: inverse.goal, motion: Some(inverse.motion), ..Self::default() }
     }
 }
 
@@ -69,6 +68,7 @@ impl MotionTick<'_> {
     ) -> Result<GeneratedSetpoint, NotFinite> {
         let inverse = self.follow_goal(&command.goal)?;
         Ok(GeneratedSetpoint {
+            is_clipped: command.is_clipped(),
             command_stamp: command.stamp,
             command_sequence: command.sequence,
             ..GeneratedSetpoint::from(&inverse)
@@ -98,7 +98,7 @@ impl MotionTick<'_> {
         let is_finished =
             trajectory.is_finished(self.now) && self.axes.all(AxisControl::is_settled);
         Ok(GeneratedSetpoint {
-            is_clipped: inverse.is_clipped || trajectory.is_clipped(),
+            is_clipped: inverse.is_beyond,
             next: is_finished.then_some(EnabledActivity::Holding),
             ..GeneratedSetpoint::from(&inverse)
         })

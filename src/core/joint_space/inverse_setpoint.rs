@@ -8,7 +8,6 @@ use crate::core::motion::joint_filter::GoalStep;
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::difference;
-use crate::model::Inverse;
 use crate::units::{MotorVec, Nanos, OutputVec};
 
 /// Targets of the motors in this tick.
@@ -16,17 +15,10 @@ use crate::units::{MotorVec, Nanos, OutputVec};
 pub(crate) struct InverseSetpoint {
     /// For the gate.
     pub motion: Motion,
-    /// The requested goal, clipped to what can be reached, rad (m); `None` without a model.
+    /// The goal to report, rad (m); `None` without a model.
     pub goal: Option<OutputVec>,
-    pub is_clipped: bool,
-}
-
-/// The inverse of one goal.
-#[derive(Debug, Clone, Copy)]
-struct ClampedInverse {
-    counts: MotorVec,
-    /// The goal is outside of the hull or the position limits.
-    is_clipped: bool,
+    /// The goal of this tick is out of reach: the motors go to what is nearest.
+    pub is_beyond: bool,
 }
 
 /// What moves in a tick.
@@ -60,7 +52,7 @@ impl MotionTick<'_> {
                 Ok(InverseSetpoint {
                     motion: motion(&self.axes.clamp(here), &self.axes.clamp(before), false),
                     goal: pose,
-                    is_clipped: false,
+                    is_beyond: false,
                 })
             }
         }
@@ -76,7 +68,6 @@ impl MotionTick<'_> {
         // Angles are only accepted, and trajectories only planned, with a model.
         let joints = self.joints.as_deref_mut().ok_or(NotFinite)?;
         let start = joints.setpoint().ok_or(NotFinite)?;
-        let wanted = joints.bounds().map_or(*requested, |bounds| bounds.clamp(requested));
         let filtered = joints.filter_goal(goal)?;
         let filtered = self.fixtures.limit(filtered, start, &joints.goal_space());
         let dead_banded = joints.dead_band_goal(&filtered.now);
@@ -84,53 +75,20 @@ impl MotionTick<'_> {
         let goal_now = joints.blend_goal(dead_banded.goal, self.now);
         let goal_before = joints.blend_goal(before, self.now - self.period);
         joints.set_goal_motion(difference(&goal_now, &goal_before));
-        let goal_end = if goal_now == goal_before && filtered.now == wanted {
-            goal_now
+        let [inverse, inverse_before] = if goal_before == goal_now {
+            [joints.solve(&goal_now)?; 2]
         } else {
-            joints.blend_goal(wanted, self.now)
+            joints.solve_each(&[goal_now, goal_before])?
         };
-        let [inverse_now, inverse_before, end] =
-            clamped_inverses(&goal_now, &goal_before, &goal_end, self.axes, joints)?;
-        joints.set_search_start(inverse_now.counts);
-        let goal = if self.fixtures.limited_by().is_some() {
-            filtered.now
-        } else if end.is_clipped {
-            joints.pose(&end.counts)?
-        } else {
-            wanted
-        };
+        let counts = self.axes.clamp(inverse.counts);
+        joints.set_search_start(counts);
+        let is_limited = self.fixtures.limited_by().is_some();
         Ok(InverseSetpoint {
-            motion: motion(&inverse_now.counts, &inverse_before.counts, true),
-            goal: Some(goal),
-            is_clipped: end.is_clipped || wanted != *requested,
+            motion: motion(&counts, &self.axes.clamp(inverse_before.counts), true),
+            goal: Some(if is_limited { filtered.now } else { *requested }),
+            is_beyond: inverse.clipped || counts != inverse.counts,
         })
     }
-}
-
-/// The inverses of the goal now, of the goal before, and of the end. Each is computed once.
-fn clamped_inverses(
-    now: &OutputVec,
-    before: &OutputVec,
-    end: &OutputVec,
-    axes: &AxisGroup,
-    joints: &JointModel,
-) -> Result<[ClampedInverse; 3], NotFinite> {
-    let clamped = |inverse: &Inverse| {
-        let counts = axes.clamp(inverse.counts);
-        ClampedInverse { counts, is_clipped: inverse.clipped || counts != inverse.counts }
-    };
-    Ok(match (before == now, end == now) {
-        (true, true) => [clamped(&joints.solve(now)?); 3],
-        (true, false) => {
-            let [now, end] = joints.solve_each(&[*now, *end])?;
-            [clamped(&now), clamped(&now), clamped(&end)]
-        }
-        (false, true) => {
-            let [now, before] = joints.solve_each(&[*now, *before])?;
-            [clamped(&now), clamped(&before), clamped(&now)]
-        }
-        (false, false) => joints.solve_each(&[*now, *before, *end])?.each_ref().map(clamped),
-    })
 }
 
 fn motion(now: &MotorVec, before: &MotorVec, in_hull: bool) -> Motion {

@@ -5,4 +5,5 @@ pub(super) mod inverse_setpoint;
 pub(super) mod joint_model;
 mod model_blend;
 pub(super) mod position_history;
+pub(super) mod reach;
 mod velocity_estimate;

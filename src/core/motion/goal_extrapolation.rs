@@ -39,14 +39,6 @@ pub(crate) enum ExtrapolatedGoal {
 }
 
 impl ExtrapolatedGoal {
-    /// The last goal in joint space; `None` for one in counts.
-    pub fn joint(&self) -> Option<&[f64; MAX_OUTPUTS]> {
-        match self {
-            Self::Joint(goal) => Some(goal.goal()),
-            Self::Actuator(_) => None,
-        }
-    }
-
     pub fn is_joint(&self) -> bool {
         matches!(self, Self::Joint(_))
     }

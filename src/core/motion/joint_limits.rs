@@ -52,6 +52,18 @@ impl JointBounds {
         largest_difference(pose, &self.clamp(pose))
     }
 
+    /// How much of a straight line keeps the position limits, 0 to 1. It begins within them.
+    pub fn share_of_line(&self, from: &OutputVec, to: &OutputVec) -> f64 {
+        let clamped = self.clamp(to);
+        let mut share = 1.0_f64;
+        for ((from, to), clamped) in from.iter().zip(to).zip(&clamped) {
+            if to != clamped {
+                share = share.min((clamped - from) / (to - from));
+            }
+        }
+        share
+    }
+
     /// The largest step of every output after a step `last`, which had grown by `growth`. What
     /// slows down is not limited: a stop is short. `margin`: a factor on all limits.
     pub fn largest_step(

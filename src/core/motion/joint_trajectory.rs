@@ -1,4 +1,7 @@
 //! Joint trajectory of `move_jp`: a straight line in joint space, from rest to rest.
+//!
+//! A trajectory that takes the place of another one begins where that can come to rest soonest. Both
+//! together are one motion without a jump, within the same limits.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,56 +12,96 @@ use crate::units::{Nanos, OutputVec};
 /// A trajectory in progress.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct JointTrajectory {
-    /// Start, rad.
+    /// Who asked for it.
+    client_id: u64,
+    /// The line that comes to rest before this one starts, if there is any.
+    before: Option<Line>,
+    line: Line,
+}
+
+/// A straight line from rest to rest.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct Line {
+    /// rad.
     from: OutputVec,
-    /// End, rad.
     to: OutputVec,
-    /// The requested pose cannot be reached: the end is the nearest pose that can.
-    is_clipped: bool,
     curve: SCurve,
     started: Nanos,
+}
+
+impl Line {
+    /// The fastest motion within the limits.
+    fn new(from: OutputVec, to: OutputVec, limits: &TrajectoryLimits, started: Nanos) -> Self {
+        Self { from, to, curve: SCurve::new(distance(&to, &from), limits), started }
+    }
+
+    /// The same motion until `now`, and to rest as soon as the limits allow it.
+    fn shortened(&self, now: Nanos) -> Self {
+        let curve = self.curve.shortened(now.since(self.started).as_seconds());
+        let share = curve.length() / self.curve.length();
+        let to = if share < 1.0 { interpolate(&self.from, &self.to, share) } else { self.to };
+        Self { curve, to, ..*self }
+    }
+
+    fn position_at(&self, now: Nanos) -> OutputVec {
+        let fraction = self.curve.fraction(now.since(self.started).as_seconds());
+        interpolate(&self.from, &self.to, fraction)
+    }
+
+    fn ends(&self) -> Nanos {
+        self.started + Nanos((self.curve.duration_s() * 1e9).ceil() as u64)
+    }
 }
 
 impl JointTrajectory {
     /// The fastest trajectory within the limits, starting now.
     pub fn new(
+        client_id: u64,
         from: OutputVec,
         to: OutputVec,
-        is_clipped: bool,
         limits: &TrajectoryLimits,
         now: Nanos,
     ) -> Self {
-        Self {
-            from,
-            to,
-            is_clipped,
-            curve: SCurve::new(distance(&to, &from), limits),
-            started: now,
-        }
+        Self { client_id, before: None, line: Line::new(from, to, limits, now) }
     }
 
-    /// Duration from rest to rest, s.
-    pub fn duration_s(&self) -> f64 {
-        self.curve.duration_s()
+    /// This trajectory until now, then to rest, and from there to another end.
+    pub fn turned(&self, to: OutputVec, limits: &TrajectoryLimits, now: Nanos) -> Self {
+        let before = match self.before {
+            Some(before) if now < self.line.started => before,
+            _ => self.line.shortened(now),
+        };
+        let line = Line::new(before.to, to, limits, before.ends());
+        Self { before: Some(before), line, ..*self }
+    }
+
+    pub fn client_id(&self) -> u64 {
+        self.client_id
+    }
+
+    /// When it is at rest at its end.
+    pub fn end_time(&self) -> Nanos {
+        self.line.ends()
     }
 
     /// Position at a time, rad.
     pub fn position_at(&self, now: Nanos) -> OutputVec {
-        let fraction = self.curve.fraction(now.since(self.started).as_seconds());
-        interpolate(&self.from, &self.to, fraction)
+        let before = self.before.filter(|_| now < self.line.started);
+        before.unwrap_or(self.line).position_at(now)
+    }
+
+    /// Start of the line to the end, rad.
+    pub fn start(&self) -> &OutputVec {
+        &self.line.from
     }
 
     /// End, rad.
     pub fn end(&self) -> &OutputVec {
-        &self.to
-    }
-
-    pub fn is_clipped(&self) -> bool {
-        self.is_clipped
+        &self.line.to
     }
 
     pub fn is_finished(&self, now: Nanos) -> bool {
-        now.since(self.started).as_seconds() >= self.curve.duration_s()
+        now >= self.end_time()
     }
 }
 
@@ -71,7 +114,7 @@ mod tests {
         let limits = TrajectoryLimits { velocity: 10.0, acceleration: 100.0, jerk: 2000.0 };
         let (from, to) = ([0.1, 0.2, 0.0], [0.3, 1.4, 0.0]);
         let started = Nanos::from_millis(1000);
-        let trajectory = JointTrajectory::new(from, to, false, &limits, started);
+        let trajectory = JointTrajectory::new(7, from, to, &limits, started);
         assert_eq!(trajectory.position_at(started), from);
         let mut ticks = 0;
         let mut now = started;

@@ -76,6 +76,29 @@ impl SCurve {
         }
     }
 
+    /// The motion that is the same until a time, and then comes to rest as soon as it can: the
+    /// acceleration ends at once, and there is no more cruise.
+    pub fn shortened(&self, time_s: f64) -> Self {
+        let constant_s = (time_s - self.jerk_s).clamp(0.0, self.constant_acceleration_s);
+        let cruise_s = (time_s - 2.0 * self.jerk_s - self.constant_acceleration_s).max(0.0);
+        if cruise_s >= self.cruise_s {
+            return *self;
+        }
+        let jerk_s = time_s.clamp(0.0, self.jerk_s);
+        let peak = self.jerk * jerk_s * (jerk_s + constant_s);
+        Self {
+            length: peak * (2.0 * jerk_s + constant_s + cruise_s),
+            jerk_s,
+            constant_acceleration_s: constant_s,
+            cruise_s,
+            ..*self
+        }
+    }
+
+    pub fn length(&self) -> f64 {
+        self.length
+    }
+
     /// Duration, s.
     pub fn duration_s(&self) -> f64 {
         4.0 * self.jerk_s + 2.0 * self.constant_acceleration_s + self.cruise_s

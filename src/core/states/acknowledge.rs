@@ -37,7 +37,7 @@ pub(super) fn acknowledge(
         let (cause, stage) = (fault.cause, FaultStage::Resetting { since });
         Ok(ControlState::Fault(FaultState { cause, stage }))
     } else {
-        Ok(ControlState::Disabled(DisabledActivity::PoweringOff { since }))
+        Ok(ControlState::Disabled(DisabledActivity::powering_off(since)))
     }
 }
 
@@ -49,7 +49,7 @@ pub(super) fn update_reset(
 ) -> Option<Transition> {
     let now = summary.now;
     if summary.is_reset_done {
-        let off = ControlState::Disabled(DisabledActivity::PoweringOff { since: now });
+        let off = ControlState::Disabled(DisabledActivity::powering_off(now));
         let command = StateCommand::Acknowledge;
         Some((off, TransitionCause::Progress(Some(command))))
     } else if now.since(since) >= RESET_TIMEOUT {

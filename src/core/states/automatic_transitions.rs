@@ -56,7 +56,7 @@ fn update_disabled(activity: &DisabledActivity, summary: &DriveSummary) -> Optio
     };
     match *activity {
         // A drive was left on, or was changing its phase when the demand changed.
-        Idle if !summary.is_off() => step(PoweringOff { since: now }),
+        Idle if !summary.is_off() => step(DisabledActivity::powering_off(now)),
         Enabling { .. } if summary.all_in(AxisPhase::Enabled) => {
             let enabled = ControlState::Enabled(EnabledActivity::Holding);
             let cause = TransitionCause::Progress(Some(StateCommand::Enable));
@@ -64,12 +64,21 @@ fn update_disabled(activity: &DisabledActivity, summary: &DriveSummary) -> Optio
         }
         Enabling { since } if has_passed(since, DRIVE_TIMEOUT) => timeout(),
         Homing { since } => update_homing(since, summary),
-        Stopping { since } if summary.is_at_rest || has_passed(since, STOP_TIMEOUT) => {
-            step(Settling { since: now })
+        Stopping { since, then_enable }
+            if summary.is_at_rest || has_passed(since, STOP_TIMEOUT) =>
+        {
+            step(Settling { since: now, then_enable })
         }
-        Settling { since } if has_passed(since, SETTLE_TIME) => step(PoweringOff { since: now }),
-        PoweringOff { since } if summary.is_off() && has_passed(since, SETTLE_TIME) => step(Idle),
-        PoweringOff { since } if has_passed(since, DRIVE_TIMEOUT) => timeout(),
+        Settling { since, then_enable } if has_passed(since, SETTLE_TIME) => {
+            step(PoweringOff { since: now, then_enable })
+        }
+        PoweringOff { since, then_enable }
+            if summary.is_off() && has_passed(since, SETTLE_TIME) =>
+        {
+            let may_enable = then_enable && summary.require_enabling().is_ok();
+            step(if may_enable { Enabling { since: now } } else { Idle })
+        }
+        PoweringOff { since, .. } if has_passed(since, DRIVE_TIMEOUT) => timeout(),
         Idle | Enabling { .. } | Stopping { .. } | Settling { .. } | PoweringOff { .. } => None,
     }
 }

@@ -4,7 +4,7 @@
 use crate::core::drive_status::DriveSummary;
 use crate::core::states::acknowledge::acknowledge;
 use crate::core::states::control_state::{
-    ALL_OFF, ControlState, DisabledActivity, EnabledActivity, FaultStage, FaultState, HOLDING,
+    ALL_OFF, ControlState, DisabledActivity, FaultStage, FaultState, HOLDING,
 };
 use crate::core::states::homing::start_homing;
 use crate::robot::{Refusal, StateCommand};
@@ -24,6 +24,8 @@ pub(crate) enum CommandEffect {
     Unhome,
     /// A conditioning cycle starts, if the lease and the position limits allow it.
     Condition,
+    /// Nothing is followed any more, and the stream of another client breaks off.
+    Hold,
     /// A trajectory to a pose starts, if lease, model and pose allow it.
     Move,
     /// The lease is given back, if the client has it.
@@ -46,7 +48,7 @@ pub(crate) fn command_effect(
         StateCommand::Home => start_homing(state, summary).map(CommandEffect::Home),
         StateCommand::Unhome => state.require_idle().map(|()| CommandEffect::Unhome),
         StateCommand::Condition => {
-            require_motion_allowed(state, summary).map(|()| CommandEffect::Condition)
+            require_motion_allowed(command, state, summary).map(|()| CommandEffect::Condition)
         }
         StateCommand::Acknowledge => Ok(match acknowledge(state, summary)? {
             resetting @ ControlState::Fault(_) => CommandEffect::ResetFaults(resetting),
@@ -55,38 +57,46 @@ pub(crate) fn command_effect(
         StateCommand::Release => Ok(CommandEffect::Release),
         StateCommand::Hold => hold(state),
         StateCommand::Fixture => Ok(CommandEffect::ChangeFixtures),
-        StateCommand::Move => require_motion_allowed(state, summary).map(|()| CommandEffect::Move),
+        StateCommand::Move => {
+            require_motion_allowed(command, state, summary).map(|()| CommandEffect::Move)
+        }
     }
 }
 
 fn enable(state: &ControlState, summary: &DriveSummary) -> Result<CommandEffect, Refusal> {
-    state.require_idle()?;
-    summary.require_ready()?;
-    if !summary.is_homed {
-        return Err(Refusal::NotHomed);
-    }
-    if !summary.is_in_range {
-        return Err(Refusal::Range);
-    }
-    let since = summary.now;
-    let enabling = ControlState::Disabled(DisabledActivity::Enabling { since });
-    Ok(CommandEffect::Change(enabling))
+    let going_off = match state {
+        ControlState::Disabled(activity) => activity.then(true),
+        ControlState::Enabled(_) | ControlState::Paused | ControlState::Fault(_) => None,
+    };
+    let enabling = if let Some(going_off) = going_off {
+        summary.require_zero_and_range()?;
+        going_off
+    } else {
+        state.require_idle()?;
+        summary.require_enabling()?;
+        DisabledActivity::Enabling { since: summary.now }
+    };
+    Ok(CommandEffect::Change(ControlState::Disabled(enabling)))
 }
 
 /// No state refuses it: it is how the operator switches the robot off. Only a request without a
 /// client id is refused, before.
 pub(crate) fn disable(state: &ControlState, summary: &DriveSummary) -> CommandEffect {
-    use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
+    use DisabledActivity::{Enabling, Homing, Stopping};
     let since = summary.now;
     match state {
-        ControlState::Disabled(Idle | Stopping { .. } | Settling { .. } | PoweringOff { .. }) => {
-            CommandEffect::NoChange
-        }
         ControlState::Disabled(Enabling { .. } | Homing { .. }) => {
-            CommandEffect::Change(ControlState::Disabled(PoweringOff { since }))
+            CommandEffect::Change(ControlState::Disabled(DisabledActivity::powering_off(since)))
         }
+        ControlState::Disabled(activity) => match activity.then(false) {
+            Some(going_off) if going_off != *activity => {
+                CommandEffect::Change(ControlState::Disabled(going_off))
+            }
+            Some(_) | None => CommandEffect::NoChange,
+        },
         ControlState::Enabled(_) | ControlState::Paused => {
-            CommandEffect::Change(ControlState::Disabled(Stopping { since }))
+            let stopping = Stopping { since, then_enable: false };
+            CommandEffect::Change(ControlState::Disabled(stopping))
         }
         ControlState::Fault(fault) => match fault.stage {
             FaultStage::Latched { demands, .. } if demands != ALL_OFF => {
@@ -116,17 +126,21 @@ fn resume(state: &ControlState) -> Result<CommandEffect, Refusal> {
 
 fn hold(state: &ControlState) -> Result<CommandEffect, Refusal> {
     match state {
-        ControlState::Enabled(EnabledActivity::Holding) | ControlState::Paused => {
-            Ok(CommandEffect::NoChange)
-        }
-        ControlState::Enabled(_) => Ok(CommandEffect::Change(HOLDING)),
+        ControlState::Enabled(_) | ControlState::Paused => Ok(CommandEffect::Hold),
         ControlState::Disabled(_) | ControlState::Fault(_) => Err(powered_only(state)),
     }
 }
 
 /// Conditions of a conditioning cycle and of a trajectory: the same as of a servo command.
-fn require_motion_allowed(state: &ControlState, summary: &DriveSummary) -> Result<(), Refusal> {
-    state.require_unoccupied()?;
+fn require_motion_allowed(
+    command: StateCommand,
+    state: &ControlState,
+    summary: &DriveSummary,
+) -> Result<(), Refusal> {
+    // Whether a move takes the place of one in progress depends on who asks for it.
+    if state.trajectory().is_none() || command != StateCommand::Move {
+        state.require_unoccupied()?;
+    }
     match state {
         ControlState::Enabled(_) if !summary.is_homed => Err(Refusal::NotHomed),
         ControlState::Enabled(_) if !summary.is_fresh() => Err(Refusal::DrivesNotReady),

@@ -23,7 +23,7 @@
 //!
 //! | command | DISABLED | DISABLED, busy | ENABLED | PAUSED | FAULT | FAULT, busy |
 //! |---|---|---|---|---|---|---|
-//! | `enable` | enabling (1) | Busy | State | State | State | State |
+//! | `enable` | enabling (1) | Busy (9) | State | State | State | State |
 //! | `disable` | no change | powering off (2) | stopping | stopping | drives off | no change |
 //! | `pause` | State | Busy | PAUSED | no change | State | State |
 //! | `resume` | State | Busy | State | ENABLED, holding | State | State |
@@ -31,7 +31,7 @@
 //! | `unhome` | zero invalid | Busy | State | State | State | State |
 //! | `condition` | State | Busy | conditioning cycle, busy (6) | State | State | State |
 //! | `acknowledge` | State | State | State | State | (4) | Busy |
-//! | `hold` | State | Busy | holding | no change | State | State |
+//! | `hold` | State | Busy | holding (10) | no change (10) | State | State |
 //! | `move` | State | Busy | trajectory, busy (7) | State | State | State |
 //! | `release` | (5) | (5) | (5), holding | (5) | (5) | (5) |
 //! | `fixture` | (8) | (8) | (8) | (8) | (8) | (8) |
@@ -44,7 +44,8 @@
 //! 1. DrivesNotReady unless every drive is in phase Disabled with a fresh position. NotHomed unless
 //!    every axis has a valid zero: without it, position limits mean nothing, here and in the drive.
 //!    Range if a motor is outside its position limits, because a drive clamps its target to them.
-//! 2. No change from stopping, settling and powering off: it is in progress.
+//! 2. No change from stopping, settling and powering off: it is in progress. FAULT stays until it is
+//!    acknowledged, and the reply says FAULT.
 //! 3. DrivesNotReady as for `enable`. The drive does the homing itself: a counter is raised, and
 //!    the drive answers with it. Fixture if a drive would search for a hard stop while fixtures
 //!    count.
@@ -64,8 +65,9 @@
 //! 7. By the request `move_jp`. Refused in this order: Busy, NotHomed and DrivesNotReady as for
 //!    (6), Malformed without a pose, NoModel, Malformed with a wrong number of entries, Unsupported
 //!    for a model of the tip position, NotFinite, Busy while a setpoint moves, Lease if another
-//!    client holds it. A pose outside the hull or the joint limits is clipped to them and
-//!    reported. Otherwise as (6):
+//!    client holds it, Reach for a pose outside the hull, the position limits or the joint limits,
+//!    Fixture, Range. A second one of the same client takes the place of the first, which comes to
+//!    rest before; for other clients the robot is Busy. Otherwise as (6):
 //!    servo commands are refused with Busy meanwhile, and the same events end it. There is no
 //!    time-out: the trajectory ends at rest after a time that is known when it starts, at most
 //!    [`LONGEST_MOVE`](crate::core::LONGEST_MOVE) (Range for a longer one), and a client that dies
@@ -76,6 +78,11 @@
 //!    if another client holds it, Busy while a goal in joint space is followed. Range when there is
 //!    no place for one more. While fixtures count, servo commands in counts and `condition` are
 //!    refused with Fixture, and `move` if its line meets one.
+//! 9. While the drives go off, `enable` is carried out as soon as they are off, under the same
+//!    conditions. `disable` takes it back.
+//! 10. Of a client that does not hold the lease, `hold` frees it. The stream that it breaks off is
+//!     refused with BrokenOff until its client has been silent for a second, and so is any other
+//!     that goes on.
 
 use serde::{Deserialize, Serialize};
 
@@ -107,7 +114,8 @@ pub(crate) enum ControlState {
     Fault(FaultState),
 }
 
-/// Activity in DISABLED. `since`: when it began.
+/// Activity in DISABLED. `since`: when it began. `then_enable`: `enable` was asked for meanwhile, and
+/// is carried out when the drives are off.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum DisabledActivity {
     /// None: drives are off, starting or lost.
@@ -117,11 +125,28 @@ pub(crate) enum DisabledActivity {
     /// Drives search for their zero.
     Homing { since: Nanos },
     /// The setpoints slow down before power goes off.
-    Stopping { since: Nanos },
+    Stopping { since: Nanos, then_enable: bool },
     /// The setpoints are at rest; the motors come to rest before power goes off.
-    Settling { since: Nanos },
+    Settling { since: Nanos, then_enable: bool },
     /// Drives are being switched off.
-    PoweringOff { since: Nanos },
+    PoweringOff { since: Nanos, then_enable: bool },
+}
+
+impl DisabledActivity {
+    pub fn powering_off(since: Nanos) -> Self {
+        Self::PoweringOff { since, then_enable: false }
+    }
+
+    /// The same, and whether the drives are enabled after it; `None` unless they are going off.
+    pub fn then(mut self, enable: bool) -> Option<Self> {
+        match &mut self {
+            Self::Stopping { then_enable, .. }
+            | Self::Settling { then_enable, .. }
+            | Self::PoweringOff { then_enable, .. } => *then_enable = enable,
+            Self::Idle | Self::Enabling { .. } | Self::Homing { .. } => return None,
+        }
+        Some(self)
+    }
 }
 
 /// Activity in ENABLED.
@@ -220,8 +245,16 @@ impl ControlState {
         matches!(self, Self::Enabled(EnabledActivity::Conditioning(_)))
     }
 
+    /// The trajectory in progress.
+    pub fn trajectory(&self) -> Option<&JointTrajectory> {
+        match self {
+            Self::Enabled(EnabledActivity::Moving(trajectory)) => Some(trajectory),
+            Self::Disabled(_) | Self::Enabled(_) | Self::Paused | Self::Fault(_) => None,
+        }
+    }
+
     fn is_moving(&self) -> bool {
-        matches!(self, Self::Enabled(EnabledActivity::Moving(_)))
+        self.trajectory().is_some()
     }
 
     /// A conditioning cycle or a trajectory is in progress.

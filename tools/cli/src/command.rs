@@ -257,7 +257,13 @@ fn print_state(
         .to_string()
     } else {
         let how = if is_done { "done" } else { "accepted" };
-        format!("{how}: {command}; the controller is {state}")
+        let stays = match (command, state) {
+            (StateCommand::Disable, OperatingState::Fault) => {
+                " until `i2ris command state acknowledge`; its drives are switched off"
+            }
+            _ => "",
+        };
+        format!("{how}: {command}; the controller is {state}{stays}")
     };
     until_closed(Screen::stdout().say(&report))?;
     Ok(())

@@ -17,7 +17,7 @@
 - A command that is refused raises ``Refused`` with the reason, also a command of a stream: the next ``servo_jp`` after
   the refusal raises.
 - ``enable``, ``home``, ``move_jp`` and the like return when the controller has accepted them. ``wait()`` of the result
-  returns when they are carried out, and raises when they cannot be: ``Fault``, ``Stopped``, ``OutOfReach``.
+  returns when they are carried out, and raises when they cannot be: ``Fault``, ``Stopped``.
 - Send ``servo_jp`` faster than the deadline (default 50 ms), or the robot stops and holds.
 - At the end of the ``with`` block, also after an exception, the robot holds and the lease is free. Without ``with``, as
   in a notebook, ``arm = Arm()`` connects; ``arm.close()`` or the end of Python holds and frees the lease.
@@ -131,6 +131,8 @@ MODEL_REPLY_TIMEOUT_S = 30.0
 DRIVES_TIMEOUT_S = 15.0
 #: Refusal while they are.
 DRIVES_NOT_READY = 16
+#: Refusal of a pose that cannot be reached.
+OUT_OF_REACH = 23
 #: Distance of the set-point from the goal at which a motion has arrived, deg: rounding to counts, and the dead-band.
 ARRIVAL_DEG = 0.5
 #: Time for the first message of a stream: the slowest one that a client needs comes once a second, s.
@@ -154,15 +156,9 @@ class Operation:
         return state is not None and state.stamp_ns > self._accepted_ns and not state.busy
 
     def wait(self, timeout_s: float = 300.0) -> OperatingState:
-        """Waits until it is carried out. Raises ``Fault``, ``Stopped``, ``OutOfReach`` or ``TimeoutError``."""
-        clipped: np.ndarray | None = None
+        """Waits until it is carried out. Raises ``Fault``, ``Stopped`` or ``TimeoutError``."""
 
         def ended(state: OperatingState) -> bool:
-            nonlocal clipped
-            if self._goal is not None:
-                goal = self._arm.goal_js()
-                if goal is not None and goal.stamp_ns > self._accepted_ns and goal.clipped and state.busy:
-                    clipped = goal.position
             return state.stamp_ns > self._accepted_ns and not state.busy
 
         state = self._arm.wait_for(ended, timeout_s)
@@ -170,11 +166,6 @@ class Operation:
             raise self._arm._fault(state, f"{self._name}: ")
         if not self._done(state):
             raise Stopped(f"{self._name}: ended before it was carried out; the robot is {state.state}")
-        if clipped is not None and self._goal is not None:
-            raise OutOfReach(
-                f"{self._name}: {np.degrees(self._goal).round(2)} deg is out of reach; the robot went to about "
-                f"{np.degrees(clipped).round(2)} deg"
-            )
         if self._goal is not None:
             self._check_arrival()
         return state
@@ -186,7 +177,7 @@ class Operation:
             return
         away = np.degrees(np.linalg.norm(setpoint.position - self._goal))
         if away > ARRIVAL_DEG:
-            raise Stopped(f"{self._name}: the set-point is {away:.2f} deg away from the goal: stopped, or out of reach")
+            raise Stopped(f"{self._name}: the set-point is {away:.2f} deg away from the goal: stopped")
 
 
 class Arm:
@@ -288,14 +279,23 @@ class Arm:
         return self._send("i2ris/servo_jp", command)
 
     def move_jp(self, position: Sequence[float] | np.ndarray) -> Operation:
-        """Move to these angles, rad, from rest to rest with limited jerk. ``move_jp(...).wait()`` waits for the end."""
+        """Move to these angles, rad, from rest to rest with limited jerk. ``move_jp(...).wait()`` waits for the end.
+
+        Raises ``OutOfReach``, and nothing moves, for a pose that cannot be reached. A move in progress gives way to
+        the next one of the same client.
+        """
         if not 1 <= len(position) <= 3:
             raise ValueError("1 to 3 values")
         goal = np.array([float(value) for value in position])
         request = MoveRequest(client_id=self._client_id, count=len(goal))
         request.position[: len(goal)] = list(goal)
         operation = Operation(self, "move_jp", lambda state: state.state == "ENABLED", goal)
-        self._accepted("move_jp", self._request("i2ris/move_jp", request, StateCommandReply))
+        try:
+            self._accepted("move_jp", self._request("i2ris/move_jp", request, StateCommandReply))
+        except Refused as refused:
+            if refused.code == OUT_OF_REACH:
+                raise OutOfReach(f"{np.degrees(goal).round(2)} deg: {refused}") from refused
+            raise
         self._commanded = True
         return operation
 

@@ -41,6 +41,8 @@ REFUSALS: dict[int, str] = {
     20: "the model is refused",
     21: "busy: the conditioning cycle is running; it ends by itself",
     22: "a virtual fixture is in the way",
+    23: "the pose is out of reach",
+    24: "another client holds the robot, and broke this stream off",
 }
 STOPS: dict[int, str] = {
     1: "commands came later than their deadline, and the robot stopped in between",
@@ -84,6 +86,8 @@ ADVICE: dict[tuple[int, int], str] = {
     (2, 20): "read the reason in the controller's answer to `i2ris model stage`",
     (2, 21): "wait until it is done, or `i2ris command state hold`",
     (2, 22): "go around the region (`i2ris command fixture list`), or switch the fixtures off",
+    (2, 23): "command less, or calibrate a wider range",
+    (2, 24): "stop sending for a second, then begin where the snake is",
     (3, 1): "send faster, or with a longer deadline; look at the load of the computer",
     (3, 2): "check cable and supply (`i2ris doctor`)",
     (4, 1): "command less, or calibrate a wider range",

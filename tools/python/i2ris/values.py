@@ -73,7 +73,7 @@ class Stopped(Exception):
 
 
 class OutOfReach(Exception):
-    """The pose was clipped to the calibrated hull and the position limits."""
+    """The pose is outside the calibrated hull, the position limits or the joint limits."""
 
 
 class NoReply(Exception):

@@ -118,6 +118,7 @@ impl Robot {
             StateCommand::Enable if self.state == OperatingState::Enabled => Refusal::State,
             StateCommand::Enable if !self.homed => Refusal::NotHomed,
             StateCommand::Enable => self.change(OperatingState::Enabled),
+            StateCommand::Disable if self.state == OperatingState::Fault => Refusal::None,
             StateCommand::Disable => self.change(OperatingState::Disabled),
             StateCommand::Home => {
                 self.homed = true;

@@ -165,6 +165,14 @@ fn states_are_changed_or_the_refusal_is_told() {
 }
 
 #[test]
+fn disable_in_fault_says_that_the_fault_stays() {
+    let controller = Controller::enabled();
+    controller.robot().state = OperatingState::Fault;
+    let output = succeeds(&controller.domain, "command state disable");
+    assert_says(&output, &["is FAULT until `i2ris command state acknowledge`"]);
+}
+
+#[test]
 fn a_pose_out_of_reach_is_reported_at_once_and_is_no_success() {
     let controller = Controller::enabled();
     controller.robot().reach = 20.0;
