@@ -30,7 +30,8 @@ from cyclonedds.util import duration
 
 DEPTH = 10
 
-# This computer only, as rmw_cyclonedds does with ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST.
+# This computer only, also without a network. rmw_cyclonedds names no interface with
+# ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: it takes the one of the network.
 LOCALHOST = """
 <CycloneDDS><Domain>
   <General>

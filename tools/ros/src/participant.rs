@@ -1,19 +1,23 @@
 //! Joining the network of ROS 2, or only this computer.
 //!
-//! The filter of RustDDS concerns what it announces; its sockets still listen on all interfaces, so
-//! a computer that knows the ports could take part. A socket that is bound to the device `lo` hears
-//! only this computer.
+//! RustDDS listens on all interfaces, begins to read while it is made, and can be kept from a network
+//! only in what it announces. So [`bind`] takes care of every socket before it has a port. All drop
+//! what came over another device than `lo`, and what is sent to groups leaves by `lo` only. Other
+//! messages go to the addresses that programs announce, and only those of this computer are heard.
+//!
+//! All addresses of this computer are announced, and the socket that sends is bound to no device:
+//! Cyclone DDS 11, which is part of Lyrical, hears nobody who announces no address in the network
+//! that it uses, or whose messages come over another device, also on the same computer.
 
-use std::collections::BTreeSet;
 use std::ffi::OsString;
-use std::fs;
 use std::io;
-use std::net::{IpAddr, Ipv4Addr};
-use std::os::fd::{BorrowedFd, RawFd};
+use std::net::{IpAddr, Ipv4Addr, SocketAddrV4, UdpSocket};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, RawFd};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use nix::sys::socket::sockopt::{BindToDevice, SockType as SockTypeOption};
-use nix::sys::socket::{AddressFamily, SockType, SockaddrLike, SockaddrStorage};
-use nix::sys::socket::{getsockname, getsockopt, setsockopt};
+use nix::libc::{self, c_int, sock_filter, sock_fprog, sockaddr, sockaddr_in, socklen_t};
+use nix::sys::socket::setsockopt;
+use nix::sys::socket::sockopt::BindToDevice;
 use ros2_client::{Context, Node, NodeName, NodeOptions};
 use rustdds::DomainParticipantBuilder;
 
@@ -25,6 +29,9 @@ pub const LARGEST_DOMAIN: u16 = 232;
 /// The name of the node.
 pub const NODE: &str = "i2ris_ros";
 
+/// Whether sockets that are opened now are for this computer only.
+static ONLY_HERE: AtomicBool = AtomicBool::new(false);
+
 /// Joins a domain of ROS with a node of this name. Without networks only this computer is reached,
 /// whatever its interfaces are; with networks the interfaces that have these addresses, and this
 /// computer.
@@ -33,21 +40,17 @@ pub const NODE: &str = "i2ris_ros";
 ///
 /// The participant cannot be created, or cannot be kept from the network.
 pub fn join(domain: u16, networks: &[IpAddr], name: &str) -> Result<(Context, Node), RosError> {
-    let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
-    let mut addresses = networks.to_vec();
-    if !addresses.contains(&here) {
-        addresses.push(here);
-    }
     let failed = |reason: String| RosError::Join { domain, reason };
-    let before = udp_sockets().map_err(RosError::Loopback)?;
-    let participant = DomainParticipantBuilder::new(domain)
-        .with_only_networks(addresses)
-        .same_host_loopback(true)
-        .build()
-        .map_err(|error| failed(error.to_string()))?;
+    let mut builder = DomainParticipantBuilder::new(domain).same_host_loopback(true);
+    ONLY_HERE.store(networks.is_empty(), Ordering::Relaxed);
     if networks.is_empty() {
-        keep_on_loopback(&before).map_err(RosError::Loopback)?;
+        // Where that is not possible the reason is known.
+        UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).map_err(RosError::Loopback)?;
+    } else {
+        let here = IpAddr::V4(Ipv4Addr::LOCALHOST);
+        builder = builder.with_only_networks(networks.iter().copied().chain([here]));
     }
+    let participant = builder.build().map_err(|error| failed(error.to_string()))?;
     let context = Context::from_domain_participant(participant);
     let context = context.map_err(|error| failed(error.to_string()))?;
     let name = NodeName::new("/", name).map_err(|error| failed(error.to_string()))?;
@@ -57,54 +60,125 @@ pub fn join(domain: u16, networks: &[IpAddr], name: &str) -> Result<(Context, No
     Ok((context, node))
 }
 
-/// The UDP sockets of this process.
-fn udp_sockets() -> io::Result<BTreeSet<RawFd>> {
-    let names = fs::read_dir("/proc/self/fd")?.map(|entry| entry.map(|entry| entry.file_name()));
-    let names = names.collect::<io::Result<Vec<_>>>()?;
-    let sockets = names.iter().filter_map(|name| name.to_str()?.parse().ok());
-    Ok(sockets.filter(|socket| is_udp(*socket)).collect())
-}
-
-/// Binds every UDP socket that was opened since `before` to the loopback interface.
-fn keep_on_loopback(before: &BTreeSet<RawFd>) -> io::Result<()> {
-    for fd in udp_sockets()?.difference(before) {
-        // SAFETY: the descriptor was open a moment ago and belongs to the participant, which lives
-        // longer than this call.
-        let socket = unsafe { BorrowedFd::borrow_raw(*fd) };
-        setsockopt(&socket, BindToDevice, &OsString::from("lo"))?;
+/// In the place of libc's: the same, after a socket of UDP was kept on this computer.
+///
+/// # Safety
+///
+/// As libc's.
+#[unsafe(no_mangle)]
+unsafe extern "C" fn bind(fd: c_int, address: *const sockaddr, length: socklen_t) -> c_int {
+    if ONLY_HERE.load(Ordering::Relaxed) {
+        // SAFETY: the caller promises an address of this length.
+        let address = unsafe { ipv4_of(address, length) };
+        // SAFETY: the caller's socket, open during this call.
+        let socket = unsafe { BorrowedFd::borrow_raw(fd) };
+        if let Some(address) = address
+            && let Err(error) = keep_here(&socket, address)
+        {
+            nix::errno::Errno::from_raw(error.raw_os_error().unwrap_or(libc::EPERM)).set();
+            return -1;
+        }
     }
-    Ok(())
+    // SAFETY: what the caller promises.
+    unsafe { libc::syscall(libc::SYS_bind, fd, address, length) as c_int }
 }
 
-fn is_udp(fd: RawFd) -> bool {
-    // SAFETY: the descriptor was open a moment ago; if it was closed the calls fail.
-    let socket = unsafe { BorrowedFd::borrow_raw(fd) };
-    let datagrams = getsockopt(&socket, SockTypeOption) == Ok(SockType::Datagram);
-    let family = getsockname::<SockaddrStorage>(fd).ok();
-    let family = family.and_then(|address| address.family());
-    datagrams && matches!(family, Some(AddressFamily::Inet | AddressFamily::Inet6))
+/// An address of IPv4; RustDDS has no other.
+///
+/// # Safety
+///
+/// `address` has this length.
+unsafe fn ipv4_of(address: *const sockaddr, length: socklen_t) -> Option<SocketAddrV4> {
+    if address.is_null() || (length as usize) < size_of::<sockaddr_in>() {
+        return None;
+    }
+    // SAFETY: long enough for an address of IPv4.
+    let address = unsafe { address.cast::<sockaddr_in>().read_unaligned() };
+    let is_ipv4 = c_int::from(address.sin_family) == libc::AF_INET;
+    let ip = Ipv4Addr::from_bits(u32::from_be(address.sin_addr.s_addr));
+    is_ipv4.then(|| SocketAddrV4::new(ip, u16::from_be(address.sin_port)))
+}
+
+fn keep_here(socket: &impl AsFd, address: SocketAddrV4) -> io::Result<()> {
+    // RustDDS sends to groups by a socket with the address of each network.
+    if address.port() == 0 && !address.ip().is_unspecified() {
+        setsockopt(socket, BindToDevice, &OsString::from("lo"))?;
+    }
+    // SAFETY: a name that ends with 0.
+    let loopback = unsafe { libc::if_nametoindex(c"lo".as_ptr()) };
+    hear_device(socket.as_fd().as_raw_fd(), loopback)
+}
+
+/// Drops what comes over another device. Messages of this computer to itself come over `lo`,
+/// whatever their address (`ip_local_out` of Linux).
+fn hear_device(socket: RawFd, device: u32) -> io::Result<()> {
+    let step = |code: u32, jump_if_not: u8, k: u32| sock_filter {
+        code: code as u16,
+        jt: 0,
+        jf: jump_if_not,
+        k,
+    };
+    let mut filter = [
+        step(
+            libc::BPF_LD | libc::BPF_W | libc::BPF_ABS,
+            0,
+            (libc::SKF_AD_OFF + libc::SKF_AD_IFINDEX) as u32,
+        ),
+        step(libc::BPF_JMP | libc::BPF_JEQ | libc::BPF_K, 1, device),
+        step(libc::BPF_RET | libc::BPF_K, 0, u32::MAX),
+        step(libc::BPF_RET | libc::BPF_K, 0, 0),
+    ];
+    let program = sock_fprog { len: filter.len() as u16, filter: filter.as_mut_ptr() };
+    // SAFETY: the kernel copies the program, which lives until it has.
+    let done = unsafe {
+        libc::setsockopt(
+            socket,
+            libc::SOL_SOCKET,
+            libc::SO_ATTACH_FILTER,
+            (&raw const program).cast(),
+            size_of::<sock_fprog>() as socklen_t,
+        )
+    };
+    if done == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::net::UdpSocket;
-    use std::os::fd::AsFd;
+    use std::time::Duration;
+
+    use nix::sys::socket::getsockopt;
 
     use super::*;
 
+    /// An address of this computer in a network, if it is in one: nothing is sent.
+    fn own_address() -> Option<IpAddr> {
+        let socket = UdpSocket::bind("0.0.0.0:0").unwrap();
+        socket.connect("192.0.2.1:9").ok()?;
+        Some(socket.local_addr().ok()?.ip())
+    }
+
     #[test]
-    fn sockets_opened_since_are_bound_to_loopback_and_others_are_not() {
-        let earlier = UdpSocket::bind("0.0.0.0:0").unwrap();
-        let before = udp_sockets().unwrap();
-        let later = UdpSocket::bind("0.0.0.0:0").unwrap();
-        keep_on_loopback(&before).unwrap();
-        let device = |socket: &UdpSocket| getsockopt(&socket.as_fd(), BindToDevice).unwrap();
-        assert_eq!(device(&later), "lo");
-        assert_eq!(device(&earlier), "");
-        // Messages of this computer still come, to whichever address of it.
-        let port = later.local_addr().unwrap().port();
-        earlier.send_to(b"here", ("127.0.0.1", port)).unwrap();
+    fn a_socket_is_kept_on_this_computer_before_it_has_a_port() {
+        let (own, other) = (own_address(), UdpSocket::bind("0.0.0.0:0").unwrap());
+        let free = UdpSocket::bind("0.0.0.0:0").unwrap().local_addr().unwrap();
+        ONLY_HERE.store(true, Ordering::Relaxed);
+        let [to_groups, sends, hears] =
+            [UdpSocket::bind("127.0.0.1:0"), UdpSocket::bind("0.0.0.0:0"), UdpSocket::bind(free)];
+        ONLY_HERE.store(false, Ordering::Relaxed);
+        let [to_groups, sends, hears] = [to_groups, sends, hears].map(Result::unwrap);
+        assert_eq!(getsockopt(&to_groups, BindToDevice).unwrap(), "lo");
+        hears.set_read_timeout(Some(Duration::from_secs(5))).unwrap();
         let mut buffer = [0; 8];
-        assert_eq!(later.recv(&mut buffer).unwrap(), 4);
+        for address in [Some(IpAddr::V4(Ipv4Addr::LOCALHOST)), own].into_iter().flatten() {
+            for from in [&sends, &other] {
+                from.send_to(b"here", (address, free.port())).unwrap();
+                assert_eq!(hears.recv(&mut buffer).unwrap(), 4, "{address}");
+            }
+        }
+        // What comes over another device is dropped before it is read.
+        hear_device(hears.as_raw_fd(), u32::MAX).unwrap();
+        other.send_to(b"there", (Ipv4Addr::LOCALHOST, free.port())).unwrap();
+        hears.set_read_timeout(Some(Duration::from_millis(300))).unwrap();
+        assert!(hears.recv(&mut buffer).is_err());
     }
 }

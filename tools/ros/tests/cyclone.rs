@@ -191,6 +191,38 @@ print('done')
     }
 }
 
+/// What rmw_cyclonedds makes of ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST: no interface is named, so
+/// Cyclone DDS takes that of the network.
+#[test]
+fn a_foreign_end_that_names_no_interface_finds_the_robot() {
+    let domain = ros_domain();
+    let Some(mut command) = python(domain) else {
+        return;
+    };
+    let robot = robot();
+    let _bridge = Bridge::start(&robot.domain(), domain, &[]);
+    command.env(
+        "CYCLONEDDS_URI",
+        "<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast></General><Discovery>\
+         <ParticipantIndex>auto</ParticipantIndex>\
+         <MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>\
+         <Peers><Peer address='localhost'/></Peers></Discovery></Domain></CycloneDDS>",
+    );
+    let script = "
+from crtk_arm import Arm
+arm = Arm('i2ris')
+arm.check_connections(20.0)
+assert arm.home() and arm.enable(), arm.said
+assert arm.move_jp([0.02, 0.0]).wait(), arm.said
+print('done')
+";
+    let out = finish({
+        command.args(["-c", script]);
+        command
+    });
+    assert!(out.contains("done"), "{out}");
+}
+
 #[test]
 fn services_answer_as_cyclone_dds_asks() {
     let script = "
