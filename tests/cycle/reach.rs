@@ -83,8 +83,8 @@ fn a_stream_out_of_reach_ends_on_its_line() {
             assert!(beside.abs() < 0.1, "{beside} deg beside the line to {to:?}: {pitch} {yaw}");
             assert!(pitch.hypot(yaw) > 7.0, "{pitch} {yaw}");
             let cut_off = (to[0] - pitch).hypot(to[1] - yaw);
-            let clips = bench.reasons.iter().filter(|it| it.cause == Cause::Clip(Clip::Reach));
-            let said = clips.last().unwrap().measurement.unwrap().measured;
+            let mut clips = bench.reasons.iter().filter(|it| it.cause == Cause::Clip(Clip::Reach));
+            let said = clips.next_back().unwrap().measurement.unwrap().measured;
             assert!((said - cut_off).abs() < 0.3, "{said} deg, and it is {cut_off}");
         }
     }
