@@ -51,6 +51,11 @@ impl Encoder {
         self.primitive(value.to_le_bytes());
     }
 
+    /// Appends `float64`.
+    pub fn f64(&mut self, value: f64) {
+        self.primitive(value.to_le_bytes());
+    }
+
     /// Appends `bool`.
     pub fn bool(&mut self, value: bool) {
         self.primitive([u8::from(value)]);
@@ -67,7 +72,7 @@ impl Encoder {
     pub fn f64s(&mut self, values: &[f64]) {
         self.u32(values.len() as u32);
         for value in values {
-            self.primitive(value.to_le_bytes());
+            self.f64(*value);
         }
     }
 

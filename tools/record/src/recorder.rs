@@ -181,6 +181,11 @@ impl TrialRecorder {
         if let Some(bytes) = self.standard.message(message) {
             self.push(Topic::Standard(stream), message, received, bytes);
         }
+        if let StreamMessage::Measured(measured) = message {
+            for (topic, bytes) in self.standard.poses(measured) {
+                self.push(topic, message, received, bytes);
+            }
+        }
     }
 
     fn push(&mut self, topic: Topic, message: &StreamMessage, received: Nanos, bytes: Vec<u8>) {

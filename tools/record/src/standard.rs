@@ -1,16 +1,25 @@
 //! Standard messages of ROS 2 and CRTK, which every tool of ROS knows: `sensor_msgs/JointState`,
-//! `crtk_msgs/OperatingState` and `std_msgs/String`.
+//! `geometry_msgs/PoseStamped`, `tf2_msgs/TFMessage`, `crtk_msgs/OperatingState` and
+//! `std_msgs/String`.
 
 use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
 use i2ris::ipc::{OperatingState, StreamMessage};
 
+use i2ris::units::Nanos;
+use i2ris_gateway::{Bend, LinkPose, Snake};
+
 use crate::cdr::Encoder;
+use crate::joints::snake;
+use crate::topic::Topic;
 
 /// Names of the joints if no model names them.
 pub const DEFAULT_NAMES: [&str; 2] = ["pitch", "yaw"];
 
+/// Time between two poses of the tip and the links, as in ROS.
+const POSE_PERIOD: Nanos = Nanos::from_millis(20);
+
 /// What standard messages say besides the values.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct StandardMessages {
     /// Unix time minus monotonic time, ns.
     pub unix_offset_ns: u64,
@@ -19,12 +28,21 @@ pub struct StandardMessages {
     /// The fixed link, in which angles are given.
     pub frame: String,
     last_state: Option<([u32; 2], u64)>,
+    snake: Snake,
+    next_pose: Nanos,
 }
 
 impl StandardMessages {
     /// Messages of a robot with these joints.
     pub fn new(unix_offset_ns: u64, joints: Vec<String>, frame: String) -> Self {
-        Self { unix_offset_ns, joints, frame, last_state: None }
+        Self {
+            unix_offset_ns,
+            joints,
+            frame,
+            last_state: None,
+            snake: snake(),
+            next_pose: Nanos::ZERO,
+        }
     }
 
     /// The standard message of a message; `None` if there is none.
@@ -47,6 +65,30 @@ impl StandardMessages {
         }
         let velocity = state.velocity.get(..count)?;
         Some(self.angles(state.stamp_ns, state.position.get(..count)?, velocity))
+    }
+
+    /// Where the tip and the links are, if that is due; nothing without valid angles.
+    pub fn poses(&mut self, state: &JointState) -> Vec<(Topic, Vec<u8>)> {
+        let stamp = Nanos(state.stamp_ns);
+        // A controller that was started again may be on another computer's clock.
+        let is_due = stamp >= self.next_pose || self.next_pose.since(stamp) > POSE_PERIOD;
+        if state.flags & JointState::VALID == 0 || !(1..=2).contains(&state.count) || !is_due {
+            return Vec::new();
+        }
+        self.next_pose = stamp + POSE_PERIOD;
+        let unix_ns = state.stamp_ns.wrapping_add(self.unix_offset_ns);
+        let [pitch, yaw, _] = state.position;
+        let bend = Bend { pitch, yaw: if state.count == 2 { yaw } else { 0.0 } };
+        let mut tip = self.header(unix_ns);
+        pose(&mut tip, &self.snake.tip_pose(bend));
+        let mut links = Encoder::default();
+        links.u32(self.snake.link_poses(bend).count() as u32);
+        for (joint, place) in self.snake.link_poses(bend) {
+            header(&mut links, unix_ns, &joint.parent);
+            links.string(&joint.child);
+            pose(&mut links, &place);
+        }
+        vec![(Topic::Tip, tip.finish()), (Topic::Links, links.finish())]
     }
 
     /// A command, as it was sent; `None` if it has no values.
@@ -89,10 +131,22 @@ impl StandardMessages {
 
     fn header(&self, unix_ns: u64) -> Encoder {
         let mut encoder = Encoder::default();
-        encoder.i32(i32::try_from(unix_ns / 1_000_000_000).unwrap_or(i32::MAX));
-        encoder.u32((unix_ns % 1_000_000_000) as u32);
-        encoder.string(&self.frame);
+        header(&mut encoder, unix_ns, &self.frame);
         encoder
+    }
+}
+
+/// Appends `std_msgs/Header`.
+fn header(encoder: &mut Encoder, unix_ns: u64, frame: &str) {
+    encoder.i32(i32::try_from(unix_ns / 1_000_000_000).unwrap_or(i32::MAX));
+    encoder.u32((unix_ns % 1_000_000_000) as u32);
+    encoder.string(frame);
+}
+
+/// Appends `geometry_msgs/Pose`, and `Transform`, which is the same.
+fn pose(encoder: &mut Encoder, pose: &LinkPose) {
+    for value in pose.position_m.iter().chain(&pose.quaternion) {
+        encoder.f64(*value);
     }
 }
 

@@ -26,6 +26,10 @@ pub enum Topic {
     Payload(Stream),
     /// `NAME`: the same as a standard message.
     Standard(Stream),
+    /// `measured_cp`: where the tip is, as the base sees it.
+    Tip,
+    /// `tf`: where the links are.
+    Links,
     /// `robot_description`: the URDF of the robot, once.
     Description,
 }
@@ -45,7 +49,11 @@ impl Topic {
         let streams = || Stream::ALL.iter().copied();
         let has_standard = |stream: &Stream| standard(*stream).is_some();
         let standard = streams().filter(has_standard).map(Self::Standard);
-        streams().map(Self::Payload).chain(standard).chain([Self::Description])
+        streams().map(Self::Payload).chain(standard).chain([
+            Self::Tip,
+            Self::Links,
+            Self::Description,
+        ])
     }
 
     /// Its name in the file.
@@ -53,6 +61,8 @@ impl Topic {
         match self {
             Self::Payload(stream) => format!("/i2ris/{}", stream.name()),
             Self::Standard(stream) => format!("/{}", stream.name()),
+            Self::Tip => "/measured_cp".to_owned(),
+            Self::Links => "/tf".to_owned(),
             Self::Description => "/robot_description".to_owned(),
         }
     }
@@ -72,6 +82,8 @@ impl Topic {
             Self::Standard(stream) => {
                 standard(stream).map_or_else(|| payload(stream), standard_type)
             }
+            Self::Tip => standard_type(schema::POSE),
+            Self::Links => standard_type(schema::TRANSFORMS),
             Self::Description => standard_type(schema::STRING),
         }
     }

@@ -133,6 +133,8 @@ fn a_viewer_sees_angles_state_and_the_robot() {
         ("/operating_state", "crtk_msgs/msg/OperatingState"),
         ("/i2ris/period_statistics", "i2ris_msgs/msg/PeriodStatistics"),
         ("/robot_description", "std_msgs/msg/String"),
+        ("/measured_cp", "geometry_msgs/msg/PoseStamped"),
+        ("/tf", "tf2_msgs/msg/TFMessage"),
     ] {
         let channel = &viewer.channels[topic];
         assert_eq!(channel["schemaName"], schema);
@@ -153,6 +155,8 @@ fn a_viewer_sees_angles_state_and_the_robot() {
     viewer.wait_for("/measured_js", is_there(wanted));
     viewer.wait_for("/tracking_error", is_there([0.0; 2]));
     viewer.wait_for("/i2ris/period_statistics", |_| true);
+    viewer.wait_for("/measured_cp", |bytes| has(bytes, "i2ris_base"));
+    viewer.wait_for("/tf", |bytes| has(bytes, "i2ris_yaw") && has(bytes, "i2ris_tip"));
     controller.robot().pose = [7.0, 3.0];
     viewer.wait_for("/measured_js", is_there([7.0, 3.0].map(f64::to_radians)));
     controller.robot().state = OperatingState::Paused;

@@ -148,6 +148,9 @@ impl Live {
         }
         self.send(Topic::Payload(stream), stamp.0, &cdr::encode(message.bytes()));
         if let StreamMessage::Measured(measured) = message {
+            for (topic, bytes) in self.standard.poses(measured) {
+                self.send(topic, stamp.0, &bytes);
+            }
             self.unmatched.push_back(*measured);
             if self.unmatched.len() > UNMATCHED {
                 self.unmatched.pop_front();
