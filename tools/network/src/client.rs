@@ -198,6 +198,6 @@ fn serve(
         }
         wait = Duration::ZERO;
     }
-    joined.pass_on(clock::now());
+    joined.pass_on(clock::now(), report);
     Ok(Course::Lives)
 }

@@ -5,9 +5,10 @@ use std::path::Path;
 use serde_json::{Value, json};
 use zenoh::{Config, Session, Wait};
 
+use crate::NetworkError;
 use crate::keys::{Access, AccessList, PersonalKey};
 use crate::names::{COMMANDS, FROM, STATES, Source, What};
-use crate::{NetworkError, warnings};
+use crate::warnings::{self, NOT_LET_IN};
 
 /// Silence after which Zenoh gives up a connection, ms. A session ends long before.
 const LEASE_MS: u64 = 4000;
@@ -95,7 +96,29 @@ pub(crate) fn connect(address: &str, key: &PersonalKey) -> Result<Session, Netwo
         "verify_name_on_connect": true,
         "close_link_on_expiration": true,
     });
-    open("reach", address, &config)
+    open("reach", address, &config).map_err(|error| match error {
+        NetworkError::Link { action, address, reason } => {
+            NetworkError::Link { action, address, reason: not_reached(reason) }
+        }
+        other => other,
+    })
+}
+
+/// Why the end beside the controller is not reached, as far as it can be known here.
+fn not_reached(reason: String) -> String {
+    if reason.contains("invalid peer certificate") {
+        return "its certificate is not of the authority of this key: the key is of another robot"
+            .to_owned();
+    }
+    if reason.contains("connection lost") {
+        return "it ended the connection at once: it does not accept this key (of another robot, or \
+                expired), and says why itself"
+            .to_owned();
+    }
+    if reason.contains("Timeout") || reason.contains("timed out") {
+        return "no answer: nobody listens there, or the network drops it".to_owned();
+    }
+    reason
 }
 
 fn open(action: &'static str, address: &str, config: &Value) -> Result<Session, NetworkError> {
@@ -105,7 +128,9 @@ fn open(action: &'static str, address: &str, config: &Value) -> Result<Session, 
         action,
         address: address.to_owned(),
         // What Zenoh returns says that it failed, the first warning says why.
-        reason: { warnings::take().into_iter().next() }.unwrap_or_else(|| error.to_string()),
+        reason: { warnings::take().into_iter() }
+            .find(|warning| !warning.starts_with(NOT_LET_IN))
+            .unwrap_or_else(|| error.to_string()),
     };
     let config = Config::from_json5(&config.to_string()).map_err(failed)?;
     zenoh::open(config).wait().map_err(failed)

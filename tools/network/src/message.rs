@@ -14,7 +14,8 @@ pub struct Alive {
     /// How much later than the quickest one messages of streams arrived since the last question,
     /// us; 0: not known.
     pub lag_us: u32,
-    pub reserved: u32,
+    /// Commands since the last question that were not passed on, because the key may watch only.
+    pub withheld: u32,
 }
 
 /// `alive`, reply.

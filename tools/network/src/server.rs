@@ -42,6 +42,8 @@ const AT_ONCE: usize = 64;
 const WAIT: Duration = Duration::from_millis(1);
 /// How often the list of keys is looked at.
 const ACCESS_PERIOD: Nanos = Nanos::from_millis(500);
+/// Time for clients to hear why their sessions have ended.
+const FAREWELL: Nanos = Nanos::from_millis(200);
 /// Pause after the network could not be opened.
 const OPEN_PERIOD: Nanos = Nanos::from_millis(1000);
 
@@ -82,6 +84,7 @@ impl BridgeServer {
             refusals: Refusals::default(),
             pace,
             next_access: Nanos::ZERO,
+            reopens: false,
             last_warning: String::new(),
         })
     }
@@ -108,6 +111,9 @@ pub struct OpenServer {
     /// How often the state is sent. The slowest client decides.
     pace: Pace,
     next_access: Nanos,
+    /// The list of keys has changed: sessions hear that they have ended, and why, and then the
+    /// network is opened again.
+    reopens: bool,
     last_warning: String,
 }
 
@@ -219,6 +225,13 @@ impl OpenServer {
                 report(BridgeEvent::Refused(line));
             }
         }
+        if alive.withheld > 0 && refusal.is_none() {
+            let (client, count) = (key.0.clone(), alive.withheld.into());
+            let refused = Refused { client, topic: "", reason: Reason::WatchOnly, count };
+            if let Some(line) = self.refusals.add(refused, now) {
+                report(BridgeEvent::Refused(line));
+            }
+        }
         let session = self.sessions.get_mut(&key);
         let (commands, lag_us) =
             session.map_or((false, 0), |session| (session.commands, session.lag.take_us()));
@@ -251,7 +264,7 @@ impl OpenServer {
             return Err(Reason::Interface(alive.interface));
         }
         let access = self.access.access(who).ok_or(Reason::Revoked)?;
-        if self.ended.contains(key) {
+        if self.ended.contains(key) || self.reopens {
             return Err(Reason::Ended);
         }
         if alive.leaving != 0 {
@@ -339,14 +352,24 @@ impl OpenServer {
     /// commands has to begin again, and the snake holds by the deadline.
     fn follow_access(&mut self, now: Nanos, report: &mut impl FnMut(BridgeEvent)) {
         let changed = changed(&self.options);
-        if changed == self.changed && self.network.is_some() {
+        if changed == self.changed && self.network.is_some() && !self.reopens {
             return;
-        }
-        if let Some(network) = self.network.take() {
-            network.close();
         }
         while let Some(key) = self.sessions.first() {
             self.end(&key);
+        }
+        if !self.reopens
+            && self.network.is_some()
+            && let Ok(access) = AccessList::load(&self.options.keys)
+        {
+            // Clients ask every 50 ms, and hear it before the network is gone.
+            (self.access, self.reopens) = (access, true);
+            self.next_access = now + FAREWELL;
+            return;
+        }
+        self.reopens = false;
+        if let Some(network) = self.network.take() {
+            network.close();
         }
         let options = &self.options;
         let opened =

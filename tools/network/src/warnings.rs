@@ -46,15 +46,35 @@ impl Subscriber for Collector {
     fn event(&self, event: &Event<'_>) {
         let mut text = Text(String::new());
         event.record(&mut text);
+        let Some(text) = in_our_words(&text.0) else {
+            return;
+        };
         let mut warnings = WARNINGS.lock().unwrap_or_else(PoisonError::into_inner);
         if warnings.len() < KEPT {
-            warnings.push_back(text.0.chars().take(LONGEST).collect());
+            warnings.push_back(text.chars().take(LONGEST).collect());
         }
     }
 
     fn enter(&self, _: &Id) {}
 
     fn exit(&self, _: &Id) {}
+}
+
+/// Begins what an end that listens says of one who calls.
+pub(crate) const NOT_LET_IN: &str = "somebody was not let in";
+
+/// What a warning of Zenoh means here; `None`: nothing.
+fn in_our_words(warning: &str) -> Option<String> {
+    // Of access by interface, which no rule of ours has: keys are known by their certificates.
+    if warning.contains("multiple network interfaces") {
+        return None;
+    }
+    // Zenoh's guess at why a connection fails, which is hardly ever so.
+    let reason = warning.split(" Hint: increase the system open file limit").next()?;
+    if reason.len() < warning.len() && !reason.contains("Too many open files") {
+        return Some(format!("{NOT_LET_IN}: {reason}"));
+    }
+    Some(warning.to_owned())
 }
 
 struct Text(String);
@@ -65,5 +85,24 @@ impl Visit for Text {
             // Writing to a string cannot fail.
             let _: fmt::Result = write!(self.0, "{value:?}");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_guess_of_zenoh_is_not_repeated_and_what_is_true_of_it_is() {
+        let refused =
+            "QUIC acceptor failed: bad certificate Hint: increase the system open file limit.";
+        let said = in_our_words(refused).unwrap();
+        assert_eq!(said, format!("{NOT_LET_IN}: QUIC acceptor failed: bad certificate"));
+        let full = "Too many open files (os error 24) Hint: increase the system open file limit.";
+        assert_eq!(in_our_words(full).as_deref(), Some(full), "here it is true");
+        let acl = "Transport returned multiple network interfaces, current ACL logic might \
+                   incorrectly apply filters in this case!";
+        assert_eq!(in_our_words(acl), None, "no rule names an interface");
+        assert_eq!(in_our_words("anything else").as_deref(), Some("anything else"));
     }
 }

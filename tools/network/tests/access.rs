@@ -203,7 +203,11 @@ fn a_revoked_key_gets_the_reason_and_others_come_back() {
     former.put(What::Command(Stream::ServoJp), command(1, 1, 0.02).as_bytes());
     let again = RawClient::connect(&server.address, &alice).unwrap();
     assert!(is_refused(&again));
-    let bob = RawClient::join(&server.address, &bob);
+    // Others hear that their sessions have ended, too, and begin another one.
+    let bob = wait_until("bob is back", || {
+        let client = RawClient::connect(&server.address, &bob).ok()?;
+        (refusal(&client) == Some(0)).then_some(client)
+    });
     bob.put(What::Command(Stream::ServoJp), command(2, 1, 0.02).as_bytes());
     controller.wait("a command of bob", |robot| robot.poses.len() == 1);
 }

@@ -14,4 +14,5 @@ mod cable;
 mod common;
 mod python;
 mod relay;
+mod sentences;
 mod two_computers;

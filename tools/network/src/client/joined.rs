@@ -42,6 +42,9 @@ pub(super) struct Joined {
     /// How often commands are sent, and the newest of every client that waits for it.
     pace: Pace,
     waiting: BTreeMap<u64, StreamMessage>,
+    /// Commands that were not passed on since the last sign of life, and whether that was said.
+    withheld: u32,
+    said_withheld: bool,
     /// When somebody here sent a command last.
     last_command: Nanos,
     /// The domain, while there is a controller at the other end.
@@ -71,6 +74,8 @@ impl Joined {
             lag: Lag::default(),
             pace: Pace::new(Nanos::ZERO),
             waiting: BTreeMap::new(),
+            withheld: 0,
+            said_withheld: false,
             last_command: Nanos::ZERO,
             service: None,
             pending: PendingRequests::default(),
@@ -99,21 +104,33 @@ impl Joined {
     }
 
     /// Sends what clients here ask, and signs of life.
-    pub fn pass_on(&mut self, now: Nanos) {
+    pub fn pass_on(&mut self, now: Nanos, report: &mut impl FnMut(BridgeEvent)) {
         if now >= self.next_alive {
             self.next_alive = now + ALIVE_PERIOD;
-            self.network.alive(false, self.lag.take_us());
+            self.network.alive(false, self.lag.take_us(), std::mem::take(&mut self.withheld));
         }
         let Some(service) = &mut self.service else {
             return;
         };
+        let may_command = self.admitted.is_some_and(|reply| reply.commands == 1);
         for command in service.commands() {
+            if !may_command {
+                self.withheld = self.withheld.saturating_add(1);
+                continue;
+            }
             let (client, command) = match command {
                 ReceivedCommand::Joint(it) => (it.client_id, StreamMessage::ServoJp(it)),
                 ReceivedCommand::Actuator(it) => (it.client_id, StreamMessage::ServoActuators(it)),
             };
             self.waiting.insert(client, command);
             self.last_command = now;
+        }
+        if self.withheld > 0 && !std::mem::replace(&mut self.said_withheld, true) {
+            report(BridgeEvent::Refused(format!(
+                "{}: commands are not passed on: this key may watch only, or no key may command \
+                 there",
+                self.address
+            )));
         }
         if !self.waiting.is_empty() && self.pace.is_due(now) {
             for command in std::mem::take(&mut self.waiting).into_values() {
@@ -251,7 +268,7 @@ impl Joined {
 
     /// Ends: clients here see a controller that is gone.
     pub fn leave(self) {
-        self.network.alive(true, 0);
+        self.network.alive(true, 0, 0);
         self.network.close();
     }
 }

@@ -106,9 +106,9 @@ impl Network {
         }
     }
 
-    pub fn alive(&self, leaving: bool, lag_us: u32) {
+    pub fn alive(&self, leaving: bool, lag_us: u32, withheld: u32) {
         let alive =
-            Alive { interface: INTERFACE_VERSION, leaving: leaving.into(), lag_us, reserved: 0 };
+            Alive { interface: INTERFACE_VERSION, leaving: leaving.into(), lag_us, withheld };
         let (sent, sender) = (clock::now(), self.sender.clone());
         self.ask(What::Alive, alive.as_bytes(), ALIVE_TIMEOUT, move |bytes| {
             let _ = sender.try_send(Arrival::Alive { sent, arrived: clock::now(), bytes });
