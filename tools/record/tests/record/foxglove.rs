@@ -170,6 +170,48 @@ fn a_viewer_sees_angles_state_and_the_robot() {
     assert!(success, "{error}");
 }
 
+#[test]
+fn pages_of_others_and_other_names_of_this_computer_are_kept_out() {
+    let nobody = Domain::new(&format!("t{:016x}", random_id())).unwrap();
+    let mut program = Program::start(
+        &nobody,
+        &["foxglove", "--listen", "127.0.0.1:0", "--origin", "https://viewer.example"],
+    );
+    let mut line = String::new();
+    BufReader::new(program.child().stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let address = line.split_whitespace().find(|word| word.starts_with("ws://")).unwrap();
+    let answer = |header: &'static str, value: &'static str| {
+        let mut request = address.into_client_request().unwrap();
+        let headers = request.headers_mut();
+        headers.insert("Sec-WebSocket-Protocol", HeaderValue::from_static(FOXGLOVE));
+        headers.insert(header, HeaderValue::from_static(value));
+        match tungstenite::connect(request) {
+            Ok(_) => 101,
+            Err(tungstenite::Error::Http(response)) => response.status().as_u16(),
+            Err(error) => panic!("{error}"),
+        }
+    };
+    for origin in [
+        "https://app.foxglove.dev",
+        "https://viewer.example",
+        "http://localhost:8080",
+        "http://127.0.0.1:3000",
+        "file://",
+    ] {
+        assert_eq!(answer("Origin", origin), 101, "{origin}");
+    }
+    for origin in [
+        "https://evil.example",
+        "null",
+        "https://evilfoxglove.dev",
+        "https://localhost.evil.example",
+    ] {
+        assert_eq!(answer("Origin", origin), 403, "{origin}");
+    }
+    assert_eq!(answer("Host", "localhost:8765"), 101);
+    assert_eq!(answer("Host", "rebound.example:8765"), 403);
+}
+
 /// Decodes by the definitions that the server advertises.
 const VIEWER: &str = "
 import asyncio, json, math, struct, sys

@@ -4,8 +4,10 @@
 //! | file | holds |
 //! |---|---|
 //! | `server` | the WebSocket server |
+//! | `door` | who may look |
 //! | `live` | the messages of a recording, each stream as often as a screen needs it |
 
+mod door;
 mod live;
 mod server;
 
@@ -56,6 +58,10 @@ struct Arguments {
         default_value_t = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), PORT)
     )]
     listen: SocketAddr,
+    /// A page that may look, as its browser names it; may be repeated. Foxglove's own, and those of
+    /// this computer, may without
+    #[arg(long, value_name = "https://HOST")]
+    origin: Vec<String>,
     /// Messages per second of each stream at most
     #[arg(
         long,
@@ -82,7 +88,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     yield_to_controller();
     let (domain, interrupt) = (arguments.domain.domain()?, Interrupt::catch()?);
     let listen = arguments.listen;
-    let server = Server::start(listen, live::channels()).map_err(|error| {
+    let server = Server::start(listen, live::channels(), arguments.origin).map_err(|error| {
         format!("cannot listen at {listen}: {error}; another program may, choose another port")
     })?;
     // A reader that went away does not end the server.

@@ -2,16 +2,17 @@
 //!
 //! Every viewer has a queue there; one that is too slow misses the oldest messages.
 
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use foxglove::websocket::{ChannelView, Client, ServerListener};
-use foxglove::{
-    Context, FoxgloveError, PartialMetadata, RawChannel, Schema, WebSocketServerHandle,
-};
-
+use foxglove::{Context, PartialMetadata, RawChannel, Schema, WebSocketServerHandle};
+use i2ris::ipc::random_id;
 use i2ris_record::{cdr, schema};
+use i2ris_report::Failure;
+
+use crate::door;
 
 /// Whether somebody has subscribed since the last look.
 #[derive(Debug, Default)]
@@ -35,9 +36,13 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens, with these channels: topic, name and definition of the messages. The number of a
+    /// Listens, also for these pages, with these channels: topic, name and definition of the messages. The number of a
     /// channel is its place.
-    pub fn start(listen: SocketAddr, channels: Vec<[String; 3]>) -> Result<Self, FoxgloveError> {
+    pub fn start(
+        listen: SocketAddr,
+        channels: Vec<[String; 3]>,
+        origins: Vec<String>,
+    ) -> Result<Self, Failure> {
         let context = Context::new();
         let add = |[topic, name, definition]: [String; 3]| {
             let schema = Schema::new(name, schema::ENCODING, definition.into_bytes());
@@ -48,25 +53,21 @@ impl Server {
         };
         let channels = { channels.into_iter() }.map(add).collect::<Result<_, _>>()?;
         let newcomers = Arc::<Newcomers>::default();
-        // A name resolves an IPv6 address only in brackets.
-        let host = match listen {
-            SocketAddr::V4(address) => address.ip().to_string(),
-            SocketAddr::V6(address) => format!("[{}]", address.ip()),
-        };
+        // Reached by nobody but the door: pages can try all ports of 127.0.0.1, and not all
+        // addresses of the loopback interface.
+        let [a, b, c, ..] = random_id().to_le_bytes();
+        let inner = Ipv4Addr::new(127, a.max(1), b, c.clamp(1, 254));
         let handle = { context.websocket_server() }
             .name("i2ris")
             // No capability: viewers can neither publish nor call anything.
             .capabilities([])
             .listener(Arc::clone(&newcomers) as Arc<dyn ServerListener>)
-            .bind(host, listen.port())
+            .bind(inner.to_string(), 0)
             .start_blocking()?;
-        Ok(Self {
-            address: SocketAddr::new(listen.ip(), handle.port()),
-            channels,
-            newcomers,
-            handle: Some(handle),
-            _context: context,
-        })
+        let listener = TcpListener::bind(listen)?;
+        let address = listener.local_addr()?;
+        door::open(listener, SocketAddr::new(inner.into(), handle.port()), origins)?;
+        Ok(Self { address, channels, newcomers, handle: Some(handle), _context: context })
     }
 
     pub fn address(&self) -> SocketAddr {
