@@ -166,6 +166,25 @@ fn the_tip_has_a_setpoint_a_velocity_and_a_jacobian_and_the_loop_its_statistics(
 }
 
 #[test]
+fn a_pose_right_after_a_hold_is_not_refused() {
+    let (_robot, bridge, mut peer) = start(&[]);
+    peer.enable();
+    for _ in 0..10 {
+        let [pitch, yaw] = peer.setpoint_degrees();
+        peer.stream(|t| (t < 0.3).then_some([pitch + t, yaw]));
+        let before = peer.seen.len();
+        peer.hold();
+        peer.send_degrees("move_jp", [pitch, yaw]);
+        wait_until("busy, then not busy", || {
+            peer.update();
+            let busy: Vec<bool> = peer.seen[before..].iter().map(|it| it.is_busy).collect();
+            busy.contains(&true) && busy.ends_with(&[false])
+        });
+    }
+    assert!(!bridge.lines().iter().any(|line| line.contains("refused")), "{:?}", bridge.lines());
+}
+
+#[test]
 fn free_takes_the_power_off_the_motors() {
     let (_robot, _bridge, mut peer) = start(&[]);
     let kind = ("std_msgs", "Empty");

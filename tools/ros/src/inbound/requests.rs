@@ -9,6 +9,7 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::{ClientError, Latest, RequestForwarder, Watcher};
 use i2ris::ipc::payload::{MoveRequest, OperatingStateMsg, StateCommandReply, StateCommandRequest};
 use i2ris::robot::{OperatingState, Refusal, StateCommand};
+use i2ris::units::Nanos;
 use i2ris_gateway::Reason;
 use i2ris_gateway::admission::{Pose, Topic};
 use i2ris_gateway::refusals::Refused;
@@ -51,6 +52,8 @@ struct Stops {
     wanted: [AtomicU64; STOPS.len()],
     /// How many there were: what waited when one came is not carried out any more.
     count: AtomicU64,
+    /// How many of them the controller has answered, or not in time: what came after waits for it.
+    done: AtomicU64,
 }
 
 /// Ends when dropped, once its last request is answered.
@@ -91,11 +94,11 @@ impl Requests {
     /// Asks for one of [`STOPS`]. Never refused: what waits is overtaken, and not carried out after
     /// it.
     pub fn stop(&self, client_id: u64, command: StateCommand) {
-        self.stops.count.fetch_add(1, Ordering::AcqRel);
         let place = STOPS.iter().position(|stop| *stop == command);
         if let Some(wanted) = place.and_then(|place| self.stops.wanted.get(place)) {
             wanted.store(client_id, Ordering::Release);
         }
+        self.stops.count.fetch_add(1, Ordering::AcqRel);
         // If it is awake, or is to be woken already, it looks at all of them.
         let _ = self.stopper.as_ref().is_some_and(|stopper| stopper.ask(()));
     }
@@ -122,6 +125,10 @@ struct Asker {
 
 impl Asker {
     fn take(&mut self, ask: Ask) {
+        // A pose right after a hold would find the robot that is not held yet.
+        while self.stops.done.load(Ordering::Acquire) < ask.stops {
+            clock::sleep(Nanos::from_millis(1));
+        }
         if self.stops.count.load(Ordering::Acquire) == ask.stops {
             return self.carry_out(ask);
         }
@@ -132,12 +139,14 @@ impl Asker {
 
     fn stop_all(&mut self) {
         let stops = Arc::clone(&self.stops);
+        let count = stops.count.load(Ordering::Acquire);
         for (wanted, command) in stops.wanted.iter().zip(STOPS) {
             let client_id = wanted.swap(0, Ordering::AcqRel);
             if client_id != 0 {
                 self.change_state(client_id, command);
             }
         }
+        stops.done.store(count, Ordering::Release);
     }
 
     fn carry_out(&mut self, ask: Ask) {
