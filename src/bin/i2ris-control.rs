@@ -84,7 +84,7 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
             print(&format!("i2ris-control {} ({COMMIT})\n", env!("CARGO_PKG_VERSION")))
         }
         Request::Run(path, note) => {
-            let config = Config::load(&path)?;
+            let config = Config::load_for_process(&path)?;
             let shutdown = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&shutdown);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;

@@ -76,7 +76,7 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
             Ok(writeln!(io::stdout(), "i2ris-watchdog {} ({COMMIT})", env!("CARGO_PKG_VERSION"))?)
         }
         Request::Run(path, silence) => {
-            let config = Config::load(&path)?;
+            let config = Config::load_for_process(&path)?;
             let domain = Domain::new(&config.ipc.domain)?;
             let presence = WatchdogPresence::announce(&domain, &config.devices())?;
             let stop = Arc::new(AtomicBool::new(false));

@@ -167,6 +167,20 @@ impl Config {
         Ok(config)
     }
 
+    /// As [`Config::load`], with the domain that the environment variable `I2RIS_DOMAIN` names, as
+    /// every client takes it: a controller and its clients meet in one.
+    ///
+    /// # Errors
+    ///
+    /// As [`Config::load`].
+    pub fn load_for_process(path: &Path) -> Result<Self, ConfigError> {
+        let mut config = Self::load(path)?;
+        if let Ok(domain) = std::env::var("I2RIS_DOMAIN") {
+            config.ipc.domain = domain;
+        }
+        Ok(config)
+    }
+
     /// Reads and checks a file as [`Config::load`], and also the files that it names.
     ///
     /// # Errors

@@ -102,6 +102,11 @@ fn owner(pid: Option<u32>) -> String {
 }
 
 impl Domain {
+    /// The beginning of the names of the folders of all domains of the present user.
+    pub(super) fn folder_prefix() -> String {
+        format!("i2ris-{}-", nix::unistd::geteuid())
+    }
+
     /// The domain of this name for the present user. Creates nothing.
     ///
     /// # Errors
@@ -113,7 +118,7 @@ impl Domain {
         if !plain || !(1..=32).contains(&name.len()) {
             return Err(DomainError::Name { name });
         }
-        let base = format!("i2ris-{}-{name}", nix::unistd::geteuid());
+        let base = format!("{}{name}", Self::folder_prefix());
         let directory = Path::new(SHARED_MEMORY).join(&base);
         // No name contains `_`, so no prefix is the start of another one.
         let prefix = format!("{base}_");

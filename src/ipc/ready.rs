@@ -9,7 +9,7 @@ use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::OpenOptionsExt;
 
-use super::domain::{Domain, DomainError};
+use super::domain::{Domain, DomainError, SHARED_MEMORY};
 use super::domain_lock::{DomainLock, is_served};
 
 /// Version of the payloads and services. A client of another version gets an error.
@@ -65,6 +65,20 @@ impl Ready {
         };
         is_served(domain).then_some(ready)
     }
+}
+
+/// The domains of this user that a controller serves now, by name.
+#[must_use]
+pub fn served_domains() -> Vec<String> {
+    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+    let served = entries.filter_map(|entry| {
+        let name = entry.file_name().into_string().ok()?;
+        let domain = Domain::new(name.strip_prefix(&Domain::folder_prefix())?).ok()?;
+        Ready::read(&domain).map(|_| domain.name().to_owned())
+    });
+    let mut names: Vec<String> = served.collect();
+    names.sort();
+    names
 }
 
 #[cfg(test)]

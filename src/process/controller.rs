@@ -127,6 +127,8 @@ pub fn run(
         recorder_lines: threads.recorder_lines,
         run_log,
         domain,
+        devices: config.devices(),
+        was_watched: false,
         boot_id,
         log,
         published: threads.published,

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io::Write;
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
 
@@ -11,16 +12,19 @@ use crate::clock;
 use crate::core::{CycleEvent, CycleEventKind};
 use crate::drive::event::{PortEvent, PortEventKind};
 use crate::ipc::payload::{EventMsg, padded_text};
+use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::ipc::{Domain, StreamMessage, find_client_process};
 use crate::process::run_log::RunLog;
 use crate::process::threads::NamedThread;
 use crate::realtime::SuspendMonitor;
-use crate::robot::Reason;
+use crate::robot::{Cause, Reason, Stop};
 use crate::units::Nanos;
 use crate::wall_clock;
 
 /// Period of writing the log.
 const LOG_PERIOD: Nanos = Nanos::from_millis(20);
+/// Period of looking for the watchdog.
+const WATCHDOG_PERIOD: Nanos = Nanos::from_millis(100);
 
 /// Sources and destinations of log lines.
 pub struct MainThread<'a> {
@@ -30,6 +34,9 @@ pub struct MainThread<'a> {
     pub recorder_lines: Receiver<String>,
     pub run_log: RunLog,
     pub domain: Domain,
+    /// The ports that a watchdog has to hold.
+    pub devices: Vec<PathBuf>,
+    pub was_watched: bool,
     pub boot_id: u64,
     pub log: &'a mut dyn Write,
     /// The same lines for the stream of events, and the reasons.
@@ -40,6 +47,7 @@ impl MainThread<'_> {
     /// Writes the log until the loop has ended. If another thread ends early, the loop shuts down.
     pub fn run(&mut self, control: &NamedThread, others: &[NamedThread], shutdown: &AtomicBool) {
         let mut suspends = SuspendMonitor::new();
+        let mut next_watchdog = Nanos::ZERO;
         while !control.is_finished() {
             if others.iter().any(NamedThread::is_finished) {
                 shutdown.store(true, Ordering::Release);
@@ -50,7 +58,24 @@ impl MainThread<'_> {
                 self.write_text(stamped_line(now, line));
             }
             self.write_events();
+            let now = clock::now();
+            if now >= next_watchdog {
+                next_watchdog = now + WATCHDOG_PERIOD;
+                self.tell_lost_watchdog(now);
+            }
             clock::sleep(LOG_PERIOD);
+        }
+    }
+
+    /// A watchdog that ends, hangs or loses a port is no state of the robot, and nothing moves
+    /// differently: it is told once.
+    fn tell_lost_watchdog(&mut self, now: Nanos) {
+        let status = WatchdogStatus::read(&self.domain, &self.devices, now);
+        let is_watched = status == WatchdogStatus::Watching;
+        if std::mem::replace(&mut self.was_watched, is_watched) && !is_watched {
+            let reason = Reason::from(Cause::Stop(Stop::Watchdog));
+            self.write_text(stamped_line(now, format_args!("{reason}")));
+            let _ = self.published.send(StreamMessage::of_reason(&reason, 0, now));
         }
     }
 

@@ -5,23 +5,36 @@ use super::{Clip, Fault, OperatingState, Refusal, Stop};
 pub(super) fn fault_advice(fault: Fault) -> &'static str {
     match fault {
         Fault::None => "read the controller's log, then `i2ris command state acknowledge`",
-        Fault::Drive => "look the error code up in the drive's manual; then acknowledge",
-        Fault::Link => "check cable and supply (`i2ris doctor`); then acknowledge",
-        Fault::FollowingError => {
-            "free the mechanism, or raise `current_limit_ma`, or lower the velocity; then \
-             acknowledge"
+        Fault::Drive => {
+            "look the error code up in the drive's manual; then `i2ris command state acknowledge`"
         }
-        Fault::DriveState => "check STO and supply, and close EPOS Studio; then acknowledge",
-        Fault::DriveTimeout => "check the drives with `i2ris doctor`; then acknowledge",
-        Fault::Homing => "check the keys `homing_*` of the axis; then acknowledge",
+        Fault::Link => {
+            "check cable and supply (`i2ris doctor`); then `i2ris command state acknowledge`"
+        }
+        Fault::FollowingError => {
+            "free the mechanism, or raise `current_limit_ma`, or go slower; then `i2ris command \
+             state acknowledge`"
+        }
+        Fault::DriveState => {
+            "check STO and supply, and close EPOS Studio; then `i2ris command state acknowledge`"
+        }
+        Fault::DriveTimeout => {
+            "check the drives with `i2ris doctor`; then `i2ris command state acknowledge`"
+        }
+        Fault::Homing => {
+            "check the keys `homing_*` of the axis; then `i2ris command state acknowledge`"
+        }
         Fault::Model => "keep the black box (`i2ris dump`) and report it",
         Fault::Late => {
-            "take load off the computer, or give it real-time permission; then acknowledge"
+            "take load off the computer, or give it real-time permission; then `i2ris command \
+             state acknowledge`"
         }
         Fault::Implausible => {
-            "look at the snake: slack or torn wire, wrong zero, old model, moved camera"
+            "look at wires, zero, model and camera; then `i2ris command state acknowledge`"
         }
-        Fault::Current => "free the mechanism and look at the snake; then acknowledge",
+        Fault::Current => {
+            "free the mechanism and look at the snake; then `i2ris command state acknowledge`"
+        }
     }
 }
 
@@ -37,14 +50,22 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         }
         Refusal::Step => "start at `setpoint_js` and interpolate (`command.max_step_deg`)",
         Refusal::Lease => "end the other client, or wait until it is silent (`i2ris monitor`)",
-        Refusal::NotEnabled => "`i2ris command state enable`; after a fault, acknowledge it first",
+        Refusal::NotEnabled => "`i2ris command state enable`",
+        Refusal::Paused => "`i2ris command state resume`",
+        Refusal::InFault => {
+            "remove the cause of the fault (`i2ris why`), then `i2ris command state acknowledge`"
+        }
+        Refusal::NotDisabled => "`i2ris command state disable`",
+        Refusal::NoFault => "go on: nothing is to be done",
         Refusal::NotHomed => "straighten the snake, then `i2ris command state home`",
         Refusal::NoModel => {
             "`i2ris model stage FILE` and `i2ris model activate ID`, or name it in the \
              configuration"
         }
         Refusal::Range => "command less, or correct the position limits of the axes",
-        Refusal::State => "bring the robot to the state that the command needs (`i2ris monitor`)",
+        Refusal::State => {
+            "`i2ris command state hold`; a controller that ends has to be started again"
+        }
         Refusal::Busy => "wait until it is done, or `i2ris command state hold`",
         Refusal::Conditioning => "wait until it is done, or `i2ris command state hold`",
         Refusal::CausePersists => "remove the cause of the fault first",
@@ -66,6 +87,7 @@ pub(super) fn stop_advice(stop: Stop) -> &'static str {
     match stop {
         Stop::Stale => "send faster, or with a longer deadline; look at the load of the computer",
         Stop::Feedback => "check cable and supply (`i2ris doctor`)",
+        Stop::Watchdog => "start `i2ris-watchdog --config FILE` again, and read its log",
     }
 }
 

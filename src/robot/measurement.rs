@@ -55,6 +55,12 @@ impl Measurement {
         Self { motor: None, quantity, measured, limit }
     }
 
+    /// Only the motor is known.
+    #[must_use]
+    pub const fn nothing() -> Self {
+        Self::new(Quantity::None, 0.0, None)
+    }
+
     /// An age or a duration, and its limit.
     #[must_use]
     pub fn of_age(age: Nanos, limit: Nanos) -> Self {
@@ -71,8 +77,10 @@ impl Measurement {
 
 impl fmt::Display for Measurement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(motor) = self.motor {
-            write!(f, "motor {motor}: ")?;
+        match self.motor {
+            Some(motor) if self.quantity == Quantity::None => return write!(f, "motor {motor}"),
+            Some(motor) => write!(f, "motor {motor}: ")?,
+            None => {}
         }
         let text = Value(self.quantity, self.measured);
         match self.limit {

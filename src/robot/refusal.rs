@@ -18,8 +18,8 @@ numbered_enum! {
         Step = 3, "step too large: commands may move only a little at a time";
         /// Another client has the lease.
         Lease = 4, "another client holds the lease";
-        /// The state is not ENABLED.
-        NotEnabled = 5, "not enabled";
+        /// The state is DISABLED, and the command needs ENABLED.
+        NotEnabled = 5, "the drives are off";
         /// An axis is not homed.
         NotHomed = 6, "not homed: an axis does not know its zero";
         /// The command is in angles, but no model is loaded.
@@ -28,8 +28,8 @@ numbered_enum! {
         Malformed = 8, "malformed command";
         /// The command is outside the position limits of an axis.
         Range = 9, "outside the position limits";
-        /// The state does not allow this command.
-        State = 10, "not allowed in this state";
+        /// The robot follows a goal of another kind, or the controller ends.
+        State = 10, "not while the robot follows commands, and not while the controller ends";
         /// A previous change of state is in progress.
         Busy = 11, "busy: a former command is being carried out";
         /// The cause of the fault persists.
@@ -59,5 +59,13 @@ numbered_enum! {
         Reach = 23, "the pose is out of reach";
         /// Another client has stopped the stream with `hold`.
         BrokenOff = 24, "another client holds the robot, and broke this stream off";
+        /// The state is PAUSED.
+        Paused = 25, "paused: the robot holds until it is resumed";
+        /// The state is FAULT.
+        InFault = 26, "a fault is latched";
+        /// The command needs DISABLED, and the drives are on.
+        NotDisabled = 27, "the drives are on";
+        /// There is no fault to acknowledge.
+        NoFault = 28, "there is no fault to acknowledge";
     }
 }

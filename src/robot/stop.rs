@@ -4,12 +4,14 @@ use super::numbered_enum::numbered_enum;
 
 numbered_enum! {
     /// The reason for a stop that nobody asked for. The robot stays ENABLED and holds; the next
-    /// accepted command moves it again.
+    /// accepted command moves it again. Or the end of what would have stopped it.
     Stop {
         /// The followed client exceeded its deadline.
         Stale = 1, "commands came later than their deadline, and the robot stopped in between";
         /// The drives reported no recent position, or an axis lost its zero.
         Feedback = 2, "a drive gave no recent position, and the motion stopped";
+        /// The watchdog ended, hangs, or lost a port.
+        Watchdog = 3, "the watchdog has ended: nothing stops the drives if the controller dies";
     }
 }
 

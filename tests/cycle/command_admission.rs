@@ -209,7 +209,7 @@ fn the_first_failed_check_names_the_refusal() {
     command.deadline = Nanos::ZERO;
     assert_eq!(bench.send(command), Refusal::Stale);
     command.stamp = bench.now;
-    assert_eq!(bench.send(command), Refusal::NotEnabled);
+    assert_eq!(bench.send(command), Refusal::Paused);
     bench.ask(StateCommand::Resume);
     bench.drives[0].feedback.homed = false;
     command.stamp = bench.now;

@@ -171,7 +171,10 @@ fn agrees(cell: &str, column: usize, answer: Answer) -> bool {
     let stays = [Disabled, Disabled, Enabled, Paused, Fault, Fault][column];
     match (cell, answer) {
         ("Busy", Answer::No(refusal)) => refusal == Refusal::Busy,
-        ("State", Answer::No(refusal)) => refusal == Refusal::State,
+        ("State", Answer::No(refusal)) => {
+            use Refusal::{InFault, NoFault, NotDisabled, NotEnabled};
+            [NotEnabled, Refusal::Paused, InFault, NotDisabled, NoFault].contains(&refusal)
+        }
         ("PAUSED", Answer::To(state)) => state == Paused,
         ("ENABLED, holding", Answer::To(state)) => state == Enabled,
         ("stopping", Answer::To(state)) => state == Disabled,

@@ -22,33 +22,49 @@ const D: Answer = Answer::To(OperatingState::Disabled);
 const E: Answer = Answer::To(OperatingState::Enabled);
 const P: Answer = Answer::To(OperatingState::Paused);
 const F: Answer = Answer::To(OperatingState::Fault);
-const NO: Answer = Answer::No(Refusal::State);
+const OFF: Answer = Answer::No(Refusal::NotEnabled);
+const ON: Answer = Answer::No(Refusal::NotDisabled);
+const HELD: Answer = Answer::No(Refusal::Paused);
+const FAULT: Answer = Answer::No(Refusal::InFault);
+const NONE: Answer = Answer::No(Refusal::NoFault);
 const BUSY: Answer = Answer::No(Refusal::Busy);
 const CONDITIONING: Answer = Answer::No(Refusal::Conditioning);
 const PERSISTS: Answer = Answer::No(Refusal::CausePersists);
 
-const CHANGING: [Answer; 11] = [BUSY, D, BUSY, BUSY, BUSY, BUSY, BUSY, NO, D, BUSY, BUSY];
+const CHANGING: [Answer; 11] = [BUSY, D, BUSY, BUSY, BUSY, BUSY, BUSY, NONE, D, BUSY, BUSY];
 /// Drives that go off: `enable` waits for that.
-const GOING_OFF: [Answer; 11] = [D, D, BUSY, BUSY, BUSY, BUSY, BUSY, NO, D, BUSY, BUSY];
-const OCCUPIED: [Answer; 11] = [NO, D, P, NO, NO, NO, BUSY, NO, E, E, E];
+const GOING_OFF: [Answer; 11] = [D, D, BUSY, BUSY, BUSY, BUSY, BUSY, NONE, D, BUSY, BUSY];
+const OCCUPIED: [Answer; 11] = [E, D, P, E, ON, ON, BUSY, NONE, E, E, E];
 
 pub const TABLE: &[Row] = &[
-    ("idle", Bench::homed, [D, D, NO, NO, D, D, NO, NO, D, NO, NO]),
+    ("idle", Bench::homed, [D, D, OFF, OFF, D, D, OFF, NONE, D, OFF, OFF]),
     ("enabling", enabling, CHANGING),
     ("homing", homing, CHANGING),
     ("stopping", stopping, GOING_OFF),
     ("settling", settling, GOING_OFF),
     ("powering off", powering_off, GOING_OFF),
-    ("holding", Bench::enabled, [NO, D, P, NO, NO, NO, E, NO, E, E, E]),
+    ("holding", Bench::enabled, [E, D, P, E, ON, ON, E, NONE, E, E, E]),
     // A trajectory starts at rest.
-    ("following", Bench::moving, [NO, D, P, NO, NO, NO, E, NO, E, E, BUSY]),
+    ("following", Bench::moving, [E, D, P, E, ON, ON, E, NONE, E, E, BUSY]),
     ("moving", moving_to_pose, OCCUPIED),
-    ("conditioning", conditioning, [NO, D, P, NO, NO, NO, CONDITIONING, NO, E, E, CONDITIONING]),
-    ("paused", Bench::paused, [NO, D, P, E, NO, NO, NO, NO, P, P, NO]),
-    ("drive fault", Bench::faulted, [NO, F, NO, NO, NO, NO, NO, F, F, NO, NO]),
-    ("fault that is over", fault_over, [NO, F, NO, NO, NO, NO, NO, D, F, NO, NO]),
-    ("fault that persists", fault_persists, [NO, F, NO, NO, NO, NO, NO, PERSISTS, F, NO, NO]),
-    ("resetting", resetting, [NO, F, NO, NO, NO, NO, NO, BUSY, F, NO, NO]),
+    ("conditioning", conditioning, [E, D, P, E, ON, ON, CONDITIONING, NONE, E, E, CONDITIONING]),
+    ("paused", Bench::paused, [HELD, D, P, E, ON, ON, HELD, NONE, P, P, HELD]),
+    (
+        "drive fault",
+        Bench::faulted,
+        [FAULT, F, FAULT, FAULT, FAULT, FAULT, FAULT, F, F, FAULT, FAULT],
+    ),
+    (
+        "fault that is over",
+        fault_over,
+        [FAULT, F, FAULT, FAULT, FAULT, FAULT, FAULT, D, F, FAULT, FAULT],
+    ),
+    (
+        "fault that persists",
+        fault_persists,
+        [FAULT, F, FAULT, FAULT, FAULT, FAULT, FAULT, PERSISTS, F, FAULT, FAULT],
+    ),
+    ("resetting", resetting, [FAULT, F, FAULT, FAULT, FAULT, FAULT, FAULT, BUSY, F, FAULT, FAULT]),
 ];
 
 fn slow(mut bench: Bench) -> Bench {

@@ -72,8 +72,8 @@ fn command_on(bench: &mut Bench, ticks: i32, from: [i32; 2]) {
 
 /// From FAULT to ENABLED, with nothing but what the operator asks for.
 fn acknowledge_and_enable(bench: &mut Bench, held: [i32; 2]) {
-    assert_eq!(bench.ask(StateCommand::Enable), Refusal::State);
-    assert_eq!(bench.actuator(held), Refusal::NotEnabled);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::InFault);
+    assert_eq!(bench.actuator(held), Refusal::InFault);
     assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
     bench.idle();
     assert_eq!(bench.state(), OperatingState::Disabled);

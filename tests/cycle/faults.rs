@@ -185,8 +185,8 @@ fn a_fault_stays_until_it_is_acknowledged() {
     bench.drives[0].feedback.error_code = 0;
     bench.run(5000);
     assert_eq!(fault(&bench), Some(Fault::Drive));
-    assert_eq!(bench.joint(0.0, 0.0), Refusal::NotEnabled);
-    assert_eq!(bench.ask(StateCommand::Enable), Refusal::State);
+    assert_eq!(bench.joint(0.0, 0.0), Refusal::InFault);
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::InFault);
 }
 
 #[test]

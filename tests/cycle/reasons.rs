@@ -37,7 +37,7 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
     let mut bench = Bench::enabled();
     bench.drives[1].feedback.phase = AxisPhase::Lost;
     let lost = fault(&mut bench, Fault::Link);
-    assert_eq!((lost.motor, lost.limit), (Some(1), None), "given up before the limit");
+    assert_eq!(lost.to_string(), "motor 1", "given up before the limit: its age says nothing");
 
     let mut bench = Bench::enabled();
     bench.quirk(0, Quirk::Blocked);
@@ -62,6 +62,27 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
     let late = fault(&mut bench, Fault::Late);
     assert_eq!(late.quantity, Quantity::LateTicks);
     assert!(late.measured >= late.limit.unwrap(), "{late}");
+}
+
+#[test]
+fn the_code_of_a_drive_at_fault_is_told_when_it_is_read_and_never_as_zero() {
+    let mut bench = Bench::enabled();
+    bench.drives[1].feedback.phase = AxisPhase::Faulted;
+    assert_eq!(fault(&mut bench, Fault::Drive).to_string(), "motor 1");
+    bench.run(3);
+    bench.drives[1].feedback.error_code = 0x8611;
+    bench.run(3);
+    let told = measurement(&bench, Cause::Fault(Fault::Drive)).unwrap();
+    assert_eq!(told.to_string(), "motor 1: error code 0x8611");
+    let faults = { bench.reasons.iter() }.filter(|it| it.cause == Cause::Fault(Fault::Drive));
+    assert_eq!(faults.count(), 2, "once without, once with its code");
+}
+
+#[test]
+fn a_move_while_another_client_streams_is_refused_for_the_lease() {
+    let mut bench = Bench::moving();
+    bench.pose = Some((rad(1.0, 0.0), 2));
+    assert_eq!(bench.ask_as(99, StateCommand::Move).refusal, Refusal::Lease);
 }
 
 #[test]

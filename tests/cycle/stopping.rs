@@ -100,7 +100,7 @@ fn paused_holds_and_resumes_where_it_is() {
     assert_eq!(bench.state(), OperatingState::Paused);
     assert!(ticks_to_rest(&mut bench) <= 1);
     let held = bench.targets();
-    assert_eq!(bench.actuator([250, 250]), Refusal::NotEnabled);
+    assert_eq!(bench.actuator([250, 250]), Refusal::Paused);
     bench.run(2000);
     assert_eq!(bench.targets(), held);
     assert_eq!(bench.phases(), [AxisPhase::Enabled; 2]);

@@ -15,7 +15,7 @@ fn h06_a_drive_that_lost_its_power_has_to_be_homed_again() {
     settle_in(&mut client, OperatingState::Disabled);
     rig.emulator.power_cycle(0);
     wait_for(&mut client, |state| !has(state, OperatingStateMsg::HOMED));
-    let restarting = [Refusal::DrivesNotReady, Refusal::Busy, Refusal::State];
+    let restarting = [Refusal::DrivesNotReady, Refusal::Busy, Refusal::InFault];
     for _ in 0..2000 {
         match client.state_command(StateCommand::Enable).unwrap_err() {
             ClientError::Refused { refusal, .. } if restarting.contains(&refusal) => {

@@ -2,12 +2,15 @@
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
+use std::process::{Command, Stdio};
 
+use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
 use i2ris::ipc::ready::{INTERFACE_VERSION, Ready};
+use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::ipc::{Domain, DomainError, DomainLock, random_id};
 use i2ris::units::Nanos;
-use i2ris_testing::{assert_no_files, files, serve, unique_domain, wait_until};
+use i2ris_testing::{Rig, assert_no_files, files, program, serve, unique_domain, wait_until};
 
 /// Creates the directory of a domain as a controller does.
 fn create_directory(domain: &Domain, mode: u32) {
@@ -28,6 +31,29 @@ fn a_controller_leaves_no_files_and_others_have_no_access_to_them() {
     drop(server);
     assert_eq!(Ready::read(&domain), None);
     assert_no_files(&domain);
+}
+
+#[test]
+fn controller_and_watchdog_take_the_domain_of_the_environment_and_it_is_named_to_who_misses_it() {
+    let mut rig = Rig::with_model();
+    let other = rig.another_domain("env");
+    rig.environment.push(("I2RIS_DOMAIN".into(), other.name().into()));
+    rig.start_controller();
+    let client = wait_until("it serves", || Client::connect(&other, Nanos::from_millis(200)).ok());
+    let absent = Client::connect(&rig.domain(), Nanos::from_millis(50)).unwrap_err().to_string();
+    let (_, served) = absent.split_once("(served: ").unwrap_or_else(|| panic!("{absent}"));
+    assert!(served.trim_end_matches(')').split(", ").any(|name| name == other.name()), "{absent}");
+    let mut watchdog = Command::new(program::path("i2ris-watchdog"));
+    watchdog.arg("--config").arg(rig.folder.path().join("robot.toml"));
+    watchdog.env("I2RIS_DOMAIN", other.name()).stderr(Stdio::null());
+    let mut watchdog = watchdog.spawn().unwrap();
+    wait_until("it watches there", || {
+        let status = WatchdogStatus::read(&other, &rig.config.devices(), clock::now());
+        status != WatchdogStatus::Absent
+    });
+    watchdog.kill().unwrap();
+    watchdog.wait().unwrap();
+    drop(client);
 }
 
 #[test]

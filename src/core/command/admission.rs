@@ -280,9 +280,9 @@ fn require_ready(context: &AdmissionContext) -> Result<(), Refusal> {
         OperatingState::Enabled if !context.is_homed => Err(Refusal::NotHomed),
         OperatingState::Enabled if !context.is_fresh => Err(Refusal::DrivesNotReady),
         OperatingState::Enabled => Ok(()),
-        OperatingState::Disabled | OperatingState::Paused | OperatingState::Fault => {
-            Err(Refusal::NotEnabled)
-        }
+        OperatingState::Disabled => Err(Refusal::NotEnabled),
+        OperatingState::Paused => Err(Refusal::Paused),
+        OperatingState::Fault => Err(Refusal::InFault),
     }
 }
 

@@ -48,6 +48,7 @@ impl MovePlanning<'_> {
         if !is_finite(&pose) {
             return Err(Refusal::NotFinite);
         }
+        self.admission.require_lease(client_id)?;
         let trajectory = match self.current {
             Some(current) if current.client_id() == client_id => {
                 current.turned(pose, self.limits, self.now)
@@ -58,7 +59,6 @@ impl MovePlanning<'_> {
             }
             Some(_) | None => return Err(Refusal::Busy),
         };
-        self.admission.require_lease(client_id)?;
         let reached = reach(joints, self.axes, trajectory.start(), &pose);
         if reached.map_err(|_| Refusal::BadModel)? != pose {
             return Err(Refusal::Reach);

@@ -95,6 +95,10 @@ fn drive_measurement(
 ) -> Option<Measurement> {
     let feedback = axis.feedback();
     match fault {
+        // Its code is read after its phase has changed, and is told then.
+        Fault::Drive if feedback.phase == AxisPhase::Faulted && feedback.error_code == 0 => {
+            Some(Measurement::nothing())
+        }
         Fault::Drive if feedback.phase == AxisPhase::Faulted => {
             let code = f64::from(feedback.error_code);
             Some(Measurement::new(Quantity::ErrorCode, code, None))
@@ -115,9 +119,9 @@ fn link_measurement(axis: &AxisControl, summary: &DriveSummary) -> Option<Measur
     let feedback = axis.feedback();
     let is_gone = matches!(feedback.phase, AxisPhase::Lost | AxisPhase::Starting);
     let age = summary.now.since(feedback.stamp);
-    let has_reported = feedback.stamp > Nanos::ZERO;
-    let measurement = Measurement::of_age(age, summary.lost_after);
-    // A port may give a drive up earlier, after its own time-outs: that limit was not reached.
-    let limit = measurement.limit.filter(|_| age >= summary.lost_after);
-    (has_reported && (is_gone || limit.is_some())).then_some(Measurement { limit, ..measurement })
+    if feedback.stamp > Nanos::ZERO && age >= summary.lost_after {
+        return Some(Measurement::of_age(age, summary.lost_after));
+    }
+    // A port may give a drive up earlier, after its own time-outs: then the age says nothing.
+    is_gone.then(Measurement::nothing)
 }

@@ -135,6 +135,10 @@ impl CycleEventKind {
             Self::Refused { refusal, .. } | Self::RequestRefused { refusal, .. } => {
                 Some(Cause::Refusal(*refusal))
             }
+            // The code of a drive that is at fault already.
+            Self::Axis { from: AxisPhase::Faulted, to: AxisPhase::Faulted, .. } => {
+                Some(Cause::Fault(Fault::Drive))
+            }
             Self::Lease { .. }
             | Self::Fixtures { .. }
             | Self::Model { .. }

@@ -6,8 +6,8 @@ use crate::core::events::{CycleEventKind, EventList};
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::vector;
-use crate::drive::{AxisFeedback, AxisRequest, Demand};
-use crate::robot::Measurement;
+use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
+use crate::robot::{Measurement, Quantity};
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
 
 /// All axes, in the order of the motors.
@@ -45,7 +45,8 @@ impl AxisGroup {
         self.0.iter_mut().for_each(action);
     }
 
-    /// Takes the feedback of this tick. Every change of phase is an event.
+    /// Takes the feedback of this tick. Every change of phase is an event, and so is the error code
+    /// of a drive at fault, which is read after its phase has changed.
     pub fn update_feedback(
         &mut self,
         feedback: &[AxisFeedback; MAX_MOTORS],
@@ -54,9 +55,14 @@ impl AxisGroup {
     ) {
         for ((motor, axis), feedback) in (0..).zip(&mut self.0).zip(feedback) {
             let (from, to) = (axis.feedback().phase, feedback.phase);
+            let error_code = feedback.error_code;
+            let is_explained = to == AxisPhase::Faulted && axis.feedback().error_code == 0;
             if from != to {
-                let error_code = feedback.error_code;
                 events.push(CycleEventKind::Axis { motor, from, to, error_code });
+            } else if is_explained && error_code != 0 {
+                let code = Measurement::new(Quantity::ErrorCode, f64::from(error_code), None);
+                let event = CycleEventKind::Axis { motor, from, to, error_code };
+                events.push_measured(event, Some(code.of_motor(motor)));
             }
             axis.update_feedback(feedback, now);
         }

@@ -23,7 +23,7 @@ pub(super) fn acknowledge(
     summary: &DriveSummary,
 ) -> Result<ControlState, Refusal> {
     let ControlState::Fault(fault) = state else {
-        return Err(Refusal::State);
+        return Err(Refusal::NoFault);
     };
     if matches!(fault.stage, FaultStage::Resetting { .. }) {
         return Err(Refusal::Busy);

@@ -65,8 +65,10 @@ pub(crate) fn command_effect(
 
 fn enable(state: &ControlState, summary: &DriveSummary) -> Result<CommandEffect, Refusal> {
     let going_off = match state {
+        ControlState::Enabled(_) => return Ok(CommandEffect::NoChange),
+        ControlState::Paused => return Err(Refusal::Paused),
         ControlState::Disabled(activity) => activity.then(true),
-        ControlState::Enabled(_) | ControlState::Paused | ControlState::Fault(_) => None,
+        ControlState::Fault(_) => None,
     };
     let enabling = if let Some(going_off) = going_off {
         summary.require_zero_and_range()?;
@@ -119,7 +121,7 @@ fn pause(state: &ControlState) -> Result<CommandEffect, Refusal> {
 fn resume(state: &ControlState) -> Result<CommandEffect, Refusal> {
     match state {
         ControlState::Paused => Ok(CommandEffect::Change(HOLDING)),
-        ControlState::Enabled(_) => Err(Refusal::State),
+        ControlState::Enabled(_) => Ok(CommandEffect::NoChange),
         ControlState::Disabled(_) | ControlState::Fault(_) => Err(powered_only(state)),
     }
 }
@@ -154,10 +156,11 @@ fn require_motion_allowed(
 /// Refusal of a command that needs a robot that is on.
 fn powered_only(state: &ControlState) -> Refusal {
     match state {
-        ControlState::Disabled(DisabledActivity::Idle)
-        | ControlState::Enabled(_)
-        | ControlState::Paused
-        | ControlState::Fault(_) => Refusal::State,
+        ControlState::Disabled(DisabledActivity::Idle) | ControlState::Enabled(_) => {
+            Refusal::NotEnabled
+        }
         ControlState::Disabled(_) => Refusal::Busy,
+        ControlState::Paused => Refusal::Paused,
+        ControlState::Fault(_) => Refusal::InFault,
     }
 }

@@ -23,10 +23,10 @@
 //!
 //! | command | DISABLED | DISABLED, busy | ENABLED | PAUSED | FAULT | FAULT, busy |
 //! |---|---|---|---|---|---|---|
-//! | `enable` | enabling (1) | Busy (9) | State | State | State | State |
+//! | `enable` | enabling (1) | Busy (9) | no change | State | State | State |
 //! | `disable` | no change | powering off (2) | stopping | stopping | drives off | no change |
 //! | `pause` | State | Busy | PAUSED | no change | State | State |
-//! | `resume` | State | Busy | State | ENABLED, holding | State | State |
+//! | `resume` | State | Busy | no change | ENABLED, holding | State | State |
 //! | `home` | homing (3) | Busy | State | State | State | State |
 //! | `unhome` | zero invalid | Busy | State | State | State | State |
 //! | `condition` | State | Busy | conditioning cycle, busy (6) | State | State | State |
@@ -36,7 +36,8 @@
 //! | `release` | (5) | (5) | (5), holding | (5) | (5) | (5) |
 //! | `fixture` | (8) | (8) | (8) | (8) | (8) | (8) |
 //!
-//! Busy, State and other words with a capital are [`Refusal`](crate::robot::Refusal)s. A client id
+//! Busy and other words with a capital are [`Refusal`](crate::robot::Refusal)s. State is one of
+//! NotEnabled, Paused, InFault, NotDisabled and NoFault: each has its own way out. A client id
 //! of 0 is refused as Malformed. During shutdown, commands that would start something are refused
 //! with State. `disable` is refused to nobody who has an id, in no state, and repeating it is no
 //! error; so are `pause` and `hold` of a robot that is on.
@@ -64,8 +65,8 @@
 //!    lost zero end it at once, and so do fixtures that come.
 //! 7. By the request `move_jp`. Refused in this order: Busy, NotHomed and DrivesNotReady as for
 //!    (6), Malformed without a pose, NoModel, Malformed with a wrong number of entries, Unsupported
-//!    for a model of the tip position, NotFinite, Busy while a setpoint moves, Lease if another
-//!    client holds it, Reach for a pose outside the hull, the position limits or the joint limits,
+//!    for a model of the tip position, NotFinite, Lease if another client holds it, Busy while a
+//!    setpoint moves, Reach for a pose outside the hull, the position limits or the joint limits,
 //!    Fixture, Range. A second one of the same client takes the place of the first, which comes to
 //!    rest before; for other clients the robot is Busy. Otherwise as (6):
 //!    servo commands are refused with Busy meanwhile, and the same events end it. There is no
@@ -282,7 +283,8 @@ impl ControlState {
         match self {
             Self::Disabled(DisabledActivity::Idle) => Ok(()),
             Self::Disabled(_) => Err(Refusal::Busy),
-            Self::Enabled(_) | Self::Paused | Self::Fault(_) => Err(Refusal::State),
+            Self::Enabled(_) | Self::Paused => Err(Refusal::NotDisabled),
+            Self::Fault(_) => Err(Refusal::InFault),
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::ipc::domain::DomainError;
-use crate::ipc::ready::INTERFACE_VERSION;
+use crate::ipc::ready::{INTERFACE_VERSION, served_domains};
 use crate::ipc::service::TransportError;
 use crate::robot::{
     Cause, Measurement, ModelAction, OperatingState, Reason, Refusal, StateCommand,
@@ -18,7 +18,10 @@ pub enum ClientError {
     Domain(#[from] DomainError),
     /// No controller serves the domain. Try again: every client finds a controller that starts
     /// later.
-    #[error("no controller serves domain `{domain}`; start i2ris-control, or name its domain")]
+    #[error(
+        "no controller serves domain `{domain}`; start i2ris-control, or name its domain{}",
+        served(&served_domains())
+    )]
     NoController {
         /// The domain.
         domain: String,
@@ -115,6 +118,11 @@ fn reason(message: &str, refusal: Refusal) -> String {
 
 const fn ms(span: Nanos) -> u64 {
     span.0 / 1_000_000
+}
+
+/// The end of a sentence: the domains that there are.
+fn served(domains: &[String]) -> String {
+    if domains.is_empty() { String::new() } else { format!(" (served: {})", domains.join(", ")) }
 }
 
 fn state_text(state: Option<OperatingState>) -> &'static str {

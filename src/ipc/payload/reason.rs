@@ -113,13 +113,21 @@ impl OperatingStateMsg {
             }
             Some(state) => Some(Cause::State(state)),
         };
+        // The order in which they can be removed: enabling needs the zero.
+        let is_off = self.state == OperatingState::Disabled.number();
+        let zero_first =
+            (is_off && lacks(Self::HOMED)).then_some(Cause::Refusal(Refusal::NotHomed));
         let others = [
-            (lacks(Self::HOMED), Refusal::NotHomed),
+            (!is_off && lacks(Self::HOMED), Refusal::NotHomed),
             (lacks(Self::MODEL), Refusal::NoModel),
             (!lacks(Self::BUSY), Refusal::Busy),
         ];
         let others = others.into_iter().filter(|(is_present, _)| *is_present);
-        first.into_iter().chain(others.map(|(_, refusal)| Cause::Refusal(refusal))).collect()
+        zero_first
+            .into_iter()
+            .chain(first)
+            .chain(others.map(|(_, refusal)| Cause::Refusal(refusal)))
+            .collect()
     }
 }
 

@@ -12,10 +12,11 @@ mod trajectory_player;
 
 use std::path::PathBuf;
 
-use i2ris::ipc::{OperatingState, StateCommand};
+use i2ris::ipc::{Domain, OperatingState, StateCommand};
 
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
+use crate::exit::name_holder;
 use crate::numbers::{finite, pair, positive, within};
 use crate::teleop::{self, HandOptions};
 use prepare::{PrepareOptions, carry_out};
@@ -193,10 +194,15 @@ impl StateWord {
 }
 
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    let Arguments { domain, stream, what } = arguments;
+    let domain = arguments.domain.domain()?;
+    carry_out_all(arguments, &domain).map_err(|failure| name_holder(failure, &domain))
+}
+
+fn carry_out_all(arguments: Arguments, domain: &Domain) -> Result<(), Failure> {
+    let Arguments { domain: _, stream, what } = arguments;
     // A wrong file is refused before the robot moves.
     let waypoints = if let What::File { csv } = &what { Some(Waypoints::load(csv)?) } else { None };
-    let mut client = crate::connection::connect(&domain.domain()?)?;
+    let mut client = crate::connection::connect(domain)?;
     let interrupt = Interrupt::catch()?;
     let (name, path, duration_s) = match what {
         What::State { command, no_wait, json } => {

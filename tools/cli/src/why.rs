@@ -3,8 +3,10 @@
 use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError, Subscription};
 use i2ris::ipc::payload::ReasonMsg;
+use i2ris::ipc::{Refusal, find_client_process};
+use i2ris::robot::Cause;
 use i2ris::units::Nanos;
-use i2ris_report::view::{Why, reasons};
+use i2ris_report::view::{NOTHING, Why, reasons};
 use i2ris_report::{DomainOption, Failure, Screen, until_closed};
 
 /// Time to wait for a controller that is starting.
@@ -34,7 +36,8 @@ pub struct Arguments {
 
 /// Runs it.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let mut client = Client::connect(&arguments.domain.domain()?, CONNECT)?;
+    let domain = arguments.domain.domain()?;
+    let mut client = Client::connect(&domain, CONNECT)?;
     let watcher = client.watcher();
     let (mut error, mut warning) = (watcher.error(), watcher.warning());
     let (mut errors, mut warnings) = (Vec::new(), Vec::new());
@@ -45,7 +48,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         receive(&mut warning, &mut warnings)?;
         clock::sleep(POLL_PERIOD);
     }
-    print(&reasons(&state, errors.last(), &warnings, clock::now()), arguments.json)
+    let found = reasons(&state, errors.last(), &warnings, clock::now());
+    let holder = find_client_process(&domain, state.boot_id, state.lease_client_id);
+    let holder = match holder {
+        Some(process) => format!("; now {process} holds it"),
+        None if state.lease_client_id == 0 => "; now nobody holds it".to_owned(),
+        None => String::new(),
+    };
+    print(&found, &holder, arguments.json)
 }
 
 fn receive(
@@ -55,16 +65,21 @@ fn receive(
     stream.drain(|message| messages.push(message)).map(drop)
 }
 
-fn print(reasons: &[Why], is_json: bool) -> Result<(), Failure> {
+/// `holder`: of the lease, behind a refusal for its sake.
+fn print(reasons: &[Why], holder: &str, is_json: bool) -> Result<(), Failure> {
     let mut lines = Vec::new();
     if is_json {
         lines.push(serde_json::to_string(reasons)?);
     } else {
         if reasons.iter().all(|why| why.age_s.is_some()) {
-            lines.push("nothing keeps the robot from moving: it waits for commands".to_owned());
+            lines.push(NOTHING.to_owned());
         }
-        lines.extend(reasons.iter().map(|Why { text, advice, age_s, .. }| match age_s {
-            Some(age) => format!("{text}, {age:.1} s ago\n  do: {advice}"),
+        let lease = Cause::Refusal(Refusal::Lease).to_string();
+        lines.extend(reasons.iter().map(|Why { code, text, advice, age_s, .. }| match age_s {
+            Some(age) => {
+                let holder = if *code == lease { holder } else { "" };
+                format!("{text}, {age:.1} s ago{holder}\n  do: {advice}")
+            }
             None => format!("{text}\n  do: {advice}"),
         }));
     }

@@ -1,11 +1,29 @@
 //! The name of the process that holds the lease.
 
+use std::borrow::Cow;
+use std::fs;
+
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Domain, find_client_process};
+use i2ris::ipc::{ClientProcess, Domain, find_client_process};
 use i2ris::units::Nanos;
 
 /// Time between two attempts to find a process: it costs reading a folder.
 const RETRY: Nanos = Nanos::from_millis(1000);
+
+/// As `i2ris calibrate collect, process 12, user 1000`: what a program of many commands does says
+/// more than its name.
+fn name(process: &ClientProcess) -> String {
+    let line = fs::read(format!("/proc/{}/cmdline", process.pid)).unwrap_or_default();
+    let words = line.split(|byte| *byte == 0).skip(1).map(String::from_utf8_lossy);
+    let is_word = |word: &Cow<'_, str>| word.bytes().all(|it| it.is_ascii_lowercase());
+    let words: Vec<_> =
+        words.take_while(|word| !word.is_empty() && is_word(word)).take(2).collect();
+    let program = match process.program.as_str() {
+        "i2ris" => [vec!["i2ris".into()], words].concat().join(" "),
+        other => other.to_owned(),
+    };
+    ClientProcess { program, ..process.clone() }.to_string()
+}
 
 /// Finds the holder of the lease, once per change.
 #[derive(Debug)]
@@ -28,7 +46,7 @@ impl Commander {
         let known = self.found.as_ref().filter(|it| (it.0, it.1) == (boot, client));
         if known.is_none_or(|it| it.2.is_none() && now >= self.next) {
             let process = find_client_process(&self.domain, boot, client);
-            self.found = Some((boot, client, process.map(|process| process.to_string())));
+            self.found = Some((boot, client, process.map(|process| name(&process))));
             self.next = now + RETRY;
         }
         self.found.as_ref().and_then(|it| it.2.clone())

@@ -1,12 +1,14 @@
 //! The robot as lines of text, for `--once` and for pipes.
 
-use i2ris_report::view::{Age, ControlLoop, Motor, Pose, Span, State, View};
+use i2ris_report::view::{Age, ControlLoop, Motor, NOTHING, Pose, Span, State, View};
 
 /// Everything, in several lines.
 pub fn page(view: &View) -> Vec<String> {
     let mut lines = vec![state_line(view.state.as_ref()), lease_line(view.state.as_ref())];
-    let why = view.why.iter().filter(|why| why.is_fault() || why.age_s.is_some());
-    lines.extend(why.map(|why| format!("why        {}; do: {}", why.text, why.advice)));
+    if view.state.is_some() && view.why.iter().all(|why| why.age_s.is_some()) {
+        lines.push(format!("why        {NOTHING}"));
+    }
+    lines.extend(view.why.iter().map(|why| format!("why        {}; do: {}", why.text, why.advice)));
     lines.extend(angle_lines(view));
     match &view.motors {
         None => lines.push("motors     not received yet".to_owned()),
@@ -83,10 +85,11 @@ fn state_line(state: Option<&State>) -> String {
 }
 
 fn lease_line(state: Option<&State>) -> String {
-    let Some(State { lease, accepted, refused, last_refusal, stale_stops, .. }) = state else {
+    let Some(State { lease, commander, accepted, refused, last_refusal, stale_stops, .. }) = state
+    else {
         return "commander  -".to_owned();
     };
-    let holder = lease.as_deref().unwrap_or("none");
+    let holder = lease.as_deref().map_or("none", |id| commander.as_deref().unwrap_or(id));
     let reason = last_refusal.map(|refusal| format!(", last: {refusal}")).unwrap_or_default();
     format!(
         "commander  {holder}; accepted {accepted}, refused {refused}{reason}; stale stops \

@@ -14,6 +14,7 @@
 //! | `recover` | makes a complete file of one that was cut off |
 //! | `run_log` | the lines of a run in the log of the controller |
 //! | `export` | tables as CSV and Parquet |
+//! | `extract` | attachments and commands as files |
 //! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
 //!
 //! A topic `i2ris/NAME` has the payloads of the controller, bit by bit. The topic `NAME` has the
@@ -24,6 +25,7 @@
 pub mod cdr;
 pub mod cpp_header;
 pub mod export;
+pub mod extract;
 pub mod joints;
 pub mod python_reasons;
 pub mod read;

@@ -168,7 +168,7 @@ impl Table {
         let words = |column: usize| self.text_columns.contains(&column).then_some("words");
         html! {
             table {
-                caption { (self.caption) }
+                caption { span { (self.caption) } }
                 thead { tr {
                     @for (column, name) in self.header.iter().enumerate() {
                         th scope="col" class=[words(column)] { (name) }

@@ -79,6 +79,15 @@ fn numbers(document: &Document) -> Vec<f64> {
 }
 
 #[test]
+fn a_page_is_dark_on_a_dark_screen_and_its_captions_fit_a_phone() {
+    let mut page = Page::new("a");
+    page.table(&Table::new("a long caption", ["x"]));
+    let text = page.to_string();
+    assert!(text.contains("@media screen and (prefers-color-scheme: dark)"), "{text}");
+    assert!(text.contains("<caption><span>a long caption</span></caption>"), "{text}");
+}
+
+#[test]
 fn a_page_is_well_formed_and_keeps_every_text() {
     let text = page(MARKUP);
     let document = parse(&text);

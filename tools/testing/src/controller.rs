@@ -115,7 +115,7 @@ impl Robot {
         let command = StateCommand::from_number(request.command).unwrap();
         self.asked.push(command);
         match command {
-            StateCommand::Enable if self.state == OperatingState::Enabled => Refusal::State,
+            StateCommand::Enable if self.state == OperatingState::Enabled => Refusal::None,
             StateCommand::Enable if !self.homed => Refusal::NotHomed,
             StateCommand::Enable => self.change(OperatingState::Enabled),
             StateCommand::Disable if self.state == OperatingState::Fault => Refusal::None,
@@ -140,7 +140,8 @@ impl Robot {
             StateCommand::Acknowledge if self.state == OperatingState::Fault => {
                 self.change(OperatingState::Disabled)
             }
-            StateCommand::Pause | StateCommand::Hold | StateCommand::Acknowledge => Refusal::State,
+            StateCommand::Pause | StateCommand::Hold => Refusal::NotEnabled,
+            StateCommand::Acknowledge => Refusal::NoFault,
             _ => Refusal::Unsupported,
         }
     }

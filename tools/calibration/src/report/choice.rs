@@ -33,7 +33,8 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
                    tracking error when the inverse of the family moves the other families as a \
                    robot, and the one where that goes worst; the score is both together, the root \
                    of the sum of squares; travel of the motors in these trials, relative to that \
-                   of linear. A family whose error on the rows held out is far above the least, or \
+                   of linear. Where a family has no tracking, scores are no comparison, and the \
+                   error on the rows held out counts. A family whose error on the rows held out is far above the least, or \
                    that no other can follow, is no robot to be tried on.";
     let mut table = Table::new(caption.to_owned(), header);
     for score in scores {
@@ -48,7 +49,7 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
                 fixed(score.held_out, 3),
                 worst,
                 name,
-                fixed(score.total, 3),
+                if are_alike(scores) { fixed(score.total, 3) } else { none() },
                 if score.tracking.is_some() { fixed(score.travel, 2) } else { none() },
             ],
             strong: score.chosen,
@@ -58,16 +59,29 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     page.table(&table);
 }
 
+/// Whether the scores compare the same errors: where a family has no other to try its inverse on,
+/// its score is its error on the rows held out alone, and only those are alike.
+fn are_alike(scores: &[ChoiceScore]) -> bool {
+    let tried = scores.iter().filter(|score| score.tracking.is_some()).count();
+    tried == 0 || tried == scores.len()
+}
+
 /// Why this one, and how sure that is; `None` where none was chosen.
 pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> {
     let chosen = scores.iter().find(|score| score.chosen)?;
     let family = &chosen.family;
     let others = scores.iter().filter(|score| !score.chosen);
-    let next = others.min_by(|a, b| a.total.total_cmp(&b.total));
+    let is_alike = are_alike(scores);
+    let (scored, what) = match is_alike {
+        true => ("score", "The score"),
+        false => ("error on the rows held out", "That error"),
+    };
+    let value = |score: &ChoiceScore| if is_alike { score.total } else { score.held_out };
+    let next = others.min_by(|a, b| value(a).total_cmp(&value(b)));
     let Some(next) = next else {
         return Some(format!("{family} is the only family that could be fitted."));
     };
-    let part = next.total / chosen.total - 1.0;
+    let part = value(next) / value(chosen) - 1.0;
     let percent = fixed(100.0 * part.abs(), 0);
     let (other, side) = (&next.family, if part < 0.0 { "below" } else { "above" });
     let uncertainty = fixed(next.uncertainty, 3);
@@ -84,8 +98,8 @@ pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> 
         None => "no other family is near enough to try its inverse on".to_owned(),
     };
     Some(format!(
-        "{family} was chosen for its score: on the rows held out its error is {held_out} {unit}, \
-         and {tracking}. The score of the next family, {other}, is {percent} % {side} it, {sure}. \
+        "{family} was chosen for its {scored}: on the rows held out its error is {held_out} \
+         {unit}, and {tracking}. {what} of the next family, {other}, is {percent} % {side} it, {sure}. \
          By the blocks held out, the difference of their errors has a standard deviation of \
          {uncertainty} {unit}."
     ))
@@ -153,6 +167,19 @@ mod tests {
             assert!(text.contains(part), "{text}");
             assert!(text.contains("no other family is near enough"), "{text}");
         }
+        // The chosen one has nobody to try its inverse on: its score has no tracking in it.
+        let tried = |score: ChoiceScore, error: f64| ChoiceScore {
+            tracking: Some((error, "gmr-play".to_owned())),
+            total: score.total.hypot(error),
+            ..score
+        };
+        let scores = [
+            tried(score("linear", 9.0, false), 5.0),
+            score("gmr-play", 1.0, true),
+            tried(score("gmr-stop", 1.05, false), 5.0),
+        ];
+        let text = explanation(&scores, "deg").unwrap();
+        assert!(text.contains("That error of the next family, gmr-stop, is 5 % above it"), "{text}");
         let one = [score("linear", 1.0, true)];
         assert!(explanation(&one, "deg").unwrap().contains("the only family"));
     }

@@ -18,6 +18,9 @@ pub struct Comparison {
     /// Name, rows with angles, positions of the path.
     #[serde(skip)]
     recording: (String, usize, usize),
+    /// Rows that every model knows.
+    #[serde(skip)]
+    common: usize,
 }
 
 #[derive(Debug, Serialize)]
@@ -34,9 +37,15 @@ struct ComparedModel {
     unknown_memory: usize,
     /// Rows outside the region that its calibration visited.
     outside: usize,
-    /// As `rms_length`, of all other rows; absent without any.
-    rms_length_of_others: Option<f64>,
+    /// As `rms_length`, of the rows that every compared model knows; absent without any.
+    rms_length_of_common: Option<f64>,
+    /// The same for every part of the recording.
+    #[serde(skip)]
+    parts: [Option<f64>; PARTS],
 }
+
+/// Parts of a recording, in which one model has to be better again and again to be better at all.
+const PARTS: usize = 5;
 
 /// In the unit of the output.
 #[derive(Debug, Serialize)]
@@ -55,17 +64,52 @@ impl Comparison {
     ///
     /// An output does not vary in the recording: a sentence.
     pub fn new(models: &[(String, Model)], recording: &Recording) -> Result<Self, String> {
-        let models = models.iter().map(|(name, model)| ComparedModel::new(name, model, recording));
         let (rows, positions) = (recording.rows().len(), recording.path().len());
+        let doubts: Vec<_> = models.iter().map(|(_, model)| doubts(model, recording)).collect();
+        let is_common = |row: &usize| doubts.iter().all(|of| of[*row] == [false; 2]);
+        let common: Vec<usize> = (0..rows).filter(is_common).collect();
+        let models = models.iter().zip(&doubts).map(|((name, model), doubts)| {
+            ComparedModel::new(name, model, recording, doubts, &common)
+        });
         Ok(Self {
             models: models.collect::<Result<_, _>>()?,
             recording: (recording.name().to_owned(), rows, positions),
+            common: common.len(),
         })
+    }
+
+    /// Which model is the best on the rows that all of them know, and how sure that is; `None` for
+    /// one model, and without such rows.
+    fn verdict(&self) -> Option<String> {
+        let known = self.models.iter().filter_map(|model| Some((model.rms_length_of_common?, model)));
+        let mut ranked: Vec<(f64, &ComparedModel)> = known.collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let [(least, best), (more, next), ..] = ranked[..] else { return None };
+        let pairs = best.parts.iter().zip(&next.parts);
+        let pairs: Vec<(f64, f64)> = pairs.filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect();
+        let (won, parts) = (pairs.iter().filter(|(a, b)| a < b).count(), pairs.len());
+        let percent = 100.0 * (more / least - 1.0);
+        let sure = if won == parts { "" } else { "; another recording may turn it round" };
+        let flattered = match best.trained_on_it {
+            true => "; it was fitted to this very recording, which flatters it",
+            false => "",
+        };
+        Some(format!(
+            "{} is the best on the {} rows that every model knows: {least:.3} RMS length; the next, \
+             {}, leaves {percent:.0} % more, and is worse in {won} of {parts} parts{sure}{flattered}",
+            best.model, self.common, next.model
+        ))
     }
 }
 
 impl ComparedModel {
-    fn new(name: &str, model: &Model, recording: &Recording) -> Result<Self, String> {
+    fn new(
+        name: &str,
+        model: &Model,
+        recording: &Recording,
+        doubts: &[[bool; 2]],
+        common: &[usize],
+    ) -> Result<Self, String> {
         let predicted = predictions(model, recording);
         let rows = || recording.rows().iter().zip(&predicted);
         let mut outputs = Vec::new();
@@ -79,14 +123,18 @@ impl ComparedModel {
             outputs.push(ComparedOutput { name, unit, metrics, p99 });
         }
         let square = |output: &ComparedOutput| output.metrics.rmsd * output.metrics.rmsd;
-        let doubts = doubts(model, recording);
-        let others = rows().zip(&doubts).filter(|(_, [unknown, outside])| !unknown && !outside);
-        let others = others.map(|((row, at), _)| {
-            let pairs = row.outputs.iter().zip(at).take(model.outputs());
-            pairs.map(|(measured, at)| (measured - at).powi(2)).sum()
-        });
+        let squares: Vec<f64> = rows()
+            .map(|(row, at)| {
+                let pairs = row.outputs.iter().zip(at).take(model.outputs());
+                pairs.map(|(measured, at)| (measured - at).powi(2)).sum()
+            })
+            .collect();
+        let rms = |of: &[usize]| mean(of.iter().map(|row| squares[*row])).map(f64::sqrt);
+        let bound = |part: usize| part * common.len() / PARTS;
+        let parts = std::array::from_fn(|part| rms(&common[bound(part)..bound(part + 1)]));
         Ok(Self {
-            rms_length_of_others: mean(others).map(f64::sqrt),
+            rms_length_of_common: rms(common),
+            parts,
             unknown_memory: doubts.iter().filter(|[unknown, _]| *unknown).count(),
             outside: doubts.iter().filter(|[_, outside]| *outside).count(),
             model: name.to_owned(),
@@ -139,15 +187,23 @@ impl fmt::Display for Comparison {
             }
             let trained = if model.trained_on_it { ", fitted to this very recording" } else { "" };
             writeln!(f, "  {}{trained}", model.model)?;
-            model.write_doubts(f, *rows)?;
+            model.write_doubts(f, *rows, self.common)?;
         }
-        Ok(())
+        match self.verdict() {
+            Some(verdict) => writeln!(f, "\nverdict: {verdict}"),
+            None => Ok(()),
+        }
     }
 }
 
 impl ComparedModel {
     /// What the errors include that the model cannot know.
-    fn write_doubts(&self, f: &mut fmt::Formatter<'_>, rows: usize) -> fmt::Result {
+    fn write_doubts(
+        &self,
+        f: &mut fmt::Formatter<'_>,
+        rows: usize,
+        common: usize,
+    ) -> fmt::Result {
         let Self { unknown_memory, outside, .. } = *self;
         if unknown_memory > 0 {
             writeln!(
@@ -164,8 +220,11 @@ impl ComparedModel {
                  calibration visited"
             )?;
         }
-        match self.rms_length_of_others.filter(|_| unknown_memory + outside > 0) {
-            Some(others) => writeln!(f, "  RMS length on the other rows: {others:.3}"),
+        match self.rms_length_of_common.filter(|_| common < rows) {
+            Some(rms) => writeln!(
+                f,
+                "  RMS length on the {common} rows that every compared model knows: {rms:.3}"
+            ),
             None => Ok(()),
         }
     }

@@ -1,6 +1,7 @@
 //! `i2ris` as processes, as a person and a script meet it.
 #![allow(clippy::unwrap_used, clippy::print_stderr)]
 
+mod advice;
 mod bench;
 mod benchmark;
 mod collect;

@@ -116,6 +116,23 @@ fn models_are_compared_on_a_recording() {
         "{json}"
     );
     assert!(near(&yaw["r2"], 1.0) && near(&json[0]["rms_length"], 0.3), "{json}");
+    // A model that knows less is right there: both are judged on the rows that both know.
+    let mut narrow: serde_json::Value = serde_json::from_str(&bench.read("model.json")).unwrap();
+    narrow["family"]["offset"] = serde_json::json!([0.29, 0.0]);
+    narrow["hull"]["corners"] =
+        serde_json::json!([[-300.0, -300.0], [300.0, -300.0], [300.0, 300.0], [-300.0, 300.0]]);
+    bench.write("narrow.json", &narrow.to_string());
+    let both = "calibrate compare model.json narrow.json --recording unseen.csv";
+    let output = bench.succeeds(both);
+    let (_, rows) = output.split_once("RMS length on the ").unwrap();
+    let rows = rows.split(' ').next().unwrap();
+    let says = |rms| format!("RMS length on the {rows} rows that every compared model knows: {rms}");
+    assert_says(&output, &[&says("0.300"), &says("0.010")]);
+    let verdict = format!("verdict: narrow.json is the best on the {rows} rows that every model knows");
+    assert_says(&output, &[&verdict, "model.json, leaves 2900 % more, and is worse in 5 of 5 parts"]);
+    let json: serde_json::Value =
+        serde_json::from_str(&bench.succeeds(&format!("{both} --json"))).unwrap();
+    assert!(near(&json[1]["rms_length_of_common"], 0.01), "{json}");
 }
 
 #[test]

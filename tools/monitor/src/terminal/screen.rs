@@ -75,7 +75,6 @@ fn state_items(view: &View, state: &State) -> Vec<Span<'static>> {
         None => format!(" {} ", state.name),
     };
     let mut items = vec![Span::styled(badge, badge_style(state))];
-    items.extend(reason(view));
     items.push(Span::raw(format!("for {:.0} s", state.for_s)));
     let model = view.models.used.as_ref().map(|used| format!("model {}", used.name));
     let model = model.as_deref().unwrap_or("model loaded");
@@ -95,6 +94,7 @@ fn state_items(view: &View, state: &State) -> Vec<Span<'static>> {
         let style = if warnings.contains(&text) { warning() } else { Style::new() };
         items.extend((!text.is_empty()).then(|| Span::styled(text.to_owned(), style)));
     }
+    items.extend(reason(view));
     items
 }
 

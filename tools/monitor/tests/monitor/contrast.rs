@@ -53,6 +53,34 @@ fn contrast(a: [f64; 3], b: [f64; 3]) -> f64 {
     (a.max(b) + 0.05) / (a.min(b) + 0.05)
 }
 
+/// CIE L*a*b* of a colour under D65.
+fn lab(rgb: [f64; 3]) -> [f64; 3] {
+    let linear = |it: f64| {
+        if it <= 0.04045 { it / 12.92 } else { ((it + 0.055) / 1.055).powf(2.4) }
+    };
+    let [r, g, b] = rgb.map(linear);
+    let cube = |t: f64| if t > 0.008_856 { t.cbrt() } else { 7.787 * t + 16.0 / 116.0 };
+    let x = cube((0.4124 * r + 0.3576 * g + 0.1805 * b) / 0.950_47);
+    let y = cube(0.2126 * r + 0.7152 * g + 0.0722 * b);
+    let z = cube((0.0193 * r + 0.1192 * g + 0.9505 * b) / 1.088_83);
+    [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+}
+
+/// A person tells two colours apart at a glance from a distance of about 30 on.
+#[test]
+fn no_two_curves_look_alike_in_either_theme() {
+    for (theme, colours) in themes() {
+        let names = ["goal", "setpoint", "estimate", "camera", "error", "alarm"];
+        for (place, a) in names.iter().enumerate() {
+            for b in &names[place + 1..] {
+                let pairs = lab(colours[*a]).into_iter().zip(lab(colours[*b]));
+                let distance = pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+                assert!(distance > 30.0, "{theme}: {a} and {b} are {distance:.1} apart");
+            }
+        }
+    }
+}
+
 #[test]
 fn the_formula_gives_the_published_values() {
     let (black, white) = ([0.0; 3], [1.0; 3]);

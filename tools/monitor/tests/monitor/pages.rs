@@ -107,6 +107,77 @@ fn the_commander_has_a_name_and_a_camera_that_parts_is_alarmed() {
 }
 
 #[test]
+fn the_operator_reads_from_afar_what_is_wrong_and_how_large_the_error_is() {
+    let controller = Controller::enabled();
+    controller.robot().pose = [-28.65, 3.0];
+    let served = Served::start(&controller.domain);
+    let mut camera = ExternalPublisher::new(&controller.domain);
+    let Some(mut page) = served.open("operator?limit=0.4", [1920, 1080]) else { return };
+    page.wait("no camera yet", "document.getElementById('flags')?.innerText.includes('no camera')");
+    page.wait("watchdog", "document.getElementById('flags').innerText.includes('NO WATCHDOG')");
+    let size = "parseFloat(getComputedStyle(document.getElementById('pitch')).fontSize)";
+    assert!(page.evaluate(size).as_f64().unwrap() >= 2.0 * 130.0, "{}", page.evaluate(size));
+    for ((pitch, level), width) in
+        [(-28.7_f64, "near"), (-29.2, "off"), (-30.0, "far")].into_iter().zip([1920, 1280, 360])
+    {
+        page.resize([width, width * 9 / 16 + 400]);
+        let is_shown =
+            format!("document.getElementById('error-tile').classList.contains('{level}')");
+        let shown = (0..600).any(|_| {
+            let angles = [pitch.to_radians(), 3.0_f64.to_radians()];
+            camera.publish(i2ris::clock::now(), &angles, &[]).unwrap();
+            page.evaluate(&is_shown) == json!(true)
+                || (level == "far"
+                    && page.evaluate(
+                        "document.getElementById('error-tile').classList.contains('parted')",
+                    ) == json!(true))
+        });
+        assert!(shown, "{level}: {}", page.evaluate("document.body.innerText"));
+        let too_wide = "[...document.querySelectorAll('.angle')]
+            .filter((tile) => tile.scrollWidth > tile.clientWidth + 1).length";
+        assert_eq!(page.evaluate(too_wide), json!(0), "at {width}");
+        pictures_of(&mut page, &format!("operator-{level}"));
+    }
+    page.wait("silence", "document.getElementById('flags').innerText.includes('CAMERA SILENT')");
+    pictures_of(&mut page, "operator-silent");
+}
+
+#[test]
+fn a_scale_has_two_ticks_an_error_its_reason_and_an_old_fault_leaves_the_list() {
+    let controller = Controller::enabled();
+    let served = Served::start(&controller.domain);
+    let Some(mut page) = served.open("", [1280, 800]) else { return };
+    page.wait("the page", "typeof ticks === 'function' && live !== null");
+    let few = "[[-0.9, 0.9, 1], [-3, 1.2, 1], [0.1, 9, 2], [-20, 0, 2]]
+        .map(([low, high, wanted]) => ticks([low, high], wanted).length).filter((count) => count < 2).length";
+    assert_eq!(page.evaluate(few), json!(0), "one tick is no scale");
+    let notes = "(() => { const said = [];
+        const plot = { begin: () => true, scales() {}, grid() {}, curve() {}, end() {}, say() {},
+            pen: { setLineDash() {} }, note: (text) => said.push(text) };
+        drawError(plot, { samples: [], frames: [[99, 1, 1]] }, 100, '');
+        drawError(plot, { samples: [], frames: [] }, 100, '');
+        return said.join(); })()";
+    assert_eq!(page.evaluate(notes), json!("no goal: no error,no camera: no error"));
+    let lists = |name: &str| {
+        format!(
+            "(() => {{ const event = (age_ms) => ({{ age_ms, severity: 'alarm', text: 'a fault', \
+             advice: '', count: 1 }});
+            showEvents({{ state: {{ name: '{name}' }}, events: [event(1000), event(90000)] }}, 0);
+            return document.getElementById('alarms').children.length; }})()"
+        )
+    };
+    assert_eq!(page.evaluate(&lists("FAULT")), json!(2));
+    assert_eq!(page.evaluate(&lists("ENABLED")), json!(1), "an old fault that is over");
+}
+
+/// A picture, for people to look at.
+fn pictures_of(page: &mut Browser, name: &str) {
+    if std::env::var_os("I2RIS_SCREENSHOTS").is_some() {
+        page.screenshot(name);
+    }
+}
+
+#[test]
 fn angles_of_two_digits_fit_into_their_panel() {
     let controller = Controller::enabled();
     controller.robot().pose = [-28.65, -34.38];

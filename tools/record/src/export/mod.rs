@@ -50,7 +50,9 @@ pub enum TableFormat {
 pub enum ExportError {
     #[error(transparent)]
     Read(#[from] ReadError),
-    #[error("cannot write {path}: {reason}; the file there is not a complete table")]
+    #[error(
+        "cannot write {path}: {reason}; a file there is not complete, or not of this recording"
+    )]
     Write { path: PathBuf, reason: String },
     #[error("cannot make the folder {path}: {source}")]
     Folder { path: PathBuf, source: io::Error },

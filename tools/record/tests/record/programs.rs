@@ -13,7 +13,7 @@ use i2ris::model::ModelId;
 use i2ris::model::file::ModelFile;
 use i2ris::process::robot_description;
 use i2ris::units::Nanos;
-use i2ris_testing::{Controller, Program, program};
+use i2ris_testing::{Controller, Program, Rig, program};
 use tempfile::TempDir;
 
 fn text(bytes: &[u8]) -> String {
@@ -92,6 +92,12 @@ fn a_recording_has_every_stream_and_is_exported() {
     ] {
         assert!(info.contains(part), "{part}\n{info}");
     }
+    let (success, json, error) = run(&["record", "info", name(&file), "--json"]);
+    assert!(success, "{error}");
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["metadata"]["i2ris.header"]["robot_id"], "i2ris-emulated");
+    assert_eq!(json["topics"]["/i2ris/measured_js"]["messages"], messages);
+    assert!(json["recorded"][0].as_str().unwrap().ends_with('Z'), "{json}");
     let tables = folder.path().join("tables");
     let export = ["record", "export", name(&file), "--output", name(&tables)];
     assert!(run(&export).0);
@@ -320,7 +326,7 @@ fn the_model_in_use_is_attached_and_no_other_one_in_its_file() {
     let id: ModelId = ModelFile::read(&model).unwrap().id().unwrap();
     controller.robot().model_file = Some((model.clone(), id));
     let (success, error) = record(&controller, &file, &["--duration-s", "0.2"]);
-    assert!(success && error.is_empty(), "{error}");
+    assert!(success && !error.contains("does not hold it"), "{error}");
     let (_, info, _) = run(&["record", "info", name(&file)]);
     assert!(info.contains("attached staged.json"), "{info}");
     // Another model has been written over it.
@@ -330,6 +336,56 @@ fn the_model_in_use_is_attached_and_no_other_one_in_its_file() {
     assert!(success && error.contains("does not hold it"), "{error}");
     let (_, info, _) = run(&["record", "info", name(&other)]);
     assert!(!info.contains("attached staged.json"), "{info}");
+}
+
+#[test]
+fn configuration_and_run_log_come_from_the_controller_that_serves_and_are_taken_out_again() {
+    let mut rig = Rig::with_model();
+    let client = rig.enabled();
+    let (folder, file) = trial_path();
+    let domain = rig.domain();
+    let mut recorder = Program::start(&domain, &["record", "--output", name(&file)]);
+    wait_for_size(&file, 50_000);
+    let mut commander = client.commander();
+    for step in 0..100 {
+        commander.servo_jp(&[0.0005 * f64::from(step), 0.0]).unwrap();
+        clock::sleep(Nanos::from_millis(5));
+    }
+    recorder.interrupt();
+    let (code, _, error) = recorder.code();
+    assert_eq!((code, error.as_str()), (Some(0), ""));
+    let parts = folder.path().join("parts");
+    let extract = ["record", "extract", name(&file), "--output", name(&parts)];
+    let (success, output, error) = run(&extract);
+    assert!(success && output.contains(" commands"), "{output}{error}");
+    let served = rig.folder.path().join("robot.toml");
+    assert_eq!(fs::read(parts.join("robot.toml")).unwrap(), fs::read(&served).unwrap());
+    for file in ["audit.jsonl", "model.json", "robot.urdf"] {
+        assert!(parts.join(file).exists(), "{file}: {output}");
+    }
+    let (success, _, error) = run(&extract);
+    assert!(!success && error.contains("cannot write"), "nothing is written over: {error}");
+    // What was commanded can be commanded again.
+    drop(commander);
+    drop(client);
+    let commands = parts.join("commands.csv");
+    let (success, output, error) =
+        Program::run(&domain, &["command", "file", name(&commands), "--on-late", "continue"]);
+    assert!(success && output.contains("followed within"), "{output}{error}");
+    // A copy is the same file, a changed one is not.
+    let copy = folder.path().join("copy.toml");
+    fs::copy(&served, &copy).unwrap();
+    let other = folder.path().join("other.mcap");
+    let options = ["record", "--duration-s", "0.2", "--config", name(&copy), "--output"];
+    let (success, _, error) =
+        Program::run(&domain, &[&options, [name(&other)].as_slice()].concat());
+    assert!(success, "{error}");
+    let changed = fs::read_to_string(&served).unwrap() + "\n# changed\n";
+    fs::write(&copy, changed).unwrap();
+    let third = folder.path().join("third.mcap");
+    let (success, _, error) =
+        Program::run(&domain, &[&options, [name(&third)].as_slice()].concat());
+    assert!(!success && error.contains("differs from") && !third.exists(), "{error}");
 }
 
 #[test]

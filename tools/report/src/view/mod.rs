@@ -20,7 +20,7 @@ use serde::Serialize;
 
 pub use adaptation::Adaptation;
 pub use fixtures::{Fixture, Target};
-pub use reasons::{Why, reasons};
+pub use reasons::{NOTHING, Why, reasons};
 
 /// Age at which a value is marked as stale.
 pub const STALE: Nanos = Nanos::from_millis(500);

@@ -6,6 +6,9 @@ use i2ris::robot::Reason;
 use i2ris::units::Nanos;
 use serde::Serialize;
 
+/// What is said where there is no reason.
+pub const NOTHING: &str = "nothing keeps the robot from moving: it waits for commands";
+
 /// A reason with its advice.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Why {
@@ -113,6 +116,14 @@ mod tests {
             assert_eq!((why.code.as_str(), why.measured.as_str()), ("fault 3", measured));
             assert!(why.is_fault() && why.age_s.is_none());
         }
+    }
+
+    #[test]
+    fn what_can_be_removed_first_comes_first() {
+        let off = OperatingStateMsg { flags: OperatingStateMsg::MODEL, ..Default::default() };
+        let codes: Vec<String> =
+            reasons(&off, None, &[], Nanos::ZERO).into_iter().map(|why| why.code).collect();
+        assert_eq!(codes, ["refusal 6", "state DISABLED"], "enabling needs the zero");
     }
 
     #[test]

@@ -15,19 +15,46 @@ function showTarget(lag, old) {
   drawPlane(plane, recent, live, live.now_s + lag / 1000, old ? 'STALE' : '');
 }
 
+/** From here on the error is a warning, deg, and from twice of it on an alarm; another one: /operator?limit=0.3. */
+const LIMIT_DEG = Number(new URLSearchParams(location.search).get('limit')) || 0.5;
+
+/** What a person at the robot has to know beside the state; what is as it should be is not said. */
+function showFlags() {
+  const { state, camera } = live;
+  const flags = [];
+  if (!camera) flags.push(['no camera', 'on']);
+  else if (camera.stale) flags.push([`CAMERA SILENT ${age(camera.age_ms)}`, 'warn']);
+  else if (!camera.deg) flags.push(['CAMERA SEES NOTHING', 'warn']);
+  if (state) {
+    if (!state.watched) flags.push(['NO WATCHDOG', 'warn']);
+    if (!state.model) flags.push(['NO MODEL', 'warn']);
+    else if (!state.memory_known) flags.push(['MEMORY UNKNOWN', 'warn']);
+    if (state.at_fixture) flags.push(['AT VIRTUAL FIXTURE', 'warn']);
+    if (state.clipped) flags.push(['GOAL CLIPPED', 'warn']);
+    if ((state.commander || '').startsWith('i2ris calibrate')) flags.push(['CALIBRATING', 'on']);
+    else if (state.busy) flags.push(['BUSY', 'on']);
+  }
+  fillList(byId('flags'), flags);
+}
+
 start((lag) => {
   showBanner(live, lag);
   if (!live) return;
   showBadge(live, lag);
   showWhy(live, lag);
+  showFlags();
   const old = lag > 1500 || !live.estimate || live.estimate.stale || !live.estimate.deg;
-  const angle = (axis) => (old ? '–' : signed(live.estimate.deg[axis]) + '°');
+  // To be read from afar: a digit less, and twice the size.
+  const angle = (axis) => (old ? '–' : signed(live.estimate.deg[axis]).slice(0, -1) + '°');
   [byId('pitch').textContent, byId('yaw').textContent] = [angle(0), angle(1)];
   const error = lastError(recent, live);
   const parted = partedNow(recent, live);
-  byId('error').textContent = error && !old ? Math.hypot(...error).toFixed(2) + '°' : '–';
-  byId('error-tile').className = 'angle' + (parted ? ' parted' : '');
-  byId('error-tile').firstElementChild.textContent = parted ? 'error; camera and estimate part' : 'error, goal − camera';
+  const length = error && !old ? Math.hypot(...error) : null;
+  byId('error').textContent = length === null ? '–' : length.toFixed(2) + '°';
+  const level = length === null ? '' : length > 2 * LIMIT_DEG ? ' far' : length > LIMIT_DEG ? ' off' : ' near';
+  byId('error-tile').className = 'angle' + (parted ? ' parted' : level);
+  byId('error-tile').firstElementChild.textContent = parted ? 'error; camera and estimate part' :
+    `error, goal − camera (limit ${LIMIT_DEG}°)`;
   showTarget(lag, old);
   byId('lease').textContent = commander(live.state);
 });

@@ -159,14 +159,14 @@ class Plot {
 
 const number = (value) => String(Math.round(value * 100) / 100).replace('-', '−');
 
-/** About so many round numbers in a range. */
+/** About so many round numbers in a range, and at least two: one is no scale. */
 function ticks([low, high], wanted) {
   const raw = (high - low) / Math.max(1, wanted);
   const power = 10 ** Math.floor(Math.log10(raw));
   const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= raw * 0.999);
   const list = [];
   for (let value = Math.ceil(low / step) * step; value <= high + step * 1e-6; value += step) list.push(Math.abs(value) < step * 1e-6 ? 0 : value);
-  return list;
+  return list.length < 2 && wanted < 100 ? ticks([low, high], 2 * wanted) : list;
 }
 
 /** A little more than lowest to highest, at least `least`. */

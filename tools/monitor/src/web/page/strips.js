@@ -85,5 +85,5 @@ function drawError(plot, recent, now, staleText) {
   plot.curve(of(1), COLOURS.error, 2);
   plot.pen.setLineDash([]);
   plot.end();
-  if (staleText) plot.say(staleText); else if (!all.length) plot.note('no camera: no error');
+  if (staleText) plot.say(staleText); else if (!all.length) plot.note(frames.length ? 'no goal: no error' : 'no camera: no error');
 }

@@ -183,12 +183,14 @@ function showModels(live) {
   showMarks('models', [models.problem, models.hull_problem].filter(Boolean));
 }
 
-/** Faults are in a list of their own, so that nothing displaces them. */
+/** Faults are in a list of their own, so that nothing displaces them; when the robot has left FAULT, they move to the others. */
+const FAULT_NEWS_MS = 60000;
 function showEvents(live, lag) {
   const time = (event) => new Date(Date.now() - event.age_ms - lag).toLocaleTimeString([], { hour12: false });
   const row = (event) => [time(event), event.text + (event.count > 1 ? ` (${event.count} times)` : ''), event.severity,
     event.severity === 'info' ? '' : event.advice];
-  const isAlarm = (event) => event.severity === 'alarm';
+  const inFault = live.state && live.state.name === 'FAULT';
+  const isAlarm = (event) => event.severity === 'alarm' && (inFault || event.age_ms + lag < FAULT_NEWS_MS);
   fillEvents(byId('alarms'), live.events.filter(isAlarm).slice(0, 8).map(row));
   fillEvents(byId('events'), live.events.filter((event) => !isAlarm(event)).slice(0, 30).map(row));
 }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use i2ris::units::Nanos;
 use i2ris::wall_clock::WallTime;
 use i2ris_record::export::{TableFormat, export};
+use i2ris_record::extract::extract;
 use i2ris_record::read::Records;
 use i2ris_record::recorder::rate_hz;
 use i2ris_record::recover::recover;
@@ -40,6 +41,9 @@ pub struct ExportArguments {
 pub struct InfoArguments {
     /// The recording, complete or cut off
     recording: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Makes a complete file.
@@ -71,55 +75,115 @@ pub fn tables(arguments: &ExportArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-#[derive(Default)]
+/// Arguments of `i2ris record extract`.
+#[derive(Debug, clap::Args)]
+pub struct ExtractArguments {
+    /// The recording, complete or cut off
+    recording: PathBuf,
+    /// Folder for the files, which must not be there yet
+    #[arg(long, short, value_name = "DIR")]
+    output: PathBuf,
+}
+
+/// Writes attachments and commands.
+pub fn parts(arguments: &ExtractArguments) -> Result<(), Failure> {
+    let extracted = extract(&arguments.recording, &arguments.output)?;
+    for (name, what) in &extracted.files {
+        println!("{what:>16}  {}", arguments.output.join(name).display());
+    }
+    if let Some(error) = extracted.stopped_by {
+        eprintln!("warning: the recording is not complete: {error}");
+    }
+    Ok(())
+}
+
+#[derive(Default, serde::Serialize)]
 struct TopicStatistics {
-    name: String,
     messages: u64,
     bytes: u64,
+    rate_hz: f64,
+    #[serde(skip)]
     first: u64,
+    #[serde(skip)]
     last: u64,
+}
+
+/// The content of a recording.
+#[derive(Default, serde::Serialize)]
+struct Content {
+    /// Date and time of its begin and its end, UTC.
+    recorded: Option<[String; 2]>,
+    metadata: BTreeMap<String, BTreeMap<String, String>>,
+    /// Name, media type and bytes.
+    attached: Vec<(String, String, usize)>,
+    topics: BTreeMap<String, TopicStatistics>,
+}
+
+impl Content {
+    fn read(records: &mut Records) -> Self {
+        let (mut content, mut names) = (Self::default(), BTreeMap::new());
+        for record in records {
+            match record {
+                Record::Channel(channel) => {
+                    content.topics.entry(channel.topic.clone()).or_default();
+                    names.insert(channel.id, channel.topic);
+                }
+                Record::Message { header, data } => {
+                    let name = names.get(&header.channel_id).cloned().unwrap_or_default();
+                    let topic = content.topics.entry(name).or_default();
+                    if topic.messages == 0 {
+                        topic.first = header.publish_time;
+                    }
+                    topic.last = header.publish_time;
+                    topic.messages += 1;
+                    topic.bytes += data.len() as u64;
+                    let span = Nanos(topic.last.saturating_sub(topic.first));
+                    topic.rate_hz = rate_hz(topic.messages, span);
+                }
+                Record::Metadata(found) => {
+                    content.metadata.insert(found.name, found.metadata.into_iter().collect());
+                }
+                Record::Attachment { header, data, .. } => {
+                    content.attached.push((header.name, header.media_type, data.len()));
+                }
+                _ => {}
+            }
+        }
+        let recorded = || content.topics.values().filter(|topic| topic.messages > 0);
+        let first = recorded().map(|topic| topic.first).min();
+        let last = recorded().map(|topic| topic.last).max();
+        let date = |ns: u64| WallTime::from_unix_seconds(ns / 1_000_000_000).to_string();
+        content.recorded = first.zip(last).map(|(first, last)| [date(first), date(last)]);
+        content
+    }
+
+    fn print(&self) {
+        if let Some([begin, end]) = &self.recorded {
+            println!("recorded {begin} to {end} (UTC)");
+        }
+        for (name, values) in &self.metadata {
+            println!("{name}");
+            values.iter().for_each(|(name, value)| println!("  {name}: {value}"));
+        }
+        for (name, media_type, size) in &self.attached {
+            println!("attached {name} ({size} bytes, {media_type})");
+        }
+        for (name, topic) in &self.topics {
+            let TopicStatistics { messages, rate_hz, bytes, .. } = topic;
+            let kilobytes = *bytes as f64 / 1e3;
+            println!("{name:<32} {messages:>9} messages  {rate_hz:>7.1} Hz  {kilobytes:>8.1} kB");
+        }
+    }
 }
 
 /// Prints the content of a recording.
 pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
-    let mut topics: BTreeMap<u16, TopicStatistics> = BTreeMap::new();
     let mut records = Records::open(&arguments.recording)?;
-    for record in records.by_ref() {
-        match record {
-            Record::Channel(channel) => topics.entry(channel.id).or_default().name = channel.topic,
-            Record::Message { header, data } => {
-                let topic = topics.entry(header.channel_id).or_default();
-                if topic.messages == 0 {
-                    topic.first = header.publish_time;
-                }
-                topic.last = header.publish_time;
-                topic.messages += 1;
-                topic.bytes += data.len() as u64;
-            }
-            Record::Metadata(metadata) => {
-                println!("{}", metadata.name);
-                for (name, value) in &metadata.metadata {
-                    println!("  {name}: {value}");
-                }
-            }
-            Record::Attachment { header, data, .. } => {
-                let (name, size) = (header.name, data.len());
-                println!("attached {name} ({size} bytes, {})", header.media_type);
-            }
-            _ => {}
-        }
-    }
-    let recorded = topics.values().filter(|topic| topic.messages > 0);
-    let first = recorded.clone().map(|topic| topic.first).min();
-    if let (Some(first), Some(last)) = (first, recorded.map(|topic| topic.last).max()) {
-        let [begin, end] = [first, last].map(|ns| WallTime::from_unix_seconds(ns / 1_000_000_000));
-        println!("recorded {begin} to {end} (UTC)");
-    }
-    for topic in topics.values() {
-        let (name, messages) = (&topic.name, topic.messages);
-        let rate = rate_hz(messages, Nanos(topic.last.saturating_sub(topic.first)));
-        let kilobytes = topic.bytes as f64 / 1e3;
-        println!("{name:<32} {messages:>9} messages  {rate:>7.1} Hz  {kilobytes:>8.1} kB");
+    let content = Content::read(&mut records);
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&content)?);
+    } else {
+        content.print();
     }
     records.stopped_by().map_or(Ok(()), |error| Err(error.into()))
 }

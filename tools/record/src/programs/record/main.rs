@@ -14,10 +14,11 @@ use i2ris_report::Failure;
 #[command(name = "i2ris-record", bin_name = "i2ris record", version, propagate_version = true)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[command(after_help = "Examples:
-  i2ris record --output trial.mcap --config config/emulator.toml --note 'circle, 5 deg'
+  i2ris record --output trial.mcap --note 'circle, 5 deg'
   i2ris record info trial.mcap
   i2ris record export trial.mcap --output tables
   i2ris record export trial.mcap --output tables --format parquet
+  i2ris record extract trial.mcap --output parts
   i2ris record recover killed.mcap --output whole.mcap
 
 Ctrl-C ends a recording. The file opens in Lichtblick, Foxglove, PlotJuggler, rosbags and
@@ -36,6 +37,9 @@ enum Task {
     Recover(existing::RecoverArguments),
     /// Write every topic as a table: CSV or Parquet
     Export(existing::ExportArguments),
+    /// Take out what is attached (configuration, models, run log) and the commands of each client,
+    /// for `i2ris command file`
+    Extract(existing::ExtractArguments),
     /// Print the content of a recording
     Info(existing::InfoArguments),
 }
@@ -49,6 +53,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         None => recording::run(&arguments.trial),
         Some(Task::Recover(arguments)) => existing::copy(&arguments),
         Some(Task::Export(arguments)) => existing::tables(&arguments),
+        Some(Task::Extract(arguments)) => existing::parts(&arguments),
         Some(Task::Info(arguments)) => existing::info(&arguments),
     }
 }

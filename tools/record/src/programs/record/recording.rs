@@ -34,7 +34,7 @@ pub struct Arguments {
     /// MCAP file to write, which must not exist yet
     #[arg(long, short, value_name = "FILE.mcap", required = true)]
     output: Option<PathBuf>,
-    /// Put this configuration into the file, which must be that of the controller
+    /// The configuration that goes into the file [default: what the controller was started with]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Text that goes into the file
@@ -61,19 +61,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT_TIMEOUT)?;
     let version = client.version()?;
-    let config = arguments.config.as_deref().map(Config::load).transpose()?;
-    if let (Some(config), Some(file)) = (&config, &arguments.config)
-        && let Some(difference) = version.robot_difference(&robot_description(config))
-    {
-        return Err(format!(
-            "--config {}: {difference} as the file says; name the file of this controller",
-            file.display()
-        )
-        .into());
-    }
+    let config = served_configuration(arguments.config.as_deref(), &version)?;
     let mut models = RecordedModels::default();
     let attached = models.take_new(&mut client);
-    let header = header(arguments, &version, config.as_ref(), attached)?;
+    let header = header(&arguments.note, &version, config.as_ref(), attached)?;
     let mut trial = TrialRecorder::start(output, header)?;
     let mut subscriptions = Subscriptions::new(&client.watcher(), Stream::ALL);
     let start = clock::now();
@@ -87,12 +78,61 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     outcome.insert("dropped".to_owned(), trial.counts().dropped.to_string());
     outcome.insert("length_s".to_owned(), length_s.to_string());
     // The run log has causes and callers, which the streams do not have.
-    let run_log = config.and_then(|config| run_log(&config, "audit.jsonl", version.boot_id));
+    let run_log = config.and_then(|found| run_log(&found.1, "audit.jsonl", version.boot_id));
     // Models that took over meanwhile.
     let mut attachments = models.take_new(&mut client);
     attachments.extend(run_log);
     let counts = trial.finish(outcome, &attachments)?;
     print_outcome(arguments.json, output, &counts, &missed, length_s, absent?)
+}
+
+/// The configuration of the controller: the file that it was started with, or the one that is
+/// named, which must be the same.
+fn served_configuration(
+    named: Option<&Path>,
+    version: &Version,
+) -> Result<Option<(PathBuf, Config)>, Failure> {
+    let served = served_file(version.pid);
+    let Some(path) = named.or(served.as_deref()) else {
+        eprintln!(
+            "warning: the configuration of this controller cannot be found; it is not in the \
+             recording, nor is the run log; name it with --config"
+        );
+        return Ok(None);
+    };
+    let config = Config::load(path)?;
+    if let Some(difference) = version.robot_difference(&robot_description(&config)) {
+        return Err(format!(
+            "--config {}: {difference} as the file says; name the file of this controller",
+            path.display()
+        )
+        .into());
+    }
+    if let Some(served) = served.as_deref()
+        && read(path)? != read(served)?
+    {
+        return Err(format!(
+            "--config {}: differs from {}, which the controller was started with; leave --config \
+             out",
+            path.display(),
+            served.display()
+        )
+        .into());
+    }
+    Ok(Some((path.to_owned(), config)))
+}
+
+/// The file that a controller was started with, as the system keeps its command line.
+fn served_file(pid: u32) -> Option<PathBuf> {
+    let process = Path::new("/proc").join(pid.to_string());
+    let line = fs::read(process.join("cmdline")).ok()?;
+    let words: Vec<_> = line.split(|byte| *byte == 0).map(String::from_utf8_lossy).collect();
+    let is_option = |word: &str| word == "--config" || word == "-c";
+    let next = words.iter().skip_while(|word| !is_option(word)).nth(1);
+    let joined = words.iter().find_map(|word| word.strip_prefix("--config="));
+    let named = next.map(AsRef::as_ref).or(joined)?;
+    // It stays when the controller ends.
+    fs::canonicalize(process.join("cwd").join(named)).ok()
 }
 
 /// The run log as an attachment, if it has lines of this run.
@@ -142,9 +182,9 @@ fn record(
 }
 
 fn header(
-    arguments: &Arguments,
+    note: &str,
     version: &Version,
-    config: Option<&Config>,
+    config: Option<&(PathBuf, Config)>,
     models: Vec<AttachedFile>,
 ) -> Result<RecordingHeader, Failure> {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH)?.as_nanos() as u64;
@@ -156,7 +196,7 @@ fn header(
         ("controller", format!("i2ris-control {major}.{minor}.{patch}")),
         ("boot_id", format!("{:016x}", version.boot_id)),
         ("model_id", model),
-        ("note", arguments.note.clone()),
+        ("note", note.to_owned()),
     ]
     .map(|(name, value)| (name.to_owned(), value))
     .into();
@@ -165,7 +205,7 @@ fn header(
         about.insert("robot_id".to_owned(), robot);
     }
     let mut attachments = models;
-    if let (Some(path), Some(config)) = (&arguments.config, config) {
+    if let Some((path, config)) = config {
         attachments.push(attachment(name(path), "application/toml", read(path)?));
         attachments.extend(run_log(config, "audit-begin.jsonl", version.boot_id));
     }

@@ -1,0 +1,151 @@
+//! Every advice, followed on a robot with emulated drives, leads out of what it is about.
+
+use i2ris::clock;
+use i2ris::ipc::client::{Client, Latest};
+use i2ris::ipc::payload::{ActuatorState, OperatingStateMsg};
+use i2ris::ipc::watchdog_presence::WatchdogPresence;
+use i2ris::ipc::{Domain, OperatingState};
+use i2ris::units::Nanos;
+use i2ris_testing::{Rig, TIMEOUT, has, wait_for, wait_until};
+
+use crate::bench::{assert_says, ends, expect_stalls, run, start, succeeds};
+
+/// The programs that a text tells to run.
+fn commands(text: &str) -> Vec<String> {
+    let quoted = text.split('`').skip(1).step_by(2);
+    let words = quoted.filter_map(|it| it.strip_prefix("i2ris "));
+    // Those that only show something help a person to find the cause.
+    words.filter(|words| words.starts_with("command")).map(str::to_owned).collect()
+}
+
+/// A command that is refused with this code, then what its advice says, then the command again.
+fn refused_then_followed(domain: &Domain, words: &str, code: &str) {
+    let said = run(domain, words);
+    assert_eq!(said.code, Some(4), "{words}: {}{}", said.output, said.error);
+    assert_says(&said.error, &[&format!("{code}: ")]);
+    let advice = said.error.split("; do: ").nth(1).unwrap_or_else(|| panic!("{}", said.error));
+    let commands = commands(advice);
+    assert!(!commands.is_empty(), "{advice}");
+    for command in commands {
+        succeeds(domain, &command);
+    }
+    succeeds(domain, words);
+}
+
+/// Follows the first line of `why` until nothing keeps the robot from moving.
+fn follow_why(domain: &Domain) {
+    for _ in 0..6 {
+        let text = succeeds(domain, "why");
+        if text.starts_with("nothing keeps the robot from moving") {
+            return;
+        }
+        let advice = text.lines().nth(1).unwrap();
+        for command in commands(advice) {
+            succeeds(domain, &command);
+        }
+    }
+    panic!("{}", succeeds(domain, "why"));
+}
+
+#[test]
+fn a_watchdog_that_ends_is_told_in_the_log_and_by_why() {
+    let mut rig = Rig::with_model();
+    let mut client = rig.enabled();
+    let domain = rig.domain();
+    let presence = WatchdogPresence::announce(&domain, &rig.config.devices()).unwrap();
+    presence.set_complete(true).unwrap();
+    wait_until("it is watched", || {
+        presence.alive(clock::now()).unwrap();
+        let state = client.wait_for(TIMEOUT, |_| true).unwrap();
+        has(&state, OperatingStateMsg::WATCHED)
+    });
+    // The log looks ten times a second.
+    for _ in 0..30 {
+        presence.alive(clock::now()).unwrap();
+        clock::sleep(Nanos::from_millis(10));
+    }
+    drop(presence);
+    wait_until("why", || succeeds(&domain, "why").contains("stop 3: the watchdog has ended"));
+    wait_until("log", || rig.log_text("controller").contains("stop 3: the watchdog has ended"));
+    let page = succeeds(&domain, "monitor --once");
+    assert!(page.contains("no watchdog"), "{page}");
+}
+
+/// What `why` says keeps the robot from moving is what the monitor says.
+#[test]
+fn monitor_and_why_agree() {
+    let mut rig = Rig::with_model();
+    expect_stalls(&mut rig);
+    rig.start_controller_thread();
+    let domain = rig.domain();
+    rig.client().wait_for(TIMEOUT, |_| true).unwrap();
+    let agree = || {
+        let (why, page) = (succeeds(&domain, "why"), succeeds(&domain, "monitor --once"));
+        let kept =
+            why.lines().filter(|line| !line.starts_with("  do: ") && !line.contains(" s ago"));
+        let missing: Vec<&str> = kept.filter(|line| !page.contains(line)).collect();
+        assert!(missing.is_empty(), "{missing:?} of\n{why}\nis not in\n{page}");
+    };
+    agree();
+    succeeds(&domain, "command state home");
+    agree();
+    succeeds(&domain, "command state enable");
+    agree();
+    succeeds(&domain, "command state pause");
+    agree();
+}
+
+#[test]
+fn every_advice_that_is_followed_succeeds() {
+    let mut rig = Rig::with_model();
+    expect_stalls(&mut rig);
+    rig.start_controller_thread();
+    let (domain, mut client) = (rig.domain(), rig.client());
+    let mut motors = Latest::new(client.watcher().actuators());
+    let mut fault = |client: &mut Client| {
+        rig.emulator.raise_fault(0, 0x8611, false);
+        wait_for(client, |state| state.state == OperatingState::Fault.number());
+        wait_until("the drives are where the fault sent them", || {
+            let phases = |it: &ActuatorState| [0, 1].map(|motor| it.phase_text(motor));
+            let is_there = |phase: &str| ["at fault", "quick-stopped"].contains(&phase);
+            motors.refresh().unwrap().is_some_and(|it| phases(it).into_iter().all(is_there))
+        });
+    };
+    for (before, words, code) in [
+        (&[][..], "command state enable", "refusal 6"),
+        (&["command state disable"], "command state pause", "refusal 5"),
+        (&[], "command state condition --no-wait", "refusal 24"),
+        (&[], "command state condition --no-wait", "refusal 21"),
+        (&["command state hold"], "command state home", "refusal 26"),
+        (&["command state enable"], "command state unhome", "refusal 26"),
+    ] {
+        before.iter().for_each(|words| drop(succeeds(&domain, words)));
+        refused_then_followed(&domain, words, code);
+    }
+    // Off and without a zero: `why` leads to a robot that moves, and from a pause and a fault, too.
+    follow_why(&domain);
+    succeeds(&domain, "command state pause");
+    follow_why(&domain);
+    fault(&mut client);
+    refused_then_followed(&domain, "command state enable", "refusal 25");
+    fault(&mut client);
+    let why = succeeds(&domain, "why");
+    assert!(
+        why.starts_with("fault 1: a drive reports an error (motor 0: error code 0x8611)"),
+        "{why}"
+    );
+    follow_why(&domain);
+    // What is as asked already is done.
+    succeeds(&domain, "command state enable");
+    succeeds(&domain, "command state resume");
+    let said = run(&domain, "command state acknowledge");
+    assert_says(&said.error, &["refusal 27: there is no fault to acknowledge; do: go on"]);
+    // The holder of the lease has a name, and what is told to end can be ended.
+    let mut first = start(&domain, "command hold");
+    wait_for(&mut client, |state| state.lease_client_id != 0);
+    let said = run(&domain, "command pose 1 1 --duration-s 0.2");
+    assert_says(&said.error, &["i2ris, process ", "holds the lease; end that program first"]);
+    first.interrupt();
+    ends(first, 0, &[]);
+    succeeds(&domain, "command pose 1 1 --duration-s 0.2");
+}
