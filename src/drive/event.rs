@@ -214,7 +214,7 @@ impl fmt::Display for PortEventKind {
             Self::TimedOut { object } => write!(f, "{object} not answered in time"),
             Self::Refused { object, code } => write!(f, "{object} refused: {code}"),
             Self::TargetRefused { target, min, max } => {
-                write!(f, "set-point {target} outside {min} to {max} not written")
+                write!(f, "setpoint {target} outside {min} to {max} not written")
             }
             Self::EnableFailed(error) => write!(f, "not enabled: {error}"),
             Self::QuickStopFailed(error) => write!(f, "no quick stop, switching off: {error}"),

@@ -12,7 +12,7 @@ numbered_enum! {
         /// A drive does not respond.
         Link = 2, "a drive does not answer";
         /// The following error is too large: set-point and encoder differ too much.
-        FollowingError = 3, "set-point and encoder are too far apart";
+        FollowingError = 3, "setpoint and encoder are too far apart";
         /// A drive left the enabled state by itself.
         DriveState = 4, "a drive left the enabled state by itself";
         /// A drive did not reach the demanded state in time.

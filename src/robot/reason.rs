@@ -173,7 +173,7 @@ mod tests {
             Reason { cause: Cause::Fault(Fault::FollowingError), measurement: Some(error) };
         assert_eq!(
             reason.text(),
-            "fault 3: set-point and encoder are too far apart (motor 1: 2314 counts, limit 2000 \
+            "fault 3: setpoint and encoder are too far apart (motor 1: 2314 counts, limit 2000 \
              counts)"
         );
         let code = Measurement::new(Quantity::ErrorCode, f64::from(0x8611), None);

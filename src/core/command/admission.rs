@@ -9,7 +9,7 @@
 //! | 2 | every entry finite | `NotFinite` | `admission` |
 //! | 3 | stamp at most 2 ms in the future, deadline at most 1 s | `Stamp` | `deadline` |
 //! | 4 | younger than its deadline | `Stale` | `deadline` |
-//! | 5 | state ENABLED, | `NotEnabled` | `admission` |
+//! | 5 | state ENABLED, | `NotEnabled`, `Paused`, `InFault` | `admission` |
 //! |   | and no conditioning cycle or trajectory in progress | `Busy` | `admission` |
 //! | 6 | every axis homed | `NotHomed` | `admission` |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | `admission` |

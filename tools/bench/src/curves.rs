@@ -157,7 +157,7 @@ fn over_clients(rounds: u32) -> Result<Vec<Curve>, BenchError> {
 
 fn over_axes(rounds: u32, run: Run) -> Result<Vec<Curve>, BenchError> {
     let at = |baud: u32| -> Result<Curve, BenchError> {
-        let name = format!("set-point to set-point, {baud} baud");
+        let name = format!("setpoint to setpoint, {baud} baud");
         let mut curve = Curve::new("axes", &name, "axes of a port", "ms");
         for axes in 1..=MAX_AXES {
             curve.push(axes as f64, bare_round_us(baud, axes, 0.5 * f64::from(rounds), run)? / 1e3);

@@ -74,7 +74,7 @@ fn measure(
 ) -> Result<(), BenchError> {
     let rig = rig(baud, axes)?;
     let (group, of) = match is_single {
-        true => ("set-point to set-point".to_owned(), String::new()),
+        true => ("setpoint to setpoint".to_owned(), String::new()),
         false => (name(baud, axes), format!("{}: ", name(baud, axes))),
     };
     let limit = exchanges_per_s(baud);

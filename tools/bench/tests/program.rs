@@ -54,7 +54,7 @@ fn the_use_of_the_wire_is_measured_and_written_as_a_page() {
     let folder = tempfile::tempdir().unwrap();
     let outcome =
         bench(&["wire", "--duration-s", "1", "--output", folder.path().to_str().unwrap()]);
-    check_outcome(&outcome, &["set-point to set-point"]);
+    check_outcome(&outcome, &["setpoint to setpoint"]);
     let quantity = |name: &str| {
         let all = outcome["quantities"].as_array().unwrap();
         all.iter().find(|quantity| quantity["name"] == name).unwrap()["value"].as_f64().unwrap()
@@ -95,7 +95,7 @@ fn a_command_is_measured_to_the_wire_and_back() {
     }
     let controller = controller.to_str().unwrap();
     let outcome = bench(&["e2e", "--commands", "80", "--busy", "1", "--controller", controller]);
-    let arrived = "command to last byte of the set-point";
+    let arrived = "command to last byte of the setpoint";
     let seen = "command to encoder position at the client";
     check_outcome(&outcome, &[arrived, seen]);
     let p50 = |group: &str| {

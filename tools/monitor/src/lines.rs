@@ -48,7 +48,7 @@ pub fn line(view: &View) -> String {
     });
     let camera = deg(view.camera).map(|[pitch, yaw]| format!(" camera {pitch:+.2} {yaw:+.2}"));
     format!(
-        "{}{}{}; goal {} set-point {} measured {}{} deg{}{}",
+        "{}{}{}; goal {} setpoint {} measured {}{} deg{}{}",
         state.map_or("no state", |state| state.name),
         fault.unwrap_or_default(),
         mark(state.map(|state| &state.age)),
@@ -106,7 +106,7 @@ fn angle_lines(view: &View) -> Vec<String> {
     let estimate = mark(view.estimate.as_ref().map(|it| &it.age));
     let mut lines = vec![format!(
         "{:<11}{:>9}{:>11}{:>11}{:>9}{:>9}{estimate}{camera}",
-        "deg", "goal", "set-point", "measured", "+-", "camera"
+        "deg", "goal", "setpoint", "measured", "+-", "camera"
     )];
     for (axis, name) in ["pitch", "yaw"].into_iter().enumerate() {
         let signed = |pose: Option<Pose>| {
@@ -134,7 +134,7 @@ fn motor_line(index: usize, motor: &Motor) -> String {
         |rate| format!("{rate:.0} exchanges/s"),
     );
     format!(
-        "motor {index}    set-point {setpoint_counts}, measured {measured_counts} counts, \
+        "motor {index}    setpoint {setpoint_counts}, measured {measured_counts} counts, \
          {current_ma} mA; {phase}{error}, status {status}; {rate}{}",
         mark(Some(&motor.age))
     )
@@ -269,9 +269,9 @@ mod tests {
                 "ENABLED for 12 s, homed, model loaded",
                 "0000000000000abc; accepted 400, refused 3, last: step too large",
                 "+5.00      +4.50      +4.25     0.25",
-                "motor 0    set-point 130, measured 120 counts, 12 mA; enabled, status 0x0637; 470 \
+                "motor 0    setpoint 130, measured 120 counts, 12 mA; enabled, status 0x0637; 470 \
                  exchanges/s",
-                "motor 1    set-point -345, measured -340 counts, -7 mA; at fault, error 0x8611",
+                "motor 1    setpoint -345, measured -340 counts, -7 mA; at fault, error 0x8611",
                 "1000 Hz; late p50 0.1, p99 12, max 250 us",
                 "4 of 5004 ticks",
                 "SCHED_FIFO 80, memory locked, processor 1",
@@ -328,7 +328,7 @@ mod tests {
         let line = |messages: &LatestMessages| line(&View::new(messages, NOW));
         assert_eq!(
             line(&messages()),
-            "ENABLED; goal +5.00 -1.00 set-point +4.50 -1.00 measured +4.25 -1.50 deg; counts 130 \
+            "ENABLED; goal +5.00 -1.00 setpoint +4.50 -1.00 measured +4.25 -1.50 deg; counts 130 \
              -345 -> 120 -340; late p99 12 us, missed 4"
         );
         let fault = LatestMessages { state: Some(fault()), ..messages() };

@@ -53,7 +53,7 @@ fn into_a_file_goes_one_line_a_second_until_the_time_is_over() {
     let lines: Vec<&str> = output.lines().collect();
     assert!((1..=3).contains(&lines.len()), "{output}");
     assert!(
-        lines.iter().all(|line| line.starts_with("ENABLED; goal +1.00 -1.00 set-point")),
+        lines.iter().all(|line| line.starts_with("ENABLED; goal +1.00 -1.00 setpoint")),
         "{output}"
     );
 }

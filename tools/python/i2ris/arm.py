@@ -133,7 +133,7 @@ DRIVES_TIMEOUT_S = 15.0
 DRIVES_NOT_READY = 16
 #: Refusal of a pose that cannot be reached.
 OUT_OF_REACH = 23
-#: Distance of the set-point from the goal at which a motion has arrived, deg: rounding to counts, and the dead-band.
+#: Distance of the setpoint from the goal at which a motion has arrived, deg: rounding to counts, and the dead-band.
 ARRIVAL_DEG = 0.5
 #: Time for the first message of a stream: the slowest one that a client needs comes once a second, s.
 FIRST_TIMEOUT_S = 1.5
@@ -177,7 +177,7 @@ class Operation:
             return
         away = np.degrees(np.linalg.norm(setpoint.position - self._goal))
         if away > ARRIVAL_DEG:
-            raise Stopped(f"{self._name}: the set-point is {away:.2f} deg away from the goal: stopped")
+            raise Stopped(f"{self._name}: the setpoint is {away:.2f} deg away from the goal: stopped")
 
 
 class Arm:
@@ -355,7 +355,7 @@ class Arm:
         return self._joints("i2ris/measured_js")
 
     def setpoint_js(self) -> Joints | None:
-        """The model's estimate for the set-points."""
+        """The model's estimate for the setpoints."""
         return self._joints("i2ris/setpoint_js")
 
     def goal_js(self) -> Joints | None:

@@ -143,7 +143,7 @@ fn the_tip_has_a_setpoint_a_velocity_and_a_jacobian_and_the_loop_its_statistics(
     let snake = Snake::new(ROBOT);
     let bend = Bend { pitch: 8.0_f64.to_radians(), yaw: (-3.0_f64).to_radians() };
     let there = snake.tip_pose(bend).position_m;
-    wait_until("the set-point of the tip is that of the goal", || {
+    wait_until("the setpoint of the tip is that of the goal", || {
         let position = setpoints.take().ok().flatten()?.0.pose.position;
         let found = [position.x, position.y, position.z];
         found.iter().zip(there).all(|(found, wanted)| (found - wanted).abs() < 1e-5).then_some(())

@@ -45,14 +45,14 @@ pub struct EndToEndBenchmark {
 }
 
 const WRITTEN: &str = "command to operating system";
-const ARRIVED: &str = "command to last byte of the set-point";
+const ARRIVED: &str = "command to last byte of the setpoint";
 const WIRE: &str = "operating system to last byte";
 const SEEN: &str = "command to encoder position at the client";
 const READ: &str = "command to the tick that reads it";
 
 /// Measures the floor, then the controller, on the same emulated drives.
 pub fn run(benchmark: &EndToEndBenchmark, run: Run) -> Result<Outcome, BenchError> {
-    let about = "From publishing a command to the set-point on the wire and back to an encoder \
+    let about = "From publishing a command to the setpoint on the wire and back to an encoder \
                  position at the client";
     Outcome::of("e2e", about, || measure(benchmark, run))
 }
@@ -117,7 +117,7 @@ fn found(
     ours: CommandLatencies,
 ) -> Result<Found, BenchError> {
     if [&floor, &grid, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {
-        return Err(busy("no command led to a set-point"));
+        return Err(busy("no command led to a setpoint"));
     }
     let bare = "a bare loop on the same line";
     let controller = "the controller, ticks before the slots of the lines";
@@ -137,9 +137,9 @@ fn found(
     Ok(Found {
         scheduling: vec![format!("control loop: {granted}")],
         quantities: vec![
-            Quantity::new("commands with a set-point, of both motors", ours.commands as f64, ""),
+            Quantity::new("commands with a setpoint, of both motors", ours.commands as f64, ""),
             Quantity::new("commands replaced by the next one", ours.overtaken as f64, ""),
-            Quantity::new("a set-point on the wire (14 bytes)", on_the_wire_us, "us"),
+            Quantity::new("a setpoint on the wire (14 bytes)", on_the_wire_us, "us"),
             Quantity::new("longest gap between two commands", longest_gap_ms, "ms"),
             Quantity::new("stops because commands came late", stale_stops as f64, ""),
         ],

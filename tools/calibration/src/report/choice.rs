@@ -179,7 +179,10 @@ mod tests {
             tried(score("gmr-stop", 1.05, false), 5.0),
         ];
         let text = explanation(&scores, "deg").unwrap();
-        assert!(text.contains("That error of the next family, gmr-stop, is 5 % above it"), "{text}");
+        assert!(
+            text.contains("That error of the next family, gmr-stop, is 5 % above it"),
+            "{text}"
+        );
         let one = [score("linear", 1.0, true)];
         assert!(explanation(&one, "deg").unwrap().contains("the only family"));
     }

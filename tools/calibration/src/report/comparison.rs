@@ -81,7 +81,8 @@ impl Comparison {
     /// Which model is the best on the rows that all of them know, and how sure that is; `None` for
     /// one model, and without such rows.
     fn verdict(&self) -> Option<String> {
-        let known = self.models.iter().filter_map(|model| Some((model.rms_length_of_common?, model)));
+        let known =
+            self.models.iter().filter_map(|model| Some((model.rms_length_of_common?, model)));
         let mut ranked: Vec<(f64, &ComparedModel)> = known.collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
         let [(least, best), (more, next), ..] = ranked[..] else { return None };
@@ -198,12 +199,7 @@ impl fmt::Display for Comparison {
 
 impl ComparedModel {
     /// What the errors include that the model cannot know.
-    fn write_doubts(
-        &self,
-        f: &mut fmt::Formatter<'_>,
-        rows: usize,
-        common: usize,
-    ) -> fmt::Result {
+    fn write_doubts(&self, f: &mut fmt::Formatter<'_>, rows: usize, common: usize) -> fmt::Result {
         let Self { unknown_memory, outside, .. } = *self;
         if unknown_memory > 0 {
             writeln!(

@@ -194,7 +194,7 @@ fn granted(statistics: &PeriodStatistics) -> String {
 fn latency(sorted_us: &[f64]) {
     let ms = |share| quantile(sorted_us, share).unwrap_or(f64::NAN) / 1e3;
     println!(
-        "\nCommand published by another process -> its set-point handed to the serial line, {} \
+        "\nCommand published by another process -> its setpoint handed to the serial line, {} \
          commands",
         sorted_us.len()
     );
@@ -205,7 +205,7 @@ fn latency(sorted_us: &[f64]) {
         ms(0.99),
         ms(1.0)
     );
-    println!("  On the wire a set-point takes another 1.2 ms (14 bytes at 115200 baud).");
+    println!("  On the wire a setpoint takes another 1.2 ms (14 bytes at 115200 baud).");
 }
 
 #[cfg(test)]

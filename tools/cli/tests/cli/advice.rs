@@ -114,10 +114,10 @@ fn every_advice_that_is_followed_succeeds() {
     for (before, words, code) in [
         (&[][..], "command state enable", "refusal 6"),
         (&["command state disable"], "command state pause", "refusal 5"),
-        (&[], "command state condition --no-wait", "refusal 24"),
+        (&[], "command state condition --no-wait", "refusal 25"),
         (&[], "command state condition --no-wait", "refusal 21"),
-        (&["command state hold"], "command state home", "refusal 26"),
-        (&["command state enable"], "command state unhome", "refusal 26"),
+        (&["command state hold"], "command state home", "refusal 27"),
+        (&["command state enable"], "command state unhome", "refusal 27"),
     ] {
         before.iter().for_each(|words| drop(succeeds(&domain, words)));
         refused_then_followed(&domain, words, code);
@@ -127,7 +127,7 @@ fn every_advice_that_is_followed_succeeds() {
     succeeds(&domain, "command state pause");
     follow_why(&domain);
     fault(&mut client);
-    refused_then_followed(&domain, "command state enable", "refusal 25");
+    refused_then_followed(&domain, "command state enable", "refusal 26");
     fault(&mut client);
     let why = succeeds(&domain, "why");
     assert!(
@@ -139,7 +139,7 @@ fn every_advice_that_is_followed_succeeds() {
     succeeds(&domain, "command state enable");
     succeeds(&domain, "command state resume");
     let said = run(&domain, "command state acknowledge");
-    assert_says(&said.error, &["refusal 27: there is no fault to acknowledge; do: go on"]);
+    assert_says(&said.error, &["refusal 28: there is no fault to acknowledge; do: go on"]);
     // The holder of the lease has a name, and what is told to end can be ended.
     let mut first = start(&domain, "command hold");
     wait_for(&mut client, |state| state.lease_client_id != 0);

@@ -126,7 +126,7 @@ fn what_happens_on_the_way_ends_it_with_the_cause() {
         controller.robot().fault = Fault::FollowingError;
         controller.robot().state = OperatingState::Fault;
     };
-    on_the_way(fault, 5, &["FAULT: fault 3: set-point and encoder are too far apart"]);
+    on_the_way(fault, 5, &["FAULT: fault 3: setpoint and encoder are too far apart"]);
     let lost = "lost the lease to client 0000000000000abc";
     on_the_way(|controller| controller.robot().lease = 0xabc, 4, &[lost]);
     let disable = |controller: &Controller| controller.robot().state = OperatingState::Disabled;

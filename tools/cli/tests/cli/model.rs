@@ -126,10 +126,15 @@ fn models_are_compared_on_a_recording() {
     let output = bench.succeeds(both);
     let (_, rows) = output.split_once("RMS length on the ").unwrap();
     let rows = rows.split(' ').next().unwrap();
-    let says = |rms| format!("RMS length on the {rows} rows that every compared model knows: {rms}");
+    let says =
+        |rms| format!("RMS length on the {rows} rows that every compared model knows: {rms}");
     assert_says(&output, &[&says("0.300"), &says("0.010")]);
-    let verdict = format!("verdict: narrow.json is the best on the {rows} rows that every model knows");
-    assert_says(&output, &[&verdict, "model.json, leaves 2900 % more, and is worse in 5 of 5 parts"]);
+    let verdict =
+        format!("verdict: narrow.json is the best on the {rows} rows that every model knows");
+    assert_says(
+        &output,
+        &[&verdict, "model.json, leaves 2900 % more, and is worse in 5 of 5 parts"],
+    );
     let json: serde_json::Value =
         serde_json::from_str(&bench.succeeds(&format!("{both} --json"))).unwrap();
     assert!(near(&json[1]["rms_length_of_common"], 0.01), "{json}");

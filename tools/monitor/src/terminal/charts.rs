@@ -138,7 +138,7 @@ impl<'a> Plots<'a> {
 /// What the colours mean.
 pub fn legend() -> Vec<Span<'static>> {
     let names =
-        [(GOAL, "goal"), (SETPOINT, "set-point"), (ESTIMATE, "estimate"), (CAMERA, "camera")];
+        [(GOAL, "goal"), (SETPOINT, "setpoint"), (ESTIMATE, "estimate"), (CAMERA, "camera")];
     names.map(|(colour, name)| Span::styled(format!("━ {name}"), Style::new().fg(colour))).to_vec()
 }
 

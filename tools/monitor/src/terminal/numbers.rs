@@ -16,7 +16,7 @@ pub fn lines(view: &View, width: usize) -> Vec<Line<'static>> {
     match &view.motors {
         None => lines.push(Line::from(Span::styled("motors NOT RECEIVED YET", alarm()))),
         Some(motors) => {
-            lines.push(Line::from(Span::styled("motor set-pt  encoder   mA drive", faint())));
+            lines.push(Line::from(Span::styled("motor setpt.  encoder   mA drive", faint())));
             let motors = motors.iter().enumerate();
             lines.extend(motors.flat_map(|(index, motor)| motor_lines(index, motor, width)));
         }
@@ -32,7 +32,7 @@ fn joints(view: &View, width: usize) -> Vec<Line<'static>> {
     let header: [(&str, Style); 6] = [
         ("deg   ", faint()),
         ("   goal", GOAL.into()),
-        (" set-pt", SETPOINT.into()),
+        (" setpt.", SETPOINT.into()),
         ("  estim", ESTIMATE.into()),
         ("    sd", ESTIMATE.into()),
         ("    cam", CAMERA.into()),
@@ -59,7 +59,7 @@ fn joints(view: &View, width: usize) -> Vec<Line<'static>> {
         ]));
     }
     let streams =
-        [("goal", &view.goal), ("set-point", &view.setpoint), ("estimate", &view.estimate)];
+        [("goal", &view.goal), ("setpoint", &view.setpoint), ("estimate", &view.estimate)];
     let marks = streams.into_iter().filter_map(|(name, pose)| match pose {
         None => Some(format!("{name} NOT RECEIVED YET")),
         Some(pose) => mark(name, &pose.age),

@@ -53,7 +53,7 @@ fn forty_columns_hold_every_number_and_every_key() {
         ("3", "pitch over yaw"),
         ("4", "motor 0"),
         ("5", "events seen"),
-        ("1", "set-pt"),
+        ("1", "setpt."),
     ] {
         terminal.type_keys(key);
         let text = terminal.wait_for(shown);
@@ -82,7 +82,7 @@ fn a_screen_that_is_too_small_says_what_is_missing_and_one_that_is_large_shows_e
         "motor 0",
         "motor 1",
         "events seen",
-        "set-pt",
+        "setpt.",
         "q quit",
         "━ estimate",
     ] {

@@ -174,7 +174,7 @@ mod tests {
             (150.0, "follows commands"),
             (150.0, "log: `enable` brought DISABLED to ENABLED"),
             (200.0, "ENABLED → FAULT: a drive does not answer"),
-            (200.0, "3 command(s) refused, the last one: not enabled"),
+            (200.0, "3 command(s) refused, the last one: the drives are off"),
         ];
         assert_eq!(found, expected);
         assert!(events[4].is_trouble && !events[2].is_trouble);

@@ -253,7 +253,7 @@ fn write_latencies(page: &mut Page, report: &TrialReport) {
     let mut table = Table::new("Percentiles.", ["", "p50", "p90", "p99", "max"]);
     let timing = report.control_loop.as_ref();
     let rows = [
-        ("command published to its set-point on the line", report.command_to_line_ms, 1.0),
+        ("command published to its setpoint on the line", report.command_to_line_ms, 1.0),
         ("age of the encoder position in a tick", report.reading_age_ms, 1.0),
         ("loop: lateness of a tick (typical second)", timing.map(|t| t.lateness_us), 1e-3),
         ("loop: computing time of a tick (typical second)", timing.map(|t| t.compute_us), 1e-3),

@@ -7,6 +7,7 @@ use std::process::{Output, Stdio};
 
 use i2ris::clock;
 use i2ris::config::Config;
+use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::VirtualFixturesMsg;
 use i2ris::model::ModelId;
@@ -341,7 +342,7 @@ fn the_model_in_use_is_attached_and_no_other_one_in_its_file() {
 #[test]
 fn configuration_and_run_log_come_from_the_controller_that_serves_and_are_taken_out_again() {
     let mut rig = Rig::with_model();
-    let client = rig.enabled();
+    let mut client = rig.enabled();
     let (folder, file) = trial_path();
     let domain = rig.domain();
     let mut recorder = Program::start(&domain, &["record", "--output", name(&file)]);
@@ -366,8 +367,7 @@ fn configuration_and_run_log_come_from_the_controller_that_serves_and_are_taken_
     let (success, _, error) = run(&extract);
     assert!(!success && error.contains("cannot write"), "nothing is written over: {error}");
     // What was commanded can be commanded again.
-    drop(commander);
-    drop(client);
+    client.state_command(StateCommand::Release).unwrap();
     let commands = parts.join("commands.csv");
     let (success, output, error) =
         Program::run(&domain, &["command", "file", name(&commands), "--on-late", "continue"]);

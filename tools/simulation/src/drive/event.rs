@@ -66,7 +66,7 @@ impl EventKind {
             Self::HostBug(HostBug::Pipelined) => ("host-bug", 0, "bytes before the reply"),
             Self::HostBug(HostBug::Opcode(opcode)) => ("host-bug", opcode.into(), "unknown opcode"),
             Self::HostBug(HostBug::SetpointIgnored) => {
-                ("host-bug", 0, "set-point ignored: bit 4 was not lowered")
+                ("host-bug", 0, "setpoint ignored: bit 4 was not lowered")
             }
         }
     }

@@ -45,7 +45,7 @@ start((lag) => {
   showFlags();
   const old = lag > 1500 || !live.estimate || live.estimate.stale || !live.estimate.deg;
   // To be read from afar: a digit less, and twice the size.
-  const angle = (axis) => (old ? '–' : signed(live.estimate.deg[axis]).slice(0, -1) + '°');
+  const angle = (axis) => (old ? '–' : signed(live.estimate.deg[axis], 1));
   [byId('pitch').textContent, byId('yaw').textContent] = [angle(0), angle(1)];
   const error = lastError(recent, live);
   const parted = partedNow(recent, live);

@@ -22,7 +22,7 @@ function fill(place, rows) {
   }));
 }
 
-const signed = (value) => (value === null || value === undefined ? '–' : (value < 0 ? '−' : '+') + Math.abs(value).toFixed(2));
+const signed = (value, digits = 2) => (value === null || value === undefined ? '–' : (value < 0 ? '−' : '+') + Math.abs(value).toFixed(digits));
 const age = (ms) => (ms < 10000 ? (ms / 1000).toFixed(1) + ' s' : Math.round(ms / 1000) + ' s');
 const head = (...texts) => texts.map((text) => [text, '', 'th']);
 
@@ -100,7 +100,7 @@ function showBanner(live, lag) {
 
 /** `error`: goal minus camera; `parted`: camera and estimate are too far apart. */
 function showJoints(live, error, parted) {
-  const streams = [['goal', 'goal'], ['setpoint', 'set-point'], ['estimate', 'estimate'], ['camera', 'camera']];
+  const streams = [['goal', 'goal'], ['setpoint', 'setpoint'], ['estimate', 'estimate'], ['camera', 'camera']];
   const cells = (axis) => streams.flatMap(([key]) => {
     const stream = live[key];
     const style = (key === 'camera' && parted ? 'parted' : key) + (stream && stream.stale ? ' stale' : '');
@@ -109,7 +109,7 @@ function showJoints(live, error, parted) {
     const deviation = stream && stream.deviation_deg;
     return [value, [deviation ? '±' + deviation[axis].toFixed(2) : '–', style]];
   });
-  const rows = [head('', 'goal', 'set-pt', 'estimate', 'sd', 'camera', 'error'),
+  const rows = [head('', 'goal', 'setpt.', 'estimate', 'sd', 'camera', 'error'),
     ...['pitch', 'yaw'].map((name, axis) => [[name, ''], ...cells(axis), [signed(error && error[axis]), 'error']])];
   const marks = [];
   for (const [key, name] of streams) {
@@ -146,7 +146,7 @@ function showMotors(live) {
       [String(motor.current_ma), style], [motor.exchanges_per_s === null ? '–' : String(motor.exchanges_per_s), style],
       [drive, motor.bad || motor.error ? 'warn' : style], [motor.status, 'stale']];
   };
-  fill(byId('motors'), [head('', 'set-pt', 'encoder', 'mA', 'bus/s', 'drive', 'status'), ...motors.map(row)]);
+  fill(byId('motors'), [head('', 'setpt.', 'encoder', 'mA', 'bus/s', 'drive', 'status'), ...motors.map(row)]);
   const marks = motors.length ? [] : ['motors not received yet'];
   motors.forEach((motor, number) => {
     if (motor.age_ms === null) marks.push(`motor ${number} NEVER READ`);
