@@ -19,6 +19,8 @@ pub struct CycleInputs {
     pub model: Option<ModelSwapRequest>,
     /// Newest pose from an external sensor, if one arrived since the last tick.
     pub external: Option<ExternalPose>,
+    /// Frames of cameras that are not followed, since the start.
+    pub ignored_frames: u64,
     /// Number of periods that had already passed when this tick began. They are not run later.
     /// [`u32::MAX`]: the computer was suspended, which is a fault by itself.
     pub missed: u32,

@@ -16,7 +16,7 @@
 //!   and `jerk_limit`;
 //!   `joint_trajectory` of `move_jp`; `conditioning`; `axis_control` of one motor.
 //! - `joint_space`: `joint_model`, a model with its memory; `inverse_setpoint`; `model_blend`;
-//!   `position_history`; `gate`, the order of all filters and the only way to a drive.
+//!   `position_history`; `reach` of a line; `gate`, the order of all filters and the only way to a drive.
 //! - [`adaptation`]: follows the drift of a calibration by the camera, inside fences.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
 //! - `command`: `admission` of servo commands, `refusal_record`, `sequence_record`, `lease`,

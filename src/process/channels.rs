@@ -3,6 +3,8 @@
 //! Newest values pass through triple buffers: the writer never waits and the reader gets the latest
 //! value. What must not be lost passes through rings; a full ring drops instead of waiting (H13).
 
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -59,6 +61,8 @@ pub struct LostCounters {
 pub struct LoopChannels {
     pub servo: triple_buffer::Output<Option<ServoCommand>>,
     pub external: triple_buffer::Output<Option<ExternalPose>>,
+    /// Frames of cameras that are not followed, since the start.
+    pub ignored_frames: Arc<AtomicU64>,
     pub requests: Consumer<StateRequest>,
     /// Requests that only stop: taken before all others.
     pub stops: Consumer<StateRequest>,
@@ -77,6 +81,7 @@ pub struct LoopChannels {
 pub struct IpcChannels {
     pub servo: triple_buffer::Input<Option<ServoCommand>>,
     pub external: triple_buffer::Input<Option<ExternalPose>>,
+    pub ignored_frames: Arc<AtomicU64>,
     pub requests: Producer<StateRequest>,
     /// Requests that only stop.
     pub stops: Producer<StateRequest>,
@@ -102,6 +107,7 @@ pub fn loop_channels(
 ) -> (LoopChannels, IpcChannels, ModelChannels, Consumer<CycleEvent>) {
     let (servo_in, servo) = triple_buffer(&None);
     let (external_in, external) = triple_buffer(&None);
+    let ignored_frames = Arc::new(AtomicU64::new(0));
     let (requests_in, requests) = RingBuffer::new(COMMANDS);
     let (stops_in, stops) = RingBuffer::new(STOPS);
     let (replies, replies_out) = RingBuffer::new(COMMANDS + STOPS);
@@ -114,6 +120,7 @@ pub fn loop_channels(
     let control_loop = LoopChannels {
         servo,
         external,
+        ignored_frames: Arc::clone(&ignored_frames),
         requests,
         stops,
         replies,
@@ -128,6 +135,7 @@ pub fn loop_channels(
     let ipc = IpcChannels {
         servo: servo_in,
         external: external_in,
+        ignored_frames,
         requests: requests_in,
         stops: stops_in,
         replies: replies_out,

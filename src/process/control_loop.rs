@@ -136,6 +136,7 @@ impl ControlLoop {
             request: next_request(channels),
             model: channels.model_requests.pop().ok(),
             external: newest(&mut channels.external),
+            ignored_frames: channels.ignored_frames.load(Ordering::Relaxed),
             missed,
             feedback: read_feedback(&mut self.links),
             shutdown: shutdown.load(Ordering::Acquire),

@@ -61,6 +61,10 @@ impl fmt::Display for CycleEventKind {
                      clock; the pose is NOT compared with them"
                 }
             }),
+            Self::OtherCamera { frames } => write!(
+                f,
+                "warning: another camera publishes, too; {frames} of its frames were not followed"
+            ),
             Self::Adaptation(event) => f.write_str(match event {
                 AdaptationEvent::BudgetWarning => {
                     "warning: adaptation: 70 % of the budget are used; calibrate soon"

@@ -19,6 +19,7 @@ use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::ipc::{Request, Server, StreamMessage};
 use crate::model::ModelId;
 use crate::process::black_box::RecorderRequest;
+use crate::process::camera_owner::CameraOwner;
 use crate::process::channels::{IpcChannels, RequestQueues, TickReport};
 use crate::process::fixture_table::FixtureTable;
 use crate::process::loop_history::SharedLoopHistory;
@@ -72,6 +73,7 @@ pub struct IpcThread {
     granted: Granted,
     /// A watchdog holds every port, as last looked at.
     watched: bool,
+    cameras: CameraOwner,
     next_watchdog: Nanos,
     statistics: LoopStatistics,
     /// Filled by every tick, published with the statistics.
@@ -101,6 +103,7 @@ impl IpcThread {
             parts,
             granted,
             watched: false,
+            cameras: CameraOwner::default(),
             next_watchdog: Nanos::ZERO,
             model: None,
             lease_client_id: 0,
@@ -137,11 +140,12 @@ impl IpcThread {
             self.watched = watchdog == WatchdogStatus::Watching;
         }
         self.take_servo(now);
-        if let Some(seen) = self.server.poll_external()
-            && let Some(external) = convert::external(&seen)
-        {
+        let frames = self.server.poll_cameras();
+        let valid = frames.iter().filter_map(|(from, raw)| Some((*from, convert::external(raw)?)));
+        if let Some(external) = self.cameras.choose(valid, now) {
             self.parts.channels.external.write(Some(external));
         }
+        self.parts.channels.ignored_frames.store(self.cameras.ignored(), Ordering::Relaxed);
         self.take_requests(now);
         self.send_slow_replies();
         self.take_reports();

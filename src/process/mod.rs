@@ -14,6 +14,7 @@
 //! | `loop_history` | motor positions and loaded models, shared by the slower threads |
 //! | `main_thread` | the log, and waiting for the end |
 //! | `fixture_table` | names and values of the virtual fixtures, for clients |
+//! | `camera_owner` | which camera is followed |
 //! | `channels` | everything that passes between the threads |
 //! | `payload_conversion` | conversion between payloads and values of the core |
 //! | `console_log` | the log on the terminal, which never blocks |
@@ -22,6 +23,7 @@
 //! | [`run_log`] | one line of JSON per start, end and change of state |
 
 pub mod black_box;
+mod camera_owner;
 mod channels;
 pub mod console_log;
 mod control_loop;

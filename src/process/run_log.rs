@@ -176,6 +176,9 @@ fn event_fields(kind: &CycleEventKind, client: Option<&str>) -> Option<(&'static
         CycleEventKind::Plausibility(check) => {
             ("plausibility", json!({ "check": format!("{check:?}") }))
         }
+        CycleEventKind::OtherCamera { frames } => {
+            ("other camera", json!({ "ignored_frames": frames }))
+        }
         CycleEventKind::Fixtures { client_id, active } => {
             ("fixtures", json!({ "client": id(client_id), "active": active }))
         }

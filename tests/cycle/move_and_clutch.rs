@@ -296,3 +296,16 @@ fn the_client_that_holds_may_go_on_itself_and_an_own_hold_breaks_nothing_off() {
     command.client_id = CLIENT + 1;
     assert_eq!(bench.send(command), Refusal::None);
 }
+
+#[test]
+fn a_stream_that_is_refused_for_another_reason_is_not_silent() {
+    let mut bench = enabled("");
+    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
+    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Hold).refusal, Refusal::None);
+    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Pause).refusal, Refusal::None);
+    for _ in 0..1500 {
+        assert_eq!(bench.joint(0.1, 0.0), Refusal::NotEnabled);
+    }
+    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Resume).refusal, Refusal::None);
+    assert_eq!(bench.joint(0.1, 0.0), Refusal::BrokenOff);
+}

@@ -78,6 +78,21 @@ fn h12_an_odd_frame_and_then_silence_is_no_fault_and_is_said() {
 }
 
 #[test]
+fn another_camera_is_told_when_it_comes_and_as_long_as_it_publishes() {
+    let mut bench = Bench::homed();
+    for tick in 1..=25_000 {
+        bench.ignored_frames = tick / 33;
+        bench.tick();
+    }
+    let told = |kind: &CycleEventKind| match kind {
+        CycleEventKind::OtherCamera { frames } => Some(*frames),
+        _ => None,
+    };
+    let told: Vec<u64> = bench.events.iter().filter_map(told).collect();
+    assert_eq!(told, [1, 304, 608]);
+}
+
+#[test]
 fn h12_too_much_current_for_too_long_is_a_fault_and_the_motor_loses_its_power() {
     let limits = config("[limits]\nover_current_ma = 150\nover_current_ms = 100");
     let mut bench = Bench::new(limits, None);

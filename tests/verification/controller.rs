@@ -72,8 +72,9 @@ fn servo_command(client: Client, command: Command) -> ServoCommand {
     }
 }
 
-/// One run of the loop, which takes a command of one client.
-pub fn tick(state: &mut State, guards: Guards, take: Option<Client>) {
+/// One run of the loop, which takes a command of one client. `pushed`: the set-point that it comes to
+/// breaks a limit.
+pub fn tick(state: &mut State, guards: Guards, take: Option<Client>, pushed: bool) {
     update_robot(state, guards);
     if let Some(client) = take
         && let Some(command) = state.waiting[client as usize].take()
@@ -81,7 +82,7 @@ pub fn tick(state: &mut State, guards: Guards, take: Option<Client>) {
         admit(state, guards, client, command);
     }
     stop_if_stale(state, guards);
-    move_setpoints(state);
+    move_setpoints(state, guards, pushed);
     state.heartbeat = Some(Heartbeat {
         age: 0,
         drives_off: state.robot == Robot::Disabled && state.drive == Drive::Off,
@@ -173,8 +174,10 @@ fn stop_if_stale(state: &mut State, guards: Guards) {
     state.followed = state.followed.filter(|followed| !is_stale(followed));
 }
 
-fn move_setpoints(state: &mut State) {
-    state.motion = state.followed;
+/// The gate is the last stage: what breaks a limit is held.
+fn move_setpoints(state: &mut State, guards: Guards, pushed: bool) {
+    state.motion = state.followed.filter(|_| !pushed || !guards.has(Guard::Gate));
+    state.truth.broke_limit |= pushed && state.motion.is_some();
 }
 
 /// The command `enable`.

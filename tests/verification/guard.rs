@@ -27,10 +27,12 @@ pub enum Guard {
     Freshness,
     /// Commands are refused unless the robot is ENABLED.
     Enabled,
+    /// A set-point that breaks a limit is held, whichever stage has made it.
+    Gate,
 }
 
 /// All guards, and the property that fails without each.
-pub const GUARDS: [(Guard, &str); 12] = [
+pub const GUARDS: [(Guard, &str); 13] = [
     (Guard::Lease, "never two leaders"),
     (Guard::Deadline, "silence leads to hold"),
     (Guard::Age, "no command is followed after its deadline"),
@@ -43,6 +45,7 @@ pub const GUARDS: [(Guard, &str); 12] = [
     (Guard::Release, "only the holder of the lease moves the robot"),
     (Guard::Freshness, "without fresh positions nothing moves"),
     (Guard::Enabled, "nothing moves unless the robot is ENABLED"),
+    (Guard::Gate, "no set-point beyond a limit reaches the drive"),
 ];
 
 /// The guards that are in place: all but at most one.

@@ -16,8 +16,12 @@ pub struct System {
 /// What can happen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
-    /// Time passes: the watchdog looks, then the loop runs and takes a command of one client.
-    Step(Option<Client>),
+    /// Time passes: the watchdog looks, then the loop runs and takes a command of one client. A
+    /// stage behind the limits may push the set-point beyond one.
+    Step {
+        take: Option<Client>,
+        pushed: bool,
+    },
     Send(Client),
     /// A packet arrives. The network may keep a copy; the echo in it may be some steps late.
     Deliver {
@@ -66,10 +70,15 @@ impl Model for System {
     }
 
     fn actions(&self, state: &State, actions: &mut Vec<Action>) {
-        actions.push(Action::Step(None));
+        actions.push(Action::Step { take: None, pushed: false });
+        if state.followed.is_some() {
+            actions.push(Action::Step { take: None, pushed: true });
+        }
         for client in Client::ALL {
             if state.process == Process::Runs && state.waiting[client as usize].is_some() {
-                actions.push(Action::Step(Some(client)));
+                actions.extend(
+                    [false, true].map(|pushed| Action::Step { take: Some(client), pushed }),
+                );
             }
             if !state.has_sent[client as usize] {
                 actions.push(Action::Send(client));
@@ -100,7 +109,7 @@ impl Model for System {
         state.motion = None;
         let runs = state.process == Process::Runs;
         let happens = match action {
-            Action::Step(take) => self.step(&mut state, take),
+            Action::Step { take, pushed } => self.step(&mut state, take, pushed),
             Action::Send(client) => send(&mut state, client),
             Action::Deliver { index, copy, held_up } => {
                 deliver(&mut state, self.guards, index, copy, held_up)
@@ -126,11 +135,11 @@ impl Model for System {
 }
 
 impl System {
-    fn step(&self, state: &mut State, take: Option<Client>) -> bool {
+    fn step(&self, state: &mut State, take: Option<Client>, pushed: bool) -> bool {
         environment::grow_older(state);
         watch(state, self.guards);
         match state.process {
-            Process::Runs => tick(state, self.guards, take),
+            Process::Runs => tick(state, self.guards, take, pushed),
             Process::Killed => state.process = Process::Dead,
             Process::Dead | Process::Hangs => {}
         }

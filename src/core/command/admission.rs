@@ -216,7 +216,13 @@ impl CommandAdmission {
     pub fn refuse(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
         self.refused = self.refused.saturating_add(1);
         self.last_refusal = refusal;
-        self.refusals.record(client_id, refusal, now)
+        // Whatever it is refused for, it is not silent.
+        let goes_on = self.is_broken_off(client_id, now);
+        let is_event = self.refusals.record(client_id, refusal, now);
+        if goes_on {
+            self.refusals.break_off(client_id);
+        }
+        is_event
     }
 
     /// Frees the lease of a client that has been silent for too long.

@@ -62,8 +62,7 @@ impl RefusalRecord {
         let is_repeat = entry.folded && entry.refusals.last == refusal;
         entry.refusals.count = entry.refusals.count.saturating_add(1);
         entry.refusals.last = refusal;
-        let goes_on = entry.broken_off && now.since(entry.refused) < ENTRY_AGE;
-        entry.broken_off = goes_on || refusal == Refusal::BrokenOff;
+        entry.broken_off &= now.since(entry.refused) < ENTRY_AGE;
         entry.refused = now;
         entry.folded = true;
         if now.since(entry.window) >= ENTRY_AGE {
@@ -80,6 +79,15 @@ impl RefusalRecord {
             if entry.refusals.client_id == client_id {
                 (entry.folded, entry.broken_off) = (false, false);
             }
+        }
+    }
+
+    /// The client whose command was refused just now goes on although it was broken off.
+    pub fn break_off(&mut self, client_id: u64) {
+        let is_own = |entry: &&mut Entry| entry.refusals.client_id == client_id;
+        if let Some(entry) = self.entries.iter_mut().filter(|it| it.refusals.count > 0).find(is_own)
+        {
+            entry.broken_off = true;
         }
     }
 

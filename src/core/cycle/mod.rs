@@ -31,6 +31,7 @@ use crate::core::command::range_check::RangeCheck;
 use crate::core::drive_status::{DriveSummary, ExpectedPower};
 use crate::core::events::clips::ClipEvents;
 use crate::core::events::fold::EventFold;
+use crate::core::events::other_cameras::OtherCameras;
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
@@ -77,6 +78,7 @@ pub struct ControlCycle {
     pub(super) plausibility_check: PlausibilityCheck,
     /// `None` if it is switched off.
     pub(super) adaptation: Option<Adaptation>,
+    pub(super) other_cameras: OtherCameras,
     pub(super) machine: StateMachine,
     pub(super) admission: CommandAdmission,
     pub(super) clutch: Clutch,
@@ -118,6 +120,7 @@ impl ControlCycle {
             overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),
             plausibility: PlausibilityMonitor::new(&config.plausibility),
             plausibility_check: PlausibilityCheck::default(),
+            other_cameras: OtherCameras::default(),
             adaptation: Adaptation::new(&config.adaptation, config.control.period()),
             models: LoadedModels::new(model.map(|model| JointModel::new(model, config))),
             machine: StateMachine::new(),
@@ -218,6 +221,9 @@ impl ControlCycle {
         self.axes.update_feedback(&inputs.feedback, now, events);
         let is_model_finite = self.update_models(now).is_ok();
         self.adapt(inputs.external.as_ref(), now, events);
+        if let Some(frames) = self.other_cameras.update(inputs.ignored_frames, now) {
+            events.push(CycleEventKind::OtherCamera { frames });
+        }
         let is_late = self.overruns.add(u32::from(inputs.missed > 0), now);
         let is_overrun = is_late || inputs.missed == u32::MAX;
         let check = self.plausibility_check;

@@ -11,6 +11,7 @@ use crate::core::command::clutch::Clutch;
 use crate::core::cycle::ControlCycle;
 use crate::core::events::clips::ClipEvents;
 use crate::core::events::fold::EventFold;
+use crate::core::events::other_cameras::OtherCameras;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::joint_space::gate::Gate;
@@ -36,6 +37,7 @@ pub struct CycleSnapshot {
     plausibility: PlausibilityMonitor,
     plausibility_check: PlausibilityCheck,
     adaptation: Option<AdaptationState>,
+    other_cameras: OtherCameras,
     machine: StateMachine,
     admission: CommandAdmission,
     clutch: Clutch,
@@ -75,6 +77,7 @@ impl ControlCycle {
             overruns: self.overruns,
             plausibility: self.plausibility,
             plausibility_check: self.plausibility_check,
+            other_cameras: self.other_cameras,
             adaptation: self.adaptation.map(|adaptation| adaptation.state),
             machine: self.machine,
             admission: self.admission,
@@ -111,6 +114,7 @@ impl ControlCycle {
         if let (Some(adaptation), Some(state)) = (&mut cycle.adaptation, snapshot.adaptation) {
             adaptation.state = state;
         }
+        cycle.other_cameras = snapshot.other_cameras;
         cycle.machine = snapshot.machine;
         cycle.admission = snapshot.admission;
         cycle.clutch = snapshot.clutch;

@@ -2,6 +2,7 @@
 
 pub(super) mod clips;
 pub(super) mod fold;
+pub(super) mod other_cameras;
 
 use serde::{Deserialize, Serialize};
 
@@ -107,6 +108,11 @@ pub enum CycleEventKind {
     },
     /// The comparison with the camera began, or cannot be made.
     Plausibility(PlausibilityCheck),
+    /// Another camera publishes beside the one that is followed. At most every ten seconds.
+    OtherCamera {
+        /// Its frames since the start.
+        frames: u64,
+    },
     /// The adaptation learned or refused something, or took a correction back.
     Adaptation(AdaptationEvent),
     /// A drive changed its phase.
@@ -143,6 +149,7 @@ impl CycleEventKind {
             | Self::Fixtures { .. }
             | Self::Model { .. }
             | Self::Plausibility(_)
+            | Self::OtherCamera { .. }
             | Self::Adaptation(_)
             | Self::Axis { .. } => None,
         }
@@ -163,6 +170,7 @@ impl CycleEventKind {
             | Self::FixtureLimit { .. }
             | Self::Model { .. }
             | Self::Plausibility(_)
+            | Self::OtherCamera { .. }
             | Self::Adaptation(_)
             | Self::Axis { .. } => 0,
         }

@@ -7,17 +7,18 @@
 //! | | stage | what it may move |
 //! |---|---|---|
 //! | 1 | `command/clutch` | the goal of the master becomes one of the snake |
-//! | 2 | `motion/goal_extrapolation` | the goal between commands |
-//! | 3 | `motion/tremor_filter` | the goal |
-//! | 4 | `motion/joint_limits` | the goal: position, velocity, acceleration, jerk of the angles |
-//! | 5 | `motion/virtual_fixtures` | the goal, within the limits of stage 4 |
-//! | 6 | `motion/backlash_dead_band` | the goal |
-//! | 7 | `joint_space/model_blend` | the goal, after a swap of the model |
-//! | 8 | inverse of the model, correction of the adaptation, position limits of the axes | counts |
-//! | 9 | `motion/velocity_limit`, `motion/jerk_limit` | the setpoints |
-//! | 10 | the gate | a setpoint that breaks a limit is slowed down, or stops |
+//! | 2 | `joint_space/reach` | the goal, back on its line to what can be reached |
+//! | 3 | `motion/goal_extrapolation` | the goal between commands |
+//! | 4 | `motion/tremor_filter` | the goal |
+//! | 5 | `motion/joint_limits` | the goal: position, velocity, acceleration, jerk of the angles |
+//! | 6 | `motion/virtual_fixtures` | the goal, within the limits of stage 5 |
+//! | 7 | `motion/backlash_dead_band` | the goal |
+//! | 8 | `joint_space/model_blend` | the goal, after a swap of the model |
+//! | 9 | inverse of the model, correction of the adaptation, position limits of the axes | counts |
+//! | 10 | `motion/velocity_limit`, `motion/jerk_limit` | the setpoints |
+//! | 11 | the gate | a setpoint that breaks a limit is slowed down, or stops |
 //!
-//! Stages 5 to 9 may undo what an earlier one has limited. So nothing relies on the order: the gate
+//! Stages 6 to 10 may undo what an earlier one has limited. So nothing relies on the order: the gate
 //! looks at the setpoints that the motors would get, whichever activity they come from, and checks
 //! every limit on them:
 //!

@@ -1,13 +1,22 @@
 //! Pairs: whole situations, drawn at random, in which any stage may undo what another one limits.
 //! Limits, fixtures, adaptation, a swap in progress, conditioning, the clutch, stale streams, a
 //! camera that misleads, two clients and a clock that jumps meet in every combination.
+//!
+//! Defects that were put into the gate, one at a time, and what 26 situations said of each:
+//!
+//! | defect | found by |
+//! |---|---|
+//! | nothing is checked | the angles |
+//! | regions are not checked | the regions |
+//! | speed of the angles is not checked | the acceleration |
+//! | the hull, the pose as calibrated, positions of the angles, the limits of the motors or the way to rest is not checked; regions before joint limits | not found: the stages before the gate hold them, too |
 
+mod drawing;
 mod oracle;
 mod random;
 
 use std::sync::Arc;
 
-use i2ris::config::Config;
 use i2ris::core::{
     ExternalPose, FixtureChange, FixtureSpace, ModelChange, ServoCommand, ServoGoal, SimpleRegion,
     SimpleShape,
@@ -17,15 +26,18 @@ use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
 use i2ris_testing::cycle::{
-    Bench, CLIENT, GAIN_DEG, model, play_model, rad, scaled_play_model, strict_config,
+    Bench, CLIENT, GAIN_DEG, model, play_model, rad, scaled_play_model, within,
 };
 
-use oracle::{Limits, Oracle, Snake, Zone};
+use drawing::{configuration, limits, zone};
+use oracle::{Oracle, SLANTED, SQUARE, Snake, Zone};
 use random::Random;
 
 const OTHER: u64 = CLIENT + 1;
 /// `command.lease_timeout_ms` by default.
 const LEASE: Nanos = Nanos::from_millis(500);
+/// Silence after which a stream may begin anew that another client has held.
+const BREAK: Nanos = Nanos::from_millis(1000);
 /// Ticks of a situation.
 const TICKS: u64 = 4000;
 /// Seeds that found something once.
@@ -54,77 +66,16 @@ struct Situation {
     sequence: u64,
     /// The client that was accepted last, and when.
     leader: Option<(u64, Nanos)>,
+    /// When the client was last held by another one, and when it last sent.
+    held: Option<Nanos>,
+    sent: Nanos,
+    hull: &'static [[f64; 2]],
     /// The camera: shift and its rate, degrees.
     camera: Option<([f64; 2], f64)>,
     /// The staged model with its gain, and the gains of the model in use and of the one before.
     next: Option<(Arc<Model>, f64)>,
     gains: [f64; 2],
     has_memory: bool,
-}
-
-fn zone(random: &mut Random) -> Zone {
-    if random.one_in(2) {
-        let radius = random.within(1.0, 3.0);
-        Zone::Circle { centre: random.direction().map(|part| 6.0 * part), radius }
-    } else {
-        Zone::Wall { normal: random.direction(), offset: random.within(2.0, 8.0) }
-    }
-}
-
-fn table(zone: &Zone, index: usize) -> String {
-    let shape = match zone {
-        Zone::Circle { centre, radius } => {
-            format!("circle = {{ centre_deg = {centre:?}, radius_deg = {radius:?} }}")
-        }
-        Zone::Wall { normal, offset } => {
-            format!("half_plane = {{ normal = {normal:?}, offset_deg = {offset:?} }}")
-        }
-    };
-    format!("[[virtual_fixtures.regions]]\nname = \"r{index}\"\nshape = {{ {shape} }}\n")
-}
-
-fn limits(random: &mut Random) -> Limits {
-    if random.one_in(3) {
-        return Limits::default();
-    }
-    let mut some = |low: f64, high: f64| {
-        let value = random.within(low, high);
-        (!random.one_in(3)).then_some(value)
-    };
-    let (low, high) = (some(-8.0, -2.0), some(2.0, 8.0));
-    let (velocity, acceleration) = (some(3.0, 25.0), some(100.0, 600.0));
-    let pair = |value: Option<f64>| value.map(|value| [value, 1.3 * value]);
-    Limits { low: pair(low), high: pair(high), velocity, acceleration }
-}
-
-fn configuration(random: &mut Random, limits: &Limits, zones: &[Zone]) -> Config {
-    let mut text = String::from("[command]\n");
-    if random.one_in(4) {
-        text += "motion_scale = 0.4\n";
-    }
-    if random.one_in(4) {
-        text += "tremor_filter_hz = 3.0\n";
-    }
-    text += "[joint_limits]\n";
-    let mut key = |name: &str, value: Option<String>| {
-        if let Some(value) = value {
-            text += &format!("{name} = {value}\n");
-        }
-    };
-    key("position_min_deg", limits.low.map(|low| format!("{low:?}")));
-    key("position_max_deg", limits.high.map(|high| format!("{high:?}")));
-    key("velocity_deg_s", limits.velocity.map(|value| format!("{value:?}")));
-    key("acceleration_deg_s2", limits.acceleration.map(|value| format!("{value:?}")));
-    if random.one_in(3) {
-        text += "[limits]\njerk_counts_s3 = 2e8\n";
-    }
-    if random.one_in(2) {
-        text += "[adaptation]\nenabled = true\n";
-    }
-    for (index, zone) in zones.iter().enumerate() {
-        text += &table(zone, index);
-    }
-    strict_config(&text)
 }
 
 impl Situation {
@@ -135,12 +86,14 @@ impl Situation {
         let zones: Vec<Zone> = (0..count).map(|_| zone(&mut random)).collect();
         let config = configuration(&mut random, &limits, &zones);
         let has_memory = random.one_in(2);
+        let hull: &[[f64; 2]] = if seed.is_multiple_of(3) { &SLANTED } else { &SQUARE };
         let model = if has_memory { play_model() } else { model(OutputUnit::Deg) };
+        let model = within(&model, hull);
         let window = config.limits.window_ticks(config.control.period()).unwrap_or(1);
         let (scale, first_step) = (config.command.motion_scale, config.command.first_step_deg);
         let bench = Bench::enabled_with(config, Some(model));
         let snake = Snake::new(if has_memory { 100.0 } else { 0.0 });
-        let mut oracle = Oracle::new(snake, limits, 6 + window);
+        let mut oracle = Oracle::new(snake, limits, hull, 6 + window);
         oracle.set_zones(&bench, &zones);
         Self {
             configured: zones.len(),
@@ -156,6 +109,9 @@ impl Situation {
             first_step,
             sequence: 1,
             leader: None,
+            held: None,
+            sent: Nanos::ZERO,
+            hull,
             camera: None,
             next: None,
             gains: [1.0; 2],
@@ -179,6 +135,10 @@ impl Situation {
                 self.oracle.check(&self.bench);
             }
         }
+    }
+
+    fn present(&self) -> [f64; 2] {
+        [0, 1].map(|at: usize| self.bench.joints().setpoint[at].to_degrees())
     }
 
     fn see(&mut self) {
@@ -218,6 +178,13 @@ impl Situation {
         let before = self.bench.joints();
         let was_holding = self.bench.report().holding;
         let refusal = self.bench.send(command);
+        if command.client_id == CLIENT {
+            let since = self.held.map(|held| self.bench.now.since(held.max(self.sent)));
+            let is_held = since.is_some_and(|silent| silent < BREAK);
+            assert!(refusal != Refusal::None || !is_held, "a stream goes on that was held");
+            self.held = self.held.filter(|_| refusal != Refusal::None);
+            self.sent = self.bench.now;
+        }
         if refusal == Refusal::None {
             self.oracle.accepted(command.stamp, Nanos::from_millis(50));
             self.oracle.in_hull = matches!(command.goal, ServoGoal::Joint(..));
@@ -244,6 +211,9 @@ impl Situation {
 
     fn ask(&mut self, client_id: u64, command: StateCommand) -> Refusal {
         let refusal = self.bench.ask_as(client_id, command).refusal;
+        if (command, refusal) == (StateCommand::Hold, Refusal::None) {
+            self.leader = self.leader.filter(|(leader, _)| *leader == client_id);
+        }
         if command.only_stops() && self.bench.state() != OperatingState::Disabled {
             assert_eq!(refusal, Refusal::None, "{command:?} only stops");
         }
@@ -269,6 +239,13 @@ impl Situation {
             11 => {
                 let stops = [StateCommand::Hold, StateCommand::Pause, StateCommand::Release];
                 let stop = stops[self.random.below(3) as usize];
+                let now = self.bench.now;
+                if (now.0 / 1_000_000).is_multiple_of(3) {
+                    let is_led = self.bench.report().lease_client_id == CLIENT;
+                    if self.ask(OTHER, StateCommand::Hold) == Refusal::None && is_led {
+                        self.held = Some(now);
+                    }
+                }
                 if self.ask(CLIENT, stop) == Refusal::None && stop == StateCommand::Release {
                     self.leader = None;
                 }
@@ -292,7 +269,12 @@ impl Situation {
         self.rate = self.random.direction().map(|part| speed * part);
         self.period = 1 + self.random.below(10);
         if self.random.one_in(3) {
-            self.goal = [0, 1].map(|at: usize| self.bench.joints().setpoint[at].to_degrees());
+            self.goal = self.present();
+        }
+        // As far as a command may: the motors do not arrive at the same time.
+        if self.hull.len() == SLANTED.len() && self.random.one_in(2) {
+            let direction = self.random.direction();
+            self.goal = [0, 1].map(|at: usize| self.goal[at] + 4.9 * direction[at]);
         }
         if self.random.one_in(5) {
             self.goal = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
@@ -371,7 +353,7 @@ impl Situation {
             return;
         }
         let gain = self.random.within(0.9, 1.15);
-        let next = scaled_play_model(gain);
+        let next = within(&scaled_play_model(gain), self.hull);
         if self.random.one_in(2) || self.next.is_none() {
             self.bench.offer(self.bench.candidate(&next));
             self.bench.tick();

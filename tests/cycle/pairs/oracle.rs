@@ -8,6 +8,18 @@ use i2ris::ipc::OperatingState;
 use i2ris::units::Nanos;
 use i2ris_testing::cycle::{Bench, GAIN_DEG, HULL};
 
+/// Corners of what was calibrated, counter-clockwise. Along the sides of the square, motors that are
+/// limited one by one stay inside; along those of the other one they do not.
+pub const SQUARE: [[f64; 2]; 4] = [[-HULL, -HULL], [HULL, -HULL], [HULL, HULL], [-HULL, HULL]];
+pub const SLANTED: [[f64; 2]; 6] = [
+    [-420.0, -120.0],
+    [-60.0, -420.0],
+    [420.0, -300.0],
+    [360.0, 180.0],
+    [60.0, 480.0],
+    [-360.0, 300.0],
+];
+
 /// Rounding to counts, and a stop: degrees.
 const TOLERANCE_DEG: f64 = 0.08;
 /// The way to rest of a motion at full speed, when a region comes over it: degrees and ticks.
@@ -91,6 +103,7 @@ pub struct Oracle {
     /// When the followed command becomes stale.
     stale_at: Nanos,
     stop_ticks: u32,
+    hull: &'static [[f64; 2]],
     hull_excess: f64,
     /// Angles were commanded last, and not counts.
     pub in_hull: bool,
@@ -99,7 +112,7 @@ pub struct Oracle {
 }
 
 impl Oracle {
-    pub fn new(snake: Snake, limits: Limits, stop_ticks: u32) -> Self {
+    pub fn new(snake: Snake, limits: Limits, hull: &'static [[f64; 2]], stop_ticks: u32) -> Self {
         Self {
             snake,
             limits,
@@ -110,6 +123,7 @@ impl Oracle {
             idle: 0,
             stale_at: Nanos::ZERO,
             stop_ticks,
+            hull,
             hull_excess: 0.0,
             in_hull: true,
             settled: 0,
@@ -231,7 +245,7 @@ impl Oracle {
 
     /// Goals in angles are inverted within the hull; other motion and the zero may leave it.
     fn check_hull(&mut self, targets: [i32; 2], is_busy: bool) {
-        let excess = targets.map(|at| f64::from(at).abs() - HULL).into_iter().fold(0.0, f64::max);
+        let excess = out_of(self.hull, targets.map(f64::from));
         assert!(
             is_busy || !self.in_hull || excess <= self.hull_excess.max(2.0),
             "{targets:?} is out of the hull"
@@ -250,6 +264,16 @@ impl Oracle {
             self.idle
         );
     }
+}
+
+/// How far a point is beyond the side that it violates most; 0 inside.
+fn out_of(hull: &[[f64; 2]], [a, b]: [f64; 2]) -> f64 {
+    let nexts = hull.iter().cycle().skip(1);
+    let beyond = hull.iter().zip(nexts).map(|([from_a, from_b], [to_a, to_b])| {
+        let (along_a, along_b) = (to_a - from_a, to_b - from_b);
+        (along_b * (a - from_a) - along_a * (b - from_b)) / along_a.hypot(along_b)
+    });
+    beyond.fold(0.0, f64::max)
 }
 
 /// How far beyond a limit the snake may get that is beyond it already, or moves.

@@ -44,6 +44,8 @@ pub struct Bench {
     pub external: Option<ExternalPose>,
     /// A camera that sees the estimate and this shift, rad, 30 times a second and 20 ms late.
     pub camera: Option<[f64; 2]>,
+    /// Frames of other cameras.
+    pub ignored_frames: u64,
     /// How many ticks late every tick is from now on.
     pub missed: u32,
     /// Something that counts, read before and after every step, and the sum of the differences.
@@ -131,6 +133,7 @@ impl Bench {
             fixture: None,
             external: None,
             camera: None,
+            ignored_frames: 0,
             missed: 0,
             probe: || 0,
             probed: 0,
@@ -167,6 +170,7 @@ impl Bench {
             request,
             model,
             external,
+            ignored_frames: self.ignored_frames,
             missed,
             feedback,
             shutdown: self.shutdown,

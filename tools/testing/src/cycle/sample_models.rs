@@ -92,6 +92,13 @@ pub fn scaled_play_model(factor: f64) -> Arc<Model> {
     Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
 }
 
+/// The same model, calibrated within other corners.
+pub fn within(model: &Model, corners: &[[f64; 2]]) -> Arc<Model> {
+    let corners = corners.iter().map(|corner| corner.to_vec()).collect();
+    let file = ModelFile { hull: HullParameters { corners }, ..model.file().clone() };
+    Arc::new(Model::from_file(file).unwrap())
+}
+
 fn square() -> HullParameters {
     HullParameters {
         corners: vec![vec![-HULL, -HULL], vec![HULL, -HULL], vec![HULL, HULL], vec![-HULL, HULL]],
