@@ -10,6 +10,10 @@ use crate::model::maths::regression::{Local, array};
 use crate::model::output_unit::OutputUnit;
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
+/// An error below this part of a unit is none, also where all positions lie in one gap and no count
+/// is worth anything.
+const LEAST_ERROR: f64 = 1e-3;
+
 /// Number of positions along the range of each motor.
 const STEPS: usize = 17;
 
@@ -40,7 +44,7 @@ pub(in crate::model) fn check<const D: usize, const M: usize>(
         / samples.len().max(1) as f64;
     let errors = samples.iter().map(|(counts, local)| {
         let inverse = invert(&array::<M, MAX_OUTPUTS>(&local.mean));
-        (*counts, inverse.residual, worth(local).max(floor))
+        (*counts, inverse.residual, worth(local).max(floor).max(LEAST_ERROR * unit.si()))
     });
     let in_counts = |(_, error, worth): &(MotorVec, f64, f64)| (error / worth).abs();
     let worst = errors.max_by(|a, b| in_counts(a).total_cmp(&in_counts(b)));
@@ -73,4 +77,25 @@ fn positions(hull: &Hull) -> Vec<MotorVec> {
     let lattice =
         (0..STEPS).flat_map(|i| (0..rows).map(move |j| (i, j))).map(|(i, j)| [at(0, i), at(1, j)]);
     lattice.filter(|counts| hull.contains(counts)).chain(hull.corners()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{SMatrix, SVector};
+
+    use super::*;
+
+    /// A hull that lies in one gap: no count moves anything.
+    #[test]
+    fn a_rounding_error_in_a_gap_is_no_failure_of_the_inverse() {
+        let hull = Hull::from_points(1, &[[-500.0, 0.0], [500.0, 0.0]]).unwrap();
+        let flat =
+            Local { mean: SVector::<f64, 1>::zeros(), jacobian: SMatrix::<f64, 1, 1>::zeros() };
+        let checked = |residual: f64| {
+            let invert = |_: &OutputVec| Inverse { residual, ..Inverse::default() };
+            check::<1, 1>(&hull, OutputUnit::Deg, |_| Some(flat), invert)
+        };
+        assert!(checked(1e-9).is_ok());
+        assert!(checked(1e-3).is_err() && checked(f64::NAN).is_err());
+    }
 }

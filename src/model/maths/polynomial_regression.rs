@@ -64,14 +64,16 @@ fn legendre(x: f64, degree: usize) -> [[f64; 2]; MAX_DEGREE + 1] {
     values
 }
 
-/// Calls `take` with the value of every product at scaled inputs, in the order of the file.
-pub fn products(scaled: &[f64], degree: usize, mut take: impl FnMut(f64)) {
+/// Calls `take` with the value of every product at scaled inputs, and its slopes along them, in the
+/// order of the file.
+pub fn products(scaled: &[f64], degree: usize, mut take: impl FnMut(f64, [f64; 2])) {
     let x = legendre(scaled.first().copied().unwrap_or_default(), degree);
     let y = legendre(scaled.get(1).copied().unwrap_or_default(), degree);
     for total in 0..=degree {
         let splits = if scaled.len() == 1 { 0..=0 } else { 0..=total };
         for second in splits {
-            take(x[total - second][0] * y[second][0]);
+            let ([x, x_slope], [y, y_slope]) = (x[total - second], y[second]);
+            take(x * y, [x_slope * y, x * y_slope]);
         }
     }
 }

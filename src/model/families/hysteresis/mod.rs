@@ -103,8 +103,8 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
         lags
     }
 
-    /// Appends the [`Operator::lags`].
-    fn push_lags(&self, state: &Self::State, lags: &mut Lags);
+    /// Appends the [`Operator::lags`]: none where no residual follows.
+    fn push_lags(&self, _state: &Self::State, _lags: &mut Lags) {}
 
     /// Whether the state does not depend on motion before it began, given that every motor has
     /// covered the conditioning range.

@@ -250,10 +250,13 @@ impl FamilyFitter<'_> {
             Some(FamilyParameters::ForceBalance { balance, .. }) => Some(balance),
             _ => None,
         };
-        let fit = fit_force_balance(&self.series, known, self.progress);
+        let fit = fit_force_balance(&self.series, self.one_axis.is_none(), known, self.progress);
         let fit = fit.map_err(|source| failed(Family::ForceBalance, source))?;
         *mechanism = Some(Mechanism::Balance(fit.mechanism));
-        self.checked(Family::ForceBalance, &Fitted::plain(fit.family))
+        let checked = |parameters| self.checked(Family::ForceBalance, &Fitted::plain(parameters));
+        checked(fit.family).or_else(|refused| {
+            fit.simpler.into_iter().find_map(|simpler| checked(simpler).ok()).ok_or(refused)
+        })
     }
 
     fn chain(&self, components: Option<usize>) -> ChainOptions {

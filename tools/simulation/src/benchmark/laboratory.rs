@@ -23,7 +23,9 @@ pub struct Laboratory {
 
 impl Laboratory {
     pub fn new(arguments: &Arguments, folder: PathBuf) -> Result<Self, Failure> {
-        let config = Config::parse(CONFIG, "config/emulator.toml".as_ref())?;
+        let mut config = Config::parse(CONFIG, "config/emulator.toml".as_ref())?;
+        // The straight pose, where every motion begins, need not be where conditioning ends.
+        config.command.first_step_deg = config.command.max_step_deg;
         Ok(Self { config, plan: arguments.plan(), folder })
     }
 

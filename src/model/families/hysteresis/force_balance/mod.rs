@@ -43,18 +43,20 @@
 //! | file | contents |
 //! |---|---|
 //! | `parameters` | parameters in a file, and their checks |
+//! | [`sensitivity`] | derivatives of the bend by the parameters, for calibration |
 //! | `state` | the state, and what a step takes from it |
 //! | `wires` | the force of two wires, and its inverse |
 //! | `solve` | forces, slopes and Newton's method |
 
 mod parameters;
+pub mod sensitivity;
 mod solve;
 pub(in crate::model) mod state;
 mod wires;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::{Lags, Operator, StoredOperator};
+use super::{Operator, StoredOperator};
 use crate::model::error::ModelError;
 use crate::model::families::memory::State;
 use crate::model::maths::regression::{Local, array, vector};
@@ -178,6 +180,18 @@ impl<const D: usize> ForceBalance<D> {
         })
     }
 
+    /// The positions of the steps of an advance.
+    fn steps(
+        &self,
+        state: &BalanceState,
+        counts: &SVector<f64, D>,
+    ) -> impl Iterator<Item = SVector<f64, D>> + use<D> {
+        let from = self.positions(&vector(&state.position));
+        let motion = self.positions(counts) - from;
+        let steps = (motion.amax() / STEP).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
+        (1..=steps).map(move |step| from + motion * (f64::from(step) / f64::from(steps)))
+    }
+
     fn gap(&self, state: &BalanceState, motor: usize) -> f64 {
         state.gap_scale[motor] * self.motors[motor].gap
     }
@@ -221,11 +235,7 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
     }
 
     fn advance(&self, state: &mut BalanceState, counts: &SVector<f64, D>) {
-        let from = self.positions(&vector(&state.position));
-        let motion = self.positions(counts) - from;
-        let steps = (motion.amax() / STEP).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
-        for step in 1..=steps {
-            let position = from + motion * (f64::from(step) / f64::from(steps));
+        for position in self.steps(state, counts) {
             let pulleys = self.drag(state, &position);
             if array(&pulleys) == state.pulley {
                 continue;
@@ -295,16 +305,6 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
             positions = free + (positions - free) * compensation;
         }
         self.counts(&positions)
-    }
-
-    /// One lag per own stop and motor.
-    fn push_lags(&self, state: &BalanceState, lags: &mut Lags) {
-        let limits = self.limits(state);
-        for (motor, own) in state.own.iter().enumerate().take(D) {
-            for (deflection, stop) in own.iter().zip(&self.own) {
-                lags.push(deflection / (stop.reach * limits.own[motor][1]).max(STILL));
-            }
-        }
     }
 
     /// An estimate: the gap, the slack, the change of the stretch from one direction of friction to

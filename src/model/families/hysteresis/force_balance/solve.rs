@@ -95,7 +95,7 @@ impl<const D: usize> ForceBalance<D> {
 
     /// The rest of the forces at a bend, and the slope of what balances it.
     #[inline]
-    fn rest(
+    pub(super) fn rest(
         &self,
         state: &BalanceState,
         limits: &Limits<D>,

@@ -10,7 +10,7 @@ use crate::model::families::gap_scale::UNSCALED;
 use crate::units::{MAX_MOTORS, MotorVec};
 
 /// Factors on friction stay above this, however far a snake is bent.
-const LEAST_FACTOR: f64 = 0.1;
+pub(super) const LEAST_FACTOR: f64 = 0.1;
 
 /// Positions of motors and pulleys, bend, tension of the wires, and deflections of all stops.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -37,11 +37,17 @@ impl Wires {
     }
 
     #[inline]
-    fn each(&self, stretch: f64) -> [Force; 2] {
+    pub fn each(&self, stretch: f64) -> [Force; 2] {
         [
             contact(self.preload[0] + stretch, self.softness, self.stiffness[0]),
             contact(self.preload[1] - stretch, self.softness, self.stiffness[1]),
         ]
+    }
+
+    /// Whether a wire is between slack and taut.
+    pub fn is_rounded(&self, side: usize, stretch: f64) -> bool {
+        let own = self.preload[side] + if side == 0 { stretch } else { -stretch };
+        own.abs() < self.softness
     }
 
     /// The stretch of a force: the force is a curve of five pieces, each at most quadratic, that

@@ -1,10 +1,11 @@
 //! The parameters of a balance as a vector: every number is the distance from what is usual, in
 //! standard deviations. Positive parameters are logarithms.
 
+use i2ris::model::hysteresis::force_balance::sensitivity::NUMBERS;
 use i2ris::model::hysteresis::force_balance::{
     BalanceMotor, BalanceParameters, BalanceStop, OWN_STOPS, SHARED_STOPS,
 };
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 /// What is usual of a parameter.
 #[derive(Debug, Clone, Copy)]
@@ -43,6 +44,9 @@ impl Usual {
         scale * self.deviation * deviation
     }
 }
+
+/// Step of the differences of [`Layout::slopes`]: exponentials of numbers of the order of 1.
+const DIFFERENCE: f64 = 1e-5;
 
 /// Number of parameters of a motor.
 const PER_MOTOR: usize = 17;
@@ -179,6 +183,21 @@ impl Layout {
         }
         let (loose_stiffness, softness) = (next(), next());
         BalanceParameters { motors, own_stops, shared_stops, loose_stiffness, softness }
+    }
+
+    /// Derivatives of all parameters by the numbers at some place.
+    pub fn slopes(&self, at: &DVector<f64>) -> DMatrix<f64> {
+        let columns: Vec<_> = (0..at.len())
+            .map(|number| {
+                let moved = |by: f64| {
+                    let mut aside = at.clone();
+                    aside[number] += by;
+                    self.decode(&aside).numbers()
+                };
+                (moved(DIFFERENCE) - moved(-DIFFERENCE)) / (2.0 * DIFFERENCE)
+            })
+            .collect();
+        DMatrix::from_fn(NUMBERS, at.len(), |row, column| columns[column][row])
     }
 
     /// The vector of parameters that [`Self::decode`] has given.

@@ -9,9 +9,6 @@ use super::layout::{FRICTION, GAP, Layout, PRELOAD};
 /// A parameter whose deviation is above this part of what is usual was not shown by the recording.
 const NOT_SHOWN: f64 = 0.8;
 
-/// Errors of neighbouring samples count as so many at most.
-const MOST_ALIKE: f64 = 100.0;
-
 /// Properties of the mechanism.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BalanceMechanism {
@@ -48,18 +45,10 @@ impl fmt::Display for Measured {
 }
 
 impl BalanceMechanism {
-    /// From the parameters at the minimum, the slopes of all residuals there, and the errors of the
-    /// outputs. The rows of the distance from the usual parameters are the last of the slopes.
-    pub(super) fn new(
-        layout: &Layout,
-        at: &DVector<f64>,
-        slopes: &DMatrix<f64>,
-        errors: &DMatrix<f64>,
-    ) -> Self {
+    /// From the parameters at the minimum, and the slopes of all residuals there.
+    pub(super) fn new(layout: &Layout, at: &DVector<f64>, slopes: &DMatrix<f64>) -> Self {
         let parameters = at.len();
-        let data = slopes.rows(0, slopes.nrows() - parameters);
-        let information = data.tr_mul(&data) / alike(errors);
-        let covariance = (information + DMatrix::identity(parameters, parameters)).try_inverse();
+        let covariance = slopes.tr_mul(slopes).try_inverse();
         let covariance = covariance.unwrap_or_else(|| DMatrix::identity(parameters, parameters));
         let deviations = covariance.diagonal().map(|variance| variance.max(0.0).sqrt());
         let mut not_shown = Vec::new();
@@ -99,16 +88,6 @@ impl BalanceMechanism {
         }
         Self { motors, not_shown }
     }
-}
-
-/// How many samples count as one, because their errors are alike: by the correlation of neighbours.
-fn alike(errors: &DMatrix<f64>) -> f64 {
-    let rows = errors.nrows();
-    let before = errors.rows(0, rows - 1);
-    let after = errors.rows(1, rows - 1);
-    let correlation = before.dot(&after) / errors.norm_squared().max(f64::MIN_POSITIVE);
-    let correlation = correlation.clamp(0.0, 0.99);
-    ((1.0 + correlation) / (1.0 - correlation)).min(MOST_ALIKE)
 }
 
 impl fmt::Display for BalanceMechanism {

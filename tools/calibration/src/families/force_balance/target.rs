@@ -1,10 +1,11 @@
 //! The path of the motors, the samples along it, and the bend that parameters give there.
 
 use i2ris::model::hysteresis::Operator;
+use i2ris::model::hysteresis::force_balance::sensitivity::NUMBERS;
 use i2ris::model::hysteresis::force_balance::{BalanceParameters, ForceBalance, REACH};
 use i2ris::units::MAX_OUTPUTS;
 use i2ris_report::statistics::min_max;
-use nalgebra::{DMatrix, SVector};
+use nalgebra::{DMatrix, DVector, SVector};
 
 use super::layout::Layout;
 use crate::series::Series;
@@ -23,7 +24,9 @@ pub(super) struct Target<const D: usize> {
 }
 
 impl<const D: usize> Target<D> {
-    pub fn new(series: &Series) -> Self {
+    /// `plane` tells whether the series shows what both motors do together: otherwise one of them
+    /// stands for long, and all samples count.
+    pub fn new(series: &Series, plane: bool) -> Self {
         let (mut scales, mut ranges) = (Vec::new(), [0.0; 2]);
         for motor in 0..D {
             let (low, high) = min_max(series.path().iter().map(|counts| counts[motor]));
@@ -35,7 +38,7 @@ impl<const D: usize> Target<D> {
         let mut samples: Vec<_> =
             samples.map(|sample| (sample.path_index, sample.outputs)).collect();
         let first = samples.partition_point(|(place, _)| *place < from);
-        if 2 * first <= samples.len() {
+        if plane && 2 * first <= samples.len() {
             samples.drain(..first);
         }
         let vector = |counts: &[f64; 2]| SVector::from_fn(|i, _| counts[i]);
@@ -92,16 +95,44 @@ impl<const D: usize> Target<D> {
         let operator = ForceBalance::<D>::prepare(balance).ok()?;
         let mut state = operator.begin(self.path.first()?);
         let mut bends = DMatrix::zeros(self.samples.len(), D);
+        self.follow(|row, counts| match row {
+            None => operator.advance(&mut state, counts),
+            Some(row) => bends.set_row(row, &(operator.bend(&state) / REACH).transpose()),
+        });
+        bends.iter().all(|bend| bend.is_finite()).then_some(bends)
+    }
+
+    /// The same with the derivatives by the numbers of a layout, one matrix per motor.
+    pub fn linearised(&self, at: &DVector<f64>) -> Option<(DMatrix<f64>, [DMatrix<f64>; D])> {
+        let operator = ForceBalance::<D>::prepare(&self.layout.decode(at)).ok()?;
+        let mut state = operator.begin_sensitive(self.path.first()?);
+        let mut bends = DMatrix::zeros(self.samples.len(), D);
+        let mut slopes: [DMatrix<f64>; D] =
+            std::array::from_fn(|_| DMatrix::zeros(NUMBERS, self.samples.len()));
+        self.follow(|row, counts| match row {
+            None => operator.advance_sensitive(&mut state, counts),
+            Some(row) => {
+                bends.set_row(row, &(state.bend() / REACH).transpose());
+                for (slopes, of_bend) in slopes.iter_mut().zip(state.slopes()) {
+                    slopes.set_column(row, &(of_bend / REACH));
+                }
+            }
+        });
+        let decoded = self.layout.slopes(at);
+        let slopes = slopes.map(|slopes| slopes.tr_mul(&decoded));
+        let is_finite = |matrix: &DMatrix<f64>| matrix.iter().all(|value| value.is_finite());
+        (is_finite(&bends) && slopes.iter().all(is_finite)).then_some((bends, slopes))
+    }
+
+    /// Calls with every position of the path, and after that of a sample with its row.
+    fn follow(&self, mut at: impl FnMut(Option<usize>, &SVector<f64, D>)) {
         let mut next = 0;
         for (row, (place, _)) in self.samples.iter().enumerate() {
-            for counts in self.path.get(next..=*place)? {
-                operator.advance(&mut state, counts);
+            for counts in &self.path[next..=*place] {
+                at(None, counts);
             }
             next = place + 1;
-            for (motor, bend) in operator.bend(&state).iter().enumerate() {
-                bends[(row, motor)] = bend / REACH;
-            }
+            at(Some(row), &self.path[*place]);
         }
-        bends.iter().all(|bend| bend.is_finite()).then_some(bends)
     }
 }

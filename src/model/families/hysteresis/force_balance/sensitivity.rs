@@ -1,0 +1,414 @@
+//! How the bend along a path changes with the parameters: what a calibration needs to find them.
+//!
+//! The derivatives of the state go with the state from step to step. Those of a balance follow from
+//! its equation, without a search: the change of the rest of the forces at a constant bend, through
+//! the slope that Newton's method uses.
+
+use nalgebra::{SMatrix, SVector};
+
+use super::parameters::{OWN_STOPS, REACH, SHARED_STOPS};
+use super::state::{BalanceState, LEAST_FACTOR, Limits};
+use super::wires::{Force, Wires};
+use super::{BalanceParameters, ForceBalance};
+use crate::model::maths::regression::{array, vector};
+
+/// Parameters of a motor.
+const PER_MOTOR: usize = 18;
+
+/// Places of the parameters that belong to no motor.
+const OWN_STIFFNESS: usize = 2 * PER_MOTOR;
+const OWN_SHARE: usize = OWN_STIFFNESS + OWN_STOPS;
+const SHARED_STIFFNESS: usize = OWN_SHARE + OWN_STOPS;
+const SHARED_SHARE: usize = SHARED_STIFFNESS + SHARED_STOPS;
+const LOOSE: usize = SHARED_SHARE + SHARED_STOPS;
+const SOFTNESS: usize = LOOSE + 1;
+
+/// Parameters of two motors. Those of a second motor that there is not change nothing.
+pub const NUMBERS: usize = SOFTNESS + 1;
+
+/// Derivatives by all parameters.
+pub type Slopes = SVector<f64, NUMBERS>;
+
+impl BalanceParameters {
+    /// All parameters that can be fitted, in the order of [`Slopes`].
+    #[must_use]
+    pub fn numbers(&self) -> Slopes {
+        let mut numbers = Slopes::zeros();
+        for (index, motor) in self.motors.iter().enumerate().take(2) {
+            let [growth, other_growth] = motor.friction_growth;
+            let own = [
+                motor.neutral,
+                motor.gap,
+                motor.coupling,
+                motor.preload[0],
+                motor.preload[1],
+                motor.preload_growth,
+                motor.stiffness[0],
+                motor.stiffness[1],
+                motor.spring,
+                motor.hardening,
+                motor.friction,
+                motor.friction_by_tension[0],
+                motor.friction_by_tension[1],
+                motor.friction_by_other,
+                growth,
+                other_growth,
+                motor.friction_slope,
+                motor.friction_asymmetry,
+            ];
+            numbers.fixed_rows_mut::<PER_MOTOR>(index * PER_MOTOR).copy_from_slice(&own);
+        }
+        let stops = [
+            (&self.own_stops, OWN_STIFFNESS, OWN_SHARE),
+            (&self.shared_stops, SHARED_STIFFNESS, SHARED_SHARE),
+        ];
+        for (stops, stiffness, share) in stops {
+            for (index, stop) in stops.iter().enumerate() {
+                numbers[stiffness + index] = stop.stiffness;
+                numbers[share + index] = stop.share;
+            }
+        }
+        numbers[LOOSE] = self.loose_stiffness;
+        numbers[SOFTNESS] = self.softness;
+        numbers
+    }
+}
+
+/// Places of the parameters of a motor, in the order of [`BalanceParameters::numbers`].
+#[derive(Clone, Copy)]
+struct Places(usize);
+
+impl Places {
+    fn of(motor: usize) -> Self {
+        Self(motor * PER_MOTOR)
+    }
+
+    fn at(self, place: usize) -> usize {
+        self.0 + place
+    }
+}
+
+const NEUTRAL: usize = 0;
+const GAP: usize = 1;
+const COUPLING: usize = 2;
+const PRELOAD: usize = 3;
+const PRELOAD_GROWTH: usize = 5;
+const WIRE: usize = 6;
+const SPRING: usize = 8;
+const HARDENING: usize = 9;
+const FRICTION: usize = 10;
+const BY_TENSION: usize = 11;
+const BY_OTHER: usize = 13;
+const GROWTH: usize = 14;
+const OTHER_GROWTH: usize = 15;
+const POSE_SLOPE: usize = 16;
+const ASYMMETRY: usize = 17;
+
+/// A state whose derivatives are known.
+#[derive(Debug, Clone)]
+pub struct SensitiveState<const D: usize> {
+    state: BalanceState,
+    pulley: [Slopes; D],
+    bend: [Slopes; D],
+    tension: [[Slopes; 2]; D],
+    own: [[Slopes; OWN_STOPS]; D],
+    shared: [[Slopes; D]; SHARED_STOPS],
+}
+
+/// Derivatives of [`Limits`].
+struct LimitSlopes<const D: usize> {
+    preload: [[Slopes; 2]; D],
+    own: [[Slopes; 2]; D],
+    shared: Slopes,
+}
+
+impl<const D: usize> SensitiveState<D> {
+    /// The bend, units of travel.
+    #[must_use]
+    pub fn bend(&self) -> SVector<f64, D> {
+        vector(&self.state.bend)
+    }
+
+    /// Its derivatives, by motor.
+    #[must_use]
+    pub fn slopes(&self) -> &[Slopes; D] {
+        &self.bend
+    }
+}
+
+impl<const D: usize> ForceBalance<D> {
+    /// [`Operator::begin`] with derivatives.
+    #[must_use]
+    pub fn begin_sensitive(&self, counts: &SVector<f64, D>) -> SensitiveState<D> {
+        let pulleys = self.positions(counts);
+        let travel = self.travel(&pulleys);
+        let none = Slopes::zeros();
+        let mut at = SensitiveState {
+            state: BalanceState::at(&array(counts), &array(&pulleys)),
+            pulley: [none; D],
+            bend: [none; D],
+            tension: [[none; 2]; D],
+            own: [[none; OWN_STOPS]; D],
+            shared: [[none; D]; SHARED_STOPS],
+        };
+        at.state.bend = array(&travel.component_mul(&self.gain));
+        let moved = self.travel_slopes(&at.pulley, &pulleys);
+        for (i, motor) in self.motors.iter().enumerate() {
+            let taut = motor.stiffness[0] + motor.stiffness[1];
+            let by_taut = travel[i] * motor.spring / (taut + motor.spring).powi(2);
+            let places = Places::of(i);
+            at.bend[i] = moved[i] * self.gain[i];
+            at.bend[i][places.at(WIRE)] += by_taut;
+            at.bend[i][places.at(WIRE + 1)] += by_taut;
+            at.bend[i][places.at(SPRING)] -= travel[i] * taut / (taut + motor.spring).powi(2);
+        }
+        let limits = self.limits(&at.state).without_friction();
+        let mut by_limits = self.limit_slopes(&at);
+        by_limits.own = [[none; 2]; D];
+        by_limits.shared = none;
+        self.balance(&mut at, (&limits, &by_limits), (&travel, &moved));
+        at
+    }
+
+    /// [`Operator::advance`] with derivatives.
+    pub fn advance_sensitive(&self, at: &mut SensitiveState<D>, counts: &SVector<f64, D>) {
+        for position in self.steps(&at.state, counts) {
+            let pulleys = self.drag(&at.state, &position);
+            if array(&pulleys) == at.state.pulley {
+                continue;
+            }
+            for i in 0..D {
+                if pulleys[i] != at.state.pulley[i] {
+                    at.pulley[i] = Slopes::zeros();
+                    let sign = if pulleys[i] < position[i] { -1.0 } else { 1.0 };
+                    at.pulley[i][Places::of(i).at(GAP)] = sign;
+                }
+            }
+            let moved = self.travel_slopes(&at.pulley, &pulleys);
+            let (limits, by_limits) = (self.limits(&at.state), self.limit_slopes(at));
+            let travel = self.travel(&pulleys);
+            self.balance(at, (&limits, &by_limits), (&travel, &moved));
+            at.state.pulley = array(&pulleys);
+        }
+        at.state.position = array(counts);
+    }
+
+    /// Derivatives of the travel at pulleys.
+    fn travel_slopes(&self, by: &[Slopes; D], pulleys: &SVector<f64, D>) -> [Slopes; D] {
+        std::array::from_fn(|i| {
+            let mut slopes = by[i];
+            if D > 1 {
+                slopes += by[D - 1 - i] * self.motors[i].coupling;
+                slopes[Places::of(i).at(COUPLING)] += pulleys[D - 1 - i];
+            }
+            slopes[Places::of(i).at(NEUTRAL)] -= 1.0;
+            slopes
+        })
+    }
+
+    fn limit_slopes(&self, at: &SensitiveState<D>) -> LimitSlopes<D> {
+        let none = Slopes::zeros();
+        let mut found = LimitSlopes { preload: [[none; 2]; D], own: [[none; 2]; D], shared: none };
+        let (state, mut square, mut by_square) = (&at.state, 0.0, none);
+        for (i, motor) in self.motors.iter().enumerate() {
+            let places = Places::of(i);
+            let other = D - 1 - i;
+            let (own, across) =
+                (state.bend[i] / REACH, if D > 1 { state.bend[other] / REACH } else { 0.0 });
+            let mut by_growth = at.bend[i] * (2.0 * motor.preload_growth * own / REACH);
+            by_growth[places.at(PRELOAD_GROWTH)] += own * own;
+            for (side, preload) in found.preload[i].iter_mut().enumerate() {
+                *preload = by_growth;
+                preload[places.at(PRELOAD + side)] += 1.0;
+            }
+            let (mut load, mut by_load) = (0.0, none);
+            for side in 0..2 {
+                load += motor.friction_by_tension[side] * state.tension[i][side];
+                by_load += at.tension[i][side] * motor.friction_by_tension[side];
+                by_load[places.at(BY_TENSION + side)] += state.tension[i][side];
+            }
+            let mut friction = motor.friction + load;
+            let mut by_friction = by_load;
+            by_friction[places.at(FRICTION)] += 1.0;
+            if D > 1 {
+                let tension: f64 = state.tension[other].iter().sum();
+                friction += motor.friction_by_other * tension;
+                let by_tension = at.tension[other][0] + at.tension[other][1];
+                by_friction += by_tension * motor.friction_by_other;
+                by_friction[places.at(BY_OTHER)] += tension;
+            }
+            let [own_growth, other_growth] = motor.friction_growth;
+            let pose = 1.0
+                + own_growth * own.abs()
+                + other_growth * across.abs()
+                + motor.friction_slope * own;
+            let factor = pose.max(LEAST_FACTOR);
+            let mut by_factor = none;
+            if pose > LEAST_FACTOR {
+                by_factor =
+                    at.bend[i] * ((own_growth * own.signum() + motor.friction_slope) / REACH);
+                by_factor[places.at(GROWTH)] += own.abs();
+                by_factor[places.at(POSE_SLOPE)] += own;
+                if D > 1 {
+                    by_factor += at.bend[other] * (other_growth * across.signum() / REACH);
+                    by_factor[places.at(OTHER_GROWTH)] += across.abs();
+                }
+            }
+            if friction > 0.0 {
+                let by_force = by_friction * factor + by_factor * friction;
+                for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
+                    let sense = 1.0 + sign * motor.friction_asymmetry;
+                    let by_limit = &mut found.own[i][side];
+                    *by_limit = by_force * sense.max(LEAST_FACTOR);
+                    if sense > LEAST_FACTOR {
+                        by_limit[places.at(ASYMMETRY)] += sign * friction * factor;
+                    }
+                }
+            }
+            found.shared[places.at(FRICTION)] += 1.0 / D as f64;
+            square += (load * factor).powi(2);
+            by_square += (by_load * factor + by_factor * load) * (load * factor);
+        }
+        if square > 0.0 {
+            found.shared += by_square / square.sqrt();
+        }
+        found
+    }
+
+    /// The balance of a step, its derivatives, and the state after it.
+    fn balance(
+        &self,
+        at: &mut SensitiveState<D>,
+        (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
+        (travel, by_travel): (&SVector<f64, D>, &[Slopes; D]),
+    ) {
+        let bend = self.solve(&at.state, limits, travel);
+        let stretch = travel - bend;
+        // First all that changes at a constant bend.
+        let by_moved: [Slopes; D] = std::array::from_fn(|i| -at.bend[i]);
+        let shared = self.shared_slopes(at, (limits, by_limits), (&bend, &by_moved));
+        let by_rest: [Slopes; D] = std::array::from_fn(|i| {
+            let wires = self.wires(i, limits);
+            let [plus, minus] =
+                tension_slopes(i, &wires, stretch[i], &by_limits.preload[i], &by_travel[i]);
+            let mut by_rest = plus - minus + by_travel[i] * self.loose_stiffness;
+            by_rest[LOOSE] += stretch[i];
+            let (motor, places) = (&self.motors[i], Places::of(i));
+            let square = (bend[i] / REACH).powi(2);
+            by_rest[places.at(SPRING)] -= bend[i] * (1.0 + motor.hardening * square);
+            by_rest[places.at(HARDENING)] -= motor.spring * bend[i] * square;
+            let own = self.own_slopes(at, i, (limits, by_limits), (bend[i], &by_moved[i]));
+            for (k, (deflection, slopes)) in own.iter().enumerate() {
+                by_rest -= slopes * self.own[k].stiffness;
+                by_rest[OWN_STIFFNESS + k] -= deflection;
+            }
+            for (k, deflections) in shared.iter().enumerate() {
+                let (deflection, slopes) = &deflections[i];
+                by_rest -= slopes * self.shared[k].stiffness;
+                by_rest[SHARED_STIFFNESS + k] -= deflection;
+            }
+            by_rest
+        });
+        let slope = self.rest(&at.state, limits, travel, &bend).slope;
+        let inverse = slope.try_inverse().unwrap_or_else(SMatrix::zeros);
+        let by_bend: [Slopes; D] = std::array::from_fn(|i| {
+            (0..D).fold(Slopes::zeros(), |sum, j| sum + by_rest[j] * inverse[(i, j)])
+        });
+        let by_moved: [Slopes; D] = std::array::from_fn(|i| by_bend[i] - at.bend[i]);
+        let shared = self.shared_slopes(at, (limits, by_limits), (&bend, &by_moved));
+        for (to, from) in at.shared.iter_mut().zip(shared) {
+            *to = from.map(|(_, slopes)| slopes);
+        }
+        for i in 0..D {
+            let own = self.own_slopes(at, i, (limits, by_limits), (bend[i], &by_moved[i]));
+            at.own[i] = own.map(|(_, slopes)| slopes);
+            let by_stretch = by_travel[i] - by_bend[i];
+            let wires = self.wires(i, limits);
+            at.tension[i] =
+                tension_slopes(i, &wires, stretch[i], &by_limits.preload[i], &by_stretch);
+        }
+        at.bend = by_bend;
+        self.store(&mut at.state, limits, travel, &bend);
+    }
+
+    /// Deflections of the own stops of a motor after a motion, and their derivatives.
+    fn own_slopes(
+        &self,
+        at: &SensitiveState<D>,
+        i: usize,
+        (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
+        (bend, by_moved): (f64, &Slopes),
+    ) -> [(f64, Slopes); OWN_STOPS] {
+        std::array::from_fn(|k| {
+            let stop = &self.own[k];
+            if stop.stiffness == 0.0 {
+                return (0.0, Slopes::zeros());
+            }
+            let trial = at.state.own[i][k] + bend - at.state.bend[i];
+            let [falling, rising] = limits.own[i];
+            let (side, limit) = if trial > 0.0 { (1, rising) } else { (0, falling) };
+            let reach = stop.reach * limit;
+            if trial.abs() <= reach {
+                return (trial, at.own[i][k] + by_moved);
+            }
+            let mut slopes = by_limits.own[i][side] * stop.reach;
+            slopes[OWN_SHARE + k] += limit / stop.stiffness;
+            slopes[OWN_STIFFNESS + k] -= reach / stop.stiffness;
+            (trial.signum() * reach, slopes * trial.signum())
+        })
+    }
+
+    /// The same of the shared stops.
+    fn shared_slopes(
+        &self,
+        at: &SensitiveState<D>,
+        (limits, by_limits): (&Limits<D>, &LimitSlopes<D>),
+        (bend, by_moved): (&SVector<f64, D>, &[Slopes; D]),
+    ) -> [[(f64, Slopes); D]; SHARED_STOPS] {
+        std::array::from_fn(|k| {
+            let stop = &self.shared[k];
+            if stop.stiffness == 0.0 {
+                return [(0.0, Slopes::zeros()); D];
+            }
+            let trial = SVector::<f64, D>::from_fn(|i, _| {
+                at.state.shared[k][i] + bend[i] - at.state.bend[i]
+            });
+            let slopes: [Slopes; D] = std::array::from_fn(|i| at.shared[k][i] + by_moved[i]);
+            let (length, reach) = (trial.norm(), stop.reach * limits.shared);
+            if length <= reach {
+                return std::array::from_fn(|i| (trial[i], slopes[i]));
+            }
+            let mut by_reach = by_limits.shared * stop.reach;
+            by_reach[SHARED_SHARE + k] += limits.shared / stop.stiffness;
+            by_reach[SHARED_STIFFNESS + k] -= reach / stop.stiffness;
+            let along = (0..D).fold(Slopes::zeros(), |sum, i| sum + slopes[i] * trial[i]);
+            let by_share = by_reach / length - along * (reach / length.powi(3));
+            let share = reach / length;
+            std::array::from_fn(|i| (share * trial[i], slopes[i] * share + by_share * trial[i]))
+        })
+    }
+}
+
+/// Derivatives of the tension of both wires of a motor.
+fn tension_slopes(
+    motor: usize,
+    wires: &Wires,
+    stretch: f64,
+    by_preload: &[Slopes; 2],
+    by_stretch: &Slopes,
+) -> [Slopes; 2] {
+    let forces = wires.each(stretch);
+    std::array::from_fn(|side| {
+        let Force { value, slope } = forces[side];
+        let sign = if side == 0 { 1.0 } else { -1.0 };
+        let mut slopes = (by_preload[side] + by_stretch * sign) * slope;
+        slopes[Places::of(motor).at(WIRE + side)] += value / wires.stiffness[side];
+        if wires.is_rounded(side, stretch) {
+            slopes[SOFTNESS] += slope - value / wires.softness;
+        }
+        slopes
+    })
+}
+
+#[cfg(test)]
+mod tests;

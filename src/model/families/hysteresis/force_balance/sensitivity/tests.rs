@@ -1,0 +1,116 @@
+//! The derivatives beside differences.
+
+use super::super::{BalanceMotor, BalanceStop};
+use super::*;
+use crate::model::families::hysteresis::Operator;
+
+/// Two motors with gap, slack, all stops and an asymmetry.
+fn balance() -> BalanceParameters {
+    let motor = BalanceMotor {
+        centre_counts: 10.0,
+        travel_per_count: 1.5,
+        neutral: 12.0,
+        gap: 14.0,
+        coupling: 0.06,
+        preload: [-12.0, 9.0],
+        preload_growth: 11.0,
+        stiffness: [1.1, 0.9],
+        spring: 0.16,
+        hardening: 0.1,
+        friction: 18.0,
+        friction_by_tension: [0.2, 0.15],
+        friction_by_other: 0.02,
+        friction_growth: [0.2, 0.1],
+        friction_slope: 0.05,
+        friction_asymmetry: 0.1,
+    };
+    let stop = |stiffness, share| BalanceStop { stiffness, share };
+    BalanceParameters {
+        motors: vec![motor.clone(), BalanceMotor { gap: 5.0, coupling: -0.04, ..motor }],
+        own_stops: [(10.0, 0.2), (4.0, 0.3), (1.6, 0.2), (0.6, 0.2), (0.25, 0.1)]
+            .map(|(stiffness, share)| stop(stiffness, share))
+            .to_vec(),
+        shared_stops: vec![stop(6.0, 0.2), stop(1.5, 0.1)],
+        loose_stiffness: 0.05,
+        softness: 8.0,
+    }
+}
+
+fn bend<const D: usize>(file: &BalanceParameters, path: &[SVector<f64, D>]) -> SVector<f64, D> {
+    let operator = ForceBalance::<D>::prepare(file).unwrap();
+    let mut state = operator.begin(&path[0]);
+    path.iter().for_each(|counts| operator.advance(&mut state, counts));
+    operator.bend(&state)
+}
+
+fn check<const D: usize>(file: &BalanceParameters) {
+    let path: Vec<SVector<f64, D>> = (0..300)
+        .map(|step| {
+            let time = 0.05 * f64::from(step);
+            SVector::from_fn(|i, _| 400.0 * (time + 0.7 * time * i as f64).sin())
+        })
+        .collect();
+    let operator = ForceBalance::<D>::prepare(file).unwrap();
+    let mut at = operator.begin_sensitive(&path[0]);
+    path.iter().for_each(|counts| operator.advance_sensitive(&mut at, counts));
+    assert!((at.bend() - bend(file, &path)).amax() < 1e-9);
+    let numbers = file.numbers();
+    for number in 0..NUMBERS {
+        let by = 1e-5 * (1.0 + numbers[number].abs());
+        let moved = |by: f64| {
+            let mut moved = numbers;
+            moved[number] += by;
+            bend(&with_numbers(file, &moved), &path)
+        };
+        let found = (moved(by) - moved(-by)) / (2.0 * by);
+        for i in 0..D {
+            let slope = at.slopes()[i][number];
+            let error = (found[i] - slope).abs();
+            assert!(error < 2e-3 * (1.0 + slope.abs()), "{number}: {slope}, {}", found[i]);
+        }
+    }
+}
+
+/// The inverse of [`BalanceParameters::numbers`].
+fn with_numbers(file: &BalanceParameters, numbers: &Slopes) -> BalanceParameters {
+    let mut file = file.clone();
+    for (index, motor) in file.motors.iter_mut().enumerate() {
+        let own = &numbers.as_slice()[index * PER_MOTOR..];
+        *motor = BalanceMotor {
+            neutral: own[0],
+            gap: own[1],
+            coupling: own[2],
+            preload: [own[3], own[4]],
+            preload_growth: own[5],
+            stiffness: [own[6], own[7]],
+            spring: own[8],
+            hardening: own[9],
+            friction: own[10],
+            friction_by_tension: [own[11], own[12]],
+            friction_by_other: own[13],
+            friction_growth: [own[14], own[15]],
+            friction_slope: own[16],
+            friction_asymmetry: own[17],
+            ..motor.clone()
+        };
+    }
+    for (index, stop) in file.own_stops.iter_mut().enumerate() {
+        stop.stiffness = numbers[OWN_STIFFNESS + index];
+        stop.share = numbers[OWN_SHARE + index];
+    }
+    for (index, stop) in file.shared_stops.iter_mut().enumerate() {
+        stop.stiffness = numbers[SHARED_STIFFNESS + index];
+        stop.share = numbers[SHARED_SHARE + index];
+    }
+    (file.loose_stiffness, file.softness) = (numbers[LOOSE], numbers[SOFTNESS]);
+    file
+}
+
+#[test]
+fn the_slopes_are_the_derivatives_of_the_bend() {
+    check::<2>(&balance());
+    let mut one = balance();
+    one.motors.truncate(1);
+    one.shared_stops.clear();
+    check::<1>(&one);
+}
