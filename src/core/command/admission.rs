@@ -233,7 +233,7 @@ impl CommandAdmission {
     }
 
     /// Takes the lease from another client for good: its stream, and any other that goes on, is
-    /// refused until it has been silent for [`BREAK`].
+    /// refused until it has been silent for `BREAK`.
     pub fn break_off(&mut self, client_id: u64, now: Nanos, events: &mut EventList) {
         let holder = self.lease.holder();
         if [0, client_id].contains(&holder) {
