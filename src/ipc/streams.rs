@@ -5,8 +5,8 @@ use super::payload::{
     ActuatorState, AdaptationMsg, BlackBoxReply, BlackBoxRequest, EventMsg, ExternalPosition,
     Health, JointState, Message, ModelReply, ModelRequest, MoveRequest, OperatingStateMsg, Payload,
     PayloadLayout, PeriodStatistics, ReachTarget, ReasonMsg, ServoActuator, ServoJp,
-    StateCommandReply, StateCommandRequest, Version, VersionRequest, VirtualFixtureRequest,
-    VirtualFixturesMsg,
+    StateCommandReply, StateCommandRequest, TeleopMsg, TrialMsg, Version, VersionRequest,
+    VirtualFixtureRequest, VirtualFixturesMsg,
 };
 use crate::robot::Reason;
 use crate::units::Nanos;
@@ -56,6 +56,11 @@ macro_rules! for_each_stream {
                 /// `reach_target`: the target of a reach-and-hold task, from the client that runs
                 /// it to those that show and record it.
                 ReachTarget reach_target "reach_target" ReachTarget BetweenClients 4 WATCHERS 1;
+                /// `teleop`: what a person does with an input device.
+                Teleop teleop "teleop" TeleopMsg BetweenClients 4 WATCHERS 1;
+                /// `trial`: the trial that is recorded, and its marks. Who joins later sees the last
+                /// ones.
+                Trial trial "trial" TrialMsg BetweenClients 4 WATCHERS 16;
                 /// `servo_jp`: commands of clients, accepted or not.
                 ServoJp servo_jp "servo_jp" ServoJp In COMMANDERS 4 0;
                 /// `actuators/servo_jp`: motor commands of clients, accepted or not.

@@ -8,7 +8,7 @@
 namespace i2ris {
 
 // The second word of the file `ready`. A controller with another one is of another release.
-constexpr int INTERFACE_VERSION = 3;
+constexpr int INTERFACE_VERSION = 4;
 // Versions of iceoryx2 refuse each other.
 constexpr const char* ICEORYX2_VERSION = "0.10.0";
 
@@ -382,6 +382,52 @@ static_assert(offsetof(ReachTarget, number) == 80);
 static_assert(offsetof(ReachTarget, total) == 84);
 static_assert(offsetof(ReachTarget, count) == 88);
 static_assert(offsetof(ReachTarget, flags) == 92);
+
+struct TeleopMsg {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risTeleopV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t client_id;
+    double view[4];
+    double push[2];
+    double scale;
+    std::uint32_t mode;
+    std::uint32_t flags;
+    std::uint8_t why_open[128];
+};
+static_assert(sizeof(TeleopMsg) == 216);
+static_assert(offsetof(TeleopMsg, sequence) == 0);
+static_assert(offsetof(TeleopMsg, stamp_ns) == 8);
+static_assert(offsetof(TeleopMsg, client_id) == 16);
+static_assert(offsetof(TeleopMsg, view) == 24);
+static_assert(offsetof(TeleopMsg, push) == 56);
+static_assert(offsetof(TeleopMsg, scale) == 72);
+static_assert(offsetof(TeleopMsg, mode) == 80);
+static_assert(offsetof(TeleopMsg, flags) == 84);
+static_assert(offsetof(TeleopMsg, why_open) == 88);
+
+struct TrialMsg {
+    static constexpr const char* IOX2_TYPE_NAME = "I2risTrialV1";
+    std::uint64_t sequence;
+    std::uint64_t stamp_ns;
+    std::uint64_t client_id;
+    std::uint64_t started_ns;
+    std::uint64_t mark_ns;
+    std::uint32_t mark_number;
+    std::uint32_t flags;
+    std::uint8_t name[64];
+    std::uint8_t mark[64];
+};
+static_assert(sizeof(TrialMsg) == 176);
+static_assert(offsetof(TrialMsg, sequence) == 0);
+static_assert(offsetof(TrialMsg, stamp_ns) == 8);
+static_assert(offsetof(TrialMsg, client_id) == 16);
+static_assert(offsetof(TrialMsg, started_ns) == 24);
+static_assert(offsetof(TrialMsg, mark_ns) == 32);
+static_assert(offsetof(TrialMsg, mark_number) == 40);
+static_assert(offsetof(TrialMsg, flags) == 44);
+static_assert(offsetof(TrialMsg, name) == 48);
+static_assert(offsetof(TrialMsg, mark) == 112);
 
 struct ModelRequest {
     static constexpr const char* IOX2_TYPE_NAME = "I2risModelRequestV1";

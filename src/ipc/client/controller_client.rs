@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use super::announcer::{Announcement, Announcer};
 use super::commander::{Commander, padded};
 use super::controller_link::ControllerLink;
 use super::error::ClientError;
-use super::reach_target_publisher::ReachTargetPublisher;
 use super::request_client::RequestForwarder;
 use super::subscription::{Latest, Watcher};
 use crate::clock;
@@ -176,10 +176,10 @@ impl Client {
         Commander::new(&self.link)
     }
 
-    /// A publisher of reach-and-hold targets with the identity of this client.
+    /// A publisher of messages for other clients, with the identity of this one.
     #[must_use]
-    pub fn reach_targets(&self) -> ReachTargetPublisher {
-        ReachTargetPublisher::new(&self.link)
+    pub fn announcer<T: Announcement>(&self) -> Announcer<T> {
+        Announcer::new(&self.link)
     }
 
     /// Access to all streams of the controller.

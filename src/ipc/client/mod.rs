@@ -7,7 +7,7 @@
 //! | [`Watcher`], [`Subscription`], [`Latest`] | receiving every message of a stream, or the last one |
 //! | [`Subscriptions`] | receiving every message of several streams |
 //! | [`ExternalPublisher`] | publishing measurements of cameras and other sensors |
-//! | [`ReachTargetPublisher`] | publishing the targets of a reach-and-hold task |
+//! | [`Announcer`] | telling other clients: targets of a task, input devices, trials |
 //! | [`Forwarder`], [`RequestForwarder`] | forwarding commands of remote clients |
 //!
 //! ```no_run
@@ -28,6 +28,7 @@
 //! connection, so every object can live in its own thread. When the controller is restarted, all
 //! objects find the new one within 20 ms; until then they return [`ClientError::NoController`].
 
+mod announcer;
 mod commander;
 mod controller_client;
 mod controller_link;
@@ -35,15 +36,14 @@ mod error;
 mod external_publisher;
 mod forwarder;
 mod model_client;
-mod reach_target_publisher;
 mod request_client;
 mod subscription;
 
+pub use announcer::{Announcement, Announcer};
 pub use commander::Commander;
 pub use controller_client::Client;
 pub use error::ClientError;
 pub use external_publisher::ExternalPublisher;
 pub use forwarder::Forwarder;
-pub use reach_target_publisher::ReachTargetPublisher;
 pub use request_client::RequestForwarder;
 pub use subscription::{Latest, Subscription, Subscriptions, Watcher};

@@ -21,7 +21,9 @@ mod reach_target;
 mod reason;
 mod requests;
 mod state_streams;
+mod teleop;
 mod text;
+mod trial;
 mod virtual_fixtures;
 
 pub use adaptation::AdaptationMsg;
@@ -37,11 +39,13 @@ pub use requests::{
     VersionRequest,
 };
 pub use state_streams::{ActuatorState, EventMsg, Health, JointState, OperatingStateMsg};
+pub use teleop::TeleopMsg;
 pub use text::{padded_text, unpadded_text};
+pub use trial::TrialMsg;
 pub use virtual_fixtures::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg};
 
 /// The layouts that the C++ header declares, in its order.
-pub const LAYOUTS: [PayloadLayout; 24] = [
+pub const LAYOUTS: [PayloadLayout; 26] = [
     ServoJp::LAYOUT,
     ServoActuator::LAYOUT,
     JointState::LAYOUT,
@@ -55,6 +59,8 @@ pub const LAYOUTS: [PayloadLayout; 24] = [
     PeriodStatistics::LAYOUT,
     ExternalPosition::LAYOUT,
     ReachTarget::LAYOUT,
+    TeleopMsg::LAYOUT,
+    TrialMsg::LAYOUT,
     ModelRequest::LAYOUT,
     ModelSlot::LAYOUT,
     ModelDifference::LAYOUT,

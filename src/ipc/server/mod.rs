@@ -24,7 +24,9 @@ use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
 use super::heartbeat::HeartbeatWriter;
 use super::identities::Identities;
-use super::payload::{ExternalPosition, Payload, ReachTarget, ServoActuator, ServoJp, Version};
+use super::payload::{
+    ExternalPosition, Payload, ReachTarget, ServoActuator, ServoJp, TeleopMsg, TrialMsg, Version,
+};
 use super::ready::{INTERFACE_VERSION, Ready};
 use super::service::{TransportError, failed};
 use super::streams::{Request, Stream, StreamMessage};
@@ -73,8 +75,9 @@ pub struct Server {
     identities: Identities<Process>,
     external: Subscriber<ipc::Service, ExternalPosition, ()>,
     publishers: StreamPublishers,
-    /// Between clients: it exists as long as somebody has it open.
-    _reach_target: StreamFactory<ReachTarget>,
+    /// Between clients: they exist as long as somebody has them open.
+    _between_clients:
+        (StreamFactory<ReachTarget>, StreamFactory<TeleopMsg>, StreamFactory<TrialMsg>),
     requests: RequestServers,
     version: Version,
     failures: u64,
@@ -125,7 +128,7 @@ impl Server {
             identities: Identities::default(),
             external: subscribe(&streams.external, Stream::External, 1)?,
             publishers: StreamPublishers::new(&streams, boot_id)?,
-            _reach_target: streams.reach_target,
+            _between_clients: (streams.reach_target, streams.teleop, streams.trial),
             requests: RequestServers::new(&from.requests)?,
             version: version(boot_id),
             failures: 0,

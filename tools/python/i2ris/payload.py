@@ -8,7 +8,7 @@ import ctypes
 from ctypes import c_double, c_int32, c_uint8, c_uint16, c_uint32, c_uint64
 
 #: Version of all payloads together. Client and controller have the same.
-INTERFACE_VERSION = 3
+INTERFACE_VERSION = 4
 
 
 class Payload(ctypes.Structure):
@@ -288,6 +288,44 @@ class ReachTarget(Payload):
         ("total", c_uint32),
         ("count", c_uint32),
         ("flags", c_uint32),
+    ]
+
+
+class TeleopMsg(Payload):
+    """``teleop``, between clients: what a person does with an input device."""
+
+    NAME = "I2risTeleopV1"
+    OPEN = 1
+    VIEW_MEASURED = 2
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("client_id", c_uint64),
+        ("view", c_double * 2 * 2),
+        ("push", c_double * 2),
+        ("scale", c_double),
+        ("mode", c_uint32),
+        ("flags", c_uint32),
+        ("why_open", c_uint8 * 128),
+    ]
+
+
+class TrialMsg(Payload):
+    """``trial``, between clients: the trial that is recorded, and its newest mark."""
+
+    NAME = "I2risTrialV1"
+    ENDED = 1
+    FAILED = 2
+    _fields_ = [
+        ("sequence", c_uint64),
+        ("stamp_ns", c_uint64),
+        ("client_id", c_uint64),
+        ("started_ns", c_uint64),
+        ("mark_ns", c_uint64),
+        ("mark_number", c_uint32),
+        ("flags", c_uint32),
+        ("name", c_uint8 * 64),
+        ("mark", c_uint8 * 64),
     ]
 
 

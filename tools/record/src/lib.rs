@@ -35,4 +35,5 @@ pub mod report;
 pub mod run_log;
 pub mod schema;
 pub mod standard;
+pub mod study;
 pub mod topic;

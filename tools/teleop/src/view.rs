@@ -108,6 +108,11 @@ impl View {
         [cross(yaw, [right, up]) / determinant, cross([right, up], pitch) / determinant]
     }
 
+    /// Right and up in the picture, for one of pitch (first) and of yaw.
+    pub fn seen(&self) -> [[f64; 2]; 2] {
+        self.seen
+    }
+
     /// Where in the picture +pitch and +yaw go, deg counterclockwise from the right.
     pub fn directions_deg(&self) -> [f64; 2] {
         self.seen.map(|[right, up]| up.atan2(right).to_degrees())

@@ -14,10 +14,11 @@ use std::path::PathBuf;
 
 use i2ris::clock;
 use i2ris::ipc::StateCommand;
-use i2ris::ipc::client::{Client, Commander, Latest};
-use i2ris::ipc::payload::JointState;
+use i2ris::ipc::client::{Announcer, Client, Commander, Latest};
+use i2ris::ipc::payload::{JointState, TeleopMsg, padded_text};
 use i2ris::units::Nanos;
 use i2ris_report::{DomainOption, Failure, Interrupt};
+use i2ris_teleop::clutch::Open;
 use i2ris_teleop::master::{Master, MasterCommand, Mode, Motion, Settings};
 use i2ris_teleop::profile::Handedness;
 use i2ris_teleop::view::View;
@@ -40,6 +41,8 @@ pub use hands::profiles;
 const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
 /// A device that tells more often than this is not sent more often.
 const MIN_PERIOD: Nanos = Nanos::from_millis(1);
+/// How often monitors are told what the hand does.
+const TELL: Nanos = Nanos::from_millis(50);
 const STEP_DEG: f64 = 0.25;
 /// The same in a task: steps of the former would miss targets.
 const FINE_STEP_DEG: f64 = 0.1;
@@ -191,10 +194,14 @@ pub fn run_plan(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Resu
     };
     let mut teleoperation = Teleoperation {
         master: Master::new(present_pose(client)?, plan.settings),
+        mode: plan.settings.mode,
         view,
         scales: plan.hand.scale.clone(),
         scale: 0,
         progress,
+        is_measured: plan.hand.measure_view,
+        announcer: client.announcer(),
+        told: (Nanos::ZERO, None),
         commander: client.commander(),
         setpoint: Latest::new(client.watcher().setpoint_js()),
         goal: Latest::new(client.watcher().goal_js()),
@@ -220,11 +227,16 @@ pub fn run_plan(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Resu
 
 struct Teleoperation {
     master: Master,
+    mode: Mode,
     view: View,
     scales: Vec<f64>,
     /// Which of them.
     scale: usize,
     progress: Progress,
+    is_measured: bool,
+    announcer: Announcer<TeleopMsg>,
+    /// When monitors were told last, and why the clutch was open then.
+    told: (Nanos, Option<Open>),
     commander: Commander,
     setpoint: Latest<JointState>,
     goal: Latest<JointState>,
@@ -252,6 +264,7 @@ impl Teleoperation {
             let command = self.command(&asked, (now - last).as_seconds())?;
             last = now;
             self.send(&command)?;
+            self.tell(&asked, now)?;
             while let Some(news) = source.news() {
                 self.progress.say(&news)?;
             }
@@ -291,6 +304,27 @@ impl Teleoperation {
     fn send(&mut self, command: &MasterCommand) -> Result<(), Failure> {
         self.commander.set_clutch(command.clutch_open);
         self.commander.servo_jp(&command.pose.map(f64::to_radians))?;
+        Ok(())
+    }
+
+    /// Tells monitors and recorders what the hand does.
+    fn tell(&mut self, asked: &Asked, now: Nanos) -> Result<(), Failure> {
+        if now.since(self.told.0) < TELL && self.told.1 == asked.open {
+            return Ok(());
+        }
+        self.told = (now, asked.open);
+        let measured = if self.is_measured { TeleopMsg::VIEW_MEASURED } else { 0 };
+        let open = asked.open.map_or(0, |_| TeleopMsg::OPEN);
+        let why_open = asked.open.map(|why| why.to_string()).unwrap_or_default();
+        self.announcer.publish(TeleopMsg {
+            view: self.view.seen(),
+            push: asked.push,
+            scale: self.scales[self.scale],
+            mode: self.mode as u32,
+            flags: open | measured,
+            why_open: padded_text(&why_open),
+            ..TeleopMsg::default()
+        })?;
         Ok(())
     }
 

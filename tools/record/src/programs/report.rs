@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use i2ris_record::report::TrialReport;
+use i2ris_record::study::comparison::StudyReport;
 use i2ris_report::{Failure, files, while_working};
 
 /// Make a page of a recorded trial: tracking error, hysteresis, latencies, events
@@ -15,10 +16,11 @@ use i2ris_report::{Failure, files, while_working};
   i2ris report trial.mcap
   i2ris report trial.mcap --output page.html
   i2ris report trial.mcap --json
+  i2ris report reach-study                  all trials of a study, page and CSV
 
 The page needs nothing but itself: no network, no scripts. It prints on A4.")]
 struct Arguments {
-    /// The recording, complete or cut off
+    /// The recording, complete or cut off; or the folder of a study
     recording: PathBuf,
     /// HTML file to write [default: beside the recording]
     #[arg(long, short, value_name = "FILE.html")]
@@ -33,6 +35,9 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {
+    if arguments.recording.is_dir() {
+        return study(&arguments);
+    }
     let report = while_working("reading", || TrialReport::read(&arguments.recording))?;
     let output = match (&arguments.output, arguments.json) {
         (Some(output), _) => Some(output.clone()),
@@ -54,6 +59,33 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     }
     if let Some(output) = &output {
         println!("written: {}", output.display());
+    }
+    Ok(())
+}
+
+/// All trials of a study: a page, and a CSV beside it.
+fn study(arguments: &Arguments) -> Result<(), Failure> {
+    let folder = &arguments.recording;
+    let report = while_working("reading", || StudyReport::read(folder, |_| {}))?;
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print!("{}", report.text());
+    }
+    let output = match (&arguments.output, arguments.json) {
+        (Some(output), _) => output.clone(),
+        (None, false) => folder.join("report.html"),
+        (None, true) => return Ok(()),
+    };
+    let write = |path: &PathBuf, bytes: &[u8]| {
+        files::replace(path, bytes)
+            .map_err(|error| format!("cannot write {}: {error}", path.display()))
+    };
+    write(&output, report.page().to_string().as_bytes())?;
+    let table = output.with_extension("csv");
+    write(&table, &report.csv()?)?;
+    if !arguments.json {
+        println!("written: {}, {}", output.display(), table.display());
     }
     Ok(())
 }

@@ -29,12 +29,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use i2ris_report::Page;
+use i2ris_report::statistics::mean;
 use serde::Serialize;
 
 use crate::read::ReadError;
 use events::{TrialEvent, trial_events};
 use hysteresis::{HysteresisLoop, hysteresis_loops};
 use latency::{LoopTiming, loop_timing};
+pub(crate) use reaches::TargetReach;
 use reaches::{ReachScore, TargetScore, reach_score, target_score};
 use shortfall::{Shortfall, shortfall};
 use tracking::{Percentiles, TrackingError, tracking_errors, tracking_statistics};
@@ -117,6 +119,17 @@ impl TrialReport {
             events: trial_events(&trial),
             trial,
         })
+    }
+
+    /// Mean pitch and yaw between two instants, by what observes the snake.
+    pub(crate) fn observed_mean(&self, from_s: f64, to_s: f64) -> Option<[f64; 2]> {
+        let (_, series) = self.trial.observed();
+        let at = |(stamp_ns, _): &&(u64, [f64; 2])| {
+            (from_s..=to_s).contains(&self.trial.seconds(*stamp_ns))
+        };
+        let all: Vec<_> = series.iter().filter(at).map(|(_, angles)| *angles).collect();
+        let of = |axis: usize| mean(all.iter().map(|angles| angles[axis]));
+        Some([of(0)?, of(1)?])
     }
 
     /// As a few lines of text.

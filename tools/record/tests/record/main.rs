@@ -12,3 +12,4 @@ mod files;
 mod foxglove;
 mod programs;
 mod reasons;
+mod trial;

@@ -9,7 +9,7 @@
 mod task;
 
 use i2ris::ipc::Message;
-use i2ris::ipc::client::{Client, Latest, ReachTargetPublisher};
+use i2ris::ipc::client::{Announcer, Client, Latest};
 use i2ris::ipc::payload::{ExternalPosition, JointState, ReachTarget};
 use i2ris::units::Nanos;
 use i2ris_report::Failure;
@@ -51,7 +51,7 @@ pub struct ReachOptions {
 #[derive(Debug)]
 pub struct ReachTask {
     task: Task,
-    publisher: ReachTargetPublisher,
+    publisher: Announcer<ReachTarget>,
     camera: Latest<ExternalPosition>,
     measured: Latest<JointState>,
     by_camera: bool,
@@ -70,7 +70,7 @@ impl ReachTask {
         let targets = seeded_targets(options.targets as usize, options.seed, disc);
         Self {
             task: Task::new(targets, settings),
-            publisher: client.reach_targets(),
+            publisher: client.announcer(),
             camera: Latest::new(client.watcher().external()),
             measured: Latest::new(client.watcher().measured_js()),
             by_camera: false,
@@ -103,7 +103,7 @@ impl ReachTask {
         if self.by_camera {
             target.flags |= ReachTarget::BY_CAMERA;
         }
-        Ok(self.publisher.publish(&target)?)
+        Ok(self.publisher.publish(target)?)
     }
 
     pub fn line(&self, now: Nanos) -> String {

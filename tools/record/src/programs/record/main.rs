@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 mod existing;
+mod of_study;
 mod recording;
 
 use std::process::ExitCode;

@@ -5,11 +5,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use super::of_study::OfStudy;
 use i2ris::clock;
 use i2ris::config::Config;
-use i2ris::ipc::Stream;
 use i2ris::ipc::client::{Client, Subscriptions};
 use i2ris::ipc::payload::{ModelSlot, Version, unpadded_text};
+use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::model::ModelId;
 use i2ris::model::file::ModelFile;
 use i2ris::process::robot_description;
@@ -45,6 +46,9 @@ pub struct Arguments {
     duration_s: Option<f64>,
     #[command(flatten)]
     domain: DomainOption,
+    /// Folder of the trial of a study that this records: `i2ris trial start` gives it
+    #[arg(long, value_name = "FOLDER", hide = true)]
+    of_trial: Option<PathBuf>,
     /// Print the outcome as JSON
     #[arg(long)]
     json: bool,
@@ -62,13 +66,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&arguments.domain.domain()?, CONNECT_TIMEOUT)?;
     let version = client.version()?;
     let config = served_configuration(arguments.config.as_deref(), &version)?;
+    let of_study =
+        { arguments.of_trial.as_deref() }.map(|folder| OfStudy::begin(folder, &client, &version));
+    let mut of_study = of_study.transpose()?;
     let mut models = RecordedModels::default();
     let attached = models.take_new(&mut client);
     let header = header(&arguments.note, &version, config.as_ref(), attached)?;
     let mut trial = TrialRecorder::start(output, header)?;
     let mut subscriptions = Subscriptions::new(&client.watcher(), Stream::ALL);
     let start = clock::now();
-    let absent = record(arguments, &interrupt, &mut subscriptions, &mut trial, start);
+    let absent =
+        record(arguments, &interrupt, &mut subscriptions, &mut trial, &mut of_study, start);
     let length_s = clock::now().since(start).as_seconds();
     let missed: BTreeMap<Stream, u64> = subscriptions.missed().collect();
     let mut outcome: BTreeMap<String, String> = missed
@@ -82,7 +90,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     // Models that took over meanwhile.
     let mut attachments = models.take_new(&mut client);
     attachments.extend(run_log);
-    let counts = trial.finish(outcome, &attachments)?;
+    let counts = trial.finish(outcome, &attachments);
+    if let Some(of_study) = &mut of_study {
+        of_study.end(counts.as_ref().err().map(ToString::to_string));
+    }
+    let counts = counts?;
     print_outcome(arguments.json, output, &counts, &missed, length_s, absent?)
 }
 
@@ -151,6 +163,7 @@ fn record(
     interrupt: &Interrupt,
     subscriptions: &mut Subscriptions,
     trial: &mut TrialRecorder,
+    of_study: &mut Option<OfStudy>,
     start: Nanos,
 ) -> Result<Nanos, Failure> {
     let end = arguments.duration_s.map(|seconds| start + Nanos((seconds * 1e9) as u64));
@@ -158,7 +171,18 @@ fn record(
     let (mut next_draw, mut before, mut absent) = (start, start, Nanos::ZERO);
     loop {
         let now = clock::now();
-        match subscriptions.drain(|message| trial.record(&message, now)) {
+        let record = |message: StreamMessage| {
+            if let (Some(of_study), StreamMessage::Measured(joint)) = (of_study.as_mut(), &message)
+            {
+                of_study.see(joint);
+            }
+            trial.record(&message, now);
+        };
+        let drained = subscriptions.drain(record);
+        if let Some(of_study) = of_study.as_mut() {
+            of_study.tell(now);
+        }
+        match drained {
             Ok(()) => {}
             // The recording continues if the controller starts again.
             Err(error) if error.is_absent() => absent = absent + now.since(before),

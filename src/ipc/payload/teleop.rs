@@ -1,0 +1,37 @@
+//! What a hand holds. The controller does not read it: it is for monitors and recordings.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::definition::payload;
+
+payload! {
+    /// `teleop`, between clients: what a person does with an input device, 20 times a second and
+    /// with every change of the clutch, while `i2ris teleop` runs.
+    TeleopMsg "I2risTeleopV1": message {
+        /// Counts up by one per message of one client.
+        pub sequence: u64,
+        /// Time of the message.
+        pub stamp_ns: u64,
+        /// The client that steers.
+        pub client_id: u64,
+        /// What +pitch (first) and +yaw do in the picture: right, up.
+        pub view: [[f64; 2]; 2],
+        /// Deflection to the right and up in the picture, each -1 to 1.
+        pub push: [f64; 2],
+        /// Share of the motion that reaches the snake.
+        pub scale: f64,
+        /// 0 rate, 1 position, 2 hybrid.
+        pub mode: u32,
+        /// Sum of [`TeleopMsg::OPEN`] and the other flags.
+        pub flags: u32,
+        /// Why the clutch is open; UTF-8, padded with 0.
+        pub why_open: [u8; 128],
+    }
+}
+
+impl TeleopMsg {
+    /// Flag: the clutch is open, the snake holds.
+    pub const OPEN: u32 = 1;
+    /// Flag: the view was measured, not typed.
+    pub const VIEW_MEASURED: u32 = 2;
+}

@@ -1,0 +1,226 @@
+//! `i2ris trial`: the trials of a study, from a participant at the console to a recording with marks.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use i2ris::clock;
+use i2ris_record::study::code::{Condition, Participant};
+use i2ris_record::study::journal::Outcome;
+use i2ris_record::study::order::order;
+use i2ris_record::study::runner::Plan;
+use i2ris_record::study::{Study, TrialFolder};
+use i2ris_report::programs::{Program, find};
+use i2ris_report::{DomainOption, Failure};
+
+/// Run the trials of a study: begin, mark, end, list
+#[derive(Debug, Parser)]
+#[command(name = "i2ris-trial", bin_name = "i2ris trial", version, propagate_version = true)]
+#[command(
+    arg_required_else_help = true,
+    after_help = "Examples:
+  i2ris trial new reach-study --conditions joystick,keyboard
+  i2ris trial order --study reach-study --participants 8
+  i2ris trial start --study reach-study --participant P07 --condition joystick --task reach
+  i2ris trial mark contact --study reach-study
+  i2ris trial stop --outcome success --study reach-study
+  i2ris trial list --study reach-study
+
+I2RIS_STUDY names the study for all of them. Participants are codes; names are refused."
+)]
+struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Debug, clap::Args)]
+struct InStudy {
+    /// Folder of the study
+    #[arg(long, value_name = "FOLDER", env = "I2RIS_STUDY", default_value = ".")]
+    study: PathBuf,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Task {
+    /// Make the folder of a study
+    New {
+        /// The new folder
+        study: PathBuf,
+        /// What is compared, as joystick,keyboard
+        #[arg(long, required = true, value_delimiter = ',', value_name = "NAMES")]
+        conditions: Vec<Condition>,
+    },
+    /// Print in which order each participant meets the conditions: a balanced Latin square
+    Order {
+        #[command(flatten)]
+        study: InStudy,
+        /// Number of participants
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+        participants: u32,
+    },
+    /// Begin a trial; its recording runs until `stop`
+    Start {
+        #[command(flatten)]
+        study: InStudy,
+        #[command(flatten)]
+        domain: DomainOption,
+        /// Code of the participant, as P07
+        #[arg(long, value_name = "CODE")]
+        participant: Participant,
+        /// One of the conditions of the study
+        #[arg(long, value_name = "NAME")]
+        condition: Condition,
+        /// What is done
+        #[arg(long, value_name = "NAME", default_value = "")]
+        task: String,
+        /// What shall be remembered
+        #[arg(long, value_name = "TEXT", default_value = "")]
+        note: String,
+    },
+    /// Mark this moment of the trial that runs
+    Mark {
+        /// What happens
+        text: String,
+        #[command(flatten)]
+        study: InStudy,
+    },
+    /// End the trial that runs
+    Stop {
+        /// How it ended
+        #[arg(long, value_enum)]
+        outcome: Outcome,
+        /// What shall be remembered
+        #[arg(long, value_name = "TEXT", default_value = "")]
+        note: String,
+        #[command(flatten)]
+        study: InStudy,
+    },
+    /// List all trials
+    List {
+        #[command(flatten)]
+        study: InStudy,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Show one trial with its marks
+    Show {
+        /// Its name, as P07-joystick-02
+        name: String,
+        #[command(flatten)]
+        study: InStudy,
+    },
+}
+
+fn main() -> ExitCode {
+    i2ris_report::program::run(|_| true, run)
+}
+
+fn run(arguments: Arguments) -> Result<(), Failure> {
+    // Before anything else: a mark is where it was asked for.
+    let now = clock::now();
+    match arguments.task {
+        Task::New { study, conditions } => {
+            let software = format!("i2ris {}", env!("CARGO_PKG_VERSION"));
+            Study::create(&study, conditions, &software)?;
+            println!("made: {}; `i2ris trial start --study {0}`", study.display());
+        }
+        Task::Order { study, participants } => {
+            let study = Study::open(&study.study)?;
+            let conditions = study.conditions();
+            for participant in 0..participants as usize {
+                let order = order(conditions.len(), participant);
+                let names: Vec<_> =
+                    order.into_iter().map(|index| conditions[index].to_string()).collect();
+                println!("participant {:>4}: {}", participant + 1, names.join(", "));
+            }
+        }
+        Task::Start { study, domain, participant, condition, task, note } => {
+            let study = Study::open(&study.study)?;
+            for name in study.close_cut_off()? {
+                println!("{name} had been cut off: closed as aborted; what was recorded is kept");
+            }
+            let recorder = find("record").ok_or_else(|| {
+                Program::named("record").map(|program| program.how_to_install()).unwrap_or_default()
+            })?;
+            let trial = study.start(&Plan {
+                participant: &participant,
+                condition: &condition,
+                task: &task,
+                note: &note,
+                domain: domain.domain()?.name(),
+                recorder: &recorder,
+            })?;
+            println!(
+                "{} is being recorded; `i2ris trial stop --outcome success` ends it",
+                trial.name
+            );
+        }
+        Task::Mark { text, study } => {
+            let (name, number) = Study::open(&study.study)?.mark(now, &text)?;
+            println!("{name}: mark {number}, {text}");
+        }
+        Task::Stop { outcome, note, study } => {
+            let trial = Study::open(&study.study)?.stop(outcome, &note)?;
+            println!("{}", line(&trial));
+        }
+        Task::List { study, json } => list(&Study::open(&study.study)?, json)?,
+        Task::Show { name, study } => show(&Study::open(&study.study)?, &name)?,
+    }
+    Ok(())
+}
+
+fn line(trial: &TrialFolder) -> String {
+    let state = &trial.state;
+    let outcome = match (state.outcome, &state.failed) {
+        (Some(Outcome::Success), _) => "success",
+        (Some(Outcome::Failure), _) => "failure",
+        (Some(Outcome::Recovery), _) => "recovery",
+        (Some(Outcome::Aborted), _) => "aborted",
+        (None, Some(_)) => "runs, but is not recorded any more",
+        (None, None) => "runs, or was cut off",
+    };
+    let marks = match state.marks.len() {
+        1 => "1 mark".to_owned(),
+        count => format!("{count} marks"),
+    };
+    let name = &trial.name;
+    format!("{name:<28} {}  {outcome}, {marks}  {} {}", state.started, state.task, state.note)
+        .trim_end()
+        .to_owned()
+}
+
+fn list(study: &Study, json: bool) -> Result<(), Failure> {
+    let trials = study.trials()?;
+    if json {
+        let trials: serde_json::Map<_, _> = trials
+            .into_iter()
+            .map(|trial| Ok((trial.name, serde_json::to_value(trial.state)?)))
+            .collect::<Result<_, serde_json::Error>>()?;
+        println!("{}", serde_json::to_string_pretty(&trials)?);
+    } else if trials.is_empty() {
+        println!("no trial yet; `i2ris trial start` begins one");
+    } else {
+        trials.iter().for_each(|trial| println!("{}", line(trial)));
+    }
+    Ok(())
+}
+
+fn show(study: &Study, name: &str) -> Result<(), Failure> {
+    let trials = study.trials()?;
+    let trial = trials.iter().find(|trial| trial.name == name);
+    let trial = trial.ok_or_else(|| format!("{name} is no trial of this study; see `list`"))?;
+    println!("{}", line(trial));
+    println!("  recording: {}", trial.recording().display());
+    if let Some(why) = &trial.state.failed {
+        println!("  not recorded to its end: {why}");
+    }
+    if trial.state.boots.len() > 1 {
+        println!("  the controller was started {} times in it", trial.state.boots.len());
+    }
+    for mark in &trial.state.marks {
+        println!("  mark {:>3}  {}  {}", mark.number, mark.time, mark.text);
+    }
+    Ok(())
+}

@@ -1,0 +1,310 @@
+//! Compares the conditions of a study: each participant with itself, so that a skilled hand is no
+//! effect of a condition.
+//!
+//! Intervals: paired bootstrap of the participants' means (Efron and Tibshirani, An Introduction to
+//! the Bootstrap, 1993, chapter 13, percentiles), always with the same random numbers.
+//!
+//! Throughput: ISO 9241-411, `log2(D / We + 1) / MT`, with the effective width `We = 4.133 s` of the
+//! end points along the way to the target. The time of holding is no time of movement.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use i2ris_report::statistics::{mean, quantile, sort};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use serde::Serialize;
+
+use super::journal::Outcome;
+use super::{Study, StudyError};
+use crate::report::{TargetReach, TrialReport};
+
+const RESAMPLES: usize = 10_000;
+const SEED: u64 = 9241;
+/// Ratio of the effective width to the standard deviation: 96 % of the end points.
+const WIDTH: f64 = 4.133;
+/// Fewer targets have no spread that means something.
+const MIN_TARGETS: usize = 5;
+
+/// What is compared. Each is a number of one trial.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Measure {
+    /// Share of the targets that were held.
+    Held,
+    /// Mean time until a target had been held, s.
+    TimeS,
+    /// Throughput, bit/s.
+    ThroughputBitS,
+    /// Mean length of the path over the distance.
+    Detour,
+    /// Mean overshoot, deg.
+    OvershootDeg,
+    /// RMS distance from the goal while it was followed, deg, by the camera if there is one.
+    ErrorDeg,
+}
+
+impl Measure {
+    pub const ALL: [Self; 6] = [
+        Self::Held,
+        Self::TimeS,
+        Self::ThroughputBitS,
+        Self::Detour,
+        Self::OvershootDeg,
+        Self::ErrorDeg,
+    ];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Held => "held (share)",
+            Self::TimeS => "time to hold (s)",
+            Self::ThroughputBitS => "throughput (bit/s)",
+            Self::Detour => "path over distance",
+            Self::OvershootDeg => "overshoot (deg)",
+            Self::ErrorDeg => "error, RMS (deg)",
+        }
+    }
+
+    /// Its value in a trial; `None`: the trial does not show it.
+    fn of(self, report: &TrialReport) -> Option<f64> {
+        let targets = report.targets.as_ref();
+        let of_targets = |value: fn(&TargetReach) -> Option<f64>| {
+            mean(targets?.targets.iter().filter_map(value))
+        };
+        match self {
+            Self::Held => targets.map(|score| score.held),
+            Self::TimeS => of_targets(|target| target.held_s),
+            Self::Detour => of_targets(|target| Some(target.detour)),
+            Self::OvershootDeg => of_targets(|target| Some(target.overshoot_deg)),
+            Self::ErrorDeg => {
+                report.camera.as_ref().or(report.estimate.as_ref()).map(|it| it.length_rms_deg)
+            }
+            Self::ThroughputBitS => throughput(report),
+        }
+    }
+}
+
+/// Of all held targets of a trial.
+fn throughput(report: &TrialReport) -> Option<f64> {
+    let score = report.targets.as_ref()?;
+    let end = |target: &TargetReach| {
+        let held_s = target.held_s?;
+        let ends_s = target.t_s + held_s;
+        let at = report.observed_mean(ends_s - score.hold_s, ends_s)?;
+        let way = [0, 1].map(|axis| target.to_deg[axis] - target.from_deg[axis]);
+        let along = (0..2).map(|axis| (at[axis] - target.to_deg[axis]) * way[axis]).sum::<f64>();
+        let distance = target.distance_deg;
+        (distance > 0.0).then(|| (distance, (held_s - score.hold_s).max(1e-3), along / distance))
+    };
+    let ends: Vec<_> = score.targets.iter().filter_map(end).collect();
+    if ends.len() < MIN_TARGETS {
+        return None;
+    }
+    let centre = mean(ends.iter().map(|(.., end)| *end))?;
+    let squares = ends.iter().map(|(.., end)| (end - centre).powi(2)).sum::<f64>();
+    let width = WIDTH * (squares / (ends.len() as f64 - 1.0)).sqrt();
+    mean(ends.iter().map(|(distance, time_s, _)| (distance / width + 1.0).log2() / time_s))
+}
+
+/// A trial and its numbers.
+#[derive(Debug, Clone, Serialize)]
+pub struct TrialNumbers {
+    pub name: String,
+    pub participant: String,
+    pub condition: String,
+    pub started: String,
+    pub outcome: Option<Outcome>,
+    pub marks: usize,
+    /// In the order of [`Measure::ALL`].
+    pub values: [Option<f64>; Measure::ALL.len()],
+    /// Why it does not count; `None`: it does.
+    pub left_out: Option<String>,
+}
+
+/// A difference with its 95 % interval.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Effect {
+    /// Mean over the participants: condition less the first condition.
+    pub difference: f64,
+    pub interval: Option<[f64; 2]>,
+    pub participants: usize,
+}
+
+/// A measure over all conditions.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    pub measure: Measure,
+    /// Mean over the participants, by condition.
+    pub means: Vec<Option<f64>>,
+    /// Against the first condition.
+    pub effects: Vec<Option<Effect>>,
+    /// By participant and condition.
+    #[serde(skip)]
+    pub by_participant: BTreeMap<String, Vec<Option<f64>>>,
+}
+
+/// A whole study.
+#[derive(Debug, Serialize)]
+pub struct StudyReport {
+    pub study: String,
+    pub conditions: Vec<String>,
+    pub trials: Vec<TrialNumbers>,
+    pub rows: Vec<Row>,
+}
+
+impl StudyReport {
+    /// Reads all recordings of a study. `progress` is told each name.
+    pub fn read(folder: &Path, mut progress: impl FnMut(&str)) -> Result<Self, StudyError> {
+        let study = Study::open(folder)?;
+        let conditions: Vec<_> = study.conditions().iter().map(ToString::to_string).collect();
+        let mut trials = Vec::new();
+        for trial in study.trials()? {
+            progress(&trial.name);
+            let state = &trial.state;
+            let mut numbers = TrialNumbers {
+                name: trial.name.clone(),
+                participant: state.participant.clone(),
+                condition: state.condition.clone(),
+                started: state.started.clone(),
+                outcome: state.outcome,
+                marks: state.marks.len(),
+                values: Default::default(),
+                left_out: None,
+            };
+            match (state.outcome, TrialReport::read(&trial.recording())) {
+                (None, _) => numbers.left_out = Some("it runs, or was cut off".into()),
+                (Some(Outcome::Aborted), _) => numbers.left_out = Some("aborted".into()),
+                (_, Err(error)) => numbers.left_out = Some(error.to_string()),
+                (_, Ok(report)) => numbers.values = Measure::ALL.map(|it| it.of(&report)),
+            }
+            trials.push(numbers);
+        }
+        let rows = Measure::ALL.iter().enumerate().map(|(index, measure)| {
+            let counted = trials.iter().filter(|trial| trial.left_out.is_none());
+            let values = counted.filter_map(|trial| {
+                Some((&*trial.participant, &*trial.condition, trial.values[index]?))
+            });
+            row(*measure, &conditions, values)
+        });
+        let rows = rows.collect();
+        let name = folder.canonicalize().unwrap_or_default();
+        let study = name.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Self { study, conditions, trials, rows })
+    }
+
+    /// Every number of every trial.
+    pub fn csv(&self) -> Result<Vec<u8>, csv::Error> {
+        let mut csv = csv::Writer::from_writer(Vec::new());
+        let fixed =
+            ["trial", "participant", "condition", "started", "outcome", "marks", "left_out"];
+        csv.write_record(fixed.into_iter().chain(Measure::ALL.map(Measure::name)))?;
+        for trial in &self.trials {
+            let outcome = trial.outcome.map(|outcome| format!("{outcome:?}").to_lowercase());
+            let values = trial.values.map(|value| value.map_or(String::new(), |it| it.to_string()));
+            let fixed = [
+                trial.name.clone(),
+                trial.participant.clone(),
+                trial.condition.clone(),
+                trial.started.clone(),
+                outcome.unwrap_or_default(),
+                trial.marks.to_string(),
+                trial.left_out.clone().unwrap_or_default(),
+            ];
+            csv.write_record(fixed.into_iter().chain(values))?;
+        }
+        csv.into_inner().map_err(|error| error.into_error().into())
+    }
+}
+
+/// Mean of each participant under each condition, then over the participants.
+fn row<'a>(
+    measure: Measure,
+    conditions: &[String],
+    values: impl Iterator<Item = (&'a str, &'a str, f64)>,
+) -> Row {
+    let mut all: BTreeMap<&str, Vec<Vec<f64>>> = BTreeMap::new();
+    for (participant, condition, value) in values {
+        let of_participant =
+            all.entry(participant).or_insert_with(|| vec![Vec::new(); conditions.len()]);
+        if let Some(place) = conditions.iter().position(|name| name == condition) {
+            of_participant[place].push(value);
+        }
+    }
+    let by_participant: BTreeMap<String, Vec<Option<f64>>> = all
+        .into_iter()
+        .map(|(name, conditions)| (name.to_owned(), conditions.into_iter().map(mean).collect()))
+        .collect();
+    let of = |place: usize| by_participant.values().filter_map(move |means| means[place]);
+    let means = (0..conditions.len()).map(|place| mean(of(place))).collect();
+    let effects = (0..conditions.len()).map(|place| {
+        let pairs = by_participant.values().filter_map(|means| Some(means[place]? - means[0]?));
+        if place == 0 { None } else { effect(&pairs.collect::<Vec<_>>()) }
+    });
+    let effects = effects.collect();
+    Row { measure, means, effects, by_participant }
+}
+
+/// Mean of paired differences, and its interval from two pairs on.
+fn effect(differences: &[f64]) -> Option<Effect> {
+    let difference = mean(differences.iter().copied())?;
+    let count = differences.len();
+    let interval = (count > 1).then(|| {
+        let mut random = Pcg64::seed_from_u64(SEED);
+        let mut resample = |_| {
+            let sum: f64 = (0..count).map(|_| differences[random.random_range(0..count)]).sum();
+            sum / count as f64
+        };
+        let mut means: Vec<f64> = (0..RESAMPLES).map(&mut resample).collect();
+        sort(&mut means);
+        [0.025, 0.975].map(|share| quantile(&means, share).unwrap_or(difference))
+    });
+    Some(Effect { difference, interval, participants: count })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effect_is_found_within_participants_that_differ_a_lot() {
+        // Skills from 1 to 8 s, an effect of 0.5 s that varies by 0.1.
+        let conditions = ["a".to_owned(), "b".to_owned()];
+        let names: Vec<_> = (1..=8).map(|number| format!("P{number}")).collect();
+        let values = names.iter().enumerate().flat_map(|(index, name)| {
+            let skill = 1.0 + index as f64;
+            let noise = if index % 2 == 0 { 0.1 } else { -0.1 };
+            [
+                (&**name, "a", skill),
+                (&**name, "b", skill + 0.4),
+                (&**name, "b", skill + 0.6 + noise),
+            ]
+        });
+        let row = row(Measure::TimeS, &conditions, values);
+        let effect = row.effects[1].unwrap();
+        assert!((effect.difference - 0.5).abs() < 1e-9 && effect.participants == 8);
+        let [low, high] = effect.interval.unwrap();
+        assert!(low > 0.4 && low < 0.5 && high > 0.5 && high < 0.6, "{low} {high}");
+        assert_eq!(row.effects[0], None);
+        assert!((row.means[0].unwrap() - 4.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn one_participant_has_a_difference_without_an_interval() {
+        let alone = effect(&[0.3]).unwrap();
+        assert_eq!((alone.difference, alone.interval, effect(&[])), (0.3, None, None));
+    }
+
+    /// The interval covers a true difference about 95 times in 100.
+    #[test]
+    fn intervals_cover_what_is_true() {
+        let mut random = Pcg64::seed_from_u64(1);
+        let mut normal = || (0..12).map(|_| random.random_range(0.0..1.0)).sum::<f64>() - 6.0;
+        let covered = (0..100).filter(|_| {
+            let differences: Vec<f64> = (0..20).map(|_| 0.7 + normal()).collect();
+            let [low, high] = effect(&differences).unwrap().interval.unwrap();
+            low <= 0.7 && 0.7 <= high
+        });
+        let covered = covered.count();
+        assert!((85..=100).contains(&covered), "{covered}");
+    }
+}

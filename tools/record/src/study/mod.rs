@@ -1,0 +1,206 @@
+//! A study on disk: trials of participants under conditions.
+//!
+//! ```text
+//! STUDY/
+//!   study.json                conditions, order, software; written once
+//!   P07-joystick-02/          participant, condition, number of the trial
+//!     journal.jsonl           start, marks, stop: one line each, synchronised, only ever appended
+//!     recording.mcap          every stream, as `i2ris record` writes it
+//! ```
+//!
+//! What is true of a trial is its journal. A line that a power cut tore is not there; a trial without
+//! a stop whose recorder is gone was cut off.
+
+pub mod code;
+pub mod comparison;
+pub mod journal;
+pub mod order;
+mod page;
+pub mod runner;
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use i2ris_report::files;
+use serde::{Deserialize, Serialize};
+
+use code::{CodeError, Condition, Participant};
+use journal::{Journal, TrialState};
+
+/// The version of the folder that this program writes and reads.
+const FORMAT: u32 = 1;
+const STUDY: &str = "study.json";
+/// Trials of one participant under one condition.
+const MAX_TRIALS: u32 = 999;
+
+/// Why a study cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    #[error("{path}: {error}", path = path.display())]
+    Io { path: PathBuf, error: io::Error },
+    #[error(
+        "{path} is no study: it has no study.json; make one with `i2ris trial new FOLDER`, name it \
+         with --study",
+        path = path.display()
+    )]
+    NoStudy { path: PathBuf },
+    #[error("{path} is there already; name another folder", path = path.display())]
+    Exists { path: PathBuf },
+    #[error(
+        "{path}: a study of format {found}, this program knows {FORMAT}: use the release that made it",
+        path = path.display()
+    )]
+    Format { path: PathBuf, found: u32 },
+    #[error("{path}: {error}; it was changed by something else than i2ris", path = path.display())]
+    Damaged { path: PathBuf, error: serde_json::Error },
+    #[error("condition `{condition}` is none of this study: {known}")]
+    Condition { condition: Condition, known: String },
+    #[error(transparent)]
+    Code(#[from] CodeError),
+    #[error("{0} runs: end it with `i2ris trial stop` first")]
+    Runs(String),
+    #[error("no trial runs; `i2ris trial start` begins one")]
+    NoneRuns,
+    #[error("the trial is not recorded: {0}")]
+    Recorder(String),
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Description {
+    format: u32,
+    created: String,
+    software: String,
+    conditions: Vec<Condition>,
+}
+
+/// A study.
+#[derive(Debug)]
+pub struct Study {
+    folder: PathBuf,
+    conditions: Vec<Condition>,
+}
+
+/// A trial on disk.
+#[derive(Debug)]
+pub struct TrialFolder {
+    pub name: String,
+    pub folder: PathBuf,
+    pub state: TrialState,
+}
+
+impl TrialFolder {
+    pub fn recording(&self) -> PathBuf {
+        self.folder.join("recording.mcap")
+    }
+}
+
+fn io_error(path: &Path) -> impl FnOnce(io::Error) -> StudyError {
+    |error| StudyError::Io { path: path.to_owned(), error }
+}
+
+impl Study {
+    /// Makes the folder of a new study.
+    pub fn create(
+        folder: &Path,
+        conditions: Vec<Condition>,
+        software: &str,
+    ) -> Result<Self, StudyError> {
+        if folder.join(STUDY).exists() {
+            return Err(StudyError::Exists { path: folder.to_owned() });
+        }
+        fs::create_dir_all(folder).map_err(io_error(folder))?;
+        let created = i2ris::wall_clock::now().to_string();
+        let software = software.to_owned();
+        let description = Description { format: FORMAT, created, software, conditions };
+        let file = folder.join(STUDY);
+        let text = serde_json::to_vec_pretty(&description)
+            .map_err(|error| StudyError::Damaged { path: file.clone(), error })?;
+        files::replace(&file, &text).map_err(io_error(&file))?;
+        Ok(Self { folder: folder.to_owned(), conditions: description.conditions })
+    }
+
+    /// Opens a study.
+    pub fn open(folder: &Path) -> Result<Self, StudyError> {
+        let file = folder.join(STUDY);
+        let text = match fs::read(&file) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                return Err(StudyError::NoStudy { path: folder.to_owned() });
+            }
+            read => read.map_err(io_error(&file))?,
+        };
+        #[derive(Deserialize)]
+        struct Head {
+            format: u32,
+        }
+        let damaged = |error| StudyError::Damaged { path: file.clone(), error };
+        let Head { format } = serde_json::from_slice(&text).map_err(damaged)?;
+        if format != FORMAT {
+            return Err(StudyError::Format { path: file.clone(), found: format });
+        }
+        let description: Description = serde_json::from_slice(&text).map_err(damaged)?;
+        Ok(Self { folder: folder.to_owned(), conditions: description.conditions })
+    }
+
+    pub fn conditions(&self) -> &[Condition] {
+        &self.conditions
+    }
+
+    /// All trials, in the order in which they began.
+    pub fn trials(&self) -> Result<Vec<TrialFolder>, StudyError> {
+        let entries = fs::read_dir(&self.folder).map_err(io_error(&self.folder))?;
+        let mut trials = Vec::new();
+        for entry in entries {
+            let folder = entry.map_err(io_error(&self.folder))?.path();
+            let Some(state) = Journal::read(&folder)? else { continue };
+            let name = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            trials.push(TrialFolder { name, folder, state });
+        }
+        trials.sort_by(|a, b| (&a.state.started, &a.name).cmp(&(&b.state.started, &b.name)));
+        Ok(trials)
+    }
+
+    /// The trial that runs now.
+    pub fn running(&self) -> Result<Option<TrialFolder>, StudyError> {
+        let mut open = self.trials()?.into_iter().filter(|trial| trial.state.outcome.is_none());
+        Ok(open.find(|trial| Journal::is_held(&trial.folder)))
+    }
+
+    /// Closes the trials that a power cut left open, and returns their names.
+    pub fn close_cut_off(&self) -> Result<Vec<String>, StudyError> {
+        let mut closed = Vec::new();
+        for trial in self.trials()? {
+            if trial.state.outcome.is_none() && !Journal::is_held(&trial.folder) {
+                Journal::open(&trial.folder)?.cut_off()?;
+                closed.push(trial.name);
+            }
+        }
+        Ok(closed)
+    }
+
+    /// The folder of a new trial; the folder is made, and belongs to nobody else.
+    pub fn new_trial(
+        &self,
+        participant: &Participant,
+        condition: &Condition,
+    ) -> Result<(String, PathBuf), StudyError> {
+        if !self.conditions.contains(condition) {
+            let known: Vec<_> = self.conditions.iter().map(ToString::to_string).collect();
+            let (condition, known) = (condition.clone(), known.join(", "));
+            return Err(StudyError::Condition { condition, known });
+        }
+        let trials = self.trials()?;
+        let known = trials.iter().filter_map(|trial| trial.state.participant.parse().ok());
+        participant.check_beside(known)?;
+        for number in 1..=MAX_TRIALS {
+            let name = format!("{participant}-{condition}-{number:02}");
+            let folder = self.folder.join(&name);
+            match fs::create_dir(&folder) {
+                Ok(()) => return Ok((name, folder)),
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(StudyError::Io { path: folder, error }),
+            }
+        }
+        Err(StudyError::Exists { path: self.folder.join(format!("{participant}-{condition}")) })
+    }
+}

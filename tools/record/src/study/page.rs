@@ -1,0 +1,156 @@
+//! The page of a study: what differs between the conditions, in a table and a figure.
+
+use i2ris_report::number::significant;
+use i2ris_report::page::TableRow;
+use i2ris_report::{Axis, Color, Figure, Line, Page, Panel, Scatter, Stroke, Table};
+
+use super::comparison::{Effect, Measure, Row, StudyReport};
+
+const ROW_HEIGHT: f64 = 210.0;
+const PARTICIPANT: Stroke = Stroke::new(Color::GREY, 0.9);
+const MEAN: Stroke = Stroke::new(Color::BLUE, 2.2);
+
+fn number(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| significant(value, 3))
+}
+
+fn sentence(effect: Option<Effect>) -> String {
+    let Some(Effect { difference, interval, participants }) = effect else {
+        return "-".to_owned();
+    };
+    let sign = if difference > 0.0 { "+" } else { "" };
+    let of = format!("n = {participants}");
+    match interval {
+        Some([low, high]) => format!(
+            "{sign}{} [{}, {}], {of}",
+            significant(difference, 2),
+            significant(low, 2),
+            significant(high, 2)
+        ),
+        None => format!("{sign}{} (no interval), {of}", significant(difference, 2)),
+    }
+}
+
+impl StudyReport {
+    /// As a few lines of text.
+    pub fn text(&self) -> String {
+        let counted = self.trials.iter().filter(|trial| trial.left_out.is_none()).count();
+        let mut text = format!("{}: {counted} of {} trials count\n", self.study, self.trials.len());
+        for Row { measure, means, effects, .. } in &self.rows {
+            for (condition, (mean, effect)) in self.conditions.iter().zip(means.iter().zip(effects))
+            {
+                let against = match effect {
+                    Some(_) => format!("  against {}: {}", self.conditions[0], sentence(*effect)),
+                    None => String::new(),
+                };
+                let (name, mean) = (measure.name(), number(*mean));
+                text += &format!("  {name:<20} {condition:<16} {mean:>8}{against}\n");
+            }
+        }
+        text
+    }
+
+    /// As an HTML page.
+    pub fn page(&self) -> Page {
+        let mut page = Page::new(format!("Study {}", self.study));
+        let counted = self.trials.iter().filter(|trial| trial.left_out.is_none()).count();
+        let participants = self.rows.iter().map(|row| row.by_participant.len()).max().unwrap_or(0);
+        page.main_result(format!(
+            "{counted} of {} trials count, of {participants} participants under {} conditions.",
+            self.trials.len(),
+            self.conditions.len()
+        ));
+        let left_out: Vec<_> = { self.trials.iter() }
+            .filter_map(|trial| Some(format!("{}: {}", trial.name, trial.left_out.as_ref()?)))
+            .collect();
+        if !left_out.is_empty() {
+            page.notice("Left out", left_out);
+        }
+        self.write_conditions(&mut page);
+        page.section("Trials");
+        page.table(&self.trial_table());
+        let version = env!("CARGO_PKG_VERSION");
+        page.footer(format!("Written by i2ris {version} from the recordings of the study alone."));
+        page
+    }
+
+    fn write_conditions(&self, page: &mut Page) {
+        page.section("Conditions");
+        let reference = self.conditions.first().map_or("", String::as_str);
+        let others = self.conditions.iter().skip(1);
+        let header = ["".to_owned()]
+            .into_iter()
+            .chain(self.conditions.iter().cloned())
+            .chain(others.map(|name| format!("{name} − {reference}")));
+        let mut table = Table::new(
+            "Means over the participants, and the difference of each participant from itself with \
+             its 95 % interval (paired bootstrap).",
+            header,
+        );
+        for Row { measure, means, effects, .. } in &self.rows {
+            let means = means.iter().map(|mean| number(*mean));
+            let effects = effects.iter().skip(1).map(|effect| sentence(*effect));
+            let name = [measure.name().to_owned()];
+            table.row(TableRow::new(name.into_iter().chain(means).chain(effects)));
+        }
+        page.table(&table);
+        page.figure(
+            &self.figure(),
+            "Every participant (grey) and the mean of all (blue) under each condition.",
+        );
+        page.paragraph(
+            "Throughput after ISO 9241-411, with the effective width of the end points along the way; \
+             the time of holding is no time of movement. Trials that were aborted do not count.",
+        );
+    }
+
+    fn figure(&self) -> Figure {
+        let figure = Figure::new(
+            "conditions",
+            "Conditions by participant",
+            "Time, throughput, overshoot and error of every participant under each condition.",
+        );
+        let shown =
+            [Measure::TimeS, Measure::ThroughputBitS, Measure::OvershootDeg, Measure::ErrorDeg];
+        let mut panels = { self.rows.iter() }
+            .filter(|row| shown.contains(&row.measure))
+            .map(|row| self.panel(row));
+        let mut figure = figure;
+        while let Some(left) = panels.next() {
+            figure = figure.row(ROW_HEIGHT, [left].into_iter().chain(panels.next()).collect());
+        }
+        figure
+    }
+
+    fn panel(&self, row: &Row) -> Panel {
+        let last = self.conditions.len().max(1) as f64;
+        let marks = { self.conditions.iter().enumerate() }
+            .map(|(place, name)| (place as f64, name.clone()))
+            .collect();
+        let x = Axis::linear("condition").range(-0.5, last - 0.5).marks(marks);
+        let points = |means: &[Option<f64>]| -> Vec<[f64; 2]> {
+            let places = means.iter().enumerate();
+            places.filter_map(|(place, mean)| Some([place as f64, (*mean)?])).collect()
+        };
+        let all = row.by_participant.values().map(|means| points(means));
+        let name = row.measure.name();
+        Panel::new(name, x, Axis::linear(name).including(0.0))
+            .with_all(all.clone().map(|points| Line::new(points, PARTICIPANT)))
+            .with(Scatter::new(all.flatten().collect(), Color::GREY, 4.0))
+            .with(Line::new(points(&row.means), MEAN))
+    }
+
+    fn trial_table(&self) -> Table {
+        let header = ["trial", "outcome", "marks"].map(str::to_owned);
+        let measures = Measure::ALL.map(|measure| measure.name().to_owned());
+        let mut table =
+            Table::new("Every trial.", header.into_iter().chain(measures)).text_column(1);
+        for trial in &self.trials {
+            let outcome =
+                trial.outcome.map_or("-".to_owned(), |it| format!("{it:?}").to_lowercase());
+            let fixed = [trial.name.clone(), outcome, trial.marks.to_string()];
+            table.row(TableRow::new(fixed.into_iter().chain(trial.values.map(number))));
+        }
+        table
+    }
+}

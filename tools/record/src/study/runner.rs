@@ -1,0 +1,190 @@
+//! Begins, marks and ends trials. The recording is a process of its own, so that none of these
+//! commands has to stay; what it holds and what it says stands in the journal.
+
+use std::fs::{self, File};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use i2ris::clock;
+use i2ris::ipc::payload::{TrialMsg, padded_text};
+use i2ris::units::Nanos;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+use super::code::{Condition, Participant};
+use super::journal::{Event, Follower, Journal, Outcome};
+use super::{Study, StudyError, TrialFolder, io_error};
+
+/// How long a recorder may take until it has a controller, and until it has written its end.
+const BEGIN: Nanos = Nanos::from_millis(20_000);
+const END: Nanos = Nanos::from_millis(20_000);
+const POLL: Nanos = Nanos::from_millis(10);
+/// How often the journal is read, and how often a trial is told to those who join.
+const READ: Nanos = Nanos::from_millis(50);
+const TELL: Nanos = Nanos::from_millis(500);
+const LOG: &str = "recorder.log";
+
+/// What a trial is about.
+#[derive(Debug)]
+pub struct Plan<'a> {
+    pub participant: &'a Participant,
+    pub condition: &'a Condition,
+    pub task: &'a str,
+    pub note: &'a str,
+    /// The domain of the controller.
+    pub domain: &'a str,
+    /// The program `i2ris-record`.
+    pub recorder: &'a Path,
+}
+
+impl Study {
+    /// Begins a trial: returns when its recorder has the first messages of the controller.
+    pub fn start(&self, plan: &Plan<'_>) -> Result<TrialFolder, StudyError> {
+        if let Some(running) = self.running()? {
+            return Err(StudyError::Runs(running.name));
+        }
+        let (_, folder) = self.new_trial(plan.participant, plan.condition)?;
+        let begun = self.begin(plan, &folder);
+        if begun.is_err() {
+            // Nothing was recorded: no trace, so that the number is free.
+            let _ = fs::remove_dir_all(&folder);
+        }
+        begun?;
+        self.running()?.ok_or(StudyError::NoneRuns)
+    }
+
+    fn begin(&self, plan: &Plan<'_>, folder: &Path) -> Result<(), StudyError> {
+        Journal::open(folder)?.start(plan.participant, plan.condition, plan.task, plan.note)?;
+        let log = folder.join(LOG);
+        let output = File::create(&log).map_err(io_error(&log))?;
+        let error = output.try_clone().map_err(io_error(&log))?;
+        let note = format!("{} {} {} {}", plan.participant, plan.condition, plan.task, plan.note);
+        let mut recorder = Command::new(plan.recorder)
+            .arg("--output")
+            .arg(folder.join("recording.mcap"))
+            .arg("--of-trial")
+            .arg(folder)
+            .args(["--domain", plan.domain, "--note", note.trim()])
+            .stdin(Stdio::null())
+            .stdout(output)
+            .stderr(error)
+            // A Ctrl-C at this terminal is not for it.
+            .process_group(0)
+            .spawn()
+            .map_err(io_error(plan.recorder))?;
+        let begun = wait_for_first(&mut recorder, folder);
+        if begun.is_err() {
+            let _ = recorder.kill();
+            let _ = recorder.wait();
+        }
+        begun
+    }
+
+    /// Marks the trial that runs: its name and the number of the mark.
+    pub fn mark(&self, at: Nanos, text: &str) -> Result<(String, u32), StudyError> {
+        let running = self.running()?.ok_or(StudyError::NoneRuns)?;
+        let number = running.state.marks.last().map_or(1, |mark| mark.number + 1);
+        Journal::open(&running.folder)?.mark(at, number, text)?;
+        Ok((running.name, number))
+    }
+
+    /// Ends the trial that runs: waits until its recording is whole.
+    pub fn stop(&self, outcome: Outcome, note: &str) -> Result<TrialFolder, StudyError> {
+        let running = self.running()?.ok_or(StudyError::NoneRuns)?;
+        let mut follower = Follower::new(&running.folder);
+        let events = follower.new_events().map_err(io_error(&running.folder))?;
+        let pid = events.iter().rev().find_map(|event| match event {
+            Event::Recording { pid, .. } => Some(*pid),
+            _ => None,
+        });
+        if let Some(pid) = pid {
+            // It holds the trial, so the number is still its own.
+            let _ = kill(Pid::from_raw(pid), Signal::SIGINT);
+        }
+        let start = clock::now();
+        while Journal::is_held(&running.folder) {
+            if clock::now().since(start) > END {
+                return Err(StudyError::Recorder(format!(
+                    "its recorder, process {}, does not end; end it, then run `i2ris trial stop` \
+                     again",
+                    pid.unwrap_or(0)
+                )));
+            }
+            clock::sleep(POLL);
+        }
+        Journal::open(&running.folder)?.stop(outcome, note)?;
+        let state = Journal::read(&running.folder)?.unwrap_or_default();
+        Ok(TrialFolder { state, ..running })
+    }
+}
+
+/// Waits until the recorder has the first messages, or has ended.
+fn wait_for_first(recorder: &mut Child, folder: &Path) -> Result<(), StudyError> {
+    let start = clock::now();
+    let ended = |why: String| Err(StudyError::Recorder(why));
+    loop {
+        let state = Journal::read(folder)?.unwrap_or_default();
+        if !state.boots.is_empty() && Journal::is_held(folder) {
+            return Ok(());
+        }
+        if let Ok(Some(_)) = recorder.try_wait() {
+            let log = fs::read_to_string(folder.join(LOG)).unwrap_or_default();
+            let error = log.lines().find_map(|line| line.strip_prefix("error: "));
+            return ended(error.unwrap_or("its recorder has ended").to_owned());
+        }
+        if clock::now().since(start) > BEGIN {
+            return ended("its recorder does not begin".to_owned());
+        }
+        clock::sleep(POLL);
+    }
+}
+
+/// The trial as its recorder tells it: reads the journal, makes messages.
+#[derive(Debug)]
+pub struct Teller {
+    follower: Follower,
+    message: TrialMsg,
+    next_read: Nanos,
+    next_tell: Nanos,
+}
+
+impl Teller {
+    pub fn new(folder: &Path, now: Nanos) -> Self {
+        let name = folder.file_name().unwrap_or_default().to_string_lossy();
+        let message =
+            TrialMsg { started_ns: now.0, name: padded_text(&name), ..TrialMsg::default() };
+        let follower = Follower::new(folder);
+        Self { follower, message, next_read: now, next_tell: now }
+    }
+
+    /// The messages that are due: one for each new mark, else one twice a second.
+    pub fn messages(&mut self, now: Nanos) -> Vec<TrialMsg> {
+        if now < self.next_read {
+            return Vec::new();
+        }
+        self.next_read = now + READ;
+        let mut due = Vec::new();
+        // A journal that cannot be read now is read the next time.
+        for event in self.follower.new_events().unwrap_or_default() {
+            if let Event::Mark { monotonic_ns, number, text, .. } = event {
+                (self.message.mark_ns, self.message.mark_number) = (monotonic_ns, number);
+                self.message.mark = padded_text(&text);
+                due.push(self.message);
+            }
+        }
+        if due.is_empty() && now >= self.next_tell {
+            due.push(self.message);
+        }
+        if !due.is_empty() {
+            self.next_tell = now + TELL;
+        }
+        due
+    }
+
+    /// The last message.
+    pub fn end(&self, has_failed: bool) -> TrialMsg {
+        let failed = if has_failed { TrialMsg::FAILED } else { 0 };
+        TrialMsg { flags: TrialMsg::ENDED | failed, ..self.message }
+    }
+}

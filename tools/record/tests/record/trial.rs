@@ -1,0 +1,217 @@
+//! The trials of a study, by the programs that a person runs, against a controller.
+
+use std::cell::Cell;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::{Client, Subscription};
+use i2ris::ipc::payload::{TrialMsg, unpadded_text};
+use i2ris::units::Nanos;
+use i2ris_record::study::Study;
+use i2ris_record::study::journal::{Journal, Outcome};
+use i2ris_testing::{Controller, TIMEOUT, wait_until};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use proptest::prelude::*;
+use proptest::test_runner::{Config, RngSeed, TestRunner};
+
+/// Runs `i2ris trial` in a study: exit code and what it printed.
+struct Bench {
+    folder: tempfile::TempDir,
+    domain: Domain,
+}
+
+impl Bench {
+    fn new(domain: &Domain) -> Self {
+        let bench = Self { folder: tempfile::tempdir().unwrap(), domain: domain.clone() };
+        bench.succeeds("new STUDY --conditions joystick,keyboard");
+        bench
+    }
+
+    fn study(&self) -> PathBuf {
+        self.folder.path().join("study")
+    }
+
+    fn run(&self, words: &str) -> (Option<i32>, String) {
+        let study = self.study();
+        let words = words.split_whitespace().map(|word| match word {
+            "STUDY" => study.to_str().unwrap(),
+            word => word,
+        });
+        let output = Command::new(env!("CARGO_BIN_EXE_i2ris-trial"))
+            .args(words)
+            .env("I2RIS_STUDY", &study)
+            .env("I2RIS_DOMAIN", self.domain.name())
+            .output()
+            .unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(text).unwrap())
+    }
+
+    #[track_caller]
+    fn succeeds(&self, words: &str) -> String {
+        let (code, said) = self.run(words);
+        assert_eq!(code, Some(0), "{words}: {said}");
+        said
+    }
+
+    #[track_caller]
+    fn fails(&self, words: &str, part: &str) {
+        let (code, said) = self.run(words);
+        assert!(code != Some(0) && said.contains(part), "{words}: {code:?} {said}");
+    }
+
+    fn trial(&self, name: &str) -> PathBuf {
+        self.study().join(name)
+    }
+}
+
+const START: &str = "start --participant P07 --condition joystick --task reach";
+
+fn newest(stream: &mut Subscription<TrialMsg>) -> Option<TrialMsg> {
+    let mut newest = None;
+    stream.drain(|message| newest = Some(message)).unwrap();
+    newest
+}
+
+#[test]
+fn a_trial_is_recorded_with_its_marks_and_told_to_those_who_watch() {
+    let controller = Controller::enabled();
+    let bench = Bench::new(&controller.domain);
+    let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
+    let mut stream = client.watcher().trial();
+    assert!(bench.succeeds(START).starts_with("P07-joystick-01 is being recorded"));
+    bench.fails(START, "P07-joystick-01 runs: end it");
+    assert!(bench.succeeds("mark contact").contains("P07-joystick-01: mark 1, contact"));
+    bench.succeeds("mark free");
+    let mut told = TrialMsg::default();
+    wait_until("the mark is told", || {
+        told = newest(&mut stream).unwrap_or(told);
+        told.mark_number == 2
+    });
+    assert_eq!(unpadded_text(&told.name), "P07-joystick-01");
+    assert_eq!((unpadded_text(&told.mark).as_str(), told.flags), ("free", 0));
+    assert!(told.started_ns < told.mark_ns && told.mark_ns <= clock::now().0);
+    assert!(bench.succeeds("stop --outcome recovery --note lost").contains("recovery, 2 marks"));
+    wait_until("its end is told", || {
+        told = newest(&mut stream).unwrap_or(told);
+        told.flags == TrialMsg::ENDED
+    });
+    bench.fails("mark late", "no trial runs");
+    bench.fails("stop --outcome success", "no trial runs");
+    // The recording is whole, and has the marks.
+    let recording = bench.trial("P07-joystick-01").join("recording.mcap");
+    let report = i2ris_record::report::TrialReport::read(&recording).unwrap();
+    assert!(report.cut_off.is_none());
+    assert_eq!(report.about.get("note").unwrap(), "P07 joystick reach");
+    // The next one has the next number; the list has both.
+    bench.succeeds(START);
+    bench.succeeds("stop --outcome success");
+    let list = bench.succeeds("list");
+    assert!(list.lines().count() == 2 && list.contains("P07-joystick-02"), "{list}");
+    let show = bench.succeeds("show P07-joystick-01");
+    assert!(show.contains("mark   1") && show.contains("contact"), "{show}");
+    let json: serde_json::Value = serde_json::from_str(&bench.succeeds("list --json")).unwrap();
+    assert_eq!(json["P07-joystick-01"]["marks"][1]["text"], "free");
+    assert_eq!(json["P07-joystick-01"]["outcome"], "recovery");
+}
+
+#[test]
+fn what_is_no_code_no_condition_or_no_study_is_refused_and_leaves_nothing() {
+    let nobody = Domain::new("nobody-serves-this").unwrap();
+    let bench = Bench::new(&nobody);
+    for (words, part) in [
+        ("start --participant Ann --condition joystick", "looks like a name"),
+        ("start --participant ann@example.org --condition joystick", "e-mail"),
+        ("start --participant 1990-01-31 --condition joystick", "date of birth"),
+        ("start --participant P07 --condition mouse", "none of this study: joystick, keyboard"),
+        ("start --participant P07 --condition joystick", "no controller"),
+        ("new STUDY --conditions joystick", "is there already"),
+        ("list --study /nonexistent", "is no study"),
+        ("show P01-joystick-01", "is no trial"),
+    ] {
+        bench.fails(words, part);
+    }
+    assert_eq!(bench.succeeds("list"), "no trial yet; `i2ris trial start` begins one\n");
+    assert_eq!(fs::read_dir(bench.study()).unwrap().count(), 1, "study.json alone");
+    let order = bench.succeeds("order --participants 2");
+    assert!(order.contains("1: joystick, keyboard") && order.contains("2: keyboard, joystick"));
+    let description = fs::read_to_string(bench.study().join("study.json")).unwrap();
+    let later = description.replace("\"format\": 1", "\"format\": 2");
+    fs::write(bench.study().join("study.json"), later).unwrap();
+    bench.fails("list", "a study of format 2, this program knows 1");
+}
+
+fn recorder_of(trial: &Path) -> Pid {
+    let journal = fs::read_to_string(trial.join("journal.jsonl")).unwrap();
+    let recording = journal.lines().find(|line| line.contains("\"recording\"")).unwrap();
+    let recording: serde_json::Value = serde_json::from_str(recording).unwrap();
+    Pid::from_raw(recording["pid"].as_i64().unwrap().try_into().unwrap())
+}
+
+/// The content of every file of a trial.
+fn content(trial: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut files: Vec<_> =
+        fs::read_dir(trial).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files.into_iter().map(|file| (file.clone(), fs::read(file).unwrap())).collect()
+}
+
+/// Kills the recorder at random moments: what was there before is untouched, the trial keeps its
+/// recording up to a second before, and the next start finds its state.
+fn power_cuts(cases: u32) {
+    let controller = Controller::enabled();
+    let bench = Bench::new(&controller.domain);
+    bench.succeeds(START);
+    bench.succeeds("stop --outcome success");
+    let first = content(&bench.trial("P07-joystick-01"));
+    let number = Cell::new(1);
+    let config = Config {
+        cases,
+        rng_seed: RngSeed::Fixed(28),
+        failure_persistence: None,
+        ..Config::default()
+    };
+    TestRunner::new(config)
+        .run(&(0..1500_u64, 0..3_u32), |(after_ms, marks)| {
+            number.set(number.get() + 1);
+            let said = bench.succeeds(START);
+            let trial = bench.trial(&format!("P07-joystick-{:02}", number.get()));
+            let begun = clock::now();
+            for mark in 0..marks {
+                bench.succeeds(&format!("mark m{mark}"));
+            }
+            clock::sleep(Nanos::from_millis(after_ms));
+            kill(recorder_of(&trial), Signal::SIGKILL).unwrap();
+            wait_until("the recorder is gone", || !Journal::is_held(&trial));
+            let length_s = clock::now().since(begun).as_seconds();
+            prop_assert!(said.contains("is being recorded"));
+            bench.fails("mark late", "no trial runs");
+            let report =
+                i2ris_record::report::TrialReport::read(&trial.join("recording.mcap")).unwrap();
+            prop_assert!(report.length_s > length_s - 1.0, "{} of {length_s}", report.length_s);
+            Ok(())
+        })
+        .unwrap();
+    let said = bench.succeeds(START);
+    assert_eq!(said.matches("had been cut off").count(), 1, "each once: {said}");
+    bench.succeeds("stop --outcome success");
+    assert_eq!(content(&bench.trial("P07-joystick-01")), first);
+    let trials = Study::open(&bench.study()).unwrap().trials().unwrap();
+    let aborted = trials.iter().filter(|trial| trial.state.outcome == Some(Outcome::Aborted));
+    assert_eq!((aborted.count() as u32, trials.len() as u32), (cases, cases + 2));
+}
+
+#[test]
+fn power_cuts_lose_a_second_at_most_and_never_the_trial_before() {
+    power_cuts(3);
+}
+
+#[test]
+#[ignore = "minutes: .ci/nightly"]
+fn power_cuts_of_fifty_trials() {
+    power_cuts(50);
+}
