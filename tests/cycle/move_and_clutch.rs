@@ -304,7 +304,7 @@ fn a_stream_that_is_refused_for_another_reason_is_not_silent() {
     assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Hold).refusal, Refusal::None);
     assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Pause).refusal, Refusal::None);
     for _ in 0..1500 {
-        assert_eq!(bench.joint(0.1, 0.0), Refusal::NotEnabled);
+        assert_eq!(bench.joint(0.1, 0.0), Refusal::Paused);
     }
     assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Resume).refusal, Refusal::None);
     assert_eq!(bench.joint(0.1, 0.0), Refusal::BrokenOff);

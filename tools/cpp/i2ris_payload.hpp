@@ -415,7 +415,7 @@ struct TrialMsg {
     std::uint64_t mark_ns;
     std::uint32_t mark_number;
     std::uint32_t flags;
-    std::uint8_t name[64];
+    std::uint8_t trial[64];
     std::uint8_t mark[64];
 };
 static_assert(sizeof(TrialMsg) == 176);
@@ -426,7 +426,7 @@ static_assert(offsetof(TrialMsg, started_ns) == 24);
 static_assert(offsetof(TrialMsg, mark_ns) == 32);
 static_assert(offsetof(TrialMsg, mark_number) == 40);
 static_assert(offsetof(TrialMsg, flags) == 44);
-static_assert(offsetof(TrialMsg, name) == 48);
+static_assert(offsetof(TrialMsg, trial) == 48);
 static_assert(offsetof(TrialMsg, mark) == 112);
 
 struct ModelRequest {

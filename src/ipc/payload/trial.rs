@@ -24,7 +24,7 @@ payload! {
         /// Sum of [`TrialMsg::ENDED`] and the other flags.
         pub flags: u32,
         /// Participant, condition and number, as `P07-joystick-02`; UTF-8, padded with 0.
-        pub name: [u8; 64],
+        pub trial: [u8; 64],
         /// Text of the newest mark; UTF-8, padded with 0.
         pub mark: [u8; 64],
     }

@@ -182,7 +182,8 @@ impl Situation {
             let since = self.held.map(|held| self.bench.now.since(held.max(self.sent)));
             let is_held = since.is_some_and(|silent| silent < BREAK);
             assert!(refusal != Refusal::None || !is_held, "a stream goes on that was held");
-            self.held = self.held.filter(|_| refusal != Refusal::None);
+            // A silence ends it, whatever the first command after it is refused for.
+            self.held = self.held.filter(|_| is_held);
             self.sent = self.bench.now;
         }
         if refusal == Refusal::None {

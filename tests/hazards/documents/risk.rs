@@ -50,6 +50,7 @@ const RATINGS: &[(&str, [u32; 3], &str)] = &[
     ("H32", [4, 4, 1], "a device that tells a centre that is none"),
     ("H33", [3, 3, 1], "a firmware that changes its controls and keeps its numbers"),
     ("H34", [3, 4, 2], "a camera that is turned after the view was measured or typed"),
+    ("H35", [3, 3, 1], "a second camera takes over when the first is silent for a second"),
 ];
 
 const HEAD: &str = "\

@@ -1,7 +1,7 @@
 //! `i2ris why`: why the robot does not move, or not where it was sent, and what to do.
 
 use i2ris::clock;
-use i2ris::ipc::client::{Client, ClientError, Subscription};
+use i2ris::ipc::client::{Client, ClientError, Latest, Subscription};
 use i2ris::ipc::payload::ReasonMsg;
 use i2ris::ipc::{Refusal, find_client_process};
 use i2ris::robot::Cause;
@@ -40,15 +40,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&domain, CONNECT)?;
     let watcher = client.watcher();
     let (mut error, mut warning) = (watcher.error(), watcher.warning());
+    let mut hand = Latest::new(watcher.teleop());
     let (mut errors, mut warnings) = (Vec::new(), Vec::new());
     let start = clock::now();
     let state = client.wait_for(FIRST_STATE, |_| true)?;
     while clock::now().since(start) < LAST_REASONS {
         receive(&mut error, &mut errors)?;
         receive(&mut warning, &mut warnings)?;
+        hand.refresh()?;
         clock::sleep(POLL_PERIOD);
     }
-    let found = reasons(&state, errors.last(), &warnings, clock::now());
+    let hand = hand.refresh()?.copied();
+    let found = reasons(&state, errors.last(), &warnings, hand.as_ref(), clock::now());
     let holder = find_client_process(&domain, state.boot_id, state.lease_client_id);
     let holder = match holder {
         Some(process) => format!("; now {process} holds it"),

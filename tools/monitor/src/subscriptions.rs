@@ -18,7 +18,7 @@ const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 
 /// All but the operating state, in the order in which the event log has what comes together.
-const STREAMS: [Stream; 12] = [
+const STREAMS: [Stream; 13] = [
     Stream::Actuators,
     Stream::Goal,
     Stream::Setpoint,
@@ -29,6 +29,7 @@ const STREAMS: [Stream; 12] = [
     Stream::Adaptation,
     Stream::VirtualFixtures,
     Stream::ReachTarget,
+    Stream::Teleop,
     Stream::Statistics,
     Stream::External,
 ];
@@ -103,6 +104,7 @@ impl Subscriptions {
             StreamMessage::Adaptation(message) => view.adaptation = Some(message),
             StreamMessage::VirtualFixtures(message) => view.fixtures = Some(message),
             StreamMessage::ReachTarget(message) => view.target = Some(message),
+            StreamMessage::Teleop(message) => view.hand = Some(message),
             StreamMessage::Statistics(message) => {
                 event_log.update_ticks(&message);
                 view.statistics = Some(message);

@@ -324,7 +324,7 @@ class TrialMsg(Payload):
         ("mark_ns", c_uint64),
         ("mark_number", c_uint32),
         ("flags", c_uint32),
-        ("name", c_uint8 * 64),
+        ("trial", c_uint8 * 64),
         ("mark", c_uint8 * 64),
     ]
 

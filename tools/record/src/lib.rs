@@ -16,6 +16,7 @@
 //! | `export` | tables as CSV and Parquet |
 //! | `extract` | attachments and commands as files |
 //! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
+//! | `study` | the trials of a study on disk, and what differs between its conditions |
 //!
 //! A topic `i2ris/NAME` has the payloads of the controller, bit by bit. The topic `NAME` has the
 //! same as a standard ROS 2 or CRTK message, as a recording of a dVRK does. Stamps in payloads are

@@ -42,7 +42,7 @@ impl fmt::Display for Open {
                 f.write_str("the dead-man is half pressed: let go of it, then press it well")
             }
             Self::Fault(fault) => {
-                write!(f, "{fault}: let go of stick and dead-man, then press it anew")
+                write!(f, "{fault}: let go of all, then press it anew")
             }
             Self::Released => f.write_str("the dead-man is not pressed"),
         }

@@ -25,13 +25,13 @@ const UNTOUCHED: f64 = 0.1;
 pub enum Fault {
     #[error("the device is gone")]
     Gone,
-    #[error("the device is silent while it is deflected")]
+    #[error("the device is silent")]
     Silent,
-    #[error("the device repeats itself while it is deflected")]
+    #[error("the device repeats itself")]
     Repeats,
     #[error("the device tells values beyond its range")]
     OutOfRange,
-    #[error("the system has lost events of the device")]
+    #[error("events of the device were lost")]
     Dropped,
 }
 

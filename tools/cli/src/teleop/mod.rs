@@ -342,15 +342,19 @@ fn line(
     task: Option<&ReachTask>,
     now: Nanos,
 ) -> String {
-    let clutch = match asked.open {
-        None => format!("FOLLOWS at {:.0} %", 100.0 * scale),
-        Some(why) => format!("HOLDS ({why})"),
-    };
+    // Within 80 columns: a line that wraps cannot be drawn over.
     if let Some(task) = task {
+        let clutch = if command.clutch_open { "HOLDS" } else { "FOLLOWS" };
         return format!("{clutch}; {}", task.line(now));
     }
     let [pitch, yaw] = command.pose;
-    format!("the snake {clutch}; pitch, yaw commanded {pitch:+.2} {yaw:+.2} deg")
+    match asked.open {
+        Some(why) => format!("HOLDS: {why}"),
+        None => format!(
+            "FOLLOWS at {:.0} %; pitch, yaw commanded {pitch:+.2} {yaw:+.2} deg",
+            100.0 * scale
+        ),
+    }
 }
 
 fn share(text: &str) -> Result<f64, String> {

@@ -1,13 +1,15 @@
 //! What both pages say at the moment, in a browser: reasons, commander, faults; every width, both
 //! themes, and the keyboard.
 
+use i2ris::clock;
 use i2ris::ipc::client::{Client, ExternalPublisher};
+use i2ris::ipc::payload::{TeleopMsg, padded_text};
 use i2ris::ipc::{Fault, OperatingState, Refusal};
 use i2ris::robot::{Cause, Clip, Measurement, Quantity, Reason};
 use i2ris::units::Nanos;
 use serde_json::json;
 
-use i2ris_testing::{Background, Controller, Rig, stream_angles, swing_angles_until};
+use i2ris_testing::{Background, Controller, Rig, TIMEOUT, stream_angles, swing_angles_until};
 use nix::sys::signal::Signal;
 
 use crate::chromium::Browser;
@@ -15,6 +17,18 @@ use crate::http::Served;
 
 const PITCH: &str = "document.querySelectorAll('#joints td.estimate')[0].textContent";
 const WHY: &str = "document.getElementById('why')?.innerText";
+
+/// Does it again and again until it is true, or too late.
+fn within_timeout(mut is_true: impl FnMut() -> bool) -> bool {
+    let start = clock::now();
+    while clock::now().since(start) < TIMEOUT {
+        if is_true() {
+            return true;
+        }
+        clock::sleep(Nanos::from_millis(20));
+    }
+    false
+}
 
 fn reason(cause: Cause, measurement: Measurement) -> Reason {
     Reason { cause, measurement: Some(measurement) }
@@ -84,7 +98,7 @@ fn the_commander_has_a_name_and_a_camera_that_parts_is_alarmed() {
     let (pid, mut is_named, mut is_parted) = (std::process::id(), false, false);
     for _ in 0..600 {
         commander.servo_jp(&[0.02, -0.02]).unwrap();
-        let now = i2ris::clock::now();
+        let now = clock::now();
         camera.publish(now, &[0.1, -0.02], &[]).unwrap();
         let lease = "document.getElementById('lease').textContent";
         let is_true = |script: String, page: &mut Browser| page.evaluate(&script) == json!(true);
@@ -123,9 +137,9 @@ fn the_operator_reads_from_afar_what_is_wrong_and_how_large_the_error_is() {
         page.resize([width, width * 9 / 16 + 400]);
         let is_shown =
             format!("document.getElementById('error-tile').classList.contains('{level}')");
-        let shown = (0..600).any(|_| {
+        let shown = within_timeout(|| {
             let angles = [pitch.to_radians(), 3.0_f64.to_radians()];
-            camera.publish(i2ris::clock::now(), &angles, &[]).unwrap();
+            camera.publish(clock::now(), &angles, &[]).unwrap();
             page.evaluate(&is_shown) == json!(true)
                 || (level == "far"
                     && page.evaluate(
@@ -139,6 +153,21 @@ fn the_operator_reads_from_afar_what_is_wrong_and_how_large_the_error_is() {
         pictures_of(&mut page, &format!("operator-{level}"));
     }
     page.wait("silence", "document.getElementById('flags').innerText.includes('CAMERA SILENT')");
+    let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
+    let mut hand = client.announcer::<TeleopMsg>();
+    let has = |text: &str| format!("document.getElementById('flags').innerText.includes('{text}')");
+    for (flags, text) in [(TeleopMsg::OPEN, "CLUTCH OPEN: never centred"), (0, "FOLLOWS AT 50 %")] {
+        let shown = within_timeout(|| {
+            let (view, scale) = ([[-1.0, 0.0], [0.0, 1.0]], 0.5);
+            let why_open = padded_text("never centred");
+            let message = TeleopMsg { flags, view, scale, why_open, ..TeleopMsg::default() };
+            hand.publish(message).unwrap();
+            page.evaluate(&has(text)) == json!(true)
+                && page.evaluate(&has("+pitch ←, +yaw ↑")) == json!(true)
+        });
+        assert!(shown, "{text}: {}", page.evaluate("document.body.innerText"));
+    }
+    pictures_of(&mut page, "operator-hand");
     pictures_of(&mut page, "operator-silent");
 }
 
@@ -147,7 +176,10 @@ fn a_scale_has_two_ticks_an_error_its_reason_and_an_old_fault_leaves_the_list() 
     let controller = Controller::enabled();
     let served = Served::start(&controller.domain);
     let Some(mut page) = served.open("", [1280, 800]) else { return };
-    page.wait("the page", "typeof ticks === 'function' && live !== null");
+    page.wait(
+        "the page",
+        "typeof ticks === 'function' && typeof live === 'object' && live !== null",
+    );
     let few = "[[-0.9, 0.9, 1], [-3, 1.2, 1], [0.1, 9, 2], [-20, 0, 2]]
         .map(([low, high, wanted]) => ticks([low, high], wanted).length).filter((count) => count < 2).length";
     assert_eq!(page.evaluate(few), json!(0), "one tick is no scale");
@@ -189,8 +221,8 @@ fn angles_of_two_digits_fit_into_their_panel() {
         page.resize(size);
         let is_shown = "['estimate', 'camera'].every(name => \
             document.querySelector(`#joints td.${name}`)?.textContent === '−28.65')";
-        let shown = (0..600).any(|_| {
-            let now = i2ris::clock::now();
+        let shown = within_timeout(|| {
+            let now = clock::now();
             camera.publish(now, &[-0.500_037, -0.600_044], &[]).unwrap();
             page.evaluate(is_shown) == json!(true)
         });

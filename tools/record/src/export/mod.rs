@@ -137,7 +137,7 @@ fn joined_table(
         return Ok(None);
     }
     let layout = Stream::Measured.layout();
-    let mut table = OpenTable::create(folder, "trial", layout, joined::columns(), format)?;
+    let mut table = OpenTable::create(folder, "overview", layout, joined::columns(), format)?;
     for row in joined::rows(&trial) {
         table.write_row(row)?;
         *exported.rows.entry(table.name.clone()).or_default() += 1;

@@ -153,7 +153,7 @@ impl Teller {
     pub fn new(folder: &Path, now: Nanos) -> Self {
         let name = folder.file_name().unwrap_or_default().to_string_lossy();
         let message =
-            TrialMsg { started_ns: now.0, name: padded_text(&name), ..TrialMsg::default() };
+            TrialMsg { started_ns: now.0, trial: padded_text(&name), ..TrialMsg::default() };
         let follower = Follower::new(folder);
         Self { follower, message, next_read: now, next_tell: now }
     }

@@ -144,8 +144,8 @@ fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
     trial.finish(BTreeMap::new(), &[]).unwrap();
     let tables = folder.path().join("tables");
     let exported = export(&file, &tables, TableFormat::Csv).unwrap();
-    assert_eq!(exported.rows["trial.csv"], 101);
-    let table = fs::read_to_string(tables.join("trial.csv")).unwrap();
+    assert_eq!(exported.rows["overview.csv"], 101);
+    let table = fs::read_to_string(tables.join("overview.csv")).unwrap();
     let rows: Vec<&str> = table.lines().collect();
     assert_eq!(
         rows[0],
@@ -162,7 +162,7 @@ fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
     assert_eq!((late[2], late[9], late[10]), ("FAULT", "", ""), "no angles without a camera");
     let units = fs::read_to_string(tables.join("units.csv")).unwrap();
     assert!(units.contains("trial,camera_yaw_deg,deg\n"), "{units}");
-    assert!(tables.join("trial.csv").exists());
+    assert!(tables.join("overview.csv").exists());
     let again = export(&file, &tables, TableFormat::Parquet).unwrap();
     assert_eq!(again.rows["trial.parquet"], 101);
     let report = TrialReport::read(&file).unwrap();

@@ -92,7 +92,7 @@ fn a_trial_is_recorded_with_its_marks_and_told_to_those_who_watch() {
         told = newest(&mut stream).unwrap_or(told);
         told.mark_number == 2
     });
-    assert_eq!(unpadded_text(&told.name), "P07-joystick-01");
+    assert_eq!(unpadded_text(&told.trial), "P07-joystick-01");
     assert_eq!((unpadded_text(&told.mark).as_str(), told.flags), ("free", 0));
     assert!(told.started_ns < told.mark_ns && told.mark_ns <= clock::now().0);
     assert!(bench.succeeds("stop --outcome recovery --note lost").contains("recovery, 2 marks"));

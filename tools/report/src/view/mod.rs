@@ -6,12 +6,13 @@
 
 mod adaptation;
 mod fixtures;
+mod hand;
 mod json;
 mod reasons;
 
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ReachTarget, ReasonMsg, SpanSummary, VirtualFixturesMsg,
+    PeriodStatistics, ReachTarget, ReasonMsg, SpanSummary, TeleopMsg, VirtualFixturesMsg,
 };
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
 use i2ris::model::ModelId;
@@ -20,6 +21,7 @@ use serde::Serialize;
 
 pub use adaptation::Adaptation;
 pub use fixtures::{Fixture, Target};
+pub use hand::Hand;
 pub use reasons::{NOTHING, Why, reasons};
 
 /// Age at which a value is marked as stale.
@@ -47,6 +49,8 @@ pub struct LatestMessages {
     pub fixtures: Option<VirtualFixturesMsg>,
     /// The target of a reach-and-hold task.
     pub target: Option<ReachTarget>,
+    /// What a person does with an input device.
+    pub hand: Option<TeleopMsg>,
     /// The last fault.
     pub error: Option<ReasonMsg>,
     /// The last refusal, stop or clip.
@@ -86,6 +90,7 @@ pub struct View {
     pub adaptation: Option<Adaptation>,
     pub fixtures: Vec<Fixture>,
     pub target: Option<Target>,
+    pub hand: Option<Hand>,
     pub models: Models,
     /// The newest first.
     pub events: Vec<Event>,
@@ -276,7 +281,8 @@ impl View {
         Self {
             state: messages.state.as_ref().map(|it| state(it, now)),
             why: messages.state.as_ref().map_or_else(Vec::new, |it| {
-                reasons(it, messages.error.as_ref(), warning.as_slice(), now)
+                let hand = messages.hand.as_ref();
+                reasons(it, messages.error.as_ref(), warning.as_slice(), hand, now)
             }),
             goal: messages.goal.as_ref().map(joint),
             setpoint: messages.setpoint.as_ref().map(joint),
@@ -287,6 +293,7 @@ impl View {
             health: messages.health.as_ref().map(health),
             adaptation: messages.adaptation.as_ref().map(Adaptation::new),
             fixtures: messages.fixtures.as_ref().map_or_else(Vec::new, fixtures::fixtures),
+            hand: messages.hand.as_ref().and_then(|it| Hand::new(it, now)),
             target: messages.target.as_ref().and_then(|it| Target::new(it, now)),
             ..Self::default()
         }

@@ -1,10 +1,12 @@
 //! Why the robot does not move, or not as asked, and what to do.
 
 use i2ris::ipc::Message;
-use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
+use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg, TeleopMsg};
 use i2ris::robot::Reason;
 use i2ris::units::Nanos;
 use serde::Serialize;
+
+use super::Hand;
 
 /// What is said where there is no reason.
 pub const NOTHING: &str = "nothing keeps the robot from moving: it waits for commands";
@@ -47,11 +49,12 @@ impl Why {
 }
 
 /// What keeps the robot from moving now, then the last warning of every cause, newest first.
-/// `error` is the last fault; `warnings` are in the order in which they came.
+/// `error` is the last fault, `hand` what a person does with an input device; `warnings` are in the order in which they came.
 pub fn reasons(
     state: &OperatingStateMsg,
     error: Option<&ReasonMsg>,
     warnings: &[ReasonMsg],
+    hand: Option<&TeleopMsg>,
     now: Nanos,
 ) -> Vec<Why> {
     let latched = error.and_then(ReasonMsg::reason);
@@ -60,6 +63,13 @@ pub fn reasons(
         Why::new(&measured.unwrap_or(Reason::from(cause)), None)
     });
     let mut all: Vec<Why> = present.collect();
+    let open = hand.and_then(|hand| Hand::new(hand, now)).and_then(|hand| hand.open);
+    all.extend(open.map(|why| {
+        // What is wrong, and after a colon what to do about it.
+        let (sentence, advice) = why.split_once(": ").unwrap_or((&why, "press it, and steer"));
+        let (text, advice) = (format!("the clutch is open: {sentence}"), advice.to_owned());
+        Why { sentence: text.clone(), text, advice, ..Why::default() }
+    }));
     let mut seen = Vec::new();
     for message in warnings.iter().rev() {
         let age_s = Some(message.age(now).as_seconds());
@@ -99,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_robot_that_is_ready_has_no_reason() {
-        assert_eq!(reasons(&ready(), None, &[], Nanos::ZERO), []);
+        assert_eq!(reasons(&ready(), None, &[], None, Nanos::ZERO), []);
     }
 
     #[test]
@@ -112,7 +122,9 @@ mod tests {
         let own = message(Cause::Fault(Fault::FollowingError), 5000);
         let other = message(Cause::Fault(Fault::Link), 4000);
         for (error, measured) in [(own, "5000 counts, limit 2000 counts"), (other, "")] {
-            let [why] = &reasons(&state, Some(&error), &[], Nanos::ZERO)[..] else { panic!() };
+            let [why] = &reasons(&state, Some(&error), &[], None, Nanos::ZERO)[..] else {
+                panic!()
+            };
             assert_eq!((why.code.as_str(), why.measured.as_str()), ("fault 3", measured));
             assert!(why.is_fault() && why.age_s.is_none());
         }
@@ -122,7 +134,7 @@ mod tests {
     fn what_can_be_removed_first_comes_first() {
         let off = OperatingStateMsg { flags: OperatingStateMsg::MODEL, ..Default::default() };
         let codes: Vec<String> =
-            reasons(&off, None, &[], Nanos::ZERO).into_iter().map(|why| why.code).collect();
+            reasons(&off, None, &[], None, Nanos::ZERO).into_iter().map(|why| why.code).collect();
         assert_eq!(codes, ["refusal 6", "state DISABLED"], "enabling needs the zero");
     }
 
@@ -136,7 +148,7 @@ mod tests {
         let (step, lease) = (Refusal::Step, Refusal::Lease);
         let warnings = [(step, 1000), (lease, 2000), (step, 3000)];
         let warnings = warnings.map(|(cause, stamp)| message(Cause::Refusal(cause), stamp));
-        let all = reasons(&state, None, &warnings, Nanos::from_millis(4000));
+        let all = reasons(&state, None, &warnings, None, Nanos::from_millis(4000));
         let codes: Vec<(&str, Option<f64>)> =
             { all.iter() }.map(|why| (why.code.as_str(), why.age_s)).collect();
         let expected = [
@@ -149,5 +161,24 @@ mod tests {
         ];
         assert_eq!(codes, expected);
         assert!(all[4].text.ends_with("(3000 counts, limit 2000 counts)"), "{}", all[4].text);
+    }
+
+    #[test]
+    fn an_open_clutch_is_a_reason_while_somebody_steers() {
+        let why = "the dead-man is half pressed: let go of it, then press it well";
+        let mut hand = TeleopMsg {
+            flags: TeleopMsg::OPEN,
+            why_open: i2ris::ipc::payload::padded_text(why),
+            ..TeleopMsg::default()
+        };
+        let said = |hand: &TeleopMsg, ms| {
+            let found = reasons(&ready(), None, &[], Some(hand), Nanos::from_millis(ms));
+            found.into_iter().map(|why| (why.text, why.advice)).collect::<Vec<_>>()
+        };
+        let open = "the clutch is open: the dead-man is half pressed".to_owned();
+        assert_eq!(said(&hand, 100), [(open, "let go of it, then press it well".to_owned())]);
+        assert_eq!(said(&hand, 1000), [], "nobody steers any more");
+        hand.flags = 0;
+        assert_eq!(said(&hand, 100), []);
     }
 }

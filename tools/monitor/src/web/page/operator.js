@@ -20,8 +20,14 @@ const LIMIT_DEG = Number(new URLSearchParams(location.search).get('limit')) || 0
 
 /** What a person at the robot has to know beside the state; what is as it should be is not said. */
 function showFlags() {
-  const { state, camera } = live;
+  const { state, camera, hand } = live;
   const flags = [];
+  if (hand) {
+    const arrow = (deg) => '→↗↑↖←↙↓↘'[((Math.round(deg / 45) % 8) + 8) % 8];
+    const [pitch, yaw] = hand.directions_deg.map(arrow);
+    flags.push(hand.open ? [`CLUTCH OPEN: ${hand.open}`, 'warn'] : [`FOLLOWS AT ${(100 * hand.scale).toFixed(0)} %`, 'on']);
+    flags.push([`in the picture: +pitch ${pitch}, +yaw ${yaw}`, 'on']);
+  }
   if (!camera) flags.push(['no camera', 'on']);
   else if (camera.stale) flags.push([`CAMERA SILENT ${age(camera.age_ms)}`, 'warn']);
   else if (!camera.deg) flags.push(['CAMERA SEES NOTHING', 'warn']);
