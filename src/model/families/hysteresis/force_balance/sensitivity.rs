@@ -137,7 +137,7 @@ impl<const D: usize> SensitiveState<D> {
 }
 
 impl<const D: usize> ForceBalance<D> {
-    /// [`Operator::begin`] with derivatives.
+    /// `Operator::begin` with derivatives.
     #[must_use]
     pub fn begin_sensitive(&self, counts: &SVector<f64, D>) -> SensitiveState<D> {
         let pulleys = self.positions(counts);
@@ -170,7 +170,7 @@ impl<const D: usize> ForceBalance<D> {
         at
     }
 
-    /// [`Operator::advance`] with derivatives.
+    /// `Operator::advance` with derivatives.
     pub fn advance_sensitive(&self, at: &mut SensitiveState<D>, counts: &SVector<f64, D>) {
         for position in self.steps(&at.state, counts) {
             let pulleys = self.drag(&at.state, &position);
