@@ -369,8 +369,12 @@ fn collect_goes_on_from_the_setpoint_after_a_stall() {
         assert!(collect.child().try_wait().unwrap().is_none(), "it ended");
         (0..2).any(|axis| (position()[axis] - start[axis]).abs() > 200.0)
     });
-    // Some of these are at full speed.
-    for _ in 0..5 {
+    for _ in 0..3 {
+        wait_until("it is fast", || {
+            let before = position();
+            clock::sleep(Nanos::from_millis(20));
+            (0..2).any(|axis| (position()[axis] - before[axis]).abs() > 12.0)
+        });
         collect.pause();
         clock::sleep(Nanos::from_millis(300));
         collect.resume();
