@@ -28,7 +28,7 @@ import math, sys, time
 from i2ris.arm import Arm, NoController, Refused
 
 with Arm(sys.argv[1], deadline_s=0.5) as arm:
-    assert arm.version().interface == 3
+    assert arm.version().interface == 4
     try:
         arm.state_command('enable')
         raise AssertionError('it is not homed')
@@ -170,7 +170,7 @@ import os, time
 from i2ris.arm import Arm, Refused
 
 with Arm(deadline_s=0.5) as arm:
-    assert arm.version().interface == 3
+    assert arm.version().interface == 4
     end = time.monotonic() + 20.0
     try:
         while time.monotonic() < end:
@@ -200,13 +200,13 @@ try:
         pass
     raise AssertionError('it speaks another version')
 except OtherInterface as error:
-    assert 'interface version 99, this package 3: take both from one release' in str(error), error
+    assert 'interface version 99, this package 4: take both from one release' in str(error), error
 from i2ris.link import Link
 try:
     Link.check_iceoryx2('0.9.1')
     raise AssertionError('another wheel')
 except OtherInterface as error:
-    assert str(error) == 'iceoryx2 0.9.1 is installed, and interface version 3 speaks with ' \\
+    assert str(error) == 'iceoryx2 0.9.1 is installed, and interface version 4 speaks with ' \\
         'iceoryx2 0.10.0: pip install iceoryx2==0.10.0', error
 ";
 

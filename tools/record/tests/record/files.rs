@@ -161,10 +161,10 @@ fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
     let late: Vec<&str> = rows[1 + 75].split(',').collect();
     assert_eq!((late[2], late[9], late[10]), ("FAULT", "", ""), "no angles without a camera");
     let units = fs::read_to_string(tables.join("units.csv")).unwrap();
-    assert!(units.contains("trial,camera_yaw_deg,deg\n"), "{units}");
+    assert!(units.contains("overview,camera_yaw_deg,deg\n"), "{units}");
     assert!(tables.join("overview.csv").exists());
     let again = export(&file, &tables, TableFormat::Parquet).unwrap();
-    assert_eq!(again.rows["trial.parquet"], 101);
+    assert_eq!(again.rows["overview.parquet"], 101);
     let report = TrialReport::read(&file).unwrap();
     assert_eq!(report.recorded.as_deref(), Some("2023-11-14T22:13:20Z"));
     assert!(report.text().contains("recorded 2023-11-14T22:13:20Z"), "{}", report.text());
