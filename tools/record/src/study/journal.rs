@@ -194,10 +194,10 @@ impl Journal {
         let path = self.path.clone();
         let line = serde_json::to_string(event)
             .map_err(|error| StudyError::Damaged { path: path.clone(), error })?;
-        // What tore the last line, if anything did, ended it without its end.
+        // What tore the last line may have left all of it but its end: it was not there, and stays so.
         let is_torn =
-            std::fs::read(&path).is_ok_and(|bytes| bytes.last().is_some_and(|b| *b != b'\n'));
-        let begin = if is_torn { "\n" } else { "" };
+            std::fs::read(&path).is_ok_and(|bytes| bytes.last().is_some_and(|byte| *byte != b'\n'));
+        let begin = if is_torn { " (torn)\n" } else { "" };
         self.file
             .write_all(format!("{begin}{line}\n").as_bytes())
             .and_then(|()| self.file.sync_data())
@@ -293,7 +293,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(50))]
+        #![proptest_config(ProptestConfig::with_cases(150))]
 
         /// A power cut leaves a beginning of the file.
         #[test]
