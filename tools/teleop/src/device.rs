@@ -11,7 +11,7 @@ use i2ris::clock;
 use i2ris::units::Nanos;
 
 use crate::evdev_decoder::EvdevDecoder;
-use crate::identity::{Identity, ProductId};
+use crate::identity::Identity;
 use crate::recording::{MAX_FRAME, Parser, RecordingError};
 use crate::space_mouse;
 use crate::state::{Description, DeviceState, Event, Protocol, Range};
@@ -264,7 +264,7 @@ fn identity_of_uevent(text: &str) -> Option<Identity> {
     // Bus, vendor, product: 0003:0000256F:0000C635.
     let mut id = value("HID_ID")?.split(':').skip(1);
     let mut number = || u16::try_from(u32::from_str_radix(id.next()?, 16).ok()?).ok();
-    let ProductId { vendor, product } = ProductId { vendor: number()?, product: number()? };
+    let (vendor, product) = (number()?, number()?);
     let text = |key: &str| value(key).unwrap_or_default().to_owned();
     Some(Identity { vendor, product, name: text("HID_NAME"), serial: text("HID_UNIQ") })
 }

@@ -22,8 +22,8 @@ pub struct Found {
     pub description: Result<Description, DeviceError>,
 }
 
-/// All devices of this computer that a hand may hold, in the order of their names.
-pub fn scan(profiles: &[Profile]) -> Vec<Found> {
+/// The files of all devices, in the order of their names.
+fn paths() -> Vec<PathBuf> {
     let entries = FOLDERS.into_iter().flat_map(|(folder, prefix)| {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
         let is_one = move |path: &PathBuf| {
@@ -33,7 +33,12 @@ pub fn scan(profiles: &[Profile]) -> Vec<Found> {
     });
     let mut paths: Vec<_> = entries.collect();
     paths.sort();
-    let found = paths.into_iter().map(|path| {
+    paths
+}
+
+/// All devices of this computer that a hand may hold.
+pub fn scan(profiles: &[Profile]) -> Vec<Found> {
+    let found = paths().into_iter().map(|path| {
         let description = Device::open(&path).map(|device| device.description().clone());
         Found { path, description }
     });
@@ -65,31 +70,15 @@ pub fn known<'a>(device: &Description, profiles: &'a [Profile]) -> Option<&'a Pr
 }
 
 /// Opens a device again after it was lost: the one with the same identity, wherever it is now.
-///
-/// # Errors
-///
-/// One sentence, when there is none, or another one in its place.
-pub fn reopen(last: &Path, is_played: bool, identity: &Identity) -> Result<Device, String> {
+/// `None`: it is not back, or another one is in its place.
+pub fn reopen(last: &Path, is_played: bool, identity: &Identity) -> Option<Device> {
     let is_same = |device: &Device| device.description().identity == *identity;
-    let another = |device: &Device| {
-        let found = &device.description().identity;
-        format!("{} is {found} now and not {identity}: another device", device.path().display())
-    };
     if is_played {
-        let device = Device::open_played(last, Nanos::ZERO).map_err(|error| error.to_string())?;
-        return if is_same(&device) { Ok(device) } else { Err(another(&device)) };
+        return Device::open_played(last, Nanos::ZERO).ok().filter(is_same);
     }
-    let paths =
-        std::iter::once(last.to_owned()).chain(scan(&[]).into_iter().map(|found| found.path));
-    let mut why = format!("{identity} is not plugged in");
-    for path in paths {
-        match Device::open(&path) {
-            Ok(device) if is_same(&device) => return Ok(device),
-            Ok(device) if path == last => why = another(&device),
-            _ => {}
-        }
-    }
-    Err(why)
+    // Not only joysticks: pedals are keyboards, and a SpaceMouse is a raw device.
+    let mut all = std::iter::once(last.to_owned()).chain(paths());
+    all.find_map(|path| Device::open(&path).ok().filter(is_same))
 }
 
 /// What a list tells of a device, in one line.

@@ -164,7 +164,7 @@ impl Part {
             return None;
         }
         self.next_search = now + SEARCH;
-        let mut device = reopen(&self.path, self.is_played, &self.identity).ok()?;
+        let mut device = reopen(&self.path, self.is_played, &self.identity)?;
         device.grab().ok()?;
         self.path = device.path().to_owned();
         self.device = Some(device);
