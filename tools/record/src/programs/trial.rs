@@ -138,6 +138,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         }
         Task::Start { study, domain, participant, condition, task, note } => {
             let study = Study::open(&study.study)?;
+            let _one_at_a_time = study.lock()?;
             for name in study.close_cut_off()? {
                 println!("{name} had been cut off: closed as aborted; what was recorded is kept");
             }

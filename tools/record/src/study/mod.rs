@@ -18,11 +18,12 @@ pub mod order;
 mod page;
 pub mod runner;
 
-use std::fs;
+use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
 use i2ris_report::files;
+use nix::fcntl::{Flock, FlockArg};
 use serde::{Deserialize, Serialize};
 
 use code::{CodeError, Condition, Participant};
@@ -60,6 +61,8 @@ pub enum StudyError {
     Code(#[from] CodeError),
     #[error("{0} runs: end it with `i2ris trial stop` first")]
     Runs(String),
+    #[error("another `i2ris trial start` is at work in this study")]
+    Starts,
     #[error("no trial runs; `i2ris trial start` begins one")]
     NoneRuns,
     #[error("the trial is not recorded: {0}")]
@@ -140,6 +143,14 @@ impl Study {
         }
         let description: Description = serde_json::from_slice(&text).map_err(damaged)?;
         Ok(Self { folder: folder.to_owned(), conditions: description.conditions })
+    }
+
+    /// Lets one process at a time begin a trial: what has begun and is not recorded yet is not cut
+    /// off. The system takes the lock back when the process ends.
+    pub fn lock(&self) -> Result<Flock<File>, StudyError> {
+        let file = self.folder.join(STUDY);
+        let opened = File::open(&file).map_err(io_error(&file))?;
+        Flock::lock(opened, FlockArg::LockExclusiveNonblock).map_err(|_| StudyError::Starts)
     }
 
     pub fn conditions(&self) -> &[Condition] {

@@ -83,6 +83,10 @@ fn a_trial_is_recorded_with_its_marks_and_told_to_those_who_watch() {
     let bench = Bench::new(&controller.domain);
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let mut stream = client.watcher().trial();
+    // Two at once: the second neither begins nor takes the first for cut off.
+    let another = Study::open(&bench.study()).unwrap().lock().unwrap();
+    bench.fails(START, "another `i2ris trial start` is at work");
+    drop(another);
     assert!(bench.succeeds(START).starts_with("P07-joystick-01 is being recorded"));
     bench.fails(START, "P07-joystick-01 runs: end it");
     assert!(bench.succeeds("mark contact").contains("P07-joystick-01: mark 1, contact"));
