@@ -3,13 +3,11 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, Field, JointState, LAYOUTS, ModelReply, OperatingStateMsg,
-    Payload, PayloadLayout, PeriodStatistics, ServoJp,
+    ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoJp,
 };
-use i2ris::ipc::{Direction, RequestService, Stream, StreamMessage};
+use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::units::Nanos;
 use i2ris_record::export::{TableFormat, export};
 use i2ris_record::recorder::{AttachedFile, RecordingHeader, TrialRecorder};
@@ -392,99 +390,4 @@ assert (types['t_s'], types['sequence'], types['measured_counts_0'], types['stat
     ('double', 'uint64', 'int32', 'uint16'), types
 ";
     run_python("pyarrow", script, &[tables.to_str().unwrap()]);
-}
-
-/// The layouts of all payloads as JSON.
-fn table() -> serde_json::Value {
-    let field = |field: &Field| {
-        let bytes = field.kind.size() * field.count;
-        serde_json::json!({"name": field.name, "offset": field.offset, "bytes": bytes})
-    };
-    let payload = |layout: PayloadLayout| {
-        let fields: Vec<_> = layout.fields.iter().map(field).collect();
-        serde_json::json!({"type_name": layout.type_name, "name": layout.name,
-                           "size": layout.size, "fields": fields})
-    };
-    LAYOUTS.into_iter().chain([ModelReply::LAYOUT]).map(payload).collect::<Vec<_>>().into()
-}
-
-#[test]
-fn python_has_the_same_payloads() {
-    let script = "
-import ctypes, json, sys, importlib.util
-spec = importlib.util.spec_from_file_location('payload', 'i2ris/payload.py')
-payload = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(payload)
-table = json.loads(sys.argv[1])
-seen = set()
-for entry in table:
-    kind = getattr(payload, entry['name'])
-    assert kind.type_name() == entry['type_name'], entry['name']
-    assert ctypes.sizeof(kind) == entry['size'], entry['name']
-    names = [field['name'] for field in entry['fields']]
-    assert [name for name, _ in kind._fields_] == names, entry['name']
-    for field in entry['fields']:
-        own = getattr(kind, field['name'])
-        expected = field['offset'], field['bytes']
-        assert (own.offset, own.size) == expected, (entry['name'], field)
-    seen.add(entry['name'])
-classes = {name for name, kind in vars(payload).items()
-           if isinstance(kind, type) and issubclass(kind, payload.Payload)}
-assert classes - {'Payload', 'SpanSummary'} == seen, classes ^ seen
-";
-    run_python("ctypes", script, &[&table().to_string()]);
-}
-
-#[test]
-fn the_header_for_cpp_is_current_and_compiles() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cpp/i2ris_payload.hpp");
-    let written = fs::read_to_string(&path).unwrap();
-    assert!(
-        written == i2ris_record::cpp_header::cpp_header(),
-        "run cargo run -p i2ris-record --example cpp_header > tools/cpp/i2ris_payload.hpp"
-    );
-    let mut compiler = Command::new("c++");
-    compiler.args("-std=c++17 -Wall -Wextra -Werror -fsyntax-only -include".split(' ')).arg(&path);
-    let Ok(output) = compiler.args(["-x", "c++", "/dev/null"]).output() else {
-        eprintln!("skipped: there is no C++ compiler");
-        return;
-    };
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-}
-
-#[test]
-fn the_manual_has_every_service_with_payload_and_direction() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../manual/src/shared-memory.md");
-    let manual = fs::read_to_string(path).unwrap();
-    let rows: Vec<Vec<&str>> = manual
-        .lines()
-        .filter(|line| line.starts_with("| `i2ris/"))
-        .map(|line| line.split('|').map(str::trim).collect())
-        .collect();
-    let mut services = 0;
-    let mut check = |service: &str, pattern: &str, payloads: &str, direction: &str| {
-        let name = format!("`{service}`");
-        let mut found = rows.iter().filter(|row| row[1].split(", ").any(|it| it == name));
-        let row = found.next().unwrap_or_else(|| panic!("the manual does not have {service}"));
-        assert!(found.next().is_none(), "{service} is there twice");
-        assert_eq!(row[2], pattern, "{service}");
-        assert!(row[3].starts_with(payloads), "{service}: {row:?}");
-        assert!(row[4].starts_with(direction), "{service}: {row:?}");
-        services += 1;
-    };
-    for stream in Stream::ALL.iter().map(|stream| stream.properties()) {
-        let direction = match stream.direction {
-            Direction::Out => "out",
-            Direction::In => "in",
-            Direction::BetweenClients => "from the client",
-        };
-        let payload = format!("`{}`", stream.layout.name);
-        check(stream.service, "publish-subscribe", &payload, direction);
-    }
-    for service in RequestService::ALL {
-        let payloads = service.layouts().map(|layout| format!("`{}`", layout.name)).join(", ");
-        check(service.service(), "request-response", &payloads, "");
-    }
-    let named: usize = rows.iter().map(|row| row[1].split(", ").count()).sum();
-    assert_eq!(named, services, "a service of the manual is not in the table");
 }

@@ -10,6 +10,7 @@
 mod crtk;
 mod files;
 mod foxglove;
+mod interfaces;
 mod programs;
 mod reasons;
 mod trial;
