@@ -16,10 +16,10 @@ pub struct ControlConfig {
     /// The loop wakes this long before each tick and spins until the tick, in microseconds, 0 to
     /// 500. 0: sleeps until the tick.
     pub spin_us: u32,
-    /// Delay each tick within its period to just before a port takes its next set-point, so that
-    /// the set-point follows the newest command. There are as many ticks as without it, and limits
+    /// Delay each tick within its period to just before a port takes its next setpoint, so that
+    /// the setpoint follows the newest command. There are as many ticks as without it, and limits
     /// per tick are the same, but the time from one tick to the next varies by up to 0.9 periods,
-    /// and so does the reported velocity of set-points.
+    /// and so does the reported velocity of setpoints.
     pub follow_lines: bool,
     /// SCHED_FIFO priority of the loop; 0 keeps normal scheduling. Port threads get 10
     /// less, the thread that reads commands 20 less, both at least 1.

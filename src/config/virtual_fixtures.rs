@@ -18,7 +18,7 @@ pub struct VirtualFixtureConfig {
     /// milliseconds. Speed along the region and away from it is not limited.
     pub slow_down_ms: u64,
     /// Distance that the goal keeps from regions in angles, degrees. It covers the distance of goal
-    /// and set-point while motors cross their backlash.
+    /// and setpoint while motors cross their backlash.
     pub margin_deg: f64,
     /// Distance that the goal keeps from regions of the tip, in millimetres.
     pub margin_mm: f64,

@@ -23,7 +23,7 @@ const FIRMWARE: Object<u16> = Object::new(0x2003, 1, "software version");
 /// Full serial number, 8 bytes: read in segments.
 const FULL_SERIAL_NUMBER: Address =
     Address { index: 0x2004, subindex: 0, size: 8, name: "full serial number" };
-/// Set-point of the position mode, counts: takes effect when written.
+/// Setpoint of the position mode, counts: takes effect when written.
 const TARGET: Object<i32> = Object::new(0x2062, 0, "position mode setting value");
 /// Motor current that counts as a hard stop, mA.
 const HOMING_CURRENT: Object<u16> = Object::new(0x2080, 0, "homing current threshold");

@@ -38,7 +38,7 @@ const ERROR_CODE: Object<u16> = Object::new(0x603F, 0, "error code");
 const QUICK_STOP_OPTION: Object<i16> = Object::new(0x605A, 0, "quick-stop option");
 /// Limit of the motor speed, rpm.
 const MAX_MOTOR_SPEED: Object<u32> = Object::new(0x6080, 0, "max motor speed");
-/// Interpolation period between two set-points; 0: no interpolation.
+/// Interpolation period between two setpoints; 0: no interpolation.
 const INTERPOLATION_PERIOD: Object<u8> = Object::new(0x60C2, 1, "interpolation period");
 
 /// The EPOS4 in cyclic synchronous position mode (8): a target takes effect when written.
@@ -147,7 +147,7 @@ fn settings(axis: &AxisConfig, map: &ObjectMap) -> Vec<Setting> {
         object::QUICK_STOP_DECELERATION.set(axis.quick_stop_rpm_s),
         object::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
         CURRENT_LIMIT.set(axis.current_limit_ma),
-        // With a period the drive faults when a set-point is late.
+        // With a period the drive faults when a setpoint is late.
         INTERPOLATION_PERIOD.set(0),
         QUICK_STOP_OPTION.set(6),
         object::DISABLE_OPTION.set(1),

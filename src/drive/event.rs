@@ -62,10 +62,10 @@ pub enum PortEventKind {
         /// Why.
         code: AbortCode,
     },
-    /// A set-point outside the position limits was not written. Reported once until one is written
+    /// A setpoint outside the position limits was not written. Reported once until one is written
     /// again.
     TargetRefused {
-        /// The set-point.
+        /// The setpoint.
         target: Counts,
         /// Lowest allowed.
         min: Counts,

@@ -38,11 +38,11 @@ pub struct ObjectMap {
     pub firmware_version: FirmwareVersion,
     /// Full serial number, 8 bytes; `None` if the family has none.
     pub full_serial_number: Option<Address>,
-    /// The mode of operation that follows set-points.
+    /// The mode of operation that follows setpoints.
     pub streaming_mode: i8,
-    /// How a set-point takes effect in it.
+    /// How a setpoint takes effect in it.
     pub setpoint_trigger: SetpointTrigger,
-    /// Set-point in `streaming_mode`, counts.
+    /// Setpoint in `streaming_mode`, counts.
     pub target: Object<i32>,
     /// The last error.
     pub error_code: Object<u16>,
@@ -63,12 +63,12 @@ pub enum FirmwareVersion {
     Word(Object<u16>),
 }
 
-/// How a set-point takes effect.
+/// How a setpoint takes effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SetpointTrigger {
     /// When it is written.
     Write,
     /// By a rising edge of controlword bit 4 after it was written; the bit is lowered again before
-    /// the next set-point.
+    /// the next setpoint.
     Edge,
 }

@@ -54,7 +54,7 @@ pub struct LinkCounters {
 pub enum Retry {
     /// Reads, and writes of the same value: they are idempotent.
     Safe,
-    /// Edges that start something, and set-points, which are replaced by newer ones instead.
+    /// Edges that start something, and setpoints, which are replaced by newer ones instead.
     Never,
 }
 

@@ -21,7 +21,7 @@
 //! | `axis` | one axis as a state machine without I/O |
 //! | `port_runner` | the thread that owns a serial port |
 //! | `request_watchdog` | notices a control loop that sends no requests |
-//! | `setpoint_slot` | when a port takes the next set-point |
+//! | `setpoint_slot` | when a port takes the next setpoint |
 //! | `error`, `event` | errors and events |
 
 pub mod abort_code;

@@ -145,7 +145,7 @@ pub const MODE_DISPLAY: Object<i8> = Object::new(0x6061, 0, "mode of operation i
 pub const POSITION: Object<i32> = Object::new(0x6064, 0, "actual position");
 /// Largest distance between demand and position, counts; more is a following error.
 pub const FOLLOWING_ERROR_WINDOW: Object<u32> = Object::new(0x6065, 0, "following error window");
-/// Set-point, counts.
+/// Setpoint, counts.
 pub const TARGET: Object<i32> = Object::new(0x607A, 0, "target position");
 /// Lower position limit, counts.
 pub const POSITION_MIN: Object<i32> = Object::new(0x607D, 1, "lowest position limit");

@@ -58,7 +58,7 @@ pub struct AxisLink<R: Send = AxisRequest> {
     pub requests: Input<R>,
     /// Feedback of the axis: the newest counts.
     pub feedback: Output<AxisFeedback>,
-    /// When the port takes the next set-point.
+    /// When the port takes the next setpoint.
     pub slot: SetpointSlot,
 }
 
@@ -341,7 +341,7 @@ fn exchange(
     if let Err(error) = link.synchronise() {
         slot.axis.set_lost(error, events);
     } else {
-        // Read as late as possible before the set-point is encoded.
+        // Read as late as possible before the setpoint is encoded.
         let request = if stopping {
             slot.axis.disable_request()
         } else {

@@ -1,6 +1,6 @@
-//! The set-point slot of an axis: when its port takes the next set-point.
+//! The setpoint slot of an axis: when its port takes the next setpoint.
 //!
-//! A line is busy for milliseconds with every exchange. A set-point that is computed just before
+//! A line is busy for milliseconds with every exchange. A setpoint that is computed just before
 //! the port takes it follows the newest command; one that waits is older than necessary. So the
 //! port announces its next slot, and the control loop plans its tick before it.
 
@@ -15,7 +15,7 @@ use crate::units::Nanos;
 pub struct SetpointSlot(Arc<AtomicU64>);
 
 impl SetpointSlot {
-    /// When the port expects to take the next set-point; `None` while the drive follows none.
+    /// When the port expects to take the next setpoint; `None` while the drive follows none.
     #[must_use]
     pub fn next(&self) -> Option<Nanos> {
         let next = self.0.load(Ordering::Relaxed);
@@ -23,7 +23,7 @@ impl SetpointSlot {
     }
 
     /// An exchange begins at `begin`. The next one with this axis is a `turn` later; after as many
-    /// turns as given comes the one that takes a set-point.
+    /// turns as given comes the one that takes a setpoint.
     pub(super) fn announce(&self, begin: Nanos, turn: Nanos, turns: Option<u64>) {
         let next =
             turns.map_or(0, |turns| begin.0.saturating_add(turn.0.saturating_mul(1 + turns)));

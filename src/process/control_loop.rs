@@ -108,7 +108,7 @@ impl ControlLoop {
         }
     }
 
-    /// The start of the tick at a point of the grid: before the first port that takes a set-point
+    /// The start of the tick at a point of the grid: before the first port that takes a setpoint
     /// in its period.
     #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
     fn plan_tick(&self, config: &ControlConfig, grid: Nanos) -> Nanos {

@@ -1,10 +1,10 @@
 //! When a tick begins within its period.
 //!
-//! A port takes the newest set-point at its own slots, some milliseconds apart. A tick on the grid
+//! A port takes the newest setpoint at its own slots, some milliseconds apart. A tick on the grid
 //! is up to a period old by then, and so is the command that it followed. A tick that is delayed
 //! to just before the slot is as new as it can be. The grid stays: there is one tick for each of
 //! its points, so limits per tick are what they were, and a port that is served between two ticks
-//! finds the set-point of the last one.
+//! finds the setpoint of the last one.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -2,9 +2,9 @@
 //!
 //! Ticks are on a fixed grid: start, start + period, start + 2 periods, ... A late thread skips the
 //! ticks that have passed and continues on the grid. It never catches up, because a burst of ticks
-//! would send a burst of set-points.
+//! would send a burst of setpoints.
 //!
-//! A tick may be delayed within its period, so that its set-point is as new as it can be when the
+//! A tick may be delayed within its period, so that its setpoint is as new as it can be when the
 //! line takes it. There is still one tick for every point of the grid.
 
 use serde::{Deserialize, Serialize};

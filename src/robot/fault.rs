@@ -11,7 +11,7 @@ numbered_enum! {
         Drive = 1, "a drive reports an error";
         /// A drive does not respond.
         Link = 2, "a drive does not answer";
-        /// The following error is too large: set-point and encoder differ too much.
+        /// The following error is too large: setpoint and encoder differ too much.
         FollowingError = 3, "setpoint and encoder are too far apart";
         /// A drive left the enabled state by itself.
         DriveState = 4, "a drive left the enabled state by itself";

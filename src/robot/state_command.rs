@@ -27,7 +27,7 @@ numbered_enum! {
         Acknowledge = 8, "acknowledge";
         /// Returns the lease.
         Release = 9, "release";
-        /// ENABLED: stop and hold, for every set-point source. The next servo command is followed
+        /// ENABLED: stop and hold, for every setpoint source. The next servo command is followed
         /// again.
         Hold = 10, "hold";
         /// ENABLED: move to a pose, from standstill to standstill; busy until it ends. It needs a

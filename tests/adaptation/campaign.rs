@@ -1,7 +1,7 @@
 //! Any camera signal at all moves the tip by no more than the budget and no faster than the limit.
 //!
 //! A robot with adaptation and one without follow the same goals, both on the same plant. What the
-//! two set-points differ by is the correction.
+//! two setpoints differ by is the correction.
 
 use std::iter;
 use std::sync::Arc;

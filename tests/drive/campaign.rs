@@ -1,7 +1,7 @@
 //! The fault campaign: seeded faults of every kind at random instants while two motors move.
 //!
 //! Every rig has two emulated drives on two ports and the drive layer with its port threads. A
-//! simple control loop sends set-points of a slow sine, acknowledges faults, homes and enables
+//! simple control loop sends setpoints of a slow sine, acknowledges faults, homes and enables
 //! again. `I2RIS_FAULTS` and `I2RIS_FAULT_SEED` set number and seed.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -42,7 +42,7 @@ const LARGEST_AGE: Nanos = Nanos::from_millis(1500);
 /// Motion between two samples of the true position, counts.
 const TOLERANCE: i32 = 12;
 
-/// No set-point outside the limits reaches a drive with power, no wrong position is accepted, no
+/// No setpoint outside the limits reaches a drive with power, no wrong position is accepted, no
 /// axis is disabled without an event that tells why, and every axis moves again.
 #[test]
 #[ignore = "2000 faults take half an hour"]
@@ -88,7 +88,7 @@ fn faults_of_every_kind_at_random_instants_leave_every_axis_safe() {
 struct Findings {
     /// What must not happen.
     wrong: Vec<String>,
-    /// Set-points outside the limits for a drive without power, which are allowed.
+    /// Setpoints outside the limits for a drive without power, which are allowed.
     preloads: usize,
     /// By kind: the time until the axis was known to be safe, and whether it stayed enabled.
     kinds: BTreeMap<&'static str, Vec<(Nanos, bool)>>,

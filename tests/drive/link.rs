@@ -289,7 +289,7 @@ fn disturbance() -> impl Strategy<Value = Disturbance> {
 proptest! {
     #![proptest_config(i2ris_testing::cases(64))]
 
-    /// With any disturbances: a value that is accepted answers the last request, a set-point that
+    /// With any disturbances: a value that is accepted answers the last request, a setpoint that
     /// is acknowledged was written, and the line returns to sync.
     #[test]
     fn no_wrong_value_is_ever_accepted(

@@ -207,7 +207,7 @@ impl Scene {
         clock::now().since(from).0 / 1_000_000
     }
 
-    /// Until the last change of a set-point; ms since `from`.
+    /// Until the last change of a setpoint; ms since `from`.
     fn until_held(&self, from: Nanos) -> u64 {
         self.rig.wait_until_still();
         let last_change = |axis| {

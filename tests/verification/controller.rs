@@ -72,7 +72,7 @@ fn servo_command(client: Client, command: Command) -> ServoCommand {
     }
 }
 
-/// One run of the loop, which takes a command of one client. `pushed`: the set-point that it comes to
+/// One run of the loop, which takes a command of one client. `pushed`: the setpoint that it comes to
 /// breaks a limit.
 pub fn tick(state: &mut State, guards: Guards, take: Option<Client>, pushed: bool) {
     update_robot(state, guards);

@@ -27,7 +27,7 @@ pub enum Guard {
     Freshness,
     /// Commands are refused unless the robot is ENABLED.
     Enabled,
-    /// A set-point that breaks a limit is held, whichever stage has made it.
+    /// A setpoint that breaks a limit is held, whichever stage has made it.
     Gate,
 }
 
@@ -45,7 +45,7 @@ pub const GUARDS: [(Guard, &str); 13] = [
     (Guard::Release, "only the holder of the lease moves the robot"),
     (Guard::Freshness, "without fresh positions nothing moves"),
     (Guard::Enabled, "nothing moves unless the robot is ENABLED"),
-    (Guard::Gate, "no set-point beyond a limit reaches the drive"),
+    (Guard::Gate, "no setpoint beyond a limit reaches the drive"),
 ];
 
 /// The guards that are in place: all but at most one.

@@ -42,7 +42,7 @@ pub fn properties<M: Model<State = State>>() -> Vec<Property<M>> {
         Property::always("nothing moves unless the robot is ENABLED", |_, state: &State| {
             moves(state).is_none() || state.robot == Robot::Enabled
         }),
-        Property::always("no set-point beyond a limit reaches the drive", |_, state: &State| {
+        Property::always("no setpoint beyond a limit reaches the drive", |_, state: &State| {
             !state.truth.broke_limit
         }),
     ];

@@ -130,7 +130,7 @@ pub struct Truth {
     /// The watchdog could not reach the drive.
     pub was_unreachable: bool,
     pub stopped_a_live_controller: bool,
-    /// A set-point beyond a limit went to the drive.
+    /// A setpoint beyond a limit went to the drive.
     pub broke_limit: bool,
     /// A fault was acknowledged before.
     pub has_recovered: bool,

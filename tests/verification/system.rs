@@ -17,7 +17,7 @@ pub struct System {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
     /// Time passes: the watchdog looks, then the loop runs and takes a command of one client. A
-    /// stage behind the limits may push the set-point beyond one.
+    /// stage behind the limits may push the setpoint beyond one.
     Step {
         take: Option<Client>,
         pushed: bool,

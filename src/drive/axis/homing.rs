@@ -44,7 +44,7 @@ pub(super) enum HomingStep {
     Restore(usize),
     /// Read them back.
     CheckRestored(usize),
-    /// Write the mode for set-points.
+    /// Write the mode for setpoints.
     SetModeBack,
     /// Wait until it is in force.
     ModeBack,

@@ -14,7 +14,7 @@ pub struct AxisRequest {
     pub sequence: u64,
     /// The state that the drive is brought to and kept in.
     pub demand: Demand,
-    /// The set-point. Written only in [`Demand::Enabled`], after the drive was enabled at its own
+    /// The setpoint. Written only in [`Demand::Enabled`], after the drive was enabled at its own
     /// position.
     pub target: Counts,
     /// Increases by one for every fault reset that the operator acknowledged.
@@ -55,7 +55,7 @@ pub struct AxisFeedback {
     pub phase: AxisPhase,
     /// The position refers to the home position (statusword bit 15), and is trusted.
     pub homed: bool,
-    /// The last set-point that was written and acknowledged.
+    /// The last setpoint that was written and acknowledged.
     pub written: Option<WrittenTarget>,
     /// Statusword (0x6041) as read.
     pub statusword: u16,
@@ -71,10 +71,10 @@ pub struct AxisFeedback {
     pub counters: LinkCounters,
 }
 
-/// A set-point that reached the drive.
+/// A setpoint that reached the drive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct WrittenTarget {
-    /// The set-point.
+    /// The setpoint.
     pub target: Counts,
     /// When the last byte of the request was handed to the operating system.
     pub stamp: Nanos,

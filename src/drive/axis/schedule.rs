@@ -1,12 +1,12 @@
-//! The order of transfers on the line, and the trigger of set-points.
+//! The order of transfers on the line, and the trigger of setpoints.
 //!
-//! Every transfer takes about 2 ms at 115200 baud, so every transfer beside set-point and position
-//! lowers the rate. While the drive follows its target, a round is set-point and position, and only
+//! Every transfer takes about 2 ms at 115200 baud, so every transfer beside setpoint and position
+//! lowers the rate. While the drive follows its target, a round is setpoint and position, and only
 //! some rounds carry a third transfer.
 //!
-//! A new command does not wait for its turn: its set-point goes out as soon as the line is free,
+//! A new command does not wait for its turn: its setpoint goes out as soon as the line is free,
 //! before a position or a monitored value that is due. Both follow it, so that a stream with a new
-//! command at every set-point does not keep them from the line.
+//! command at every setpoint does not keep them from the line.
 
 use super::interface::AxisRequest;
 use super::transfer::Transfer;
@@ -38,16 +38,16 @@ pub(super) struct Schedule {
     due: [bool; VALUES.len()],
     /// How often they were put off for a new command.
     deferrals: u32,
-    /// The command of the last set-point, as numbered in [`AxisRequest::command_sequence`].
+    /// The command of the last setpoint, as numbered in [`AxisRequest::command_sequence`].
     command: u64,
-    /// It was the first set-point of that command.
+    /// It was the first setpoint of that command.
     carried_new: bool,
 }
 
 /// Purpose of the next transfer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum TransferSlot {
-    /// The set-point, or the next step of a transition.
+    /// The setpoint, or the next step of a transition.
     #[default]
     Command,
     /// The position.
@@ -114,8 +114,8 @@ impl Schedule {
         slot
     }
 
-    /// Whether the next slot is one of a set-point, or gives way to that of a new command. The
-    /// position does so after a set-point of an earlier command.
+    /// Whether the next slot is one of a setpoint, or gives way to that of a new command. The
+    /// position does so after a setpoint of an earlier command.
     fn lets_command_pass(&self) -> bool {
         match self.next {
             TransferSlot::Command => true,
@@ -154,7 +154,7 @@ impl Schedule {
         }
     }
 
-    /// Transfers before the next one that takes the set-point of a new command, if nothing else is
+    /// Transfers before the next one that takes the setpoint of a new command, if nothing else is
     /// requested.
     pub(super) fn turns_to_command(&self) -> u64 {
         let (mut ahead, mut turns) = (*self, 0);
@@ -189,21 +189,21 @@ impl Schedule {
     }
 }
 
-/// State of a set-point that takes effect by an edge of the controlword: written, triggered, and
-/// the bit lowered again before the next set-point.
+/// State of a setpoint that takes effect by an edge of the controlword: written, triggered, and
+/// the bit lowered again before the next setpoint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum TriggerState {
-    /// The next set-point may be written.
+    /// The next setpoint may be written.
     #[default]
     Ready,
-    /// A set-point is written; its edge is next.
+    /// A setpoint is written; its edge is next.
     Written(AxisRequest),
     /// The edge was sent, and may have been lost; the bit must be lowered next.
     Raised,
 }
 
 impl TriggerState {
-    /// The transfer that must come before the next set-point.
+    /// The transfer that must come before the next setpoint.
     pub(super) fn transfer(self) -> Option<Transfer> {
         match self {
             Self::Ready => None,
@@ -213,7 +213,7 @@ impl TriggerState {
     }
 
     /// A transfer failed. It is unknown whether the edge arrived, so the bit is lowered; a newer
-    /// set-point follows.
+    /// setpoint follows.
     pub(super) fn handle_failure(&mut self) {
         if matches!(self, Self::Written(_)) {
             *self = Self::Raised;

@@ -108,7 +108,7 @@ pub(in crate::drive) struct AxisStateMachine {
     motor: usize,
     pub(super) limits: RangeInclusive<i32>,
     /// The most that the position can change while it is not read, counts: the distance to the last
-    /// set-point.
+    /// setpoint.
     max_unseen_motion: u32,
     pub(super) family: &'static dyn DriveFamily,
     pub(super) plan: HomingPlan,

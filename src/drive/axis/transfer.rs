@@ -29,9 +29,9 @@ pub(in crate::drive) enum Transfer {
     Method,
     /// Read a setting back.
     ReadBack(Address),
-    /// Write the set-point of this request.
+    /// Write the setpoint of this request.
     Setpoint(AxisRequest),
-    /// Trigger the set-point of this request, which is written: an edge.
+    /// Trigger the setpoint of this request, which is written: an edge.
     TriggerSetpoint(AxisRequest),
     /// Write a target that the drive does not follow yet.
     Preload(i32),
@@ -69,7 +69,7 @@ impl Transfer {
             Self::Mode => Read(object::MODE_DISPLAY.address()),
             Self::Method => Read(object::HOMING_METHOD.address()),
             Self::ReadBack(object) => Read(object),
-            // No retry: by then there is a newer set-point.
+            // No retry: by then there is a newer setpoint.
             Self::Setpoint(request) => Write(map.target.set(request.target.0), Retry::Never),
             Self::TriggerSetpoint(_) => Write(control(Controlword::NEW_SETPOINT), Retry::Never),
             Self::Preload(target) => Write(map.target.set(target), Retry::Safe),

@@ -145,7 +145,7 @@ impl TestBench {
         self.emulator().snapshot().axes[self.axis].drive
     }
 
-    /// Set-points that reached the drive under test.
+    /// Setpoints that reached the drive under test.
     pub fn setpoints(&self) -> Vec<i32> {
         let events = self.emulator().log().into_iter();
         let events = events.filter(|event| event.axis == self.axis);

@@ -105,7 +105,7 @@ enum Task {
     Inverse(InverseArguments),
     /// Exchanges with two emulated drives against what the wire allows
     Wire(WireArguments),
-    /// Command published, set-point on the wire, encoder position back at the client; with emulated
+    /// Command published, setpoint on the wire, encoder position back at the client; with emulated
     /// drives
     E2e(EndToEndArguments),
     /// All five with their defaults, one after the other; takes about two minutes

@@ -80,8 +80,8 @@ impl DriveRig {
     }
 }
 
-/// From each set-point of a drive to the one of the next round, by the stamps of the drives.
-/// `visits`: set-points of each drive in a round.
+/// From each setpoint of a drive to the one of the next round, by the stamps of the drives.
+/// `visits`: setpoints of each drive in a round.
 pub fn setpoint_intervals(
     log: &[Event],
     [begin, end]: [Nanos; 2],
@@ -102,11 +102,11 @@ pub fn setpoint_intervals(
     durations
 }
 
-/// Writes the newest set-point and reads the position, with frames and exchanges of the driver. It
+/// Writes the newest setpoint and reads the position, with frames and exchanges of the driver. It
 /// has no states, no limits, no model and does not wait for another thread.
 #[derive(Debug, Default)]
 pub struct BareLoop {
-    /// The newest set-point, counts.
+    /// The newest setpoint, counts.
     pub target: AtomicI32,
     /// When the reply with the last position was read, ns.
     pub measured_ns: AtomicU64,

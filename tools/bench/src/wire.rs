@@ -1,9 +1,9 @@
-//! Use of the serial lines by the driver: exchanges and set-points per second against the limit of
+//! Use of the serial lines by the driver: exchanges and setpoints per second against the limit of
 //! a line, over baud rates and axes per port.
 //!
 //! Two emulated drives without processing delay, on two ports or one. A request and its reply are
 //! 24 bytes of ten bits each without stuffing, so 115200 baud allow 480 exchanges per second on a
-//! line: 240 set-points with a position. The floor is a bare loop on the same ports, in the same
+//! line: 240 setpoints with a position. The floor is a bare loop on the same ports, in the same
 //! run. Three and four axes are the bare loop alone: it addresses the two drives in turn, which
 //! takes as many bytes.
 
@@ -32,9 +32,9 @@ const USB: u32 = 12_000_000;
 const EXCHANGE_BYTES: f64 = 24.0;
 const BITS_PER_BYTE: f64 = 10.0;
 
-/// Time between two set-points.
+/// Time between two setpoints.
 const TICK: Nanos = Nanos::from_millis(1);
-/// Amplitude of the set-points, counts, and their frequency, Hz.
+/// Amplitude of the setpoints, counts, and their frequency, Hz.
 const AMPLITUDE: f64 = 200.0;
 const FREQUENCY: f64 = 0.5;
 /// Limit for the time until the drives are enabled.
@@ -124,7 +124,7 @@ fn rig(baud: u32, axes: usize) -> Result<DriveRig, BenchError> {
 
 /// What went over the lines in an interval.
 struct LineUsage {
-    /// From each set-point of an axis to its next.
+    /// From each setpoint of an axis to its next.
     intervals: Durations,
     /// Of one line.
     exchanges_per_s: f64,

@@ -49,7 +49,7 @@ pub struct Arguments {
     /// Domain of the controller that receives the frames of the camera
     #[arg(long, env = "I2RIS_DOMAIN", value_name = "NAME", default_value = "i2ris")]
     domain: String,
-    /// Write every set-point, change of state and broken rule to a CSV file
+    /// Write every setpoint, change of state and broken rule to a CSV file
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     /// Family of the drives

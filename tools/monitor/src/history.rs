@@ -30,7 +30,7 @@ pub struct Sample {
     pub deviation: Pair,
     /// Encoder positions, counts.
     pub counts: Pair,
-    /// Set-points of the motors, counts.
+    /// Setpoints of the motors, counts.
     pub setpoint_counts: Pair,
     /// Milliampere.
     pub current: Pair,

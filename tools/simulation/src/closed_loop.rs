@@ -1,7 +1,7 @@
 //! The control cycle of the controller in front of simulated motors, in simulated time.
 //!
 //! Inverse, memory, filters, limits and rounding are those of the controller, as configured. Lines
-//! and clocks are not simulated: every tick carries positions and set-points. What turns behind the
+//! and clocks are not simulated: every tick carries positions and setpoints. What turns behind the
 //! drives is up to the caller: [`IdealMotors`], [`PlacedMotors`], or a [`Robot`] with a snake.
 
 use std::sync::Arc;
@@ -34,7 +34,7 @@ pub trait Motors {
     /// Encoder counts at the start of a tick, with the targets of the drives that are on.
     fn read(&mut self, targets: [Option<Counts>; MAX_MOTORS]) -> MotorVec;
 
-    /// Turns for a tick towards these set-points, counts.
+    /// Turns for a tick towards these setpoints, counts.
     fn turn(&mut self, _setpoints: MotorVec) {}
 
     /// True pitch and yaw, deg, for a camera.

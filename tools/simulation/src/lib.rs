@@ -11,7 +11,7 @@
 //!                                                                +-- snake -- camera
 //! host == pseudo-terminal == port (line timing) == drive --wire--+
 //!
-//! ControlCycle == set-points, encoders (closed_loop) == motors ------ snake -- camera
+//! ControlCycle == setpoints, encoders (closed_loop) == motors ------ snake -- camera
 //! ```
 //!
 //! | module | content |

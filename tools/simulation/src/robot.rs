@@ -29,7 +29,7 @@ impl Robot {
         Self { config: MotorConfig::default(), motors: [Motor::default(); 2], snake }
     }
 
-    /// One tick with these set-points.
+    /// One tick with these setpoints.
     pub fn tick(&mut self, setpoints: MotorVec) {
         let step_s = TICK_S / STEPS as f64;
         for _ in 0..STEPS {

@@ -68,7 +68,7 @@ fn at_random_instants(
     Ok(observations)
 }
 
-/// Publishes all commands to a controller and records set-points and encoder positions.
+/// Publishes all commands to a controller and records setpoints and encoder positions.
 pub fn command(
     client: &mut Client,
     benchmark: &EndToEndBenchmark,
@@ -139,7 +139,7 @@ pub fn bare(
                 benchmark,
                 |number, observations| {
                     run.check()?;
-                    // Every set-point differs from the one before, so that it can be matched.
+                    // Every setpoint differs from the one before, so that it can be matched.
                     let (command, counts) = (clock::now(), (number % 200) as i32);
                     bare.target.store(counts, Ordering::Release);
                     let written = Written { command, written: Nanos::ZERO, counts };

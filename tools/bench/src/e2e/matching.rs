@@ -1,4 +1,4 @@
-//! Matches commands with set-points and encoder positions.
+//! Matches commands with setpoints and encoder positions.
 
 use i2ris::units::Nanos;
 use i2ris_simulation::log::{Event, EventKind};
@@ -8,12 +8,12 @@ use crate::outcome::Durations;
 /// Commands at the start that do not count: caches and connections warm up.
 const WARM_UP: usize = 10;
 
-/// The set-point of a command, as reported by the controller.
+/// The setpoint of a command, as reported by the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Written {
     /// When the command was published.
     pub command: Nanos,
-    /// When the set-point was passed to the operating system; zero: not reported.
+    /// When the setpoint was passed to the operating system; zero: not reported.
     pub written: Nanos,
     pub counts: i32,
 }
@@ -27,10 +27,10 @@ pub struct Reading {
     pub seen: Nanos,
 }
 
-/// Set-points and encoder positions of each motor, in the order of time.
+/// Setpoints and encoder positions of each motor, in the order of time.
 #[derive(Debug, Default)]
 pub struct Observations {
-    /// The first set-point of each command.
+    /// The first setpoint of each command.
     pub written: [Vec<Written>; 2],
     pub readings: [Vec<Reading>; 2],
     pub sent: u64,
@@ -57,12 +57,12 @@ pub struct CommandLatencies {
     pub arrived: Durations,
     /// From the operating system to the last byte at the drive.
     pub wire: Durations,
-    /// From the command to an encoder position at the client that was measured after the set-point
+    /// From the command to an encoder position at the client that was measured after the setpoint
     /// arrived.
     pub seen: Durations,
-    /// Commands with a set-point, of both motors.
+    /// Commands with a setpoint, of both motors.
     pub commands: u64,
-    /// Commands without a set-point.
+    /// Commands without a setpoint.
     pub overtaken: u64,
     pub longest_gap: Nanos,
     /// From the command to the tick that read it.
@@ -153,7 +153,7 @@ mod tests {
                 written: us(start + 900),
                 counts,
             });
-            // The old set-point again, the one of the other motor, the new one.
+            // The old setpoint again, the one of the other motor, the new one.
             for (at, axis, counts) in
                 [(start + 500, 0, counts - 1), (start + 1500, 1, counts), (start + 2000, 0, counts)]
             {

@@ -1,13 +1,13 @@
-//! End to end: a client publishes a command, the drive receives the last byte of its set-point, and
+//! End to end: a client publishes a command, the drive receives the last byte of its setpoint, and
 //! the client reads an encoder position that was measured after that.
 //!
 //! ```text
-//! client --servo_jp--> controller process --set-point on the line--> emulated drive with a log
+//! client --servo_jp--> controller process --setpoint on the line--> emulated drive with a log
 //!        <--actuators/measured_js--       <--encoder position------
 //! ```
 //!
 //! Commands come at random instants, at all phases of loop and lines. The floor is a loop that
-//! passes the newest set-point to the same line ([`BareLoop`](crate::rig::BareLoop)). It needs the
+//! passes the newest setpoint to the same line ([`BareLoop`](crate::rig::BareLoop)). It needs the
 //! waiting time for the line and the time on the wire. The black box of the controller tells the
 //! age of a command at the tick that read it.
 

@@ -38,7 +38,7 @@ pub struct Plan {
     pub prepare: PrepareOptions,
 }
 
-/// Waits for the present pose, which is the set-point.
+/// Waits for the present pose, which is the setpoint.
 pub fn present_pose(client: &Client) -> Result<Angles, Failure> {
     let mut setpoint = Latest::new(client.watcher().setpoint_js());
     let start = clock::now();
@@ -146,7 +146,7 @@ impl Stream {
         }
     }
 
-    /// Goes on from the set-point, where the controller stopped the snake.
+    /// Goes on from the setpoint, where the controller stopped the snake.
     fn rejoin(&mut self, client: &mut Client) -> Result<Nanos, Failure> {
         let pose = wait_for_rest(|| present_pose(client))?;
         self.player.rejoin(pose);

@@ -104,7 +104,7 @@ impl StreamMonitor {
         self.refused_now == Some(Refusal::Step) && self.accepted > self.accepted_at_start
     }
 
-    /// Begins again with `state`, received at `now`: the next command starts at the set-point.
+    /// Begins again with `state`, received at `now`: the next command starts at the setpoint.
     pub fn restart(&mut self, state: &OperatingStateMsg, now: Nanos) {
         self.accepted = state.accepted;
         self.accepted_at_start = state.accepted;
@@ -288,7 +288,7 @@ mod tests {
             accepted,
             ..refused_state(now, ME, count, Refusal::Step)
         };
-        // Refused from the beginning: the stream does not start at the set-point.
+        // Refused from the beginning: the stream does not start at the setpoint.
         monitor.check(&refused(0, at(5), 1), at(5)).unwrap();
         assert!(!monitor.has_lost_setpoint());
         monitor.check(&refused(1, at(10), 1), at(10)).unwrap();

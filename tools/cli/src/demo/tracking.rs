@@ -19,7 +19,7 @@ const NEAR_DEG: f64 = 0.2;
 pub struct MotionRun {
     /// Difference between goal and camera for every frame: pitch and yaw, degrees.
     pub errors_deg: Vec<[f64; 2]>,
-    /// From the stamp of a command until its set-point had been handed to the serial line,
+    /// From the stamp of a command until its setpoint had been handed to the serial line,
     /// microseconds, sorted.
     pub command_to_wire_us: Vec<f64>,
     /// One entry a second.

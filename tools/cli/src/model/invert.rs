@@ -20,7 +20,7 @@ use i2ris_report::Failure;
 /// Speed of the approach to the first pose, degrees (mm) per second.
 const APPROACH: f64 = 10.0;
 
-/// The approach has come to rest when the set-points have stood for so many ticks; it gets so many
+/// The approach has come to rest when the setpoints have stood for so many ticks; it gets so many
 /// to do so.
 const REST_TICKS: u32 = 50;
 const LONGEST_REST_TICKS: u32 = 10_000;

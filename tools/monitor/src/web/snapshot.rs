@@ -77,7 +77,7 @@ impl<'a> Snapshot<'a> {
     }
 }
 
-/// Time, then pairs: goal, set-point, estimate, standard deviation, set-point counts, counts,
+/// Time, then pairs: goal, setpoint, estimate, standard deviation, setpoint counts, counts,
 /// currents. `null`: a gap.
 fn sample_row(sample: &Sample, origin: Nanos) -> Vec<Option<f64>> {
     let Sample { goal, setpoint, estimate, deviation, setpoint_counts, counts, current, .. } =

@@ -1,4 +1,4 @@
-//! The table for people: goal, set-point, estimate, camera and state on one grid.
+//! The table for people: goal, setpoint, estimate, camera and state on one grid.
 
 use super::columns::{Cell, Column, ColumnType, seconds};
 use crate::cdr::Number;

@@ -10,7 +10,7 @@
 //! | file | contains |
 //! |---|---|
 //! | `columns` | the columns of a payload, and the cells of a message |
-//! | `joined` | goal, set-point, estimate, camera and state on one grid |
+//! | `joined` | goal, setpoint, estimate, camera and state on one grid |
 //! | `parquet` | tables as Parquet: columns with types, a tenth of the size |
 
 mod columns;

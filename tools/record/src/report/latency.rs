@@ -17,7 +17,7 @@ const BINS_PER_DECADE: f64 = 20.0;
 /// Latencies of a trial, of both motors.
 #[derive(Debug)]
 pub struct Latencies {
-    /// From the stamp of a command until its set-point was passed to the serial line, ns.
+    /// From the stamp of a command until its setpoint was passed to the serial line, ns.
     pub to_line: Histogram<u64>,
     /// Age of the encoder position in each tick, ns.
     pub age: Histogram<u64>,

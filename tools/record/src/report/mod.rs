@@ -68,7 +68,7 @@ pub struct TrialReport {
     pub reaches: Option<ReachScore>,
     pub targets: Option<TargetScore>,
     pub hysteresis: Vec<HysteresisLoop>,
-    /// From the stamp of a command until its set-point was passed to the serial line, ms.
+    /// From the stamp of a command until its setpoint was passed to the serial line, ms.
     pub command_to_line_ms: Option<Percentiles>,
     /// Age of the encoder position in each tick, ms.
     pub reading_age_ms: Option<Percentiles>,

@@ -20,7 +20,7 @@ const GAP_COUNTS: f64 = 2.0;
 
 /// Moves a robot to goals, a tick at a time.
 pub trait Pilot {
-    /// One tick; the set-points of the motors. The error says why the robot does not follow.
+    /// One tick; the setpoints of the motors. The error says why the robot does not follow.
     fn follow(&mut self, goal: [f64; 2]) -> Result<MotorVec, String>;
 
     fn robot(&self) -> &Robot;
@@ -49,7 +49,7 @@ impl Pilot for ClosedLoop<Robot> {
 pub struct Tracking {
     /// Root mean square of the length of the error of the tip, deg.
     pub rms_deg: f64,
-    /// Travel of the set-points of both motors, counts per second.
+    /// Travel of the setpoints of both motors, counts per second.
     pub travel_counts_s: f64,
 }
 

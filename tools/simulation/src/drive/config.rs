@@ -23,7 +23,7 @@ pub struct DriveConfig {
     pub segment_bytes: u8,
     /// Timeout of a request to another node, milliseconds.
     pub gateway_timeout_ms: u64,
-    /// Whether interpolation (0x60C2:01 above 0) expects set-points in time over a serial line too:
+    /// Whether interpolation (0x60C2:01 above 0) expects setpoints in time over a serial line too:
     /// fault 0x8250.
     pub interpolation_timeout: bool,
 }

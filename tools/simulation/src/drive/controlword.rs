@@ -7,11 +7,11 @@ use super::mode::Mode;
 use super::state::{DeviceCommand, State};
 use super::task::Task;
 
-/// Bit 4: new set-point, or start homing.
+/// Bit 4: new setpoint, or start homing.
 pub(super) const START: u16 = 1 << 4;
-/// Bit 5: change the set-point immediately.
+/// Bit 5: change the setpoint immediately.
 const IMMEDIATELY: u16 = 1 << 5;
-/// Bit 6: the set-point is relative.
+/// Bit 6: the setpoint is relative.
 const RELATIVE: u16 = 1 << 6;
 /// Bit 7: fault reset.
 const FAULT_RESET: u16 = 1 << 7;
@@ -109,7 +109,7 @@ impl Drive {
     }
 
     /// Evaluates bit 4. Only its rising edge starts something. In the profile position mode a
-    /// set-point without a new edge is lost without an error.
+    /// setpoint without a new edge is lost without an error.
     fn start(&mut self, rising: u16, before: u16) {
         let is_new = self.setpoints.taken != Some(self.dictionary.get(0x607A, 0));
         match self.mode {

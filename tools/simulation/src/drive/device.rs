@@ -24,15 +24,15 @@ pub(super) enum Homing {
     Failed,
 }
 
-/// Set-points of the profile position mode, in counts of the motor.
+/// Setpoints of the profile position mode, in counts of the motor.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Setpoints {
-    /// The set-point of the present movement.
+    /// The setpoint of the present movement.
     pub(super) active: Option<f64>,
-    /// The set-point after it.
+    /// The setpoint after it.
     pub(super) queued: Option<f64>,
     pub(super) acknowledged: bool,
-    /// The last accepted set-point, as written.
+    /// The last accepted setpoint, as written.
     pub(super) taken: Option<i64>,
 }
 
@@ -80,7 +80,7 @@ pub struct DriveSnapshot {
     pub position: i32,
     /// Position demand, counts.
     pub demand: i32,
-    /// The set-point that acts at once (object 0x607A; EPOS2 0x2062), counts.
+    /// The setpoint that acts at once (object 0x607A; EPOS2 0x2062), counts.
     pub target: i32,
     /// True position of the motor since the start of the emulator, counts. Homing does not change
     /// it.

@@ -5,7 +5,7 @@ use super::state::State;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum EventKind {
-    /// A set-point (object 0x607A) was received, in counts.
+    /// A setpoint (object 0x607A) was received, in counts.
     Setpoint(i32),
     State {
         /// Before.
@@ -44,7 +44,7 @@ pub enum HostBug {
     Pipelined,
     /// An opcode that the drive does not know.
     Opcode(u8),
-    /// A new set-point in profile position mode without clearing bit 4 first. The drive ignores it
+    /// A new setpoint in profile position mode without clearing bit 4 first. The drive ignores it
     /// without an error.
     SetpointIgnored,
 }

@@ -24,7 +24,7 @@ impl Fault {
     pub const FOLLOWING_ERROR: Self = Self(0x8611);
     /// The demand is outside the software position limits.
     pub const POSITION_LIMIT: Self = Self(0x8A82);
-    /// No set-point in time although interpolation is on.
+    /// No setpoint in time although interpolation is on.
     pub const RPDO_TIMEOUT: Self = Self(0x8250);
 
     /// The reaction of the drive (EPOS4 Firmware Specification, table of errors; EPOS2: the same

@@ -9,9 +9,9 @@ pub enum Mode {
     CyclicPosition = 8,
     CyclicVelocity = 9,
     CyclicTorque = 10,
-    /// EPOS2 position mode: every set-point acts at once.
+    /// EPOS2 position mode: every setpoint acts at once.
     Position = -1,
-    /// EPOS2 velocity mode: every set-point acts at once.
+    /// EPOS2 velocity mode: every setpoint acts at once.
     Velocity = -2,
     /// EPOS2 current mode.
     Current = -3,

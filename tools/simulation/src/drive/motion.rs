@@ -90,8 +90,8 @@ impl Drive {
         (self.dictionary.get(0x607D, 1), self.dictionary.get(0x607D, 2))
     }
 
-    /// The set-point that acts at once, counts of the motor. It is clamped to the position limits
-    /// where the family has no fault for a set-point beyond them.
+    /// The setpoint that acts at once, counts of the motor. It is clamped to the position limits
+    /// where the family has no fault for a setpoint beyond them.
     fn direct_target(&self) -> f64 {
         let target = self.stored(self.map().direct_target) + self.dictionary.get(0x60B0, 0);
         let (low, high) = self.position_limits();
@@ -195,7 +195,7 @@ impl Drive {
         }
     }
 
-    /// The current set-point of the torque or current mode, mA.
+    /// The current setpoint of the torque or current mode, mA.
     fn target_current_ma(&self) -> f64 {
         let get = |index, sub| self.dictionary.get(index, sub) as f64;
         match self.mode {
@@ -209,7 +209,7 @@ impl Drive {
         self.frozen.is_some() || self.motor.is_at_standstill()
     }
 
-    /// Raises the faults of position control: limits, following error, set-point timeout.
+    /// Raises the faults of position control: limits, following error, setpoint timeout.
     fn detect_fault(&mut self, dt_s: f64) {
         self.since_setpoint_s += dt_s;
         let is_cyclic = self.task == Task::Cyclic;
@@ -227,7 +227,7 @@ impl Drive {
         }
     }
 
-    /// With interpolation on, a set-point is expected every period. Two periods without one are too
+    /// With interpolation on, a setpoint is expected every period. Two periods without one are too
     /// long.
     fn is_setpoint_late(&self) -> bool {
         let exponent = self.dictionary.get(0x60C2, 2) as i32;

@@ -12,9 +12,9 @@ pub(super) type Address = (u16, u8);
 /// The objects of a family, and those that differ between the families.
 #[derive(Debug)]
 pub(super) struct ObjectMap {
-    /// Set-point of the mode in which every position set-point acts at once.
+    /// Setpoint of the mode in which every position setpoint acts at once.
     pub direct_target: Address,
-    /// Set-point of the mode in which every velocity set-point acts at once.
+    /// Setpoint of the mode in which every velocity setpoint acts at once.
     pub direct_velocity: Address,
     /// Output current limit, mA.
     pub current_limit: Address,

@@ -13,7 +13,7 @@ const WARNING: u16 = 1 << 7;
 const REMOTE: u16 = 1 << 9;
 const TARGET_REACHED: u16 = 1 << 10;
 const LIMIT: u16 = 1 << 11;
-/// Bit 12, by mode: set-point acknowledged, homing attained, demand followed.
+/// Bit 12, by mode: setpoint acknowledged, homing attained, demand followed.
 const MODE_12: u16 = 1 << 12;
 /// Bit 13, by mode: following error, homing error.
 const MODE_13: u16 = 1 << 13;

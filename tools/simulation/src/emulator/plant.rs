@@ -82,7 +82,7 @@ impl Plant {
         let (port, other) = if axis == 0 { (first, second) } else { (second, first) };
         let behind = self.gateway.map(|round_trip| (other, round_trip));
         let reply = port.reply_at_port(incoming, behind);
-        // A late thread cannot change the past: its set-points count from the present time.
+        // A late thread cannot change the past: its setpoints count from the present time.
         self.record(self.time.max(arrived));
         reply
     }
