@@ -7,11 +7,12 @@ use crate::core::command::refusal_record::ClientRefusals;
 use crate::core::events::CycleEvent;
 use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::core::joint_space::gate::Gated;
+use crate::core::joint_space::joint_report::JointReport;
 use crate::core::joint_space::position_history::HistoryCursor;
 use crate::drive::AxisFeedback;
 use crate::model::ModelId;
 use crate::robot::{Fault, Measurement, OperatingState, REFUSED_CLIENTS, Refusal};
-use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
+use crate::units::{Counts, MAX_MOTORS, Nanos};
 
 /// Outputs of one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -102,31 +103,6 @@ pub struct CycleReport {
     pub setpoints: [Counts; MAX_MOTORS],
     /// Feedback of this tick.
     pub feedback: [AxisFeedback; MAX_MOTORS],
-}
-
-/// Joint space in one tick, rad.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct JointReport {
-    /// The model that computed the values.
-    pub model: ModelId,
-    /// Number of valid entries of the arrays.
-    pub outputs: u32,
-    /// Goal of the client, clipped to the hull and the position limits. While holding, the
-    /// setpoint.
-    pub goal: OutputVec,
-    /// Model output at the setpoints before they are rounded to counts.
-    pub setpoint: OutputVec,
-    /// Model output at the encoder positions.
-    pub measured: OutputVec,
-    /// Rate of change of `setpoint` in this tick, rad/s.
-    pub setpoint_velocity: OutputVec,
-    /// Rate of change of `measured`, rad/s, through a first-order low-pass filter with a time
-    /// constant of 20 ms.
-    pub measured_velocity: OutputVec,
-    /// Standard deviation of `measured`, rad.
-    pub deviation: OutputVec,
-    /// The hysteresis memory is known.
-    pub memory_known: bool,
 }
 
 /// Ids of the loaded models.

@@ -12,8 +12,7 @@ use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 use i2ris_testing::{
-    Rig, SetOnDrop, largest_step, linear_model, stream_angles_by, swing_angles_until,
-    wait_until_idle,
+    Rig, SetOnDrop, largest_step, stream_angles_by, swing_angles_until, wait_until_idle,
 };
 use nix::sys::stat::Mode;
 use nix::unistd::mkfifo;
@@ -35,9 +34,9 @@ fn h08_bad_models_are_refused_with_the_reason_and_the_one_in_use_stays() {
     let absent = rig.folder.path().join("absent.json");
     let broken = rig.folder.path().join("broken.json");
     fs::write(&broken, "{\"format\": \"i2ris-model\", ").unwrap();
-    let other = linear_model(&rig, "other.json", "elsewhere", 1.0);
-    let flat = linear_model(&rig, "flat.json", "rig", 0.0);
-    let open = linear_model(&rig, "open.json", "rig", 1.1);
+    let other = rig.linear_model("other.json", "elsewhere", 1.0);
+    let flat = rig.linear_model("flat.json", "rig", 0.0);
+    let open = rig.linear_model("open.json", "rig", 1.1);
     fs::set_permissions(&open, Permissions::from_mode(0o666)).unwrap();
     // A FIFO without a writer, and a file without an end.
     let fifo = rig.folder.path().join("fifo.json");
@@ -63,7 +62,7 @@ fn h08_bad_models_are_refused_with_the_reason_and_the_one_in_use_stays() {
 #[test]
 fn h08_a_model_takes_over_while_the_snake_moves_and_is_rolled_back() {
     let mut rig = Rig::with_model();
-    let second = linear_model(&rig, "second.json", "rig", 1.3);
+    let second = rig.linear_model("second.json", "rig", 1.3);
     let client = rig.enabled();
     let mut operator = Client::connect(&rig.domain(), Nanos::from_millis(5000)).unwrap();
     let done = AtomicBool::new(false);

@@ -17,7 +17,7 @@ use i2ris::ipc::{Domain, OperatingState, StateCommand};
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 use crate::exit::name_holder;
-use crate::numbers::{finite, pair, positive, within};
+use crate::numbers::{finite, pair, positive, rate};
 use crate::teleop::{self, HandOptions};
 use prepare::{PrepareOptions, carry_out};
 use reach::ReachOptions;
@@ -273,8 +273,4 @@ fn print_state(
     };
     until_closed(Screen::stdout().say(&report))?;
     Ok(())
-}
-
-pub fn rate(text: &str) -> Result<f64, String> {
-    within(10.0..=1000.0, "must be 10 to 1000", text)
 }

@@ -12,6 +12,11 @@ pub fn within(
     number.ok_or_else(|| what.to_owned())
 }
 
+/// How often a stream is sent, Hz.
+pub fn rate(text: &str) -> Result<f64, String> {
+    within(10.0..=1000.0, "must be 10 to 1000", text)
+}
+
 pub fn finite(text: &str) -> Result<f64, String> {
     let number: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
     if number.is_finite() { Ok(number) } else { Err("must be finite".to_owned()) }

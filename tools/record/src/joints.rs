@@ -3,7 +3,8 @@
 use i2ris::ipc::payload::{Version, unpadded_text};
 use i2ris_gateway::Snake;
 
-use crate::standard::DEFAULT_NAMES;
+/// Names of the joints where a controller tells none.
+pub const DEFAULT_NAMES: [&str; 2] = ["pitch", "yaw"];
 
 /// The snake in URDF and frames. All robots have the same; where several are shown together, each
 /// has a recording or a server of its own.

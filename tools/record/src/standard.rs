@@ -12,9 +12,6 @@ use crate::cdr::Encoder;
 use crate::joints::snake;
 use crate::topic::Topic;
 
-/// Names of the joints if no model names them.
-pub const DEFAULT_NAMES: [&str; 2] = ["pitch", "yaw"];
-
 /// Time between two poses of the tip and the links, as in ROS.
 const POSE_PERIOD: Nanos = Nanos::from_millis(20);
 

@@ -7,10 +7,7 @@ use plotters::element::{Drawable, PointCollection};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::style::{self, Dash, Marker, Stroke};
-
-/// `plotters` knows whole coordinates and widths only: a figure is drawn in tenths of a unit.
-pub const UNIT: f64 = 10.0;
+use crate::style::{self, Dash, Marker, Stroke, UNIT, pixels};
 
 /// The size of all text, in units of the figure: about 8 pt on a page.
 pub const FONT_SIZE: f64 = 11.5;
@@ -107,10 +104,6 @@ pub fn font(style: FontStyle) -> TextStyle<'static> {
     let font = FontDesc::new(FontFamily::Name("inherit"), 1.24 * FONT_SIZE * UNIT, style);
     let color = style::Color::DARK.rgb().to_backend_color();
     TextStyle { color, ..TextStyle::from(font) }
-}
-
-pub fn pixels(length: f64) -> i32 {
-    (UNIT * length).round() as i32
 }
 
 fn whole(points: &[Point]) -> Vec<(i32, i32)> {

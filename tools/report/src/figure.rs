@@ -6,10 +6,11 @@ use maud::{Markup, PreEscaped, html};
 use plotters::prelude::{ChartBuilder, FontStyle};
 
 use crate::axis::{Axis, Scale};
-use crate::canvas::{Canvas, FONT_SIZE, UNIT, content, font, pixels, text_width};
+use crate::canvas::{Canvas, FONT_SIZE, content, font, text_width};
 use crate::mark::Mark;
 use crate::plot::{Extent, LegendEntry, Plot, Symbol};
-use crate::style::{Color, Stroke};
+use crate::readable::readable;
+use crate::style::{Color, Stroke, UNIT, pixels};
 
 /// Width of a figure. Across the text of an A4 page (170 mm) one unit is 0.67 pt, and text about
 /// 8 pt.
@@ -264,7 +265,7 @@ impl Figure {
 
 impl Display for Figure {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        f.write_str(&crate::page::readable(self.markup()))
+        f.write_str(&readable(self.markup()))
     }
 }
 

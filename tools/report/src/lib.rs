@@ -29,6 +29,7 @@
 //! | [`mark`] | lines, point clouds, bands, ellipses, box plots, heat maps |
 //! | `figure` | panels with a legend |
 //! | [`page`] | headings, tables and figures on one HTML page, with `maud` |
+//! | `readable` | markup as text that XML allows |
 //! | [`programs`] | the programs that `i2ris NAME` starts, and where they are found |
 //! | [`program`] | the main function of a program: command line, exit code |
 //! | [`description`] | a command line as JSON, for the shell completions of `i2ris` |
@@ -58,6 +59,7 @@ pub mod plot;
 pub mod pose_table;
 pub mod program;
 pub mod programs;
+mod readable;
 pub mod screen;
 pub mod spinner;
 pub mod statistics;

@@ -5,6 +5,7 @@ use std::fmt::{self, Display, Formatter};
 use maud::{Markup, PreEscaped, html};
 
 use crate::figure::Figure;
+use crate::readable::readable;
 
 /// The style sheet for screens and A4 paper.
 const STYLE: &str = include_str!("page.css");
@@ -96,15 +97,6 @@ impl Display for Page {
         };
         writeln!(f, "<!DOCTYPE html>\n{}", readable(page))
     }
-}
-
-/// Control characters, which XML forbids, become the replacement character.
-pub(crate) fn readable(markup: Markup) -> String {
-    let is_allowed = |c: char| {
-        matches!(c, '\n' | '\t') || !(c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}'))
-    };
-    let characters = markup.into_string();
-    characters.chars().map(|c| if is_allowed(c) { c } else { '\u{fffd}' }).collect()
 }
 
 /// A table with row names in its first column and numbers, aligned right, in the others.

@@ -4,8 +4,8 @@ use plotters::coord::cartesian::Cartesian2d;
 use plotters::prelude::{DrawingArea, SVGBackend};
 
 use crate::axis::Scale;
-use crate::canvas::{Canvas, Point, UNIT};
-use crate::style::{Color, Marker, Stroke};
+use crate::canvas::{Canvas, Point};
+use crate::style::{Color, Marker, Stroke, UNIT};
 
 /// The area of a panel in which values are drawn.
 pub struct Plot<'a, 'b> {

@@ -6,6 +6,14 @@
 
 use plotters::style::{Color as _, RGBColor, ShapeStyle};
 
+/// `plotters` knows whole coordinates and widths only: a figure is drawn in tenths of a unit.
+pub const UNIT: f64 = 10.0;
+
+/// A length in tenths of a unit.
+pub fn pixels(length: f64) -> i32 {
+    (UNIT * length).round() as i32
+}
+
 /// A color: red, green, blue.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Color(u32);
@@ -85,7 +93,7 @@ impl Stroke {
     }
 
     pub(crate) fn style(self) -> ShapeStyle {
-        self.color.rgb().stroke_width(crate::canvas::pixels(self.width) as u32)
+        self.color.rgb().stroke_width(pixels(self.width) as u32)
     }
 }
 

@@ -1,8 +1,6 @@
 //! Streams of commands, model files, and checks of setpoints.
 
-use std::fs;
 use std::ops::Range;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use i2ris::clock;
@@ -53,30 +51,6 @@ pub fn swing_angles_until(done: &AtomicBool) -> impl FnMut(f64) -> Option<[f64; 
         let goal = [6.0 * (2.0 * t).sin(), 4.0 * (1.3 * t).sin()];
         (!done.load(Ordering::Relaxed)).then_some(goal)
     }
-}
-
-/// Writes a linear model of the emulated snake, accurate to a few degrees: 0.022 degrees per count,
-/// axes turned by 45 degrees. `factor` scales its angles.
-pub fn linear_model(rig: &Rig, name: &str, robot_id: &str, factor: f64) -> PathBuf {
-    let g = factor * 0.022 * std::f64::consts::FRAC_1_SQRT_2;
-    let metrics = r#"{"training": {"r2": 1.0, "rmsd": 1.0, "nrmsd": 0.1, "mae": 1.0, "max": 2.0},
-        "held_out": null}"#;
-    let text = format!(
-        r#"{{"format": "i2ris-model", "schema_version": 1, "robot_id": "{robot_id}",
-            "outputs": [{{"name": "pitch", "unit": "deg"}}, {{"name": "yaw", "unit": "deg"}}],
-            "family": {{"kind": "linear", "gain": [[{g}, {minus}], [{g}, {g}]],
-                "offset": [0.0, 0.0], "covariance": [[1.0, 0.0], [0.0, 1.0]]}},
-            "hull": {{"corners": [[-1000.0, -1000.0], [1000.0, -1000.0], [1000.0, 1000.0],
-                [-1000.0, 1000.0]]}},
-            "training": {{"data_file": "none", "data_sha256": "{sha}", "rows": 10, "seed": 0,
-                "restarts": 0, "log_likelihood": null, "bic": null, "software": "test"}},
-            "metrics": [{metrics}, {metrics}]}}"#,
-        minus = -g,
-        sha = "0".repeat(64)
-    );
-    let file = rig.folder.path().join(name);
-    fs::write(&file, text).unwrap();
-    file
 }
 
 /// The largest setpoint step between two consecutive ticks until `done`, and the number of ticks.

@@ -22,7 +22,6 @@ use i2ris_simulation::{Emulator, EmulatorConfig};
 use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
 
-use crate::motion::linear_model;
 use crate::program;
 use crate::waiting::{Background, TIMEOUT, wait_until};
 
@@ -94,8 +93,32 @@ impl Rig {
     /// A robot whose controller starts with a linear model.
     pub fn with_model() -> Self {
         let mut rig = Self::start();
-        rig.config.control.model = Some(linear_model(&rig, "model.json", "rig", 1.0));
+        rig.config.control.model = Some(rig.linear_model("model.json", "rig", 1.0));
         rig
+    }
+
+    /// Writes a linear model of the emulated snake, accurate to a few degrees: 0.022 degrees per count,
+    /// axes turned by 45 degrees. `factor` scales its angles.
+    pub fn linear_model(&self, name: &str, robot_id: &str, factor: f64) -> PathBuf {
+        let g = factor * 0.022 * std::f64::consts::FRAC_1_SQRT_2;
+        let metrics = r#"{"training": {"r2": 1.0, "rmsd": 1.0, "nrmsd": 0.1, "mae": 1.0, "max": 2.0},
+            "held_out": null}"#;
+        let text = format!(
+            r#"{{"format": "i2ris-model", "schema_version": 1, "robot_id": "{robot_id}",
+                "outputs": [{{"name": "pitch", "unit": "deg"}}, {{"name": "yaw", "unit": "deg"}}],
+                "family": {{"kind": "linear", "gain": [[{g}, {minus}], [{g}, {g}]],
+                    "offset": [0.0, 0.0], "covariance": [[1.0, 0.0], [0.0, 1.0]]}},
+                "hull": {{"corners": [[-1000.0, -1000.0], [1000.0, -1000.0], [1000.0, 1000.0],
+                    [-1000.0, 1000.0]]}},
+                "training": {{"data_file": "none", "data_sha256": "{sha}", "rows": 10, "seed": 0,
+                    "restarts": 0, "log_likelihood": null, "bic": null, "software": "test"}},
+                "metrics": [{metrics}, {metrics}]}}"#,
+            minus = -g,
+            sha = "0".repeat(64)
+        );
+        let file = self.folder.path().join(name);
+        fs::write(&file, text).unwrap();
+        file
     }
 
     /// A domain for another server, removed at the end.

@@ -1,11 +1,12 @@
 //! Memory of a joint model: the positions of the motors replayed into it, and the pose at them.
 
-use super::{JointModel, Known, MAX_REPLAYED, Measured, NotFinite, require_finite, written_since};
+use super::{JointModel, Known, MAX_REPLAYED, Measured, NotFinite};
 use crate::core::adaptation::DriftMemories;
 use crate::core::joint_space::position_history::{NextEntry, PositionHistory};
 use crate::core::joint_space::velocity_estimate::filtered_velocity;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
+use crate::model::Estimate;
 use crate::units::{MAX_MOTORS, OutputVec};
 
 impl JointModel {
@@ -146,5 +147,36 @@ impl JointModel {
         self.state.measured =
             Some(Measured { estimate, gapped, position: positions, stamp, velocity });
         Ok(())
+    }
+}
+
+/// The setpoint that reached the drive after its position was read.
+fn written_since(drive: &AxisFeedback) -> Option<f64> {
+    drive
+        .written
+        .filter(|written| written.stamp > drive.stamp)
+        .map(|written| written.target.as_f64())
+}
+
+fn require_finite(estimate: Estimate) -> Result<Estimate, NotFinite> {
+    if vector::is_finite(&estimate.mean) && estimate.covariance.iter().all(vector::is_finite) {
+        Ok(estimate)
+    } else {
+        Err(NotFinite)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_estimate_that_is_not_finite_is_refused() {
+        assert!(require_finite(Estimate::default()).is_ok());
+        let mut estimate = Estimate { mean: [0.0, f64::NAN, 0.0], ..Estimate::default() };
+        assert_eq!(require_finite(estimate), Err(NotFinite));
+        estimate.mean = [0.0; 3];
+        estimate.covariance[1][1] = f64::INFINITY;
+        assert_eq!(require_finite(estimate), Err(NotFinite));
     }
 }

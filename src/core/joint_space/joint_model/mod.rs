@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::core::adaptation::{Correction, ModelGeometry};
+use crate::core::joint_space::joint_report::JointReport;
 use crate::core::joint_space::model_blend::ModelBlend;
 use crate::core::joint_space::position_history::{HistoryCursor, PositionHistory};
 use crate::core::joint_space::velocity_estimate::rate;
@@ -19,7 +20,6 @@ use crate::core::motion::backlash_dead_band::{BacklashDeadBand, DeadBandedGoal};
 use crate::core::motion::joint_filter::{GoalStep, JointFilter};
 use crate::core::motion::joint_limits::JointBounds;
 use crate::core::motion::virtual_fixtures::GoalSpace;
-use crate::core::outputs::JointReport;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
@@ -432,35 +432,4 @@ impl JointModel {
 fn output_unit(model: &Model) -> OutputUnit {
     let outputs = &model.file().outputs;
     outputs.first().map_or(OutputUnit::Deg, |output| output.unit)
-}
-
-/// The setpoint that reached the drive after its position was read.
-fn written_since(drive: &AxisFeedback) -> Option<f64> {
-    drive
-        .written
-        .filter(|written| written.stamp > drive.stamp)
-        .map(|written| written.target.as_f64())
-}
-
-fn require_finite(estimate: Estimate) -> Result<Estimate, NotFinite> {
-    if vector::is_finite(&estimate.mean) && estimate.covariance.iter().all(vector::is_finite) {
-        Ok(estimate)
-    } else {
-        Err(NotFinite)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_estimate_that_is_not_finite_is_refused() {
-        assert!(require_finite(Estimate::default()).is_ok());
-        let mut estimate = Estimate { mean: [0.0, f64::NAN, 0.0], ..Estimate::default() };
-        assert_eq!(require_finite(estimate), Err(NotFinite));
-        estimate.mean = [0.0; 3];
-        estimate.covariance[1][1] = f64::INFINITY;
-        assert_eq!(require_finite(estimate), Err(NotFinite));
-    }
 }

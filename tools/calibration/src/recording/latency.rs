@@ -11,11 +11,12 @@
 //! leaving out a block moves the estimate as far as its reversals disagree with the others.
 //! (B. Efron, C. Stein, "The jackknife estimate of variance", Annals of Statistics 9(3), 1981.)
 
-use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec};
+use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::latency_features::Features;
+pub use super::latency_features::TimedCounts;
 use crate::parallel;
 use crate::regression::ridge::NormalEquations;
 use crate::series::blocks;
@@ -46,15 +47,6 @@ const LEFT_OUT_PENALTY: f64 = 1e-4;
 /// where every stroke has a speed of its own, and below 1 % in decaying sines, whose estimates are
 /// wrong by up to 140 ms.
 const LEAST_VISIBLE: f64 = 0.013;
-
-/// Positions of the motors at an instant.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TimedCounts {
-    /// s.
-    pub time_s: f64,
-    /// Encoder counts; entries beyond the number of motors are 0.
-    pub counts: MotorVec,
-}
 
 /// Outputs with a stamp that may be late.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -240,6 +232,8 @@ fn jackknife_deviation(estimates: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use i2ris::units::MotorVec;
+
     use super::*;
     use crate::testing::{assert_near, noise as gaussian};
 

@@ -10,8 +10,6 @@ use i2ris::units::{MAX_MOTORS, MotorVec};
 use i2ris_report::statistics::min_max;
 use nalgebra::DMatrix;
 
-use super::latency::TimedCounts;
-
 /// Half-widths of the plays, as parts of the range of a motor.
 const PLAYS: [f64; 8] = [0.005, 0.01, 0.018, 0.034, 0.063, 0.12, 0.21, 0.4];
 
@@ -29,6 +27,15 @@ const LAG_DEGREES: [usize; 2] = [2, 1];
 
 /// For every feature there have to be so many samples.
 const SAMPLES_PER_FEATURE: usize = 9;
+
+/// Positions of the motors at an instant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TimedCounts {
+    /// s.
+    pub time_s: f64,
+    /// Encoder counts; entries beyond the number of motors are 0.
+    pub counts: MotorVec,
+}
 
 /// A place of the motors, scaled to about -1...1, and how far the plays are from it.
 #[derive(Debug, Clone, Copy)]

@@ -6,13 +6,15 @@ use i2ris_report::page::TableRow;
 use i2ris_report::{Page, Table};
 
 use super::fit::{CalibrationReport, ChoiceScore};
-use super::page::NONE;
 use crate::fit::FitOutcome;
 use crate::fit::choice::Score;
 
 /// Another family this near, relative to the score of the chosen one, would do as well on another
 /// recording.
 const NEAR: f64 = 0.1;
+
+/// A cell without a value.
+pub(super) const NONE: &str = "–";
 
 pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
     let scores = &data.choice;

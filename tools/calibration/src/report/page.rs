@@ -4,7 +4,7 @@ use i2ris_report::number::{fixed, grouped};
 use i2ris_report::page::TableRow;
 use i2ris_report::{Axis, Color, Figure, Marker, Page, Panel, ReferenceLine, Scatter, Table};
 
-use super::choice;
+use super::choice::{self, NONE};
 use super::fit::{BASELINE, CalibrationReport, Errors, FamilyResult, OutputFacts};
 use super::labels::{NOISE, error, list, with_unit};
 use super::{error_map, hysteresis_loops, mixture, residual_directions, residual_times};
@@ -18,9 +18,6 @@ const AT_THE_NOISE: f64 = 1.25;
 
 /// Height of a family in the figure of errors, and of all that is around them.
 const HEIGHTS: [f64; 2] = [22.0, 66.0];
-
-/// A cell without a value.
-pub(super) const NONE: &str = "–";
 
 /// Characters of a hash that identify a model in a table.
 const SHORT: usize = 12;

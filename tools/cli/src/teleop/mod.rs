@@ -25,12 +25,11 @@ use i2ris_teleop::view::View;
 
 use crate::command::prepare::{PrepareOptions, prepare};
 use crate::command::progress::Progress;
-use crate::command::rate;
 use crate::command::reach::{ReachOptions, ReachTask};
 use crate::command::stream::{present_pose, two_angles};
 use crate::command::stream_monitor::StreamMonitor;
 use crate::command::tracking::ClipMonitor;
-use crate::numbers::{finite, positive, within};
+use crate::numbers::{finite, positive, rate, within};
 use hands::{Chosen, Hands};
 use keyboard::Keyboard;
 use source::{Asked, Source};

@@ -6,7 +6,7 @@ use std::fs;
 
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::Client;
-use i2ris_testing::{Rig, linear_model, wait_for, wait_until_idle};
+use i2ris_testing::{Rig, wait_for, wait_until_idle};
 
 use crate::bench::{Bench, ends, expect_stalls, nobody, repository, run, start, succeeds};
 
@@ -115,12 +115,12 @@ fn mistakes_of_new_users_end_with_a_sentence_and_the_right_exit_code() {
     let mut rig = Rig::start();
     expect_stalls(&mut rig);
     rig.config.robot_id = ROBOT.to_owned();
-    rig.config.control.model = Some(linear_model(&rig, "model.json", ROBOT, 1.0));
+    rig.config.control.model = Some(rig.linear_model("model.json", ROBOT, 1.0));
     rig.start_controller_thread();
     let (domain, mut client) = (rig.domain(), rig.client());
     wait_until_idle(&mut client);
     table.bench.write("robot.toml", &toml::to_string(&rig.config).unwrap());
-    let other = linear_model(&rig, "other-robot.json", "another-robot", 1.0);
+    let other = rig.linear_model("other-robot.json", "another-robot", 1.0);
     fs::copy(other, table.bench.path("other-robot.json")).unwrap();
     before_homing(&mut table, &domain);
     while_enabled(&mut table, &domain, &mut rig.client());

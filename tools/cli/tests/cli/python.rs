@@ -10,7 +10,7 @@ use i2ris::ipc::client::Client;
 use i2ris::ipc::{StateCommand, find_client_process};
 use i2ris::units::Nanos;
 
-use i2ris_testing::{Controller, Rig, linear_model, python, wait_for};
+use i2ris_testing::{Controller, Rig, python, wait_for};
 
 use crate::bench::expect_stalls;
 
@@ -333,7 +333,7 @@ fn models_are_swapped_from_python_while_the_snake_moves() {
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);
     rig.start_controller_thread();
-    let second = linear_model(&rig, "second.json", "rig", 1.1);
+    let second = rig.linear_model("second.json", "rig", 1.1);
     let broken = rig.folder.path().join("broken.json");
     fs::write(&broken, "{}").unwrap();
     let script = ["-c", SWAP, rig.domain().name()].map(str::to_owned);

@@ -27,10 +27,10 @@ use i2ris::ipc::payload::PayloadLayout;
 use i2ris::wall_clock::WallTime;
 use mcap::records::{MessageHeader, Record};
 
+use crate::joints::DEFAULT_NAMES;
 use crate::read::{ReadError, Records};
 use crate::recorder::{HEADER, JOINTS};
 use crate::report::Trial;
-use crate::standard::DEFAULT_NAMES;
 use crate::topic::Topic;
 use columns::{Cell, Column, TableWriter};
 

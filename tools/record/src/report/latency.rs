@@ -6,7 +6,7 @@ use i2ris::units::MAX_MOTORS;
 use i2ris_report::statistics::quantile_of_unsorted;
 use serde::Serialize;
 
-use super::tracking::Percentiles;
+use super::percentiles::Percentiles;
 
 /// Longer durations count as this one, ns: ten seconds.
 const LONGEST_NS: u64 = 10_000_000_000;

@@ -4,7 +4,8 @@
 //! | file | contains |
 //! |---|---|
 //! | `trial` | the data of a recording, read once; when the robot followed commands |
-//! | `tracking` | tracking error by the model's estimate and by the camera; percentiles |
+//! | `tracking` | tracking error by the model's estimate and by the camera |
+//! | `percentiles` | of errors and latencies |
 //! | `shortfall` | asked against reached: commands out of reach |
 //! | `reaches` | point-to-point motion and reach-and-hold tasks: time, overshoot, detour |
 //! | `hysteresis` | counts against angle, width of the loop |
@@ -19,6 +20,7 @@ mod figures;
 mod hysteresis;
 mod latency;
 mod page;
+mod percentiles;
 mod reaches;
 mod shortfall;
 mod text;
@@ -36,10 +38,11 @@ use crate::read::ReadError;
 use events::{TrialEvent, trial_events};
 use hysteresis::{HysteresisLoop, hysteresis_loops};
 use latency::{LoopTiming, loop_timing};
+use percentiles::Percentiles;
 pub(crate) use reaches::TargetReach;
 use reaches::{ReachScore, TargetScore, reach_score, target_score};
 use shortfall::{Shortfall, shortfall};
-use tracking::{Percentiles, TrackingError, tracking_errors, tracking_statistics};
+use tracking::{TrackingError, tracking_errors, tracking_statistics};
 pub(crate) use trial::Trial;
 
 /// The report of a trial. As JSON it has the numbers without the series.

@@ -5,8 +5,8 @@ use i2ris_report::number::{fixed, milliseconds};
 use i2ris_report::page::TableRow;
 use i2ris_report::{Page, Table};
 
+use super::percentiles::Percentiles;
 use super::reaches::ARRIVED_DEG;
-use super::tracking::Percentiles;
 use super::{TrialReport, figures};
 
 /// The most events and reaches in their tables. Further ones are only counted.

@@ -1,8 +1,9 @@
 //! The report as a few lines of text.
 
 use super::TrialReport;
+use super::percentiles::Percentiles;
 use super::reaches::times;
-use super::tracking::{Percentiles, TrackingError};
+use super::tracking::TrackingError;
 
 pub fn text(report: &TrialReport) -> String {
     let recorded = report.recorded.as_deref().unwrap_or("at an unknown time");

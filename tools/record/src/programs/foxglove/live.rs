@@ -6,8 +6,9 @@ use i2ris::ipc::payload::JointState;
 use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::units::Nanos;
 use i2ris_gateway::clock::Moment;
+use i2ris_record::joints::DEFAULT_NAMES;
 use i2ris_record::schema::JOINT_STATE;
-use i2ris_record::standard::{DEFAULT_NAMES, StandardMessages, text};
+use i2ris_record::standard::{StandardMessages, text};
 use i2ris_record::topic::Topic;
 use i2ris_record::{cdr, joints};
 
