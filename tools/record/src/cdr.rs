@@ -76,6 +76,12 @@ impl Encoder {
         }
     }
 
+    /// Appends `uint8[]`.
+    pub fn u8s(&mut self, bytes: &[u8]) {
+        self.u32(bytes.len() as u32);
+        self.0.extend_from_slice(bytes);
+    }
+
     /// The message.
     pub fn finish(self) -> Vec<u8> {
         self.0

@@ -14,6 +14,8 @@
 //! | `recover` | makes a complete file of one that was cut off |
 //! | `run_log` | the lines of a run in the log of the controller |
 //! | `export` | tables as CSV and Parquet |
+//! | `dataset` | data sets for those who train policies: LeRobot |
+//! | `pictures` | pictures of cameras as messages |
 //! | `extract` | attachments and commands as files |
 //! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
 //! | `study` | the trials of a study on disk, and what differs between its conditions |
@@ -25,9 +27,11 @@
 
 pub mod cdr;
 pub mod cpp_header;
+pub mod dataset;
 pub mod export;
 pub mod extract;
 pub mod joints;
+pub mod pictures;
 pub mod python_reasons;
 pub mod read;
 pub mod recorder;

@@ -4,14 +4,14 @@
 //! file every [`FLUSH_PERIOD`]: a program that is killed loses no more than that. It synchronizes
 //! the disk every [`SYNC_PERIOD`], in case the power fails. If the disk is slow, the queue fills,
 //! and messages that do not fit are dropped and counted. If the disk is full, the recording ends
-//! with an error.
+//! with an error. Pictures have a budget, on the disk and in the queue; states go on without them.
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -22,6 +22,8 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 
 use crate::cdr;
+use crate::pictures::{self, Picture};
+use crate::schema;
 use crate::standard::{StandardMessages, text};
 use crate::topic::Topic;
 
@@ -31,6 +33,9 @@ pub const FLUSH_PERIOD: Duration = Duration::from_millis(200);
 pub const SYNC_PERIOD: Duration = Duration::from_millis(1000);
 /// Messages that can wait for the disk: ten seconds of all streams.
 const QUEUE_LENGTH: usize = 1 << 16;
+
+/// Bytes of pictures that can wait for the disk.
+const PICTURE_QUEUE: usize = 64 << 20;
 
 /// Name of the metadata at the start.
 pub const HEADER: &str = "i2ris.header";
@@ -87,6 +92,8 @@ pub struct RecordingHeader {
     pub frame: String,
     /// The robot as a URDF; empty: none.
     pub urdf: String,
+    /// Bytes of pictures that may be written.
+    pub picture_budget: u64,
 }
 
 /// Numbers of messages.
@@ -98,12 +105,31 @@ pub struct MessageCounts {
     pub spans: BTreeMap<Stream, (Nanos, Nanos)>,
     /// Messages that were dropped because the queue was full.
     pub dropped: u64,
+    /// Pictures of each view.
+    pub pictures: BTreeMap<String, PictureCounts>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PictureCounts {
+    pub recorded: u64,
+    /// The disk was too slow for them.
+    pub dropped: u64,
+    /// The budget was used up.
+    pub over_budget: u64,
 }
 
 type McapFile = Writer<BufWriter<File>>;
 
+/// Where a message goes.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+enum Channel {
+    Topic(Topic),
+    /// The pictures of a view, whose topic is declared with the first one.
+    View(String),
+}
+
 struct QueuedMessage {
-    topic: Topic,
+    channel: Channel,
     sequence: u32,
     stamp: Nanos,
     received: Nanos,
@@ -133,6 +159,10 @@ pub struct TrialRecorder {
     has_failed: Arc<AtomicBool>,
     standard: StandardMessages,
     counts: MessageCounts,
+    /// Bytes of pictures in the queue.
+    waiting: Arc<AtomicUsize>,
+    /// Bytes of pictures that may still be written.
+    budget: u64,
 }
 
 impl TrialRecorder {
@@ -147,8 +177,10 @@ impl TrialRecorder {
         let has_failed = Arc::new(AtomicBool::new(false));
         let failure = Arc::clone(&has_failed);
         let unix_offset_ns = header.unix_offset_ns;
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let written = Arc::clone(&waiting);
         let thread = thread::spawn(move || {
-            let outcome = write_messages(file, &disk, unix_offset_ns, &messages);
+            let outcome = write_messages(file, &disk, unix_offset_ns, &messages, &written);
             failure.store(outcome.is_err(), Ordering::Release);
             outcome
         });
@@ -159,6 +191,8 @@ impl TrialRecorder {
             has_failed,
             standard: StandardMessages::new(unix_offset_ns, header.joints, header.frame),
             counts: MessageCounts::default(),
+            waiting,
+            budget: header.picture_budget,
         })
     }
 
@@ -188,17 +222,49 @@ impl TrialRecorder {
         }
     }
 
+    /// Records a picture, taken at `stamp`. Does not wait: without room it is dropped and counted.
+    pub fn record_picture(&mut self, view: &str, stamp: Nanos, jpeg: &[u8], received: Nanos) {
+        let counts = self.counts.pictures.entry(view.to_owned()).or_default();
+        let size = jpeg.len();
+        if self.budget < size as u64 {
+            counts.over_budget += 1;
+            return;
+        }
+        let is_full = self.waiting.load(Ordering::Relaxed) + size > PICTURE_QUEUE;
+        let unix_ns = stamp.0.wrapping_add(self.standard.unix_offset_ns);
+        let bytes = Picture { unix_ns, jpeg: jpeg.to_vec() }.encode(view);
+        let number = counts.recorded + 1;
+        let length = bytes.len();
+        let channel = Channel::View(view.to_owned());
+        let message = QueuedMessage { channel, sequence: number as u32, stamp, received, bytes };
+        // Before it is sent: the thread takes it off when it is written.
+        self.waiting.fetch_add(length, Ordering::Relaxed);
+        let is_queued = !is_full && self.send(message);
+        if !is_queued {
+            self.waiting.fetch_sub(length, Ordering::Relaxed);
+        }
+        let counts = self.counts.pictures.entry(view.to_owned()).or_default();
+        if is_queued {
+            counts.recorded = number;
+            self.budget -= size as u64;
+        } else {
+            counts.dropped += 1;
+        }
+    }
+
     fn push(&mut self, topic: Topic, message: &StreamMessage, received: Nanos, bytes: Vec<u8>) {
         let message = QueuedMessage {
-            topic,
+            channel: Channel::Topic(topic),
             sequence: message.sequence() as u32,
             stamp: message.stamp(),
             received,
             bytes,
         };
-        let queue = self.queue.as_ref();
-        let is_queued = queue.is_some_and(|queue| queue.try_send(message).is_ok());
-        self.counts.dropped += u64::from(!is_queued);
+        self.counts.dropped += u64::from(!self.send(message));
+    }
+
+    fn send(&self, message: QueuedMessage) -> bool {
+        self.queue.as_ref().is_some_and(|queue| queue.try_send(message).is_ok())
     }
 
     /// Writes the messages in the queue, `outcome`, attachments, and the end of the file.
@@ -292,30 +358,48 @@ fn attach(
     Ok(())
 }
 
+fn declare_view(file: &mut McapFile, view: &str) -> Result<u16, McapError> {
+    let kind = schema::COMPRESSED_IMAGE;
+    let schema = file.add_schema(kind.name, schema::ENCODING, kind.definition().as_bytes())?;
+    file.add_channel(schema, &pictures::topic(view), cdr::ENCODING, &BTreeMap::new())
+}
+
 /// Writes messages until the sender is gone.
 fn write_messages(
     mut file: McapFile,
     disk: &File,
     unix_offset_ns: u64,
     messages: &Receiver<QueuedMessage>,
+    waiting: &AtomicUsize,
 ) -> Result<McapFile, McapError> {
     let mut channels = BTreeMap::new();
     for topic in Topic::all() {
-        channels.insert(topic, topic.declare(&mut file)?);
+        channels.insert(Channel::Topic(topic), topic.declare(&mut file)?);
     }
     let unix = |Nanos(monotonic)| monotonic.wrapping_add(unix_offset_ns);
     let (mut flushed, mut synced) = (Instant::now(), Instant::now());
     loop {
         match messages.recv_timeout(FLUSH_PERIOD.saturating_sub(flushed.elapsed())) {
             Ok(message) => {
-                if let Some(channel_id) = channels.get(&message.topic).copied() {
-                    let header = MessageHeader {
-                        channel_id,
-                        sequence: message.sequence,
-                        log_time: unix(message.received),
-                        publish_time: unix(message.stamp),
-                    };
-                    file.write_to_known_channel(&header, &message.bytes)?;
+                let channel_id = match (channels.get(&message.channel), &message.channel) {
+                    (Some(channel_id), _) => *channel_id,
+                    (None, Channel::View(view)) => {
+                        let channel_id = declare_view(&mut file, view)?;
+                        channels.insert(message.channel.clone(), channel_id);
+                        channel_id
+                    }
+                    // All topics are there.
+                    (None, Channel::Topic(_)) => continue,
+                };
+                let header = MessageHeader {
+                    channel_id,
+                    sequence: message.sequence,
+                    log_time: unix(message.received),
+                    publish_time: unix(message.stamp),
+                };
+                file.write_to_known_channel(&header, &message.bytes)?;
+                if matches!(message.channel, Channel::View(_)) {
+                    waiting.fetch_sub(message.bytes.len(), Ordering::Relaxed);
                 }
             }
             Err(RecvTimeoutError::Timeout) => {}

@@ -82,6 +82,13 @@ pub const OPERATING_STATE: StandardType = StandardType {
     needs: &[HEADER, TIME],
 };
 
+/// A picture as a file.
+pub const COMPRESSED_IMAGE: StandardType = StandardType {
+    name: "sensor_msgs/msg/CompressedImage",
+    fields: "std_msgs/Header header\nstring format\nuint8[] data\n",
+    needs: &[HEADER, TIME],
+};
+
 /// A text.
 pub const STRING: StandardType =
     StandardType { name: "std_msgs/msg/String", fields: "string data\n", needs: &[] };

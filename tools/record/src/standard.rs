@@ -134,7 +134,7 @@ impl StandardMessages {
 }
 
 /// Appends `std_msgs/Header`.
-fn header(encoder: &mut Encoder, unix_ns: u64, frame: &str) {
+pub(crate) fn header(encoder: &mut Encoder, unix_ns: u64, frame: &str) {
     encoder.i32(i32::try_from(unix_ns / 1_000_000_000).unwrap_or(i32::MAX));
     encoder.u32((unix_ns % 1_000_000_000) as u32);
     encoder.string(frame);

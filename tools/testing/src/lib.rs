@@ -38,7 +38,7 @@ pub use controller::{Controller, Robot};
 pub use motion::*;
 pub use program::Program;
 pub use properties::cases;
-pub use python::{python, run_python};
+pub use python::{python, run_python, run_python_of};
 pub use rig::*;
 pub use server::*;
 pub use terminal::Terminal;

@@ -7,10 +7,15 @@ use std::process::Command;
 /// `I2RIS_PYTHON` names one, otherwise `python3` is tried. `None` if it cannot; that is printed.
 #[must_use]
 pub fn python(modules: &str) -> Option<Command> {
-    let name = std::env::var("I2RIS_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    python_of("I2RIS_PYTHON", modules)
+}
+
+/// As [`python`], by another variable.
+fn python_of(variable: &str, modules: &str) -> Option<Command> {
+    let name = std::env::var(variable).unwrap_or_else(|_| "python3".to_owned());
     let probe = Command::new(&name).args(["-c", &format!("import {modules}")]).output();
     if !probe.is_ok_and(|output| output.status.success()) {
-        eprintln!("skipped: {name} cannot import {modules}; name another one in I2RIS_PYTHON");
+        eprintln!("skipped: {name} cannot import {modules}; name another one in {variable}");
         return None;
     }
     let mut command = Command::new(name);
@@ -26,7 +31,16 @@ pub fn python(modules: &str) -> Option<Command> {
 ///
 /// When the script fails, with its output.
 pub fn run_python(modules: &str, script: &str, arguments: &[&str]) {
-    let Some(mut command) = python(modules) else {
+    run_python_of("I2RIS_PYTHON", modules, script, arguments);
+}
+
+/// As [`run_python`], in the Python that this variable names: some modules exclude each other.
+///
+/// # Panics
+///
+/// When the script fails, with its output.
+pub fn run_python_of(variable: &str, modules: &str, script: &str, arguments: &[&str]) {
+    let Some(mut command) = python_of(variable, modules) else {
         return;
     };
     let output = command

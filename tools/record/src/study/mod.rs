@@ -31,7 +31,7 @@ use journal::{Journal, TrialState};
 
 /// The version of the folder that this program writes and reads.
 const FORMAT: u32 = 1;
-const STUDY: &str = "study.json";
+pub(crate) const STUDY: &str = "study.json";
 /// Trials of one participant under one condition.
 const MAX_TRIALS: u32 = 999;
 

@@ -8,6 +8,7 @@
 )]
 
 mod crtk;
+mod dataset;
 mod files;
 mod foxglove;
 mod interfaces;

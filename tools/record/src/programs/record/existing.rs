@@ -1,11 +1,10 @@
-//! Commands for existing recordings: recover, export, info.
+//! Commands for existing recordings: recover, extract, info.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use i2ris::units::Nanos;
 use i2ris::wall_clock::WallTime;
-use i2ris_record::export::{TableFormat, export};
 use i2ris_record::extract::extract;
 use i2ris_record::read::Records;
 use i2ris_record::recorder::rate_hz;
@@ -21,19 +20,6 @@ pub struct RecoverArguments {
     /// File to write
     #[arg(long, short, value_name = "FILE.mcap")]
     output: PathBuf,
-}
-
-/// Arguments of `i2ris record export`.
-#[derive(Debug, clap::Args)]
-pub struct ExportArguments {
-    /// The recording, complete or cut off
-    recording: PathBuf,
-    /// Folder for the tables
-    #[arg(long, short, value_name = "DIR")]
-    output: PathBuf,
-    /// File format of the tables
-    #[arg(long, value_enum, default_value_t)]
-    format: TableFormat,
 }
 
 /// Arguments of `i2ris record info`.
@@ -57,20 +43,6 @@ pub fn copy(arguments: &RecoverArguments) -> Result<(), Failure> {
     match recovered.stopped_by {
         None => println!("the old file is complete"),
         Some(error) => println!("the old file ends there: {error}"),
-    }
-    Ok(())
-}
-
-/// Writes tables.
-pub fn tables(arguments: &ExportArguments) -> Result<(), Failure> {
-    let exported = while_working("exporting", || {
-        export(&arguments.recording, &arguments.output, arguments.format)
-    })?;
-    for (name, rows) in &exported.rows {
-        println!("{rows:>9} rows  {}", arguments.output.join(name).display());
-    }
-    if let Some(error) = exported.stopped_by {
-        eprintln!("warning: the recording is not complete: {error}");
     }
     Ok(())
 }

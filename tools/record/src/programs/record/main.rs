@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 mod existing;
+mod export;
 mod of_study;
 mod recording;
 
@@ -18,7 +19,8 @@ use i2ris_report::Failure;
   i2ris record --output trial.mcap --note 'circle, 5 deg'
   i2ris record info trial.mcap
   i2ris record export trial.mcap --output tables
-  i2ris record export trial.mcap --output tables --format parquet
+  i2ris record export trial.mcap --output parquet --format parquet
+  i2ris record export reach-study --output reach-set --format lerobot-v3
   i2ris record extract trial.mcap --output parts
   i2ris record recover killed.mcap --output whole.mcap
 
@@ -36,8 +38,8 @@ struct Arguments {
 enum Task {
     /// Make a complete file of one that was cut off: messages, metadata, attachments
     Recover(existing::RecoverArguments),
-    /// Write every topic as a table: CSV or Parquet
-    Export(existing::ExportArguments),
+    /// Write recordings as tables (CSV or Parquet), or trials as a data set of LeRobot
+    Export(export::Arguments),
     /// Take out what is attached (configuration, models, run log) and the commands of each client,
     /// for `i2ris command file`
     Extract(existing::ExtractArguments),
@@ -53,7 +55,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     match arguments.task {
         None => recording::run(&arguments.trial),
         Some(Task::Recover(arguments)) => existing::copy(&arguments),
-        Some(Task::Export(arguments)) => existing::tables(&arguments),
+        Some(Task::Export(arguments)) => export::run(&arguments),
         Some(Task::Extract(arguments)) => existing::parts(&arguments),
         Some(Task::Info(arguments)) => existing::info(&arguments),
     }

@@ -44,6 +44,9 @@ pub struct Arguments {
     /// End after this time instead of with Ctrl-C
     #[arg(long, value_name = "S", value_parser = above_zero)]
     duration_s: Option<f64>,
+    /// The most that pictures may take; then states alone are recorded
+    #[arg(long, value_name = "MB", default_value_t = 10_000)]
+    pictures_mb: u64,
     #[command(flatten)]
     domain: DomainOption,
     /// Folder of the trial of a study that this records: `i2ris trial start` gives it
@@ -71,7 +74,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut of_study = of_study.transpose()?;
     let mut models = RecordedModels::default();
     let attached = models.take_new(&mut client);
-    let header = header(&arguments.note, &version, config.as_ref(), attached)?;
+    let mut header = header(&arguments.note, &version, config.as_ref(), attached)?;
+    header.picture_budget = arguments.pictures_mb * 1_000_000;
     let mut trial = TrialRecorder::start(output, header)?;
     let mut subscriptions = Subscriptions::new(&client.watcher(), Stream::ALL);
     let start = clock::now();
@@ -241,6 +245,7 @@ fn header(
         joints: joints::names(version),
         frame: joints::snake().base(),
         urdf: joints::snake().urdf(),
+        picture_budget: 0,
     })
 }
 

@@ -1,0 +1,96 @@
+//! Pictures as `sensor_msgs/CompressedImage`: JPEG, with the stamp of the exposure.
+
+use crate::cdr::{ENCAPSULATION, Encoder};
+use crate::standard::header;
+
+/// A picture of a camera.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Picture {
+    /// Exposure, Unix time.
+    pub unix_ns: u64,
+    pub jpeg: Vec<u8>,
+}
+
+/// The topic of a view.
+pub fn topic(view: &str) -> String {
+    format!("/camera/{view}/compressed")
+}
+
+/// The view of a topic.
+pub fn view(topic: &str) -> Option<&str> {
+    topic.strip_prefix("/camera/")?.strip_suffix("/compressed")
+}
+
+impl Picture {
+    pub fn encode(&self, view: &str) -> Vec<u8> {
+        let mut encoder = Encoder::default();
+        header(&mut encoder, self.unix_ns, view);
+        encoder.string("jpeg");
+        encoder.u8s(&self.jpeg);
+        encoder.finish()
+    }
+
+    /// `None` if it is no such message.
+    pub fn decode(message: &[u8]) -> Option<Self> {
+        let body = message.strip_prefix(&ENCAPSULATION)?;
+        let number = |at: usize| {
+            let at = at.next_multiple_of(4);
+            let bytes = body.get(at..at + 4)?.try_into().ok()?;
+            Some((u32::from_le_bytes(bytes) as usize, at + 4))
+        };
+        let ((seconds, at), (nanos, _)) = (number(0)?, number(4)?);
+        let mut at = at + 4;
+        // Frame and format.
+        for _ in 0..2 {
+            let (length, begin) = number(at)?;
+            at = begin.checked_add(length)?;
+        }
+        let (length, begin) = number(at)?;
+        let jpeg = body.get(begin..begin.checked_add(length)?)?.to_vec();
+        Some(Self { unix_ns: seconds as u64 * 1_000_000_000 + nanos as u64, jpeg })
+    }
+}
+
+/// Width, height and colours of a JPEG, from its header.
+pub fn size(jpeg: &[u8]) -> Option<[usize; 3]> {
+    let mut at = 2;
+    loop {
+        let [0xFF, marker, high, low, ..] = jpeg.get(at..)? else { return None };
+        let length = usize::from(u16::from_be_bytes([*high, *low]));
+        // Start of frame; C4, C8 and CC are others.
+        if matches!(marker, 0xC0..=0xCF) && ![0xC4, 0xC8, 0xCC].contains(marker) {
+            let [_, h1, h0, w1, w0, colours, ..] = jpeg.get(at + 4..)? else { return None };
+            let of = |high, low| usize::from(u16::from_be_bytes([high, low]));
+            return Some([of(*w1, *w0), of(*h1, *h0), usize::from(*colours)]);
+        }
+        at += 2 + length;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn what_was_encoded_is_decoded(
+            unix_ns in 0..4_000_000_000_000_000_000_u64,
+            jpeg in proptest::collection::vec(any::<u8>(), 0..200),
+            view in "[a-z]{1,12}",
+        ) {
+            let picture = Picture { unix_ns, jpeg };
+            let bytes = picture.encode(&view);
+            prop_assert_eq!(Picture::decode(&bytes), Some(picture));
+            for cut in 0..bytes.len() {
+                prop_assert_eq!(Picture::decode(&bytes[..cut]), None);
+            }
+        }
+
+        #[test]
+        fn no_bytes_cause_a_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            let _ = (Picture::decode(&bytes), size(&bytes));
+        }
+    }
+}
