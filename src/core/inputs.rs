@@ -41,7 +41,7 @@ pub struct ServoCommand {
     pub stamp: Nanos,
     /// Age at which the command is stale. Zero: the configured default.
     pub deadline: Nanos,
-    /// The requested position.
+    /// What is requested.
     pub goal: ServoGoal,
     /// The clutch is open: the snake holds.
     pub clutched: bool,
@@ -50,13 +50,21 @@ pub struct ServoCommand {
     pub has_unknown_flags: bool,
 }
 
-/// The position that a servo command requests.
+/// What a servo command or a move requests, and the number of entries that the client sent.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum ServoGoal {
-    /// Angles, rad, and the number of entries that the client sent.
+    /// `servo_jp`: angles, rad, now.
     Joint(OutputVec, u32),
-    /// Encoder positions, and the number of entries that the client sent.
+    /// `actuators/servo_jp`: encoder positions, now.
     Actuator([Counts; MAX_MOTORS], u32),
+    /// `interpolate_jp`: angles, rad, when the next command is due.
+    Interpolated(OutputVec, u32),
+    /// `servo_jv`: rates, rad/s, until the deadline.
+    Rate(OutputVec, u32),
+    /// `servo_cp`: a place of the tip, m, now.
+    Tip(OutputVec, u32),
+    /// `servo_cv`: a velocity of the tip, m/s, until the deadline.
+    TipRate(OutputVec, u32),
 }
 
 /// A state command.
@@ -68,8 +76,8 @@ pub struct StateRequest {
     pub client_id: u64,
     /// The requested command.
     pub command: StateCommand,
-    /// Goal pose, rad, and its number of entries. Only for [`StateCommand::Move`].
-    pub pose: Option<(OutputVec, u32)>,
+    /// Goal pose, in angles or as a place of the tip. Only for [`StateCommand::Move`].
+    pub pose: Option<ServoGoal>,
     /// Only for [`StateCommand::Fixture`].
     pub fixture: Option<FixtureChange>,
 }

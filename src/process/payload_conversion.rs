@@ -17,6 +17,9 @@ use crate::realtime::Granted;
 use crate::robot::{Refusal, StateCommand};
 use crate::units::{Counts, MAX_OUTPUTS, Nanos, OutputVec};
 
+const TIP_RATE: u32 = ServoJp::TIP | ServoJp::RATE;
+const KINDS: u32 = TIP_RATE | ServoJp::INTERPOLATE;
+
 impl From<&ReceivedCommand> for ServoCommand {
     fn from(raw: &ReceivedCommand) -> Self {
         match raw {
@@ -33,9 +36,16 @@ impl From<&ServoJp> for ServoCommand {
             sequence: raw.sequence,
             stamp: Nanos(raw.stamp_ns),
             deadline: Nanos(raw.deadline_ns),
-            goal: ServoGoal::Joint(raw.position, raw.count),
+            goal: match raw.flags & KINDS {
+                ServoJp::RATE => ServoGoal::Rate(raw.position, raw.count),
+                ServoJp::INTERPOLATE => ServoGoal::Interpolated(raw.position, raw.count),
+                ServoJp::TIP => ServoGoal::Tip(raw.position, raw.count),
+                TIP_RATE => ServoGoal::TipRate(raw.position, raw.count),
+                _ => ServoGoal::Joint(raw.position, raw.count),
+            },
             clutched: raw.flags & ServoJp::CLUTCH != 0,
-            has_unknown_flags: raw.flags & !ServoJp::CLUTCH != 0,
+            has_unknown_flags: raw.flags & !(KINDS | ServoJp::CLUTCH) != 0
+                || raw.flags & ServoJp::INTERPOLATE != 0 && raw.flags & TIP_RATE != 0,
         }
     }
 }
@@ -70,10 +80,13 @@ pub fn move_request(id: u64, raw: &MoveRequest) -> Result<StateRequest, Refusal>
         id,
         client_id: raw.client_id,
         command: StateCommand::Move,
-        pose: Some((raw.position, raw.count)),
+        pose: Some(match raw.flags {
+            MoveRequest::TIP => ServoGoal::Tip(raw.position, raw.count),
+            _ => ServoGoal::Joint(raw.position, raw.count),
+        }),
         fixture: None,
     };
-    (raw.reserved == 0).then_some(request).ok_or(Refusal::Malformed)
+    (raw.flags & !MoveRequest::TIP == 0).then_some(request).ok_or(Refusal::Malformed)
 }
 
 /// `virtual_fixture` as a request for the loop.

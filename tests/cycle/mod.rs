@@ -13,6 +13,7 @@ mod model_swap;
 mod move_and_clutch;
 mod pairs;
 mod random_inputs;
+mod rates_and_tip;
 mod reach;
 mod reasons;
 mod rehearsal;

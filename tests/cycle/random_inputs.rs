@@ -62,6 +62,16 @@ fn goal() -> impl Strategy<Value = ServoGoal> {
     prop_oneof![
         (prop::array::uniform3(angle()), entries.clone())
             .prop_map(|(angles, entries)| ServoGoal::Joint(angles, entries)),
+        (prop::array::uniform3(angle()), entries.clone(), 0..4_u8).prop_map(
+            |(it, entries, kind)| {
+                match kind {
+                    0 => ServoGoal::Rate(it, entries),
+                    1 => ServoGoal::Interpolated(it, entries),
+                    2 => ServoGoal::Tip(it.map(|it| 0.02 * it), entries + 1),
+                    _ => ServoGoal::TipRate(it.map(|it| 0.02 * it), entries + 1),
+                }
+            }
+        ),
         (prop::array::uniform2(prop_oneof![9 => -1100..1100_i32, 1 => any::<i32>()]), entries)
             .prop_map(|(counts, entries)| ServoGoal::Actuator(counts.map(Counts), entries)),
     ]

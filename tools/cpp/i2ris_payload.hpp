@@ -533,13 +533,13 @@ struct MoveRequest {
     std::uint64_t client_id;
     double position[3];
     std::uint32_t count;
-    std::uint32_t reserved;
+    std::uint32_t flags;
 };
 static_assert(sizeof(MoveRequest) == 40);
 static_assert(offsetof(MoveRequest, client_id) == 0);
 static_assert(offsetof(MoveRequest, position) == 8);
 static_assert(offsetof(MoveRequest, count) == 32);
-static_assert(offsetof(MoveRequest, reserved) == 36);
+static_assert(offsetof(MoveRequest, flags) == 36);
 
 struct VirtualFixtureRequest {
     static constexpr const char* IOX2_TYPE_NAME = "I2risVirtualFixtureRequestV1";

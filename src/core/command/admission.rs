@@ -16,10 +16,10 @@
 //! | 8 | lease free, or held by this client | `Lease` | `lease` |
 //! | 9 | no `hold` of another client broke the stream off | `BrokenOff` | `refusal_record` |
 //! | 10 | sequence above the client's last accepted one | `Sequence` | `sequence_record` |
-//! | 11 | angles: a model is loaded | `NoModel` | `range_check` |
+//! | 11 | angles: a model is loaded; rates and places of the tip: of angles | `NoModel`, `Unsupported` | `range_check` |
 //! | 12 | number of entries as the model or the motors have | `Malformed` | `range_check` |
 //! | 13 | counts: within the position limits of the axes | `Range` | `range_check` |
-//! | 14 | near the last goal, or near the present setpoint | `Step` | `range_check` |
+//! | 14 | near the last goal, or near the present setpoint; a rate: so far until its deadline | `Step` | `range_check` |
 //!
 //! Errors of the command itself come before errors of the present situation. A refused command
 //! changes only counters: it does not renew the lease and does not use up its sequence number.
@@ -38,7 +38,11 @@ use crate::core::command::sequence_record::SequenceRecord;
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::robot::{Measurement, OperatingState, Quantity, REFUSED_CLIENTS, Refusal};
-use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos};
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
+
+/// Deadline of `interpolate_jp`, unless the client asks for another one: a stream of 10 Hz may miss
+/// a command. Without the next one the goal comes to rest where it was asked to, long before.
+const INTERPOLATED_DEADLINE: Nanos = Nanos::from_millis(250);
 
 /// Silence after which a stream that was broken off may begin anew.
 const BREAK: Nanos = Nanos::from_millis(1000);
@@ -78,7 +82,7 @@ impl CommandCheck {
     /// The first check that fails.
     pub fn check(&self, command: &ServoCommand, now: Nanos) -> Result<Nanos, Refusal> {
         require_well_formed(command)?;
-        self.deadline.check(command.stamp, command.deadline, now)
+        self.deadline.check(command.stamp, deadline(command), now)
     }
 }
 
@@ -166,10 +170,16 @@ impl CommandAdmission {
         self.lease.require_available(client_id)
     }
 
+    /// The age at which a command that was checked becomes stale: at most the duration of the lease,
+    /// because a client that has lost its lease is not followed.
+    pub fn deadline(&self, command: &ServoCommand) -> Nanos {
+        self.check.deadline.of(deadline(command)).min(self.lease.duration())
+    }
+
     /// What makes a command stale or wrongly stamped.
     pub fn deadline_measurement(&self, command: &ServoCommand, now: Nanos) -> Option<Measurement> {
         let check = &self.check.deadline;
-        Some(check.measurement(command.stamp, command.deadline, now))
+        Some(check.measurement(command.stamp, deadline(command), now))
     }
 
     /// The sequence number of a command, and the last one.
@@ -180,8 +190,7 @@ impl CommandAdmission {
         Some(Measurement::new(Quantity::Sequence, number, last))
     }
 
-    /// Checks 1 to 10. Returns the deadline of the command. It is at most the duration of the lease:
-    /// a client that has lost its lease is not followed.
+    /// Checks 1 to 10. Returns the deadline of the command.
     ///
     /// # Errors
     ///
@@ -191,14 +200,14 @@ impl CommandAdmission {
         command: &ServoCommand,
         context: &AdmissionContext,
     ) -> Result<Nanos, Refusal> {
-        let deadline = self.check.check(command, context.now)?;
+        self.check.check(command, context.now)?;
         require_ready(context)?;
         self.lease.require_available(command.client_id)?;
         if self.is_broken_off(command.client_id, context.now) {
             return Err(Refusal::BrokenOff);
         }
         self.sequences.require_newer(command.client_id, command.sequence)?;
-        Ok(deadline.min(self.lease.duration()))
+        Ok(self.deadline(command))
     }
 
     /// Records an accepted command.
@@ -264,19 +273,28 @@ impl CommandAdmission {
 }
 
 fn require_well_formed(command: &ServoCommand) -> Result<(), Refusal> {
-    let (entries, most) = match command.goal {
-        ServoGoal::Joint(_, entries) => (entries as usize, MAX_OUTPUTS),
-        ServoGoal::Actuator(_, entries) => (entries as usize, MAX_MOTORS),
+    let (values, entries, possible) = match command.goal {
+        ServoGoal::Joint(values, entries)
+        | ServoGoal::Interpolated(values, entries)
+        | ServoGoal::Rate(values, entries) => (values, entries, 1..=MAX_OUTPUTS),
+        ServoGoal::Tip(values, entries) | ServoGoal::TipRate(values, entries) => {
+            (values, entries, MAX_OUTPUTS..=MAX_OUTPUTS)
+        }
+        ServoGoal::Actuator(_, entries) => (OutputVec::default(), entries, 1..=MAX_MOTORS),
     };
     let is_known = command.client_id != 0 && !command.has_unknown_flags;
-    if !is_known || !(1..=most).contains(&entries) {
+    if !is_known || !possible.contains(&(entries as usize)) {
         return Err(Refusal::Malformed);
     }
-    match &command.goal {
-        ServoGoal::Joint(angles, _) if angles.iter().take(entries).any(|a| !a.is_finite()) => {
-            Err(Refusal::NotFinite)
-        }
-        ServoGoal::Joint(..) | ServoGoal::Actuator(..) => Ok(()),
+    let is_finite = values.iter().take(entries as usize).all(|value| value.is_finite());
+    if is_finite { Ok(()) } else { Err(Refusal::NotFinite) }
+}
+
+/// The deadline that a command asks for; zero: the configured one.
+fn deadline(command: &ServoCommand) -> Nanos {
+    match command.goal {
+        ServoGoal::Interpolated(..) if command.deadline == Nanos::ZERO => INTERPOLATED_DEADLINE,
+        _ => command.deadline,
     }
 }
 

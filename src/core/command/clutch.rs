@@ -5,7 +5,7 @@
 //! master moves freely and the snake holds. When it closes, the present poses of master and snake
 //! become the references, so nothing jumps; from then on the snake moves by the displacement of the
 //! master times the scale. The references are kept until the clutch opens again or another client
-//! takes the lease.
+//! takes the lease. A rate needs no reference: it is scaled, and zero while the clutch is open.
 
 use serde::{Deserialize, Serialize};
 
@@ -44,10 +44,14 @@ impl Clutch {
     }
 
     /// The goal of the snake for a command, and the clutch if the command is accepted. `snake`: the
-    /// present setpoint. Goals in counts are not coupled.
+    /// present setpoint. Goals in counts are not coupled, those of the tip as the angles that they
+    /// lead to.
     pub fn couple(&self, command: &ServoCommand, snake: Option<OutputVec>) -> (ServoGoal, Self) {
         let mut next = *self;
-        let ServoGoal::Joint(master, entries) = command.goal else {
+        let (ServoGoal::Joint(master, entries)
+        | ServoGoal::Interpolated(master, entries)
+        | ServoGoal::Rate(master, entries)) = command.goal
+        else {
             return (command.goal, next);
         };
         if command.client_id != self.client_id {
@@ -63,6 +67,10 @@ impl Clutch {
             let goal = if is_finite(&master) { snake } else { master };
             return (ServoGoal::Joint(goal, entries), next);
         }
+        if let ServoGoal::Rate(..) = command.goal {
+            let still = OutputVec::default();
+            return (ServoGoal::Rate(self.scaling.apply(&master, &still, &still), entries), next);
+        }
         if next.coupling == Coupling::Open {
             next.coupling = Coupling::Relative { master, snake };
         }
@@ -72,7 +80,11 @@ impl Clutch {
             }
             Coupling::Absolute | Coupling::Open => master,
         };
-        (ServoGoal::Joint(goal, entries), next)
+        let coupled = match command.goal {
+            ServoGoal::Interpolated(..) => ServoGoal::Interpolated(goal, entries),
+            _ => ServoGoal::Joint(goal, entries),
+        };
+        (coupled, next)
     }
 }
 

@@ -29,6 +29,11 @@ impl DeadlineCheck {
         Self { default }
     }
 
+    /// The deadline for a requested one; zero: the default.
+    pub fn of(&self, requested: Nanos) -> Nanos {
+        if requested == Nanos::ZERO { self.default } else { requested }
+    }
+
     /// The age, the lead or the deadline that makes a command stale or wrongly stamped.
     pub fn measurement(&self, stamp: Nanos, requested: Nanos, now: Nanos) -> Measurement {
         if stamp.since(now) > FUTURE_MARGIN {
@@ -36,8 +41,7 @@ impl DeadlineCheck {
         } else if requested > LONGEST_DEADLINE {
             Measurement::of_age(requested, LONGEST_DEADLINE)
         } else {
-            let deadline = if requested == Nanos::ZERO { self.default } else { requested };
-            Measurement::of_age(now.since(stamp), deadline)
+            Measurement::of_age(now.since(stamp), self.of(requested))
         }
     }
 
@@ -51,7 +55,7 @@ impl DeadlineCheck {
         if stamp.since(now) > FUTURE_MARGIN || requested > LONGEST_DEADLINE {
             return Err(Refusal::Stamp);
         }
-        let deadline = if requested == Nanos::ZERO { self.default } else { requested };
+        let deadline = self.of(requested);
         match stale_age(stamp, deadline, now) {
             None => Ok(deadline),
             Some(_) => Err(Refusal::Stale),

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::core::command::deadline::stale_age;
+use crate::core::command::tip_goal::ON_SURFACE_M;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
 use crate::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
@@ -17,8 +18,13 @@ pub(crate) struct FollowedCommand {
     pub deadline: Nanos,
     /// The goal and its extrapolation. Angles are clipped to what can be reached.
     pub goal: ExtrapolatedGoal,
-    /// The angles as commanded, rad (m).
+    /// The angles as commanded, rad (m); of a rate, where it leads until its deadline if it is
+    /// clipped on the way.
     pub requested: OutputVec,
+    /// The goal is out of reach.
+    pub is_clipped: bool,
+    /// The place of the tip that was commanded, m, and how far the tip stays away from it.
+    pub place: Option<(OutputVec, f64)>,
 }
 
 impl FollowedCommand {
@@ -31,7 +37,7 @@ impl FollowedCommand {
     }
 
     pub fn is_clipped(&self) -> bool {
-        self.joint().is_some_and(|(goal, requested)| goal.goal() != requested)
+        self.is_clipped || self.place.is_some_and(|(_, away_m)| away_m > ON_SURFACE_M)
     }
 
     /// The age of the command, if it is stale.

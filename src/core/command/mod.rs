@@ -10,3 +10,4 @@ pub(super) mod move_planning;
 pub(super) mod range_check;
 pub(super) mod refusal_record;
 mod sequence_record;
+pub(super) mod tip_goal;

@@ -1,7 +1,8 @@
 //! Planning of `move_jp`: from the present setpoint, or from where a move can stop, to a pose.
 
 use crate::core::command::admission::CommandAdmission;
-use crate::core::inputs::StateRequest;
+use crate::core::command::tip_goal::{self, ON_SURFACE_M, away_m};
+use crate::core::inputs::{ServoGoal, StateRequest};
 use crate::core::joint_space::joint_model::JointModel;
 use crate::core::joint_space::reach::reach;
 use crate::core::motion::axis_group::AxisGroup;
@@ -36,19 +37,12 @@ impl MovePlanning<'_> {
     /// last one, which comes to rest first.
     pub fn plan(&self, request: &StateRequest) -> Result<JointTrajectory, Refusal> {
         let client_id = request.client_id;
-        let (pose, entries) = request.pose.ok_or(Refusal::Malformed)?;
         let joints = self.joints.ok_or(Refusal::NoModel)?;
-        if entries as usize != joints.outputs() {
-            return Err(Refusal::Malformed);
-        }
-        if joints.unit() != OutputUnit::Deg {
-            return Err(Refusal::Unsupported);
-        }
-        let pose = first_entries::<MAX_OUTPUTS>(pose, entries);
-        if !is_finite(&pose) {
-            return Err(Refusal::NotFinite);
-        }
+        let pose = self.pose(request, joints)?;
         self.admission.require_lease(client_id)?;
+        if tip_away_m(request, &pose).is_some_and(|away_m| away_m > ON_SURFACE_M) {
+            return Err(Refusal::Reach);
+        }
         let trajectory = match self.current {
             Some(current) if current.client_id() == client_id => {
                 current.turned(pose, self.limits, self.now)
@@ -72,17 +66,41 @@ impl MovePlanning<'_> {
         Ok(trajectory)
     }
 
+    /// The pose of a request in angles.
+    fn pose(&self, request: &StateRequest, joints: &JointModel) -> Result<OutputVec, Refusal> {
+        let goal = tip_goal::in_joints(request.pose.ok_or(Refusal::Malformed)?, Some(joints));
+        if joints.unit() != OutputUnit::Deg {
+            return Err(Refusal::Unsupported);
+        }
+        match goal {
+            ServoGoal::Joint(pose, entries) if entries as usize == joints.outputs() => {
+                let pose = first_entries::<MAX_OUTPUTS>(pose, entries);
+                if is_finite(&pose) { Ok(pose) } else { Err(Refusal::NotFinite) }
+            }
+            ServoGoal::Tip(place, _) if !is_finite(&place) => Err(Refusal::NotFinite),
+            _ => Err(Refusal::Malformed),
+        }
+    }
+
     /// How far the pose of a request is out of reach.
     pub fn measure_reach(&self, request: &StateRequest) -> Option<Measurement> {
-        let (pose, entries) = request.pose?;
         let joints = self.joints?;
-        let pose: OutputVec = first_entries(pose, entries);
+        let pose = self.pose(request, joints).ok()?;
         let from = match self.current {
             Some(current) => *current.turned(pose, self.limits, self.now).start(),
             None => joints.setpoint()?,
         };
         let reached = reach(joints, self.axes, &from, &pose).ok()?;
+        if let Some(away_m) = tip_away_m(request, &reached) {
+            return Some(Measurement::new(Quantity::Millimetres, away_m * 1e3, None));
+        }
         let apart_deg = distance(&pose, &reached).to_degrees();
         Some(Measurement::new(Quantity::Degrees, apart_deg, None))
     }
+}
+
+/// How far the tip is from the place that a request asks for, with these angles, m.
+fn tip_away_m(request: &StateRequest, angles: &OutputVec) -> Option<f64> {
+    let place = tip_goal::place(&request.pose?)?;
+    Some(away_m(&place, angles))
 }

@@ -7,13 +7,17 @@ use crate::core::joint_space::joint_model::JointModel;
 use crate::core::joint_space::reach::reach;
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
-use crate::core::vector::{distance, first_entries, largest_difference};
+use crate::core::vector::{distance, first_entries, interpolate, largest_difference, zip_map};
 use crate::model::file::OutputUnit;
 use crate::robot::{Measurement, Quantity, Refusal};
-use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, OutputVec};
+use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
 
 /// Rounding of degrees to radians must not refuse a step of exactly the limit.
 const STEP_MARGIN: f64 = 1.0 + 1e-9;
+
+/// Time for the first line of an interpolated stream, and the least for each: a burst is no speed.
+const FIRST_LINE: Nanos = Nanos::from_millis(100);
+const SHORTEST_LINE: Nanos = Nanos::from_millis(5);
 
 /// The largest steps from one command to the next.
 #[derive(Debug, Clone, Copy)]
@@ -56,29 +60,31 @@ impl RangeCheck {
     pub fn check(
         &self,
         command: &ServoCommand,
+        deadline: Nanos,
         followed: Option<&FollowedCommand>,
         axes: &AxisGroup,
         joints: Option<&JointModel>,
-    ) -> Result<ExtrapolatedGoal, Refusal> {
+    ) -> Result<CheckedGoal, Refusal> {
         match command.goal {
-            ServoGoal::Joint(angles, entries) => {
-                let before = followed.and_then(FollowedCommand::joint);
+            ServoGoal::Joint(values, entries)
+            | ServoGoal::Interpolated(values, entries)
+            | ServoGoal::Rate(values, entries) => {
                 let joints = joints.ok_or(Refusal::NoModel)?;
                 require(entries as usize == joints.outputs(), Refusal::Malformed)?;
-                let angles = first_entries::<MAX_OUTPUTS>(angles, entries);
-                let last = before.map(|(_, requested)| requested);
-                let is_near = self.is_joint_step_allowed(&angles, last, axes, joints)?;
-                require(is_near, Refusal::Step)?;
-                let from = before.map(|(goal, _)| *goal.goal()).or(joints.setpoint());
-                // What is not finite here becomes a fault where it is followed.
-                let reached = from.and_then(|from| reach(joints, axes, &from, &angles).ok());
-                Ok(match reached.filter(|reached| *reached != angles) {
-                    // A goal at the border does not run ahead across it.
-                    Some(clipped) => {
-                        ExtrapolatedGoal::Joint(GoalExtrapolation::first(clipped, command.stamp))
-                    }
-                    None => ExtrapolatedGoal::Joint(extend(before.map(|it| it.0), angles, command)),
-                })
+                let joint = JointCheck {
+                    check: self,
+                    stamp: command.stamp,
+                    deadline,
+                    before: followed.and_then(FollowedCommand::joint),
+                    axes,
+                    joints,
+                };
+                let values = first_entries::<MAX_OUTPUTS>(values, entries);
+                match command.goal {
+                    ServoGoal::Rate(..) => joint.rate(&values),
+                    ServoGoal::Interpolated(..) => joint.interpolated(values),
+                    _ => joint.angles(values),
+                }
             }
             ServoGoal::Actuator(counts, entries) => {
                 let before = match followed.map(|followed| &followed.goal) {
@@ -91,7 +97,15 @@ impl RangeCheck {
                 let from = before.map_or_else(|| axes.setpoints(), |before| *before.goal());
                 let largest = self.largest(before.is_none());
                 require(largest_difference(&counts, &from) <= largest.actuator, Refusal::Step)?;
-                Ok(ExtrapolatedGoal::Actuator(extend(before, counts, command)))
+                Ok(CheckedGoal {
+                    goal: ExtrapolatedGoal::Actuator(extend(before, counts, command.stamp)),
+                    requested: OutputVec::default(),
+                    is_clipped: false,
+                })
+            }
+            // With a model of pitch and yaw they have become goals in joints.
+            ServoGoal::Tip(..) | ServoGoal::TipRate(..) => {
+                Err(joints.map_or(Refusal::NoModel, |_| Refusal::Unsupported))
             }
         }
     }
@@ -101,12 +115,21 @@ impl RangeCheck {
     pub fn step_measurement(
         &self,
         command: &ServoCommand,
+        deadline: Nanos,
         followed: Option<&FollowedCommand>,
         axes: &AxisGroup,
         joints: Option<&JointModel>,
     ) -> Option<Measurement> {
         match command.goal {
-            ServoGoal::Joint(angles, entries) => {
+            ServoGoal::Rate(rate, entries) => {
+                let way = first_entries::<MAX_OUTPUTS>(rate, entries)
+                    .map(|rate| rate * deadline.as_seconds());
+                let step = distance(&way, &OutputVec::default()).to_degrees();
+                let limit = Some(self.followed.joint.to_degrees());
+                Some(Measurement::new(Quantity::Degrees, step, limit))
+            }
+            ServoGoal::Tip(..) | ServoGoal::TipRate(..) => None,
+            ServoGoal::Joint(angles, entries) | ServoGoal::Interpolated(angles, entries) => {
                 let joints = joints.filter(|joints| joints.unit() == OutputUnit::Deg)?;
                 let (from, is_first) = match followed.and_then(FollowedCommand::joint) {
                     Some((_, requested)) => (*requested, false),
@@ -129,34 +152,120 @@ impl RangeCheck {
             }
         }
     }
+}
+
+/// A goal that passed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct CheckedGoal {
+    pub goal: ExtrapolatedGoal,
+    /// As in [`FollowedCommand`].
+    pub requested: OutputVec,
+    pub is_clipped: bool,
+}
+
+/// The check of a goal in joint space.
+struct JointCheck<'a> {
+    check: &'a RangeCheck,
+    stamp: Nanos,
+    deadline: Nanos,
+    /// The followed goal, and what was requested.
+    before: Option<(&'a GoalExtrapolation<MAX_OUTPUTS>, &'a OutputVec)>,
+    axes: &'a AxisGroup,
+    joints: &'a JointModel,
+}
+
+impl JointCheck<'_> {
+    fn angles(&self, angles: OutputVec) -> Result<CheckedGoal, Refusal> {
+        self.require_step(&angles)?;
+        let from = self.before.map(|(goal, _)| *goal.goal()).or(self.joints.setpoint());
+        let clipped = self.clipped(from, &angles);
+        let goal = match clipped {
+            // A goal at the border does not run ahead across it.
+            Some(clipped) => GoalExtrapolation::first(clipped, self.stamp),
+            None => extend(self.before.map(|it| it.0), angles, self.stamp),
+        };
+        Ok(passed(goal, angles, clipped.is_some()))
+    }
+
+    /// The line to the goal is as long in time as the last one was.
+    fn interpolated(&self, angles: OutputVec) -> Result<CheckedGoal, Refusal> {
+        self.require_step(&angles)?;
+        let from = self.present()?;
+        let clipped = self.clipped(Some(from), &angles);
+        let interval = match self.before {
+            Some((before, _)) => self.stamp.since(before.stamp()).max(SHORTEST_LINE),
+            None => FIRST_LINE,
+        };
+        let after = interval.min(self.deadline);
+        let end = clipped.unwrap_or(angles);
+        let goal = GoalExtrapolation::reaching(end, &from, self.stamp, after);
+        Ok(passed(goal, angles, clipped.is_some()))
+    }
+
+    /// A rate is integrated until its deadline, or until the border.
+    fn rate(&self, rate: &OutputVec) -> Result<CheckedGoal, Refusal> {
+        require(self.joints.unit() == OutputUnit::Deg, Refusal::Unsupported)?;
+        let deadline_s = self.deadline.as_seconds();
+        let way = rate.map(|rate| rate * deadline_s);
+        let length = distance(&way, &OutputVec::default());
+        require(length <= self.check.followed.joint * STEP_MARGIN, Refusal::Step)?;
+        // A snake that cannot keep up is not led further and further, or it would go on after the
+        // rate is zero.
+        let (setpoint, goal) = (self.joints.setpoint().unwrap_or_default(), self.present()?);
+        let most = length + self.check.first.joint;
+        let ahead = distance(&setpoint, &goal);
+        let from = interpolate(&setpoint, &goal, if ahead > most { most / ahead } else { 1.0 });
+        let to = zip_map(&from, &way, |from, way| from + way);
+        let clipped = self.clipped(Some(from), &to);
+        let share = clipped.map_or(1.0, |reached| distance(&from, &reached) / length);
+        let goal = GoalExtrapolation::moving(from, *rate, self.stamp, share * deadline_s);
+        Ok(passed(goal, if clipped.is_some() { to } else { from }, clipped.is_some()))
+    }
+
+    /// Where the followed goal is when the command is sent; the setpoint if there is none.
+    fn present(&self) -> Result<OutputVec, Refusal> {
+        let goal = self.before.map(|(goal, _)| goal.at(self.stamp));
+        goal.or(self.joints.setpoint()).ok_or(Refusal::DrivesNotReady)
+    }
+
+    /// The last pose on the line that can be reached, if it is not its end. What is not finite here
+    /// becomes a fault where it is followed.
+    fn clipped(&self, from: Option<OutputVec>, to: &OutputVec) -> Option<OutputVec> {
+        let reached = reach(self.joints, self.axes, &from?, to).ok();
+        reached.filter(|reached| reached != to)
+    }
 
     /// Angles are compared as angles. The position of a tip has no degrees, so the motor positions
     /// of its inverse are compared.
-    fn is_joint_step_allowed(
-        &self,
-        goal: &OutputVec,
-        before: Option<&OutputVec>,
-        axes: &AxisGroup,
-        joints: &JointModel,
-    ) -> Result<bool, Refusal> {
-        let largest = self.largest(before.is_none());
-        match joints.unit() {
+    fn require_step(&self, goal: &OutputVec) -> Result<(), Refusal> {
+        let before = self.before.map(|(_, requested)| requested);
+        let (largest, joints) = (self.check.largest(before.is_none()), self.joints);
+        let is_allowed = match joints.unit() {
             OutputUnit::Deg => {
                 let setpoint = || joints.setpoint().ok_or(Refusal::DrivesNotReady);
                 let from = before.copied().map_or_else(setpoint, Ok)?;
                 // A distance that is not a number is not allowed.
-                Ok(distance(goal, &from) <= largest.joint * STEP_MARGIN)
+                distance(goal, &from) <= largest.joint * STEP_MARGIN
             }
             OutputUnit::Mm => {
                 let solve = |goal| joints.solve(goal).map(|inverse| inverse.counts);
-                let from = before.map_or_else(|| Ok(axes.setpoints()), solve);
+                let from = before.map_or_else(|| Ok(self.axes.setpoints()), solve);
                 let (Ok(from), Ok(to)) = (from, solve(goal)) else {
-                    return Ok(false);
+                    return Err(Refusal::Step);
                 };
-                Ok(largest_difference(&to, &from) <= largest.actuator)
+                largest_difference(&to, &from) <= largest.actuator
             }
-        }
+        };
+        require(is_allowed, Refusal::Step)
     }
+}
+
+fn passed(
+    goal: GoalExtrapolation<MAX_OUTPUTS>,
+    requested: OutputVec,
+    is_clipped: bool,
+) -> CheckedGoal {
+    CheckedGoal { goal: ExtrapolatedGoal::Joint(goal), requested, is_clipped }
 }
 
 pub(crate) fn require(is_met: bool, refusal: Refusal) -> Result<(), Refusal> {
@@ -166,10 +275,10 @@ pub(crate) fn require(is_met: bool, refusal: Refusal) -> Result<(), Refusal> {
 fn extend<const N: usize>(
     before: Option<&GoalExtrapolation<N>>,
     goal: [f64; N],
-    command: &ServoCommand,
+    stamp: Nanos,
 ) -> GoalExtrapolation<N> {
     match before {
-        Some(before) => before.next(goal, command.stamp),
-        None => GoalExtrapolation::first(goal, command.stamp),
+        Some(before) => before.next(goal, stamp),
+        None => GoalExtrapolation::first(goal, stamp),
     }
 }

@@ -4,7 +4,8 @@
 use crate::core::command::admission::AdmissionContext;
 use crate::core::command::followed_command::FollowedCommand;
 use crate::core::command::move_planning::MovePlanning;
-use crate::core::command::range_check::require;
+use crate::core::command::range_check::{CheckedGoal, require};
+use crate::core::command::tip_goal;
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::DriveSummary;
 use crate::core::events::{CycleEventKind, EventList};
@@ -20,7 +21,6 @@ use crate::core::outputs::ModelSwapReply;
 use crate::core::states::command_transitions::{CommandEffect, command_effect};
 use crate::core::states::control_state::{ControlState, EnabledActivity, HOLDING};
 use crate::core::states::state_machine::TransitionCause;
-use crate::core::vector::first_entries;
 use crate::robot::{Measurement, Refusal};
 use crate::units::{Nanos, OutputVec};
 
@@ -232,10 +232,14 @@ impl ControlCycle {
         summary: &DriveSummary,
         events: &mut EventList,
     ) {
-        let snake = self.models.active().and_then(JointModel::setpoint);
-        let (goal, clutch) = self.clutch.couple(command, snake);
+        let joints = self.models.active();
+        let place = tip_goal::place(&command.goal);
+        let led = ServoCommand { goal: tip_goal::in_joints(command.goal, joints), ..*command };
+        let (goal, clutch) = self.clutch.couple(&led, joints.and_then(JointModel::setpoint));
+        // What is scaled or clutched does not go to the place.
+        let place = place.filter(|_| goal == led.goal);
         let command = &ServoCommand { goal, ..*command };
-        match self.check_servo_command(command, summary) {
+        match self.check_servo_command(command, place, summary) {
             Ok(followed) => {
                 self.admission.accept(command, summary.now, events);
                 self.clutch = clutch;
@@ -260,6 +264,7 @@ impl ControlCycle {
     fn check_servo_command(
         &self,
         command: &ServoCommand,
+        place: Option<OutputVec>,
         summary: &DriveSummary,
     ) -> Result<FollowedCommand, Refusal> {
         let state = self.machine.state();
@@ -276,17 +281,22 @@ impl ControlCycle {
             self.require_known_angles()?;
         }
         let followed = state.followed_command();
-        let goal = self.range_check.check(command, followed, &self.axes, self.models.active())?;
+        let CheckedGoal { goal, requested, is_clipped } = self.range_check.check(
+            command,
+            deadline,
+            followed,
+            &self.axes,
+            self.models.active(),
+        )?;
         Ok(FollowedCommand {
             client_id: command.client_id,
             sequence: command.sequence,
             stamp: command.stamp,
             deadline,
             goal,
-            requested: match command.goal {
-                ServoGoal::Joint(angles, entries) => first_entries(angles, entries),
-                ServoGoal::Actuator(..) => OutputVec::default(),
-            },
+            requested,
+            is_clipped,
+            place: place.map(|place| (place, tip_goal::away_m(&place, &requested))),
         })
     }
 }

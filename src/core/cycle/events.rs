@@ -1,6 +1,7 @@
 //! Events of the cycle that concern several of its parts: faults with what was measured, stops for
 //! want of feedback, clips.
 
+use crate::core::command::tip_goal::away_m;
 use crate::core::cycle::ControlCycle;
 use crate::core::cycle::setpoint_generation::GeneratedSetpoint;
 use crate::core::drive_status::DriveSummary;
@@ -46,9 +47,8 @@ impl ControlCycle {
         events: &mut EventList,
     ) {
         let clip = setpoint.is_clipped.then(|| self.clipped_goal(setpoint));
-        if let Some(ClippedGoal { client_id, distance_deg }) = self.clips.update(clip, now) {
-            let measurement =
-                distance_deg.map(|deg| Measurement::new(Quantity::Degrees, deg, None));
+        if let Some(ClippedGoal { client_id, distance }) = self.clips.update(clip, now) {
+            let measurement = distance.map(|(far, unit)| Measurement::new(unit, far, None));
             events.push_measured(CycleEventKind::Clipped { client_id }, measurement);
         }
     }
@@ -56,11 +56,13 @@ impl ControlCycle {
     fn clipped_goal(&self, setpoint: &GeneratedSetpoint) -> ClippedGoal {
         let followed = self.machine.state().followed_command();
         let is_angle = { self.models.active() }.is_some_and(|it| it.unit() == OutputUnit::Deg);
-        let requested = followed.filter(|_| is_angle).map(|followed| followed.requested);
+        let requested = followed.filter(|_| is_angle).zip(setpoint.goal);
         ClippedGoal {
             client_id: followed.map_or(0, |followed| followed.client_id),
-            distance_deg: { requested.zip(setpoint.goal) }
-                .map(|(requested, goal)| distance(&requested, &goal).to_degrees()),
+            distance: requested.map(|(followed, goal)| match followed.place {
+                Some((place, _)) => (away_m(&place, &goal) * 1e3, Quantity::Millimetres),
+                None => (distance(&followed.requested, &goal).to_degrees(), Quantity::Degrees),
+            }),
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::core::motion::axis_control::AxisControl;
 use crate::drive::AxisPhase;
 use crate::robot::{Fault, Measurement, Quantity, Refusal};
-use crate::units::Nanos;
+use crate::units::{MAX_OUTPUTS, Nanos};
 
 impl ControlCycle {
     /// The measurement behind a fault that was just detected, where there is one.
@@ -45,13 +45,14 @@ impl ControlCycle {
                 let state = self.machine.state();
                 let followed = state.followed_command();
                 let joints = self.models.active();
-                self.range_check.step_measurement(command, followed, &self.axes, joints)
+                let deadline = self.admission.deadline(command);
+                self.range_check.step_measurement(command, deadline, followed, &self.axes, joints)
             }
             Refusal::Range => match command.goal {
                 ServoGoal::Actuator(counts, _) => {
                     self.axes.range_measurement(|motor, _| counts.get(usize::from(motor)).copied())
                 }
-                ServoGoal::Joint(..) => None,
+                _ => None,
             },
             Refusal::Malformed => self.entries_measurement(command),
             _ => self.request_measurement(refusal, summary),
@@ -79,7 +80,10 @@ impl ControlCycle {
 
     fn entries_measurement(&self, command: &ServoCommand) -> Option<Measurement> {
         let (given, expected) = match command.goal {
-            ServoGoal::Joint(_, entries) => (entries, self.models.active()?.outputs()),
+            ServoGoal::Joint(_, entries)
+            | ServoGoal::Interpolated(_, entries)
+            | ServoGoal::Rate(_, entries) => (entries, self.models.active()?.outputs()),
+            ServoGoal::Tip(_, entries) | ServoGoal::TipRate(_, entries) => (entries, MAX_OUTPUTS),
             ServoGoal::Actuator(_, entries) => (entries, self.axes.count()),
         };
         let expected = expected as f64;

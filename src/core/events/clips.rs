@@ -2,28 +2,30 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::robot::Quantity;
 use crate::units::Nanos;
 
 /// Shortest time between two events.
 const FOLD_TIME: Nanos = Nanos::from_millis(1000);
 /// A distance that grew by less is no news: it is the last digit of the log.
-const GROWTH_DEG: f64 = 0.01;
+const GROWTH: f64 = 0.01;
 
 /// A goal that is clipped to what can be reached.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ClippedGoal {
     /// Client whose command is followed; 0: that of a `move_jp`.
     pub client_id: u64,
-    /// Distance from the request, where both are angles.
-    pub distance_deg: Option<f64>,
+    /// Distance from the request, and its unit: degrees or mm.
+    pub distance: Option<(f64, Quantity)>,
 }
 
 impl ClippedGoal {
     /// More is cut off than in the other, as far as both are known.
-    fn is_farther(&self, other: &Option<Self>, by_deg: f64) -> bool {
+    fn is_farther(&self, other: &Option<Self>, by: f64) -> bool {
         let Some(other) = other else { return true };
-        let other_deg = other.distance_deg.map_or(f64::NEG_INFINITY, |deg| deg + by_deg);
-        self.distance_deg.is_some_and(|deg| deg > other_deg)
+        let same = other.distance.filter(|(_, unit)| self.distance.is_some_and(|it| it.1 == *unit));
+        let least = same.map_or(f64::NEG_INFINITY, |(distance, _)| distance + by);
+        self.distance.is_some_and(|(distance, _)| distance > least)
     }
 }
 
@@ -46,7 +48,7 @@ impl ClipEvents {
             if !self.is_present {
                 self.reported = None;
             }
-            let is_news = clip.is_farther(&self.reported, GROWTH_DEG);
+            let is_news = clip.is_farther(&self.reported, GROWTH);
             if is_news && clip.is_farther(&self.pending, 0.0) {
                 self.pending = Some(clip);
             }
@@ -70,10 +72,12 @@ mod tests {
         let mut clips = ClipEvents::default();
         let update = |(index, distance): (usize, &f64)| {
             let now = Nanos::from_millis(10_000 + 100 * index as u64);
-            let clip = (!distance.is_nan())
-                .then_some(ClippedGoal { client_id: 7, distance_deg: Some(*distance) });
+            let clip = (!distance.is_nan()).then_some(ClippedGoal {
+                client_id: 7,
+                distance: Some((*distance, Quantity::Degrees)),
+            });
             let event = clips.update(clip, now)?;
-            Some((index, event.distance_deg?))
+            Some((index, event.distance?.0))
         };
         distances_deg.iter().enumerate().filter_map(update).collect()
     }
@@ -107,7 +111,7 @@ mod tests {
     #[test]
     fn a_clip_of_unknown_distance_is_an_event_at_its_beginning() {
         let mut clips = ClipEvents::default();
-        let clip = ClippedGoal { client_id: 0, distance_deg: None };
+        let clip = ClippedGoal { client_id: 0, distance: None };
         let found = (0..5000).filter(|ms| {
             let now = Nanos::from_millis(10_000 + ms);
             clips.update((*ms < 4000).then_some(clip), now).is_some()

@@ -6,9 +6,10 @@
 //!
 //! | | stage | what it may move |
 //! |---|---|---|
+//! | 0 | `command/tip_goal` | a place or a velocity of the tip becomes one of the joints |
 //! | 1 | `command/clutch` | the goal of the master becomes one of the snake |
 //! | 2 | `joint_space/reach` | the goal, back on its line to what can be reached |
-//! | 3 | `motion/goal_extrapolation` | the goal between commands |
+//! | 3 | `motion/goal_extrapolation` | the goal between commands: extrapolated, interpolated, or a rate integrated |
 //! | 4 | `motion/tremor_filter` | the goal |
 //! | 5 | `motion/joint_limits` | the goal: position, velocity, acceleration, jerk of the angles |
 //! | 6 | `motion/virtual_fixtures` | the goal, within the limits of stage 5 |

@@ -15,6 +15,11 @@
 //! - extrapolation lasts at most [`HORIZON_INTERVALS`] intervals and [`LONGEST`], so the goal of a
 //!   client that dies is at rest a few stairs later, long before the deadline;
 //! - streams slower than [`LONGEST`] are not extrapolated.
+//!
+//! Two other kinds of goals are lines in time, too, with a rate that is known and not guessed:
+//! `servo_jv` is integrated from where the goal is ([`GoalExtrapolation::moving`]), and
+//! `interpolate_jp` comes to its end when the next command is due ([`GoalExtrapolation::reaching`]).
+//! The line always ends: a client that dies leaves the goal at rest.
 
 use serde::{Deserialize, Serialize};
 
@@ -58,6 +63,8 @@ pub(crate) struct GoalExtrapolation<const N: usize> {
     /// Rate of the extrapolation, 1/s.
     #[serde(with = "array")]
     rate: [f64; N],
+    /// Age of the last command at which the goal is `goal`, s; 0 unless the goal is interpolated.
+    reached_s: f64,
     /// Duration of the extrapolation, s.
     horizon_s: f64,
 }
@@ -65,7 +72,20 @@ pub(crate) struct GoalExtrapolation<const N: usize> {
 impl<const N: usize> GoalExtrapolation<N> {
     /// The first goal of a stream.
     pub fn first(goal: [f64; N], stamp: Nanos) -> Self {
-        Self { goal, stamp, last_rate: [0.0; N], rate: [0.0; N], horizon_s: 0.0 }
+        let (still, reached_s, horizon_s) = ([0.0; N], 0.0, 0.0);
+        Self { goal, stamp, last_rate: still, rate: still, reached_s, horizon_s }
+    }
+
+    /// A goal that moves from `from` with a rate, 1/s, for some time.
+    pub fn moving(from: [f64; N], rate: [f64; N], stamp: Nanos, horizon_s: f64) -> Self {
+        Self { rate, horizon_s, ..Self::first(from, stamp) }
+    }
+
+    /// A goal that moves on a straight line from `from` to `goal`, and is there after some time.
+    pub fn reaching(goal: [f64; N], from: &[f64; N], stamp: Nanos, after: Nanos) -> Self {
+        let after_s = after.as_seconds();
+        let rate = difference(&goal, from).map(|change| change / after_s);
+        Self { rate, reached_s: after_s, horizon_s: after_s, ..Self::first(goal, stamp) }
     }
 
     /// The next goal of the same stream.
@@ -81,8 +101,14 @@ impl<const N: usize> GoalExtrapolation<N> {
             stamp,
             last_rate,
             rate: zip_map(&last_rate, &self.last_rate, minmod),
+            reached_s: 0.0,
             horizon_s: (HORIZON_INTERVALS * interval_s).min(LONGEST.as_seconds()),
         }
+    }
+
+    /// Stamp of the last command.
+    pub fn stamp(&self) -> Nanos {
+        self.stamp
     }
 
     /// The goal of the last command.
@@ -92,12 +118,17 @@ impl<const N: usize> GoalExtrapolation<N> {
 
     /// The extrapolated goal now and one `tick` before, on the same straight line.
     pub fn evaluate(&self, now: Nanos, tick: Nanos) -> ([f64; N], [f64; N]) {
-        let (age_s, tick_s) = (now.since(self.stamp).as_seconds(), tick.as_seconds());
-        (self.at_age(age_s), self.at_age(age_s - tick_s))
+        let age_s = now.since(self.stamp).as_seconds();
+        (self.at_age(age_s), self.at_age(age_s - tick.as_seconds()))
+    }
+
+    /// The extrapolated goal at a time.
+    pub fn at(&self, now: Nanos) -> [f64; N] {
+        self.at_age(now.since(self.stamp).as_seconds())
     }
 
     fn at_age(&self, age_s: f64) -> [f64; N] {
-        let age_s = age_s.min(self.horizon_s);
+        let age_s = age_s.min(self.horizon_s) - self.reached_s;
         zip_map(&self.goal, &self.rate, |goal, rate| goal + rate * age_s)
     }
 }
@@ -180,6 +211,28 @@ mod tests {
             let found = stream(goals, 5).evaluate(ms(5 * goals.len() as u64), TICK);
             assert_eq!(found, ([last], [last]), "{goals:?}");
         }
+    }
+
+    #[test]
+    fn a_rate_is_integrated_and_an_interpolated_goal_arrives_when_the_next_command_is_due() {
+        let moving = GoalExtrapolation::moving([1.0], [10.0], ms(0), 0.05);
+        let reaching = GoalExtrapolation::reaching([2.0], &[1.0], ms(0), Nanos::from_millis(100));
+        for (at_ms, [moved, reached]) in [
+            (0, [1.0, 1.0]),
+            (20, [1.2, 1.2]),
+            (50, [1.5, 1.5]),
+            (80, [1.5, 1.8]),
+            (900, [1.5, 2.0]),
+        ] {
+            let found = [moving.at(ms(at_ms))[0], reaching.at(ms(at_ms))[0]];
+            assert!(
+                (found[0] - moved).abs() < 1e-9 && (found[1] - reached).abs() < 1e-9,
+                "{found:?}"
+            );
+        }
+        // A stream of angles after it is not extrapolated by what was no motion of the client.
+        let next = reaching.next([2.1], ms(10));
+        assert_eq!(next.at(ms(15)), [2.1]);
     }
 
     proptest! {

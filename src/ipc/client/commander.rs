@@ -69,7 +69,7 @@ pub struct Commander {
     link: Arc<ControllerLink>,
     deadline: Nanos,
     clutched: bool,
-    servo: CommandPublisher<ServoJp>,
+    joints: CommandPublisher<ServoJp>,
     actuators: CommandPublisher<ServoActuator>,
 }
 
@@ -79,7 +79,7 @@ impl Commander {
             link: Arc::clone(link),
             deadline: Nanos::ZERO,
             clutched: false,
-            servo: CommandPublisher::new(Stream::ServoJp),
+            joints: CommandPublisher::new(Stream::ServoJp),
             actuators: CommandPublisher::new(Stream::ServoActuators),
         }
     }
@@ -92,7 +92,7 @@ impl Commander {
         self
     }
 
-    /// Opens or closes the clutch, from the next [`Commander::servo_jp`] on. While it is open the
+    /// Opens or closes the clutch, from the next command in joints or of the tip on. While it is open the
     /// snake holds and motion of the master is ignored; when it closes, the position of the master
     /// corresponds to the present pose of the snake.
     pub fn set_clutch(&mut self, open: bool) {
@@ -107,9 +107,52 @@ impl Commander {
     /// [`ClientError::NoController`] while no controller serves the domain, [`ClientError::Count`]
     /// for a wrong number of values, [`ClientError::Transport`] when iceoryx2 fails.
     pub fn servo_jp(&mut self, position: &[f64]) -> Result<u64, ClientError> {
+        self.servo(position, 0)
+    }
+
+    /// `servo_jv`: move with these rates until the next command or the deadline: pitch and yaw,
+    /// rad/s.
+    ///
+    /// # Errors
+    ///
+    /// As [`Commander::servo_jp`].
+    pub fn servo_jv(&mut self, velocity: &[f64]) -> Result<u64, ClientError> {
+        self.servo(velocity, ServoJp::RATE)
+    }
+
+    /// `interpolate_jp`: be at these angles when the next command is due, rad. For slow streams, of
+    /// 10 to 30 Hz; the default deadline is 250 ms.
+    ///
+    /// # Errors
+    ///
+    /// As [`Commander::servo_jp`].
+    pub fn interpolate_jp(&mut self, position: &[f64]) -> Result<u64, ClientError> {
+        self.servo(position, ServoJp::INTERPOLATE)
+    }
+
+    /// `servo_cp`: bring the tip as near as possible to a place now: x, y and z at the base, m.
+    ///
+    /// # Errors
+    ///
+    /// As [`Commander::servo_jp`].
+    pub fn servo_cp(&mut self, place: [f64; 3]) -> Result<u64, ClientError> {
+        self.servo(&place, ServoJp::TIP)
+    }
+
+    /// `servo_cv`: move the tip with this velocity, as far as it can, until the next command or the
+    /// deadline, m/s.
+    ///
+    /// # Errors
+    ///
+    /// As [`Commander::servo_jp`].
+    pub fn servo_cv(&mut self, velocity: [f64; 3]) -> Result<u64, ClientError> {
+        self.servo(&velocity, ServoJp::TIP | ServoJp::RATE)
+    }
+
+    fn servo(&mut self, position: &[f64], kind: u32) -> Result<u64, ClientError> {
         let (position, count) = padded(position)?;
         let (link, mut sequence) = (&self.link, 0);
-        self.servo.send(link, |now| ServoJp {
+        self.joints.send(link, |now| ServoJp {
             sequence: {
                 sequence = link.next_sequence();
                 sequence
@@ -119,7 +162,7 @@ impl Commander {
             deadline_ns: self.deadline.0,
             position,
             count,
-            flags: if self.clutched { ServoJp::CLUTCH } else { 0 },
+            flags: kind | if self.clutched { ServoJp::CLUTCH } else { 0 },
         })?;
         Ok(sequence)
     }

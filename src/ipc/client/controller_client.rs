@@ -91,8 +91,26 @@ impl Client {
     ///
     /// As [`Client::state_command`], and [`ClientError::Count`] for a wrong number of values.
     pub fn move_jp(&mut self, position: &[f64]) -> Result<OperatingState, ClientError> {
+        self.request_move(position, 0)
+    }
+
+    /// As [`Client::move_jp`], to where the tip is nearest to a place (x, y and z at the base, m).
+    /// Refused if that is farther than 0.1 mm.
+    ///
+    /// # Errors
+    ///
+    /// As [`Client::state_command`].
+    pub fn move_cp(&mut self, place: [f64; 3]) -> Result<OperatingState, ClientError> {
+        self.request_move(&place, MoveRequest::TIP)
+    }
+
+    fn request_move(
+        &mut self,
+        position: &[f64],
+        flags: u32,
+    ) -> Result<OperatingState, ClientError> {
         let (position, count) = padded(position)?;
-        let request = MoveRequest { client_id: self.id(), position, count, reserved: 0 };
+        let request = MoveRequest { client_id: self.id(), position, count, flags };
         let reply = self.requests.move_jp(request)?;
         check_reply(StateCommand::Move, reply)
     }

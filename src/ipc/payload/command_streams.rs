@@ -6,7 +6,8 @@ use super::definition::payload;
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
-    /// `servo_jp`, in: go to these angles now. Send it repeatedly, faster than its deadline.
+    /// `servo_jp`, in: go to these angles now. Send it repeatedly, faster than its deadline. By its
+    /// flags also `servo_jv`, `interpolate_jp`, `servo_cp` and `servo_cv`.
     ServoJp "I2risServoJpV1": message {
         /// Counts up by one per command of one client.
         pub sequence: u64,
@@ -16,11 +17,12 @@ payload! {
         pub client_id: u64,
         /// Age at which this command is stale and the robot stops. 0: the controller's default.
         pub deadline_ns: u64,
-        /// Desired pitch and yaw, rad; or x, y, z, m, for a model of the tip position.
+        /// Desired pitch and yaw, rad; or x, y, z, m, for a model of the tip position, and with
+        /// [`ServoJp::TIP`]. Per second with [`ServoJp::RATE`].
         pub position: [f64; MAX_OUTPUTS],
         /// Number of valid entries in `position`.
         pub count: u32,
-        /// 0 or [`ServoJp::CLUTCH`].
+        /// 0 or a sum of [`ServoJp::CLUTCH`] and the other flags.
         pub flags: u32,
     }
 
@@ -67,6 +69,15 @@ impl ServoJp {
     /// renewed. The first command without this flag closes the clutch: its `position` is the new
     /// reference, and only changes relative to it move the snake.
     pub const CLUTCH: u32 = 1;
+    /// Flag: `servo_jv`, or `servo_cv` with [`ServoJp::TIP`]: `position` is a rate, which is
+    /// integrated until the next command or the deadline. So far it may lead at most `max_step_deg`.
+    pub const RATE: u32 = 2;
+    /// Flag: `interpolate_jp`, a slow stream: the goal moves on a straight line and is at `position`
+    /// when the next command is due. The default deadline is 250 ms.
+    pub const INTERPOLATE: u32 = 4;
+    /// Flag: `servo_cp`: `position` is a place of the tip at the base of the snake. The tip goes to
+    /// the nearest place that it can reach; farther than 0.1 mm is a clip, with the distance.
+    pub const TIP: u32 = 8;
 }
 
 impl ExternalPosition {

@@ -40,17 +40,17 @@ payload! {
         pub reserved: u32,
     }
 
-    /// `move_jp`, request: go to a pose, from rest to rest with limited jerk. The reply is
-    /// [`StateCommandReply`].
+    /// `move_jp`, and `move_cp` by its flag, request: go to a pose, from rest to rest with limited
+    /// jerk. The reply is [`StateCommandReply`].
     MoveRequest "I2risMoveRequestV1" {
         /// Identity of the client. Not 0.
         pub client_id: u64,
-        /// Desired pitch and yaw, rad.
+        /// Desired pitch and yaw, rad; a place of the tip, m, with [`MoveRequest::TIP`].
         pub position: [f64; MAX_OUTPUTS],
         /// Number of valid entries in `position`.
         pub count: u32,
-        /// 0.
-        pub reserved: u32,
+        /// 0 or [`MoveRequest::TIP`].
+        pub flags: u32,
     }
 
     /// `version`, request.
@@ -100,6 +100,12 @@ payload! {
         /// Path of the file, or the reason of the failure; UTF-8, padded with 0.
         pub text: [u8; 1024],
     }
+}
+
+impl MoveRequest {
+    /// Flag: `move_cp`: `position` is a place of the tip at the base of the snake. Refused if the
+    /// tip cannot come within 0.1 mm of it.
+    pub const TIP: u32 = 1;
 }
 
 impl StateCommandReply {

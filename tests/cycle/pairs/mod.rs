@@ -24,6 +24,7 @@ use i2ris::core::{
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
+use i2ris::model::kinematic::{TipPosition, tip_position};
 use i2ris::units::{Counts, Nanos};
 use i2ris_testing::cycle::{
     Bench, CLIENT, GAIN_DEG, model, play_model, rad, scaled_play_model, within,
@@ -46,8 +47,23 @@ const SEEDS: [u64; 1] = [
     1205,
 ];
 
+/// Kinds of goals in joint space and of the tip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Angles,
+    Interpolated,
+    Rate,
+    Tip,
+    TipRate,
+}
+
+const KINDS: [Kind; 5] = [Kind::Angles, Kind::Interpolated, Kind::Rate, Kind::Tip, Kind::TipRate];
+
 struct Situation {
     random: Random,
+    /// What the stream consists of; in every fifth situation angles only.
+    kind: Kind,
+    kinds: Option<Random>,
     bench: Bench,
     oracle: Oracle,
     /// The regions of the configuration, and those of requests.
@@ -96,6 +112,8 @@ impl Situation {
         let mut oracle = Oracle::new(snake, limits, hull, 6 + window);
         oracle.set_zones(&bench, &zones);
         Self {
+            kind: Kind::Angles,
+            kinds: (!seed.is_multiple_of(5)).then(|| Random::new(seed ^ 0x9E37_79B9)),
             configured: zones.len(),
             zones,
             zones_on: true,
@@ -168,7 +186,24 @@ impl Situation {
             }
         }
         self.bench.clutched = self.clutched;
-        let command = self.bench.servo(ServoGoal::Joint(rad(self.goal[0], self.goal[1]), 2));
+        if let Some(kinds) = &mut self.kinds
+            && kinds.one_in(40)
+        {
+            self.kind = KINDS[kinds.below(5) as usize];
+        }
+        let ([pitch, yaw], [pitch_rate, yaw_rate]) = (self.goal, self.rate);
+        let [angles, rates] = [rad(pitch, yaw), rad(pitch_rate, yaw_rate)];
+        let TipPosition { position_m, slope_m_per_rad: [by_pitch, by_yaw] } =
+            tip_position(angles[0], angles[1]);
+        let velocity = [0, 1, 2].map(|at| by_pitch[at] * rates[0] + by_yaw[at] * rates[1]);
+        let goal = match self.kind {
+            Kind::Angles => ServoGoal::Joint(angles, 2),
+            Kind::Interpolated => ServoGoal::Interpolated(angles, 2),
+            Kind::Rate => ServoGoal::Rate(rates, 2),
+            Kind::Tip => ServoGoal::Tip(position_m, 3),
+            Kind::TipRate => ServoGoal::TipRate(velocity, 3),
+        };
+        let command = self.bench.servo(goal);
         self.send(command);
     }
 
@@ -187,8 +222,9 @@ impl Situation {
             self.sent = self.bench.now;
         }
         if refusal == Refusal::None {
-            self.oracle.accepted(command.stamp, Nanos::from_millis(50));
-            self.oracle.in_hull = matches!(command.goal, ServoGoal::Joint(..));
+            let is_slow = matches!(command.goal, ServoGoal::Interpolated(..));
+            self.oracle.accepted(command.stamp, Nanos::from_millis(if is_slow { 250 } else { 50 }));
+            self.oracle.in_hull = !matches!(command.goal, ServoGoal::Actuator(..));
             let now = self.bench.now;
             let has_lease = |(client_id, renewed): (u64, Nanos)| {
                 client_id == command.client_id || now.since(renewed) >= LEASE

@@ -1,22 +1,9 @@
-//! How the tip moves with the joints, and which bend brings it to a place.
+//! How the tip moves with the joints.
 
-use i2ris::model::kinematic::{JOINTS_PER_AXIS, STOP_RAD};
-use nalgebra::{Isometry3, Matrix2, SMatrix, Vector2, Vector3};
+use nalgebra::{Isometry3, SMatrix, Vector3};
 
 use crate::snake::Motion;
 use crate::{Bend, Snake};
-
-/// The stops of the joints hold the whole bend within this, rad.
-const LARGEST_RAD: f64 = JOINTS_PER_AXIS as f64 * STOP_RAD;
-
-/// Damping of the steps towards a place, m^2: little against the squares of the snake's lengths.
-const DAMPING_M2: f64 = 1e-11;
-
-/// A snake of a few joints needs a tenth of these steps.
-const STEPS: usize = 100;
-
-/// A step below this is the last one, rad.
-const DONE_RAD: f64 = 1e-12;
 
 impl Snake {
     /// Linear (m) and angular (rad) velocity of the tip in the base, six rows, by the velocities of
@@ -45,34 +32,6 @@ impl Snake {
         }
         jacobian
     }
-
-    /// The bend with which the tip is nearest to a place, and how near that is, m. The search
-    /// begins at a bend, by damped Gauss-Newton steps (K. Levenberg, 1944).
-    #[must_use]
-    pub fn bend_to(&self, position_m: [f64; 3], from: Bend) -> (Bend, f64) {
-        let wanted = Vector3::from(position_m);
-        let left = |bend| wanted - Vector3::from(self.tip_pose(bend).position_m);
-        let mut bend = from;
-        for _ in 0..STEPS {
-            let linear = self.jacobian_matrix(bend).fixed_rows::<3>(0).into_owned();
-            let normal = linear.transpose() * linear + Matrix2::identity() * DAMPING_M2;
-            let Some(inverse) = normal.try_inverse() else {
-                break;
-            };
-            let step: Vector2<f64> = inverse * (linear.transpose() * left(bend));
-            let next = Bend { pitch: within(bend.pitch + step.x), yaw: within(bend.yaw + step.y) };
-            let moved = (next.pitch - bend.pitch).abs().max((next.yaw - bend.yaw).abs());
-            bend = next;
-            if moved < DONE_RAD {
-                break;
-            }
-        }
-        (bend, left(bend).norm())
-    }
-}
-
-fn within(angle: f64) -> f64 {
-    angle.clamp(-LARGEST_RAD, LARGEST_RAD)
 }
 
 #[cfg(test)]
@@ -105,25 +64,5 @@ mod tests {
                 assert!((found.fixed_rows::<3>(3) - angular).norm() < 1e-7, "{found} {angular}");
             }
         }
-    }
-
-    #[test]
-    fn the_bend_to_a_place_is_found_from_anywhere_and_the_nearest_one_is_told() {
-        let snake = Snake::new("eye");
-        for (pitch, yaw) in BENDS {
-            let place = snake.tip_pose(Bend { pitch, yaw }).position_m;
-            for (from_pitch, from_yaw) in BENDS {
-                let from = Bend { pitch: from_pitch, yaw: from_yaw };
-                let (bend, away_m) = snake.bend_to(place, from);
-                assert!(away_m < 1e-9, "{away_m}");
-                assert!((bend.pitch - pitch).abs() < 1e-6 && (bend.yaw - yaw).abs() < 1e-6);
-            }
-        }
-        let [x, y, z] = snake.tip_pose(Bend::default()).position_m;
-        let (bend, away_m) = snake.bend_to([x, y, z + 1e-3], Bend { pitch: 0.3, yaw: 0.2 });
-        assert!((away_m - 1e-3).abs() < 1e-6, "straight is nearest: {away_m}");
-        assert!(bend.pitch.abs() < 1e-3 && bend.yaw.abs() < 1e-3, "{bend:?}");
-        let (_, away_m) = snake.bend_to([1.0, f64::NAN, 0.0], Bend::default());
-        assert!(away_m.is_nan(), "nowhere");
     }
 }

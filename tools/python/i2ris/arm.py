@@ -270,12 +270,35 @@ class Arm:
         ``clutch``: the master moves and the snake holds; when the clutch closes, the pose of the master is that of the
         snake. Raises ``Refused`` after a refusal of a former command, and ``Fault``.
         """
-        if not 1 <= len(position) <= 3:
+        return self._servo(position, clutch)
+
+    def servo_jv(self, velocity: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
+        """Move with these rates until the next command or the deadline, rad/s. Zero is a command like any other."""
+        return self._servo(velocity, clutch, ServoJp.RATE)
+
+    def interpolate_jp(self, position: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
+        """Be at these angles when the next command is due, rad: for slow streams, as of a learned policy with 10 to
+        30 Hz. The default deadline is 0.25 s.
+        """
+        return self._servo(position, clutch, ServoJp.INTERPOLATE)
+
+    def servo_cp(self, place: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
+        """Bring the tip as near as possible to a place now: x, y and z at the base, m. A place farther than 0.1 mm from
+        all that the tip can reach is a clip, with the distance in ``warnings``.
+        """
+        return self._servo(place, clutch, ServoJp.TIP)
+
+    def servo_cv(self, velocity: Sequence[float] | np.ndarray, clutch: bool = False) -> int:
+        """Move the tip with this velocity, as far as it can, until the next command or the deadline, m/s."""
+        return self._servo(velocity, clutch, ServoJp.TIP | ServoJp.RATE)
+
+    def _servo(self, values: Sequence[float] | np.ndarray, clutch: bool, kind: int = 0) -> int:
+        if not 1 <= len(values) <= 3:
             raise ValueError("1 to 3 values")
         self._raise_refusals()
-        command = self._stamped(ServoJp, len(position))
-        command.flags = ServoJp.CLUTCH if clutch else 0
-        command.position[: len(position)] = [float(value) for value in position]
+        command = self._stamped(ServoJp, len(values))
+        command.flags = kind | (ServoJp.CLUTCH if clutch else 0)
+        command.position[: len(values)] = [float(value) for value in values]
         return self._send("i2ris/servo_jp", command)
 
     def move_jp(self, position: Sequence[float] | np.ndarray) -> Operation:
@@ -287,14 +310,27 @@ class Arm:
         if not 1 <= len(position) <= 3:
             raise ValueError("1 to 3 values")
         goal = np.array([float(value) for value in position])
-        request = MoveRequest(client_id=self._client_id, count=len(goal))
-        request.position[: len(goal)] = list(goal)
-        operation = Operation(self, "move_jp", lambda state: state.state == "ENABLED", goal)
+        return self._move("move_jp", goal, f"{np.degrees(goal).round(2)} deg", goal)
+
+    def move_cp(self, place: Sequence[float] | np.ndarray) -> Operation:
+        """As ``move_jp``, to where the tip is nearest to a place: x, y and z at the base, m.
+
+        Raises ``OutOfReach``, and nothing moves, if that is farther than 0.1 mm.
+        """
+        if len(place) != 3:
+            raise ValueError("3 values")
+        values = np.array([float(value) for value in place])
+        return self._move("move_cp", values, f"{(1e3 * values).round(3)} mm", None, MoveRequest.TIP)
+
+    def _move(self, name: str, values: np.ndarray, text: str, goal: np.ndarray | None, flags: int = 0) -> Operation:
+        request = MoveRequest(client_id=self._client_id, count=len(values), flags=flags)
+        request.position[: len(values)] = list(values)
+        operation = Operation(self, name, lambda state: state.state == "ENABLED", goal)
         try:
-            self._accepted("move_jp", self._request("i2ris/move_jp", request, StateCommandReply))
+            self._accepted(name, self._request("i2ris/move_jp", request, StateCommandReply))
         except Refused as refused:
             if refused.code == OUT_OF_REACH:
-                raise OutOfReach(f"{np.degrees(goal).round(2)} deg: {refused}") from refused
+                raise OutOfReach(f"{text}: {refused}") from refused
             raise
         self._commanded = True
         return operation

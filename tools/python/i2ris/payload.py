@@ -34,9 +34,15 @@ class Payload(ctypes.Structure):
 
 
 class ServoJp(Payload):
-    """``servo_jp``, in: go to these angles now."""
+    """``servo_jp``, in: go to these angles now. By its flags also ``servo_jv``, ``interpolate_jp``, ``servo_cp`` and
+    ``servo_cv``.
+    """
 
     NAME = "I2risServoJpV1"
+    CLUTCH = 1
+    RATE = 2
+    INTERPOLATE = 4
+    TIP = 8
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),
@@ -393,14 +399,15 @@ class StateCommandReply(Payload):
 
 
 class MoveRequest(Payload):
-    """``move_jp``, request; the reply is a ``StateCommandReply``."""
+    """``move_jp``, and ``move_cp`` by its flag, request; the reply is a ``StateCommandReply``."""
 
     NAME = "I2risMoveRequestV1"
+    TIP = 1
     _fields_ = [
         ("client_id", c_uint64),
         ("position", c_double * 3),
         ("count", c_uint32),
-        ("reserved", c_uint32),
+        ("flags", c_uint32),
     ]
 
 

@@ -71,7 +71,7 @@ pub fn extract(recording: &Path, folder: &Path) -> Result<Extracted, ExportError
                 if let Some(StreamMessage::ServoJp(command)) =
                     stream.and_then(|stream| cdr::decode(*stream, &data))
                     && command.count == ANGLES
-                    && command.flags & ServoJp::CLUTCH == 0
+                    && command.flags & (ServoJp::CLUTCH | ServoJp::RATE) == 0
                 {
                     clients.entry(command.client_id).or_default().add(&command);
                 }

@@ -88,16 +88,20 @@ impl StandardMessages {
         vec![(Topic::Tip, tip.finish()), (Topic::Links, links.finish())]
     }
 
-    /// A command, as it was sent; `None` if it has no values.
+    /// A command, as it was sent; `None` if it has no values for joints.
     fn servo_jp(&self, command: &ServoJp) -> Option<Vec<u8>> {
-        let position = command.position.get(..command.count as usize)?;
-        (!position.is_empty()).then(|| self.angles(command.stamp_ns, position, &[]))
+        let values = command.position.get(..command.count as usize)?;
+        let of_joints = command.flags & ServoJp::TIP == 0 && !values.is_empty();
+        let is_rate = command.flags & ServoJp::RATE != 0;
+        let (position, velocity) = if is_rate { (&[][..], values) } else { (values, &[][..]) };
+        of_joints.then(|| self.angles(command.stamp_ns, position, velocity))
     }
 
     fn angles(&self, stamp_ns: u64, position: &[f64], velocity: &[f64]) -> Vec<u8> {
         let mut encoder = self.header(stamp_ns.wrapping_add(self.unix_offset_ns));
-        encoder.u32(position.len() as u32);
-        for joint in 0..position.len() {
+        let joints = position.len().max(velocity.len());
+        encoder.u32(joints as u32);
+        for joint in 0..joints {
             encoder.string(self.joints.get(joint).map_or("", String::as_str));
         }
         encoder.f64s(position);

@@ -147,7 +147,10 @@ pub(crate) struct Inputs {
     /// What stops.
     pub stops: [(Topic, Subscription<Empty>); 2],
     pub state_command: Subscription<StringStamped>,
-    pub joints: [(Topic, Subscription<JointState>); 5],
+    pub joints: [(Topic, Subscription<JointState>); 7],
+    /// Places of the tip.
+    pub places: [(Topic, Subscription<PoseStamped>); 2],
+    pub twist: Subscription<TwistStamped>,
 }
 
 impl Inputs {
@@ -157,13 +160,19 @@ impl Inputs {
         let joints = [
             joints(Topic::ServoJp)?,
             joints(Topic::ServoJr)?,
+            joints(Topic::ServoJv)?,
+            joints(Topic::InterpolateJp)?,
             joints(Topic::MoveJp)?,
             joints(Topic::MoveJr)?,
             joints(Topic::External)?,
         ];
         let mut stops = |topic| -> Result<_, RosError> { Ok((topic, make.subscription(topic)?)) };
+        let stops = [stops(Topic::Hold)?, stops(Topic::Free)?];
+        let mut places = |topic| -> Result<_, RosError> { Ok((topic, make.subscription(topic)?)) };
         Ok(Self {
-            stops: [stops(Topic::Hold)?, stops(Topic::Free)?],
+            stops,
+            places: [places(Topic::ServoCp)?, places(Topic::MoveCp)?],
+            twist: make.subscription(Topic::ServoCv)?,
             state_command: make.subscription(Topic::StateCommand)?,
             joints,
         })
@@ -179,6 +188,8 @@ impl Inputs {
         let (package, kind) = match topic {
             Topic::Hold | Topic::Free => Empty::TYPE,
             Topic::StateCommand => StringStamped::TYPE,
+            Topic::ServoCp | Topic::MoveCp => PoseStamped::TYPE,
+            Topic::ServoCv => TwistStamped::TYPE,
             _ => JointState::TYPE,
         };
         dds_type == format!("{package}::msg::dds_::{kind}_")

@@ -195,11 +195,96 @@ fn free_takes_the_power_off_the_motors() {
     peer.wait_for_line("status", "/console: disable");
 }
 
+/// Sends something every 20 ms for two seconds.
+fn repeat(mut send: impl FnMut(f64)) {
+    for k in 0..100 {
+        send(f64::from(k) * 0.02);
+        clock::sleep(Nanos::from_millis(20));
+    }
+}
+
+#[test]
+fn rates_and_slow_streams_move_the_snake_and_zero_stops_it() {
+    let (robot, _bridge, mut peer) = start(&[]);
+    peer.enable();
+    let rate = |pitch_deg: f64| JointState {
+        velocity: vec![pitch_deg.to_radians(), 0.0],
+        ..JointState::default()
+    };
+    repeat(|t| peer.send_message("servo_jv", rate(if t < 1.6 { 4.0 } else { 0.0 })));
+    let [pitch, yaw] = peer.setpoint_degrees();
+    assert!((4.0..9.0).contains(&pitch) && yaw.abs() < 0.3, "{pitch} {yaw}");
+    robot.wait_until_still();
+    // Ten times a second.
+    let from = pitch;
+    for k in 0..20 {
+        peer.send_degrees("interpolate_jp", [from - 0.1 * f64::from(k), 0.0]);
+        clock::sleep(Nanos::from_millis(100));
+    }
+    robot.wait_until_still();
+    let [pitch, _] = peer.setpoint_degrees();
+    assert!((pitch - (from - 1.9)).abs() < 0.3, "{pitch} from {from}");
+    peer.send_message("servo_jv", JointState { velocity: vec![0.1], ..JointState::default() });
+    peer.wait_for_line("warning", "servo_jv: 1 positions for 2 joints");
+    let wrong = JointState { velocity: vec![f64::NAN, 0.0], ..JointState::default() };
+    peer.send_message("servo_jv", wrong);
+    peer.wait_for_line("warning", "servo_jv: a position is not finite");
+}
+
+#[test]
+fn the_tip_goes_to_places_in_the_frame_of_the_base_only() {
+    let (robot, _bridge, mut peer) = start(&[]);
+    let volatile = qos(Durability::Volatile);
+    let pose = ("geometry_msgs", "PoseStamped");
+    let twist = ("geometry_msgs", "TwistStamped");
+    let servo = publisher::<PoseStamped>(&mut peer.node, ROBOT, "servo_cp", pose, &volatile);
+    let moves = publisher::<PoseStamped>(&mut peer.node, ROBOT, "move_cp", pose, &volatile);
+    let twists = publisher::<TwistStamped>(&mut peer.node, ROBOT, "servo_cv", twist, &volatile);
+    peer.enable();
+    let snake = Snake::new(ROBOT);
+    let at = |pitch_deg: f64, frame: &str| {
+        let bend = Bend { pitch: pitch_deg.to_radians(), yaw: 0.0 };
+        let mut message = PoseStamped::default();
+        message.header.frame_id = frame.to_owned();
+        message.pose.position = snake.tip_pose(bend).position_m.into();
+        message
+    };
+    let gone = |peer: &mut Peer, pitch_deg: f64| {
+        wait_until("it has gone there", || {
+            peer.update();
+            (peer.setpoint_degrees()[0] - pitch_deg).abs() < 0.2
+        });
+    };
+    moves.publish(at(5.0, "i2ris_base")).unwrap();
+    gone(&mut peer, 5.0);
+    robot.wait_until_still();
+    repeat(|t| servo.publish(at(5.0 + t.min(1.5), "")).unwrap());
+    gone(&mut peer, 6.5);
+    let mut back = TwistStamped::default();
+    back.linear.y = -2e-4;
+    repeat(|_| twists.publish(back.clone()).unwrap());
+    assert!(peer.setpoint_degrees()[0] < 6.0, "{:?}", peer.setpoint_degrees());
+    robot.wait_until_still();
+    let from = clock::now();
+    moves.publish(at(3.0, "camera")).unwrap();
+    peer.wait_for_line("warning", "move_cp: it is in frame \"camera\"");
+    let mut nowhere = at(3.0, "");
+    nowhere.pose.position.x = f64::NAN;
+    servo.publish(nowhere).unwrap();
+    peer.wait_for_line("warning", "servo_cp: a position is not finite");
+    let mut far = at(3.0, "");
+    far.pose.position.z += 2e-3;
+    moves.publish(far).unwrap();
+    let line = peer.wait_for_line("warning", "out of reach");
+    assert!(line.contains(" mm"), "{line}");
+    assert!(!robot.moved_since(from));
+}
+
 #[test]
 fn what_is_not_supported_has_no_topic() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.connect();
-    for topic in ["servo_cp", "servo_jv", "servo_jf", "move_cp", "servo_cv", "interpolate_jp"] {
+    for topic in ["servo_jf", "servo_cf", "servo_cr", "move_cr", "servo_cs", "measured_cf"] {
         let name = format!("/{ROBOT}/{topic}");
         let both = (peer.node.subscription_count(&name), peer.node.publisher_count(&name));
         assert_eq!(both, (0, 0), "{name}");

@@ -50,7 +50,15 @@ pub struct Peer {
 impl Peer {
     pub fn new(ros_domain: u16, robot: &str, name: &str) -> Self {
         let (context, mut node) = i2ris_ros::join(ros_domain, &[], name).unwrap();
-        let joints = ["servo_jp", "servo_jr", "move_jp", "move_jr", "external/measured_jp"];
+        let joints = [
+            "servo_jp",
+            "servo_jr",
+            "servo_jv",
+            "interpolate_jp",
+            "move_jp",
+            "move_jr",
+            "external/measured_jp",
+        ];
         let volatile = qos(Durability::Volatile);
         let joints = joints.map(|topic| {
             let publisher = publisher(&mut node, robot, topic, JOINT_STATE, &volatile);

@@ -13,11 +13,13 @@
 //! degrees from both axes, unless the snake is mounted with a rotation. This family is a baseline
 //! without backlash, friction or stretch.
 
+mod bend;
 mod joint;
 mod tip;
 
 use std::f64::consts::{SQRT_2, TAU};
 
+pub use bend::{bend_rates, bend_to};
 pub use joint::{ROLLING_RADIUS_MM, STOP_RAD};
 pub use tip::JOINT_PITCH_MM;
 

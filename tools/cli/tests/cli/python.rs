@@ -81,7 +81,7 @@ fn a_python_session_enables_moves_watches_and_gives_the_lease_back() {
 
 const NOTEBOOK: &str = "
 import sys, time
-from i2ris.arm import Arm, Refused
+from i2ris.arm import Arm, OutOfReach, Refused
 
 arm = Arm(sys.argv[1], deadline_s=0.5)
 assert arm.operating_state().state == 'ENABLED' and arm.measured_js().valid
@@ -108,6 +108,32 @@ arm.fixtures.remove_added()
 with arm.record(sys.argv[2], note='notebook') as recording:
     arm.move_jp([0.1, 0.0]).wait()
 assert recording.path.stat().st_size > 1000
+
+def until(reached, send):
+    while not reached(arm.setpoint_js().position):
+        assert time.monotonic() < end, arm.setpoint_js()
+        send()
+        time.sleep(0.01)
+
+end = time.monotonic() + 60.0
+until(lambda at: at[0] > 0.15, lambda: arm.servo_jv([0.1, 0.0]))
+arm.servo_jv([0.0, 0.0])
+goal = arm.setpoint_js().position
+until(lambda at: at[1] > 0.02, lambda: arm.interpolate_jp([goal[0], min(goal[1] + 0.03, 0.03)]))
+until(lambda at: at[0] < 0.12, lambda: arm.servo_cv([0.0, -1e-4, 0.0]))
+until(lambda at: not arm.setpoint_js().velocity.any(), arm.hold)
+arm.move_cp([0.0, 0.0, 0.001794]).wait()
+until(lambda at: at[0] > 0.05, lambda: arm.servo_cp([0.0, 7e-5, 0.00179]))
+until(lambda at: not arm.setpoint_js().velocity.any(), arm.hold)
+try:
+    arm.move_cp([0.0, 0.0, 0.003])
+    raise AssertionError('longer than the snake')
+except OutOfReach as refused:
+    assert ' mm' in str(refused), refused
+held = arm.setpoint_js().position
+arm.servo_jv([0.5, 0.5], clutch=True)
+time.sleep(0.1)
+assert abs(arm.setpoint_js().position - held).max() < 0.01
 ";
 
 #[test]

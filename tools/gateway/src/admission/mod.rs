@@ -90,8 +90,13 @@ impl fmt::Display for Participant {
 pub enum Topic {
     ServoJp,
     ServoJr,
+    ServoJv,
+    InterpolateJp,
+    ServoCp,
+    ServoCv,
     MoveJp,
     MoveJr,
+    MoveCp,
     StateCommand,
     Hold,
     Free,
@@ -100,11 +105,16 @@ pub enum Topic {
 
 impl Topic {
     /// All, in the order of their numbers.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 13] = [
         Self::ServoJp,
         Self::ServoJr,
+        Self::ServoJv,
+        Self::InterpolateJp,
+        Self::ServoCp,
+        Self::ServoCv,
         Self::MoveJp,
         Self::MoveJr,
+        Self::MoveCp,
         Self::StateCommand,
         Self::Hold,
         Self::Free,
@@ -116,8 +126,13 @@ impl Topic {
         match self {
             Self::ServoJp => "servo_jp",
             Self::ServoJr => "servo_jr",
+            Self::ServoJv => "servo_jv",
+            Self::InterpolateJp => "interpolate_jp",
+            Self::ServoCp => "servo_cp",
+            Self::ServoCv => "servo_cv",
             Self::MoveJp => "move_jp",
             Self::MoveJr => "move_jr",
+            Self::MoveCp => "move_cp",
             Self::StateCommand => "state_command",
             Self::Hold => "hold",
             Self::Free => "free",
@@ -138,7 +153,7 @@ pub struct Times {
 /// Values of the right number, all finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// rad; 0 beyond `count`.
+    /// rad, or rad/s, m or m/s as the topic says; 0 beyond `count`.
     pub position: OutputVec,
     /// Number of joints.
     pub count: u32,
@@ -269,7 +284,14 @@ impl Admission {
             client.stream.break_off();
             return Err(Reason::Late(age));
         }
-        client.stream.check(&goal.position, now)?;
+        let (still, values) = ([0.0; MAX_OUTPUTS], goal.position);
+        match topic {
+            // A rate that stays the same is a motion.
+            Topic::ServoJv | Topic::ServoCv => client.stream.check(&still, values != still, now)?,
+            // A snake a millimetre long.
+            Topic::ServoCp => client.stream.check(&values.map(|m| m * 1e3), false, now)?,
+            _ => client.stream.check(&values, false, now)?,
+        }
         Ok(Admitted { client_id: client.id, stamp: now - age })
     }
 

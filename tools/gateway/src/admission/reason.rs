@@ -29,6 +29,8 @@ pub enum Reason {
     Length { given: usize, joints: usize },
     #[error("a position is not finite")]
     NotFinite,
+    #[error("it is in frame {frame:?}; places of the tip are given in {own:?}, or without a name")]
+    Frame { frame: String, own: String },
     #[error("the message does not have the type of the topic")]
     Undecodable,
     #[error("it names {name:?}; those of this robot are {own}, each once")]

@@ -39,12 +39,12 @@ pub(super) enum Stream {
 }
 
 impl Stream {
-    /// Judges the next command.
+    /// Judges the next command. `is_moving`: it moves the snake wherever it is.
     ///
     /// # Errors
     ///
     /// [`Reason::FirstOfStream`], [`Reason::BrokenOff`].
-    pub fn check(&mut self, goal: &OutputVec, now: Nanos) -> Result<(), Reason> {
+    pub fn check(&mut self, goal: &OutputVec, is_moving: bool, now: Nanos) -> Result<(), Reason> {
         let begin = Self::Live { last: now, rest: *goal, since: now };
         match self {
             Self::New => {
@@ -60,7 +60,7 @@ impl Stream {
             Self::Live { last, rest, since } => {
                 *last = now;
                 let moved = goal.iter().zip(&*rest).any(|(a, b)| (a - b).abs() > REST_RAD);
-                if moved {
+                if moved || is_moving {
                     (*rest, *since) = (*goal, now);
                 }
                 Ok(())
@@ -93,12 +93,12 @@ mod tests {
     /// A stream that was sent every 10 ms from 0 to 1000 ms.
     fn sent(goal: impl Fn(f64) -> f64) -> Stream {
         let mut stream = Stream::New;
-        let first = stream.check(&[goal(0.0), 0.0, 0.0], ms(0));
+        let first = stream.check(&[goal(0.0), 0.0, 0.0], false, ms(0));
         assert_eq!(first, Err(Reason::FirstOfStream));
         for step in 1..=100_u32 {
             let at = ms(u64::from(step) * 10);
             let goal = [goal(f64::from(step) * 0.01), 0.0, 0.0];
-            assert_eq!(stream.check(&goal, at), Ok(()));
+            assert_eq!(stream.check(&goal, false, at), Ok(()));
         }
         stream
     }
@@ -107,13 +107,24 @@ mod tests {
     fn a_stream_that_broke_off_in_motion_needs_something_deliberate() {
         let mut stream = sent(|t| 0.1 * t);
         let goal = [0.14, 0.0, 0.0];
-        assert_eq!(stream.check(&goal, ms(1400)), Ok(()), "a gap");
+        assert_eq!(stream.check(&goal, false, ms(1400)), Ok(()), "a gap");
         for at in [2000, 2010, 60_000] {
-            assert_eq!(stream.check(&goal, ms(at)), Err(Reason::BrokenOff));
+            assert_eq!(stream.check(&goal, false, ms(at)), Err(Reason::BrokenOff));
         }
         stream.begin_anew();
-        assert_eq!(stream.check(&goal, ms(60_010)), Err(Reason::FirstOfStream));
-        assert_eq!(stream.check(&goal, ms(60_020)), Ok(()));
+        assert_eq!(stream.check(&goal, false, ms(60_010)), Err(Reason::FirstOfStream));
+        assert_eq!(stream.check(&goal, false, ms(60_020)), Ok(()));
+    }
+
+    #[test]
+    fn a_rate_that_stays_the_same_is_a_motion_and_zero_is_rest() {
+        for (is_moving, expected) in [(true, Err(Reason::BrokenOff)), (false, Ok(()))] {
+            let mut stream = Stream::New;
+            for step in 0..=100 {
+                let _ = stream.check(&[0.0; 3], is_moving, ms(10 * step));
+            }
+            assert_eq!(stream.check(&[0.0; 3], is_moving, ms(2000)), expected);
+        }
     }
 
     #[test]
@@ -121,21 +132,21 @@ mod tests {
         let mut stream = sent(|t| 0.1 * t);
         stream.begin_anew();
         let goal = [0.1, 0.0, 0.0];
-        assert_eq!(stream.check(&goal, ms(9000)), Err(Reason::FirstOfStream));
-        assert_eq!(stream.check(&goal, ms(9010)), Ok(()));
+        assert_eq!(stream.check(&goal, false, ms(9000)), Err(Reason::FirstOfStream));
+        assert_eq!(stream.check(&goal, false, ms(9010)), Ok(()));
     }
 
     #[test]
     fn a_stream_that_came_to_rest_goes_on() {
         let mut stream = sent(|t| (0.1 * t).min(0.05));
-        assert_eq!(stream.check(&[0.05, 0.0, 0.0], ms(9000)), Ok(()));
+        assert_eq!(stream.check(&[0.05, 0.0, 0.0], false, ms(9000)), Ok(()));
     }
 
     #[test]
     fn a_client_that_was_gone_does_not_go_on_even_from_rest() {
         let mut stream = sent(|_| 0.0);
         stream.break_off();
-        let next = stream.check(&[0.0; 3], ms(1010));
+        let next = stream.check(&[0.0; 3], false, ms(1010));
         assert_eq!(next, Err(Reason::BrokenOff));
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use i2ris::ipc::payload::{
     AdaptationMsg, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ReachTarget,
+    ServoJp,
 };
 use i2ris::ipc::{OperatingState, Stream, StreamMessage};
 use i2ris::units::Nanos;
@@ -233,7 +234,9 @@ impl Trial {
             StreamMessage::Setpoint(state) => {
                 self.add_angles(&state, |trial| &mut trial.setpoint);
             }
-            StreamMessage::ServoJp(command) if command.count == ANGLES => {
+            StreamMessage::ServoJp(command)
+                if command.count == ANGLES && command.flags & ServoJp::RATE == 0 =>
+            {
                 let leads = |state: &OperatingStateMsg| state.lease_client_id == command.client_id;
                 if self.states.last().is_some_and(leads) {
                     self.commands.push(command.stamp_ns, degrees(command.position));

@@ -8,7 +8,7 @@ use i2ris::ipc::payload::{JointState as JointPayload, ServoJp};
 use i2ris::robot::StateCommand;
 use i2ris::units::{Nanos, OutputVec};
 use i2ris_gateway::Reason;
-use i2ris_gateway::admission::{Admission, Ages, Participant, Pose, Topic, Writer, checked};
+use i2ris_gateway::admission::{Admission, Ages, Participant, Pose, Times, Topic, Writer, checked};
 use i2ris_gateway::clock::Moment;
 use i2ris_gateway::refusals::Refused;
 
@@ -18,7 +18,7 @@ use super::graph::Graph;
 use super::requests::{Requests, STOPS, What};
 use crate::RosError;
 use crate::event::Event;
-use crate::message::{JOINTS, JointState, StringStamped};
+use crate::message::{Header, JOINTS, JointState, Point, StringStamped};
 use crate::topics::Inputs;
 
 /// How old a command may be that is sent once. The clocks of two computers must agree this well.
@@ -102,11 +102,33 @@ impl Commands {
             let (topic, input) = &self.inputs.joints[place];
             let (topic, arrivals) = (*topic, take(input).newest());
             self.judge(graph, topic, arrivals, |commands, received, count| match topic {
-                Topic::ServoJp | Topic::ServoJr => commands.servo(topic, received, count),
+                Topic::ServoJp | Topic::ServoJr | Topic::ServoJv | Topic::InterpolateJp => {
+                    commands.servo(topic, received, count)
+                }
                 Topic::External => commands.see(received, count),
                 _ => commands.move_to(topic, received),
             });
         }
+        for place in 0..self.inputs.places.len() {
+            let (topic, input) = &self.inputs.places[place];
+            let (topic, arrivals) = (*topic, take(input).newest());
+            self.judge(graph, topic, arrivals, |commands, received, count| {
+                let Received { message, writer, times } = received;
+                let place = commands.in_frame(&message.header, &message.pose.position)?;
+                if topic == Topic::ServoCp {
+                    return commands.stream(topic, *writer, times, &place, count).map(drop);
+                }
+                let header = message.header.stamp.unix_ns();
+                let client_id = commands.admission.once(*writer, topic, header, times)?;
+                commands.requests.ask(client_id, What::Move(topic, place))
+            });
+        }
+        let arrivals = take(&self.inputs.twist).newest();
+        self.judge(graph, Topic::ServoCv, arrivals, |commands, received, count| {
+            let Received { message, writer, times } = received;
+            let velocity = commands.in_frame(&message.header, &message.linear)?;
+            commands.stream(Topic::ServoCv, *writer, times, &velocity, count).map(drop)
+        });
         // Kept, so that the first command finds it.
         let _ = self.setpoint.refresh();
     }
@@ -168,28 +190,60 @@ impl Commands {
         count: u32,
     ) -> Result<(), Reason> {
         let Received { message, writer, times } = received;
+        if topic == Topic::ServoJv {
+            let rate = self.ordered(&message.name, &message.velocity)?;
+            return self.stream(topic, *writer, times, &rate, count).map(drop);
+        }
         let given = self.given(message)?;
         let start = match topic {
             Topic::ServoJr => self.goal_of(*writer, topic, times.arrived)?,
             _ => OutputVec::default(),
         };
         let goal = given.from(&start);
-        let admitted = self.admission.servo(*writer, topic, &goal, count, times)?;
-        self.tell_of_velocity(admitted.client_id, topic, message);
+        let client_id = self.stream(topic, *writer, times, &goal, count)?;
+        self.tell_of_velocity(client_id, topic, message);
+        self.last = Some((client_id, goal.position, times.arrived));
+        Ok(())
+    }
+
+    /// Passes a command of a stream on. Returns its client.
+    fn stream(
+        &mut self,
+        topic: Topic,
+        writer: Writer,
+        times: &Times,
+        goal: &Pose,
+        count: u32,
+    ) -> Result<u64, Reason> {
+        let admitted = self.admission.servo(writer, topic, goal, count, times)?;
         self.sequence += 1;
-        let command = ServoJp {
+        self.last = None;
+        let sent = self.forwarder.servo_jp(ServoJp {
             sequence: self.sequence,
             stamp_ns: admitted.stamp.0,
             client_id: admitted.client_id,
             deadline_ns: 0,
             position: goal.position,
             count: goal.count,
-            flags: 0,
-        };
-        let sent = self.forwarder.servo_jp(command);
+            flags: match topic {
+                Topic::ServoJv => ServoJp::RATE,
+                Topic::InterpolateJp => ServoJp::INTERPOLATE,
+                Topic::ServoCp => ServoJp::TIP,
+                Topic::ServoCv => ServoJp::TIP | ServoJp::RATE,
+                _ => 0,
+            },
+        });
         sent.map_err(|_| Reason::NoController)?;
-        self.last = Some((admitted.client_id, goal.position, times.arrived));
-        Ok(())
+        Ok(admitted.client_id)
+    }
+
+    /// A place or a velocity of the tip, at the base of the snake.
+    fn in_frame(&self, header: &Header, values: &Point) -> Result<Pose, Reason> {
+        let own = format!("{}_base", self.shared.robot);
+        if !header.frame_id.is_empty() && header.frame_id != own {
+            return Err(Reason::Frame { frame: shortened(&header.frame_id), own });
+        }
+        checked(&[values.x, values.y, values.z], 3)
     }
 
     fn move_to(&mut self, topic: Topic, received: &Received<JointState>) -> Result<(), Reason> {
@@ -239,8 +293,12 @@ impl Commands {
 
     /// The positions of a message in the order of the joints.
     fn given(&mut self, message: &JointState) -> Result<Pose, Reason> {
-        let joints = self.joints(&message.position)?;
-        checked(&in_order(&message.name, &message.position, joints)?, joints)
+        self.ordered(&message.name, &message.position)
+    }
+
+    fn ordered(&mut self, names: &[String], values: &[f64]) -> Result<Pose, Reason> {
+        let joints = self.joints(values)?;
+        checked(&in_order(names, values, joints)?, joints)
     }
 
     /// The number of joints of the robot. Without a model the controller refuses every number.

@@ -1,6 +1,7 @@
 //! Forward and inverse kinematics, as CRTK asks for them. Nothing moves by them, and no model is in
 //! them: they are the shape of the snake at its angles.
 
+use i2ris::model::kinematic::bend_to;
 use i2ris_gateway::admission::checked;
 use i2ris_gateway::{Bend, LinkPose, Snake};
 
@@ -32,10 +33,7 @@ pub(super) fn forward(
 }
 
 /// Pitch and yaw decide on the orientation of the tip, too: that of the request is not used.
-pub(super) fn inverse(
-    snake: &Snake,
-    request: &QueryInverseKinematics,
-) -> QueryInverseKinematicsResponse {
+pub(super) fn inverse(request: &QueryInverseKinematics) -> QueryInverseKinematicsResponse {
     let failed = |message| QueryInverseKinematicsResponse { message, ..Default::default() };
     let from = if request.jp.is_empty() { Ok(Bend::default()) } else { bend(&request.jp) };
     let from = match from {
@@ -43,7 +41,7 @@ pub(super) fn inverse(
         Err(message) => return failed(message),
     };
     let place = &request.cp.position;
-    let (bend, away_m) = snake.bend_to([place.x, place.y, place.z], from);
+    let ([pitch, yaw], away_m) = bend_to([place.x, place.y, place.z], [from.pitch, from.yaw]);
     if !away_m.is_finite() {
         return failed("a position is not finite".to_owned());
     }
@@ -52,5 +50,5 @@ pub(super) fn inverse(
         true => String::new(),
         false => format!("out of reach: the nearest pose is {:.3} mm away", away_m * 1e3),
     };
-    QueryInverseKinematicsResponse { jp: vec![bend.pitch, bend.yaw], result, message }
+    QueryInverseKinematicsResponse { jp: vec![pitch, yaw], result, message }
 }

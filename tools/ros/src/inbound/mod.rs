@@ -102,6 +102,10 @@ impl Inbound {
             for (_, input) in &mut inputs.joints {
                 sources.push(input);
             }
+            for (_, input) in &mut inputs.places {
+                sources.push(input);
+            }
+            sources.push(&mut inputs.twist);
         }
         for (place, source) in sources.into_iter().enumerate() {
             source.register(self.poll.registry(), Token(place), Interest::READABLE)?;
@@ -141,7 +145,7 @@ impl Inbound {
             message: CRTK_VERSION.to_owned(),
         });
         answer(&self.services.forward, |request| kinematics::forward(&self.snake, &request));
-        answer(&self.services.inverse, |request| kinematics::inverse(&self.snake, &request));
+        answer(&self.services.inverse, |request| kinematics::inverse(&request));
     }
 }
 

@@ -190,7 +190,7 @@ impl Asker {
             client_id,
             position: pose.position,
             count: pose.count,
-            reserved: 0,
+            flags: if topic == Topic::MoveCp { MoveRequest::TIP } else { 0 },
         });
         let answered = clock::now();
         let moves = self.check(client_id, topic.name(), StateCommand::Move, reply);

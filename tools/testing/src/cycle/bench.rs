@@ -286,9 +286,19 @@ impl Bench {
 
     /// One tick with a state command.
     pub fn ask_as(&mut self, client_id: u64, command: StateCommand) -> StateReply {
+        let pose = self.pose.take().map(|(pose, entries)| ServoGoal::Joint(pose, entries));
+        self.ask_for(client_id, command, pose)
+    }
+
+    /// One tick with a state command that has a pose of any kind.
+    pub fn ask_for(
+        &mut self,
+        client_id: u64,
+        command: StateCommand,
+        pose: Option<ServoGoal>,
+    ) -> StateReply {
         self.request_id += 1;
         let id = self.request_id;
-        let pose = self.pose.take();
         let fixture = self.fixture.take();
         self.step(None, Some(StateRequest { id, client_id, command, pose, fixture }));
         let reply = self.out.reply.expect("a state command is answered in its tick");
