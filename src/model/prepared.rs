@@ -19,6 +19,7 @@ use crate::model::families::hysteresis::stop::Stops;
 use crate::model::families::kinematic::Kinematic;
 use crate::model::families::linear::Linear;
 use crate::model::families::memory::Memory;
+use crate::model::families::network::{Network, Recording};
 use crate::model::families::runtime::{Memoryless, Runtime};
 use crate::model::file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile, check};
 use crate::model::history::History;
@@ -360,6 +361,10 @@ fn prepare_sized<const D: usize, const M: usize>(
             residual: None,
             virtual_hull: Hull::new(virtual_hull, D)?,
         }),
+        FamilyParameters::Network { network, memory_counts, gain, covariance } => {
+            let recording = Recording { memory_counts, gain, covariance };
+            Box::new(Network::<D, M>::prepare(network, recording, si)?)
+        }
     })
 }
 

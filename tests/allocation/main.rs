@@ -7,6 +7,8 @@ mod control_loop;
 mod cycle;
 mod day;
 mod model;
+#[path = "../model/networks.rs"]
+mod networks;
 mod port_thread;
 #[allow(dead_code, reason = "shared with the tests of the models, which use all of it")]
 #[path = "../model/samples.rs"]

@@ -6,9 +6,11 @@ use i2ris::model::file::{FamilyParameters, HullParameters, MixtureParameters};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::residual::{self, ResidualParameters};
 use i2ris::model::kinematic::KinematicParameters;
+use i2ris::model::network::Activation;
 use i2ris::model::{Model, Query};
 
 use crate::allocations;
+use crate::networks::{averages, conv, gru, lstm, network_file};
 use crate::samples::{
     DEG, REACH, SmoothMap, balance_file, file, linear, region, some_stops, square,
 };
@@ -146,6 +148,12 @@ fn a_tick_with_a_model_allocates_nothing() {
     models.push(Model::from_file(file(2, family, square(500.0))).unwrap());
     models.extend([stops(1), stops(2)]);
     models.extend([1, 2].map(|motors| Model::from_file(balance_file(motors)).unwrap()));
+    let layers = [
+        vec![gru(64), averages(64)],
+        vec![lstm(8), averages(8)],
+        vec![conv(Activation::Softplus), averages(3)],
+    ];
+    models.extend(layers.map(|layers| Model::from_file(network_file(layers)).unwrap()));
     let map = SmoothMap { gain: vec![vec![0.02, 0.01], vec![-0.01, 0.02]], bend: 0.3, steps: 4 };
     models.extend([plays(&map), directions(&map), chain()]);
     for model in &models {

@@ -11,6 +11,7 @@ mod following;
 mod gate;
 mod model_swap;
 mod move_and_clutch;
+mod network;
 mod pairs;
 mod random_inputs;
 mod rates_and_tip;

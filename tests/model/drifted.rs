@@ -4,6 +4,7 @@ use i2ris::model::file::{FamilyParameters, FileDrift, MixtureParameters, ModelFi
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{Model, Query};
 
+use super::networks::{averages, gru, network_file};
 use super::samples::{balance_file, file, linear, region, some_stops, two_by_two};
 
 /// 0.02 deg per count of every motor.
@@ -97,9 +98,14 @@ fn a_file_with_a_drift_predicts_what_the_model_predicts_with_the_drift_beside_it
     let gain: &[&[f64]] = &[&[0.02, 0.01], &[-0.01, 0.02]];
     let linear = file(2, linear(gain, &[1.0, -2.0]), region(2, 1500.0));
     let gmr = file(2, two_by_two(), region(2, 50.0));
-    for (name, file) in
-        [("linear", linear), ("gmr", gmr), ("play", play_file()), ("stop", stop_file())]
-    {
+    let network = network_file(vec![gru(6), averages(6)]);
+    for (name, file) in [
+        ("linear", linear),
+        ("gmr", gmr),
+        ("play", play_file()),
+        ("stop", stop_file()),
+        ("network", network),
+    ] {
         let largest = largest_difference(&file, &DRIFT);
         assert!(largest < 1e-9, "{name}: {largest} rad");
     }

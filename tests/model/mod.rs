@@ -9,6 +9,8 @@ mod hull;
 mod inverse;
 mod kinematic;
 mod linear;
+mod network;
+pub mod networks;
 mod play_operator;
 mod plays;
 mod prandtl_ishlinskii;

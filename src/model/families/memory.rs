@@ -8,6 +8,7 @@ use crate::model::families::hysteresis::force_balance::state::BalanceState;
 use crate::model::families::hysteresis::play_state::PlayState;
 use crate::model::families::hysteresis::prandtl_ishlinskii::state::PrandtlIshlinskiiState;
 use crate::model::families::hysteresis::stop::state::StopState;
+use crate::model::families::network::state::NetworkState;
 use crate::units::MotorVec;
 
 /// The state that a model keeps of the past motion of the motors. It has a fixed size and uses no
@@ -62,6 +63,8 @@ pub(in crate::model) enum State {
     Stops(StopState),
     /// The state of a balance of forces.
     Balance(BalanceState),
+    /// The hidden state of a network.
+    Network(NetworkState),
 }
 
 impl Memory {
@@ -71,7 +74,7 @@ impl Memory {
     pub fn set_gap_scale(&mut self, scale: &MotorVec) {
         let clamped = gap_scale::clamp(scale);
         match &mut self.state {
-            State::None | State::Travels(_) => {}
+            State::None | State::Travels(_) | State::Network(_) => {}
             State::Plays(state) => state.gap_scale = clamped,
             State::PrandtlIshlinskii(state) => state.gap_scale = clamped,
             State::Stops(state) => state.gap_scale = clamped,

@@ -6,5 +6,6 @@ pub mod hysteresis;
 pub mod kinematic;
 pub(in crate::model) mod linear;
 pub(in crate::model) mod memory;
+pub mod network;
 pub(in crate::model) mod round_trip;
 pub(in crate::model) mod runtime;

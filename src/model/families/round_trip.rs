@@ -35,16 +35,28 @@ pub(in crate::model) fn check<const D: usize, const M: usize>(
     local: impl Fn(&MotorVec) -> Option<Local<D, M>>,
     invert: impl Fn(&OutputVec) -> Inverse,
 ) -> Result<(), ModelError> {
-    let samples: Vec<_> = positions(hull)
-        .into_iter()
-        .filter_map(|counts| local(&counts).map(|l| (counts, l)))
-        .collect();
-    let worth = |local: &Local<D, M>| one_count(&local.jacobian);
-    let floor = LEAST_WORTH * samples.iter().map(|(_, local)| worth(local)).sum::<f64>()
-        / samples.len().max(1) as f64;
-    let errors = samples.iter().map(|(counts, local)| {
+    let trips = positions(hull).into_iter().filter_map(|counts| {
+        let local = local(&counts)?;
         let inverse = invert(&array::<M, MAX_OUTPUTS>(&local.mean));
-        (*counts, inverse.residual, worth(local).max(floor).max(LEAST_ERROR * unit.si()))
+        Some((counts, local, inverse.residual))
+    });
+    judge(unit, trips.collect())
+}
+
+/// Judges round trips: position, prediction there, and how far the inverse of it stays away.
+///
+/// # Errors
+///
+/// As [`check`].
+pub(in crate::model) fn judge<const D: usize, const M: usize>(
+    unit: OutputUnit,
+    trips: Vec<(MotorVec, Local<D, M>, f64)>,
+) -> Result<(), ModelError> {
+    let worth = |local: &Local<D, M>| one_count(&local.jacobian);
+    let floor = LEAST_WORTH * trips.iter().map(|(_, local, _)| worth(local)).sum::<f64>()
+        / trips.len().max(1) as f64;
+    let errors = trips.iter().map(|(counts, local, residual)| {
+        (*counts, *residual, worth(local).max(floor).max(LEAST_ERROR * unit.si()))
     });
     let in_counts = |(_, error, worth): &(MotorVec, f64, f64)| (error / worth).abs();
     let worst = errors.max_by(|a, b| in_counts(a).total_cmp(&in_counts(b)));
@@ -63,7 +75,7 @@ pub(in crate::model) fn check<const D: usize, const M: usize>(
 }
 
 /// The points of a lattice that lie in the hull, and the corners of the hull.
-fn positions(hull: &Hull) -> Vec<MotorVec> {
+pub(in crate::model) fn positions(hull: &Hull) -> Vec<MotorVec> {
     let mut low = [f64::INFINITY; MAX_MOTORS];
     let mut high = [f64::NEG_INFINITY; MAX_MOTORS];
     for corner in hull.corners() {

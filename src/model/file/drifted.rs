@@ -94,6 +94,13 @@ impl ModelFile {
                 }
                 read_out.covariance = map.around(&read_out.covariance);
             }
+            FamilyParameters::Network { network, gain, covariance, .. } => {
+                network.output_gain = map.times(&network.output_gain);
+                network.output_offset = map.apply(&network.output_offset);
+                network.skip_gain = map.times(&network.skip_gain);
+                *gain = map.times(gain);
+                *covariance = map.around(covariance);
+            }
         }
         Ok(file)
     }

@@ -11,6 +11,7 @@ use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiPar
 use crate::model::families::hysteresis::residual::ResidualParameters;
 use crate::model::families::hysteresis::stop::StopParameters;
 use crate::model::families::kinematic::KinematicParameters;
+use crate::model::families::network::NetworkParameters;
 
 pub use crate::model::maths::gaussian_mixture::MixtureParameters;
 pub use crate::model::maths::hull::HullParameters;
@@ -152,6 +153,18 @@ pub enum FamilyParameters {
         read_out: PolynomialParameters,
         /// The region of virtual counts that calibration visited. Beyond it the read-out is affine.
         virtual_hull: HullParameters,
+    },
+    /// A network that was trained elsewhere.
+    Network {
+        /// From counts to outputs.
+        network: NetworkParameters,
+        /// The range of every motor after which earlier motion is forgotten, counts; d.
+        memory_counts: Vec<f64>,
+        /// The straight line through the recording: beyond a step the network goes on with it. m
+        /// rows of d.
+        gain: Vec<Vec<f64>>,
+        /// Covariance of the errors on the rows held out, m rows of m.
+        covariance: Vec<Vec<f64>>,
     },
 }
 

@@ -14,6 +14,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
+use crate::file_permissions::LONGEST_MODEL;
 use crate::model::error::ModelError;
 use crate::model::file::ModelFile;
 use crate::model::file::check::check_header;
@@ -51,8 +52,13 @@ impl ModelFile {
     /// When the file cannot be read, and the errors of [`ModelFile::parse`]. Every error names the
     /// file.
     pub fn read(path: &Path) -> Result<Self, ModelError> {
-        let text = fs::read_to_string(path)
-            .map_err(|source| ModelError::Read { path: path.to_owned(), source })?;
+        let unread = |source| ModelError::Read { path: path.to_owned(), source };
+        let length = fs::metadata(path).map_err(unread)?.len();
+        if length > LONGEST_MODEL {
+            let found = format!("a file of {} MB", length >> 20);
+            return Err(ModelError::Format { found }.in_file(path));
+        }
+        let text = fs::read_to_string(path).map_err(unread)?;
         Self::parse(&text).map_err(|error| error.in_file(path))
     }
 

@@ -3,12 +3,12 @@
 use std::ops::{Add, Mul, Sub};
 
 /// Lanes of the instructions that every 64-bit processor of x86 and ARM has.
-pub(super) const LANES: usize = 2;
+pub(in crate::model) const LANES: usize = 2;
 
 /// One number per lane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(align(16))]
-pub(super) struct Lanes(pub [f64; LANES]);
+pub(in crate::model) struct Lanes(pub [f64; LANES]);
 
 /// log2 e.
 const LOG2_E: f64 = std::f64::consts::LOG2_E;

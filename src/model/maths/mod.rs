@@ -3,7 +3,7 @@
 pub(in crate::model) mod gaussian_mixture;
 pub(in crate::model) mod gaussian_mixture_regression;
 pub(in crate::model) mod hull;
-mod lanes;
+pub(in crate::model) mod lanes;
 pub(in crate::model) mod matrix_checks;
 pub(in crate::model) mod mixture_conditioning;
 mod mixture_part;

@@ -8,6 +8,8 @@ mod guided;
 mod merge;
 mod update;
 
+pub use columns::ColumnArguments;
+pub use fit::check_output;
 use i2ris_report::Failure;
 
 /// `i2ris calibrate`: a step by name, or the whole way.

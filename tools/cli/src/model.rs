@@ -1,6 +1,7 @@
 //! `i2ris model`: models without a robot, and the models of a running controller.
 
 mod columns;
+mod import;
 mod invert;
 mod loaded;
 mod predict;
@@ -22,6 +23,8 @@ pub enum Command {
     Invert(invert::Arguments),
     /// Encoder counts in, angles out
     Predict(predict::Arguments),
+    /// Make a model of a network that was trained elsewhere, and of a recording
+    Import(import::Arguments),
     /// Show the models that the running controller has loaded
     List(loaded::ListArguments),
     /// Have the running controller check a model, compare it with the one in use, and keep it ready
@@ -37,6 +40,7 @@ pub fn run(command: Command) -> Result<(), Failure> {
         Command::Show(arguments) => show::run(&arguments),
         Command::Invert(arguments) => invert::run(&arguments),
         Command::Predict(arguments) => predict::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
         Command::List(arguments) => loaded::list(&arguments),
         Command::Stage(arguments) => loaded::stage(&arguments),
         Command::Activate(arguments) => loaded::activate(&arguments),

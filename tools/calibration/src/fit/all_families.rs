@@ -102,6 +102,28 @@ pub fn fit(
     })
 }
 
+/// What every model takes from a recording, whoever fits it.
+pub(super) struct Training<'a> {
+    pub context: FileContext<'a>,
+    /// The affine model of the rows used for training.
+    pub straight: &'a LinearFit,
+}
+
+/// Prepares the rows of a recording, and makes a model of them.
+pub(super) fn training<T>(
+    recording: &Recording,
+    options: &FitOptions,
+    make: impl FnOnce(Training<'_>) -> Result<T, FitError>,
+) -> Result<T, FitError> {
+    let quality = Quality::new(recording, &options.spikes)?;
+    let split = Split::new(recording, options.hold_out)?;
+    let usable = |row: &usize| options.spikes.keep || !quality.is_flagged(*row);
+    let rows: Vec<usize> = split.training().filter(usable).collect();
+    outputs_change(recording, &rows)?;
+    let data = TrainingData::new(recording, rows)?;
+    make(Training { context: data.context(&split, options), straight: &data.straight })
+}
+
 /// The parts of the work: every family, and the fit to all rows in the end.
 struct Parts {
     choice: Choice,
@@ -204,6 +226,19 @@ impl<'a> TrainingData<'a> {
         Ok(Self { recording, rows, hull, inputs, outputs, straight })
     }
 
+    fn context(&'a self, split: &'a Split, options: &'a FitOptions) -> FileContext<'a> {
+        FileContext {
+            recording: self.recording,
+            split,
+            training: &self.rows,
+            hull: &self.hull,
+            straight: &self.straight,
+            robot_id: &options.robot_id,
+            recorded_at: options.recorded_at.as_deref(),
+            seed: options.em.seed,
+        }
+    }
+
     fn fitter(
         &'a self,
         quality: &Quality,
@@ -212,16 +247,7 @@ impl<'a> TrainingData<'a> {
         progress: &'a dyn Progress,
     ) -> FamilyFitter<'a> {
         FamilyFitter {
-            context: FileContext {
-                recording: self.recording,
-                split,
-                training: &self.rows,
-                hull: &self.hull,
-                straight: &self.straight,
-                robot_id: &options.robot_id,
-                recorded_at: options.recorded_at.as_deref(),
-                seed: options.em.seed,
-            },
+            context: self.context(split, options),
             series: Series::new(self.recording, &self.rows),
             hidden: quality.hides_hysteresis(),
             one_axis: quality.shows_one_axis_at_a_time(),

@@ -6,6 +6,7 @@ use i2ris::model::ModelError;
 
 use super::family::Family;
 use super::flatness::FlatSpot;
+use super::network::NetworkError;
 use super::split::SplitError;
 use crate::em::error::EmError;
 use crate::quality::Finding;
@@ -20,6 +21,9 @@ pub enum FitError {
     /// The motors do not span their space.
     #[error(transparent)]
     Linear(#[from] LinearError),
+    /// A network that was trained elsewhere.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
     /// An output that never changes.
     #[error(
         "output `{output}` does not change in the rows used for training; record motion of it, or \

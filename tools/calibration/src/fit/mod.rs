@@ -11,6 +11,7 @@
 //! | `slow_error` | the part of the error that a camera can follow |
 //! | `model_file` | model files with their metrics |
 //! | `gmr` | mixtures on the counts, and their number of components |
+//! | [`network`] | networks that were trained elsewhere |
 //! | `one_family` | the fit of each family |
 //! | `all_families` | all of it in order, and the choice |
 //! | [`choice`] | scores of the families: errors held out, and tracking on other families |
@@ -26,6 +27,7 @@ pub mod flatness;
 pub mod gmr;
 pub mod metrics;
 mod model_file;
+pub mod network;
 mod one_family;
 pub mod options;
 pub mod outcome;

@@ -149,7 +149,8 @@ impl FamilyFitter<'_> {
             | FamilyParameters::GmrStop { mixture, .. } => Some(mixture.weights.len()),
             FamilyParameters::Linear { .. }
             | FamilyParameters::Kinematic { .. }
-            | FamilyParameters::ForceBalance { .. } => None,
+            | FamilyParameters::ForceBalance { .. }
+            | FamilyParameters::Network { .. } => None,
         }
     }
 

@@ -271,7 +271,8 @@ fn mixture(family: &FamilyParameters) -> Option<&MixtureParameters> {
     match family {
         FamilyParameters::Linear { .. }
         | FamilyParameters::Kinematic { .. }
-        | FamilyParameters::ForceBalance { .. } => None,
+        | FamilyParameters::ForceBalance { .. }
+        | FamilyParameters::Network { .. } => None,
         FamilyParameters::Gmr { mixture }
         | FamilyParameters::GmrDirection { mixture, .. }
         | FamilyParameters::GmrPlay { mixture, .. }
@@ -286,7 +287,8 @@ fn virtual_hull(family: &FamilyParameters) -> Option<&HullParameters> {
         FamilyParameters::Linear { .. }
         | FamilyParameters::Kinematic { .. }
         | FamilyParameters::Gmr { .. }
-        | FamilyParameters::GmrDirection { .. } => None,
+        | FamilyParameters::GmrDirection { .. }
+        | FamilyParameters::Network { .. } => None,
         FamilyParameters::GmrPlay { virtual_hull, .. }
         | FamilyParameters::GmrPrandtlIshlinskii { virtual_hull, .. }
         | FamilyParameters::GmrStop { virtual_hull, .. }

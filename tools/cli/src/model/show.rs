@@ -21,10 +21,10 @@ use i2ris_report::Failure;
   i2ris model show config/models/steel.json")]
 pub struct Arguments {
     /// The model
-    model: PathBuf,
+    pub(super) model: PathBuf,
     /// Print the file with its identity as JSON
     #[arg(long)]
-    json: bool,
+    pub(super) json: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -168,6 +168,11 @@ fn family(model: &Model) {
             println!("polynomial degree {} of virtual counts", read_out.degree);
             balance_table(balance);
         }
+        FamilyParameters::Network { network, memory_counts, .. } => println!(
+            "network    {} layers, a step every {:.0} counts, forgets over {memory_counts:.0?} counts",
+            network.layers.len(),
+            network.step_counts
+        ),
     }
 }
 

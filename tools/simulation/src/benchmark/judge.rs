@@ -11,14 +11,14 @@ use serde::Serialize;
 
 use super::laboratory::Laboratory;
 use super::tracking::{ExactPilot, Tracking, follow};
-use super::{Arguments, Failure};
+use super::{Arguments, Brought, Failure};
 use crate::closed_loop::ClosedLoop;
 use crate::motion::unseen_motion::Motion;
 use crate::physics::DrawnSnake;
 use crate::robot::Robot;
 
 /// Offset of the seeds of motions: no calibration has the same seed.
-const MOTION_SEEDS: u64 = 1000;
+pub const MOTION_SEEDS: u64 = 1000;
 
 /// How a model follows a motion on a snake.
 #[derive(Debug, Clone, Serialize)]
@@ -68,6 +68,7 @@ pub fn within_reach(motions: &[Path], linear: &Model) -> Vec<Path> {
 pub struct Judge {
     laboratory: Laboratory,
     families: Vec<Choice>,
+    brought: Vec<Brought>,
     each: bool,
     motions: Vec<Path>,
 }
@@ -89,6 +90,7 @@ impl Judge {
         Ok(Self {
             laboratory: Laboratory::new(arguments, folder)?,
             families: arguments.families.clone(),
+            brought: arguments.models.clone(),
             each: arguments.each,
             motions: arguments.motions.iter().map(path).collect(),
         })
@@ -98,7 +100,7 @@ impl Judge {
     pub fn judge(&self, snake: DrawnSnake) -> Result<Vec<Judgement>, String> {
         let name = format!("{}-{}.csv", snake.physics, snake.seed);
         let recording = self.laboratory.record(snake, Robot::new(snake.build()), &name)?;
-        let candidates = self.candidates(&recording)?;
+        let candidates = self.candidates(snake, &recording)?;
         let linear = candidates.first().and_then(|first| first.model.as_ref().ok());
         let motions = within_reach(&self.motions, linear.ok_or("there is no linear model")?);
         let exact = self.exact(snake, &motions)?;
@@ -131,7 +133,11 @@ impl Judge {
     }
 
     /// The first is `linear`.
-    fn candidates(&self, recording: &Recording) -> Result<Vec<Candidate>, String> {
+    fn candidates(
+        &self,
+        snake: DrawnSnake,
+        recording: &Recording,
+    ) -> Result<Vec<Candidate>, String> {
         let attempt = |choice: Choice| {
             let begun = Instant::now();
             let outcome = self.laboratory.fit(recording, choice);
@@ -151,6 +157,16 @@ impl Judge {
                 found.extend(Candidate::each(outcome));
             }
         }
+        found.extend(self.brought.iter().map(|brought| {
+            let begun = Instant::now();
+            let model = self.laboratory.brought(&brought.folder, snake, recording);
+            Candidate {
+                family: brought.name.clone(),
+                name: if model.is_ok() { brought.name.clone() } else { "none".to_owned() },
+                model,
+                fit_s: begun.elapsed().as_secs_f64(),
+            }
+        }));
         Ok(found)
     }
 

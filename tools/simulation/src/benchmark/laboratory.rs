@@ -1,8 +1,11 @@
 //! What every benchmark has: the configuration of the controller, recordings, and fits to them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use i2ris::config::Config;
+use i2ris::model::Model;
+use i2ris_calibration::fit::network::{NetworkFile, import};
 use i2ris_calibration::fit::{Choice, FitOptions, FitOutcome, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording};
@@ -23,10 +26,7 @@ pub struct Laboratory {
 
 impl Laboratory {
     pub fn new(arguments: &Arguments, folder: PathBuf) -> Result<Self, Failure> {
-        let mut config = Config::parse(CONFIG, "config/emulator.toml".as_ref())?;
-        // The straight pose, where every motion begins, need not be where conditioning ends.
-        config.command.first_step_deg = config.command.max_step_deg;
-        Ok(Self { config, plan: arguments.plan(), folder })
+        Ok(Self { config: config()?, plan: arguments.plan(), folder })
     }
 
     /// A recording, as `calibrate fit` reads it.
@@ -44,9 +44,38 @@ impl Laboratory {
         Ok(recording.without_latency().0)
     }
 
-    pub fn fit(&self, recording: &Recording, choice: Choice) -> Result<FitOutcome, String> {
-        let robot_id = self.config.robot_id.clone();
-        let options = FitOptions { robot_id, choice, ..FitOptions::default() };
-        fit(recording, &options, &Silent).map_err(|error| error.to_string())
+    /// A model, or a network to make one of, that somebody brought for a snake.
+    pub fn brought(
+        &self,
+        folder: &Path,
+        snake: DrawnSnake,
+        recording: &Recording,
+    ) -> Result<Arc<Model>, String> {
+        let path = folder.join(format!("{}-{}.json", snake.physics, snake.seed));
+        let model = match NetworkFile::read(&path) {
+            Ok(network) => {
+                let robot_id = self.config.robot_id.clone();
+                let options = FitOptions { robot_id, ..FitOptions::default() };
+                import(&network, recording, &options).map_err(|error| error.to_string())
+            }
+            Err(unread) => Model::load(&path).map_err(|error| format!("{unread}; {error}")),
+        };
+        model.map(Arc::new)
     }
+
+    pub fn fit(&self, recording: &Recording, choice: Choice) -> Result<FitOutcome, String> {
+        fitted(recording, choice, &self.config.robot_id)
+    }
+}
+
+pub fn config() -> Result<Config, Failure> {
+    let mut config = Config::parse(CONFIG, "config/emulator.toml".as_ref())?;
+    // The straight pose, where every motion begins, need not be where conditioning ends.
+    config.command.first_step_deg = config.command.max_step_deg;
+    Ok(config)
+}
+
+pub fn fitted(recording: &Recording, choice: Choice, robot_id: &str) -> Result<FitOutcome, String> {
+    let options = FitOptions { robot_id: robot_id.to_owned(), choice, ..FitOptions::default() };
+    fit(recording, &options, &Silent).map_err(|error| error.to_string())
 }

@@ -9,6 +9,7 @@
 //! | `laboratory` | configuration, recordings and fits, the same for all snakes |
 //! | `exact_inverse` | the inverse of the true snake |
 //! | `tracking` | following motions and measuring them |
+//! | `tracked` | a model of anybody on a snake, for Python |
 //! | `judge` | one snake, from recording to errors |
 //! | `table` | median and worst over the draws |
 //! | `ageing` | the same for snakes that age, with and without adaptation |
@@ -21,11 +22,16 @@ mod judge;
 mod laboratory;
 pub mod recording;
 mod table;
+mod tracked;
 pub mod tracking;
+
+pub use recording::RecordingPlan;
+pub use tracked::{tick_times, tracked};
 
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use i2ris_calibration::fit::Choice;
 use i2ris_calibration::parallel;
@@ -35,7 +41,6 @@ use crate::motion::protocol::{Protocol, above_zero};
 use crate::motion::unseen_motion::Motion;
 use crate::physics::{DrawnSnake, Physics};
 use judge::Judge;
-use recording::RecordingPlan;
 
 /// Why a benchmark ends without success: one sentence for the user.
 pub type Failure = Box<dyn Error>;
@@ -68,6 +73,9 @@ pub struct Arguments {
     /// Families to fit; `best` fits all and takes what `i2ris calibrate fit` would take
     #[arg(long, value_name = "FAMILY,..", value_delimiter = ',', default_value = "best")]
     families: Vec<Choice>,
+    /// Models by others, or networks from Python: a folder with PHYSICS-SEED.json for each name
+    #[arg(long, value_name = "NAME=FOLDER,..", value_delimiter = ',')]
+    models: Vec<Brought>,
     /// With `best`: show every other family, too
     #[arg(long)]
     each: bool,
@@ -99,6 +107,23 @@ pub struct Arguments {
     json: Option<PathBuf>,
     #[command(flatten)]
     ageing: ageing::AgeingArguments,
+}
+
+/// Models that somebody brought.
+#[derive(Debug, Clone)]
+struct Brought {
+    name: String,
+    folder: PathBuf,
+}
+
+impl FromStr for Brought {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let parts = text.split_once('=').filter(|(name, _)| !name.is_empty());
+        let (name, folder) = parts.ok_or("must be a name, `=` and a folder")?;
+        Ok(Self { name: name.to_owned(), folder: folder.into() })
+    }
 }
 
 impl Arguments {

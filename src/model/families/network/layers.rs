@@ -1,0 +1,304 @@
+//! Prepared layers and their arithmetic, in arrays of fixed size.
+//!
+//! Sums run over the inputs in order, unit by unit side by side, so the compiler may use wide
+//! instructions and the bits stay the same.
+
+use super::parameters::{Activation, Layer, MAX_WIDTH};
+
+/// The most sums of a layer: four gates.
+const MAX_SUMS: usize = 4 * MAX_WIDTH;
+
+/// Values of a layer, and their derivatives by T inputs of the network.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Signal<const T: usize> {
+    pub values: [f64; MAX_WIDTH],
+    pub slopes: [[f64; MAX_WIDTH]; T],
+}
+
+impl<const T: usize> Signal<T> {
+    pub fn zero() -> Self {
+        Self { values: [0.0; MAX_WIDTH], slopes: [[0.0; MAX_WIDTH]; T] }
+    }
+}
+
+/// A matrix, column by column.
+#[derive(Debug, Clone)]
+struct Matrix {
+    height: usize,
+    columns: Vec<f64>,
+}
+
+impl Matrix {
+    fn new(rows: &[Vec<f64>]) -> Self {
+        let width = rows.first().map_or(0, Vec::len);
+        let columns = (0..width).flat_map(|column| rows.iter().map(move |row| row[column]));
+        Self { height: rows.len(), columns: columns.collect() }
+    }
+
+    /// Adds the product with the inputs. Four columns at a time: the sums stay in registers.
+    fn add_product(&self, inputs: &[f64], sums: &mut [f64]) {
+        let mut blocks = self.columns.chunks_exact(4 * self.height);
+        let mut inputs = inputs.chunks_exact(4);
+        for (block, inputs) in blocks.by_ref().zip(inputs.by_ref()) {
+            let (left, right) = block.split_at(2 * self.height);
+            let ((a, b), (c, d)) = (left.split_at(self.height), right.split_at(self.height));
+            for ((((sum, a), b), c), d) in sums.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                *sum += a * inputs[0];
+                *sum += b * inputs[1];
+                *sum += c * inputs[2];
+                *sum += d * inputs[3];
+            }
+        }
+        // Where the columns are no multiple of four, there are as many inputs left as columns,
+        // and then units beyond the width of the layer before.
+        let columns = blocks.remainder().chunks_exact(self.height);
+        for (column, input) in columns.zip(inputs.next().unwrap_or(inputs.remainder())) {
+            for (sum, weight) in sums.iter_mut().zip(column) {
+                *sum += weight * input;
+            }
+        }
+    }
+}
+
+/// A layer, and which part of the state is its own.
+#[derive(Debug, Clone)]
+pub(super) struct PreparedLayer {
+    units: usize,
+    inputs: usize,
+    state: std::ops::Range<usize>,
+    kind: Kind,
+}
+
+#[derive(Debug, Clone)]
+enum Kind {
+    Dense { weight: Matrix, bias: Vec<f64>, activation: Activation },
+    Gru(Recurrent),
+    Lstm(Recurrent),
+    Conv { taps: Vec<Matrix>, bias: Vec<f64>, dilation: usize, activation: Activation },
+}
+
+/// Weights of gates.
+#[derive(Debug, Clone)]
+struct Recurrent {
+    input: Matrix,
+    input_bias: Vec<f64>,
+    recurrent: Matrix,
+    recurrent_bias: Vec<f64>,
+}
+
+impl PreparedLayer {
+    /// Of a checked layer whose part of the state begins at `begin`.
+    pub fn new(layer: &Layer, inputs: usize, begin: usize) -> Self {
+        let (units, kept) = layer.sizes(inputs);
+        let kind = match layer {
+            Layer::Dense { weight, bias, activation } => Kind::Dense {
+                weight: Matrix::new(weight),
+                bias: bias.clone(),
+                activation: *activation,
+            },
+            Layer::Gru { input_weight, recurrent_weight, input_bias, recurrent_bias }
+            | Layer::Lstm { input_weight, recurrent_weight, input_bias, recurrent_bias } => {
+                let recurrent = Recurrent {
+                    input: Matrix::new(input_weight),
+                    input_bias: input_bias.clone(),
+                    recurrent: Matrix::new(recurrent_weight),
+                    recurrent_bias: recurrent_bias.clone(),
+                };
+                let is_gru = matches!(layer, Layer::Gru { .. });
+                if is_gru { Kind::Gru(recurrent) } else { Kind::Lstm(recurrent) }
+            }
+            Layer::Conv { taps, bias, dilation, activation } => Kind::Conv {
+                taps: taps.iter().map(|rows| Matrix::new(rows)).collect(),
+                bias: bias.clone(),
+                dilation: *dilation,
+                activation: *activation,
+            },
+        };
+        Self { units, inputs, state: begin..begin + kept, kind }
+    }
+
+    /// Where the part of the next layer begins.
+    pub fn end(&self) -> usize {
+        self.state.end
+    }
+
+    pub fn units(&self) -> usize {
+        self.units
+    }
+
+    /// The values at an input, after the steps that the state has seen.
+    pub fn evaluate<const T: usize>(&self, input: &Signal<T>, state: &[f64]) -> Signal<T> {
+        let state = state.get(self.state.clone()).unwrap_or_default();
+        match &self.kind {
+            Kind::Dense { weight, bias, activation } => {
+                self.weighted(weight, bias, *activation, input)
+            }
+            Kind::Conv { taps, activation, .. } => {
+                let sums = &state[..self.units];
+                taps.last().map_or_else(Signal::zero, |present| {
+                    self.weighted(present, sums, *activation, input)
+                })
+            }
+            Kind::Gru(weights) => self.gru(weights, input, state),
+            Kind::Lstm(weights) => self.lstm(weights, input, state).0,
+        }
+    }
+
+    /// Takes a step in the state.
+    pub fn step(&self, input: &Signal<0>, state: &mut [f64]) -> Signal<0> {
+        let output = self.evaluate(input, state);
+        let own = state.get_mut(self.state.clone()).unwrap_or_default();
+        match &self.kind {
+            Kind::Dense { .. } => {}
+            Kind::Gru(_) => {
+                own[3 * self.units..].copy_from_slice(&output.values[..self.units]);
+            }
+            Kind::Lstm(weights) => {
+                let cells = self.lstm(weights, input, own).1;
+                let (hidden, kept) = own[4 * self.units..].split_at_mut(self.units);
+                hidden.copy_from_slice(&output.values[..self.units]);
+                kept.copy_from_slice(&cells[..self.units]);
+            }
+            Kind::Conv { .. } => {
+                let history = &mut own[self.units..];
+                if history.len() >= self.inputs {
+                    history.copy_within(..history.len() - self.inputs, self.inputs);
+                    history[..self.inputs].copy_from_slice(&input.values[..self.inputs]);
+                }
+            }
+        }
+        self.prepare(state);
+        output
+    }
+
+    /// Computes the recurrent part from the hidden state.
+    pub fn prepare(&self, state: &mut [f64]) {
+        let own = state.get_mut(self.state.clone()).unwrap_or_default();
+        match &self.kind {
+            Kind::Dense { .. } => {}
+            Kind::Gru(weights) | Kind::Lstm(weights) => {
+                let (sums, hidden) = own.split_at_mut(weights.recurrent_bias.len());
+                sums.copy_from_slice(&weights.recurrent_bias);
+                weights.recurrent.add_product(&hidden[..self.units], sums);
+            }
+            Kind::Conv { taps, bias, dilation, .. } => {
+                let (sums, history) = own.split_at_mut(self.units);
+                sums.copy_from_slice(bias);
+                for (back, tap) in taps.iter().rev().enumerate().skip(1) {
+                    let begin = (back * dilation - 1) * self.inputs;
+                    tap.add_product(&history[begin..begin + self.inputs], sums);
+                }
+            }
+        }
+    }
+
+    fn weighted<const T: usize>(
+        &self,
+        weight: &Matrix,
+        sums: &[f64],
+        activation: Activation,
+        input: &Signal<T>,
+    ) -> Signal<T> {
+        let mut output = Signal::zero();
+        let values = &mut output.values[..self.units];
+        values.copy_from_slice(sums);
+        weight.add_product(&input.values[..self.inputs], values);
+        activation.apply(values);
+        for (slopes, input) in output.slopes.iter_mut().zip(&input.slopes) {
+            weight.add_product(&input[..self.inputs], &mut slopes[..self.units]);
+            for (slope, value) in slopes.iter_mut().zip(&output.values).take(self.units) {
+                *slope *= activation.slope(*value);
+            }
+        }
+        output
+    }
+
+    /// Sums of the gates from the input, and their slopes.
+    fn gates<const T: usize>(
+        &self,
+        weights: &Recurrent,
+        input: &Signal<T>,
+    ) -> ([f64; MAX_SUMS], [[f64; MAX_SUMS]; T]) {
+        let (mut sums, mut slopes) = ([0.0; MAX_SUMS], [[0.0; MAX_SUMS]; T]);
+        sums[..weights.input_bias.len()].copy_from_slice(&weights.input_bias);
+        weights.input.add_product(&input.values[..self.inputs], &mut sums);
+        for (slopes, input) in slopes.iter_mut().zip(&input.slopes) {
+            weights.input.add_product(&input[..self.inputs], slopes);
+        }
+        (sums, slopes)
+    }
+
+    fn gru<const T: usize>(
+        &self,
+        weights: &Recurrent,
+        input: &Signal<T>,
+        state: &[f64],
+    ) -> Signal<T> {
+        let units = self.units;
+        let (recurrent, hidden) = state.split_at(3 * units);
+        let (mut sums, slopes) = self.gates(weights, input);
+        let (gates, new) = sums.split_at_mut(2 * units);
+        add(gates, recurrent);
+        Activation::Sigmoid.apply(gates);
+        let (reset, update) = gates.split_at(units);
+        let recurrent_new = &recurrent[2 * units..];
+        for ((new, reset), recurrent) in new.iter_mut().zip(reset).zip(recurrent_new) {
+            *new += reset * recurrent;
+        }
+        Activation::Tanh.apply(&mut new[..units]);
+        let mut output = Signal::zero();
+        for unit in 0..units {
+            let (reset, update, new) = (reset[unit], update[unit], new[unit]);
+            output.values[unit] = new + update * (hidden[unit] - new);
+            for (output, slopes) in output.slopes.iter_mut().zip(&slopes) {
+                let reset_slope = reset * (1.0 - reset) * slopes[unit];
+                let update_slope = update * (1.0 - update) * slopes[units + unit];
+                let sum_slope = slopes[2 * units + unit] + reset_slope * recurrent_new[unit];
+                let new_slope = (1.0 - new * new) * sum_slope;
+                output[unit] = (1.0 - update) * new_slope + update_slope * (hidden[unit] - new);
+            }
+        }
+        output
+    }
+
+    /// Values and cells.
+    fn lstm<const T: usize>(
+        &self,
+        weights: &Recurrent,
+        input: &Signal<T>,
+        state: &[f64],
+    ) -> (Signal<T>, [f64; MAX_WIDTH]) {
+        let units = self.units;
+        let (recurrent, hidden_and_cells) = state.split_at(4 * units);
+        let (mut sums, slopes) = self.gates(weights, input);
+        add(&mut sums, recurrent);
+        Activation::Sigmoid.apply(&mut sums[..2 * units]);
+        Activation::Tanh.apply(&mut sums[2 * units..3 * units]);
+        Activation::Sigmoid.apply(&mut sums[3 * units..4 * units]);
+        let (mut output, mut cells) = (Signal::zero(), [0.0; MAX_WIDTH]);
+        for unit in 0..units {
+            let gate = |index: usize| sums[index * units + unit];
+            let (take, keep, new, show) = (gate(0), gate(1), gate(2), gate(3));
+            let before = hidden_and_cells[units + unit];
+            cells[unit] = keep * before + take * new;
+            let mut shown = [cells[unit]];
+            Activation::Tanh.apply(&mut shown);
+            output.values[unit] = show * shown[0];
+            for (output, slopes) in output.slopes.iter_mut().zip(&slopes) {
+                let slope = |index: usize| slopes[index * units + unit];
+                let cell_slope = keep * (1.0 - keep) * slope(1) * before
+                    + take * (1.0 - take) * slope(0) * new
+                    + take * (1.0 - new * new) * slope(2);
+                output[unit] = show * (1.0 - show) * slope(3) * shown[0]
+                    + show * (1.0 - shown[0] * shown[0]) * cell_slope;
+            }
+        }
+        (output, cells)
+    }
+}
+
+fn add(sums: &mut [f64], others: &[f64]) {
+    for (sum, other) in sums.iter_mut().zip(others) {
+        *sum += other;
+    }
+}

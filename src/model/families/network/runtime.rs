@@ -1,0 +1,346 @@
+//! A network as a family of models.
+
+use nalgebra::{DMatrix, SMatrix, SVector};
+
+use super::layers::{PreparedLayer, Signal};
+use super::parameters::{NetworkParameters, matrix, numbers};
+use super::state::NetworkState;
+use crate::model::error::{ModelError, require};
+use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
+use crate::model::families::memory::{Memory, State};
+use crate::model::families::round_trip;
+use crate::model::families::runtime::Runtime;
+use crate::model::maths::hull::Hull;
+use crate::model::maths::matrix_checks::{positive_semidefinite, square};
+use crate::model::maths::newton_inverse;
+use crate::model::maths::regression::{
+    Local, Prediction, Regression, array, bounded, estimate, rows, vector,
+};
+use crate::model::output_unit::OutputUnit;
+use crate::model::trial_path::TrialPath;
+use crate::units::{MotorVec, OutputVec};
+
+/// The most steps of one advance. A longer motion takes longer steps.
+const MAX_STEPS: usize = 16;
+
+/// A step that is longer by this part has rounding to blame.
+const ROUNDING: f64 = 1e-9;
+
+/// In the round trip, the search starts so many steps beside the position.
+const STEPS_BESIDE: f64 = 3.0;
+
+/// Rounds of the path on which a state must not grow, and steps of each part of it.
+const ROUNDS: usize = 8;
+const PATH_STEPS: usize = 400;
+
+/// In the second half of the rounds, the largest number of a state may be so many times that of the
+/// first half.
+const MOST_GROWTH: f64 = 1.2;
+
+/// Directions with less gain than this, rad (m) per count, are not gone back.
+const LEAST_GAIN: f64 = 1e-9;
+
+/// What the recording says beside the network: in units of the file.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::model) struct Recording<'a> {
+    /// The range of every motor after which earlier motion is forgotten.
+    pub memory_counts: &'a [f64],
+    /// The straight line, m rows of d.
+    pub gain: &'a [Vec<f64>],
+    /// Of the errors on rows held out, m rows of m.
+    pub covariance: &'a [Vec<f64>],
+}
+
+/// Visits the positions of the steps along a straight motion, up to less than a step before its end.
+pub fn walk(from: &MotorVec, to: &MotorVec, step: f64, mut visit: impl FnMut(&MotorVec)) {
+    let motion: MotorVec = std::array::from_fn(|motor| to[motor] - from[motor]);
+    let length = motion.iter().fold(0.0, |longest: f64, part| longest.max(part.abs()));
+    let whole = (length / step * (1.0 - ROUNDING)).ceil() as usize;
+    let steps = whole.saturating_sub(1);
+    let stride = if steps > MAX_STEPS { length / (MAX_STEPS + 1) as f64 } else { step };
+    for number in 1..=steps.min(MAX_STEPS) {
+        let part = number as f64 * stride / length;
+        visit(&std::array::from_fn(|motor| from[motor] + part * motion[motor]));
+    }
+}
+
+/// A prepared network of D motors and M outputs, in rad (m) and counts.
+#[derive(Debug)]
+pub(in crate::model) struct Network<const D: usize, const M: usize> {
+    step: f64,
+    layers: Vec<PreparedLayer>,
+    centre: SVector<f64, D>,
+    scale: SVector<f64, D>,
+    output_gain: SMatrix<f64, M, M>,
+    output_offset: SVector<f64, M>,
+    skip: SMatrix<f64, M, D>,
+    memory_counts: MotorVec,
+    straight: SMatrix<f64, M, D>,
+    /// From outputs back to counts.
+    back: SMatrix<f64, D, M>,
+    covariance: SMatrix<f64, M, M>,
+}
+
+impl<const D: usize, const M: usize> Network<D, M> {
+    /// Checks the parameters of a file and scales its outputs by `si`.
+    ///
+    /// # Errors
+    ///
+    /// When sizes do not fit, or numbers are out of their range.
+    pub fn prepare(
+        file: &NetworkParameters,
+        recording: Recording<'_>,
+        si: f64,
+    ) -> Result<Self, ModelError> {
+        file.check(D, M)?;
+        let Recording { memory_counts, gain, covariance } = recording;
+        let key = "family.memory_counts";
+        numbers(memory_counts, D, key)?;
+        let is_positive = memory_counts.iter().all(|range| *range >= 0.0);
+        require(is_positive, || key.to_owned(), format!("{memory_counts:?}"), "is not negative")?;
+        matrix(gain, M, D, "family.gain")?;
+        let key = || "family.covariance".to_owned();
+        let covariance = square(covariance, M, key)?;
+        positive_semidefinite(&covariance, key)?;
+        let straight = DMatrix::from_fn(M, D, |i, j| gain[i][j] * si);
+        let back = straight.clone().pseudo_inverse(LEAST_GAIN).unwrap_or(DMatrix::zeros(D, M));
+        let mut layers: Vec<PreparedLayer> = Vec::new();
+        for layer in &file.layers {
+            let (inputs, begin) = layers.last().map_or((D, 0), |last| (last.units(), last.end()));
+            layers.push(PreparedLayer::new(layer, inputs, begin));
+        }
+        Ok(Self {
+            step: file.step_counts,
+            layers,
+            centre: vector(&file.input_centre),
+            scale: vector(&file.input_scale),
+            output_gain: SMatrix::from_fn(|i, j| file.output_gain[i][j] * si),
+            output_offset: vector::<M>(&file.output_offset) * si,
+            skip: SMatrix::from_fn(|i, j| {
+                file.skip_gain.get(i).and_then(|row| row.get(j)).map_or(0.0, |gain| gain * si)
+            }),
+            memory_counts: array(&vector::<D>(memory_counts)),
+            straight: SMatrix::from_iterator(straight.iter().copied()),
+            back: SMatrix::from_iterator(back.iter().copied()),
+            covariance: SMatrix::from_iterator(covariance.iter().copied()) * (si * si),
+        })
+    }
+
+    /// The state when only the present position is known: one step on nothing but zeros.
+    fn begin(&self, counts: &MotorVec) -> NetworkState {
+        let mut state = NetworkState::at(*counts);
+        for layer in &self.layers {
+            layer.prepare(state.values_mut());
+        }
+        self.step(&mut state, counts);
+        state
+    }
+
+    /// Takes a step to a position.
+    fn step(&self, state: &mut NetworkState, counts: &MotorVec) {
+        let mut signal = Signal::<0>::zero();
+        let input = (vector::<D>(counts) - self.centre).component_mul(&self.scale);
+        signal.values[..D].copy_from_slice(input.as_slice());
+        for layer in &self.layers {
+            signal = layer.step(&signal, state.values_mut());
+        }
+        state.position = *counts;
+    }
+
+    fn walk(&self, state: &mut NetworkState, counts: &MotorVec) {
+        let from = state.position;
+        walk(&from, counts, self.step, |position| self.step(state, position));
+    }
+
+    /// The outputs at a position within a step, and, with T = D, the slopes of all but the skip.
+    fn evaluate<const T: usize>(
+        &self,
+        state: &NetworkState,
+        counts: &SVector<f64, D>,
+    ) -> (SVector<f64, M>, SMatrix<f64, M, T>) {
+        let mut signal = Signal::<T>::zero();
+        let from_centre = counts - self.centre;
+        let input = from_centre.component_mul(&self.scale);
+        signal.values[..D].copy_from_slice(input.as_slice());
+        for (motor, (slopes, scale)) in signal.slopes.iter_mut().zip(self.scale.iter()).enumerate()
+        {
+            slopes[motor] = *scale;
+        }
+        for layer in &self.layers {
+            signal = layer.evaluate(&signal, state.values());
+        }
+        let learned = self.output_gain * vector::<M>(&signal.values) + self.output_offset;
+        let mean = learned + self.skip * from_centre;
+        let slopes = SMatrix::<f64, M, T>::from_fn(|output, motor| signal.slopes[motor][output]);
+        (mean, self.output_gain * slopes)
+    }
+
+    /// The position within a step that is nearest to some counts.
+    fn within_a_step(&self, state: &NetworkState, counts: &SVector<f64, D>) -> SVector<f64, D> {
+        counts.zip_map(&vector::<D>(&state.position), |to, from| {
+            // Not a number stays.
+            if (to - from).abs() > self.step { from + self.step.copysign(to - from) } else { to }
+        })
+    }
+
+    /// Works on the state in a memory. Without one, on the state from the present position alone.
+    fn with_state<T>(&self, memory: &Memory, work: impl FnOnce(&NetworkState) -> T) -> T {
+        match &memory.state {
+            State::Network(state) => work(state),
+            _ => {
+                let position = memory.seen.map(|seen| seen.position).unwrap_or_default();
+                work(&self.begin(&bounded(&position)))
+            }
+        }
+    }
+
+    fn at<'a>(&'a self, state: &'a NetworkState) -> At<'a, D, M> {
+        At { network: self, state }
+    }
+
+    /// Walks along a path for so long that a hidden state which grows gives itself away.
+    fn check_growth(&self, hull: &Hull) -> Result<(), ModelError> {
+        let path = TrialPath::wide(hull, PATH_STEPS, PATH_STEPS);
+        let mut state = self.begin(&hull.centre());
+        let mut halves = [0.0_f64; 2];
+        for round in 0..ROUNDS {
+            for counts in path.wander.iter().chain(&path.turns) {
+                self.walk(&mut state, counts);
+                let size = state.values().iter().map(|value| value.abs());
+                let half = &mut halves[2 * round / ROUNDS];
+                // Not a number is kept: it is above every bound.
+                *half = size.fold(*half, |most, size| if size <= most { most } else { size });
+            }
+        }
+        let [first, second] = halves;
+        require(
+            second <= MOST_GROWTH * first,
+            || "family.network.layers".to_owned(),
+            format!("a state of {first:.3e}, and then of {second:.3e}"),
+            "the hidden state grows while the motors go round and round: train it on longer motion",
+        )
+    }
+}
+
+/// A network after a motion: a regression on the position that follows.
+#[derive(Debug)]
+struct At<'a, const D: usize, const M: usize> {
+    network: &'a Network<D, M>,
+    state: &'a NetworkState,
+}
+
+impl<const D: usize, const M: usize> Regression<D, M> for At<'_, D, M> {
+    fn local(&self, counts: &SVector<f64, D>) -> Local<D, M> {
+        let network = self.network;
+        let near = network.within_a_step(self.state, counts);
+        let (mean, mut jacobian) = network.evaluate::<D>(self.state, &near);
+        jacobian += network.skip;
+        let beyond = counts - near;
+        for motor in 0..D {
+            if beyond[motor] != 0.0 {
+                jacobian.set_column(motor, &network.straight.column(motor));
+            }
+        }
+        Local { mean: mean + network.straight * beyond, jacobian }
+    }
+
+    fn mean(&self, counts: &SVector<f64, D>) -> SVector<f64, M> {
+        let near = self.network.within_a_step(self.state, counts);
+        let (mean, _) = self.network.evaluate::<0>(self.state, &near);
+        mean + self.network.straight * (counts - near)
+    }
+
+    fn predict(&self, counts: &SVector<f64, D>) -> Prediction<M> {
+        let covariance = self.network.covariance;
+        Prediction { mean: self.mean(counts), covariance, covariance_within: covariance }
+    }
+
+    /// A step and the rest along the straight line: where a step changes nothing, as in a gap, the
+    /// search finds no slope.
+    fn second_start(&self, goal: &SVector<f64, M>) -> Option<SVector<f64, D>> {
+        let from = vector::<D>(&self.state.position);
+        let motion = self.network.back * (goal - self.mean(&from));
+        Some(from + motion.map(|part| part + self.network.step.copysign(part)))
+    }
+}
+
+impl<const D: usize, const M: usize> Runtime for Network<D, M> {
+    fn advance(&self, memory: &mut Memory, counts: &MotorVec) {
+        let counts = bounded(counts);
+        match &mut memory.state {
+            State::Network(state) => self.walk(state, &counts),
+            state => *state = State::Network(self.begin(&counts)),
+        }
+    }
+
+    fn conditioning_range(&self) -> MotorVec {
+        self.memory_counts
+    }
+
+    fn predict(&self, counts: &MotorVec, memory: &Memory) -> Estimate {
+        let counts = vector(&bounded(counts));
+        self.with_state(memory, |state| estimate(&self.at(state).predict(&counts)))
+    }
+
+    fn pose(&self, counts: &MotorVec, memory: &Memory, _correction: &OutputVec) -> OutputVec {
+        let counts = vector(&bounded(counts));
+        self.with_state(memory, |state| array(&self.at(state).mean(&counts)))
+    }
+
+    fn pose_and_slope(
+        &self,
+        counts: &MotorVec,
+        memory: &Memory,
+        _correction: &OutputVec,
+    ) -> (OutputVec, JacobianMatrix) {
+        let counts = vector(&bounded(counts));
+        let local = self.with_state(memory, |state| self.at(state).local(&counts));
+        (array(&local.mean), rows(&local.jacobian))
+    }
+
+    fn jacobian(&self, counts: &MotorVec, memory: &Memory) -> JacobianMatrix {
+        let counts = vector(&bounded(counts));
+        self.with_state(memory, |state| rows(&self.at(state).local(&counts).jacobian))
+    }
+
+    /// Without compensation the network goes to the goal as if it had just woken up at the present
+    /// position.
+    fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
+        let invert = |state: &NetworkState| {
+            newton_inverse::invert(&self.at(state), hull, goal, &bounded(&query.start))
+        };
+        let full = self.with_state(memory, invert);
+        if query.compensation >= 1.0 || !full.residual.is_finite() {
+            return full;
+        }
+        let position = memory.seen.map(|seen| seen.position).unwrap_or_default();
+        let without = invert(&self.begin(&bounded(&position)));
+        let mut counts = without.counts;
+        for (at, to) in counts.iter_mut().zip(full.counts) {
+            *at += query.compensation * (to - *at);
+        }
+        Inverse { counts, iterations: full.iterations + without.iterations, ..full }
+    }
+
+    /// Walks to positions all over the hull, and searches each from beside it. The state must not
+    /// grow on the way.
+    fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
+        self.check_growth(hull)?;
+        let mut state = self.begin(&hull.centre());
+        let trips = round_trip::positions(hull).into_iter().map(|counts| {
+            while state.position != counts {
+                let before = state.position;
+                self.walk(&mut state, &counts);
+                if state.position == before {
+                    break;
+                }
+            }
+            let at = self.at(&state);
+            let local = at.local(&vector(&counts));
+            let beside = counts.map(|at| at + STEPS_BESIDE * self.step);
+            let inverse = newton_inverse::invert(&at, hull, &array(&local.mean), &beside);
+            (counts, local, inverse.residual)
+        });
+        round_trip::judge(unit, trips.collect())
+    }
+}

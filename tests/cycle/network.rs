@@ -1,0 +1,96 @@
+//! A network in the loop: swaps while it moves, rollback, and replay to the bit.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use i2ris::core::ModelChange;
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::model::Model;
+use i2ris::model::file::FamilyParameters;
+use i2ris::model::network::NetworkParameters;
+use i2ris::process::black_box::{BlackBox, BlackBoxHeader, replay};
+use i2ris_testing::cycle::{Bench, Recording, config, play_model};
+
+use crate::model::networks::{averages, gru};
+
+/// A GRU of 64 units on the straight line of the sample robot.
+fn network() -> Arc<Model> {
+    let mut file = i2ris_testing::cycle::model(i2ris::model::file::OutputUnit::Deg).file().clone();
+    let FamilyParameters::Linear { gain, covariance, .. } = file.family.clone() else { panic!() };
+    let network = NetworkParameters {
+        step_counts: 10.0,
+        input_centre: vec![0.0; 2],
+        input_scale: vec![0.002; 2],
+        layers: vec![gru(64), averages(64)],
+        output_gain: vec![vec![1.0, 0.5], vec![-0.5, 1.0]],
+        output_offset: vec![0.0; 2],
+        skip_gain: gain.clone(),
+    };
+    file.training.linear_gain = Some(gain.clone());
+    file.family =
+        FamilyParameters::Network { network, memory_counts: vec![200.0; 2], gain, covariance };
+    Arc::new(Model::from_file(file).unwrap())
+}
+
+/// Swaps of a GRU of 64 units and a play model, back and forth, while the snake moves along a
+/// figure. Every set-point stays within the limits of the motors: the bench checks each tick.
+fn swap_while_moving(bench: &mut Bench, models: &[Arc<Model>; 2], swaps: u32) {
+    bench.home();
+    bench.enable();
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    bench.idle();
+    let mut moved = 0;
+    for number in 0..swaps {
+        for part in 0..3 {
+            let t = f64::from(3 * number + part) * 0.01;
+            let before = bench.targets();
+            assert_eq!(bench.joint(3.0 * (2.0 * t).sin(), 2.0 * (3.1 * t).sin()), Refusal::None);
+            bench.run(4);
+            moved += i32::from(bench.targets() != before);
+        }
+        if number % 7 == 6 {
+            assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::None);
+        } else {
+            let active = bench.joints().model;
+            let other = models.iter().find(|model| model.id() != active).unwrap();
+            let before = bench.targets();
+            assert_eq!(bench.swap(other), Refusal::None, "{number}");
+            let after = bench.targets();
+            let jump = (after[0] - before[0]).abs().max((after[1] - before[1]).abs());
+            assert!(jump <= 20, "{number}: {before:?} {after:?}");
+            assert_eq!(bench.joints().model, other.id());
+        }
+        assert_eq!(bench.state(), OperatingState::Enabled, "{number}");
+    }
+    assert!(moved > 2 * swaps as i32, "it moved in {moved} of {} parts", 3 * swaps);
+}
+
+#[test]
+fn a_thousand_swaps_to_and_from_a_gru_while_the_snake_moves() {
+    let models = [play_model(), network()];
+    let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(models[0].clone()));
+    swap_while_moving(&mut bench, &models, 1000);
+}
+
+#[test]
+fn a_session_with_a_gru_is_replayed_to_the_bit() {
+    let models = [network(), play_model()];
+    let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(models[0].clone()));
+    bench.recording = Some(Recording::default());
+    swap_while_moving(&mut bench, &models, 60);
+    let mut recording = bench.recording.take().unwrap();
+    recording.keep(&models[0]);
+    let content = BlackBox {
+        header: BlackBoxHeader { software: "test".to_owned(), ..BlackBoxHeader::default() },
+        config: toml::to_string(&bench.config).unwrap(),
+        models: recording.models,
+        offers: recording.offers,
+        snapshots: recording.snapshots,
+        ticks: recording.ticks,
+    };
+    let bytes = content.to_bytes().unwrap();
+    let content = BlackBox::from_bytes(&bytes, Path::new("network.box")).unwrap();
+    let replayed = replay(&content).unwrap();
+    assert_eq!(replayed.difference, None);
+    assert!(replayed.swaps > 50 && replayed.ticks > 800, "{replayed:?}");
+}

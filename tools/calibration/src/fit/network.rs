@@ -1,0 +1,277 @@
+//! Networks that were trained elsewhere: from their file and a recording to a model.
+//!
+//! The recording gives what a network does not know of itself: the hull, the straight line beyond a
+//! step, the deviation on the rows held out, and after how much motion it has forgotten.
+
+use std::path::{Path, PathBuf};
+
+use i2ris::file_permissions::LONGEST_MODEL;
+use i2ris::model::file::{FamilyParameters, OutputSpec};
+use i2ris::model::network::NetworkParameters;
+use i2ris::model::{Memory, Model, ModelError};
+use i2ris::units::MotorVec;
+use serde::{Deserialize, Serialize};
+
+use super::all_families::{Training, training};
+use super::error::FitError;
+use super::metrics::predictions;
+use super::model_file::Fitted;
+use super::options::FitOptions;
+use crate::recording::Recording;
+
+/// The format of the file of a network.
+pub const NETWORK_FORMAT: &str = "i2ris-network";
+
+/// The version of that format.
+const VERSION: u32 = 1;
+
+/// The recording must be so many steps long at least.
+const LEAST_STEPS: usize = 50;
+
+/// A network as its converter wrote it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NetworkFile {
+    /// [`NETWORK_FORMAT`].
+    pub format: String,
+    /// 1.
+    pub version: u32,
+    /// What goes in: `q0_counts`, `q1_counts`.
+    pub inputs: Vec<String>,
+    /// What comes out.
+    pub outputs: Vec<OutputSpec>,
+    /// The layers.
+    pub network: NetworkParameters,
+}
+
+/// Why a network is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum NetworkError {
+    /// The file could not be read.
+    #[error("cannot read network {path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The error of the operating system.
+        source: std::io::Error,
+    },
+    /// Longer than any network that is known here.
+    #[error("network {path} has {megabytes} MB; at most {} MB are read", LONGEST_MODEL >> 20)]
+    TooLong {
+        /// The file.
+        path: PathBuf,
+        /// Its length.
+        megabytes: u64,
+    },
+    /// No network, or with layers that are not known.
+    #[error("network {path}: {source}")]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// What and where.
+        source: serde_json::Error,
+    },
+    /// Another format or version.
+    #[error(
+        "is no network of this version: `{found}`; write it with i2ris.model.from_torch or from_onnx"
+    )]
+    Format {
+        /// Format and version.
+        found: String,
+    },
+    /// Another way round, or other columns.
+    #[error(
+        "the network goes from {found}, and the recording from {wanted}: train it on those columns, \
+         in that order, from counts to angles in degrees; the inverse is found from it"
+    )]
+    Columns {
+        /// Of the network.
+        found: String,
+        /// Of the recording.
+        wanted: String,
+    },
+    /// The recording is too short.
+    #[error(
+        "the recording is {steps} steps of {step_counts} counts long, and the network looks at \
+         {least}; record more, or train it on a shorter window"
+    )]
+    Window {
+        /// Of the recording.
+        steps: usize,
+        /// Travel of a step.
+        step_counts: f64,
+        /// Of the network.
+        least: usize,
+    },
+    /// It does not belong to the recording.
+    #[error(
+        "on the rows held out the network is off by {error:.3}, and a straight line by {straight:.3}: \
+         it was trained on another robot, in other units, or with other steps"
+    )]
+    WorseThanLinear {
+        /// RMS, in units of the outputs.
+        error: f64,
+        /// The same of the straight line.
+        straight: f64,
+    },
+    /// The controller would refuse it.
+    #[error("the network {0}")]
+    Refused(ModelError),
+}
+
+impl NetworkFile {
+    /// Reads the file of a network.
+    ///
+    /// # Errors
+    ///
+    /// When it is too long, or no network that is known here.
+    pub fn read(path: &Path) -> Result<Self, NetworkError> {
+        let named = |source| NetworkError::Read { path: path.to_owned(), source };
+        let length = std::fs::metadata(path).map_err(named)?.len();
+        if length > LONGEST_MODEL {
+            let (path, megabytes) = (path.to_owned(), length >> 20);
+            return Err(NetworkError::TooLong { path, megabytes });
+        }
+        let text = std::fs::read_to_string(path).map_err(named)?;
+        let parsed = serde_json::from_str(&text);
+        parsed.map_err(|source| NetworkError::Json { path: path.to_owned(), source })
+    }
+
+    fn check(&self, recording: &Recording) -> Result<(), NetworkError> {
+        if self.format != NETWORK_FORMAT || self.version != VERSION {
+            let found = format!("{} {}", self.format, self.version);
+            return Err(NetworkError::Format { found });
+        }
+        let names = |inputs: Vec<String>, outputs: &[OutputSpec]| {
+            let outputs = outputs.iter().map(|output| format!("{}_{}", output.name, output.unit));
+            format!("{} to {}", inputs.join(", "), outputs.collect::<Vec<_>>().join(", "))
+        };
+        let counts = (0..recording.motors()).map(|motor| format!("q{motor}_counts")).collect();
+        let wanted = names(counts, recording.outputs());
+        let found = names(self.inputs.clone(), &self.outputs);
+        if found != wanted {
+            return Err(NetworkError::Columns { found, wanted });
+        }
+        let step_counts = self.network.step_counts;
+        let least = self.network.window_steps().unwrap_or(0).max(LEAST_STEPS);
+        let steps = (travel(recording) / step_counts) as usize;
+        if steps < least {
+            return Err(NetworkError::Window { steps, step_counts, least });
+        }
+        Ok(())
+    }
+}
+
+/// Travel of the motor that moves most, from position to position, counts.
+fn travel(recording: &Recording) -> f64 {
+    let pairs = recording.path().windows(2);
+    let moved = |pair: &[crate::recording::PathPoint]| {
+        let [a, b] = [pair[0].counts, pair[1].counts];
+        (b[0] - a[0]).abs().max((b[1] - a[1]).abs())
+    };
+    pairs.map(moved).sum()
+}
+
+/// Makes a model of a network: examined as the controller examines it, and measured.
+///
+/// # Errors
+///
+/// When the network is refused, or the recording determines no hull; see [`NetworkError`].
+pub fn import(
+    file: &NetworkFile,
+    recording: &Recording,
+    options: &FitOptions,
+) -> Result<Model, FitError> {
+    file.check(recording)?;
+    training(recording, options, |training| {
+        let Training { context, straight, .. } = training;
+        let parameters = |memory_counts: Vec<f64>, covariance: Vec<Vec<f64>>| {
+            Fitted::plain(FamilyParameters::Network {
+                network: file.network.clone(),
+                memory_counts,
+                gain: straight.gain.clone(),
+                covariance,
+            })
+        };
+        let refused = |error| FitError::Network(NetworkError::Refused(error));
+        let ranges = vec![0.0; recording.motors()];
+        let first = context.model(&parameters(ranges, straight.covariance.clone()));
+        let first = first.map_err(refused)?;
+        let held_out: Vec<usize> = context.split.held_out().collect();
+        let rows = if held_out.is_empty() { context.training } else { &held_out };
+        let covariance = covariance(&first, recording, rows);
+        let size = |covariance: &[Vec<f64>]| {
+            covariance.iter().enumerate().map(|(i, row)| row[i]).sum::<f64>().sqrt()
+        };
+        let (error, straight_error) = (size(&covariance), size(&straight.covariance));
+        if error.is_nan() || error > straight_error {
+            let straight = straight_error;
+            return Err(NetworkError::WorseThanLinear { error, straight }.into());
+        }
+        context.model(&parameters(forgets(&first), covariance)).map_err(refused)
+    })
+}
+
+/// Mean products of the errors on some rows.
+fn covariance(model: &Model, recording: &Recording, rows: &[usize]) -> Vec<Vec<f64>> {
+    let predicted = predictions(model, recording);
+    let outputs = model.outputs();
+    let mut covariance = vec![vec![0.0; outputs]; outputs];
+    for row in rows {
+        let measured = &recording.rows()[*row].outputs;
+        let error = |output: usize| measured[output] - predicted[*row][output];
+        for (i, line) in covariance.iter_mut().enumerate() {
+            for (j, entry) in line.iter_mut().enumerate() {
+                *entry += error(i) * error(j) / rows.len() as f64;
+            }
+        }
+    }
+    covariance
+}
+
+/// Parts of the hull that are tried, and positions per turn through it.
+const PARTS: usize = 10;
+const PER_TURN: usize = 200;
+
+/// The range of every motor after which the model no longer knows where it came from: two memories
+/// with opposite pasts agree within a standard deviation of the model.
+fn forgets(model: &Model) -> Vec<f64> {
+    let centre = model.hull().centre();
+    let reach = |motor: usize| {
+        let corners = model.hull().corners().map(|corner| (corner[motor] - centre[motor]).abs());
+        corners.fold(0.0, f64::max)
+    };
+    let reach: MotorVec = [reach(0), if model.motors() > 1 { reach(1) } else { 0.0 }];
+    let at = |size: [f64; 2]| {
+        let counts = std::array::from_fn(|motor| centre[motor] + size[motor] * reach[motor]);
+        model.hull().project(&counts)
+    };
+    let from = |side: f64| {
+        let mut memory = model.new_memory();
+        for position in 0..=PER_TURN {
+            let left = side * (1.0 - position as f64 / PER_TURN as f64);
+            model.advance(&mut memory, &at([left, left]));
+        }
+        memory
+    };
+    let (one, other) = (from(1.0), from(-1.0));
+    let agree = |size: f64| {
+        let turned = |memory: &Memory| {
+            let mut memory = *memory;
+            for position in 0..=2 * PER_TURN {
+                let angle = std::f64::consts::TAU * position as f64 / PER_TURN as f64;
+                model.advance(&mut memory, &at([size * angle.sin(), size * (0.5 * angle).sin()]));
+            }
+            model.predict(&centre, &memory)
+        };
+        let (one, other) = (turned(&one), turned(&other));
+        let pairs = one.mean.iter().zip(other.mean).zip(one.deviation());
+        pairs.take(model.outputs()).all(|((a, b), deviation)| (a - b).abs() <= deviation)
+    };
+    let parts = (1..PARTS).map(|part| part as f64 / PARTS as f64);
+    let part = parts.clone().find(|size| agree(*size)).unwrap_or(1.0);
+    reach.iter().take(model.motors()).map(|reach| 2.0 * part * reach).collect()
+}
+
+#[cfg(test)]
+mod tests;
