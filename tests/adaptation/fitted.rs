@@ -15,13 +15,12 @@ use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::robot::{Robot, TICK_S};
 
 use super::random::Random;
-use super::trial::SNAKES;
 
 fn first_model_file() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/adaptation/lugre-1.json")
 }
 
-/// The model of the first snake, as [`model`] makes it: a fit of plays takes a minute.
+/// A model of the first snake with plays, of a family that files may still have.
 pub fn first_model() -> Arc<Model> {
     Arc::new(Model::load(&first_model_file()).unwrap())
 }
@@ -82,10 +81,4 @@ fn condition(robot: &mut Robot) {
         let size = 800.0 * (1.0 - share) * (8.0 * share).min(1.0);
         robot.tick([size * sin, size * cos]);
     }
-}
-
-#[test]
-#[ignore = "writes the model that the tests use"]
-fn renew_the_first_model() {
-    model(SNAKES[0], Family::GmrPlay).file().write(&first_model_file()).unwrap();
 }

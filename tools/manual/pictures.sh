@@ -21,7 +21,7 @@ sleep 2
 i2ris-control --config "$work/emulator.toml" > "$work/controller.log" 2>&1 &
 sleep 3
 i2ris calibrate collect --config "$work/emulator.toml" --home --duration-s 100 --output "$work/first.csv"
-i2ris calibrate fit "$work/first.csv" --family gmr-play \
+i2ris calibrate fit "$work/first.csv" --family force-balance \
   --output "$work/first.json" --report "$work/first.html"
 # The first figure of the report whose title names the loops.
 python3 - "$work/first.html" > "$work/loop.svg" <<'PYTHON'

@@ -56,7 +56,7 @@ const MOTION_SHARE: f64 = 0.5;
 /// Root mean squares are printed for so many parts of the rows.
 const PARTS: usize = 4;
 
-const FAMILIES: [Family; 2] = [Family::GmrPlay, Family::GmrPrandtlIshlinskii];
+const FAMILIES: [Family; 2] = [Family::GmrPlay, Family::ForceBalance];
 
 fn main() {
     if let (Some(first), Some(second)) =

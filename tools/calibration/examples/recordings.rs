@@ -1,6 +1,6 @@
 //! A table of the errors of all families on a folder of recordings, on rows that no fit has seen.
 //!
-//! `cargo run --release -p i2ris-calibration --example recordings -- FOLDER [NAME]`
+//! `cargo run --release -p i2ris-calibration --example recordings -- FOLDER [NAME [FAMILY]]`
 //!
 //! Every CSV file below the folder with known columns is fitted with default options: to the first
 //! 70 % of its rows, tested on the rest. Of files `NAME_train.csv` and `NAME_test.csv` (or `_first`
@@ -15,7 +15,7 @@ use std::{env, fs};
 use i2ris::model::Model;
 use i2ris_calibration::families::play::linear_baseline::LinearPlays;
 use i2ris_calibration::fit::metrics::predictions;
-use i2ris_calibration::fit::{Family, FitOptions, fit};
+use i2ris_calibration::fit::{Choice, Family, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_calibration::series::Series;
@@ -28,10 +28,13 @@ const PARTS: [(&str, &str); 2] = [("_train", "_test"), ("_first", "_second")];
 
 fn main() {
     let Some(folder) = env::args().nth(1) else {
-        println!("give the folder of the recordings, and a part of their names to choose by");
+        println!(
+            "give the folder of the recordings, a part of their names to choose by, and a family"
+        );
         return;
     };
     let filter = env::args().nth(2).unwrap_or_default();
+    let choice = env::args().nth(3).map_or(Choice::Best, |family| family.parse().unwrap());
     let mut files = Vec::new();
     find(Path::new(&folder), &mut files);
     files.sort();
@@ -39,7 +42,7 @@ fn main() {
         .iter()
         .filter(|file| file.to_string_lossy().contains(&filter))
         .filter_map(|file| Some((file, read(file)?)))
-        .map(|(file, (recording, training))| line(file, &recording, training))
+        .map(|(file, (recording, training))| line(file, &recording, training, choice))
         .collect();
     println!("\n| recording | late ms | plays + ridge | linear | written | error | ratio | |");
     println!("|---|---|---|---|---|---|---|---|");
@@ -87,7 +90,7 @@ fn read(file: &Path) -> Option<(Recording, usize)> {
 }
 
 /// Fits one recording, prints what every family does, and gives a line of the table.
-fn line(file: &Path, recording: &Recording, count: usize) -> String {
+fn line(file: &Path, recording: &Recording, count: usize, choice: Choice) -> String {
     let name = file.file_stem().unwrap().to_string_lossy();
     println!("{name}: {count} of {} rows for training", recording.rows().len());
     let training = recording.first_rows(count);
@@ -99,7 +102,7 @@ fn line(file: &Path, recording: &Recording, count: usize) -> String {
     let late = late.map_or_else(|| "-".to_owned(), |late| format!("{:.1}", 1e3 * late));
     let text = |errors: &Option<Errors>| errors.as_ref().map_or("-".to_owned(), Errors::text);
     println!("  {:<24} {}   {late} ms late", "plays + ridge", text(&ridge));
-    let outcome = match fit(&training, &FitOptions::default(), &Silent) {
+    let outcome = match fit(&training, &FitOptions { choice, ..FitOptions::default() }, &Silent) {
         Ok(outcome) => outcome,
         Err(error) => {
             println!("  refused: {error}");

@@ -165,8 +165,13 @@ mod tests {
 
     #[test]
     fn the_share_grows_to_the_end_of_the_part() {
-        let mut work =
-            Work { name: "gmr-stop".to_owned(), from: 0.2, to: 1.0, steps: 10, ..Work::default() };
+        let mut work = Work {
+            name: "force-balance".to_owned(),
+            from: 0.2,
+            to: 1.0,
+            steps: 10,
+            ..Work::default()
+        };
         let mut before = 0.0;
         for pieces in 0..20 {
             for done in 0..10 {

@@ -10,8 +10,6 @@
 //! | `play_error` | why plays cannot be fitted |
 //! | `play_mechanism` | what plays say of the robot |
 //! | `play` | play operators |
-//! | `prandtl_ishlinskii` | generalised play operators along directions |
-//! | `stop` | stop operators |
 
 pub mod chain;
 pub mod direction;
@@ -21,5 +19,3 @@ pub mod operator_trace;
 pub mod play;
 pub mod play_error;
 pub mod play_mechanism;
-pub mod prandtl_ishlinskii;
-pub mod stop;

@@ -2,11 +2,7 @@
 
 use i2ris::model::ModelError;
 use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
-use i2ris::model::hysteresis::prandtl_ishlinskii::{
-    PrandtlIshlinskii, PrandtlIshlinskiiParameters,
-};
 use i2ris::model::hysteresis::residual::{count, features};
-use i2ris::model::hysteresis::stop::{StopParameters, Stops};
 use i2ris::model::hysteresis::{Lags, Operator};
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use i2ris_report::statistics::min_max;
@@ -51,34 +47,6 @@ pub fn trace_plays(
     Ok(match series.motors() {
         1 => trace::<_, 1>(series, &Plays::prepare(plays)?, unknown),
         _ => trace::<_, 2>(series, &Plays::prepare(plays)?, unknown),
-    })
-}
-
-/// Runs generalised play operators along the path.
-///
-/// # Errors
-///
-/// When the operator is refused.
-pub fn trace_prandtl_ishlinskii(
-    series: &Series,
-    operator: &PrandtlIshlinskiiParameters,
-    unknown: UnknownMemory,
-) -> Result<Vec<TracePoint>, ModelError> {
-    Ok(match series.motors() {
-        1 => trace::<_, 1>(series, &PrandtlIshlinskii::prepare(operator)?, unknown),
-        _ => trace::<_, 2>(series, &PrandtlIshlinskii::prepare(operator)?, unknown),
-    })
-}
-
-/// Runs stop operators along the path, without samples before the memory is known.
-///
-/// # Errors
-///
-/// When the operator is refused.
-pub fn trace_stops(series: &Series, stops: &StopParameters) -> Result<Vec<TracePoint>, ModelError> {
-    Ok(match series.motors() {
-        1 => trace::<_, 1>(series, &Stops::prepare(stops)?, UnknownMemory::LeaveOut),
-        _ => trace::<_, 2>(series, &Stops::prepare(stops)?, UnknownMemory::LeaveOut),
     })
 }
 

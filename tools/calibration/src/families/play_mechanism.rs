@@ -46,28 +46,12 @@ impl PlayMechanism {
         virtual_counts: &DataTable,
         outputs: &DataTable,
     ) -> Result<Self, LinearError> {
-        let motors = plays.thresholds_counts.iter().zip(&plays.weights);
-        let motors: Vec<_> =
-            motors.map(|(thresholds, weights)| (thresholds.clone(), weights.clone())).collect();
-        Self::from_thresholds(&motors, virtual_counts, outputs)
-    }
-
-    /// From rising thresholds with the weights of every motor, which sum to 1.
-    ///
-    /// # Errors
-    ///
-    /// When virtual counts do not span their space.
-    pub fn from_thresholds(
-        motors: &[(Vec<f64>, Vec<f64>)],
-        virtual_counts: &DataTable,
-        outputs: &DataTable,
-    ) -> Result<Self, LinearError> {
         let slopes = fit_linear(virtual_counts, outputs)?.gain;
-        let motor = |(motor, (thresholds, weights)): (usize, &(Vec<f64>, Vec<f64>))| {
+        let motor = |(motor, (thresholds, weights)): (usize, (&Vec<f64>, &Vec<f64>))| {
             let slope = DVector::from_iterator(slopes.len(), slopes.iter().map(|row| row[motor]));
             PlayMotor::new(slope.norm(), thresholds, weights)
         };
-        let motors = motors.iter().enumerate();
+        let motors = plays.thresholds_counts.iter().zip(&plays.weights).enumerate();
         Ok(Self { motors: motors.map(motor).collect(), rotation_deg: rotation(&slopes) })
     }
 }

@@ -27,10 +27,15 @@ use crate::series::{Series, blocks};
 
 /// A family is credible, and a plant, if its error on the rows held out is at most so many times
 /// the least, that of plays with a linear read-out among them.
-const CREDIBLE: f64 = 1.5;
+const CREDIBLE: f64 = 1.7;
+
+/// Where plays with a linear read-out leave more than `gmr`, which has no memory, a family with memory
+/// has to leave less than this part of what `gmr` does: a grid that is always swept the same way looks
+/// like memory on its own rows, and on no others.
+const CONVINCING: f64 = 0.5;
 
 /// A family misses the memory of the robot if plays with a linear read-out are so many times better.
-const MISSED: f64 = 3.0;
+const MISSED: f64 = 1.5;
 
 /// A family is no plant if even the best of the others leaves so many times what both of them leave
 /// of the rows held out.
@@ -71,6 +76,8 @@ pub struct Score {
     pub tracking: Option<(f64, Family)>,
     /// Travel of the motors in the trials, relative to that of `linear`.
     pub travel: f64,
+    /// Whether its memory may be an imitation of something else; then it is neither a plant nor taken.
+    pub is_doubtful: bool,
 }
 
 impl Score {
@@ -124,7 +131,11 @@ impl Score {
             }
             false => String::new(),
         };
-        format!("{family}: {held_out:.3} {unit} on rows held out{worse}; {tracking}")
+        let doubtful = match self.is_doubtful {
+            true => "; not taken, for plays see no memory and it is hardly better than without one",
+            false => "",
+        };
+        format!("{family}: {held_out:.3} {unit} on rows held out{worse}; {tracking}{doubtful}")
     }
 }
 
@@ -139,7 +150,9 @@ pub(super) fn scores(
         block_errors(&predictions(models[index].1, recording), recording, judged)
     });
     let held_out: Vec<f64> = errors.iter().map(|blocks| rms(blocks)).collect();
-    let trials = trials(models, &held_out, plays);
+    let families: Vec<Family> = models.iter().map(|(family, _)| *family).collect();
+    let doubtful = doubtful(&families, &held_out, plays);
+    let trials = trials(models, &held_out, plays, &doubtful);
     let score = |(index, (family, model)): (usize, &(Family, &Model))| {
         let trials = &trials[index];
         let worst = trials.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error));
@@ -152,9 +165,19 @@ pub(super) fn scores(
             blocks: errors[index].clone(),
             tracking: worst.map(|(plant, _)| (error, models[*plant].0)),
             travel: trials.iter().map(|(_, trial)| trial.travel).fold(0.0, f64::max),
+            is_doubtful: doubtful[index],
         }
     };
     models.iter().enumerate().map(score).collect()
+}
+
+/// Of every family, whether its memory may be an imitation of something else.
+fn doubtful(families: &[Family], held_out: &[f64], plays: Option<f64>) -> Vec<bool> {
+    let gmr = families.iter().position(|family| *family == Family::Gmr).map(|at| held_out[at]);
+    let most = gmr.filter(|gmr| plays.is_some_and(|plays| *gmr < plays));
+    let most = most.map_or(f64::INFINITY, |gmr| CONVINCING * gmr);
+    let pairs = families.iter().zip(held_out);
+    pairs.map(|(family, error)| family.has_memory() && *error > most).collect()
 }
 
 /// Of every family, how its inverse does on the others that are plants.
@@ -162,9 +185,11 @@ fn trials(
     models: &[(Family, &Model)],
     held_out: &[f64],
     plays: Option<f64>,
+    doubtful: &[bool],
 ) -> Vec<Vec<(usize, Trial)>> {
-    let least = held_out.iter().copied().chain(plays).fold(f64::INFINITY, f64::min);
-    let credible = |index: &usize| held_out[*index] <= CREDIBLE * least;
+    let believed = held_out.iter().zip(doubtful).filter(|(_, doubtful)| !**doubtful);
+    let least = believed.map(|(error, _)| *error).chain(plays).fold(f64::INFINITY, f64::min);
+    let credible = |index: &usize| !doubtful[*index] && held_out[*index] <= CREDIBLE * least;
     let plants: Vec<usize> = (0..models.len()).filter(credible).collect();
     let goals = models.first().map(|(_, model)| Goals::new(model));
     let mut trials = parallel::map(models.len(), |index| {
@@ -197,7 +222,7 @@ fn followed(trials: &[Vec<(usize, Trial)>], held_out: &[f64]) -> Vec<usize> {
 /// The family to take: the least score, the simpler family where the difference is small.
 pub(super) fn best(scores: &[Score]) -> Option<Family> {
     let mut best: Option<&Score> = None;
-    for score in scores {
+    for score in scores.iter().filter(|score| !score.is_doubtful) {
         let better = |best: &Score| score.total() < best.total() * (1.0 - LEAST_GAIN);
         if best.is_none_or(better) {
             best = Some(score);
@@ -356,6 +381,7 @@ mod tests {
             blocks: vec![held_out.powi(2); 5],
             tracking: Some((on_others, Family::Linear)),
             travel: 1.0,
+            is_doubtful: false,
         }
     }
 
@@ -364,18 +390,30 @@ mod tests {
         let scores = [
             score(Family::Linear, 2.0, 2.0),
             score(Family::GmrPlay, 0.2, 0.3),
-            score(Family::GmrStop, 0.19, 0.9),
+            score(Family::ForceBalance, 0.19, 0.9),
         ];
         assert_eq!(best(&scores), Some(Family::GmrPlay));
     }
 
-    /// The numbers of a cable arm, of `linear`, `gmr` and `gmr-stop`.
+    /// The numbers of a cable arm, of `linear`, `gmr` and a balance of friction.
     #[test]
     fn a_family_that_no_other_can_follow_does_not_vote() {
         let held_out = [2.05, 1.23, 0.97];
         let on = |plant, error| (plant, Trial { error, travel: 1.0 });
         let trials = [vec![on(1, 1.62), on(2, 14.26)], vec![on(2, 14.66)], vec![on(1, 25.71)]];
         assert_eq!(followed(&trials, &held_out), [1]);
+    }
+
+    /// The numbers of a cable arm whose grid was always swept the same way, and of a tendon sheath.
+    #[test]
+    fn memory_that_plays_do_not_see_has_to_convince() {
+        let families = [Family::Gmr, Family::GmrPlay, Family::ForceBalance];
+        let arm = doubtful(&families, &[1.32, 1.416, 0.727], Some(1.9));
+        assert_eq!(arm, [false, true, true]);
+        assert_eq!(doubtful(&families, &[13.4, 1.3, 0.86], Some(0.72)), [false; 3]);
+        let mut scores = [score(families[0], 1.32, 1.0), score(families[2], 0.727, 0.1)];
+        scores[1].is_doubtful = true;
+        assert_eq!(best(&scores), Some(Family::Gmr));
     }
 
     #[test]
@@ -405,7 +443,7 @@ mod tests {
 
     #[test]
     fn a_small_difference_is_no_reason_for_a_more_complex_family() {
-        let scores = [score(Family::GmrPlay, 0.2, 0.2), score(Family::GmrStop, 0.199, 0.199)];
+        let scores = [score(Family::GmrPlay, 0.2, 0.2), score(Family::ForceBalance, 0.199, 0.199)];
         assert_eq!(best(&scores), Some(Family::GmrPlay));
         assert_eq!(best(&[]), None);
     }

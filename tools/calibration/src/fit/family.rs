@@ -16,10 +16,6 @@ pub enum Family {
     GmrDirection,
     /// Play operators, then Gaussian mixture regression and a residual.
     GmrPlay,
-    /// Generalised play operators along directions of the motor plane, then the same.
-    GmrPrandtlIshlinskii,
-    /// Stop operators with friction that grows with the wire force, then the same.
-    GmrStop,
     /// A balance of forces between gear, wires, spring and friction, then a polynomial.
     ForceBalance,
 }
@@ -32,24 +28,19 @@ impl fmt::Display for Family {
             Self::Gmr => "gmr",
             Self::GmrDirection => "gmr-direction",
             Self::GmrPlay => "gmr-play",
-            Self::GmrPrandtlIshlinskii => "gmr-prandtl-ishlinskii",
-            Self::GmrStop => "gmr-stop",
             Self::ForceBalance => "force-balance",
         })
     }
 }
 
 impl Family {
-    /// All of them, the simplest first. Of two that do equally well the choice takes the first, so
-    /// plays with a unique inverse come before those with a residual that the inverse only follows.
-    pub const ALL: [Self; 8] = [
+    /// All of them, the simplest first. Of two that do equally well the choice takes the first.
+    pub const ALL: [Self; 6] = [
         Self::Linear,
         Self::Kinematic,
         Self::Gmr,
         Self::GmrDirection,
-        Self::GmrPrandtlIshlinskii,
         Self::GmrPlay,
-        Self::GmrStop,
         Self::ForceBalance,
     ];
 
@@ -61,8 +52,6 @@ impl Family {
             Self::Gmr => 6.0,
             Self::GmrDirection => 4.0,
             Self::GmrPlay => 5.0,
-            Self::GmrPrandtlIshlinskii => 5.0,
-            Self::GmrStop => 14.0,
             Self::ForceBalance => 10.0,
         }
     }
@@ -71,14 +60,7 @@ impl Family {
     /// plane between the axes.
     #[must_use]
     pub fn is_separable(self) -> bool {
-        matches!(self, Self::Linear | Self::Kinematic | Self::GmrPrandtlIshlinskii)
-    }
-
-    /// Fitted only where it is asked for by name: on one axis at a time, on aged robots and on short
-    /// recordings it has not been judged.
-    #[must_use]
-    pub fn is_on_trial(self) -> bool {
-        matches!(self, Self::ForceBalance)
+        matches!(self, Self::Linear | Self::Kinematic | Self::ForceBalance)
     }
 
     /// Whether models of the family have memory.
@@ -113,7 +95,7 @@ impl FromStr for Family {
 /// Which families are fitted, and which of them is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Choice {
-    /// All of them that are not on trial; the one with the least error on the rows held out.
+    /// All of them; the one with the least error on the rows held out.
     Best,
     /// One of them, and `linear` to compare with.
     One(Family),
@@ -141,7 +123,7 @@ impl Choice {
     #[must_use]
     pub fn includes(self, family: Family) -> bool {
         match self {
-            Self::Best => !family.is_on_trial(),
+            Self::Best => true,
             Self::One(one) => family == Family::Linear || family == one,
         }
     }

@@ -14,14 +14,11 @@ use super::gmr::{self, Candidate, GmrData};
 use super::model_file::{FileContext, Fitted};
 use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, Mechanism};
-use crate::families::chain::{ChainOptions, fit_chain};
+use crate::families::chain::ChainOptions;
 use crate::families::direction::{DirectionOptions, fit_direction};
 use crate::families::force_balance::search::fit_force_balance;
 use crate::families::kinematic::{KinematicOptions, fit_kinematic};
-use crate::families::operator_trace::trace_stops;
 use crate::families::play::play_fit::fit_play;
-use crate::families::prandtl_ishlinskii::operator_fit::{ShapeKind, fit_operator};
-use crate::families::stop::stop_fit::{StopOptions, fit_stop};
 use crate::progress::Progress;
 use crate::quality::Finding;
 use crate::regression::component_choice::fewer;
@@ -88,8 +85,6 @@ impl FamilyFitter<'_> {
             Family::Gmr => self.gmr(),
             Family::GmrDirection => self.with_inverse(family, &|k| self.direction(k)),
             Family::GmrPlay => self.play(mechanism),
-            Family::GmrPrandtlIshlinskii => self.prandtl_ishlinskii(mechanism),
-            Family::GmrStop => self.stop(mechanism),
             Family::ForceBalance => self.force_balance(mechanism),
         }
     }
@@ -144,13 +139,8 @@ impl FamilyFitter<'_> {
         match self.known? {
             FamilyParameters::Gmr { mixture }
             | FamilyParameters::GmrDirection { mixture, .. }
-            | FamilyParameters::GmrPlay { mixture, .. }
-            | FamilyParameters::GmrPrandtlIshlinskii { mixture, .. }
-            | FamilyParameters::GmrStop { mixture, .. } => Some(mixture.weights.len()),
-            FamilyParameters::Linear { .. }
-            | FamilyParameters::Kinematic { .. }
-            | FamilyParameters::ForceBalance { .. }
-            | FamilyParameters::Network { .. } => None,
+            | FamilyParameters::GmrPlay { mixture, .. } => Some(mixture.weights.len()),
+            _ => None,
         }
     }
 
@@ -199,50 +189,6 @@ impl FamilyFitter<'_> {
             };
             let quality = (fit.chain.log_likelihood, fit.chain.bic);
             Ok(self.mixture_model(fit.family(), fit.chain.mixture.weights.len(), quality))
-        })
-    }
-
-    fn prandtl_ishlinskii(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
-        let family = Family::GmrPrandtlIshlinskii;
-        let shape = match self.one_axis {
-            Some(_) => ShapeKind::Separable,
-            None => ShapeKind::Plane,
-        };
-        let first =
-            fit_operator(&self.series, shape, &self.chain(self.known_components()), self.progress);
-        let first = first.map_err(|source| failed(family, source))?;
-        *mechanism = Some(Mechanism::Plays(first.mechanism.clone()));
-        self.with_inverse(family, &|components| {
-            let fit = match components {
-                same if same == self.known_components() => first.clone(),
-                fewer => first.refit(&self.series, &self.chain(fewer), self.progress)?,
-            };
-            let quality = (fit.chain.log_likelihood, fit.chain.bic);
-            Ok(self.mixture_model(fit.family(), fit.chain.mixture.weights.len(), quality))
-        })
-    }
-
-    fn stop(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
-        let known = match self.known {
-            Some(FamilyParameters::GmrStop { stops, .. }) => Some(stops.clone()),
-            _ => None,
-        };
-        let options = StopOptions { seed: self.options.em.seed, known, ..StopOptions::default() };
-        let fit = fit_stop(&self.series, &options, self.progress);
-        let fit = fit.map_err(|source| failed(Family::GmrStop, source))?;
-        *mechanism = Some(Mechanism::Stops(fit.mechanism));
-        let stops = fit.parameters;
-        self.with_inverse(Family::GmrStop, &|components| {
-            let points = trace_stops(&self.series, &stops)?;
-            let chain = fit_chain(&self.series, &points, &self.chain(components), self.progress)?;
-            let components = chain.mixture.weights.len();
-            let family = FamilyParameters::GmrStop {
-                stops: stops.clone(),
-                mixture: chain.mixture,
-                residual: chain.residual,
-                virtual_hull: chain.virtual_hull,
-            };
-            Ok(self.mixture_model(family, components, (chain.log_likelihood, chain.bic)))
         })
     }
 

@@ -13,7 +13,6 @@ use super::gmr::{Candidate, Verdict};
 use super::split::Split;
 use crate::families::force_balance::mechanism::BalanceMechanism;
 use crate::families::play_mechanism::PlayMechanism;
-use crate::families::stop::stop_mechanism::StopMechanism;
 use crate::quality::Quality;
 
 /// Models, and how they were found.
@@ -50,8 +49,6 @@ pub struct FamilyOutcome {
 pub enum Mechanism {
     /// Of `gmr-play`.
     Plays(PlayMechanism),
-    /// Of `gmr-stop`.
-    Stops(StopMechanism),
     /// Of `force-balance`.
     Balance(BalanceMechanism),
 }
@@ -60,7 +57,6 @@ impl fmt::Display for Mechanism {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Plays(found) => found.fmt(f),
-            Self::Stops(found) => found.fmt(f),
             Self::Balance(found) => found.fmt(f),
         }
     }

@@ -258,12 +258,7 @@ fn a_recording_of_one_axis_at_a_time_is_fitted_by_separable_families_only() {
         .iter()
         .map(|f| (f.family, f.result.as_ref().err().map(ToString::to_string)))
         .collect();
-    assert_eq!(
-        outcome.family,
-        Family::GmrPrandtlIshlinskii,
-        "{errors:?} {:?}",
-        outcome.report.scores
-    );
+    assert_eq!(outcome.family, Family::ForceBalance, "{errors:?} {:?}", outcome.report.scores);
     for output in 0..2 {
         let [found, linear] = [&outcome.model, &outcome.linear].map(|m| held_out(m, output));
         assert!(found < 0.5 * linear, "{found} beside {linear}");
@@ -350,6 +345,7 @@ fn missing_the_memory_of_the_robot_is_told() {
         blocks: Vec::new(),
         tracking: None,
         travel: 1.0,
+        is_doubtful: false,
     };
     let failed = FamilyOutcome {
         family: Family::GmrPlay,

@@ -24,13 +24,8 @@ pub(crate) struct Polynomial {
 impl Polynomial {
     /// `None` when nothing can be regressed on the virtual counts.
     pub fn new(virtual_counts: &DMatrix<f64>) -> Option<Self> {
-        Self::up_to(virtual_counts, DEGREE)
-    }
-
-    /// The same of at most a degree.
-    pub fn up_to(virtual_counts: &DMatrix<f64>, most: usize) -> Option<Self> {
         let motors = virtual_counts.ncols();
-        let degree = (1..=most.min(DEGREE))
+        let degree = (1..=DEGREE)
             .rev()
             .find(|d| exponents(motors, *d).len() * ROWS_PER_MONOMIAL <= virtual_counts.nrows());
         let exponents = exponents(motors, degree.unwrap_or(1));
@@ -46,11 +41,6 @@ impl Polynomial {
     /// Coefficients of least squares: row: monomial, column: output.
     pub fn coefficients(&self, outputs: &DMatrix<f64>) -> DMatrix<f64> {
         self.normal.solve(&self.values.tr_mul(outputs))
-    }
-
-    /// The polynomial at other virtual counts: row: sample, column: output.
-    pub fn at(&self, virtual_counts: &DMatrix<f64>, coefficients: &DMatrix<f64>) -> DMatrix<f64> {
-        monomials(virtual_counts, &self.exponents) * coefficients
     }
 
     /// Derivative of the polynomial with respect to the virtual count of a motor: row: sample,

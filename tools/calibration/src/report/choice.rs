@@ -72,7 +72,7 @@ fn are_alike(scores: &[ChoiceScore]) -> bool {
 pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> {
     let chosen = scores.iter().find(|score| score.chosen)?;
     let family = &chosen.family;
-    let others = scores.iter().filter(|score| !score.chosen);
+    let others = scores.iter().filter(|score| !score.chosen && !score.is_doubtful);
     let is_alike = are_alike(scores);
     let (scored, what) = match is_alike {
         true => ("score", "The score"),
@@ -125,6 +125,7 @@ pub(super) fn choice_score(score: &Score, outcome: &FitOutcome) -> ChoiceScore {
         total: score.total() / si,
         travel: score.travel,
         chosen: score.family == outcome.family,
+        is_doubtful: score.is_doubtful,
         sentence: score.sentence(unit),
     }
 }
@@ -149,6 +150,7 @@ mod tests {
             total,
             travel: 0.0,
             chosen,
+            is_doubtful: false,
             sentence: String::new(),
         }
     }
@@ -156,14 +158,14 @@ mod tests {
     #[test]
     fn the_sentence_tells_how_sure_the_choice_is() {
         for (next, part) in [
-            (1.5, "gmr-stop, is 50 % above it, a clear difference"),
+            (1.5, "force-balance, is 50 % above it, a clear difference"),
             (1.05, "is 5 % above it, so near that another recording may turn it round"),
             (0.98, "is 2 % below it, so little that the simpler family was taken"),
         ] {
             let scores = [
                 score("linear", 9.0, false),
                 score("gmr-play", 1.0, true),
-                score("gmr-stop", next, false),
+                score("force-balance", next, false),
             ];
             let text = explanation(&scores, "deg").unwrap();
             assert!(text.contains(part), "{text}");
@@ -178,11 +180,11 @@ mod tests {
         let scores = [
             tried(score("linear", 9.0, false), 5.0),
             score("gmr-play", 1.0, true),
-            tried(score("gmr-stop", 1.05, false), 5.0),
+            tried(score("force-balance", 1.05, false), 5.0),
         ];
         let text = explanation(&scores, "deg").unwrap();
         assert!(
-            text.contains("That error of the next family, gmr-stop, is 5 % above it"),
+            text.contains("That error of the next family, force-balance, is 5 % above it"),
             "{text}"
         );
         let one = [score("linear", 1.0, true)];

@@ -111,6 +111,8 @@ pub(super) struct ChoiceScore {
     /// Travel of the motors, relative to that of `linear`.
     pub travel: f64,
     pub chosen: bool,
+    /// Whether its memory may be an imitation of something else: then it was not to be chosen.
+    pub is_doubtful: bool,
     /// All of it in a sentence.
     pub sentence: String,
 }

@@ -269,30 +269,19 @@ fn rising(recording: &Recording, facts: &[OutputFacts]) -> Vec<[bool; MAX_OUTPUT
 
 fn mixture(family: &FamilyParameters) -> Option<&MixtureParameters> {
     match family {
-        FamilyParameters::Linear { .. }
-        | FamilyParameters::Kinematic { .. }
-        | FamilyParameters::ForceBalance { .. }
-        | FamilyParameters::Network { .. } => None,
         FamilyParameters::Gmr { mixture }
         | FamilyParameters::GmrDirection { mixture, .. }
-        | FamilyParameters::GmrPlay { mixture, .. }
-        | FamilyParameters::GmrPrandtlIshlinskii { mixture, .. }
-        | FamilyParameters::GmrStop { mixture, .. } => Some(mixture),
+        | FamilyParameters::GmrPlay { mixture, .. } => Some(mixture),
+        _ => None,
     }
 }
 
 /// The region of the mixture's input that was visited, if it is not that of the counts.
 fn virtual_hull(family: &FamilyParameters) -> Option<&HullParameters> {
     match family {
-        FamilyParameters::Linear { .. }
-        | FamilyParameters::Kinematic { .. }
-        | FamilyParameters::Gmr { .. }
-        | FamilyParameters::GmrDirection { .. }
-        | FamilyParameters::Network { .. } => None,
         FamilyParameters::GmrPlay { virtual_hull, .. }
-        | FamilyParameters::GmrPrandtlIshlinskii { virtual_hull, .. }
-        | FamilyParameters::GmrStop { virtual_hull, .. }
         | FamilyParameters::ForceBalance { virtual_hull, .. } => Some(virtual_hull),
+        _ => None,
     }
 }
 

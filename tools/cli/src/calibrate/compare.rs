@@ -14,7 +14,7 @@ use super::fit::{check_output, write};
 /// Arguments of `i2ris calibrate compare`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  i2ris calibrate compare linear.json gmr.json gmr-play.json --recording unseen.csv
+  i2ris calibrate compare linear.json gmr.json force-balance.json --recording unseen.csv
   i2ris calibrate compare config/models/snake.json --recording today.csv --drift --report drift.html
 
 The memory of every model follows the path of the motors through the whole recording, from an

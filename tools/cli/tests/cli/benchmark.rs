@@ -25,7 +25,7 @@ fn the_benchmark_judges_a_snake_beside_linear_and_the_exact_inverse() {
 fn the_benchmark_refuses_what_it_does_not_have() {
     for (options, words) in [
         ("--physics adder", ["adder", "--physics"]),
-        ("--families best,worst", ["worst", "gmr-play"]),
+        ("--families best,worst", ["worst", "force-balance"]),
         ("--motions sleep", ["sleep", "minor-loops"]),
         ("--draws 0", ["--draws", "0"]),
         ("--figure ageing.svg", ["--figure", "--ageing"]),

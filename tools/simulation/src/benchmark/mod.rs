@@ -48,12 +48,12 @@ pub type Failure = Box<dyn Error>;
 /// Arguments of `i2ris benchmark`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris benchmark --draws 1 --families gmr-play --motions circle,points
+  i2ris benchmark --draws 1 --families force-balance --motions circle,points
   i2ris benchmark --families best --json benchmark.json
   i2ris benchmark --physics preisach,dahl --protocol axes
   i2ris benchmark --duration-s 100 --keep recordings
-  i2ris benchmark --ageing --families gmr-play --draws 1
-  i2ris benchmark --ageing --families gmr-play --physics gear --figure ageing.svg
+  i2ris benchmark --ageing --families force-balance --draws 1
+  i2ris benchmark --ageing --families force-balance --physics gear --figure ageing.svg
 
 Nothing moves and no process starts: drives and snakes are simulated, as fast as they can be. How fast
 the programs are is measured by `i2ris bench`.

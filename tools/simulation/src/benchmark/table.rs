@@ -123,7 +123,7 @@ mod tests {
             physics: physics.to_owned(),
             seed: 1,
             family: "best".to_owned(),
-            model: "gmr-play".to_owned(),
+            model: "force-balance".to_owned(),
             fit_s: 1.0,
             motion: "circle".to_owned(),
             tracking: rms_deg.map(tracking),

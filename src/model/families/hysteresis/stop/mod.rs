@@ -100,8 +100,6 @@ pub struct Stops<const D: usize> {
     elements: Vec<Element>,
     base_friction: f64,
     friction_growth: f64,
-    /// The longest step of an advance, in the unit of the bend.
-    longest_step: f64,
     /// Scale of the lags of forces: the friction without load plus the largest spring force at a
     /// limit of the joints.
     reference_force: f64,
@@ -152,7 +150,6 @@ impl<const D: usize> Stops<D> {
             to_counts,
             reference_force: file.base_friction
                 + segments.iter().map(|segment| segment.limits().1).fold(0.0, f64::max),
-            longest_step: STEP,
             motors,
             segments,
             axes,
@@ -160,25 +157,6 @@ impl<const D: usize> Stops<D> {
             base_friction: file.base_friction,
             friction_growth: file.friction_growth,
         })
-    }
-
-    /// The same with longer steps, for a search that is refined with the usual ones.
-    #[must_use]
-    pub fn with_longest_step(self, longest_step: f64) -> Self {
-        Self { longest_step, ..self }
-    }
-
-    /// The bend of a state.
-    #[must_use]
-    pub fn bend(&self, state: &StopState) -> SVector<f64, D> {
-        state.bend()
-    }
-
-    /// Gain of the bend in the direction of every motor per count of the motor, with taut wires and
-    /// without friction.
-    #[must_use]
-    pub fn gains(&self) -> SVector<f64, D> {
-        SVector::from_fn(|i, _| 1.0 / self.to_counts.row(i).norm())
     }
 
     /// Wire travel of all motors at counts.
@@ -292,9 +270,8 @@ impl<const D: usize> Operator<D> for Stops<D> {
             .iter()
             .zip(motion.iter())
             .map(|(motor, motion)| motor.travel * motion.abs());
-        let steps = (longest.fold(0.0, f64::max) / self.longest_step)
-            .ceil()
-            .clamp(1.0, f64::from(MAX_STEPS)) as u32;
+        let steps =
+            (longest.fold(0.0, f64::max) / STEP).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
         for step in 1..=steps {
             let position = from + motion * (f64::from(step) / f64::from(steps));
             let before = *state;

@@ -14,44 +14,58 @@ use super::target::Target;
 use crate::parallel;
 use crate::progress::Progress;
 use crate::quality::{Finding, findings};
-use crate::series::Series;
+use crate::series::{Series, blocks};
 
 /// Samples and spacing of the thinned data, and of the path in the end, units of travel.
 const COARSE_SAMPLES: usize = 1500;
 const COARSE_SPACING: f64 = 40.0;
 const FINE_SPACING: f64 = 20.0;
 
-/// Preloads and gaps to start from, units of travel: recordings come from robots of all kinds.
-const STARTS: [(f64, f64); 10] = [
-    (-12.0, 5.0),
-    (15.0, 5.0),
-    (80.0, 5.0),
-    (-60.0, 15.0),
-    (15.0, 60.0),
-    (80.0, 60.0),
-    (15.0, 150.0),
-    (80.0, 150.0),
-    (15.0, 400.0),
-    (80.0, 400.0),
+/// Preloads, gaps and friction to start from, units of travel: recordings come from robots of all
+/// kinds.
+const STARTS: [(f64, f64, f64); 15] = [
+    (-12.0, 5.0, 30.0),
+    (15.0, 5.0, 30.0),
+    (80.0, 5.0, 30.0),
+    (-60.0, 15.0, 30.0),
+    (15.0, 60.0, 30.0),
+    (80.0, 60.0, 30.0),
+    (15.0, 150.0, 30.0),
+    (80.0, 150.0, 30.0),
+    (15.0, 400.0, 30.0),
+    (80.0, 400.0, 30.0),
+    (15.0, 5.0, 200.0),
+    (80.0, 5.0, 200.0),
+    (80.0, 60.0, 200.0),
+    (200.0, 5.0, 100.0),
+    (200.0, 5.0, 600.0),
 ];
 
-/// When each part of the search ends. All starts are tried for some steps, the best for more. All
-/// samples are then used in rounds: what one of them leaves is the weight of the errors in the next.
+/// When each part of the search ends. From all starts there are some steps, from the best a path
+/// with less and less error allowed, and from where that is best on blocks held out the last search.
 const TRY: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
-const COARSE: StoppingRule = StoppingRule { iterations: 20, tolerance: 1e-3 };
+const COARSE: StoppingRule = StoppingRule { iterations: 10, tolerance: 1e-3 };
 const FINE: StoppingRule = StoppingRule { iterations: 20, tolerance: 3e-4 };
-const KEPT: usize = 3;
+const KEPT: usize = 4;
 const ROUNDS: usize = 2;
+
+/// Errors that are allowed one after the other, as a part of that of a straight line. The less, the
+/// further the parameters may be from what is usual.
+const ERRORS: [f64; 5] = [0.4, 0.2, 0.1, 0.05, 0.025];
+
+/// Of so many blocks of samples one in so many is held out.
+const BLOCKS: usize = 20;
+const ONE_OF: usize = 5;
+
+/// More error is allowed where that is worse by less than this part on the blocks held out.
+const ALIKE_HELD_OUT: f64 = 0.04;
 
 /// The degree of the polynomial, and simpler ones for where that one folds.
 const DEGREE: usize = 6;
 const SIMPLER: [usize; 2] = [3, 1];
 
-/// An error that the first search allows, as a part of that of a straight line.
-const FIRST_ERROR: f64 = 0.15;
-
-/// A coefficient of the polynomial is held as if an error were at least so many times larger.
-const LEAST_HELD: f64 = 3.0;
+/// A coefficient of the polynomial is held as if an error were so many times larger.
+const HELD: f64 = 3.0;
 
 /// Errors of neighbouring samples count as so many at most.
 const MOST_ALIKE: f64 = 10.0;
@@ -167,59 +181,86 @@ impl<'a, const D: usize> Search<'a, D> {
 
     fn run(&self, known: Option<&BalanceParameters>) -> Result<BalanceFit, BalanceError> {
         let samples = self.target.samples();
-        let parameters = self.target.layout.start(0.0, 1.0).len();
+        let parameters = self.target.layout.start(0.0, 1.0, 1.0).len();
         let least = LEAST_SAMPLES * parameters;
         if samples < least {
             return Err(BalanceError::FewSamples { samples, parameters, least });
         }
-        let start = match known {
-            Some(known) => Some(self.target.layout.encode(known)),
+        let place = match known {
+            Some(known) => self.known(known),
             None => self.coarse(),
         };
-        let start = start.ok_or(BalanceError::NoModel)?;
-        self.fine(start)
+        self.fine(place.ok_or(BalanceError::NoModel)?)
     }
 
-    /// The best of several starts, on thinned data.
-    fn coarse(&self) -> Option<DVector<f64>> {
+    /// Known parameters, with the error that they leave.
+    fn known(&self, known: &BalanceParameters) -> Option<Place> {
+        let at = self.target.layout.encode(known);
+        let solved = self.solved(&self.objective(&self.target, ERRORS[0] * self.line), &at)?;
+        Some(Place { at, error: rms(&solved), held_out: f64::NAN })
+    }
+
+    /// The best place on thinned data, from several starts.
+    fn coarse(&self) -> Option<Place> {
         let every = self.target.samples().div_ceil(COARSE_SAMPLES);
-        let target = self.target.thinned(every, COARSE_SPACING);
-        let objective = self.objective(&target, FIRST_ERROR * self.line, 1.0);
-        let layout = &self.target.layout;
-        let starts = STARTS.iter();
-        let starts: Vec<_> = starts.map(|(preload, gap)| layout.start(*preload, *gap)).collect();
-        self.progress.begin(starts.len() * TRY.iterations + KEPT * COARSE.iterations);
-        let from_all = |starts: &[DVector<f64>], rule: StoppingRule| {
-            let from = |start: usize| {
-                minimise(&objective, starts[start].clone(), rule, &|| self.progress.step())
-            };
-            let mut found: Vec<Minimum> =
-                parallel::map(starts.len(), from).into_iter().flatten().collect();
-            found.sort_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares));
-            found
-        };
-        let mut tried = from_all(&starts, TRY);
-        tried.truncate(KEPT);
-        let tried: Vec<_> = tried.into_iter().map(|minimum| minimum.at).collect();
-        let best = from_all(&tried, COARSE);
+        let judge = Judge::new(self.target.thinned(every, COARSE_SPACING));
+        let stages = KEPT * ERRORS.len() * COARSE.iterations;
+        self.progress.begin(STARTS.len() * TRY.iterations + stages);
+        let kept = self.tried(&judge.seen);
+        let paths = parallel::map(kept.len(), |index| self.path(&judge, kept[index].clone()));
         self.progress.end();
-        Some(best.into_iter().next()?.at)
+        let places: Vec<Place> = paths.into_iter().flatten().collect();
+        let least = places.iter().map(|place| place.held_out).fold(f64::INFINITY, f64::min);
+        let good = places.into_iter().filter(|p| p.held_out <= least * (1.0 + ALIKE_HELD_OUT));
+        good.min_by(|a, b| b.error.total_cmp(&a.error).then(a.held_out.total_cmp(&b.held_out)))
     }
 
-    /// The search on all samples, with the error that is left as the weight of the next round.
-    fn fine(&self, start: DVector<f64>) -> Result<BalanceFit, BalanceError> {
-        let first = self.objective(&self.target, FIRST_ERROR * self.line, 1.0);
-        let mut solved = self.solved(&first, &start).ok_or(BalanceError::NoModel)?;
-        let mut at = start;
+    /// Where the best starts lead in some steps.
+    fn tried(&self, target: &Target<D>) -> Vec<DVector<f64>> {
+        let objective = self.objective(target, ERRORS[0] * self.line);
+        let from = |start: usize| {
+            let (preload, gap, friction) = STARTS[start];
+            let start = self.target.layout.start(preload, gap, friction);
+            minimise(&objective, start, TRY, &|| self.progress.step())
+        };
+        let mut found: Vec<Minimum> =
+            parallel::map(STARTS.len(), from).into_iter().flatten().collect();
+        found.sort_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares));
+        found.truncate(KEPT);
+        found.into_iter().map(|minimum| minimum.at).collect()
+    }
+
+    /// The places on the way from a start, with less and less error allowed.
+    fn path(&self, judge: &Judge<D>, mut at: DVector<f64>) -> Vec<Place> {
+        let mut places = Vec::new();
+        for part in ERRORS {
+            let error = part * self.line;
+            let objective = self.objective(&judge.seen, error);
+            let found = minimise(&objective, at.clone(), COARSE, &|| self.progress.step());
+            let Some(found) = found else { break };
+            at = found.at;
+            let Some(held_out) = judge.held_out(&objective.read_out, &at) else { break };
+            places.push(Place { at: at.clone(), error, held_out });
+        }
+        places
+    }
+
+    /// The search on all samples, in rounds: where they leave less than was allowed, that is the
+    /// weight of the next.
+    fn fine(&self, place: Place) -> Result<BalanceFit, BalanceError> {
+        let Place { mut at, mut error, .. } = place;
         self.progress.begin(ROUNDS * FINE.iterations);
-        let mut objective = first;
+        let mut objective = self.objective(&self.target, error);
+        let mut solved = self.solved(&objective, &at).ok_or(BalanceError::NoModel)?;
         for _ in 0..ROUNDS {
-            objective = self.objective(&self.target, rms(&solved), alike(&solved.errors));
+            error = error.min(left(&solved));
+            objective = self.objective(&self.target, error);
             let found = minimise(&objective, at, FINE, &|| self.progress.step());
             at = found.ok_or(BalanceError::NoModel)?.at;
             solved = self.solved(&objective, &at).ok_or(BalanceError::NoModel)?;
         }
         self.progress.end();
+        objective.weight = 1.0 / left(&solved);
         let slopes = objective.slopes(&at).ok_or(BalanceError::NoModel)?;
         let mechanism = BalanceMechanism::new(&self.target.layout, &at, &slopes);
         let family = self.family(&at, &objective.read_out, &solved)?;
@@ -232,16 +273,14 @@ impl<'a, const D: usize> Search<'a, D> {
         Ok(BalanceFit { family, simpler, mechanism })
     }
 
-    /// `alike` samples count as one: what the model cannot explain must not pull its parameters away
-    /// from the usual ones.
-    fn objective<'t>(&self, target: &'t Target<D>, error: f64, alike: f64) -> Objective<'t, D> {
-        let ridge = alike.sqrt().max(LEAST_HELD) * error / self.range;
+    fn objective<'t>(&self, target: &'t Target<D>, error: f64) -> Objective<'t, D> {
         let share = self.target.samples() as f64 / target.samples() as f64;
+        let ridge = HELD * error / self.range;
         Objective {
             target,
             measured: target.measured(),
             read_out: ReadOut { degree: DEGREE, ridge, plane: self.plane },
-            weight: (share / alike).sqrt() / error,
+            weight: share.sqrt() / error,
         }
     }
 
@@ -283,6 +322,43 @@ impl<'a, const D: usize> Search<'a, D> {
     }
 }
 
+/// A place of the search.
+struct Place {
+    at: DVector<f64>,
+    /// The error that is allowed.
+    error: f64,
+    /// Mean square error on the samples held out.
+    held_out: f64,
+}
+
+/// Samples in blocks, of which some are held out.
+struct Judge<const D: usize> {
+    whole: Target<D>,
+    seen: Target<D>,
+    /// Rows that are seen, and those held out.
+    rows: [Vec<usize>; 2],
+}
+
+impl<const D: usize> Judge<D> {
+    fn new(whole: Target<D>) -> Self {
+        let blocks = blocks(whole.samples(), BLOCKS).into_iter().enumerate();
+        let mut rows = [Vec::new(), Vec::new()];
+        for (block, samples) in blocks {
+            rows[usize::from(block % ONE_OF == ONE_OF / 2)].extend(samples);
+        }
+        Self { seen: whole.with(&rows[0]), whole, rows }
+    }
+
+    fn held_out(&self, read_out: &ReadOut, at: &DVector<f64>) -> Option<f64> {
+        let bends = self.whole.bends(&self.whole.layout.decode(at))?;
+        let measured = self.whole.measured();
+        let [seen, held_out] = &self.rows;
+        let solved = read_out.solve(&bends.select_rows(seen), &measured.select_rows(seen))?;
+        let predicted = read_out.features(&bends.select_rows(held_out)) * solved.coefficients;
+        Some((predicted - measured.select_rows(held_out)).norm_squared() / held_out.len() as f64)
+    }
+}
+
 fn rows(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
     matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }
@@ -295,6 +371,12 @@ fn alike(errors: &DMatrix<f64>) -> f64 {
     let correlation = before.dot(&after) / errors.norm_squared().max(f64::MIN_POSITIVE);
     let correlation = correlation.clamp(0.0, 0.99);
     ((1.0 + correlation) / (1.0 - correlation)).min(MOST_ALIKE)
+}
+
+/// RMS length of the errors, as large as it counts where neighbours are alike: what the model cannot
+/// explain must not pull its parameters away from the usual ones.
+fn left(solved: &Solved) -> f64 {
+    rms(solved) * alike(&solved.errors).sqrt()
 }
 
 /// RMS length of the errors.

@@ -66,6 +66,11 @@ impl<const D: usize> Target<D> {
         DMatrix::from_fn(self.samples.len(), D, |row, motor| self.path[self.samples[row].0][motor])
     }
 
+    /// Some of the samples, on the same path.
+    pub fn with(&self, rows: &[usize]) -> Self {
+        Self { samples: rows.iter().map(|row| self.samples[*row]).collect(), ..self.clone() }
+    }
+
     /// Every so many-th sample, and a path of points about `spacing` units of travel apart, with
     /// all its turning points.
     pub fn thinned(&self, every: usize, spacing: f64) -> Self {

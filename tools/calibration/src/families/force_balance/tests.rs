@@ -24,7 +24,7 @@ fn fit(recording: &Recording) -> Result<BalanceFit, BalanceError> {
 /// and a gear with play. Half the range of the motor is 750 counts.
 fn snake(rows: usize) -> Recording {
     let layout = Layout::new(vec![(0.0, REACH / 750.0)]);
-    let mut truth = layout.decode(&layout.start(-20.0, 16.0));
+    let mut truth = layout.decode(&layout.start(-20.0, 16.0, 30.0));
     truth.motors[0].friction = 45.0;
     let operator = ForceBalance::<1>::prepare(&truth).unwrap();
     let at = |time| SVector::from([wander(time)[0]]);
@@ -40,7 +40,7 @@ fn snake(rows: usize) -> Recording {
 #[test]
 fn parameters_are_the_same_after_encoding() {
     let layout = Layout::new(vec![(10.0, 1.5), (-20.0, 2.0)]);
-    let mut at = layout.start(-20.0, 16.0);
+    let mut at = layout.start(-20.0, 16.0, 30.0);
     for (index, number) in at.iter_mut().enumerate() {
         *number += 0.1 * (index as f64).sin();
     }
@@ -77,7 +77,7 @@ fn derivatives_are_those_of_the_residuals() {
         read_out: ReadOut { degree: 3, ridge: 0.01, plane: true },
         weight: 10.0,
     };
-    let at = target.layout.start(-15.0, 12.0);
+    let at = target.layout.start(-15.0, 12.0, 30.0);
     // What the form of Kaufman leaves out does not change the gradient.
     let gradient = objective.slopes(&at).unwrap().tr_mul(&objective.residuals(&at).unwrap());
     for number in 0..at.len() {
