@@ -7,7 +7,7 @@ use zenoh::{Config, Session, Wait};
 
 use crate::NetworkError;
 use crate::keys::{Access, AccessList, PersonalKey};
-use crate::names::{COMMANDS, FROM, STATES, Source, What};
+use crate::names::{self, COMMANDS, FROM, STATES, Source, What};
 use crate::warnings::{self, NOT_LET_IN};
 
 /// Silence after which Zenoh gives up a connection, ms. A session ends long before.
@@ -139,8 +139,8 @@ fn open(action: &'static str, address: &str, config: &Value) -> Result<Session, 
 /// Everything is denied but what a key may do. The common name of its certificate is its id.
 fn access_control(access: &AccessList, commands: bool) -> Value {
     let mut rules = vec![
-        rule("watch", "ingress", &["declare_subscriber", "query"], &[STATES.to_owned()]),
-        rule("show", "egress", &["put", "reply"], &[STATES.to_owned()]),
+        rule("watch", "ingress", &["query"], &[STATES.to_owned()]),
+        rule("show", "egress", &["reply"], &[STATES.to_owned()]),
         rule(
             "offer",
             "egress",
@@ -153,12 +153,16 @@ fn access_control(access: &AccessList, commands: bool) -> Value {
         let id = &entry.id;
         let own = [format!("{FROM}/{id}/**")];
         // A revoked key may still ask, and gets the reason.
-        let [ask, answer, command] = ["ask", "answer", "command"].map(|it| format!("{it} {id}"));
+        let [ask, answer, command, follow, tell] =
+            ["ask", "answer", "command", "follow", "tell"].map(|it| format!("{it} {id}"));
         rules.push(rule(&ask, "ingress", &["query"], &own));
         rules.push(rule(&answer, "egress", &["reply"], &own));
         let mut allowed = vec![ask, answer, "offer".to_owned()];
         if let Some(may) = access.access(id) {
-            allowed.extend(["watch", "show"].map(str::to_owned));
+            let streams = [names::to(id, "**")];
+            rules.push(rule(&follow, "ingress", &["declare_subscriber"], &streams));
+            rules.push(rule(&tell, "egress", &["put"], &streams));
+            allowed.extend(["watch".to_owned(), "show".to_owned(), follow, tell]);
             if commands && may == Access::Command {
                 let keys = COMMANDS.map(|stream| command_of_any_session(id, What::Command(stream)));
                 rules.push(rule(&command, "ingress", &["put"], &keys));

@@ -1,12 +1,16 @@
 //! Key expressions.
 //!
-//! `i2ris/state/STREAM` is what the controller reports. `i2ris/from/ID/SESSION/WHAT` is what one
-//! key sends in one session, so that access control of Zenoh holds every key to its own name.
+//! `i2ris/state/STREAM` answers with the newest of what the controller reports. `i2ris/to/ID/STREAM`
+//! is what one key gets of it as it comes, as fast as its own link can carry it.
+//! `i2ris/from/ID/SESSION/WHAT` is what one key sends in one session, so that access control of Zenoh
+//! holds every key to its own name.
 
 use i2ris::ipc::{RequestService, Stream};
 
-/// All streams of the controller.
+/// The newest of all streams of the controller.
 pub const STATES: &str = "i2ris/state/**";
+/// Everything that keys get.
+const TO: &str = "i2ris/to";
 /// Everything that keys send.
 pub const FROM: &str = "i2ris/from";
 /// The commands that clients may put.
@@ -17,10 +21,17 @@ pub fn state(stream: &str) -> String {
     format!("i2ris/state/{stream}")
 }
 
+/// What one key gets of a stream; `**`: of all.
+#[must_use]
+pub fn to(id: &str, stream: &str) -> String {
+    format!("{TO}/{id}/{stream}")
+}
+
 /// The name of the stream of a key expression.
 #[must_use]
 pub fn stream(key: &str) -> Option<&str> {
-    key.strip_prefix("i2ris/state/")
+    let own = || Some(key.strip_prefix(TO)?.strip_prefix('/')?.split_once('/')?.1);
+    key.strip_prefix("i2ris/state/").or_else(own)
 }
 
 /// What a client sends.
@@ -89,6 +100,14 @@ impl<'a> Source<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_stream_of_a_key_expression_is_found() {
+        for key in ["i2ris/state/actuators/measured_js", &to("alice-1", "actuators/measured_js")] {
+            assert_eq!(stream(key), Some("actuators/measured_js"));
+        }
+        assert_eq!((stream("i2ris/to/alice-1"), stream("i2ris/from/a/b")), (None, None));
+    }
 
     #[test]
     fn a_sender_is_read_again_and_anything_else_is_none() {

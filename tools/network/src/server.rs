@@ -22,9 +22,9 @@ use zerocopy::{FromBytes, IntoBytes};
 use crate::keys::{Access, AccessList};
 use crate::message::{Alive, AliveReply, refusal_number};
 use crate::names::{self, Source, What};
-use crate::pace::{Pace, lag_of_us};
+use crate::pace::lag_of_us;
 use crate::request::Question;
-use crate::state::{VERSION, is_log};
+use crate::state::{State, VERSION, is_log};
 use crate::{BridgeEvent, NetworkError, warnings};
 use controller::Controller;
 use network::{Arrival, Network};
@@ -72,7 +72,6 @@ impl BridgeServer {
         let access = AccessList::load(&self.keys)?;
         let network = Network::open(&self.listen, &self.keys, &access, self.commands)?;
         let controller = Controller::new(&self.domain)?;
-        let pace = Pace::new(self.period);
         Ok(OpenServer {
             options: self,
             access,
@@ -82,7 +81,7 @@ impl BridgeServer {
             sessions: Peers::new(CLIENTS),
             ended: VecDeque::new(),
             refusals: Refusals::default(),
-            pace,
+            next_look: Nanos::ZERO,
             next_access: Nanos::ZERO,
             reopens: false,
             last_warning: String::new(),
@@ -108,8 +107,8 @@ pub struct OpenServer {
     /// Sessions that have ended, oldest first.
     ended: VecDeque<SessionKey>,
     refusals: Refusals,
-    /// How often the state is sent. The slowest client decides.
-    pace: Pace,
+    /// When the controller is looked at again.
+    next_look: Nanos,
     next_access: Nanos,
     /// The list of keys has changed: sessions hear that they have ended, and why, and then the
     /// network is opened again.
@@ -123,7 +122,8 @@ impl OpenServer {
             self.receive(&mut report);
             let now = clock::now();
             self.answer();
-            if self.pace.is_due(now) {
+            if now >= self.next_look {
+                self.next_look = now + self.options.period;
                 self.send_state(now);
             }
             self.expire(now, &mut report);
@@ -232,13 +232,13 @@ impl OpenServer {
                 report(BridgeEvent::Refused(line));
             }
         }
-        let session = self.sessions.get_mut(&key);
-        let (commands, lag_us) =
-            session.map_or((false, 0), |session| (session.commands, session.lag.take_us()));
-        // Who only watches slows only those down who do the same.
-        let counts = commands || self.sessions.values().all(|session| !session.commands);
-        if let Some(lag) = lag_of_us(alive.lag_us).filter(|_| refusal.is_none() && counts) {
-            self.pace.note(lag);
+        let (mut commands, mut lag_us) = (false, 0);
+        if let Some(session) = self.sessions.get_mut(&key) {
+            (commands, lag_us) = (session.commands, session.lag.take_us());
+            // Whoever is slow, or says so, slows down nobody else.
+            if let Some(lag) = lag_of_us(alive.lag_us) {
+                session.pace.note(lag);
+            }
         }
         let answer = AliveReply {
             now_ns: clock::now().0,
@@ -284,13 +284,16 @@ impl OpenServer {
         if !commands && self.options.commands && watchers >= WATCHERS {
             return Err(Reason::Full);
         }
-        self.sessions.join(key.clone(), Session::new(commands), now)?;
+        self.sessions.join(key.clone(), Session::new(commands, self.options.period), now)?;
         report(BridgeEvent::Joined { who: who.clone(), commands });
         Ok(())
     }
 
     fn end(&mut self, key: &SessionKey) {
         self.sessions.remove(key);
+        if let Some(network) = &mut self.network {
+            network.forget(&key.0);
+        }
         self.ended.push_back(key.clone());
         if self.ended.len() > REMEMBERED {
             self.ended.pop_front();
@@ -331,13 +334,24 @@ impl OpenServer {
             return;
         };
         let new = self.controller.look(now);
-        for (stream, messages) in new.streams() {
-            for message in messages {
-                network.publish(stream.name(), is_log(stream), message.bytes());
+        for ((id, _), session) in self.sessions.iter_mut() {
+            session.unsent.update(&new);
+            // What a controller said that is gone is not sent any more.
+            if !self.controller.is_present() {
+                session.unsent = State::default();
             }
-        }
-        if let Some(version) = &new.version {
-            network.publish(VERSION, false, version.bytes());
+            if !session.pace.is_due(now) {
+                continue;
+            }
+            let unsent = std::mem::take(&mut session.unsent);
+            for (stream, messages) in unsent.streams() {
+                for message in messages {
+                    network.publish(id, stream.name(), is_log(stream), message.bytes());
+                }
+            }
+            if let Some(version) = &unsent.version {
+                network.publish(id, VERSION, false, version.bytes());
+            }
         }
     }
 

@@ -13,6 +13,7 @@ use i2ris_network::message::{QuestionHeader, refusal_number};
 use i2ris_network::names::What;
 use i2ris_network::request::Outcome;
 use i2ris_testing::{Controller, wait_until};
+use zenoh::sample::Sample;
 use zerocopy::{FromBytes, IntoBytes};
 
 use crate::common::{
@@ -21,6 +22,9 @@ use crate::common::{
 
 /// Longer than anything takes that comes to something here.
 const LONG: Nanos = Nanos::from_millis(700);
+
+/// Far beyond what counts as late, us.
+const LATE_US: u32 = 1_000_000;
 
 fn command(client_id: u64, sequence: u64, pitch: f64) -> ServoJp {
     ServoJp {
@@ -246,6 +250,28 @@ fn messages_that_are_none_and_a_flood_change_nothing() {
 }
 
 #[test]
+fn a_key_that_is_slow_or_says_so_slows_nobody_else() {
+    let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
+    let [alice, bob] = ["alice", "bob"].map(|name| make(folder.path(), name, Access::Command));
+    let server = RunningServer::start(&controller, folder.path());
+    let [alice, bob] = [alice, bob].map(|key| RawClient::join(&server.address, &key));
+    for _ in 0..20 {
+        assert_eq!(bob.alive_late(LATE_US).unwrap().refusal, 0);
+    }
+    let [quick, slow] = [&alice, &bob].map(|client| client.follow(Stream::Measured));
+    for _ in 0..60 {
+        quick.recv_timeout(Duration::from_secs(20)).unwrap();
+    }
+    let slow = slow.try_iter().count();
+    assert!(slow < 20, "bob got {slow} while alice got 60");
+    // Each gets what is meant for it, and nothing of anybody else.
+    let overheard = bob.listen("i2ris/to/**");
+    clock::sleep(LONG);
+    let of_alice = |sample: &Sample| sample.key_expr().contains("alice");
+    assert!(quick.try_iter().count() > 0 && !overheard.try_iter().any(|sample| of_alice(&sample)));
+}
+
+#[test]
 fn the_newest_of_every_stream_is_sent_on_request_and_then_as_it_comes() {
     let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
     let eve = make(folder.path(), "eve", Access::Watch);
@@ -255,6 +281,6 @@ fn the_newest_of_every_stream_is_sent_on_request_and_then_as_it_comes() {
     for stream in ["operating_state", "measured_js", "actuators/measured_js", "version"] {
         assert!(known.contains(&format!("i2ris/state/{stream}")), "{known:?}");
     }
-    let states = eve.listen("i2ris/state/measured_js");
+    let states = eve.follow(Stream::Measured);
     assert!(states.recv_timeout(Duration::from_secs(20)).is_ok());
 }

@@ -9,12 +9,12 @@ use std::time::Duration;
 use i2ris::clock;
 use i2ris::ipc::payload::StateCommandRequest;
 use i2ris::ipc::ready::INTERFACE_VERSION;
-use i2ris::ipc::{Domain, RequestService, StateCommand, random_id};
+use i2ris::ipc::{Domain, RequestService, StateCommand, Stream, random_id};
 use i2ris::units::Nanos;
 use i2ris_network::BridgeServer;
 use i2ris_network::keys::{Access, Lifetime, PersonalKey, make_key};
 use i2ris_network::message::{Alive, AliveReply, AnswerHeader, QuestionHeader};
-use i2ris_network::names::{Source, What};
+use i2ris_network::names::{self, Source, What};
 use i2ris_testing::{Background, Controller};
 use serde_json::{Value, json};
 use zenoh::sample::Sample;
@@ -143,7 +143,12 @@ impl RawClient {
     }
 
     pub fn alive(&self) -> Option<AliveReply> {
-        let alive = Alive { interface: INTERFACE_VERSION, ..Alive::default() };
+        self.alive_late(0)
+    }
+
+    /// A sign of life that says by how much streams are late here.
+    pub fn alive_late(&self, lag_us: u32) -> Option<AliveReply> {
+        let alive = Alive { interface: INTERFACE_VERSION, lag_us, ..Alive::default() };
         let bytes = self.get(&self.source(What::Alive), alive.as_bytes())?;
         AliveReply::read_from_bytes(&bytes).ok()
     }
@@ -175,6 +180,11 @@ impl RawClient {
 
     pub fn put_as(&self, key: &str, bytes: &[u8]) {
         self.session.put(key, bytes).wait().unwrap();
+    }
+
+    /// What comes of a stream for this key.
+    pub fn follow(&self, stream: Stream) -> Receiver<Sample> {
+        self.listen(&names::to(&self.id, stream.name()))
     }
 
     /// Everything that comes from now on.

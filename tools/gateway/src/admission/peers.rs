@@ -75,6 +75,10 @@ impl<K: Ord + Clone, T> Peers<K, T> {
         self.known.values().map(|(_, peer)| peer)
     }
 
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = (&K, &mut T)> {
+        self.known.iter_mut().map(|(key, (_, peer))| (key, peer))
+    }
+
     pub fn first(&self) -> Option<K> {
         self.known.keys().next().cloned()
     }

@@ -73,7 +73,7 @@ impl Network {
         };
         let (sender, arrivals) = sync_channel(WAITING);
         let states = session
-            .declare_subscriber(STATES)
+            .declare_subscriber(names::to(key.id(), "**"))
             .callback(state_to(&sender))
             .wait()
             .map_err(failed)?;

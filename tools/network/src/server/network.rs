@@ -38,7 +38,8 @@ pub(super) struct Network {
     /// Stops, then other questions, then commands.
     arrivals: [Receiver<Arrival>; 3],
     is_turn_of_commands: Cell<bool>,
-    publishers: BTreeMap<&'static str, Publisher<'static>>,
+    /// By the id of the key and the name of the stream.
+    publishers: BTreeMap<(String, &'static str), Publisher<'static>>,
     _commands: Subscriber<()>,
     _questions: Queryable<()>,
     _states: Queryable<()>,
@@ -94,18 +95,18 @@ impl Network {
         first().or_else(|| commands.recv_timeout(wait).ok()).or_else(first)
     }
 
-    /// Sends a message of a stream, once: the next one is newer. Of a log every one counts.
-    pub fn publish(&mut self, stream: &'static str, is_log: bool, bytes: &[u8]) {
+    /// Sends a message of a stream to a key, once: the next one is newer. Of a log every one counts.
+    pub fn publish(&mut self, id: &str, stream: &'static str, is_log: bool, bytes: &[u8]) {
         let qos = match is_log {
             true => (Reliability::Reliable, Priority::DataLow),
             false => (Reliability::BestEffort, Priority::DataHigh),
         };
-        let publisher = match self.publishers.entry(stream) {
+        let publisher = match self.publishers.entry((id.to_owned(), stream)) {
             Entry::Occupied(known) => known.into_mut(),
             Entry::Vacant(place) => {
                 let declared = self
                     .session
-                    .declare_publisher(names::state(stream))
+                    .declare_publisher(names::to(id, stream))
                     .reliability(qos.0)
                     .priority(qos.1)
                     // Whoever is too slow misses messages, and nobody waits.
@@ -118,6 +119,11 @@ impl Network {
             }
         };
         let _ = publisher.put(bytes).wait();
+    }
+
+    /// Nothing more goes to this key.
+    pub fn forget(&mut self, id: &str) {
+        self.publishers.retain(|(known, _), _| known != id);
     }
 
     /// Says good-bye, and gives the address free.

@@ -7,8 +7,9 @@ use i2ris::units::Nanos;
 use zenoh::query::Query;
 
 use super::controller::Controller;
-use crate::pace::Lag;
+use crate::pace::{Lag, Pace};
 use crate::request::{Answer, Outcome, Question};
+use crate::state::State;
 
 /// Requests that are remembered, so that one that was repeated is not carried out twice. More than
 /// can be pending.
@@ -17,12 +18,15 @@ const REMEMBERED: usize = 128;
 /// The key of a client, and the number that it chose for this session.
 pub(super) type SessionKey = (String, u64);
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Session {
     /// Whether commands and requests pass.
     pub commands: bool,
     /// How late commands arrive.
     pub lag: Lag,
+    /// How often the state is sent, and what is new since it was.
+    pub pace: Pace,
+    pub unsent: State,
     requests: BTreeMap<u64, Request>,
 }
 
@@ -34,8 +38,15 @@ enum Request {
 }
 
 impl Session {
-    pub fn new(commands: bool) -> Self {
-        Self { commands, ..Self::default() }
+    /// `period`: how often the state is sent at most.
+    pub fn new(commands: bool, period: Nanos) -> Self {
+        Self {
+            commands,
+            lag: Lag::default(),
+            pace: Pace::new(period),
+            unsent: State::default(),
+            requests: BTreeMap::new(),
+        }
     }
 
     /// Passes a command on. Its stamp is on the controller's clock already.
