@@ -8,7 +8,7 @@ use crate::BenchError;
 use crate::inverse::two_clock_readings;
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::{Run, in_thread};
-use crate::tick::Cycle;
+use crate::tick::{Cycle, Duties};
 
 /// Duration of one turn of a variant. Short turns give all variants the same load of the machine.
 const TURN: Nanos = Nanos::from_millis(1000);
@@ -24,11 +24,13 @@ const LATE: [(&str, Role); 3] = [
     ("ticker of the controller", Role::Ours),
     ("the same with adaptation", Role::Ours),
 ];
-const COMPUTING: [(&str, Role); 4] = [
+const COMPUTING: [(&str, Role); 6] = [
     ("two readings of the clock", Role::Floor),
     ("one tick: gate, inverse, limits, states", Role::Ours),
     ("the same with adaptation", Role::Ours),
     ("one of these with a frame of the camera", Role::Ours),
+    ("one tick at eight regions for the tip", Role::Ours),
+    ("the same with adaptation and camera", Role::Ours),
 ];
 
 #[derive(Debug)]
@@ -42,7 +44,7 @@ pub struct LoopBenchmark {
 }
 
 /// Runs the ticker of the controller with its cycle, without and with adaptation, and a bare timer,
-/// in turns.
+/// in turns; with regions only the computing time.
 pub fn run(benchmark: &LoopBenchmark, run: Run) -> Result<Outcome, BenchError> {
     let about = "A periodic loop: lateness of its ticks, and computing time of a tick of the \
                  controller";
@@ -52,29 +54,35 @@ pub fn run(benchmark: &LoopBenchmark, run: Run) -> Result<Outcome, BenchError> {
 /// What is measured at one rate.
 struct Rate {
     period: Nanos,
-    cycle: Cycle,
-    adapting: Cycle,
+    // As large as a stack, four of them.
+    cycle: Box<Cycle>,
+    adapting: Box<Cycle>,
+    /// The same two, at regions for the tip.
+    at_regions: [Box<Cycle>; 2],
     late: [Durations; 3],
-    computing: [Durations; 4],
+    computing: [Durations; 6],
 }
 
 impl Rate {
     fn new(period: Nanos) -> Result<Self, BenchError> {
-        let cycle = |adapts| Cycle::new(period, COMPONENTS, PLAYS, adapts);
+        let cycle = |keeps_out, adapts| {
+            Cycle::new(period, COMPONENTS, PLAYS, Duties { adapts, keeps_out }).map(Box::new)
+        };
         Ok(Self {
             period,
-            cycle: cycle(false)?,
-            adapting: cycle(true)?,
+            cycle: cycle(false, false)?,
+            adapting: cycle(false, true)?,
+            at_regions: [cycle(true, false)?, cycle(true, true)?],
             late: LATE.map(|_| Durations::new(WARM_UP)),
-            computing: [WARM_UP, WARM_UP, WARM_UP, 0].map(Durations::new),
+            computing: [WARM_UP, WARM_UP, WARM_UP, 0, WARM_UP, WARM_UP].map(Durations::new),
         })
     }
 
-    /// One turn of the bare timer, and one of the ticker without and with adaptation.
+    /// One turn of the bare timer, and one of the ticker for each way to compute a tick.
     fn turns(&mut self, spin: Nanos) -> Result<(), BenchError> {
-        let Self { period, cycle, adapting, late, computing } = self;
+        let Self { period, cycle, adapting, at_regions, late, computing } = self;
         let [timer, ticker, adapting_late] = late;
-        let [nothing, tick, adapting_tick, with_frame] = computing;
+        let [nothing, tick, adapting_tick, with_frame, at_region @ ..] = computing;
         run_turn(*period, Nanos::ZERO, timer, || {
             nothing.push(two_clock_readings());
             Ok(())
@@ -94,19 +102,31 @@ impl Rate {
                 with_frame.push(time);
             }
             Ok(())
-        })
+        })?;
+        for (cycle, durations) in at_regions.iter_mut().zip(at_region) {
+            run_turn(*period, spin, &mut Durations::new(WARM_UP), || {
+                let begin = clock::now();
+                cycle.step()?;
+                durations.push(clock::now().since(begin));
+                Ok(())
+            })?;
+        }
+        Ok(())
     }
 
     fn ticks_per_s(&self) -> f64 {
         1e9 / self.period.0 as f64
     }
 
-    fn quantities(&self) -> [Quantity; 3] {
+    fn quantities(&self) -> [Quantity; 5] {
+        let limited: u64 = self.at_regions.iter().map(|cycle| cycle.limited()).sum();
         let busy = 1e5 * self.computing[1].median_us() / self.period.0 as f64;
         [
             Quantity::new("ticks per second", self.ticks_per_s(), "1/s"),
             Quantity::new("computing, of the period", busy, "%"),
             Quantity::new("frames that were learned from", self.adapting.learned() as f64, ""),
+            Quantity::new("ticks limited by a region", limited as f64, ""),
+            Quantity::new("the same at regions", self.at_regions[1].learned() as f64, ""),
         ]
     }
 

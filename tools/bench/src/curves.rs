@@ -18,7 +18,7 @@ use crate::machine::{LoadMonitor, Machine};
 use crate::model::model;
 use crate::outcome::Durations;
 use crate::placement::Run;
-use crate::tick::Cycle;
+use crate::tick::{Cycle, Duties};
 use crate::wire::{MAX_AXES, bare_round_us};
 
 /// Ticks of one round, and those that do not count.
@@ -169,7 +169,7 @@ fn over_axes(rounds: u32, run: Run) -> Result<Vec<Curve>, BenchError> {
 
 /// Median of a tick.
 fn tick_us(period: Nanos, components: usize, plays: usize, rounds: u32) -> Result<f64, BenchError> {
-    let mut cycle = Cycle::new(period, components, plays, false)?;
+    let mut cycle = Cycle::new(period, components, plays, Duties::default())?;
     let mut durations = Durations::new(WARM_UP);
     for _ in 0..TICKS * rounds {
         let begin = clock::now();

@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
 
-use i2ris::config::Config;
+use i2ris::config::{Config, MAX_REGIONS};
 use i2ris::core::{ExternalPose, ServoGoal};
+use i2ris::model::kinematic::tip_position;
 use i2ris::robot::{OperatingState, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs};
@@ -22,11 +23,28 @@ const FRAME_INTERVAL: Nanos = Nanos::from_millis(33);
 const FRAME_AGE: Nanos = Nanos::from_millis(60);
 const SHIFT: [f64; 3] = [0.01, -0.006, 0.0];
 
+/// How far the motion goes on both axes, degrees; with regions for the tip, and where they begin.
+const REACH_DEG: f64 = 5.0;
+const REACH_AT_REGIONS_DEG: f64 = 9.0;
+const FREE_DEG: f64 = 6.0;
+
+/// What the controller does besides following.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Duties {
+    /// Follow the drift by a camera.
+    pub adapts: bool,
+    /// Keep out of as many regions for the tip as there can be.
+    pub keeps_out: bool,
+}
+
 /// The cycle of the controller, which follows a motion with ideal drives.
 #[derive(Debug)]
 pub struct Cycle {
     control: ClosedLoop<IdealMotors>,
     seconds: f64,
+    reach_deg: f64,
+    /// Ticks in which a region limited the goal.
+    limited: u64,
     /// With adaptation only.
     camera: Option<Camera>,
 }
@@ -45,9 +63,12 @@ impl Cycle {
         period: Nanos,
         components: usize,
         plays: usize,
-        adapts: bool,
+        duties: Duties,
     ) -> Result<Self, BenchError> {
-        let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
+        let Duties { adapts, keeps_out } = duties;
+        let reach_deg = if keeps_out { REACH_AT_REGIONS_DEG } else { REACH_DEG };
+        let text = if keeps_out { format!("{CONFIG}{}", regions()) } else { CONFIG.to_owned() };
+        let mut config = Config::parse(&text, Path::new("config/emulator.toml"))?;
         config.control.rate_hz = (1_000_000_000 / period.0.max(1)) as u32;
         config.adaptation.enabled = adapts;
         let model = Arc::new(model(components, plays)?);
@@ -56,20 +77,38 @@ impl Cycle {
         if adapts {
             control.command(StateCommand::Condition)?;
         }
-        Ok(Self { camera: adapts.then(Camera::default), control, seconds: 0.0 })
+        Ok(Self {
+            camera: adapts.then(Camera::default),
+            control,
+            seconds: 0.0,
+            reach_deg,
+            limited: 0,
+        })
     }
 
     /// One tick; whether a frame of the camera arrived in it.
     pub fn step(&mut self) -> Result<bool, BenchError> {
         self.seconds += self.control.period().as_seconds();
         let external = self.camera.as_mut().and_then(|camera| camera.frame(&self.control));
-        let servo = Some(self.control.servo_command(goal(self.seconds)));
+        let servo = Some(self.control.servo_command(self.goal()));
         let report = &self.control.tick(Inputs { servo, external, ..Inputs::default() }).report;
         if report.state != OperatingState::Enabled {
             let (state, fault) = (report.state.text(), report.fault);
             return Err(format!("the simulated controller is {state}, fault: {fault}").into());
         }
+        self.limited += u64::from(report.limited_by_fixture.is_some());
         Ok(external.is_some())
+    }
+
+    /// Ticks in which a region limited the goal.
+    pub fn limited(&self) -> u64 {
+        self.limited
+    }
+
+    /// Two frequencies with a long common period: both motors turn at many positions.
+    fn goal(&self) -> ServoGoal {
+        let axis = |hz: f64| self.reach_deg.to_radians() * (TAU * hz * self.seconds).sin();
+        ServoGoal::Joint([axis(0.5), axis(0.31), 0.0], 2)
     }
 
     /// Frames that were learned from.
@@ -100,8 +139,20 @@ impl Camera {
     }
 }
 
-/// Two frequencies with a long common period: both motors turn at many positions.
-fn goal(seconds: f64) -> ServoGoal {
-    let axis = |hz: f64| 5.0_f64.to_radians() * (TAU * hz * seconds).sin();
-    ServoGoal::Joint([axis(0.5), axis(0.31), 0.0], 2)
+/// Walls and balls in turn around the straight snake: most of the motion glides along one or two.
+fn regions() -> String {
+    let tip = |deg: f64| tip_position(deg.to_radians(), 0.0).position_m.map(|metre| 1e3 * metre);
+    let [[_, reach, height], [_, radius, _]] = [tip(FREE_DEG), tip(20.0)];
+    let table = |index: usize| {
+        let (y, x) = (TAU * index as f64 / MAX_REGIONS as f64).sin_cos();
+        let [from_x, from_y] = [x, y].map(|part| part * (reach + radius));
+        let shape = match index % 2 {
+            0 => format!("half_space = {{ normal = [{x}, {y}, 0.0], offset_mm = {reach} }}"),
+            _ => format!(
+                "ball = {{ centre_mm = [{from_x}, {from_y}, {height}], radius_mm = {radius} }}"
+            ),
+        };
+        format!("[[virtual_fixtures.regions]]\nname = \"r{index}\"\nshape = {{ {shape} }}\n")
+    };
+    (0..MAX_REGIONS).map(table).collect()
 }
