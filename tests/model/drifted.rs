@@ -112,6 +112,28 @@ fn a_file_with_a_drift_predicts_what_the_model_predicts_with_the_drift_beside_it
 }
 
 #[test]
+fn a_drift_upon_a_drift_names_the_calibration_and_says_the_sum() {
+    let calibration = play_file();
+    let once = calibration.drifted(&DRIFT).unwrap();
+    let more = FileDrift { zero: [0.01, 0.02], gain: [[0.0, 0.05], [0.02, 0.1]], gap: [0.1, -0.2] };
+    let twice = once.drifted(&more).unwrap();
+    let base = calibration.id().unwrap().to_string();
+    assert!([&once, &twice].iter().all(|file| file.built_in.as_ref().unwrap().base == base));
+    let sum = twice.built_in_drift().unwrap();
+    // The sum at once is the same model.
+    let at_once = calibration.drifted(&sum).unwrap();
+    let [built_twice, built_once] = [twice, at_once].map(|file| Model::from_file(file).unwrap());
+    let memory = || (built_twice.new_memory(), built_once.new_memory());
+    let (mut one, mut other) = memory();
+    for counts in path() {
+        built_twice.advance(&mut one, &counts);
+        built_once.advance(&mut other, &counts);
+        let [a, b] = [built_twice.predict(&counts, &one), built_once.predict(&counts, &other)];
+        assert!((a.mean[0] - b.mean[0]).hypot(a.mean[1] - b.mean[1]) < 1e-9);
+    }
+}
+
+#[test]
 fn a_larger_gap_lags_more_and_its_inverse_is_exact() {
     for file in [play_file(), stop_file(), balance_file(2)] {
         let model = Model::from_file(file).unwrap();

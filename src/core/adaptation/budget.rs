@@ -1,4 +1,5 @@
-//! Budget: the largest drift that is followed, per parameter and in total.
+//! Budget: the largest drift that is followed, per parameter and in total. It is that of the
+//! calibration: what is built into the model already is a part of it.
 
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +30,8 @@ impl BudgetUse {
         gap_reach: Pair,
         settings: &Settings,
     ) -> Self {
-        let values = drift.to_array();
+        let values = with_built_in(drift, geometry);
+        let drift = &Drift::from_array(values);
         let share =
             |index: usize| values[index].abs() / limit(settings, geometry, index, values[index]);
         let parameters = std::array::from_fn(share);
@@ -51,17 +53,23 @@ pub(super) fn inside(
     gap_reach: Pair,
     settings: &Settings,
 ) -> Drift {
-    let values = drift.to_array();
+    let (values, built_in) = (with_built_in(drift, geometry), geometry.built_in.to_array());
     let clamped: [f64; PARAMETERS] = std::array::from_fn(|index| {
         let limit = limit(settings, geometry, index, values[index]);
-        values[index].max(-limit).min(limit)
+        // What is built in stays, also where the budget is less by now.
+        let (lowest, highest) = (built_in[index].min(-limit), built_in[index].max(limit));
+        values[index].max(lowest).min(highest) - built_in[index]
     });
     let clamped = Drift::from_array(clamped);
-    let shift = largest_shift(&clamped, geometry, gap_reach);
-    if shift <= settings.total_budget {
+    let shift_with = |drift| {
+        largest_shift(&Drift::from_array(with_built_in(drift, geometry)), geometry, gap_reach)
+    };
+    let (shift, before) = (shift_with(&clamped), shift_with(&Drift::default()));
+    if shift <= settings.total_budget.max(before) {
         return clamped;
     }
-    let factor = settings.total_budget / shift;
+    // The shift is convex in the share of the drift, so that no more of it fits for certain.
+    let factor = ((settings.total_budget - before) / (shift - before)).max(0.0);
     let mut scaled = clamped.to_array().map(|value| factor * value);
     // The latency moves nothing, and a slow error that is not corrected neither.
     scaled[8] = clamped.latency_s;
@@ -69,6 +77,12 @@ pub(super) fn inside(
         scaled[9] = clamped.slow;
     }
     Drift::from_array(scaled)
+}
+
+/// The drift from the calibration.
+fn with_built_in(drift: &Drift, geometry: &ModelGeometry) -> [f64; PARAMETERS] {
+    let (more, built_in) = (drift.to_array(), geometry.built_in.to_array());
+    std::array::from_fn(|index| built_in[index] + more[index])
 }
 
 /// The largest value of a parameter, by its sign.

@@ -1,6 +1,7 @@
 //! What the adaptation needs to know of a model: slopes, reach, and how wrong the model is.
 
 use super::Pair;
+use super::drift::Drift;
 use crate::model::file::{FamilyParameters, OutputUnit};
 use crate::model::{MAX_CORNERS, Model};
 use crate::units::{MAX_MOTORS, MotorVec};
@@ -25,6 +26,8 @@ pub(in crate::core) struct ModelGeometry {
     pub outputs: usize,
     /// What the fit learned of the slow part of its error.
     pub slow: Option<SlowError>,
+    /// What is built into the model already: it is a part of the budget.
+    pub built_in: Drift,
 }
 
 /// The slow part of the error of a model: one number along one direction.
@@ -71,6 +74,7 @@ impl ModelGeometry {
             deviation: deviation(model),
             outputs: outputs.len(),
             slow: slow_error(model),
+            built_in: Drift::built_in(model.file()),
             has_gap: matches!(
                 model.file().family,
                 FamilyParameters::GmrPlay { .. }

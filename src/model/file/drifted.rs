@@ -1,6 +1,6 @@
 //! A model file with a drift built in: the same robot, some time later.
 
-use super::{FamilyParameters, MixtureParameters, ModelFile};
+use super::{BuiltInDrift, FamilyParameters, MixtureParameters, ModelFile};
 use crate::model::error::{ModelError, require};
 use crate::model::families::hysteresis::residual::ResidualParameters;
 
@@ -13,6 +13,26 @@ pub struct FileDrift {
     pub gain: [[f64; 2]; 2],
     /// Growth of the gap of every motor.
     pub gap: [f64; 2],
+}
+
+impl FileDrift {
+    /// This drift of a model that has another one already.
+    #[must_use]
+    pub fn after(&self, first: &Self) -> Self {
+        let gain = &self.gain;
+        let moved = gain.map(|[a, b]| a * first.zero[0] + b * first.zero[1]);
+        let entry = |row: usize, column: usize| {
+            let product =
+                gain[row][0] * first.gain[0][column] + gain[row][1] * first.gain[1][column];
+            gain[row][column] + first.gain[row][column] + product
+        };
+        Self {
+            zero: [0, 1].map(|row: usize| self.zero[row] + first.zero[row] + moved[row]),
+            gain: [0, 1].map(|row: usize| [0, 1].map(|column: usize| entry(row, column))),
+            gap: [0, 1]
+                .map(|motor: usize| (1.0 + self.gap[motor]) * (1.0 + first.gap[motor]) - 1.0),
+        }
+    }
 }
 
 /// The affine map of the outputs, in units of the file.
@@ -39,7 +59,10 @@ impl ModelFile {
         let si = self.outputs.first().map_or(1.0, |output| output.unit.si());
         let map = OutputMap::new(drift, outputs, si);
         let mut file = self.clone();
-        file.training.software = format!("{}, with a drift built in", self.training.software);
+        file.built_in = Some(self.with_built_in(drift, si)?);
+        if self.built_in.is_none() {
+            file.training.software = format!("{}, with a drift built in", self.training.software);
+        }
         match &mut file.family {
             FamilyParameters::Linear { gain, offset, covariance } => {
                 *gain = map.times(gain);
@@ -103,6 +126,25 @@ impl ModelFile {
             }
         }
         Ok(file)
+    }
+
+    /// The drift that is built in, in SI units.
+    #[must_use]
+    pub fn built_in_drift(&self) -> Option<FileDrift> {
+        let si = self.outputs.first().map_or(1.0, |output| output.unit.si());
+        let BuiltInDrift { zero, gain, gap, .. } = self.built_in.as_ref()?;
+        Some(FileDrift { zero: zero.map(|zero| si * zero), gain: *gain, gap: *gap })
+    }
+
+    /// All of the drift, with one more.
+    fn with_built_in(&self, drift: &FileDrift, si: f64) -> Result<BuiltInDrift, ModelError> {
+        let all = self.built_in_drift().map_or(*drift, |first| drift.after(&first));
+        let base = match &self.built_in {
+            Some(built_in) => built_in.base.clone(),
+            None => self.id()?.to_string(),
+        };
+        let FileDrift { zero, gain, gap } = all;
+        Ok(BuiltInDrift { base, zero: zero.map(|zero| zero / si), gain, gap })
     }
 }
 

@@ -42,10 +42,28 @@ pub struct ModelFile {
     /// The slow part of the error, where there is one: the adaptation follows it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slow_error: Option<SlowErrorParameters>,
+    /// The drift that was built into a calibration to make this model; absent for a calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub built_in: Option<BuiltInDrift>,
     /// Why the fit found the model worthless, if it was written by `--force` all the same. The
     /// controller refuses it unless its configuration allows such models.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worthless: Option<String>,
+}
+
+/// All of the drift that was built into a calibration, at once or one after the other: `y + gain y +
+/// zero`. Budgets, plausibility and regions go by the calibration, gaps aside.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BuiltInDrift {
+    /// Identity of the calibration.
+    pub base: String,
+    /// In the unit of the outputs.
+    pub zero: [f64; 2],
+    /// Rows: outputs, columns: outputs.
+    pub gain: [[f64; 2]; 2],
+    /// Growth of the gap of every motor.
+    pub gap: [f64; 2],
 }
 
 /// The slow part of the error of a model: one number along one direction of one or two outputs.

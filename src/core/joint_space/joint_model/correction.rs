@@ -1,7 +1,9 @@
 //! What the adaptation reads of a joint model, and the correction that it sets.
 
-use super::{JointModel, Known, MeasuredPoses};
+use super::{JointModel, Known, MeasuredPoses, NotFinite};
 use crate::core::adaptation::{Correction, Drift, ModelGeometry};
+use crate::core::motion::virtual_fixtures::{CalibratedView, GoalSpace};
+use crate::core::vector;
 use crate::model::Memory;
 use crate::units::{MotorVec, OutputVec};
 
@@ -43,6 +45,41 @@ impl JointModel {
 
     pub fn set_goal_motion(&mut self, motion: OutputVec) {
         self.state.goal_motion = motion;
+    }
+
+    /// The memory as calibrated, of a model with a drift built in that is not adapted.
+    pub fn base_memory(&self) -> Option<&Memory> {
+        self.base.as_ref().map(|_| &self.state.memory)
+    }
+
+    /// A pose of the model as its calibration has it.
+    pub fn at_base(&self, pose: OutputVec) -> OutputVec {
+        self.base.as_ref().map_or(pose, |base| base.undo(&pose))
+    }
+
+    /// How the pose of the calibration follows from the pose in use; `None`: it is the same.
+    pub fn calibrated_view(&self) -> Option<CalibratedView> {
+        let all = match (&self.state.correction, &self.base) {
+            (Some(correction), Some(base)) => correction.after(base),
+            (Some(one), None) | (None, Some(one)) => *one,
+            (None, None) => return None,
+        };
+        Some(all.calibrated_view())
+    }
+
+    /// The outputs at given counts as calibrated, with the memory that belongs to that.
+    pub fn calibrated_pose(
+        &self,
+        counts: &MotorVec,
+        calibrated: &Memory,
+    ) -> Result<OutputVec, NotFinite> {
+        let pose = self.model.pose(counts, calibrated, &self.model.correction(calibrated));
+        if vector::is_finite(&pose) { Ok(self.at_base(pose)) } else { Err(NotFinite) }
+    }
+
+    /// What a goal means to virtual fixtures.
+    pub fn goal_space(&self) -> GoalSpace<'_> {
+        GoalSpace { unit: self.unit(), view: self.calibrated_view(), bounds: self.bounds() }
     }
 
     /// From now on the model is used with this correction.

@@ -19,7 +19,6 @@ use crate::core::joint_space::velocity_estimate::rate;
 use crate::core::motion::backlash_dead_band::{BacklashDeadBand, DeadBandedGoal};
 use crate::core::motion::joint_filter::{GoalStep, JointFilter};
 use crate::core::motion::joint_limits::JointBounds;
-use crate::core::motion::virtual_fixtures::GoalSpace;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
@@ -38,6 +37,8 @@ pub(crate) struct JointModel {
     blend_span: Nanos,
     /// `None`: off, or outputs that are no angles.
     bounds: Option<JointBounds>,
+    /// What is built into the model, against its calibration.
+    base: Option<Correction>,
     /// Only with the adaptation on, and for models that are adapted.
     geometry: Option<ModelGeometry>,
     state: JointModelState,
@@ -190,6 +191,7 @@ impl JointModel {
         };
         let adapts = config.adaptation.enabled;
         Self {
+            base: Correction::built_in(model.file()).filter(|_| has_angles),
             geometry: adapts.then(|| ModelGeometry::new(&model)).flatten(),
             model,
             compensation: config.compensation.factor,
@@ -338,16 +340,6 @@ impl JointModel {
         if vector::is_finite(&pose) { Ok(self.corrected(pose)) } else { Err(NotFinite) }
     }
 
-    /// The outputs at given counts as calibrated, with the memory that belongs to that.
-    pub fn calibrated_pose(
-        &self,
-        counts: &MotorVec,
-        calibrated: &Memory,
-    ) -> Result<OutputVec, NotFinite> {
-        let pose = self.model.pose(counts, calibrated, &self.model.correction(calibrated));
-        if vector::is_finite(&pose) { Ok(pose) } else { Err(NotFinite) }
-    }
-
     /// The pose at given counts keeps the position limits of the angles.
     pub fn allows_position(&self, counts: &MotorVec) -> bool {
         let excess = |bounds: &JointBounds| self.pose(counts).map(|pose| bounds.excess(&pose));
@@ -357,16 +349,6 @@ impl JointModel {
     /// The joint limits; `None`: off, or outputs that are no angles.
     pub fn bounds(&self) -> Option<&JointBounds> {
         self.bounds.as_ref()
-    }
-
-    /// What a goal means to virtual fixtures.
-    pub fn goal_space(&self) -> GoalSpace<'_> {
-        let correction = self.state.correction.as_ref();
-        GoalSpace {
-            unit: self.unit(),
-            view: correction.map(Correction::calibrated_view),
-            bounds: self.bounds(),
-        }
     }
 
     /// The part of the model that depends on the memory alone.

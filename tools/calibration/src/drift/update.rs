@@ -97,6 +97,8 @@ fn built_in(old: &Model, drift: &DriftEstimate) -> Result<Model, ModelError> {
 }
 
 fn note_origin(file: &mut ModelFile, recording: &Recording, rows: usize) {
+    // What a person has recorded is another calibration.
+    file.built_in = None;
     let record = &mut file.training;
     record.data_file = format!("{} updated by {}", record.data_file, recording.name());
     record.data_sha256 = recording.sha256().to_owned();

@@ -222,8 +222,12 @@ fn write_drifted(domain: &Domain, model: &Path, output: &Path) -> Result<(), Fai
     }
     let [pitch, yaw, a, b, c, d, first, second, ..] = message.applied;
     let drift = FileDrift { zero: [pitch, yaw], gain: [[a, b], [c, d]], gap: [first, second] };
-    file.drifted(&drift)?.write(output)?;
+    let drifted = file.drifted(&drift)?;
+    drifted.write(output)?;
     println!("{} is {model} with its drift", output.display());
+    if let Some(built_in) = drifted.built_in.filter(|_| file.built_in.is_some()) {
+        println!("with what was built in before, from {}: {:?} deg", built_in.base, built_in.zero);
+    }
     Ok(())
 }
 
