@@ -99,8 +99,8 @@ pub struct CommandAdmission {
     accepted: u64,
     refused: u64,
     last_refusal: Refusal,
-    /// Who broke the streams of all others off, and when.
-    broken_off: Option<(u64, Nanos)>,
+    /// Who broke the streams of all others off, and when; newest first.
+    broken_off: [Option<(u64, Nanos)>; 2],
 }
 
 impl CommandAdmission {
@@ -116,7 +116,7 @@ impl CommandAdmission {
             accepted: 0,
             refused: 0,
             last_refusal: Refusal::None,
-            broken_off: None,
+            broken_off: [None; 2],
         }
     }
 
@@ -248,7 +248,10 @@ impl CommandAdmission {
         if [0, client_id].contains(&holder) {
             return;
         }
-        self.broken_off = Some((client_id, now));
+        let [last, before] = self.broken_off;
+        // Who was held, and then holds, does not lift the hold from itself.
+        let last = last.filter(|(by, _)| *by != client_id).or(before);
+        self.broken_off = [Some((client_id, now)), last];
         if self.lease.release(holder) == Ok(true) {
             events.push(CycleEventKind::Lease { client_id: 0 });
         }
@@ -256,7 +259,8 @@ impl CommandAdmission {
 
     fn is_broken_off(&self, client_id: u64, now: Nanos) -> bool {
         let is_just = |(by, at): (u64, Nanos)| by != client_id && now.since(at) < BREAK;
-        self.broken_off.is_some_and(is_just) || self.refusals.is_broken_off(client_id, now)
+        self.broken_off.into_iter().flatten().any(is_just)
+            || self.refusals.is_broken_off(client_id, now)
     }
 
     /// Gives the lease back. To give back a free lease is no error.

@@ -28,8 +28,9 @@
 //! - the distance to every region, as adapted and as calibrated;
 //! - the calibrated hull, while a goal in joint space is followed.
 //!
-//! Positions are those at which the motors come to rest if they stop in the next tick: what passes
-//! can always stop in time. A limit that is broken already may be broken no further. What slows
+//! Positions are those of the setpoints, and those at which the motors come to rest if they stop in
+//! the next tick: what passes can always stop in time, and motors that do not stop at the same time
+//! leave the line between both. A limit that is broken already may be broken no further. What slows
 //! down always passes: the gate never lengthens a stop.
 //!
 //! A setpoint that fails is tried again with less: slower, one motor without the other, on a
@@ -270,19 +271,25 @@ impl<'a> Trial<'a> {
         if !axes.keep_limits(&self.before) {
             return Ok(Verdict::Fails);
         }
-        let (rest, stop) = (axes.rest_positions(), self.rest);
+        // Each with where it would be in a stop.
+        let (rest, here) = ((axes.rest_positions(), self.rest), (axes.setpoints(), self.stopped));
+        let places = [rest, here];
         let Some(space) = &mut self.space else {
             return Ok(Verdict::Passes { step: OutputVec::default() });
         };
-        if self.in_hull && !space.stays_in_hull(&rest, &stop) {
+        if self.in_hull && !places.iter().all(|(at, stop)| space.stays_in_hull(at, stop)) {
             return Ok(Verdict::Fails);
         }
         let speed = self.judge_speed(axes, gate)?;
         let Some(space) = &mut self.space else { return Ok(speed) };
-        Ok(match speed {
-            Verdict::Passes { .. } if !space.allows(&rest, &stop)? => Verdict::Fails,
-            speed => speed,
-        })
+        if let Verdict::Passes { .. } = speed {
+            for (at, stop) in &places {
+                if !space.allows(at, stop)? {
+                    return Ok(Verdict::Fails);
+                }
+            }
+        }
+        Ok(speed)
     }
 
     fn judge_speed(&self, axes: &AxisGroup, gate: &Gate) -> Result<Verdict, NotFinite> {
@@ -311,20 +318,20 @@ impl<'a> Trial<'a> {
 
 impl JointSpace<'_> {
     /// Comparisons are written so that what is not a number fails.
-    fn stays_in_hull(&self, rest: &MotorVec, stop: &MotorVec) -> bool {
+    fn stays_in_hull(&self, at: &MotorVec, stop: &MotorVec) -> bool {
         let hull = self.joints.model().hull();
-        hull.excess(rest) <= HULL_TOLERANCE.max(hull.excess(stop))
+        hull.excess(at) <= HULL_TOLERANCE.max(hull.excess(stop))
     }
 
-    /// The poses at rest keep the position limits and stay out of all regions, or break them no
-    /// further than a stop does.
-    fn allows(&mut self, rest: &MotorVec, stop: &MotorVec) -> Result<bool, NotFinite> {
+    /// The poses at some counts keep the position limits and stay out of all regions, or break them
+    /// no further than a stop does.
+    fn allows(&mut self, at: &MotorVec, stop: &MotorVec) -> Result<bool, NotFinite> {
         let (joints, calibrated) = (self.joints, self.calibrated);
         let bounds = joints.bounds();
         if bounds.is_none() && !self.fixtures.is_on() {
             return Ok(true);
         }
-        let adapted = joints.pose(rest)?;
+        let adapted = joints.pose(at)?;
         if let Some(bounds) = bounds {
             let excess = bounds.excess(&adapted);
             if excess > POSE_TOLERANCE && excess > bounds.excess(&joints.pose(stop)?) {
@@ -338,7 +345,7 @@ impl JointSpace<'_> {
             Some(memory) => joints.calibrated_pose(counts, memory),
             None => Ok(adapted),
         };
-        let poses = [adapted, as_calibrated(rest, adapted)?];
+        let poses = [adapted, as_calibrated(at, adapted)?];
         let seen = if calibrated.is_some() { &poses[..] } else { &poses[..1] };
         self.fixtures.allow_setpoint(seen, joints.unit(), || {
             let stopped = joints.pose(stop)?;

@@ -59,11 +59,18 @@ pub fn configuration(random: &mut Random, limits: &Limits, zones: &[Zone]) -> Co
     key("position_max_deg", limits.high.map(|high| format!("{high:?}")));
     key("velocity_deg_s", limits.velocity.map(|value| format!("{value:?}")));
     key("acceleration_deg_s2", limits.acceleration.map(|value| format!("{value:?}")));
-    if random.one_in(3) {
-        text += "[limits]\njerk_counts_s3 = 2e8\n";
+    text += "[limits]\n";
+    if random.one_in(2) {
+        let acceleration = random.within(2e4, 1.6e5);
+        let stop = acceleration * random.within(1.0, 3.0);
+        text += &format!("acceleration_counts_s2 = {acceleration:?}\n");
+        text += &format!("stop_deceleration_counts_s2 = {stop:?}\n");
+        if random.one_in(2) {
+            text += &format!("jerk_counts_s3 = {:?}\n", stop / random.within(1e-3, 8e-3));
+        }
     }
     if random.one_in(2) {
-        text += "[adaptation]\nenabled = true\n";
+        text += "[adaptation]\nenabled = true\ncamera_deviation_deg = 0.3\nslew_deg_s = 3.0\n";
     }
     for (index, zone) in zones.iter().enumerate() {
         text += &table(zone, index);

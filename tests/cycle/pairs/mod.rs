@@ -2,36 +2,28 @@
 //! Limits, fixtures, adaptation, a swap in progress, conditioning, the clutch, stale streams, a
 //! camera that misleads, two clients and a clock that jumps meet in every combination.
 //!
-//! Defects that were put into the gate, one at a time, and what 26 situations said of each:
-//!
-//! | defect | found by |
-//! |---|---|
-//! | nothing is checked | the angles |
-//! | regions are not checked | the regions |
-//! | speed of the angles is not checked | the acceleration |
-//! | the hull, the pose as calibrated, positions of the angles, the limits of the motors or the way to rest is not checked; regions before joint limits | not found: the stages before the gate hold them, too |
+//! `defects`: deliberate defects in the order of filters, each of which has to be found.
 
+mod acts;
+mod defects;
 mod drawing;
 mod oracle;
 mod random;
+mod routes;
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
-use i2ris::core::{
-    ExternalPose, FixtureChange, FixtureSpace, ModelChange, ServoCommand, ServoGoal, SimpleRegion,
-    SimpleShape,
-};
+use i2ris::core::{ExternalPose, FixtureChange, ServoCommand, ServoGoal};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
 use i2ris::model::kinematic::{TipPosition, tip_position};
-use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{
-    Bench, CLIENT, GAIN_DEG, model, play_model, rad, scaled_play_model, within,
-};
+use i2ris::units::Nanos;
+use i2ris_testing::cycle::{Bench, CLIENT, model, play_model, rad, within};
 
 use drawing::{configuration, limits, zone};
-use oracle::{Oracle, SLANTED, SQUARE, Snake, Zone};
+use oracle::{Oracle, SLANTED, SQUARE, Snake, Stop, Zone};
 use random::Random;
 
 const OTHER: u64 = CLIENT + 1;
@@ -39,6 +31,8 @@ const OTHER: u64 = CLIENT + 1;
 const LEASE: Nanos = Nanos::from_millis(500);
 /// Silence after which a stream may begin anew that another client has held.
 const BREAK: Nanos = Nanos::from_millis(1000);
+/// Ticks in which a camera comes to be believed.
+const MISLED_TICKS: u64 = 40_000;
 /// Ticks of a situation.
 const TICKS: u64 = 4000;
 /// Seeds that found something once.
@@ -74,6 +68,9 @@ struct Situation {
     goal: [f64; 2],
     rate: [f64; 2],
     period: u64,
+    /// Goals that are sent one after the other, and for how long the first one has been, ms.
+    route: VecDeque<[f64; 2]>,
+    waited: u64,
     is_streaming: bool,
     clutched: bool,
     has_clutched: bool,
@@ -92,6 +89,8 @@ struct Situation {
     next: Option<(Arc<Model>, f64)>,
     gains: [f64; 2],
     has_memory: bool,
+    /// The camera is believed, and wrong.
+    is_misled: bool,
 }
 
 impl Situation {
@@ -105,13 +104,14 @@ impl Situation {
         let hull: &[[f64; 2]] = if seed.is_multiple_of(3) { &SLANTED } else { &SQUARE };
         let model = if has_memory { play_model() } else { model(OutputUnit::Deg) };
         let model = within(&model, hull);
-        let window = config.limits.window_ticks(config.control.period()).unwrap_or(1);
+        let misleads = !has_memory && config.adaptation.enabled && random.one_in(2);
+        let stop = Stop::new(&config);
         let (scale, first_step) = (config.command.motion_scale, config.command.first_step_deg);
         let bench = Bench::enabled_with(config, Some(model));
         let snake = Snake::new(if has_memory { 100.0 } else { 0.0 });
-        let mut oracle = Oracle::new(snake, limits, hull, 6 + window);
+        let mut oracle = Oracle::new(snake, limits, hull, stop);
         oracle.set_zones(&bench, &zones);
-        Self {
+        let mut situation = Self {
             kind: Kind::Angles,
             kinds: (!seed.is_multiple_of(5)).then(|| Random::new(seed ^ 0x9E37_79B9)),
             configured: zones.len(),
@@ -120,6 +120,8 @@ impl Situation {
             goal: [0.0; 2],
             rate: [0.0; 2],
             period: 5,
+            route: VecDeque::new(),
+            waited: 0,
             is_streaming: true,
             clutched: false,
             has_clutched: false,
@@ -134,15 +136,51 @@ impl Situation {
             next: None,
             gains: [1.0; 2],
             has_memory,
+            is_misled: misleads,
             random,
             bench,
             oracle,
+        };
+        if misleads {
+            situation.mislead();
+        }
+        situation
+    }
+
+    /// A camera comes to read too little, and is believed: with no region that it could be told by.
+    fn mislead(&mut self) {
+        let has_zones = !self.zones.is_empty();
+        self.switch(has_zones, FixtureChange::SwitchOff);
+        let [x, y] = self.random.direction().map(|part| 2.6 * part);
+        for k in 0..MISLED_TICKS {
+            let share = (1.25 * k as f64 / MISLED_TICKS as f64).min(1.0);
+            self.camera = Some(([share * x, share * y], 0.0));
+            self.see();
+            let phase = 0.004 * k as f64;
+            let [pitch, yaw] = [phase.sin(), (0.7 * phase).sin()].map(|part| 1.9 * part);
+            self.bench.joint(pitch, yaw);
+        }
+        self.switch(has_zones, FixtureChange::SwitchOn);
+        self.goal = self.present();
+        self.sent = self.bench.now;
+        self.leader = Some((CLIENT, self.bench.now));
+        self.oracle.begin(&self.bench);
+        let counting = self.zones.clone();
+        self.oracle.set_zones(&self.bench, &counting);
+        let applied = self.bench.report().adaptation.unwrap().applied.zero.map(f64::to_degrees);
+        println!("misled by {applied:?} of {x} {y}");
+    }
+
+    fn switch(&mut self, is_any: bool, change: FixtureChange) {
+        if is_any {
+            self.bench.fixture = Some(change);
+            assert_eq!(self.bench.ask_as(CLIENT, StateCommand::Fixture).refusal, Refusal::None);
         }
     }
 
     fn run(&mut self, ticks: u64) {
         for tick in 0..ticks {
-            if self.random.one_in(60) {
+            if self.random.one_in(if self.route.is_empty() { 60 } else { 600 }) {
                 self.act();
             }
             self.see();
@@ -179,6 +217,7 @@ impl Situation {
     }
 
     fn stream(&mut self) {
+        self.follow_route();
         for (goal, rate) in self.goal.iter_mut().zip(&mut self.rate) {
             *goal += *rate * self.period as f64 * 1e-3;
             if goal.abs() > 9.0 {
@@ -196,7 +235,8 @@ impl Situation {
         let TipPosition { position_m, slope_m_per_rad: [by_pitch, by_yaw] } =
             tip_position(angles[0], angles[1]);
         let velocity = [0, 1, 2].map(|at| by_pitch[at] * rates[0] + by_yaw[at] * rates[1]);
-        let goal = match self.kind {
+        let kind = if self.route.is_empty() { self.kind } else { Kind::Angles };
+        let goal = match kind {
             Kind::Angles => ServoGoal::Joint(angles, 2),
             Kind::Interpolated => ServoGoal::Interpolated(angles, 2),
             Kind::Rate => ServoGoal::Rate(rates, 2),
@@ -259,8 +299,10 @@ impl Situation {
     }
 
     fn act(&mut self) {
-        match self.random.below(16) {
+        self.route.clear();
+        match self.random.below(18) {
             0..=3 => self.turn(),
+            16 | 17 => self.draw_route(),
             4 => self.is_streaming = !self.is_streaming,
             5 => {
                 self.clutched = !self.clutched;
@@ -316,126 +358,6 @@ impl Situation {
         if self.random.one_in(5) {
             self.goal = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
         }
-    }
-
-    /// Another client commands, with a clock or a step of its own.
-    fn compete(&mut self) {
-        self.sequence += 1;
-        let goal = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
-        let age = Nanos::from_millis(self.random.below(80));
-        let command = ServoCommand {
-            client_id: OTHER,
-            sequence: self.sequence,
-            stamp: self.bench.now - age,
-            deadline: Nanos::ZERO,
-            goal: ServoGoal::Joint(rad(goal[0], goal[1]), 2),
-            clutched: false,
-            has_unknown_flags: false,
-        };
-        self.send(command);
-    }
-
-    fn begin_in_counts(&mut self) {
-        let near = [0, 1].map(|_| self.random.within(-24.0, 24.0) as i32);
-        let [a, b] = self.bench.targets();
-        let goal = ServoGoal::Actuator([Counts(a + near[0]), Counts(b + near[1])], 2);
-        let command = self.bench.servo(goal);
-        if self.zones_on && !self.zones.is_empty() {
-            let refusal = self.bench.send(command);
-            assert_ne!(refusal, Refusal::None, "counts while fixtures count");
-            self.oracle.check(&self.bench);
-        } else {
-            self.send(command);
-        }
-    }
-
-    fn change_zones(&mut self) {
-        let new = zone(&mut self.random);
-        let (space, centre) = (FixtureSpace::Angles, |[a, b]: [f64; 2]| rad(a, b));
-        let shape = match new {
-            Zone::Circle { centre: at, radius } => {
-                SimpleShape::Ball { centre: centre(at), radius: radius.to_radians() }
-            }
-            Zone::Wall { normal: [a, b], offset } => {
-                SimpleShape::HalfSpace { normal: [a, b, 0.0], offset: offset.to_radians() }
-            }
-        };
-        let changes = [
-            FixtureChange::Add(SimpleRegion { space, shape }),
-            FixtureChange::SwitchOn,
-            FixtureChange::SwitchOff,
-            FixtureChange::RemoveAdded,
-        ];
-        let change = changes[self.random.below(4) as usize];
-        let client_id = if self.random.one_in(2) { CLIENT } else { OTHER };
-        self.bench.fixture = Some(change);
-        if self.bench.ask_as(client_id, StateCommand::Fixture).refusal == Refusal::None {
-            match change {
-                FixtureChange::Add(_) => {
-                    self.zones.push(new);
-                    self.zones_on = true;
-                }
-                FixtureChange::SwitchOn => self.zones_on = true,
-                FixtureChange::SwitchOff => self.zones_on = false,
-                FixtureChange::RemoveAdded => self.zones.truncate(self.configured),
-            }
-            let counting = if self.zones_on { &self.zones[..] } else { &[] };
-            self.oracle.set_zones(&self.bench, counting);
-        }
-        self.oracle.check(&self.bench);
-    }
-
-    fn swap(&mut self) {
-        if !self.has_memory {
-            return;
-        }
-        let gain = self.random.within(0.9, 1.15);
-        let next = within(&scaled_play_model(gain), self.hull);
-        if self.random.one_in(2) || self.next.is_none() {
-            self.bench.offer(self.bench.candidate(&next));
-            self.bench.tick();
-            self.oracle.check(&self.bench);
-            self.next = Some((next, gain));
-        }
-        let is_followed = self.oracle.is_followed(&self.bench);
-        let holder = self.bench.report().lease_client_id;
-        let client_id = if self.random.one_in(2) { CLIENT } else { OTHER };
-        let staged = self.next.take_if(|_| !self.random.one_in(4));
-        let change = match &staged {
-            Some((next, _)) => ModelChange::Activate(next.id()),
-            None => ModelChange::Rollback,
-        };
-        let refusal = self.bench.change_model_as(client_id, change, true);
-        let [now, before] = self.gains;
-        if refusal != Refusal::None {
-            self.next = staged.or(self.next.take());
-            self.oracle.check(&self.bench);
-            return;
-        }
-        assert!(!is_followed || holder == client_id, "a swap under the hand of another");
-        self.gains = [staged.map_or(before, |(_, gain)| gain), now];
-        self.oracle.snake.gain = self.gains[0] * GAIN_DEG;
-        self.oracle.see_anew(&self.bench);
-    }
-
-    fn move_to(&mut self) {
-        let pose = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
-        self.bench.pose = Some((rad(pose[0], pose[1]), 2));
-        let refusal = self.ask(CLIENT, StateCommand::Move);
-        let limits = self.oracle.limits;
-        let is_cut = [0, 1].into_iter().any(|at| {
-            limits.low.is_some_and(|low| pose[at] < low[at] - 0.01)
-                || limits.high.is_some_and(|high| pose[at] > high[at] + 0.01)
-        });
-        assert!(refusal != Refusal::None || !is_cut, "a move beyond the joint limits");
-    }
-
-    fn begin_anew(&mut self) {
-        let _ = self.ask(CLIENT, StateCommand::Disable);
-        self.bench.idle();
-        assert_eq!(self.bench.ask(StateCommand::Enable), Refusal::None);
-        self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
-        self.oracle.see_anew(&self.bench);
     }
 }
 

@@ -272,6 +272,24 @@ fn a_key_that_is_slow_or_says_so_slows_nobody_else() {
 }
 
 #[test]
+fn a_key_has_one_session_and_a_place_is_kept_for_keys_that_command() {
+    let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
+    let make = |name: &str, access| make(folder.path(), name, access);
+    let watchers = ["a", "b", "c", "d"].map(|name| make(name, Access::Watch));
+    let alice = make("alice", Access::Command);
+    let server = RunningServer::start(&controller, folder.path());
+    let connect = |key| RawClient::connect(&server.address, key).unwrap();
+    let clients = watchers.each_ref().map(|key| connect(key));
+    let [first, .., last] = &clients;
+    let refusal = |client: &RawClient| client.alive().unwrap().refusal;
+    let again = connect(&watchers[0]);
+    assert_eq!([refusal(first), refusal(&again)], [0, refusal_number(&Reason::KeyInUse)]);
+    assert_eq!([refusal(&clients[1]), refusal(&clients[2])], [0; 2]);
+    assert_eq!(refusal(last), refusal_number(&Reason::Full));
+    assert_eq!(refusal(&connect(&alice)), 0);
+}
+
+#[test]
 fn the_newest_of_every_stream_is_sent_on_request_and_then_as_it_comes() {
     let (controller, folder) = (Controller::enabled(), tempfile::tempdir().unwrap());
     let eve = make(folder.path(), "eve", Access::Watch);

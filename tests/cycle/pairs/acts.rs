@@ -1,0 +1,134 @@
+//! What others do, and what is asked for, in between.
+
+use i2ris::core::{
+    FixtureChange, FixtureSpace, ModelChange, ServoCommand, ServoGoal, SimpleRegion, SimpleShape,
+};
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::units::{Counts, Nanos};
+use i2ris_testing::cycle::{CLIENT, GAIN_DEG, rad, scaled_play_model, within};
+
+use super::drawing::zone;
+use super::oracle::Zone;
+use super::{OTHER, Situation};
+
+impl Situation {
+    /// Another client commands, with a clock or a step of its own.
+    pub(super) fn compete(&mut self) {
+        self.sequence += 1;
+        let goal = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
+        let age = Nanos::from_millis(self.random.below(80));
+        let command = ServoCommand {
+            client_id: OTHER,
+            sequence: self.sequence,
+            stamp: self.bench.now - age,
+            deadline: Nanos::ZERO,
+            goal: ServoGoal::Joint(rad(goal[0], goal[1]), 2),
+            clutched: false,
+            has_unknown_flags: false,
+        };
+        self.send(command);
+    }
+
+    pub(super) fn begin_in_counts(&mut self) {
+        let near = [0, 1].map(|_| self.random.within(-24.0, 24.0) as i32);
+        let [a, b] = self.bench.targets();
+        let goal = ServoGoal::Actuator([Counts(a + near[0]), Counts(b + near[1])], 2);
+        let command = self.bench.servo(goal);
+        if self.zones_on && !self.zones.is_empty() {
+            let refusal = self.bench.send(command);
+            assert_ne!(refusal, Refusal::None, "counts while fixtures count");
+            self.oracle.check(&self.bench);
+        } else {
+            self.send(command);
+        }
+    }
+
+    pub(super) fn change_zones(&mut self) {
+        let new = zone(&mut self.random);
+        let (space, centre) = (FixtureSpace::Angles, |[a, b]: [f64; 2]| rad(a, b));
+        let shape = match new {
+            Zone::Circle { centre: at, radius } => {
+                SimpleShape::Ball { centre: centre(at), radius: radius.to_radians() }
+            }
+            Zone::Wall { normal: [a, b], offset } => {
+                SimpleShape::HalfSpace { normal: [a, b, 0.0], offset: offset.to_radians() }
+            }
+        };
+        let changes = [
+            FixtureChange::Add(SimpleRegion { space, shape }),
+            FixtureChange::SwitchOn,
+            FixtureChange::SwitchOff,
+            FixtureChange::RemoveAdded,
+        ];
+        let change = changes[self.random.below(4) as usize];
+        let client_id = if self.random.one_in(2) { CLIENT } else { OTHER };
+        self.bench.fixture = Some(change);
+        if self.bench.ask_as(client_id, StateCommand::Fixture).refusal == Refusal::None {
+            match change {
+                FixtureChange::Add(_) => {
+                    self.zones.push(new);
+                    self.zones_on = true;
+                }
+                FixtureChange::SwitchOn => self.zones_on = true,
+                FixtureChange::SwitchOff => self.zones_on = false,
+                FixtureChange::RemoveAdded => self.zones.truncate(self.configured),
+            }
+            let counting = if self.zones_on { &self.zones[..] } else { &[] };
+            self.oracle.set_zones(&self.bench, counting);
+        }
+        self.oracle.check(&self.bench);
+    }
+
+    pub(super) fn swap(&mut self) {
+        if !self.has_memory {
+            return;
+        }
+        let gain = self.random.within(0.9, 1.15);
+        let next = within(&scaled_play_model(gain), self.hull);
+        if self.random.one_in(2) || self.next.is_none() {
+            self.bench.offer(self.bench.candidate(&next));
+            self.bench.tick();
+            self.oracle.check(&self.bench);
+            self.next = Some((next, gain));
+        }
+        let is_followed = self.oracle.is_followed(&self.bench);
+        let holder = self.bench.report().lease_client_id;
+        let client_id = if self.random.one_in(2) { CLIENT } else { OTHER };
+        let staged = self.next.take_if(|_| !self.random.one_in(4));
+        let change = match &staged {
+            Some((next, _)) => ModelChange::Activate(next.id()),
+            None => ModelChange::Rollback,
+        };
+        let refusal = self.bench.change_model_as(client_id, change, true);
+        let [now, before] = self.gains;
+        if refusal != Refusal::None {
+            self.next = staged.or(self.next.take());
+            self.oracle.check(&self.bench);
+            return;
+        }
+        assert!(!is_followed || holder == client_id, "a swap under the hand of another");
+        self.gains = [staged.map_or(before, |(_, gain)| gain), now];
+        self.oracle.snake.gain = self.gains[0] * GAIN_DEG;
+        self.oracle.see_anew(&self.bench);
+    }
+
+    pub(super) fn move_to(&mut self) {
+        let pose = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
+        self.bench.pose = Some((rad(pose[0], pose[1]), 2));
+        let refusal = self.ask(CLIENT, StateCommand::Move);
+        let limits = self.oracle.limits;
+        let is_cut = [0, 1].into_iter().any(|at| {
+            limits.low.is_some_and(|low| pose[at] < low[at] - 0.01)
+                || limits.high.is_some_and(|high| pose[at] > high[at] + 0.01)
+        });
+        assert!(refusal != Refusal::None || !is_cut, "a move beyond the joint limits");
+    }
+
+    pub(super) fn begin_anew(&mut self) {
+        let _ = self.ask(CLIENT, StateCommand::Disable);
+        self.bench.idle();
+        assert_eq!(self.bench.ask(StateCommand::Enable), Refusal::None);
+        self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
+        self.oracle.see_anew(&self.bench);
+    }
+}

@@ -1,0 +1,139 @@
+//! Deliberate defects in the order of filters, one at a time, each of which the pairs have to find.
+//!
+//! A copy of the sources gets the defect, is built, and draws a million ticks. What has not been found
+//! lies where another stage holds the same limit: the limits of the motors (stage 10 and the gate),
+//! and the order of stages 5 and 6 (the gate).
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const GATE: &str = "src/core/joint_space/gate.rs";
+
+/// What is replaced by what, in which file.
+type Edit = (&'static str, &'static str, &'static str);
+
+const DEFECTS: [(&str, &[Edit]); 7] = [
+    (
+        "the gate checks nothing",
+        &[(
+            GATE,
+            "        if !axes.keep_limits(&self.before) {",
+            "        if axes.count() > 0 {\n            \
+             return Ok(Verdict::Passes { step: OutputVec::default() });\n        }\n        \
+             if !axes.keep_limits(&self.before) {",
+        )],
+    ),
+    (
+        "the gate checks no region",
+        &[(GATE, "        if !self.fixtures.is_on() {", "        if bounds.is_some() || true {")],
+    ),
+    (
+        "the gate checks no speed of the angles",
+        &[(
+            GATE,
+            "let speed = self.judge_speed(axes, gate)?;",
+            "let (speed, _) = (Verdict::Passes { step: gate.step }, self.judge_speed(axes, gate)?);",
+        )],
+    ),
+    (
+        "the gate checks no hull",
+        &[(GATE, "if self.in_hull && !space", "if self.in_hull && false && !space")],
+    ),
+    (
+        "the gate checks no position of the angles",
+        &[(GATE, "if excess > POSE_TOLERANCE && excess", "if excess > 9.0 && excess")],
+    ),
+    (
+        "the gate looks at where the setpoints are, and not at where they come to rest",
+        &[(GATE, "let places = [rest, here];", "let [_, places] = [[rest, here], [here, here]];")],
+    ),
+    (
+        "regions are kept at the adapted pose only",
+        &[
+            (
+                "src/core/joint_space/joint_model/mod.rs",
+                "view: correction.map(Correction::calibrated_view),",
+                "view: correction.map(Correction::calibrated_view).filter(|_| false),",
+            ),
+            (
+                GATE,
+                "Some(memory) => joints.calibrated_pose(counts, memory),",
+                "Some(memory) => joints.calibrated_pose(counts, memory).map(|_| adapted),",
+            ),
+        ],
+    ),
+];
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn every_deliberate_defect_fits_the_source() {
+    for (name, edits) in DEFECTS {
+        for (file, from, _) in edits {
+            let source = fs::read_to_string(root().join(file)).unwrap();
+            assert_eq!(source.matches(from).count(), 1, "{name}: {from}");
+        }
+    }
+}
+
+fn output(command: &mut Command) -> (bool, String) {
+    let output = command.output().unwrap();
+    let text = [output.stdout, output.stderr].concat();
+    (output.status.success(), String::from_utf8_lossy(&text).into_owned())
+}
+
+/// Copies what git knows. What is the same stays as it is, and is not built again.
+fn copy(to: &Path) {
+    let (_, files) = output(Command::new("git").arg("ls-files").current_dir(root()));
+    for file in files.lines() {
+        let Ok(content) = fs::read(root().join(file)) else { continue };
+        let target = to.join(file);
+        if fs::read(&target).is_ok_and(|former| former == content) {
+            continue;
+        }
+        fs::create_dir_all(target.parent().unwrap()).unwrap();
+        fs::write(target, content).unwrap();
+    }
+}
+
+/// Draws a million ticks in a copy of the sources: what the test said, if it was built.
+fn draw(folder: &Path) -> (bool, String) {
+    let (found, text) = output(
+        Command::new(env!("CARGO"))
+            .args(["test", "--locked", "-p", "i2ris", "--test", "simulated", "--"])
+            .args(["--ignored", "--nocapture", "pairs_of_a_million"])
+            .env("CARGO_TARGET_DIR", folder.join("target"))
+            .env("I2RIS_TICKS", "1000000")
+            .env_remove("I2RIS_SEED")
+            .current_dir(folder.join("source")),
+    );
+    assert!(text.contains("situations of"), "not built: {text}");
+    (found, text)
+}
+
+#[test]
+#[ignore = "builds the controller again for every defect: for .ci/nightly"]
+fn every_deliberate_defect_in_the_order_of_filters_is_found() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("defects");
+    let mut missed = Vec::new();
+    for (name, edits) in DEFECTS {
+        copy(&folder.join("source"));
+        for (file, from, to) in edits {
+            let file = folder.join("source").join(file);
+            let source = fs::read_to_string(&file).unwrap();
+            fs::write(&file, source.replace(from, to)).unwrap();
+        }
+        let (is_passed, text) = draw(&folder);
+        let seeds = text.lines().find(|line| line.starts_with("seeds")).unwrap_or("not found");
+        println!("{name}: {seeds}");
+        if is_passed {
+            missed.push(name);
+        }
+    }
+    copy(&folder.join("source"));
+    assert!(missed.is_empty(), "not found: {missed:?}");
+    assert!(draw(&folder).0, "without a defect nothing is found");
+}

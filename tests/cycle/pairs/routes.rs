@@ -1,0 +1,85 @@
+//! Ways along an edge: a side of the hull, a wall, a joint limit. Motors that do not arrive at the
+//! same time leave the straight line there, beyond the edge if nobody looks at the setpoints.
+
+use i2ris_testing::cycle::GAIN_DEG;
+
+use super::Situation;
+use super::oracle::Zone;
+
+/// Longest step of a goal, degrees: a command may go 5.
+const STEP_DEG: f64 = 4.7;
+/// A goal counts as reached, degrees, or is given up after so many milliseconds.
+const NEAR_DEG: f64 = 0.05;
+pub const PATIENCE_MS: u64 = 600;
+
+pub fn distance([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
+    (c - a).hypot(d - b)
+}
+
+fn between(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
+    [0, 1].map(|at: usize| from[at] + share * (to[at] - from[at]))
+}
+
+impl Situation {
+    /// To one place at an edge, in steps, and then in one step along the edge.
+    pub(super) fn draw_route(&mut self) {
+        let Some((from, to)) = self.edge() else { return };
+        let here = self.present();
+        let steps = (distance(here, from) / STEP_DEG).ceil().max(1.0);
+        let share = (STEP_DEG / distance(from, to)).min(1.0);
+        let lead = (1..=steps as u32).map(|step| between(here, from, f64::from(step) / steps));
+        self.route = lead.chain([between(from, to, share)]).collect();
+        (self.clutched, self.is_streaming, self.rate) = (false, true, [0.0; 2]);
+    }
+
+    /// The goal of a route, until the snake is there.
+    pub(super) fn follow_route(&mut self) {
+        let Some(next) = self.route.front() else { return };
+        self.goal = *next;
+        self.waited += self.period;
+        if distance(self.present(), self.goal) < NEAR_DEG || self.waited > PATIENCE_MS {
+            self.route.pop_front();
+            self.waited = 0;
+        }
+    }
+
+    fn edge(&mut self) -> Option<([f64; 2], [f64; 2])> {
+        let [one, other] = [0; 2].map(|_| self.random.within(-8.0, 8.0));
+        let kind = self.random.below(3);
+        match if self.is_misled { 1 } else { kind } {
+            0 if !self.has_memory => {
+                let first = self.random.below(self.hull.len() as u64) as usize;
+                let corners = [first, (first + 1) % self.hull.len()];
+                let angles = corners.map(|corner| {
+                    let [a, b] = self.hull[corner].map(|counts| 0.998 * counts);
+                    [GAIN_DEG * (a + b), GAIN_DEG * (b - a)]
+                });
+                let [from, to] = [one, other].map(|at| 0.5 + at / 16.0);
+                let [start, end] = angles;
+                Some((between(start, end, from), between(start, end, to)))
+            }
+            1 if self.zones_on => {
+                let zone = self.random.below(3) as usize % self.zones.len().max(1);
+                let zone = *self.zones.get(zone)?;
+                let (normal, offset) = match zone {
+                    Zone::Wall { normal, offset } => (normal, offset),
+                    Zone::Circle { centre, radius } => {
+                        let far = centre[0].hypot(centre[1]);
+                        (centre.map(|part| part / far), far - radius)
+                    }
+                };
+                let at = |along: f64| {
+                    [offset * normal[0] - along * normal[1], offset * normal[1] + along * normal[0]]
+                };
+                Some((at(one), at(other)))
+            }
+            _ => {
+                let high = self.oracle.limits.high?;
+                let pitch = [[high[0], one], [high[0], other]];
+                let yaw = [[one, high[1]], [other, high[1]]];
+                let [from, to] = if self.random.one_in(2) { pitch } else { yaw };
+                Some((from, to))
+            }
+        }
+    }
+}
