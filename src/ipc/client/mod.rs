@@ -8,6 +8,7 @@
 //! | [`Subscriptions`] | receiving every message of several streams |
 //! | [`ExternalPublisher`] | publishing measurements of cameras and other sensors |
 //! | [`Announcer`] | telling other clients: targets of a task, input devices, trials |
+//! | [`PicturePublisher`], [`PictureSubscription`] | pictures of cameras, for recordings |
 //! | [`Forwarder`], [`RequestForwarder`] | forwarding commands of remote clients |
 //!
 //! ```no_run
@@ -36,6 +37,7 @@ mod error;
 mod external_publisher;
 mod forwarder;
 mod model_client;
+mod pictures;
 mod request_client;
 mod subscription;
 
@@ -45,5 +47,6 @@ pub use controller_client::Client;
 pub use error::ClientError;
 pub use external_publisher::ExternalPublisher;
 pub use forwarder::Forwarder;
+pub use pictures::{PictureHeader, PicturePublisher, PictureSubscription};
 pub use request_client::RequestForwarder;
 pub use subscription::{Latest, Subscription, Subscriptions, Watcher};

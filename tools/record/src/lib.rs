@@ -15,6 +15,7 @@
 //! | `run_log` | the lines of a run in the log of the controller |
 //! | `export` | tables as CSV and Parquet |
 //! | `dataset` | data sets for those who train policies: LeRobot |
+//! | `alignment` | how late the stamps of a camera are |
 //! | `pictures` | pictures of cameras as messages |
 //! | `extract` | attachments and commands as files |
 //! | `report` | tracking errors, hysteresis loops, latencies and events of a trial |
@@ -25,6 +26,7 @@
 //! of the monotonic clock. Stamps of the file and of standard messages are Unix time; the offset
 //! between both clocks is measured at the start and written to the metadata.
 
+pub mod alignment;
 pub mod cdr;
 pub mod cpp_header;
 pub mod dataset;

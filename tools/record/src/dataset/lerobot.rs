@@ -11,25 +11,25 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::features::{FEATURES, INDEX, described, dtype};
+use super::features::{FEATURES, INDEX, described};
+use super::meta::{lines, pretty};
 use super::recorded::Recorded;
 use super::staged::MADE_OF;
 use super::statistics::{PictureStatistics, Statistics};
 use super::table::{Cell, Column, Kind, Table};
 use super::video::Video;
 use super::{Dataset, DatasetError, Options, Shape, Source, Version, readme};
-use crate::study::journal::Outcome;
 
 /// Episodes of a folder.
-const CHUNK: usize = 1000;
+pub const CHUNK: usize = 1000;
 
 /// A data set in progress.
 pub struct Writer {
-    folder: PathBuf,
-    options: Options,
-    shape: Shape,
+    pub(super) folder: PathBuf,
+    pub(super) options: Options,
+    pub(super) shape: Shape,
     tasks: Vec<String>,
-    done: Vec<Done>,
+    pub(super) done: Vec<Done>,
     /// Values of each column of numbers, of all rows.
     values: Vec<(String, usize, Vec<f64>)>,
     pictures: Vec<PictureStatistics>,
@@ -40,11 +40,11 @@ pub struct Writer {
 }
 
 /// A finished episode.
-struct Done {
-    task: usize,
-    rows: usize,
-    statistics: Vec<(String, Value)>,
-    numbers: Vec<(String, Statistics)>,
+pub struct Done {
+    pub task: usize,
+    pub rows: usize,
+    pub statistics: Vec<(String, Value)>,
+    pub numbers: Vec<(String, Statistics)>,
 }
 
 /// An episode in progress.
@@ -79,12 +79,12 @@ fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> DatasetError {
     |error| DatasetError::Io { path: path.to_owned(), error }
 }
 
-fn table_error(path: &Path) -> impl FnOnce(parquet::errors::ParquetError) -> DatasetError {
+pub fn table_error(path: &Path) -> impl FnOnce(parquet::errors::ParquetError) -> DatasetError {
     |error| DatasetError::Table { path: path.to_owned(), error }
 }
 
 /// A file of the data set, in a folder that is made.
-fn file(folder: &Path, name: &str) -> Result<PathBuf, DatasetError> {
+pub fn file(folder: &Path, name: &str) -> Result<PathBuf, DatasetError> {
     let path = folder.join(name);
     fs::create_dir_all(path.parent().unwrap_or(folder)).map_err(io_error(&path))?;
     Ok(path)
@@ -127,6 +127,14 @@ impl Writer {
             let fact = recorded.about.get(name);
             self.facts.extend(fact.map(|value| (name.to_owned(), value.clone())));
         }
+        if !self.shape.views.is_empty() {
+            let late = recorded.late_s.map(|(late, deviation)| {
+                let [late, deviation] = [late, deviation].map(|seconds| 1e3 * seconds);
+                format!("{late:.1} ms late (deviation {deviation:.1} ms), put right")
+            });
+            let unknown = || "not measured: nothing moved under a camera".to_owned();
+            self.facts.insert(("stamps of pictures".to_owned(), late.unwrap_or_else(unknown)));
+        }
     }
 
     fn columns(&self) -> Vec<Column> {
@@ -139,7 +147,7 @@ impl Writer {
         columns
     }
 
-    fn rows_done(&self) -> usize {
+    pub fn rows_done(&self) -> usize {
         self.done.iter().map(|episode| episode.rows).sum()
     }
 
@@ -255,165 +263,6 @@ impl Writer {
         write("README.md", readme::text(dataset, &self))
     }
 
-    fn info(&self, dataset: &Dataset) -> Value {
-        let mut features = Map::new();
-        for feature in &FEATURES {
-            let (entries, kind) = (feature.entries, dtype(feature.kind));
-            let names = (!entries.is_empty()).then_some(entries);
-            let shape = [entries.len().max(1)];
-            let feature_json = json!({ "dtype": kind, "shape": shape, "names": names });
-            features.insert(feature.name.to_owned(), feature_json);
-        }
-        let even =
-            |length: usize| if self.is_video() { length.next_multiple_of(2) } else { length };
-        for (view, [width, height, colours]) in &self.shape.views {
-            let colours = if self.is_video() { 3 } else { *colours };
-            let kind = if self.is_video() { "video" } else { "image" };
-            let shape = [even(*height), even(*width), colours];
-            let mut feature = json!({
-                "dtype": kind, "shape": shape, "names": ["height", "width", "channels"],
-            });
-            if self.is_video() {
-                feature["info"] = json!({
-                    "video.height": shape[0], "video.width": shape[1], "video.channels": 3,
-                    "video.codec": "h264", "video.pix_fmt": "yuv420p",
-                    "video.is_depth_map": false, "video.fps": self.shape.fps, "has_audio": false,
-                });
-            }
-            features.insert(view_name(view), feature);
-        }
-        for (name, kind) in INDEX {
-            let feature = json!({ "dtype": dtype(kind), "shape": [1], "names": null });
-            features.insert(name.to_owned(), feature);
-        }
-        let episodes = self.done.len();
-        let mut info = json!({
-            "robot_type": "i2ris",
-            "total_episodes": episodes,
-            "total_frames": self.rows_done(),
-            "total_tasks": self.tasks.len(),
-            "chunks_size": CHUNK,
-            "fps": self.shape.fps,
-            "splits": splits(dataset),
-            "video_path": null,
-            "features": features,
-        });
-        match self.options.version {
-            Version::V21 => {
-                let path = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet";
-                info["codebase_version"] = "v2.1".into();
-                info["data_path"] = path.into();
-                info["total_chunks"] = episodes.div_ceil(CHUNK).into();
-                let videos = if self.is_video() { episodes * self.shape.views.len() } else { 0 };
-                info["total_videos"] = videos.into();
-                if self.is_video() {
-                    let path = "videos/chunk-{episode_chunk:03d}/{video_key}/\
-                                episode_{episode_index:06d}.mp4";
-                    info["video_path"] = path.into();
-                }
-            }
-            Version::V3 => {
-                let path = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet";
-                info["codebase_version"] = "v3.0".into();
-                info["data_path"] = path.into();
-                info["data_files_size_in_mb"] = 100.into();
-                info["video_files_size_in_mb"] = 200.into();
-                if self.is_video() {
-                    let path =
-                        "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4";
-                    info["video_path"] = path.into();
-                }
-            }
-        }
-        info
-    }
-
-    /// The tasks as a table that pandas reads with the texts as its index.
-    fn write_tasks(&self) -> Result<(), DatasetError> {
-        let path = file(&self.folder, "meta/tasks.parquet")?;
-        let columns = vec![
-            Column::new("task_index", Kind::Integer, &[]),
-            Column::new("task", Kind::Text, &[]),
-        ];
-        let pandas = json!({
-            "index_columns": ["task"],
-            "column_indexes": [],
-            "columns": [
-                { "name": "task_index", "field_name": "task_index", "pandas_type": "int64",
-                  "numpy_type": "int64", "metadata": null },
-                { "name": "task", "field_name": "task", "pandas_type": "unicode",
-                  "numpy_type": "object", "metadata": null },
-            ],
-            "pandas_version": "2.0.0",
-        });
-        let about = [("pandas", pandas.to_string())];
-        let mut table = Table::create(&path, columns, &about).map_err(table_error(&path))?;
-        for (index, task) in self.tasks.iter().enumerate() {
-            let cells = vec![Cell::Integer(index as i64), Cell::Text(task.clone())];
-            table.row(cells).map_err(table_error(&path))?;
-        }
-        table.finish().map_err(table_error(&path))
-    }
-
-    fn write_episodes(&self) -> Result<(), DatasetError> {
-        let path = file(&self.folder, "meta/episodes/chunk-000/file-000.parquet")?;
-        let (mut table, mut from) = (None, 0);
-        for (number, episode) in self.done.iter().enumerate() {
-            let to = from + episode.rows;
-            let (chunk, file) = (number / CHUNK, number % CHUNK);
-            let mut row = vec![
-                (Column::new("episode_index", Kind::Integer, &[]), Cell::Integer(number as i64)),
-                (
-                    Column::new("tasks", Kind::Text, &[1]),
-                    Cell::Text(self.tasks[episode.task].clone()),
-                ),
-            ];
-            let mut integer = |name: &str, value: usize| {
-                row.push((Column::new(name, Kind::Integer, &[]), Cell::Integer(value as i64)));
-            };
-            integer("length", episode.rows);
-            for (name, value) in [("data/chunk_index", chunk), ("data/file_index", file)] {
-                integer(name, value);
-            }
-            integer("dataset_from_index", from);
-            integer("dataset_to_index", to);
-            integer("meta/episodes/chunk_index", 0);
-            integer("meta/episodes/file_index", 0);
-            if self.is_video() {
-                for (view, _) in &self.shape.views {
-                    let name = |what: &str| format!("videos/{}/{what}", view_name(view));
-                    let mut push = |what, kind, cell| {
-                        row.push((Column::new(name(what), kind, &[]), cell));
-                    };
-                    push("chunk_index", Kind::Integer, Cell::Integer(chunk as i64));
-                    push("file_index", Kind::Integer, Cell::Integer(file as i64));
-                    push("from_timestamp", Kind::Double, Cell::Numbers(vec![0.0]));
-                    let length_s = episode.rows as f64 / f64::from(self.shape.fps);
-                    push("to_timestamp", Kind::Double, Cell::Numbers(vec![length_s]));
-                }
-            }
-            for (name, statistics) in &episode.numbers {
-                for (what, values) in &statistics.values {
-                    let name = format!("stats/{name}/{what}");
-                    let column = Column::new(name, Kind::Double, &[values.len()]);
-                    row.push((column, Cell::Numbers(values.clone())));
-                }
-                let column = Column::new(format!("stats/{name}/count"), Kind::Integer, &[1]);
-                row.push((column, Cell::Integer(statistics.count as i64)));
-            }
-            let (columns, cells): (Vec<_>, Vec<_>) = row.into_iter().unzip();
-            let table = match &mut table {
-                Some(table) => table,
-                none => {
-                    none.insert(Table::create(&path, columns, &[]).map_err(table_error(&path))?)
-                }
-            };
-            table.row(cells).map_err(table_error(&path))?;
-            from = to;
-        }
-        table.map_or(Ok(()), |table| table.finish().map_err(table_error(&path)))
-    }
-
     /// What is done in the episodes.
     pub fn tasks(&self) -> &[String] {
         &self.tasks
@@ -473,33 +322,4 @@ fn all_statistics(
     let pictures = views.iter().zip(pictures);
     let pictures = pictures.map(|(view, it)| (view_name(view), it.statistics().json(true)));
     numbers.chain(pictures).collect()
-}
-
-/// Outcomes as ranges of episodes, which are in the order of their outcomes.
-fn splits(dataset: &Dataset) -> Value {
-    let name = |outcome| match outcome {
-        None | Some(Outcome::Success) => "train",
-        Some(Outcome::Recovery) => "recovery",
-        Some(Outcome::Failure) => "failure",
-        Some(Outcome::Aborted) => "aborted",
-    };
-    let mut splits: Vec<(&str, [usize; 2])> = Vec::new();
-    for (number, episode) in dataset.episodes.iter().enumerate() {
-        match splits.last_mut().filter(|(last, _)| *last == name(episode.outcome)) {
-            Some((_, range)) => range[1] = number + 1,
-            None => splits.push((name(episode.outcome), [number, number + 1])),
-        }
-    }
-    let text = splits
-        .into_iter()
-        .map(|(name, [from, to])| (name.to_owned(), json!(format!("{from}:{to}"))));
-    Value::Object(text.collect())
-}
-
-fn pretty(value: &Value) -> String {
-    format!("{value:#}\n")
-}
-
-fn lines(values: impl Iterator<Item = Value>) -> String {
-    values.map(|value| format!("{value}\n")).collect()
 }

@@ -11,7 +11,8 @@
 //! | `table` | Parquet with lists and pictures |
 //! | `statistics` | range, mean, deviation and quantiles of each column |
 //! | `video` | pictures as video, by an external `ffmpeg` |
-//! | `lerobot` | files and folders of the format |
+//! | `lerobot` | files and folders of the format, and their rows |
+//! | `meta` | the files that describe the others |
 //! | `readme` | what is known of the data, for its readers |
 //! | `staged` | a folder that is written whole or not at all |
 //!
@@ -20,6 +21,7 @@
 
 mod features;
 mod lerobot;
+mod meta;
 mod readme;
 mod recorded;
 mod source;

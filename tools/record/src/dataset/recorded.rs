@@ -14,7 +14,7 @@ use mcap::records::Record;
 use crate::cdr;
 use crate::pictures::{self, Picture};
 use crate::read::{ReadError, Records};
-use crate::recorder::HEADER;
+use crate::recorder::{ALIGNMENT, ALIGNMENT_DEVIATION, HEADER, OUTCOME};
 use crate::topic::Topic;
 
 /// Samples further apart are a gap: the controller was away, or nobody recorded.
@@ -96,6 +96,8 @@ pub struct View {
 pub struct Recorded {
     pub about: BTreeMap<String, String>,
     pub views: BTreeMap<String, View>,
+    /// How late the stamps of the camera are, and the deviation of that; `None`: not measured.
+    pub late_s: Option<(f64, f64)>,
     /// Why it cannot be read to its end.
     pub stopped_by: Option<ReadError>,
     estimate: TimeSeries<4>,
@@ -141,6 +143,10 @@ impl Recorded {
                     offset_ns = offset.and_then(|text| text.parse().ok()).unwrap_or(0);
                     recorded.about = found.metadata;
                 }
+                Record::Metadata(found) if found.name == OUTCOME => {
+                    let number = |name| found.metadata.get(name).and_then(|it| it.parse().ok());
+                    recorded.late_s = number(ALIGNMENT).zip(number(ALIGNMENT_DEVIATION));
+                }
                 Record::Message { header, data } => {
                     if let Some(view) = views.get(&header.channel_id) {
                         recorded.add_picture(view, &data, offset_ns);
@@ -168,7 +174,20 @@ impl Recorded {
             }
         }
         recorded.stopped_by = records.stopped_by();
+        recorded.align();
         Ok(recorded)
+    }
+
+    /// Puts pictures and angles of the camera to where the motion says that they were taken.
+    fn align(&mut self) {
+        let Some((late_s, _)) = self.late_s else { return };
+        let earlier = |stamp: u64| stamp.saturating_add_signed((-late_s * 1e9) as i64);
+        for view in self.views.values_mut() {
+            view.stamps.iter_mut().for_each(|stamp| *stamp = earlier(*stamp));
+        }
+        let mut camera = TimeSeries::default();
+        self.camera.iter().for_each(|(stamp, angles)| camera.push(earlier(*stamp), *angles));
+        self.camera = camera;
     }
 
     fn add_picture(&mut self, view: &str, message: &[u8], offset_ns: u64) {

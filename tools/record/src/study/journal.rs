@@ -235,9 +235,18 @@ impl Journal {
         })
     }
 
-    pub fn mark(&mut self, at: Nanos, number: u32, text: &str) -> Result<(), StudyError> {
+    /// Appends a mark and returns its number. Two at once wait for each other: the folder is locked,
+    /// because the recorder holds the file.
+    pub fn mark(&mut self, at: Nanos, text: &str) -> Result<u32, StudyError> {
+        let folder = self.path.parent().unwrap_or(Path::new("."));
+        let opened = File::open(folder).map_err(io_error(folder))?;
+        let lock = Flock::lock(opened, FlockArg::LockExclusive);
+        let _one_at_a_time = lock.map_err(|(_, error)| io_error(folder)(error.into()))?;
+        let state = Self::read(folder)?.unwrap_or_default();
+        let number = state.marks.last().map_or(1, |mark| mark.number + 1);
         let text = text.to_owned();
-        self.append(&Event::Mark { time: time(), monotonic_ns: at.0, number, text })
+        self.append(&Event::Mark { time: time(), monotonic_ns: at.0, number, text })?;
+        Ok(number)
     }
 
     pub fn failed(&mut self, why: &str) -> Result<(), StudyError> {
@@ -263,8 +272,8 @@ mod tests {
         let mut journal = Journal::open(folder).unwrap();
         let (participant, condition) = ("P07".parse().unwrap(), "joystick".parse().unwrap());
         journal.start(&participant, &condition, "reach", "").unwrap();
-        journal.mark(Nanos(5), 1, "contact").unwrap();
-        journal.mark(Nanos(9), 2, "free").unwrap();
+        journal.mark(Nanos(5), "contact").unwrap();
+        journal.mark(Nanos(9), "free").unwrap();
         journal.stop(Outcome::Success, "well").unwrap();
         journal
     }
@@ -292,6 +301,26 @@ mod tests {
         assert!(!Journal::is_held(folder.path()));
     }
 
+    #[test]
+    fn marks_that_are_set_at_once_have_numbers_of_their_own() {
+        let folder = tempfile::tempdir().unwrap();
+        journal(folder.path());
+        std::thread::scope(|scope| {
+            for hand in 0..8_u64 {
+                let folder = folder.path();
+                scope.spawn(move || {
+                    for mark in 0..10 {
+                        let at = Nanos(100 * hand + mark);
+                        Journal::open(folder).unwrap().mark(at, "press").unwrap();
+                    }
+                });
+            }
+        });
+        let marks = Journal::read(folder.path()).unwrap().unwrap().marks;
+        let numbers: Vec<u32> = marks.iter().map(|mark| mark.number).collect();
+        assert_eq!(numbers, (1..=82).collect::<Vec<_>>());
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(150))]
 
@@ -306,7 +335,7 @@ mod tests {
             let whole = bytes[..cut.min(bytes.len())].iter().filter(|byte| **byte == b'\n').count();
             let before = Journal::read(folder.path()).unwrap();
             prop_assert_eq!(before.is_some(), whole > 0);
-            Journal::open(folder.path()).unwrap().mark(Nanos(77), 3, "after").unwrap();
+            Journal::open(folder.path()).unwrap().mark(Nanos(77), "after").unwrap();
             if let (Some(before), Some(after)) = (before, Journal::read(folder.path()).unwrap()) {
                 prop_assert_eq!(after.marks.len(), before.marks.len() + 1);
                 prop_assert_eq!(after.marks.last().unwrap().monotonic_ns, 77);

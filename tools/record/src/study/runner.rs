@@ -84,8 +84,7 @@ impl Study {
     /// Marks the trial that runs: its name and the number of the mark.
     pub fn mark(&self, at: Nanos, text: &str) -> Result<(String, u32), StudyError> {
         let running = self.running()?.ok_or(StudyError::NoneRuns)?;
-        let number = running.state.marks.last().map_or(1, |mark| mark.number + 1);
-        Journal::open(&running.folder)?.mark(at, number, text)?;
+        let number = Journal::open(&running.folder)?.mark(at, text)?;
         Ok((running.name, number))
     }
 

@@ -12,7 +12,7 @@ use i2ris_record::dataset::find_ffmpeg;
 use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
 use i2ris_record::study::Study;
 use i2ris_record::study::journal::{Journal, Outcome};
-use i2ris_testing::run_python_of;
+use i2ris_testing::{Controller, run_python_of};
 use serde_json::Value;
 
 const UNIX: u64 = 1_700_000_000_000_000_000;
@@ -316,4 +316,31 @@ fn tables_of_many_trials_have_a_folder_each_and_pandas_reads_them() {
         table = pandas.read_parquet(sys.argv[1] + '/P07-with-01/measured_js.parquet')\n\
         assert len(table) == 1001 and table['pitch_deg'].max() > 11, table.describe()";
     run_python_of("I2RIS_LEROBOT3_PYTHON", "pandas, pyarrow", script, &[paths[1]]);
+}
+
+/// The plugins as LeRobot makes them, against a controller that follows at once.
+#[test]
+fn the_plugins_of_lerobot_watch_and_command_a_controller() {
+    let controller = Controller::enabled();
+    let script = r#"
+import sys, time
+sys.path[:0] = ["plugins/lerobot_robot_i2ris", "plugins/lerobot_teleoperator_i2ris"]
+from lerobot.robots.utils import make_robot_from_config
+from lerobot.teleoperators.utils import make_teleoperator_from_config
+from lerobot_robot_i2ris import I2risConfig
+from lerobot_teleoperator_i2ris import I2risTeleopConfig
+robot = make_robot_from_config(I2risConfig(domain=sys.argv[1]))
+hand = make_teleoperator_from_config(I2risTeleopConfig(domain=sys.argv[1]))
+robot.connect(); hand.connect()
+assert set(robot.get_observation()) == set(robot.observation_features)
+begin = robot.get_observation()["pitch.pos"]
+for step in range(30):
+    robot.send_action({"pitch.pos": begin + 0.001 * step, "yaw.pos": robot.get_observation()["yaw.pos"]})
+    time.sleep(0.01)
+assert robot.get_observation()["pitch.pos"] > begin + 0.02, robot.get_observation()
+assert abs(hand.get_action()["pitch.pos"] - begin) < 0.05 and set(hand.get_action()) == set(robot.action_features)
+robot.disconnect(); hand.disconnect()
+"#;
+    let modules = "lerobot.robots, iceoryx2";
+    run_python_of("I2RIS_LEROBOT3_PYTHON", modules, script, &[controller.domain.name()]);
 }

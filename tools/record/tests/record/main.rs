@@ -12,6 +12,7 @@ mod dataset;
 mod files;
 mod foxglove;
 mod interfaces;
+mod pictures;
 mod programs;
 mod reasons;
 mod trial;

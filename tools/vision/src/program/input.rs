@@ -9,7 +9,7 @@ use i2ris::units::Nanos;
 use i2ris_report::Failure;
 use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::{
-    FrameClock, FrameSource, FrameStream, ImageFolder, ImageSize, SourceError,
+    FrameClock, FrameSource, FrameStream, ImageFolder, ImageSize, MjpegStream, SourceError,
 };
 
 /// Frames per second of a numbered folder, by default.
@@ -23,6 +23,9 @@ pub struct Format {
     /// Streams hold grey bytes without any header, frames of this size [default: Y4M]
     #[arg(long, value_name = "WxH")]
     raw: Option<ImageSize>,
+    /// Streams hold JPEG files, one after the other
+    #[arg(long, conflicts_with = "raw")]
+    mjpeg: bool,
     /// Frames were taken at this rate: stamps by number. Streams are otherwise stamped as they
     /// arrive
     #[arg(long, value_name = "PER-SECOND", value_parser = positive)]
@@ -69,6 +72,9 @@ impl Format {
         from: R,
     ) -> Result<Box<dyn FrameSource>, SourceError> {
         let reader = BufReader::with_capacity(BUFFER, from);
+        if self.mjpeg {
+            return Ok(Box::new(MjpegStream::new(reader, self.clock())));
+        }
         Ok(match self.raw {
             Some(size) => Box::new(FrameStream::raw(reader, size, self.clock())),
             None => Box::new(FrameStream::y4m(reader, self.clock())?),

@@ -4,6 +4,7 @@
 mod accuracy;
 mod calibrate;
 mod check;
+mod hand_on;
 mod input;
 mod measure;
 mod render;

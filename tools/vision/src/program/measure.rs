@@ -16,6 +16,7 @@ use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::SourceError;
 use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
+use super::hand_on::HandOn;
 use super::input::{Format, check_count};
 use super::report::report;
 use i2ris_report::Failure;
@@ -50,6 +51,9 @@ pub struct Arguments {
     /// Publish the angles as external/measured_jp
     #[arg(long)]
     publish: bool,
+    /// Hand the pictures on to recordings: a JPEG as it came, others compressed
+    #[arg(long)]
+    pictures: bool,
     #[command(flatten)]
     domain: DomainOption,
 }
@@ -76,16 +80,24 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let session = Session::new(&setup, reference)?;
     let output = AngleOutput::open(&arguments, live, session.axes())?;
     let interrupt = Interrupt::catch()?;
-    let views = setup.views.iter().zip(images).map(|(view, path)| {
+    if arguments.pictures && !live {
+        return Err("--pictures needs frames as they are taken: a stream, and no --fps".into());
+    }
+    let domain = arguments.domain.domain()?;
+    let (mut views, mut handed_on) = (Vec::new(), Vec::new());
+    for (view, path) in setup.views.iter().zip(images) {
         let (sender, receiver) = sync_channel(QUEUE_LENGTH);
         let (path, format, detector) =
             (path.clone(), format.clone(), ViewDetector::new(view.settings()));
-        thread::spawn(move || watch(&path, &format, detector, &sender));
-        receiver
-    });
-    let mut run = Run { views: views.collect(), session, output, live, interrupt, failure: None };
+        let pictures = arguments.pictures.then(|| HandOn::start(&domain, &view.name));
+        handed_on.extend(pictures.iter().map(HandOn::counts));
+        thread::spawn(move || watch(&path, &format, detector, pictures, &sender));
+        views.push(receiver);
+    }
+    let mut run = Run { views, session, output, live, interrupt, failure: None };
     let outcome = run.go();
     eprint!("{}{}", report(&setup, &run.session), run.output.report());
+    handed_on.iter().for_each(|counts| eprintln!("{counts}"));
     outcome?;
     match run.failure {
         Some(failure) => Err(failure.into()),
@@ -99,6 +111,7 @@ fn watch(
     path: &std::path::Path,
     format: &Format,
     mut detector: ViewDetector,
+    pictures: Option<HandOn>,
     to: &SyncSender<ViewMessage>,
 ) {
     let mut source = match format.open(path) {
@@ -112,6 +125,9 @@ fn watch(
         let reported = match source.next() {
             Ok(None) => return,
             Ok(Some(item)) => {
+                if let Some(pictures) = &pictures {
+                    pictures.hand_on(&item);
+                }
                 let mut result = detector.detect(item);
                 // Many of them wait in the channel.
                 result.image = None;

@@ -62,7 +62,10 @@ impl ImageFolder {
         let gap = |cause, name| Ok(SourceItem::Missing { stamp, name, cause });
         match std::fs::read(&path) {
             Ok(bytes) => match decode(&bytes) {
-                Ok(image) => Ok(SourceItem::Frame(Frame { stamp, name, image })),
+                Ok(image) => {
+                    let jpeg = bytes.starts_with(&[0xFF, 0xD8]).then_some(bytes);
+                    Ok(SourceItem::Frame(Frame { stamp, name, image, jpeg }))
+                }
                 Err(error) => gap(FrameFault::Undecodable, format!("{name} ({error})")),
             },
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {

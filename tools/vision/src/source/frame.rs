@@ -12,6 +12,8 @@ pub struct Frame {
     /// File name, or number in the stream; for messages and overlays.
     pub name: String,
     pub image: GreyImage,
+    /// The file that it was decoded from, if that was a JPEG.
+    pub jpeg: Option<Vec<u8>>,
 }
 
 /// Why there is no frame where one should be.

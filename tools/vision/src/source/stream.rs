@@ -34,7 +34,7 @@ pub enum FrameClock {
 
 impl FrameClock {
     /// The stamp of frame `number`, counted from 0.
-    fn stamp(&mut self, number: u64) -> Nanos {
+    pub(super) fn stamp(&mut self, number: u64) -> Nanos {
         match self {
             Self::Arrival(now) => now(),
             Self::Rate(fps) => Nanos((number as f64 / *fps * 1e9).round() as u64),
@@ -113,7 +113,7 @@ impl<R: Read + Send> FrameSource for FrameStream<R> {
         let stamp = reported.unwrap_or_else(|| self.clock.stamp(number - 1));
         let name = format!("frame {number}");
         let image = GreyImage::new(size.width, size.height, data);
-        Ok(image.map(|image| SourceItem::Frame(Frame { stamp, name, image })))
+        Ok(image.map(|image| SourceItem::Frame(Frame { stamp, name, image, jpeg: None })))
     }
 }
 

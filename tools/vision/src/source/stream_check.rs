@@ -86,7 +86,7 @@ mod tests {
 
     fn item(stamp: u64, size: usize, value: u8) -> SourceItem {
         let image = GreyImage::new(size, size, vec![value; size * size]).unwrap();
-        SourceItem::Frame(Frame { stamp: Nanos(stamp), name: "x".into(), image })
+        SourceItem::Frame(Frame { stamp: Nanos(stamp), name: "x".into(), image, jpeg: None })
     }
 
     fn causes(items: impl IntoIterator<Item = SourceItem>) -> Vec<Option<FrameFault>> {

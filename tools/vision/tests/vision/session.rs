@@ -30,6 +30,7 @@ fn frame(number: u64, image: GreyImage) -> SourceItem {
         stamp: Nanos(1_000_000_000 + number * PERIOD),
         name: number.to_string(),
         image,
+        jpeg: None,
     })
 }
 

@@ -1,6 +1,7 @@
 //! `i2ris record`: records trials as MCAP files, exports and recovers them.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
+mod cameras;
 mod existing;
 mod export;
 mod of_study;

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use super::cameras::Cameras;
 use super::of_study::OfStudy;
 use i2ris::clock;
 use i2ris::config::Config;
@@ -16,7 +17,9 @@ use i2ris::model::file::ModelFile;
 use i2ris::process::robot_description;
 use i2ris::units::Nanos;
 use i2ris_record::joints;
-use i2ris_record::recorder::{AttachedFile, MessageCounts, RecordingHeader, TrialRecorder};
+use i2ris_record::recorder::{
+    AttachedFile, MessageCounts, PictureCounts, RecordingHeader, TrialRecorder,
+};
 use i2ris_record::run_log::lines_of_run;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen};
 
@@ -79,8 +82,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut trial = TrialRecorder::start(output, header)?;
     let mut subscriptions = Subscriptions::new(&client.watcher(), Stream::ALL);
     let start = clock::now();
-    let absent =
-        record(arguments, &interrupt, &mut subscriptions, &mut trial, &mut of_study, start);
+    let mut cameras = Cameras::new(&arguments.domain.domain()?);
+    let absent = record(
+        arguments,
+        &interrupt,
+        &mut subscriptions,
+        &mut cameras,
+        &mut trial,
+        &mut of_study,
+        start,
+    );
     let length_s = clock::now().since(start).as_seconds();
     let missed: BTreeMap<Stream, u64> = subscriptions.missed().collect();
     let mut outcome: BTreeMap<String, String> = missed
@@ -89,6 +100,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .collect();
     outcome.insert("dropped".to_owned(), trial.counts().dropped.to_string());
     outcome.insert("length_s".to_owned(), length_s.to_string());
+    outcome.extend(cameras.outcome(trial.counts()));
     // The run log has causes and callers, which the streams do not have.
     let run_log = config.and_then(|found| run_log(&found.1, "audit.jsonl", version.boot_id));
     // Models that took over meanwhile.
@@ -166,6 +178,7 @@ fn record(
     arguments: &Arguments,
     interrupt: &Interrupt,
     subscriptions: &mut Subscriptions,
+    cameras: &mut Cameras,
     trial: &mut TrialRecorder,
     of_study: &mut Option<OfStudy>,
     start: Nanos,
@@ -180,9 +193,11 @@ fn record(
             {
                 of_study.see(joint);
             }
+            cameras.alignment.add(&message);
             trial.record(&message, now);
         };
         let drained = subscriptions.drain(record);
+        cameras.record(trial, now);
         if let Some(of_study) = of_study.as_mut() {
             of_study.tell(now);
         }
@@ -334,6 +349,13 @@ fn print_outcome(
     );
     for (stream, count) in by_stream() {
         println!("  {:<24} {count:>9}  {:>7.1} Hz", stream.name(), counts.rate_hz(stream));
+    }
+    for (view, pictures) in &counts.pictures {
+        let PictureCounts { recorded, dropped, over_budget } = pictures;
+        println!("  pictures of {view:<12} {recorded:>9}, {dropped} dropped");
+        if *over_budget > 0 {
+            println!("  {over_budget} more were over the budget of --pictures-mb");
+        }
     }
     if absent > Nanos::ZERO {
         println!("  there was no controller for {:.1} s", absent.as_seconds());

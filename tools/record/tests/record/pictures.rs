@@ -1,0 +1,193 @@
+//! Pictures of a camera beside the states: all of them, with their stamps, within a budget; and how
+//! late the stamps are.
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use i2ris::clock;
+use i2ris::ipc::client::PicturePublisher;
+use i2ris::ipc::payload::{ActuatorState, ExternalPosition};
+use i2ris::ipc::{Domain, StreamMessage};
+use i2ris::units::Nanos;
+use i2ris_record::alignment::Alignment;
+use i2ris_record::pictures::{Picture, view};
+use i2ris_record::read::Records;
+use i2ris_record::report::TrialReport;
+use i2ris_testing::{Controller, wait_until};
+use i2ris_vision::accuracy::setup;
+use i2ris_vision::scene::{JointPose, Rig};
+use i2ris_vision::session::{Reference, Session};
+use i2ris_vision::source::{Frame, SourceItem};
+use i2ris_vision::view_detector::ViewDetector;
+use mcap::records::Record;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+fn recorder(domain: &Domain, file: &Path, more: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_i2ris-record"))
+        .args(["--domain", domain.name(), "--output", file.to_str().unwrap()])
+        .args(more)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// Ends the recorder, and returns what it said.
+fn end(recorder: Child) -> String {
+    kill(Pid::from_raw(recorder.id().cast_signed()), Signal::SIGINT).unwrap();
+    let output = recorder.wait_with_output().unwrap();
+    assert!(output.status.success());
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Pictures of a recording: view, exposure in Unix time, bytes.
+fn pictures(file: &Path) -> Vec<(String, Picture)> {
+    let (mut views, mut found) = (std::collections::BTreeMap::new(), Vec::new());
+    for record in Records::open(file).unwrap() {
+        match record {
+            Record::Channel(channel) => {
+                if let Some(view) = view(&channel.topic) {
+                    views.insert(channel.id, view.to_owned());
+                }
+            }
+            Record::Message { header, data } => {
+                if let Some(view) = views.get(&header.channel_id) {
+                    let picture = Picture::decode(&data).unwrap();
+                    assert_eq!(header.publish_time, picture.unix_ns, "the stamp of the exposure");
+                    found.push((view.clone(), picture));
+                }
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+#[test]
+fn pictures_are_recorded_as_they_came_with_the_stamp_of_their_exposure() {
+    let controller = Controller::enabled();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    let recorder = recorder(&controller.domain, &file, &[]);
+    let mut cameras = ["top", "side"].map(|it| PicturePublisher::new(&controller.domain, it));
+    // Long ones and short ones: the camera makes room.
+    let jpeg = |number: u64| [number as u8].repeat(1000 + 40_000 * (number % 20) as usize);
+    let (mut number, begun) = (0, clock::now());
+    wait_until("two hundred pictures are taken", || {
+        number += 1;
+        for camera in &mut cameras {
+            camera.publish(begun + Nanos(number), &jpeg(number)).unwrap();
+        }
+        clock::sleep(Nanos::from_millis(5));
+        number == 200 + 100
+    });
+    let said = end(recorder);
+    assert!(said.contains("pictures of top"), "{said}");
+    let pictures = pictures(&file);
+    for view in ["top", "side"] {
+        let taken = pictures.iter().filter(|(name, _)| name == view).map(|(_, picture)| picture);
+        let taken: Vec<&Picture> = taken.collect();
+        // Those before the recorder was there are lost, and no others.
+        assert!(taken.len() > 100, "{view}: {}", taken.len());
+        let first = 300 - taken.len() as u64 + 1;
+        let offset = taken[0].unix_ns - (begun.0 + first);
+        for (number, picture) in (first..).zip(taken) {
+            assert_eq!(picture.unix_ns - offset, begun.0 + number);
+            assert_eq!(picture.jpeg, jpeg(number), "{view} {number}");
+        }
+    }
+}
+
+#[test]
+fn pictures_over_the_budget_are_counted_and_states_go_on() {
+    let controller = Controller::enabled();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.mcap");
+    let recorder = recorder(&controller.domain, &file, &["--pictures-mb", "1"]);
+    let mut camera = PicturePublisher::new(&controller.domain, "top");
+    wait_until("the recorder is there", || file.exists());
+    for number in 0..100 {
+        camera.publish(clock::now(), &[number; 50_000]).unwrap();
+        clock::sleep(Nanos::from_millis(5));
+    }
+    let said = end(recorder);
+    assert!(said.contains("more were over the budget of --pictures-mb"), "{said}");
+    assert!(pictures(&file).len() <= 20, "{}", pictures(&file).len());
+    let report = TrialReport::read(&file).unwrap();
+    assert!(report.cut_off.is_none() && report.length_s > 0.1, "{}", report.length_s);
+}
+
+/// Pictures per second of the emulated scene, and how late its stamps are.
+const FPS: f64 = 15.0;
+const LATE_S: f64 = 0.037;
+
+/// Loops that grow and shrink, after a second at rest: angles in rad over time.
+fn motion(time: f64) -> [f64; 2] {
+    let size = 0.35 * (0.6 + 0.4 * (0.3 * time).sin()) * (0.5 * (time - 1.0)).clamp(0.0, 1.0);
+    [size * (1.1 * time).sin(), size * (1.7 * time + 1.0).sin()]
+}
+
+/// The snake behind play: it follows the motors only where they pull.
+fn behind_play(motors: [f64; 2], snake: &mut [f64; 2]) {
+    const HALF_RAD: f64 = 0.02;
+    for (snake, motor) in snake.iter_mut().zip(motors) {
+        *snake = snake.clamp(motor - HALF_RAD, motor + HALF_RAD);
+    }
+}
+
+#[test]
+fn the_motion_of_the_snake_in_its_pictures_shows_how_late_their_stamps_are() {
+    let rig = Rig::laboratory(640, 480, 100.0);
+    let setup = setup(&rig);
+    let (seconds, mut snake) = (60.0, [0.0; 2]);
+    let mut alignment = Alignment::default();
+    let mut session = Session::new(&setup, Reference::First(Nanos::from_millis(500))).unwrap();
+    let mut detectors: Vec<_> =
+        setup.views.iter().map(|view| ViewDetector::new(view.settings())).collect();
+    let (mut rows, mut number) = (Vec::new(), 0_u64);
+    for ms in 0..(1000.0 * seconds) as u64 {
+        let motors = motion(ms as f64 * 1e-3);
+        behind_play(motors, &mut snake);
+        let state = ActuatorState {
+            stamp_ns: 1_000_000 * ms + 1_000_000_000,
+            measured_counts: motors.map(|angle| (1e5 * angle) as i32),
+            ..ActuatorState::default()
+        };
+        alignment.add(&StreamMessage::Actuators(state));
+        if ms as f64 * 1e-3 < number as f64 / FPS {
+            continue;
+        }
+        number += 1;
+        let pose = JointPose { pitch_rad: snake[0], yaw_rad: snake[1] };
+        let stamp = Nanos(state.stamp_ns) + Nanos((LATE_S * 1e9) as u64);
+        for (view, image) in rig.render_views(pose, number).into_iter().enumerate() {
+            let frame = Frame { stamp, name: number.to_string(), image, jpeg: None };
+            session.take(view, detectors[view].detect(SourceItem::Frame(frame)));
+        }
+        rows.extend(session.rows().unwrap());
+    }
+    for row in rows {
+        let Ok(seen) = &row.seen else { continue };
+        let [pitch, yaw] = seen.angle_rad.map(Option::unwrap_or_default);
+        let camera = ExternalPosition {
+            stamp_ns: row.stamp.0,
+            position: [pitch, yaw, 0.0],
+            flags: ExternalPosition::VALID,
+            count: 2,
+            ..ExternalPosition::default()
+        };
+        alignment.add(&StreamMessage::External(camera));
+    }
+    let good = session.statistics().good;
+    let found = alignment.measure();
+    let found = found.unwrap_or_else(|| panic!("not seen in {good} of {number} pictures"));
+    println!(
+        "late {:.1} ms, found {:.1} ms, deviation {:.1} ms",
+        1e3 * LATE_S,
+        1e3 * found.seconds,
+        1e3 * found.deviation_s
+    );
+    let quarter = 0.25 / FPS;
+    assert!((found.seconds - LATE_S).abs() < quarter, "{found:?}");
+    assert!(found.deviation_s < quarter, "{found:?}");
+}
