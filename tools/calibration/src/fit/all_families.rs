@@ -10,7 +10,7 @@ use super::drift::Drift;
 use super::error::{FitError, refused};
 use super::family::{Choice, Family};
 use super::model_file::FileContext;
-use super::one_family::FamilyFitter;
+use super::one_family::{FamilyFitter, LEAST_NRMSD};
 use super::options::FitOptions;
 use super::outcome::{FamilyOutcome, FitOutcome, FitReport};
 use super::split::Split;
@@ -177,7 +177,9 @@ pub(super) fn missed_memory(
 ) -> Option<String> {
     let plays = plays?;
     let chosen = scores.iter().find(|score| score.family == family)?;
-    if !chosen.misses_memory(plays) {
+    let mut held_out = model.file().metrics.iter().filter_map(|metrics| metrics.held_out);
+    let is_visible = held_out.any(|fit| fit.nrmsd > LEAST_NRMSD);
+    if !is_visible || !chosen.misses_memory(plays) {
         return None;
     }
     let unit = model.file().outputs.first()?.unit;
