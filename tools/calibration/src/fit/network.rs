@@ -18,6 +18,7 @@ use super::metrics::predictions;
 use super::model_file::Fitted;
 use super::options::FitOptions;
 use crate::recording::Recording;
+use crate::regression::linear::LinearFit;
 
 /// The format of the file of a network.
 pub const NETWORK_FORMAT: &str = "i2ris-network";
@@ -27,6 +28,9 @@ const VERSION: u32 = 1;
 
 /// The recording must be so many steps long at least.
 const LEAST_STEPS: usize = 50;
+
+/// On the rows held out, the error may be so many times that of a straight line.
+const MOST_ERROR: f64 = 1.05;
 
 /// A network as its converter wrote it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -200,16 +204,23 @@ pub fn import(
         let held_out: Vec<usize> = context.split.held_out().collect();
         let rows = if held_out.is_empty() { context.training } else { &held_out };
         let covariance = covariance(&first, recording, rows);
-        let size = |covariance: &[Vec<f64>]| {
-            covariance.iter().enumerate().map(|(i, row)| row[i]).sum::<f64>().sqrt()
-        };
-        let (error, straight_error) = (size(&covariance), size(&straight.covariance));
-        if error.is_nan() || error > straight_error {
-            let straight = straight_error;
+        let error = covariance.iter().enumerate().map(|(i, row)| row[i]).sum::<f64>().sqrt();
+        let straight = rms(straight, recording, rows);
+        if error.is_nan() || error > MOST_ERROR * straight {
             return Err(NetworkError::WorseThanLinear { error, straight }.into());
         }
         context.model(&parameters(forgets(&first), covariance)).map_err(refused)
     })
+}
+
+/// RMS error of the straight line on some rows.
+fn rms(straight: &LinearFit, recording: &Recording, rows: &[usize]) -> f64 {
+    let errors = rows.iter().map(|row| {
+        let row = &recording.rows()[*row];
+        let pairs = straight.predict(&row.counts).zip(&row.outputs);
+        pairs.map(|(found, measured)| (found - measured).powi(2)).sum::<f64>()
+    });
+    (errors.sum::<f64>() / rows.len() as f64).sqrt()
 }
 
 /// Mean products of the errors on some rows.

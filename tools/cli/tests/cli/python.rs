@@ -366,3 +366,14 @@ fn models_are_swapped_from_python_while_the_snake_moves() {
     let out = runs(command.args(script).args([&second, &broken]));
     assert!(out.contains("swapped and back"), "{out}");
 }
+
+/// Fits, networks, zoo, environment and notebook, and files equal to those of the command line.
+#[test]
+fn the_wheel_does_what_the_command_line_does() {
+    let Some(mut pytest) = python("pytest, numpy, i2ris.model, i2ris_native") else {
+        return;
+    };
+    // The sources beside the tests have no compiled part.
+    pytest.env("PYTHONSAFEPATH", "1").env("I2RIS_CLI", env!("CARGO_BIN_EXE_i2ris"));
+    println!("{}", runs(pytest.args(["-m", "pytest", "-q", "tests/test_model.py"])));
+}

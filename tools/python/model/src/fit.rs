@@ -1,0 +1,218 @@
+//! Fits, and networks that were trained elsewhere.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
+use i2ris_calibration::em::EmOptions;
+use i2ris_calibration::fit::network::{NetworkFile, import};
+use i2ris_calibration::fit::{Components, FitOptions};
+use i2ris_calibration::progress::Progress;
+use i2ris_calibration::quality::SpikeOptions;
+use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
+use i2ris_calibration::report::CalibrationReport;
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+
+use crate::model::Model;
+use crate::refused;
+
+/// Between two looks at Ctrl-C.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// How far a fit is, and whether it shall end.
+#[derive(Default)]
+struct Watched {
+    part: Mutex<(String, f64, f64)>,
+    steps: AtomicUsize,
+    done: AtomicUsize,
+    stop: AtomicBool,
+}
+
+/// Unwinds a fit that was interrupted.
+struct Interrupted;
+
+impl Watched {
+    /// The fit has no other end than its result: Ctrl-C unwinds it, silently.
+    fn look(&self) {
+        if self.stop.load(Ordering::Relaxed) {
+            resume_unwind(Box::new(Interrupted));
+        }
+    }
+
+    fn share(&self) -> (String, f64) {
+        let part = self.part.lock().map(|part| part.clone()).unwrap_or_default();
+        let steps = self.steps.load(Ordering::Relaxed).max(1) as f64;
+        let done = (self.done.load(Ordering::Relaxed) as f64 / steps).min(1.0);
+        (part.0, part.1 + done * (part.2 - part.1))
+    }
+}
+
+impl Progress for Watched {
+    fn part(&self, name: &str, from: f64, to: f64) {
+        self.look();
+        self.begin(1);
+        if let Ok(mut part) = self.part.lock() {
+            *part = (name.to_owned(), from, to);
+        }
+    }
+
+    fn begin(&self, steps: usize) {
+        self.look();
+        self.steps.store(steps, Ordering::Relaxed);
+        self.done.store(0, Ordering::Relaxed);
+    }
+
+    fn step(&self) {
+        self.look();
+        self.done.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn end(&self) {}
+}
+
+/// Does work beside the interpreter, tells it how far the work is, and ends it on Ctrl-C.
+fn watched<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Watched) -> T + Send,
+) -> PyResult<T> {
+    let watched = Watched::default();
+    std::thread::scope(|scope| {
+        let (done, finished) = channel();
+        let watched = &watched;
+        scope.spawn(move || {
+            let result = catch_unwind(AssertUnwindSafe(|| work(watched)));
+            // Nobody may wait any more.
+            let _ = done.send(result);
+        });
+        let finished = Mutex::new(finished);
+        loop {
+            let result = py.detach(|| match finished.lock() {
+                Ok(finished) => finished.recv_timeout(LOOK),
+                Err(_) => Err(RecvTimeoutError::Disconnected),
+            });
+            match result {
+                Ok(Ok(value)) => return Ok(value),
+                Ok(Err(_)) | Err(RecvTimeoutError::Disconnected) => {
+                    return Err(PyRuntimeError::new_err("the fit ended before its result"));
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            let told = py.check_signals().and_then(|()| match progress {
+                Some(progress) => progress.call1(watched.share()).map(drop),
+                None => Ok(()),
+            });
+            if let Err(error) = told {
+                watched.stop.store(true, Ordering::Relaxed);
+                py.detach(|| finished.lock().map(|finished| finished.recv()).is_ok());
+                return Err(error);
+            }
+        }
+    })
+}
+
+/// Fits a model to a recording, as `i2ris calibrate fit` does. Returns the model, the report as
+/// JSON, as text and as a page.
+#[pyfunction]
+#[pyo3(signature = (path, *, family, components, max_components, restarts, seed, shrinkage,
+                    hold_out, keep_spikes, force, robot_id, recorded_at, latency, progress))]
+#[allow(clippy::too_many_arguments, reason = "the options of the command line")]
+pub fn fit(
+    py: Python<'_>,
+    path: PathBuf,
+    family: &str,
+    components: Option<usize>,
+    max_components: usize,
+    restarts: usize,
+    seed: u64,
+    shrinkage: f64,
+    hold_out: &str,
+    keep_spikes: bool,
+    force: bool,
+    robot_id: String,
+    recorded_at: Option<String>,
+    latency: bool,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<(Model, String, String, String)> {
+    let options = FitOptions {
+        robot_id,
+        recorded_at,
+        choice: family.parse().map_err(refused)?,
+        components: components.map_or(Components::UpTo(max_components), Components::Exactly),
+        em: EmOptions { restarts, seed, shrinkage, ..EmOptions::default() },
+        hold_out: hold_out.parse().map_err(refused)?,
+        spikes: SpikeOptions { keep: keep_spikes, ..SpikeOptions::default() },
+        force,
+    };
+    let made = watched(py, progress, |watched| {
+        let (recording, read) =
+            Recording::read(&path, &ColumnMap::default()).map_err(|error| error.to_string())?;
+        let (recording, taken_off) =
+            if latency { recording.without_latency() } else { (recording, None) };
+        let outcome = i2ris_calibration::fit::fit(&recording, &options, watched)
+            .map_err(|error| format!("recording {}: {error}", path.display()))?;
+        let mut report = CalibrationReport::new(&recording, &read, &options, &outcome);
+        report.latency_taken_off_s = taken_off;
+        let json = serde_json::to_string_pretty(&report).map_err(|error| error.to_string())?;
+        Ok((Model(outcome.model), json, report.to_string(), report.html()))
+    })?;
+    made.map_err(|sentence: String| refused(sentence))
+}
+
+/// Makes a model of a network that was trained elsewhere, as `i2ris model import` does.
+#[pyfunction]
+pub fn import_network(
+    py: Python<'_>,
+    network: PathBuf,
+    recording: PathBuf,
+    robot_id: String,
+    hold_out: &str,
+) -> PyResult<Model> {
+    let hold_out = hold_out.parse().map_err(refused)?;
+    let options = FitOptions { robot_id, hold_out, ..FitOptions::default() };
+    let made = py.detach(|| {
+        let file = NetworkFile::read(&network).map_err(|error| error.to_string())?;
+        let (recording, _) = Recording::read(&recording, &ColumnMap::default())
+            .map_err(|error| error.to_string())?;
+        import(&file, &recording.without_latency().0, &options)
+            .map_err(|error| format!("network {}: {error}", network.display()))
+    });
+    Ok(Model(made.map_err(refused)?.into()))
+}
+
+/// Writes a recording in the common format. What is not finite was not measured.
+#[pyfunction]
+pub fn write_recording(
+    path: PathBuf,
+    time_s: Option<PyReadonlyArray1<'_, f64>>,
+    counts: PyReadonlyArray2<'_, f64>,
+    angles: PyReadonlyArray2<'_, f64>,
+    names: Vec<String>,
+) -> PyResult<()> {
+    let (counts, angles) = (counts.as_array(), angles.as_array());
+    let times = time_s.as_ref().map(PyReadonlyArray1::as_array);
+    let output = |name: &String| OutputSpec { name: name.clone(), unit: OutputUnit::Deg };
+    let outputs: Vec<OutputSpec> = names.iter().map(output).collect();
+    let write = || -> std::io::Result<()> {
+        let file = BufWriter::new(File::create(&path)?);
+        let mut writer = RecordingWriter::new(file, times.is_some(), counts.ncols(), &outputs)?;
+        for row in 0..counts.nrows() {
+            let at = |motor: usize| counts.get((row, motor)).copied().unwrap_or(0.0);
+            let angle = |output: usize| angles.get((row, output)).copied().unwrap_or(f64::NAN);
+            let time = times.and_then(|times| times.get(row).copied());
+            let counts = std::array::from_fn::<_, MAX_MOTORS, _>(at);
+            writer.row(&Row::new(time, counts, std::array::from_fn::<_, MAX_OUTPUTS, _>(angle)))?;
+        }
+        writer.finish().map(drop)
+    };
+    write().map_err(|error| refused(format!("cannot write recording {}: {error}", path.display())))
+}

@@ -1,0 +1,102 @@
+//! Emulated snakes, their recordings, and models that follow on them.
+
+use std::path::PathBuf;
+
+use i2ris_simulation::benchmark::{RecordingPlan, tracked};
+use i2ris_simulation::motion::protocol::Protocol;
+use i2ris_simulation::physics::DrawnSnake;
+use i2ris_simulation::robot::Robot;
+use pyo3::prelude::*;
+
+use crate::model::Model;
+use crate::refused;
+
+fn drawn(physics: &str, seed: u64) -> PyResult<DrawnSnake> {
+    format!("{physics}:{seed}").parse().map_err(refused)
+}
+
+/// An emulated snake with motors in front of it.
+#[pyclass(module = "i2ris_native")]
+pub struct Snake(Robot);
+
+#[pymethods]
+impl Snake {
+    #[new]
+    fn new(physics: &str, seed: u64) -> PyResult<Self> {
+        Ok(Self(Robot::new(drawn(physics, seed)?.build())))
+    }
+
+    /// So many ticks of a millisecond with these set-points, counts; the true angles, deg.
+    fn step(&mut self, counts: [f64; 2], ticks: u32) -> [f64; 2] {
+        for _ in 0..ticks {
+            self.0.tick(counts);
+        }
+        self.0.angles_deg()
+    }
+
+    /// Encoder counts.
+    #[getter]
+    fn counts(&self) -> [f64; 2] {
+        self.0.encoders()
+    }
+
+    /// The true angles, deg.
+    #[getter]
+    fn angles(&self) -> [f64; 2] {
+        self.0.angles_deg()
+    }
+}
+
+/// Writes a calibration recording of a snake, as the benchmark makes it.
+#[pyfunction]
+#[pyo3(signature = (path, physics, seed, *, protocol, duration_s, noise_deg, latency_ms, first_seed))]
+#[allow(clippy::too_many_arguments, reason = "the options of the command line")]
+pub fn record(
+    py: Python<'_>,
+    path: PathBuf,
+    physics: &str,
+    seed: u64,
+    protocol: &str,
+    duration_s: f64,
+    noise_deg: f64,
+    latency_ms: u64,
+    first_seed: u64,
+) -> PyResult<()> {
+    let snake = drawn(physics, seed)?;
+    let protocol = match protocol {
+        "reversals" => Protocol::Reversals,
+        "axes" => Protocol::Axes,
+        other => {
+            return Err(refused(format!(
+                "`{other}` is no protocol of the benchmark: there are reversals, axes"
+            )));
+        }
+    };
+    let seed = first_seed + seed;
+    let plan = RecordingPlan { protocol, duration_s, noise_deg, latency_ms, seed };
+    let made = py.detach(|| {
+        plan.record(&mut Robot::new(snake.build()), &path).map_err(|error| error.to_string())
+    });
+    made.map_err(refused)
+}
+
+/// How long each tick of the control cycle takes with a model, in front of ideal motors, us: ten
+/// seconds of warming up, then what was asked for.
+#[pyfunction]
+pub fn tick_times(py: Python<'_>, model: &Model, ticks: usize) -> PyResult<Vec<f64>> {
+    py.detach(|| i2ris_simulation::benchmark::tick_times(&model.0, ticks)).map_err(refused)
+}
+
+/// RMS error of the tip, deg, while a model follows the motions of the benchmark on a snake; motion
+/// by motion, and the same of the exact inverse.
+#[pyfunction]
+pub fn track(
+    py: Python<'_>,
+    model: &Model,
+    physics: &str,
+    seed: u64,
+    recording: PathBuf,
+) -> PyResult<Vec<(String, f64, f64, f64)>> {
+    let snake = drawn(physics, seed)?;
+    py.detach(|| tracked(snake, &model.0, &recording)).map_err(refused)
+}

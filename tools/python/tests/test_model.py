@@ -1,0 +1,294 @@
+"""The wheel: fits, models, networks, the zoo. Needs the compiled package; skips without it and says so."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+np = pytest.importorskip("numpy")
+pytest.importorskip("i2ris_native", reason="the wheel is not installed: maturin build, pip install")
+
+from i2ris import zoo  # noqa: E402
+from i2ris.model import Calibration, Model, ModelError, from_onnx, from_torch, walk, write_recording  # noqa: E402
+
+CLI = os.environ.get("I2RIS_CLI")
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    return zoo.Case("gear", 1, "short", folder=tmp_path_factory.mktemp("zoo"))
+
+
+@pytest.fixture(scope="module")
+def train(case):
+    return case.train()
+
+
+def gru(units=8, seed=0):
+    torch = pytest.importorskip("torch")
+    torch.manual_seed(seed)
+    return [torch.nn.GRU(2, units), torch.nn.Linear(units, 2)]
+
+
+def learned(train, layers=None, **changes):
+    """A network with the gain of the recording: what it has not learned is small."""
+    gain, offset = zoo.linear(train)
+    options = {"step_counts": 20.0, "output_scale": (0.1, 0.1), "output_centre": offset, "skip_gain": gain}
+    return from_torch(layers or gru(), **{**options, **changes})
+
+
+@pytest.mark.skipif(not CLI, reason="I2RIS_CLI does not name the command line")
+@pytest.mark.parametrize("family", ["linear", "gmr", "gmr-direction"])
+def test_the_file_is_byte_for_byte_that_of_the_command_line(case, family, tmp_path):
+    ours, theirs = tmp_path / "wheel.json", tmp_path / "cli.json"
+    Calibration(family, restarts=2, max_components=3).fit(case.train_path()).save(ours)
+    options = ["--family", family, "--restarts", "2", "--max-components", "3"]
+    subprocess.run([CLI, "calibrate", "fit", case.train_path(), "-o", theirs, *options], check=True, capture_output=True)
+    assert ours.read_bytes() == theirs.read_bytes()
+
+
+def test_arrays_lists_integers_frames_and_gaps_give_the_same_model(train, tmp_path):
+    fit = Calibration("linear")
+    with_arrays = fit.fit(train.t_s, train.counts, train.angles_deg).model_
+    lists = fit.fit(train.t_s.tolist(), train.counts.astype(int).tolist(), train.angles_deg.tolist()).model_
+    assert with_arrays.id == lists.id
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(np.column_stack([train.counts, train.angles_deg]), columns=["q0", "q1", "pitch", "yaw"])
+    frames = fit.fit(train.t_s, frame[["q0", "q1"]], frame[["pitch", "yaw"]]).model_
+    assert frames.id == with_arrays.id
+    write_recording(tmp_path / "recording.csv", train.t_s, train.counts, train.angles_deg)
+    assert fit.fit(tmp_path / "recording.csv").model_.id == with_arrays.id
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda t, c, a: (t, c[:-1], a), "rows"),
+        (lambda t, c, a: (t, c[:, :1].repeat(3, axis=1), a), "rows of 1 or 2 numbers"),
+        (lambda t, c, a: (t, [[1], [2, 3]], a), "rows of one length"),
+        (lambda t, c, a: (t, [["a", "b"]], a), "must be numbers"),
+        (lambda t, c, a: (t, np.where(c == c[7], np.nan, c), a), "row"),
+        (lambda t, c, a: (t, np.zeros_like(c), a), "never moved"),
+        (lambda t, c, a: (t[::-1].copy(), c, a), "time|t_s"),
+        (lambda t, c, a: ([], np.zeros((0, 2)), np.zeros((0, 2))), "row"),
+        (lambda t, c, a: (t, None, None), "path"),
+    ],
+)
+def test_what_is_no_recording_is_a_sentence(train, change, sentence):
+    with pytest.raises((TypeError, ValueError), match=sentence) as refused:
+        Calibration("linear").fit(*change(train.t_s, train.counts, train.angles_deg))
+    assert "\n" not in str(refused.value).strip()
+
+
+def test_options_have_the_manners_of_scikit_learn(train):
+    fit = Calibration("linear", robot_id="bench")
+    assert Calibration(**fit.get_params()).get_params() == fit.get_params()
+    with pytest.raises(ValueError, match="no option"):
+        fit.set_params(colour="red")
+    with pytest.raises(ModelError, match="nothing is fitted"):
+        fit.predict(train.counts)
+    with pytest.raises(ModelError, match="no family"):
+        Calibration("magic").fit(train.t_s, train.counts, train.angles_deg)
+    fit.fit(train.t_s, train.counts, train.angles_deg)
+    assert fit.model_.to_dict()["robot_id"] == "bench"
+    assert fit.score(train.counts, train.angles_deg) > 0.9 and "model id" in fit.report()
+
+
+def test_progress_is_told_and_an_interrupt_ends_a_fit(train):
+    told = []
+
+    def stop(name, share):
+        told.append((name, share))
+        if share > 0.02:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Calibration("best", progress=stop).fit(train.t_s, train.counts, train.angles_deg)
+    assert told and all(0 <= share <= 1 for _, share in told)
+
+
+def test_the_inverse_comes_back_whole_and_tick_by_tick(train, tmp_path):
+    import pickle
+
+    fit = Calibration("linear").fit(train.t_s, train.counts, train.angles_deg)
+    fit.save(tmp_path / "model.json")
+    model = Model.load(tmp_path / "model.json")
+    assert model.id == fit.model_.id == pickle.loads(pickle.dumps(model)).id
+    turn = np.linspace(0, 6, 200)
+    goal = 10 * np.column_stack([np.sin(turn), np.cos(turn)])
+    counts = model.invert(goal, history=train.counts)
+    assert np.abs(model.predict(counts) - goal).max() < 0.05
+    tracker = model.tracker(train.counts)
+    found, clipped = tracker.invert(list(goal[0]))
+    assert not clipped and np.abs(np.round(found) - counts[0]).max() == 0
+    with pytest.raises(ModelError, match="cannot read model file"):
+        Model.load(tmp_path / "none.json")
+
+
+def test_a_gru_and_a_lstm_and_convolutions_go_through_torch_and_onnx(train, tmp_path):
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("onnx")
+    runtime = pytest.importorskip("onnxruntime")
+    from torch import nn
+
+    class Sequence(nn.Module):
+        def __init__(self, layers):
+            super().__init__()
+            self.layers = nn.ModuleList(layers)
+
+        def forward(self, values):
+            for layer in self.layers:
+                values = layer(values)
+                values = values[0] if isinstance(values, tuple) else values
+            return values
+
+    path, taken = walk(train.counts, 20.0)
+    torch.manual_seed(1)
+    gain, offset = zoo.linear(train)
+    recording = tmp_path / "recording.csv"
+    write_recording(recording, train.t_s, train.counts, train.angles_deg)
+    for name, layers, axes in [
+        ("gru-64", [nn.GRU(2, 64), nn.Linear(64, 2)], (1, 0)),
+        ("lstm-32", [nn.LSTM(2, 32), nn.Linear(32, 8), nn.Softplus(), nn.Linear(8, 2)], (1, 0)),
+        ("conv", [nn.ConstantPad1d((4, 0), 0.0), nn.Conv1d(2, 8, 3, dilation=2), nn.ReLU(), nn.Conv1d(8, 2, 1)], (2, 0)),
+    ]:
+        module = Sequence(layers).eval()
+        inputs = torch.tensor(path / 1000, dtype=torch.float32)
+        inputs = inputs[:, None, :] if axes == (1, 0) else inputs.T[None]
+        # The last layer learns what a straight line leaves over, by least squares.
+        seen = np.isfinite(train.angles_deg).all(axis=1)
+        with torch.no_grad():
+            features = Sequence(layers[:-1])(inputs)
+            features = (features[:, 0, :] if axes == (1, 0) else features[0].T).numpy()[taken[seen] - 1]
+            wanted = (train.angles_deg[seen] - train.counts[seen] @ gain.T - offset) / 0.1
+            table = np.column_stack([features, np.ones(len(features))])
+            found = np.linalg.solve(table.T @ table + 1e-1 * np.eye(table.shape[1]), table.T @ wanted).T
+            layers[-1].weight.copy_(torch.tensor(found[:, :-1]).reshape(layers[-1].weight.shape))
+            layers[-1].bias.copy_(torch.tensor(found[:, -1]))
+        file = tmp_path / f"{name}.onnx"
+        torch.onnx.export(module, (inputs,), str(file), dynamo=False, input_names=["x"])
+        outputs = runtime.InferenceSession(str(file)).run(None, {"x": inputs.numpy()})[0]
+        outputs = outputs[:, 0, :] if axes == (1, 0) else outputs[0].T
+        networks = [learned(train, layers), from_onnx(file, **options(train))]
+        expected = 0.1 * outputs + offset + path @ gain.T
+        for network in networks:
+            model = Model.from_network(network, recording, hold_out="none")
+            tracker = model.tracker(path[:1])
+            found = []
+            for before, row in zip(path, path[1:], strict=False):
+                tracker.advance(list(row))
+                found.append(tracker.predict())
+                # A step is taken when the motors are beyond its end.
+                tracker.advance(list(row + 1e-7 * (row - before)))
+            difference = np.abs(np.array(found) - expected[1:]).max()
+            print(f"{name}: {difference:.2e} deg from onnxruntime")
+            assert difference < 1e-5, name
+
+
+def options(train):
+    gain, offset = zoo.linear(train)
+    return {"step_counts": 20.0, "output_scale": (0.1, 0.1), "output_centre": offset, "skip_gain": gain}
+
+
+@pytest.mark.parametrize("kind", ["float16", "nan", "attention", "beta", "two ways", "pad", "layers"])
+def test_networks_that_are_not_known_are_refused_by_name(kind, train):
+    torch = pytest.importorskip("torch")
+    from torch import nn
+
+    layers = gru()
+    sentence = {
+        "float16": "float16", "nan": "not finite", "attention": "MultiheadAttention", "beta": "beta", "two ways":
+        "bidirectional", "pad": "causal", "layers": "GELU",
+    }[kind]  # fmt: skip
+    if kind == "float16":
+        layers[0].half()
+    elif kind == "nan":
+        with torch.no_grad():
+            layers[1].weight[0, 0] = float("nan")
+    else:
+        other = {
+            "attention": lambda: nn.MultiheadAttention(2, 1), "beta": lambda: nn.Softplus(beta=2.0),
+            "two ways": lambda: nn.GRU(2, 4, bidirectional=True), "pad": lambda: nn.Conv1d(2, 2, 3, padding=1),
+            "layers": nn.GELU,
+        }[kind]()  # fmt: skip
+        layers.append(other)
+    with pytest.raises(ModelError, match=sentence):
+        learned(train, layers)
+
+
+def test_networks_that_do_not_belong_to_the_recording_are_refused_before_a_model_is_there(case, train, tmp_path):
+    path = case.train_path()
+    gain, offset = zoo.linear(train)
+    for change, sentence in [
+        ({"skip_gain": np.radians(gain), "output_centre": np.radians(offset)}, "straight line|nonsense"),
+        ({"unit": "rad"}, "unknown variant `rad`"),
+        ({"outputs": ("yaw", "pitch")}, "train it on those columns"),
+        ({"step_counts": 0.1}, "step_counts"),
+        ({"output_scale": (1e9, 1e9)}, "10000"),
+    ]:
+        with pytest.raises(ModelError, match=sentence):
+            Model.from_network(learned(train, **change), path)
+    short = tmp_path / "short.csv"
+    write_recording(short, train.t_s[:2000], train.counts[:2000], train.angles_deg[:2000])
+    with pytest.raises(ModelError, match="steps of 900 counts"):
+        Model.from_network(learned(train, step_counts=900.0), short)
+    inverse = learned(train)
+    inverse["inputs"] = ["pitch_deg", "yaw_deg"]
+    with pytest.raises(ModelError, match="from counts to angles"):
+        Model.from_network(inverse, path)
+    huge = tmp_path / "huge.json"
+    with huge.open("wb") as file:
+        file.truncate(1 << 30)
+    with pytest.raises(ModelError, match="1024 MB"):
+        Model.from_network(huge, path)
+    with pytest.raises(ModelError, match="1024 MB"):
+        Model.load(huge)
+    with pytest.raises(ModelError, match="1024 MB"):
+        from_onnx(huge, step_counts=20.0)
+
+
+def test_the_zoo_scores_and_its_data_are_frozen(case):
+    train, test = case.train(), case.test()
+    gain, offset = zoo.linear(train)
+    assert zoo.forward(case, lambda counts: counts @ gain.T + offset) == pytest.approx(1.0)
+    assert np.isfinite(test.angles_deg).any() and test.sha256 != train.sha256
+    frozen = zoo.digests()
+    assert frozen[case.name] == train.sha256
+    assert len(frozen) == len(zoo.PHYSICS) * len(zoo.SEEDS) * (len(zoo.PROTOCOLS) + 1)
+    with pytest.raises(ValueError, match="none of version 1"):
+        zoo.Case("glue")
+
+
+def test_gymnasium_knows_the_environment_and_checks_it():
+    gymnasium = pytest.importorskip("gymnasium")
+    from gymnasium.utils.env_checker import check_env
+
+    import i2ris.reach
+
+    i2ris.reach.register()
+    env = gymnasium.make("i2ris/Reach-v0", physics="gear", snake=2)
+    check_env(env.unwrapped, skip_render_check=True)
+    first, _ = env.reset(seed=3)
+    again, _ = env.reset(seed=3)
+    assert (first == again).all()
+
+
+def test_importing_is_quick_to_write():
+    """No time is asserted; nothing heavy is imported."""
+    text = "import sys, i2ris.model; print(sorted(set(sys.modules) & {'torch', 'onnx', 'pandas', 'gymnasium', 'cv2'}))"
+    found = subprocess.run([sys.executable, "-c", text], check=True, capture_output=True, text=True)
+    assert found.stdout.strip() == "[]"
+
+
+def test_the_notebook_runs(tmp_path, monkeypatch):
+    """From a recording to a tracked circle: its cells, one after the other."""
+    monkeypatch.chdir(tmp_path)
+    notebook = json.loads((Path(__file__).parents[1] / "examples" / "tracked_circle.ipynb").read_text())
+    names: dict = {"RESTARTS": 2}
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            exec(compile("".join(cell["source"]), "tracked_circle.ipynb", "exec"), names)
+    assert names["rms_model"] < 0.6 * names["rms_linear"]
