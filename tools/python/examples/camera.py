@@ -15,7 +15,7 @@ from i2ris.external import ExternalPublisher, NoController
 RATE_HZ = 30.0
 
 
-def angles(stamp_ns: int):
+def angles(stamp_ns: int) -> tuple[tuple[float, float], tuple[float, float], float] | None:
     """Pitch and yaw, rad, their standard deviations, and quality; None where nothing was seen."""
     phase = 2.0 * math.pi * 0.1 * stamp_ns * 1e-9
     if math.sin(0.37 * phase) > 0.99:

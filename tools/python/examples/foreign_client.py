@@ -14,6 +14,7 @@ import struct
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import iceoryx2 as iox2
 
@@ -61,10 +62,10 @@ def is_served(folder: Path) -> bool:
             answer = fcntl.fcntl(lock, fcntl.F_OFD_GETLK, probe)
     except FileNotFoundError:
         return False
-    return struct.unpack(layout, answer)[0] != fcntl.F_UNLCK
+    return bool(struct.unpack(layout, answer)[0] != fcntl.F_UNLCK)
 
 
-def connect(domain: str):
+def connect(domain: str) -> Any:
     """A node in the shared memory of the controller that serves the domain now."""
     folder = Path(f"/dev/shm/i2ris-{os.geteuid()}-{domain}")
     if not is_served(folder):
@@ -81,11 +82,11 @@ def connect(domain: str):
     return iox2.NodeBuilder.new().config(config).create(iox2.ServiceType.Ipc)
 
 
-def stream(node, name: str, payload):
+def stream(node: Any, name: str, payload: type[ctypes.Structure]) -> Any:
     return node.service_builder(iox2.ServiceName.new(name)).publish_subscribe(payload).open()
 
 
-def newest(subscriber, payload, timeout_s: float = 1.0):
+def newest(subscriber: Any, payload: type[ctypes.Structure], timeout_s: float = 1.0) -> Any:
     """The newest message; waits for the first one."""
     message, end = None, time.monotonic() + timeout_s
     while message is None and time.monotonic() < end:

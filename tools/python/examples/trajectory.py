@@ -9,6 +9,7 @@ import argparse
 import time
 
 import numpy as np
+import numpy.typing as npt
 
 from i2ris.arm import Arm
 
@@ -17,12 +18,15 @@ RATE_HZ = 200.0
 APPROACH_DEG_S = 10.0
 
 
-def path_of(file: str) -> tuple[np.ndarray, np.ndarray]:
+Values = npt.NDArray[np.float64]
+
+
+def path_of(file: str) -> tuple[Values, Values]:
     table = np.genfromtxt(file, delimiter=",", names=True)
     return table["t_s"] - table["t_s"][0], np.column_stack([table["pitch_deg"], table["yaw_deg"]])
 
 
-def with_approach(times, poses, start):
+def with_approach(times: Values, poses: Values, start: Values) -> tuple[Values, Values]:
     """The same path, begun with a straight line from where the robot is."""
     duration = max(np.hypot(*(poses[0] - start)) / APPROACH_DEG_S, 0.1)
     return np.concatenate([[0.0], times + duration]), np.vstack([start, poses])
@@ -37,16 +41,14 @@ def main() -> None:
     errors = []
     with Arm(arguments.domain) as arm:
         arm.wait_for(lambda state: state.state == "ENABLED" and state.homed, timeout_s=2.0)
-        while (setpoint := arm.setpoint_js()) is None or not setpoint.valid:
+        while not (setpoint := arm.setpoint_js()).valid:
             time.sleep(0.01)
         times, poses = with_approach(times, poses, np.degrees(setpoint.position))
         start = time.monotonic()
         while (elapsed := time.monotonic() - start) < times[-1]:
             pose = [np.interp(elapsed, times, poses[:, axis]) for axis in range(2)]
             arm.servo_jp(np.radians(pose))
-            measured, goal = arm.measured_js(), arm.goal_js()
-            if measured is not None and goal is not None:
-                errors.append(np.degrees(measured.position - goal.position))
+            errors.append(np.degrees(arm.measured_js().position - arm.goal_js().position))
             time.sleep(1.0 / RATE_HZ)
         state = arm.operating_state()
     lengths = np.hypot(*np.array(errors).T)

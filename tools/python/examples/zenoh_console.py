@@ -13,11 +13,13 @@ import struct
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import zenoh
 from i2ris.payload import (
-    INTERFACE_VERSION, JointState, OperatingStateMsg, ServoJp, StateCommandReply, StateCommandRequest,
+    INTERFACE_VERSION, JointState, OperatingStateMsg, Payload, ServoJp, StateCommandReply, StateCommandRequest,
 )
 
 REFUSALS = {1: "other version of the interface", 2: "too many clients", 3: "the session has ended",
@@ -25,6 +27,8 @@ REFUSALS = {1: "other version of the interface", 2: "too many clients", 3: "the 
 OUTCOMES = {2: "the controller did not answer", 3: "this key may watch only", 4: "too late"}
 NEWEST = {"reliability": zenoh.Reliability.BEST_EFFORT, "priority": zenoh.Priority.REAL_TIME,
           "congestion_control": zenoh.CongestionControl.DROP, "express": True}
+
+P = TypeVar("P", bound=Payload)
 
 
 class Refused(Exception):
@@ -36,10 +40,10 @@ class Clock:
 
     DRIFT = 1e-3
 
-    def __init__(self):
-        self.bounds = None
+    def __init__(self) -> None:
+        self.bounds: tuple[int, int, int] | None = None
 
-    def note(self, sent, there, arrived):
+    def note(self, sent: int, there: int, arrived: int) -> None:
         least, most = there - arrived, there - sent
         if self.bounds is not None:
             old_least, old_most = self.widened(arrived)
@@ -47,16 +51,17 @@ class Clock:
                 least, most = max(least, old_least), min(most, old_most)
         self.bounds = (least, most, arrived)
 
-    def widened(self, now):
+    def widened(self, now: int) -> tuple[int, int]:
+        assert self.bounds is not None, "nothing was heard yet"
         least, most, at = self.bounds
         drift = int((now - at) * self.DRIFT) + 1
         return least - drift, most + drift
 
-    def there(self, stamp):
+    def there(self, stamp: int) -> int:
         """A stamp on the controller's clock, never later than it was: commands do not become younger."""
         return stamp + self.widened(time.monotonic_ns())[0]
 
-    def here(self, stamp):
+    def here(self, stamp: int) -> int:
         """A stamp of the controller on our clock, never later than it was."""
         return stamp - self.widened(time.monotonic_ns())[1]
 
@@ -64,8 +69,8 @@ class Clock:
 class Console:
     """One session. It ends for ever when either end is silent: then make another one, and look before you go on."""
 
-    def __init__(self, address, key, patience_s=10.0):
-        key = Path(key)
+    def __init__(self, address: str, key_folder: str, patience_s: float = 10.0):
+        key = Path(key_folder)
         config = zenoh.Config()
         tls = "transport/link/tls"
         for name, value in {
@@ -80,7 +85,9 @@ class Console:
             config.insert_json5(name, value)
         self.zenoh = zenoh.open(config)
         self.source = f"i2ris/from/{key.name}/{secrets.randbits(64):016x}"
-        self.clock, self.newest, self.ended = Clock(), {}, None
+        self.clock = Clock()
+        self.newest: dict[str, bytes] = {}
+        self.ended: str | None = None
         self.commands = self.controller = False
         self.client_id, self.sequence, self.questions = secrets.randbits(63) + 1, 0, 0
         self.servo = self.zenoh.declare_publisher(f"{self.source}/servo_jp", **NEWEST)
@@ -91,10 +98,10 @@ class Console:
         self.thread = threading.Thread(target=self.live, daemon=True)
         self.thread.start()
 
-    def keep(self, sample):
+    def keep(self, sample: Any) -> None:
         self.newest[str(sample.key_expr).removeprefix("i2ris/state/")] = sample.payload.to_bytes()
 
-    def alive(self, timeout_s):
+    def alive(self, timeout_s: float) -> bool:
         """Asks for a sign of life: whether we are admitted, and how the clocks stand."""
         sent = time.monotonic_ns()
         for reply in self.zenoh.get(f"{self.source}/alive", payload=struct.pack("<IIII", INTERFACE_VERSION, 0, 0, 0),
@@ -113,7 +120,7 @@ class Console:
             return True
         return False
 
-    def live(self):
+    def live(self) -> None:
         """Twenty signs of life a second. Half a second without an answer ends the session."""
         while self.ended is None:
             self.alive(0.5)
@@ -121,18 +128,18 @@ class Console:
                 self.ended = self.ended or "the server is silent"
             time.sleep(0.05)
 
-    def read(self, stream, payload, patience_s=5.0):
+    def read(self, stream: str, payload: type[P], patience_s: float = 5.0) -> P:
         """The newest message of a stream, with its stamp on our clock."""
         end = time.monotonic() + patience_s
         while (message := self.newest.get(stream)) is None:
             if self.ended or time.monotonic() > end:
                 raise Refused(self.ended or f"no {stream}")
             time.sleep(0.005)
-        value = payload.from_buffer_copy(message)
+        value: Any = payload.from_buffer_copy(message)
         value.stamp_ns = self.clock.here(value.stamp_ns)
-        return value
+        return cast(P, value)
 
-    def servo_jp(self, position):
+    def servo_jp(self, position: Sequence[float]) -> None:
         """Go to these angles now, rad."""
         if self.ended:
             raise Refused(self.ended)
@@ -141,7 +148,7 @@ class Console:
         command.position[: len(position)], command.count = position, len(position)
         self.servo.put(bytes(command))
 
-    def state_command(self, number):
+    def state_command(self, number: int) -> StateCommandReply:
         """A change of state. The number makes sure that it is carried out once, however often it is asked."""
         self.questions += 1
         request = struct.pack("<QQ", self.questions, self.clock.there(time.monotonic_ns()))
@@ -158,7 +165,7 @@ class Console:
                 return StateCommandReply.from_buffer_copy(answer, 8)
         raise Refused(self.ended or "no answer")
 
-    def close(self):
+    def close(self) -> None:
         self.ended = self.ended or "closed"
         self.thread.join()
         leaving = struct.pack("<IIII", INTERFACE_VERSION, 1, 0, 0)
@@ -166,7 +173,7 @@ class Console:
         self.zenoh.close()
 
 
-def main():
+def main() -> None:
     console = Console(sys.argv[1], sys.argv[2])
     state, joints = console.read("operating_state", OperatingStateMsg), console.read("measured_js", JointState)
     print("state", state.state, "measured", list(joints.position[: joints.count]), "rad")

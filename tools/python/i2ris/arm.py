@@ -36,7 +36,7 @@ import subprocess
 import time
 import weakref
 from pathlib import Path
-from typing import Any, Callable, Sequence
+from typing import Any, Callable, Sequence, TypeVar
 
 import numpy as np
 
@@ -50,6 +50,7 @@ from .payload import (
     ModelRequest,
     MoveRequest,
     OperatingStateMsg,
+    Payload,
     PeriodStatistics,
     ReasonMsg,
     ServoActuator,
@@ -136,11 +137,11 @@ OUT_OF_REACH = 23
 #: Distance of the setpoint from the goal at which a motion has arrived, deg: rounding to counts, and the dead-band.
 ARRIVAL_DEG = 0.5
 #: Time for the first message of a stream: the slowest one that a client needs comes once a second, s.
-FIRST_TIMEOUT_S = 1.5
-#: Time in which a controller that has just been started serves, s.
-CONNECT_TIMEOUT_S = 1.0
+FIRST_TIMEOUT_S = 3.0
 #: Polling period for replies, s.
 POLL_S = 0.001
+
+P = TypeVar("P", bound=Payload)
 
 
 class Operation:
@@ -153,7 +154,7 @@ class Operation:
     def is_done(self) -> bool:
         """Whether the robot is no longer busy with it. Does not wait."""
         state = self._arm.operating_state()
-        return state is not None and state.stamp_ns > self._accepted_ns and not state.busy
+        return state.stamp_ns > self._accepted_ns and not state.busy
 
     def wait(self, timeout_s: float = 300.0) -> OperatingState:
         """Waits until it is carried out. Raises ``Fault``, ``Stopped`` or ``TimeoutError``."""
@@ -173,7 +174,7 @@ class Operation:
     def _check_arrival(self) -> None:
         """A motion that somebody has stopped ends away from its goal."""
         setpoint = self._arm.setpoint_js()
-        if setpoint is None or self._goal is None or not setpoint.valid:
+        if self._goal is None or not setpoint.valid:
             return
         away = np.degrees(np.linalg.norm(setpoint.position - self._goal))
         if away > ARRIVAL_DEG:
@@ -196,8 +197,8 @@ class Arm:
         self._deadline_ns = 0 if deadline_s is None else int(deadline_s * 1e9)
         self._strict = strict
         self._sequence = 0
-        self._latest: dict[str, tuple] = {}
-        self._kept: dict[str, list] = {}
+        self._latest: dict[str, tuple[str, Payload]] = {}
+        self._kept: dict[str, list[Any]] = {}
         self._commanded = False
         self._refused: int | None = None
         #: Motors one by one, without a model.
@@ -211,35 +212,40 @@ class Arm:
         atexit.register(_close, weakref.ref(self))
 
     def _connect(self) -> None:
-        """Opens the streams and waits for the first messages, so that every getter has a value at once."""
-        for subscribe in (self.measured_js, self.setpoint_js, self.goal_js, self.external_jp, self.errors, self.warnings):
-            subscribe()
+        """Opens the streams, so that the getters see every message from now on."""
         for service, payload in (
             ("i2ris/operating_state", OperatingStateMsg),
             ("i2ris/actuators/measured_js", ActuatorState),
             ("i2ris/measured_js", JointState),
+            ("i2ris/setpoint_js", JointState),
+            ("i2ris/goal_js", JointState),
+            ("i2ris/external/measured_jp", ExternalPosition),
+            ("i2ris/error", ReasonMsg),
+            ("i2ris/warning", ReasonMsg),
         ):
-            self._first(service, payload, CONNECT_TIMEOUT_S)
+            subscriber(self._link, service, payload)
 
-    def _first(self, service: str, payload: Any, timeout_s: float = FIRST_TIMEOUT_S) -> Any:
-        """The newest message of a stream; waits for the first one. None if there is none in time."""
+    def _first(self, service: str, payload: type[P], timeout_s: float = FIRST_TIMEOUT_S) -> P:
+        """The newest message of a stream; waits for the first one. Raises NoReply if there is none in time."""
         end = time.monotonic() + timeout_s
         while (message := self._newest(service, payload)) is None and time.monotonic() < end:
             time.sleep(POLL_S)
+        if message is None:
+            raise NoReply(f"no message of {service} within {timeout_s} s")
         return message
 
     def __repr__(self) -> str:
         domain = f"domain {self._link.domain!r}"
         try:
             state, joints = self.operating_state(), self.measured_js()
-        except (NoController, OtherInterface) as error:
+        except (NoController, NoReply, OtherInterface) as error:
             return f"<Arm of {domain}: {error}>"
-        words = [] if state is None else [state.state, "homed" if state.homed else "not homed"]
-        if state is not None and state.fault_code:
+        words = [state.state, "homed" if state.homed else "not homed"]
+        if state.fault_code:
             words.append(state.fault)
-        if joints is not None and joints.valid:
+        if joints.valid:
             words.append(f"{np.degrees(joints.position).round(2).tolist()} deg")
-        return f"<Arm of {domain}: {', '.join(words) or 'no message yet'}>"
+        return f"<Arm of {domain}: {', '.join(words)}>"
 
     def __enter__(self) -> "Arm":
         return self
@@ -254,7 +260,7 @@ class Arm:
                 # A command in flight would take the lease again. This is well below its deadline.
                 time.sleep(0.02)
                 state = self.operating_state()
-                if state is not None and state.state == "ENABLED" and (state.lease or not state.taken):
+                if state.state == "ENABLED" and (state.lease or not state.taken):
                     self.state_command("hold")
                 self.state_command("release")
         except (NoController, NoReply, Refused):
@@ -386,15 +392,15 @@ class Arm:
         """Give the lease back. Returns the state."""
         return self.state_command("release")
 
-    def measured_js(self) -> Joints | None:
+    def measured_js(self) -> Joints:
         """The model's estimate from the encoders; None until the first one has arrived."""
         return self._joints("i2ris/measured_js")
 
-    def setpoint_js(self) -> Joints | None:
+    def setpoint_js(self) -> Joints:
         """The model's estimate for the setpoints."""
         return self._joints("i2ris/setpoint_js")
 
-    def goal_js(self) -> Joints | None:
+    def goal_js(self) -> Joints:
         """The requested goal, clipped to the calibrated hull."""
         return self._joints("i2ris/goal_js")
 
@@ -406,12 +412,14 @@ class Arm:
         """Timing of the control loop in the last second."""
         return self._newest("i2ris/period_statistics", PeriodStatistics)
 
-    def operating_state(self) -> OperatingState | None:
-        """State of the controller; None until the first message has arrived."""
-        message = self._newest("i2ris/operating_state", OperatingStateMsg)
-        if message is None:
-            return None
-        flag = lambda bit: bool(message.flags & bit)  # noqa: E731
+    def operating_state(self) -> OperatingState:
+        """State of the controller."""
+        message = self._first("i2ris/operating_state", OperatingStateMsg)
+        flags = message.flags
+
+        def flag(bit: int) -> bool:
+            return bool(flags & bit)
+
         return OperatingState(
             stamp_ns=message.stamp_ns,
             state=STATES.get(message.state, f"unknown state {message.state}"),
@@ -440,8 +448,6 @@ class Arm:
     def why(self) -> str:
         """Why the robot does not move, and what to do: the state, then the last causes, newest first."""
         state = self.operating_state()
-        if state is None:
-            return "no message of the controller yet"
         lines = [repr(self)]
         if state.fault_code:
             lines.append(str(self._fault(state)))
@@ -518,17 +524,17 @@ class Arm:
     def is_enabled(self) -> bool:
         """Whether the robot follows commands."""
         state = self.operating_state()
-        return state is not None and state.state == "ENABLED"
+        return state.state == "ENABLED"
 
     def is_homed(self) -> bool:
         """Whether every axis knows its zero."""
         state = self.operating_state()
-        return state is not None and state.homed
+        return state.homed
 
     def is_busy(self) -> bool:
         """Whether a motion or a change of state is in progress."""
         state = self.operating_state()
-        return state is not None and state.busy
+        return state.busy
 
     def _accepted(self, command: str, reply: StateCommandReply) -> str:
         """The state in a reply. Raises Refused."""
@@ -553,7 +559,7 @@ class Arm:
     def _raise_refusals(self) -> None:
         """Raises what the controller has refused since the last command of this client."""
         state = self.operating_state()
-        if state is None or not self._strict:
+        if not self._strict:
             return
         if state.state == "FAULT":
             raise self._fault(state)
@@ -569,7 +575,7 @@ class Arm:
         end = time.monotonic() + timeout_s
         while time.monotonic() < end:
             state = self.operating_state()
-            if state is not None and wanted(state):
+            if wanted(state):
                 return state
             time.sleep(POLL_S)
         raise TimeoutError(f"the state was not as wanted within {timeout_s} s")
@@ -582,7 +588,7 @@ class Arm:
         self._sequence += 1
         return self._sequence
 
-    def _stamped(self, kind: type, count: int):
+    def _stamped(self, kind: type[P], count: int) -> P:
         """A command with this number of values, from this client and of now."""
         return kind(
             sequence=self._next(),
@@ -592,12 +598,12 @@ class Arm:
             count=count,
         )
 
-    def _send(self, service: str, command) -> int:
+    def _send(self, service: str, command: Any) -> int:
         publisher(self._link, service, type(command)).send_copy(command)
         self._commanded = True
-        return command.sequence
+        return int(command.sequence)
 
-    def _request(self, service: str, request, reply, timeout_s: float = REPLY_TIMEOUT_S):
+    def _request(self, service: str, request: Payload, reply: type[P], timeout_s: float = REPLY_TIMEOUT_S) -> P:
         port = client(self._link, service, type(request), reply)
         pending = port.send_copy(request)
         end = time.monotonic() + timeout_s
@@ -609,19 +615,17 @@ class Arm:
             time.sleep(POLL_S)
         raise NoReply(f"{service} does not answer within {timeout_s} s")
 
-    def _newest(self, service: str, payload):
+    def _newest(self, service: str, payload: type[P]) -> P | None:
         boot = self._link.refresh()
         port = subscriber(self._link, service, payload)
         while (sample := port.receive()) is not None:
             self._latest[service] = (boot, payload.from_buffer_copy(sample.payload().contents))
-        latest = self._latest.get(service)
+        latest: Any = self._latest.get(service)
         # The message of a controller that has ended is dropped.
         return latest[1] if latest is not None and latest[0] == boot else None
 
-    def _joints(self, service: str) -> Joints | None:
-        message = self._newest(service, JointState)
-        if message is None:
-            return None
+    def _joints(self, service: str) -> Joints:
+        message = self._first(service, JointState)
         count = message.count
         return Joints(
             stamp_ns=message.stamp_ns,
@@ -656,11 +660,9 @@ class ActuatorArm:
         command.position_counts[: len(counts)] = [int(value) for value in counts]
         return self._arm._send("i2ris/actuators/servo_jp", command)
 
-    def measured_js(self) -> Actuators | None:
-        """The motors; None until the first message has arrived."""
-        message = self._arm._newest("i2ris/actuators/measured_js", ActuatorState)
-        if message is None:
-            return None
+    def measured_js(self) -> Actuators:
+        """The motors."""
+        message = self._arm._first("i2ris/actuators/measured_js", ActuatorState)
         count = message.count
         return Actuators(
             stamp_ns=message.stamp_ns,
@@ -721,7 +723,7 @@ class ModelArm:
         """The models in use, staged and previously in use."""
         return self._request(1)
 
-    def stage(self, path: str | os.PathLike) -> Models:
+    def stage(self, path: str | os.PathLike[str]) -> Models:
         """Lets the controller read and check a model file. The model in use stays in use."""
         name = os.fsencode(os.path.abspath(path))
         if len(name) >= 1024:

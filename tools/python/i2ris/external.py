@@ -1,6 +1,7 @@
 """Publishing measurements of a camera: the stream ``external/measured_jp``."""
 
 import os
+from collections.abc import Sequence
 
 from .link import Link, NoController, publisher
 from .payload import ExternalPosition
@@ -18,7 +19,9 @@ class ExternalPublisher:
         self._link = Link(os.environ.get("I2RIS_DOMAIN", "i2ris") if domain is None else domain)
         self._sequence = 0
 
-    def publish(self, stamp_ns: int, position, deviation=(), quality: float = 0.0) -> None:
+    def publish(
+        self, stamp_ns: int, position: Sequence[float], deviation: Sequence[float] = (), quality: float = 0.0
+    ) -> None:
         """Publishes angles, rad, measured at ``stamp_ns`` (``time.monotonic_ns()``).
 
         Raises NoController while no controller serves the domain; the message is then lost.

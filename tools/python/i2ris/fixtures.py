@@ -42,8 +42,6 @@ class FixtureArm:
     def list(self) -> list[Fixture]:
         """All regions, in the order of their numbers; they are published once a second and after every change."""
         message = self._arm._first("i2ris/virtual_fixtures", VirtualFixturesMsg)
-        if message is None:
-            return []
         found = []
         for index, number in enumerate(message.kind):
             if number in KINDS:

@@ -4,9 +4,12 @@ View i shows the bend in the direction phi_i, turned from pitch towards yaw:
 ``tan view_i = cos phi_i tan pitch + sin phi_i tan yaw``.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,7 @@ class View:
     @property
     def plane(self) -> float:
         base = {"pitch": 0.0, "yaw": 90.0}[self.axis]
-        return np.radians(base + self.turn_deg + (180.0 if self.reversed else 0.0))
+        return math.radians(base + self.turn_deg + (180.0 if self.reversed else 0.0))
 
 
 def parse_view(text: str, turn_deg: float = 0.0) -> View:
@@ -31,8 +34,11 @@ def parse_view(text: str, turn_deg: float = 0.0) -> View:
     return View(axis, text.startswith("-"), turn_deg)
 
 
-def solve(views, angles, deviations):
+def solve(
+    views: Sequence[View], angles: npt.ArrayLike, deviations: npt.ArrayLike
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Angles of the views, rad, to (angles, standard deviations), each [pitch, yaw]; NaN for an axis that no view shows."""
+    angles, deviations = np.asarray(angles, float), np.asarray(deviations, float)
     if len(views) == 1:
         axis, sign = int(views[0].axis == "yaw"), -1.0 if views[0].reversed else 1.0
         out = np.full((2, 2), np.nan)
@@ -42,5 +48,5 @@ def solve(views, angles, deviations):
     inverse = np.linalg.inv(np.stack([np.cos(planes), np.sin(planes)], axis=1))
     seen = np.tan(angles)
     tangents = inverse @ seen
-    spread = np.sqrt(inverse**2 @ (np.asarray(deviations) * (1 + seen**2)) ** 2)
+    spread = np.sqrt(inverse**2 @ (deviations * (1 + seen**2)) ** 2)
     return np.arctan(tangents), spread / (1 + tangents**2)

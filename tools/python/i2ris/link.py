@@ -10,11 +10,13 @@ import os
 import re
 import struct
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import iceoryx2 as iox2
 
-from .payload import INTERFACE_VERSION
+from .payload import INTERFACE_VERSION, Payload
 
 #: Versions of iceoryx2 refuse each other: exactly the controller's.
 ICEORYX2_VERSION = "0.10.0"
@@ -43,11 +45,11 @@ class Link:
         self._client_id = client_id
         self._pid_file: Path | None = None
         self._boot: str | None = None
-        self._node = None
-        self._ports: dict[tuple[str, str], list] = {}
+        self._node: Any = None
+        self._ports: dict[tuple[str, str], list[Any]] = {}
         self._next_probe = 0.0
 
-    def port(self, key, opened):
+    def port(self, key: tuple[str, str], opened: Callable[[Any], list[Any]]) -> Any:
         """The port of this key; ``opened(node)`` creates it, again after a restart of the controller."""
         self.refresh()
         if key not in self._ports:
@@ -102,7 +104,7 @@ class Link:
             # Without this file the client only has no name.
             pass
 
-    def _create_node(self, boot: str):
+    def _create_node(self, boot: str) -> Any:
         config = iox2.config.default()
         config.global_cfg.root_path = iox2.Path.new(str(self.directory / boot))
         config.global_cfg.prefix = iox2.FileName.new(f"{self.directory.name}_{boot}_")
@@ -133,30 +135,30 @@ class Link:
         return boot
 
 
-def publisher(link: Link, service: str, payload):
+def publisher(link: Link, service: str, payload: type[Payload]) -> Any:
     """A publisher of a stream that the controller reads."""
 
-    def opened(node):
+    def opened(node: Any) -> list[Any]:
         factory = _streams(node, service, payload)
         return [factory, factory.publisher_builder().create()]
 
     return link.port(("publish", service), opened)
 
 
-def subscriber(link: Link, service: str, payload):
+def subscriber(link: Link, service: str, payload: type[Payload]) -> Any:
     """A subscriber of a stream."""
 
-    def opened(node):
+    def opened(node: Any) -> list[Any]:
         factory = _streams(node, service, payload)
         return [factory, factory.subscriber_builder().create()]
 
     return link.port(("subscribe", service), opened)
 
 
-def client(link: Link, service: str, request, reply):
+def client(link: Link, service: str, request: type[Payload], reply: type[Payload]) -> Any:
     """A client of a request service."""
 
-    def opened(node):
+    def opened(node: Any) -> list[Any]:
         builder = node.service_builder(iox2.ServiceName.new(service)).request_response(request, reply)
         factory = builder.open()
         return [factory, factory.client_builder().create()]
@@ -164,15 +166,15 @@ def client(link: Link, service: str, request, reply):
     return link.port(("ask", service), opened)
 
 
-def _streams(node, service: str, payload):
+def _streams(node: Any, service: str, payload: type[Payload]) -> Any:
     return node.service_builder(iox2.ServiceName.new(service)).publish_subscribe(payload).open()
 
 
-def _is_served(lock) -> bool:
+def _is_served(lock: BinaryIO) -> bool:
     """Whether a controller serves, by its lock on the second byte, without taking it. The file alone may be a leftover,
     and a controller that holds only the first byte is starting: ``ready`` may be that of a killed one.
     """
     layout = "hhqqi4x"
     probe = struct.pack(layout, fcntl.F_WRLCK, os.SEEK_SET, 1, 1, 0)
     answer = fcntl.fcntl(lock, fcntl.F_OFD_GETLK, probe)
-    return struct.unpack(layout, answer)[0] != fcntl.F_UNLCK
+    return bool(struct.unpack(layout, answer)[0] != fcntl.F_UNLCK)

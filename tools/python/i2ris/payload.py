@@ -6,6 +6,7 @@ A test compares names, sizes and offsets with those of the controller.
 
 import ctypes
 from ctypes import c_double, c_int32, c_uint8, c_uint16, c_uint32, c_uint64
+from typing import Any
 
 #: Version of all payloads together. Client and controller have the same.
 INTERFACE_VERSION = 4
@@ -21,7 +22,7 @@ class Payload(ctypes.Structure):
         return cls.NAME
 
     def __repr__(self) -> str:
-        def text_of_value(value):
+        def text_of_value(value: Any) -> Any:
             if not isinstance(value, ctypes.Array):
                 return value
             if value._type_ is c_uint8:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
+from ctypes import c_uint8
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from .payload import ModelSlot, ReasonMsg, StateCommandReply
 from .reasons import ADVICE, FAULTS, QUANTITIES, REFUSALS
@@ -86,11 +90,11 @@ class Joints:
 
     stamp_ns: int
     #: Pitch and yaw, rad (x, y, z, m, for a model of the tip).
-    position: np.ndarray
+    position: npt.NDArray[Any]
     #: Per second.
-    velocity: np.ndarray
+    velocity: npt.NDArray[Any]
     #: Standard deviation of ``position``; 0 where it is not known.
-    deviation: np.ndarray
+    deviation: npt.NDArray[Any]
     valid: bool
     #: The estimate is on the right branch of the hysteresis loop.
     memory_known: bool
@@ -104,11 +108,11 @@ class Actuators:
     """Motors at an instant."""
 
     stamp_ns: int
-    measured_counts: np.ndarray
-    measured_stamp_ns: np.ndarray
-    setpoint_counts: np.ndarray
-    current_ma: np.ndarray
-    error_code: np.ndarray
+    measured_counts: npt.NDArray[Any]
+    measured_stamp_ns: npt.NDArray[Any]
+    setpoint_counts: npt.NDArray[Any]
+    current_ma: npt.NDArray[Any]
+    error_code: npt.NDArray[Any]
     sequence: int
 
 
@@ -122,8 +126,8 @@ class Model:
     file: str
     memory_known: bool
     #: Root mean square error per output on training data and on data held out, in degrees (millimetres).
-    training_rms: np.ndarray
-    held_out_rms: np.ndarray
+    training_rms: npt.NDArray[Any]
+    held_out_rms: npt.NDArray[Any]
 
 
 @dataclass(frozen=True)
@@ -172,7 +176,7 @@ def model(slot: ModelSlot) -> Model | None:
     )
 
 
-def text(field) -> str:
+def text(field: ctypes.Array[c_uint8]) -> str:
     return bytes(field).split(b"\0", 1)[0].decode("utf-8", "replace")
 
 
