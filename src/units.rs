@@ -12,6 +12,12 @@ use serde::{Deserialize, Serialize};
 /// The most motors that one robot can have.
 pub const MAX_MOTORS: usize = 2;
 
+/// The motors, and behind them the auxiliary axis.
+pub const MAX_AXES: usize = MAX_MOTORS + 1;
+
+/// The number of the auxiliary axis: a gripper or a roll.
+pub const AUXILIARY: usize = MAX_MOTORS;
+
 /// The most outputs that one model can have: pitch and yaw, or the tip position x, y, z.
 pub const MAX_OUTPUTS: usize = 3;
 

@@ -103,6 +103,7 @@ pub(super) const BOUNDS: &[Bound] = &[
     within("ports[].polling.status_every_rounds", 1.0, 1000.0),
     within("ports[].polling.slow_every_rounds", 20.0, 10_000.0),
     within("ports[].axes[].node_id", 0.0, 127.0),
+    within("ports[].axes[].auxiliary_counts_per_deg", -MAX_COUNTS, MAX_COUNTS),
     within("ports[].axes[].position_min_counts", -MAX_COUNTS, MAX_COUNTS),
     within("ports[].axes[].position_max_counts", -MAX_COUNTS, MAX_COUNTS),
     above_zero("ports[].axes[].current_limit_ma", MAX_CURRENT_MA),

@@ -238,10 +238,10 @@ impl Config {
         self.ports.iter().map(|port| port.device.clone()).collect()
     }
 
-    /// The number of motors.
+    /// The number of motors of the snake.
     #[must_use]
     pub fn motors(&self) -> usize {
-        self.axes().count()
+        self.axes().filter(|axis| axis.auxiliary_counts_per_deg.is_none()).count()
     }
 
     /// All axes, in the order of the file.

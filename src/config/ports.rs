@@ -149,8 +149,13 @@ fn default_deadman_ms() -> u64 {
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct AxisConfig {
-    /// Which motor of the model this drive turns, 0 or 1.
+    /// Which motor of the model this drive turns, 0 or 1; 2 for the auxiliary axis.
     pub motor: usize,
+    /// Makes this the auxiliary axis (a gripper, or a roll): counts per degree of `jaw/servo_jp`,
+    /// below zero if the motor turns the other way. It has no model and no hysteresis memory; limits,
+    /// homing and faults are those of every axis, and its fault stops all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub auxiliary_counts_per_deg: Option<f64>,
     /// The family of the drive. Absent: that of its port.
     #[serde(default)]
     pub family: Option<Family>,
@@ -233,6 +238,7 @@ impl AxisConfig {
         let [position_min_counts, position_max_counts] = limits;
         Self {
             motor,
+            auxiliary_counts_per_deg: None,
             family: None,
             streaming: Streaming::default(),
             node_id: 0,

@@ -10,7 +10,7 @@ use super::finding::{Finding, Findings};
 use super::virtual_fixtures;
 use super::{AxisConfig, Config, Family, Framing, HomingMethod, PortConfig, Streaming};
 use crate::model::Model;
-use crate::units::{LONGEST_WINDOW, MAX_MOTORS};
+use crate::units::{AUXILIARY, LONGEST_WINDOW, MAX_MOTORS};
 
 /// Why a jerk limit is refused: the moving average that limits jerk delays by half its window.
 const JERK_DELAY: &str = "must be higher: the delay would be longer than 16 ticks";
@@ -20,6 +20,9 @@ const BAUD_RATES: [u32; 18] = [
     9600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 500_000, 576_000, 921_600, 1_000_000,
     1_152_000, 1_500_000, 2_000_000, 2_500_000, 3_000_000, 3_500_000, 4_000_000,
 ];
+
+/// An axis that turns further than a turn per count has no use.
+const MIN_COUNTS_PER_DEG: f64 = 0.01;
 
 /// The findings of a file, one line each.
 pub(super) fn lines(path: &Path, findings: &[Finding]) -> String {
@@ -149,19 +152,28 @@ fn check_ports(config: &Config, findings: &mut Findings) {
         (1..=MAX_MOTORS).contains(&motors),
         "ports.axes",
         motors,
-        "there must be 1 or 2 axes in all",
+        "there must be 1 or 2 axes in all, and one auxiliary axis at most",
     );
     for (index, port) in config.ports.iter().enumerate() {
         let is_repeated = config.ports[..index].iter().any(|other| other.device == port.device);
         check_port(port, index, is_repeated, findings);
     }
     for axis in config.axes() {
-        findings.require(
-            axis.motor < motors,
-            axis_key(axis, "motor"),
-            axis.motor,
-            "motors are numbered from 0 without gaps",
-        );
+        match axis.auxiliary_counts_per_deg {
+            None => findings.require(
+                axis.motor < motors,
+                axis_key(axis, "motor"),
+                axis.motor,
+                "motors are numbered from 0 without gaps",
+            ),
+            Some(counts) => {
+                let is_known = counts.abs() >= MIN_COUNTS_PER_DEG;
+                let key = axis_key(axis, "auxiliary_counts_per_deg");
+                findings.require(is_known, key, counts, "must be 0.01 or more, to either side");
+                let key = axis_key(axis, "motor");
+                findings.require(axis.motor == AUXILIARY, key, axis.motor, "must be 2");
+            }
+        }
         findings.require(
             config.axes().filter(|other| other.motor == axis.motor).count() == 1,
             axis_key(axis, "motor"),

@@ -2,7 +2,7 @@
 
 use crate::drive::{AxisFeedback, AxisPhase};
 use crate::robot::Refusal;
-use crate::units::{MAX_MOTORS, Nanos};
+use crate::units::{MAX_AXES, Nanos};
 
 /// What the operating state expects of the drives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,8 +32,8 @@ pub(crate) struct DriveStatus {
 pub(crate) struct DriveSummary {
     /// Start of the tick.
     pub now: Nanos,
-    /// One entry per motor.
-    pub axes: [Option<DriveStatus>; MAX_MOTORS],
+    /// One entry per motor, and the auxiliary axis.
+    pub axes: [Option<DriveStatus>; MAX_AXES],
     /// Age of a position from which on the motion stops.
     pub stale_after: Nanos,
     /// Age of a position from which on the line counts as lost.

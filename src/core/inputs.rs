@@ -13,6 +13,8 @@ use crate::units::{Counts, MAX_MOTORS, Nanos, OutputVec};
 pub struct CycleInputs {
     /// Newest servo command, if one arrived since the last tick.
     pub servo: Option<ServoCommand>,
+    /// Newest command of the auxiliary axis, if one arrived since the last tick.
+    pub jaw: Option<ServoCommand>,
     /// Next state command, if one is queued.
     pub request: Option<StateRequest>,
     /// Next request to change the active model, if one is queued.
@@ -26,6 +28,8 @@ pub struct CycleInputs {
     pub missed: u32,
     /// Newest feedback of every drive. It may be the same as in the last tick.
     pub feedback: [AxisFeedback; MAX_MOTORS],
+    /// The same of the auxiliary axis.
+    pub auxiliary: AxisFeedback,
     /// The process is asked to end: decelerate, hold, power off in order. Stays true once true.
     pub shutdown: bool,
 }

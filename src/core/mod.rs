@@ -64,6 +64,7 @@ pub use joint_space::gate::Gated;
 pub use joint_space::joint_report::JointReport;
 pub use joint_space::position_history::HistoryCursor;
 pub use model_slots::{CandidateState, ModelCandidate};
+pub use motion::auxiliary_axis::AuxiliaryReport;
 pub use motion::velocity_limit;
 pub use motion::virtual_fixtures::{FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 pub use outputs::{CycleOutputs, CycleReport, ModelSlots, ModelSwapReply, StateReply};

@@ -9,6 +9,7 @@ use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::core::joint_space::gate::Gated;
 use crate::core::joint_space::joint_report::JointReport;
 use crate::core::joint_space::position_history::HistoryCursor;
+use crate::core::motion::auxiliary_axis::AuxiliaryReport;
 use crate::drive::AxisFeedback;
 use crate::model::ModelId;
 use crate::robot::{Fault, Measurement, OperatingState, REFUSED_CLIENTS, Refusal};
@@ -17,8 +18,10 @@ use crate::units::{Counts, MAX_MOTORS, Nanos};
 /// Outputs of one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CycleOutputs {
-    /// Requests to every drive.
+    /// Requests to the drives of the motors.
     pub requests: [Gated; MAX_MOTORS],
+    /// Request to the drive of the auxiliary axis, if there is one.
+    pub auxiliary: Option<Gated>,
     /// Reply to [`CycleInputs::request`](super::inputs::CycleInputs::request), if there was one.
     pub reply: Option<StateReply>,
     /// Reply to [`CycleInputs::model`](super::inputs::CycleInputs::model), if there was one.
@@ -103,6 +106,8 @@ pub struct CycleReport {
     pub setpoints: [Counts; MAX_MOTORS],
     /// Feedback of this tick.
     pub feedback: [AxisFeedback; MAX_MOTORS],
+    /// The auxiliary axis, if there is one.
+    pub auxiliary: Option<AuxiliaryReport>,
 }
 
 /// Ids of the loaded models.

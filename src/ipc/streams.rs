@@ -31,6 +31,9 @@ macro_rules! for_each_stream {
                 Goal goal_js "goal_js" JointState Out 1 WATCHERS 1;
                 /// `actuators/measured_js`: state of the motors.
                 Actuators actuators "actuators/measured_js" ActuatorState Out 1 WATCHERS 1;
+                /// `jaw/measured_js`: the angle of the auxiliary axis, if there is one. Its velocity
+                /// and its deviation are not known.
+                Jaw jaw_measured_js "jaw/measured_js" JointState Out 1 WATCHERS 1;
                 /// `operating_state`: state of the controller and its reason.
                 State operating_state "operating_state" OperatingStateMsg Out 1 WATCHERS 1;
                 /// `period_statistics`: timing of the control loop.
@@ -65,6 +68,8 @@ macro_rules! for_each_stream {
                 ServoJp servo_jp "servo_jp" ServoJp In COMMANDERS 4 0;
                 /// `actuators/servo_jp`: motor commands of clients, accepted or not.
                 ServoActuators servo_actuators "actuators/servo_jp" ServoActuator In COMMANDERS 4 0;
+                /// `jaw/servo_jp`: the angle of the auxiliary axis.
+                ServoJaw servo_jaw "jaw/servo_jp" ServoJp In COMMANDERS 4 0;
             }
         }
     };

@@ -60,6 +60,8 @@ pub struct LostCounters {
 /// The ends of the control loop.
 pub struct LoopChannels {
     pub servo: triple_buffer::Output<Option<ServoCommand>>,
+    /// Of the auxiliary axis.
+    pub jaw: triple_buffer::Output<Option<ServoCommand>>,
     pub external: triple_buffer::Output<Option<ExternalPose>>,
     /// Frames of cameras that are not followed, since the start.
     pub ignored_frames: Arc<AtomicU64>,
@@ -80,6 +82,8 @@ pub struct LoopChannels {
 /// The ends of the IPC thread.
 pub struct IpcChannels {
     pub servo: triple_buffer::Input<Option<ServoCommand>>,
+    /// Of the auxiliary axis.
+    pub jaw: triple_buffer::Input<Option<ServoCommand>>,
     pub external: triple_buffer::Input<Option<ExternalPose>>,
     pub ignored_frames: Arc<AtomicU64>,
     pub requests: Producer<StateRequest>,
@@ -106,6 +110,7 @@ pub fn loop_channels(
     log_entries: Receiver<StreamMessage>,
 ) -> (LoopChannels, IpcChannels, ModelChannels, Consumer<CycleEvent>) {
     let (servo_in, servo) = triple_buffer(&None);
+    let (jaw_in, jaw) = triple_buffer(&None);
     let (external_in, external) = triple_buffer(&None);
     let ignored_frames = Arc::new(AtomicU64::new(0));
     let (requests_in, requests) = RingBuffer::new(COMMANDS);
@@ -119,6 +124,7 @@ pub fn loop_channels(
     let (retired, retired_out) = RingBuffer::new(MODELS);
     let control_loop = LoopChannels {
         servo,
+        jaw,
         external,
         ignored_frames: Arc::clone(&ignored_frames),
         requests,
@@ -134,6 +140,7 @@ pub fn loop_channels(
     };
     let ipc = IpcChannels {
         servo: servo_in,
+        jaw: jaw_in,
         external: external_in,
         ignored_frames,
         requests: requests_in,

@@ -16,7 +16,7 @@ use crate::process::channels::{LoopChannels, LostCounters, TickReport};
 use crate::process::tick_plan::{SharedTick, delayed};
 use crate::realtime::{SuspendMonitor, Tick, TickTiming, Ticker};
 use crate::robot::OperatingState;
-use crate::units::{MAX_MOTORS, Nanos};
+use crate::units::{AUXILIARY, MAX_AXES, Nanos};
 
 /// Everything that the loop needs; built before the thread starts.
 pub struct ControlLoop {
@@ -65,7 +65,11 @@ impl ControlLoop {
         let inputs = self.read_inputs(missed, shutdown);
         let outputs = self.cycle.step(tick.started, &inputs);
         for link in &mut self.links {
-            if let Some(request) = outputs.requests.get(link.motor) {
+            let request = match link.motor {
+                AUXILIARY => outputs.auxiliary.as_ref(),
+                motor => outputs.requests.get(motor),
+            };
+            if let Some(request) = request {
                 link.requests.write(*request);
             }
         }
@@ -131,14 +135,17 @@ impl ControlLoop {
 
     fn read_inputs(&mut self, missed: u32, shutdown: &AtomicBool) -> CycleInputs {
         let channels = &mut self.channels;
+        let [first, second, auxiliary] = read_feedback(&mut self.links);
         CycleInputs {
             servo: newest(&mut channels.servo),
+            jaw: newest(&mut channels.jaw),
             request: next_request(channels),
             model: channels.model_requests.pop().ok(),
             external: newest(&mut channels.external),
             ignored_frames: channels.ignored_frames.load(Ordering::Relaxed),
             missed,
-            feedback: read_feedback(&mut self.links),
+            feedback: [first, second],
+            auxiliary,
             shutdown: shutdown.load(Ordering::Acquire),
         }
     }
@@ -162,8 +169,8 @@ fn next_request(channels: &mut LoopChannels) -> Option<StateRequest> {
     channels.stops.pop().or_else(|_| channels.requests.pop()).ok()
 }
 
-fn read_feedback(links: &mut [AxisLink<Gated>]) -> [AxisFeedback; MAX_MOTORS] {
-    let mut feedback = [AxisFeedback::default(); MAX_MOTORS];
+fn read_feedback(links: &mut [AxisLink<Gated>]) -> [AxisFeedback; MAX_AXES] {
+    let mut feedback = [AxisFeedback::default(); MAX_AXES];
     for link in links {
         if let Some(slot) = feedback.get_mut(link.motor) {
             *slot = *link.feedback.read();

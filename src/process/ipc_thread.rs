@@ -184,6 +184,11 @@ impl IpcThread {
             let command = ServoCommand::from(&command);
             self.pass_command(command);
         }
+        if self.parts.channels.jaw.consumed()
+            && let Some(command) = self.server.poll_jaw(holder, is_valid)
+        {
+            self.parts.channels.jaw.write(Some(ServoCommand::from(&command)));
+        }
     }
 
     /// Passes a command to the control loop: wait-free.
@@ -326,6 +331,9 @@ impl IpcThread {
         server.publish(StreamMessage::Setpoint(setpoint));
         server.publish(StreamMessage::Measured(measured));
         server.publish(StreamMessage::Actuators(convert::actuator_state(report, motors)));
+        if let Some(jaw) = convert::jaw_state(report) {
+            server.publish(StreamMessage::Jaw(jaw));
+        }
         let mut state = convert::operating_state(report, &self.granted);
         if self.watched {
             state.flags |= OperatingStateMsg::WATCHED;

@@ -141,6 +141,16 @@ pub fn joint_states(report: &CycleReport) -> [JointState; 3] {
     ]
 }
 
+/// `jaw/measured_js` of one tick; `None` without an auxiliary axis.
+#[must_use]
+pub fn jaw_state(report: &CycleReport) -> Option<JointState> {
+    let jaw = report.auxiliary?;
+    let mut position = OutputVec::default();
+    position[0] = jaw.measured;
+    let (stamp_ns, flags) = (report.now.0, JointState::VALID);
+    Some(JointState { stamp_ns, position, count: 1, flags, ..JointState::default() })
+}
+
 const fn flag(set: bool, value: u32) -> u32 {
     if set { value } else { 0 }
 }

@@ -3,8 +3,8 @@
 use std::fs;
 
 use i2ris::clock;
-use i2ris::ipc::OperatingState;
 use i2ris::ipc::payload::JointState;
+use i2ris::ipc::{Fault, OperatingState};
 use i2ris::process::black_box::{BlackBox, TickRecord, replay};
 use i2ris::units::Nanos;
 use i2ris_simulation::drive::State;
@@ -47,6 +47,40 @@ fn angles_commanded_by_a_client_are_reached() {
     }
     let [pitch, yaw] = rig.emulator.snapshot().angles_deg;
     assert!((pitch - goal[0]).hypot(yaw - goal[1]) < 5.0, "{pitch} {yaw}");
+}
+
+#[test]
+fn three_axes_on_one_line_move_and_a_fault_of_the_jaw_stops_all() {
+    let mut rig = Rig::with_jaw();
+    let client = rig.enabled();
+    let (mut commander, start) = (client.commander(), clock::now());
+    let mut jaw = client.watcher().jaw_measured_js();
+    let mut angle = f64::NAN;
+    while (clock::now() - start).as_seconds() < 2.5 {
+        let fraction = ((clock::now() - start).as_seconds() / 1.5).min(1.0);
+        commander.servo_jp(&[0.05 * fraction, 0.0]).unwrap();
+        commander.servo_jaw(0.2 * fraction).unwrap();
+        if let Some(message) = jaw.newest().unwrap() {
+            assert_eq!((message.count, message.flags), (1, JointState::VALID));
+            angle = message.position[0];
+        }
+        clock::sleep(SEND_PERIOD);
+    }
+    assert!((angle - 0.2).abs() < 0.01, "{angle} rad");
+    let counts = rig.emulator.snapshot().auxiliary.unwrap().position;
+    assert!((f64::from(counts) - 20.0 * 0.2_f64.to_degrees()).abs() < 4.0, "{counts} counts");
+    assert!(rig.positions().iter().any(|counts| counts.abs() > 20));
+    // The line carries the quick stops, so some commands still arrive.
+    rig.emulator.raise_fault(2, 0x2310, false);
+    let mut client = client;
+    let fault = wait_for(&mut client, |state| state.state == OperatingState::Fault.number());
+    assert_eq!(fault.fault, Fault::Drive.number());
+    wait_until("all stand", || {
+        let axes = rig.emulator.snapshot().axes.map(|axis| axis.drive.state);
+        axes.iter().all(|state| *state != State::OperationEnabled)
+    });
+    let log = rig.emulator.log();
+    assert!(!log.iter().any(|event| matches!(event.kind, EventKind::HostBug(_))));
 }
 
 #[test]

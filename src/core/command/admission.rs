@@ -93,6 +93,8 @@ pub struct CommandAdmission {
     lease: Lease,
     /// Kept when the lease ends, so that a replayed command is recognised.
     sequences: SequenceRecord,
+    /// Of the stream of the auxiliary axis, which overtakes the other one and is overtaken by it.
+    beside: SequenceRecord,
     refusals: RefusalRecord,
     /// Of state commands, to fold their events.
     request_refusals: RefusalRecord,
@@ -111,6 +113,7 @@ impl CommandAdmission {
             check: CommandCheck::new(config),
             lease: Lease::new(Nanos::from_millis(config.lease_timeout_ms)),
             sequences: SequenceRecord::default(),
+            beside: SequenceRecord::default(),
             refusals: RefusalRecord::default(),
             request_refusals: RefusalRecord::default(),
             accepted: 0,
@@ -200,23 +203,54 @@ impl CommandAdmission {
         command: &ServoCommand,
         context: &AdmissionContext,
     ) -> Result<Nanos, Refusal> {
+        self.check_with(&self.sequences, command, context)
+    }
+
+    /// As [`CommandAdmission::check`], for the auxiliary axis.
+    ///
+    /// # Errors
+    ///
+    /// The first check that fails.
+    pub fn check_beside(
+        &self,
+        command: &ServoCommand,
+        context: &AdmissionContext,
+    ) -> Result<Nanos, Refusal> {
+        self.check_with(&self.beside, command, context)
+    }
+
+    fn check_with(
+        &self,
+        sequences: &SequenceRecord,
+        command: &ServoCommand,
+        context: &AdmissionContext,
+    ) -> Result<Nanos, Refusal> {
         self.check.check(command, context.now)?;
         require_ready(context)?;
         self.lease.require_available(command.client_id)?;
         if self.is_broken_off(command.client_id, context.now) {
             return Err(Refusal::BrokenOff);
         }
-        self.sequences.require_newer(command.client_id, command.sequence)?;
+        sequences.require_newer(command.client_id, command.sequence)?;
         Ok(self.deadline(command))
     }
 
     /// Records an accepted command.
     pub fn accept(&mut self, command: &ServoCommand, now: Nanos, events: &mut EventList) {
-        let client_id = command.client_id;
+        self.sequences.record(command.client_id, command.sequence);
+        self.count_accepted(command.client_id, now, events);
+    }
+
+    /// Records an accepted command of the auxiliary axis.
+    pub fn accept_beside(&mut self, command: &ServoCommand, now: Nanos, events: &mut EventList) {
+        self.beside.record(command.client_id, command.sequence);
+        self.count_accepted(command.client_id, now, events);
+    }
+
+    fn count_accepted(&mut self, client_id: u64, now: Nanos, events: &mut EventList) {
         if self.lease.renew(client_id, now) {
             events.push(CycleEventKind::Lease { client_id });
         }
-        self.sequences.record(client_id, command.sequence);
         self.refusals.accepted(client_id);
         self.accepted = self.accepted.saturating_add(1);
     }

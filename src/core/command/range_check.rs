@@ -54,6 +54,11 @@ impl RangeCheck {
         if is_first { &self.first } else { &self.followed }
     }
 
+    /// The largest step of a motor, counts.
+    pub fn largest_counts(&self, is_first: bool) -> f64 {
+        self.largest(is_first).actuator
+    }
+
     /// Checks the goal of a command. Returns the goal to follow: the continuation of the followed
     /// goal if it is of the same kind, or a new one, which must begin near the present setpoints.
     /// Angles out of reach are clipped on the line from the last goal that was in reach.

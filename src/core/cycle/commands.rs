@@ -67,15 +67,15 @@ impl ControlCycle {
                 if self.homing_moves {
                     self.require_no_fixture()?;
                 }
-                self.axes.for_each(AxisControl::start_homing);
+                self.for_each_axis(AxisControl::start_homing);
                 next
             }
             CommandEffect::ResetFaults(next) => {
-                self.axes.for_each(AxisControl::reset_fault);
+                self.for_each_axis(AxisControl::reset_fault);
                 next
             }
             CommandEffect::Unhome => {
-                self.axes.for_each(AxisControl::invalidate_zero);
+                self.for_each_axis(AxisControl::invalidate_zero);
                 *self.machine.state()
             }
             CommandEffect::Condition => {
@@ -96,6 +96,7 @@ impl ControlCycle {
             }
             CommandEffect::Hold => {
                 self.admission.break_off(request.client_id, summary.now, events);
+                self.release_auxiliary(None);
                 if self.machine.state().is_holding() {
                     return Ok(());
                 }
@@ -117,9 +118,10 @@ impl ControlCycle {
         Ok(())
     }
 
+    /// The auxiliary axis may move meanwhile.
     fn move_planning(&self, summary: &DriveSummary) -> MovePlanning<'_> {
         MovePlanning {
-            is_at_rest: summary.is_at_rest,
+            is_at_rest: self.axes.all(AxisControl::is_at_rest),
             current: self.machine.state().trajectory(),
             admission: &self.admission,
             joints: self.models.active(),
@@ -179,6 +181,7 @@ impl ControlCycle {
         events: &mut EventList,
     ) -> Result<(), Refusal> {
         self.admission.release_lease(client_id, events)?;
+        self.release_auxiliary(Some(client_id));
         let followed = self.machine.state().followed_command();
         if followed.is_some_and(|command| command.client_id == client_id) {
             self.machine.progress(HOLDING, now, events);

@@ -25,7 +25,7 @@ impl ControlCycle {
             | Fault::Link
             | Fault::FollowingError
             | Fault::DriveState
-            | Fault::Current => self.axes.first(|axis| drive_measurement(axis, fault, summary)),
+            | Fault::Current => self.first_axis(|axis| drive_measurement(axis, fault, summary)),
         }
     }
 
@@ -66,7 +66,7 @@ impl ControlCycle {
         summary: &DriveSummary,
     ) -> Option<Measurement> {
         match refusal {
-            Refusal::DrivesNotReady => self.axes.first(|axis| {
+            Refusal::DrivesNotReady => self.first_axis(|axis| {
                 let age = summary.now.since(axis.feedback().stamp);
                 let is_old = axis.feedback().stamp > Nanos::ZERO && age >= summary.stale_after;
                 is_old.then(|| Measurement::of_age(age, summary.stale_after))

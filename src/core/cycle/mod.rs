@@ -6,7 +6,7 @@
 //! 2. Automatic transitions: faults, timeouts, end of an activity, shutdown.
 //! 3. The state command, then the model swap.
 //! 4. The servo command; a stop if the followed command is stale.
-//! 5. Move the setpoints by one tick within the limits.
+//! 5. Move the setpoints by one tick within the limits; the same for the auxiliary axis.
 //! 6. Write the requests to the drives and the report.
 //!
 //! Nothing here reads a clock, allocates, waits or panics. [`ControlCycle::step`] with the same
@@ -14,6 +14,7 @@
 //! every tick to be as long as configured: after missed ticks the motion goes on where it was and
 //! never catches up in a burst.
 
+mod auxiliary;
 mod commands;
 mod events;
 mod measurements;
@@ -42,6 +43,7 @@ use crate::core::joint_space::joint_model::{JointModel, NotFinite};
 use crate::core::joint_space::position_history::PositionHistory;
 use crate::core::model_slots::ModelCandidate;
 use crate::core::model_slots::loaded_models::LoadedModels;
+use crate::core::motion::auxiliary_axis::AuxiliaryAxis;
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::conditioning_plan::ConditioningPlan;
@@ -71,6 +73,8 @@ pub struct ControlCycle {
     pub(super) conditioning_plan: ConditioningPlan,
     pub(super) trajectory_limits: TrajectoryLimits,
     pub(super) axes: AxisGroup,
+    /// `None` if the robot has none.
+    pub(super) auxiliary: Option<AuxiliaryAxis>,
     pub(super) history: PositionHistory,
     pub(super) models: LoadedModels,
     pub(super) overruns: OverrunMonitor,
@@ -116,6 +120,7 @@ impl ControlCycle {
             feedback_stops: EventFold::default(),
             clips: ClipEvents::default(),
             axes: AxisGroup::new(config),
+            auxiliary: AuxiliaryAxis::new(config),
             history: PositionHistory::new(),
             overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),
             plausibility: PlausibilityMonitor::new(&config.plausibility),
@@ -177,7 +182,7 @@ impl ControlCycle {
         let outcome = state_request.map(|request| self.apply_command(request, &summary, events));
         let model_request = inputs.model.as_ref();
         let model_reply = model_request.map(|request| self.swap_model(request, now, events));
-        self.axes.update_sources(&self.machine.state().demands(), now);
+        self.update_sources(now);
         self.admission.expire_lease(now, events);
         if let Some(command) = &inputs.servo {
             self.apply_servo_command(command, &summary, events);
@@ -185,6 +190,7 @@ impl ControlCycle {
         self.stop_if_stale(now, events);
         let (setpoint, passed) = self.move_setpoints(&summary, events);
         self.report_clip(&setpoint, now, events);
+        let auxiliary = self.move_auxiliary(inputs.jaw.as_ref(), &summary, events);
         let (events, lost_events) = list.finish();
         self.lost_events = self.lost_events.saturating_add(lost_events);
         let state = self.machine.state();
@@ -199,6 +205,7 @@ impl ControlCycle {
                     ..AxisRequest::default()
                 },
             ),
+            auxiliary,
             reply: state_request.zip(outcome).map(|(request, (refusal, measurement))| StateReply {
                 id: request.id,
                 refusal,
@@ -219,6 +226,7 @@ impl ControlCycle {
         events: &mut EventList,
     ) -> DriveSummary {
         self.axes.update_feedback(&inputs.feedback, now, events);
+        self.update_auxiliary(&inputs.auxiliary, now, events);
         let is_model_finite = self.update_models(now).is_ok();
         self.adapt(inputs.external.as_ref(), now, events);
         if let Some(frames) = self.other_cameras.update(inputs.ignored_frames, now) {
@@ -233,14 +241,14 @@ impl ControlCycle {
         }
         DriveSummary {
             now,
-            axes: self.axes.status(now),
+            axes: self.drive_status(now),
             stale_after: self.stale_after,
             lost_after: self.lost_after,
-            is_homed: self.axes.all(AxisControl::is_homed),
-            is_in_range: self.axes.all(AxisControl::is_in_range),
-            is_at_rest: self.axes.all(AxisControl::is_at_rest),
-            is_homing_done: self.axes.all(AxisControl::is_homing_done),
-            is_reset_done: self.axes.all(AxisControl::is_reset_done),
+            is_homed: self.all_axes(AxisControl::is_homed),
+            is_in_range: self.all_axes(AxisControl::is_in_range),
+            is_at_rest: self.all_axes(AxisControl::is_at_rest),
+            is_homing_done: self.all_axes(AxisControl::is_homing_done),
+            is_reset_done: self.all_axes(AxisControl::is_reset_done),
             is_model_finite,
             is_overrun,
             is_implausible,
@@ -402,8 +410,8 @@ impl ControlCycle {
             state: state.operating_state(),
             since: self.machine.since(),
             fault: self.machine.fault(),
-            homed: self.axes.all(AxisControl::is_homed),
-            busy: state.is_busy(self.axes.all(AxisControl::is_at_rest)),
+            homed: self.all_axes(AxisControl::is_homed),
+            busy: state.is_busy(self.all_axes(AxisControl::is_at_rest)),
             holding: state.is_holding(),
             clipped: setpoint.is_clipped,
             fixtures: self.fixtures.active_bits(),
@@ -421,6 +429,7 @@ impl ControlCycle {
             joint: joints.and_then(|joints| joints.report(setpoint.goal)),
             setpoints: self.axes.targets(),
             feedback: self.axes.feedback(),
+            auxiliary: self.auxiliary.as_ref().map(AuxiliaryAxis::report),
         }
     }
 }

@@ -17,6 +17,7 @@ use crate::core::faults::plausibility::{PlausibilityCheck, PlausibilityMonitor};
 use crate::core::joint_space::gate::Gate;
 use crate::core::joint_space::position_history::PositionHistory;
 use crate::core::model_slots::loaded_models::{LoadedModelStates, LoadedModels};
+use crate::core::motion::auxiliary_axis::AuxiliaryAxis;
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
@@ -31,6 +32,7 @@ use crate::units::MAX_MOTORS;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CycleSnapshot {
     axes: [Option<AxisControl>; MAX_MOTORS],
+    auxiliary: Option<AuxiliaryAxis>,
     history: PositionHistory,
     models: LoadedModelStates,
     overruns: OverrunMonitor,
@@ -72,6 +74,7 @@ impl ControlCycle {
     pub fn snapshot(&self) -> Option<CycleSnapshot> {
         Some(CycleSnapshot {
             axes: self.axes.to_snapshot(),
+            auxiliary: self.auxiliary,
             history: self.history,
             models: self.models.states()?,
             overruns: self.overruns,
@@ -106,6 +109,7 @@ impl ControlCycle {
     ) -> Result<Self, ModelId> {
         let mut cycle = Self::new(config, None);
         cycle.axes = AxisGroup::from_snapshot(&snapshot.axes);
+        cycle.auxiliary = snapshot.auxiliary;
         cycle.history = snapshot.history;
         cycle.models = LoadedModels::from_states(&snapshot.models, config, find)?;
         cycle.overruns = snapshot.overruns;

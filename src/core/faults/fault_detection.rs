@@ -3,7 +3,7 @@
 use crate::core::drive_status::{DriveStatus, DriveSummary, ExpectedPower};
 use crate::drive::{AxisPhase, Demand};
 use crate::robot::Fault;
-use crate::units::{MAX_MOTORS, Nanos};
+use crate::units::{MAX_AXES, Nanos};
 
 /// The gravest present fault. Faults of drives come first.
 pub(crate) fn detect_fault(summary: &DriveSummary, expected: ExpectedPower) -> Option<Fault> {
@@ -44,11 +44,8 @@ fn detect_drive_fault(
 
 /// Demands to the drives in a fault: drives that work hold by quick stop, all others are switched
 /// off. The reasons are in the documentation of [`crate::core::faults`].
-pub(crate) fn fault_demands(
-    summary: &DriveSummary,
-    expected: ExpectedPower,
-) -> [Demand; MAX_MOTORS] {
-    let mut demands = [Demand::Disabled; MAX_MOTORS];
+pub(crate) fn fault_demands(summary: &DriveSummary, expected: ExpectedPower) -> [Demand; MAX_AXES] {
+    let mut demands = [Demand::Disabled; MAX_AXES];
     for (demand, drive) in demands.iter_mut().zip(&summary.axes) {
         let Some(drive) = drive else { continue };
         let is_cause = match detect_drive_fault(drive, expected, summary.lost_after) {

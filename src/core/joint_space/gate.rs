@@ -52,7 +52,7 @@ use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::{collect, difference, zip_map};
 use crate::drive::{AxisRequest, Demand};
 use crate::model::Memory;
-use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
+use crate::units::{MAX_AXES, MAX_MOTORS, MotorVec, OutputVec};
 
 /// What the inverse leaves, and far less than a count: rad.
 const POSE_TOLERANCE: f64 = 2e-5;
@@ -116,7 +116,7 @@ impl Passed {
     pub fn requests(
         self,
         axes: &AxisGroup,
-        demands: &[Demand; MAX_MOTORS],
+        demands: &[Demand; MAX_AXES],
         common: &AxisRequest,
     ) -> [Gated; MAX_MOTORS] {
         axes.requests(demands, common).map(Gated)
@@ -230,6 +230,24 @@ impl Gate {
             axes.take_back(&trial.before);
         }
         Ok(self.stop(axes, true))
+    }
+
+    /// Moves the setpoint of an axis beside the joints by one tick; `target`: `None` for a stop.
+    pub fn pass_alone(
+        axis: &mut AxisControl,
+        target: Option<MotorTarget>,
+        demand: Demand,
+        common: &AxisRequest,
+    ) -> Gated {
+        let before = *axis;
+        if let Some(target) = target {
+            axis.track(target, 1.0);
+        }
+        if target.is_none() || !axis.keeps_limits(&before) {
+            *axis = before;
+            axis.stop();
+        }
+        Gated(axis.request_with(demand, common))
     }
 
     fn stop(&mut self, axes: &mut AxisGroup, is_held: bool) -> Passed {

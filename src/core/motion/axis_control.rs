@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{AxisConfig, Config};
 use crate::core::drive_status::{DriveStatus, position_age};
+use crate::core::events::{CycleEventKind, EventList};
 use crate::core::faults::following_error::FollowingErrorLimit;
 use crate::core::faults::over_current::OverCurrentMonitor;
 use crate::core::motion::jerk_limit::JerkLimiter;
@@ -60,7 +61,24 @@ impl AxisControl {
         }
     }
 
-    pub fn update_feedback(&mut self, feedback: &AxisFeedback, now: Nanos) {
+    /// Takes the feedback of this tick. Every change of phase is an event, and so is the error code
+    /// of a drive at fault, which is read after its phase has changed.
+    pub fn update_feedback(
+        &mut self,
+        motor: u8,
+        feedback: &AxisFeedback,
+        now: Nanos,
+        events: &mut EventList,
+    ) {
+        let (from, to, error_code) = (self.feedback.phase, feedback.phase, feedback.error_code);
+        let is_explained = to == AxisPhase::Faulted && self.feedback.error_code == 0;
+        if from != to {
+            events.push(CycleEventKind::Axis { motor, from, to, error_code });
+        } else if is_explained && error_code != 0 {
+            let code = Measurement::new(Quantity::ErrorCode, f64::from(error_code), None);
+            let event = CycleEventKind::Axis { motor, from, to, error_code };
+            events.push_measured(event, Some(code.of_motor(motor)));
+        }
         self.feedback = *feedback;
         self.over_current.update(feedback.current_ma, self.source.is_following(), now);
     }
@@ -223,8 +241,17 @@ impl AxisControl {
         Counts::from_f64(self.setpoint()).unwrap_or(self.feedback.position)
     }
 
-    /// The request to the drive. The caller adds sequence and command.
-    pub fn request(&self, demand: Demand) -> AxisRequest {
+    /// The request to the drive. `common` gives sequence and command.
+    pub fn request_with(&self, demand: Demand, common: &AxisRequest) -> AxisRequest {
+        AxisRequest {
+            sequence: common.sequence,
+            command_stamp: common.command_stamp,
+            command_sequence: common.command_sequence,
+            ..self.request(demand)
+        }
+    }
+
+    fn request(&self, demand: Demand) -> AxisRequest {
         AxisRequest {
             demand,
             target: self.target(),

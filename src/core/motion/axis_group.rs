@@ -2,12 +2,12 @@
 
 use crate::config::Config;
 use crate::core::drive_status::DriveStatus;
-use crate::core::events::{CycleEventKind, EventList};
+use crate::core::events::EventList;
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::vector;
-use crate::drive::{AxisFeedback, AxisPhase, AxisRequest, Demand};
-use crate::robot::{Measurement, Quantity};
+use crate::drive::{AxisFeedback, AxisRequest, Demand};
+use crate::robot::Measurement;
 use crate::units::{Counts, MAX_MOTORS, MotorVec, Nanos};
 
 /// All axes, in the order of the motors.
@@ -45,8 +45,7 @@ impl AxisGroup {
         self.0.iter_mut().for_each(action);
     }
 
-    /// Takes the feedback of this tick. Every change of phase is an event, and so is the error code
-    /// of a drive at fault, which is read after its phase has changed.
+    /// Takes the feedback of this tick.
     pub fn update_feedback(
         &mut self,
         feedback: &[AxisFeedback; MAX_MOTORS],
@@ -54,17 +53,7 @@ impl AxisGroup {
         events: &mut EventList,
     ) {
         for ((motor, axis), feedback) in (0..).zip(&mut self.0).zip(feedback) {
-            let (from, to) = (axis.feedback().phase, feedback.phase);
-            let error_code = feedback.error_code;
-            let is_explained = to == AxisPhase::Faulted && axis.feedback().error_code == 0;
-            if from != to {
-                events.push(CycleEventKind::Axis { motor, from, to, error_code });
-            } else if is_explained && error_code != 0 {
-                let code = Measurement::new(Quantity::ErrorCode, f64::from(error_code), None);
-                let event = CycleEventKind::Axis { motor, from, to, error_code };
-                events.push_measured(event, Some(code.of_motor(motor)));
-            }
-            axis.update_feedback(feedback, now);
+            axis.update_feedback(motor, feedback, now, events);
         }
     }
 
@@ -78,7 +67,7 @@ impl AxisGroup {
     }
 
     /// Updates the source of every setpoint for this tick's demands.
-    pub fn update_sources(&mut self, demands: &[Demand; MAX_MOTORS], now: Nanos) {
+    pub fn update_sources(&mut self, demands: &[Demand], now: Nanos) {
         for (axis, demand) in self.0.iter_mut().zip(demands) {
             axis.update_source(*demand, now);
         }
@@ -177,17 +166,12 @@ impl AxisGroup {
     /// Requests to the drives, for the gate. `common` gives sequence and command.
     pub(in crate::core) fn requests(
         &self,
-        demands: &[Demand; MAX_MOTORS],
+        demands: &[Demand],
         common: &AxisRequest,
     ) -> [AxisRequest; MAX_MOTORS] {
         let mut requests = [AxisRequest::default(); MAX_MOTORS];
         for ((request, axis), demand) in requests.iter_mut().zip(&self.0).zip(demands) {
-            *request = AxisRequest {
-                sequence: common.sequence,
-                command_stamp: common.command_stamp,
-                command_sequence: common.command_sequence,
-                ..axis.request(*demand)
-            };
+            *request = axis.request_with(*demand, common);
         }
         requests
     }

@@ -16,6 +16,7 @@
 //! enabled, its setpoint starts where the drive holds, at the target that was preloaded, and at
 //! rest.
 
+pub(super) mod auxiliary_axis;
 pub(super) mod axis_control;
 pub(super) mod axis_group;
 pub(super) mod backlash_dead_band;

@@ -93,13 +93,13 @@ use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::joint_trajectory::JointTrajectory;
 use crate::drive::Demand;
 use crate::robot::{Fault, OperatingState, Refusal};
-use crate::units::{MAX_MOTORS, Nanos};
+use crate::units::{MAX_AXES, Nanos};
 
 /// ENABLED, and nothing is followed.
 pub(crate) const HOLDING: ControlState = ControlState::Enabled(EnabledActivity::Holding);
 
 /// Demands that switch every drive off.
-pub(crate) const ALL_OFF: [Demand; MAX_MOTORS] = [Demand::Disabled; MAX_MOTORS];
+pub(crate) const ALL_OFF: [Demand; MAX_AXES] = [Demand::Disabled; MAX_AXES];
 
 /// State of the cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -175,7 +175,7 @@ pub(crate) struct FaultState {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) enum FaultStage {
     /// Waits for the operator. `demands`: to the drives meanwhile.
-    Latched { since: Nanos, demands: [Demand; MAX_MOTORS] },
+    Latched { since: Nanos, demands: [Demand; MAX_AXES] },
     /// The operator has acknowledged the fault; drives are being reset.
     Resetting { since: Nanos },
 }
@@ -202,13 +202,13 @@ impl ControlState {
     }
 
     /// Demands to the drives.
-    pub fn demands(&self) -> [Demand; MAX_MOTORS] {
+    pub fn demands(&self) -> [Demand; MAX_AXES] {
         use DisabledActivity::{Enabling, Homing, Idle, PoweringOff, Settling, Stopping};
         match self {
             Self::Disabled(Idle | Homing { .. } | PoweringOff { .. }) => ALL_OFF,
             Self::Disabled(Enabling { .. } | Stopping { .. } | Settling { .. })
             | Self::Enabled(_)
-            | Self::Paused => [Demand::Enabled; MAX_MOTORS],
+            | Self::Paused => [Demand::Enabled; MAX_AXES],
             Self::Fault(fault) => match fault.stage {
                 FaultStage::Latched { demands, .. } => demands,
                 FaultStage::Resetting { .. } => ALL_OFF,

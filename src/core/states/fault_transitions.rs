@@ -6,7 +6,7 @@ use crate::core::states::control_state::{ControlState, FaultStage, FaultState};
 use crate::core::states::state_machine::{Transition, TransitionCause};
 use crate::drive::{AxisPhase, Demand};
 use crate::robot::Fault;
-use crate::units::{MAX_MOTORS, Nanos};
+use crate::units::{MAX_AXES, Nanos};
 
 /// Longest time for a drive to be enabled, switched off or brought to a quick stop. Each takes
 /// about ten exchanges (25 ms at 115200 baud, a quarter of a second at 9600) and a ramp of the
@@ -33,7 +33,7 @@ pub(crate) fn enter_fault(
 pub(super) fn update_latched(
     cause: Fault,
     since: Nanos,
-    demands: [Demand; MAX_MOTORS],
+    demands: [Demand; MAX_AXES],
     summary: &DriveSummary,
 ) -> Option<Transition> {
     let is_late = summary.now.since(since) >= DRIVE_TIMEOUT;

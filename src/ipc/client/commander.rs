@@ -71,6 +71,7 @@ pub struct Commander {
     clutched: bool,
     joints: CommandPublisher<ServoJp>,
     actuators: CommandPublisher<ServoActuator>,
+    jaw: CommandPublisher<ServoJp>,
 }
 
 impl Commander {
@@ -81,6 +82,7 @@ impl Commander {
             clutched: false,
             joints: CommandPublisher::new(Stream::ServoJp),
             actuators: CommandPublisher::new(Stream::ServoActuators),
+            jaw: CommandPublisher::new(Stream::ServoJaw),
         }
     }
 
@@ -149,22 +151,34 @@ impl Commander {
         self.servo(&velocity, ServoJp::TIP | ServoJp::RATE)
     }
 
+    /// `jaw/servo_jp`: turn the auxiliary axis to this angle now, rad: a gripper, or a roll. Its
+    /// stream runs beside the one of the joints.
+    ///
+    /// # Errors
+    ///
+    /// As [`Commander::servo_jp`].
+    pub fn servo_jaw(&mut self, angle: f64) -> Result<u64, ClientError> {
+        let (position, count) = padded(&[angle])?;
+        send_angles(
+            &mut self.jaw,
+            &self.link,
+            ServoJp { deadline_ns: self.deadline.0, position, count, ..ServoJp::default() },
+        )
+    }
+
     fn servo(&mut self, position: &[f64], kind: u32) -> Result<u64, ClientError> {
         let (position, count) = padded(position)?;
-        let (link, mut sequence) = (&self.link, 0);
-        self.joints.send(link, |now| ServoJp {
-            sequence: {
-                sequence = link.next_sequence();
-                sequence
+        send_angles(
+            &mut self.joints,
+            &self.link,
+            ServoJp {
+                deadline_ns: self.deadline.0,
+                position,
+                count,
+                flags: kind | if self.clutched { ServoJp::CLUTCH } else { 0 },
+                ..ServoJp::default()
             },
-            stamp_ns: now.0,
-            client_id: link.client_id(),
-            deadline_ns: self.deadline.0,
-            position,
-            count,
-            flags: kind | if self.clutched { ServoJp::CLUTCH } else { 0 },
-        })?;
-        Ok(sequence)
+        )
     }
 
     /// `actuators/servo_jp`: turn the motors to these encoder positions now. Returns the sequence
@@ -190,6 +204,23 @@ impl Commander {
         })?;
         Ok(sequence)
     }
+}
+
+/// Sends a command of this client, of now.
+fn send_angles(
+    publisher: &mut CommandPublisher<ServoJp>,
+    link: &ControllerLink,
+    command: ServoJp,
+) -> Result<u64, ClientError> {
+    let mut sequence = 0;
+    publisher.send(link, |now| {
+        sequence = link.next_sequence();
+        let mut message = command;
+        (message.sequence, message.stamp_ns) = (sequence, now.0);
+        message.client_id = link.client_id();
+        message
+    })?;
+    Ok(sequence)
 }
 
 /// The values in the fixed array of a payload, and their number.

@@ -28,6 +28,7 @@ pub struct Forwarder {
     domain: Domain,
     servo: CommandPublisher<ServoJp>,
     actuators: CommandPublisher<ServoActuator>,
+    jaw: CommandPublisher<ServoJp>,
     /// By boot id and client id.
     pid_files: BTreeMap<(u64, u64), PidFile>,
 }
@@ -41,6 +42,7 @@ impl Forwarder {
             domain: domain.clone(),
             servo: CommandPublisher::new(Stream::ServoJp),
             actuators: CommandPublisher::new(Stream::ServoActuators),
+            jaw: CommandPublisher::new(Stream::ServoJaw),
             pid_files: BTreeMap::new(),
         }
     }
@@ -65,6 +67,16 @@ impl Forwarder {
     pub fn servo_actuators(&mut self, command: ServoActuator) -> Result<(), ClientError> {
         self.write_pid_file(command.client_id)?;
         self.actuators.send(&self.link, |_| command)
+    }
+
+    /// Forwards `jaw/servo_jp`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Forwarder::servo_jp`].
+    pub fn servo_jaw(&mut self, command: ServoJp) -> Result<(), ClientError> {
+        self.write_pid_file(command.client_id)?;
+        self.jaw.send(&self.link, |_| command)
     }
 
     /// Writes a process id file for the client, once per start of the controller.

@@ -11,6 +11,7 @@
 use std::collections::VecDeque;
 
 use crate::ipc::payload::{ServoActuator, ServoJp};
+use crate::ipc::streams::StreamMessage;
 
 /// Clients of one publisher whose commands wait for their turn. The oldest is dropped first.
 const CLIENTS_PER_PUBLISHER: usize = 8;
@@ -22,6 +23,15 @@ pub enum ReceivedCommand {
     Joint(ServoJp),
     /// `actuators/servo_jp`.
     Actuator(ServoActuator),
+}
+
+impl From<ReceivedCommand> for StreamMessage {
+    fn from(command: ReceivedCommand) -> Self {
+        match command {
+            ReceivedCommand::Joint(it) => Self::ServoJp(it),
+            ReceivedCommand::Actuator(it) => Self::ServoActuators(it),
+        }
+    }
 }
 
 impl ReceivedCommand {

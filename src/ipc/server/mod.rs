@@ -71,7 +71,10 @@ impl Process {
 pub struct Server {
     servo_jp: Subscriber<ipc::Service, ServoJp, ()>,
     servo_actuators: Subscriber<ipc::Service, ServoActuator, ()>,
+    servo_jaw: Subscriber<ipc::Service, ServoJp, ()>,
     turns: CommandTurns,
+    /// Of the auxiliary axis: its commands are newer or older than others by themselves.
+    jaw_turns: CommandTurns,
     identities: Identities<Process>,
     external: Subscriber<ipc::Service, ExternalPosition, ()>,
     publishers: StreamPublishers,
@@ -124,7 +127,9 @@ impl Server {
         Ok(Self {
             servo_jp: subscribe(&streams.servo_jp, Stream::ServoJp, COMMANDS)?,
             servo_actuators: subscribe(&streams.servo_actuators, Stream::ServoActuators, COMMANDS)?,
+            servo_jaw: subscribe(&streams.servo_jaw, Stream::ServoJaw, COMMANDS)?,
             turns: CommandTurns::default(),
+            jaw_turns: CommandTurns::default(),
             identities: Identities::default(),
             external: subscribe(&streams.external, Stream::External, 1)?,
             publishers: StreamPublishers::new(&streams, boot_id)?,
@@ -162,6 +167,23 @@ impl Server {
         self.count_failure(received);
         let is_held = lease_client_id != 0;
         is_held.then(|| self.turns.take_of(lease_client_id, is_valid))?
+    }
+
+    /// As [`Server::poll_command`], for the auxiliary axis.
+    pub fn poll_jaw(
+        &mut self,
+        lease_client_id: u64,
+        is_valid: impl Fn(&ReceivedCommand) -> bool,
+    ) -> Option<ReceivedCommand> {
+        let (turns, identities) = (&mut self.jaw_turns, &mut self.identities);
+        let received = drain(&self.servo_jaw, Stream::ServoJaw, |from, command| {
+            let client_id = identities.resolve(&Process::of_port(from), command.client_id);
+            turns.add(from, ReceivedCommand::Joint(ServoJp { client_id, ..command }));
+        });
+        self.count_failure(received);
+        let own =
+            (lease_client_id != 0).then(|| self.jaw_turns.take_of(lease_client_id, &is_valid));
+        own.flatten().or_else(|| self.jaw_turns.take_next(is_valid))
     }
 
     fn receive_commands(&mut self) -> Result<(), TransportError> {

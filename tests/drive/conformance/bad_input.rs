@@ -119,7 +119,7 @@ fn with_one_axis_refused_the_other_is_left_safe() {
 fn an_inspection_changes_nothing_and_finds_differences() {
     for setup in &SETUPS {
         let bench = TestBench::emulated(setup);
-        let axis = usize::from(setup.gateway);
+        let axis = setup.drives_before;
         bench.emulator().raise_fault(bench.axis, 0x3210, false);
         let before = bench.drive();
         let seen = inspect(&bench.port()).unwrap();

@@ -44,3 +44,4 @@ conformance!(epos2_rs232 = 4);
 conformance!(epos2_usb_gateway = 5);
 conformance!(epos2_rs232_gateway = 6, all);
 conformance!(epos2_behind_epos4 = 7);
+conformance!(third_on_a_line = 8, all);

@@ -18,7 +18,7 @@ use super::running_axis::RunningAxis;
 pub const PATIENCE: Duration = Duration::from_secs(30);
 
 /// Serial numbers of the emulated drives.
-pub const SERIAL_NUMBERS: [u32; 2] = [62_000_001, 62_000_002];
+pub const SERIAL_NUMBERS: [u32; 3] = [62_000_001, 62_000_002, 62_000_003];
 
 /// Family, framing and topology of the drive under test.
 #[derive(Debug, Clone, Copy)]
@@ -30,8 +30,8 @@ pub struct Setup {
     /// The family of the drive under test.
     pub drive: Family,
     pub streaming: Streaming,
-    /// The drive under test is behind the drive of the port.
-    pub gateway: bool,
+    /// The number of the drive under test: the first is that of the port, others are behind it.
+    pub drives_before: usize,
 }
 
 const EPOS4: Setup = Setup {
@@ -40,21 +40,23 @@ const EPOS4: Setup = Setup {
     framing: Framing::V2,
     drive: Family::Epos4,
     streaming: Streaming::Cyclic,
-    gateway: false,
+    drives_before: 0,
 };
 
 const EPOS2: Setup =
     Setup { name: "EPOS2, V2 (USB)", port: Family::Epos2, drive: Family::Epos2, ..EPOS4 };
 
-pub const SETUPS: [Setup; 8] = [
+pub const SETUPS: [Setup; 9] = [
     EPOS4,
     Setup { name: "EPOS4, V2, profile", streaming: Streaming::Profile, ..EPOS4 },
-    Setup { name: "EPOS4, V2, gateway", gateway: true, ..EPOS4 },
+    Setup { name: "EPOS4, V2, gateway", drives_before: 1, ..EPOS4 },
     EPOS2,
     Setup { name: "EPOS2, V1 (RS232)", framing: Framing::V1, ..EPOS2 },
-    Setup { name: "EPOS2, V2 (USB), gateway", gateway: true, ..EPOS2 },
-    Setup { name: "EPOS2, V1 (RS232), gateway", framing: Framing::V1, gateway: true, ..EPOS2 },
-    Setup { name: "EPOS2 behind EPOS4, V2", drive: Family::Epos2, gateway: true, ..EPOS4 },
+    Setup { name: "EPOS2, V2 (USB), gateway", drives_before: 1, ..EPOS2 },
+    Setup { name: "EPOS2, V1 (RS232), gateway", framing: Framing::V1, drives_before: 1, ..EPOS2 },
+    Setup { name: "EPOS2 behind EPOS4, V2", drive: Family::Epos2, drives_before: 1, ..EPOS4 },
+    // The auxiliary axis.
+    Setup { name: "EPOS4, V2, third on a line", drives_before: 2, ..EPOS4 },
 ];
 
 /// Drives, one of them under test.
@@ -77,18 +79,23 @@ impl TestBench {
         let snake = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/snakes/steel.toml");
         let mut config =
             EmulatorConfig::new(SnakeConfig::load(&snake).unwrap(), &folder.path().join("ports"));
-        let axis = usize::from(setup.gateway);
+        let axis = setup.drives_before;
         config.drives[0].family = emulated_family(setup.port);
-        config.drives[axis].family = emulated_family(setup.drive);
+        match axis {
+            0 => {}
+            1 => {
+                config.gateway_us = Some(600);
+                config.drives[1].node_id = 2;
+            }
+            _ => config.add_auxiliary(600),
+        }
+        let tested = config.auxiliary.as_mut().unwrap_or(&mut config.drives[axis % 2]);
+        tested.family = emulated_family(setup.drive);
+        // A hard stop for homing, reached within a second.
+        tested.motor.stops = [-400.0, 100_000.0];
         if setup.framing == Framing::V1 {
             config.line.framing = i2ris_simulation::Framing::V1;
         }
-        if setup.gateway {
-            config.gateway_us = Some(600);
-            config.drives[1].node_id = 2;
-        }
-        // A hard stop for homing, reached within a second.
-        config.drives[axis].motor.stops = [-400.0, 100_000.0];
         change(&mut config);
         let emulator = Emulator::start(config).unwrap();
         let ports = ports(setup, &emulator);
@@ -142,7 +149,8 @@ impl TestBench {
 
     /// The emulated drive under test.
     pub fn drive(&self) -> DriveSnapshot {
-        self.emulator().snapshot().axes[self.axis].drive
+        let snapshot = self.emulator().snapshot();
+        snapshot.auxiliary.unwrap_or_else(|| snapshot.axes[self.axis].drive)
     }
 
     /// Setpoints that reached the drive under test.
@@ -176,15 +184,15 @@ fn emulated_family(family: Family) -> i2ris_simulation::drive::Family {
 
 fn ports(setup: &Setup, emulator: &Emulator) -> Vec<PortConfig> {
     let axis = |motor: usize| AxisConfig {
-        node_id: if setup.gateway { motor as u8 + 1 } else { 1 },
+        node_id: motor as u8 + 1,
         ..AxisConfig::new(motor, SERIAL_NUMBERS[motor], [Counts(-2400), Counts(2400)])
     };
     let tested = AxisConfig {
         family: (setup.drive != setup.port).then_some(setup.drive),
         streaming: setup.streaming,
-        ..axis(usize::from(setup.gateway))
+        ..axis(setup.drives_before)
     };
-    let axes = if setup.gateway { vec![axis(0), tested] } else { vec![tested] };
+    let axes = (0..setup.drives_before).map(axis).chain([tested]).collect();
     vec![PortConfig {
         // Cases write a request only when something changes.
         loop_timeout_ms: 0,

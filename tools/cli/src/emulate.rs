@@ -61,6 +61,9 @@ pub struct Arguments {
     /// One port: the second drive, node 2, is behind the first, node 1
     #[arg(long)]
     gateway: bool,
+    /// One port with three drives: node 3 turns a gripper or a roll
+    #[arg(long)]
+    jaw: bool,
     /// What is done to drives, lines, wires and camera, and when, and how the snake ages (TOML)
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
@@ -125,7 +128,9 @@ impl Arguments {
         if self.framing == FramingName::V1 {
             config.line.framing = Framing::V1;
         }
-        if self.gateway {
+        if self.jaw {
+            config.add_auxiliary(GATEWAY_US);
+        } else if self.gateway {
             config.gateway_us = Some(GATEWAY_US);
             config.drives[1].node_id = 2;
         }

@@ -14,7 +14,7 @@ const TO: &str = "i2ris/to";
 /// Everything that keys send.
 pub const FROM: &str = "i2ris/from";
 /// The commands that clients may put.
-pub const COMMANDS: [Stream; 2] = [Stream::ServoJp, Stream::ServoActuators];
+pub const COMMANDS: [Stream; 3] = [Stream::ServoJp, Stream::ServoActuators, Stream::ServoJaw];
 
 #[must_use]
 pub fn state(stream: &str) -> String {

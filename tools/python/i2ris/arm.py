@@ -203,6 +203,8 @@ class Arm:
         self._refused: int | None = None
         #: Motors one by one, without a model.
         self.actuators = ActuatorArm(self)
+        #: The auxiliary axis: a gripper, or a roll.
+        self.jaw = JawArm(self)
         #: Requests about models.
         self.model = ModelArm(self)
         #: Regions that the snake may not enter.
@@ -673,6 +675,24 @@ class ActuatorArm:
             error_code=np.array(message.error_code[:count]),
             sequence=message.sequence,
         )
+
+
+class JawArm:
+    """The auxiliary axis of an arm: a gripper, or a roll."""
+
+    def __init__(self, arm: Arm):
+        self._arm = arm
+
+    def servo_jp(self, angle: float) -> int:
+        """Turn it to this angle now, rad. Call it repeatedly, beside a stream of the joints or alone."""
+        self._arm._raise_refusals()
+        command = self._arm._stamped(ServoJp, 1)
+        command.position[0] = float(angle)
+        return self._arm._send("i2ris/jaw/servo_jp", command)
+
+    def measured_js(self) -> Joints | None:
+        """Its angle, rad; None if the robot has none, or until the first message has arrived."""
+        return self._arm._joints("i2ris/jaw/measured_js")
 
 
 class Recording:

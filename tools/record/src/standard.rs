@@ -50,6 +50,12 @@ impl StandardMessages {
             | StreamMessage::Goal(state) => self.joint_state(state),
             StreamMessage::State(state) => self.operating_state(state),
             StreamMessage::ServoJp(command) => self.servo_jp(command),
+            StreamMessage::Jaw(state) if state.flags & JointState::VALID != 0 => {
+                Some(self.named("jaw", state.stamp_ns, state.position[0]))
+            }
+            StreamMessage::ServoJaw(command) => {
+                Some(self.named("jaw", command.stamp_ns, command.position[0]))
+            }
             _ => None,
         }
     }
@@ -95,6 +101,17 @@ impl StandardMessages {
         let is_rate = command.flags & ServoJp::RATE != 0;
         let (position, velocity) = if is_rate { (&[][..], values) } else { (values, &[][..]) };
         of_joints.then(|| self.angles(command.stamp_ns, position, velocity))
+    }
+
+    /// One joint with a name of its own.
+    fn named(&self, name: &str, stamp_ns: u64, angle: f64) -> Vec<u8> {
+        let mut encoder = self.header(stamp_ns.wrapping_add(self.unix_offset_ns));
+        encoder.u32(1);
+        encoder.string(name);
+        encoder.f64s(&[angle]);
+        encoder.f64s(&[]);
+        encoder.f64s(&[]);
+        encoder.finish()
     }
 
     fn angles(&self, stamp_ns: u64, position: &[f64], velocity: &[f64]) -> Vec<u8> {

@@ -11,9 +11,12 @@ use crate::schema::{self, StandardType};
 /// The standard message with the content of a stream, if there is one.
 const fn standard(stream: Stream) -> Option<StandardType> {
     match stream {
-        Stream::Measured | Stream::Setpoint | Stream::Goal | Stream::ServoJp => {
-            Some(schema::JOINT_STATE)
-        }
+        Stream::Measured
+        | Stream::Setpoint
+        | Stream::Goal
+        | Stream::ServoJp
+        | Stream::Jaw
+        | Stream::ServoJaw => Some(schema::JOINT_STATE),
         Stream::State => Some(schema::OPERATING_STATE),
         _ => None,
     }

@@ -107,6 +107,7 @@ pub(crate) struct Outputs {
     pub measured_js: Publisher<JointState>,
     pub setpoint_js: Publisher<JointState>,
     pub goal_js: Publisher<JointState>,
+    pub jaw_measured_js: Publisher<JointState>,
     pub measured_cp: Publisher<PoseStamped>,
     pub setpoint_cp: Publisher<PoseStamped>,
     pub measured_cv: Publisher<TwistStamped>,
@@ -127,6 +128,7 @@ impl Outputs {
             measured_js: make.publisher("measured_js", &STREAM)?,
             setpoint_js: make.publisher("setpoint_js", &STREAM)?,
             goal_js: make.publisher("goal_js", &STREAM)?,
+            jaw_measured_js: make.publisher("jaw/measured_js", &STREAM)?,
             measured_cp: make.publisher("measured_cp", &STREAM)?,
             setpoint_cp: make.publisher("setpoint_cp", &STREAM)?,
             measured_cv: make.publisher("measured_cv", &STREAM)?,
@@ -147,7 +149,7 @@ pub(crate) struct Inputs {
     /// What stops.
     pub stops: [(Topic, Subscription<Empty>); 2],
     pub state_command: Subscription<StringStamped>,
-    pub joints: [(Topic, Subscription<JointState>); 7],
+    pub joints: [(Topic, Subscription<JointState>); 8],
     /// Places of the tip.
     pub places: [(Topic, Subscription<PoseStamped>); 2],
     pub twist: Subscription<TwistStamped>,
@@ -164,6 +166,7 @@ impl Inputs {
             joints(Topic::InterpolateJp)?,
             joints(Topic::MoveJp)?,
             joints(Topic::MoveJr)?,
+            joints(Topic::Jaw)?,
             joints(Topic::External)?,
         ];
         let mut stops = |topic| -> Result<_, RosError> { Ok((topic, make.subscription(topic)?)) };

@@ -281,6 +281,33 @@ fn the_tip_goes_to_places_in_the_frame_of_the_base_only() {
 }
 
 #[test]
+fn the_jaw_has_topics_of_its_own() {
+    let mut robot = i2ris_testing::Rig::with_jaw();
+    robot.start_controller_thread();
+    i2ris_testing::wait_until_idle(&mut robot.client());
+    let domain = crate::peer::ros_domain();
+    let _bridge = crate::common::Bridge::start(&robot.domain(), domain, &[]);
+    let mut peer = Peer::new(domain, ROBOT, "console");
+    let kind = ("sensor_msgs", "JointState");
+    let volatile = qos(Durability::Volatile);
+    let seen: Subscription<JointState> = peer.subscription("jaw/measured_js", kind, &volatile);
+    let jaw = peer.publisher("jaw/servo_jp", &volatile);
+    peer.enable();
+    let to = |angles: &[f64]| {
+        let message = JointState { position: angles.to_vec(), ..JointState::default() };
+        jaw.publish(message).unwrap();
+    };
+    repeat(|t| to(&[0.1 * t.min(1.5)]));
+    let there = wait_until("its angle", || {
+        let angle = seen.take().ok().flatten()?.0;
+        (angle.name == ["jaw"] && angle.position.first()? > &0.1).then_some(angle)
+    });
+    assert!(there.velocity.is_empty(), "{there:?}");
+    to(&[0.1, 0.1]);
+    peer.wait_for_line("warning", "jaw/servo_jp: 2 positions for 1 joints");
+}
+
+#[test]
 fn what_is_not_supported_has_no_topic() {
     let (_robot, _bridge, mut peer) = start(&[]);
     peer.connect();

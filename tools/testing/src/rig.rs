@@ -16,6 +16,7 @@ use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
 use i2ris::process::controller;
 use i2ris::units::{Counts, Nanos};
+use i2ris_simulation::drive::DriveConfig;
 use i2ris_simulation::log::{Event, EventKind};
 use i2ris_simulation::physics::springs::SnakeConfig;
 use i2ris_simulation::{Emulator, EmulatorConfig};
@@ -53,10 +54,24 @@ impl Drop for CleanUp {
 impl Rig {
     /// Drives and snake, no controller yet.
     pub fn start() -> Self {
+        Self::build(false)
+    }
+
+    /// A robot with a jaw: three drives on one line. Its controller starts with a linear model.
+    pub fn with_jaw() -> Self {
+        let mut rig = Self::build(true);
+        rig.config.control.model = Some(rig.linear_model("model.json", "rig", 1.0));
+        rig
+    }
+
+    fn build(jaw: bool) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let snake = SnakeConfig::load(&root().join("config/snakes/steel.toml")).unwrap();
-        let emulation = EmulatorConfig::new(snake, &folder.path().join("ports"));
-        let serial_numbers = emulation.drives.clone().map(|drive| drive.serial_number);
+        let mut emulation = EmulatorConfig::new(snake, &folder.path().join("ports"));
+        if jaw {
+            emulation.add_auxiliary(600);
+        }
+        let drives: Vec<_> = emulation.drives.iter().chain(&emulation.auxiliary).cloned().collect();
         let mut emulator = Emulator::start(emulation).unwrap();
         let number = RIGS.fetch_add(1, Ordering::Relaxed);
         let domain = Domain::new(&format!("rig-{}-{number}", std::process::id())).unwrap();
@@ -69,9 +84,16 @@ impl Rig {
             }
         });
         camera.unwrap();
-        let ports = (0..2).map(|axis| port(emulator.device(axis), axis, serial_numbers[axis]));
+        let axes = (0..).zip(&drives).map(|(axis, drive)| (emulator.device(axis), axis, drive));
+        let mut ports: Vec<PortConfig> =
+            axes.map(|(device, axis, drive)| port(device, axis, drive)).collect();
+        if jaw {
+            let behind = ports.split_off(1);
+            ports[0].axes.extend(behind.into_iter().flat_map(|port| port.axes));
+            ports[0].axes[2].auxiliary_counts_per_deg = Some(20.0);
+        }
         let mut config: Config = toml::from_str("robot_id = \"rig\"\nports = []").unwrap();
-        config.ports = ports.collect();
+        config.ports = ports;
         config.ipc.domain = domain.name().to_owned();
         run_on_shared_machine(&mut config);
         config.command.deadline_ms = 200;
@@ -361,8 +383,10 @@ fn root() -> PathBuf {
     root.unwrap().to_owned()
 }
 
-fn port(device: &Path, axis: usize, serial_number: u32) -> PortConfig {
-    let mut axis = AxisConfig::new(axis, serial_number, [Counts(-2000), Counts(2000)]);
+fn port(device: &Path, axis: usize, drive: &DriveConfig) -> PortConfig {
+    let mut axis = AxisConfig::new(axis, drive.serial_number, [Counts(-2000), Counts(2000)]);
     axis.motor_speed_rpm = 10_000;
+    // 0 is the drive that the port belongs to.
+    axis.node_id = if drive.node_id == 1 { 0 } else { drive.node_id };
     PortConfig::new(device.to_owned(), vec![axis])
 }

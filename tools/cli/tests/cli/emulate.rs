@@ -111,6 +111,27 @@ fn the_doctor_looks_at_drives_and_machine() {
 }
 
 #[test]
+fn the_doctor_looks_at_three_drives_on_one_line() {
+    let bench = Bench::new();
+    let emulate = format!("emulate --no-camera --jaw --ports {}", bench.file("ports"));
+    let _running = Running::until("ready", start(&nobody(), &emulate));
+    write_config(&bench, |text| {
+        // Both drives and a third one behind the first port.
+        let (head, second) = text.rsplit_once("[[ports]]").unwrap();
+        let second = second.split_once("[[ports.axes]]").unwrap().1;
+        let second = second.replace("node_id = 1", "node_id = 2");
+        let jaw = second.replace("motor = 1", "motor = 2\nauxiliary_counts_per_deg = 20.0");
+        let jaw = jaw.replace("node_id = 2", "node_id = 3").replace("62000002", "62000003");
+        format!("{head}[[ports.axes]]{second}[[ports.axes]]{jaw}")
+    });
+    let healthy = bench.run("doctor --config robot.toml");
+    assert_eq!(healthy.code, Some(0), "{}{}", healthy.output, healthy.error);
+    for serial_number in ["62000001", "62000002", "62000003"] {
+        assert_says(&healthy.output, &[&format!("serial number {serial_number}")]);
+    }
+}
+
+#[test]
 fn the_doctor_names_a_port_that_is_not_there() {
     let bench = Bench::new();
     write_config(&bench, |text| text);

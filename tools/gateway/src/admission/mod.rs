@@ -97,6 +97,7 @@ pub enum Topic {
     MoveJp,
     MoveJr,
     MoveCp,
+    Jaw,
     StateCommand,
     Hold,
     Free,
@@ -105,7 +106,7 @@ pub enum Topic {
 
 impl Topic {
     /// All, in the order of their numbers.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::ServoJp,
         Self::ServoJr,
         Self::ServoJv,
@@ -115,6 +116,7 @@ impl Topic {
         Self::MoveJp,
         Self::MoveJr,
         Self::MoveCp,
+        Self::Jaw,
         Self::StateCommand,
         Self::Hold,
         Self::Free,
@@ -133,6 +135,7 @@ impl Topic {
             Self::MoveJp => "move_jp",
             Self::MoveJr => "move_jr",
             Self::MoveCp => "move_cp",
+            Self::Jaw => "jaw/servo_jp",
             Self::StateCommand => "state_command",
             Self::Hold => "hold",
             Self::Free => "free",
@@ -193,6 +196,8 @@ struct Client {
     writers: [Option<Writer>; Topic::ALL.len()],
     flood: Flood,
     stream: Stream,
+    /// Of the auxiliary axis.
+    jaw: Stream,
 }
 
 impl Client {
@@ -202,7 +207,20 @@ impl Client {
             writers: [None; Topic::ALL.len()],
             flood: Flood::default(),
             stream: Stream::default(),
+            jaw: Stream::default(),
         }
+    }
+}
+
+impl Client {
+    fn begin_anew(&mut self) {
+        self.stream.begin_anew();
+        self.jaw.begin_anew();
+    }
+
+    fn break_off(&mut self) {
+        self.stream.break_off();
+        self.jaw.break_off();
     }
 }
 
@@ -280,17 +298,18 @@ impl Admission {
         let age = peer.clock.age(sent, now);
         let client = peer.client(writer, topic)?;
         client.flood.check(count, now)?;
+        let stream = if topic == Topic::Jaw { &mut client.jaw } else { &mut client.stream };
         if age > LATE {
-            client.stream.break_off();
+            stream.break_off();
             return Err(Reason::Late(age));
         }
         let (still, values) = ([0.0; MAX_OUTPUTS], goal.position);
         match topic {
             // A rate that stays the same is a motion.
-            Topic::ServoJv | Topic::ServoCv => client.stream.check(&still, values != still, now)?,
+            Topic::ServoJv | Topic::ServoCv => stream.check(&still, values != still, now)?,
             // A snake a millimetre long.
-            Topic::ServoCp => client.stream.check(&values.map(|m| m * 1e3), false, now)?,
-            _ => client.stream.check(&values, false, now)?,
+            Topic::ServoCp => stream.check(&values.map(|m| m * 1e3), false, now)?,
+            _ => stream.check(&values, false, now)?,
         }
         Ok(Admitted { client_id: client.id, stamp: now - age })
     }
@@ -303,7 +322,7 @@ impl Admission {
         match peer.client(writer, topic) {
             Ok(client) => {
                 if client.flood.check(1, times.arrived).is_ok() {
-                    client.stream.begin_anew();
+                    client.begin_anew();
                 }
                 client.id
             }
@@ -332,7 +351,7 @@ impl Admission {
             self.ages.check(stamp, times.arrived_unix_ns)?;
         }
         client.flood.check(1, times.arrived)?;
-        client.stream.begin_anew();
+        client.begin_anew();
         Ok(client.id)
     }
 
@@ -359,7 +378,7 @@ impl Admission {
     pub fn lost(&mut self, participant: Participant) {
         if let Some(peer) = self.peers.get_mut(&participant) {
             for client in &mut peer.clients {
-                client.stream.break_off();
+                client.break_off();
             }
         }
     }

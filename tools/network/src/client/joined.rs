@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use i2ris::ipc::ready::INTERFACE_VERSION;
-use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{Domain, Stream, StreamMessage};
 use i2ris::units::Nanos;
 use i2ris_gateway::Reason;
@@ -41,7 +40,7 @@ pub(super) struct Joined {
     lag: Lag,
     /// How often commands are sent, and the newest of every client that waits for it.
     pace: Pace,
-    waiting: BTreeMap<u64, StreamMessage>,
+    waiting: BTreeMap<(u64, bool), StreamMessage>,
     /// Commands that were not passed on since the last sign of life, and whether that was said.
     withheld: u32,
     said_withheld: bool,
@@ -113,16 +112,14 @@ impl Joined {
             return;
         };
         let may_command = self.admitted.is_some_and(|reply| reply.commands == 1);
-        for command in service.commands() {
+        for (client, command) in service.commands() {
             if !may_command {
                 self.withheld = self.withheld.saturating_add(1);
                 continue;
             }
-            let (client, command) = match command {
-                ReceivedCommand::Joint(it) => (it.client_id, StreamMessage::ServoJp(it)),
-                ReceivedCommand::Actuator(it) => (it.client_id, StreamMessage::ServoActuators(it)),
-            };
-            self.waiting.insert(client, command);
+            // The newest of a client, and beside it the newest of its auxiliary axis.
+            let is_jaw = matches!(command, StreamMessage::ServoJaw(_));
+            self.waiting.insert((client, is_jaw), command);
             self.last_command = now;
         }
         if self.withheld > 0 && !std::mem::replace(&mut self.said_withheld, true) {

@@ -74,12 +74,20 @@ impl Service {
         };
     }
 
-    /// The newest command of every client since the last call, the holder of the lease first. The
-    /// controller checks them.
-    pub fn commands(&mut self) -> Vec<ReceivedCommand> {
-        std::iter::from_fn(|| self.server.poll_command(self.lease, |_| true))
+    /// The newest command of every client since the last call, and of its auxiliary axis, the holder
+    /// of the lease first. The controller checks them.
+    pub fn commands(&mut self) -> Vec<(u64, StreamMessage)> {
+        let (server, lease) = (&mut self.server, self.lease);
+        let mut commands: Vec<_> = std::iter::from_fn(|| server.poll_command(lease, |_| true))
             .take(MAX_COMMANDS)
-            .collect()
+            .map(|command| (command.client_id(), StreamMessage::from(command)))
+            .collect();
+        let jaws = std::iter::from_fn(|| server.poll_jaw(lease, |_| true)).take(MAX_COMMANDS);
+        commands.extend(jaws.filter_map(|command| match command {
+            ReceivedCommand::Joint(it) => Some((it.client_id, StreamMessage::ServoJaw(it))),
+            ReceivedCommand::Actuator(_) => None,
+        }));
+        commands
     }
 
     /// Every new request, with the token that its answer wants.

@@ -136,6 +136,10 @@ impl Controller {
                 let client_id = resolve(command.client_id);
                 self.forwarder.servo_actuators(ServoActuator { client_id, ..command })
             }
+            StreamMessage::ServoJaw(command) => {
+                let client_id = resolve(command.client_id);
+                self.forwarder.servo_jaw(ServoJp { client_id, ..command })
+            }
             _ => Ok(()),
         };
     }

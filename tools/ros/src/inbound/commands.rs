@@ -105,6 +105,11 @@ impl Commands {
                 Topic::ServoJp | Topic::ServoJr | Topic::ServoJv | Topic::InterpolateJp => {
                     commands.servo(topic, received, count)
                 }
+                Topic::Jaw => {
+                    let Received { message, writer, times } = received;
+                    let angle = checked(&message.position, 1)?;
+                    commands.stream(topic, *writer, times, &angle, count).map(drop)
+                }
                 Topic::External => commands.see(received, count),
                 _ => commands.move_to(topic, received),
             });
@@ -217,8 +222,7 @@ impl Commands {
     ) -> Result<u64, Reason> {
         let admitted = self.admission.servo(writer, topic, goal, count, times)?;
         self.sequence += 1;
-        self.last = None;
-        let sent = self.forwarder.servo_jp(ServoJp {
+        let command = ServoJp {
             sequence: self.sequence,
             stamp_ns: admitted.stamp.0,
             client_id: admitted.client_id,
@@ -232,7 +236,14 @@ impl Commands {
                 Topic::ServoCv => ServoJp::TIP | ServoJp::RATE,
                 _ => 0,
             },
-        });
+        };
+        let sent = match topic {
+            Topic::Jaw => self.forwarder.servo_jaw(command),
+            _ => {
+                self.last = None;
+                self.forwarder.servo_jp(command)
+            }
+        };
         sent.map_err(|_| Reason::NoController)?;
         Ok(admitted.client_id)
     }

@@ -44,6 +44,17 @@ pub(super) fn joint_state(state: Option<&Payload>, now: &Moment) -> JointState {
     }
 }
 
+/// The auxiliary axis. Its velocity is not known.
+pub(super) fn jaw(state: &Payload, now: &Moment) -> JointState {
+    let state = valid(Some(state), now);
+    JointState {
+        header: header(state, now, ""),
+        name: vec!["jaw".to_owned()],
+        position: state.map(|state| state.position[0]).into_iter().collect(),
+        ..JointState::default()
+    }
+}
+
 fn bend(state: &Payload) -> Bend {
     let angle = |joint: usize| {
         let given = joint < state.count as usize;

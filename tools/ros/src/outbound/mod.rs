@@ -62,6 +62,7 @@ pub(crate) struct Outbound {
     measured: Latest<JointPayload>,
     setpoint: Latest<JointPayload>,
     goal: Latest<JointPayload>,
+    jaw: Latest<JointPayload>,
     statistics: Subscription<PeriodStatistics>,
     states: Subscription<OperatingStateMsg>,
     errors: Subscription<ReasonMsg>,
@@ -97,6 +98,7 @@ impl Outbound {
             measured: Latest::new(watcher.measured_js()),
             setpoint: Latest::new(watcher.setpoint_js()),
             goal: Latest::new(watcher.goal_js()),
+            jaw: Latest::new(watcher.jaw_measured_js()),
             statistics: watcher.period_statistics(),
             states: watcher.operating_state(),
             errors: watcher.error(),
@@ -242,6 +244,10 @@ impl Outbound {
         publish(&self.outputs.measured_js, measured);
         publish(&self.outputs.setpoint_js, setpoint);
         publish(&self.outputs.goal_js, goal);
+        // Robots without a jaw have none.
+        if let Some(jaw) = self.jaw.refresh().ok().flatten() {
+            publish(&self.outputs.jaw_measured_js, conversion::jaw(jaw, &now));
+        }
     }
 
     fn publish_pose(&mut self) {

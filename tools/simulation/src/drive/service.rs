@@ -32,12 +32,12 @@ impl Drive {
         self.state == State::NotReadyToSwitchOn
     }
 
-    /// The reply to a frame at its own port, or `None` while booting. `behind`: the drive on the
-    /// CAN bus behind this one, and the round-trip time to it.
+    /// The reply to a frame at its own port, or `None` while booting. `behind`: the drives on the
+    /// CAN bus behind this one, and the round-trip time to them.
     pub fn reply_at_port(
         &mut self,
         incoming: &Incoming,
-        behind: Option<(&mut Self, Nanos)>,
+        behind: Option<(Vec<&mut Self>, Nanos)>,
     ) -> Option<Reply> {
         if self.is_booting() {
             return None;
@@ -59,7 +59,11 @@ impl Drive {
             return has_reply.then(|| self.reply(outcome, is_read));
         }
         let is_reachable = |other: &Self| Some(other.config.node_id) == node && !other.is_booting();
-        let (outcome, delay) = match behind.filter(|(other, _)| is_reachable(other)) {
+        let other = behind.and_then(|(others, round_trip)| {
+            let found = others.into_iter().find(|other| is_reachable(other))?;
+            Some((found, round_trip))
+        });
+        let (outcome, delay) = match other {
             None => {
                 let timeout = Nanos::from_millis(self.config.gateway_timeout_ms);
                 (Err(Abort::SdoTimeout), timeout)

@@ -25,6 +25,8 @@ pub struct EmulatorConfig {
     /// Faults injected into drives, lines and wires.
     pub scenario: Scenario,
     pub drives: [DriveConfig; 2],
+    /// A third drive behind the gateway: a gripper or a roll, which pulls no wire of the snake.
+    pub auxiliary: Option<DriveConfig>,
     pub camera: CameraConfig,
     /// A file for the log, CSV.
     pub log: Option<PathBuf>,
@@ -43,8 +45,18 @@ impl EmulatorConfig {
             gateway_us: None,
             scenario: Scenario::default(),
             drives,
+            auxiliary: None,
             camera: CameraConfig::default(),
             log: None,
         }
+    }
+
+    /// One port with three drives, nodes 1 to 3; the last turns the auxiliary axis, with the next
+    /// serial number.
+    pub fn add_auxiliary(&mut self, gateway_us: u64) {
+        self.gateway_us = Some(gateway_us);
+        self.drives[1].node_id = 2;
+        let serial_number = self.drives[1].serial_number + 1;
+        self.auxiliary = Some(DriveConfig { node_id: 3, serial_number, ..self.drives[1].clone() });
     }
 }

@@ -81,11 +81,12 @@ fn execute(line: &str, shared: &Shared) -> String {
 }
 
 fn state(shared: &Shared) -> String {
-    let axes = shared.plant().drives.each_ref().map(|drive| {
+    let plant = shared.plant();
+    let axes = plant.drives.iter().map(|drive| {
         let drive = drive.snapshot();
         let (state, code) = (drive.state.name(), drive.error_code);
         let (position, homed) = (drive.position, drive.homed);
         format!("{state} position {position} error 0x{code:04X} homed {homed}")
     });
-    axes.join("; ")
+    axes.collect::<Vec<_>>().join("; ")
 }

@@ -73,6 +73,8 @@ pub struct Snapshot {
     /// True pitch and yaw, degrees.
     pub angles_deg: [f64; 2],
     pub axes: [AxisSnapshot; 2],
+    /// The auxiliary axis, if there is one.
+    pub auxiliary: Option<DriveSnapshot>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -99,7 +101,8 @@ impl Emulator {
         let mut folder = PortFolder::claim(&config.folder)?;
         let log = config.log.as_deref().map(Log::to_file).transpose()?;
         let log = Arc::new(log.unwrap_or_default());
-        let drives = config.drives.each_ref().map(|config| Drive::new(config, 0.0));
+        let drives = config.drives.iter().chain(&config.auxiliary);
+        let drives = drives.map(|config| Drive::new(config, 0.0)).collect();
         let mut snake = config.snake.build(config.seed);
         for change in &config.scenario.ageing {
             snake.begin_ageing(*change);
@@ -221,6 +224,7 @@ impl Emulator {
             stamp: plant.time(),
             angles_deg: plant.snake.angles_deg(),
             axes: [axis(0), axis(1)],
+            auxiliary: plant.drives.get(2).map(Drive::snapshot),
         }
     }
 

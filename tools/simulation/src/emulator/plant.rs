@@ -19,7 +19,8 @@ const MAX_CATCH_UP: Nanos = Nanos::from_millis(2000);
 
 #[derive(Debug)]
 pub(crate) struct Plant {
-    pub(crate) drives: [Drive; 2],
+    /// Those of the motors, and then that of the auxiliary axis, if there is one.
+    pub(crate) drives: Vec<Drive>,
     pub(crate) snake: Snake,
     /// The wires between motors and snake.
     pub(crate) wires: [Wire; 2],
@@ -32,7 +33,7 @@ pub(crate) struct Plant {
 impl Plant {
     /// Starts at `now` with a straight snake and the motors at the positions of the drives.
     pub(crate) fn new(
-        drives: [Drive; 2],
+        drives: Vec<Drive>,
         snake: Snake,
         gateway: Option<Nanos>,
         log: Arc<Log>,
@@ -60,6 +61,9 @@ impl Plant {
                 self.drives[axis].advance(STEP.as_seconds());
                 *pulled = self.wires[axis].pull(self.drives[axis].motor_counts());
             }
+            for auxiliary in self.drives.iter_mut().skip(self.wires.len()) {
+                auxiliary.advance(STEP.as_seconds());
+            }
             self.snake.step(STEP.as_seconds(), pulled);
             let load = self.snake.load();
             for ((drive, wire), load) in self.drives.iter_mut().zip(&self.wires).zip(load) {
@@ -78,10 +82,10 @@ impl Plant {
         arrived: Nanos,
     ) -> Option<Reply> {
         self.advance_to(arrived);
-        let [first, second] = &mut self.drives;
-        let (port, other) = if axis == 0 { (first, second) } else { (second, first) };
-        let behind = self.gateway.map(|round_trip| (other, round_trip));
-        let reply = port.reply_at_port(incoming, behind);
+        let (before, rest) = self.drives.split_at_mut_checked(axis)?;
+        let (port, after) = rest.split_first_mut()?;
+        let others: Vec<&mut Drive> = before.iter_mut().chain(after).collect();
+        let reply = port.reply_at_port(incoming, self.gateway.map(|trip| (others, trip)));
         // A late thread cannot change the past: its setpoints count from the present time.
         self.record(self.time.max(arrived));
         reply
@@ -99,7 +103,7 @@ impl Plant {
     }
 
     fn record(&mut self, stamp: Nanos) {
-        for axis in 0..2 {
+        for axis in 0..self.drives.len() {
             for kind in self.drives[axis].take_events() {
                 self.log(axis, stamp, kind);
             }
@@ -116,7 +120,7 @@ mod tests {
     use crate::physics::springs::tests::config;
 
     fn plant(log: &Arc<Log>) -> Plant {
-        let drives = [0, 1].map(|_| Drive::new(&DriveConfig::default(), 0.0));
+        let drives = [0, 1].map(|_| Drive::new(&DriveConfig::default(), 0.0)).into();
         let snake = SpringSnake::new(&config("steel"), 1);
         Plant::new(drives, snake.into(), None, Arc::clone(log), Nanos::ZERO)
     }

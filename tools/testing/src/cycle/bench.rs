@@ -29,6 +29,10 @@ pub struct Bench {
     pub config: Config,
     pub now: Nanos,
     pub drives: [SimulatedDrive; 2],
+    /// Counts only where the configuration has an auxiliary axis.
+    pub jaw: SimulatedDrive,
+    /// For the auxiliary axis, in the next tick.
+    pub jaw_command: Option<ServoCommand>,
     pub out: CycleOutputs,
     pub events: Vec<CycleEventKind>,
     pub reasons: Vec<Reason>,
@@ -122,6 +126,8 @@ impl Bench {
             config,
             now: Nanos::from_millis(10_000),
             drives: [SimulatedDrive::new(0), SimulatedDrive::new(0)],
+            jaw: SimulatedDrive::new(0),
+            jaw_command: None,
             out: ControlCycle::new(&super::config(""), None)
                 .step(Nanos::ZERO, &CycleInputs::default()),
             events: Vec::with_capacity(1000),
@@ -146,6 +152,7 @@ impl Bench {
         for drive in &mut bench.drives {
             drive.feedback.stamp = bench.now;
         }
+        bench.jaw.feedback.stamp = bench.now;
         bench.step(None, None);
         bench
     }
@@ -161,18 +168,23 @@ impl Bench {
         for (drive, request) in self.drives.iter_mut().zip(&requests) {
             drive.tick(self.now, request);
         }
+        if let Some(request) = &self.out.auxiliary {
+            self.jaw.tick(self.now, request);
+        }
         let feedback = [self.drives[0].feedback, self.drives[1].feedback];
         self.see();
         let (model, external, missed) =
             (self.model_request.take(), self.external.take(), self.missed);
         let inputs = CycleInputs {
             servo,
+            jaw: self.jaw_command.take(),
             request,
             model,
             external,
             ignored_frames: self.ignored_frames,
             missed,
             feedback,
+            auxiliary: self.jaw.feedback,
             shutdown: self.shutdown,
         };
         let before = (self.probe)();

@@ -94,10 +94,12 @@ impl InvariantCheck {
         let Some(last) = &self.last else { return };
         let (before, after) = (&last.report, &outputs.report);
         let answered = (after.accepted - before.accepted) + (after.refused - before.refused);
-        assert_eq!(answered, u64::from(inputs.servo.is_some()));
+        let commands = [&inputs.servo, &inputs.jaw].into_iter().flatten();
+        assert_eq!(answered, commands.clone().count() as u64);
         if after.accepted > before.accepted {
             assert_eq!(after.state, OperatingState::Enabled);
-            assert_eq!(Some(after.lease_client_id), inputs.servo.map(|command| command.client_id));
+            let mut clients = commands.map(|command| command.client_id);
+            assert!(clients.any(|client_id| client_id == after.lease_client_id));
         }
         if after.state != before.state {
             assert_eq!(after.since, after.now);

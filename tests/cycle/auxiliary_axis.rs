@@ -1,0 +1,179 @@
+//! The auxiliary axis: a third drive that stops with the others and moves without them.
+
+use i2ris::config::Config;
+use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
+use i2ris::drive::{AxisPhase, Demand};
+use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::model::file::OutputUnit;
+use i2ris::units::{Counts, MAX_MOTORS};
+use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, model, rad};
+
+type Change = fn(&mut ServoCommand);
+
+fn with_jaw() -> Config {
+    let mut config = config("");
+    let mut jaw = config.ports[0].axes[0].clone();
+    (jaw.motor, jaw.node_id, jaw.serial_number) = (2, 3, 3);
+    jaw.auxiliary_counts_per_deg = Some(-10.0);
+    config.ports[0].axes.push(jaw);
+    let text = toml::to_string(&config).unwrap();
+    Config::parse(&text, "bench.toml".as_ref()).unwrap()
+}
+
+fn enabled() -> Bench {
+    Bench::enabled_with(with_jaw(), Some(model(OutputUnit::Deg)))
+}
+
+fn angle(bench: &mut Bench, degrees: f64) -> ServoCommand {
+    bench.servo(ServoGoal::Joint([degrees.to_radians(), 0.0, 0.0], 1))
+}
+
+/// One tick with a command of the jaw; the refusal, or `None` if it was accepted.
+fn turn(bench: &mut Bench, command: ServoCommand) -> Refusal {
+    let (accepted, refused) = (bench.report().accepted, bench.report().refused);
+    bench.jaw_command = Some(command);
+    bench.tick();
+    match (bench.report().accepted - accepted, bench.report().refused - refused) {
+        (1, 0) => Refusal::None,
+        (0, 1) => bench.report().last_refusal,
+        other => panic!("one command is accepted or refused, not {other:?}"),
+    }
+}
+
+fn jaw_target(bench: &Bench) -> Counts {
+    bench.out.auxiliary.unwrap().target
+}
+
+#[test]
+fn the_jaw_follows_its_own_stream_beside_the_joints() {
+    let mut bench = enabled();
+    for k in 1..=200 {
+        let share = f64::from(k) / 200.0;
+        let jaw = angle(&mut bench, 20.0 * share);
+        assert_eq!(turn(&mut bench, jaw), Refusal::None);
+        assert_eq!(bench.joint(4.0 * share, -2.0 * share), Refusal::None);
+        bench.run(3);
+    }
+    bench.run(30);
+    assert!((jaw_target(&bench).0 + 200).abs() <= 2, "{:?}", jaw_target(&bench));
+    let report = bench.report().auxiliary.unwrap();
+    assert!((report.measured.to_degrees() - 20.0).abs() < 0.3, "{report:?}");
+    let [pitch, yaw, _] = bench.joints().setpoint.map(f64::to_degrees);
+    assert!((pitch - 4.0).abs() < 0.1 && (yaw + 2.0).abs() < 0.1, "{pitch} {yaw}");
+    // A trajectory of the joints does not wait for it, and it not for the trajectory.
+    bench.run(100);
+    bench.pose = Some((rad(0.0, 0.0), 2));
+    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+    let jaw = angle(&mut bench, 21.0);
+    assert_eq!(turn(&mut bench, jaw), Refusal::None);
+    bench.run(20);
+    assert!((jaw_target(&bench).0 + 210).abs() <= 1);
+    bench.idle();
+}
+
+#[test]
+fn a_jaw_without_commands_holds_and_what_holds_the_robot_holds_it() {
+    for stop in [None, Some(StateCommand::Hold), Some(StateCommand::Pause)] {
+        let mut bench = enabled();
+        for k in 1..=20 {
+            let jaw = angle(&mut bench, f64::from(k));
+            assert_eq!(turn(&mut bench, jaw), Refusal::None);
+            bench.run(4);
+        }
+        match stop {
+            None => {
+                bench.run(60);
+                let stale = |it: &CycleEventKind| matches!(it, CycleEventKind::StaleStop { .. });
+                assert!(bench.events.iter().any(stale));
+            }
+            Some(command) => {
+                assert_eq!(bench.ask_as(CLIENT + 1, command).refusal, Refusal::None);
+                bench.run(5);
+            }
+        }
+        let before = jaw_target(&bench);
+        bench.run(500);
+        assert_eq!(jaw_target(&bench), before);
+    }
+}
+
+#[test]
+fn commands_of_the_jaw_pass_the_checks_of_all_commands() {
+    let mut bench = enabled();
+    let whole = |it: &mut ServoCommand| it.goal = ServoGoal::Joint([0.0; 3], 2);
+    let changes: [(Change, Refusal); 6] = [
+        (|it| it.goal = ServoGoal::Joint([f64::NAN, 0.0, 0.0], 1), Refusal::NotFinite),
+        (whole, Refusal::Malformed),
+        (|it| it.clutched = true, Refusal::Malformed),
+        (|it| it.has_unknown_flags = true, Refusal::Malformed),
+        (|it| it.goal = ServoGoal::Joint([2.0, 0.0, 0.0], 1), Refusal::Range),
+        (|it| it.goal = ServoGoal::Joint([0.6, 0.0, 0.0], 1), Refusal::Step),
+    ];
+    let before = jaw_target(&bench);
+    for (change, expected) in changes {
+        let mut command = angle(&mut bench, 0.0);
+        change(&mut command);
+        assert_eq!(turn(&mut bench, command), expected, "{command:?}");
+    }
+    assert_eq!(jaw_target(&bench), before);
+    let mut other = angle(&mut bench, 1.0);
+    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
+    (other.client_id, other.stamp) = (CLIENT + 1, bench.now);
+    assert_eq!(turn(&mut bench, other), Refusal::Lease);
+    // Its numbers rise by themselves: one may overtake the other stream.
+    let (late, next) = (angle(&mut bench, 1.0), bench.servo(ServoGoal::Joint([0.0; 3], 2)));
+    assert_eq!(bench.send(next), Refusal::None);
+    assert_eq!(turn(&mut bench, late), Refusal::None);
+    assert_eq!(turn(&mut bench, late), Refusal::Sequence);
+    // A robot without one.
+    let mut bench = Bench::enabled();
+    let command = angle(&mut bench, 1.0);
+    assert_eq!(turn(&mut bench, command), Refusal::Unsupported);
+    assert_eq!(bench.out.auxiliary, None);
+}
+
+#[test]
+fn a_fault_of_any_axis_stops_all() {
+    let demands = |bench: &Bench| {
+        let [first, second] = bench.out.requests.map(|request| request.demand);
+        [first, second, bench.out.auxiliary.unwrap().demand]
+    };
+    for axis in 0..=MAX_MOTORS {
+        let mut bench = enabled();
+        let drive = if axis < MAX_MOTORS { &mut bench.drives[axis] } else { &mut bench.jaw };
+        drive.feedback.phase = AxisPhase::Faulted;
+        drive.feedback.error_code = 0x2310;
+        bench.run(3);
+        assert_eq!((bench.state(), bench.report().fault), (OperatingState::Fault, Fault::Drive));
+        let mut expected = [Demand::QuickStop; 3];
+        expected[axis] = Demand::Disabled;
+        assert_eq!(demands(&bench), expected);
+        let reason = bench.reasons.iter().find_map(|reason| reason.measurement);
+        assert_eq!(reason.unwrap().motor, Some(axis as u8));
+        bench.run(50);
+        assert_eq!(bench.ask(StateCommand::Acknowledge), Refusal::None);
+        bench.idle();
+        assert_eq!(bench.state(), OperatingState::Disabled);
+    }
+    let mut bench = enabled();
+    bench.jaw.quirk = Quirk::Silent;
+    bench.until("a fault", |bench| bench.state() == OperatingState::Fault);
+    assert_eq!(bench.report().fault, Fault::Link);
+}
+
+#[test]
+fn the_robot_is_homed_when_the_jaw_is_and_enabled_when_it_is_on() {
+    let mut bench = Bench::new(with_jaw(), Some(model(OutputUnit::Deg)));
+    assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
+    bench.home();
+    assert!(bench.jaw.feedback.homed);
+    bench.jaw.feedback.homed = false;
+    bench.tick();
+    assert!(!bench.report().homed);
+    bench.jaw.feedback.homed = true;
+    bench.enable();
+    assert_eq!(bench.jaw.feedback.phase, AxisPhase::Enabled);
+    assert_eq!(bench.ask(StateCommand::Disable), Refusal::None);
+    bench.idle();
+    assert_eq!(bench.jaw.feedback.phase, AxisPhase::Disabled);
+}
