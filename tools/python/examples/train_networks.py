@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from i2ris import zoo
+from i2ris import benchmark
 from i2ris.convert import from_torch
 from i2ris.model import walk
 
@@ -111,9 +111,9 @@ def train(network, steps, rows, before, targets, held_out, minutes: float, seed:
     return curve
 
 
-def prepare(recording: zoo.Recording):
+def prepare(recording: benchmark.Recording):
     """Steps, rows, steps before each row, residuals of a straight line, and which rows are held out."""
-    gain, offset = zoo.linear(recording)
+    gain, offset = benchmark.linear(recording)
     steps, taken = walk(recording.counts, STEP_COUNTS)
     seen = np.isfinite(recording.angles_deg).all(axis=1)
     rows = recording.counts[seen]
@@ -128,14 +128,14 @@ def prepare(recording: zoo.Recording):
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--physics", nargs="*", default=zoo.PHYSICS)
-    parser.add_argument("--seeds", nargs="*", type=int, default=zoo.SEEDS)
-    parser.add_argument("--protocol", default="reversals", choices=tuple(zoo.PROTOCOLS))
+    parser.add_argument("--physics", nargs="*", default=benchmark.PHYSICS)
+    parser.add_argument("--seeds", nargs="*", type=int, default=benchmark.SEEDS)
+    parser.add_argument("--protocol", default="reversals", choices=tuple(benchmark.PROTOCOLS))
     parser.add_argument("--networks", nargs="*", default=("gru", "tcn"))
     parser.add_argument("--minutes", type=float, default=2.0, help="for each network")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    for case in zoo.cases(arguments.physics, arguments.seeds, (arguments.protocol,), folder=arguments.folder / "recordings"):
+    for case in benchmark.cases(arguments.physics, arguments.seeds, (arguments.protocol,), folder=arguments.folder / "recordings"):
         steps, rows, before, targets, held_out, (gain, offset, scale) = prepare(case.train())
         for name in arguments.networks:
             network = {"gru": Gru, "tcn": Tcn}[name]()

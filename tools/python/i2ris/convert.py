@@ -92,7 +92,7 @@ def _file(
     unit: str,
     path: str | Path | None,
 ) -> dict[str, Any]:
-    file = {
+    file: dict[str, Any] = {
         "format": "i2ris-network",
         "version": 1,
         "inputs": [f"q{motor}_counts" for motor in range(len(input_centre))],

@@ -141,7 +141,7 @@ class Model:
         goal = _table("angles_deg", angles_deg, (len(self.outputs),))
         return self._native.invert(goal, _table("history", past, (self._native.motors,)))
 
-    def tracker(self, history: ArrayLike | None = None) -> Tracker:
+    def tracker(self, history: ArrayLike | None = None) -> _native.Tracker:
         """The model with a memory that goes tick by tick."""
         past = np.empty((0, self._native.motors)) if history is None else history
         return self._native.tracker(_table("history", past, (self._native.motors,)))

@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from i2ris.zoo import PHYSICS, SEEDS, Snake
+from i2ris.benchmark import PHYSICS, SEEDS, Snake
 
 _TICKS = 20
 _COUNTS = 9.0
@@ -23,14 +23,14 @@ _NOISE_DEG = 0.07
 class Reach(gymnasium.Env):
     """See the module."""
 
-    metadata = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": []}
 
     def __init__(self, physics: str | None = None, snake: int | None = None, goal_deg: float = 20.0) -> None:
         self._physics, self._snake_seed, self._goal_deg = physics, snake, goal_deg
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = spaces.Box(-np.inf, np.inf, (6,), np.float64)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
         super().reset(seed=seed)
         physics = self._physics or PHYSICS[self.np_random.integers(len(PHYSICS))]
         number = self._snake_seed or SEEDS[self.np_random.integers(len(SEEDS))]
@@ -40,7 +40,7 @@ class Reach(gymnasium.Env):
         self._inside = 0
         return self._observe(), {"physics": physics, "snake": int(number)}
 
-    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         moved = self._counts + _COUNTS * np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0)
         self._counts = np.clip(moved, -_REACH_COUNTS, _REACH_COUNTS)
         angles = self._snake.step(np.round(self._counts), _TICKS)

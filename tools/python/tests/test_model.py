@@ -1,4 +1,4 @@
-"""The wheel: fits, models, networks, the zoo. Needs the compiled package; skips without it and says so."""
+"""The wheel: fits, models, networks, the benchmark. Needs the compiled package; skips without it and says so."""
 
 import json
 import os
@@ -11,7 +11,7 @@ import pytest
 np = pytest.importorskip("numpy")
 pytest.importorskip("i2ris_native", reason="the wheel is not installed: maturin build, pip install")
 
-from i2ris import zoo  # noqa: E402
+from i2ris import benchmark  # noqa: E402
 from i2ris.model import Calibration, Model, ModelError, from_onnx, from_torch, walk, write_recording  # noqa: E402
 
 CLI = os.environ.get("I2RIS_CLI")
@@ -19,7 +19,7 @@ CLI = os.environ.get("I2RIS_CLI")
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
-    return zoo.Case("gear", 1, "short", folder=tmp_path_factory.mktemp("zoo"))
+    return benchmark.Case("gear", 1, "short", folder=tmp_path_factory.mktemp("benchmark"))
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def gru(units=8, seed=0):
 
 def learned(train, layers=None, **changes):
     """A network with the gain of the recording: what it has not learned is small."""
-    gain, offset = zoo.linear(train)
+    gain, offset = benchmark.linear(train)
     options = {"step_counts": 20.0, "output_scale": (0.1, 0.1), "output_centre": offset, "skip_gain": gain}
     return from_torch(layers or gru(), **{**options, **changes})
 
@@ -147,7 +147,7 @@ def test_a_gru_and_a_lstm_and_convolutions_go_through_torch_and_onnx(train, tmp_
 
     path, taken = walk(train.counts, 20.0)
     torch.manual_seed(1)
-    gain, offset = zoo.linear(train)
+    gain, offset = benchmark.linear(train)
     recording = tmp_path / "recording.csv"
     write_recording(recording, train.t_s, train.counts, train.angles_deg)
     for name, layers, axes in [
@@ -189,7 +189,7 @@ def test_a_gru_and_a_lstm_and_convolutions_go_through_torch_and_onnx(train, tmp_
 
 
 def options(train):
-    gain, offset = zoo.linear(train)
+    gain, offset = benchmark.linear(train)
     return {"step_counts": 20.0, "output_scale": (0.1, 0.1), "output_centre": offset, "skip_gain": gain}
 
 
@@ -221,7 +221,7 @@ def test_networks_that_are_not_known_are_refused_by_name(kind, train):
 
 def test_networks_that_do_not_belong_to_the_recording_are_refused_before_a_model_is_there(case, train, tmp_path):
     path = case.train_path()
-    gain, offset = zoo.linear(train)
+    gain, offset = benchmark.linear(train)
     for change, sentence in [
         ({"skip_gain": np.radians(gain), "output_centre": np.radians(offset)}, "straight line|nonsense"),
         ({"unit": "rad"}, "unknown variant `rad`"),
@@ -250,16 +250,16 @@ def test_networks_that_do_not_belong_to_the_recording_are_refused_before_a_model
         from_onnx(huge, step_counts=20.0)
 
 
-def test_the_zoo_scores_and_its_data_are_frozen(case):
+def test_the_benchmark_scores_and_its_data_are_frozen(case):
     train, test = case.train(), case.test()
-    gain, offset = zoo.linear(train)
-    assert zoo.forward(case, lambda counts: counts @ gain.T + offset) == pytest.approx(1.0)
+    gain, offset = benchmark.linear(train)
+    assert benchmark.forward(case, lambda counts: counts @ gain.T + offset) == pytest.approx(1.0)
     assert np.isfinite(test.angles_deg).any() and test.sha256 != train.sha256
-    frozen = zoo.digests()
+    frozen = benchmark.digests()
     assert frozen[case.name] == train.sha256
-    assert len(frozen) == len(zoo.PHYSICS) * len(zoo.SEEDS) * (len(zoo.PROTOCOLS) + 1)
+    assert len(frozen) == len(benchmark.PHYSICS) * len(benchmark.SEEDS) * (len(benchmark.PROTOCOLS) + 1)
     with pytest.raises(ValueError, match="none of version 1"):
-        zoo.Case("glue")
+        benchmark.Case("glue")
 
 
 def test_gymnasium_knows_the_environment_and_checks_it():

@@ -367,7 +367,7 @@ fn models_are_swapped_from_python_while_the_snake_moves() {
     assert!(out.contains("swapped and back"), "{out}");
 }
 
-/// Fits, networks, zoo, environment and notebook, and files equal to those of the command line.
+/// Fits, networks, benchmark, environment and notebook, and files equal to those of the command line.
 #[test]
 fn the_wheel_does_what_the_command_line_does() {
     let Some(mut pytest) = python("pytest, numpy, i2ris.model, i2ris_native") else {

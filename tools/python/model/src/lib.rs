@@ -1,11 +1,11 @@
-//! The compiled part of `i2ris.model` and `i2ris.zoo`: the code of the command line under Python.
+//! The compiled part of `i2ris.model` and `i2ris.benchmark`: the code of the command line under Python.
 //!
 //! Arrays are checked in Python (`i2ris/model.py`); what is wrong with their contents is said here
 //! by the sentence of the command line. Long work runs without the interpreter's lock.
 
 mod fit;
 mod model;
-mod zoo;
+mod benchmark;
 
 use pyo3::prelude::*;
 
@@ -30,5 +30,5 @@ mod i2ris_native {
     #[pymodule_export]
     use super::model::{Model, Tracker, walk};
     #[pymodule_export]
-    use super::zoo::{Snake, record, tick_times, track};
+    use super::benchmark::{Snake, record, tick_times, track};
 }

@@ -1,16 +1,16 @@
-"""The hysteresis zoo, version 1: a benchmark of models of tendon hysteresis on emulated snakes of eight physics.
+"""The hysteresis benchmark, version 1: a benchmark of models of tendon hysteresis on emulated snakes of eight physics.
 
-    from i2ris import zoo
+    from i2ris import benchmark
 
-    case = zoo.Case("preisach", seed=3)          # one of eight physics x five seeds x three protocols
+    case = benchmark.Case("preisach", seed=3)          # one of eight physics x five seeds x three protocols
     train = case.train()                         # t_s, counts, angles_deg (NaN where there is no frame)
     test = case.test()                           # true angles; the first 10 s are the window
 
-    zoo.forward(case, my_predict)                # share of a straight line's error, after the window
-    zoo.inverse(case, "model.json")              # the same while the controller tracks five motions
-    zoo.geometric_mean(shares)
+    benchmark.forward(case, my_predict)                # share of a straight line's error, after the window
+    benchmark.inverse(case, "model.json")              # the same while the controller tracks five motions
+    benchmark.geometric_mean(shares)
 
-Frozen: version, seeds, and the digests of all recordings (``zoo-1.json``, checked when data are made). The data are
+Frozen: version, seeds, and the digests of all recordings (``benchmark-1.json``, checked when data are made). The data are
 made on this computer, in seconds; nothing is downloaded.
 """
 
@@ -171,7 +171,7 @@ def cases(
 
 def digests() -> dict[str, str]:
     """SHA-256 of the recordings of this version, as far as they are frozen."""
-    path = Path(__file__).with_name("zoo-1.json")
+    path = Path(__file__).with_name("benchmark-1.json")
     return json.loads(path.read_text()) if path.exists() else {}
 
 

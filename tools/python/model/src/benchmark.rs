@@ -26,7 +26,7 @@ impl Snake {
         Ok(Self(Robot::new(drawn(physics, seed)?.build())))
     }
 
-    /// So many ticks of a millisecond with these set-points, counts; the true angles, deg.
+    /// So many ticks of a millisecond with these setpoints, counts; the true angles, deg.
     fn step(&mut self, counts: [f64; 2], ticks: u32) -> [f64; 2] {
         for _ in 0..ticks {
             self.0.tick(counts);

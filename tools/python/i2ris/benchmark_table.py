@@ -1,7 +1,7 @@
-"""The table of the zoo: fits, judges, and writes the results as JSON and as a page.
+"""The table of the benchmark: fits, judges, and writes the results as JSON and as a page.
 
-    python -m i2ris.zoo_table --families gmr gmr-direction best --networks gru=networks/gru tcn=networks/tcn \\
-        --json results.json --page zoo.md
+    python -m i2ris.benchmark_table --families gmr gmr-direction best --networks gru=networks/gru tcn=networks/tcn \\
+        --json results.json --page benchmark.md
 
 Results by others: a JSON file of the same form (``--results FILE``), a row for each case and method.
 """
@@ -14,16 +14,16 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from i2ris import zoo
+from i2ris import benchmark
 from i2ris.model import Calibration, Model, ModelError
 
 Row = dict[str, Any]
 
 
-def judge(case: zoo.Case, method: str, folder: Path | None) -> Row:
+def judge(case: benchmark.Case, method: str, folder: Path | None) -> Row:
     """One row: a family fitted here, or a model or network from a folder with PHYSICS-SEED.json."""
     row: Row = {
-        "version": zoo.VERSION, "physics": case.physics, "seed": case.seed, "protocol": case.protocol,
+        "version": benchmark.VERSION, "physics": case.physics, "seed": case.seed, "protocol": case.protocol,
         "camera": case.camera, "method": method,
     }  # fmt: skip
     try:
@@ -34,11 +34,11 @@ def judge(case: zoo.Case, method: str, folder: Path | None) -> Row:
             is_network = json.loads(path.read_text()).get("format") == "i2ris-network"
             model = Model.from_network(path, case.train_path(), robot_id="i2ris-emulated") if is_network else Model.load(path)
         row["model"] = model.to_dict()["family"]["kind"]
-        row["forward"] = zoo.forward(case, model.predict)
-        motions = zoo.inverse(case, model)
+        row["forward"] = benchmark.forward(case, model.predict)
+        motions = benchmark.inverse(case, model)
         row["motions"] = motions
-        row["inverse"] = zoo.geometric_mean(found["share"] for found in motions.values())
-        row["exact"] = zoo.geometric_mean(found["exact_deg"] / found["linear_deg"] for found in motions.values())
+        row["inverse"] = benchmark.geometric_mean(found["share"] for found in motions.values())
+        row["exact"] = benchmark.geometric_mean(found["exact_deg"] / found["linear_deg"] for found in motions.values())
     except (ModelError, OSError) as error:
         row["refused"] = str(error)
     return row
@@ -48,17 +48,17 @@ def page(rows: Iterable[Row]) -> str:
     """The table as Markdown: geometric means over seeds, for each method and physics."""
     rows = list(rows)
     lines = [
-        "# The hysteresis zoo, version 1",
+        "# The hysteresis benchmark, version 1",
         "",
         "Share of a straight line's error, geometric mean over the seeds; **forward** (angles from counts, after 10 s)",
         "and **inverse** (tip while the controller tracks five motions). `exact` is the inverse of the snake itself",
         "within the same limits of the motors. `-`: refused, or the robot did not follow. Written by",
-        "`python -m i2ris.zoo_table`; how to take part: [Models from Python](python.md#the-benchmark).",
+        "`python -m i2ris.benchmark_table`; how to take part: [Models from Python](python.md#the-benchmark).",
     ]
     kinds = sorted({(row["protocol"], row["camera"]) for row in rows})
     for protocol, camera in kinds:
         chosen = [row for row in rows if (row["protocol"], row["camera"]) == (protocol, camera)]
-        physics = [name for name in zoo.PHYSICS if any(row["physics"] == name for row in chosen)]
+        physics = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in chosen)]
         seeds = sorted({row["seed"] for row in chosen})
         methods = list(dict.fromkeys(row["method"] for row in chosen))
         for task in ("forward", "inverse"):
@@ -74,9 +74,9 @@ def page(rows: Iterable[Row]) -> str:
                     else:
                         of = [row for row in of if row["method"] == method]
                         shares = [row[task] for row in of if task in row] if all(task in row for row in of) else []
-                    cells.append(f"{zoo.geometric_mean(shares):.3f}" if shares else "-")
+                    cells.append(f"{benchmark.geometric_mean(shares):.3f}" if shares else "-")
                     every += shares
-                whole = f"{zoo.geometric_mean(every):.3f}" if every and "-" not in cells else "-"
+                whole = f"{benchmark.geometric_mean(every):.3f}" if every and "-" not in cells else "-"
                 lines.append(f"| {method} | {' | '.join(cells)} | {whole} |")
     refused = [row for row in rows if "refused" in row]
     if refused:
@@ -87,9 +87,9 @@ def page(rows: Iterable[Row]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--physics", nargs="*", default=zoo.PHYSICS)
-    parser.add_argument("--seeds", nargs="*", type=int, default=zoo.SEEDS)
-    parser.add_argument("--protocols", nargs="*", default=tuple(zoo.PROTOCOLS))
+    parser.add_argument("--physics", nargs="*", default=benchmark.PHYSICS)
+    parser.add_argument("--seeds", nargs="*", type=int, default=benchmark.SEEDS)
+    parser.add_argument("--protocols", nargs="*", default=tuple(benchmark.PROTOCOLS))
     parser.add_argument("--cameras", nargs="*", default=("usual",))
     parser.add_argument("--families", nargs="*", default=("gmr", "gmr-direction", "best"))
     parser.add_argument("--networks", nargs="*", default=(), metavar="NAME=FOLDER")
@@ -98,10 +98,10 @@ def main() -> None:
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--page", type=Path)
     arguments = parser.parse_args()
-    methods = [(family, None) for family in arguments.families]
+    methods: list[tuple[str, Path | None]] = [(family, None) for family in arguments.families]
     methods += [(name, Path(folder)) for name, _, folder in (text.partition("=") for text in arguments.networks)]
     rows: list[Row] = [row for file in arguments.results for row in json.loads(file.read_text())]
-    for case in zoo.cases(arguments.physics, arguments.seeds, arguments.protocols, arguments.cameras, arguments.folder):
+    for case in benchmark.cases(arguments.physics, arguments.seeds, arguments.protocols, arguments.cameras, arguments.folder):
         for method, folder in methods:
             row = judge(case, method, folder)
             rows.append(row)
