@@ -102,9 +102,11 @@ fn a_recording_has_every_stream_and_is_exported() {
     let tables = folder.path().join("tables");
     let export = ["record", "export", name(&file), "--output", name(&tables)];
     assert!(run(&export).0);
+    let parquet = folder.path().join("parquet");
+    let export = ["record", "export", name(&file), "--output", name(&parquet)];
     let (success, output, error) = run(&[&export, ["--format", "parquet"].as_slice()].concat());
     assert!(success && output.contains("measured_js.parquet"), "{error}");
-    assert!(fs::read(tables.join("measured_js.parquet")).unwrap().starts_with(b"PAR1"));
+    assert!(fs::read(parquet.join("measured_js.parquet")).unwrap().starts_with(b"PAR1"));
     let table = fs::read_to_string(tables.join("measured_js.csv")).unwrap();
     let units = fs::read_to_string(tables.join("units.csv")).unwrap();
     assert!(units.contains("measured_js,yaw_velocity_deg_s,deg/s"), "{units}");
