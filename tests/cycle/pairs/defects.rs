@@ -38,7 +38,7 @@ const DEFECTS: [(&str, &[Edit]); 7] = [
     ),
     (
         "the gate checks no hull",
-        &[(GATE, "if self.in_hull && !space", "if self.in_hull && false && !space")],
+        &[(GATE, "if self.in_hull && !places", "if self.in_hull && false && !places")],
     ),
     (
         "the gate checks no position of the angles",
@@ -49,19 +49,12 @@ const DEFECTS: [(&str, &[Edit]); 7] = [
         &[(GATE, "let places = [rest, here];", "let [_, places] = [[rest, here], [here, here]];")],
     ),
     (
-        "regions are kept at the adapted pose only",
-        &[
-            (
-                "src/core/joint_space/joint_model/mod.rs",
-                "view: correction.map(Correction::calibrated_view),",
-                "view: correction.map(Correction::calibrated_view).filter(|_| false),",
-            ),
-            (
-                GATE,
-                "Some(memory) => joints.calibrated_pose(counts, memory),",
-                "Some(memory) => joints.calibrated_pose(counts, memory).map(|_| adapted),",
-            ),
-        ],
+        "the gate keeps regions at the adapted pose only",
+        &[(
+            GATE,
+            "Some(memory) => joints.calibrated_pose(counts, memory),",
+            "Some(memory) => joints.calibrated_pose(counts, memory).map(|_| adapted),",
+        )],
     ),
 ];
 

@@ -119,7 +119,7 @@ fn several_rates_of_the_loop_have_a_floor_each() {
     let outcome = bench(&["loop", "--rate-hz", "1000,4000", "--duration-s", "1"]);
     let groups = ["lateness, 1000 Hz", "lateness, 4000 Hz", "compute, 1000 Hz"];
     check_outcome(&outcome, &[&groups[..], &["compute, 4000 Hz"]].concat());
-    assert_eq!(outcome["variants"].as_array().unwrap().len(), 14);
+    assert_eq!(outcome["variants"].as_array().unwrap().len(), 18);
 }
 
 #[test]

@@ -140,7 +140,7 @@ mod tests {
             assert!(read.read(stream.name(), bytes), "{stream:?}");
             assert!(!State::default().read(stream.name(), &bytes[1..]), "{stream:?}");
         }
-        assert_eq!((&read, count), (&full(), 13));
+        assert_eq!((&read, count), (&full(), 14));
         assert!(read.read(VERSION, Version::default().bytes()));
         assert!(!read.read(VERSION, &[0; 3]));
         assert!(!read.read("servo_jp", &[]));

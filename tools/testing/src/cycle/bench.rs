@@ -12,7 +12,7 @@ use i2ris::core::{
     ServoGoal, StateReply, StateRequest,
 };
 use i2ris::drive::AxisPhase;
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::model::{History, Model};
 use i2ris::process::black_box::{OfferRecord, TickRecord};
@@ -22,7 +22,7 @@ use i2ris::units::{Counts, Nanos, OutputVec};
 
 use super::invariants::InvariantCheck;
 use super::sample_models::{config, model, rad};
-use super::simulated_drive::{Quirk, SimulatedDrive};
+use super::simulated_drive::SimulatedDrive;
 
 pub struct Bench {
     pub cycle: ControlCycle,
@@ -392,74 +392,5 @@ impl Bench {
 
     pub fn idle(&mut self) {
         self.until("not busy", |bench| !bench.report().busy);
-    }
-
-    // Builders of states.
-
-    pub fn homed() -> Self {
-        let mut bench = Self::standard();
-        bench.home();
-        bench
-    }
-
-    pub fn home(&mut self) {
-        assert_eq!(self.ask(StateCommand::Home), Refusal::None);
-        self.idle();
-        assert!(self.report().homed);
-    }
-
-    pub fn enable(&mut self) {
-        assert_eq!(self.ask(StateCommand::Enable), Refusal::None);
-        self.until("ENABLED", |bench| bench.state() == OperatingState::Enabled);
-    }
-
-    pub fn enabled() -> Self {
-        Self::enabled_with(config(""), Some(model(OutputUnit::Deg)))
-    }
-
-    pub fn enabled_with(config: Config, model: Option<Arc<Model>>) -> Self {
-        let mut bench = Self::new(config, model);
-        bench.home();
-        bench.enable();
-        bench
-    }
-
-    /// Enabled and moving to a far goal, at full speed, with a command that has just been
-    /// accepted.
-    pub fn moving() -> Self {
-        let mut bench = Self::enabled();
-        for _ in 0..7 {
-            bench.run(9);
-            assert_eq!(bench.actuator([250, 250]), Refusal::None);
-        }
-        let before = bench.targets();
-        bench.tick();
-        assert_eq!(bench.targets(), before.map(|target| target + 2), "2000 counts/s");
-        bench
-    }
-
-    pub fn paused() -> Self {
-        let mut bench = Self::enabled();
-        assert_eq!(bench.ask(StateCommand::Pause), Refusal::None);
-        bench.idle();
-        bench
-    }
-
-    /// Drive 0 at fault.
-    pub fn faulted() -> Self {
-        let mut bench = Self::enabled();
-        bench.fault(0);
-        bench
-    }
-
-    pub fn fault(&mut self, axis: usize) {
-        self.drives[axis].feedback.phase = AxisPhase::Faulted;
-        self.drives[axis].feedback.error_code = 0x8611;
-        self.run(2);
-        assert_eq!((self.state(), self.report().fault), (OperatingState::Fault, Fault::Drive));
-    }
-
-    pub fn quirk(&mut self, axis: usize, quirk: Quirk) {
-        self.drives[axis].quirk = quirk;
     }
 }

@@ -5,6 +5,7 @@ mod bench;
 mod invariants;
 mod sample_models;
 mod simulated_drive;
+mod states;
 
 pub use bench::*;
 pub use invariants::InvariantCheck;

@@ -186,10 +186,15 @@ impl<const D: usize> ForceBalance<D> {
         state: &BalanceState,
         counts: &SVector<f64, D>,
     ) -> impl Iterator<Item = SVector<f64, D>> + use<D> {
-        let from = self.positions(&vector(&state.position));
-        let motion = self.positions(counts) - from;
+        let (from, to) = (self.positions(&vector(&state.position)), self.positions(counts));
+        let motion = to - from;
         let steps = (motion.amax() / STEP).ceil().clamp(1.0, f64::from(MAX_STEPS)) as u32;
-        (1..=steps).map(move |step| from + motion * (f64::from(step) / f64::from(steps)))
+        // The last step ends at the counts to the bit: a pulley that a rounded sum leaves beside them
+        // would move again at the same counts.
+        (1..=steps).map(move |step| match step {
+            last if last == steps => to,
+            _ => from + motion * (f64::from(step) / f64::from(steps)),
+        })
     }
 
     fn gap(&self, state: &BalanceState, motor: usize) -> f64 {
