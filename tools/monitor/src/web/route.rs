@@ -21,6 +21,7 @@ fn file(path: &str) -> Option<(&'static str, &'static str)> {
         "/live.js" => (SCRIPT, include_str!("page/live.js")),
         "/strips.js" => (SCRIPT, include_str!("page/strips.js")),
         "/snake.js" => (SCRIPT, include_str!("page/snake.js")),
+        "/cue.js" => (SCRIPT, include_str!("page/cue.js")),
         "/operator.js" => (SCRIPT, include_str!("page/operator.js")),
         "/page.js" => (SCRIPT, include_str!("page/page.js")),
         "/plots.js" => (SCRIPT, include_str!("page/plots.js")),

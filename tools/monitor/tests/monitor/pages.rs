@@ -3,8 +3,8 @@
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, ExternalPublisher};
-use i2ris::ipc::payload::{TeleopMsg, padded_text};
-use i2ris::ipc::{Fault, OperatingState, Refusal};
+use i2ris::ipc::payload::{TeleopMsg, VirtualFixturesMsg, padded_text};
+use i2ris::ipc::{Fault, FixtureKind, OperatingState, Refusal};
 use i2ris::robot::{Cause, Clip, Measurement, Quantity, Reason};
 use i2ris::units::Nanos;
 use serde_json::json;
@@ -169,6 +169,48 @@ fn the_operator_reads_from_afar_what_is_wrong_and_how_large_the_error_is() {
     }
     pictures_of(&mut page, "operator-hand");
     pictures_of(&mut page, "operator-silent");
+}
+
+#[test]
+fn limits_sound_faster_as_they_come_nearer_and_only_when_somebody_asked() {
+    let controller = Controller::enabled();
+    let mut fixtures = VirtualFixturesMsg { active: 1, ..VirtualFixturesMsg::default() };
+    fixtures.kind[0] = FixtureKind::Circle.number();
+    fixtures.values[0][..3].copy_from_slice(&[0.0, 0.2, 0.1]);
+    fixtures.name[0] = padded_text("lens");
+    controller.robot().fixtures = Some(fixtures);
+    let served = Served::start(&controller.domain);
+    let Some(mut page) = served.open("operator", [1280, 800]) else { return };
+    page.wait(
+        "the fixture",
+        "typeof live === 'object' && live?.fixtures.length === 1 && live.estimate?.deg != null",
+    );
+    page.evaluate("window.beeps = []; window.beep = (hz, span) => beeps.push([hz, span])");
+    // The circle ends 5.73 deg from the middle.
+    let at = |controller: &Controller, yaw_deg: f64| controller.robot().pose = [0.0, yaw_deg];
+    at(&controller, 4.0);
+    page.wait(
+        "1.7 deg away",
+        "cueOf(live)?.kind === 'fixture' && Math.abs(cueOf(live).deg - 1.73) < 0.02",
+    );
+    assert_eq!(page.evaluate("[beeps.length, audio === null]"), json!([0, true]), "off");
+    page.press("s");
+    page.wait("a beat", "beeps.length > 1 && beeps[0][0] === 880 && beeps[0][1] < 0.1");
+    page.wait("words", "document.getElementById('cue').textContent === '1.7° to a fixture'");
+    pictures_of(&mut page, "operator-sound");
+    at(&controller, 5.7);
+    page.wait("one tone", "beeps.at(-1)[1] > 0.1");
+    at(&controller, 0.0);
+    page.wait("silence far away", "document.getElementById('cue').textContent === ''");
+    at(&controller, 4.0);
+    page.wait("a beat again", "document.getElementById('cue').textContent !== ''");
+    page.press("s");
+    page.wait("off", "audio === null && document.getElementById('cue').textContent === ''");
+    let hull = "cueOf({ estimate: { deg: [0, 9] }, fixtures: [], state: null, \
+                hull: [[-10, -10], [10, -10], [10, 10], [-10, 10]] })";
+    assert_eq!(page.evaluate(hull), json!({ "kind": "hull", "deg": 1 }));
+    assert_eq!(page.evaluate("cueOf({ estimate: { deg: [0, 9], stale: true } })"), json!(null));
+    assert!(page.complaints().is_empty(), "{:?}", page.complaints());
 }
 
 #[test]

@@ -62,5 +62,6 @@ start((lag) => {
   byId('error-tile').firstElementChild.textContent = parted ? 'error; camera and estimate part' :
     `error, goal − camera (limit ${LIMIT_DEG}°)`;
   showTarget(lag, old);
+  soundCue(live, old);
   byId('lease').textContent = commander(live.state);
 });
