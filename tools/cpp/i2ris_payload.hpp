@@ -391,20 +391,26 @@ struct TeleopMsg {
     double view[4];
     double push[2];
     double scale;
+    std::uint64_t event_ns;
+    std::uint64_t command_sequence;
+    std::uint64_t mark_ns;
     std::uint32_t mode;
     std::uint32_t flags;
     std::uint8_t why_open[128];
 };
-static_assert(sizeof(TeleopMsg) == 216);
+static_assert(sizeof(TeleopMsg) == 240);
 static_assert(offsetof(TeleopMsg, sequence) == 0);
 static_assert(offsetof(TeleopMsg, stamp_ns) == 8);
 static_assert(offsetof(TeleopMsg, client_id) == 16);
 static_assert(offsetof(TeleopMsg, view) == 24);
 static_assert(offsetof(TeleopMsg, push) == 56);
 static_assert(offsetof(TeleopMsg, scale) == 72);
-static_assert(offsetof(TeleopMsg, mode) == 80);
-static_assert(offsetof(TeleopMsg, flags) == 84);
-static_assert(offsetof(TeleopMsg, why_open) == 88);
+static_assert(offsetof(TeleopMsg, event_ns) == 80);
+static_assert(offsetof(TeleopMsg, command_sequence) == 88);
+static_assert(offsetof(TeleopMsg, mark_ns) == 96);
+static_assert(offsetof(TeleopMsg, mode) == 104);
+static_assert(offsetof(TeleopMsg, flags) == 108);
+static_assert(offsetof(TeleopMsg, why_open) == 112);
 
 struct TrialMsg {
     static constexpr const char* IOX2_TYPE_NAME = "I2risTrialV1";

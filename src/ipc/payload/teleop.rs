@@ -20,6 +20,13 @@ payload! {
         pub push: [f64; 2],
         /// Share of the motion that reaches the snake.
         pub scale: f64,
+        /// When the newest event of a device came to the computer, by the kernel's monotonic clock.
+        /// 0: none came yet, or the device tells no time.
+        pub event_ns: u64,
+        /// The number of the first command that this event is part of.
+        pub command_sequence: u64,
+        /// When a button last asked for a mark of the trial. 0: never.
+        pub mark_ns: u64,
         /// 0 rate, 1 position, 2 hybrid.
         pub mode: u32,
         /// Sum of [`TeleopMsg::OPEN`] and the other flags.

@@ -66,6 +66,7 @@ fn own_domain() -> Result<Domain, BenchError> {
   i2ris bench ipc
   i2ris bench loop --duration-s 30 --json
   i2ris bench e2e --commands 2000
+  i2ris bench hand
   i2ris bench all --output latencies
   i2ris bench wire --baud 115200,1000000 --axes 1,2,4
   i2ris bench curves --output growth
@@ -108,6 +109,9 @@ enum Task {
     /// Command published, setpoint on the wire, encoder position back at the client; with emulated
     /// drives
     E2e(EndToEndArguments),
+    /// An event of an input device, setpoint of its command on the wire; with a gamepad that is
+    /// played to `i2ris teleop`, and emulated drives
+    Hand(HandArguments),
     /// All five with their defaults, one after the other; takes about two minutes
     All(ControllerArgument),
     /// Measure how cost grows with rows, components, plays, clients, axes and the rate of the loop;
@@ -189,11 +193,34 @@ struct EndToEndArguments {
     controller: ControllerArgument,
 }
 
+#[derive(Debug, clap::Args)]
+struct HandArguments {
+    /// Events, about 12 a second
+    #[arg(long, value_name = "N", default_value_t = 400,
+          value_parser = value_parser!(u64).range(50..))]
+    events: u64,
+    /// Seed of the instants of events
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Processes that only compute, beside all that is measured
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    busy: u32,
+    #[command(flatten)]
+    controller: ControllerArgument,
+}
+
 #[derive(Debug, Clone, clap::Args)]
 struct ControllerArgument {
     /// The controller [default: i2ris-control beside this program]
     #[arg(long, value_name = "PROGRAM")]
     controller: Option<PathBuf>,
+}
+
+impl ControllerArgument {
+    fn program(&self) -> Result<PathBuf, BenchError> {
+        let beside = || Ok(std::env::current_exe()?.with_file_name("i2ris-control"));
+        self.controller.clone().map_or_else(beside, Ok)
+    }
 }
 
 fn main() -> ExitCode {
@@ -293,13 +320,16 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
             wire::run(&wire::WireBenchmark { lines, seconds }, run)
         }
         Task::E2e(arguments) => {
-            let controller = match &arguments.controller.controller {
-                Some(program) => program.clone(),
-                None => std::env::current_exe()?.with_file_name("i2ris-control"),
-            };
+            let controller = arguments.controller.program()?;
             let EndToEndArguments { commands, seed, turns, busy, .. } = *arguments;
             let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
             e2e::run(&benchmark, run)
+        }
+        Task::Hand(HandArguments { events, seed, busy, controller }) => {
+            let (commands, controller) = (*events, controller.program()?);
+            let (seed, turns, busy) = (*seed, 1, *busy);
+            let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
+            e2e::hand::run(&benchmark, run)
         }
         _ => Err("this is no single measurement".into()),
     }

@@ -155,7 +155,7 @@ pub struct Found {
 /// What a measurement found, and where.
 #[derive(Debug, Clone, Serialize)]
 pub struct Outcome {
-    /// The measurement: `ipc`, `loop`, `inverse`, `wire`, `e2e`.
+    /// The measurement: `ipc`, `loop`, `inverse`, `wire`, `e2e`, `hand`.
     pub bench: &'static str,
     pub about: &'static str,
     pub machine: Machine,

@@ -114,6 +114,25 @@ fn a_command_is_measured_to_the_wire_and_back() {
     );
 }
 
+/// As above; `i2ris` is a program of another package, too.
+#[test]
+fn an_event_is_measured_to_the_wire() {
+    let controller = Path::new(env!("CARGO_BIN_EXE_i2ris-bench")).with_file_name("i2ris-control");
+    if !controller.exists() || !controller.with_file_name("i2ris").exists() {
+        eprintln!("skipped: there is no {}", controller.display());
+        return;
+    }
+    let outcome = bench(&["hand", "--events", "60", "--controller", controller.to_str().unwrap()]);
+    let arrived = "event to last byte of the setpoint";
+    check_outcome(&outcome, &[arrived]);
+    let variants = outcome["variants"].as_array().unwrap();
+    let of = |group: &str| variants.iter().rfind(|variant| variant["group"] == group).unwrap();
+    let p50 = |group: &str| of(group)["spans_ns"]["p50"].as_u64().unwrap();
+    // Causes come before effects, whatever the machine does.
+    assert!(p50("event to command") < p50(arrived), "{outcome}");
+    assert!(of(arrived)["spans_ns"]["count"].as_u64().unwrap() > 30, "{outcome}");
+}
+
 #[test]
 fn several_rates_of_the_loop_have_a_floor_each() {
     let outcome = bench(&["loop", "--rate-hz", "1000,4000", "--duration-s", "1"]);

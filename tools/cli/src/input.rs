@@ -8,9 +8,11 @@ use i2ris::clock;
 use i2ris::units::Nanos;
 use i2ris_report::{Failure, Interrupt, Screen, until_closed};
 use i2ris_teleop::device::{Device, HEAD};
+use i2ris_teleop::evdev_decoder::stamp_anew;
 use i2ris_teleop::finder;
 use i2ris_teleop::learning::{self, QUESTIONS, Snapshot};
 use i2ris_teleop::recording;
+use i2ris_teleop::state::Protocol;
 
 use crate::numbers::seconds;
 use crate::teleop::profiles;
@@ -153,17 +155,20 @@ fn record(
     Ok(ended?)
 }
 
-/// Writes each frame at its time. Waits until somebody reads.
+/// Writes each frame at its time, and with the time of now. Waits until somebody reads.
 fn play(recording: &Path, to: &Path) -> Result<(), Failure> {
     let named = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
     let file = File::open(recording).map_err(|error| named(recording, &error))?;
-    let (head, frames) = recording::read(file).map_err(|error| named(recording, &error))?;
+    let (head, mut frames) = recording::read(file).map_err(|error| named(recording, &error))?;
     let mut pipe = OpenOptions::new().write(true).open(to).map_err(|error| named(to, &error))?;
     let mut write = || -> io::Result<()> {
         recording::write_head(&mut pipe, &head)?;
         let start = clock::now();
-        for (at, bytes) in &frames {
+        for (at, bytes) in &mut frames {
             clock::sleep_until(start + *at);
+            if head.protocol == Protocol::Evdev {
+                stamp_anew(bytes, clock::now());
+            }
             recording::write_frame(&mut pipe, *at, bytes)?;
         }
         Ok(())

@@ -7,6 +7,7 @@
 //! | `topics`, `message` | the topics with their quality of service, and the messages |
 //! | `inbound` | from ROS to the controller, by [`i2ris_gateway::admission`] |
 //! | `outbound` | from the controller to ROS |
+//! | `master` | another arm as an input device of `i2ris teleop` |
 //! | `event`, `error` | between the threads; why it cannot run |
 //!
 //! ```text
@@ -25,6 +26,7 @@
 mod error;
 mod event;
 mod inbound;
+mod master;
 pub mod message;
 mod outbound;
 mod participant;
@@ -39,6 +41,7 @@ use i2ris::units::Nanos;
 pub use ros2_client::ServiceMapping;
 
 pub use error::RosError;
+pub use master::{MasterOptions, follow};
 pub use participant::{LARGEST_DOMAIN, NODE, join};
 
 use event::ClientNames;

@@ -1,6 +1,7 @@
 //! `i2ris ros`: the robot in ROS 2.
 
 use std::net::IpAddr;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
@@ -8,7 +9,7 @@ use i2ris::units::Nanos;
 use i2ris_gateway::Snake;
 use i2ris_report::program::yield_to_controller;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
-use i2ris_ros::{LARGEST_DOMAIN, Options, ServiceMapping};
+use i2ris_ros::{LARGEST_DOMAIN, MasterOptions, Options, ServiceMapping};
 
 /// Show and command the robot in ROS 2, as CRTK names it
 #[derive(Debug, Parser)]
@@ -25,6 +26,7 @@ use i2ris_ros::{LARGEST_DOMAIN, Options, ServiceMapping};
                                                 command
   i2ris ros --network 192.168.1.10              other computers of that network, too
   i2ris ros urdf eye > eye.urdf                 the snake for RViz and Foxglove
+  i2ris ros master MTML --to master.pipe        steer by another arm: i2ris teleop --played
 
 No installation of ROS is needed. Topics, types and quality of service are those of CRTK: \
 measured_js, setpoint_js, goal_js, measured_cp, setpoint_cp, measured_cv, jacobian, \
@@ -48,13 +50,39 @@ enum Other {
         #[arg(default_value = "i2ris", value_parser = name)]
         name: String,
     },
+    /// Hold another arm as an input device: its measured_cp or measured_js, and its pedal, into a
+    /// pipe for `i2ris teleop --played`
+    Master(MasterArguments),
 }
 
 #[derive(Debug, clap::Args)]
-struct RunArguments {
-    /// The name of the robot, under which its topics are
-    #[arg(long, default_value = "i2ris", value_name = "NAME", value_parser = name)]
-    name: String,
+struct MasterArguments {
+    /// The arm, as MTML
+    #[arg(value_parser = name)]
+    arm: String,
+    /// Topic of the pedal that is the dead-man (sensor_msgs/Joy, first button)
+    #[arg(long, default_value = "/footpedals/coag", value_name = "TOPIC")]
+    pedal: String,
+    /// What goes to the right in the picture: x, y, z of measured_cp, or a joint of measured_js;
+    /// with a - it goes to the left
+    #[arg(long, default_value = "x", value_name = "AXIS", allow_hyphen_values = true)]
+    right: String,
+    /// What goes up in the picture
+    #[arg(long, default_value = "y", value_name = "AXIS", allow_hyphen_values = true)]
+    up: String,
+    /// Way of full deflection, m or rad; `i2ris teleop --reach-deg` says what it does
+    #[arg(long, default_value_t = 0.05, value_name = "WAY", value_parser = way)]
+    full: f64,
+    /// The pipe; made if it is not there
+    #[arg(long, value_name = "PIPE")]
+    to: PathBuf,
+    #[command(flatten)]
+    ros: RosArguments,
+}
+
+/// Where in ROS.
+#[derive(Debug, clap::Args)]
+struct RosArguments {
     /// Domain of ROS
     #[arg(
         long,
@@ -68,6 +96,15 @@ struct RunArguments {
     /// this computer is reached
     #[arg(long, value_name = "ADDRESS")]
     network: Vec<IpAddr>,
+}
+
+#[derive(Debug, clap::Args)]
+struct RunArguments {
+    /// The name of the robot, under which its topics are
+    #[arg(long, default_value = "i2ris", value_name = "NAME", value_parser = name)]
+    name: String,
+    #[command(flatten)]
+    ros: RosArguments,
     /// Take commands, of every user of this computer and of everybody in the networks
     #[arg(long)]
     command: bool,
@@ -108,17 +145,21 @@ impl Rmw {
 }
 
 fn main() -> ExitCode {
-    let only_prints = |arguments: &Arguments| arguments.other.is_some();
+    let only_prints = |arguments: &Arguments| matches!(arguments.other, Some(Other::Urdf { .. }));
     i2ris_report::program::run(only_prints, run)
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {
-    if let Some(Other::Urdf { name }) = arguments.other {
-        until_closed(Screen::stdout().say(Snake::new(&name).urdf().trim_end()))?;
-        return Ok(());
+    match arguments.other {
+        Some(Other::Urdf { name }) => {
+            until_closed(Screen::stdout().say(Snake::new(&name).urdf().trim_end()))?;
+            return Ok(());
+        }
+        Some(Other::Master(arguments)) => return master(arguments),
+        None => {}
     }
-    let RunArguments { name, ros_domain, network, command, home, period_ms, rmw, domain } =
-        arguments.run;
+    let RunArguments { name, ros, command, home, period_ms, rmw, domain } = arguments.run;
+    let RosArguments { ros_domain, network } = ros;
     yield_to_controller();
     let options = Options {
         domain: domain.domain()?,
@@ -135,6 +176,23 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     // A reader of the lines that went away ends nothing: the robot may depend on it.
     i2ris_ros::run(&options, || interrupt.came(), |line| drop(screen.say(line)))?;
     Ok(())
+}
+
+fn master(arguments: MasterArguments) -> Result<(), Failure> {
+    let MasterArguments { arm, pedal, right, up, full, to, ros } = arguments;
+    let RosArguments { ros_domain, network: networks } = ros;
+    yield_to_controller();
+    let axes = [right, up];
+    let options = MasterOptions { ros_domain, networks, arm, pedal, axes, full, pipe: to };
+    let interrupt = Interrupt::catch()?;
+    let mut screen = Screen::never_blocking()?;
+    i2ris_ros::follow(&options, || interrupt.came(), |line| drop(screen.say(line)))?;
+    Ok(())
+}
+
+fn way(text: &str) -> Result<f64, String> {
+    let way = text.parse().ok().filter(|way: &f64| (0.001..=10.0).contains(way));
+    way.ok_or_else(|| "must be 0.001 to 10".to_owned())
 }
 
 /// A name that ROS takes as a part of topics, and URDF as a part of links.

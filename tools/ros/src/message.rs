@@ -60,6 +60,13 @@ messages! {
         effort: Vec<f64>,
     }
 
+    /// Of a pedal or a joystick.
+    Joy "sensor_msgs" "Joy" {
+        header: Header,
+        axes: Vec<f32>,
+        buttons: Vec<i32>,
+    }
+
     /// And `geometry_msgs/Vector3`, which is the same.
     Point "geometry_msgs" "Point" {
         x: f64,

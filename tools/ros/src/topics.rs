@@ -44,6 +44,22 @@ const COMMAND: QosProfile = qos(Durability::Volatile, 1);
 /// Services, as rmw has them.
 const SERVICE: QosProfile = qos(Durability::Volatile, 10);
 
+/// Listens to the streams of another arm.
+pub(crate) struct Listener<'a>(Maker<'a>);
+
+impl<'a> Listener<'a> {
+    pub fn new(node: &'a mut Node, robot: &'a str) -> Self {
+        Self(Maker { node, robot })
+    }
+
+    pub fn subscription<M: DeserializeOwned + Typed + 'static>(
+        &mut self,
+        name: &str,
+    ) -> Result<Subscription<M>, RosError> {
+        self.0.subscription_to(name)
+    }
+}
+
 /// Makes topics under the name of a robot.
 struct Maker<'a> {
     node: &'a mut Node,
@@ -71,9 +87,16 @@ impl Maker<'_> {
         &mut self,
         topic: Topic,
     ) -> Result<Subscription<M>, RosError> {
-        let dds_topic = self.topic::<M>(topic.name(), &COMMAND)?;
+        self.subscription_to(topic.name())
+    }
+
+    fn subscription_to<M: DeserializeOwned + Typed + 'static>(
+        &mut self,
+        name: &str,
+    ) -> Result<Subscription<M>, RosError> {
+        let dds_topic = self.topic::<M>(name, &COMMAND)?;
         let made = self.node.create_subscription(&dds_topic, Some(COMMAND));
-        made.map_err(self.failed(topic.name()))
+        made.map_err(self.failed(name))
     }
 
     fn server<Q: Message + Clone + 'static, R: Message + Clone + 'static>(

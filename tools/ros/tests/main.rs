@@ -11,6 +11,7 @@
 mod common;
 mod crtk;
 mod cyclone;
+mod master;
 mod misuse;
 mod peer;
 mod session;

@@ -13,6 +13,8 @@
 
 use std::fmt;
 
+use i2ris::units::Nanos;
+
 use crate::control::{DeadMan, Fault, Reading};
 
 /// Why the snake does not follow.
@@ -64,6 +66,10 @@ pub struct Hand {
     /// `None`: the snake may follow.
     pub open: Option<Open>,
     pub scale_steps: u32,
+    /// How often a mark was asked for.
+    pub marks: u32,
+    /// When the newest event of any device came to the computer.
+    pub newest: Option<Nanos>,
 }
 
 /// The dead-man of a hand with one or more devices.
@@ -119,6 +125,8 @@ impl Clutch {
                 Phase::Closed => None,
             },
             scale_steps: readings.iter().map(|(_, reading)| reading.scale_steps).sum(),
+            marks: readings.iter().map(|(_, reading)| reading.marks).sum(),
+            newest: readings.iter().filter_map(|(_, reading)| reading.newest).max(),
         }
     }
 }
@@ -131,7 +139,7 @@ mod tests {
     const DEFLECTED: Option<[f64; 2]> = Some([0.5, 0.0]);
 
     fn stick(push: Option<[f64; 2]>, dead_man: DeadMan) -> (bool, Reading) {
-        (true, Reading { push, dead_man: Some(dead_man), fault: None, scale_steps: 0 })
+        (true, Reading { push, dead_man: Some(dead_man), ..Reading::default() })
     }
 
     fn pedal(dead_man: DeadMan) -> (bool, Reading) {

@@ -44,7 +44,7 @@ pub enum DeadMan {
 }
 
 /// What a device says at a time.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Reading {
     /// To the right and up, each -1 to 1, exactly 0 when centred; `None` while it was never told.
     pub push: Option<[f64; 2]>,
@@ -53,6 +53,10 @@ pub struct Reading {
     pub fault: Option<Fault>,
     /// How often the scale was asked to change since the last reading.
     pub scale_steps: u32,
+    /// How often a mark was asked for since the last reading.
+    pub marks: u32,
+    /// When the newest event since the last reading came to the computer.
+    pub newest: Option<Nanos>,
 }
 
 /// Reads one device by its profile.
@@ -107,9 +111,12 @@ impl Control {
             }
         }
         let presses = state.take_presses();
-        let is_scale = |key: &&u16| self.controls.scale == Some(**key);
-        let scale_steps = presses.iter().filter(is_scale).count() as u32;
-        Reading { push, dead_man: self.dead_man(device, state), fault, scale_steps }
+        let count = |of: Option<u16>| presses.iter().filter(|key| of == Some(**key)).count() as u32;
+        let (scale_steps, marks) = (count(self.controls.scale), count(self.controls.mark));
+        let (dead_man, newest) = (self.dead_man(device, state), state.take_newest());
+        // A clock that is ahead of this one tells no time.
+        let newest = newest.filter(|newest| *newest <= now);
+        Reading { push, dead_man, fault, scale_steps, marks, newest }
     }
 
     /// Share of the way from the centre to the end of the range.

@@ -7,6 +7,7 @@ use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use evdev::raw_stream::RawDevice;
+use evdev::{FFEffect, FFEffectCode, FFEffectData, FFEffectKind, FFReplay, FFTrigger};
 use i2ris::clock;
 use i2ris::units::Nanos;
 
@@ -18,6 +19,11 @@ use crate::state::{Description, DeviceState, Event, Protocol, Range};
 
 /// How long the head of a played recording may take when a program starts.
 pub const HEAD: Nanos = Nanos::from_millis(10_000);
+/// How much is read before what came is acted upon: a device that never stops keeps nobody waiting.
+const AT_ONCE: usize = 16;
+/// Of a pulse that a hand feels, and its strength of 65535.
+const PULSE_MS: u16 = 60;
+const PULSE: u16 = 0x4000;
 const HEAD_POLL: Nanos = Nanos::from_millis(5);
 
 /// Why a device cannot be opened or read.
@@ -62,6 +68,8 @@ pub struct Device {
     file: File,
     /// Keeps the grab.
     grabbed: Option<RawDevice>,
+    /// A pulse that the device can make.
+    pulse: Option<FFEffect>,
     stream: Stream,
     state: DeviceState,
 }
@@ -83,7 +91,9 @@ impl Device {
             };
             return Err(DeviceError::NoDevice { path: path.to_owned(), kind });
         }
-        let file = open(path).map_err(failed)?;
+        // Written to for a pulse only; who may only read has none.
+        let file = OpenOptions::new().read(true).write(true).custom_flags(FLAGS).open(path);
+        let file = file.or_else(|_| open(path)).map_err(failed)?;
         if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("hidraw")) {
             let description = space_mouse::description(hidraw_identity(path).map_err(failed)?);
             return Ok(Self::with(path, description, file, Stream::Reports));
@@ -130,7 +140,8 @@ impl Device {
 
     fn with(path: &Path, description: Description, file: File, stream: Stream) -> Self {
         let state = DeviceState::new(clock::now());
-        Self { path: path.to_owned(), description, file, grabbed: None, stream, state }
+        let path = path.to_owned();
+        Self { path, description, file, grabbed: None, pulse: None, stream, state }
     }
 
     /// Takes the device for this program alone: a pedal is a keyboard, and would type.
@@ -142,6 +153,29 @@ impl Device {
         let path = &self.path;
         let grabbed = self.grabbed.as_mut().map_or(Ok(()), RawDevice::grab);
         grabbed.map_err(|error| DeviceError::Io { path: path.clone(), error })
+    }
+
+    /// Prepares pulses that a hand feels. Whether the device can make them.
+    pub fn can_pulse(&mut self) -> bool {
+        let pulse = FFEffectData {
+            direction: 0,
+            trigger: FFTrigger::default(),
+            replay: FFReplay { length: PULSE_MS, delay: 0 },
+            kind: FFEffectKind::Rumble { strong_magnitude: PULSE, weak_magnitude: PULSE },
+        };
+        let able = { self.grabbed.as_mut() }.filter(|raw| {
+            raw.supported_ff().is_some_and(|effects| effects.contains(FFEffectCode::FF_RUMBLE))
+        });
+        self.pulse = able.and_then(|raw| raw.upload_ff_effect(pulse).ok());
+        self.pulse.is_some()
+    }
+
+    /// Makes one pulse, where that was prepared.
+    pub fn pulse(&mut self) {
+        if let Some(pulse) = &mut self.pulse {
+            // A device that is gone is seen when it is read.
+            let _ = pulse.play(1);
+        }
     }
 
     pub fn path(&self) -> &Path {
@@ -163,7 +197,7 @@ impl Device {
     /// [`DeviceError`] when the device is gone.
     pub fn read(&mut self, now: Nanos, mut raw: impl FnMut(&[u8])) -> Result<(), DeviceError> {
         let mut buffer = [0; MAX_FRAME];
-        loop {
+        for _ in 0..AT_ONCE {
             let gone = |why: String| DeviceError::Gone { path: self.path.clone(), why };
             let bytes = match self.file.read(&mut buffer) {
                 Ok(0) => return Err(gone("closed".into())),
@@ -178,10 +212,13 @@ impl Device {
                 Stream::Events(decoder) => {
                     raw(bytes);
                     decoder.decode(bytes, apply);
+                    state.stamped(decoder.newest());
                 }
                 Stream::Reports => {
                     raw(bytes);
                     space_mouse::decode(bytes, apply);
+                    // Reports have no time of their own.
+                    state.stamped(Some(now));
                 }
                 Stream::Played(parser, decoder) => {
                     parser.push(bytes);
@@ -193,9 +230,12 @@ impl Device {
                             Protocol::SpaceMouse => space_mouse::decode(&frame, &mut apply),
                         }
                     }
+                    let is_report = self.description.protocol == Protocol::SpaceMouse;
+                    state.stamped(if is_report { Some(now) } else { decoder.newest() });
                 }
             }
         }
+        Ok(())
     }
 }
 
@@ -205,8 +245,10 @@ impl AsFd for Device {
     }
 }
 
+const FLAGS: libc::c_int = libc::O_NONBLOCK | libc::O_CLOEXEC;
+
 fn open(path: &Path) -> io::Result<File> {
-    OpenOptions::new().read(true).custom_flags(libc::O_NONBLOCK | libc::O_CLOEXEC).open(path)
+    OpenOptions::new().read(true).custom_flags(FLAGS).open(path)
 }
 
 fn describe(raw: &RawDevice) -> io::Result<Description> {
@@ -272,6 +314,7 @@ fn identity_of_uevent(text: &str) -> Option<Identity> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::state::Code;
 
     #[test]
     fn what_the_kernel_tells_of_a_hidraw_device_is_its_identity() {
@@ -280,6 +323,57 @@ mod tests {
         let identity = identity_of_uevent(uevent).unwrap();
         assert_eq!(identity.to_string(), "3Dconnexion SpaceMouse Compact (256f:c635)");
         assert_eq!(identity_of_uevent("HID_ID=0003:x"), None);
+    }
+
+    /// Where the kernel makes devices for programs; elsewhere it says so.
+    #[test]
+    fn a_device_of_the_kernel_is_opened_described_grabbed_and_read_with_its_times() {
+        use evdev::uinput::VirtualDevice;
+        use evdev::{
+            AbsInfo, AbsoluteAxisCode, AttributeSet, BusType, InputEvent, InputId, KeyCode,
+            UinputAbsSetup,
+        };
+        let builder = match VirtualDevice::builder() {
+            Ok(builder) => builder,
+            Err(error) => {
+                eprintln!("skipped: /dev/uinput: {error}");
+                return;
+            }
+        };
+        let range = AbsInfo::new(0, -32768, 32767, 0, 128, 0);
+        let keys: AttributeSet<KeyCode> = [KeyCode::BTN_SOUTH, KeyCode::BTN_TR].iter().collect();
+        let mut kernel = builder
+            .name("i2ris test pad")
+            .input_id(InputId::new(BusType::BUS_USB, 0x045e, 0x02ea, 1))
+            .with_absolute_axis(&UinputAbsSetup::new(AbsoluteAxisCode::ABS_X, range))
+            .and_then(|builder| builder.with_keys(&keys))
+            .and_then(evdev::uinput::VirtualDeviceBuilder::build)
+            .unwrap();
+        let path = kernel.enumerate_dev_nodes_blocking().unwrap().next().unwrap().unwrap();
+        let mut device = Device::open(&path).unwrap();
+        device.grab().unwrap();
+        let description = device.description().clone();
+        assert_eq!(description.identity.to_string(), "i2ris test pad (045e:02ea)");
+        assert_eq!(description.range(0).map(|range| range.flat), Some(128));
+        assert_eq!(description.keys.len(), 2);
+        let before = clock::now();
+        kernel.emit(&[InputEvent::new(3, 0, 12_345), InputEvent::new(1, 0x137, 1)]).unwrap();
+        while device.parts().1.axis(Code::Absolute(0)).is_none() {
+            device.read(clock::now(), |_| {}).unwrap();
+            assert!(clock::now().since(before) < HEAD, "nothing came");
+            clock::sleep(HEAD_POLL);
+        }
+        let (_, state) = device.parts();
+        assert!(state.is_pressed(0x137));
+        // Microseconds are cut off.
+        let came = state.take_newest().unwrap();
+        assert!(came + Nanos::from_micros(1) > before && came <= clock::now());
+        drop(kernel);
+        let gone = (0..1000).any(|_| {
+            clock::sleep(HEAD_POLL);
+            device.read(clock::now(), |_| {}).is_err()
+        });
+        assert!(gone);
     }
 
     #[test]

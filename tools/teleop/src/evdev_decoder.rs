@@ -1,6 +1,8 @@
 //! Bytes of `/dev/input/event*` to events: `struct input_event` of the kernel, 24 bytes where
 //! `time_t` has 64 bits (Documentation/input/input.rst, event-codes.rst).
 
+use i2ris::units::Nanos;
+
 use crate::state::{Code, Event};
 
 /// Seconds and microseconds (i64 each), type and code (u16 each), value (i32).
@@ -18,6 +20,8 @@ pub struct EvdevDecoder {
     part: Vec<u8>,
     /// After `SYN_DROPPED`, all up to the next report belongs to a state that is torn.
     dropped: bool,
+    /// The kernel's time of the newest event.
+    newest: Option<Nanos>,
 }
 
 impl EvdevDecoder {
@@ -28,6 +32,7 @@ impl EvdevDecoder {
             let &[.., k0, k1, c0, c1, v0, v1, v2, v3] = raw else {
                 continue;
             };
+            self.newest = stamp(raw);
             let kind = u16::from_le_bytes([k0, k1]);
             let code = u16::from_le_bytes([c0, c1]);
             let value = i32::from_le_bytes([v0, v1, v2, v3]);
@@ -46,9 +51,32 @@ impl EvdevDecoder {
         }
         self.part.drain(..whole);
     }
+
+    /// The kernel's time of the newest event, on the monotonic clock; `None` where it tells none.
+    pub fn newest(&self) -> Option<Nanos> {
+        self.newest
+    }
 }
 
-/// An event as the kernel writes it, for tests and recordings.
+/// When the kernel took in an event.
+fn stamp(raw: &[u8]) -> Option<Nanos> {
+    let (seconds, rest) = raw.split_first_chunk::<8>()?;
+    let part = |bytes: &[u8; 8]| u64::try_from(i64::from_le_bytes(*bytes)).ok();
+    let (seconds, us) = (part(seconds)?, part(rest.first_chunk::<8>()?)?);
+    let ns = seconds.checked_mul(1_000_000_000)?.checked_add(us.checked_mul(1000)?)?;
+    (ns > 0).then_some(Nanos(ns))
+}
+
+/// Gives every event of a piece the same time, as if the kernel had taken it in then.
+pub fn stamp_anew(bytes: &mut [u8], at: Nanos) {
+    let (seconds, us) = (at.0 / 1_000_000_000, at.0 % 1_000_000_000 / 1000);
+    for raw in bytes.chunks_exact_mut(EVENT) {
+        raw[..8].copy_from_slice(&seconds.to_le_bytes());
+        raw[8..16].copy_from_slice(&us.to_le_bytes());
+    }
+}
+
+/// An event as the kernel writes it, without its time, for tests and recordings.
 pub fn encode(kind: u16, code: u16, value: i32) -> [u8; EVENT] {
     let mut bytes = [0; EVENT];
     bytes[16..18].copy_from_slice(&kind.to_le_bytes());
@@ -85,6 +113,17 @@ mod tests {
             Event::Value(Code::Relative(2), 9),
         ];
         assert_eq!(decoded(&mut EvdevDecoder::default(), &bytes), expected);
+    }
+
+    #[test]
+    fn the_time_of_the_newest_event_is_that_of_the_kernel() {
+        let mut decoder = EvdevDecoder::default();
+        let mut bytes = [encode(EV_ABS, 0, 1), encode(EV_SYN, SYN_REPORT, 0)].concat();
+        decoded(&mut decoder, &bytes);
+        assert_eq!(decoder.newest(), None, "zero is no time");
+        stamp_anew(&mut bytes, Nanos(7_000_012_345));
+        assert_eq!(decoded(&mut decoder, &bytes), [Event::Value(Code::Absolute(0), 1)]);
+        assert_eq!(decoder.newest(), Some(Nanos(7_000_012_000)));
     }
 
     proptest! {

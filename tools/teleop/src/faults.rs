@@ -1,8 +1,13 @@
 //! Device faults drawn at random, against what a bystander knows: the hazards of a device that is
 //! silent, gone, replaced or goes on by itself, and of a clutch that closes when it must not.
+#![allow(clippy::print_stdout, reason = "a table for people")]
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 
 use i2ris::units::Nanos;
 use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
 
 use crate::clutch::Clutch;
 use crate::control::{Control, Fault, Reading};
@@ -77,6 +82,8 @@ struct World {
     true_ms: u64,
     /// Since it was opened, lost or torn it told a centred cap and a released dead-man.
     was_at_rest: bool,
+    /// The longest that it moved without that.
+    longest_ms: u64,
 }
 
 impl World {
@@ -105,6 +112,7 @@ impl World {
             pose: [0.0; 2],
             true_ms: 0,
             was_at_rest: false,
+            longest_ms: 0,
         }
     }
 
@@ -154,6 +162,9 @@ impl World {
         let late_ms = SILENCE_MS + 2 * PERIOD_MS;
         prop_assert!(!moves || self.now_ms - self.true_ms <= late_ms, "too long: {}", tells());
         prop_assert!(!moves || self.told.0.abs() <= 438, "beyond: {}", tells());
+        if moves {
+            self.longest_ms = self.longest_ms.max(self.now_ms - self.true_ms);
+        }
         self.pose = command.pose;
         prop_assert_eq!(command.clutch_open, hand.open.is_some());
         Ok(())
@@ -167,12 +178,7 @@ impl World {
             Happens::Zombie => self.link = Link::Zombie,
             Happens::Back => self.link = Link::Alive,
             Happens::Replug => {
-                let gone = Reading {
-                    push: None,
-                    dead_man: None,
-                    fault: Some(Fault::Gone),
-                    scale_steps: 0,
-                };
+                let gone = Reading { fault: Some(Fault::Gone), ..Reading::default() };
                 self.clutch.update(&[(true, gone)]);
                 self.state = DeviceState::new(self.now());
                 (self.link, self.told, self.was_at_rest) = (Link::Alive, (0, false), false);
@@ -195,18 +201,45 @@ impl World {
     }
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2000))]
+/// What was drawn, and what the snake did.
+#[derive(Debug, Default)]
+struct Table {
+    stories: u32,
+    faults: BTreeMap<&'static str, u32>,
+    moved: u32,
+    /// The longest motion after the device had last told the truth.
+    held_within_ms: u64,
+}
 
-    #[test]
-    fn whatever_happens_to_a_device_the_snake_moves_only_with_a_dead_man_that_was_closed_at_rest(
-        story in prop::collection::vec(happens(), 1..40),
-    ) {
-        let mut world = World::new();
+#[test]
+fn whatever_happens_to_a_device_the_snake_moves_only_with_a_dead_man_that_was_closed_at_rest() {
+    let table = RefCell::new(Table::default());
+    let file = Some(file!());
+    let config = ProptestConfig { cases: 2000, source_file: file, ..ProptestConfig::default() };
+    let mut runner = TestRunner::new(config);
+    let outcome = runner.run(&prop::collection::vec(happens(), 1..40), |story| {
+        let (mut world, mut table) = (World::new(), table.borrow_mut());
+        table.stories += 1;
         for happens in story {
+            let fault = match happens {
+                Happens::Lost => Some("silent"),
+                Happens::Zombie => Some("goes on repeating"),
+                Happens::Replug => Some("pulled out"),
+                Happens::Dropped => Some("events lost"),
+                Happens::Beyond => Some("beyond its range"),
+                _ => None,
+            };
+            if let Some(fault) = fault {
+                *table.faults.entry(fault).or_default() += 1;
+            }
             world.happen(happens)?;
         }
-    }
+        table.moved += u32::from(world.pose != [0.0; 2]);
+        table.held_within_ms = table.held_within_ms.max(world.longest_ms);
+        Ok(())
+    });
+    outcome.unwrap();
+    println!("{:#?}", table.into_inner());
 }
 
 #[test]

@@ -89,6 +89,7 @@ pub fn profile(device: &Description, answers: &[Snapshot; 4]) -> Result<Profile,
         up: Some(named(up)),
         dead_man: Some(dead_man),
         scale: None,
+        mark: None,
     };
     Ok(profile)
 }

@@ -9,12 +9,13 @@ use crate::identity::{Identity, ProductId};
 use crate::state::{Code, Description};
 
 /// The profiles that come with the software: `config/devices`.
-const SHIPPED: [&str; 5] = [
+const SHIPPED: [&str; 6] = [
     include_str!("../../../config/devices/spacemouse.toml"),
     include_str!("../../../config/devices/xbox.toml"),
     include_str!("../../../config/devices/dualsense.toml"),
     include_str!("../../../config/devices/pedal.toml"),
     include_str!("../../../config/devices/joystick.toml"),
+    include_str!("../../../config/devices/crtk.toml"),
 ];
 /// Exponents of the curve from deflection to speed.
 const CURVES: std::ops::RangeInclusive<f64> = 1.0..=3.0;
@@ -63,6 +64,9 @@ pub struct ControlNames {
     /// The key that goes to the next scale.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<String>,
+    /// The key that marks a moment of the trial.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mark: Option<String>,
 }
 
 fn dead_zone() -> f64 {
@@ -103,6 +107,7 @@ pub struct Controls {
     pub axes: Option<[SignedAxis; 2]>,
     pub dead_man: Option<Code>,
     pub scale: Option<u16>,
+    pub mark: Option<u16>,
 }
 
 /// Which hand holds the device.
@@ -198,12 +203,14 @@ impl Profile {
         if axes.is_none() && dead_man.is_none() {
             return Err(format!("profile `{}` has neither axes nor a dead-man", self.name));
         }
-        let scale = match key(name(|names| &names.scale))? {
-            None => None,
-            Some(Code::Key(key)) => Some(key),
-            Some(code) => return Err(format!("{code} is an axis; the scale needs a key")),
+        let button = |code: Option<Code>, what: &str| match code {
+            None => Ok(None),
+            Some(Code::Key(key)) => Ok(Some(key)),
+            Some(code) => Err(format!("{code} is an axis; the {what} needs a key")),
         };
-        Ok(Controls { axes, dead_man, scale })
+        let scale = button(key(name(|names| &names.scale))?, "scale")?;
+        let mark = button(key(name(|names| &names.mark))?, "mark")?;
+        Ok(Controls { axes, dead_man, scale, mark })
     }
 }
 
@@ -225,7 +232,8 @@ mod tests {
                 for axis in controls.right.iter().chain(&controls.up) {
                     axis.parse::<SignedAxis>().unwrap();
                 }
-                for code in controls.dead_man.iter().chain(&controls.scale) {
+                let keys = [&controls.dead_man, &controls.scale, &controls.mark];
+                for code in keys.into_iter().flatten() {
                     code.parse::<Code>().unwrap();
                 }
             }

@@ -112,6 +112,8 @@ pub struct DeviceState {
     dropped: bool,
     last_event: Nanos,
     last_change: Nanos,
+    /// When the newest event that was not yet taken came to the computer.
+    newest: Option<Nanos>,
 }
 
 impl DeviceState {
@@ -150,6 +152,17 @@ impl DeviceState {
                 self.last_change = now;
             }
         }
+    }
+
+    /// The newest event came to the computer at that time, by the clock of the kernel.
+    pub fn stamped(&mut self, at: Option<Nanos>) {
+        self.newest = at.or(self.newest);
+    }
+
+    /// When the newest event since the last call came to the computer; `None`: no event, or no
+    /// time of it.
+    pub fn take_newest(&mut self) -> Option<Nanos> {
+        self.newest.take()
     }
 
     pub fn axis(&self, code: Code) -> Option<Value> {

@@ -19,6 +19,8 @@ use std::fmt;
 
 /// Directions nearer to each other than this cannot be told apart, deg.
 const MIN_BETWEEN_DEG: f64 = 30.0;
+/// Less than this is the error of a measurement.
+const TURNED_DEG: f64 = 20.0;
 /// A motion that is seen has to be so many times its own uncertainty.
 const MIN_SIGMAS: f64 = 5.0;
 
@@ -113,6 +115,14 @@ impl View {
         self.seen
     }
 
+    /// Whether the picture lies otherwise than pitch and yaw do: then what a camera tells is not
+    /// pitch and yaw.
+    pub fn is_turned(&self) -> bool {
+        let [pitch, yaw] = self.directions_deg();
+        let off = |deg: f64| (deg + 180.0).rem_euclid(360.0) - 180.0;
+        off(pitch - 90.0).abs().max(off(yaw).abs()) > TURNED_DEG
+    }
+
     /// Where in the picture +pitch and +yaw go, deg counterclockwise from the right.
     pub fn directions_deg(&self) -> [f64; 2] {
         self.seen.map(|[right, up]| up.atan2(right).to_degrees())
@@ -176,6 +186,20 @@ mod tests {
             View::typed(90.0, false).to_string(),
             "+pitch goes ← (+180 deg), +yaw goes ↑ (+90 deg) in the picture"
         );
+    }
+
+    #[test]
+    fn a_turned_or_mirrored_picture_is_none_of_pitch_and_yaw() {
+        for (rotation_deg, mirror, turned) in [
+            (0.0, false, false),
+            (10.0, false, false),
+            (-350.0, false, false),
+            (37.0, false, true),
+            (180.0, false, true),
+            (0.0, true, true),
+        ] {
+            assert_eq!(View::typed(rotation_deg, mirror).is_turned(), turned, "{rotation_deg}");
+        }
     }
 
     #[test]

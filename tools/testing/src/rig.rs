@@ -6,7 +6,8 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use i2ris::clock;
 use i2ris::config::{AxisConfig, Config, PortConfig};
@@ -33,6 +34,8 @@ pub struct Rig {
     pub emulator: Emulator,
     pub config: Config,
     pub folder: TempDir,
+    /// The camera of the emulator tells nobody what it sees.
+    pub camera_is_shut: Arc<AtomicBool>,
     /// Variables of the environment of every program.
     pub environment: Vec<(OsString, OsString)>,
     controller: Option<Child>,
@@ -76,8 +79,13 @@ impl Rig {
         let number = RIGS.fetch_add(1, Ordering::Relaxed);
         let domain = Domain::new(&format!("rig-{}-{number}", std::process::id())).unwrap();
         let mut publisher = ExternalPublisher::new(&domain);
+        let camera_is_shut = Arc::new(AtomicBool::new(false));
+        let is_shut = Arc::clone(&camera_is_shut);
         let camera = emulator.start_camera(move || {
             move |seen| {
+                if is_shut.load(Ordering::Relaxed) {
+                    return;
+                }
                 let (position, deviation) = (&seen.position[..2], &seen.deviation[..2]);
                 // Fails while there is no controller.
                 let _ = publisher.publish(Nanos(seen.stamp_ns), position, deviation);
@@ -105,6 +113,7 @@ impl Rig {
             emulator,
             config,
             folder,
+            camera_is_shut,
             environment: Vec::new(),
             controller: None,
             thread: None,

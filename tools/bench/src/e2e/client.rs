@@ -32,7 +32,7 @@ const CLIENT_BELOW: u8 = 20;
 /// Random pauses, the same for the same seed (splitmix64, G. L. Steele et al., "Fast splittable
 /// pseudorandom number generators", 2014).
 #[derive(Debug)]
-struct Pauses(u64);
+pub struct Pauses(pub u64);
 
 impl Iterator for Pauses {
     type Item = Nanos;
@@ -99,7 +99,7 @@ fn publish(commander: &mut Commander, number: u64) -> Result<(), BenchError> {
 }
 
 /// `last`: sequence number of the last command of each motor.
-fn read_states(
+pub fn read_states(
     actuators: &mut Subscription<ActuatorState>,
     observations: &mut Observations,
     last: &mut [u64; 2],
@@ -113,6 +113,7 @@ fn read_states(
                 *last = sequence;
                 observations.written[motor].push(Written {
                     command: Nanos(state.command_stamp_ns[motor]),
+                    sequence,
                     written: Nanos(state.written_stamp_ns[motor]),
                     counts: state.written_counts[motor],
                 });
@@ -142,7 +143,8 @@ pub fn bare(
                     // Every setpoint differs from the one before, so that it can be matched.
                     let (command, counts) = (clock::now(), (number % 200) as i32);
                     bare.target.store(counts, Ordering::Release);
-                    let written = Written { command, written: Nanos::ZERO, counts };
+                    let written =
+                        Written { command, sequence: number, written: Nanos::ZERO, counts };
                     observations.written[0].push(written);
                     Ok(())
                 },

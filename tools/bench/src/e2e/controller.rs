@@ -24,9 +24,11 @@ use crate::tick::CONFIG;
 use crate::{BenchError, own_domain};
 
 /// Limit for operations that take much less than a second on an idle machine.
-const TIMEOUT: Nanos = Nanos::from_millis(20_000);
+pub const TIMEOUT: Nanos = Nanos::from_millis(20_000);
 /// Reply timeout of a drive. It is long because a stall of the machine must not be a fault.
 const REPLY_TIMEOUT_MS: u64 = 1000;
+/// Deadline of commands that name none. It is long for the same reason.
+const DEADLINE_MS: u64 = 500;
 /// The statistics of the loop come once a second.
 const STATISTICS_TIMEOUT: Nanos = Nanos::from_millis(2500);
 
@@ -91,6 +93,10 @@ impl Controller {
             clock::sleep(Nanos::from_millis(10));
         }
         "not known".to_owned()
+    }
+
+    pub fn domain(&self) -> &Domain {
+        &self.process.domain
     }
 
     pub fn end(self) -> Result<(), BenchError> {
@@ -170,6 +176,7 @@ fn configure(
     config.control.cpu = (run.placement.pinned && processors >= 2).then(|| processors - 1);
     config.ipc.domain = domain.name().to_owned();
     config.record.folder = folder.join("records");
+    config.command.deadline_ms = DEADLINE_MS;
     config.limits.feedback_stale_ms = REPLY_TIMEOUT_MS;
     config.limits.feedback_lost_ms = 5 * REPLY_TIMEOUT_MS;
     for (port, of_rig) in config.ports.iter_mut().zip(rig.ports()) {

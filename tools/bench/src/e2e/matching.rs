@@ -13,6 +13,8 @@ const WARM_UP: usize = 10;
 pub struct Written {
     /// When the command was published.
     pub command: Nanos,
+    /// The number of the command.
+    pub sequence: u64,
     /// When the setpoint was passed to the operating system; zero: not reported.
     pub written: Nanos,
     pub counts: i32,
@@ -150,6 +152,7 @@ mod tests {
             let counts = number as i32;
             observations.written[0].push(Written {
                 command: us(start),
+                sequence: number,
                 written: us(start + 900),
                 counts,
             });

@@ -13,6 +13,7 @@
 
 mod client;
 mod controller;
+pub mod hand;
 mod matching;
 
 use std::path::PathBuf;
@@ -45,6 +46,7 @@ pub struct EndToEndBenchmark {
 }
 
 const WRITTEN: &str = "command to operating system";
+const ARRIVED_OF_EVENT: &str = "event to last byte of the setpoint";
 const ARRIVED: &str = "command to last byte of the setpoint";
 const WIRE: &str = "operating system to last byte";
 const SEEN: &str = "command to encoder position at the client";

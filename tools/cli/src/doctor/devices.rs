@@ -1,9 +1,15 @@
 //! What a hand may hold: input devices, their profiles, and the permission to read them.
 
+use std::fs;
+use std::path::Path;
+
 use i2ris_teleop::finder::{Found, known, line, scan};
 use i2ris_teleop::profile::Profile;
 
 use super::report::Report;
+
+/// A wireless device with less is to be charged before a trial, %.
+const LOW_BATTERY: u32 = 20;
 
 /// Checks every input device of this computer. None is no fault: there is the keyboard.
 pub fn check(report: &mut Report) {
@@ -15,7 +21,18 @@ pub fn check(report: &mut Report) {
     for Found { path, description } in &found {
         match description {
             Ok(device) if known(device, &profiles).is_some() => {
-                report.pass("input device", format!("{} at {}", device.identity, path.display()));
+                let found = format!("{} at {}", device.identity, path.display());
+                match battery(Path::new("/sys/class"), path) {
+                    None => report.pass("input device", found),
+                    Some(left) if left >= LOW_BATTERY => {
+                        report.pass("input device", format!("{found}, battery {left} %"));
+                    }
+                    Some(left) => report.warn(
+                        "input device",
+                        format!("{found}, battery {left} %"),
+                        "charge it, or plug in its cable",
+                    ),
+                }
             }
             Ok(device) => report.warn(
                 "input device",
@@ -33,5 +50,40 @@ pub fn check(report: &mut Report) {
             format!("{closed} cannot be read, {}", line(&found[0], &profiles)),
             "install config/system/60-i2ris.rules, then plug the device in again",
         );
+    }
+}
+
+/// What is left of the battery of a device, %, where the kernel tells: `input/event7/device/device`
+/// and `hidraw/hidraw2/device` are where it hangs.
+fn battery(classes: &Path, device: &Path) -> Option<u32> {
+    let name = device.file_name()?;
+    let hangs = ["input", "hidraw"].map(|class| classes.join(class).join(name).join("device"));
+    let places =
+        hangs.iter().flat_map(|at| [at.join("power_supply"), at.join("device/power_supply")]);
+    let supplies = places.filter_map(|place| fs::read_dir(place).ok()).flatten().flatten();
+    let left =
+        supplies.filter_map(|supply| fs::read_to_string(supply.path().join("capacity")).ok());
+    left.filter_map(|text| text.trim().parse().ok()).next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_battery_of_a_wireless_device_is_what_the_kernel_tells() {
+        let classes = tempfile::tempdir().unwrap();
+        for (place, left) in [
+            ("input/event7/device/device/power_supply/ps-controller-battery-1", "15\n"),
+            ("hidraw/hidraw2/device/power_supply/hidpp_battery_0", "80\n"),
+        ] {
+            let folder = classes.path().join(place);
+            fs::create_dir_all(&folder).unwrap();
+            fs::write(folder.join("capacity"), left).unwrap();
+        }
+        let left = |path: &str| battery(classes.path(), Path::new(path));
+        assert_eq!(left("/dev/input/event7"), Some(15));
+        assert_eq!(left("/dev/hidraw2"), Some(80));
+        assert_eq!(left("/dev/input/event8"), None);
     }
 }

@@ -18,8 +18,6 @@ use super::source::{Asked, Source, SourceLost};
 
 /// How often a device that is gone is looked for.
 const SEARCH: Nanos = Nanos::from_millis(500);
-const GONE: Reading =
-    Reading { push: None, dead_man: None, fault: Some(Fault::Gone), scale_steps: 0 };
 
 /// Which devices, and how they are held.
 #[derive(Debug, Clone)]
@@ -31,6 +29,8 @@ pub struct Chosen {
     /// Files with profiles, before the shipped ones.
     pub profiles: Vec<PathBuf>,
     pub hand: Handedness,
+    /// Limits are felt, where a device can make pulses.
+    pub pulses: bool,
 }
 
 /// Profiles of these files, then those that come with the software.
@@ -43,6 +43,10 @@ pub fn profiles(files: &[PathBuf]) -> Result<Vec<Profile>, Failure> {
     }
     profiles.extend(Profile::shipped());
     Ok(profiles)
+}
+
+fn gone() -> Reading {
+    Reading { fault: Some(Fault::Gone), ..Reading::default() }
 }
 
 struct Part {
@@ -59,6 +63,7 @@ struct Part {
 pub(super) struct Hands {
     parts: Vec<Part>,
     clutch: Clutch,
+    pulses: bool,
     news: Vec<String>,
 }
 
@@ -83,7 +88,11 @@ impl Hands {
                         second --device"
                 .into());
         }
-        Ok(Self { parts, clutch: Clutch::default(), news: Vec::new() })
+        let mut news = Vec::new();
+        if chosen.pulses && !parts.iter_mut().any(Part::can_pulse) {
+            news.push("no device of these can pulse: limits are not felt".to_owned());
+        }
+        Ok(Self { parts, clutch: Clutch::default(), pulses: chosen.pulses, news })
     }
 }
 
@@ -148,15 +157,19 @@ impl Part {
     /// What it says, and what has to be said of it.
     fn read(&mut self, now: Nanos) -> (Reading, Option<String>) {
         let Some(device) = &mut self.device else {
-            return (GONE, self.search(now));
+            return (gone(), self.search(now));
         };
         if let Err(error) = device.read(now, |_| {}) {
             self.device = None;
             self.next_search = now + SEARCH;
-            return (GONE, Some(format!("{error}; the snake holds until it is back")));
+            return (gone(), Some(format!("{error}; the snake holds until it is back")));
         }
         let (description, state) = device.parts();
         (self.control.read(description, state, now), None)
+    }
+
+    fn can_pulse(&mut self) -> bool {
+        self.device.as_mut().is_some_and(Device::can_pulse)
     }
 
     fn search(&mut self, now: Nanos) -> Option<String> {
@@ -176,7 +189,11 @@ impl Source for Hands {
     fn read(&mut self, now: Nanos) -> Result<Asked, SourceLost> {
         let mut readings = Vec::with_capacity(self.parts.len());
         for part in &mut self.parts {
+            let was_gone = part.device.is_none();
             let (reading, news) = part.read(now);
+            if self.pulses && was_gone {
+                part.can_pulse();
+            }
             self.news.extend(news);
             readings.push((part.control.has_axes(), reading));
         }
@@ -185,6 +202,8 @@ impl Source for Hands {
             open: hand.open,
             push: hand.push,
             scale_steps: hand.scale_steps,
+            marks: hand.marks,
+            newest: hand.newest,
             ..Asked::default()
         })
     }
@@ -200,6 +219,10 @@ impl Source for Hands {
         if ready.is_empty() || poll(&mut ready, PollTimeout::from(span)).is_err() {
             clock::sleep_until(until);
         }
+    }
+
+    fn pulse(&mut self) {
+        self.parts.iter_mut().filter_map(|part| part.device.as_mut()).for_each(Device::pulse);
     }
 
     fn news(&mut self) -> Option<String> {

@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use i2ris::clock;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::{Announcer, Client, Commander, Latest};
-use i2ris::ipc::payload::{JointState, TeleopMsg, padded_text};
+use i2ris::ipc::payload::{JointState, OperatingStateMsg, TeleopMsg, padded_text};
 use i2ris::units::Nanos;
 use i2ris_report::{DomainOption, Failure, Interrupt};
 use i2ris_teleop::clutch::Open;
@@ -42,6 +42,12 @@ const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
 const MIN_PERIOD: Nanos = Nanos::from_millis(1);
 /// How often monitors are told what the hand does.
 const TELL: Nanos = Nanos::from_millis(50);
+/// Between two pulses at a limit.
+const PULSES: Nanos = Nanos::from_millis(250);
+/// Where the controller takes turned angles for pitch and yaw.
+const TOLD_TURNED: &str = "warning: the camera tells the axes of its picture, and the controller compares them with \
+     pitch and yaw: it will stop; set plausibility.distance_deg to 0, or let `i2ris vision \
+     calibrate` find pitch and yaw";
 const STEP_DEG: f64 = 0.25;
 /// The same in a task: steps of the former would miss targets.
 const FINE_STEP_DEG: f64 = 0.1;
@@ -103,6 +109,9 @@ pub struct HandOptions {
     /// The device is held in the left hand: its controls of the other side are used
     #[arg(long)]
     left_hand: bool,
+    /// Let the device pulse where a virtual fixture or the end of the hull holds the snake, if it can
+    #[arg(long)]
+    pulse: bool,
     /// How the picture is turned, counterclockwise: 90, and +yaw goes up
     #[arg(long, default_value_t = 0.0, value_name = "DEG", value_parser = finite,
           allow_negative_numbers = true)]
@@ -167,6 +176,7 @@ impl HandOptions {
             played: self.played.clone(),
             profiles: self.profile.clone(),
             hand,
+            pulses: self.pulse,
         })?))
     }
 }
@@ -187,7 +197,11 @@ pub fn run_plan(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Resu
     let mut progress = Progress::new(monitor);
     let view = if plan.hand.measure_view {
         progress.say("measuring the view: the snake moves by a degree in pitch and in yaw")?;
-        measure::measure(client, interrupt)?
+        let view = measure::measure(client, interrupt)?;
+        if view.is_turned() && state.flags & OperatingStateMsg::COMPARED != 0 {
+            progress.say(TOLD_TURNED)?;
+        }
+        view
     } else {
         View::typed(plan.hand.view_rotation_deg, plan.hand.view_mirror)
     };
@@ -201,6 +215,10 @@ pub fn run_plan(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Resu
         is_measured: plan.hand.measure_view,
         announcer: client.announcer(),
         told: (Nanos::ZERO, None),
+        event: (Nanos::ZERO, 0),
+        pulses: plan.hand.pulse,
+        pulsed: Nanos::ZERO,
+        marked: Nanos::ZERO,
         commander: client.commander(),
         setpoint: Latest::new(client.watcher().setpoint_js()),
         goal: Latest::new(client.watcher().goal_js()),
@@ -236,6 +254,13 @@ struct Teleoperation {
     announcer: Announcer<TeleopMsg>,
     /// When monitors were told last, and why the clutch was open then.
     told: (Nanos, Option<Open>),
+    /// When the newest event came to the computer, and the command that it led to.
+    event: (Nanos, u64),
+    /// Whether limits are felt, and when the last pulse was.
+    pulses: bool,
+    pulsed: Nanos,
+    /// When the newest mark was asked for.
+    marked: Nanos,
     commander: Commander,
     setpoint: Latest<JointState>,
     goal: Latest<JointState>,
@@ -262,12 +287,17 @@ impl Teleoperation {
             }
             let command = self.command(&asked, (now - last).as_seconds())?;
             last = now;
-            self.send(&command)?;
+            let sequence = self.send(&command)?;
+            if let Some(came) = asked.newest {
+                self.event = (came, sequence);
+            }
             self.tell(&asked, now)?;
             while let Some(news) = source.news() {
                 self.progress.say(&news)?;
             }
-            if let Some(goal) = self.goal.refresh()?
+            self.goal.refresh()?;
+            self.pulse(source, asked.open.is_none(), now);
+            if let Some(goal) = self.goal.value()
                 && let Some(clipped) = self.clips.check(command.pose, goal, now)
             {
                 self.progress.say(&clipped)?;
@@ -300,15 +330,28 @@ impl Teleoperation {
         Ok(self.master.update(&motion, snake, step_s))
     }
 
-    fn send(&mut self, command: &MasterCommand) -> Result<(), Failure> {
+    /// Returns the number of the command. Its stamp is now, and not that of the event: by it the
+    /// controller judges its age, and a stick that is held has no new event for long.
+    fn send(&mut self, command: &MasterCommand) -> Result<u64, Failure> {
         self.commander.set_clutch(command.clutch_open);
-        self.commander.servo_jp(&command.pose.map(f64::to_radians))?;
-        Ok(())
+        Ok(self.commander.servo_jp(&command.pose.map(f64::to_radians))?)
+    }
+
+    /// Lets the hand feel what holds the snake; never a command.
+    fn pulse(&mut self, source: &mut dyn Source, follows: bool, now: Nanos) {
+        let limits = JointState::CLIPPED | JointState::FIXTURE;
+        let is_held = self.goal.value().is_some_and(|goal| goal.flags & limits != 0);
+        if self.pulses && follows && is_held && now.since(self.pulsed) >= PULSES {
+            self.pulsed = now;
+            source.pulse();
+        }
     }
 
     /// Tells monitors and recorders what the hand does.
     fn tell(&mut self, asked: &Asked, now: Nanos) -> Result<(), Failure> {
-        if now.since(self.told.0) < TELL && self.told.1 == asked.open {
+        if asked.marks > 0 {
+            self.marked = asked.newest.unwrap_or(now);
+        } else if now.since(self.told.0) < TELL && self.told.1 == asked.open {
             return Ok(());
         }
         self.told = (now, asked.open);
@@ -319,6 +362,9 @@ impl Teleoperation {
             view: self.view.seen(),
             push: asked.push,
             scale: self.scales[self.scale],
+            event_ns: self.event.0.0,
+            command_sequence: self.event.1,
+            mark_ns: self.marked.0,
             mode: self.mode as u32,
             flags: open | measured,
             why_open: padded_text(&why_open),
@@ -330,7 +376,7 @@ impl Teleoperation {
     /// Opens the clutch: the snake stops now and not at the deadline.
     fn hold(&mut self) -> Result<(), Failure> {
         let command = self.master.hold();
-        self.send(&command)
+        self.send(&command).map(drop)
     }
 }
 

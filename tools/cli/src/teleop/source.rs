@@ -15,13 +15,24 @@ pub(super) struct Asked {
     pub steps: [f64; 2],
     /// How often the next scale was asked for since the last call.
     pub scale_steps: u32,
+    /// How often a mark of the trial was asked for since the last call.
+    pub marks: u32,
+    /// When the newest event since the last call came to the computer, where that is known.
+    pub newest: Option<Nanos>,
     pub quit: bool,
 }
 
 impl Default for Asked {
     fn default() -> Self {
-        let open = Some(Open::Released);
-        Self { open, push: [0.0; 2], steps: [0.0; 2], scale_steps: 0, quit: false }
+        Self {
+            open: Some(Open::Released),
+            push: [0.0; 2],
+            steps: [0.0; 2],
+            scale_steps: 0,
+            marks: 0,
+            newest: None,
+            quit: false,
+        }
     }
 }
 
@@ -32,6 +43,8 @@ pub(super) trait Source {
     fn wait(&mut self, until: Nanos) {
         i2ris::clock::sleep_until(until);
     }
+    /// Lets the hand feel a limit, where the device can.
+    fn pulse(&mut self) {}
     /// Something that has to be said once.
     fn news(&mut self) -> Option<String> {
         None

@@ -14,6 +14,8 @@ mod guided;
 mod help;
 mod mistakes;
 mod model;
+mod operator;
+mod played;
 mod python;
 mod reach;
 mod shell;

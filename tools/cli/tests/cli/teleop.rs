@@ -1,110 +1,25 @@
 //! Leading by hand: recordings of devices that are played through pipes, a keyboard by a
 //! pseudo-terminal.
 
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
-use std::os::unix::fs::OpenOptionsExt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use i2ris::clock;
 use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::{Client, ExternalPublisher, Latest};
-use i2ris::ipc::payload::{JointState, ServoJp};
+use i2ris::ipc::payload::{JointState, ServoJp, TeleopMsg};
 use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::encode;
-use i2ris_teleop::identity::Identity;
-use i2ris_teleop::recording::{self, write_frame, write_head};
+use i2ris_teleop::recording;
 use i2ris_teleop::space_mouse;
-use i2ris_teleop::state::{Description, Protocol, Range};
+use i2ris_teleop::state::Description;
 use i2ris_testing::{Controller, Rig, TIMEOUT, Terminal, home_and_enable, wait_until};
-use nix::sys::stat::Mode;
 
 use crate::bench::{Bench, end, ends, expect_stalls, fails, start};
 use crate::command::{assert_near, assert_no_jump};
-
-const KEY: u16 = 1;
-const AXIS: u16 = 3;
-const X: u16 = 0;
-const Y: u16 = 1;
-const BTN_SOUTH: u16 = 0x130;
-const BTN_TR: u16 = 0x137;
-const KEY_B: u16 = 48;
-
-fn identity(vendor: u16, product: u16, serial: &str) -> Identity {
-    Identity { vendor, product, name: "Device".into(), serial: serial.into() }
-}
-
-/// An Xbox controller, as the kernel describes one.
-fn pad(serial: &str) -> Description {
-    let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
-    Description {
-        identity: identity(0x045e, 0x02ea, serial),
-        protocol: Protocol::Evdev,
-        absolute: vec![range(X), range(Y), range(3), range(4)],
-        relative: Vec::new(),
-        keys: vec![BTN_SOUTH, BTN_TR - 1, BTN_TR],
-    }
-}
-
-fn pedal() -> Description {
-    Description {
-        identity: identity(0x0c45, 0x7403, ""),
-        protocol: Protocol::Evdev,
-        absolute: Vec::new(),
-        relative: Vec::new(),
-        keys: vec![KEY_B],
-    }
-}
-
-/// A device that is played through a pipe.
-struct Played {
-    bench: Bench,
-    pipe: Option<File>,
-}
-
-impl Played {
-    fn new(description: &Description) -> Self {
-        let bench = Bench::new();
-        nix::unistd::mkfifo(&bench.path("device"), Mode::S_IRUSR | Mode::S_IWUSR).unwrap();
-        let mut played = Self { bench, pipe: None };
-        played.plug_in(description);
-        played
-    }
-
-    fn file(&self) -> String {
-        self.bench.file("device")
-    }
-
-    fn plug_in(&mut self, description: &Description) {
-        // Reading as well, so that opening does not wait for the program.
-        let mut options = OpenOptions::new();
-        options.read(true).write(true).custom_flags(nix::libc::O_NONBLOCK);
-        let mut pipe = options.open(self.bench.path("device")).unwrap();
-        write_head(&mut pipe, description).unwrap();
-        self.pipe = Some(pipe);
-    }
-
-    fn unplug(&mut self) {
-        self.pipe = None;
-    }
-
-    fn report(&mut self, bytes: &[u8]) {
-        write_frame(self.pipe.as_mut().unwrap(), clock::now(), bytes).unwrap();
-    }
-
-    /// A pad that is seen at rest.
-    fn rest(&mut self) {
-        self.tell(AXIS, X, 0);
-        self.tell(AXIS, Y, 0);
-        self.tell(KEY, BTN_TR, 0);
-    }
-
-    /// An event, and the report that ends it.
-    fn tell(&mut self, kind: u16, code: u16, value: i32) {
-        self.report(&[encode(kind, code, value), encode(0, 0, 0)].concat());
-    }
-}
+use crate::played::{AXIS, BTN_EAST, BTN_TR, KEY, KEY_B, Played, X, Y, identity, pad, pedal};
 
 fn clutch_is_open(flags: u32) -> bool {
     flags & ServoJp::CLUTCH != 0
@@ -272,6 +187,76 @@ fn without_a_camera_the_view_is_not_measured_and_said() {
     let device = Played::new(&pad("1"));
     let words = format!("teleop --played {} --measure-view", device.file());
     fails(&controller.domain, &words, 1, &["0 pictures", "--view-rotation-deg"]);
+}
+
+#[test]
+fn an_event_is_told_with_its_time_and_its_command_and_a_button_marks() {
+    let controller = Controller::enabled();
+    let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
+    let mut stream = client.watcher().teleop();
+    let mut device = Played::new(&pad("1"));
+    let mut program = start(&controller.domain, &format!("teleop --played {}", device.file()));
+    let mut told = TeleopMsg::default();
+    let mut wait = |what: &str, is_so: &dyn Fn(&TeleopMsg) -> bool| {
+        wait_until(what, || {
+            stream.drain(|message| told = message).unwrap();
+            is_so(&told)
+        });
+        told
+    };
+    wait("the first message", &|told| told.sequence > 0);
+    let came = device.tell_stamped(AXIS, X, 0);
+    let first = wait("the event", &|told| told.event_ns == came.0);
+    assert!(first.command_sequence > 0 && first.mark_ns == 0);
+    let came = device.tell_stamped(KEY, BTN_EAST, 1);
+    let marked = wait("the mark", &|told| told.mark_ns == came.0);
+    assert!(marked.event_ns == came.0 && marked.command_sequence > first.command_sequence);
+    // Commands go on being of now, however long the last event is ago.
+    let (_, count) = place(&controller);
+    controller.wait("more commands", |robot| robot.poses.len() > count + 50);
+    assert!(controller.robot().poses[count + 50].0 > came);
+    device.tell_stamped(KEY, BTN_EAST, 0);
+    program.interrupt();
+    ends(program, 0, &[]);
+}
+
+/// Memory of a process that belongs to it alone, KiB.
+fn own_memory_kib(id: u32) -> i64 {
+    let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).unwrap();
+    line.trim().trim_end_matches(" kB").parse().unwrap()
+}
+
+/// What a SpaceMouse reports in an hour, 125 times a second, as fast as the program takes it.
+#[test]
+fn an_hour_of_reports_leaves_the_memory_as_it_was_and_commands_go_on_meanwhile() {
+    const REPORTS: u32 = 125 * 3600;
+    let controller = Controller::enabled();
+    let mut mouse = Played::new(&space_mouse::description(identity(0x256f, 0xc635, "")));
+    let mut program = start(&controller.domain, &format!("teleop --played {}", mouse.file()));
+    controller.wait("commands", |robot| robot.poses.len() > 50);
+    let id = program.child().id();
+    let (mut warm, mut commands) = (0, 0);
+    for number in 0..REPORTS {
+        let x = (number % 700) as i16 - 350;
+        let [low, high] = x.to_le_bytes();
+        let report = match number % 500 {
+            100 => vec![3, 1, 0],
+            400 => vec![3, 0, 0],
+            _ => vec![1, low, high, 0, 0, 0, 0],
+        };
+        while mouse.try_report(&report).is_err() {
+            clock::sleep(Nanos::from_micros(200));
+        }
+        if number == REPORTS / 10 {
+            (warm, commands) = (own_memory_kib(id), place(&controller).1);
+        }
+    }
+    assert!(place(&controller).1 > commands, "a device that tells much keeps no command back");
+    let grown = own_memory_kib(id) - warm;
+    assert!(grown < 256, "{grown} KiB more than {warm}");
+    program.interrupt();
+    ends(program, 0, &[]);
 }
 
 /// The real controller, its line and the emulated drives behind it.

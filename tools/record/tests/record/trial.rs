@@ -8,7 +8,7 @@ use std::process::Command;
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Client, Subscription};
-use i2ris::ipc::payload::{TrialMsg, unpadded_text};
+use i2ris::ipc::payload::{TeleopMsg, TrialMsg, unpadded_text};
 use i2ris::units::Nanos;
 use i2ris_record::study::Study;
 use i2ris_record::study::journal::{Journal, Outcome};
@@ -121,6 +121,35 @@ fn a_trial_is_recorded_with_its_marks_and_told_to_those_who_watch() {
     let json: serde_json::Value = serde_json::from_str(&bench.succeeds("list --json")).unwrap();
     assert_eq!(json["P07-joystick-01"]["marks"][1]["text"], "free");
     assert_eq!(json["P07-joystick-01"]["outcome"], "recovery");
+}
+
+#[test]
+fn a_button_of_the_hand_marks_the_trial_once_each_time_it_is_pressed() {
+    let controller = Controller::enabled();
+    let bench = Bench::new(&controller.domain);
+    let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
+    let (mut stream, mut hand) = (client.watcher().trial(), client.announcer());
+    // Pressed before the trial: no mark of it.
+    let mut told = TeleopMsg { mark_ns: clock::now().0, ..TeleopMsg::default() };
+    hand.publish(told).unwrap();
+    bench.succeeds(START);
+    for number in 1..=2 {
+        hand.publish(told).unwrap();
+        told.mark_ns = clock::now().0;
+        wait_until("the mark", || {
+            // What it says 20 times a second.
+            hand.publish(told).unwrap();
+            clock::sleep(Nanos::from_millis(20));
+            newest(&mut stream).is_some_and(|trial| trial.mark_number == number)
+        });
+    }
+    assert!(bench.succeeds("stop --outcome success").contains("success, 2 marks"));
+    let json: serde_json::Value = serde_json::from_str(&bench.succeeds("list --json")).unwrap();
+    let mark = &json["P07-joystick-01"]["marks"][1];
+    assert_eq!(
+        (mark["text"].as_str(), mark["monotonic_ns"].as_u64()),
+        (Some("by hand"), Some(told.mark_ns))
+    );
 }
 
 #[test]

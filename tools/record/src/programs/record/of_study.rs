@@ -4,8 +4,8 @@
 use std::fs::File;
 use std::path::Path;
 
-use i2ris::ipc::client::{Announcer, Client};
-use i2ris::ipc::payload::{JointState, TrialMsg, Version};
+use i2ris::ipc::client::{Announcer, Client, Subscription};
+use i2ris::ipc::payload::{JointState, TeleopMsg, TrialMsg, Version};
 use i2ris::units::Nanos;
 use i2ris_record::study::StudyError;
 use i2ris_record::study::journal::Journal;
@@ -16,6 +16,9 @@ pub struct OfStudy {
     journal: Journal,
     teller: Teller,
     announcer: Announcer<TrialMsg>,
+    hand: Subscription<TeleopMsg>,
+    /// When a button last asked for a mark.
+    marked: Nanos,
     boot_id: u64,
     software: String,
     _held: Flock<File>,
@@ -29,6 +32,8 @@ impl OfStudy {
             journal: Journal::open(folder)?,
             teller: Teller::new(folder, i2ris::clock::now()),
             announcer: client.announcer(),
+            hand: client.watcher().teleop(),
+            marked: i2ris::clock::now(),
             boot_id: 0,
             software: format!("i2ris-control {major}.{minor}.{patch}"),
             _held,
@@ -44,7 +49,20 @@ impl OfStudy {
         }
     }
 
+    /// Marks what a pedal or a button asks for.
+    fn mark(&mut self) -> Result<(), StudyError> {
+        // Without a controller nobody steers.
+        while let Some(hand) = self.hand.read().ok().flatten() {
+            if hand.mark_ns > self.marked.0 {
+                self.marked = Nanos(hand.mark_ns);
+                self.journal.mark(self.marked, "by hand")?;
+            }
+        }
+        Ok(())
+    }
+
     pub fn tell(&mut self, now: Nanos) {
+        warn(self.mark());
         for message in self.teller.messages(now) {
             // Nobody to tell while there is no controller; the journal has it.
             let _ = self.announcer.publish(message);

@@ -1,0 +1,269 @@
+//! Hand to wire: an event of an input device, the command of `i2ris teleop` that it is part of, and
+//! the last byte of that command's setpoint at the drive.
+//!
+//! ```text
+//! event in a pipe --i2ris teleop--> command --controller--> setpoint on the line --> drive with a log
+//!    its time          its time, and that of its newest event (stream `teleop`)
+//! ```
+//!
+//! Events have the time at which the kernel would have taken them in. How often a device looks at
+//! its own controls is not in it.
+
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::OpenOptionsExt;
+use std::process::{Child, Command, Stdio};
+
+use i2ris::clock;
+use i2ris::ipc::client::Subscription;
+use i2ris::ipc::payload::{ActuatorState, TeleopMsg};
+use i2ris::units::Nanos;
+use i2ris_teleop::evdev_decoder::{encode, stamp_anew};
+use i2ris_teleop::identity::Identity;
+use i2ris_teleop::recording::{write_frame, write_head};
+use i2ris_teleop::state::{Description, Protocol, Range};
+use nix::sys::stat::Mode;
+
+use super::client::{Pauses, read_states};
+use super::controller::{Controller, TIMEOUT};
+use super::matching::{CommandLatencies, Observations, Written, match_commands};
+use super::{ARRIVED_OF_EVENT, EndToEndBenchmark, Load, WIRE};
+use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
+use crate::placement::Run;
+use crate::rig::{DriveRig, RigLines};
+use crate::{BenchError, busy};
+
+const COMMANDED: &str = "event to command";
+/// Events come this much slower than commands of the other measurement: the stream `teleop` tells
+/// of one in 50 ms.
+const SLOWER: u64 = 5;
+/// Often enough that no message is lost, seldom enough to leave the processors to the others.
+const READ_PERIOD: Nanos = Nanos::from_micros(500);
+
+const KEY: u16 = 1;
+const AXIS: u16 = 3;
+const BTN_TR: u16 = 0x137;
+
+/// Measures the floor, then the hand, on the same emulated drives.
+pub fn run(benchmark: &EndToEndBenchmark, run: Run) -> Result<Outcome, BenchError> {
+    let about = "From an event of an input device to the last byte of its setpoint at the drive";
+    Outcome::of("hand", about, || measure(benchmark, run))
+}
+
+fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError> {
+    let _load = Load::start(benchmark.busy)?;
+    let rig = DriveRig::start(RigLines::default())?;
+    let floor = super::client::bare(&rig, benchmark, run)?;
+    let (grid, _, _) = with_hand(&rig, benchmark, false, run)?;
+    let (lines, commanded, granted) = with_hand(&rig, benchmark, true, run)?;
+    if [&floor, &grid, &lines].iter().any(|latencies| latencies.arrived.is_empty()) {
+        return Err(busy("no event led to a setpoint"));
+    }
+    let on_the_wire_us = 14.0 * 10.0 / 115_200.0 * 1e6;
+    let (on_grid, on_lines) = ("ticks on their grid", "ticks before the slots of the lines");
+    Ok(Found {
+        scheduling: vec![format!("control loop: {granted}")],
+        quantities: vec![
+            Quantity::new("events with a setpoint, of both motors", lines.commands as f64, ""),
+            Quantity::new("a setpoint on the wire (14 bytes)", on_the_wire_us, "us"),
+            Quantity::new("a tick, the wire and 0.2 ms", 1000.0 + on_the_wire_us + 200.0, "us"),
+        ],
+        variants: vec![
+            Variant::new(
+                "a bare loop on the same line",
+                ARRIVED_OF_EVENT,
+                Role::Floor,
+                floor.arrived,
+            ),
+            Variant::new(on_grid, ARRIVED_OF_EVENT, Role::Ours, grid.arrived),
+            Variant::new(on_lines, ARRIVED_OF_EVENT, Role::Ours, lines.arrived),
+            Variant::new(on_lines, COMMANDED, Role::Ours, commanded),
+            Variant::new(on_lines, WIRE, Role::Ours, lines.wire),
+        ],
+        notes: vec![
+            "The floor passes a number from memory to the line: it has the wait for the line and \
+             the wire, and neither device, program nor control loop."
+                .to_owned(),
+        ],
+    })
+}
+
+/// Latencies from events on, from events to commands, and the scheduling of the loop.
+fn with_hand(
+    rig: &DriveRig,
+    benchmark: &EndToEndBenchmark,
+    follow_lines: bool,
+    run: Run,
+) -> Result<(CommandLatencies, Durations, String), BenchError> {
+    let controller = Controller::start(rig, benchmark, run, follow_lines)?;
+    let begin = rig.emulator.log().len();
+    let watcher = controller.client.watcher();
+    let mut hand = Hand::start(rig, benchmark, &controller)?;
+    let mut seen = Seen {
+        told: Vec::new(),
+        is_open: true,
+        observations: Observations::default(),
+        last: [0; 2],
+        teleop: watcher.teleop(),
+        actuators: watcher.actuators(),
+    };
+    hand.close_the_clutch(&mut seen, run)?;
+    hand.steer(&mut seen, benchmark, run)?;
+    drop(hand);
+    let granted = controller.scheduling();
+    controller.end()?;
+    let (observations, commanded) = seen.of_events();
+    let log = rig.emulator.log();
+    let found = match_commands(&observations, log.get(begin..).unwrap_or_default());
+    Ok((found, commanded, granted))
+}
+
+/// What the streams of the controller tell.
+struct Seen {
+    /// Events and the numbers of their commands.
+    told: Vec<(Nanos, u64)>,
+    is_open: bool,
+    observations: Observations,
+    last: [u64; 2],
+    teleop: Subscription<TeleopMsg>,
+    actuators: Subscription<ActuatorState>,
+}
+
+impl Seen {
+    fn read(&mut self) -> Result<(), BenchError> {
+        let Self { told, is_open, .. } = self;
+        self.teleop.drain(|message| {
+            *is_open = message.flags & TeleopMsg::OPEN != 0;
+            let event = (Nanos(message.event_ns), message.command_sequence);
+            if message.event_ns > 0 && told.last() != Some(&event) {
+                told.push(event);
+            }
+        })?;
+        read_states(&mut self.actuators, &mut self.observations, &mut self.last)
+    }
+
+    /// The setpoints of the commands that events led to, from the times of the events on; and how
+    /// long after an event its command was sent.
+    fn of_events(self) -> (Observations, Durations) {
+        let mut commanded = Durations::new(0);
+        let written = self.observations.written.map(|written| {
+            let of_event = |(event, sequence): &(Nanos, u64)| {
+                let first = written.partition_point(|own| own.sequence < *sequence);
+                let own = written.get(first)?;
+                if own.sequence == *sequence {
+                    commanded.push(own.command.since(*event));
+                }
+                // An overtaken command is in the next one.
+                Some(Written { command: *event, ..*own })
+            };
+            self.told.iter().filter_map(of_event).collect()
+        });
+        let sent = self.told.len() as u64;
+        (Observations { written, sent, ..Observations::default() }, commanded)
+    }
+}
+
+/// A gamepad in a pipe, and `i2ris teleop` that reads it. It ends when this is dropped.
+struct Hand {
+    pipe: File,
+    program: Child,
+}
+
+impl Hand {
+    fn start(
+        rig: &DriveRig,
+        benchmark: &EndToEndBenchmark,
+        controller: &Controller,
+    ) -> Result<Self, BenchError> {
+        let path = rig.folder.path().join("device");
+        let _ = std::fs::remove_file(&path);
+        nix::unistd::mkfifo(&path, Mode::S_IRUSR | Mode::S_IWUSR)?;
+        // Reading as well, so that opening does not wait for the program.
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).custom_flags(nix::libc::O_NONBLOCK);
+        let mut pipe = options.open(&path)?;
+        write_head(&mut pipe, &gamepad())?;
+        let program = Command::new(benchmark.controller.with_file_name("i2ris"))
+            .args(["teleop", "--domain", controller.domain().name(), "--played"])
+            .arg(&path)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .spawn()
+            .map_err(|error| format!("cannot start `i2ris teleop`: {error}"))?;
+        Ok(Self { pipe, program })
+    }
+
+    /// An event, and the report that ends it.
+    fn tell(&mut self, kind: u16, code: u16, value: i32) -> Result<(), BenchError> {
+        let mut event = [encode(kind, code, value), encode(0, 0, 0)].concat();
+        let now = clock::now();
+        stamp_anew(&mut event, now);
+        Ok(write_frame(&mut self.pipe, now, &event)?)
+    }
+
+    /// At rest, then pressed, until the clutch is closed.
+    fn close_the_clutch(&mut self, seen: &mut Seen, run: Run) -> Result<(), BenchError> {
+        let start = clock::now();
+        while seen.is_open {
+            if clock::now().since(start) > TIMEOUT {
+                return Err(busy("the clutch does not close"));
+            }
+            for (kind, code, value) in
+                [(AXIS, 0, 0), (AXIS, 1, 0), (KEY, BTN_TR, 0), (KEY, BTN_TR, 1)]
+            {
+                self.tell(kind, code, value)?;
+                self.wait(Nanos::from_millis(50), seen, run)?;
+            }
+        }
+        seen.told.clear();
+        Ok(())
+    }
+
+    /// Swings the stick at random instants.
+    fn steer(
+        &mut self,
+        seen: &mut Seen,
+        benchmark: &EndToEndBenchmark,
+        run: Run,
+    ) -> Result<(), BenchError> {
+        for (number, pause) in (0..benchmark.commands).zip(Pauses(benchmark.seed)) {
+            // Every value differs from the one before.
+            let value = 10_000 + 10 * (number % 500) as i32;
+            self.tell(AXIS, 0, if number % 4 < 2 { value } else { -value })?;
+            self.wait(Nanos(SLOWER * pause.0), seen, run)?;
+        }
+        Ok(())
+    }
+
+    fn wait(&mut self, span: Nanos, seen: &mut Seen, run: Run) -> Result<(), BenchError> {
+        let end = clock::now() + span;
+        while clock::now() < end {
+            run.check()?;
+            if self.program.try_wait()?.is_some() {
+                return Err("`i2ris teleop` has ended".into());
+            }
+            seen.read()?;
+            clock::sleep(READ_PERIOD);
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Hand {
+    fn drop(&mut self) {
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+/// An Xbox controller, as the kernel describes one.
+fn gamepad() -> Description {
+    let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
+    let name = "Gamepad".to_owned();
+    Description {
+        identity: Identity { vendor: 0x045e, product: 0x02ea, name, serial: String::new() },
+        protocol: Protocol::Evdev,
+        absolute: (0..2).map(range).collect(),
+        relative: Vec::new(),
+        keys: vec![0x130, 0x131, BTN_TR],
+    }
+}

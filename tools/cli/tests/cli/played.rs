@@ -1,0 +1,114 @@
+//! Devices of a hand that are played through pipes.
+
+use std::fs::{File, OpenOptions};
+use std::io;
+use std::os::unix::fs::OpenOptionsExt;
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+use i2ris_teleop::evdev_decoder::{encode, stamp_anew};
+use i2ris_teleop::identity::Identity;
+use i2ris_teleop::recording::{write_frame, write_head};
+use i2ris_teleop::state::{Description, Protocol, Range};
+use nix::sys::stat::Mode;
+
+use crate::bench::Bench;
+
+pub const KEY: u16 = 1;
+pub const AXIS: u16 = 3;
+pub const X: u16 = 0;
+pub const Y: u16 = 1;
+pub const BTN_SOUTH: u16 = 0x130;
+pub const BTN_EAST: u16 = 0x131;
+pub const BTN_TR: u16 = 0x137;
+pub const KEY_B: u16 = 48;
+pub const KEY_C: u16 = 46;
+
+pub fn identity(vendor: u16, product: u16, serial: &str) -> Identity {
+    Identity { vendor, product, name: "Device".into(), serial: serial.into() }
+}
+
+/// An Xbox controller, as the kernel describes one.
+pub fn pad(serial: &str) -> Description {
+    let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
+    Description {
+        identity: identity(0x045e, 0x02ea, serial),
+        protocol: Protocol::Evdev,
+        absolute: vec![range(X), range(Y), range(3), range(4)],
+        relative: Vec::new(),
+        keys: vec![BTN_SOUTH, BTN_EAST, BTN_TR - 1, BTN_TR],
+    }
+}
+
+pub fn pedal() -> Description {
+    Description {
+        identity: identity(0x0c45, 0x7403, ""),
+        protocol: Protocol::Evdev,
+        absolute: Vec::new(),
+        relative: Vec::new(),
+        keys: vec![KEY_B, KEY_C],
+    }
+}
+
+/// A device that is played through a pipe.
+pub struct Played {
+    pub bench: Bench,
+    pipe: Option<File>,
+}
+
+impl Played {
+    pub fn new(description: &Description) -> Self {
+        let bench = Bench::new();
+        nix::unistd::mkfifo(&bench.path("device"), Mode::S_IRUSR | Mode::S_IWUSR).unwrap();
+        let mut played = Self { bench, pipe: None };
+        played.plug_in(description);
+        played
+    }
+
+    pub fn file(&self) -> String {
+        self.bench.file("device")
+    }
+
+    pub fn plug_in(&mut self, description: &Description) {
+        // Reading as well, so that opening does not wait for the program.
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).custom_flags(nix::libc::O_NONBLOCK);
+        let mut pipe = options.open(self.bench.path("device")).unwrap();
+        write_head(&mut pipe, description).unwrap();
+        self.pipe = Some(pipe);
+    }
+
+    pub fn unplug(&mut self) {
+        self.pipe = None;
+    }
+
+    pub fn report(&mut self, bytes: &[u8]) {
+        self.try_report(bytes).unwrap();
+    }
+
+    /// Fails while the pipe is full.
+    pub fn try_report(&mut self, bytes: &[u8]) -> io::Result<()> {
+        write_frame(self.pipe.as_mut().unwrap(), clock::now(), bytes)
+    }
+
+    /// A pad that is seen at rest.
+    pub fn rest(&mut self) {
+        self.tell(AXIS, X, 0);
+        self.tell(AXIS, Y, 0);
+        self.tell(KEY, BTN_TR, 0);
+    }
+
+    /// An event, and the report that ends it.
+    pub fn tell(&mut self, kind: u16, code: u16, value: i32) {
+        self.report(&[encode(kind, code, value), encode(0, 0, 0)].concat());
+    }
+
+    /// The same as the kernel would stamp it. Returns its time.
+    pub fn tell_stamped(&mut self, kind: u16, code: u16, value: i32) -> Nanos {
+        let (now, mut event) =
+            (clock::now(), [encode(kind, code, value), encode(0, 0, 0)].concat());
+        stamp_anew(&mut event, now);
+        self.report(&event);
+        Nanos(now.0 / 1000 * 1000)
+    }
+}

@@ -1,0 +1,302 @@
+//! Another arm as an input device: a master that speaks CRTK, and its pedal.
+//!
+//! Its messages become events of a device in a pipe, as `i2ris input play` would play them, and
+//! `i2ris teleop --played` reads that. So everything that a hand is held to holds for it, too: at
+//! rest before the clutch closes, silence, repetition, values beyond the range, identity, view.
+//!
+//! A master has no centre of its own. Its deflection counts from where it last stood still while
+//! the pedal was up; one that moves when the pedal goes down is deflected, and closes nothing.
+//! When its messages end, or come from another program, the device is pulled out.
+
+use std::fs::{self, File, OpenOptions};
+use std::net::IpAddr;
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use i2ris::clock;
+use i2ris::units::Nanos;
+use i2ris_teleop::evdev_decoder::{encode, stamp_anew};
+use i2ris_teleop::identity::Identity;
+use i2ris_teleop::recording::{write_frame, write_head};
+use i2ris_teleop::state::{Description, Protocol, Range};
+use nix::sys::stat::Mode;
+use ros2_client::{Gid, Subscription};
+
+use crate::message::{JointState, Joy, PoseStamped};
+use crate::topics::Listener;
+use crate::{RosError, join};
+
+/// A master that says nothing for so long is gone. CRTK streams at 100 Hz and more.
+const SILENCE: Nanos = Nanos::from_millis(200);
+/// It stands still when it moved less than this share of its range for so long.
+const STILL: f64 = 0.02;
+const STILL_FOR: Nanos = Nanos::from_millis(200);
+const POLL: Nanos = Nanos::from_millis(2);
+/// Full deflection as the device tells it, and what it tells at most.
+const FULL: f64 = 10_000.0;
+const MOST: f64 = 1.4 * FULL;
+
+const EV_KEY: u16 = 1;
+const EV_ABS: u16 = 3;
+const BTN_TRIGGER: u16 = 0x120;
+/// "cr" and "tk": no vendor has this number.
+const CRTK: (u16, u16) = (0x6372, 0x746b);
+
+/// What is followed, and where it goes.
+#[derive(Debug, Clone)]
+pub struct MasterOptions {
+    pub ros_domain: u16,
+    pub networks: Vec<IpAddr>,
+    /// The arm, as `MTML`.
+    pub arm: String,
+    /// The topic of its pedal, `sensor_msgs/Joy`: the first button.
+    pub pedal: String,
+    /// What goes to the right and up in the picture: `x`, `y`, `z`, or a joint; `-` turns it round.
+    pub axes: [String; 2],
+    /// Way of full deflection, m or rad.
+    pub full: f64,
+    pub pipe: PathBuf,
+}
+
+/// One direction of a master.
+#[derive(Debug, Clone)]
+struct Axis {
+    name: String,
+    sign: f64,
+}
+
+impl Axis {
+    fn new(text: &str) -> Self {
+        let (sign, name) = text.strip_prefix('-').map_or((1.0, text), |name| (-1.0, name));
+        Self { name: name.to_owned(), sign }
+    }
+
+    fn of_pose(&self) -> Option<usize> {
+        ["x", "y", "z"].iter().position(|axis| *axis == self.name)
+    }
+
+    fn in_joints(&self, joints: &JointState) -> Option<f64> {
+        let place = joints.name.iter().position(|name| *name == self.name)?;
+        Some(self.sign * joints.position.get(place)?)
+    }
+
+    fn in_pose(&self, PoseStamped { pose, .. }: &PoseStamped) -> Option<f64> {
+        let at = &pose.position;
+        Some(self.sign * [at.x, at.y, at.z][self.of_pose()?])
+    }
+}
+
+/// What a master and its pedal say, as a device tells it. Pure.
+#[derive(Debug)]
+struct Follower {
+    full: f64,
+    /// Where its centre is, and since when it stood still at `still`.
+    centre: Option<[f64; 2]>,
+    still: Option<([f64; 2], Nanos)>,
+    is_pressed: bool,
+}
+
+impl Follower {
+    fn new(full: f64) -> Self {
+        Self { full, centre: None, still: None, is_pressed: false }
+    }
+
+    /// The events of a message; `None` while the master has no centre.
+    fn events(&mut self, at: [f64; 2], now: Nanos) -> Option<Vec<u8>> {
+        let away = |from: [f64; 2]| (at[0] - from[0]).hypot(at[1] - from[1]) / self.full;
+        match self.still {
+            Some((place, since)) if away(place) < STILL => {
+                if !self.is_pressed && now.since(since) >= STILL_FOR {
+                    self.centre = Some(at);
+                }
+            }
+            _ => self.still = Some((at, now)),
+        }
+        let centre = self.centre?;
+        let told = |axis: usize| {
+            let share = (at[axis] - centre[axis]) / self.full;
+            (FULL * share).clamp(-MOST, MOST).round() as i32
+        };
+        let mut events = [
+            encode(EV_ABS, 0, told(0)),
+            encode(EV_ABS, 1, told(1)),
+            encode(EV_KEY, BTN_TRIGGER, self.is_pressed.into()),
+            encode(0, 0, 0),
+        ]
+        .concat();
+        stamp_anew(&mut events, now);
+        Some(events)
+    }
+}
+
+/// The device in the pipe. It is unplugged when this is dropped.
+#[derive(Debug)]
+struct Plug {
+    pipe: File,
+    from: Gid,
+}
+
+impl Plug {
+    fn new(path: &Path, arm: &str, from: Gid) -> Result<Self, RosError> {
+        let failed = |source| RosError::System { action: "open the pipe", source };
+        // Reading as well: it does not wait for who reads, and who reads may come and go.
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).custom_flags(nix::libc::O_NONBLOCK);
+        let mut pipe = options.open(path).map_err(failed)?;
+        write_head(&mut pipe, &description(arm)).map_err(failed)?;
+        Ok(Self { pipe, from })
+    }
+}
+
+fn description(arm: &str) -> Description {
+    let range = |code| Range { code, minimum: -(FULL as i32), maximum: FULL as i32, flat: 0 };
+    let (vendor, product) = CRTK;
+    Description {
+        identity: Identity { vendor, product, name: format!("CRTK {arm}"), serial: arm.to_owned() },
+        protocol: Protocol::Evdev,
+        absolute: vec![range(0), range(1)],
+        relative: Vec::new(),
+        keys: vec![BTN_TRIGGER],
+    }
+}
+
+enum Arm {
+    Joints(Subscription<JointState>),
+    Pose(Subscription<PoseStamped>),
+}
+
+impl Arm {
+    /// The newest message: where it is, and who said it.
+    fn newest(&self, axes: &[Axis; 2]) -> Option<([f64; 2], Gid)> {
+        let both =
+            |value: &dyn Fn(&Axis) -> Option<f64>| Some([value(&axes[0])?, value(&axes[1])?]);
+        let mut newest = None;
+        match self {
+            Self::Joints(topic) => {
+                while let Ok(Some((joints, info))) = topic.take() {
+                    let at = both(&|axis: &Axis| axis.in_joints(&joints));
+                    newest = at.map(|at| (at, info.publisher_gid()));
+                }
+            }
+            Self::Pose(topic) => {
+                while let Ok(Some((pose, info))) = topic.take() {
+                    let at = both(&|axis: &Axis| axis.in_pose(&pose));
+                    newest = at.map(|at| (at, info.publisher_gid()));
+                }
+            }
+        }
+        newest.filter(|(at, _)| at.iter().all(|value| value.is_finite()))
+    }
+}
+
+/// Follows a master until `stop`. `say` gets a line for everything that happens.
+///
+/// # Errors
+///
+/// When it cannot take part in ROS, or the pipe cannot be made.
+pub fn follow(
+    options: &MasterOptions,
+    stop: impl Fn() -> bool,
+    mut say: impl FnMut(&str),
+) -> Result<(), RosError> {
+    let (_context, mut node) = join(options.ros_domain, &options.networks, "i2ris_master")?;
+    let axes = options.axes.each_ref().map(|axis| Axis::new(axis));
+    let mut listener = Listener::new(&mut node, &options.arm);
+    let pedal = listener.subscription::<Joy>(&options.pedal)?;
+    let arm = if axes.iter().all(|axis| axis.of_pose().is_some()) {
+        Arm::Pose(listener.subscription("measured_cp")?)
+    } else {
+        Arm::Joints(listener.subscription("measured_js")?)
+    };
+    let _pipe = Pipe::make(&options.pipe)?;
+    say(&format!(
+        "waits for /{}; `i2ris teleop --mode position --played {}` follows it; Ctrl-C ends",
+        options.arm,
+        options.pipe.display()
+    ));
+    let mut follower = Follower::new(options.full);
+    let (mut plug, mut heard) = (None::<Plug>, Nanos::ZERO);
+    while !stop() {
+        let now = clock::now();
+        while let Ok(Some((joy, _))) = pedal.take() {
+            follower.is_pressed = joy.buttons.first().is_some_and(|button| *button != 0);
+        }
+        if let Some((at, from)) = arm.newest(&axes) {
+            heard = now;
+            if plug.as_ref().is_some_and(|plug| plug.from != from) {
+                say("another program speaks for the master now: it is plugged in anew");
+                (plug, follower.centre) = (None, None);
+            } else if let Some(events) = follower.events(at, now) {
+                if plug.is_none() {
+                    say(&format!("/{} is there", options.arm));
+                    plug = Some(Plug::new(&options.pipe, &options.arm, from)?);
+                }
+                // Who reads is late, or gone: the next message tells all again.
+                let _ = plug.as_mut().map(|plug| write_frame(&mut plug.pipe, now, &events));
+            }
+        } else if plug.is_some() && now.since(heard) > SILENCE {
+            say(&format!("/{} is silent: unplugged until it speaks again", options.arm));
+            (plug, follower) = (None, Follower::new(options.full));
+        }
+        clock::sleep(POLL);
+    }
+    Ok(())
+}
+
+/// The pipe in the file system, removed at the end if it was made here.
+struct Pipe<'a>(Option<&'a Path>);
+
+impl<'a> Pipe<'a> {
+    fn make(path: &'a Path) -> Result<Self, RosError> {
+        if fs::metadata(path).is_ok_and(|file| file.file_type().is_fifo()) {
+            return Ok(Self(None));
+        }
+        let made = nix::unistd::mkfifo(path, Mode::S_IRUSR | Mode::S_IWUSR);
+        let failed = |error: nix::errno::Errno| RosError::System {
+            action: "make the pipe",
+            source: error.into(),
+        };
+        made.map_err(failed)?;
+        Ok(Self(Some(path)))
+    }
+}
+
+impl Drop for Pipe<'_> {
+    fn drop(&mut self) {
+        if let Some(path) = self.0 {
+            // Only tidying: it may be gone already.
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(events: Option<Vec<u8>>) -> Option<[i32; 3]> {
+        let events = events?;
+        let value = |place: usize| {
+            i32::from_le_bytes(events[24 * place + 20..24 * place + 24].try_into().unwrap())
+        };
+        Some([value(0), value(1), value(2)])
+    }
+
+    #[test]
+    fn a_master_counts_from_where_it_stood_still_with_the_pedal_up() {
+        let mut follower = Follower::new(0.05);
+        let ms = Nanos::from_millis;
+        assert_eq!(told(follower.events([0.2, 0.1], ms(0))), None, "nothing is known of it");
+        assert_eq!(told(follower.events([0.2, 0.1], ms(200))), Some([0, 0, 0]));
+        // Moved with the pedal up: deflected, until it stands still.
+        assert_eq!(told(follower.events([0.225, 0.1], ms(210))), Some([5000, 0, 0]));
+        assert_eq!(told(follower.events([0.225, 0.1], ms(420))), Some([0, 0, 0]));
+        follower.is_pressed = true;
+        assert_eq!(told(follower.events([0.225, 0.1], ms(430))), Some([0, 0, 1]));
+        // It may stand still as long as it likes while the pedal is down.
+        for at in [440, 1000, 5000] {
+            assert_eq!(told(follower.events([0.225, 0.075], ms(at))), Some([0, -5000, 1]));
+        }
+        assert_eq!(told(follower.events([9.0, 0.1], ms(5010))), Some([14_000, 0, 1]));
+    }
+}
