@@ -12,8 +12,8 @@ use crate::state::{Code, Description, DeviceState};
 /// Relative axes that are not renewed for so long are at rest: the kernel does not report zeros.
 const RELATIVE_TIMEOUT: Nanos = Nanos::from_millis(60);
 /// Values up to this share of the range are a device that is a little off; beyond, it is another
-/// one, or broken.
-const MAX_SHARE: f64 = 1.25;
+/// one, or broken. A SpaceNavigator went to 498 of its 350 (johnhw/pyspacenavigator#1).
+const MAX_SHARE: f64 = 1.5;
 /// A trigger or pedal counts as pressed above the first share of its way, as released below the
 /// second, and as untouched below the third.
 const PRESSED: f64 = 0.6;
@@ -263,6 +263,24 @@ mod tests {
         state.apply(Event::Dropped, at(62_003));
         let reading = read(&mut control, &mut state, 62_004);
         assert_eq!((reading.push, reading.fault), (None, Some(Fault::Dropped)));
+    }
+
+    #[test]
+    fn the_farthest_that_a_real_space_navigator_went_is_full_deflection_and_no_fault() {
+        let name = "SpaceNavigator".into();
+        let device = crate::space_mouse::description(Identity {
+            vendor: 0x046d,
+            product: 0xc626,
+            name,
+            serial: String::new(),
+        });
+        let profile = Profile::shipped().find(|profile| profile.is_for(&device.identity)).unwrap();
+        let controls = profile.controls(&device, Handedness::Right).unwrap();
+        let (mut control, mut state) = (Control::new(&profile, controls), DeviceState::default());
+        state.apply(Event::Value(X, -441), Nanos(1));
+        state.apply(Event::Value(Y, 498), Nanos(1));
+        let reading = control.read(&device, &mut state, Nanos(1));
+        assert_eq!((reading.push, reading.fault), (Some([-1.0, -1.0]), None));
     }
 
     #[test]

@@ -70,6 +70,11 @@ mod tests {
         let x = Event::Value(Code::Absolute(0), -350);
         assert_eq!(events(&[1, 0xa2, 0xfe, 0, 0, 0, 0])[..1], [x]);
         assert_eq!(events(&[1, 0xa2, 0xfe, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0]).len(), 6);
+        // What a SpaceMouse Compact sent (CloudCompare/CloudCompare#2339).
+        let sent = events(&[1, 0x0d, 0, 0, 0, 0x25, 1]);
+        let values = [13, 0, 293].into_iter().zip(0..);
+        let values = values.map(|(value, axis)| Event::Value(Code::Absolute(axis), value));
+        assert_eq!(sent, values.collect::<Vec<_>>());
         let rz = Event::Value(Code::Absolute(5), 2);
         assert_eq!(events(&[2, 0, 0, 0, 0, 2, 0])[2], rz);
         let pressed = |report: &[u8]| {

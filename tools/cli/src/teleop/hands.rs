@@ -9,9 +9,10 @@ use i2ris_report::Failure;
 use i2ris_teleop::clutch::Clutch;
 use i2ris_teleop::control::{Control, Fault, Reading};
 use i2ris_teleop::device::{Device, HEAD};
-use i2ris_teleop::finder::{self, known, reopen, scan};
+use i2ris_teleop::finder::{self, Found, known, reopen, scan};
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::profile::{Handedness, Profile};
+use i2ris_teleop::state::Protocol;
 use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
 use super::source::{Asked, Source, SourceLost};
@@ -72,7 +73,7 @@ impl Hands {
         let profiles = profiles(&chosen.profiles)?;
         let mut parts = Vec::new();
         let real = if chosen.devices.is_empty() && chosen.played.is_empty() {
-            only_known(&profiles)?
+            only_known(&scan(&profiles), &profiles)?
         } else {
             chosen.devices.clone()
         };
@@ -97,16 +98,26 @@ impl Hands {
 }
 
 /// The known device that steers, and a known pedal beside it. Several, or none, are asked.
-fn only_known(profiles: &[Profile]) -> Result<Vec<PathBuf>, Failure> {
-    let found = scan(profiles);
+///
+/// One device has several files: a DualSense has its sensors and its touchpad beside the pad, a
+/// pedal a mouse beside its keys, a SpaceMouse its events beside its reports. Only a file with all
+/// controls of the profile counts, and reports before events.
+fn only_known(found: &[Found], profiles: &[Profile]) -> Result<Vec<PathBuf>, Failure> {
     let list = found.iter().map(|found| format!("\n  {}", finder::line(found, profiles)));
     let list = list.collect::<String>();
-    let is = |steers: bool| {
-        found.iter().filter(move |found| {
-            let profile = found.description.as_ref().ok().and_then(|it| known(it, profiles));
-            profile.is_some_and(|profile| profile.controls.right.is_some() == steers)
+    let has_reports = |product| {
+        found.iter().filter_map(|found| found.description.as_ref().ok()).any(|device| {
+            device.protocol == Protocol::SpaceMouse && device.identity.product_id() == product
         })
     };
+    let steers = |found: &&Found| {
+        let device = found.description.as_ref().ok()?;
+        let controls = known(device, profiles)?.controls(device, Handedness::Right).ok()?;
+        let is_second = device.protocol == Protocol::Evdev;
+        (!(is_second && has_reports(device.identity.product_id())))
+            .then_some(controls.axes.is_some())
+    };
+    let is = |wanted: bool| found.iter().filter(move |found| steers(found) == Some(wanted));
     let [steering] = is(true).collect::<Vec<_>>()[..] else {
         let how_many = if is(true).count() == 0 { "no" } else { "more than one" };
         return Err(format!(
@@ -233,5 +244,64 @@ impl Source for Hands {
         let names = self.parts.iter().map(|part| part.identity.to_string());
         let names = names.collect::<Vec<_>>().join(" and ");
         format!("{names}: hold the dead-man and steer; let go, and the snake holds. Ctrl-C ends.")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris_teleop::space_mouse;
+    use i2ris_teleop::state::{Description, Range};
+
+    use super::*;
+
+    fn evdev((vendor, product): (u16, u16), name: &str, axes: &[u16], keys: &[u16]) -> Description {
+        let range = |code: &u16| Range { code: *code, minimum: -350, maximum: 350, flat: 0 };
+        let (name, serial) = (name.to_owned(), String::new());
+        Description {
+            identity: Identity { vendor, product, name, serial },
+            protocol: Protocol::Evdev,
+            absolute: axes.iter().map(range).collect(),
+            relative: Vec::new(),
+            keys: keys.to_vec(),
+        }
+    }
+
+    /// A DualSense with its three files (ShadowBlip/InputPlumber#148), a pedal with its keyboard and
+    /// mouse (omustardo.com/timeline/2023/foot_pedal.html), and a SpaceMouse with events and
+    /// reports.
+    fn plugged_in() -> Vec<Found> {
+        const PAD: (u16, u16) = (0x054c, 0x0ce6);
+        const PEDAL: (u16, u16) = (0x3553, 0xb001);
+        const MOUSE: (u16, u16) = (0x256f, 0xc635);
+        let keys: Vec<u16> = (1..84).collect();
+        let events = evdev(MOUSE, "SpaceMouse Compact", &[0, 1, 2, 3, 4, 5], &[0x100, 0x101]);
+        let reports = space_mouse::description(events.identity.clone());
+        let all = [
+            ("/dev/hidraw2", reports),
+            ("/dev/input/event20", evdev(PAD, "DualSense", &[0, 1, 3, 4], &[0x130, 0x131, 0x137])),
+            ("/dev/input/event21", evdev(PAD, "DualSense Motion Sensors", &[0, 1, 2], &[])),
+            ("/dev/input/event22", evdev(PAD, "DualSense Touchpad", &[0, 1], &[0x110, 0x145])),
+            ("/dev/input/event23", evdev(PEDAL, "PCsensor FootSwitch Keyboard", &[], &keys)),
+            ("/dev/input/event24", evdev(PEDAL, "PCsensor FootSwitch Mouse", &[], &[0x110, 0x111])),
+            ("/dev/input/event25", events),
+        ];
+        all.map(|(path, device)| Found { path: path.into(), description: Ok(device) }).into()
+    }
+
+    #[test]
+    fn a_device_with_several_files_is_one_device() {
+        let profiles: Vec<_> = Profile::shipped().collect();
+        let chosen = |without: &str| {
+            let mut found = plugged_in();
+            found.retain(|found| {
+                let device = found.description.as_ref().unwrap();
+                without.is_empty() || !device.identity.name.starts_with(without)
+            });
+            only_known(&found, &profiles).map_err(|error| error.to_string())
+        };
+        let [pedal, pad] = ["/dev/input/event23", "/dev/input/event20"].map(PathBuf::from);
+        assert_eq!(chosen("SpaceMouse"), Ok(vec![pad, pedal.clone()]));
+        assert_eq!(chosen("DualSense"), Ok(vec!["/dev/hidraw2".into(), pedal]));
+        assert!(chosen("").unwrap_err().starts_with("more than one known device is plugged in"));
     }
 }
