@@ -314,6 +314,7 @@ fn identity_of_uevent(text: &str) -> Option<Identity> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recording::{write_frame, write_head};
     use crate::state::Code;
 
     #[test]
@@ -374,6 +375,29 @@ mod tests {
             device.read(clock::now(), |_| {}).is_err()
         });
         assert!(gone);
+    }
+
+    #[test]
+    fn what_a_device_tells_at_once_is_read_in_pieces_and_none_is_lost() {
+        let (reader, mut writer) = io::pipe().unwrap();
+        // SAFETY: asks for the size of an open pipe.
+        let size = unsafe { libc::fcntl(writer.as_raw_fd(), libc::F_SETPIPE_SZ, 1 << 20) };
+        assert!(size > 0);
+        let name = "Mouse".into();
+        let identity = Identity { vendor: 0x256f, product: 0xc635, name, serial: String::new() };
+        write_head(&mut writer, &space_mouse::description(identity)).unwrap();
+        for x in 0..20_000_i16 {
+            let [low, high] = x.to_le_bytes();
+            write_frame(&mut writer, Nanos::ZERO, &[1, low, high, 0, 0, 0, 0]).unwrap();
+        }
+        let path = PathBuf::from(format!("/proc/self/fd/{}", reader.as_raw_fd()));
+        let mut device = Device::open_played(&path, HEAD).unwrap();
+        let mut read = || {
+            device.read(clock::now(), |_| {}).unwrap();
+            device.parts().1.axis(Code::Absolute(0)).unwrap().value
+        };
+        assert!(read() < 19_999, "the others wait for all of it");
+        assert_eq!((0..10).map(|_| read()).last(), Some(19_999));
     }
 
     #[test]
