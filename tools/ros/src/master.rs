@@ -18,9 +18,9 @@ use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::{encode, stamp_anew};
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
-use i2ris_teleop::state::{Description, Protocol, Range};
+use i2ris_teleop::state::{Description, Range};
 use nix::sys::stat::Mode;
-use ros2_client::{Gid, Subscription};
+use ros2_client::{Gid, Message, Subscription};
 
 use crate::message::{JointState, Joy, PoseStamped};
 use crate::topics::Listener;
@@ -151,13 +151,8 @@ impl Plug {
 fn description(arm: &str) -> Description {
     let range = |code| Range { code, minimum: -(FULL as i32), maximum: FULL as i32, flat: 0 };
     let (vendor, product) = CRTK;
-    Description {
-        identity: Identity { vendor, product, name: format!("CRTK {arm}"), serial: arm.to_owned() },
-        protocol: Protocol::Evdev,
-        absolute: vec![range(0), range(1)],
-        relative: Vec::new(),
-        keys: vec![BTN_TRIGGER],
-    }
+    let identity = Identity::new(vendor, product, &format!("CRTK {arm}"));
+    Description::new(identity, vec![range(0), range(1)], vec![BTN_TRIGGER])
 }
 
 enum Arm {
@@ -168,25 +163,23 @@ enum Arm {
 impl Arm {
     /// The newest message: where it is, and who said it.
     fn newest(&self, axes: &[Axis; 2]) -> Option<([f64; 2], Gid)> {
-        let both =
-            |value: &dyn Fn(&Axis) -> Option<f64>| Some([value(&axes[0])?, value(&axes[1])?]);
-        let mut newest = None;
-        match self {
+        let newest = match self {
             Self::Joints(topic) => {
-                while let Ok(Some((joints, info))) = topic.take() {
-                    let at = both(&|axis: &Axis| axis.in_joints(&joints));
-                    newest = at.map(|at| (at, info.publisher_gid()));
-                }
+                newest(topic, |joints| axes.each_ref().map(|it| it.in_joints(joints)))
             }
-            Self::Pose(topic) => {
-                while let Ok(Some((pose, info))) = topic.take() {
-                    let at = both(&|axis: &Axis| axis.in_pose(&pose));
-                    newest = at.map(|at| (at, info.publisher_gid()));
-                }
-            }
-        }
+            Self::Pose(topic) => newest(topic, |pose| axes.each_ref().map(|it| it.in_pose(pose))),
+        };
         newest.filter(|(at, _)| at.iter().all(|value| value.is_finite()))
     }
+}
+
+fn newest<M: Message + 'static>(
+    topic: &Subscription<M>,
+    at: impl Fn(&M) -> [Option<f64>; 2],
+) -> Option<([f64; 2], Gid)> {
+    let (message, info) = std::iter::from_fn(|| topic.take().ok().flatten()).last()?;
+    let [Some(right), Some(up)] = at(&message) else { return None };
+    Some(([right, up], info.publisher_gid()))
 }
 
 /// Follows a master until `stop`. `say` gets a line for everything that happens.

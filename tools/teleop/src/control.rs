@@ -194,9 +194,8 @@ mod tests {
     }
 
     fn device() -> Description {
-        let name = "Pad".into();
         Description {
-            identity: Identity { vendor: 1, product: 2, name, serial: String::new() },
+            identity: Identity::new(1, 2, "Pad"),
             protocol: Protocol::Evdev,
             absolute: vec![range(0, -100, 100), range(1, 0, 255), range(5, 0, 100)],
             relative: vec![0, 1],
@@ -267,13 +266,8 @@ mod tests {
 
     #[test]
     fn the_farthest_that_a_real_space_navigator_went_is_full_deflection_and_no_fault() {
-        let name = "SpaceNavigator".into();
-        let device = crate::space_mouse::description(Identity {
-            vendor: 0x046d,
-            product: 0xc626,
-            name,
-            serial: String::new(),
-        });
+        let device =
+            crate::space_mouse::description(Identity::new(0x046d, 0xc626, "SpaceNavigator"));
         let profile = Profile::shipped().find(|profile| profile.is_for(&device.identity)).unwrap();
         let controls = profile.controls(&device, Handedness::Right).unwrap();
         let (mut control, mut state) = (Control::new(&profile, controls), DeviceState::default());

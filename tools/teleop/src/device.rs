@@ -383,8 +383,7 @@ mod tests {
         // SAFETY: asks for the size of an open pipe.
         let size = unsafe { libc::fcntl(writer.as_raw_fd(), libc::F_SETPIPE_SZ, 1 << 20) };
         assert!(size > 0);
-        let name = "Mouse".into();
-        let identity = Identity { vendor: 0x256f, product: 0xc635, name, serial: String::new() };
+        let identity = Identity::new(0x256f, 0xc635, "Mouse");
         write_head(&mut writer, &space_mouse::description(identity)).unwrap();
         for x in 0..20_000_i16 {
             let [low, high] = x.to_le_bytes();

@@ -88,12 +88,7 @@ struct World {
 
 impl World {
     fn new() -> Self {
-        let device = space_mouse::description(Identity {
-            vendor: 0x256f,
-            product: 0xc635,
-            name: "Mouse".into(),
-            serial: String::new(),
-        });
+        let device = space_mouse::description(Identity::new(0x256f, 0xc635, "Mouse"));
         let profile = Profile::shipped().find(|profile| profile.is_for(&device.identity)).unwrap();
         let controls = profile.controls(&device, Handedness::Right).unwrap();
         let settings =

@@ -42,6 +42,11 @@ pub struct Identity {
 }
 
 impl Identity {
+    /// Of a device without a serial number.
+    pub fn new(vendor: u16, product: u16, name: &str) -> Self {
+        Self { vendor, product, name: name.to_owned(), serial: String::new() }
+    }
+
     pub fn product_id(&self) -> ProductId {
         ProductId { vendor: self.vendor, product: self.product }
     }

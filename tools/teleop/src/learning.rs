@@ -107,13 +107,7 @@ mod tests {
 
     #[test]
     fn four_answers_make_a_profile_that_is_read_again() {
-        let name = "Stick \"7\"".into();
-        let device = space_mouse::description(Identity {
-            vendor: 0x1234,
-            product: 0xabcd,
-            name,
-            serial: String::new(),
-        });
+        let device = space_mouse::description(Identity::new(0x1234, 0xabcd, "Stick \"7\""));
         let rest = snapshot(3, -2, &[]);
         let answers = [
             rest.clone(),

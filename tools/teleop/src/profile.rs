@@ -242,12 +242,7 @@ mod tests {
 
     #[test]
     fn a_device_without_what_its_profile_names_is_refused_by_name() {
-        let identity = Identity {
-            vendor: 0x256f,
-            product: 0xc635,
-            name: "Mouse".into(),
-            serial: String::new(),
-        };
+        let identity = Identity::new(0x256f, 0xc635, "Mouse");
         let mut device = space_mouse::description(identity);
         let profile = Profile::shipped().find(|profile| profile.is_for(&device.identity)).unwrap();
         let controls = profile.controls(&device, Handedness::Right).unwrap();
@@ -270,12 +265,7 @@ mod tests {
             assert!(error.contains(part), "{line}: {error}");
         }
         assert!(Profile::parse("name = 'x'\ndevices = ['1']").unwrap_err().contains("046d:c62b"));
-        let device = space_mouse::description(Identity {
-            vendor: 1,
-            product: 1,
-            name: "Mouse".into(),
-            serial: String::new(),
-        });
+        let device = space_mouse::description(Identity::new(1, 1, "Mouse"));
         for (line, part) in [
             ("right = 'ABS_X'", "belong together"),
             ("scale = 'BTN_0'", "neither axes nor a dead-man"),

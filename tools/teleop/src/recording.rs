@@ -110,8 +110,7 @@ mod tests {
     use crate::space_mouse;
 
     fn description() -> Description {
-        let name = "Mouse\nof space".into();
-        space_mouse::description(Identity { vendor: 1, product: 2, name, serial: String::new() })
+        space_mouse::description(Identity::new(1, 2, "Mouse\nof space"))
     }
 
     #[test]

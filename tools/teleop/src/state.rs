@@ -73,6 +73,11 @@ pub struct Description {
 }
 
 impl Description {
+    /// Of a device of the kernel with these axes and keys.
+    pub fn new(identity: Identity, absolute: Vec<Range>, keys: Vec<u16>) -> Self {
+        Self { identity, protocol: Protocol::Evdev, absolute, relative: Vec::new(), keys }
+    }
+
     pub fn has(&self, code: Code) -> bool {
         match code {
             Code::Absolute(code) => self.range(code).is_some(),

@@ -20,7 +20,7 @@ use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::{encode, stamp_anew};
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
-use i2ris_teleop::state::{Description, Protocol, Range};
+use i2ris_teleop::state::{Description, Range};
 use nix::sys::stat::Mode;
 
 use super::client::{Pauses, read_states};
@@ -258,12 +258,6 @@ impl Drop for Hand {
 /// An Xbox controller, as the kernel describes one.
 fn gamepad() -> Description {
     let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
-    let name = "Gamepad".to_owned();
-    Description {
-        identity: Identity { vendor: 0x045e, product: 0x02ea, name, serial: String::new() },
-        protocol: Protocol::Evdev,
-        absolute: (0..2).map(range).collect(),
-        relative: Vec::new(),
-        keys: vec![0x130, 0x131, BTN_TR],
-    }
+    let identity = Identity::new(0x045e, 0x02ea, "Gamepad");
+    Description::new(identity, (0..2).map(range).collect(), vec![0x130, 0x131, BTN_TR])
 }

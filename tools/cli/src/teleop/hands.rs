@@ -256,14 +256,8 @@ mod tests {
 
     fn evdev((vendor, product): (u16, u16), name: &str, axes: &[u16], keys: &[u16]) -> Description {
         let range = |code: &u16| Range { code: *code, minimum: -350, maximum: 350, flat: 0 };
-        let (name, serial) = (name.to_owned(), String::new());
-        Description {
-            identity: Identity { vendor, product, name, serial },
-            protocol: Protocol::Evdev,
-            absolute: axes.iter().map(range).collect(),
-            relative: Vec::new(),
-            keys: keys.to_vec(),
-        }
+        let identity = Identity::new(vendor, product, name);
+        Description::new(identity, axes.iter().map(range).collect(), keys.to_vec())
     }
 
     /// A DualSense with its three files (ShadowBlip/InputPlumber#148), a pedal with its keyboard and

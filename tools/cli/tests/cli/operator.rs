@@ -5,6 +5,7 @@
 //! that by what a push does in the picture, as a person would. It is a script: its times compare
 //! views with each other, and say nothing of people.
 
+use std::f64::consts::TAU;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -25,6 +26,8 @@ use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::session::{Reference, Session};
 use i2ris_vision::source::{Frame, SourceItem};
 use i2ris_vision::view_detector::ViewDetector;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 
 use crate::bench::{ends, expect_stalls, start};
 use crate::played::{Played, identity};
@@ -226,19 +229,12 @@ impl Operator<'_> {
     }
 }
 
-/// Places in the picture, 3 to 6 deg from its middle (splitmix64).
+/// Places in the picture, 3 to 6 deg from its middle.
 fn targets(seed: u64, count: usize) -> Vec<[f64; 2]> {
-    let mut state = seed;
-    let mut share = || {
-        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        (z ^ (z >> 31)) as f64 / u64::MAX as f64
-    };
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut place = || {
-        let (radius, angle) = (3.0 + 3.0 * share(), std::f64::consts::TAU * share());
-        [radius * angle.cos(), radius * angle.sin()]
+        let (radius, angle) = (random.random_range(3.0..6.0), random.random_range(0.0..TAU));
+        [f64::cos(angle) * radius, f64::sin(angle) * radius]
     };
     (0..count).map(|_| place()).collect()
 }

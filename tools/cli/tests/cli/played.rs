@@ -9,7 +9,7 @@ use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::{encode, stamp_anew};
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::recording::{write_frame, write_head};
-use i2ris_teleop::state::{Description, Protocol, Range};
+use i2ris_teleop::state::{Description, Range};
 use nix::sys::stat::Mode;
 
 use crate::bench::Bench;
@@ -31,23 +31,13 @@ pub fn identity(vendor: u16, product: u16, serial: &str) -> Identity {
 /// An Xbox controller, as the kernel describes one.
 pub fn pad(serial: &str) -> Description {
     let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
-    Description {
-        identity: identity(0x045e, 0x02ea, serial),
-        protocol: Protocol::Evdev,
-        absolute: vec![range(X), range(Y), range(3), range(4)],
-        relative: Vec::new(),
-        keys: vec![BTN_SOUTH, BTN_EAST, BTN_TR - 1, BTN_TR],
-    }
+    let axes = [X, Y, 3, 4].map(range);
+    let keys = vec![BTN_SOUTH, BTN_EAST, BTN_TR - 1, BTN_TR];
+    Description::new(identity(0x045e, 0x02ea, serial), axes.into(), keys)
 }
 
 pub fn pedal() -> Description {
-    Description {
-        identity: identity(0x0c45, 0x7403, ""),
-        protocol: Protocol::Evdev,
-        absolute: Vec::new(),
-        relative: Vec::new(),
-        keys: vec![KEY_B, KEY_C],
-    }
+    Description::new(identity(0x0c45, 0x7403, ""), Vec::new(), vec![KEY_B, KEY_C])
 }
 
 /// A device that is played through a pipe.
