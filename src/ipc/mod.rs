@@ -40,7 +40,7 @@ pub use crate::robot::{
 pub use client_process::{ClientProcess, find_client_process};
 pub use domain::{Domain, DomainError};
 pub use domain_lock::DomainLock;
-pub use identities::Identities;
+pub use identities::{Identities, ShownClient};
 pub use payload::{Message, Payload};
 pub use random_id::random_id;
 pub use server::{IpcError, Server};

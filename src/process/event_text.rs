@@ -4,6 +4,7 @@ use std::fmt;
 
 use crate::core::adaptation::AdaptationEvent;
 use crate::core::{CycleEvent, CycleEventKind, PlausibilityCheck};
+use crate::ipc::ShownClient;
 use crate::robot::Fault;
 
 impl fmt::Display for CycleEvent {
@@ -29,22 +30,22 @@ impl fmt::Display for CycleEventKind {
                     _ => write!(f, ", "),
                 }
             }
-            Self::StaleStop { client_id, .. } => write!(f, "client {client_id:016x}: "),
+            Self::StaleStop { client_id, .. } => write!(f, "{}: ", ShownClient(*client_id)),
             Self::FeedbackStop => Ok(()),
             Self::Clipped { client_id: 0 } => write!(f, "move_jp: "),
-            Self::Clipped { client_id } => write!(f, "client {client_id:016x}: "),
+            Self::Clipped { client_id } => write!(f, "{}: ", ShownClient(*client_id)),
             Self::Lease { client_id: 0 } => write!(f, "lease is free"),
-            Self::Lease { client_id } => write!(f, "lease taken by client {client_id:016x}"),
-            Self::Refused { client_id, .. } => write!(f, "refused client {client_id:016x}: "),
+            Self::Lease { client_id } => write!(f, "lease taken by {}", ShownClient(*client_id)),
+            Self::Refused { client_id, .. } => write!(f, "refused {}: ", ShownClient(*client_id)),
             Self::RequestRefused { client_id, command, .. } => {
-                write!(f, "refused `{command}` of client {client_id:016x}: ")
+                write!(f, "refused `{command}` of {}: ", ShownClient(*client_id))
             }
             Self::Model { from, to } => {
                 write!(f, "model {to} took over")?;
                 from.map_or(Ok(()), |from| write!(f, " from {from}"))
             }
             Self::Fixtures { client_id, active } => {
-                write!(f, "virtual fixtures changed by client {client_id:016x}: ")?;
+                write!(f, "virtual fixtures changed by {}: ", ShownClient(*client_id))?;
                 write_fixtures(f, *active)
             }
             Self::FixtureLimit { region } => {

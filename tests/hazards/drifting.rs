@@ -74,6 +74,19 @@ impl Drifting {
         }
     }
 
+    /// Off, on again, and to zero, where the hand begins.
+    pub fn begin_anew(&mut self) {
+        assert_eq!(self.bench.ask(StateCommand::Disable), Refusal::None);
+        self.bench.idle();
+        self.bench.enable();
+        self.bench.pose = Some(([0.0; 3], 2));
+        assert_eq!(self.bench.ask(StateCommand::Move), Refusal::None);
+        while self.bench.report().busy {
+            self.tick(None);
+        }
+        self.time_s = 0.0;
+    }
+
     fn tick(&mut self, goal: Option<[f64; 2]>) {
         self.ticks += 1;
         match goal {

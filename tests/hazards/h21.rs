@@ -1,7 +1,7 @@
 //! H21: the robot adapts to a wrong camera.
 
 use i2ris::core::CycleEventKind;
-use i2ris::core::adaptation::AdaptationEvent;
+use i2ris::core::adaptation::{AdaptationEvent, Pause};
 use i2ris::ipc::{Fault, OperatingState};
 
 use super::drifting::{Drifting, ON, truth, wandering};
@@ -41,18 +41,41 @@ fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_said() {
     }
 }
 
+/// A camera that is tied to the wall of a swaying room: what was learned is wrong by the time it is
+/// applied.
+fn swaying(t: f64, [pitch, yaw]: [f64; 2]) -> [f64; 2] {
+    let sway = 0.9 * (std::f64::consts::TAU * t / 15.0).sin();
+    [pitch + sway, yaw - sway]
+}
+
 #[test]
 fn h21_a_camera_that_makes_it_worse_is_found_out_and_the_correction_is_taken_back() {
     let mut drifting = Drifting::new(ON);
-    // A camera that is tied to the wall of a swaying room: what was learned is wrong by the time it
-    // is applied.
-    drifting.follow(200.0, wandering, |t, [pitch, yaw]| {
-        let sway = 0.9 * (std::f64::consts::TAU * t / 15.0).sin();
-        [pitch + sway, yaw - sway]
-    });
+    drifting.follow(200.0, wandering, swaying);
     assert!(drifting.has(AdaptationEvent::TakenBack), "{:?}", drifting.adaptation());
     drifting.follow(20.0, wandering, truth);
     assert!(drifting.shift([0.0, 0.0]) < 0.05, "{:?}", drifting.adaptation());
+}
+
+/// The camera may have been wrong once, so the model is tried once more; then no more.
+#[test]
+fn h21_a_correction_that_was_taken_back_twice_is_not_learned_again() {
+    let mut drifting = Drifting::new(ON);
+    for times in 1..=2 {
+        let mut turns = 0;
+        while drifting.adaptation().taken_back < times {
+            turns += 1;
+            assert!(turns <= 60, "taken back {} times", drifting.adaptation().taken_back);
+            drifting.follow(10.0, wandering, swaying);
+        }
+        assert!(drifting.adaptation().pauses.contains(Pause::TakenBack));
+        drifting.begin_anew();
+    }
+    drifting.follow(60.0, wandering, |_, [pitch, yaw]| [pitch + 1.0, yaw]);
+    let adaptation = drifting.adaptation();
+    assert!(adaptation.pauses.contains(Pause::TakenBack), "{adaptation:?}");
+    assert_eq!(adaptation.taken_back, 2);
+    assert!(drifting.shift([0.0, 0.0]) < 0.05, "{adaptation:?}");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::thread;
 use i2ris::clock;
 use i2ris::ipc::client::{Client, Forwarder, RequestForwarder};
 use i2ris::ipc::payload::{OperatingStateMsg, ServoActuator, ServoJp, StateCommandRequest};
-use i2ris::ipc::{Domain, Refusal, StateCommand};
+use i2ris::ipc::{Domain, Refusal, ShownClient, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_testing::{Rig, SetOnDrop, stream_counts, wait_for};
 
@@ -237,7 +237,7 @@ fn the_log_folds_the_refusals_of_every_client() {
     });
     let log = rig.log_text("controller");
     for hostile in HOSTILE {
-        let name = format!("refused client {:016x}", hostile.client_id);
+        let name = format!("refused {}", ShownClient(hostile.client_id));
         let lines = log.lines().filter(|line| line.contains(&name)).count();
         assert!((1..=4).contains(&lines), "{hostile:?}: {lines} lines\n{log}");
     }

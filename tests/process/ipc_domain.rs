@@ -1,7 +1,8 @@
 //! One controller at a time, a clean start, no leftovers.
 
 use std::fs;
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use i2ris::clock;
@@ -108,6 +109,23 @@ fn leftovers_of_a_killed_controller_are_removed() {
     assert!(!nodes.exists());
     assert!(files(&domain).iter().all(|path| !path.to_string_lossy().contains(&old)));
     drop(server);
+    assert_no_files(&domain);
+}
+
+/// Every user can create names in `/dev/shm`: one of another user is left alone and stops no start.
+#[test]
+fn a_file_of_another_user_under_our_names_stops_no_start() {
+    let domain = unique_domain();
+    let foreign = PathBuf::from(format!("/dev/shm/{}0123.dynamic", domain.prefix()));
+    fs::write(&foreign, [7]).unwrap();
+    if chown(&foreign, Some(65_534), None).is_err() {
+        println!("SKIPPED: only root can give a file to another user");
+        return fs::remove_file(&foreign).unwrap();
+    }
+    drop(serve(&domain));
+    let (content, mode) = (fs::read(&foreign), fs::metadata(&foreign).unwrap().mode());
+    fs::remove_file(&foreign).unwrap();
+    assert_eq!((content.unwrap(), mode & 0o777), (vec![7], 0o644));
     assert_no_files(&domain);
 }
 

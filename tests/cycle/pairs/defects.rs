@@ -1,19 +1,26 @@
 //! Deliberate defects in the order of filters, one at a time, each of which the pairs have to find.
 //!
-//! A copy of the sources gets the defect, is built, and draws a million ticks. What has not been found
-//! lies where another stage holds the same limit: the limits of the motors (stage 10 and the gate),
-//! and the order of stages 5 and 6 (the gate).
+//! A copy of the sources gets the defect, is built, and draws a million ticks. Where two stages hold
+//! the same limit, a defect in one of them changes no setpoint, so the limit is taken from both: the
+//! limits of the motors from stage 10 and the gate, the calibrated pose from stage 6 and the gate. The
+//! order of stages 5 and 6 is such a case, too: the gate holds all that it may break.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const GATE: &str = "src/core/joint_space/gate.rs";
+const CORRECTION: &str = "src/core/joint_space/joint_model/correction.rs";
+const MOTORS: &str = "src/core/motion/velocity_limit.rs";
+
+/// The gate without the limits of the motors.
+const NO_MOTORS: Edit =
+    (GATE, "if !axes.keep_limits(&self.before) {", "if !axes.keep_limits(&self.before) && false {");
 
 /// What is replaced by what, in which file.
 type Edit = (&'static str, &'static str, &'static str);
 
-const DEFECTS: [(&str, &[Edit]); 7] = [
+const DEFECTS: [(&str, &[Edit]); 9] = [
     (
         "the gate checks nothing",
         &[(
@@ -49,12 +56,34 @@ const DEFECTS: [(&str, &[Edit]); 7] = [
         &[(GATE, "let places = [rest, here];", "let [_, places] = [[rest, here], [here, here]];")],
     ),
     (
-        "the gate keeps regions at the adapted pose only",
-        &[(
-            GATE,
-            "Some(memory) => joints.calibrated_pose(counts, memory),",
-            "Some(memory) => joints.calibrated_pose(counts, memory).map(|_| adapted),",
-        )],
+        "regions are kept at the adapted pose only",
+        &[
+            (
+                GATE,
+                "Some(memory) => joints.calibrated_pose(counts, memory),",
+                "Some(memory) => joints.calibrated_pose(counts, memory).map(|_| adapted),",
+            ),
+            (
+                CORRECTION,
+                "Some(all.calibrated_view())",
+                "Some(all.calibrated_view()).filter(|_| false)",
+            ),
+        ],
+    ),
+    (
+        "nothing limits the velocity of the motors",
+        &[
+            NO_MOTORS,
+            (
+                MOTORS,
+                "clamp(reachable, -self.velocity_limit, self.velocity_limit)",
+                "clamp(reachable, -f64::MAX, f64::MAX)",
+            ),
+        ],
+    ),
+    (
+        "nothing limits the acceleration of the motors",
+        &[NO_MOTORS, (MOTORS, "            velocity + self.acceleration", "            f64::MAX")],
     ),
 ];
 

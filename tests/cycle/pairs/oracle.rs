@@ -1,6 +1,6 @@
 //! What must hold in every tick of every situation, by formulae of its own: the snake of the tests
-//! with its gaps, distances to regions, angles at the setpoints, ages of commands. The limits of the
-//! motors, the states and the counters are checked by the bench itself.
+//! with its gaps, distances to regions, angles at the setpoints, acceleration of the motors, ages of
+//! commands. Other limits of the motors, states and counters are checked by the bench itself.
 
 use std::collections::VecDeque;
 
@@ -29,6 +29,8 @@ const STOP_TICKS: u32 = 6;
 const LARGEST_GAIN: f64 = 1.15;
 /// Ticks over which speed is measured: rounding to counts is little of it.
 const WINDOW: usize = 25;
+/// The same for a motor.
+const MOTOR_WINDOW: usize = 10;
 /// A count in each motor, at both ends.
 const ROUNDING_DEG: f64 = 4.0 * GAIN_DEG;
 
@@ -56,6 +58,7 @@ pub struct Stop {
     ticks: u32,
     /// counts/s^2.
     slow_down: f64,
+    speed_up: f64,
     /// Before it begins, s.
     delay_s: f64,
 }
@@ -72,6 +75,7 @@ impl Stop {
             degrees: 2.0 * GAIN_DEG * LARGEST_GAIN * counts + TOLERANCE_DEG,
             ticks: (1e3 * seconds).ceil() as u32,
             slow_down,
+            speed_up: limits.acceleration_counts_s2,
             delay_s,
         }
     }
@@ -138,6 +142,8 @@ pub struct Oracle {
     excess: f64,
     /// Poses of the last ticks, as seen: what is believed of them may change meanwhile.
     past: VecDeque<[f64; 2]>,
+    /// Setpoints of the last ticks.
+    past_targets: VecDeque<[i32; 2]>,
     targets: [i32; 2],
     /// Ticks in which the robot had nothing to follow.
     idle: u32,
@@ -162,6 +168,7 @@ impl Oracle {
             zones: Vec::new(),
             excess: 0.0,
             past: VecDeque::new(),
+            past_targets: VecDeque::new(),
             targets: [0; 2],
             idle: 0,
             stale_at: Nanos::ZERO,
@@ -238,6 +245,7 @@ impl Oracle {
         self.snake.follow(positions);
         if !is_on {
             self.past.clear();
+            self.past_targets.clear();
             self.targets = targets;
             self.see_anew(bench);
             return;
@@ -248,7 +256,25 @@ impl Oracle {
         self.check_angles(bench, at);
         self.check_hull(targets, report.busy);
         self.check_rest(bench, targets);
+        self.check_motors(targets);
         self.targets = targets;
+    }
+
+    /// Motors may slow down harder than they speed up, and turn round in between.
+    fn check_motors(&mut self, targets: [i32; 2]) {
+        self.past_targets.push_back(targets);
+        if self.past_targets.len() <= 2 * MOTOR_WINDOW {
+            return;
+        }
+        let [old, middle] = [0, MOTOR_WINDOW].map(|index| self.past_targets[index]);
+        self.past_targets.pop_front();
+        let seconds = MOTOR_WINDOW as f64 * 1e-3;
+        for motor in 0..2 {
+            let moved = f64::from((targets[motor] - middle[motor]).abs());
+            let before = f64::from((middle[motor] - old[motor]).abs());
+            let most = before + 1.5 * self.stop.speed_up * seconds * seconds + 2.0;
+            assert!(moved <= most, "motor {motor}: {moved} counts after {before}");
+        }
     }
 
     fn check_zones(&mut self, at: [f64; 2]) {

@@ -46,7 +46,7 @@ impl Situation {
     fn edge(&mut self) -> Option<([f64; 2], [f64; 2])> {
         let [one, other] = [0; 2].map(|_| self.random.within(-8.0, 8.0));
         let kind = self.random.below(3);
-        match if self.is_misled { 1 } else { kind } {
+        match if self.misled.is_some() { 1 } else { kind } {
             0 if !self.has_memory => {
                 let first = self.random.below(self.hull.len() as u64) as usize;
                 let corners = [first, (first + 1) % self.hull.len()];

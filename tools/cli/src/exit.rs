@@ -1,7 +1,7 @@
 //! Exit codes of commands that end while the robot moves.
 
 use i2ris::ipc::ready::Ready;
-use i2ris::ipc::{Domain, find_client_process};
+use i2ris::ipc::{Domain, ShownClient, find_client_process};
 use i2ris_report::Failure;
 use i2ris_report::exit::{Coded, OUT_OF_REACH};
 
@@ -17,7 +17,7 @@ pub fn name_holder(failure: Failure, domain: &Domain) -> Failure {
     });
     let named = holder.and_then(|client| {
         let process = find_client_process(domain, Ready::read(domain)?.boot_id, client)?;
-        Some((format!("client {client:016x}"), process.to_string()))
+        Some((ShownClient(client).to_string(), process.to_string()))
     });
     match named {
         Some((id, process)) => {

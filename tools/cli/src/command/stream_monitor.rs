@@ -1,7 +1,7 @@
 //! Checks the response of the controller to a stream of commands. Pure.
 
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
+use i2ris::ipc::{Fault, Message, OperatingState, Refusal, ShownClient};
 use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
 
@@ -39,10 +39,11 @@ pub enum StopReason {
     )]
     Unknown(u32),
     #[error(
-        "client {0:016x} holds the lease; end that program first, or wait until it falls silent"
+        "{} holds the lease; end that program first, or wait until it falls silent",
+        ShownClient(*.0)
     )]
     Lease(u64),
-    #[error("lost the lease to client {0:016x}")]
+    #[error("lost the lease to {}", ShownClient(*.0))]
     LostLease(u64),
     #[error(
         "the controller refuses every command: {}",

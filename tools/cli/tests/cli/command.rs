@@ -1,7 +1,7 @@
 //! `i2ris command` against a controller without drives.
 
 use i2ris::clock;
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::ipc::{Fault, OperatingState, Refusal, ShownClient, StateCommand};
 use i2ris::robot::{Cause, Reason};
 use i2ris::units::Nanos;
 use i2ris_testing::Controller;
@@ -105,7 +105,7 @@ fn a_robot_that_cannot_follow_is_left_alone_and_the_reason_told() {
 
     let controller = Controller::enabled();
     controller.robot().lease = 0xabc;
-    let holder = "client 0000000000000abc holds the lease";
+    let holder = &format!("{} holds the lease", ShownClient(0xabc));
     fails(&controller.domain, "command hold", 4, &[holder]);
 
     let controller = Controller::enabled();
@@ -127,7 +127,7 @@ fn what_happens_on_the_way_ends_it_with_the_cause() {
         controller.robot().state = OperatingState::Fault;
     };
     on_the_way(fault, 5, &["FAULT: fault 3: setpoint and encoder are too far apart"]);
-    let lost = "lost the lease to client 0000000000000abc";
+    let lost = &format!("lost the lease to {}", ShownClient(0xabc));
     on_the_way(|controller| controller.robot().lease = 0xabc, 4, &[lost]);
     let disable = |controller: &Controller| controller.robot().state = OperatingState::Disabled;
     let said = on_the_way(disable, 4, &["disabled or ended"]);

@@ -7,7 +7,7 @@ mod tests;
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ReasonMsg,
 };
-use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
+use i2ris::ipc::{Fault, Message, OperatingState, Refusal, ShownClient};
 use i2ris::model::ModelId;
 use i2ris::robot::{Cause, Reason, Stop};
 use i2ris::units::{MAX_MOTORS, Nanos};
@@ -73,8 +73,8 @@ impl EventLog {
         self.counters_rose(&old, new);
         if old.lease_client_id != new.lease_client_id {
             let text = match new.lease_client_id {
-                0 => format!("client {:016x} gave up the lease", old.lease_client_id),
-                client => format!("client {client:016x} has the lease"),
+                0 => format!("{} gave up the lease", ShownClient(old.lease_client_id)),
+                client => format!("{} has the lease", ShownClient(client)),
             };
             self.log(stamp, Severity::Info, text);
         }

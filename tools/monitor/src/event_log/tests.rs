@@ -46,7 +46,7 @@ fn every_change_is_logged_once() {
     assert_logged(
         &event_log,
         &[
-            ("client 00000000000000ab has the lease", 1),
+            (&*format!("{} has the lease", ShownClient(0xab)), 1),
             ("ENABLED to FAULT: a drive does not answer", 1),
             ("zero lost: not homed", 1),
         ],

@@ -1,7 +1,7 @@
 //! Events in words, from the streams and from the run log if it is attached.
 
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Fault, OperatingState, Refusal};
+use i2ris::ipc::{Fault, OperatingState, Refusal, ShownClient};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -89,7 +89,7 @@ fn state_changes(before: &OperatingStateMsg, now: &OperatingStateMsg) -> Vec<Des
     if before.lease_client_id != now.lease_client_id {
         let what = match now.lease_client_id {
             0 => "no client commands".to_owned(),
-            client => format!("client {client:016x} commands"),
+            client => format!("{} commands", ShownClient(client)),
         };
         changes.push((what, false));
     }

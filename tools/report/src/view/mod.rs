@@ -14,7 +14,7 @@ use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
     PeriodStatistics, ReachTarget, ReasonMsg, SpanSummary, TeleopMsg, VirtualFixturesMsg,
 };
-use i2ris::ipc::{Fault, Message, OperatingState, Refusal};
+use i2ris::ipc::{Fault, Message, OperatingState, Refusal, ShownClient};
 use i2ris::model::ModelId;
 use i2ris::units::{MAX_MOTORS, Nanos};
 use serde::Serialize;
@@ -318,7 +318,8 @@ fn state(message: &OperatingStateMsg, now: Nanos) -> State {
         watched: has(OperatingStateMsg::WATCHED),
         compared: has(OperatingStateMsg::COMPARED),
         commander: None,
-        lease: (message.lease_client_id != 0).then(|| format!("{:016x}", message.lease_client_id)),
+        lease: (message.lease_client_id != 0)
+            .then(|| ShownClient(message.lease_client_id).to_string()),
         accepted: message.accepted,
         refused: message.refused,
         last_refusal: last.map(Refusal::text),

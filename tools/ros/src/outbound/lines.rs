@@ -1,5 +1,6 @@
 //! What happened, as lines for `error`, `warning` and `status`.
 
+use i2ris::ipc::ShownClient;
 use i2ris::ipc::client::ClientError;
 use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
 use i2ris::robot::{Cause, OperatingState, Refusal};
@@ -116,7 +117,7 @@ impl Lines {
 
     fn client(&self, client_id: u64) -> String {
         let name = self.names.of(client_id);
-        name.unwrap_or_else(|| format!("client {client_id:016x} outside of ROS"))
+        name.unwrap_or_else(|| format!("{} outside of ROS", ShownClient(client_id)))
     }
 }
 
