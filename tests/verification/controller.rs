@@ -174,7 +174,12 @@ fn stop_if_stale(state: &mut State, guards: Guards) {
     state.followed = state.followed.filter(|followed| !is_stale(followed));
 }
 
-/// The gate is the last stage: what breaks a limit is held.
+/// The gate is the last stage: what breaks a limit is held. Not the gate of the controller, as the
+/// admission is: that one judges real numbers, of axes and a model with memory, and a search over
+/// states ends only where states are few. So it is one bit here, a stage that pushed, and what the
+/// search shows is that no order of commands, silences and restarts gets round it. That nothing else
+/// makes a `Gated` is shown by its type, and that the real one keeps every
+/// limit by `cycle::pairs`, on the wire.
 fn move_setpoints(state: &mut State, guards: Guards, pushed: bool) {
     state.motion = state.followed.filter(|_| !pushed || !guards.has(Guard::Gate));
     state.truth.broke_limit |= pushed && state.motion.is_some();
