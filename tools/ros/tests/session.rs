@@ -107,6 +107,7 @@ fn what_was_said_before_the_bridge_came_is_not_said_again() {
     let again = robot.client().state_command(StateCommand::Resume);
     assert!(again.is_err(), "it is not paused");
     peer.wait_for_line("warning", "the drives are off");
+    bridge.wait_for("the drives are off");
     let lines = bridge.lines();
     let warnings = lines.iter().filter(|line| line.starts_with("warning"));
     assert_eq!(warnings.count(), 1, "{lines:?}");

@@ -15,8 +15,8 @@ use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Client, ExternalPublisher, Subscription};
 use i2ris::ipc::payload::TeleopMsg;
 use i2ris::units::Nanos;
-use i2ris_report::mark::Line;
-use i2ris_report::{Axis, Color, Figure, Marker, Panel, Stroke};
+use i2ris_report::mark::Scatter;
+use i2ris_report::{Axis, Color, Figure, Marker, Panel};
 use i2ris_simulation::Emulator;
 use i2ris_teleop::space_mouse;
 use i2ris_testing::{Rig, TIMEOUT, home_and_enable, wait_until};
@@ -340,12 +340,11 @@ fn ten_targets_in_every_turn_are_reached_by_the_picture_alone() {
     let panels = curves.into_iter().zip(["time per target, s", "path per target, deg"]);
     let panels = panels.map(|([on, off], label)| {
         let places = Axis::linear("how the picture lies").marks(ticks.clone());
-        let line = |points, color, marker, label| {
-            Line::new(points, Stroke::new(color, 2.0)).marker(marker).label(label)
-        };
+        let marks =
+            |points, color, marker, label| Scatter::markers(points, color, marker).label(label);
         Panel::new("", places, Axis::linear(label).including(0.0))
-            .with(line(on, Color::BLUE, Marker::Circle, "view measured"))
-            .with(line(off, Color::ORANGE, Marker::Square, "view off"))
+            .with(marks(on, Color::BLUE, Marker::Circle, "view measured"))
+            .with(marks(off, Color::ORANGE, Marker::Square, "view off"))
     });
     let figure = Figure::new("operator", "A scripted operator", "Time and path per target by turn")
         .row(220.0, panels.collect());
