@@ -1,4 +1,4 @@
-//! The targets of a reach-and-hold task. The controller does not read them: they are for monitors
+//! The targets of a task: to reach and hold, or to follow. The controller does not read them: they are for monitors
 //! and recordings.
 
 use iceoryx2::prelude::ZeroCopySend;
@@ -8,7 +8,7 @@ use crate::units::MAX_OUTPUTS;
 
 payload! {
     /// `reach_target`, between clients: the target that a person shall reach and hold, 20 times a
-    /// second while the task runs.
+    /// second while the task runs; or the one to follow, 100 times a second.
     ReachTarget "I2risReachTargetV1": message {
         /// Counts up by one per message of one client.
         pub sequence: u64,
@@ -18,9 +18,10 @@ payload! {
         pub client_id: u64,
         /// When this target was shown first.
         pub shown_ns: u64,
-        /// How long the snake has to stay within the tolerance.
+        /// How long the snake has to stay within the tolerance; of [`ReachTarget::FOLLOW`]: the
+        /// length of the task.
         pub hold_ns: u64,
-        /// How long it has done so until now.
+        /// How long it has done so until now; how much of the task is over.
         pub held_ns: u64,
         /// Pitch and yaw of the target, rad.
         pub position: [f64; MAX_OUTPUTS],
@@ -44,4 +45,8 @@ impl ReachTarget {
     pub const HELD: u32 = 2;
     /// Flag: the camera judges; otherwise the model's estimate.
     pub const BY_CAMERA: u32 = 4;
+    /// Flag: to be followed, whether it moves or rests; nothing is reached.
+    pub const FOLLOW: u32 = 8;
+    /// The first part of such a task, in which the person gets to the target: it does not count.
+    pub const RUN_IN_NS: u64 = 3_000_000_000;
 }

@@ -3,15 +3,16 @@
 mod fixture;
 pub mod prepare;
 pub mod progress;
-pub mod reach;
 pub mod stream;
 pub mod stream_monitor;
+pub mod task;
 pub mod tracking;
 pub mod trajectory;
 mod trajectory_player;
 
 use std::path::PathBuf;
 
+use i2ris::ipc::client::Client;
 use i2ris::ipc::{Domain, OperatingState, StateCommand};
 
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
@@ -20,9 +21,9 @@ use crate::exit::name_holder;
 use crate::numbers::{finite, pair, positive, rate};
 use crate::teleop::{self, HandOptions};
 use prepare::{PrepareOptions, carry_out};
-use reach::ReachOptions;
 use stream::{OnLate, Plan};
 use stream_monitor::StopReason;
+use task::{HoldStillOptions, PursuitOptions, ReachOptions, TaskOptions};
 use trajectory::{Trajectory, Waypoints};
 
 #[derive(Debug, clap::Args)]
@@ -36,6 +37,7 @@ use trajectory::{Trajectory, Waypoints};
   i2ris command file desired.csv
   i2ris command fixture circle 10 5 3            a circle of 3 deg around 10, 5 is forbidden
   i2ris command reach --targets 5                bring the snake to targets and hold it there
+  i2ris command pursuit --device /dev/input/event7    follow a target that moves
 
 Ctrl-C comes to rest softly, gives the lease back and ends; the snake holds."
 )]
@@ -114,10 +116,24 @@ enum What {
         csv: PathBuf,
     },
     /// A task: bring the snake to targets, one after the other, and hold it there. With the keys of
-    /// this terminal or --gamepad. The monitor shows the targets, `i2ris report` scores a recording
+    /// this terminal or --device. The monitor shows the targets, `i2ris report` scores a recording
     Reach {
         #[command(flatten)]
         task: ReachOptions,
+        #[command(flatten)]
+        hand: HandOptions,
+    },
+    /// A task: follow a target along a curve that cannot be foreseen, by hand as in `reach`
+    Pursuit {
+        #[command(flatten)]
+        task: PursuitOptions,
+        #[command(flatten)]
+        hand: HandOptions,
+    },
+    /// A task: keep the snake at a place, by hand as in `reach`
+    HoldStill {
+        #[command(flatten)]
+        task: HoldStillOptions,
         #[command(flatten)]
         hand: HandOptions,
     },
@@ -217,9 +233,13 @@ fn carry_out_all(arguments: Arguments, domain: &Domain) -> Result<(), Failure> {
             };
         }
         What::Reach { task, hand } => {
-            let StreamOptions { rate_hz, speed_deg_s, prepare, .. } = stream;
-            let plan = hand.plan(teleop::Pace { rate_hz, speed_deg_s }, prepare, Some(task));
-            return teleop::run_plan(&mut client, &plan, &interrupt);
+            return by_hand(&mut client, TaskOptions::Reach(task), hand, &stream, &interrupt);
+        }
+        What::Pursuit { task, hand } => {
+            return by_hand(&mut client, TaskOptions::Pursuit(task), hand, &stream, &interrupt);
+        }
+        What::HoldStill { task, hand } => {
+            return by_hand(&mut client, TaskOptions::HoldStill(task), hand, &stream, &interrupt);
         }
         What::Fixture(command) => return fixture::run(&mut client, &command),
         What::Hold { duration_s } => ("hold", None, duration_s),
@@ -248,6 +268,18 @@ fn carry_out_all(arguments: Arguments, domain: &Domain) -> Result<(), Failure> {
         Plan { name, trajectory: path, duration_s, rate_hz, speed_deg_s, on_late, prepare },
         &interrupt,
     )
+}
+
+fn by_hand(
+    client: &mut Client,
+    task: TaskOptions,
+    hand: HandOptions,
+    stream: &StreamOptions,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    let pace = teleop::Pace { rate_hz: stream.rate_hz, speed_deg_s: stream.speed_deg_s };
+    let plan = hand.plan(pace, stream.prepare, Some(task));
+    teleop::run_plan(client, &plan, interrupt)
 }
 
 fn print_state(

@@ -14,8 +14,8 @@ const CONNECT: Nanos = Nanos::from_millis(2000);
 /// Time limit for the first state.
 const FIRST_STATE: Nanos = Nanos::from_millis(1000);
 /// Time for the last messages of `error` and `warning`, which a controller sends to new
-/// subscribers every 50 ms.
-const LAST_REASONS: Nanos = Nanos::from_millis(300);
+/// subscribers every 50 ms, and for what a recorder tells of its trial, twice a second.
+const LAST_REASONS: Nanos = Nanos::from_millis(700);
 /// Polling period for them.
 const POLL_PERIOD: Nanos = Nanos::from_millis(5);
 
@@ -40,7 +40,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut client = Client::connect(&domain, CONNECT)?;
     let watcher = client.watcher();
     let (mut error, mut warning) = (watcher.error(), watcher.warning());
-    let mut hand = Latest::new(watcher.teleop());
+    let (mut hand, mut trial) = (Latest::new(watcher.teleop()), Latest::new(watcher.trial()));
     let (mut errors, mut warnings) = (Vec::new(), Vec::new());
     let start = clock::now();
     let state = client.wait_for(FIRST_STATE, |_| true)?;
@@ -48,10 +48,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         receive(&mut error, &mut errors)?;
         receive(&mut warning, &mut warnings)?;
         hand.refresh()?;
+        trial.refresh()?;
         clock::sleep(POLL_PERIOD);
     }
     let hand = hand.refresh()?.copied();
-    let found = reasons(&state, errors.last(), &warnings, hand.as_ref(), clock::now());
+    let trial = trial.refresh()?.copied();
+    let (hand, trial) = (hand.as_ref(), trial.as_ref());
+    let found = reasons(&state, errors.last(), &warnings, hand, trial, clock::now());
     let holder = find_client_process(&domain, state.boot_id, state.lease_client_id);
     let holder = match holder {
         Some(process) => format!("; now {process} holds it"),

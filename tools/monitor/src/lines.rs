@@ -17,6 +17,7 @@ pub fn page(view: &View) -> Vec<String> {
         }
     }
     lines.extend(loop_lines(view.control_loop.as_ref()));
+    lines.extend(view.trial.iter().map(|trial| format!("study      {}", trial.line())));
     lines.extend(view.health.iter().map(|health| format!("health     {health}")));
     let adaptation = view.adaptation.iter().flat_map(|it| it.lines());
     lines.extend(adaptation.map(|line| format!("adaptation {line}")));

@@ -18,7 +18,7 @@ const RATE_SPAN: Nanos = Nanos::from_millis(1000);
 const FIRST_SPAN: Nanos = Nanos::from_millis(250);
 
 /// All but the operating state, in the order in which the event log has what comes together.
-const STREAMS: [Stream; 13] = [
+const STREAMS: [Stream; 14] = [
     Stream::Actuators,
     Stream::Goal,
     Stream::Setpoint,
@@ -30,6 +30,7 @@ const STREAMS: [Stream; 13] = [
     Stream::VirtualFixtures,
     Stream::ReachTarget,
     Stream::Teleop,
+    Stream::Trial,
     Stream::Statistics,
     Stream::External,
 ];
@@ -105,6 +106,7 @@ impl Subscriptions {
             StreamMessage::VirtualFixtures(message) => view.fixtures = Some(message),
             StreamMessage::ReachTarget(message) => view.target = Some(message),
             StreamMessage::Teleop(message) => view.hand = Some(message),
+            StreamMessage::Trial(message) => view.trial = Some(message),
             StreamMessage::Statistics(message) => {
                 event_log.update_ticks(&message);
                 view.statistics = Some(message);

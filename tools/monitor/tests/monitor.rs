@@ -11,6 +11,8 @@ mod http;
 mod pages;
 #[path = "monitor/terminal.rs"]
 mod terminal;
+#[path = "monitor/trial.rs"]
+mod trial;
 #[path = "monitor/web.rs"]
 mod web;
 

@@ -276,12 +276,14 @@ class ReasonMsg(Payload):
 
 
 class ReachTarget(Payload):
-    """``reach_target``, between clients: the target that a person shall reach and hold."""
+    """``reach_target``, between clients: the target that a person shall reach and hold, or follow."""
 
     NAME = "I2risReachTargetV1"
     ENDED = 1
     HELD = 2
     BY_CAMERA = 4
+    FOLLOW = 8
+    RUN_IN_NS = 3_000_000_000
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),

@@ -25,9 +25,9 @@ use i2ris_teleop::view::View;
 
 use crate::command::prepare::{PrepareOptions, prepare};
 use crate::command::progress::Progress;
-use crate::command::reach::{ReachOptions, ReachTask};
 use crate::command::stream::{present_pose, two_angles};
 use crate::command::stream_monitor::StreamMonitor;
+use crate::command::task::{HandTask, TaskOptions};
 use crate::command::tracking::ClipMonitor;
 use crate::numbers::{finite, positive, rate, within};
 use hands::{Chosen, Hands};
@@ -103,7 +103,7 @@ pub struct HandOptions {
     #[arg(long, value_delimiter = ',', default_values_t = [1.0, 0.5, 0.25], value_name = "SHARE",
           value_parser = share)]
     scale: Vec<f64>,
-    /// How far one key press goes [default: 0.25, and 0.1 in `reach`]
+    /// How far one key press goes [default: 0.25, and 0.1 in a task]
     #[arg(long, value_name = "DEG", value_parser = step)]
     step_deg: Option<f64>,
     /// The device is held in the left hand: its controls of the other side are used
@@ -145,11 +145,11 @@ pub struct Plan {
     settings: Settings,
     period: Nanos,
     prepare: PrepareOptions,
-    task: Option<ReachOptions>,
+    task: Option<TaskOptions>,
 }
 
 impl HandOptions {
-    pub fn plan(self, pace: Pace, prepare: PrepareOptions, task: Option<ReachOptions>) -> Plan {
+    pub fn plan(self, pace: Pace, prepare: PrepareOptions, task: Option<TaskOptions>) -> Plan {
         let step_deg = if task.is_some() { FINE_STEP_DEG } else { STEP_DEG };
         let settings = Settings {
             mode: match self.mode {
@@ -223,7 +223,7 @@ pub fn run_plan(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Resu
         setpoint: Latest::new(client.watcher().setpoint_js()),
         goal: Latest::new(client.watcher().goal_js()),
         clips: ClipMonitor::new(clock::now()),
-        task: { plan.task.as_ref() }.map(|options| ReachTask::new(options, client)),
+        task: { plan.task.as_ref() }.map(|options| HandTask::new(options, client)),
     };
     teleoperation.progress.say(&source.help())?;
     teleoperation.progress.say(&format!("the view: {view}"))?;
@@ -265,7 +265,7 @@ struct Teleoperation {
     setpoint: Latest<JointState>,
     goal: Latest<JointState>,
     clips: ClipMonitor,
-    task: Option<ReachTask>,
+    task: Option<HandTask>,
 }
 
 impl Teleoperation {
@@ -384,7 +384,7 @@ fn line(
     command: &MasterCommand,
     asked: &Asked,
     scale: f64,
-    task: Option<&ReachTask>,
+    task: Option<&HandTask>,
     now: Nanos,
 ) -> String {
     // Within 80 columns: a line that wraps cannot be drawn over.

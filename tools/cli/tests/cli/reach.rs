@@ -82,6 +82,43 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
 }
 
 #[test]
+fn a_target_is_followed_by_keys_and_the_report_scores_it() {
+    let bench = Bench::new();
+    for (words, moves, lag) in
+        [("pursuit --seed 2", true, "pursuit"), ("hold-still", false, "held")]
+    {
+        let controller = Controller::enabled();
+        let file = bench.file(&format!("{lag}.mcap"));
+        let mut record = start(&controller.domain, &format!("record --output {file}"));
+        wait_until("it records", || fs::metadata(&file).is_ok_and(|data| data.len() > 0));
+        let words = format!("command {words} --duration-s 6");
+        let words: Vec<&str> = words.split(' ').collect();
+        let mut terminal = Terminal::start(&controller.domain, &words, 24, 80);
+        terminal.wait_for("close the clutch to begin");
+        let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
+        let mut target = Latest::new(client.watcher().reach_target());
+        wait_until("the task is over", || {
+            terminal.type_keys(" ");
+            clock::sleep(Nanos::from_millis(100));
+            let target = target.refresh().unwrap();
+            target.is_some_and(|target| target.flags & ReachTarget::ENDED != 0)
+        });
+        terminal.wait_for("deg from the target (root mean square)");
+        assert!(terminal.end().success());
+        clock::sleep(Nanos::from_millis(500));
+        record.interrupt();
+        ends(record, 0, &[]);
+        let text = succeeds(&controller.domain, &format!("report {file}"));
+        assert!(text.contains(lag) && text.contains("from the target by the estimate"), "{text}");
+        let json = succeeds(&controller.domain, &format!("report {file} --json"));
+        let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+        let pursuits = report["pursuits"].as_array().unwrap();
+        assert_eq!((pursuits.len(), &pursuits[0]["moves"]), (1, &moves.into()), "{json}");
+        assert!(report["targets"].is_null(), "nothing was to be reached");
+    }
+}
+
+#[test]
 fn a_task_without_a_terminal_and_without_targets_is_refused() {
     let controller = Controller::enabled();
     fails(&controller.domain, "command reach", 1, &["needs a terminal"]);

@@ -61,6 +61,11 @@ fn header(view: &View, title: &str, width: usize) -> Vec<Line<'static>> {
         Some(state) => {
             lines.extend(flow(state_items(view, state), width));
             lines.extend(flow(command_items(state), width));
+            let trial = view.trial.iter().map(|trial| {
+                let style = if trial.problem.is_some() { alarm() } else { Style::new() };
+                Span::styled(trial.line(), style)
+            });
+            lines.extend(flow(trial, width));
         }
     }
     if width >= usize::from(WIDE) {

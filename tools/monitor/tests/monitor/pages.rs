@@ -16,7 +16,7 @@ use crate::chromium::Browser;
 use crate::http::Served;
 
 const PITCH: &str = "document.querySelectorAll('#joints td.estimate')[0].textContent";
-const WHY: &str = "document.getElementById('why')?.innerText";
+pub const WHY: &str = "document.getElementById('why')?.innerText";
 
 /// Does it again and again until it is true, or too late.
 fn within_timeout(mut is_true: impl FnMut() -> bool) -> bool {

@@ -63,7 +63,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// All trials of a study: a page, and a CSV beside it.
+/// All trials of a study: a page, and its numbers as CSV beside it.
 fn study(arguments: &Arguments) -> Result<(), Failure> {
     let folder = &arguments.recording;
     let report = while_working("reading", || StudyReport::read(folder, |_| {}))?;
@@ -82,10 +82,13 @@ fn study(arguments: &Arguments) -> Result<(), Failure> {
             .map_err(|error| format!("cannot write {}: {error}", path.display()))
     };
     write(&output, report.page().to_string().as_bytes())?;
-    let table = output.with_extension("csv");
-    write(&table, &report.csv()?)?;
+    let name = output.file_stem().unwrap_or_default().to_string_lossy();
+    for (end, table) in report.tables()? {
+        write(&output.with_file_name(format!("{name}{end}.csv")), &table)?;
+    }
     if !arguments.json {
-        println!("written: {}, {}", output.display(), table.display());
+        let beside = output.with_file_name(format!("{name}*.csv"));
+        println!("written: {}, {}", output.display(), beside.display());
     }
     Ok(())
 }

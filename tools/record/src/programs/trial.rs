@@ -1,15 +1,17 @@
 //! `i2ris trial`: the trials of a study, from a participant at the console to a recording with marks.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
+use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
 use i2ris::clock;
 use i2ris_record::study::code::{Condition, Participant};
-use i2ris_record::study::journal::Outcome;
+use i2ris_record::study::journal::{Journal, Outcome};
 use i2ris_record::study::order::order;
 use i2ris_record::study::runner::Plan;
+use i2ris_record::study::workload::{SCALES, Workload};
 use i2ris_record::study::{Study, TrialFolder};
 use i2ris_report::programs::{Program, find};
 use i2ris_report::{DomainOption, Failure};
@@ -25,6 +27,7 @@ use i2ris_report::{DomainOption, Failure};
   i2ris trial start --study reach-study --participant P07 --condition joystick --task reach
   i2ris trial mark contact --study reach-study
   i2ris trial stop --outcome success --study reach-study
+  i2ris trial workload --study reach-study
   i2ris trial list --study reach-study
 
 I2RIS_STUDY names the study for all of them. Participants are codes; names are refused."
@@ -93,6 +96,16 @@ enum Task {
         /// What shall be remembered
         #[arg(long, value_name = "TEXT", default_value = "")]
         note: String,
+        #[command(flatten)]
+        study: InStudy,
+    },
+    /// Ask the participant for the workload of a trial: the six scales of NASA-TLX
+    Workload {
+        /// Its name, as P07-joystick-02 [default: the trial that ended last]
+        name: Option<String>,
+        /// The answers from a form on paper, as 55,30,25,60,50,20
+        #[arg(long, value_name = "SIX")]
+        answers: Option<Workload>,
         #[command(flatten)]
         study: InStudy,
     },
@@ -166,10 +179,36 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             let trial = Study::open(&study.study)?.stop(outcome, &note)?;
             println!("{}", line(&trial));
         }
+        Task::Workload { name, answers, study } => {
+            let trial = Study::open(&study.study)?.ended(name.as_deref())?;
+            let answers = answers.map_or_else(|| ask(&trial.name), Ok)?;
+            Journal::open(&trial.folder)?.workload(answers)?;
+            println!("{}: workload {:.0} of 100", trial.name, answers.mean());
+        }
         Task::List { study, json } => list(&Study::open(&study.study)?, json)?,
         Task::Show { name, study } => show(&Study::open(&study.study)?, &name)?,
     }
     Ok(())
+}
+
+/// The form, on the terminal.
+fn ask(trial: &str) -> Result<Workload, Failure> {
+    println!("{trial}. Each answer is 0 to 100 in steps of 5.");
+    let mut answers = [0; SCALES.len()];
+    for (answer, (name, question, [low, high])) in answers.iter_mut().zip(SCALES) {
+        *answer = loop {
+            println!("{name}: {question} (0 {low} ... 100 {high})");
+            let mut line = String::new();
+            if io::stdin().read_line(&mut line)? == 0 {
+                return Err("the form was not filled in; nothing is stored".into());
+            }
+            match Workload::answer(&line) {
+                Ok(answer) => break answer,
+                Err(error) => println!("{error}"),
+            }
+        };
+    }
+    Ok(Workload(answers))
 }
 
 fn line(trial: &TrialFolder) -> String {
@@ -209,16 +248,19 @@ fn list(study: &Study, json: bool) -> Result<(), Failure> {
 }
 
 fn show(study: &Study, name: &str) -> Result<(), Failure> {
-    let trials = study.trials()?;
-    let trial = trials.iter().find(|trial| trial.name == name);
-    let trial = trial.ok_or_else(|| format!("{name} is no trial of this study; see `list`"))?;
-    println!("{}", line(trial));
+    let trial = study.trial(name)?;
+    println!("{}", line(&trial));
     println!("  recording: {}", trial.recording().display());
     if let Some(why) = &trial.state.failed {
         println!("  not recorded to its end: {why}");
     }
     if trial.state.boots.len() > 1 {
         println!("  the controller was started {} times in it", trial.state.boots.len());
+    }
+    if let Some(workload) = trial.state.workload {
+        let scales = SCALES.iter().zip(workload.0).map(|((name, ..), it)| format!("{name} {it}"));
+        let scales = scales.collect::<Vec<_>>().join(", ");
+        println!("  workload {:.0} of 100: {scales}", workload.mean());
     }
     for mark in &trial.state.marks {
         println!("  mark {:>3}  {}  {}", mark.number, mark.time, mark.text);

@@ -8,6 +8,7 @@
 //! | `percentiles` | of errors and latencies |
 //! | `shortfall` | asked against reached: commands out of reach |
 //! | `reaches` | point-to-point motion and reach-and-hold tasks: time, overshoot, detour |
+//! | `pursuit` | targets that were followed: error and lag |
 //! | `hysteresis` | counts against angle, width of the loop |
 //! | `latency` | from command to serial line, age of encoder positions, the control loop |
 //! | `events` | events in words |
@@ -21,6 +22,7 @@ mod hysteresis;
 mod latency;
 mod page;
 mod percentiles;
+mod pursuit;
 mod reaches;
 mod shortfall;
 mod text;
@@ -39,6 +41,8 @@ use events::{TrialEvent, trial_events};
 use hysteresis::{HysteresisLoop, hysteresis_loops};
 use latency::{LoopTiming, loop_timing};
 use percentiles::Percentiles;
+pub(crate) use pursuit::Pursuit;
+use pursuit::pursuits;
 pub(crate) use reaches::TargetReach;
 use reaches::{ReachScore, TargetScore, reach_score, target_score};
 use shortfall::{Shortfall, shortfall};
@@ -70,6 +74,8 @@ pub struct TrialReport {
     pub shortfall: Option<Shortfall>,
     pub reaches: Option<ReachScore>,
     pub targets: Option<TargetScore>,
+    /// Targets that were followed.
+    pub pursuits: Vec<Pursuit>,
     pub hysteresis: Vec<HysteresisLoop>,
     /// From the stamp of a command until its setpoint was passed to the serial line, ms.
     pub command_to_line_ms: Option<Percentiles>,
@@ -115,6 +121,7 @@ impl TrialReport {
             shortfall: shortfall(&trial),
             reaches: reach_score(&trial),
             targets: target_score(&trial),
+            pursuits: pursuits(&trial),
             hysteresis: hysteresis_loops(&trial),
             command_to_line_ms: Percentiles::of_histogram_ms(&trial.latencies.to_line),
             reading_age_ms: Percentiles::of_histogram_ms(&trial.latencies.age),

@@ -24,6 +24,10 @@ pub fn page(report: &TrialReport) -> Page {
     write_tracking(&mut page, report);
     write_reaches(&mut page, report);
     write_targets(&mut page, report);
+    if !report.pursuits.is_empty() {
+        page.section("Pursuit");
+        report.pursuits.iter().for_each(|pursuit| page.paragraph(format!("{}.", pursuit.line())));
+    }
     write_hysteresis(&mut page, report);
     write_adaptation(&mut page, report);
     write_latencies(&mut page, report);

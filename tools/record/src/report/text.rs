@@ -24,6 +24,7 @@ pub fn text(report: &TrialReport) -> String {
         )
     }));
     lines.extend(report.targets.as_ref().map(|score| format!("  {}", score.line())));
+    lines.extend(report.pursuits.iter().map(|pursuit| format!("  {}", pursuit.line())));
     lines.extend(report.hysteresis.iter().map(|found| {
         let width = found.width_deg.map(|width| format!("{width:.2} deg wide"));
         let width = width.unwrap_or_else(|| "width not known".to_owned());

@@ -14,6 +14,7 @@ use i2ris_report::statistics::TimeSeries;
 use mcap::records::Record;
 
 use super::latency::Latencies;
+use super::pursuit::Followed;
 use crate::cdr;
 use crate::read::{ReadError, Records};
 use crate::recorder::{HEADER, OUTCOME, rate_hz};
@@ -63,6 +64,8 @@ pub struct Trial {
     pub adaptation: Vec<AdaptationMsg>,
     /// The targets of reach-and-hold tasks: the last message of each.
     pub targets: Vec<ReachTarget>,
+    /// The targets that were to be followed.
+    pub followed: Vec<Followed>,
     pub latencies: Latencies,
     /// Outputs are positions of the tip, not angles: the series do not contain them.
     pub is_tip: bool,
@@ -278,7 +281,14 @@ impl Trial {
         }
     }
 
-    fn add_target(&mut self, message: ReachTarget) {
+    pub fn add_target(&mut self, message: ReachTarget) {
+        if message.flags & ReachTarget::FOLLOW != 0 {
+            match self.followed.last_mut() {
+                Some(last) if last.is(&message) => last.add(message),
+                _ => self.followed.push(Followed::new(message)),
+            }
+            return;
+        }
         let identity = |target: &ReachTarget| (target.client_id, target.shown_ns);
         match self.targets.last_mut() {
             Some(last) if identity(last) == identity(&message) => *last = message,

@@ -15,9 +15,10 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Serialize;
 
-use super::journal::Outcome;
+use super::journal::{Outcome, TrialState};
+use super::workload::Workload;
 use super::{Study, StudyError};
-use crate::report::{TargetReach, TrialReport};
+use crate::report::{Pursuit, TargetReach, TrialReport};
 
 const RESAMPLES: usize = 10_000;
 const SEED: u64 = 9241;
@@ -42,16 +43,28 @@ pub enum Measure {
     OvershootDeg,
     /// RMS distance from the goal while it was followed, deg, by the camera if there is one.
     ErrorDeg,
+    /// RMS distance from a target that moved, deg.
+    PursuitDeg,
+    /// How late the snake was behind it, s.
+    PursuitLagS,
+    /// RMS distance from a place that was to be held, deg.
+    HoldStillDeg,
+    /// NASA-TLX, 0 to 100.
+    Workload,
 }
 
 impl Measure {
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 10] = [
         Self::Held,
         Self::TimeS,
         Self::ThroughputBitS,
         Self::Detour,
         Self::OvershootDeg,
         Self::ErrorDeg,
+        Self::PursuitDeg,
+        Self::PursuitLagS,
+        Self::HoldStillDeg,
+        Self::Workload,
     ];
 
     pub fn name(self) -> &'static str {
@@ -62,16 +75,27 @@ impl Measure {
             Self::Detour => "path over distance",
             Self::OvershootDeg => "overshoot (deg)",
             Self::ErrorDeg => "error, RMS (deg)",
+            Self::PursuitDeg => "pursuit, RMS (deg)",
+            Self::PursuitLagS => "pursuit, lag (s)",
+            Self::HoldStillDeg => "holding still, RMS (deg)",
+            Self::Workload => "workload (0 to 100)",
         }
     }
 
     /// Its value in a trial; `None`: the trial does not show it.
-    fn of(self, report: &TrialReport) -> Option<f64> {
+    fn of(self, state: &TrialState, report: &TrialReport) -> Option<f64> {
         let targets = report.targets.as_ref();
         let of_targets = |value: fn(&TargetReach) -> Option<f64>| {
             mean(targets?.targets.iter().filter_map(value))
         };
+        let of_pursuits = |moves: bool, value: fn(&Pursuit) -> Option<f64>| {
+            mean(report.pursuits.iter().filter(|it| it.moves == moves).filter_map(value))
+        };
         match self {
+            Self::PursuitDeg => of_pursuits(true, |pursuit| Some(pursuit.rms_deg)),
+            Self::PursuitLagS => of_pursuits(true, |pursuit| pursuit.lag_s),
+            Self::HoldStillDeg => of_pursuits(false, |pursuit| Some(pursuit.rms_deg)),
+            Self::Workload => state.workload.as_ref().map(Workload::mean),
             Self::Held => targets.map(|score| score.held),
             Self::TimeS => of_targets(|target| target.held_s),
             Self::Detour => of_targets(|target| Some(target.detour)),
@@ -115,6 +139,10 @@ pub struct TrialNumbers {
     pub started: String,
     pub outcome: Option<Outcome>,
     pub marks: usize,
+    pub workload: Option<Workload>,
+    /// Of the targets that were to be reached.
+    #[serde(skip)]
+    pub targets: Vec<TargetReach>,
     /// In the order of [`Measure::ALL`].
     pub values: [Option<f64>; Measure::ALL.len()],
     /// Why it does not count; `None`: it does.
@@ -168,6 +196,8 @@ impl StudyReport {
                 started: state.started.clone(),
                 outcome: state.outcome,
                 marks: state.marks.len(),
+                workload: state.workload,
+                targets: Vec::new(),
                 values: Default::default(),
                 left_out: None,
             };
@@ -175,7 +205,10 @@ impl StudyReport {
                 (None, _) => numbers.left_out = Some("it runs, or was cut off".into()),
                 (Some(Outcome::Aborted), _) => numbers.left_out = Some("aborted".into()),
                 (_, Err(error)) => numbers.left_out = Some(error.to_string()),
-                (_, Ok(report)) => numbers.values = Measure::ALL.map(|it| it.of(&report)),
+                (_, Ok(report)) => {
+                    numbers.values = Measure::ALL.map(|it| it.of(state, &report));
+                    numbers.targets = report.targets.map(|it| it.targets).unwrap_or_default();
+                }
             }
             trials.push(numbers);
         }
@@ -190,29 +223,6 @@ impl StudyReport {
         let name = folder.canonicalize().unwrap_or_default();
         let study = name.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Ok(Self { study, conditions, trials, rows })
-    }
-
-    /// Every number of every trial.
-    pub fn csv(&self) -> Result<Vec<u8>, csv::Error> {
-        let mut csv = csv::Writer::from_writer(Vec::new());
-        let fixed =
-            ["trial", "participant", "condition", "started", "outcome", "marks", "left_out"];
-        csv.write_record(fixed.into_iter().chain(Measure::ALL.map(Measure::name)))?;
-        for trial in &self.trials {
-            let outcome = trial.outcome.map(|outcome| format!("{outcome:?}").to_lowercase());
-            let values = trial.values.map(|value| value.map_or(String::new(), |it| it.to_string()));
-            let fixed = [
-                trial.name.clone(),
-                trial.participant.clone(),
-                trial.condition.clone(),
-                trial.started.clone(),
-                outcome.unwrap_or_default(),
-                trial.marks.to_string(),
-                trial.left_out.clone().unwrap_or_default(),
-            ];
-            csv.write_record(fixed.into_iter().chain(values))?;
-        }
-        csv.into_inner().map_err(|error| error.into_error().into())
     }
 }
 

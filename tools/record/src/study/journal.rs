@@ -9,6 +9,7 @@ use nix::fcntl::{Flock, FlockArg};
 use serde::{Deserialize, Serialize};
 
 use super::code::{Condition, Participant};
+use super::workload::Workload;
 use super::{StudyError, io_error};
 
 pub const FILE: &str = "journal.jsonl";
@@ -44,6 +45,9 @@ pub enum Event {
         boot_id: String,
         software: String,
         model: String,
+        /// Its `robot_id`; empty where it has none.
+        #[serde(default)]
+        robot: String,
         /// Of the recorder.
         pid: i32,
     },
@@ -63,6 +67,11 @@ pub enum Event {
         outcome: Outcome,
         note: String,
     },
+    /// What the participant said of the workload; the last time counts.
+    Workload {
+        time: String,
+        answers: Workload,
+    },
 }
 
 /// What a journal says.
@@ -79,7 +88,10 @@ pub struct TrialState {
     pub marks: Vec<Mark>,
     /// Starts of the controller that were recorded.
     pub boots: Vec<String>,
+    /// The `robot_id` of the controller.
+    pub robot: String,
     pub failed: Option<String>,
+    pub workload: Option<Workload>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -98,10 +110,14 @@ impl TrialState {
                 self.participant = participant.to_string();
                 self.condition = condition.to_string();
             }
-            Event::Recording { boot_id, .. } => self.boots.push(boot_id),
+            Event::Recording { boot_id, robot, .. } => {
+                self.boots.push(boot_id);
+                self.robot = robot;
+            }
             Event::Mark { time, monotonic_ns, number, text } => {
                 self.marks.push(Mark { number, monotonic_ns, time, text });
             }
+            Event::Workload { answers, .. } => self.workload = Some(answers),
             Event::Failed { why, .. } => self.failed = Some(why),
             Event::Stop { time, outcome, note } => {
                 (self.ended, self.outcome) = (Some(time), Some(outcome));
@@ -225,12 +241,14 @@ impl Journal {
         boot_id: u64,
         software: &str,
         model: &str,
+        robot: &str,
     ) -> Result<(), StudyError> {
         self.append(&Event::Recording {
             time: time(),
             boot_id: format!("{boot_id:016x}"),
             software: software.to_owned(),
             model: model.to_owned(),
+            robot: robot.to_owned(),
             pid: std::process::id().cast_signed(),
         })
     }
@@ -255,6 +273,10 @@ impl Journal {
 
     pub fn stop(&mut self, outcome: Outcome, note: &str) -> Result<(), StudyError> {
         self.append(&Event::Stop { time: time(), outcome, note: note.to_owned() })
+    }
+
+    pub fn workload(&mut self, answers: Workload) -> Result<(), StudyError> {
+        self.append(&Event::Workload { time: time(), answers })
     }
 
     /// Ends a trial whose recorder is gone.

@@ -4,7 +4,7 @@
 //! STUDY/
 //!   study.json                conditions, order, software; written once
 //!   P07-joystick-02/          participant, condition, number of the trial
-//!     journal.jsonl           start, marks, stop: one line each, synchronised, only ever appended
+//!     journal.jsonl           start, marks, stop, workload: one line each, synchronised, only ever appended
 //!     recording.mcap          every stream, as `i2ris record` writes it
 //! ```
 //!
@@ -17,6 +17,8 @@ pub mod journal;
 pub mod order;
 mod page;
 pub mod runner;
+mod tables;
+pub mod workload;
 
 use std::fs::{self, File};
 use std::io;
@@ -57,6 +59,11 @@ pub enum StudyError {
     Damaged { path: PathBuf, error: serde_json::Error },
     #[error("condition `{condition}` is none of this study: {known}")]
     Condition { condition: Condition, known: String },
+    #[error(
+        "the trials of this study are of robot `{known}`, this controller serves `{found}`: make \
+         another study for it"
+    )]
+    Robot { known: String, found: String },
     #[error(transparent)]
     Code(#[from] CodeError),
     #[error("{0} runs: end it with `i2ris trial stop` first")]
@@ -65,6 +72,10 @@ pub enum StudyError {
     Starts,
     #[error("no trial runs; `i2ris trial start` begins one")]
     NoneRuns,
+    #[error("no trial has ended yet")]
+    NoneEnded,
+    #[error("{0} is no trial of this study; see `i2ris trial list`")]
+    NoTrial(String),
     #[error("the trial is not recorded: {0}")]
     Recorder(String),
 }
@@ -145,6 +156,14 @@ impl Study {
         Ok(Self { folder: folder.to_owned(), conditions: description.conditions })
     }
 
+    /// Refuses a robot that is not that of the trials before.
+    pub fn check_robot(&self, found: &str) -> Result<(), StudyError> {
+        let mut robots = self.trials()?.into_iter().map(|trial| trial.state.robot);
+        let other = robots.find(|known| !known.is_empty() && known != found);
+        let found = found.to_owned();
+        other.map_or(Ok(()), |known| Err(StudyError::Robot { known, found }))
+    }
+
     /// Lets one process at a time begin a trial: what has begun and is not recorded yet is not cut
     /// off. The system takes the lock back when the process ends.
     pub fn lock(&self) -> Result<Flock<File>, StudyError> {
@@ -175,6 +194,26 @@ impl Study {
     pub fn running(&self) -> Result<Option<TrialFolder>, StudyError> {
         let mut open = self.trials()?.into_iter().filter(|trial| trial.state.outcome.is_none());
         Ok(open.find(|trial| Journal::is_held(&trial.folder)))
+    }
+
+    /// The trial of a name; without one, the last that has ended.
+    pub fn ended(&self, name: Option<&str>) -> Result<TrialFolder, StudyError> {
+        let Some(name) = name else {
+            let mut ended = self.trials()?;
+            ended.retain(|trial| trial.state.outcome.is_some());
+            return ended.pop().ok_or(StudyError::NoneEnded);
+        };
+        let trial = self.trial(name)?;
+        match trial.state.outcome {
+            Some(_) => Ok(trial),
+            None => Err(StudyError::Runs(trial.name)),
+        }
+    }
+
+    /// The trial of a name.
+    pub fn trial(&self, name: &str) -> Result<TrialFolder, StudyError> {
+        let found = self.trials()?.into_iter().find(|trial| trial.name == name);
+        found.ok_or_else(|| StudyError::NoTrial(name.to_owned()))
     }
 
     /// Closes the trials that a power cut left open, and returns their names.

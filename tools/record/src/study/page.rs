@@ -31,12 +31,20 @@ fn sentence(effect: Option<Effect>) -> String {
     }
 }
 
+/// Two panels in each row.
+fn rows(mut figure: Figure, mut panels: impl Iterator<Item = Panel>) -> Figure {
+    while let Some(left) = panels.next() {
+        figure = figure.row(ROW_HEIGHT, [left].into_iter().chain(panels.next()).collect());
+    }
+    figure
+}
+
 impl StudyReport {
     /// As a few lines of text.
     pub fn text(&self) -> String {
         let counted = self.trials.iter().filter(|trial| trial.left_out.is_none()).count();
         let mut text = format!("{}: {counted} of {} trials count\n", self.study, self.trials.len());
-        for Row { measure, means, effects, .. } in &self.rows {
+        for Row { measure, means, effects, .. } in self.known() {
             for (condition, (mean, effect)) in self.conditions.iter().zip(means.iter().zip(effects))
             {
                 let against = match effect {
@@ -87,7 +95,7 @@ impl StudyReport {
              its 95 % interval (paired bootstrap).",
             header,
         );
-        for Row { measure, means, effects, .. } in &self.rows {
+        for Row { measure, means, effects, .. } in self.known() {
             let means = means.iter().map(|mean| number(*mean));
             let effects = effects.iter().skip(1).map(|effect| sentence(*effect));
             let name = [measure.name().to_owned()];
@@ -98,28 +106,63 @@ impl StudyReport {
             &self.figure(),
             "Every participant (grey) and the mean of all (blue) under each condition.",
         );
+        if self.conditions.len() > 1 {
+            let caption = format!(
+                "Difference from {reference}, of each participant from itself: mean and 95 % \
+                 interval. An interval across zero shows no difference."
+            );
+            page.figure(&self.effect_figure(), &caption);
+        }
         page.paragraph(
             "Throughput after ISO 9241-411, with the effective width of the end points along the way; \
-             the time of holding is no time of movement. Trials that were aborted do not count.",
+             the time of holding is no time of movement. Error: between goal and camera. Lag of a \
+             pursuit: where the cross-correlation of target and snake is largest; its first 3 s do \
+             not count. Workload: NASA-TLX without weights. Trials that were aborted do not count.",
         );
+    }
+
+    /// What any trial shows.
+    fn known(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(|row| row.means.iter().any(Option::is_some))
     }
 
     fn figure(&self) -> Figure {
         let figure = Figure::new(
             "conditions",
             "Conditions by participant",
-            "Time, throughput, overshoot and error of every participant under each condition.",
+            "Every measure of every participant under each condition.",
         );
-        let shown =
-            [Measure::TimeS, Measure::ThroughputBitS, Measure::OvershootDeg, Measure::ErrorDeg];
-        let mut panels = { self.rows.iter() }
-            .filter(|row| shown.contains(&row.measure))
-            .map(|row| self.panel(row));
-        let mut figure = figure;
-        while let Some(left) = panels.next() {
-            figure = figure.row(ROW_HEIGHT, [left].into_iter().chain(panels.next()).collect());
-        }
-        figure
+        rows(figure, self.known().map(|row| self.panel(row)))
+    }
+
+    fn effect_figure(&self) -> Figure {
+        let figure = Figure::new(
+            "effects",
+            "Effect of the condition",
+            "Difference of every measure from the first condition, with its interval.",
+        );
+        rows(figure, self.known().map(|row| self.effect_panel(row)))
+    }
+
+    fn effect_panel(&self, row: &Row) -> Panel {
+        let places = row.effects.iter().enumerate().skip(1);
+        let marks = { self.conditions.iter().enumerate().skip(1) }
+            .map(|(place, name)| (place as f64, name.clone()))
+            .collect();
+        let last = self.conditions.len() as f64 - 0.5;
+        let x = Axis::linear("condition").range(0.5, last).marks(marks);
+        let known =
+            || places.clone().filter_map(|(place, effect)| Some((place as f64, (*effect)?)));
+        let intervals = known().filter_map(|(x, effect)| {
+            let [low, high] = effect.interval?;
+            Some(Line::new(vec![[x, low], [x, high]], MEAN))
+        });
+        let means = known().map(|(x, effect)| [x, effect.difference]).collect();
+        let name = row.measure.name();
+        Panel::new(name, x, Axis::linear(format!("difference: {name}")).including(0.0))
+            .with(Line::new(vec![[0.5, 0.0], [last, 0.0]], PARTICIPANT))
+            .with_all(intervals)
+            .with(Scatter::new(means, Color::BLUE, 5.0))
     }
 
     fn panel(&self, row: &Row) -> Panel {
@@ -142,14 +185,17 @@ impl StudyReport {
 
     fn trial_table(&self) -> Table {
         let header = ["trial", "outcome", "marks"].map(str::to_owned);
-        let measures = Measure::ALL.map(|measure| measure.name().to_owned());
+        let known: Vec<Measure> = self.known().map(|row| row.measure).collect();
+        let measures = known.iter().map(|measure| measure.name().to_owned());
         let mut table =
             Table::new("Every trial.", header.into_iter().chain(measures)).text_column(1);
         for trial in &self.trials {
             let outcome =
                 trial.outcome.map_or("-".to_owned(), |it| format!("{it:?}").to_lowercase());
             let fixed = [trial.name.clone(), outcome, trial.marks.to_string()];
-            table.row(TableRow::new(fixed.into_iter().chain(trial.values.map(number))));
+            let values = Measure::ALL.into_iter().zip(trial.values);
+            let values = values.filter(|(measure, _)| known.contains(measure));
+            table.row(TableRow::new(fixed.into_iter().chain(values.map(|(_, it)| number(it)))));
         }
         table
     }

@@ -181,9 +181,14 @@ impl Teller {
         due
     }
 
+    /// From now on the trial goes on unrecorded.
+    pub fn fail(&mut self) {
+        self.message.flags |= TrialMsg::FAILED;
+        self.next_tell = Nanos::ZERO;
+    }
+
     /// The last message.
-    pub fn end(&self, has_failed: bool) -> TrialMsg {
-        let failed = if has_failed { TrialMsg::FAILED } else { 0 };
-        TrialMsg { flags: TrialMsg::ENDED | failed, ..self.message }
+    pub fn end(&self) -> TrialMsg {
+        TrialMsg { flags: self.message.flags | TrialMsg::ENDED, ..self.message }
     }
 }

@@ -73,6 +73,8 @@ pub struct Target {
     pub total: u32,
     pub hold_s: f64,
     pub held_s: f64,
+    /// It is to be followed for `hold_s`, of which `held_s` are over.
+    pub follow: bool,
     /// What is compared with it: `camera` or `estimate`.
     pub by: &'static str,
 }
@@ -92,6 +94,7 @@ impl Target {
             total: message.total,
             hold_s: Nanos(message.hold_ns).as_seconds(),
             held_s: Nanos(message.held_ns.min(message.hold_ns)).as_seconds(),
+            follow: message.flags & ReachTarget::FOLLOW != 0,
             by: if by_camera { "camera" } else { "estimate" },
         })
     }

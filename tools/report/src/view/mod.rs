@@ -9,10 +9,11 @@ mod fixtures;
 mod hand;
 mod json;
 mod reasons;
+mod trial;
 
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ReachTarget, ReasonMsg, SpanSummary, TeleopMsg, VirtualFixturesMsg,
+    PeriodStatistics, ReachTarget, ReasonMsg, SpanSummary, TeleopMsg, TrialMsg, VirtualFixturesMsg,
 };
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal, ShownClient};
 use i2ris::model::ModelId;
@@ -23,6 +24,7 @@ pub use adaptation::Adaptation;
 pub use fixtures::{Fixture, Target};
 pub use hand::Hand;
 pub use reasons::{NOTHING, Why, reasons};
+pub use trial::Trial;
 
 /// Age at which a value is marked as stale.
 pub const STALE: Nanos = Nanos::from_millis(500);
@@ -51,6 +53,8 @@ pub struct LatestMessages {
     pub target: Option<ReachTarget>,
     /// What a person does with an input device.
     pub hand: Option<TeleopMsg>,
+    /// The trial that is recorded.
+    pub trial: Option<TrialMsg>,
     /// The last fault.
     pub error: Option<ReasonMsg>,
     /// The last refusal, stop or clip.
@@ -91,6 +95,7 @@ pub struct View {
     pub fixtures: Vec<Fixture>,
     pub target: Option<Target>,
     pub hand: Option<Hand>,
+    pub trial: Option<Trial>,
     pub models: Models,
     /// The newest first.
     pub events: Vec<Event>,
@@ -281,8 +286,8 @@ impl View {
         Self {
             state: messages.state.as_ref().map(|it| state(it, now)),
             why: messages.state.as_ref().map_or_else(Vec::new, |it| {
-                let hand = messages.hand.as_ref();
-                reasons(it, messages.error.as_ref(), warning.as_slice(), hand, now)
+                let (hand, trial) = (messages.hand.as_ref(), messages.trial.as_ref());
+                reasons(it, messages.error.as_ref(), warning.as_slice(), hand, trial, now)
             }),
             goal: messages.goal.as_ref().map(joint),
             setpoint: messages.setpoint.as_ref().map(joint),
@@ -294,6 +299,7 @@ impl View {
             adaptation: messages.adaptation.as_ref().map(Adaptation::new),
             fixtures: messages.fixtures.as_ref().map_or_else(Vec::new, fixtures::fixtures),
             hand: messages.hand.as_ref().and_then(|it| Hand::new(it, now)),
+            trial: messages.trial.as_ref().and_then(|it| Trial::new(it, now)),
             target: messages.target.as_ref().and_then(|it| Target::new(it, now)),
             ..Self::default()
         }

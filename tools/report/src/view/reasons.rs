@@ -1,12 +1,12 @@
 //! Why the robot does not move, or not as asked, and what to do.
 
 use i2ris::ipc::Message;
-use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg, TeleopMsg};
+use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg, TeleopMsg, TrialMsg};
 use i2ris::robot::Reason;
 use i2ris::units::Nanos;
 use serde::Serialize;
 
-use super::Hand;
+use super::{Hand, Trial};
 
 /// What is said where there is no reason.
 pub const NOTHING: &str = "nothing keeps the robot from moving: it waits for commands";
@@ -49,12 +49,14 @@ impl Why {
 }
 
 /// What keeps the robot from moving now, then the last warning of every cause, newest first.
-/// `error` is the last fault, `hand` what a person does with an input device; `warnings` are in the order in which they came.
+/// `error` is the last fault, `hand` what a person does with an input device, `trial` what is
+/// recorded; `warnings` are in the order in which they came.
 pub fn reasons(
     state: &OperatingStateMsg,
     error: Option<&ReasonMsg>,
     warnings: &[ReasonMsg],
     hand: Option<&TeleopMsg>,
+    trial: Option<&TrialMsg>,
     now: Nanos,
 ) -> Vec<Why> {
     let latched = error.and_then(ReasonMsg::reason);
@@ -70,6 +72,7 @@ pub fn reasons(
         let (text, advice) = (format!("the clutch is open: {sentence}"), advice.to_owned());
         Why { sentence: text.clone(), text, advice, ..Why::default() }
     }));
+    all.extend(trial.and_then(|it| Trial::new(it, now)).and_then(|it| it.why()));
     let mut seen = Vec::new();
     for message in warnings.iter().rev() {
         let age_s = Some(message.age(now).as_seconds());
@@ -109,7 +112,7 @@ mod tests {
 
     #[test]
     fn a_robot_that_is_ready_has_no_reason() {
-        assert_eq!(reasons(&ready(), None, &[], None, Nanos::ZERO), []);
+        assert_eq!(reasons(&ready(), None, &[], None, None, Nanos::ZERO), []);
     }
 
     #[test]
@@ -122,7 +125,7 @@ mod tests {
         let own = message(Cause::Fault(Fault::FollowingError), 5000);
         let other = message(Cause::Fault(Fault::Link), 4000);
         for (error, measured) in [(own, "5000 counts, limit 2000 counts"), (other, "")] {
-            let [why] = &reasons(&state, Some(&error), &[], None, Nanos::ZERO)[..] else {
+            let [why] = &reasons(&state, Some(&error), &[], None, None, Nanos::ZERO)[..] else {
                 panic!()
             };
             assert_eq!((why.code.as_str(), why.measured.as_str()), ("fault 3", measured));
@@ -133,8 +136,10 @@ mod tests {
     #[test]
     fn what_can_be_removed_first_comes_first() {
         let off = OperatingStateMsg { flags: OperatingStateMsg::MODEL, ..Default::default() };
-        let codes: Vec<String> =
-            reasons(&off, None, &[], None, Nanos::ZERO).into_iter().map(|why| why.code).collect();
+        let codes: Vec<String> = reasons(&off, None, &[], None, None, Nanos::ZERO)
+            .into_iter()
+            .map(|why| why.code)
+            .collect();
         assert_eq!(codes, ["refusal 6", "state DISABLED"], "enabling needs the zero");
     }
 
@@ -148,7 +153,7 @@ mod tests {
         let (step, lease) = (Refusal::Step, Refusal::Lease);
         let warnings = [(step, 1000), (lease, 2000), (step, 3000)];
         let warnings = warnings.map(|(cause, stamp)| message(Cause::Refusal(cause), stamp));
-        let all = reasons(&state, None, &warnings, None, Nanos::from_millis(4000));
+        let all = reasons(&state, None, &warnings, None, None, Nanos::from_millis(4000));
         let codes: Vec<(&str, Option<f64>)> =
             { all.iter() }.map(|why| (why.code.as_str(), why.age_s)).collect();
         let expected = [
@@ -172,7 +177,7 @@ mod tests {
             ..TeleopMsg::default()
         };
         let said = |hand: &TeleopMsg, ms| {
-            let found = reasons(&ready(), None, &[], Some(hand), Nanos::from_millis(ms));
+            let found = reasons(&ready(), None, &[], Some(hand), None, Nanos::from_millis(ms));
             found.into_iter().map(|why| (why.text, why.advice)).collect::<Vec<_>>()
         };
         let open = "the clutch is open: the dead-man is half pressed".to_owned();

@@ -10,8 +10,9 @@ function showTarget(lag, old) {
   if (!target) return;
   const seen = live[target.by];
   const away = (axis) => (old || !seen || !seen.deg ? '–' : signed(target.deg[axis] - seen.deg[axis]) + '°');
-  byId('target').textContent = `target ${target.number} of ${target.total}: pitch ${away(0)}, yaw ${away(1)} to go; ` +
-    `held ${target.held_s.toFixed(1)} of ${target.hold_s.toFixed(1)} s`;
+  const what = target.follow ? 'follow the target' : `target ${target.number} of ${target.total}`;
+  byId('target').textContent = `${what}: pitch ${away(0)}, yaw ${away(1)} to go; ` +
+    `${target.follow ? '' : 'held '}${target.held_s.toFixed(1)} of ${target.hold_s.toFixed(1)} s`;
   drawPlane(plane, recent, live, live.now_s + lag / 1000, old ? 'STALE' : '');
 }
 
@@ -28,6 +29,7 @@ function showFlags() {
     flags.push(hand.open ? [`CLUTCH OPEN: ${hand.open}`, 'warn'] : [`FOLLOWS AT ${(100 * hand.scale).toFixed(0)} %`, 'on']);
     flags.push([`in the picture: +pitch ${pitch}, +yaw ${yaw}`, 'on']);
   }
+  flags.push(...trialFlags(live.trial));
   if (!camera) flags.push(['no camera', 'on']);
   else if (camera.stale) flags.push([`CAMERA SILENT ${age(camera.age_ms)}`, 'warn']);
   else if (!camera.deg) flags.push(['CAMERA SEES NOTHING', 'warn']);

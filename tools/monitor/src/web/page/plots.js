@@ -236,7 +236,7 @@ function drawTarget(plot, target) {
   pen.globalAlpha = 1;
   circle(radius, Math.min(1, target.held_s / target.hold_s));
   [pen.fillStyle, pen.textAlign, pen.textBaseline] = [COLOURS.target, 'center', 'bottom'];
-  pen.fillText(`${target.number} of ${target.total}`, x, y - radius - 4);
+  if (!target.follow) pen.fillText(`${target.number} of ${target.total}`, x, y - radius - 4);
 }
 
 function drawPlane(plot, recent, { hull, fixtures, target }, now, staleText) {

@@ -48,6 +48,7 @@ function showHeader(live, lag, parted) {
   const flags = [];
   if (state) {
     flags.push([`for ${state.for_s} s`, 'on']);
+    flags.push(...trialFlags(live.trial));
     flags.push(state.homed ? ['homed', 'on'] : ['NOT HOMED', 'warn']);
     if (state.busy) flags.push(['busy', 'on']);
     if (state.holding) flags.push(['holding', 'on']);
@@ -63,6 +64,14 @@ function showHeader(live, lag, parted) {
   byId('lease').textContent = !state ? '' : `${commander(state)} · accepted ${state.accepted} · refused ${state.refused}` +
     (state.stale_stops ? ` · stale stops ${state.stale_stops}` : '');
   byId('place').textContent = `domain ${live.domain} · monitor ${live.version} · read-only`;
+}
+
+/** The trial that is recorded, with its newest mark. */
+function trialFlags(trial) {
+  if (!trial) return [];
+  if (trial.problem) return [[`TRIAL ${trial.name} NOT RECORDED: ${trial.problem}`, 'warn']];
+  const mark = trial.mark && [`mark ${trial.mark[0]}: ${trial.mark[1]}, ${trial.mark_age_s} s ago`, 'on'];
+  return [[`trial ${trial.name}, ${trial.for_s} s`, 'on'], ...(mark ? [mark] : [])];
 }
 
 /** Why the robot does not move as asked, and what to do: the fault, or a fresh refusal, or what keeps it now. */

@@ -2,15 +2,19 @@
 //! writes into it what only the recorder knows.
 
 use std::fs::File;
+use std::io::Write;
 use std::path::Path;
 
 use i2ris::ipc::client::{Announcer, Client, Subscription};
-use i2ris::ipc::payload::{JointState, TeleopMsg, TrialMsg, Version};
+use i2ris::ipc::payload::{JointState, TeleopMsg, TrialMsg, Version, unpadded_text};
 use i2ris::units::Nanos;
-use i2ris_record::study::StudyError;
 use i2ris_record::study::journal::Journal;
 use i2ris_record::study::runner::Teller;
+use i2ris_record::study::{Study, StudyError};
+use i2ris_report::Interrupt;
 use nix::fcntl::Flock;
+
+const PERIOD: Nanos = Nanos::from_millis(20);
 
 pub struct OfStudy {
     journal: Journal,
@@ -21,6 +25,7 @@ pub struct OfStudy {
     marked: Nanos,
     boot_id: u64,
     software: String,
+    robot: String,
     _held: Flock<File>,
 }
 
@@ -28,6 +33,10 @@ impl OfStudy {
     pub fn begin(folder: &Path, client: &Client, version: &Version) -> Result<Self, StudyError> {
         let _held = Journal::hold(folder)?;
         let [major, minor, patch] = version.software;
+        let robot = unpadded_text(&version.robot_id);
+        if let Some(study) = folder.parent() {
+            Study::open(study)?.check_robot(&robot)?;
+        }
         Ok(Self {
             journal: Journal::open(folder)?,
             teller: Teller::new(folder, i2ris::clock::now()),
@@ -36,6 +45,7 @@ impl OfStudy {
             marked: i2ris::clock::now(),
             boot_id: 0,
             software: format!("i2ris-control {major}.{minor}.{patch}"),
+            robot,
             _held,
         })
     }
@@ -45,7 +55,7 @@ impl OfStudy {
         if joint.boot_id != self.boot_id {
             self.boot_id = joint.boot_id;
             let model = joint.model_id.map(|byte| format!("{byte:02x}")).concat();
-            warn(self.journal.recording(joint.boot_id, &self.software, &model));
+            warn(self.journal.recording(joint.boot_id, &self.software, &model, &self.robot));
         }
     }
 
@@ -69,18 +79,26 @@ impl OfStudy {
         }
     }
 
-    /// `failed`: why the recording is not whole.
-    pub fn end(&mut self, failed: Option<String>) {
-        let _ = self.announcer.publish(self.teller.end(failed.is_some()));
-        if let Some(why) = failed {
-            warn(self.journal.failed(&why));
+    /// The recording has failed: says so until the trial is stopped.
+    pub fn go_on_unrecorded(&mut self, why: &str, interrupt: &Interrupt) {
+        self.teller.fail();
+        self.tell(i2ris::clock::now());
+        warn(self.journal.failed(why));
+        while !interrupt.came() {
+            self.tell(i2ris::clock::now());
+            i2ris::clock::sleep(PERIOD);
         }
+    }
+
+    pub fn end(&mut self) {
+        let _ = self.announcer.publish(self.teller.end());
     }
 }
 
 /// The recording goes on without its journal.
 fn warn(outcome: Result<(), StudyError>) {
     if let Err(error) = outcome {
-        eprintln!("warning: {error}");
+        // The log may be on the same full disk: what cannot be written there is no reason to end.
+        let _ = writeln!(std::io::stderr(), "warning: {error}");
     }
 }

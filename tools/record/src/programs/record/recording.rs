@@ -108,7 +108,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     attachments.extend(run_log);
     let counts = trial.finish(outcome, &attachments);
     if let Some(of_study) = &mut of_study {
-        of_study.end(counts.as_ref().err().map(ToString::to_string));
+        if let Err(error) = &counts {
+            of_study.go_on_unrecorded(&error.to_string(), &interrupt);
+        }
+        of_study.end();
     }
     let counts = counts?;
     print_outcome(arguments.json, output, &counts, &missed, length_s, absent?)

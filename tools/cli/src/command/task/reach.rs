@@ -1,4 +1,5 @@
-//! The targets and the course of a task. Pure: time and angles are arguments.
+//! Targets one after the other: each is held when the mean of the last 200 ms has been within the
+//! tolerance for the whole time.
 
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -9,6 +10,7 @@ use i2ris_report::statistics::quantile_of_unsorted;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use super::Course;
 use crate::command::trajectory::Angles;
 
 /// Window of the mean that has to be within the tolerance: a camera has noise.
@@ -23,7 +25,7 @@ pub struct Settings {
 }
 
 #[derive(Debug)]
-pub struct Task {
+pub struct Reach {
     targets: Vec<Angles>,
     settings: Settings,
     index: usize,
@@ -36,7 +38,7 @@ pub struct Task {
     held_s: Vec<f64>,
 }
 
-impl Task {
+impl Reach {
     pub fn new(targets: Vec<Angles>, settings: Settings) -> Self {
         Self {
             targets,
@@ -47,89 +49,6 @@ impl Task {
             within: None,
             held_s: Vec::new(),
         }
-    }
-
-    pub fn is_finished(&self) -> bool {
-        self.index >= self.targets.len()
-    }
-
-    /// Takes in new angles and returns the last message of a target that ends now. The first target
-    /// is shown when the clutch closes for the first time: who has not begun loses no time.
-    pub fn update(
-        &mut self,
-        now: Nanos,
-        is_engaged: bool,
-        seen: Option<(Nanos, Angles)>,
-    ) -> Option<ReachTarget> {
-        let target = *self.targets.get(self.index)?;
-        let Some(shown) = self.shown else {
-            self.shown = is_engaged.then_some(now);
-            return None;
-        };
-        self.add(seen);
-        let away = self.mean().map(|mean| distance(mean, target));
-        let is_within = away.is_some_and(|away| away <= self.settings.tolerance_deg);
-        self.within = self.within.or(Some(now)).filter(|_| is_within);
-        let is_held = self.held(now) >= self.settings.hold;
-        if !is_held && now.since(shown) < self.settings.limit {
-            return None;
-        }
-        let mut ended = self.message(now)?;
-        ended.flags = ReachTarget::ENDED;
-        if is_held {
-            ended.flags |= ReachTarget::HELD;
-            self.held_s.push(now.since(shown).as_seconds());
-        }
-        self.index += 1;
-        (self.shown, self.within) = (Some(now), None);
-        Some(ended)
-    }
-
-    /// The message of the present target; `None`: none is shown.
-    pub fn message(&self, now: Nanos) -> Option<ReachTarget> {
-        let (shown, [pitch, yaw]) = (self.shown?, *self.targets.get(self.index)?);
-        Some(ReachTarget {
-            shown_ns: shown.0,
-            hold_ns: self.settings.hold.0,
-            held_ns: self.held(now).0,
-            position: [pitch.to_radians(), yaw.to_radians(), 0.0],
-            tolerance: self.settings.tolerance_deg.to_radians(),
-            number: self.index as u32 + 1,
-            total: self.targets.len() as u32,
-            count: 2,
-            ..ReachTarget::default()
-        })
-    }
-
-    pub fn line(&self, now: Nanos) -> String {
-        let (Some(target), true) = (self.targets.get(self.index), self.shown.is_some()) else {
-            return format!("{} targets; close the clutch to begin", self.targets.len());
-        };
-        let away = self.mean().map_or_else(
-            || "unknown".to_owned(),
-            |[pitch, yaw]| format!("{:+.2} {:+.2}", target[0] - pitch, target[1] - yaw),
-        );
-        format!(
-            "target {} of {}: to go {away} deg (pitch, yaw), held {:.1} of {:.1} s",
-            self.index + 1,
-            self.targets.len(),
-            self.held(now).as_seconds(),
-            self.settings.hold.as_seconds()
-        )
-    }
-
-    pub fn summary(&self) -> String {
-        let mut times = self.held_s.clone();
-        let median = quantile_of_unsorted(&mut times, 0.5);
-        let median = median.map(|time| format!("; median time {time:.2} s"));
-        format!(
-            "{} of {} targets held for {:.1} s within {:.2} deg{}",
-            self.held_s.len(),
-            self.targets.len(),
-            self.settings.hold.as_seconds(),
-            self.settings.tolerance_deg,
-            median.unwrap_or_default()
-        )
     }
 
     fn add(&mut self, seen: Option<(Nanos, Angles)>) {
@@ -159,13 +78,95 @@ impl Task {
     }
 }
 
-pub fn outcome(ended: &ReachTarget, now: Nanos) -> String {
-    let took = now.since(Nanos(ended.shown_ns)).as_seconds();
-    let (number, total) = (ended.number, ended.total);
-    if ended.flags & ReachTarget::HELD != 0 {
-        format!("target {number} of {total}: held after {took:.2} s")
-    } else {
-        format!("target {number} of {total}: not held within {took:.0} s")
+impl Course for Reach {
+    fn is_finished(&self) -> bool {
+        self.index >= self.targets.len()
+    }
+
+    fn update(
+        &mut self,
+        now: Nanos,
+        is_engaged: bool,
+        seen: Option<(Nanos, Angles)>,
+    ) -> Option<ReachTarget> {
+        let target = *self.targets.get(self.index)?;
+        let Some(shown) = self.shown else {
+            self.shown = is_engaged.then_some(now);
+            return None;
+        };
+        self.add(seen);
+        let away = self.mean().map(|mean| distance(mean, target));
+        let is_within = away.is_some_and(|away| away <= self.settings.tolerance_deg);
+        self.within = self.within.or(Some(now)).filter(|_| is_within);
+        let is_held = self.held(now) >= self.settings.hold;
+        if !is_held && now.since(shown) < self.settings.limit {
+            return None;
+        }
+        let mut ended = self.message(now)?;
+        ended.flags = ReachTarget::ENDED;
+        if is_held {
+            ended.flags |= ReachTarget::HELD;
+            self.held_s.push(now.since(shown).as_seconds());
+        }
+        self.index += 1;
+        (self.shown, self.within) = (Some(now), None);
+        Some(ended)
+    }
+
+    fn message(&self, now: Nanos) -> Option<ReachTarget> {
+        let (shown, [pitch, yaw]) = (self.shown?, *self.targets.get(self.index)?);
+        Some(ReachTarget {
+            shown_ns: shown.0,
+            hold_ns: self.settings.hold.0,
+            held_ns: self.held(now).0,
+            position: [pitch.to_radians(), yaw.to_radians(), 0.0],
+            tolerance: self.settings.tolerance_deg.to_radians(),
+            number: self.index as u32 + 1,
+            total: self.targets.len() as u32,
+            count: 2,
+            ..ReachTarget::default()
+        })
+    }
+
+    fn line(&self, now: Nanos) -> String {
+        let (Some(target), true) = (self.targets.get(self.index), self.shown.is_some()) else {
+            return format!("{} targets; close the clutch to begin", self.targets.len());
+        };
+        let away = self.mean().map_or_else(
+            || "unknown".to_owned(),
+            |[pitch, yaw]| format!("{:+.2} {:+.2}", target[0] - pitch, target[1] - yaw),
+        );
+        format!(
+            "target {} of {}: to go {away} deg (pitch, yaw), held {:.1} of {:.1} s",
+            self.index + 1,
+            self.targets.len(),
+            self.held(now).as_seconds(),
+            self.settings.hold.as_seconds()
+        )
+    }
+
+    fn summary(&self) -> String {
+        let mut times = self.held_s.clone();
+        let median = quantile_of_unsorted(&mut times, 0.5);
+        let median = median.map(|time| format!("; median time {time:.2} s"));
+        format!(
+            "{} of {} targets held for {:.1} s within {:.2} deg{}",
+            self.held_s.len(),
+            self.targets.len(),
+            self.settings.hold.as_seconds(),
+            self.settings.tolerance_deg,
+            median.unwrap_or_default()
+        )
+    }
+
+    fn outcome(&self, ended: &ReachTarget, now: Nanos) -> String {
+        let took = now.since(Nanos(ended.shown_ns)).as_seconds();
+        let (number, total) = (ended.number, ended.total);
+        if ended.flags & ReachTarget::HELD != 0 {
+            format!("target {number} of {total}: held after {took:.2} s")
+        } else {
+            format!("target {number} of {total}: not held within {took:.0} s")
+        }
     }
 }
 
@@ -211,12 +212,12 @@ mod tests {
         limit: Nanos::from_millis(10_000),
     };
 
-    fn task() -> Task {
-        Task::new(vec![[1.0, 0.0], [0.0, 2.0]], SETTINGS)
+    fn task() -> Reach {
+        Reach::new(vec![[1.0, 0.0], [0.0, 2.0]], SETTINGS)
     }
 
     /// Keeps the snake at a place, 100 samples a second; the messages of targets that ended.
-    fn stay(task: &mut Task, at: Angles, from_ms: u64, to_ms: u64) -> Vec<(u64, ReachTarget)> {
+    fn stay(task: &mut Reach, at: Angles, from_ms: u64, to_ms: u64) -> Vec<(u64, ReachTarget)> {
         let times = (from_ms..to_ms).step_by(10);
         let seen = times.filter_map(|ms| {
             let now = Nanos::from_millis(ms);
@@ -244,7 +245,10 @@ mod tests {
         assert_eq!((ms, message.number, message.total), (1010, 1, 2));
         assert_eq!(message.flags, ReachTarget::ENDED | ReachTarget::HELD);
         assert!(message.held_ns >= message.hold_ns);
-        assert_eq!(outcome(&message, Nanos::from_millis(1010)), "target 1 of 2: held after 1.01 s");
+        assert_eq!(
+            task.outcome(&message, Nanos::from_millis(1010)),
+            "target 1 of 2: held after 1.01 s"
+        );
         let next = task.message(Nanos::from_millis(1100)).unwrap();
         assert_eq!((next.number, next.shown_ns), (2, Nanos::from_millis(1010).0));
         let ended = stay(&mut task, [0.0, 2.0], 1100, 4000);
@@ -270,7 +274,9 @@ mod tests {
             ended.extend(task.update(Nanos::from_millis(ms), true, None));
         }
         assert_eq!((ended.len(), ended[0].flags), (1, ReachTarget::ENDED));
-        assert!(outcome(&ended[0], Nanos::from_millis(10_000)).ends_with("not held within 10 s"));
+        assert!(
+            task.outcome(&ended[0], Nanos::from_millis(10_000)).ends_with("not held within 10 s")
+        );
     }
 
     proptest! {

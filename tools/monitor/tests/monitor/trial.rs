@@ -1,0 +1,58 @@
+//! The trial that is recorded, on both pages.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use i2ris::clock;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::{TrialMsg, padded_text};
+use i2ris::units::Nanos;
+use i2ris_testing::{Background, Controller, Program, TIMEOUT};
+
+use crate::http::Served;
+use crate::pages::WHY;
+
+#[test]
+fn both_pages_show_the_trial_its_newest_mark_and_that_it_is_not_recorded() {
+    let controller = Controller::enabled();
+    let served = Served::start(&controller.domain);
+    let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
+    let mut recorder = client.announcer::<TrialMsg>();
+    let flags = Arc::new(AtomicU32::new(0));
+    let (told, begun) = (Arc::clone(&flags), clock::now());
+    let telling = Background::start(move |stop| {
+        while !stop.load(Ordering::Relaxed) {
+            recorder
+                .publish(TrialMsg {
+                    started_ns: begun.0,
+                    mark_ns: begun.0,
+                    mark_number: 2,
+                    trial: padded_text("P07-joystick-02"),
+                    mark: padded_text("contact"),
+                    flags: told.load(Ordering::Relaxed),
+                    ..TrialMsg::default()
+                })
+                .unwrap();
+            clock::sleep(Nanos::from_millis(100));
+        }
+    });
+    let (success, once, error) = Program::run(&controller.domain, &["monitor", "--once"]);
+    let line = "study      trial P07-joystick-02 for ";
+    assert!(success && once.contains(line) && once.contains(", mark 2: contact"), "{once}{error}");
+    let pages = ["", "operator"].map(|page| served.open(page, [1280, 800]));
+    let [Some(page), Some(operator)] = pages else { return };
+    let mut pages = [page, operator];
+    let shown = "document.getElementById('flags')?.innerText";
+    for (page, name) in pages.iter_mut().zip(["trial", "trial-operator"]) {
+        page.wait("the trial", &format!("{shown}.includes('trial P07-joystick-02, ')"));
+        page.wait("its mark", &format!("{shown}.includes('mark 2: contact, ')"));
+        page.screenshot(name);
+    }
+    flags.store(TrialMsg::FAILED, Ordering::Relaxed);
+    for (page, name) in pages.iter_mut().zip(["trial-failed", "trial-failed-operator"]) {
+        page.wait("a recording that failed", &format!("{shown}.includes('NOT RECORDED')"));
+        page.wait("what to do", &format!("{WHY}.includes('make room on the disk')"));
+        page.screenshot(name);
+    }
+    drop(telling);
+}

@@ -1,0 +1,113 @@
+//! The trial of a study that is being recorded.
+
+use i2ris::ipc::Message;
+use i2ris::ipc::payload::{TrialMsg, unpadded_text};
+use i2ris::units::Nanos;
+use serde::Serialize;
+
+use super::Why;
+
+/// Its recorder tells twice a second.
+const SILENT: Nanos = Nanos::from_millis(2000);
+
+/// The trial that runs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Trial {
+    /// Participant, condition and number.
+    pub name: String,
+    pub for_s: f64,
+    /// The newest mark: number and text.
+    pub mark: Option<(u32, String)>,
+    /// Since then.
+    pub mark_age_s: Option<f64>,
+    /// Why it is not recorded any more.
+    pub problem: Option<&'static str>,
+}
+
+impl Trial {
+    /// `None`: no trial runs.
+    pub(super) fn new(message: &TrialMsg, now: Nanos) -> Option<Self> {
+        let has = |flag: u32| message.flags & flag != 0;
+        let problem = match (has(TrialMsg::ENDED), has(TrialMsg::FAILED)) {
+            (true, _) => return None,
+            (false, true) => Some("its recording has failed"),
+            (false, false) => (message.age(now) > SILENT).then_some("its recorder is silent"),
+        };
+        let is_marked = message.mark_number > 0;
+        let since = |stamp: u64| now.since(Nanos(stamp)).as_seconds().round();
+        Some(Self {
+            name: unpadded_text(&message.trial),
+            for_s: since(message.started_ns),
+            mark: is_marked.then(|| (message.mark_number, unpadded_text(&message.mark))),
+            mark_age_s: is_marked.then(|| since(message.mark_ns)),
+            problem,
+        })
+    }
+
+    /// In one line.
+    pub fn line(&self) -> String {
+        let Self { name, for_s, .. } = self;
+        match (self.problem, &self.mark) {
+            (Some(problem), _) => format!("TRIAL {name} IS NOT RECORDED: {problem}"),
+            (None, Some((number, text))) => {
+                format!("trial {name} for {for_s:.0} s, mark {number}: {text}")
+            }
+            (None, None) => format!("trial {name} for {for_s:.0} s"),
+        }
+    }
+
+    /// What is wrong with it, and what to do.
+    pub(super) fn why(&self) -> Option<Why> {
+        let text = format!("trial {} is not recorded any more: {}", self.name, self.problem?);
+        let advice = "make room on the disk where it is full, then `i2ris trial stop --outcome \
+                      aborted`, and begin it again; the robot goes on";
+        let (sentence, advice) = (text.clone(), advice.to_owned());
+        Some(Why { sentence, text, advice, age_s: Some(0.0), ..Why::default() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris::ipc::payload::padded_text;
+
+    use super::*;
+
+    fn message() -> TrialMsg {
+        TrialMsg {
+            stamp_ns: 9_000_000_000,
+            started_ns: 5_000_000_000,
+            trial: padded_text("P07-joystick-01"),
+            ..TrialMsg::default()
+        }
+    }
+
+    #[test]
+    fn a_trial_is_shown_while_it_runs_with_its_newest_mark() {
+        let now = Nanos::from_millis(9100);
+        assert_eq!(Trial::new(&message(), now).unwrap().line(), "trial P07-joystick-01 for 4 s");
+        let marked = TrialMsg {
+            mark_ns: 8_000_000_000,
+            mark_number: 3,
+            mark: padded_text("contact"),
+            ..message()
+        };
+        let shown = Trial::new(&marked, now).unwrap();
+        assert_eq!(shown.line(), "trial P07-joystick-01 for 4 s, mark 3: contact");
+        assert_eq!((shown.mark_age_s, shown.why()), (Some(1.0), None));
+        let ended = TrialMsg { flags: TrialMsg::ENDED, ..marked };
+        assert_eq!(Trial::new(&ended, now), None);
+    }
+
+    #[test]
+    fn a_trial_that_is_not_recorded_says_so() {
+        let failed = TrialMsg { flags: TrialMsg::FAILED, ..message() };
+        for (message, now, why) in [
+            (failed, 9100, "its recording has failed"),
+            (message(), 11_100, "its recorder is silent"),
+        ] {
+            let shown = Trial::new(&message, Nanos::from_millis(now)).unwrap();
+            assert_eq!(shown.line(), format!("TRIAL P07-joystick-01 IS NOT RECORDED: {why}"));
+            assert!(shown.why().unwrap().text.ends_with(why));
+        }
+    }
+}
