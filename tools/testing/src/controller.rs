@@ -293,8 +293,17 @@ pub struct Controller {
 impl Controller {
     /// Serves in a domain of its own.
     pub fn start() -> Self {
-        let domain = unique_domain();
-        let robot = Arc::new(Mutex::new(Robot::new()));
+        Self::serve(unique_domain(), Arc::new(Mutex::new(Robot::new())))
+    }
+
+    /// Ends, and serves the same robot again, as after a restart.
+    pub fn restart(self) -> Self {
+        let Self { domain, robot, _thread } = self;
+        drop(_thread);
+        Self::serve(domain, robot)
+    }
+
+    fn serve(domain: Domain, robot: Arc<Mutex<Robot>>) -> Self {
         let served = Arc::clone(&robot);
         let mut is_described = false;
         let thread = serve_on_thread(&domain, move |server, now| {

@@ -31,15 +31,26 @@ fn jpeg(number: u64) -> Vec<u8> {
 
 /// Records so many seconds of a motion, with a hole from 1.0 to 1.5 s if asked for.
 fn record(path: &Path, seconds: u64, has_pictures: bool, has_hole: bool) {
+    let picture = has_pictures.then_some(&jpeg as &dyn Fn(u64) -> Vec<u8>);
+    record_with(path, seconds, picture, has_hole);
+}
+
+/// The same with other pictures.
+fn record_with(
+    path: &Path,
+    seconds: u64,
+    picture: Option<&dyn Fn(u64) -> Vec<u8>>,
+    has_hole: bool,
+) {
     let header = RecordingHeader {
         about: BTreeMap::from([("robot_id".to_owned(), "R1".to_owned())]),
         unix_offset_ns: UNIX,
         joints: vec!["pitch".to_owned(), "yaw".to_owned()],
-        picture_budget: 1 << 30,
+        picture_budget: 1 << 40,
         ..RecordingHeader::default()
     };
     let mut trial = TrialRecorder::start(path, header).unwrap();
-    for ms in (0..=1000 * seconds).step_by(2).filter(|ms| !has_hole || !(1000..1500).contains(ms)) {
+    for ms in (0..=1000 * seconds).filter(|ms| !has_hole || !(1000..1500).contains(ms)) {
         let stamp = Nanos::from_millis(1000 + ms);
         let angle = ms as f64 * 1e-4;
         let joints = JointState {
@@ -79,10 +90,12 @@ fn record(path: &Path, seconds: u64, has_pictures: bool, has_hole: bool) {
             trial.record(&StreamMessage::External(camera), stamp);
         }
     }
-    for number in 0..seconds * FPS * u64::from(has_pictures) {
+    for number in 0..picture.map_or(0, |_| seconds * FPS) {
         let late = LATE_MS * u64::from(number % 5 == 4);
         let stamp = Nanos::from_millis(1000 + number * 1000 / FPS + late);
-        trial.record_picture("top", stamp, &jpeg(number), stamp);
+        if let Some(picture) = picture {
+            trial.record_picture("top", stamp, &picture(number), stamp);
+        }
     }
     trial.finish(BTreeMap::new(), &[]).unwrap();
 }
@@ -343,4 +356,40 @@ robot.disconnect(); hand.disconnect()
 "#;
     let modules = "lerobot.robots, iceoryx2";
     run_python_of("I2RIS_LEROBOT3_PYTHON", modules, script, &[controller.domain.name()]);
+}
+
+/// An hour of states at 1 kHz with 25 pictures a second of a camera's size. Prints how long each
+/// format takes; the aim is two minutes.
+#[test]
+#[ignore = "minutes, and gigabytes: .ci/nightly"]
+fn an_hour_is_exported_in_every_format() {
+    let seconds = std::env::var("I2RIS_EXPORT_S").map_or(3600, |text| text.parse().unwrap());
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("hour.mcap");
+    // Noise, which does not compress: about 100 kB each.
+    let pictures: Vec<Vec<u8>> = (0..20_u32)
+        .map(|seed| {
+            let next = |state: &mut u32| {
+                *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                100 + (*state >> 28) as u8
+            };
+            let mut state = seed;
+            let pixels: Vec<u8> = (0..640 * 480).map(|_| next(&mut state)).collect();
+            let mut jpeg = Vec::new();
+            let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 90);
+            encoder.encode(&pixels, 640, 480, jpeg_encoder::ColorType::Luma).unwrap();
+            jpeg
+        })
+        .collect();
+    record_with(&file, seconds, Some(&|number| pictures[number as usize % 20].clone()), false);
+    let size = fs::metadata(&file).unwrap().len();
+    println!("{seconds} s, {} MB, pictures of {} kB", size / 1_000_000, pictures[0].len() / 1000);
+    for format in ["lerobot-v3", "lerobot-v2.1", "parquet", "csv"] {
+        let begun = i2ris::clock::now();
+        let output = folder.path().join(format);
+        let output = output.to_str().unwrap();
+        exports(&[file.to_str().unwrap(), "--output", output, "--format", format]);
+        println!("{format}: {:.0} s", i2ris::clock::now().since(begun).as_seconds());
+        fs::remove_dir_all(output).unwrap();
+    }
 }

@@ -7,6 +7,7 @@
     reason = "tests, which say when they skip"
 )]
 
+mod alignment;
 mod crtk;
 mod dataset;
 mod files;
@@ -16,3 +17,4 @@ mod pictures;
 mod programs;
 mod reasons;
 mod trial;
+mod trial_faults;

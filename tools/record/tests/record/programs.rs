@@ -3,7 +3,7 @@
 use std::fs;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Output, Stdio};
+use std::process::{Command, Output, Stdio};
 
 use i2ris::clock;
 use i2ris::config::Config;
@@ -48,7 +48,7 @@ fn record(controller: &Controller, file: &Path, options: &[&str]) -> (bool, Stri
 }
 
 /// The controller publishes robot and limits of this configuration.
-fn runs_with(controller: &Controller, config: &Path) {
+pub fn runs_with(controller: &Controller, config: &Path) {
     controller.robot().description = robot_description(&Config::load(config).unwrap());
 }
 
@@ -190,10 +190,9 @@ fn two_recorders_do_not_disturb_each_other_and_never_share_a_file() {
     assert!([&file, &other].iter().all(|file| run(&["record", "info", name(file)]).0));
 }
 
-/// Runs the command line with a limit on the size of files: a write is refused as by a full disk.
-fn with_full_disk(arguments: &[&str], bytes: u64) -> Output {
-    let mut command = program::command(arguments);
-    command.stdin(Stdio::null());
+/// What a program writes beyond so many bytes of a file is refused, as by a full disk; also what
+/// the programs write that it starts.
+pub fn limit_files(command: &mut Command, bytes: u64) {
     // SAFETY: both calls are async-signal-safe and touch no memory of the parent.
     unsafe {
         command.pre_exec(move || {
@@ -204,6 +203,12 @@ fn with_full_disk(arguments: &[&str], bytes: u64) -> Output {
             Ok(())
         });
     }
+}
+
+fn with_full_disk(arguments: &[&str], bytes: u64) -> Output {
+    let mut command = program::command(arguments);
+    command.stdin(Stdio::null());
+    limit_files(&mut command, bytes);
     command.output().unwrap()
 }
 

@@ -1,6 +1,6 @@
 //! The trials of a study, by the programs that a person runs, against a controller.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,66 +12,68 @@ use i2ris::ipc::payload::{TeleopMsg, TrialMsg, unpadded_text};
 use i2ris::units::Nanos;
 use i2ris_record::study::Study;
 use i2ris_record::study::journal::{Journal, Outcome};
-use i2ris_testing::{Controller, TIMEOUT, wait_until};
+use i2ris_testing::{Controller, Rig, TIMEOUT, wait_until};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};
 
 /// Runs `i2ris trial` in a study: exit code and what it printed.
-struct Bench {
+pub struct Bench {
     folder: tempfile::TempDir,
     domain: Domain,
 }
 
 impl Bench {
-    fn new(domain: &Domain) -> Self {
+    pub fn new(domain: &Domain) -> Self {
         let bench = Self { folder: tempfile::tempdir().unwrap(), domain: domain.clone() };
         bench.succeeds("new STUDY --conditions joystick,keyboard");
         bench
     }
 
-    fn study(&self) -> PathBuf {
+    pub fn study(&self) -> PathBuf {
         self.folder.path().join("study")
     }
 
     fn run(&self, words: &str) -> (Option<i32>, String) {
+        let output = self.command(words).output().unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(text).unwrap())
+    }
+
+    /// `i2ris trial` with these words; STUDY is its folder.
+    pub fn command(&self, words: &str) -> Command {
         let study = self.study();
         let words = words.split_whitespace().map(|word| match word {
             "STUDY" => study.to_str().unwrap(),
             word => word,
         });
-        let output = Command::new(env!("CARGO_BIN_EXE_i2ris-trial"))
-            .args(words)
-            .env("I2RIS_STUDY", &study)
-            .env("I2RIS_DOMAIN", self.domain.name())
-            .output()
-            .unwrap();
-        let text = [output.stdout, output.stderr].concat();
-        (output.status.code(), String::from_utf8(text).unwrap())
+        let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-trial"));
+        command.args(words).env("I2RIS_STUDY", &study).env("I2RIS_DOMAIN", self.domain.name());
+        command
     }
 
     #[track_caller]
-    fn succeeds(&self, words: &str) -> String {
+    pub fn succeeds(&self, words: &str) -> String {
         let (code, said) = self.run(words);
         assert_eq!(code, Some(0), "{words}: {said}");
         said
     }
 
     #[track_caller]
-    fn fails(&self, words: &str, part: &str) {
+    pub fn fails(&self, words: &str, part: &str) {
         let (code, said) = self.run(words);
         assert!(code != Some(0) && said.contains(part), "{words}: {code:?} {said}");
     }
 
-    fn trial(&self, name: &str) -> PathBuf {
+    pub fn trial(&self, name: &str) -> PathBuf {
         self.study().join(name)
     }
 }
 
-const START: &str = "start --participant P07 --condition joystick --task reach";
+pub const START: &str = "start --participant P07 --condition joystick --task reach";
 
-fn newest(stream: &mut Subscription<TrialMsg>) -> Option<TrialMsg> {
+pub fn newest(stream: &mut Subscription<TrialMsg>) -> Option<TrialMsg> {
     let mut newest = None;
     stream.drain(|message| newest = Some(message)).unwrap();
     newest
@@ -178,7 +180,7 @@ fn what_is_no_code_no_condition_or_no_study_is_refused_and_leaves_nothing() {
     bench.fails("list", "a study of format 2, this program knows 1");
 }
 
-fn recorder_of(trial: &Path) -> Pid {
+pub fn recorder_of(trial: &Path) -> Pid {
     let journal = fs::read_to_string(trial.join("journal.jsonl")).unwrap();
     let recording = journal.lines().find(|line| line.contains("\"recording\"")).unwrap();
     let recording: serde_json::Value = serde_json::from_str(recording).unwrap();
@@ -193,15 +195,15 @@ fn content(trial: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     files.into_iter().map(|file| (file.clone(), fs::read(file).unwrap())).collect()
 }
 
-/// Kills the recorder at random moments: what was there before is untouched, the trial keeps its
-/// recording up to a second before, and the next start finds its state.
-fn power_cuts(cases: u32) {
-    let controller = Controller::enabled();
-    let bench = Bench::new(&controller.domain);
+/// Cuts the power at random moments, `cut` being given the recorder: what was there before is
+/// untouched, the trial keeps its recording up to a second before, and the next start finds its
+/// state. `back`: the power is back.
+fn power_cuts(cases: u32, domain: &Domain, cut: impl Fn(Pid), back: impl Fn()) {
+    let bench = Bench::new(domain);
     bench.succeeds(START);
     bench.succeeds("stop --outcome success");
     let first = content(&bench.trial("P07-joystick-01"));
-    let number = Cell::new(1);
+    let (number, most_lost_s) = (Cell::new(1), Cell::new(0.0_f64));
     let config = Config {
         cases,
         rng_seed: RngSeed::Fixed(28),
@@ -218,17 +220,20 @@ fn power_cuts(cases: u32) {
                 bench.succeeds(&format!("mark m{mark}"));
             }
             clock::sleep(Nanos::from_millis(after_ms));
-            kill(recorder_of(&trial), Signal::SIGKILL).unwrap();
+            cut(recorder_of(&trial));
             wait_until("the recorder is gone", || !Journal::is_held(&trial));
             let length_s = clock::now().since(begun).as_seconds();
+            back();
             prop_assert!(said.contains("is being recorded"));
             bench.fails("mark late", "no trial runs");
             let report =
                 i2ris_record::report::TrialReport::read(&trial.join("recording.mcap")).unwrap();
+            most_lost_s.set(most_lost_s.get().max(length_s - report.length_s));
             prop_assert!(report.length_s > length_s - 1.0, "{} of {length_s}", report.length_s);
             Ok(())
         })
         .unwrap();
+    println!("{cases} power cuts, {:.2} s lost at most", most_lost_s.get());
     let said = bench.succeeds(START);
     assert_eq!(said.matches("had been cut off").count(), 1, "each once: {said}");
     bench.succeeds("stop --outcome success");
@@ -238,13 +243,32 @@ fn power_cuts(cases: u32) {
     assert_eq!((aborted.count() as u32, trials.len() as u32), (cases, cases + 2));
 }
 
-#[test]
-fn power_cuts_lose_a_second_at_most_and_never_the_trial_before() {
-    power_cuts(3);
+fn end_at_once(recorder: Pid) {
+    kill(recorder, Signal::SIGKILL).unwrap();
 }
 
 #[test]
+fn power_cuts_lose_a_second_at_most_and_never_the_trial_before() {
+    let controller = Controller::enabled();
+    power_cuts(3, &controller.domain, end_at_once, || {});
+}
+
+/// Recorder and controller, with drives.
+#[test]
 #[ignore = "minutes: .ci/nightly"]
-fn power_cuts_of_fifty_trials() {
-    power_cuts(50);
+fn power_cuts_of_fifty_trials_end_every_process() {
+    let rig = RefCell::new(Rig::with_model());
+    rig.borrow_mut().start_controller();
+    let domain = rig.borrow().domain();
+    drop(rig.borrow_mut().client());
+    let cut = |recorder| {
+        rig.borrow().signal(Signal::SIGKILL);
+        end_at_once(recorder);
+    };
+    power_cuts(50, &domain, cut, || {
+        let mut rig = rig.borrow_mut();
+        rig.wait_for_end();
+        rig.start_controller();
+        drop(rig.client());
+    });
 }

@@ -1,0 +1,190 @@
+//! What goes wrong in a trial, and what the participant says of it.
+
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+use std::process::Stdio;
+
+use i2ris::clock;
+use i2ris::ipc::client::{Client, Latest};
+use i2ris::ipc::payload::{TrialMsg, unpadded_text};
+use i2ris::units::Nanos;
+use i2ris_record::report::TrialReport;
+use i2ris_record::study::Study;
+use i2ris_record::study::journal::Journal;
+use i2ris_testing::{Controller, TIMEOUT, program, wait_until};
+
+use crate::programs::{limit_files, runs_with};
+use crate::trial::{Bench, START, newest, recorder_of};
+
+const FIRST: &str = "P07-joystick-01";
+
+#[test]
+fn the_workload_is_asked_and_stored_with_the_trial_that_ended_last() {
+    let controller = Controller::enabled();
+    let bench = Bench::new(&controller.domain);
+    bench.fails("workload --answers 55,30,25,60,50,20", "no trial has ended yet");
+    bench.succeeds(START);
+    bench.fails(&format!("workload {FIRST} --answers 55,30,25,60,50,20"), "runs: end it with");
+    bench.fails("start --participant P7 --condition keyboard", "P07-joystick-01 runs");
+    bench.succeeds("stop --outcome success");
+    bench.fails("start --participant P7 --condition keyboard", "reads like P07");
+    bench.fails("workload --answers 55,30", "2 answers, where there are six scales");
+    bench.fails("workload P01-joystick-01 --answers 5,5,5,5,5,5", "is no trial of this study");
+    let answer = |lines: &str| {
+        let mut form = bench.command("workload");
+        form.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut form = form.spawn().unwrap();
+        form.stdin.take().unwrap().write_all(lines.as_bytes()).unwrap();
+        let output = form.wait_with_output().unwrap();
+        let said = [output.stdout, output.stderr].concat();
+        (output.status.success(), String::from_utf8(said).unwrap())
+    };
+    let (is_stored, said) = answer("55\n30\n");
+    assert!(!is_stored && said.contains("nothing is stored"), "{said}");
+    let (is_stored, said) = answer("55\nmany\n30\n25\n60\n50\n20\n");
+    assert!(is_stored, "{said}");
+    for part in ["mental: How mentally", "`many` is no answer", "P07-joystick-01: workload 40 of"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    let show = bench.succeeds(&format!("show {FIRST}"));
+    assert!(show.contains("workload 40 of 100: mental 55, physical 30"), "{show}");
+    // In page and tables.
+    let study = bench.study();
+    let output = program::output(&["report", study.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(fs::read_to_string(study.join("report.html")).unwrap().contains("workload (0 to 100)"));
+    let table = fs::read_to_string(study.join("report.csv")).unwrap();
+    assert!(table.lines().next().unwrap().ends_with("performance,effort,frustration"), "{table}");
+    assert!(table.contains(",40,55,30,25,60,50,20"), "{table}");
+    let effects = fs::read_to_string(study.join("report-effects.csv")).unwrap();
+    assert!(effects.contains("workload (0 to 100),joystick,40,,,,"), "{effects}");
+    assert!(study.join("report-targets.csv").exists());
+}
+
+#[test]
+fn a_controller_that_restarts_in_a_trial_is_another_run_of_the_same_trial() {
+    let controller = Controller::enabled();
+    let bench = Bench::new(&controller.domain);
+    bench.succeeds(START);
+    let controller = controller.restart();
+    let boots = || Journal::read(&bench.trial(FIRST)).unwrap().unwrap().boots;
+    wait_until("the second run is recorded", || boots().len() == 2);
+    bench.succeeds("mark after");
+    clock::sleep(Nanos::from_millis(300));
+    bench.succeeds("stop --outcome recovery");
+    let show = bench.succeeds(&format!("show {FIRST}"));
+    assert!(show.contains("the controller was started 2 times in it"), "{show}");
+    assert_ne!(boots()[0], boots()[1]);
+    let report = TrialReport::read(&bench.trial(FIRST).join("recording.mcap")).unwrap();
+    assert!(report.cut_off.is_none() && report.length_s > 0.2, "{}", report.length_s);
+    drop(controller);
+}
+
+#[test]
+fn a_full_disk_in_a_trial_is_said_at_once_and_the_robot_and_what_was_written_stay() {
+    let controller = Controller::enabled();
+    let bench = Bench::new(&controller.domain);
+    bench.succeeds(START);
+    bench.succeeds("stop --outcome success");
+    let before = fs::read(bench.trial(FIRST).join("recording.mcap")).unwrap();
+    let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
+    let mut stream = client.watcher().trial();
+    let mut measured = Latest::new(client.watcher().measured_js());
+    let mut start = bench.command(START);
+    limit_files(&mut start, 1 << 40);
+    let output = start.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut told = TrialMsg::default();
+    wait_until("it is told", || {
+        told = newest(&mut stream).unwrap_or(told);
+        unpadded_text(&told.trial) == "P07-joystick-02"
+    });
+    // From here on the disk is full; what goes through shared memory is there already.
+    let limit = nix::libc::rlimit { rlim_cur: 20_000, rlim_max: 20_000 };
+    let recorder = recorder_of(&bench.trial("P07-joystick-02")).as_raw();
+    // SAFETY: reads the value that it is given, and writes nothing.
+    let limited = unsafe {
+        let none = std::ptr::null_mut();
+        nix::libc::prlimit(recorder, nix::libc::RLIMIT_FSIZE, &raw const limit, none)
+    };
+    assert_eq!(limited, 0);
+    wait_until("it is said that the trial is not recorded", || {
+        told = newest(&mut stream).unwrap_or(told);
+        told.flags & TrialMsg::FAILED != 0
+    });
+    assert_eq!(told.flags, TrialMsg::FAILED, "it goes on unrecorded");
+    let (found, why, _) = i2ris_testing::Program::run(&controller.domain, &["why"]);
+    assert!(found && why.contains("P07-joystick-02 is not recorded any more"), "{why}");
+    let list = bench.succeeds("list");
+    assert!(list.contains("runs, but is not recorded any more"), "{list}");
+    // Nobody else takes it for ended, and marks are kept where there is room for them.
+    bench.fails(START, "P07-joystick-02 runs");
+    bench.succeeds("mark still-here");
+    let mut first = 0;
+    wait_until("the state goes on", || {
+        let stamp = measured.refresh().unwrap().map_or(0, |it| it.stamp_ns);
+        first = if first == 0 { stamp } else { first };
+        stamp > first
+    });
+    bench.succeeds("stop --outcome aborted");
+    let show = bench.succeeds("show P07-joystick-02");
+    assert!(show.contains("not recorded to its end") && show.contains("still-here"), "{show}");
+    let kept = TrialReport::read(&bench.trial("P07-joystick-02").join("recording.mcap")).unwrap();
+    assert!(kept.cut_off.is_some() && kept.length_s > 0.0, "{:?}", kept.cut_off);
+    assert_eq!(fs::read(bench.trial(FIRST).join("recording.mcap")).unwrap(), before);
+    bench.succeeds(START);
+    bench.succeeds("stop --outcome success");
+}
+
+#[test]
+fn a_study_of_another_robot_is_refused_and_leaves_nothing() {
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../config/emulator.toml");
+    let controller = Controller::enabled();
+    runs_with(&controller, &config);
+    let bench = Bench::new(&controller.domain);
+    bench.succeeds(START);
+    bench.succeeds("stop --outcome success");
+    let another = bench.study().join("another.toml");
+    let text = fs::read_to_string(&config).unwrap();
+    fs::write(&another, text.replace("i2ris-emulated", "i2ris-two")).unwrap();
+    runs_with(&controller, &another);
+    let controller = controller.restart();
+    bench.fails(START, "of robot `i2ris-emulated`, this controller serves `i2ris-two`");
+    assert_eq!(bench.succeeds("list").lines().count(), 1);
+    assert!(!bench.trial("P07-joystick-02").exists());
+    drop(controller);
+}
+
+#[test]
+fn marks_a_hundred_times_a_second_are_all_kept_and_recorded() {
+    let controller = Controller::enabled();
+    let bench = Bench::new(&controller.domain);
+    bench.succeeds(START);
+    let study = Study::open(&bench.study()).unwrap();
+    let mut next = clock::now();
+    for number in 1..=100_u32 {
+        clock::sleep_until(next);
+        next = next + Nanos::from_millis(10);
+        assert_eq!(study.mark(clock::now(), "press").unwrap().1, number);
+    }
+    // The recorder reads its journal every 50 ms.
+    clock::sleep(Nanos::from_millis(500));
+    bench.succeeds("stop --outcome success");
+    let marks = Journal::read(&bench.trial(FIRST)).unwrap().unwrap().marks;
+    assert_eq!(marks.len(), 100);
+    assert!(marks.windows(2).all(|pair| pair[0].monotonic_ns < pair[1].monotonic_ns));
+    let recording = bench.trial(FIRST).join("recording.mcap");
+    let tables = bench.study().join("tables");
+    let words = ["record", "export", recording.to_str().unwrap(), "--output"];
+    assert!(
+        program::output(&[&words, [tables.to_str().unwrap()].as_slice()].concat()).status.success()
+    );
+    let mut table = csv::Reader::from_path(tables.join("trial.csv")).unwrap();
+    let column = table.headers().unwrap().iter().position(|name| name == "mark_number").unwrap();
+    let mut numbers: Vec<u32> =
+        table.records().map(|row| row.unwrap()[column].parse().unwrap()).collect();
+    numbers.dedup();
+    numbers.retain(|number| *number > 0);
+    assert_eq!(numbers, (1..=100).collect::<Vec<_>>());
+}
