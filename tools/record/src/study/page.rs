@@ -141,7 +141,8 @@ impl StudyReport {
             "Effect of the condition",
             "Difference of every measure from the first condition, with its interval.",
         );
-        rows(figure, self.known().map(|row| self.effect_panel(row)))
+        let differs = |row: &&Row| row.effects.iter().flatten().any(|it| it.difference.abs() > 0.0);
+        rows(figure, self.known().filter(differs).map(|row| self.effect_panel(row)))
     }
 
     fn effect_panel(&self, row: &Row) -> Panel {

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use i2ris::clock;
 use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, TeleopMsg};
 use i2ris::units::Nanos;
@@ -19,6 +20,9 @@ const UNIX: u64 = 1_700_000_000_000_000_000;
 /// Pictures per second, and how late the last one of five is.
 const FPS: u64 = 25;
 const LATE_MS: u64 = 4;
+
+/// Now and then: a recording that is made faster than it is written drops what has no room.
+const WRITES: Nanos = Nanos::from_millis(2);
 
 /// A grey picture of 64 by 48 points, as bright as its number.
 fn jpeg(number: u64) -> Vec<u8> {
@@ -63,6 +67,9 @@ fn record_with(
             flags: JointState::VALID | JointState::MEMORY_KNOWN,
             ..JointState::default()
         };
+        if ms % 50 == 0 {
+            clock::sleep(WRITES);
+        }
         trial.record(&StreamMessage::Measured(joints), stamp);
         trial.record(&StreamMessage::Goal(JointState { position: [angle; 3], ..joints }), stamp);
         let motors = ActuatorState {
@@ -96,8 +103,11 @@ fn record_with(
         if let Some(picture) = picture {
             trial.record_picture("top", stamp, &picture(number), stamp);
         }
+        clock::sleep(WRITES);
     }
-    trial.finish(BTreeMap::new(), &[]).unwrap();
+    let counts = trial.finish(BTreeMap::new(), &[]).unwrap();
+    let dropped = counts.pictures.values().map(|it| it.dropped).sum::<u64>() + counts.dropped;
+    assert_eq!(dropped, 0, "faster than it is written");
 }
 
 /// A study with these outcomes, each a trial of two seconds.
@@ -385,11 +395,11 @@ fn an_hour_is_exported_in_every_format() {
     let size = fs::metadata(&file).unwrap().len();
     println!("{seconds} s, {} MB, pictures of {} kB", size / 1_000_000, pictures[0].len() / 1000);
     for format in ["lerobot-v3", "lerobot-v2.1", "parquet", "csv"] {
-        let begun = i2ris::clock::now();
+        let begun = clock::now();
         let output = folder.path().join(format);
         let output = output.to_str().unwrap();
         exports(&[file.to_str().unwrap(), "--output", output, "--format", format]);
-        println!("{format}: {:.0} s", i2ris::clock::now().since(begun).as_seconds());
+        println!("{format}: {:.0} s", clock::now().since(begun).as_seconds());
         fs::remove_dir_all(output).unwrap();
     }
 }

@@ -85,7 +85,7 @@ class I2ris(Robot):
         joints, motors, state = (
             self._arm.measured_js(), self._arm.actuators.measured_js(), self._arm.operating_state(),
         )
-        if joints is None or not joints.valid or motors is None:
+        if not joints.valid:
             raise RuntimeError("the controller has no model: no angle is known")
         seen: dict = {"memory_known": float(state.memory_known)}
         for index, axis in enumerate(AXES):

@@ -64,7 +64,7 @@ class I2risTeleop(Teleoperator):
 
     def get_action(self) -> dict:
         goal = self._arm.goal_js()
-        if goal is None or not goal.valid:
+        if not goal.valid:
             raise RuntimeError("the controller has no model: no goal is known")
         return {f"{axis}.pos": float(goal.position[index]) for index, axis in enumerate(AXES)}
 

@@ -1,0 +1,159 @@
+//! A scripted operator: sees the angles of the camera and the target of a task, and moves the stick of
+//! a gamepad that is played through a pipe, for `i2ris command reach|pursuit|hold-still --played PIPE`.
+//!
+//! A person as the crossover model has one (McRuer and Jex, 1967): the deflection is what the snake was
+//! away a reaction time ago, times a gain, with noise. Gain, reaction and noise are those of a
+//! participant, by number. It knows nothing of models and hysteresis.
+//!
+//! `operator PIPE PARTICIPANT [DOMAIN]`; `tools/manual/study.sh` uses it.
+#![allow(clippy::print_stdout, reason = "an example that a person starts")]
+
+use std::collections::VecDeque;
+use std::error::Error;
+use std::fs::{File, OpenOptions};
+
+use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::{Latest, Watcher};
+use i2ris::ipc::payload::{ExternalPosition, ReachTarget, TeleopMsg};
+use i2ris::units::Nanos;
+use i2ris_teleop::evdev_decoder::encode;
+use i2ris_teleop::identity::Identity;
+use i2ris_teleop::recording::{write_frame, write_head};
+use i2ris_teleop::state::{Description, Protocol, Range};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+const KEY: u16 = 1;
+const AXIS: u16 = 3;
+const X: u16 = 0;
+const Y: u16 = 1;
+const DEAD_MAN: u16 = 0x137;
+const FULL: f64 = 32767.0;
+/// Of `i2ris command`, deg/s.
+const FULL_SPEED_DEG_S: f64 = 10.0;
+const PERIOD: Nanos = Nanos::from_millis(20);
+/// Nobody corrects what nobody sees, deg.
+const SEES_DEG: f64 = 0.06;
+
+/// How a person steers.
+struct Hand {
+    gain_per_s: f64,
+    reaction: Nanos,
+    /// Share of the deflection that is noise.
+    noise: f64,
+    random: Pcg64,
+    /// What was seen, and is not answered yet.
+    seen: VecDeque<(Nanos, [f64; 2])>,
+    answered: [f64; 2],
+}
+
+impl Hand {
+    fn of(participant: u64) -> Self {
+        let mut random = Pcg64::seed_from_u64(participant);
+        Self {
+            gain_per_s: random.random_range(1.2..2.0),
+            reaction: Nanos::from_millis(random.random_range(180..280)),
+            noise: random.random_range(0.05..0.15),
+            random,
+            seen: VecDeque::new(),
+            answered: [0.0; 2],
+        }
+    }
+
+    /// Deflections of pitch and yaw, each -1 to 1. `away`: to go, deg.
+    fn push(&mut self, now: Nanos, away: [f64; 2]) -> [f64; 2] {
+        self.seen.push_back((now, away));
+        while let Some((at, away)) = self.seen.front()
+            && now.since(*at) >= self.reaction
+        {
+            self.answered = *away;
+            self.seen.pop_front();
+        }
+        self.answered.map(|away| {
+            let away = if away.abs() < SEES_DEG { 0.0 } else { away };
+            let noise = 1.0 + self.noise * self.random.random_range(-1.0..1.0);
+            (self.gain_per_s * away * noise / FULL_SPEED_DEG_S).clamp(-1.0, 1.0)
+        })
+    }
+}
+
+/// An Xbox controller, as the kernel describes one.
+fn gamepad() -> Description {
+    let range = |code| Range { code, minimum: -32768, maximum: 32767, flat: 128 };
+    Description {
+        identity: Identity {
+            vendor: 0x045e,
+            product: 0x02ea,
+            name: "Scripted operator".into(),
+            serial: String::new(),
+        },
+        protocol: Protocol::Evdev,
+        absolute: vec![range(X), range(Y), range(3), range(4)],
+        relative: Vec::new(),
+        keys: vec![0x130, 0x131, DEAD_MAN - 1, DEAD_MAN],
+    }
+}
+
+fn tell(pipe: &mut File, kind: u16, code: u16, value: f64) -> std::io::Result<()> {
+    let event = [encode(kind, code, value as i32), encode(0, 0, 0)].concat();
+    write_frame(pipe, clock::now(), &event)
+}
+
+fn hand_follows(told: &mut Latest<TeleopMsg>, since: Nanos) -> Result<bool, Box<dyn Error>> {
+    let told = told.refresh()?;
+    Ok(told.is_some_and(|it| it.stamp_ns > since.0 && it.flags & TeleopMsg::OPEN == 0))
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let [pipe, participant, domain @ ..] = &words[..] else {
+        return Err("operator PIPE PARTICIPANT [DOMAIN]".into());
+    };
+    let domain = Domain::new(domain.first().map_or("i2ris", String::as_str))?;
+    let mut hand = Hand::of(participant.parse()?);
+    let watcher = Watcher::new(&domain);
+    let (mut camera, mut target) =
+        (Latest::new(watcher.external()), Latest::new(watcher.reach_target()));
+    let mut told = Latest::new(watcher.teleop());
+    // Waits for the program that reads.
+    let mut pipe = OpenOptions::new().write(true).open(pipe)?;
+    write_head(&mut pipe, &gamepad())?;
+    for (kind, code) in [(AXIS, X), (AXIS, Y), (KEY, DEAD_MAN)] {
+        tell(&mut pipe, kind, code, 0.0)?;
+    }
+    let started = clock::now();
+    // The program has to see everything at rest before the dead-man counts.
+    while !hand_follows(&mut told, started)? {
+        for value in [0.0, 1.0] {
+            tell(&mut pipe, KEY, DEAD_MAN, value)?;
+            clock::sleep(Nanos::from_millis(300));
+        }
+    }
+    loop {
+        clock::sleep(PERIOD);
+        let now = clock::now();
+        let (Some(camera), Some(target)) = (camera.refresh()?, target.refresh()?) else { continue };
+        // Of a task before this one.
+        if target.shown_ns < started.0 {
+            continue;
+        }
+        if target.flags & ReachTarget::ENDED != 0 && target.number == target.total {
+            break;
+        }
+        if camera.flags & ExternalPosition::VALID == 0 {
+            continue;
+        }
+        let to_go = [0, 1].map(|axis| (target.position[axis] - camera.position[axis]).to_degrees());
+        let [pitch, yaw] = hand.push(now, to_go);
+        tell(&mut pipe, AXIS, X, FULL * yaw)?;
+        // Away from the person is up, and less.
+        tell(&mut pipe, AXIS, Y, -FULL * pitch)?;
+    }
+    for code in [X, Y] {
+        tell(&mut pipe, AXIS, code, 0.0)?;
+    }
+    tell(&mut pipe, KEY, DEAD_MAN, 0.0)?;
+    println!("the task is over");
+    Ok(())
+}

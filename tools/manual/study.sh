@@ -1,0 +1,56 @@
+#!/usr/bin/env bash
+# A study on the emulator: ten trials, five scripted operators with and without compensation of the
+# hysteresis, each in an order of its own; targets to reach, then one to follow. Writes the study and its report into
+# the folder that is named. About ten minutes. `cargo build --release --workspace --examples --bins` makes
+# what it needs.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+study=$(realpath -m "${1:?usage: study.sh FOLDER}")
+programs=${I2RIS_PROGRAMS:-$PWD/target/release}
+export PATH="$programs:$programs/examples:$PATH" I2RIS_DOMAIN=study-$$ I2RIS_STUDY=$study
+work=$(mktemp -d)
+export I2RIS_EMULATOR_PORTS=$work/ports
+trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
+
+# With margins for a machine that is busy otherwise.
+sed -e "s#/tmp/i2ris-emulator#$work/ports#; s#domain = \"i2ris\"#domain = \"$I2RIS_DOMAIN\"#; s#../target/records#$work/records#" \
+  -e "s#feedback_stale_ms = .*#feedback_stale_ms = 2000#; s#feedback_lost_ms = .*#feedback_lost_ms = 10000#" \
+  -e "s#reply_timeout_ms = .*#reply_timeout_ms = 1000#; s#following_error_counts = 300#following_error_counts = 3000#" \
+  config/emulator.toml > "$work/emulator.toml"
+i2ris emulate --snake config/snakes/steel.toml > "$work/emulator.log" 2>&1 &
+sleep 2
+i2ris-control --config "$work/emulator.toml" > "$work/controller.log" 2>&1 &
+sleep 3
+
+# One recording, two models: with and without memory.
+i2ris calibrate collect --config "$work/emulator.toml" --home --duration-s 60 --output "$work/first.csv"
+i2ris calibrate fit "$work/first.csv" --family linear --output "$work/without.json"
+i2ris calibrate fit "$work/first.csv" --family force-balance --output "$work/with.json"
+
+mkfifo "$work/hand"
+# A stick that is never off its centre needs no dead zone; a person pushes through it.
+sed 's/^name/dead_zone = 0.02\nname/' config/devices/xbox.toml > "$work/hand.toml"
+# task PARTICIPANT WORDS...: the task, with the operator at its device.
+task() {
+  operator "$work/hand" "$1" "$I2RIS_DOMAIN" &
+  local operator=$!
+  i2ris command "${@:2}" --played "$work/hand" --profile "$work/hand.toml"
+  wait "$operator"
+}
+
+i2ris trial new "$study" --conditions without,with
+mapfile -t orders < <(i2ris trial order --participants 5 | sed 's/.*: //; s/,//g')
+for participant in 1 2 3 4 5; do
+  for condition in ${orders[participant - 1]}; do
+    i2ris model stage "$work/$condition.json"
+    i2ris model activate --force
+    i2ris command state enable
+    i2ris command state condition
+    i2ris trial start --participant "P0$participant" --condition "$condition" --task reach-and-pursuit
+    task "$participant" reach --targets 5 --seed "$participant" --tolerance-deg 0.3 --hold-s 0.8
+    i2ris trial mark pursuit
+    task "$participant" pursuit --duration-s 16 --seed "$participant"
+    i2ris trial stop --outcome success
+  done
+done
+i2ris report "$study"
