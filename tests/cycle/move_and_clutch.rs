@@ -298,6 +298,18 @@ fn the_client_that_holds_may_go_on_itself_and_an_own_hold_breaks_nothing_off() {
 }
 
 #[test]
+fn who_was_held_and_holds_in_turn_is_still_held() {
+    let mut bench = enabled("");
+    assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
+    assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Hold).refusal, Refusal::None);
+    let mut command = bench.servo(i2ris::core::ServoGoal::Joint(rad(0.1, 0.0), 2));
+    command.client_id = CLIENT + 1;
+    assert_eq!(bench.send(command), Refusal::None);
+    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+    assert_eq!(bench.joint(0.1, 0.0), Refusal::BrokenOff);
+}
+
+#[test]
 fn a_stream_that_is_refused_for_another_reason_is_not_silent() {
     let mut bench = enabled("");
     assert_eq!(bench.joint(0.1, 0.0), Refusal::None);
