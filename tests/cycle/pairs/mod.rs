@@ -35,13 +35,11 @@ const BREAK: Nanos = Nanos::from_millis(1000);
 const MISLED_TICKS: u64 = 40_000;
 /// Ticks of a situation.
 const TICKS: u64 = 4000;
-/// Seeds that found something once.
-const SEEDS: [u64; 3] = [
-    // The margin of the gate was a share of the speed, and so of the acceleration many times over.
-    1205, // A client that was held and held in turn was free of the hold.
-    3189, // Setpoints left the hull, while the place where they would come to rest lay inside.
-    3198,
-];
+/// Seeds that found something once. 1205: the margin of the gate was a share of the speed, and so of
+/// the acceleration many times over. 3189: a client that was held and held in turn was free of the
+/// hold. 3198: setpoints left the hull, while the place where they would come to rest lay inside. What
+/// is drawn has changed since the last two, and they find their defects no more.
+const SEEDS: [u64; 3] = [1205, 3189, 3198];
 
 /// Kinds of goals in joint space and of the tip.
 #[derive(Debug, Clone, Copy, PartialEq)]
