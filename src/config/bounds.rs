@@ -77,6 +77,7 @@ pub(super) const BOUNDS: &[Bound] = &[
     within("compensation.reversal_dead_band_deg", 0.0, 2.0),
     within("compensation.residual_filter_ms", 0.0, 1000.0),
     within("compensation.residual_dead_band_deg", 0.0, 1.0),
+    within("compensation.lead_ms", 0.0, 30.0),
     above_zero("conditioning.half_width_counts", MAX_COUNTS),
     within("conditioning.turns", 1.0, 20.0),
     above_zero("conditioning.velocity_counts_s", MAX_VELOCITY),

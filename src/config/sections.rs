@@ -202,6 +202,10 @@ pub struct CompensationConfig {
     pub residual_filter_ms: f64,
     /// Changes of the residual below this are not followed, in degrees.
     pub residual_dead_band_deg: f64,
+    /// Delay of the chain from goal to tip, in milliseconds: the goal is led by it along its
+    /// velocity. Half a turn of the line (2 ms for setpoint and position at 115200 baud), a frame
+    /// (1 ms), a tick, and the lag of the position loop of the drives. 0: the goal is not led.
+    pub lead_ms: f64,
 }
 
 impl Default for CompensationConfig {
@@ -211,6 +215,7 @@ impl Default for CompensationConfig {
             reversal_dead_band_deg: 0.05,
             residual_filter_ms: 50.0,
             residual_dead_band_deg: 0.02,
+            lead_ms: 0.0,
         }
     }
 }

@@ -12,8 +12,8 @@
 //! - `faults`: `fault_detection`, `following_error`, `over_current`, `overrun` (late ticks),
 //!   `plausibility`, `debounce`.
 //! - `motion`: from a goal to the setpoints of the motors, by `goal_extrapolation`,
-//!   `tremor_filter`, `joint_limits`, `virtual_fixtures`, `backlash_dead_band`, `velocity_limit`
-//!   and `jerk_limit`;
+//!   `tremor_filter`, `goal_lead`, `joint_limits`, `virtual_fixtures`, `backlash_dead_band`,
+//!   `velocity_limit` and `jerk_limit`;
 //!   `joint_trajectory` of `move_jp`; `conditioning`; `axis_control` of one motor.
 //! - `joint_space`: `joint_model`, a model with its memory; `inverse_setpoint`; `model_blend`;
 //!   `position_history`; `reach` of a line; `gate`, the order of all filters and the only way to a drive.

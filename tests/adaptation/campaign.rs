@@ -114,6 +114,9 @@ fn run(seed: u64, seconds: u64, start: &Trial, model: &Arc<Model>) -> (f64, f64)
         let rate = (to[0] - from[0]).hypot(to[1] - from[1]) / 1e-3;
         if still > 1 {
             assert_eq!(goal, goal_before);
+        }
+        // The lead of the goal (`compensation.lead_ms`) ends a moment after the goal.
+        if still > 100 {
             assert_eq!(applied, before, "seed {seed}: moved at rest");
         }
         largest = largest.max(now[0].hypot(now[1]));

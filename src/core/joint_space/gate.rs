@@ -10,7 +10,7 @@
 //! | 1 | `command/clutch` | the goal of the master becomes one of the snake |
 //! | 2 | `joint_space/reach` | the goal, back on its line to what can be reached |
 //! | 3 | `motion/goal_extrapolation` | the goal between commands: extrapolated, interpolated, or a rate integrated |
-//! | 4 | `motion/tremor_filter` | the goal |
+//! | 4 | `motion/tremor_filter`, `motion/goal_lead` | the goal |
 //! | 5 | `motion/joint_limits` | the goal: position, velocity, acceleration, jerk of the angles |
 //! | 6 | `motion/virtual_fixtures` | the goal, within the limits of stage 5 |
 //! | 7 | `motion/backlash_dead_band` | the goal |

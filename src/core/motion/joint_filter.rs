@@ -1,11 +1,13 @@
 //! Joint filter: what a goal in joint space passes through before it is inverted.
 //!
-//! First the [`TremorFilter`], then the [`JointLimits`], each only if it is configured. A stop does
-//! not pass through the filter: it must be short, so only the limits of the motors apply.
+//! First the [`TremorFilter`], then the [`GoalLead`], then the [`JointLimits`], each only if it is
+//! configured. A stop does not pass through the filter: it must be short, so only the limits of the
+//! motors apply.
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{CommandConfig, JointLimitConfig};
+use crate::config::Config;
+use crate::core::motion::goal_lead::GoalLead;
 use crate::core::motion::joint_limits::JointLimits;
 use crate::core::motion::tremor_filter::TremorFilter;
 use crate::units::{Nanos, OutputVec};
@@ -14,6 +16,7 @@ use crate::units::{Nanos, OutputVec};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct JointFilter {
     tremor_filter: TremorFilter,
+    lead: GoalLead,
     limits: JointLimits,
     last: Option<FilterOutputs>,
 }
@@ -34,15 +37,11 @@ pub(crate) struct GoalStep {
 
 impl JointFilter {
     /// `has_angles`: the outputs of the model are angles.
-    pub fn new(
-        command: &CommandConfig,
-        joints: &JointLimitConfig,
-        tick: Nanos,
-        has_angles: bool,
-    ) -> Self {
+    pub fn new(config: &Config, tick: Nanos, has_angles: bool) -> Self {
         Self {
-            tremor_filter: TremorFilter::new(command.tremor_filter_hz, tick),
-            limits: JointLimits::new(joints, tick, has_angles),
+            tremor_filter: TremorFilter::new(config.command.tremor_filter_hz, tick),
+            lead: GoalLead::new(config.compensation.lead_ms, tick),
+            limits: JointLimits::new(&config.joint_limits, tick, has_angles),
             last: None,
         }
     }
@@ -54,40 +53,48 @@ impl JointFilter {
 
     /// Filters the goal of this tick. `start`: the setpoint, from which the filter starts.
     pub fn filter(&mut self, goal: GoalStep, start: OutputVec) -> GoalStep {
-        if self.tremor_filter.is_off() && self.limits.is_off() {
+        if self.tremor_filter.is_off() && self.lead.is_off() && self.limits.is_off() {
             return goal;
         }
         let last = self.last.unwrap_or_else(|| {
+            self.lead.restart();
             self.limits.restart(&start);
             FilterOutputs { tremor_filter: start, limits: start }
         });
         let smooth = self.tremor_filter.filter(&last.tremor_filter, &goal.now);
         let smooth_before =
             if self.tremor_filter.is_off() { goal.before } else { last.tremor_filter };
-        let limited = self.limits.limit(&smooth, &smooth_before);
+        let led = self.lead.lead(GoalStep { now: smooth, before: smooth_before });
+        let limited = self.limits.limit(&led.now, &led.before);
         self.last = Some(FilterOutputs { tremor_filter: smooth, limits: limited });
-        GoalStep { now: limited, before: last.limits }
+        let before = if self.limits.is_off() { led.before } else { last.limits };
+        GoalStep { now: limited, before }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::JointLimitConfig;
 
-    fn filter(joints: &JointLimitConfig) -> JointFilter {
-        JointFilter::new(&CommandConfig::default(), joints, Nanos::from_millis(1), true)
+    fn filter(joint_limits: JointLimitConfig) -> JointFilter {
+        let text = include_str!("../../../config/emulator.toml");
+        let mut config = Config::parse(text, "emulator.toml".as_ref()).unwrap();
+        config.joint_limits = joint_limits;
+        config.compensation.lead_ms = 0.0;
+        JointFilter::new(&config, Nanos::from_millis(1), true)
     }
 
     #[test]
     fn without_limits_and_filter_a_goal_passes_unchanged() {
         let step = GoalStep { now: [0.3, 0.2, 0.1], before: [0.2, 0.1, 0.0] };
-        let mut filter = filter(&JointLimitConfig::default());
+        let mut filter = filter(JointLimitConfig::default());
         assert_eq!(filter.filter(step, [9.0; 3]), step);
     }
 
     #[test]
     fn a_new_stream_starts_at_the_setpoint() {
-        let mut filter = filter(&JointLimitConfig {
+        let mut filter = filter(JointLimitConfig {
             velocity_deg_s: Some(10.0),
             acceleration_deg_s2: Some(100.0),
             ..JointLimitConfig::default()

@@ -6,6 +6,7 @@ mod compare;
 mod fit;
 mod guided;
 mod merge;
+mod refine;
 mod update;
 
 pub use columns::ColumnArguments;
@@ -22,6 +23,7 @@ use i2ris_report::Failure;
   i2ris calibrate fit RECORDING.csv --output config/models/snake.json
   i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv
   i2ris calibrate update minute.csv --model config/models/snake.json --output today.json
+  i2ris calibrate refine TRIAL.mcap --model model.json --recording RECORDING.csv --output refined.json
 
 Without a command it runs every step: collect, fit, compare, stage, activate, check. It says each
 step, and goes on where it was."
@@ -51,6 +53,8 @@ enum Command {
     Merge(merge::Arguments),
     /// Make a new model from an old one and a minute of motion
     Update(update::Arguments),
+    /// Make a better model from a calibration and a recorded trial with a camera
+    Refine(refine::Arguments),
 }
 
 impl Command {
@@ -69,5 +73,6 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
         Command::Update(arguments) => update::run(&arguments),
+        Command::Refine(arguments) => refine::run(&arguments),
     }
 }

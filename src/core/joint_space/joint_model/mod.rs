@@ -183,7 +183,7 @@ impl JointModel {
             measured: None,
             setpoint: None,
             dead_band: BacklashDeadBand::new(&config.compensation, has_angles, has_backlash, tick),
-            filter: JointFilter::new(&config.command, &config.joint_limits, tick, has_angles),
+            filter: JointFilter::new(config, tick, has_angles),
             dead_banded_goal: None,
             blend: None,
             correction: None,

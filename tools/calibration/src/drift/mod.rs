@@ -23,12 +23,14 @@
 
 mod estimate;
 mod least_squares;
+mod refine;
 mod regressors;
 mod rest;
 mod update;
 mod verdict;
 
 pub use estimate::{DriftError, DriftEstimate, Value};
+pub use refine::{RefineError, Refined, refine};
 pub use rest::Rest;
 pub use update::{Update, UpdateError, update};
 pub use verdict::Verdict;

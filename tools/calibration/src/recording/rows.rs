@@ -3,6 +3,11 @@
 use i2ris::model::file::OutputSpec;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 
+use super::read::hash;
+
+/// Between two recordings that are fitted together, s.
+const PAUSE_S: f64 = 1.0;
+
 /// One row of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
@@ -59,7 +64,8 @@ impl Recording {
         &self.name
     }
 
-    /// SHA-256 of the bytes of the file, hexadecimal: what `sha256sum` prints.
+    /// SHA-256 of the bytes of the file, hexadecimal: what `sha256sum` prints. Of two recordings
+    /// together, that of both sums with a space between.
     #[must_use]
     pub fn sha256(&self) -> &str {
         &self.sha256
@@ -88,6 +94,42 @@ impl Recording {
     #[must_use]
     pub fn rows(&self) -> &[Row] {
         &self.rows
+    }
+
+    /// Two recordings of one snake, the second a moment after the first. Between them the motors
+    /// are taken to have gone straight. Lines are those of either file.
+    ///
+    /// # Errors
+    ///
+    /// The two are of other motors or outputs, or only one has time stamps.
+    pub fn followed_by(&self, later: &Self) -> Result<Self, String> {
+        if (self.motors, &self.outputs) != (later.motors, &later.outputs) {
+            return Err(format!(
+                "{} and {} are of other motors or outputs: they are not of one robot",
+                self.name, later.name
+            ));
+        }
+        let ends = |recording: &Self| {
+            let time = |point: &PathPoint| point.time_s;
+            (recording.path.first().and_then(time), recording.path.last().and_then(time))
+        };
+        let later_by = match (ends(self).1, ends(later).0) {
+            (Some(end), Some(begin)) => end + PAUSE_S - begin,
+            (None, None) => 0.0,
+            _ => return Err(format!("one of {} and {} has no times", self.name, later.name)),
+        };
+        let mut both = self.clone();
+        let after = |time_s: Option<f64>| time_s.map(|time_s| time_s + later_by);
+        let path = later.path.iter();
+        both.path.extend(path.map(|it| PathPoint { time_s: after(it.time_s), ..*it }));
+        both.rows.extend(later.rows.iter().map(|row| Row {
+            time_s: after(row.time_s),
+            path_index: row.path_index + self.path.len(),
+            ..*row
+        }));
+        both.name = format!("{} and {}", self.name, later.name);
+        both.sha256 = hash(format!("{} {}", self.sha256, later.sha256).as_bytes());
+        Ok(both)
     }
 
     /// The first rows, with the path up to the last of them.

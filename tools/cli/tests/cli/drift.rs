@@ -1,4 +1,4 @@
-//! `i2ris calibrate compare --drift` and `i2ris calibrate update` as a person meets them.
+//! `i2ris calibrate compare --drift`, `update` and `refine` as a person meets them.
 
 use std::fmt::Write as _;
 
@@ -8,6 +8,11 @@ use crate::bench::{Bench, assert_says};
 
 /// Rows of a snake that bends by its counts, with a zero of pitch, deg.
 fn recording(rows: u32, zero_deg: f64, phase: f64) -> String {
+    recording_with(rows, zero_deg, phase, 1.0)
+}
+
+/// With a gain of pitch.
+fn recording_with(rows: u32, zero_deg: f64, phase: f64, gain: f64) -> String {
     let mut text = String::from("t_s,q0_counts,q1_counts,pitch_deg,yaw_deg\n");
     for i in 0..rows {
         let time = 0.2 * f64::from(i);
@@ -15,7 +20,7 @@ fn recording(rows: u32, zero_deg: f64, phase: f64) -> String {
         let q0 = (300.0 * (0.31 * at).sin() + 150.0 * (1.13 * at).sin()).round();
         let q1 = (300.0 * (0.23 * at + 1.0).cos() + 150.0 * (0.97 * at).sin()).round();
         let wobble = 0.1 * (57.0 * at).sin();
-        let pitch = 0.02 * q0 - 0.015 * q1 + wobble + zero_deg;
+        let pitch = gain * (0.02 * q0 - 0.015 * q1) + wobble + zero_deg;
         let yaw = 0.015 * q0 + 0.02 * q1 + wobble;
         writeln!(text, "{time:.1},{q0},{q1},{pitch:.4},{yaw:.4}").unwrap();
     }
@@ -65,5 +70,30 @@ fn an_update_writes_a_model_of_today_and_nothing_over() {
     bench.succeeds(&format!("{update} today.json --overwrite"));
     let needless = "calibrate update new.csv --model model.json --output other.json";
     bench.fails(needless, &["no better on the rest"]);
+    assert!(!bench.exists("other.json"));
+}
+
+#[test]
+fn a_trial_refines_the_model_where_it_helps_and_another_zero_is_refused() {
+    let bench = bench();
+    bench.write("trial.csv", &recording_with(300, 0.0, 90.0, 1.1));
+    let refine = "--model model.json --recording new.csv --output";
+    let text = bench.succeeds(&format!("calibrate refine trial.csv {refine} refined.json"));
+    assert_says(&text, &["300 frames of trial.csv", "held out", "wrote refined.json"]);
+    let [calibrated, refined] =
+        ["model.json", "refined.json"].map(|name| Model::load(&bench.path(name)).unwrap());
+    let gain = |model: &Model| model.predict(&[200.0, 0.0], &model.new_memory()).mean[0];
+    assert!(gain(&refined) > 1.02 * gain(&calibrated));
+    assert_eq!(refined.file().training.data_file, "new.csv and trial.csv");
+    let over = format!("calibrate refine trial.csv {refine} model.json");
+    bench.fails(&over, &["model.json: exists", "--overwrite"]);
+    for (trial, words) in [
+        ("calibrate refine today.csv", "another zero"),
+        ("calibrate refine new.csv", "no better on the rest"),
+    ] {
+        bench.fails(&format!("{trial} {refine} other.json"), &[words]);
+    }
+    let other = "calibrate refine trial.csv --model model.json --recording today.csv --output";
+    bench.fails(&format!("{other} other.json"), &["was fitted to new.csv"]);
     assert!(!bench.exists("other.json"));
 }

@@ -68,10 +68,14 @@ impl Laboratory {
     }
 }
 
+/// A tick and the lag of the emulated motors at 60 Hz: lines are not simulated.
+const MOTOR_LAG_MS: f64 = 6.0;
+
 pub fn config() -> Result<Config, Failure> {
     let mut config = Config::parse(CONFIG, "config/emulator.toml".as_ref())?;
     // The straight pose, where every motion begins, need not be where conditioning ends.
     config.command.first_step_deg = config.command.max_step_deg;
+    config.compensation.lead_ms = MOTOR_LAG_MS;
     Ok(config)
 }
 

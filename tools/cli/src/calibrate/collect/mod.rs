@@ -16,7 +16,7 @@ mod recorder;
 mod session;
 mod sidecar;
 
-pub use recorder::GAP_NS;
+pub use recorder::{GAP_NS, Recorder};
 
 use std::fs::File;
 use std::io::LineWriter;
@@ -37,7 +37,7 @@ use crate::command::prepare::{PrepareOptions, prepare};
 use crate::numbers::within;
 use crate::progress_bar::bar_of_time;
 use i2ris_simulation::motion::protocol::{MotionRequest, Protocol, Region, above_zero};
-use recorder::{RecordedRows, Recorder};
+use recorder::RecordedRows;
 use session::{Ending, Session, Subscriptions};
 use sidecar::{Limits, Outcome, ProtocolRecord, Sidecar};
 

@@ -1,0 +1,202 @@
+//! `i2ris calibrate refine`: a better model from a calibration and a trial that a camera has seen.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{self, Command};
+
+use i2ris::ipc::payload::{ActuatorState, ExternalPosition};
+use i2ris::model::Model;
+use i2ris::model::file::OutputSpec;
+use i2ris::units::Nanos;
+use i2ris_calibration::drift::refine;
+use i2ris_calibration::fit::{Choice, FitOptions};
+use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
+use i2ris_calibration::report::CalibrationReport;
+use i2ris_report::Failure;
+use i2ris_report::programs::find;
+use serde::Deserialize;
+
+use super::collect::Recorder;
+use super::compare::check;
+use super::fit::{check_output, write};
+use crate::progress_bar::Bar;
+
+/// A frame so far from its neighbours, which agree, is an outlier: deg.
+const OUTLIER_DEG: f64 = 3.0;
+
+/// Arguments of `i2ris calibrate refine`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  i2ris calibrate refine TRIAL.mcap --model config/models/snake.json --recording RECORDING.csv \
+  --output config/models/refined.json
+
+The recording is the one that the model was calibrated with, the trial any recording of
+`i2ris record` since, with the zero of that day and with a camera that published; begin it with
+`i2ris command state condition`. Both are fitted together by the family of the model. Three quarters
+of the trial have to make a model that is better on its last quarter, or nothing is written. A trial
+may also be a CSV file, as `i2ris calibrate collect` writes it.")]
+pub struct Arguments {
+    /// The trial: a file of `i2ris record`, or a CSV file with encoder counts and measured angles
+    trial: PathBuf,
+    /// The model
+    #[arg(long, value_name = "MODEL.json")]
+    model: PathBuf,
+    /// The recording that it was fitted to
+    #[arg(long, value_name = "FILE.csv")]
+    recording: PathBuf,
+    /// Where to write the new model; its folder is made
+    #[arg(long, short, value_name = "MODEL.json")]
+    output: PathBuf,
+    /// Where to write the report of the fit
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Replace the files, if they exist
+    #[arg(long)]
+    overwrite: bool,
+}
+
+/// Runs it. The model is written when all else has succeeded.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let Arguments { output, overwrite, .. } = arguments;
+    check_output("--output", output, &arguments.recording, *overwrite)?;
+    if let Some(page) = &arguments.report {
+        check_output("--report", page, &arguments.recording, *overwrite)?;
+    }
+    let old = Model::load(&arguments.model)?;
+    let (calibration, read) = Recording::read(&arguments.recording, &ColumnMap::default())?;
+    let named = &old.file().training;
+    if named.data_sha256 != calibration.sha256() {
+        return Err(format!(
+            "--recording {}: the model was fitted to {}; name that file",
+            arguments.recording.display(),
+            named.data_file
+        )
+        .into());
+    }
+    let trial = trial(&arguments.trial, output, calibration.outputs())?;
+    for recording in [&calibration, &trial] {
+        let name = arguments.model.display();
+        check(&old, recording).map_err(|reason| format!("model {name}: {reason}"))?;
+    }
+    let (calibration, _) = calibration.without_latency();
+    let (trial, latency) = trial.without_latency();
+    let in_use = trial.rows().len();
+    let both = calibration.followed_by(&trial)?;
+    let options = FitOptions {
+        robot_id: old.file().robot_id.clone(),
+        recorded_at: named.recorded_at.clone(),
+        choice: family(&old)?,
+        ..FitOptions::default()
+    };
+    let refined = refine(&old, &both, in_use, &options, &Bar::new())
+        .map_err(|error| format!("trial {}: {error}", arguments.trial.display()))?;
+    if let Some(page) = &arguments.report {
+        let read = ReadReport { rows: both.rows().len(), ..read };
+        let report = CalibrationReport::new(&both, &read, &options, &refined.outcome);
+        write(page, &report.html())?;
+    }
+    refined.outcome.model.file().write(output)?;
+    let [before, after] = refined.held_out;
+    println!("in use     {in_use} frames of {}", arguments.trial.display());
+    println!("held out   {before:.3} before, {after:.3} after, on the last quarter of them");
+    if let Some(seconds) = latency {
+        println!("latency    {:+.1} ms were taken off the stamps of the angles", 1e3 * seconds);
+    }
+    println!("\nwrote {}", output.display());
+    if let Some(page) = &arguments.report {
+        println!("wrote {}", page.display());
+    }
+    Ok(())
+}
+
+/// The family of a model, to fit it again.
+fn family(model: &Model) -> Result<Choice, Failure> {
+    let parameters = serde_json::to_value(&model.file().family)?;
+    Ok(parameters["kind"].as_str().unwrap_or_default().parse::<Choice>()?)
+}
+
+/// The trial as a recording. Tables of a recording of `i2ris record` are made beside the output and
+/// removed.
+fn trial(file: &Path, output: &Path, outputs: &[OutputSpec]) -> Result<Recording, Failure> {
+    if file.extension().is_none_or(|extension| extension != "mcap") {
+        return Ok(Recording::read(file, &ColumnMap::default())?.0);
+    }
+    let tables = output.with_extension(format!("refine-{}", process::id()));
+    let recording = export(file, &tables).and_then(|()| joined(file, &tables, outputs));
+    // Nothing was made, or it is in the way of nothing.
+    let _ = fs::remove_dir_all(&tables);
+    recording
+}
+
+fn export(file: &Path, tables: &Path) -> Result<(), Failure> {
+    let program = find("record").ok_or("i2ris-record is not there: install it beside i2ris")?;
+    let status = Command::new(program)
+        .args(["export".as_ref(), file, "--output".as_ref(), tables])
+        .stdout(process::Stdio::null())
+        .status()?;
+    let failed = || format!("{}: cannot be read, see above", file.display());
+    if status.success() { Ok(()) } else { Err(failed().into()) }
+}
+
+/// Columns of `actuators_measured_js.csv`.
+#[derive(Debug, Deserialize)]
+struct Positions {
+    measured_stamp_ns_0: u64,
+    measured_stamp_ns_1: u64,
+    measured_counts_0: i32,
+    measured_counts_1: i32,
+    count: u32,
+}
+
+/// Columns of `external_measured_jp.csv`.
+#[derive(Debug, Deserialize)]
+struct Frame {
+    stamp_ns: u64,
+    pitch_deg: Option<f64>,
+    yaw_deg: Option<f64>,
+    quality: f64,
+    count: u32,
+    flags: u32,
+}
+
+/// Positions and frames in one recording, as `i2ris calibrate collect` writes it.
+fn joined(file: &Path, tables: &Path, outputs: &[OutputSpec]) -> Result<Recording, Failure> {
+    let positions: Vec<Positions> = rows(tables, "actuators_measured_js.csv")?;
+    let frames: Vec<Frame> = rows(tables, "external_measured_jp.csv")?;
+    let Some(first) = positions.iter().find(|row| row.measured_stamp_ns_0 > 0) else {
+        return Err(format!("{}: there are no positions in it", file.display()).into());
+    };
+    let start = Nanos(first.measured_stamp_ns_0.min(first.measured_stamp_ns_1));
+    let path = tables.join(file.file_name().unwrap_or_default()).with_extension("csv");
+    let motors = usize::try_from(first.count).unwrap_or(2).min(2);
+    let table = File::create_new(&path)?;
+    let mut recorder = Recorder::new(table, start, motors, outputs, OUTLIER_DEG, 0.0)?;
+    for row in &positions {
+        recorder.positions(&ActuatorState {
+            measured_stamp_ns: [row.measured_stamp_ns_0, row.measured_stamp_ns_1],
+            measured_counts: [row.measured_counts_0, row.measured_counts_1],
+            count: row.count,
+            ..ActuatorState::default()
+        });
+    }
+    for row in &frames {
+        let angle = |deg: Option<f64>| deg.unwrap_or(f64::NAN).to_radians();
+        recorder.frame(&ExternalPosition {
+            stamp_ns: row.stamp_ns,
+            position: [angle(row.pitch_deg), angle(row.yaw_deg), 0.0],
+            quality: row.quality,
+            count: row.count,
+            flags: row.flags,
+            ..ExternalPosition::default()
+        });
+    }
+    recorder.finish()?;
+    let recording = Recording::read(&path, &ColumnMap::default());
+    Ok(recording.map_err(|error| format!("{}: {error}", file.display()))?.0)
+}
+
+fn rows<T: for<'de> Deserialize<'de>>(tables: &Path, name: &str) -> Result<Vec<T>, Failure> {
+    let missing = |error: csv::Error| format!("the recording has no usable {name}: {error}");
+    let mut reader = csv::Reader::from_path(tables.join(name)).map_err(missing)?;
+    Ok(reader.deserialize().collect::<Result<Vec<T>, _>>().map_err(missing)?)
+}
