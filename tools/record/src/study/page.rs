@@ -7,6 +7,8 @@ use i2ris_report::{Axis, Color, Figure, Line, Page, Panel, Scatter, Stroke, Tabl
 use super::comparison::{Effect, Measure, Row, StudyReport};
 
 const ROW_HEIGHT: f64 = 210.0;
+/// Measures beside each other on a sheet.
+const MOST_COLUMNS: usize = 5;
 const PARTICIPANT: Stroke = Stroke::new(Color::GREY, 0.9);
 const MEAN: Stroke = Stroke::new(Color::BLUE, 2.2);
 
@@ -76,7 +78,7 @@ impl StudyReport {
         }
         self.write_conditions(&mut page);
         page.section("Trials");
-        page.table(&self.trial_table());
+        self.trial_tables().iter().for_each(|table| page.table(table));
         let version = env!("CARGO_PKG_VERSION");
         page.footer(format!("Written by i2ris {version} from the recordings of the study alone."));
         page
@@ -184,18 +186,22 @@ impl StudyReport {
             .with(Line::new(points(&row.means), MEAN))
     }
 
-    fn trial_table(&self) -> Table {
-        let header = ["trial", "outcome", "marks"].map(str::to_owned);
+    /// Every trial; a second table where one is wider than a sheet.
+    fn trial_tables(&self) -> Vec<Table> {
         let known: Vec<Measure> = self.known().map(|row| row.measure).collect();
-        let measures = known.iter().map(|measure| measure.name().to_owned());
-        let mut table =
-            Table::new("Every trial.", header.into_iter().chain(measures)).text_column(1);
+        known.chunks(MOST_COLUMNS).map(|measures| self.trial_table(measures)).collect()
+    }
+
+    fn trial_table(&self, measures: &[Measure]) -> Table {
+        let header = ["trial", "outcome", "marks"].map(str::to_owned);
+        let names = measures.iter().map(|measure| measure.name().to_owned());
+        let mut table = Table::new("Every trial.", header.into_iter().chain(names)).text_column(1);
         for trial in &self.trials {
             let outcome =
                 trial.outcome.map_or("-".to_owned(), |it| format!("{it:?}").to_lowercase());
             let fixed = [trial.name.clone(), outcome, trial.marks.to_string()];
             let values = Measure::ALL.into_iter().zip(trial.values);
-            let values = values.filter(|(measure, _)| known.contains(measure));
+            let values = values.filter(|(measure, _)| measures.contains(measure));
             table.row(TableRow::new(fixed.into_iter().chain(values.map(|(_, it)| number(it)))));
         }
         table
