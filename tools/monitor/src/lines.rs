@@ -268,7 +268,7 @@ mod tests {
             &text,
             &[
                 "ENABLED for 12 s, homed, model loaded",
-                "0000000000000abc; accepted 400, refused 3, last: step too large",
+                "client 61d8332e; accepted 400, refused 3, last: step too large",
                 "+5.00      +4.50      +4.25     0.25",
                 "motor 0    setpoint 130, measured 120 counts, 12 mA; enabled, status 0x0637; 470 \
                  exchanges/s",

@@ -20,6 +20,7 @@
 //! | `rest` | what is left over: how much, along which direction, how slow |
 //! | `verdict` | whether it is time for a new calibration |
 //! | `update` | a new model from an old one |
+//! | `refine` | a new model from a calibration and what was recorded in use |
 
 mod estimate;
 mod least_squares;
