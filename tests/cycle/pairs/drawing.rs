@@ -72,6 +72,10 @@ pub fn configuration(random: &mut Random, limits: &Limits, zones: &[Zone]) -> Co
     if random.one_in(2) {
         text += "[adaptation]\nenabled = true\ncamera_deviation_deg = 0.3\nslew_deg_s = 3.0\n";
     }
+    // Of a copy: what is drawn for a seed after this stays.
+    if random.clone().one_in(2) {
+        text += "[compensation]\nlead_ms = 20.0\n";
+    }
     for (index, zone) in zones.iter().enumerate() {
         text += &table(zone, index);
     }
