@@ -178,8 +178,7 @@ fn stop_if_stale(state: &mut State, guards: Guards) {
 /// admission is: that one judges real numbers, of axes and a model with memory, and a search over
 /// states ends only where states are few. So it is one bit here, a stage that pushed, and what the
 /// search shows is that no order of commands, silences and restarts gets round it. That nothing else
-/// makes a `Gated` is shown by its type, and that the real one keeps every
-/// limit by `cycle::pairs`, on the wire.
+/// makes a `Gated` is shown by its type; that the real one keeps every limit, by `cycle::pairs`.
 fn move_setpoints(state: &mut State, guards: Guards, pushed: bool) {
     state.motion = state.followed.filter(|_| !pushed || !guards.has(Guard::Gate));
     state.truth.broke_limit |= pushed && state.motion.is_some();

@@ -53,7 +53,6 @@ pub struct LatestMessages {
     pub target: Option<ReachTarget>,
     /// What a person does with an input device.
     pub hand: Option<TeleopMsg>,
-    /// The trial that is recorded.
     pub trial: Option<TrialMsg>,
     /// The last fault.
     pub error: Option<ReasonMsg>,
@@ -281,17 +280,16 @@ pub struct Event {
 impl View {
     /// What the messages say. Models and events are known to the monitor only.
     pub fn new(messages: &LatestMessages, now: Nanos) -> Self {
-        let joint = |it: &JointState| pose(it, now);
+        let LatestMessages { error, hand, trial, .. } = messages;
         let warning = messages.warning.filter(|it| it.age(now) < WARNING_SHOWN);
         Self {
             state: messages.state.as_ref().map(|it| state(it, now)),
             why: messages.state.as_ref().map_or_else(Vec::new, |it| {
-                let (hand, trial) = (messages.hand.as_ref(), messages.trial.as_ref());
-                reasons(it, messages.error.as_ref(), warning.as_slice(), hand, trial, now)
+                reasons(it, error.as_ref(), warning.as_slice(), hand.as_ref(), trial.as_ref(), now)
             }),
-            goal: messages.goal.as_ref().map(joint),
-            setpoint: messages.setpoint.as_ref().map(joint),
-            estimate: messages.measured.as_ref().map(joint),
+            goal: messages.goal.as_ref().map(|it| pose(it, now)),
+            setpoint: messages.setpoint.as_ref().map(|it| pose(it, now)),
+            estimate: messages.measured.as_ref().map(|it| pose(it, now)),
             camera: messages.camera.as_ref().map(|it| seen(it, now)),
             motors: messages.actuators.as_ref().map(|it| motors(it, messages.exchange_rates, now)),
             control_loop: messages.statistics.as_ref().map(|it| control_loop(it, now)),
@@ -299,7 +297,7 @@ impl View {
             adaptation: messages.adaptation.as_ref().map(Adaptation::new),
             fixtures: messages.fixtures.as_ref().map_or_else(Vec::new, fixtures::fixtures),
             hand: messages.hand.as_ref().and_then(|it| Hand::new(it, now)),
-            trial: messages.trial.as_ref().and_then(|it| Trial::new(it, now)),
+            trial: trial.as_ref().and_then(|it| Trial::new(it, now)),
             target: messages.target.as_ref().and_then(|it| Target::new(it, now)),
             ..Self::default()
         }
