@@ -66,13 +66,8 @@ pub struct ReachOptions {
     /// The same number gives the same targets
     #[arg(long, default_value_t = 1, value_name = "NUMBER")]
     seed: u64,
-    /// Middle of the targets
-    #[arg(long, num_args = 2, value_names = ["PITCH_DEG", "YAW_DEG"], default_values_t = [0.0, 0.0],
-          value_parser = finite, allow_negative_numbers = true)]
-    center: Vec<f64>,
-    /// Largest distance of a target from the middle
-    #[arg(long, default_value_t = 8.0, value_name = "DEG", value_parser = positive)]
-    range_deg: f64,
+    #[command(flatten)]
+    area: AreaOptions,
     /// How long a target has to be held
     #[arg(long, default_value_t = 1.0, value_name = "S", value_parser = positive)]
     hold_s: f64,
@@ -92,11 +87,18 @@ pub struct PursuitOptions {
     /// The same number gives the same curve
     #[arg(long, default_value_t = 1, value_name = "NUMBER")]
     seed: u64,
-    /// Middle of the curve
+    #[command(flatten)]
+    area: AreaOptions,
+}
+
+/// Where targets are.
+#[derive(Debug, Clone, clap::Args)]
+struct AreaOptions {
+    /// Middle of where the target may be
     #[arg(long, num_args = 2, value_names = ["PITCH_DEG", "YAW_DEG"], default_values_t = [0.0, 0.0],
           value_parser = finite, allow_negative_numbers = true)]
     center: Vec<f64>,
-    /// Largest distance of the target from the middle
+    /// Largest distance of a target from the middle
     #[arg(long, default_value_t = 8.0, value_name = "DEG", value_parser = positive)]
     range_deg: f64,
 }
@@ -127,7 +129,8 @@ impl HandTask {
     pub fn new(options: &TaskOptions, client: &Client) -> Self {
         let (course, period): (Box<dyn Course>, _) = match options {
             TaskOptions::Reach(options) => {
-                let disc = Disc { center: pair(&options.center), range_deg: options.range_deg };
+                let area = &options.area;
+                let disc = Disc { center: pair(&area.center), range_deg: area.range_deg };
                 let settings = Settings {
                     tolerance_deg: options.tolerance_deg,
                     hold: seconds(options.hold_s),
@@ -137,7 +140,8 @@ impl HandTask {
                 (Box::new(Reach::new(targets, settings)), PUBLISH_PERIOD)
             }
             TaskOptions::Pursuit(options) => {
-                let curve = Curve::seeded(pair(&options.center), options.range_deg, options.seed);
+                let area = &options.area;
+                let curve = Curve::seeded(pair(&area.center), area.range_deg, options.seed);
                 (Box::new(Follow::new(curve, seconds(options.duration_s))), MOVING_PERIOD)
             }
             TaskOptions::HoldStill(options) => {
