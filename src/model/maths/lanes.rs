@@ -86,28 +86,46 @@ impl Lanes {
         }
     }
 
-    /// The exponential of numbers up to 0; 0 below `least`, which must be above -700. NaN stays.
-    ///
-    /// It is computed here and not by the library of the system: without a call it works on all
-    /// lanes at once, and it gives the same bits everywhere.
+    /// See [`exp_above`].
     #[inline(always)]
     pub fn exp_above(self, least: f64) -> Self {
-        let shifted = self * Self::splat(LOG2_E) + Self::splat(TO_WHOLE);
-        let whole = shifted - Self::splat(TO_WHOLE);
-        let rest = self - whole * Self::splat(LN_2_HIGH) - whole * Self::splat(LN_2_LOW);
-        let [first, others @ ..] = FACTORIALS;
-        let mut series = Self::splat(first);
-        for factor in others {
-            series = series * rest + Self::splat(factor);
-        }
-        let power = series * (rest * rest) + rest + Self::splat(1.0);
-        let lane = |lane: usize| {
-            let exponent = shifted.0[lane].to_bits().wrapping_add(ONE_EXPONENT) << MANTISSA_BITS;
-            let value = power.0[lane] * f64::from_bits(exponent);
-            if self.0[lane] < least { 0.0 } else { value }
-        };
+        let [power, shifted] = power_and_exponent(self, Self::splat);
+        let lane = |lane: usize| scaled(self.0[lane], power.0[lane], shifted.0[lane], least);
         Self([lane(0), lane(1)])
     }
+}
+
+/// The exponential of a number up to 0; 0 below `least`, which must be above -700. NaN stays.
+///
+/// It is computed here and not by the library of the system: without a call and a branch it works on
+/// several numbers at once, and it gives the same bits everywhere.
+#[inline(always)]
+pub(in crate::model) fn exp_above(x: f64, least: f64) -> f64 {
+    let [power, shifted] = power_and_exponent(x, |value| value);
+    scaled(x, power, shifted, least)
+}
+
+/// `e^x` is the first times 2 to the whole number in the last bits of the second.
+#[inline(always)]
+fn power_and_exponent<N>(x: N, splat: impl Fn(f64) -> N) -> [N; 2]
+where
+    N: Copy + Add<Output = N> + Sub<Output = N> + Mul<Output = N>,
+{
+    let shifted = x * splat(LOG2_E) + splat(TO_WHOLE);
+    let whole = shifted - splat(TO_WHOLE);
+    let rest = x - whole * splat(LN_2_HIGH) - whole * splat(LN_2_LOW);
+    let [first, others @ ..] = FACTORIALS;
+    let mut series = splat(first);
+    for factor in others {
+        series = series * rest + splat(factor);
+    }
+    [series * (rest * rest) + rest + splat(1.0), shifted]
+}
+
+#[inline(always)]
+fn scaled(x: f64, power: f64, shifted: f64, least: f64) -> f64 {
+    let exponent = shifted.to_bits().wrapping_add(ONE_EXPONENT) << MANTISSA_BITS;
+    if x < least { 0.0 } else { power * f64::from_bits(exponent) }
 }
 
 impl Add for Lanes {

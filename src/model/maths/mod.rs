@@ -12,3 +12,4 @@ pub(in crate::model) mod polygon;
 pub mod polynomial_regression;
 pub(in crate::model) mod quadratic;
 pub(in crate::model) mod regression;
+pub(in crate::model) mod wide;

@@ -1,7 +1,8 @@
 //! Activations and their slopes.
 
 use super::parameters::Activation;
-use crate::model::maths::lanes::{LANES, Lanes};
+use crate::model::maths::lanes::exp_above;
+use crate::model::maths::wide::wide;
 
 /// Below this an exponential adds nothing to 1.
 const LEAST_EXPONENT: f64 = -40.0;
@@ -12,9 +13,9 @@ impl Activation {
         match self {
             Self::None => {}
             Self::Relu => values.iter_mut().for_each(|value| *value = relu(*value)),
-            Self::Tanh => by_exponential(values, -2.0, tanh),
-            Self::Sigmoid => by_exponential(values, -1.0, sigmoid),
-            Self::Softplus => by_exponential(values, -1.0, softplus),
+            Self::Tanh => tanh(values),
+            Self::Sigmoid => sigmoid(values),
+            Self::Softplus => softplus(values),
         }
     }
 
@@ -36,33 +37,27 @@ fn relu(value: f64) -> f64 {
     if value < 0.0 { 0.0 } else { value }
 }
 
-/// `power` is `e^(-2 |x|)`.
-#[inline(always)]
-fn tanh(x: f64, power: f64) -> f64 {
-    ((1.0 - power) / (1.0 + power)).copysign(x)
-}
-
-/// `power` is `e^-|x|`.
-#[inline(always)]
-fn sigmoid(x: f64, power: f64) -> f64 {
-    (if x < 0.0 { power } else { 1.0 }) / (1.0 + power)
-}
-
-/// `power` is `e^-|x|`.
-#[inline(always)]
-fn softplus(x: f64, power: f64) -> f64 {
-    relu(x) + power.ln_1p()
-}
-
-/// Activates values, given each with the exponential of `factor` times its size.
-#[inline(always)]
-fn by_exponential(values: &mut [f64], factor: f64, activate: impl Fn(f64, f64) -> f64) {
-    for values in values.chunks_mut(LANES) {
-        let sizes = Lanes::of(values, |value| factor * value.abs());
-        let powers = sizes.exp_above(LEAST_EXPONENT).0;
-        for (value, power) in values.iter_mut().zip(powers) {
-            *value = activate(*value, power);
+wide! {
+    fn tanh(values: &mut [f64]) {
+        for value in values {
+            let power = exp_above(-2.0 * value.abs(), LEAST_EXPONENT);
+            *value = ((1.0 - power) / (1.0 + power)).copysign(*value);
         }
+    }
+}
+
+wide! {
+    fn sigmoid(values: &mut [f64]) {
+        for value in values {
+            let power = exp_above(-value.abs(), LEAST_EXPONENT);
+            *value = (if *value < 0.0 { power } else { 1.0 }) / (1.0 + power);
+        }
+    }
+}
+
+fn softplus(values: &mut [f64]) {
+    for value in values {
+        *value = relu(*value) + exp_above(-value.abs(), LEAST_EXPONENT).ln_1p();
     }
 }
 
@@ -91,6 +86,17 @@ mod tests {
                 let found = activation.slope(found[0]);
                 prop_assert!((found - slope).abs() < 1e-12, "{activation:?} {x}: {found} {slope}");
             }
+        }
+    }
+
+    #[test]
+    fn a_row_has_the_bits_of_its_values_one_by_one() {
+        for activation in [Activation::Tanh, Activation::Sigmoid] {
+            let mut row: Vec<f64> = (0..203).map(|k| 0.31 * f64::from(k) - 31.0).collect();
+            let mut alone = row.clone();
+            activation.apply(&mut row);
+            alone.iter_mut().for_each(|value| activation.apply(std::slice::from_mut(value)));
+            assert_eq!(row, alone, "{activation:?}");
         }
     }
 

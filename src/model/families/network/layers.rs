@@ -1,9 +1,8 @@
 //! Prepared layers and their arithmetic, in arrays of fixed size.
-//!
-//! Sums run over the inputs in order, unit by unit side by side, so the compiler may use wide
-//! instructions and the bits stay the same.
 
+use super::matrix::Matrix;
 use super::parameters::{Activation, Layer, MAX_WIDTH};
+use crate::model::maths::wide::wide;
 
 /// The most sums of a layer: four gates.
 const MAX_SUMS: usize = 4 * MAX_WIDTH;
@@ -18,45 +17,6 @@ pub(super) struct Signal<const T: usize> {
 impl<const T: usize> Signal<T> {
     pub fn zero() -> Self {
         Self { values: [0.0; MAX_WIDTH], slopes: [[0.0; MAX_WIDTH]; T] }
-    }
-}
-
-/// A matrix, column by column.
-#[derive(Debug, Clone)]
-struct Matrix {
-    height: usize,
-    columns: Vec<f64>,
-}
-
-impl Matrix {
-    fn new(rows: &[Vec<f64>]) -> Self {
-        let width = rows.first().map_or(0, Vec::len);
-        let columns = (0..width).flat_map(|column| rows.iter().map(move |row| row[column]));
-        Self { height: rows.len(), columns: columns.collect() }
-    }
-
-    /// Adds the product with the inputs. Four columns at a time: the sums stay in registers.
-    fn add_product(&self, inputs: &[f64], sums: &mut [f64]) {
-        let mut blocks = self.columns.chunks_exact(4 * self.height);
-        let mut inputs = inputs.chunks_exact(4);
-        for (block, inputs) in blocks.by_ref().zip(inputs.by_ref()) {
-            let (left, right) = block.split_at(2 * self.height);
-            let ((a, b), (c, d)) = (left.split_at(self.height), right.split_at(self.height));
-            for ((((sum, a), b), c), d) in sums.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-                *sum += a * inputs[0];
-                *sum += b * inputs[1];
-                *sum += c * inputs[2];
-                *sum += d * inputs[3];
-            }
-        }
-        // Where the columns are no multiple of four, there are as many inputs left as columns,
-        // and then units beyond the width of the layer before.
-        let columns = blocks.remainder().chunks_exact(self.height);
-        for (column, input) in columns.zip(inputs.next().unwrap_or(inputs.remainder())) {
-            for (sum, weight) in sums.iter_mut().zip(column) {
-                *sum += weight * input;
-            }
-        }
     }
 }
 
@@ -220,10 +180,11 @@ impl PreparedLayer {
         input: &Signal<T>,
     ) -> ([f64; MAX_SUMS], [[f64; MAX_SUMS]; T]) {
         let (mut sums, mut slopes) = ([0.0; MAX_SUMS], [[0.0; MAX_SUMS]; T]);
-        sums[..weights.input_bias.len()].copy_from_slice(&weights.input_bias);
-        weights.input.add_product(&input.values[..self.inputs], &mut sums);
+        let count = weights.input_bias.len();
+        sums[..count].copy_from_slice(&weights.input_bias);
+        weights.input.add_product(&input.values[..self.inputs], &mut sums[..count]);
         for (slopes, input) in slopes.iter_mut().zip(&input.slopes) {
-            weights.input.add_product(&input[..self.inputs], slopes);
+            weights.input.add_product(&input[..self.inputs], &mut slopes[..count]);
         }
         (sums, slopes)
     }
@@ -237,26 +198,22 @@ impl PreparedLayer {
         let units = self.units;
         let (recurrent, hidden) = state.split_at(3 * units);
         let (mut sums, slopes) = self.gates(weights, input);
-        let (gates, new) = sums.split_at_mut(2 * units);
+        let (gates, new) = sums[..3 * units].split_at_mut(2 * units);
         add(gates, recurrent);
         Activation::Sigmoid.apply(gates);
-        let (reset, update) = gates.split_at(units);
         let recurrent_new = &recurrent[2 * units..];
-        for ((new, reset), recurrent) in new.iter_mut().zip(reset).zip(recurrent_new) {
+        for ((new, reset), recurrent) in new.iter_mut().zip(&*gates).zip(recurrent_new) {
             *new += reset * recurrent;
         }
-        Activation::Tanh.apply(&mut new[..units]);
+        Activation::Tanh.apply(new);
         let mut output = Signal::zero();
-        for unit in 0..units {
-            let (reset, update, new) = (reset[unit], update[unit], new[unit]);
-            output.values[unit] = new + update * (hidden[unit] - new);
-            for (output, slopes) in output.slopes.iter_mut().zip(&slopes) {
-                let reset_slope = reset * (1.0 - reset) * slopes[unit];
-                let update_slope = update * (1.0 - update) * slopes[units + unit];
-                let sum_slope = slopes[2 * units + unit] + reset_slope * recurrent_new[unit];
-                let new_slope = (1.0 - new * new) * sum_slope;
-                output[unit] = (1.0 - update) * new_slope + update_slope * (hidden[unit] - new);
-            }
+        let update = gates[units..].iter();
+        let values = output.values.iter_mut().zip(hidden).zip(update).zip(&*new);
+        for (((value, hidden), update), new) in values {
+            *value = new + update * (hidden - new);
+        }
+        for (output, slopes) in output.slopes.iter_mut().zip(&slopes) {
+            gru_slopes(&mut output[..units], slopes, gates, new, hidden, recurrent_new);
         }
         output
     }
@@ -275,25 +232,55 @@ impl PreparedLayer {
         Activation::Sigmoid.apply(&mut sums[..2 * units]);
         Activation::Tanh.apply(&mut sums[2 * units..3 * units]);
         Activation::Sigmoid.apply(&mut sums[3 * units..4 * units]);
+        let gate = |index: usize, unit: usize| sums[index * units + unit];
+        let before = &hidden_and_cells[units..];
         let (mut output, mut cells) = (Signal::zero(), [0.0; MAX_WIDTH]);
+        for (unit, cell) in cells[..units].iter_mut().enumerate() {
+            *cell = gate(1, unit) * before[unit] + gate(0, unit) * gate(2, unit);
+        }
+        let mut shown = cells;
+        Activation::Tanh.apply(&mut shown[..units]);
         for unit in 0..units {
-            let gate = |index: usize| sums[index * units + unit];
-            let (take, keep, new, show) = (gate(0), gate(1), gate(2), gate(3));
-            let before = hidden_and_cells[units + unit];
-            cells[unit] = keep * before + take * new;
-            let mut shown = [cells[unit]];
-            Activation::Tanh.apply(&mut shown);
-            output.values[unit] = show * shown[0];
+            let (take, keep, new) = (gate(0, unit), gate(1, unit), gate(2, unit));
+            let (show, shown) = (gate(3, unit), shown[unit]);
+            output.values[unit] = show * shown;
             for (output, slopes) in output.slopes.iter_mut().zip(&slopes) {
                 let slope = |index: usize| slopes[index * units + unit];
-                let cell_slope = keep * (1.0 - keep) * slope(1) * before
+                let cell_slope = keep * (1.0 - keep) * slope(1) * before[unit]
                     + take * (1.0 - take) * slope(0) * new
                     + take * (1.0 - new * new) * slope(2);
-                output[unit] = show * (1.0 - show) * slope(3) * shown[0]
-                    + show * (1.0 - shown[0] * shown[0]) * cell_slope;
+                output[unit] = show * (1.0 - show) * slope(3) * shown
+                    + show * (1.0 - shown * shown) * cell_slope;
             }
         }
         (output, cells)
+    }
+}
+
+wide! {
+    /// Slopes of the units of a GRU from those of their sums. `gates`: reset, then update.
+    fn gru_slopes(
+        output: &mut [f64],
+        sums: &[f64],
+        gates: &[f64],
+        new: &[f64],
+        hidden: &[f64],
+        recurrent_new: &[f64],
+    ) {
+        let units = output.len();
+        let (reset, update) = (&gates[..units], &gates[units..2 * units]);
+        let (sums, update_sums) = sums.split_at(units);
+        let (update_sums, new_sums) = update_sums.split_at(units);
+        let (new_sums, new) = (&new_sums[..units], &new[..units]);
+        let (hidden, recurrent_new) = (&hidden[..units], &recurrent_new[..units]);
+        for unit in 0..units {
+            let reset_slope = reset[unit] * (1.0 - reset[unit]) * sums[unit];
+            let update_slope = update[unit] * (1.0 - update[unit]) * update_sums[unit];
+            let sum_slope = new_sums[unit] + reset_slope * recurrent_new[unit];
+            let new_slope = (1.0 - new[unit] * new[unit]) * sum_slope;
+            output[unit] =
+                (1.0 - update[unit]) * new_slope + update_slope * (hidden[unit] - new[unit]);
+        }
     }
 }
 

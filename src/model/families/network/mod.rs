@@ -20,12 +20,14 @@
 //! |---|---|
 //! | `parameters` | layers in a file, and their checks |
 //! | `layers` | prepared layers and their arithmetic |
+//! | `matrix` | weights, and products with them |
 //! | `activation` | activations and their slopes |
 //! | `state` | the hidden state |
 //! | `runtime` | the network as a family of models |
 
 mod activation;
 mod layers;
+mod matrix;
 mod parameters;
 mod runtime;
 pub(in crate::model) mod state;

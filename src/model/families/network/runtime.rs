@@ -12,7 +12,7 @@ use crate::model::families::round_trip;
 use crate::model::families::runtime::Runtime;
 use crate::model::maths::hull::Hull;
 use crate::model::maths::matrix_checks::{positive_semidefinite, square};
-use crate::model::maths::newton_inverse;
+use crate::model::maths::newton_inverse::{self, SearchStart};
 use crate::model::maths::regression::{
     Local, Prediction, Regression, array, bounded, estimate, rows, vector,
 };
@@ -229,6 +229,20 @@ struct At<'a, const D: usize, const M: usize> {
     state: &'a NetworkState,
 }
 
+impl<const D: usize, const M: usize> At<'_, D, M> {
+    /// The searches for all goals but the first start where that for the first ended.
+    fn invert_each(&self, goals: &[OutputVec], hull: &Hull, query: &Query, found: &mut [Inverse]) {
+        let mut start = SearchStart::new(self, hull, &bounded(&query.start));
+        for (index, (goal, found)) in goals.iter().zip(found).enumerate() {
+            let (inverse, end) = newton_inverse::invert_from(self, hull, goal, &start);
+            *found = inverse;
+            if index == 0 {
+                start = end;
+            }
+        }
+    }
+}
+
 impl<const D: usize, const M: usize> Regression<D, M> for At<'_, D, M> {
     fn local(&self, counts: &SVector<f64, D>) -> Local<D, M> {
         let network = self.network;
@@ -303,23 +317,44 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
         self.with_state(memory, |state| rows(&self.at(state).local(&counts).jacobian))
     }
 
+    fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
+        let mut found = [Inverse::default()];
+        self.invert_each(std::slice::from_ref(goal), memory, hull, query, &mut found);
+        let [found] = found;
+        found
+    }
+
     /// Without compensation the network goes to the goal as if it had just woken up at the present
     /// position.
-    fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
-        let invert = |state: &NetworkState| {
-            newton_inverse::invert(&self.at(state), hull, goal, &bounded(&query.start))
-        };
-        let full = self.with_state(memory, invert);
-        if query.compensation >= 1.0 || !full.residual.is_finite() {
-            return full;
+    fn invert_each(
+        &self,
+        goals: &[OutputVec],
+        memory: &Memory,
+        hull: &Hull,
+        query: &Query,
+        found: &mut [Inverse],
+    ) {
+        self.with_state(memory, |state| {
+            self.at(state).invert_each(goals, hull, query, found);
+        });
+        if query.compensation >= 1.0 {
+            return;
         }
         let position = memory.seen.map(|seen| seen.position).unwrap_or_default();
-        let without = invert(&self.begin(&bounded(&position)));
-        let mut counts = without.counts;
-        for (at, to) in counts.iter_mut().zip(full.counts) {
-            *at += query.compensation * (to - *at);
+        let awake = self.begin(&bounded(&position));
+        for (goal, found) in goals.iter().zip(found) {
+            if found.residual.is_finite() {
+                let mut without = [Inverse::default()];
+                self.at(&awake).invert_each(&[*goal], hull, query, &mut without);
+                let [without] = without;
+                let mut counts = without.counts;
+                for (at, to) in counts.iter_mut().zip(found.counts) {
+                    *at += query.compensation * (to - *at);
+                }
+                let iterations = found.iterations + without.iterations;
+                *found = Inverse { counts, iterations, ..*found };
+            }
         }
-        Inverse { counts, iterations: full.iterations + without.iterations, ..full }
     }
 
     /// Walks to positions all over the hull, and searches each from beside it. The state must not
