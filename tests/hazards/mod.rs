@@ -23,4 +23,5 @@ mod h20;
 mod h21;
 mod h22;
 mod h23;
+mod h36;
 mod noise;

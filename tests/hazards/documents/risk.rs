@@ -51,6 +51,11 @@ const RATINGS: &[(&str, [u32; 3], &str)] = &[
     ("H33", [3, 3, 1], "a firmware that changes its controls and keeps its numbers"),
     ("H34", [3, 4, 2], "a camera that is turned after the view was measured or typed"),
     ("H35", [3, 3, 1], "a second camera takes over when the first is silent for a second"),
+    (
+        "H36",
+        [3, 4, 2],
+        "a network that is wrong where neither its recording nor the examination was",
+    ),
 ];
 
 const HEAD: &str = "\
