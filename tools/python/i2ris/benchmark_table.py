@@ -1,9 +1,10 @@
 """The table of the benchmark: fits, judges, and writes the results as JSON and as a page.
 
-    python -m i2ris.benchmark_table --families gmr gmr-direction best --networks gru=networks/gru tcn=networks/tcn \\
-        --json results.json --page benchmark.md
+    python -m i2ris.benchmark_table --networks gru=networks/gru tcn=networks/tcn \\
+        --json results.json --page benchmark.md --figure benchmark.svg
 
-Results by others: a JSON file of the same form (``--results FILE``), a row for each case and method.
+Results by others: a JSON file of the same form (``--results FILE``), a row for each case and method. Without
+``--families`` and ``--networks`` nothing is run, and page and figure are made of the results alone.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from i2ris import benchmark
+from i2ris import benchmark, prandtl_ishlinskii
 from i2ris.model import Calibration, Model, ModelError
 
 Row = dict[str, Any]
@@ -24,10 +25,12 @@ def judge(case: benchmark.Case, method: str, folder: Path | None) -> Row:
     """One row: a family fitted here, or a model or network from a folder with PHYSICS-SEED.json."""
     row: Row = {
         "version": benchmark.VERSION, "physics": case.physics, "seed": case.seed, "protocol": case.protocol,
-        "camera": case.camera, "method": method,
+        "camera": case.camera, "aged": case.aged, "method": method,
     }  # fmt: skip
     try:
-        if folder is None:
+        if method == "prandtl-ishlinskii":
+            model = prandtl_ishlinskii.fit(case.train_path(), "i2ris-emulated")
+        elif folder is None:
             model = Calibration(method, robot_id="i2ris-emulated").fit(case.train_path()).model_
         else:
             path = folder / f"{case.physics}-{case.seed}.json"
@@ -41,11 +44,44 @@ def judge(case: benchmark.Case, method: str, folder: Path | None) -> Row:
         row["exact"] = benchmark.geometric_mean(found["exact_deg"] / found["linear_deg"] for found in motions.values())
     except (ModelError, OSError) as error:
         row["refused"] = str(error)
+        # What the examination refuses may still predict: the training measured it.
+        note = folder / f"{case.physics}-{case.seed}.curve.json" if folder is not None else None
+        if note is not None and note.exists() and not case.aged:
+            row.update({key: value for key, value in json.loads(note.read_text()).items() if key == "forward"})
     return row
 
 
-def page(rows: Iterable[Row]) -> str:
-    """The table as Markdown: geometric means over seeds, for each method and physics."""
+def shares(rows: Iterable[Row], physics: str, method: str, task: str) -> list[float]:
+    """The shares of a method on a physics; none where any of them was refused."""
+    of = [row for row in rows if row["physics"] == physics]
+    if method == "exact":
+        return [row["exact"] for row in of if "exact" in row][:1]
+    of = [row for row in of if row["method"] == method]
+    return [row[task] for row in of] if all(task in row for row in of) else []
+
+
+def table(rows: list[Row], task: str) -> list[str]:
+    """Methods by physics."""
+    physics = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in rows)]
+    methods = list(dict.fromkeys(row["method"] for row in rows)) + ["exact"] * (task == "inverse")
+    lines = [f"| method | {' | '.join(physics)} | all |", "|---" * (len(physics) + 2) + "|"]
+    lines.append(f"| linear | {'1 | ' * len(physics)}1 |")
+    for method in methods:
+        found = [shares(rows, name, method, task) for name in physics]
+        cells = [f"{benchmark.geometric_mean(cell):.3f}" if cell else "-" for cell in found]
+        every = [share for cell in found for share in cell]
+        whole = f"{benchmark.geometric_mean(every):.3f}" if every and all(found) else "-"
+        lines.append(f"| {method} | {' | '.join(cells)} | {whole} |")
+    return lines
+
+
+def kind(row: Row) -> tuple[str, str, bool]:
+    """Protocol, camera, and whether the snake has aged: each has its own tables."""
+    return row["protocol"], row["camera"], row.get("aged", False)
+
+
+def page(rows: Iterable[Row], curves: Iterable[Path] = ()) -> str:
+    """The tables as Markdown: geometric means over seeds, for each method and physics."""
     rows = list(rows)
     lines = [
         "# The hysteresis benchmark, version 1",
@@ -55,34 +91,83 @@ def page(rows: Iterable[Row]) -> str:
         "within the same limits of the motors. `-`: refused, or the robot did not follow. Written by",
         "`python -m i2ris.benchmark_table`; how to take part: [Models from Python](python.md#the-benchmark).",
     ]
-    kinds = sorted({(row["protocol"], row["camera"]) for row in rows})
-    for protocol, camera in kinds:
-        chosen = [row for row in rows if (row["protocol"], row["camera"]) == (protocol, camera)]
-        physics = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in chosen)]
+    for protocol, camera, aged in sorted({kind(row) for row in rows}, key=lambda key: (key[2], key[1] != "usual", key)):
+        chosen = [row for row in rows if kind(row) == (protocol, camera, aged)]
         seeds = sorted({row["seed"] for row in chosen})
-        methods = list(dict.fromkeys(row["method"] for row in chosen))
         for task in ("forward", "inverse"):
-            lines += ["", f"## {protocol}, {camera} camera: {task}", "", f"Seeds {', '.join(map(str, seeds))}.", ""]
-            lines += [f"| method | {' | '.join(physics)} | all |", "|---" * (len(physics) + 2) + "|"]
-            names = [*methods, "exact"] if task == "inverse" else methods
-            for method in names:
-                cells, every = [], []
-                for name in physics:
-                    of = [row for row in chosen if row["physics"] == name]
-                    if method == "exact":
-                        shares = [row["exact"] for row in of if "exact" in row][:1]
-                    else:
-                        of = [row for row in of if row["method"] == method]
-                        shares = [row[task] for row in of if task in row] if all(task in row for row in of) else []
-                    cells.append(f"{benchmark.geometric_mean(shares):.3f}" if shares else "-")
-                    every += shares
-                whole = f"{benchmark.geometric_mean(every):.3f}" if every and "-" not in cells else "-"
-                lines.append(f"| {method} | {' | '.join(cells)} | {whole} |")
+            title = f"{protocol}, {camera} camera{', the snake has aged' if aged else ''}: {task}"
+            lines += ["", f"## {title[0].upper()}{title[1:]}", "", f"Seeds {', '.join(map(str, seeds))}.", ""]
+            lines += table(chosen, task)
+    lines += trained(curves)
     refused = [row for row in rows if "refused" in row]
     if refused:
         lines += ["", "## Refused", ""]
         lines += [f"- {row['method']}, {row['physics']} {row['seed']}: {row['refused']}" for row in refused]
     return "\n".join(lines) + "\n"
+
+
+def trained(curves: Iterable[Path]) -> list[str]:
+    """How networks were trained: their size, and the error on the rows held out at parts of the training."""
+    parts = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)
+    lines = []
+    for path in sorted(curves):
+        note = json.loads(path.read_text())
+        curve = note["curve"]
+        points = [curve[min(int(part * len(curve)), len(curve) - 1)][2] for part in parts]
+        points.append(min(row[2] for row in curve))
+        errors = " | ".join(f"{note['unit_deg'] * error:.3f}" for error in points)
+        name = f"{path.parent.name}, {path.name.removesuffix('.curve.json')}"
+        lines.append(f"| {name} | {note['parameters']} | {note['minutes']:g} | {curve[-1][0]} | {errors} |")
+    if not lines:
+        return []
+    head = " | ".join(f"after {100 * part:.0f} %" for part in parts)
+    return [
+        "",
+        "## How the networks were trained",
+        "",
+        "By `tools/python/examples/train_networks.py`: size, minutes of one processor, epochs, and the error on the rows held",
+        "out, deg RMS, along the training. The best epoch is kept.",
+        "",
+        f"| network | parameters | minutes | epochs | {head} | best |",
+        "|---" * (len(parts) + 5) + "|",
+        *lines,
+    ]
+
+
+#: Methods of the figure, what they are called there, and their colours.
+SHOWN = (("linear", "straight line", "#9aa0a6"), ("gmr", "GMR, published", "#e08214"), ("gru", "GRU-64, in torch", "#8073ac"), ("best", "i2ris", "#1b9e77"))
+
+
+def figure(rows: Iterable[Row]) -> str:
+    """Bars of the inverse task by physics, as SVG that is read on light and on dark."""
+    rows = [row for row in rows if kind(row) == ("reversals", "usual", False)]
+    width, height, left, bottom, bar = 880, 300, 46, 250, 18
+    step = (width - left - 10) / len(benchmark.PHYSICS)
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="13" fill="#80868b">',
+        f'<text x="{left}" y="14">Error of the tip while it follows unseen motion, share of a straight line\'s</text>',
+    ]
+    for tick in range(0, 11, 2):
+        y = bottom - 20 * tick
+        lines.append(f'<path d="M{left} {y}H{width - 10}" stroke="#80868b" stroke-opacity="0.3"/>')
+        lines.append(f'<text x="{left - 6}" y="{y + 4}" text-anchor="end">{tick / 10:.1f}</text>')
+    for number, physics in enumerate(benchmark.PHYSICS):
+        begin = left + number * step + (step - bar * len(SHOWN)) / 2
+        lines.append(f'<text x="{left + (number + 0.5) * step:.0f}" y="{bottom + 18}" text-anchor="middle">{physics}</text>')
+        for place, (method, _, colour) in enumerate(SHOWN):
+            found = [1.0] if method == "linear" else shares(rows, physics, method, "inverse")
+            x = begin + place * bar
+            if not found:
+                lines.append(f'<text x="{x + bar / 2:.0f}" y="{bottom - 4}" text-anchor="middle">-</text>')
+                continue
+            share = benchmark.geometric_mean(found)
+            tall = 200 * min(share, 1.08)
+            lines.append(f'<rect x="{x:.1f}" y="{bottom - tall:.1f}" width="{bar - 2}" height="{tall:.1f}" fill="{colour}"/>')
+    for place, (_, name, colour) in enumerate(SHOWN):
+        x = left + place * 170
+        lines.append(f'<rect x="{x}" y="{height - 18}" width="12" height="12" fill="{colour}"/>')
+        lines.append(f'<text x="{x + 18}" y="{height - 7}">{name}</text>')
+    return "\n".join([*lines, "</svg>"]) + "\n"
 
 
 def main() -> None:
@@ -91,25 +176,32 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="*", type=int, default=benchmark.SEEDS)
     parser.add_argument("--protocols", nargs="*", default=tuple(benchmark.PROTOCOLS))
     parser.add_argument("--cameras", nargs="*", default=("usual",))
-    parser.add_argument("--families", nargs="*", default=("gmr", "gmr-direction", "best"))
+    parser.add_argument("--aged", action="store_true", help="judge on the snake after use")
+    families = ("gmr", "gmr-direction", "prandtl-ishlinskii", "best")
+    parser.add_argument("--families", nargs="*", default=families)
     parser.add_argument("--networks", nargs="*", default=(), metavar="NAME=FOLDER")
     parser.add_argument("--results", nargs="*", type=Path, default=(), help="results of others, as --json writes them")
     parser.add_argument("--folder", type=Path, help="where recordings are kept")
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--page", type=Path)
+    parser.add_argument("--figure", type=Path)
     arguments = parser.parse_args()
     methods: list[tuple[str, Path | None]] = [(family, None) for family in arguments.families]
     methods += [(name, Path(folder)) for name, _, folder in (text.partition("=") for text in arguments.networks)]
     rows: list[Row] = [row for file in arguments.results for row in json.loads(file.read_text())]
-    for case in benchmark.cases(arguments.physics, arguments.seeds, arguments.protocols, arguments.cameras, arguments.folder):
+    for case in benchmark.cases(arguments.physics, arguments.seeds, arguments.protocols, arguments.cameras, arguments.folder, arguments.aged):
         for method, folder in methods:
             row = judge(case, method, folder)
             rows.append(row)
             shown = row.get("refused") or f"forward {row['forward']:.3f}, inverse {row['inverse']:.3f}"
-            print(f"{case.name} {method}: {shown}", flush=True)
+            print(f"{case.name}{' aged' * case.aged} {method}: {shown}", flush=True)
             arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
+    arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
     if arguments.page:
-        arguments.page.write_text(page(rows))
+        curves = [path for _, folder in methods if folder for path in folder.glob("*.curve.json")]
+        arguments.page.write_text(page(rows, curves))
+    if arguments.figure:
+        arguments.figure.write_text(figure(rows))
 
 
 if __name__ == "__main__":

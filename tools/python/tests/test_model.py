@@ -11,10 +11,17 @@ import pytest
 np = pytest.importorskip("numpy")
 pytest.importorskip("i2ris_native", reason="the wheel is not installed: maturin build, pip install")
 
-from i2ris import benchmark  # noqa: E402
+from i2ris import benchmark, benchmark_table, prandtl_ishlinskii, public  # noqa: E402
 from i2ris.model import Calibration, Model, ModelError, from_onnx, from_torch, walk, write_recording  # noqa: E402
 
 CLI = os.environ.get("I2RIS_CLI")
+#: Every night: so many recordings, each with all families.
+RECORDINGS = int(os.environ.get("I2RIS_RECORDINGS", "0"))
+COMPARED = [("gear", 1, family) for family in ("linear", "gmr", "gmr-direction")] if not RECORDINGS else [
+    (benchmark.PHYSICS[number % len(benchmark.PHYSICS)], 1 + number // len(benchmark.PHYSICS), family)
+    for number in range(RECORDINGS)
+    for family in ("linear", "kinematic", "gmr", "gmr-direction", "gmr-play", "force-balance", "best")
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -41,13 +48,31 @@ def learned(train, layers=None, **changes):
 
 
 @pytest.mark.skipif(not CLI, reason="I2RIS_CLI does not name the command line")
-@pytest.mark.parametrize("family", ["linear", "gmr", "gmr-direction"])
-def test_the_file_is_byte_for_byte_that_of_the_command_line(case, family, tmp_path):
-    ours, theirs = tmp_path / "wheel.json", tmp_path / "cli.json"
-    Calibration(family, restarts=2, max_components=3).fit(case.train_path()).save(ours)
+@pytest.mark.parametrize(("physics", "seed", "family"), COMPARED)
+def test_the_file_is_byte_for_byte_that_of_the_command_line(physics, seed, family, tmp_path):
+    path = benchmark.Case(physics, seed, "short", folder=tmp_path).train_path()
     options = ["--family", family, "--restarts", "2", "--max-components", "3"]
-    subprocess.run([CLI, "calibrate", "fit", case.train_path(), "-o", theirs, *options], check=True, capture_output=True)
-    assert ours.read_bytes() == theirs.read_bytes()
+    run = subprocess.run([CLI, "calibrate", "fit", path, "-o", tmp_path / "cli.json", *options], capture_output=True, text=True)
+    try:
+        Calibration(family, restarts=2, max_components=3).fit(path).save(tmp_path / "wheel.json")
+    except ModelError as error:
+        # What one refuses the other does, too, with the same sentence.
+        assert run.returncode != 0 and str(error).splitlines()[0] in run.stderr, (str(error), run.stderr)
+        return
+    assert run.returncode == 0, run.stderr
+    assert (tmp_path / "wheel.json").read_bytes() == (tmp_path / "cli.json").read_bytes()
+
+
+@pytest.mark.skipif(not CLI, reason="I2RIS_CLI does not name the command line")
+def test_an_imported_network_is_byte_for_byte_that_of_the_command_line(case, train, tmp_path):
+    """Deviation and range are computed by the network itself: wide and narrow instructions give the same bits."""
+    network = tmp_path / "gru.json"
+    learned(train, gru(units=37), path=network)
+    options = ["--robot-id", "i2ris", "--output", tmp_path / "cli.json"]
+    run = subprocess.run([CLI, "model", "import", network, case.train_path(), *options], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    Model.from_network(network, case.train_path()).save(tmp_path / "wheel.json")
+    assert (tmp_path / "wheel.json").read_bytes() == (tmp_path / "cli.json").read_bytes()
 
 
 def test_arrays_lists_integers_frames_and_gaps_give_the_same_model(train, tmp_path):
@@ -257,9 +282,60 @@ def test_the_benchmark_scores_and_its_data_are_frozen(case):
     assert np.isfinite(test.angles_deg).any() and test.sha256 != train.sha256
     frozen = benchmark.digests()
     assert frozen[case.name] == train.sha256
-    assert len(frozen) == len(benchmark.PHYSICS) * len(benchmark.SEEDS) * (len(benchmark.PROTOCOLS) + 1)
+    kinds = len(benchmark.PROTOCOLS) * len(benchmark.CAMERAS) + 2
+    assert len(frozen) == len(benchmark.PHYSICS) * len(benchmark.SEEDS) * kinds
     with pytest.raises(ValueError, match="none of version 1"):
         benchmark.Case("glue")
+
+
+def test_an_aged_snake_is_judged_on_what_was_trained_before(case):
+    aged = benchmark.Case("gear", 1, "short", aged=True, folder=case.folder)
+    assert aged.train().sha256 == case.train().sha256 and aged.test().sha256 != case.test().sha256
+    assert benchmark.digests()["gear-1-aged"] == aged.test().sha256
+    fit = Calibration("gmr-direction", restarts=2, max_components=3, robot_id="i2ris-emulated").fit(case.train_path())
+    new, worn = (benchmark.inverse(each, fit.model_)["circle"] for each in (case, aged))
+    assert worn["linear_deg"] > 1.05 * new["linear_deg"] and worn["exact_deg"] < 0.5 * worn["rms_deg"]
+
+
+def test_the_textbook_operator_runs_as_a_model(case):
+    model = prandtl_ishlinskii.fit(case.train_path(), "i2ris-emulated")
+    assert benchmark.forward(case, model.predict) < 0.9
+    assert benchmark.geometric_mean(found["share"] for found in benchmark.inverse(case, model).values()) < 1.0
+
+
+def test_the_table_takes_results_of_others_and_draws_them(tmp_path, monkeypatch):
+    def row(method, seed, forward):
+        return {
+            "version": 1, "physics": "gear", "seed": seed, "protocol": "reversals", "camera": "usual", "method": method,
+            "forward": forward, "inverse": 2 * forward, "exact": 0.01,
+        }  # fmt: skip
+
+    theirs, refused = tmp_path / "theirs.json", {**row("odd", 1, 0.3), "refused": "it folds"}
+    del refused["forward"], refused["inverse"]
+    theirs.write_text(json.dumps([row("theirs", 1, 0.1), row("theirs", 2, 0.4), refused]))
+    files = [tmp_path / name for name in ("all.json", "page.md", "figure.svg")]
+    options = ["--families", "--results", theirs, "--json", files[0], "--page", files[1], "--figure", files[2]]
+    monkeypatch.setattr(sys, "argv", ["benchmark_table", *map(str, options)])
+    benchmark_table.main()
+    page = files[1].read_text()
+    assert "| theirs | 0.200 | 0.200 |" in page and "| theirs | 0.400 | 0.400 |" in page and "| odd | - | - |" in page, page
+    assert "| exact | 0.010 |" in page and "odd, gear 1: it folds" in page
+    assert files[2].read_text().startswith("<svg") and json.loads(files[0].read_text())[0]["method"] == "theirs"
+
+
+def test_a_public_recording_is_known_by_its_hash(tmp_path):
+    copy = tmp_path / "copy.csv"
+    copy.write_text("something else")
+    with pytest.raises(ValueError, match="is not the file of garyduu901"):
+        public.load("i2ris-circle", file=copy)
+    with pytest.raises(ValueError, match="is not known"):
+        public.load("glue")
+    there = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "i2ris" / "output_w_angles.csv"
+    if not there.exists():
+        pytest.skip("the recording is not there")
+    recording = public.load("i2ris-circle", file=there)
+    assert recording.counts[0].tolist() == [257, -237] and recording.angles_deg[0, 1] == pytest.approx(-2.5667, abs=1e-4)
+    Calibration("linear").fit(recording.t_s, recording.counts, recording.angles_deg)
 
 
 def test_gymnasium_knows_the_environment_and_checks_it():

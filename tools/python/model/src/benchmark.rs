@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use i2ris_simulation::benchmark::{RecordingPlan, tracked};
+use i2ris_simulation::benchmark::{RecordingPlan, robot, tracked};
 use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::robot::Robot;
@@ -47,9 +47,10 @@ impl Snake {
     }
 }
 
-/// Writes a calibration recording of a snake, as the benchmark makes it.
+/// Writes a calibration recording of a snake, new or worn, as the benchmark makes it.
 #[pyfunction]
-#[pyo3(signature = (path, physics, seed, *, protocol, duration_s, noise_deg, latency_ms, first_seed))]
+#[pyo3(signature = (path, physics, seed, *, protocol, duration_s, noise_deg, latency_ms, first_seed,
+                    worn))]
 #[allow(clippy::too_many_arguments, reason = "the options of the command line")]
 pub fn record(
     py: Python<'_>,
@@ -61,6 +62,7 @@ pub fn record(
     noise_deg: f64,
     latency_ms: u64,
     first_seed: u64,
+    worn: bool,
 ) -> PyResult<()> {
     let snake = drawn(physics, seed)?;
     let protocol = match protocol {
@@ -74,9 +76,8 @@ pub fn record(
     };
     let seed = first_seed + seed;
     let plan = RecordingPlan { protocol, duration_s, noise_deg, latency_ms, seed };
-    let made = py.detach(|| {
-        plan.record(&mut Robot::new(snake.build()), &path).map_err(|error| error.to_string())
-    });
+    let made = py
+        .detach(|| plan.record(&mut robot(snake, worn), &path).map_err(|error| error.to_string()));
     made.map_err(refused)
 }
 
@@ -88,15 +89,16 @@ pub fn tick_times(py: Python<'_>, model: &Model, ticks: usize) -> PyResult<Vec<f
 }
 
 /// RMS error of the tip, deg, while a model follows the motions of the benchmark on a snake; motion
-/// by motion, and the same of the exact inverse.
+/// by motion, with the same of the straight line and of the exact inverse.
 #[pyfunction]
 pub fn track(
     py: Python<'_>,
     model: &Model,
     physics: &str,
     seed: u64,
+    worn: bool,
     recording: PathBuf,
 ) -> PyResult<Vec<(String, f64, f64, f64)>> {
     let snake = drawn(physics, seed)?;
-    py.detach(|| tracked(snake, &model.0, &recording)).map_err(refused)
+    py.detach(|| tracked(snake, worn, &model.0, &recording)).map_err(refused)
 }

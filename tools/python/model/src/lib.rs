@@ -3,9 +3,9 @@
 //! Arrays are checked in Python (`i2ris/model.py`); what is wrong with their contents is said here
 //! by the sentence of the command line. Long work runs without the interpreter's lock.
 
+mod benchmark;
 mod fit;
 mod model;
-mod benchmark;
 
 use pyo3::prelude::*;
 
@@ -26,9 +26,9 @@ mod i2ris_native {
     #[pymodule_export]
     use super::ModelError;
     #[pymodule_export]
+    use super::benchmark::{Snake, record, tick_times, track};
+    #[pymodule_export]
     use super::fit::{fit, import_network, write_recording};
     #[pymodule_export]
     use super::model::{Model, Tracker, walk};
-    #[pymodule_export]
-    use super::benchmark::{Snake, record, tick_times, track};
 }

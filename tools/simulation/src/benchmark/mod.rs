@@ -26,7 +26,7 @@ mod tracked;
 pub mod tracking;
 
 pub use recording::RecordingPlan;
-pub use tracked::{tick_times, tracked};
+pub use tracked::{robot, tick_times, tracked};
 
 use std::error::Error;
 use std::fs;

@@ -11,6 +11,7 @@ use i2ris::robot::OperatingState;
 use i2ris_calibration::fit::{Choice, Family};
 use i2ris_calibration::recording::{ColumnMap, Recording};
 
+use super::ageing::worn;
 use super::judge::{MOTION_SEEDS, within_reach};
 use super::laboratory::{config, fitted};
 use super::tracking::{ExactPilot, follow};
@@ -25,6 +26,17 @@ const MOTION_S: f64 = 30.0;
 /// Ticks before times are taken.
 const WARM_UP: usize = 10_000;
 
+/// A snake as it was calibrated, or worn since then.
+#[must_use]
+pub fn robot(snake: DrawnSnake, is_worn: bool) -> Robot {
+    let mut robot = Robot::new(snake.build());
+    if is_worn {
+        worn().into_iter().for_each(|change| robot.age(change));
+        robot.rest(1.0);
+    }
+    robot
+}
+
 /// RMS error of the tip, deg, of every motion: of the model, of the straight line through the
 /// recording, and of the exact inverse.
 ///
@@ -33,6 +45,7 @@ const WARM_UP: usize = 10_000;
 /// Why it cannot be followed.
 pub fn tracked(
     snake: DrawnSnake,
+    is_worn: bool,
     model: &Arc<Model>,
     recording: &Path,
 ) -> Result<Vec<(String, f64, f64, f64)>, String> {
@@ -45,10 +58,10 @@ pub fn tracked(
     let motions: Vec<_> = Motion::ALL.iter().map(path).collect();
     let motions = within_reach(&motions, &linear);
     let by = |model: &Arc<Model>| {
-        let control = ClosedLoop::conditioned(&config, model, Robot::new(snake.build()));
+        let control = ClosedLoop::conditioned(&config, model, robot(snake, is_worn));
         follow(&mut control.map_err(|error| error.to_string())?, &motions)
     };
-    let exact = follow(&mut ExactPilot::new(&config, Robot::new(snake.build())), &motions)?;
+    let exact = follow(&mut ExactPilot::new(&config, robot(snake, is_worn)), &motions)?;
     let (model, linear) = (by(model)?, by(&linear)?);
     let rows = motions.iter().zip(model).zip(linear).zip(exact);
     Ok(rows

@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Arguments, Failure, judge_all, write};
 use bench::Bench;
+pub(super) use worn::worn;
 
 /// Arguments of `i2ris benchmark --ageing`.
 #[derive(Debug, clap::Args)]
