@@ -66,6 +66,7 @@ pub struct Control {
     dead_zone: f64,
     curve: f64,
     silence: Nanos,
+    repeat: Nanos,
     relative_range: f64,
     /// Of a dead-man that is an axis.
     is_pressed: bool,
@@ -78,6 +79,7 @@ impl Control {
             dead_zone: profile.dead_zone,
             curve: profile.curve,
             silence: Nanos::from_millis(profile.silence_ms),
+            repeat: Nanos::from_millis(profile.repeat_ms),
             relative_range: profile.relative_range.map_or(1.0, f64::from).max(1.0),
             is_pressed: false,
         }
@@ -106,7 +108,7 @@ impl Control {
         if push.is_some_and(|push| push != [0.0; 2]) {
             if now.since(state.last_event()) > self.silence {
                 fault = Some(Fault::Silent);
-            } else if now.since(state.last_change()) > self.silence {
+            } else if now.since(state.last_change()) > self.repeat {
                 fault = Some(Fault::Repeats);
             }
         }

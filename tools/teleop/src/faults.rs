@@ -19,8 +19,9 @@ use crate::state::{Code, Description, DeviceState, Event};
 use crate::view::View;
 
 const PERIOD_MS: u64 = 5;
-/// Of the shipped profile.
-const SILENCE_MS: u64 = 500;
+/// Of the shipped profile; silence is as long as the deadline of the shipped configurations.
+const SILENCE_MS: u64 = 50;
+const REPEAT_MS: u64 = 500;
 const DEAD_MAN: u16 = 0x100;
 
 /// What happens in one period.
@@ -78,12 +79,13 @@ struct World {
     /// What the device told last.
     told: (i32, bool),
     pose: [f64; 2],
-    /// When the device last told something that was true.
+    /// When the device last told something, and something that was true.
+    told_ms: u64,
     true_ms: u64,
     /// Since it was opened, lost or torn it told a centred cap and a released dead-man.
     was_at_rest: bool,
-    /// The longest that it moved without that.
-    longest_ms: u64,
+    /// The longest that it moved without the one and without the other.
+    longest_ms: [u64; 2],
 }
 
 impl World {
@@ -105,9 +107,10 @@ impl World {
             link: Link::Alive,
             told: (0, false),
             pose: [0.0; 2],
+            told_ms: 0,
             true_ms: 0,
             was_at_rest: false,
-            longest_ms: 0,
+            longest_ms: [0; 2],
         }
     }
 
@@ -120,7 +123,7 @@ impl World {
         self.state.apply(Event::Value(Code::Absolute(0), cap), now);
         self.state.apply(Event::Value(Code::Absolute(1), 0), now);
         self.state.apply(Event::Value(Code::Key(DEAD_MAN), held.into()), now);
-        self.told = (cap, held);
+        (self.told, self.told_ms) = ((cap, held), self.now_ms);
     }
 
     /// One period; fails when the snake moves and must not.
@@ -154,11 +157,12 @@ impl World {
         let tells = || format!("told {:?}, link {:?}, {hand:?}", self.told, self.link);
         prop_assert!(!moves || self.told.1, "without a dead-man: {}", tells());
         prop_assert!(!moves || self.was_at_rest, "never at rest: {}", tells());
-        let late_ms = SILENCE_MS + 2 * PERIOD_MS;
-        prop_assert!(!moves || self.now_ms - self.true_ms <= late_ms, "too long: {}", tells());
+        let ages_ms = [self.told_ms, self.true_ms].map(|at| self.now_ms - at);
+        let late = ages_ms[0] > SILENCE_MS + PERIOD_MS || ages_ms[1] > REPEAT_MS + PERIOD_MS;
+        prop_assert!(!moves || !late, "too long: {}", tells());
         prop_assert!(!moves || self.told.0.abs() <= 525, "beyond: {}", tells());
         if moves {
-            self.longest_ms = self.longest_ms.max(self.now_ms - self.true_ms);
+            self.longest_ms = [0, 1].map(|index| self.longest_ms[index].max(ages_ms[index]));
         }
         self.pose = command.pose;
         prop_assert_eq!(command.clutch_open, hand.open.is_some());
@@ -202,8 +206,8 @@ struct Table {
     stories: u32,
     faults: BTreeMap<&'static str, u32>,
     moved: u32,
-    /// The longest motion after the device had last told the truth.
-    held_within_ms: u64,
+    /// The longest motion after the device had last told anything, and the truth.
+    held_within_ms: [u64; 2],
 }
 
 #[test]
@@ -230,7 +234,8 @@ fn whatever_happens_to_a_device_the_snake_moves_only_with_a_dead_man_that_was_cl
             world.happen(happens)?;
         }
         table.moved += u32::from(world.pose != [0.0; 2]);
-        table.held_within_ms = table.held_within_ms.max(world.longest_ms);
+        table.held_within_ms =
+            [0, 1].map(|index| table.held_within_ms[index].max(world.longest_ms[index]));
         Ok(())
     });
     outcome.unwrap();

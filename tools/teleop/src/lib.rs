@@ -21,6 +21,8 @@
 //! Directions of a hand are those of the picture: right, and up. A control that is pushed away from
 //! the person is pushed up.
 
+#[cfg(test)]
+mod captures;
 pub mod clutch;
 pub mod control;
 pub mod device;

@@ -30,6 +30,10 @@ pub struct Profile {
     pub name: String,
     /// Vendor and product of the devices, as `046d:c62b`.
     pub devices: Vec<String>,
+    /// What a device does not have whose controls have these names: one with it is served by another
+    /// driver, and its names stand for other controls.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unlike: Vec<String>,
     #[serde(flatten)]
     pub controls: ControlNames,
     /// Share of the range around the centre that counts as centred.
@@ -38,9 +42,12 @@ pub struct Profile {
     /// The deflection is raised to this power: above 1 it is finer near the centre.
     #[serde(default = "curve")]
     pub curve: f64,
-    /// A deflected control that says nothing new for so long is silent, and the snake holds.
-    #[serde(default = "silence_ms")]
+    /// A deflected control of which nothing comes for so long is silent, and the snake holds.
+    #[serde(default = "patience_ms")]
     pub silence_ms: u64,
+    /// The same for one that tells nothing new, which one that is held still may do for a while.
+    #[serde(default = "patience_ms")]
+    pub repeat_ms: u64,
     /// Full deflection of axes that the kernel calls relative.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relative_range: Option<i32>,
@@ -77,7 +84,8 @@ fn curve() -> f64 {
     1.0
 }
 
-fn silence_ms() -> u64 {
+/// The kernel passes on what changes: a stick that is held still may tell nothing.
+fn patience_ms() -> u64 {
     2000
 }
 
@@ -138,8 +146,10 @@ impl Profile {
         if !CURVES.contains(&profile.curve) {
             return out_of_range("curve", &CURVES);
         }
-        if !SILENCES_MS.contains(&profile.silence_ms) {
-            return out_of_range("silence_ms", &SILENCES_MS);
+        for (key, value) in [("silence_ms", profile.silence_ms), ("repeat_ms", profile.repeat_ms)] {
+            if !SILENCES_MS.contains(&value) {
+                return out_of_range(key, &SILENCES_MS);
+            }
         }
         Ok(profile)
     }
@@ -158,7 +168,8 @@ impl Profile {
     ///
     /// # Errors
     ///
-    /// Names what the device does not have: it is another one, or in another mode.
+    /// Names what the device does not have, or has and must not: it is another one, in another mode,
+    /// or served by another driver.
     pub fn controls(&self, device: &Description, hand: Handedness) -> Result<Controls, String> {
         let left = { self.left.as_ref() }.filter(|_| hand == Handedness::Left);
         let name = |choose: fn(&ControlNames) -> &Option<String>| {
@@ -174,6 +185,15 @@ impl Profile {
             );
             if device.has(code) { Ok(code) } else { Err(absent) }
         };
+        for name in &self.unlike {
+            if device.has(name.parse()?) {
+                return Err(format!(
+                    "{} has {name}: another driver serves it than the one whose names its profile \
+                     `{}` has; `i2ris input learn` makes a profile",
+                    device.identity, self.name
+                ));
+            }
+        }
         let axis = |name: Option<&str>| match name {
             None => Ok(None),
             Some(text) => {
@@ -233,7 +253,7 @@ mod tests {
                     axis.parse::<SignedAxis>().unwrap();
                 }
                 let keys = [&controls.dead_man, &controls.scale, &controls.mark];
-                for code in keys.into_iter().flatten() {
+                for code in keys.into_iter().flatten().chain(&profile.unlike) {
                     code.parse::<Code>().unwrap();
                 }
             }
@@ -259,6 +279,7 @@ mod tests {
             ("dead_zone = 0.9", "dead_zone must be within 0.02..=0.5"),
             ("curve = 9.0", "curve must be within"),
             ("silence_ms = 9", "silence_ms must be within"),
+            ("repeat_ms = 5001", "repeat_ms must be within"),
             ("deadman = 'BTN_0'", "deadman"),
         ] {
             let error = Profile::parse(&text(line)).unwrap_err();

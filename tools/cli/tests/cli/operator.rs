@@ -256,8 +256,9 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
         wait_until("a picture", || picture.lock().unwrap().0 > Nanos::ZERO);
         let mouse = Played::new(&space_mouse::description(identity(0x256f, 0xc635, "")));
         let measure = if is_measured { " --measure-view" } else { "" };
-        let words =
-            format!("teleop --played {} --speed-deg-s {SPEED_DEG_S}{measure}", mouse.file());
+        let (file, profile) = (mouse.file(), mouse.patient_profile());
+        let words = format!("teleop --played {file} --profile {profile}");
+        let words = format!("{words} --speed-deg-s {SPEED_DEG_S}{measure}");
         let mut program = start(&domain, &words);
         let watcher = Client::connect(&domain, TIMEOUT).unwrap();
         let mut operator = Operator {

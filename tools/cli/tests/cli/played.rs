@@ -59,6 +59,15 @@ impl Played {
         self.bench.file("device")
     }
 
+    /// The profile of a SpaceMouse that may be silent for longer than a loaded machine is.
+    pub fn patient_profile(&self) -> String {
+        let shipped = include_str!("../../../../config/devices/spacemouse.toml");
+        let patient = shipped.replace("silence_ms = 50\n", "silence_ms = 5000\n");
+        assert_ne!(patient, shipped);
+        std::fs::write(self.bench.path("mouse.toml"), patient).unwrap();
+        self.bench.file("mouse.toml")
+    }
+
     pub fn plug_in(&mut self, description: &Description) {
         // Reading as well, so that opening does not wait for the program.
         let mut options = OpenOptions::new();

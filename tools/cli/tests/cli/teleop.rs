@@ -104,8 +104,9 @@ fn a_space_mouse_steers_under_a_pedal_and_the_loss_of_either_opens_the_clutch() 
     let controller = Controller::enabled();
     let mouse_description = space_mouse::description(identity(0x256f, 0xc635, ""));
     let (mut mouse, mut foot) = (Played::new(&mouse_description), Played::new(&pedal()));
-    let words =
-        format!("teleop --played {} --played {} --mode position", mouse.file(), foot.file());
+    let (files, profile) = ([mouse.file(), foot.file()], mouse.patient_profile());
+    let words = format!("teleop --played {} --mode position", files.join(" --played "));
+    let words = format!("{words} --profile {profile}");
     let mut program = start(&controller.domain, &words);
     mouse.report(&[1, 0, 0, 0, 0, 0, 0]);
     controller.wait("commands", |robot| robot.poses.len() > 50);
