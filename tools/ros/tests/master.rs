@@ -7,7 +7,7 @@ use std::thread;
 use i2ris::clock;
 use i2ris::ipc::payload::ServoJp;
 use i2ris::units::Nanos;
-use i2ris_ros::message::{Joy, Point, Pose, PoseStamped};
+use i2ris_ros::message::{JointState, Joy, Point, Pose, PoseStamped};
 use i2ris_testing::{Controller, Program, wait_until};
 use ros2_client::qos::Durability;
 
@@ -29,6 +29,8 @@ fn speak(domain: u16, hand: &Mutex<Hand>) {
     let qos = qos(Durability::Volatile);
     let place = ("geometry_msgs", "PoseStamped");
     let arm = publisher::<PoseStamped>(&mut node, "MTML", "measured_cp", place, &qos);
+    let place = ("sensor_msgs", "JointState");
+    let joints = publisher::<JointState>(&mut node, "MTML", "measured_js", place, &qos);
     let foot = ("sensor_msgs", "Joy");
     let pedal = publisher::<Joy>(&mut node, "MTML", "/footpedals/coag", foot, &qos);
     for number in 0.. {
@@ -42,6 +44,8 @@ fn speak(domain: u16, hand: &Mutex<Hand>) {
             let pose = Pose { position: Point { x, y, z: 0.3 }, ..Pose::default() };
             // Dropped where the other end does not keep up.
             let _ = arm.publish(PoseStamped { pose, ..PoseStamped::default() });
+            let name = ["outer_pitch", "outer_yaw"].map(str::to_owned).into();
+            let _ = joints.publish(JointState { name, position: vec![y, x], ..Default::default() });
             let _ = pedal.publish(Joy { buttons: vec![pressed.into()], ..Joy::default() });
         }
         clock::sleep(Nanos::from_millis(5));
@@ -56,62 +60,108 @@ impl Drop for Ended<'_> {
     }
 }
 
+/// The arm, `i2ris ros master` that follows it with these words, and `i2ris teleop`.
+struct Leading {
+    controller: Controller,
+    hand: Mutex<Hand>,
+    domain: u16,
+    folder: tempfile::TempDir,
+}
+
+impl Leading {
+    fn new() -> Self {
+        let hand = Hand { at: [0.1, 0.05], pressed: false, speaks: true, ended: false };
+        Self {
+            controller: Controller::enabled(),
+            hand: Mutex::new(hand),
+            domain: ros_domain(),
+            folder: tempfile::tempdir().unwrap(),
+        }
+    }
+
+    fn pipe(&self) -> String {
+        self.folder.path().join("master.pipe").to_str().unwrap().to_owned()
+    }
+
+    /// Starts both programs, and waits until the master was seen at rest.
+    fn start(&self, axes: &[&str]) -> [Program; 2] {
+        let (pipe, number) = (self.pipe(), self.domain.to_string());
+        let words = ["ros", "master", "MTML", "--to", &pipe, "--ros-domain", &number];
+        let master = Program::start(&self.controller.domain, &[&words[..], axes].concat());
+        wait_until("the pipe", || std::path::Path::new(&pipe).exists());
+        // It may be silent for longer than a loaded machine is.
+        let profile = self.folder.path().join("arm.toml");
+        let shipped = include_str!("../../../config/devices/crtk.toml");
+        std::fs::write(&profile, shipped.replace("silence_ms = 50\n", "silence_ms = 5000\n"))
+            .unwrap();
+        let profile = profile.to_str().unwrap();
+        let words = ["teleop", "--mode", "position", "--reach-deg", "2", "--played", &pipe];
+        let words = [&words[..], &["--profile", profile]].concat();
+        let teleop = Program::start(&self.controller.domain, &words);
+        self.controller.wait("commands", |robot| robot.poses.len() > 100);
+        assert_eq!(self.holds(), [1.0, -1.0]);
+        [master, teleop]
+    }
+
+    fn set(&self, change: impl Fn(&mut Hand)) {
+        change(&mut self.hand.lock().unwrap());
+    }
+
+    fn press(&self, pressed: bool) {
+        self.set(|hand| hand.pressed = pressed);
+    }
+
+    fn is_open(&self) -> bool {
+        self.controller.robot().flags & ServoJp::CLUTCH != 0
+    }
+
+    /// Expects that the snake holds, and stays where it is.
+    fn holds(&self) -> [f64; 2] {
+        wait_until("the clutch opens", || self.is_open());
+        let there = self.controller.robot().pose;
+        let before = self.controller.robot().poses.len();
+        // What lies between two commands is long enough for the master to be seen at rest.
+        self.controller.wait("commands", |robot| robot.poses.len() > before + 50);
+        assert_eq!(self.controller.robot().pose, there);
+        there
+    }
+
+    /// Closes the clutch and goes the whole way up.
+    fn goes_up(&self) {
+        self.press(true);
+        wait_until("a closed clutch", || !self.is_open());
+        // The whole way up is 5 cm: 2 deg without dead zone.
+        self.set(|hand| hand.at = [0.1, 0.1]);
+        self.controller.wait("the whole way", |robot| robot.pose[0] > 2.99);
+        let yaw_deg = self.controller.robot().pose[1];
+        assert!((yaw_deg + 1.0).abs() < 1e-9, "the other axis stood still");
+    }
+}
+
 #[test]
 fn another_arm_steers_under_its_pedal_and_its_silence_opens_the_clutch() {
-    let (controller, domain) = (Controller::enabled(), ros_domain());
-    let folder = std::env::temp_dir().join(format!("i2ris-master-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let pipe = folder.join("master.pipe");
-    let pipe = pipe.to_str().unwrap();
-    let hand = Mutex::new(Hand { at: [0.1, 0.05], pressed: false, speaks: true, ended: false });
-    let set = |change: &dyn Fn(&mut Hand)| change(&mut hand.lock().unwrap());
-    let is_open = || controller.robot().flags & ServoJp::CLUTCH != 0;
-    // What lies between two commands is long enough for the master to be seen at rest.
-    let some_commands = |count: usize| {
-        let before = controller.robot().poses.len();
-        controller.wait("commands", |robot| robot.poses.len() > before + count);
-    };
-    let holds = || {
-        controller.wait("the clutch opens", |robot| robot.flags & ServoJp::CLUTCH != 0);
-        let there = controller.robot().pose;
-        some_commands(50);
-        assert_eq!(controller.robot().pose, there);
-        there
-    };
+    let leading = Leading::new();
     thread::scope(|scope| {
-        let _ended = Ended(&hand);
-        scope.spawn(|| speak(domain, &hand));
-        let number = domain.to_string();
-        let words = ["ros", "master", "MTML", "--to", pipe, "--ros-domain", &number];
-        let mut master = Program::start(&controller.domain, &words);
-        wait_until("the pipe", || std::path::Path::new(pipe).exists());
-        let words = ["teleop", "--mode", "position", "--reach-deg", "2", "--played", pipe];
-        let mut teleop = Program::start(&controller.domain, &words);
-        controller.wait("commands", |robot| robot.poses.len() > 100);
-        assert_eq!(holds(), [1.0, -1.0]);
-        let press = |pressed: bool| set(&|hand| hand.pressed = pressed);
-        press(true);
-        controller.wait("a closed clutch", |robot| robot.flags & ServoJp::CLUTCH == 0);
-        // The whole way up is 5 cm: 2 deg without dead zone.
-        set(&|hand| hand.at = [0.1, 0.1]);
-        controller.wait("the whole way", |robot| robot.pose[0] > 2.99);
-        assert!((controller.robot().pose[1] + 1.0).abs() < 1e-9, "the other axis stood still");
+        let _ended = Ended(&leading.hand);
+        scope.spawn(|| speak(leading.domain, &leading.hand));
+        let [mut master, mut teleop] = leading.start(&[]);
+        leading.goes_up();
         // Silent, with the pedal down, and moved meanwhile.
-        set(&|hand| hand.speaks = false);
-        let there = holds();
-        set(&|hand| (hand.speaks, hand.at) = (true, [0.12, 0.02]));
-        assert_eq!(holds(), there, "the pedal was down all the time");
-        press(false);
-        holds();
+        leading.set(|hand| hand.speaks = false);
+        let there = leading.holds();
+        leading.set(|hand| (hand.speaks, hand.at) = (true, [0.12, 0.02]));
+        assert_eq!(leading.holds(), there, "the pedal was down all the time");
+        leading.press(false);
+        leading.holds();
         wait_until("it is taken again", || {
-            press(false);
+            leading.press(false);
             clock::sleep(Nanos::from_millis(500));
-            press(true);
+            leading.press(true);
             clock::sleep(Nanos::from_millis(300));
-            !is_open()
+            !leading.is_open()
         });
-        press(false);
-        holds();
+        leading.press(false);
+        leading.holds();
         teleop.interrupt();
         let (code, said, error) = teleop.code();
         assert_eq!(code, Some(0), "{said}{error}");
@@ -120,6 +170,19 @@ fn another_arm_steers_under_its_pedal_and_its_silence_opens_the_clutch() {
         let (success, said, error) = master.end();
         assert!(success && said.contains("/MTML is silent"), "{said}{error}");
     });
-    assert!(!std::path::Path::new(pipe).exists());
-    std::fs::remove_dir_all(folder).unwrap();
+    assert!(!std::path::Path::new(&leading.pipe()).exists());
+}
+
+#[test]
+fn the_joints_of_another_arm_steer_where_they_are_named() {
+    let leading = Leading::new();
+    thread::scope(|scope| {
+        let _ended = Ended(&leading.hand);
+        scope.spawn(|| speak(leading.domain, &leading.hand));
+        let programs = leading.start(&["--right", "outer_yaw", "--up", "outer_pitch"]);
+        leading.goes_up();
+        leading.press(false);
+        leading.holds();
+        drop(programs);
+    });
 }
