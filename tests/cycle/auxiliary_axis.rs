@@ -1,27 +1,16 @@
 //! The auxiliary axis: a third drive that stops with the others and moves without them.
 
-use i2ris::config::Config;
 use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, MAX_MOTORS};
-use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, model, rad};
+use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, model, rad, with_jaw};
 
 type Change = fn(&mut ServoCommand);
 
-fn with_jaw() -> Config {
-    let mut config = config("");
-    let mut jaw = config.ports[0].axes[0].clone();
-    (jaw.motor, jaw.node_id, jaw.serial_number) = (2, 3, 3);
-    jaw.auxiliary_counts_per_deg = Some(-10.0);
-    config.ports[0].axes.push(jaw);
-    let text = toml::to_string(&config).unwrap();
-    Config::parse(&text, "bench.toml".as_ref()).unwrap()
-}
-
 fn enabled() -> Bench {
-    Bench::enabled_with(with_jaw(), Some(model(OutputUnit::Deg)))
+    Bench::enabled_with(with_jaw(config("")), Some(model(OutputUnit::Deg)))
 }
 
 fn angle(bench: &mut Bench, degrees: f64) -> ServoCommand {
@@ -163,7 +152,7 @@ fn a_fault_of_any_axis_stops_all() {
 
 #[test]
 fn the_robot_is_homed_when_the_jaw_is_and_enabled_when_it_is_on() {
-    let mut bench = Bench::new(with_jaw(), Some(model(OutputUnit::Deg)));
+    let mut bench = Bench::new(with_jaw(config("")), Some(model(OutputUnit::Deg)));
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
     bench.home();
     assert!(bench.jaw.feedback.homed);

@@ -8,6 +8,7 @@ use i2ris::units::{Counts, Nanos};
 use i2ris_testing::cycle::{CLIENT, GAIN_DEG, rad, scaled_play_model, within};
 
 use super::drawing::zone;
+use super::jaw::Jaw;
 use super::oracle::Zone;
 use super::{OTHER, Situation};
 
@@ -37,7 +38,7 @@ impl Situation {
         if self.zones_on && !self.zones.is_empty() {
             let refusal = self.bench.send(command);
             assert_ne!(refusal, Refusal::None, "counts while fixtures count");
-            self.oracle.check(&self.bench);
+            self.check();
         } else {
             self.send(command);
         }
@@ -76,7 +77,7 @@ impl Situation {
             let counting = if self.zones_on { &self.zones[..] } else { &[] };
             self.oracle.set_zones(&self.bench, counting);
         }
-        self.oracle.check(&self.bench);
+        self.check();
     }
 
     pub(super) fn swap(&mut self) {
@@ -88,7 +89,7 @@ impl Situation {
         if self.random.one_in(2) || self.next.is_none() {
             self.bench.offer(self.bench.candidate(&next));
             self.bench.tick();
-            self.oracle.check(&self.bench);
+            self.check();
             self.next = Some((next, gain));
         }
         let is_followed = self.oracle.is_followed(&self.bench);
@@ -103,13 +104,14 @@ impl Situation {
         let [now, before] = self.gains;
         if refusal != Refusal::None {
             self.next = staged.or(self.next.take());
-            self.oracle.check(&self.bench);
+            self.check();
             return;
         }
         assert!(!is_followed || holder == client_id, "a swap under the hand of another");
         self.gains = [staged.map_or(before, |(_, gain)| gain), now];
         self.oracle.snake.gain = self.gains[0] * GAIN_DEG;
         self.oracle.see_anew(&self.bench);
+        self.check();
     }
 
     pub(super) fn move_to(&mut self) {
@@ -130,5 +132,6 @@ impl Situation {
         assert_eq!(self.bench.ask(StateCommand::Enable), Refusal::None);
         self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
         self.oracle.see_anew(&self.bench);
+        self.jaw.iter_mut().for_each(Jaw::begin);
     }
 }

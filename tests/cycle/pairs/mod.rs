@@ -7,6 +7,7 @@
 mod acts;
 mod defects;
 mod drawing;
+mod jaw;
 mod oracle;
 mod random;
 mod routes;
@@ -23,6 +24,7 @@ use i2ris::units::Nanos;
 use i2ris_testing::cycle::{Bench, CLIENT, model, play_model, rad, within};
 
 use drawing::{configuration, limits, zone};
+use jaw::Jaw;
 use oracle::{Oracle, SLANTED, SQUARE, Snake, Stop, Zone};
 use random::Random;
 
@@ -91,6 +93,7 @@ struct Situation {
     has_memory: bool,
     /// The camera is believed, and wrong: what comes of it is seen at the edge of a region.
     misled: Option<Random>,
+    jaw: Option<Jaw>,
 }
 
 impl Situation {
@@ -100,6 +103,7 @@ impl Situation {
         let count = random.below(4);
         let zones: Vec<Zone> = (0..count).map(|_| zone(&mut random)).collect();
         let config = configuration(&mut random, &limits, &zones);
+        let (jaw, config) = Jaw::draw(seed, config);
         let has_memory = random.one_in(2);
         let hull: &[[f64; 2]] = if seed.is_multiple_of(3) { &SLANTED } else { &SQUARE };
         let model = if has_memory { play_model() } else { model(OutputUnit::Deg) };
@@ -137,6 +141,7 @@ impl Situation {
             gains: [1.0; 2],
             has_memory,
             misled: misleads.then(|| Random::new(seed ^ 0x94D0_49BB)),
+            jaw,
             random,
             bench,
             oracle,
@@ -187,9 +192,15 @@ impl Situation {
             if self.is_streaming && tick.is_multiple_of(self.period) {
                 self.stream();
             } else {
-                self.bench.tick();
-                self.oracle.check(&self.bench);
+                self.tick();
             }
+        }
+    }
+
+    fn check(&mut self) {
+        self.oracle.check(&self.bench);
+        if let Some(jaw) = &mut self.jaw {
+            jaw.check(&self.bench);
         }
     }
 
@@ -253,24 +264,11 @@ impl Situation {
         let before = self.bench.joints();
         let was_holding = self.bench.report().holding;
         let refusal = self.bench.send(command);
-        if command.client_id == CLIENT {
-            let since = self.held.map(|held| self.bench.now.since(held.max(self.sent)));
-            let is_held = since.is_some_and(|silent| silent < BREAK);
-            assert!(refusal != Refusal::None || !is_held, "a stream goes on that was held");
-            // A silence ends it, whatever the first command after it is refused for.
-            self.held = self.held.filter(|_| is_held);
-            self.sent = self.bench.now;
-        }
+        self.judge(&command, refusal);
         if refusal == Refusal::None {
             let is_slow = matches!(command.goal, ServoGoal::Interpolated(..));
             self.oracle.accepted(command.stamp, Nanos::from_millis(if is_slow { 250 } else { 50 }));
             self.oracle.in_hull = !matches!(command.goal, ServoGoal::Actuator(..));
-            let now = self.bench.now;
-            let has_lease = |(client_id, renewed): (u64, Nanos)| {
-                client_id == command.client_id || now.since(renewed) >= LEASE
-            };
-            assert!(self.leader.is_none_or(has_lease), "two commanders");
-            self.leader = Some((command.client_id, now));
             let is_absolute = self.scale == 1.0 && !self.has_clutched;
             if let ServoGoal::Joint(goal, _) = command.goal
                 && was_holding
@@ -283,7 +281,27 @@ impl Situation {
         } else if refusal == Refusal::Step && self.random.one_in(3) {
             self.goal = [0, 1].map(|at: usize| before.setpoint[at].to_degrees());
         }
-        self.oracle.check(&self.bench);
+        self.check();
+    }
+
+    /// Whether its sender may command at all.
+    fn judge(&mut self, command: &ServoCommand, refusal: Refusal) {
+        let now = self.bench.now;
+        if command.client_id == CLIENT {
+            let since = self.held.map(|held| now.since(held.max(self.sent)));
+            let is_held = since.is_some_and(|silent| silent < BREAK);
+            assert!(refusal != Refusal::None || !is_held, "a stream goes on that was held");
+            // A silence ends it, whatever the first command after it is refused for.
+            self.held = self.held.filter(|_| is_held);
+            self.sent = now;
+        }
+        if refusal == Refusal::None {
+            let has_lease = |(client_id, renewed): (u64, Nanos)| {
+                client_id == command.client_id || now.since(renewed) >= LEASE
+            };
+            assert!(self.leader.is_none_or(has_lease), "two commanders");
+            self.leader = Some((command.client_id, now));
+        }
     }
 
     fn ask(&mut self, client_id: u64, command: StateCommand) -> Refusal {
@@ -294,7 +312,13 @@ impl Situation {
         if command.only_stops() && self.bench.state() != OperatingState::Disabled {
             assert_eq!(refusal, Refusal::None, "{command:?} only stops");
         }
-        self.oracle.check(&self.bench);
+        if let Some(jaw) = &mut self.jaw
+            && command.only_stops()
+            && refusal == Refusal::None
+        {
+            jaw.stopped();
+        }
+        self.check();
         refusal
     }
 

@@ -49,6 +49,16 @@ pub fn strict_config(tables: &str) -> Config {
     Config::parse(&format!("{head}\n{tables}\n[[ports]]{ports}"), "bench.toml".as_ref()).unwrap()
 }
 
+/// The same with a jaw that turns by a degree for ten counts, the other way round.
+pub fn with_jaw(mut config: Config) -> Config {
+    let mut jaw = config.ports[0].axes[0].clone();
+    (jaw.motor, jaw.node_id, jaw.serial_number) = (2, 3, 3);
+    jaw.auxiliary_counts_per_deg = Some(-10.0);
+    config.ports[0].axes.push(jaw);
+    let text = toml::to_string(&config).unwrap();
+    Config::parse(&text, "bench.toml".as_ref()).unwrap()
+}
+
 fn output(name: &str, unit: OutputUnit) -> OutputSpec {
     OutputSpec { name: name.to_owned(), unit }
 }
