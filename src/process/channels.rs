@@ -15,6 +15,7 @@ use crate::core::{ModelCandidate, ModelSwapReply, ModelSwapRequest};
 use crate::ipc::{StreamMessage, payload};
 use crate::process::black_box::{RecorderChannels, RecorderRequest, WriteReply};
 use crate::realtime::TickTiming;
+use crate::robot::Refusal;
 
 /// Ticks that the IPC thread may lag before reports are dropped: a quarter of a second at 1 kHz.
 const REPORTS: usize = 256;
@@ -93,6 +94,25 @@ pub struct IpcChannels {
     pub reports: Consumer<TickReport>,
     /// Lines of the log and reasons, from the main thread.
     pub log_entries: Receiver<StreamMessage>,
+}
+
+impl LoopChannels {
+    /// What only stops overtakes what waits.
+    pub fn next_request(&mut self) -> Option<StateRequest> {
+        self.stops.pop().or_else(|_| self.requests.pop()).ok()
+    }
+}
+
+impl IpcChannels {
+    /// Passes a request to the loop.
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal::Busy`] when too many wait. What only stops waits apart from them.
+    pub fn ask(&mut self, request: StateRequest) -> Result<(), Refusal> {
+        let queue = if request.command.only_stops() { &mut self.stops } else { &mut self.requests };
+        queue.push(request).map_err(|_| Refusal::Busy)
+    }
 }
 
 /// The ends of the model manager.
@@ -192,4 +212,27 @@ pub fn request_queues() -> (RequestQueues, WorkerQueues) {
         recorder_replies: recorder_replies_in,
     };
     (ipc, workers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::StateCommand;
+
+    #[test]
+    fn what_only_stops_passes_a_full_queue_and_comes_before_what_waits() {
+        let (ticks, _ticks) = RingBuffer::new(1);
+        let (snapshots, _snapshots) = RingBuffer::new(1);
+        let recorder = RecorderChannels { ticks, snapshots };
+        let (mut ends, mut ipc, ..) = loop_channels(recorder, channel().1);
+        let request =
+            |command| StateRequest { id: 0, client_id: 7, command, pose: None, fixture: None };
+        while ipc.ask(request(StateCommand::Acknowledge)).is_ok() {}
+        for stop in [StateCommand::Disable, StateCommand::Pause, StateCommand::Hold] {
+            assert_eq!(ipc.ask(request(stop)), Ok(()));
+            assert_eq!(ends.next_request().map(|it| it.command), Some(stop));
+        }
+        assert_eq!(ipc.ask(request(StateCommand::Enable)), Err(Refusal::Busy));
+        assert_eq!(ends.next_request().map(|it| it.command), Some(StateCommand::Acknowledge));
+    }
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::clock;
 use crate::config::ControlConfig;
 use crate::core::cycle::ControlCycle;
-use crate::core::{CycleInputs, CycleOutputs, Gated, StateRequest};
+use crate::core::{CycleInputs, CycleOutputs, Gated};
 use crate::drive::AxisFeedback;
 use crate::drive::port_runner::AxisLink;
 use crate::ipc::heartbeat::HeartbeatWriter;
@@ -139,7 +139,7 @@ impl ControlLoop {
         CycleInputs {
             servo: newest(&mut channels.servo),
             jaw: newest(&mut channels.jaw),
-            request: next_request(channels),
+            request: channels.next_request(),
             model: channels.model_requests.pop().ok(),
             external: newest(&mut channels.external),
             ignored_frames: channels.ignored_frames.load(Ordering::Relaxed),
@@ -162,11 +162,6 @@ struct Lost {
 /// The value of a triple buffer, if it was written since the last call.
 fn newest<T: Copy + Send>(buffer: &mut triple_buffer::Output<Option<T>>) -> Option<T> {
     buffer.update().then(|| *buffer.output_buffer()).flatten()
-}
-
-/// What only stops overtakes what waits.
-fn next_request(channels: &mut LoopChannels) -> Option<StateRequest> {
-    channels.stops.pop().or_else(|_| channels.requests.pop()).ok()
 }
 
 fn read_feedback(links: &mut [AxisLink<Gated>]) -> [AxisFeedback; MAX_AXES] {

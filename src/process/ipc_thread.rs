@@ -232,15 +232,7 @@ impl IpcThread {
     /// Passes a request to the loop, or replies with the refusal.
     fn request(&mut self, id: u64, request: Result<StateRequest, Refusal>) {
         let channels = &mut self.parts.channels;
-        let pushed = request.and_then(|request| {
-            let queue = if request.command.only_stops() {
-                &mut channels.stops
-            } else {
-                &mut channels.requests
-            };
-            queue.push(request).map_err(|_| Refusal::Busy)
-        });
-        if let Err(refusal) = pushed {
+        if let Err(refusal) = request.and_then(|request| channels.ask(request)) {
             let state = self.state;
             self.reply(StateReply { id, refusal, state, measurement: None });
         }

@@ -1,5 +1,5 @@
-//! The loop around the cycle does not allocate: the thread of a whole controller in this process,
-//! with emulated drives and clients in shared memory.
+//! The loop around the cycle and the threads of the ports do not allocate: those of a whole
+//! controller in this process, with emulated drives and clients in shared memory.
 
 use std::thread;
 
@@ -9,7 +9,7 @@ use i2ris::ipc::client::Client;
 use i2ris::units::Nanos;
 use i2ris_testing::{Rig, TIMEOUT, home_and_enable, stream_angles, wait_until_idle};
 
-use crate::calls_of_the_loop;
+use crate::calls_in_real_time;
 
 /// Long enough for a snapshot for the black box, which is taken once per second.
 const MOTION: f64 = 1.5;
@@ -33,21 +33,23 @@ fn use_robot(client: &mut Client) {
 }
 
 #[test]
-fn the_loop_of_a_running_controller_allocates_nothing() {
+fn the_loop_and_the_ports_of_a_running_controller_allocate_nothing() {
     let mut rig = Rig::with_model();
     rig.start_controller_thread();
     let mut client = rig.client();
     home_and_enable(&mut client, TIMEOUT).unwrap();
-    let calls = calls_of_the_loop(|| use_robot(&mut client));
+    let calls = calls_in_real_time(|| use_robot(&mut client));
     assert_eq!(calls, 0);
 }
 
 #[test]
-fn calls_of_a_thread_with_the_name_of_the_loop_are_counted() {
-    let calls = calls_of_the_loop(|| {
-        let named = thread::Builder::new().name("control".to_owned());
-        let work = || drop(std::hint::black_box(Vec::<u8>::with_capacity(10)));
-        named.spawn(work).unwrap().join().unwrap();
-    });
-    assert!(calls >= 2, "{calls}");
+fn calls_of_threads_with_these_names_are_counted() {
+    for name in ["control", "port"] {
+        let calls = calls_in_real_time(|| {
+            let named = thread::Builder::new().name(name.to_owned());
+            let work = || drop(std::hint::black_box(Vec::<u8>::with_capacity(10)));
+            named.spawn(work).unwrap().join().unwrap();
+        });
+        assert!(calls >= 2, "{name}: {calls}");
+    }
 }

@@ -17,6 +17,7 @@ mod samples;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// The system's allocator. Counts per thread every call that allocates or frees memory.
 struct CountingAllocator;
@@ -26,27 +27,30 @@ thread_local! {
     static PAUSED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Name of the thread of the control loop.
-const LOOP: &[u8] = b"control\0";
+/// Names of the threads of the control loop and of the ports.
+const REAL_TIME: [&[u8]; 2] = [b"control\0", b"port\0"];
 
-/// Whether the calls of the control loop are counted, and their number.
-static IS_LOOP_WATCHED: AtomicBool = AtomicBool::new(false);
-static LOOP_CALLS: AtomicU64 = AtomicU64::new(0);
+/// Those of one test are not those of another.
+static ONE: Mutex<()> = Mutex::new(());
+/// Whether the calls of these threads are counted, and their number.
+static IS_WATCHED: AtomicBool = AtomicBool::new(false);
+static REAL_TIME_CALLS: AtomicU64 = AtomicU64::new(0);
 
-/// Calls of the allocator by the thread of the control loop while `work` runs in this one.
-pub fn calls_of_the_loop(work: impl FnOnce()) -> u64 {
-    let before = LOOP_CALLS.load(Ordering::SeqCst);
-    IS_LOOP_WATCHED.store(true, Ordering::SeqCst);
+/// Calls of the allocator by threads of the control loop and of ports while `work` runs in this one.
+pub fn calls_in_real_time(work: impl FnOnce()) -> u64 {
+    let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let before = REAL_TIME_CALLS.load(Ordering::SeqCst);
+    IS_WATCHED.store(true, Ordering::SeqCst);
     work();
-    IS_LOOP_WATCHED.store(false, Ordering::SeqCst);
-    LOOP_CALLS.load(Ordering::SeqCst) - before
+    IS_WATCHED.store(false, Ordering::SeqCst);
+    REAL_TIME_CALLS.load(Ordering::SeqCst) - before
 }
 
-fn is_loop() -> bool {
+fn is_real_time() -> bool {
     let mut name = [0_u8; 16];
     // SAFETY: the kernel writes at most 16 bytes, the longest name of a thread.
     unsafe { libc::prctl(libc::PR_GET_NAME, name.as_mut_ptr()) };
-    name.starts_with(LOOP)
+    REAL_TIME.iter().any(|known| name.starts_with(known))
 }
 
 /// Calls of the allocator by this thread.
@@ -70,8 +74,8 @@ pub fn uncounted<R>(work: impl FnOnce() -> R) -> R {
 }
 
 fn count() {
-    if IS_LOOP_WATCHED.load(Ordering::Relaxed) && is_loop() {
-        LOOP_CALLS.fetch_add(1, Ordering::SeqCst);
+    if IS_WATCHED.load(Ordering::Relaxed) && is_real_time() {
+        REAL_TIME_CALLS.fetch_add(1, Ordering::SeqCst);
     }
     // A thread that ends may free memory after its counter is gone.
     let _ = PAUSED.try_with(|paused| {
