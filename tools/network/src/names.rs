@@ -64,6 +64,9 @@ impl What {
     }
 }
 
+/// The key of a client, and the number that it chose for its session.
+pub(crate) type SessionKey = (String, u64);
+
 /// A sender with one thing that it sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Source<'a> {
@@ -80,7 +83,7 @@ impl<'a> Source<'a> {
     }
 
     /// The key and the number of the session.
-    pub(crate) fn session_key(&self) -> (String, u64) {
+    pub(crate) fn session_key(&self) -> SessionKey {
         (self.id.to_owned(), self.session)
     }
 

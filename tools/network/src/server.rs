@@ -21,14 +21,14 @@ use zerocopy::{FromBytes, IntoBytes};
 
 use crate::keys::{Access, AccessList};
 use crate::message::{Alive, AliveReply, refusal_number};
-use crate::names::{self, Source, What};
+use crate::names::{self, SessionKey, Source, What};
 use crate::pace::lag_of_us;
 use crate::request::Question;
 use crate::state::{State, VERSION, is_log};
 use crate::{BridgeEvent, NetworkError, warnings};
 use controller::Controller;
 use network::{Arrival, Network};
-use session::{Session, SessionKey, reply};
+use session::{Session, reply};
 
 /// Clients at the same time, one per key.
 const CLIENTS: usize = 4;

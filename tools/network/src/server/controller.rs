@@ -11,8 +11,8 @@ use i2ris::ipc::{Domain, Identities, ReplySpeed, Stream, StreamMessage};
 use i2ris::units::Nanos;
 use i2ris_gateway::worker::{WAITING, Worker};
 
-use super::session::SessionKey;
 use crate::NetworkError;
+use crate::names::SessionKey;
 use crate::request::{Answer, Outcome, Question};
 use crate::state::{State, streams};
 

@@ -7,6 +7,7 @@ use i2ris::units::Nanos;
 use zenoh::query::Query;
 
 use super::controller::Controller;
+use crate::names::SessionKey;
 use crate::pace::{Lag, Pace};
 use crate::request::{Answer, Outcome, Question};
 use crate::state::State;
@@ -14,9 +15,6 @@ use crate::state::State;
 /// Requests that are remembered, so that one that was repeated is not carried out twice. More than
 /// can be pending.
 const REMEMBERED: usize = 128;
-
-/// The key of a client, and the number that it chose for this session.
-pub(super) type SessionKey = (String, u64);
 
 #[derive(Debug)]
 pub(super) struct Session {
