@@ -317,14 +317,15 @@ fn balance_of(
         friction_slope: 0.1,
         friction_asymmetry: -0.1,
     };
-    let stop = |(stiffness, share)| BalanceStop { stiffness, share };
-    let shared = [(6.0, 0.2), (1.5, 0.3)].map(stop);
+    let stop = |(stiffness, share)| BalanceStop { stiffness, share, yields: stiffness == 3.0 };
+    let shared = [(3.0, 0.2), (1.5, 0.3)].map(stop);
     BalanceParameters {
         motors: (0..motors).map(motor).collect(),
         own_stops: [(10.0, 0.4), (3.0, 0.4), (1.0, 0.2)].map(stop).into(),
         shared_stops: if motors == 1 { Vec::new() } else { shared.into() },
         loose_stiffness: 0.08,
         softness: 8.0,
+        friction_stays: 0.3,
     }
 }
 

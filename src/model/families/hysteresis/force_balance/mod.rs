@@ -17,7 +17,7 @@
 //! - **stop**: an elastic element of stiffness `s` that slips at a force (Maxwell slip; the elements
 //!   of A. Y. Ishlinskii 1944 and L. Prandtl 1928). An **own** stop resists the bend of one motor, a
 //!   **shared** stop the bend in the plane: its reach is a disc (return mapping, J. C. Simo and T.
-//!   J. R. Hughes, "Computational Inelasticity", 1998).
+//!   J. R. Hughes, "Computational Inelasticity", 1998). A stop may **yield** before it slips.
 //!
 //! # Balance
 //!
@@ -28,10 +28,11 @@
 //! ```
 //!
 //! Friction grows with the tension that presses a wire on its guides (capstan equation, L. Euler
-//! 1762, J. A. Eytelwein 1808), so loops are wide where the bend is large. Limits and preload are
-//! those of the state before a step. With them both sides are gradients of convex functions of the
-//! bend: there is exactly one balance, and it rises with every motor. A semi-smooth Newton method
-//! with a line search finds it (L. Qi and J. Sun 1993).
+//! 1762, J. A. Eytelwein 1808), so loops are wide where the bend is large. Where the limit falls, a
+//! part of the friction above it may stay. Limits and preload are those of the state before a step.
+//! With them both sides are monotone functions of the bend: there is exactly one balance, and it
+//! rises with every motor. A semi-smooth Newton method with a line search finds it (L. Qi and J. Sun
+//! 1993).
 //!
 //! The inverse needs no search: a bend gives the forces that hold it, these give the stretch of the
 //! wires, the pulleys, and the motors, each across its gap in the direction of its motion. So a gap
@@ -46,12 +47,14 @@
 //! | [`sensitivity`] | derivatives of the bend by the parameters, for calibration |
 //! | `state` | the state, and what a step takes from it |
 //! | `wires` | the force of two wires, and its inverse |
+//! | `stops` | elastic elements that slip |
 //! | `solve` | forces, slopes and Newton's method |
 
 mod parameters;
 pub mod sensitivity;
 mod solve;
 pub(in crate::model) mod state;
+mod stops;
 mod wires;
 
 use nalgebra::{SMatrix, SVector};
@@ -61,12 +64,12 @@ use crate::model::error::ModelError;
 use crate::model::families::memory::State;
 use crate::model::maths::regression::{Local, array, vector};
 use crate::units::MotorVec;
-use parameters::Stop;
 pub use parameters::{
     BalanceMotor, BalanceParameters, BalanceStop, OWN_STOPS, REACH, SHARED_STOPS,
 };
 pub use state::BalanceState;
 use state::Limits;
+use stops::Stop;
 
 /// The longest step of an advance, in units of travel: limits and preload follow from step to
 /// step.
@@ -75,8 +78,9 @@ const STEP: f64 = 20.0;
 /// The most steps of one advance. A longer motion uses longer steps.
 const MAX_STEPS: u32 = 64;
 
-/// A pulley that has to move by less than this does not move, units of travel.
-const STILL: f64 = 1e-9;
+/// A pulley that has to move by less than this does not move, units of travel: what a search
+/// leaves beside its goal is no reason to cross a gap.
+const STILL: f64 = 1e-2;
 
 /// Safety factor on the estimate of the conditioning range, which leaves out the other motor.
 const CONDITIONING_MARGIN: f64 = 1.2;
@@ -92,6 +96,7 @@ pub struct ForceBalance<const D: usize> {
     shared: [Stop; SHARED_STOPS],
     loose_stiffness: f64,
     softness: f64,
+    stays: f64,
     /// From pulleys to travel, without the neutral positions, and back.
     coupling: SMatrix<f64, D, D>,
     uncoupling: SMatrix<f64, D, D>,
@@ -116,6 +121,7 @@ impl<const D: usize> ForceBalance<D> {
             shared: std::array::from_fn(|k| stops(&file.shared_stops, k)),
             loose_stiffness: file.loose_stiffness,
             softness: file.softness,
+            stays: file.friction_stays,
             uncoupling: coupling.try_inverse().unwrap_or_else(SMatrix::identity),
             coupling,
             gain: SVector::from_fn(|i, _| {

@@ -6,7 +6,7 @@ use crate::model::error::{ModelError, require};
 use crate::model::maths::matrix_checks::parameters;
 
 /// The most own stops of a motor.
-pub const OWN_STOPS: usize = 5;
+pub const OWN_STOPS: usize = 6;
 
 /// The most shared stops.
 pub const SHARED_STOPS: usize = 2;
@@ -35,6 +35,9 @@ pub struct BalanceParameters {
     pub loose_stiffness: f64,
     /// Half the length of the transition of a wire from slack to taut.
     pub softness: f64,
+    /// Part of the friction above its limit that stays while the limit falls, 0 to 1.
+    #[serde(default)]
+    pub friction_stays: f64,
 }
 
 /// A motor, its gear, its wires, and what resists it.
@@ -84,25 +87,9 @@ pub struct BalanceStop {
     pub stiffness: f64,
     /// Share of the friction at which it slips, not negative.
     pub share: f64,
-}
-
-/// A prepared stop.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Stop {
-    pub stiffness: f64,
-    pub share: f64,
-    /// Deflection at which it slips, per force.
-    pub reach: f64,
-}
-
-impl Stop {
-    /// In the place of a stop that a file does not have.
-    pub const NONE: Self = Self { stiffness: 0.0, share: 0.0, reach: 0.0 };
-
-    pub fn new(file: &BalanceStop) -> Self {
-        let BalanceStop { stiffness, share } = *file;
-        Self { stiffness, share, reach: share / stiffness }
-    }
+    /// Whether it yields before it slips: then the force nears its limit without reaching it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub yields: bool,
 }
 
 impl BalanceParameters {
@@ -133,6 +120,7 @@ impl BalanceParameters {
         }
         within(self.loose_stiffness, LEAST, LARGEST, "loose_stiffness")?;
         within(self.softness, LEAST, LARGEST, "softness")?;
+        within(self.friction_stays, 0.0, 1.0, "friction_stays")?;
         let product: f64 = self.motors.iter().map(|motor| motor.coupling).product();
         let key = || "family.balance.motors.coupling".to_owned();
         require(motors < 2 || product < 0.5, key, product, "the motors must not be one")

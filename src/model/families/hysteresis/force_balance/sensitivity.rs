@@ -22,9 +22,10 @@ const SHARED_STIFFNESS: usize = OWN_SHARE + OWN_STOPS;
 const SHARED_SHARE: usize = SHARED_STIFFNESS + SHARED_STOPS;
 const LOOSE: usize = SHARED_SHARE + SHARED_STOPS;
 const SOFTNESS: usize = LOOSE + 1;
+const STAYS: usize = SOFTNESS + 1;
 
 /// Parameters of two motors. Those of a second motor that there is not change nothing.
-pub const NUMBERS: usize = SOFTNESS + 1;
+pub const NUMBERS: usize = STAYS + 1;
 
 /// Derivatives by all parameters.
 pub type Slopes = SVector<f64, NUMBERS>;
@@ -70,6 +71,7 @@ impl BalanceParameters {
         }
         numbers[LOOSE] = self.loose_stiffness;
         numbers[SOFTNESS] = self.softness;
+        numbers[STAYS] = self.friction_stays;
         numbers
     }
 }
@@ -344,17 +346,19 @@ impl<const D: usize> ForceBalance<D> {
             if stop.stiffness == 0.0 {
                 return (0.0, Slopes::zeros());
             }
-            let trial = at.state.own[i][k] + bend - at.state.bend[i];
-            let [falling, rising] = limits.own[i];
-            let (side, limit) = if trial > 0.0 { (1, rising) } else { (0, falling) };
-            let reach = stop.reach * limit;
-            if trial.abs() <= reach {
-                return (trial, at.own[i][k] + by_moved);
+            let (from, moved) = (at.state.own[i][k], bend - at.state.bend[i]);
+            let held = stop.moved(from, moved, limits.own[i], limits.stays);
+            let mut slopes = at.own[i][k] * held.by_from + by_moved * held.by_moved;
+            for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
+                let (by_end, limit) = (sign * held.by_ends[side], limits.own[i][side]);
+                if by_end != 0.0 {
+                    slopes += by_limits.own[i][side] * (by_end * stop.reach);
+                    slopes[OWN_SHARE + k] += by_end * limit / stop.stiffness;
+                    slopes[OWN_STIFFNESS + k] -= by_end * stop.reach * limit / stop.stiffness;
+                }
             }
-            let mut slopes = by_limits.own[i][side] * stop.reach;
-            slopes[OWN_SHARE + k] += limit / stop.stiffness;
-            slopes[OWN_STIFFNESS + k] -= reach / stop.stiffness;
-            (trial.signum() * reach, slopes * trial.signum())
+            slopes[STAYS] += held.by_stays;
+            (held.deflection, slopes)
         })
     }
 
@@ -370,21 +374,17 @@ impl<const D: usize> ForceBalance<D> {
             if stop.stiffness == 0.0 {
                 return [(0.0, Slopes::zeros()); D];
             }
-            let trial = SVector::<f64, D>::from_fn(|i, _| {
-                at.state.shared[k][i] + bend[i] - at.state.bend[i]
-            });
-            let slopes: [Slopes; D] = std::array::from_fn(|i| at.shared[k][i] + by_moved[i]);
-            let (length, reach) = (trial.norm(), stop.reach * limits.shared);
-            if length <= reach {
-                return std::array::from_fn(|i| (trial[i], slopes[i]));
-            }
+            let moved = std::array::from_fn(|i| bend[i.min(D - 1)] - at.state.bend[i]);
+            let held = stop.moved_in_plane(at.state.shared[k], moved, limits.shared);
             let mut by_reach = by_limits.shared * stop.reach;
             by_reach[SHARED_SHARE + k] += limits.shared / stop.stiffness;
-            by_reach[SHARED_STIFFNESS + k] -= reach / stop.stiffness;
-            let along = (0..D).fold(Slopes::zeros(), |sum, i| sum + slopes[i] * trial[i]);
-            let by_share = by_reach / length - along * (reach / length.powi(3));
-            let share = reach / length;
-            std::array::from_fn(|i| (share * trial[i], slopes[i] * share + by_share * trial[i]))
+            by_reach[SHARED_STIFFNESS + k] -= stop.reach * limits.shared / stop.stiffness;
+            std::array::from_fn(|i| {
+                let slopes = (0..D).fold(by_reach * held.by_reach[i], |sum, j| {
+                    sum + at.shared[k][j] * held.by_from[i][j] + by_moved[j] * held.by_moved[i][j]
+                });
+                (held.deflection[i], slopes)
+            })
         })
     }
 }

@@ -42,18 +42,10 @@ impl<const D: usize> ForceBalance<D> {
             let mut force = motor.spring * bend[i] * (1.0 + hardened);
             let mut slope = motor.spring * (1.0 + 3.0 * hardened);
             let moved = bend[i] - state.bend[i];
-            let [falling, rising] = limits.own[i];
             for (deflection, stop) in state.own[i].iter().zip(&self.own) {
-                let trial = stop.stiffness * (deflection + moved);
-                let (low, high) = (-stop.share * falling, stop.share * rising);
-                if trial > high {
-                    force += high;
-                } else if trial < low {
-                    force += low;
-                } else {
-                    force += trial;
-                    slope += stop.stiffness;
-                }
+                let held = stop.moved(*deflection, moved, limits.own[i], limits.stays);
+                force += stop.stiffness * held.deflection;
+                slope += stop.stiffness * held.by_moved;
             }
             found.force[i] = force;
             found.slope[(i, i)] = slope;
@@ -74,22 +66,13 @@ impl<const D: usize> ForceBalance<D> {
         let last = D - 1;
         let moved = [bend[0] - state.bend[0], bend[last] - state.bend[last]];
         for (deflection, stop) in state.shared.iter().zip(&self.shared) {
-            let trial = [deflection[0] + moved[0], deflection[1] + moved[1]];
-            let (squared, reach) =
-                (trial[0] * trial[0] + trial[1] * trial[1], stop.reach * limits.shared);
-            let (scale, across) = if squared <= reach * reach {
-                (stop.stiffness, 0.0)
-            } else {
-                let length = squared.sqrt();
-                let scale = stop.stiffness * reach / length;
-                (scale, scale / squared)
-            };
-            for (row, at) in [(0, trial[0]), (last, trial[1])] {
-                found.force[row] += scale * at;
-                found.slope[(row, row)] += scale - across * at * at;
+            let held = stop.moved_in_plane(*deflection, moved, limits.shared);
+            for (i, row) in [0, last].into_iter().enumerate() {
+                found.force[row] += stop.stiffness * held.deflection[i];
+                for (j, column) in [0, last].into_iter().enumerate() {
+                    found.slope[(row, column)] += stop.stiffness * held.by_moved[i][j];
+                }
             }
-            found.slope[(0, last)] -= across * trial[0] * trial[1];
-            found.slope[(last, 0)] -= across * trial[0] * trial[1];
         }
     }
 
@@ -163,7 +146,8 @@ impl<const D: usize> ForceBalance<D> {
     }
 }
 
-/// Solves the equations of one or two unknowns by Cramer's rule. The matrix is positive definite.
+/// Solves the equations of one or two unknowns by Cramer's rule. The matrix is regular: its symmetric
+/// part is positive definite.
 #[inline]
 fn solved<const D: usize>(slope: &SMatrix<f64, D, D>, force: &SVector<f64, D>) -> SVector<f64, D> {
     if D == 1 {

@@ -50,12 +50,14 @@ pub(super) struct Limits<const D: usize> {
     pub own: [[f64; 2]; D],
     /// Force at which all shared stops would slip if they had all the friction.
     pub shared: f64,
+    /// Part of the friction above a limit that stays.
+    pub stays: f64,
 }
 
 impl<const D: usize> Limits<D> {
     /// Stops that hold nothing.
     pub fn without_friction(&self) -> Self {
-        Self { own: [[0.0; 2]; D], shared: 0.0, ..*self }
+        Self { own: [[0.0; 2]; D], shared: 0.0, stays: 0.0, ..*self }
     }
 }
 
@@ -63,7 +65,8 @@ impl<const D: usize> ForceBalance<D> {
     /// Preload and limits for a step from a state.
     pub(super) fn limits(&self, state: &BalanceState) -> Limits<D> {
         let relative: [f64; D] = std::array::from_fn(|i| state.bend[i] / REACH);
-        let mut limits = Limits { preload: [[0.0; 2]; D], own: [[0.0; 2]; D], shared: 0.0 };
+        let mut limits =
+            Limits { preload: [[0.0; 2]; D], own: [[0.0; 2]; D], shared: 0.0, stays: self.stays };
         let (mut base, mut squared_load) = (0.0, 0.0);
         for (i, motor) in self.motors.iter().enumerate() {
             let (scale, own) = (state.gap_scale[i], relative[i]);
@@ -115,21 +118,16 @@ impl<const D: usize> ForceBalance<D> {
     ) {
         for i in 0..D {
             let moved = bend[i] - state.bend[i];
-            let [falling, rising] = limits.own[i];
             for (deflection, stop) in state.own[i].iter_mut().zip(&self.own) {
-                let (low, high) = (-stop.reach * falling, stop.reach * rising);
-                *deflection = (*deflection + moved).max(low).min(high);
+                let held = stop.moved(*deflection, moved, limits.own[i], limits.stays);
+                *deflection = held.deflection;
             }
             state.tension[i] = self.wires(i, limits).tensions(travel[i] - bend[i]);
         }
         if D > 1 {
             for (deflection, stop) in state.shared.iter_mut().zip(&self.shared) {
-                let trial: MotorVec =
-                    std::array::from_fn(|i| deflection[i] + bend[i.min(D - 1)] - state.bend[i]);
-                let length = trial[0].hypot(trial[1]);
-                let reach = stop.reach * limits.shared;
-                let share = if length <= reach { 1.0 } else { reach / length };
-                *deflection = trial.map(|trial| share * trial);
+                let moved = std::array::from_fn(|i| bend[i.min(D - 1)] - state.bend[i]);
+                *deflection = stop.moved_in_plane(*deflection, moved, limits.shared).deflection;
             }
         }
         for (state, bend) in state.bend.iter_mut().zip(bend.iter()) {

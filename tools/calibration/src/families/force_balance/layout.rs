@@ -12,35 +12,57 @@ use nalgebra::{DMatrix, DVector};
 struct Usual {
     value: f64,
     deviation: f64,
-    is_logarithm: bool,
+    scale: Scale,
+}
+
+/// What a number is of a parameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Scale {
+    Straight,
+    /// Of parameters above 0.
+    Logarithm,
+    /// Of parameters between 0 and 1.
+    Logit,
 }
 
 const fn positive(value: f64, deviation: f64) -> Usual {
-    Usual { value, deviation, is_logarithm: true }
+    Usual { value, deviation, scale: Scale::Logarithm }
+}
+
+const fn part(value: f64, deviation: f64) -> Usual {
+    Usual { value, deviation, scale: Scale::Logit }
 }
 
 const fn signed(value: f64, deviation: f64) -> Usual {
-    Usual { value, deviation, is_logarithm: false }
+    Usual { value, deviation, scale: Scale::Straight }
 }
 
 impl Usual {
     fn decode(&self, at: f64) -> f64 {
-        match self.is_logarithm {
-            true => self.value * (self.deviation * at).exp(),
-            false => self.value + self.deviation * at,
+        let moved = (self.deviation * at).exp();
+        match self.scale {
+            Scale::Straight => self.value + self.deviation * at,
+            Scale::Logarithm => self.value * moved,
+            Scale::Logit => self.value * moved / (1.0 - self.value + self.value * moved),
         }
     }
 
     fn encode(&self, value: f64) -> f64 {
-        match self.is_logarithm {
-            true => (value / self.value).ln() / self.deviation,
-            false => (value - self.value) / self.deviation,
-        }
+        let apart = match self.scale {
+            Scale::Straight => value - self.value,
+            Scale::Logarithm => (value / self.value).ln(),
+            Scale::Logit => (value / self.value * (1.0 - self.value) / (1.0 - value)).ln(),
+        };
+        apart / self.deviation
     }
 
     /// The deviation of a value whose number has a deviation.
     fn spread(&self, value: f64, deviation: f64) -> f64 {
-        let scale = if self.is_logarithm { value } else { 1.0 };
+        let scale = match self.scale {
+            Scale::Straight => 1.0,
+            Scale::Logarithm => value,
+            Scale::Logit => value * (1.0 - value),
+        };
         scale * self.deviation * deviation
     }
 }
@@ -78,23 +100,33 @@ const MOTOR: [Usual; PER_MOTOR] = [
     signed(0.0, 0.2),
 ];
 
-/// Own stops: stiffness and share, the stiffest first. The share of the last one is fixed: only
-/// their ratios matter.
+/// The own stop and the shared stop that yield. The others slip.
+const YIELDS: usize = 0;
+
+/// Own stops: stiffness and share, after the one that yields the stiffest first. The share of the
+/// last one is fixed: only their ratios matter.
 const OWN_STIFFNESS: [Usual; OWN_STOPS] = [
+    positive(3.0, 1.0),
     positive(10.0, 0.5),
     positive(4.0, 0.5),
     positive(1.6, 0.5),
     positive(0.6, 0.5),
     positive(0.25, 0.5),
 ];
-const OWN_SHARE: [Usual; OWN_STOPS - 1] =
-    [positive(1.0, 1.0), positive(1.0, 1.0), positive(1.0, 1.0), positive(0.5, 1.0)];
+const OWN_SHARE: [Usual; OWN_STOPS - 1] = [
+    positive(0.5, 1.5),
+    positive(1.0, 1.0),
+    positive(1.0, 1.0),
+    positive(1.0, 1.0),
+    positive(0.5, 1.0),
+];
 const LAST_SHARE: f64 = 0.7;
 
 const SHARED_STIFFNESS: [Usual; SHARED_STOPS] = [positive(6.0, 0.7), positive(1.5, 0.7)];
 const SHARED_SHARE: Usual = positive(0.2, 1.0);
 const LOOSE: Usual = positive(0.08, 0.7);
 const SOFTNESS: Usual = positive(8.0, 0.5);
+const STAYS: Usual = part(0.2, 2.0);
 
 /// The parameters of a number of motors.
 #[derive(Debug, Clone)]
@@ -119,7 +151,7 @@ impl Layout {
         if self.motors() > 1 {
             usual.extend(SHARED_STIFFNESS.into_iter().chain([SHARED_SHARE; SHARED_STOPS]));
         }
-        usual.extend([LOOSE, SOFTNESS]);
+        usual.extend([LOOSE, SOFTNESS, STAYS]);
         usual
     }
 
@@ -175,16 +207,24 @@ impl Layout {
             *share = next();
         }
         let sum: f64 = shares.iter().sum();
-        let stop = |(stiffness, share): (f64, f64)| BalanceStop { stiffness, share };
+        let stop = |(stiffness, share): (f64, f64)| BalanceStop { stiffness, share, yields: false };
         let own_stops = stiffness.into_iter().zip(shares.map(|share| share / sum)).map(stop);
-        let own_stops = own_stops.collect();
+        let mut own_stops: Vec<_> = own_stops.collect();
+        own_stops[YIELDS].yields = true;
         let mut shared_stops = Vec::new();
         if self.scales.len() > 1 {
             let stiffness: [f64; SHARED_STOPS] = std::array::from_fn(|_| next());
             shared_stops.extend(stiffness.map(|stiffness| stop((stiffness, next()))));
+            shared_stops[YIELDS].yields = true;
         }
-        let (loose_stiffness, softness) = (next(), next());
-        BalanceParameters { motors, own_stops, shared_stops, loose_stiffness, softness }
+        BalanceParameters {
+            motors,
+            own_stops,
+            shared_stops,
+            loose_stiffness: next(),
+            softness: next(),
+            friction_stays: next(),
+        }
     }
 
     /// Derivatives of all parameters by the numbers at some place.
@@ -221,7 +261,7 @@ impl Layout {
         values.extend(own.take(OWN_STOPS - 1));
         values.extend(balance.shared_stops.iter().map(|stop| stop.stiffness));
         values.extend(balance.shared_stops.iter().map(|stop| stop.share));
-        values.extend([balance.loose_stiffness, balance.softness]);
+        values.extend([balance.loose_stiffness, balance.softness, balance.friction_stays]);
         let usual = self.usual();
         let numbers = usual.iter().zip(values).map(|(usual, value)| usual.encode(value));
         DVector::from_vec(numbers.collect())

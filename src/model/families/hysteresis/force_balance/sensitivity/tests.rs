@@ -24,15 +24,16 @@ fn balance() -> BalanceParameters {
         friction_slope: 0.05,
         friction_asymmetry: 0.1,
     };
-    let stop = |stiffness, share| BalanceStop { stiffness, share };
+    let stop = |stiffness, share| BalanceStop { stiffness, share, yields: stiffness == 3.0 };
     BalanceParameters {
         motors: vec![motor.clone(), BalanceMotor { gap: 5.0, coupling: -0.04, ..motor }],
-        own_stops: [(10.0, 0.2), (4.0, 0.3), (1.6, 0.2), (0.6, 0.2), (0.25, 0.1)]
+        own_stops: [(10.0, 0.2), (4.0, 0.3), (1.6, 0.2), (0.6, 0.2), (0.25, 0.1), (3.0, 0.3)]
             .map(|(stiffness, share)| stop(stiffness, share))
             .to_vec(),
-        shared_stops: vec![stop(6.0, 0.2), stop(1.5, 0.1)],
+        shared_stops: vec![stop(3.0, 0.2), stop(1.5, 0.1)],
         loose_stiffness: 0.05,
         softness: 8.0,
+        friction_stays: 0.4,
     }
 }
 
@@ -103,6 +104,7 @@ fn with_numbers(file: &BalanceParameters, numbers: &Slopes) -> BalanceParameters
         stop.share = numbers[SHARED_SHARE + index];
     }
     (file.loose_stiffness, file.softness) = (numbers[LOOSE], numbers[SOFTNESS]);
+    file.friction_stays = numbers[STAYS];
     file
 }
 

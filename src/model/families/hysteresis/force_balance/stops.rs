@@ -1,0 +1,221 @@
+//! Elastic elements that slip: what a motion makes of their deflection, and its derivatives.
+//!
+//! A stop either slips all at once at its limit, or **yields** before, as solid friction does: its
+//! stiffness falls with the way that is left to the limit (P. R. Dahl, "A solid friction model",
+//! 1968, with the exponent 1). Of a shared stop that yields the same holds along the motion in the
+//! plane.
+//!
+//! Both are continuous and rise with the motion, in the plane in the sense of a monotone map (the
+//! symmetric part of the slope is positive definite), so there is still exactly one balance.
+
+use super::parameters::BalanceStop;
+use crate::model::maths::lanes::exp_above;
+
+/// A prepared stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Stop {
+    pub stiffness: f64,
+    pub share: f64,
+    /// Deflection at which it slips, per force.
+    pub reach: f64,
+    yields: bool,
+}
+
+/// A deflection, and its derivatives.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Held {
+    pub deflection: f64,
+    pub by_moved: f64,
+    /// By the deflection before.
+    pub by_from: f64,
+    /// By the deflections at which it slips, the falling one first.
+    pub by_ends: [f64; 2],
+    pub by_stays: f64,
+}
+
+impl Held {
+    fn free(deflection: f64) -> Self {
+        Self { deflection, by_moved: 0.0, by_from: 1.0, by_ends: [0.0; 2], by_stays: 0.0 }
+    }
+}
+
+/// A deflection in the plane, and its derivatives, row by row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct HeldInPlane {
+    pub deflection: [f64; 2],
+    pub by_moved: [[f64; 2]; 2],
+    /// By the deflection before.
+    pub by_from: [[f64; 2]; 2],
+    /// By the deflection at which it slips.
+    pub by_reach: [f64; 2],
+}
+
+/// Exponentials of less count as 0.
+const LEAST_EXPONENT: f64 = -50.0;
+
+const NOTHING: [[f64; 2]; 2] = [[0.0; 2]; 2];
+const IDENTITY: [[f64; 2]; 2] = [[1.0, 0.0], [0.0, 1.0]];
+
+impl Stop {
+    /// In the place of a stop that a file does not have.
+    pub const NONE: Self = Self { stiffness: 0.0, share: 0.0, reach: 0.0, yields: false };
+
+    pub fn new(file: &BalanceStop) -> Self {
+        let BalanceStop { stiffness, share, yields } = *file;
+        Self { stiffness, share, reach: share / stiffness, yields }
+    }
+
+    /// An own stop after a motion. `limits` are the forces at which it slips, in falling and in
+    /// rising direction; of a deflection that is beyond them the part `stays` is still there.
+    #[inline(always)]
+    pub fn moved(&self, from: f64, moved: f64, limits: [f64; 2], stays: f64) -> Held {
+        let ends = [-self.reach * limits[0], self.reach * limits[1]];
+        let end = |side: usize| {
+            let beyond = from - ends[side];
+            let is_beyond = if side == 0 { beyond < 0.0 } else { beyond > 0.0 };
+            let (stays, beyond) = if is_beyond { (stays, beyond) } else { (0.0, 0.0) };
+            let mut by_ends = [0.0; 2];
+            by_ends[side] = 1.0 - stays;
+            Held {
+                deflection: ends[side] + stays * beyond,
+                by_moved: 0.0,
+                by_from: stays,
+                by_ends,
+                by_stays: beyond,
+            }
+        };
+        let within = |at: f64| {
+            if at > end(1).deflection {
+                end(1)
+            } else if at < end(0).deflection {
+                end(0)
+            } else {
+                Held::free(at)
+            }
+        };
+        if !self.yields {
+            let trial = from + moved;
+            let held = within(trial);
+            let is_free = held.deflection == trial;
+            return Held { by_moved: if is_free { 1.0 } else { 0.0 }, ..held };
+        }
+        let (start, end) = (within(from), end(usize::from(moved >= 0.0)));
+        if end.deflection == 0.0 {
+            return end;
+        }
+        let way = (moved / end.deflection).abs();
+        let left = exp_above(-way, LEAST_EXPONENT);
+        let rest = (end.deflection - start.deflection) * left;
+        let of_end = 1.0 - left - rest * way / end.deflection;
+        Held {
+            deflection: end.deflection - rest,
+            by_moved: rest / end.deflection,
+            by_from: left * start.by_from + of_end * end.by_from,
+            by_ends: [0, 1].map(|i: usize| left * start.by_ends[i] + of_end * end.by_ends[i]),
+            by_stays: left * start.by_stays + of_end * end.by_stays,
+        }
+    }
+
+    /// A shared stop after a motion, with the force at which it slips.
+    #[inline(always)]
+    pub fn moved_in_plane(&self, from: [f64; 2], moved: [f64; 2], limit: f64) -> HeldInPlane {
+        let reach = self.reach * limit;
+        if !self.yields {
+            return within(std::array::from_fn(|i| from[i] + moved[i]), reach);
+        }
+        let start = within(from, reach);
+        let way = moved[0].hypot(moved[1]);
+        if reach <= 0.0 || way <= 0.0 {
+            return HeldInPlane { by_moved: if reach > 0.0 { IDENTITY } else { NOTHING }, ..start };
+        }
+        let along = moved.map(|part| part / way);
+        let left = exp_above(-way / reach, LEAST_EXPONENT);
+        let across = reach * (1.0 - left) / way;
+        let rest: [f64; 2] =
+            std::array::from_fn(|i| (start.deflection[i] - reach * along[i]) * left);
+        let by_moved = |i: usize, j: usize| {
+            across * (IDENTITY[i][j] - along[i] * along[j]) - rest[i] / reach * along[j]
+        };
+        HeldInPlane {
+            deflection: std::array::from_fn(|i| reach * along[i] + rest[i]),
+            by_moved: std::array::from_fn(|i| std::array::from_fn(|j| by_moved(i, j))),
+            by_from: start.by_from.map(|row| row.map(|part| left * part)),
+            by_reach: std::array::from_fn(|i| {
+                (1.0 - left) * along[i] + rest[i] * way / (reach * reach) + left * start.by_reach[i]
+            }),
+        }
+    }
+}
+
+/// The nearest deflection that a stop can have.
+#[inline(always)]
+fn within(at: [f64; 2], reach: f64) -> HeldInPlane {
+    let length = at[0].hypot(at[1]);
+    if length <= reach {
+        let by_reach = [0.0; 2];
+        return HeldInPlane { deflection: at, by_moved: IDENTITY, by_from: IDENTITY, by_reach };
+    }
+    let [x, y] = at.map(|part| part / length);
+    let share = reach / length;
+    let slope = [[share * y * y, -share * x * y], [-share * x * y, share * x * x]];
+    HeldInPlane {
+        deflection: [reach * x, reach * y],
+        by_moved: slope,
+        by_from: slope,
+        by_reach: [x, y],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn stop(yields: bool) -> Stop {
+        Stop::new(&BalanceStop { stiffness: 2.0, share: 0.5, yields })
+    }
+
+    /// Friction that yields nears its limit and never reaches it, and turns back at twice the
+    /// stiffness that it began with.
+    #[test]
+    fn a_stop_that_yields_follows_the_law_of_dahl() {
+        let stop = stop(true);
+        let limits = [40.0; 2];
+        let (mut deflection, step) = (0.0, 0.01);
+        for _ in 0..2000 {
+            let held = stop.moved(deflection, step, limits, 0.0);
+            let slope = (held.deflection - deflection) / step;
+            assert!((slope - (1.0 - deflection / 10.0)).abs() < 1e-3, "{slope}");
+            deflection = held.deflection;
+        }
+        assert!((8.0..10.0).contains(&deflection), "{deflection}");
+        let turned = stop.moved(9.9, -1e-6, limits, 0.0);
+        assert!((turned.by_moved - 1.99).abs() < 1e-3, "{turned:?}");
+    }
+
+    #[test]
+    fn of_friction_beyond_a_limit_that_fell_a_part_stays() {
+        for yields in [false, true] {
+            for (stays, expected) in [(0.0, 10.0), (0.25, 11.0), (1.0, 14.0)] {
+                let held = stop(yields).moved(14.0, 0.0, [40.0; 2], stays);
+                assert_eq!(held.deflection, expected);
+            }
+        }
+    }
+
+    proptest! {
+        /// In the plane, too, there is one balance.
+        #[test]
+        fn the_force_rises_along_every_motion(
+            yields: bool,
+            from in prop::array::uniform2(-12.0..12.0_f64),
+            one in prop::array::uniform2(-30.0..30.0_f64),
+            other in prop::array::uniform2(-30.0..30.0_f64),
+        ) {
+            let at = |moved| stop(yields).moved_in_plane(from, moved, 40.0).deflection;
+            let rise: f64 = (0..2).map(|i| (at(one)[i] - at(other)[i]) * (one[i] - other[i])).sum();
+            prop_assert!(rise >= -1e-9, "{rise}");
+        }
+    }
+}
