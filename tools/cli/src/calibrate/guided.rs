@@ -1,6 +1,7 @@
 //! `i2ris calibrate` without a command: from a straight snake to a checked model, step by step.
 //! Every step is a command of its own, is printed before it runs, and is left out if it was done.
 
+mod in_use;
 mod progress;
 mod steps;
 
@@ -42,6 +43,10 @@ pub struct Arguments {
     /// How long to record
     #[arg(long, value_name = "S", default_value_t = 300.0, value_parser = above_zero)]
     duration_s: f64,
+    /// How long the snake moves as in use at the end, while the camera measures; the model is then
+    /// fitted to that as well, and taken if it is better there. 0 leaves this out
+    #[arg(long, value_name = "S", default_value_t = 60)]
+    use_s: u32,
     /// Family of models, or `best`
     #[arg(long, default_value_t = Choice::Best)]
     family: Choice,
@@ -55,6 +60,7 @@ struct Guided {
     domain: Domain,
     folder: PathBuf,
     duration_s: f64,
+    use_s: u32,
     family: Choice,
     client: Client,
 }
@@ -72,12 +78,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         domain,
         folder: arguments.folder.clone(),
         duration_s: arguments.duration_s,
+        use_s: arguments.use_s,
         family: arguments.family,
         client,
     };
     let mut progress = Progress::read(&guided.folder, &mut guided.client)?;
-    let total = Step::ALL.len();
-    for (number, step) in (1..).zip(Step::ALL) {
+    let steps = guided.steps();
+    let total = steps.len();
+    for (number, step) in (1..).zip(steps.iter().copied()) {
         if progress.is_done(step) {
             say(&format!("step {number} of {total}: {step}: done before"))?;
             continue;
@@ -87,14 +95,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         let (purpose, left) = (step.purpose(), guided.time_left(&progress));
         say(&format!("step {number} of {total}: {step}: {purpose}; about {left} to go"))?;
-        guided.perform(step, &progress, &interrupt)?;
+        match step {
+            Step::Refine => guided.refine(&interrupt)?,
+            _ => guided.perform(step, &progress, &interrupt)?,
+        }
         progress.done(step)?;
-        if let Some(next) = Step::ALL.get(number) {
+        if let Some(next) = steps.get(number) {
             let left = guided.time_left(&progress);
             say(&format!("step {number} of {total} done; next: {next}; about {left} to go"))?;
         }
     }
-    let [model, report] = ["model.json", "report.html"].map(|name| guided.file(name));
+    let [model, report] = [progress.model_file(), "report.html"].map(|name| guided.file(name));
     let state = guided.client.wait_for(CONNECT, |_| true)?;
     let state = OperatingState::from_number(state.state).map_or("?", OperatingState::text);
     let config = guided.config.display();
@@ -158,8 +169,9 @@ impl Guided {
     }
 
     fn time_left(&self, progress: &Progress) -> String {
-        let left = Step::ALL.into_iter().filter(|step| !progress.is_done(*step));
-        minutes(left.map(|step| self.usual_s(step, progress)).sum())
+        let steps = self.steps().iter().copied();
+        let left = steps.filter(|step| !progress.is_done(*step));
+        minutes(left.fold(0.0, |sum, step| sum + self.usual_s(step, progress)))
     }
 
     /// How long a step usually takes, s.
@@ -172,6 +184,7 @@ impl Guided {
             Step::Stage => 5.0,
             Step::Check if progress.was_checked_before() => 10.0,
             Step::Check => 25.0,
+            Step::Refine => f64::from(self.use_s) + 60.0,
         }
     }
 
@@ -193,7 +206,7 @@ impl Guided {
 
     fn commands(&mut self, step: Step, progress: &Progress) -> Result<Vec<Vec<String>>, Failure> {
         let (recording, unseen) = (self.file("recording.csv"), self.file("unseen.csv"));
-        let model = self.file("model.json");
+        let [model, in_use] = ["model.json", progress.model_file()].map(|name| self.file(name));
         Ok(match step {
             Step::Collect => vec![self.collect(&recording, self.duration_s, 1)],
             Step::Fit => {
@@ -209,7 +222,7 @@ impl Guided {
                     vec![self.collect(&unseen, UNSEEN_S, 2), compare]
                 }
             }
-            Step::Stage => vec![words(&["model", "stage", &model])],
+            Step::Stage => vec![words(&["model", "stage", &in_use])],
             Step::Activate => {
                 let mut commands = self.prepare()?;
                 // The memory of a model that takes over is unknown; conditioning makes it known.
@@ -225,6 +238,7 @@ impl Guided {
                 let circle = ["command", "circle", "--radius-deg", "5", "--period-s", "6"];
                 vec![words(&[&circle[..], &["--duration-s", duration_s, "--enable"]].concat())]
             }
+            Step::Refine => Vec::new(),
         })
     }
 
@@ -243,18 +257,32 @@ impl Guided {
         progress: &Progress,
         interrupt: &Interrupt,
     ) -> Result<(), Failure> {
-        let program = std::env::current_exe()?;
         for words in self.commands(step, progress)? {
-            say(&format!("  $ i2ris {}", words.join(" ")))?;
-            let status = Command::new(&program)
-                .args(&words)
-                .env("I2RIS_DOMAIN", self.domain.name())
-                .status()?;
-            if !status.success() || interrupt.came() {
-                return Err(stopped(step, status, interrupt.came()).into());
-            }
+            self.run(step, &words, interrupt)?;
         }
         Ok(())
+    }
+
+    fn run(&self, step: Step, words: &[String], interrupt: &Interrupt) -> Result<(), Failure> {
+        let status = self.command(words)?.status()?;
+        if !status.success() || interrupt.came() {
+            return Err(stopped(step, status, interrupt.came()).into());
+        }
+        Ok(())
+    }
+
+    /// A command of this program, which is printed.
+    fn command(&self, words: &[String]) -> Result<Command, Failure> {
+        say(&format!("  $ i2ris {}", words.join(" ")))?;
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(words).env("I2RIS_DOMAIN", self.domain.name());
+        Ok(command)
+    }
+
+    /// What is done, in this order.
+    fn steps(&self) -> &'static [Step] {
+        let all = &Step::ALL;
+        if self.use_s == 0 { &all[..all.len() - 1] } else { all }
     }
 }
 

@@ -133,6 +133,22 @@ fn an_interrupt_stops_softly_and_keeps_the_recording() {
     assert_says(&bench.read("take.toml"), &["complete = false", "interrupted"]);
 }
 
+/// Somebody else moves the robot; Ctrl-C is the end of the recording, and not a failure.
+#[test]
+fn what_others_do_is_recorded_until_an_interrupt_and_nothing_is_asked() {
+    let (bench, controller) = described(Controller::start());
+    let _camera = camera(&controller.domain, Shows::Angles);
+    let mut run = bench.collect(&controller.domain, "--watch");
+    wait_until("it records", || {
+        fs::metadata(bench.path("take.csv")).is_ok_and(|file| file.len() > 500)
+    });
+    run.interrupt();
+    ends(run, 0, &[]);
+    assert!(controller.robot().asked.is_empty(), "{:?}", controller.robot().asked);
+    assert!(bench.read("take.toml").contains("complete = true"));
+    assert!(bench.read("take.csv").lines().count() > 20);
+}
+
 #[test]
 fn a_killed_program_leaves_what_it_had() {
     let (bench, controller) = described(Controller::enabled());

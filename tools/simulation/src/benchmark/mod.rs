@@ -25,6 +25,7 @@ mod table;
 mod tracked;
 pub mod tracking;
 
+pub use judge::within_reach;
 pub use recording::RecordingPlan;
 pub use tracked::{robot, tick_times, tracked};
 

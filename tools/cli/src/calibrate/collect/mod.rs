@@ -32,6 +32,7 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::process::robot_description;
 use i2ris::units::{MAX_MOTORS, MotorVec};
 use i2ris_report::{Failure, Interrupt};
+use indicatif::ProgressBar;
 
 use crate::command::prepare::{PrepareOptions, prepare};
 use crate::numbers::within;
@@ -81,6 +82,9 @@ pub struct Arguments {
     /// Seed of what is random: the same seed gives the same motion
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Only record, until Ctrl-C: somebody else moves the robot
+    #[arg(long, conflicts_with_all = ["protocol", "duration_s", "enable", "home", "apply_latency"])]
+    watch: bool,
     #[command(flatten)]
     prepare: PrepareOptions,
     /// Do without the conditioning cycle: the hysteresis at the beginning is then unknown
@@ -128,7 +132,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     check_robot(&version, &config, &arguments.config)?;
     let (mut subscriptions, count) = Subscriptions::open(&client, domain.name(), &interrupt)?;
     let outputs = outputs(&version, count);
-    prepare(&mut client, arguments.prepare, &interrupt)?;
+    if !arguments.watch {
+        prepare(&mut client, arguments.prepare, &interrupt)?;
+    }
 
     let mut sidecar = begin(arguments, &config, &request, &version);
     let file = File::create_new(&arguments.output)
@@ -145,17 +151,23 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         latency_s,
     )
     .map_err(|error| cannot_write(&arguments.output, &error))?;
-    let bar = bar_of_time(arguments.protocol.name(), 0.0);
+    let bar = match arguments.watch {
+        true => ProgressBar::hidden(),
+        false => bar_of_time(arguments.protocol.name(), 0.0),
+    };
     let mut session = Session {
         client: &mut client,
         interrupt: &interrupt,
         subscriptions: &mut subscriptions,
         bar: &bar,
     };
-    let ending =
+    let ending = if arguments.watch {
+        session.watch(&mut recorder)
+    } else {
         session.perform(&mut recorder, !arguments.no_condition, request.speed_counts_s, |from| {
             request.motion(from)
-        });
+        })
+    };
     bar.finish_and_clear();
     let recorded = recorder.finish().map_err(|error| cannot_write(&arguments.output, &error))?;
 
@@ -332,13 +344,13 @@ fn begin(
             .duration_since(UNIX_EPOCH)
             .map_or(0, |since| since.as_secs()),
         protocol: ProtocolRecord {
-            name: request.protocol.name(),
+            name: if arguments.watch { "watch" } else { request.protocol.name() },
             seed: request.seed,
             duration_s: request.duration_s(),
             centre_counts: request.region.centre[..motors].to_vec(),
             range_counts: request.region.radius,
             speed_counts_s: request.speed_counts_s,
-            conditioned: !arguments.no_condition,
+            conditioned: !arguments.no_condition && !arguments.watch,
             camera_latency_ms: arguments.camera_latency_ms,
             limits: Limits {
                 position_min_counts: axes().map(|axis| axis.position_min_counts.0).collect(),

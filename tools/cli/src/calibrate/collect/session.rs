@@ -181,6 +181,16 @@ impl Session<'_> {
         Ok(ending)
     }
 
+    /// Records what somebody else does with the robot, until an interrupt.
+    pub fn watch<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<Ending, Failure> {
+        while !self.interrupt.came() {
+            self.subscriptions.receive(recorder)?;
+            clock::sleep(PERIOD);
+        }
+        self.receive_last_frames(recorder)?;
+        Ok(Ending::Complete)
+    }
+
     fn current_setpoints<W: Write>(
         &mut self,
         recorder: &mut Recorder<W>,

@@ -14,11 +14,16 @@ use i2ris_report::Failure;
 use super::steps::Step;
 use crate::connection::CONNECT;
 
+/// The model that was fitted to the use as well, if it is better there.
+pub const REFINED: &str = "refined.json";
+
 #[derive(Debug)]
 pub struct Progress {
     folder: PathBuf,
     done: Vec<Step>,
     model: Option<ModelId>,
+    /// What the use has made of it.
+    refined: Option<ModelId>,
     /// The model was checked on a circle, maybe with another start of the controller.
     checked_before: bool,
 }
@@ -30,6 +35,7 @@ impl Progress {
             folder: folder.to_owned(),
             done: Vec::new(),
             model: None,
+            refined: None,
             checked_before: false,
         };
         let recording = folder.join("recording.csv");
@@ -47,18 +53,20 @@ impl Progress {
         };
         progress.model = Some(model);
         progress.done.push(Step::Fit);
-        for step in [Step::Compare, Step::Check] {
+        for step in [Step::Compare, Step::Check, Step::Refine] {
             let note = fs::read_to_string(progress.note(step));
             if note.is_ok_and(|text| text.trim() == model.to_string()) {
                 progress.done.push(step);
             }
         }
         progress.checked_before = progress.is_done(Step::Check);
+        progress.refined = progress.read_refined();
+        let in_use = progress.refined.unwrap_or(model);
         let [active, staged, _] = client.models()?.slots;
-        if is(&active, model) || is(&staged, model) {
+        if is(&active, in_use) || is(&staged, in_use) {
             progress.done.push(Step::Stage);
         }
-        if is(&active, model) && is_ready(client)? {
+        if is(&active, in_use) && is_ready(client)? {
             progress.done.push(Step::Activate);
         } else {
             // The circle was followed with another start of the controller.
@@ -70,7 +78,17 @@ impl Progress {
     /// The model of the folder is the one in use.
     pub fn is_active(&self, client: &mut Client) -> Result<bool, Failure> {
         let [active, ..] = client.models()?.slots;
-        Ok(self.model.is_some_and(|model| is(&active, model)))
+        Ok(self.refined.or(self.model).is_some_and(|model| is(&active, model)))
+    }
+
+    /// The file in the folder that the robot runs with in the end.
+    pub fn model_file(&self) -> &'static str {
+        if self.refined.is_some() { REFINED } else { "model.json" }
+    }
+
+    fn read_refined(&self) -> Option<ModelId> {
+        let is_done = self.is_done(Step::Refine);
+        is_done.then(|| Model::load(&self.folder.join(REFINED)).ok().map(|model| model.id()))?
     }
 
     pub fn was_checked_before(&self) -> bool {
@@ -86,7 +104,7 @@ impl Progress {
         if step == Step::Fit {
             self.model = Some(Model::load(&self.folder.join("model.json"))?.id());
         }
-        if matches!(step, Step::Compare | Step::Check)
+        if matches!(step, Step::Compare | Step::Check | Step::Refine)
             && let Some(model) = self.model
         {
             let path = self.note(step);
@@ -94,6 +112,7 @@ impl Progress {
                 .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
         }
         self.done.push(step);
+        self.refined = self.read_refined();
         Ok(())
     }
 
@@ -124,7 +143,7 @@ pub fn is_complete(recording: &Path) -> bool {
 }
 
 /// Renames a recording that is not complete, with the file beside it: nothing is written over.
-fn put_aside(recording: &Path) -> Result<(), Failure> {
+pub fn put_aside(recording: &Path) -> Result<(), Failure> {
     for path in [recording.to_owned(), recording.with_extension("toml")] {
         if !path.exists() {
             continue;

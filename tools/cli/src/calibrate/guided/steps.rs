@@ -11,6 +11,7 @@ pub enum Step {
     Stage,
     Activate,
     Check,
+    Refine,
 }
 
 impl fmt::Display for Step {
@@ -22,17 +23,25 @@ impl fmt::Display for Step {
             Self::Stage => "stage",
             Self::Activate => "activate",
             Self::Check => "check",
+            Self::Refine => "refine",
         })
     }
 }
 
 impl Step {
-    pub const ALL: [Self; 6] =
-        [Self::Collect, Self::Fit, Self::Compare, Self::Stage, Self::Activate, Self::Check];
+    pub const ALL: [Self; 7] = [
+        Self::Collect,
+        Self::Fit,
+        Self::Compare,
+        Self::Stage,
+        Self::Activate,
+        Self::Check,
+        Self::Refine,
+    ];
 
     /// The robot moves, so its zero has to be known.
     pub fn moves(self) -> bool {
-        matches!(self, Self::Collect | Self::Activate | Self::Check)
+        matches!(self, Self::Collect | Self::Activate | Self::Check | Self::Refine)
     }
 
     pub fn purpose(self) -> &'static str {
@@ -43,6 +52,7 @@ impl Step {
             Self::Stage => "the controller reads and checks the model; the robot stays as it is",
             Self::Activate => "the model takes over, and a conditioning cycle makes it exact",
             Self::Check => "the snake follows a circle, and the camera measures the error",
+            Self::Refine => "the snake moves as in use, and the model is fitted to that as well",
         }
     }
 }

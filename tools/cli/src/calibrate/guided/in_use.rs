@@ -1,0 +1,110 @@
+//! The last step: the snake moves as in use, and the model is fitted to that as well. A calibration
+//! covers the whole range; work stays in a part of it, and crosses gaps as fast as the motors can.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::process::{Child, Stdio};
+
+use i2ris::clock;
+use i2ris::model::Model;
+use i2ris::units::Nanos;
+use i2ris_report::exit::OUT_OF_REACH;
+use i2ris_report::{Failure, Interrupt};
+use i2ris_simulation::benchmark::within_reach;
+use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+
+use super::progress::{REFINED, put_aside};
+use super::{Guided, Step, say, stopped, words};
+
+/// No other motion has this seed.
+const SEED: u64 = 3;
+
+impl Guided {
+    /// Moves, fits, and lets the new model take over. Where it is not better, the model of the
+    /// calibration stays.
+    pub fn refine(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
+        let [model, refined] = ["model.json", REFINED].map(|name| self.file(name));
+        let [recording, in_use] = ["recording.csv", "use.csv"].map(|name| self.file(name));
+        let loaded = Model::load(&self.folder.join("model.json"))?;
+        if loaded.outputs() != 2 {
+            return say("the model has other outputs than pitch and yaw: there is nothing to do");
+        }
+        self.write_path(&loaded)?;
+        let prepare = self.prepare()?;
+        for words in prepare {
+            self.run(Step::Refine, &words, interrupt)?;
+        }
+        put_aside(&self.folder.join("use.csv"))?;
+        self.record_use(&in_use, interrupt)?;
+        // One of an earlier model would be taken for this one's.
+        let _ = fs::remove_file(self.folder.join(REFINED));
+        let refine = ["calibrate", "refine", &in_use, "--model", &model, "--recording", &recording];
+        let refine = words(&[&refine[..], &["--output", &refined]].concat());
+        let status = self.command(&refine)?.status()?;
+        if interrupt.came() {
+            return Err(stopped(Step::Refine, status, true).into());
+        }
+        if !status.success() {
+            return say("the model of the calibration stays");
+        }
+        for words in [
+            words(&["model", "stage", &refined]),
+            words(&["model", "activate", "--force"]),
+            words(&["command", "state", "condition"]),
+        ] {
+            self.run(Step::Refine, &words, interrupt)?;
+        }
+        Ok(())
+    }
+
+    /// A motion as of a hand, in the reach of the model.
+    fn write_path(&self, model: &Model) -> Result<(), Failure> {
+        let path = Motion::Teleoperation.path(f64::from(self.use_s), SEED);
+        let within = within_reach(&[(Motion::Teleoperation, path)], model);
+        let mut text = "t_s,pitch_deg,yaw_deg\n".to_owned();
+        for (number, [pitch, yaw]) in within.iter().flat_map(|(_, path)| path).enumerate() {
+            let _ = writeln!(text, "{:.3},{pitch:.4},{yaw:.4}", number as f64 / RATE_HZ);
+        }
+        let file = self.folder.join("use-path.csv");
+        Ok(fs::write(&file, text)
+            .map_err(|error| format!("cannot write {}: {error}", file.display()))?)
+    }
+
+    /// Moves along the path while another process records.
+    fn record_use(&self, output: &str, interrupt: &Interrupt) -> Result<(), Failure> {
+        let config = self.config.display().to_string();
+        let domain = self.domain.name();
+        let watch = ["calibrate", "collect", "--config", &config, "--domain", domain, "--watch"];
+        let watch = words(&[&watch[..], &["--output", output]].concat());
+        let mut watcher = self.command(&watch)?.stdout(Stdio::null()).spawn()?;
+        while watcher.try_wait()?.is_none() && !self.folder.join("use.csv").exists() {
+            clock::sleep(Nanos::from_millis(20));
+        }
+        let moved = self.move_as_in_use(interrupt);
+        let status = end(&mut watcher)?;
+        moved?;
+        if status.success() { Ok(()) } else { Err(stopped(Step::Refine, status, false).into()) }
+    }
+
+    fn move_as_in_use(&self, interrupt: &Interrupt) -> Result<(), Failure> {
+        self.run(Step::Refine, &words(&["command", "state", "condition"]), interrupt)?;
+        let path = self.file("use-path.csv");
+        let status = self.command(&words(&["command", "file", &path]))?.status()?;
+        // What the limits cut off was not reached, and what was reached was recorded.
+        let is_moved = status.success() || status.code() == Some(i32::from(OUT_OF_REACH));
+        if !is_moved || interrupt.came() {
+            return Err(stopped(Step::Refine, status, interrupt.came()).into());
+        }
+        Ok(())
+    }
+}
+
+/// Ends a recording as Ctrl-C does.
+fn end(watcher: &mut Child) -> Result<std::process::ExitStatus, Failure> {
+    if watcher.try_wait()?.is_none() {
+        kill(Pid::from_raw(i32::try_from(watcher.id())?), Signal::SIGINT)?;
+    }
+    Ok(watcher.wait()?)
+}
