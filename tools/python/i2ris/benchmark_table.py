@@ -80,7 +80,7 @@ def kind(row: Row) -> tuple[str, str, bool]:
     return row["protocol"], row["camera"], row.get("aged", False)
 
 
-def page(rows: Iterable[Row], curves: Iterable[Path] = ()) -> str:
+def page(rows: Iterable[Row], curves: Iterable[Path] = (), note: str = "") -> str:
     """The tables as Markdown: geometric means over seeds, for each method and physics."""
     rows = list(rows)
     lines = [
@@ -90,6 +90,7 @@ def page(rows: Iterable[Row], curves: Iterable[Path] = ()) -> str:
         "and **inverse** (tip while the controller tracks five motions). `exact` is the inverse of the snake itself",
         "within the same limits of the motors. `-`: refused, or the robot did not follow. Written by",
         "`python -m i2ris.benchmark_table`; how to take part: [Models from Python](python.md#the-benchmark).",
+        *(["", note.strip()] if note else []),
     ]
     for protocol, camera, aged in sorted({kind(row) for row in rows}, key=lambda key: (key[2], key[1] != "usual", key)):
         chosen = [row for row in rows if kind(row) == (protocol, camera, aged)]
@@ -135,7 +136,12 @@ def trained(curves: Iterable[Path]) -> list[str]:
 
 
 #: Methods of the figure, what they are called there, and their colours.
-SHOWN = (("linear", "straight line", "#9aa0a6"), ("gmr", "GMR, published", "#e08214"), ("gru", "GRU-64, in torch", "#8073ac"), ("best", "i2ris", "#1b9e77"))
+SHOWN = (
+    ("linear", "straight line", "#9aa0a6"),
+    ("gmr-direction", "GMR by direction, published", "#e08214"),
+    ("gru", "GRU-64, in torch", "#8073ac"),
+    ("best", "i2ris", "#1b9e77"),
+)
 
 
 def figure(rows: Iterable[Row]) -> str:
@@ -164,7 +170,7 @@ def figure(rows: Iterable[Row]) -> str:
             tall = 200 * min(share, 1.08)
             lines.append(f'<rect x="{x:.1f}" y="{bottom - tall:.1f}" width="{bar - 2}" height="{tall:.1f}" fill="{colour}"/>')
     for place, (_, name, colour) in enumerate(SHOWN):
-        x = left + place * 170
+        x = left + place * 200
         lines.append(f'<rect x="{x}" y="{height - 18}" width="12" height="12" fill="{colour}"/>')
         lines.append(f'<text x="{x + 18}" y="{height - 7}">{name}</text>')
     return "\n".join([*lines, "</svg>"]) + "\n"
@@ -184,6 +190,8 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, help="where recordings are kept")
     parser.add_argument("--json", type=Path, required=True)
     parser.add_argument("--page", type=Path)
+    parser.add_argument("--note", default="", help="what to say on the page of this run")
+    parser.add_argument("--curves", nargs="*", type=Path, default=(), help="folders of networks whose training is shown")
     parser.add_argument("--figure", type=Path)
     arguments = parser.parse_args()
     methods: list[tuple[str, Path | None]] = [(family, None) for family in arguments.families]
@@ -198,8 +206,9 @@ def main() -> None:
             arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
     arguments.json.write_text(json.dumps(rows, indent=1) + "\n")
     if arguments.page:
-        curves = [path for _, folder in methods if folder for path in folder.glob("*.curve.json")]
-        arguments.page.write_text(page(rows, curves))
+        folders = [*arguments.curves, *(folder for _, folder in methods if folder)]
+        curves = [path for folder in folders for path in folder.glob("*.curve.json")]
+        arguments.page.write_text(page(rows, curves, arguments.note))
     if arguments.figure:
         arguments.figure.write_text(figure(rows))
 
