@@ -170,7 +170,7 @@ def figure(rows: Iterable[Row]) -> str:
             tall = 200 * min(share, 1.08)
             lines.append(f'<rect x="{x:.1f}" y="{bottom - tall:.1f}" width="{bar - 2}" height="{tall:.1f}" fill="{colour}"/>')
     for place, (_, name, colour) in enumerate(SHOWN):
-        x = left + place * 200
+        x = left + place * 220
         lines.append(f'<rect x="{x}" y="{height - 18}" width="12" height="12" fill="{colour}"/>')
         lines.append(f'<text x="{x + 18}" y="{height - 7}">{name}</text>')
     return "\n".join([*lines, "</svg>"]) + "\n"
