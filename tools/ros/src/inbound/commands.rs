@@ -75,8 +75,16 @@ impl Commands {
         self.admission.lost(participant);
     }
 
-    /// Does what arrived: first what stops the robot.
+    /// Does what arrived: first what stops the robot. That is read last, so that no pose is read
+    /// without the hold that was sent before it.
     pub fn take_all(&mut self, graph: &Graph) {
+        let of_joints = { self.inputs.joints.iter() }
+            .map(|(topic, input)| (*topic, take(input).newest()))
+            .collect::<Vec<_>>();
+        let of_places = { self.inputs.places.iter() }
+            .map(|(topic, input)| (*topic, take(input).newest()))
+            .collect::<Vec<_>>();
+        let of_twist = take(&self.inputs.twist).newest();
         for place in 0..self.inputs.stops.len() {
             let (topic, input) = &self.inputs.stops[place];
             let (topic, arrivals) = (*topic, take(input).newest());
@@ -98,9 +106,7 @@ impl Commands {
         self.judge(graph, Topic::StateCommand, arrivals, |commands, received, _| {
             commands.change_state(received)
         });
-        for place in 0..self.inputs.joints.len() {
-            let (topic, input) = &self.inputs.joints[place];
-            let (topic, arrivals) = (*topic, take(input).newest());
+        for (topic, arrivals) in of_joints {
             self.judge(graph, topic, arrivals, |commands, received, count| match topic {
                 Topic::ServoJp | Topic::ServoJr | Topic::ServoJv | Topic::InterpolateJp => {
                     commands.servo(topic, received, count)
@@ -114,9 +120,7 @@ impl Commands {
                 _ => commands.move_to(topic, received),
             });
         }
-        for place in 0..self.inputs.places.len() {
-            let (topic, input) = &self.inputs.places[place];
-            let (topic, arrivals) = (*topic, take(input).newest());
+        for (topic, arrivals) in of_places {
             self.judge(graph, topic, arrivals, |commands, received, count| {
                 let Received { message, writer, times } = received;
                 let place = commands.in_frame(&message.header, &message.pose.position)?;
@@ -128,8 +132,7 @@ impl Commands {
                 commands.requests.ask(client_id, What::Move(topic, place))
             });
         }
-        let arrivals = take(&self.inputs.twist).newest();
-        self.judge(graph, Topic::ServoCv, arrivals, |commands, received, count| {
+        self.judge(graph, Topic::ServoCv, of_twist, |commands, received, count| {
             let Received { message, writer, times } = received;
             let velocity = commands.in_frame(&message.header, &message.linear)?;
             commands.stream(Topic::ServoCv, *writer, times, &velocity, count).map(drop)
