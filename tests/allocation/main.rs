@@ -36,7 +36,8 @@ static ONE: Mutex<()> = Mutex::new(());
 static IS_WATCHED: AtomicBool = AtomicBool::new(false);
 static REAL_TIME_CALLS: AtomicU64 = AtomicU64::new(0);
 
-/// Calls of the allocator by threads of the control loop and of ports while `work` runs in this one.
+/// Calls of the allocator by the threads of the control loop and of ports, while `work` runs in
+/// this one.
 pub fn calls_in_real_time(work: impl FnOnce()) -> u64 {
     let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
     let before = REAL_TIME_CALLS.load(Ordering::SeqCst);

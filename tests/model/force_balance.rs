@@ -140,8 +140,8 @@ fn inside_the_gap_nothing_moves() {
     assert!(bend(gap + 20.0) < bend(0.0));
 }
 
-/// A search ends beside its goal by less than that: of one axis at a time models were refused because
-/// their inverse crossed the gap of the other motor for it, at the corners of the hull.
+/// A search ends beside its goal by less than that: models of one axis at a time were refused,
+/// because their inverse crossed the gap of the other motor for it, at the corners of the hull.
 #[test]
 fn no_gap_is_crossed_for_a_fraction_of_a_thousandth_of_a_count() {
     let operator = ForceBalance::<1>::prepare(&some_balance(1)).unwrap();

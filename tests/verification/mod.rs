@@ -6,8 +6,8 @@
 //!
 //! Admission of commands, lease, deadline ([`i2ris::core`]), the shift between the clocks of two
 //! computers and the heartbeat monitor of the watchdog ([`i2ris::watchdog`]) are the functions that
-//! the programs run. The states of robot and drive are a model, small enough to be exhausted, and so
-//! is the gate: see `controller::move_setpoints`. The state machine itself is tested in every state
+//! the programs run. The states of robot and drive are a model, small enough to be exhausted, and
+//! so is the gate: see `controller::move_setpoints`. The state machine itself is tested in every state
 //! with every command by the tests of the cycle.
 //!
 //! # Time

@@ -81,6 +81,20 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError>;
 }
 
+/// [`Runtime::invert`] of a family that has [`Runtime::invert_each`].
+pub(in crate::model) fn invert_one(
+    runtime: &impl Runtime,
+    goal: &OutputVec,
+    memory: &Memory,
+    hull: &Hull,
+    query: &Query,
+) -> Inverse {
+    let mut found = [Inverse::default()];
+    runtime.invert_each(std::slice::from_ref(goal), memory, hull, query, &mut found);
+    let [found] = found;
+    found
+}
+
 /// A regression on the counts, without memory.
 #[derive(Debug)]
 pub(in crate::model) struct Memoryless<const D: usize, const M: usize>(

@@ -97,8 +97,8 @@ impl Lanes {
 
 /// The exponential of a number up to 0; 0 below `least`, which must be above -700. NaN stays.
 ///
-/// It is computed here and not by the library of the system: without a call and a branch it works on
-/// several numbers at once, and it gives the same bits everywhere.
+/// It is computed here and not by the library of the system: without a call and a branch it works
+/// on several numbers at once, and it gives the same bits everywhere.
 #[inline(always)]
 pub(in crate::model) fn exp_above(x: f64, least: f64) -> f64 {
     let [power, shifted] = power_and_exponent(x, |value| value);

@@ -1,10 +1,10 @@
 //! Loops over rows of numbers, with the widest instructions of the processor.
 //!
-//! The compiler makes every such loop for each width. The operations, their order and their rounding
-//! are the same in all of them (nothing is fused), and so are the bits on every machine.
+//! The compiler makes every such loop for each width. The operations, their order and their
+//! rounding are the same in all of them (nothing is fused), and so are the bits on every machine.
 
-/// Defines functions that the compiler also makes for AVX2 and AVX-512; the processor decides at run
-/// time. What they call must be `#[inline(always)]`.
+/// Defines functions that the compiler also makes for AVX2 and AVX-512; the processor decides at
+/// run time. What they call must be `#[inline(always)]`.
 macro_rules! wide {
     ($(#[$attribute:meta])* $visibility:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?)
      $body:block) => {

@@ -1,5 +1,5 @@
-//! The auxiliary axis in the pairs: its stream runs beside that of the joints, under the same lease,
-//! and what holds the robot holds it.
+//! The auxiliary axis in the pairs: its stream runs beside that of the joints, under the same
+//! lease, and what holds the robot holds it.
 
 use std::collections::VecDeque;
 

@@ -138,14 +138,22 @@ impl Leading {
     }
 }
 
-#[test]
-fn another_arm_steers_under_its_pedal_and_its_silence_opens_the_clutch() {
+/// An arm that speaks, the two programs, and what happens then.
+fn lead(axes: &[&str], story: impl FnOnce(&Leading, [Program; 2])) -> Leading {
     let leading = Leading::new();
     thread::scope(|scope| {
         let _ended = Ended(&leading.hand);
         scope.spawn(|| speak(leading.domain, &leading.hand));
-        let [mut master, mut teleop] = leading.start(&[]);
+        let programs = leading.start(axes);
         leading.goes_up();
+        story(&leading, programs);
+    });
+    leading
+}
+
+#[test]
+fn another_arm_steers_under_its_pedal_and_its_silence_opens_the_clutch() {
+    let leading = lead(&[], |leading, [mut master, mut teleop]| {
         // Silent, with the pedal down, and moved meanwhile.
         leading.set(|hand| hand.speaks = false);
         let there = leading.holds();
@@ -175,14 +183,9 @@ fn another_arm_steers_under_its_pedal_and_its_silence_opens_the_clutch() {
 
 #[test]
 fn the_joints_of_another_arm_steer_where_they_are_named() {
-    let leading = Leading::new();
-    thread::scope(|scope| {
-        let _ended = Ended(&leading.hand);
-        scope.spawn(|| speak(leading.domain, &leading.hand));
-        let programs = leading.start(&["--right", "outer_yaw", "--up", "outer_pitch"]);
-        leading.goes_up();
+    let axes = ["--right", "outer_yaw", "--up", "outer_pitch"];
+    lead(&axes, |leading, _programs| {
         leading.press(false);
         leading.holds();
-        drop(programs);
     });
 }

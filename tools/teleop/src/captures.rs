@@ -149,8 +149,8 @@ fn a_pedal_that_is_in_no_profile_is_not_guessed() {
     assert!(profile(&Description::new(identity, Vec::new(), vec![184, 185, 186])).is_none());
 }
 
-/// A SpaceNavigator tells its translation and its rotation every 8 ms while it is deflected, and three
-/// times that it is not (FreeSpacenav/spacenavd#108).
+/// A SpaceNavigator tells its translation and its rotation every 8 ms while it is deflected, and
+/// three times that it is not (FreeSpacenav/spacenavd#108).
 #[test]
 fn the_reports_of_a_space_navigator_are_no_silence_and_their_end_is_one() {
     let device = space_mouse::description(Identity::new(0x046d, 0xc626, "SpaceNavigator"));

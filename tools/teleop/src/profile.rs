@@ -30,8 +30,8 @@ pub struct Profile {
     pub name: String,
     /// Vendor and product of the devices, as `046d:c62b`.
     pub devices: Vec<String>,
-    /// What a device does not have whose controls have these names: one with it is served by another
-    /// driver, and its names stand for other controls.
+    /// What a device does not have whose controls have these names: one with it is served by
+    /// another driver, and its names stand for other controls.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unlike: Vec<String>,
     #[serde(flatten)]
@@ -168,8 +168,8 @@ impl Profile {
     ///
     /// # Errors
     ///
-    /// Names what the device does not have, or has and must not: it is another one, in another mode,
-    /// or served by another driver.
+    /// Names what the device does not have, or has and must not: it is another one, in another
+    /// mode, or served by another driver.
     pub fn controls(&self, device: &Description, hand: Handedness) -> Result<Controls, String> {
         let left = { self.left.as_ref() }.filter(|_| hand == Handedness::Left);
         let name = |choose: fn(&ControlNames) -> &Option<String>| {

@@ -8,7 +8,7 @@ use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Query};
 use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
-use crate::model::families::runtime::Runtime;
+use crate::model::families::runtime::{Runtime, invert_one};
 use crate::model::maths::hull::{Hull, TOLERANCE_COUNTS};
 use crate::model::maths::newton_inverse::{self, SearchStart};
 use crate::model::maths::regression::{Local, Regression, array, bounded, estimate, rows, vector};
@@ -218,10 +218,7 @@ where
     }
 
     fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
-        let mut found = [Inverse::default()];
-        self.invert_each(std::slice::from_ref(goal), memory, hull, query, &mut found);
-        let [found] = found;
-        found
+        invert_one(self, goal, memory, hull, query)
     }
 
     fn invert_each(

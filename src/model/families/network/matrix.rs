@@ -5,8 +5,8 @@ use crate::model::maths::wide::wide;
 /// Partial sums of a row side by side. Matrices with fewer rows lie row by row.
 const PARTS: usize = 8;
 
-/// A matrix. With few rows, as in the last layer, sums run within a row; else the rows are summed side
-/// by side.
+/// A matrix. With few rows, as in the last layer, sums run within a row; else the rows are summed
+/// side by side.
 #[derive(Debug, Clone)]
 pub(super) enum Matrix {
     Rows(Vec<f64>),

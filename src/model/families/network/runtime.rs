@@ -9,7 +9,7 @@ use crate::model::error::{ModelError, require};
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
 use crate::model::families::memory::{Memory, State};
 use crate::model::families::round_trip;
-use crate::model::families::runtime::Runtime;
+use crate::model::families::runtime::{Runtime, invert_one};
 use crate::model::maths::hull::Hull;
 use crate::model::maths::matrix_checks::{positive_semidefinite, square};
 use crate::model::maths::newton_inverse::{self, SearchStart};
@@ -318,10 +318,7 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
     }
 
     fn invert(&self, goal: &OutputVec, memory: &Memory, hull: &Hull, query: &Query) -> Inverse {
-        let mut found = [Inverse::default()];
-        self.invert_each(std::slice::from_ref(goal), memory, hull, query, &mut found);
-        let [found] = found;
-        found
+        invert_one(self, goal, memory, hull, query)
     }
 
     /// Without compensation the network goes to the goal as if it had just woken up at the present

@@ -108,7 +108,8 @@ fn it_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use
     let bench = Bench::with("robot.toml", &toml::to_string(&rig.config).unwrap());
     let (config, folder) = (bench.file("robot.toml"), bench.file("here"));
     let words = format!(
-        "calibrate --config {config} --folder {folder} --home --duration-s 60 --use-s 20 --family force-balance"
+        "calibrate --config {config} --folder {folder} --home --duration-s 60 --use-s 20 \
+         --family force-balance"
     );
 
     // Ctrl-C while it records: what was recorded is put aside, and nothing else is lost.

@@ -31,8 +31,8 @@
 //! 1762, J. A. Eytelwein 1808), so loops are wide where the bend is large. Where the limit falls, a
 //! part of the friction above it may stay. Limits and preload are those of the state before a step.
 //! With them both sides are monotone functions of the bend: there is exactly one balance, and it
-//! rises with every motor. A semi-smooth Newton method with a line search finds it (L. Qi and J. Sun
-//! 1993).
+//! rises with every motor. A semi-smooth Newton method with a line search finds it (L. Qi and J.
+//! Sun 1993).
 //!
 //! The inverse needs no search: a bend gives the forces that hold it, these give the stretch of the
 //! wires, the pulleys, and the motors, each across its gap in the direction of its motion. So a gap

@@ -146,8 +146,8 @@ impl<const D: usize> ForceBalance<D> {
     }
 }
 
-/// Solves the equations of one or two unknowns by Cramer's rule. The matrix is regular: its symmetric
-/// part is positive definite.
+/// Solves the equations of one or two unknowns by Cramer's rule. The matrix is regular: its
+/// symmetric part is positive definite.
 #[inline]
 fn solved<const D: usize>(slope: &SMatrix<f64, D, D>, force: &SVector<f64, D>) -> SVector<f64, D> {
     if D == 1 {
