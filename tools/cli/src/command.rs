@@ -233,13 +233,31 @@ fn carry_out_all(arguments: Arguments, domain: &Domain) -> Result<(), Failure> {
             };
         }
         What::Reach { task, hand } => {
-            return by_hand(&mut client, TaskOptions::Reach(task), hand, &stream, &interrupt);
+            return by_hand(
+                (&mut client, domain),
+                TaskOptions::Reach(task),
+                hand,
+                &stream,
+                &interrupt,
+            );
         }
         What::Pursuit { task, hand } => {
-            return by_hand(&mut client, TaskOptions::Pursuit(task), hand, &stream, &interrupt);
+            return by_hand(
+                (&mut client, domain),
+                TaskOptions::Pursuit(task),
+                hand,
+                &stream,
+                &interrupt,
+            );
         }
         What::HoldStill { task, hand } => {
-            return by_hand(&mut client, TaskOptions::HoldStill(task), hand, &stream, &interrupt);
+            return by_hand(
+                (&mut client, domain),
+                TaskOptions::HoldStill(task),
+                hand,
+                &stream,
+                &interrupt,
+            );
         }
         What::Fixture(command) => return fixture::run(&mut client, &command),
         What::Hold { duration_s } => ("hold", None, duration_s),
@@ -271,7 +289,7 @@ fn carry_out_all(arguments: Arguments, domain: &Domain) -> Result<(), Failure> {
 }
 
 fn by_hand(
-    client: &mut Client,
+    controller: (&mut Client, &Domain),
     task: TaskOptions,
     hand: HandOptions,
     stream: &StreamOptions,
@@ -279,7 +297,7 @@ fn by_hand(
 ) -> Result<(), Failure> {
     let pace = teleop::Pace { rate_hz: stream.rate_hz, speed_deg_s: stream.speed_deg_s };
     let plan = hand.plan(pace, stream.prepare, Some(task));
-    teleop::run_plan(client, &plan, interrupt)
+    teleop::run_plan(controller, &plan, interrupt)
 }
 
 fn print_state(

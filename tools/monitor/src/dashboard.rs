@@ -1,11 +1,11 @@
 //! Everything that the monitor knows: filled by [`super::subscriptions::Subscriptions`].
 
 use i2ris::units::Nanos;
+use i2ris_report::model_poller::Known;
 use i2ris_report::view::{LatestMessages, State, View};
 
 use super::event_log::EventLog;
 use super::history::History;
-use super::model_poller::Known;
 
 /// What terminal and web page show.
 #[derive(Debug, Clone, Default)]

@@ -7,7 +7,6 @@
 //! | `dashboard` | what is known, and the one view of it that everything below draws |
 //! | `history`, `event_log` | last seconds, last events |
 //! | `commander` | name of the process that commands |
-//! | `model_poller`, `hull_outline` | models and hull |
 //! | `lines` | lines of text |
 //! | `terminal` | the screen with keys; only its `operator_commands` sends requests |
 //! | `web` | the page; it holds a dashboard and no client |
@@ -20,9 +19,7 @@ mod commander;
 mod dashboard;
 mod event_log;
 mod history;
-mod hull_outline;
 mod lines;
-mod model_poller;
 mod subscriptions;
 mod terminal;
 mod web;
@@ -37,6 +34,7 @@ use i2ris::units::Nanos;
 use clap::Parser;
 use dashboard::Dashboard;
 use i2ris_report::Failure;
+use i2ris_report::model_poller;
 use i2ris_report::{DomainOption, Interrupt, Screen, until_closed};
 use std::process::ExitCode;
 use subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};

@@ -19,10 +19,10 @@ use ratatui::DefaultTerminal;
 use ratatui::crossterm::event::{self, Event};
 
 use super::dashboard::Dashboard;
-use super::model_poller::ModelPoller;
 use super::subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
 use i2ris_report::Failure;
 use i2ris_report::Interrupt;
+use i2ris_report::model_poller::ModelPoller;
 use key_handler::KeyHandler;
 use operator_commands::{CommandResult, OperatorCommands};
 

@@ -28,9 +28,9 @@ use i2ris::units::Nanos;
 pub use listen_address::{DEFAULT_ADDRESS, ListenAddress};
 use source::Source;
 
-use super::model_poller::ModelPoller;
 use super::subscriptions::{READ_PERIOD, Subscriptions};
 use i2ris_report::Failure;
+use i2ris_report::model_poller::ModelPoller;
 use i2ris_report::{Interrupt, Screen, until_closed};
 
 /// Serves until a signal or the end of `span`. Needs no controller: the page says so while there is

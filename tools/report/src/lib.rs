@@ -40,6 +40,8 @@
 //! | [`spinner`] | a sign of life during long work |
 //! | [`files`] | atomic replacement of files |
 //! | [`pose_table`] | pitch and yaw over time from a CSV file |
+//! | [`hull_outline`] | the calibrated hull in the plane of pitch and yaw |
+//! | [`model_poller`] | the models of the controller, and the hull of the one in use |
 //! | [`view`] | the robot as people see it: one value for every surface |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
@@ -51,8 +53,10 @@ pub mod domain_option;
 pub mod exit;
 mod figure;
 pub mod files;
+pub mod hull_outline;
 pub mod interrupt;
 pub mod mark;
+pub mod model_poller;
 pub mod number;
 pub mod page;
 pub mod plot;

@@ -8,14 +8,15 @@
 mod hands;
 mod keyboard;
 mod measure;
+mod pulse;
 mod source;
 
 use std::path::PathBuf;
 
 use i2ris::clock;
-use i2ris::ipc::StateCommand;
 use i2ris::ipc::client::{Announcer, Client, Commander, Latest};
 use i2ris::ipc::payload::{JointState, OperatingStateMsg, TeleopMsg, padded_text};
+use i2ris::ipc::{Domain, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_report::{DomainOption, Failure, Interrupt};
 use i2ris_teleop::clutch::Open;
@@ -32,6 +33,7 @@ use crate::command::tracking::ClipMonitor;
 use crate::numbers::{finite, positive, rate, within};
 use hands::{Chosen, Hands};
 use keyboard::Keyboard;
+use pulse::Pulses;
 use source::{Asked, Source};
 
 pub use hands::profiles;
@@ -42,8 +44,6 @@ const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
 const MIN_PERIOD: Nanos = Nanos::from_millis(1);
 /// How often monitors are told what the hand does.
 const TELL: Nanos = Nanos::from_millis(50);
-/// Between two pulses at a limit.
-const PULSES: Nanos = Nanos::from_millis(250);
 /// Where the controller takes turned angles for pitch and yaw.
 const TOLD_TURNED: &str = "warning: the camera tells the axes of its picture, and the controller compares them with \
      pitch and yaw: it will stop; set plausibility.distance_deg to 0, or let `i2ris vision \
@@ -109,7 +109,8 @@ pub struct HandOptions {
     /// The device is held in the left hand: its controls of the other side are used
     #[arg(long)]
     left_hand: bool,
-    /// Let the device pulse where a virtual fixture or the end of the hull holds the snake, if it can
+    /// Let the device pulse, if it can: faster the nearer the tip is to a virtual fixture or to the
+    /// end of the hull
     #[arg(long)]
     pulse: bool,
     /// How the picture is turned, counterclockwise: 90, and +yaw goes up
@@ -183,14 +184,19 @@ impl HandOptions {
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Arguments { domain, hand, rate_hz, speed_deg_s, prepare } = arguments;
-    let mut client = crate::connection::connect(&domain.domain()?)?;
+    let domain = domain.domain()?;
+    let mut client = crate::connection::connect(&domain)?;
     let pace = Pace { rate_hz: *rate_hz, speed_deg_s: *speed_deg_s };
-    run_plan(&mut client, &hand.clone().plan(pace, *prepare, None), &Interrupt::catch()?)
+    run_plan((&mut client, &domain), &hand.clone().plan(pace, *prepare, None), &Interrupt::catch()?)
 }
 
 /// Commands the snake until the operator or the system ends it, or the controller cannot follow any
 /// more. Then the snake holds and the lease is free.
-pub fn run_plan(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Result<(), Failure> {
+pub fn run_plan(
+    (client, domain): (&mut Client, &Domain),
+    plan: &Plan,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
     let mut source = plan.hand.source(plan.task.is_some())?;
     let state = prepare(client, plan.prepare, interrupt)?;
     let monitor = StreamMonitor::new(client.id(), &state, clock::now());
@@ -216,8 +222,7 @@ pub fn run_plan(client: &mut Client, plan: &Plan, interrupt: &Interrupt) -> Resu
         announcer: client.announcer(),
         told: (Nanos::ZERO, None),
         event: (Nanos::ZERO, 0),
-        pulses: plan.hand.pulse,
-        pulsed: Nanos::ZERO,
+        pulses: plan.hand.pulse.then(|| Pulses::new(client, domain)),
         marked: Nanos::ZERO,
         commander: client.commander(),
         setpoint: Latest::new(client.watcher().setpoint_js()),
@@ -256,9 +261,8 @@ struct Teleoperation {
     told: (Nanos, Option<Open>),
     /// When the newest event came to the computer, and the command that it led to.
     event: (Nanos, u64),
-    /// Whether limits are felt, and when the last pulse was.
-    pulses: bool,
-    pulsed: Nanos,
+    /// Whether limits are felt.
+    pulses: Option<Pulses>,
     /// When the newest mark was asked for.
     marked: Nanos,
     commander: Commander,
@@ -296,7 +300,12 @@ impl Teleoperation {
                 self.progress.say(&news)?;
             }
             self.goal.refresh()?;
-            self.pulse(source, asked.open.is_none(), now);
+            if let Some(pulses) = &mut self.pulses
+                && asked.open.is_none()
+                && pulses.due(now)?
+            {
+                source.pulse();
+            }
             if let Some(goal) = self.goal.value()
                 && let Some(clipped) = self.clips.check(command.pose, goal, now)
             {
@@ -335,16 +344,6 @@ impl Teleoperation {
     fn send(&mut self, command: &MasterCommand) -> Result<u64, Failure> {
         self.commander.set_clutch(command.clutch_open);
         Ok(self.commander.servo_jp(&command.pose.map(f64::to_radians))?)
-    }
-
-    /// Lets the hand feel what holds the snake; never a command.
-    fn pulse(&mut self, source: &mut dyn Source, follows: bool, now: Nanos) {
-        let limits = JointState::CLIPPED | JointState::FIXTURE;
-        let is_held = self.goal.value().is_some_and(|goal| goal.flags & limits != 0);
-        if self.pulses && follows && is_held && now.since(self.pulsed) >= PULSES {
-            self.pulsed = now;
-            source.pulse();
-        }
     }
 
     /// Tells monitors and recorders what the hand does.

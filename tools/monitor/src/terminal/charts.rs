@@ -1,6 +1,7 @@
 //! Plots out of braille: strips over time, the plane of pitch and yaw, and counts against angle.
 
 use i2ris::units::{MAX_MOTORS, Nanos};
+use i2ris_report::hull_outline::Outline;
 use i2ris_report::view::{Pair, View};
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -12,7 +13,6 @@ use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType};
 use super::style::{CAMERA, ESTIMATE, GOAL, HULL, SETPOINT, faint};
 use crate::dashboard::Dashboard;
 use crate::history::{CameraFrame, History, Sample};
-use crate::hull_outline::Outline;
 
 /// How far back strips go, and how far the other plots.
 const STRIP_S: f64 = 20.0;

@@ -3,7 +3,7 @@
 
 use i2ris::model::kinematic::shape_mm;
 use i2ris::units::Nanos;
-use i2ris_report::view::{Pair, Pose, View};
+use i2ris_report::view::{Cue, Pair, Pose, View};
 use serde::Serialize;
 
 use super::since::Since;
@@ -21,6 +21,7 @@ pub struct Snapshot<'a> {
     #[serde(flatten)]
     view: View,
     snake: Snake,
+    cue: Option<Cue>,
     /// Pitch and yaw, degrees.
     hull: Vec<[f64; 2]>,
     along: [[f64; 2]; 2],
@@ -65,6 +66,7 @@ impl<'a> Snapshot<'a> {
                 goal: shape(view.goal),
                 camera: shape(view.camera),
             },
+            cue: view.cue(&outline.points),
             view,
             hull: outline.points.iter().map(|point| point.map(short)).collect(),
             along: outline.along,

@@ -5,6 +5,7 @@
 //! degree; more is noise, and bytes), and ages are in milliseconds.
 
 mod adaptation;
+mod cue;
 mod fixtures;
 mod hand;
 mod json;
@@ -21,6 +22,7 @@ use i2ris::units::{MAX_MOTORS, Nanos};
 use serde::Serialize;
 
 pub use adaptation::Adaptation;
+pub use cue::{Cue, Near};
 pub use fixtures::{Fixture, Target};
 pub use hand::Hand;
 pub use reasons::{NOTHING, Why, reasons};

@@ -198,13 +198,16 @@ fn follow(
     let (mut number, mut dropped) = (0_u64, 0_u64);
     while !interrupt.came() {
         server.maintain(clock::now());
-        let Some(seen) =
-            server.poll_external().filter(|seen| seen.flags & ExternalPosition::VALID != 0)
-        else {
+        let valid = |seen: &ExternalPosition| seen.flags & ExternalPosition::VALID != 0;
+        let exposures = std::iter::from_fn(|| server.poll_external()).filter(valid);
+        // A camera that is too slow for its rate leaves exposures out; it does not fall behind.
+        let (came, newest) = exposures.fold((0, None), |(count, _), it| (count + 1, Some(it)));
+        let Some(seen) = newest else {
             clock::sleep(POLL);
             continue;
         };
-        number += 1;
+        number += came;
+        dropped += came - 1;
         let pose = JointPose { pitch_rad: seen.position[0], yaw_rad: seen.position[1] };
         match fifos.to.try_send((Nanos(seen.stamp_ns), rig.render_views(pose, number))) {
             Ok(()) => {}
@@ -214,6 +217,6 @@ fn follow(
             Err(TrySendError::Disconnected(_)) => break,
         }
     }
-    println!("drew {number} poses; {dropped} of them dropped because nobody took them in time");
+    println!("{number} exposures; {dropped} of them dropped: drawn or read too slowly");
     Ok(())
 }

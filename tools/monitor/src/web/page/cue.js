@@ -2,39 +2,10 @@
 // for, the faster it beats. Off until somebody asks for it (key s). It sends nothing.
 'use strict';
 
-/** From here on it sounds, deg. */
-const CUE_DEG = 3;
-/** Nearer than this it is one tone, deg. */
-const TOUCH_DEG = 0.1;
 const CUES = { fixture: { hz: 880, words: 'a fixture' }, hull: { hz: 440, words: 'the end of the hull' } };
 const BEEP_S = 0.06;
 let audio = null;
 let nextBeep = 0;
-
-/** Distance of a point from the edge of a closed outline. */
-function toEdge([x, y], outline) {
-  const distances = outline.map(([x0, y0], place) => {
-    const [x1, y1] = outline[(place + 1) % outline.length];
-    const [dx, dy] = [x1 - x0, y1 - y0];
-    const along = ((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy || 1);
-    const share = Math.min(1, Math.max(0, along));
-    return Math.hypot(x0 + share * dx - x, y0 + share * dy - y);
-  });
-  return Math.min(...distances);
-}
-
-/** What is near, and how near, deg; null: nothing, or the angles are not known. */
-function cueOf({ estimate, fixtures, hull, state }) {
-  if (!estimate || estimate.stale || !estimate.deg) return null;
-  const cues = fixtures.filter(({ active, outline }) => active && outline)
-    .map(({ outline }) => ({ kind: 'fixture', deg: toEdge(estimate.deg, outline) }));
-  if (hull.length > 2) cues.push({ kind: 'hull', deg: toEdge(estimate.deg, hull) });
-  // Backlash and load keep the tip away from a limit that holds the goal.
-  if (state && state.clipped) cues.push({ kind: 'hull', deg: 0 });
-  if (state && state.at_fixture) cues.push({ kind: 'fixture', deg: 0 });
-  const nearest = cues.reduce((best, cue) => (best && best.deg <= cue.deg ? best : cue), null);
-  return nearest && nearest.deg <= CUE_DEG ? nearest : null;
-}
 
 function beep(hz, span) {
   const [tone, volume, now] = [audio.createOscillator(), audio.createGain(), audio.currentTime];
@@ -51,14 +22,13 @@ function beep(hz, span) {
 
 /** Sounds if it is time to, and says in words what it stands for; `old`: what is shown is not of now. */
 function soundCue(live, old) {
-  const cue = audio && !old ? cueOf(live) : null;
+  const cue = audio && !old ? live.cue : null;
   byId('cue').textContent = cue ? `${cue.deg.toFixed(1)}° to ${CUES[cue.kind].words}` : '';
   const now = performance.now() / 1000;
   if (!cue || now < nextBeep) return;
-  const touches = cue.deg < TOUCH_DEG;
-  // From once a second down to ten times; touching has no gaps.
-  nextBeep = now + (touches ? 0.1 : 0.1 + 0.9 * (cue.deg / CUE_DEG));
-  beep(CUES[cue.kind].hz, touches ? 0.15 : BEEP_S);
+  nextBeep = now + cue.beat_s;
+  // Touching has no gaps.
+  beep(CUES[cue.kind].hz, cue.touches ? 1.5 * cue.beat_s : BEEP_S);
 }
 
 function toggleSound() {

@@ -6,14 +6,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use crate::hull_outline::{Outline, outline_of};
+use crate::view::{LoadedModel, Models, short_id};
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::{ModelSlot, Version, unpadded_text};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
-use i2ris_report::view::{LoadedModel, Models, short_id};
-
-use super::hull_outline::{Outline, outline_of};
 
 /// How long to wait for a controller that is just starting.
 const CONNECT: Nanos = Nanos::from_millis(200);

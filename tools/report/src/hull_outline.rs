@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use crate::view::short_id;
 use i2ris::model::file::OutputUnit;
 use i2ris::model::{Model, ModelId};
 use i2ris::units::MAX_MOTORS;
-use i2ris_report::view::short_id;
 
 /// Points on every side of the hull: its sides are straight in counts, not in angles.
 const POINTS_PER_SIDE: usize = 12;

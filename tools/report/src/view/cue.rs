@@ -1,0 +1,124 @@
+//! How near the tip is to a virtual fixture, or to the end of what the model has been calibrated
+//! for: what a sound or a pulse tells. Never a command.
+
+use i2ris::units::Nanos;
+use serde::Serialize;
+
+use super::{View, json};
+
+/// From here on it is told, deg.
+const FAR_DEG: f64 = 3.0;
+/// Nearer than this the tip touches, deg.
+const TOUCH_DEG: f64 = 0.1;
+/// Between two beats, s: at [`FAR_DEG`], and when the tip touches.
+const BEATS_S: [f64; 2] = [1.0, 0.1];
+
+/// What is near.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Near {
+    Fixture,
+    Hull,
+}
+
+/// What is nearest, and how near.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Cue {
+    pub kind: Near,
+    pub deg: f64,
+    pub touches: bool,
+    /// From one beat to the next.
+    pub beat_s: f64,
+}
+
+impl Cue {
+    fn new((kind, deg): (Near, f64)) -> Self {
+        let [slow, fast] = BEATS_S;
+        let touches = deg < TOUCH_DEG;
+        let share = if touches { 0.0 } else { deg / FAR_DEG };
+        let beat_s = json::short(fast + (slow - fast) * share);
+        Self { kind, deg: json::short(deg), touches, beat_s }
+    }
+
+    /// From one beat to the next.
+    pub fn beat(&self) -> Nanos {
+        Nanos((1e9 * self.beat_s) as u64)
+    }
+}
+
+impl View {
+    /// What the tip is near; `None`: nothing, or the angles are not known. `hull`: the edge of the
+    /// model's hull, pitch and yaw in degrees, closed; empty where it is not known.
+    pub fn cue(&self, hull: &[[f64; 2]]) -> Option<Cue> {
+        let tip = self.estimate?.fresh()?;
+        let fixtures = self.fixtures.iter().filter(|fixture| fixture.active);
+        let outlines = fixtures.filter_map(|fixture| fixture.outline.as_deref());
+        let mut near: Vec<(Near, f64)> =
+            outlines.map(|outline| (Near::Fixture, to_edge(tip, outline))).collect();
+        if hull.len() > 2 {
+            near.push((Near::Hull, to_edge(tip, hull)));
+        }
+        // Backlash and load keep the tip away from a limit that holds the goal.
+        let state = self.state.as_ref().filter(|state| !state.age.stale);
+        near.extend(state.filter(|state| state.clipped).map(|_| (Near::Hull, 0.0)));
+        near.extend(state.filter(|state| state.at_fixture).map(|_| (Near::Fixture, 0.0)));
+        let nearest = near.into_iter().min_by(|(_, a), (_, b)| a.total_cmp(b));
+        nearest.filter(|(_, deg)| *deg <= FAR_DEG).map(Cue::new)
+    }
+}
+
+/// Distance of a point from the edge of a closed outline.
+fn to_edge([x, y]: [f64; 2], outline: &[[f64; 2]]) -> f64 {
+    let next = outline.iter().cycle().skip(1);
+    let sides = outline.iter().zip(next);
+    let distances = sides.map(|([x0, y0], [x1, y1])| {
+        let (dx, dy) = (x1 - x0, y1 - y0);
+        let square = dx * dx + dy * dy;
+        let along = if square > 0.0 { ((x - x0) * dx + (y - y0) * dy) / square } else { 0.0 };
+        let share = along.clamp(0.0, 1.0);
+        (x0 + share * dx - x).hypot(y0 + share * dy - y)
+    });
+    distances.fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris::ipc::payload::OperatingStateMsg;
+
+    use super::super::{Age, Fixture, LatestMessages, Pose};
+    use super::*;
+
+    const HULL: [[f64; 2]; 4] = [[-10.0, -10.0], [10.0, -10.0], [10.0, 10.0], [-10.0, 10.0]];
+
+    fn at(deg: [f64; 2], stale: bool) -> View {
+        let age = Age { age: Some(Nanos::ZERO), stale };
+        let estimate = Pose { deg: Some(deg), deviation_deg: None, is_position: false, age };
+        View { estimate: Some(estimate), ..View::default() }
+    }
+
+    #[test]
+    fn the_nearest_edge_counts_from_inside_and_outside() {
+        let near = |deg| at(deg, false).cue(&HULL).map(|cue| (cue.kind, cue.deg, cue.beat_s));
+        assert_eq!(near([0.0, 9.0]), Some((Near::Hull, 1.0, 0.4)));
+        assert_eq!(near([-13.0, 14.0]), None, "5 deg from the corner");
+        assert_eq!(near([-10.0, 12.5]), Some((Near::Hull, 2.5, 0.85)));
+        assert_eq!(near([9.95, 3.0]), Some((Near::Hull, 0.05, 0.1)));
+        assert_eq!(at([0.0, 9.0], true).cue(&HULL), None, "where it was is not where it is");
+        assert_eq!(at([0.0, 9.0], false).cue(&[]), None, "no hull is known");
+    }
+
+    #[test]
+    fn a_fixture_that_is_off_is_silent_and_one_that_holds_the_goal_touches() {
+        let outline = Some(vec![[0.0, 4.0], [1.0, 4.0], [1.0, 5.0]]);
+        let fixture = Fixture { name: "lens".into(), text: "lens".into(), active: true, outline };
+        let mut view = View { fixtures: vec![fixture], ..at([0.5, 2.0], false) };
+        assert_eq!(view.cue(&HULL).map(|cue| (cue.kind, cue.deg)), Some((Near::Fixture, 2.0)));
+        view.fixtures[0].active = false;
+        assert_eq!(view.cue(&HULL), None);
+        let held =
+            OperatingStateMsg { flags: OperatingStateMsg::FIXTURE, ..OperatingStateMsg::default() };
+        let messages = LatestMessages { state: Some(held), ..LatestMessages::default() };
+        view.state = View::new(&messages, Nanos::ZERO).state;
+        assert!(view.cue(&HULL).is_some_and(|cue| cue.touches && cue.kind == Near::Fixture));
+    }
+}
