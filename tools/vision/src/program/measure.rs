@@ -155,6 +155,10 @@ struct Run {
 impl Run {
     fn go(&mut self) -> Result<(), Failure> {
         while let Some(view) = self.session.wanted() {
+            // Here too: a camera that delivers leaves no wait that could end.
+            if self.interrupt.came() {
+                return Ok(());
+            }
             match self.next(view) {
                 Next::ViewMessage(reported) => match *reported {
                     Ok(result) => self.session.take(view, result),

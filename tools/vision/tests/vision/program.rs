@@ -15,6 +15,8 @@ use i2ris_vision::accuracy::setup;
 use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{JointPose, Rig};
 use i2ris_vision::setup::VisionSetup;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 
 const REST: u64 = 6;
 
@@ -274,6 +276,34 @@ fn angles_reach_the_controller_with_stamp_deviation_and_quality() {
         "the frame's own stamp: {last:?}"
     );
     assert_eq!(seen.last().unwrap().flags, 0, "an empty frame is said to show nothing");
+}
+
+#[test]
+fn it_ends_when_it_is_asked_to_while_the_camera_goes_on() {
+    let place = Place::new();
+    let frames = stream(&place, &rig(), 2);
+    let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();
+    let (setup, csv) = (place.name("one.toml"), place.name("angles.csv"));
+    let mut child = vision(&["--setup", &setup, "-", "--rest-s", "0.05", "--output", &csv])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut to = child.stdin.take().unwrap();
+    let camera = std::thread::spawn(move || {
+        let mut is_read = to.write_all(&frames[..header]).is_ok();
+        while is_read {
+            is_read = to.write_all(&frames[header..]).is_ok();
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    });
+    wait_until("it measures", || {
+        fs::read_to_string(&csv).is_ok_and(|text| text.lines().count() > 5)
+    });
+    kill(Pid::from_raw(child.id().cast_signed()), Signal::SIGINT).unwrap();
+    wait_until("it ends", || child.try_wait().unwrap().is_some());
+    camera.join().unwrap();
 }
 
 #[test]
