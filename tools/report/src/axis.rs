@@ -145,6 +145,12 @@ impl Scale {
         (self.low..=self.high).contains(&value)
     }
 
+    /// Where a value lies: 0 at the low end, 1 at the high one.
+    fn share(&self, value: f64) -> f64 {
+        let place = |value: f64| if self.kind == Kind::Log { value.ln() } else { value };
+        (place(value) - place(self.low)) / (place(self.high) - place(self.low))
+    }
+
     /// Whether a value has a place on the axis or beyond its ends.
     pub fn knows(&self, value: f64) -> bool {
         value.is_finite() && (value > 0.0 || self.kind != Kind::Log)
@@ -161,9 +167,8 @@ impl Ranged for Scale {
     type ValueType = f64;
 
     fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
-        let place = |value: f64| if self.kind == Kind::Log { value.ln() } else { value };
         // Beyond the ends, but not by more than a pixel can be.
-        let share = (place(*value) - place(self.low)) / (place(self.high) - place(self.low));
+        let share = self.share(*value);
         // Names are read from top to bottom.
         let share = if self.kind == Kind::Names { 1.0 - share } else { share };
         from + (share.clamp(-1.0, 2.0) * f64::from(to - from)).round() as i32
@@ -176,7 +181,9 @@ impl Ranged for Scale {
             let multiples = multiples.flat_map(|power| (2..=9).map(move |n| f64::from(n) * power));
             return multiples.filter(|value| self.contains(*value)).collect();
         }
-        self.ticks.iter().map(|(value, _)| *value).collect()
+        let ticks = self.ticks.iter().map(|(value, _)| *value);
+        // A line beyond the ends would cross the labels; at the ends numbers are rounded.
+        ticks.filter(|value| (-1e-6..=1.0 + 1e-6).contains(&self.share(*value))).collect()
     }
 
     fn range(&self) -> Range<f64> {

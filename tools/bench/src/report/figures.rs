@@ -26,11 +26,12 @@ const TICKS: [(f64, &str); 7] = [
 const LEAST_DURATIONS: f64 = 3.0;
 
 /// Colors, dashes and markers of our own variants.
-const OURS: [(Color, Dash, Marker); 4] = [
+const OURS: [(Color, Dash, Marker); 5] = [
     (Color::BLUE, Dash::Solid, Marker::Circle),
     (Color::VERMILION, Dash::Solid, Marker::Square),
     (Color::GREEN, Dash::Solid, Marker::Triangle),
     (Color::SKY, Dash::Solid, Marker::Diamond),
+    (Color::ORANGE, Dash::Solid, Marker::Cross),
 ];
 /// Colors, dashes and markers of peers.
 const PEERS: [(Color, Dash, Marker); 3] = [
