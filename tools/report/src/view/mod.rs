@@ -5,6 +5,7 @@
 //! degree; more is noise, and bytes), and ages are in milliseconds.
 
 mod adaptation;
+mod control_loop;
 mod cue;
 mod fixtures;
 mod hand;
@@ -14,7 +15,7 @@ mod trial;
 
 use i2ris::ipc::payload::{
     ActuatorState, AdaptationMsg, ExternalPosition, Health, JointState, OperatingStateMsg,
-    PeriodStatistics, ReachTarget, ReasonMsg, SpanSummary, TeleopMsg, TrialMsg, VirtualFixturesMsg,
+    PeriodStatistics, ReachTarget, ReasonMsg, TeleopMsg, TrialMsg, VirtualFixturesMsg,
 };
 use i2ris::ipc::{Fault, Message, OperatingState, Refusal, ShownClient};
 use i2ris::model::ModelId;
@@ -22,6 +23,7 @@ use i2ris::units::{MAX_MOTORS, Nanos};
 use serde::Serialize;
 
 pub use adaptation::Adaptation;
+pub use control_loop::{ControlLoop, Span};
 pub use cue::{Cue, Near};
 pub use fixtures::{Fixture, Target};
 pub use hand::Hand;
@@ -30,8 +32,6 @@ pub use trial::Trial;
 
 /// Age at which a value is marked as stale.
 pub const STALE: Nanos = Nanos::from_millis(500);
-/// Statistics come once a second.
-const STATISTICS_STALE: Nanos = Nanos::from_millis(2500);
 /// How long the last refusal, stop or clip is news.
 const WARNING_SHOWN: Nanos = Nanos::from_millis(5000);
 
@@ -197,41 +197,6 @@ pub struct Motor {
     pub age: Age,
 }
 
-/// The control loop, in the last window.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ControlLoop {
-    pub hz: f64,
-    pub late: Span,
-    pub compute: Span,
-    pub missed: u64,
-    pub missed_in_window: u64,
-    pub ticks: u64,
-    /// What the system granted; capitals where something is missing.
-    pub granted: String,
-    pub real_time: bool,
-    #[serde(flatten)]
-    pub age: Age,
-}
-
-/// Quantiles of a duration, microseconds.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Span {
-    #[serde(serialize_with = "json::tenth")]
-    pub p50_us: f64,
-    #[serde(serialize_with = "json::tenth")]
-    pub p99_us: f64,
-    #[serde(serialize_with = "json::tenth")]
-    pub max_us: f64,
-}
-
-impl Span {
-    /// With as many digits as mean something.
-    pub fn texts(&self) -> [String; 3] {
-        let digits = |us: f64| if us < 10.0 { format!("{us:.1}") } else { format!("{us:.0}") };
-        [self.p50_us, self.p99_us, self.max_us].map(digits)
-    }
-}
-
 /// What is known about models.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Models {
@@ -294,7 +259,7 @@ impl View {
             estimate: messages.measured.as_ref().map(|it| pose(it, now)),
             camera: messages.camera.as_ref().map(|it| seen(it, now)),
             motors: messages.actuators.as_ref().map(|it| motors(it, messages.exchange_rates, now)),
-            control_loop: messages.statistics.as_ref().map(|it| control_loop(it, now)),
+            control_loop: messages.statistics.as_ref().map(|it| ControlLoop::new(it, now)),
             health: messages.health.as_ref().map(health),
             adaptation: messages.adaptation.as_ref().map(Adaptation::new),
             fixtures: messages.fixtures.as_ref().map_or_else(Vec::new, fixtures::fixtures),
@@ -376,40 +341,6 @@ fn motors(message: &ActuatorState, rates: Option<[f64; MAX_MOTORS]>, now: Nanos)
         }
     };
     (0..count(message.count)).map(motor).collect()
-}
-
-fn control_loop(message: &PeriodStatistics, now: Nanos) -> ControlLoop {
-    let us = |nanos: u64| nanos as f64 / 1000.0;
-    let span = |span: &SpanSummary| Span {
-        p50_us: us(span.p50_ns),
-        p99_us: us(span.p99_ns),
-        max_us: us(span.max_ns),
-    };
-    let window = Nanos(message.window_ns).as_seconds();
-    ControlLoop {
-        hz: if window > 0.0 { (message.ticks as f64 / window).round() } else { 0.0 },
-        late: span(&message.lateness),
-        compute: span(&message.compute),
-        missed: message.total_missed,
-        missed_in_window: message.missed,
-        ticks: message.total_ticks,
-        granted: granted(message),
-        real_time: message.priority > 0,
-        age: Age::of(message, now, STATISTICS_STALE),
-    }
-}
-
-fn granted(message: &PeriodStatistics) -> String {
-    let scheduling = match message.priority {
-        0 => "NORMAL SCHEDULING".to_owned(),
-        priority => format!("SCHED_FIFO {priority}"),
-    };
-    let memory = if message.memory_locked == 1 { "memory locked" } else { "MEMORY NOT LOCKED" };
-    let processor = match message.cpu {
-        u32::MAX => "not pinned".to_owned(),
-        cpu => format!("processor {cpu}"),
-    };
-    format!("{scheduling}, {memory}, {processor}")
 }
 
 fn health(message: &Health) -> String {
