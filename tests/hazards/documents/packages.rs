@@ -149,3 +149,33 @@ fn every_package_has_a_class_and_uses_none_of_a_lower_one() {
         assert!(is_there(name), "{name} has a class, but is no package");
     }
 }
+
+/// Fuzzers and wheel are built by other compilers, with lock files of their own.
+const OTHER_LOCKS: [&str; 2] = ["tools/fuzz/Cargo.lock", "tools/python/model/Cargo.lock"];
+
+#[test]
+fn what_is_built_outside_of_the_workspace_has_lock_files_that_are_up_to_date() {
+    let packages = packages();
+    for file in OTHER_LOCKS {
+        let lock: toml::Table = read(file).parse().unwrap();
+        let locked = lock["package"].as_array().unwrap();
+        for package in packages.iter().filter(|package| package.is_own) {
+            let Some(found) = locked.iter().find(|it| it["name"].as_str() == Some(&package.name))
+            else {
+                continue;
+            };
+            // A name, and a version where there are several.
+            let names = found["dependencies"].as_array().unwrap().iter();
+            let names = names.filter_map(|it| it.as_str()?.split(' ').next());
+            let names: BTreeSet<&str> = names.collect();
+            for used in package.uses.union(&package.builds_with) {
+                let used = packages[*used].name.as_str();
+                assert!(
+                    names.contains(used),
+                    "{file}: {} uses {used}; run `cargo update --workspace` there",
+                    package.name
+                );
+            }
+        }
+    }
+}
