@@ -9,7 +9,7 @@ use super::choice::{Score, best, judged_rows, plays_error, scores};
 use super::drift::Drift;
 use super::error::{FitError, refused};
 use super::family::{Choice, Family};
-use super::model_file::FileContext;
+use super::model_file::{FileContext, constant_covariance};
 use super::one_family::{FamilyFitter, LEAST_NRMSD};
 use super::options::FitOptions;
 use super::outcome::{FamilyOutcome, FitOutcome, FitReport};
@@ -121,7 +121,7 @@ pub(super) fn training<T>(
     let rows: Vec<usize> = split.training().filter(usable).collect();
     outputs_change(recording, &rows)?;
     let data = TrainingData::new(recording, rows)?;
-    make(Training { context: data.context(&split, options), straight: &data.straight })
+    make(Training { context: data.context(&quality, &split, options), straight: &data.straight })
 }
 
 /// The parts of the work: every family, and the fit to all rows in the end.
@@ -228,10 +228,16 @@ impl<'a> TrainingData<'a> {
         Ok(Self { recording, rows, hull, inputs, outputs, straight })
     }
 
-    fn context(&'a self, split: &'a Split, options: &'a FitOptions) -> FileContext<'a> {
+    fn context(
+        &'a self,
+        quality: &'a Quality,
+        split: &'a Split,
+        options: &'a FitOptions,
+    ) -> FileContext<'a> {
         FileContext {
             recording: self.recording,
             split,
+            spikes: (!options.spikes.keep).then_some(quality),
             training: &self.rows,
             hull: &self.hull,
             straight: &self.straight,
@@ -243,13 +249,13 @@ impl<'a> TrainingData<'a> {
 
     fn fitter(
         &'a self,
-        quality: &Quality,
+        quality: &'a Quality,
         split: &'a Split,
         options: &'a FitOptions,
         progress: &'a dyn Progress,
     ) -> FamilyFitter<'a> {
         FamilyFitter {
-            context: self.context(split, options),
+            context: self.context(quality, split, options),
             series: Series::new(self.recording, &self.rows),
             hidden: quality.hides_hysteresis(),
             one_axis: quality.shows_one_axis_at_a_time(),
@@ -292,6 +298,11 @@ fn refit(
     let honest = file.metrics.iter_mut().zip(&judged.file().metrics);
     for (metrics, judged) in honest {
         metrics.held_out = judged.held_out;
+    }
+    let mut judged = judged.file().family.clone();
+    let covariances = constant_covariance(&mut file.family).zip(constant_covariance(&mut judged));
+    if let Some((covariance, judged)) = covariances {
+        covariance.clone_from(judged);
     }
     Model::from_file(file).ok()
 }

@@ -5,10 +5,12 @@ use i2ris::model::file::{
     SlowErrorParameters, TrainingRecord,
 };
 use i2ris::model::{Model, ModelError};
+use i2ris::units::MAX_OUTPUTS;
 
 use super::metrics::{metrics, predictions};
 use super::slow_error::slow_error;
 use super::split::Split;
+use crate::quality::Quality;
 use crate::recording::Recording;
 use crate::regression::linear::LinearFit;
 
@@ -48,6 +50,8 @@ const NO_METRICS: OutputMetrics = OutputMetrics {
 pub(super) struct FileContext<'a> {
     pub recording: &'a Recording,
     pub split: &'a Split,
+    /// Knows the spikes; `None`: they count.
+    pub spikes: Option<&'a Quality>,
     /// Indices of the rows used for training.
     pub training: &'a [usize],
     pub hull: &'a HullParameters,
@@ -67,7 +71,11 @@ impl FileContext<'_> {
     pub fn model(&self, fitted: &Fitted) -> Result<Model, ModelError> {
         let mut file = self.file(fitted);
         let model = Model::from_file(file.clone())?;
-        file.metrics = self.measure(&model);
+        let predicted = predictions(&model, self.recording);
+        file.metrics = self.measure(&predicted);
+        if let Some(covariance) = constant_covariance(&mut file.family) {
+            *covariance = self.covariance(&predicted);
+        }
         file.slow_error = self.slow_error(&model);
         Model::from_file(file)
     }
@@ -100,17 +108,39 @@ impl FileContext<'_> {
         }
     }
 
-    /// On rows held out, if there are any: on those the error is that of a camera in use.
-    fn slow_error(&self, model: &Model) -> Option<SlowErrorParameters> {
+    /// Rows held out, if there are any: on those the error is that of a camera in use.
+    pub fn honest_rows(&self) -> Vec<usize> {
         let held_out: Vec<usize> = self.split.held_out().collect();
-        let rows = if held_out.is_empty() { self.training } else { &held_out };
-        slow_error(model, self.recording, rows)
+        if held_out.is_empty() { self.training.to_vec() } else { held_out }
+    }
+
+    fn slow_error(&self, model: &Model) -> Option<SlowErrorParameters> {
+        slow_error(model, self.recording, &self.honest_rows())
+    }
+
+    /// Mean products of the errors: how sure an estimate is. A camera's spikes do not count, for
+    /// they are not taken for angles in use.
+    fn covariance(&self, predicted: &[[f64; MAX_OUTPUTS]]) -> Vec<Vec<f64>> {
+        let mut rows = self.honest_rows();
+        let flagged = |row: &usize| self.spikes.is_some_and(|quality| quality.is_flagged(*row));
+        rows.retain(|row| !flagged(row));
+        let outputs = self.recording.outputs().len();
+        let mut covariance = vec![vec![0.0; outputs]; outputs];
+        for row in &rows {
+            let measured = &self.recording.rows()[*row].outputs;
+            let error = |output: usize| measured[output] - predicted[*row][output];
+            for (i, line) in covariance.iter_mut().enumerate() {
+                for (j, entry) in line.iter_mut().enumerate() {
+                    *entry += error(i) * error(j) / rows.len() as f64;
+                }
+            }
+        }
+        covariance
     }
 
     /// Metrics on the rows used for training and on all rows held out, flagged ones included: what
     /// is tested is not chosen by how well it fits.
-    fn measure(&self, model: &Model) -> Vec<OutputMetrics> {
-        let predicted = predictions(model, self.recording);
+    fn measure(&self, predicted: &[[f64; MAX_OUTPUTS]]) -> Vec<OutputMetrics> {
         let rows = self.recording.rows();
         let measure = |rows_used: &mut dyn Iterator<Item = usize>, output: usize| {
             let pair = |row: usize| (rows[row].outputs[output], predicted[row][output]);
@@ -123,5 +153,14 @@ impl FileContext<'_> {
             held_out: measure(&mut self.split.held_out(), output),
         };
         (0..self.recording.outputs().len()).map(of_output).collect()
+    }
+}
+
+/// The covariance of the errors, where a family has one for all positions.
+pub(super) fn constant_covariance(family: &mut FamilyParameters) -> Option<&mut Vec<Vec<f64>>> {
+    match family {
+        FamilyParameters::ForceBalance { read_out, .. } => Some(&mut read_out.covariance),
+        FamilyParameters::Network { covariance, .. } => Some(covariance),
+        _ => None,
     }
 }

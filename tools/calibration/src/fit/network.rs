@@ -14,7 +14,6 @@ use serde::{Deserialize, Serialize};
 
 use super::all_families::{Training, training};
 use super::error::FitError;
-use super::metrics::predictions;
 use super::model_file::Fitted;
 use super::options::FitOptions;
 use crate::recording::Recording;
@@ -189,27 +188,24 @@ pub fn import(
     file.check(recording)?;
     training(recording, options, |training| {
         let Training { context, straight, .. } = training;
-        let parameters = |memory_counts: Vec<f64>, covariance: Vec<Vec<f64>>| {
+        let parameters = |memory_counts: Vec<f64>| {
             Fitted::plain(FamilyParameters::Network {
                 network: file.network.clone(),
                 memory_counts,
                 gain: straight.gain.clone(),
-                covariance,
+                covariance: straight.covariance.clone(),
             })
         };
         let refused = |error| FitError::Network(NetworkError::Refused(error));
         let ranges = vec![0.0; recording.motors()];
-        let first = context.model(&parameters(ranges, straight.covariance.clone()));
-        let first = first.map_err(refused)?;
-        let held_out: Vec<usize> = context.split.held_out().collect();
-        let rows = if held_out.is_empty() { context.training } else { &held_out };
-        let covariance = covariance(&first, recording, rows);
-        let error = covariance.iter().enumerate().map(|(i, row)| row[i]).sum::<f64>().sqrt();
-        let straight = rms(straight, recording, rows);
+        let first = context.model(&parameters(ranges)).map_err(refused)?;
+        let errors = first.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training));
+        let error = errors.map(|fit| fit.rmsd.powi(2)).sum::<f64>().sqrt();
+        let straight = rms(straight, recording, &context.honest_rows());
         if error.is_nan() || error > MOST_ERROR * straight {
             return Err(NetworkError::WorseThanLinear { error, straight }.into());
         }
-        context.model(&parameters(forgets(&first), covariance)).map_err(refused)
+        context.model(&parameters(forgets(&first))).map_err(refused)
     })
 }
 
@@ -221,23 +217,6 @@ fn rms(straight: &LinearFit, recording: &Recording, rows: &[usize]) -> f64 {
         pairs.map(|(found, measured)| (found - measured).powi(2)).sum::<f64>()
     });
     (errors.sum::<f64>() / rows.len() as f64).sqrt()
-}
-
-/// Mean products of the errors on some rows.
-fn covariance(model: &Model, recording: &Recording, rows: &[usize]) -> Vec<Vec<f64>> {
-    let predicted = predictions(model, recording);
-    let outputs = model.outputs();
-    let mut covariance = vec![vec![0.0; outputs]; outputs];
-    for row in rows {
-        let measured = &recording.rows()[*row].outputs;
-        let error = |output: usize| measured[output] - predicted[*row][output];
-        for (i, line) in covariance.iter_mut().enumerate() {
-            for (j, entry) in line.iter_mut().enumerate() {
-                *entry += error(i) * error(j) / rows.len() as f64;
-            }
-        }
-    }
-    covariance
 }
 
 /// Parts of the hull that are tried, and positions per turn through it.

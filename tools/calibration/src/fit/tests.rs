@@ -8,6 +8,7 @@ use super::choice::Score;
 use super::error::FitError;
 use super::family::{Choice, Family};
 use super::gmr::{Candidate, Verdict};
+use super::metrics::predictions;
 use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, FitOutcome};
 use super::split::HoldOut;
@@ -266,6 +267,39 @@ fn a_recording_of_one_axis_at_a_time_is_fitted_by_separable_families_only() {
     let gmr = outcome.families.iter().find(|found| found.family == Family::Gmr);
     let reason = gmr.unwrap().result.as_ref().unwrap_err();
     assert_contains(reason, &["the motors move together on", "record motion of both at once"]);
+}
+
+/// Gaps of 15 counts and noise of 0.03 deg; of a hundred rows one is a spike.
+fn with_gaps_and_spikes(rows: usize) -> Recording {
+    let (mut random, mut behind, mut row) = (noise(8), [0.0; 2], 0_usize);
+    recording(rows, |time| {
+        let counts = wander(time);
+        for motor in 0..2 {
+            behind[motor] = f64::clamp(behind[motor], counts[motor] - 15.0, counts[motor] + 15.0);
+        }
+        row += 1;
+        let spike = if row % 100 == 0 { 25.0 } else { 0.0 };
+        (counts, straight(behind).map(|angle| angle + 0.03 * random() + spike))
+    })
+}
+
+#[test]
+fn the_deviation_of_an_estimate_holds_on_later_motion_and_spikes_do_not_widen_it() {
+    let model = fitted(&with_gaps_and_spikes(2000), &of_family(Family::ForceBalance)).model;
+    let FamilyParameters::ForceBalance { read_out, .. } = &model.file().family else {
+        panic!("{:?}", model.file().family)
+    };
+    let later = with_gaps_and_spikes(4000);
+    let predicted = predictions(&model, &later);
+    for output in 0..2 {
+        let deviation = read_out.covariance[output][output].sqrt();
+        let rows = later.rows().iter().zip(&predicted).skip(2000);
+        let within = rows
+            .filter(|(row, found)| (row.outputs[output] - found[output]).abs() < 1.96 * deviation);
+        let share = within.count() as f64 / 2000.0;
+        // 1 % are spikes.
+        assert!((0.90..0.97).contains(&share), "{share} within 1.96 * {deviation}");
+    }
 }
 
 #[test]
