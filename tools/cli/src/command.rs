@@ -220,6 +220,11 @@ fn carry_out_all(arguments: Arguments, domain: &Domain) -> Result<(), Failure> {
     let waypoints = if let What::File { csv } = &what { Some(Waypoints::load(csv)?) } else { None };
     let mut client = crate::connection::connect(domain)?;
     let interrupt = Interrupt::catch()?;
+    let by_hand = |client: &mut Client, task, hand: HandOptions| {
+        let pace = teleop::Pace { rate_hz: stream.rate_hz, speed_deg_s: stream.speed_deg_s };
+        let plan = hand.plan(pace, stream.prepare, Some(task));
+        teleop::run_plan((client, domain), &plan, &interrupt)
+    };
     let (name, path, duration_s) = match what {
         What::State { command, no_wait, json } => {
             let command = command.command();
@@ -232,32 +237,12 @@ fn carry_out_all(arguments: Arguments, domain: &Domain) -> Result<(), Failure> {
                 print_state(true, command, state, json)
             };
         }
-        What::Reach { task, hand } => {
-            return by_hand(
-                (&mut client, domain),
-                TaskOptions::Reach(task),
-                hand,
-                &stream,
-                &interrupt,
-            );
-        }
+        What::Reach { task, hand } => return by_hand(&mut client, TaskOptions::Reach(task), hand),
         What::Pursuit { task, hand } => {
-            return by_hand(
-                (&mut client, domain),
-                TaskOptions::Pursuit(task),
-                hand,
-                &stream,
-                &interrupt,
-            );
+            return by_hand(&mut client, TaskOptions::Pursuit(task), hand);
         }
         What::HoldStill { task, hand } => {
-            return by_hand(
-                (&mut client, domain),
-                TaskOptions::HoldStill(task),
-                hand,
-                &stream,
-                &interrupt,
-            );
+            return by_hand(&mut client, TaskOptions::HoldStill(task), hand);
         }
         What::Fixture(command) => return fixture::run(&mut client, &command),
         What::Hold { duration_s } => ("hold", None, duration_s),
@@ -286,18 +271,6 @@ fn carry_out_all(arguments: Arguments, domain: &Domain) -> Result<(), Failure> {
         Plan { name, trajectory: path, duration_s, rate_hz, speed_deg_s, on_late, prepare },
         &interrupt,
     )
-}
-
-fn by_hand(
-    controller: (&mut Client, &Domain),
-    task: TaskOptions,
-    hand: HandOptions,
-    stream: &StreamOptions,
-    interrupt: &Interrupt,
-) -> Result<(), Failure> {
-    let pace = teleop::Pace { rate_hz: stream.rate_hz, speed_deg_s: stream.speed_deg_s };
-    let plan = hand.plan(pace, stream.prepare, Some(task));
-    teleop::run_plan(controller, &plan, interrupt)
 }
 
 fn print_state(

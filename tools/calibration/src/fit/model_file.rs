@@ -108,20 +108,20 @@ impl FileContext<'_> {
         }
     }
 
-    /// Rows held out, if there are any: on those the error is that of a camera in use.
-    pub fn honest_rows(&self) -> Vec<usize> {
+    /// Rows held out, where there are any: on those the error is that of motion in use.
+    pub fn held_out_or_training(&self) -> Vec<usize> {
         let held_out: Vec<usize> = self.split.held_out().collect();
         if held_out.is_empty() { self.training.to_vec() } else { held_out }
     }
 
     fn slow_error(&self, model: &Model) -> Option<SlowErrorParameters> {
-        slow_error(model, self.recording, &self.honest_rows())
+        slow_error(model, self.recording, &self.held_out_or_training())
     }
 
     /// Mean products of the errors: how sure an estimate is. A camera's spikes do not count, for
     /// they are not taken for angles in use.
     fn covariance(&self, predicted: &[[f64; MAX_OUTPUTS]]) -> Vec<Vec<f64>> {
-        let mut rows = self.honest_rows();
+        let mut rows = self.held_out_or_training();
         let flagged = |row: &usize| self.spikes.is_some_and(|quality| quality.is_flagged(*row));
         rows.retain(|row| !flagged(row));
         let outputs = self.recording.outputs().len();

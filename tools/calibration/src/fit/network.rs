@@ -201,7 +201,7 @@ pub fn import(
         let first = context.model(&parameters(ranges)).map_err(refused)?;
         let errors = first.file().metrics.iter().map(|it| it.held_out.unwrap_or(it.training));
         let error = errors.map(|fit| fit.rmsd.powi(2)).sum::<f64>().sqrt();
-        let straight = rms(straight, recording, &context.honest_rows());
+        let straight = rms(straight, recording, &context.held_out_or_training());
         if error.is_nan() || error > MOST_ERROR * straight {
             return Err(NetworkError::WorseThanLinear { error, straight }.into());
         }

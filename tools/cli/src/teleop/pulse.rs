@@ -8,6 +8,9 @@ use i2ris::units::Nanos;
 use i2ris_report::model_poller::ModelPoller;
 use i2ris_report::view::{LatestMessages, View};
 
+/// Time between two looks for a limit: that of the fastest beat.
+const LOOK: Nanos = Nanos::from_millis(100);
+
 /// When a device pulses.
 pub(super) struct Pulses {
     measured: Latest<JointState>,
@@ -17,9 +20,6 @@ pub(super) struct Pulses {
     last: Nanos,
     looked: Nanos,
 }
-
-/// How often it is looked for a limit: as often as the fastest beat.
-const LOOK: Nanos = Nanos::from_millis(100);
 
 impl Pulses {
     pub fn new(client: &Client, domain: &Domain) -> Self {
@@ -82,7 +82,7 @@ mod tests {
                 let measured = pulses.measured.refresh().unwrap();
                 measured.is_some_and(|it| (it.position[1].to_degrees() - yaw_deg).abs() < 0.01)
             });
-            // As if the time that a beat takes went by between two looks, without its waiting.
+            // As if the last pulse had been so long ago: nothing here waits for a beat.
             let due_after = |pulses: &mut Pulses, wait_ms: u64| {
                 let now = clock::now();
                 (pulses.looked, pulses.last) = (Nanos::ZERO, now - Nanos::from_millis(wait_ms));

@@ -155,10 +155,6 @@ struct Run {
 impl Run {
     fn go(&mut self) -> Result<(), Failure> {
         while let Some(view) = self.session.wanted() {
-            // Here too: a camera that delivers leaves no wait that could end.
-            if self.interrupt.came() {
-                return Ok(());
-            }
             match self.next(view) {
                 Next::ViewMessage(reported) => match *reported {
                     Ok(result) => self.session.take(view, result),
@@ -196,12 +192,13 @@ impl Run {
     fn next(&self, view: usize) -> Next {
         let start = Instant::now();
         loop {
+            // Not only when a wait has ended: a camera that goes on ends none.
+            if self.interrupt.came() {
+                return Next::Interrupted;
+            }
             match self.views[view].recv_timeout(POLL) {
                 Ok(reported) => return Next::ViewMessage(Box::new(reported)),
                 Err(RecvTimeoutError::Disconnected) => return Next::Ended,
-                Err(RecvTimeoutError::Timeout) if self.interrupt.came() => {
-                    return Next::Interrupted;
-                }
                 Err(RecvTimeoutError::Timeout) if self.live && start.elapsed() >= STALL_TIMEOUT => {
                     return Next::Stalled;
                 }
