@@ -10,7 +10,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::motion::joint_filter::GoalStep;
+use crate::core::motion::GoalStep;
 use crate::core::vector::{difference, zip_map};
 use crate::units::{Nanos, OutputVec};
 

@@ -7,6 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
+use crate::core::motion::GoalStep;
 use crate::core::motion::goal_lead::GoalLead;
 use crate::core::motion::joint_limits::JointLimits;
 use crate::core::motion::tremor_filter::TremorFilter;
@@ -26,13 +27,6 @@ pub(crate) struct JointFilter {
 struct FilterOutputs {
     tremor_filter: OutputVec,
     limits: OutputVec,
-}
-
-/// A goal in this tick and one tick before.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct GoalStep {
-    pub now: OutputVec,
-    pub before: OutputVec,
 }
 
 impl JointFilter {

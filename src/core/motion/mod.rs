@@ -34,3 +34,12 @@ mod setpoint_source;
 mod tremor_filter;
 pub mod velocity_limit;
 pub mod virtual_fixtures;
+
+use crate::units::OutputVec;
+
+/// A goal in this tick and one tick before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct GoalStep {
+    pub now: OutputVec,
+    pub before: OutputVec,
+}

@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{MAX_REGIONS, VirtualFixtureConfig};
 use crate::core::events::fold::EventFold;
-use crate::core::motion::joint_filter::GoalStep;
+use crate::core::motion::GoalStep;
 use crate::core::motion::joint_limits::JointBounds;
 use crate::core::vector;
 use crate::model::file::OutputUnit;

@@ -6,7 +6,7 @@ use i2ris::model::ModelError;
 
 use super::family::Family;
 use super::flatness::FlatSpot;
-use super::network::NetworkError;
+use super::network_error::NetworkError;
 use super::split::SplitError;
 use crate::em::error::EmError;
 use crate::quality::Finding;

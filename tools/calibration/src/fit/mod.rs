@@ -12,6 +12,7 @@
 //! | `model_file` | model files with their metrics |
 //! | `gmr` | mixtures on the counts, and their number of components |
 //! | [`network`] | networks that were trained elsewhere |
+//! | `network_error` | why such a network is refused |
 //! | `one_family` | the fit of each family |
 //! | `all_families` | all of it in order, and the choice |
 //! | [`choice`] | scores of the families: errors held out, and tracking on other families |
@@ -28,6 +29,7 @@ pub mod gmr;
 pub mod metrics;
 mod model_file;
 pub mod network;
+pub mod network_error;
 mod one_family;
 pub mod options;
 pub mod outcome;

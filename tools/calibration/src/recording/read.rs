@@ -1,17 +1,15 @@
 //! Reading a file.
 
-use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
 use serde::Serialize;
-use sha2::{Digest, Sha256};
 
 use super::check;
 use super::columns::{Column, ColumnMap};
 use super::error::RecordingError;
 use super::parse::parse;
-use super::rows::Recording;
+use super::rows::{Recording, hash};
 
 /// What was read and what was left out.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
@@ -83,14 +81,4 @@ impl Recording {
         };
         Ok((recording, report))
     }
-}
-
-/// SHA-256, hexadecimal.
-pub(super) fn hash(bytes: &[u8]) -> String {
-    let mut text = String::new();
-    for byte in Sha256::digest(bytes) {
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{byte:02x}");
-    }
-    text
 }

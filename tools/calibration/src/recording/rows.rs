@@ -1,9 +1,10 @@
 //! A recording in memory.
 
+use std::fmt::Write as _;
+
 use i2ris::model::file::OutputSpec;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
-
-use super::read::hash;
+use sha2::{Digest, Sha256};
 
 /// Between two recordings that are fitted together, s.
 const PAUSE_S: f64 = 1.0;
@@ -141,4 +142,14 @@ impl Recording {
         part.path.truncate(end);
         part
     }
+}
+
+/// SHA-256, hexadecimal.
+pub(super) fn hash(bytes: &[u8]) -> String {
+    let mut text = String::new();
+    for byte in Sha256::digest(bytes) {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{byte:02x}");
+    }
+    text
 }

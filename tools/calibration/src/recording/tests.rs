@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use proptest::prelude::*;
 
-use super::read::hash;
+use super::rows::hash;
 use super::*;
 use crate::testing::{assert_contains, degrees};
 

@@ -12,13 +12,12 @@ use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
 use super::features::{FEATURES, INDEX, described};
-use super::meta::{lines, pretty};
 use super::recorded::Recorded;
 use super::staged::MADE_OF;
 use super::statistics::{PictureStatistics, Statistics};
 use super::table::{Cell, Column, Kind, Table};
 use super::video::Video;
-use super::{Dataset, DatasetError, Options, Shape, Source, Version, readme};
+use super::{Dataset, DatasetError, Options, Shape, Source, Version};
 
 /// Episodes of a folder.
 pub const CHUNK: usize = 1000;
@@ -88,6 +87,14 @@ pub fn file(folder: &Path, name: &str) -> Result<PathBuf, DatasetError> {
     let path = folder.join(name);
     fs::create_dir_all(path.parent().unwrap_or(folder)).map_err(io_error(&path))?;
     Ok(path)
+}
+
+fn pretty(value: &Value) -> String {
+    format!("{value:#}\n")
+}
+
+fn lines(values: impl Iterator<Item = Value>) -> String {
+    values.map(|value| format!("{value}\n")).collect()
 }
 
 impl Writer {
@@ -260,7 +267,7 @@ impl Writer {
             "left_out": dataset.left_out,
         });
         write(MADE_OF, pretty(&made_of))?;
-        write("README.md", readme::text(dataset, &self))
+        write("README.md", self.readme(dataset))
     }
 
     /// What is done in the episodes.

@@ -189,11 +189,3 @@ fn splits(dataset: &Dataset) -> Value {
         .map(|(name, [from, to])| (name.to_owned(), json!(format!("{from}:{to}"))));
     Value::Object(text.collect())
 }
-
-pub fn pretty(value: &Value) -> String {
-    format!("{value:#}\n")
-}
-
-pub fn lines(values: impl Iterator<Item = Value>) -> String {
-    values.map(|value| format!("{value}\n")).collect()
-}

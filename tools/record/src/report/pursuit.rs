@@ -6,7 +6,7 @@ use i2ris::ipc::payload::ReachTarget;
 use i2ris_report::statistics::{TimeSeries, mean, root_mean_square};
 use serde::Serialize;
 
-use super::trial::{Trial, degrees};
+use super::trial::{Followed, Trial};
 
 /// Grid of the correlation, ns.
 const STEP_NS: u64 = 10_000_000;
@@ -18,30 +18,6 @@ const GAP_NS: u64 = 200_000_000;
 const RESTS_DEG: f64 = 0.02;
 /// With less correlation, nobody followed.
 const LEAST_CORRELATION: f64 = 0.5;
-
-/// A target to follow: its last message, and where it was.
-#[derive(Debug, Clone)]
-pub struct Followed {
-    pub last: ReachTarget,
-    pub curve: TimeSeries<2>,
-}
-
-impl Followed {
-    pub fn is(&self, message: &ReachTarget) -> bool {
-        (self.last.client_id, self.last.shown_ns) == (message.client_id, message.shown_ns)
-    }
-
-    pub fn new(message: ReachTarget) -> Self {
-        let mut followed = Self { last: message, curve: TimeSeries::default() };
-        followed.add(message);
-        followed
-    }
-
-    pub fn add(&mut self, message: ReachTarget) {
-        self.curve.push(message.stamp_ns, degrees(message.position));
-        self.last = message;
-    }
-}
 
 /// How a target was followed. The run-in does not count.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]

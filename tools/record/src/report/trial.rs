@@ -14,7 +14,6 @@ use i2ris_report::statistics::TimeSeries;
 use mcap::records::Record;
 
 use super::latency::Latencies;
-use super::pursuit::Followed;
 use crate::cdr;
 use crate::read::{ReadError, Records};
 use crate::recorder::{HEADER, OUTCOME, rate_hz};
@@ -331,6 +330,30 @@ fn differs(a: &OperatingStateMsg, b: &OperatingStateMsg) -> bool {
         ..*state
     };
     content(a) != content(b)
+}
+
+/// A target to follow: its last message, and where it was.
+#[derive(Debug, Clone)]
+pub struct Followed {
+    pub last: ReachTarget,
+    pub curve: TimeSeries<2>,
+}
+
+impl Followed {
+    pub fn is(&self, message: &ReachTarget) -> bool {
+        (self.last.client_id, self.last.shown_ns) == (message.client_id, message.shown_ns)
+    }
+
+    pub fn new(message: ReachTarget) -> Self {
+        let mut followed = Self { last: message, curve: TimeSeries::default() };
+        followed.add(message);
+        followed
+    }
+
+    pub fn add(&mut self, message: ReachTarget) {
+        self.curve.push(message.stamp_ns, degrees(message.position));
+        self.last = message;
+    }
 }
 
 pub fn degrees(position: [f64; 3]) -> [f64; 2] {
