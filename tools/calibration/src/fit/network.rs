@@ -8,7 +8,7 @@ use std::path::Path;
 use i2ris::file_permissions::LONGEST_MODEL;
 use i2ris::model::file::{FamilyParameters, OutputSpec};
 use i2ris::model::network::NetworkParameters;
-use i2ris::model::{Memory, Model, ModelError};
+use i2ris::model::{Memory, Model};
 use i2ris::units::MotorVec;
 use serde::{Deserialize, Serialize};
 
