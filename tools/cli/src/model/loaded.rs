@@ -35,7 +35,7 @@ impl Common {
             println!("{}", serde_json::to_string_pretty(&models(reply))?);
             return Ok(());
         }
-        for (name, slot) in ["in use", "staged", "former"].iter().zip(&reply.slots) {
+        for (name, slot) in ["in use", "staged", "previous"].iter().zip(&reply.slots) {
             println!("{name:8} {}", line(slot));
         }
         Ok(())
@@ -135,8 +135,8 @@ pub fn roll_back(arguments: &RollbackArguments) -> Result<(), Failure> {
 }
 
 fn models(reply: &ModelReply) -> Value {
-    let [active, staged, former] = reply.slots.map(|slot| model(&slot));
-    json!({ "active": active, "staged": staged, "former": former })
+    let [active, staged, previous] = reply.slots.map(|slot| model(&slot));
+    json!({ "active": active, "staged": staged, "previous": previous })
 }
 
 fn model(slot: &ModelSlot) -> Value {

@@ -211,7 +211,7 @@ fn before_homing(table: &mut Table, domain: &Domain) {
         ("a model file that is missing", 4, "model stage FOLDER/none.json"),
         ("a model of another robot", 4, "model stage FOLDER/other-robot.json"),
         ("activate before stage", 1, "model activate"),
-        ("roll back without a former model", 4, "model rollback"),
+        ("roll back without a previous model", 4, "model rollback"),
     ] {
         table.make(domain, what, code, words);
     }
