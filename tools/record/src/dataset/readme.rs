@@ -21,8 +21,8 @@ impl Writer {
             text.push('\n');
         };
         line(&format!(
-            "{} episodes, {rows} rows at {} Hz, {minutes:.1} minutes. A continuum robot 0.9 mm thick \
-         with two axes, teleoperated; its wires have hysteresis.\n",
+            "{} episodes, {rows} rows at {} Hz, {minutes:.1} minutes. A continuum robot 0.9 mm \
+             thick with two axes, teleoperated; its wires have hysteresis.\n",
             dataset.episodes.len(),
             dataset.fps
         ));
@@ -48,8 +48,8 @@ impl Writer {
             line(&format!("| `{}` | | Picture of the camera, {kind} |", view_name(view)));
         }
         line(
-            "\nAngles are rad, lengths m. There are two actions, because the kinematics of wires are \
-          not exact: `action` is absolute, `action.tip_motion` is relative.",
+            "\nAngles are rad, lengths m. There are two actions, because the kinematics of wires \
+             are not exact: `action` is absolute, `action.tip_motion` is relative.",
         );
         line(if self.has_view {
             "Right and up are those of the picture, as the hand's view was set or measured.\n"
@@ -61,9 +61,9 @@ impl Writer {
             line("There are no pictures. Rows are at equal distances; the state is interpolated.");
         } else {
             line(
-                "A row is at the exposure of its picture; the state is interpolated to it. Readers of \
-              LeRobot take index / fps for its time: `observation.meta.jitter_s` is the difference. \
-              A picture that is missing is stood in for by its neighbour.",
+                "A row is at the exposure of its picture; the state is interpolated to it. Readers \
+                 of LeRobot take index / fps for its time: `observation.meta.jitter_s` is the \
+                 difference. A picture that is missing is stood in for by its neighbour.",
             );
         }
         line("A gap ends an episode: its trial has several parts.\n");
