@@ -10,7 +10,7 @@ use i2ris::model::network::Activation;
 use i2ris::model::{Model, Query};
 
 use crate::allocations;
-use crate::networks::{averages, conv, gru, lstm, network_file};
+use crate::networks::{averages, conv, gru, lstm, network_file, pair_file};
 use crate::samples::{
     DEG, REACH, SmoothMap, balance_file, file, linear, region, some_stops, square,
 };
@@ -154,6 +154,7 @@ fn a_tick_with_a_model_allocates_nothing() {
         vec![conv(Activation::Softplus), averages(3)],
     ];
     models.extend(layers.map(|layers| Model::from_file(network_file(layers)).unwrap()));
+    models.push(Model::from_file(pair_file(30.0)).unwrap());
     let map = SmoothMap { gain: vec![vec![0.02, 0.01], vec![-0.01, 0.02]], bend: 0.3, steps: 4 };
     models.extend([plays(&map), directions(&map), chain()]);
     for model in &models {

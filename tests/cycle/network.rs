@@ -11,24 +11,29 @@ use i2ris::model::network::NetworkParameters;
 use i2ris::process::black_box::{BlackBox, BlackBoxHeader, replay};
 use i2ris_testing::cycle::{Bench, Recording, config, play_model};
 
-use crate::model::networks::{averages, gru};
+use crate::model::networks::{averages, gru, inverse};
 
-/// A GRU of 64 units on the straight line of the sample robot.
-fn network() -> Arc<Model> {
+/// A GRU on the straight line of the sample robot; with `is_pair`, and with one of the inverse.
+fn network(units: usize, is_pair: bool) -> Arc<Model> {
     let mut file = i2ris_testing::cycle::model(i2ris::model::file::OutputUnit::Deg).file().clone();
     let FamilyParameters::Linear { gain, covariance, .. } = file.family.clone() else { panic!() };
     let network = NetworkParameters {
         step_counts: 10.0,
         input_centre: vec![0.0; 2],
         input_scale: vec![0.002; 2],
-        layers: vec![gru(64), averages(64)],
+        layers: vec![gru(units), averages(units)],
         output_gain: vec![vec![1.0, 0.5], vec![-0.5, 1.0]],
         output_offset: vec![0.0; 2],
         skip_gain: gain.clone(),
     };
     file.training.linear_gain = Some(gain.clone());
-    file.family =
-        FamilyParameters::Network { network, memory_counts: vec![200.0; 2], gain, covariance };
+    file.family = FamilyParameters::Network {
+        network,
+        inverse: is_pair.then(|| inverse(&gain, 10.0)),
+        memory_counts: vec![200.0; 2],
+        gain,
+        covariance,
+    };
     Arc::new(Model::from_file(file).unwrap())
 }
 
@@ -67,14 +72,23 @@ fn swap_while_moving(bench: &mut Bench, models: &[Arc<Model>; 2], swaps: u32) {
 
 #[test]
 fn a_thousand_swaps_to_and_from_a_gru_while_the_snake_moves() {
-    let models = [play_model(), network()];
+    let models = [play_model(), network(64, false)];
     let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(models[0].clone()));
     swap_while_moving(&mut bench, &models, 1000);
 }
 
 #[test]
 fn a_session_with_a_gru_is_replayed_to_the_bit() {
-    let models = [network(), play_model()];
+    replay_of(network(64, false));
+}
+
+#[test]
+fn a_session_with_a_gru_and_its_inverse_is_replayed_to_the_bit() {
+    replay_of(network(48, true));
+}
+
+fn replay_of(network: Arc<Model>) {
+    let models = [network, play_model()];
     let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(models[0].clone()));
     bench.recording = Some(Recording::default());
     swap_while_moving(&mut bench, &models, 60);

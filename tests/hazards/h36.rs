@@ -48,8 +48,13 @@ fn written(
     let mut network = network(&gain, keeps);
     change(&mut network);
     file.training.linear_gain = Some(gain.clone());
-    file.family =
-        FamilyParameters::Network { network, memory_counts: vec![0.0; 2], gain, covariance };
+    file.family = FamilyParameters::Network {
+        network,
+        inverse: None,
+        memory_counts: vec![0.0; 2],
+        gain,
+        covariance,
+    };
     std::fs::write(&path, serde_json::to_string(&file).unwrap()).unwrap();
     path
 }

@@ -4,7 +4,7 @@ use i2ris::model::file::{FamilyParameters, FileDrift, MixtureParameters, ModelFi
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{Model, Query};
 
-use super::networks::{averages, gru, network_file};
+use super::networks::{averages, gru, network_file, pair_file};
 use super::samples::{balance_file, file, linear, region, some_stops, two_by_two};
 
 /// 0.02 deg per count of every motor.
@@ -99,12 +99,18 @@ fn a_file_with_a_drift_predicts_what_the_model_predicts_with_the_drift_beside_it
     let linear = file(2, linear(gain, &[1.0, -2.0]), region(2, 1500.0));
     let gmr = file(2, two_by_two(), region(2, 50.0));
     let network = network_file(vec![gru(6), averages(6)]);
+    let mut without_skip = network.clone();
+    if let FamilyParameters::Network { network, .. } = &mut without_skip.family {
+        network.skip_gain.clear();
+    }
     for (name, file) in [
         ("linear", linear),
         ("gmr", gmr),
         ("play", play_file()),
         ("stop", stop_file()),
         ("network", network),
+        ("network without a straight line", without_skip),
+        ("networks both ways", pair_file(20.0)),
     ] {
         let largest = largest_difference(&file, &DRIFT);
         assert!(largest < 1e-9, "{name}: {largest} rad");

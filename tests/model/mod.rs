@@ -11,6 +11,7 @@ mod kinematic;
 mod linear;
 mod network;
 pub mod networks;
+mod pairs;
 mod play_operator;
 mod plays;
 mod prandtl_ishlinskii;

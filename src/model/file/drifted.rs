@@ -1,8 +1,11 @@
 //! A model file with a drift built in: the same robot, some time later.
 
+use nalgebra::DMatrix;
+
 use super::{BuiltInDrift, FamilyParameters, MixtureParameters, ModelFile};
 use crate::model::error::{ModelError, require};
 use crate::model::families::hysteresis::residual::ResidualParameters;
+use crate::model::families::network::InverseParameters;
 
 /// A drift of the outputs, `y <- y + gain y + zero`, and of the gaps of the motors.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,7 +120,10 @@ impl ModelFile {
                 }
                 read_out.covariance = map.around(&read_out.covariance);
             }
-            FamilyParameters::Network { network, gain, covariance, .. } => {
+            FamilyParameters::Network { network, inverse, gain, covariance, .. } => {
+                if let Some(inverse) = inverse {
+                    map.before(inverse);
+                }
                 network.output_gain = map.times(&network.output_gain);
                 network.output_offset = map.apply(&network.output_offset);
                 network.skip_gain = map.times(&network.skip_gain);
@@ -177,11 +183,7 @@ impl OutputMap {
 
     /// The matrix times rows of outputs.
     fn times(&self, rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        let columns = rows.first().map_or(0, Vec::len);
-        let column = |j: usize| -> Vec<f64> { rows.iter().map(|row| row[j]).collect() };
-        let columns: Vec<Vec<f64>> = (0..columns).map(column).collect();
-        let product = |row: &Vec<f64>| columns.iter().map(|column| dot(row, column)).collect();
-        self.matrix.iter().map(product).collect()
+        product(&self.matrix, rows)
     }
 
     /// The covariance of the mapped outputs.
@@ -211,6 +213,27 @@ impl OutputMap {
         }
     }
 
+    /// An inverse that is asked for mapped outputs: it looks at what they were before the map.
+    fn before(&self, inverse: &mut InverseParameters) {
+        let size = self.zero.len();
+        let matrix = DMatrix::from_fn(size, size, |i, j| self.matrix[i][j]);
+        // Without an inverse the map is refused with the file.
+        let Some(back) = matrix.try_inverse() else { return };
+        let rows = |scale: &[f64]| -> Vec<Vec<f64>> {
+            (0..size).map(|i| (0..size).map(|j| scale[i] * back[(i, j)]).collect()).collect()
+        };
+        // The scale goes into the first layer: behind the map it is one of each output no more.
+        let scaled = rows(&inverse.input_scale);
+        if let Some(first) = inverse.layers.first_mut() {
+            for weight in first.input_weights_mut() {
+                *weight = product(weight, &scaled);
+            }
+        }
+        inverse.input_scale.fill(1.0);
+        inverse.skip_gain = product(&inverse.skip_gain, &rows(&[1.0; 2]));
+        inverse.input_centre = self.apply(&inverse.input_centre);
+    }
+
     fn chain(&self, mixture: &mut MixtureParameters, residual: &mut Option<ResidualParameters>) {
         self.mixture(mixture);
         if let Some(residual) = residual {
@@ -221,6 +244,16 @@ impl OutputMap {
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Of no rows there are none: a matrix that is absent stays so.
+fn product(left: &[Vec<f64>], right: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    if right.is_empty() {
+        return Vec::new();
+    }
+    let columns = transposed(right);
+    let times = |row: &Vec<f64>| columns.iter().map(|column| dot(row, column)).collect();
+    left.iter().map(times).collect()
 }
 
 fn transposed(rows: &[Vec<f64>]) -> Vec<Vec<f64>> {

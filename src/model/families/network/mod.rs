@@ -11,7 +11,9 @@
 //! - **straight line**: the gain of the recording. A network has learned what a step does and not
 //!   what a jump does, so beyond a step it is continued by the straight line.
 //!
-//! The inverse is the damped Newton search on the position that is tried. Layers work as in PyTorch
+//! The inverse is the damped Newton search on the position that is tried. Beside the forward network
+//! there may be one of the inverse, which answers instead: it steps with the travel of the outputs,
+//! as the forward network says it, and is held to what that one allows. Layers work as in PyTorch
 //! (GRU: K. Cho et al. 2014, with the reset after the product; LSTM: S. Hochreiter and J.
 //! Schmidhuber 1997, with the forget gate of F. Gers et al. 2000; causal convolution: zeros before
 //! the beginning). Sums have a fixed order and nothing is allocated, so a replay has the same bits.
@@ -20,18 +22,24 @@
 //! |---|---|
 //! | `parameters` | layers in a file, and their checks |
 //! | `layers` | prepared layers and their arithmetic |
+//! | `scaled_layers` | layers between inputs and outputs in their units |
 //! | `matrix` | weights, and products with them |
 //! | `activation` | activations and their slopes |
 //! | `state` | the hidden state |
+//! | `inverse` | a network of the inverse beside the forward one |
 //! | `runtime` | the network as a family of models |
 
 mod activation;
+mod inverse;
 mod layers;
 mod matrix;
 mod parameters;
 mod runtime;
+mod scaled_layers;
 pub(in crate::model) mod state;
 
-pub use parameters::{Activation, Layer, MAX_LAYERS, MAX_STATE, MAX_WIDTH, NetworkParameters};
+pub use parameters::{
+    Activation, InverseParameters, Layer, MAX_LAYERS, MAX_STATE, MAX_WIDTH, NetworkParameters,
+};
 pub use runtime::walk;
 pub(in crate::model) use runtime::{Network, Recording};

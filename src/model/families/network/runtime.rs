@@ -2,8 +2,9 @@
 
 use nalgebra::{DMatrix, SMatrix, SVector};
 
-use super::layers::{PreparedLayer, Signal};
-use super::parameters::{NetworkParameters, matrix, numbers};
+use super::inverse::InverseNetwork;
+use super::parameters::{InverseParameters, NetworkParameters, matrix, numbers};
+use super::scaled_layers::{Scale, ScaledLayers};
 use super::state::NetworkState;
 use crate::model::error::{ModelError, require};
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
@@ -52,30 +53,30 @@ pub(in crate::model) struct Recording<'a> {
 }
 
 /// Visits the positions of the steps along a straight motion, up to less than a step before its end.
-pub fn walk(from: &MotorVec, to: &MotorVec, step: f64, mut visit: impl FnMut(&MotorVec)) {
-    let motion: MotorVec = std::array::from_fn(|motor| to[motor] - from[motor]);
+pub fn walk<const N: usize>(
+    from: &[f64; N],
+    to: &[f64; N],
+    step: f64,
+    mut visit: impl FnMut(&[f64; N]),
+) {
+    let motion: [f64; N] = std::array::from_fn(|axis| to[axis] - from[axis]);
     let length = motion.iter().fold(0.0, |longest: f64, part| longest.max(part.abs()));
     let whole = (length / step * (1.0 - ROUNDING)).ceil() as usize;
     let steps = whole.saturating_sub(1);
     let stride = if steps > MAX_STEPS { length / (MAX_STEPS + 1) as f64 } else { step };
     for number in 1..=steps.min(MAX_STEPS) {
         let part = number as f64 * stride / length;
-        visit(&std::array::from_fn(|motor| from[motor] + part * motion[motor]));
+        visit(&std::array::from_fn(|axis| from[axis] + part * motion[axis]));
     }
 }
 
 /// A prepared network of D motors and M outputs, in rad (m) and counts.
 #[derive(Debug)]
 pub(in crate::model) struct Network<const D: usize, const M: usize> {
-    step: f64,
-    layers: Vec<PreparedLayer>,
-    centre: SVector<f64, D>,
-    scale: SVector<f64, D>,
-    output_gain: SMatrix<f64, M, M>,
-    output_offset: SVector<f64, M>,
-    skip: SMatrix<f64, M, D>,
+    forward: ScaledLayers<D, M>,
+    /// `None`: the search finds it.
+    inverse: Option<InverseNetwork<D, M>>,
     memory_counts: MotorVec,
-    straight: SMatrix<f64, M, D>,
     /// From outputs back to counts.
     back: SMatrix<f64, D, M>,
     covariance: SMatrix<f64, M, M>,
@@ -89,6 +90,7 @@ impl<const D: usize, const M: usize> Network<D, M> {
     /// When sizes do not fit, or numbers are out of their range.
     pub fn prepare(
         file: &NetworkParameters,
+        inverse: Option<&InverseParameters>,
         recording: Recording<'_>,
         si: f64,
     ) -> Result<Self, ModelError> {
@@ -102,85 +104,46 @@ impl<const D: usize, const M: usize> Network<D, M> {
         let key = || "family.covariance".to_owned();
         let covariance = square(covariance, M, key)?;
         positive_semidefinite(&covariance, key)?;
+        let covariance: SMatrix<f64, M, M> =
+            SMatrix::from_iterator(covariance.iter().copied()) * (si * si);
         let straight = DMatrix::from_fn(M, D, |i, j| gain[i][j] * si);
         let back = straight.clone().pseudo_inverse(LEAST_GAIN).unwrap_or(DMatrix::zeros(D, M));
-        let mut layers: Vec<PreparedLayer> = Vec::new();
-        for layer in &file.layers {
-            let (inputs, begin) = layers.last().map_or((D, 0), |last| (last.units(), last.end()));
-            layers.push(PreparedLayer::new(layer, inputs, begin));
-        }
+        let back = SMatrix::from_iterator(back.iter().copied());
+        let straight = SMatrix::from_iterator(straight.iter().copied());
+        let scale = Scale { inputs: 1.0, outputs: si };
+        let forward = ScaledLayers::new(file, scale, straight, 0);
+        let deviation = covariance.trace().sqrt();
+        let beside = |file| InverseNetwork::prepare(file, forward.end, back, deviation, si);
         Ok(Self {
-            step: file.step_counts,
-            layers,
-            centre: vector(&file.input_centre),
-            scale: vector(&file.input_scale),
-            output_gain: SMatrix::from_fn(|i, j| file.output_gain[i][j] * si),
-            output_offset: vector::<M>(&file.output_offset) * si,
-            skip: SMatrix::from_fn(|i, j| {
-                file.skip_gain.get(i).and_then(|row| row.get(j)).map_or(0.0, |gain| gain * si)
-            }),
+            inverse: inverse.map(beside).transpose()?,
+            forward,
             memory_counts: array(&vector::<D>(memory_counts)),
-            straight: SMatrix::from_iterator(straight.iter().copied()),
-            back: SMatrix::from_iterator(back.iter().copied()),
-            covariance: SMatrix::from_iterator(covariance.iter().copied()) * (si * si),
+            back,
+            covariance,
         })
     }
 
     /// The state when only the present position is known: one step on nothing but zeros.
     fn begin(&self, counts: &MotorVec) -> NetworkState {
         let mut state = NetworkState::at(*counts);
-        for layer in &self.layers {
-            layer.prepare(state.values_mut());
+        self.forward.begin(state.values_mut(), &vector(counts));
+        if let Some(inverse) = &self.inverse {
+            let outputs = self.at(&state).mean(&vector(counts));
+            inverse.start(&mut state, &outputs);
         }
-        self.step(&mut state, counts);
         state
-    }
-
-    /// Takes a step to a position.
-    fn step(&self, state: &mut NetworkState, counts: &MotorVec) {
-        let mut signal = Signal::<0>::zero();
-        let input = (vector::<D>(counts) - self.centre).component_mul(&self.scale);
-        signal.values[..D].copy_from_slice(input.as_slice());
-        for layer in &self.layers {
-            signal = layer.step(&signal, state.values_mut());
-        }
-        state.position = *counts;
     }
 
     fn walk(&self, state: &mut NetworkState, counts: &MotorVec) {
         let from = state.position;
-        walk(&from, counts, self.step, |position| self.step(state, position));
-    }
-
-    /// The outputs at a position within a step, and, with T = D, the slopes of all but the skip.
-    fn evaluate<const T: usize>(
-        &self,
-        state: &NetworkState,
-        counts: &SVector<f64, D>,
-    ) -> (SVector<f64, M>, SMatrix<f64, M, T>) {
-        let mut signal = Signal::<T>::zero();
-        let from_centre = counts - self.centre;
-        let input = from_centre.component_mul(&self.scale);
-        signal.values[..D].copy_from_slice(input.as_slice());
-        for (motor, (slopes, scale)) in signal.slopes.iter_mut().zip(self.scale.iter()).enumerate()
-        {
-            slopes[motor] = *scale;
+        walk(&from, counts, self.forward.step, |position| {
+            self.forward.take_step(state.values_mut(), &vector(position));
+            state.position = *position;
+        });
+        if let Some(inverse) = &self.inverse {
+            let outputs = self.at(state).mean(&vector(counts));
+            inverse.follow(state, &outputs);
         }
-        for layer in &self.layers {
-            signal = layer.evaluate(&signal, state.values());
-        }
-        let learned = self.output_gain * vector::<M>(&signal.values) + self.output_offset;
-        let mean = learned + self.skip * from_centre;
-        let slopes = SMatrix::<f64, M, T>::from_fn(|output, motor| signal.slopes[motor][output]);
-        (mean, self.output_gain * slopes)
-    }
-
-    /// The position within a step that is nearest to some counts.
-    fn within_a_step(&self, state: &NetworkState, counts: &SVector<f64, D>) -> SVector<f64, D> {
-        counts.zip_map(&vector::<D>(&state.position), |to, from| {
-            // Not a number stays.
-            if (to - from).abs() > self.step { from + self.step.copysign(to - from) } else { to }
-        })
     }
 
     /// Works on the state in a memory. Without one, on the state from the present position alone.
@@ -202,38 +165,48 @@ impl<const D: usize, const M: usize> Network<D, M> {
     fn check_growth(&self, hull: &Hull) -> Result<(), ModelError> {
         let path = TrialPath::wide(hull, PATH_STEPS, PATH_STEPS);
         let mut state = self.begin(&hull.centre());
-        let mut halves = [0.0_f64; 2];
+        let mut networks = [("network", [0.0_f64; 2]), ("inverse", [0.0; 2])];
         for round in 0..ROUNDS {
             for counts in path.wander.iter().chain(&path.turns) {
                 self.walk(&mut state, counts);
-                let size = state.values().iter().map(|value| value.abs());
-                let half = &mut halves[2 * round / ROUNDS];
-                // Not a number is kept: it is above every bound.
-                *half = size.fold(*half, |most, size| if size <= most { most } else { size });
+                let (forward, inverse) = state.values().split_at(self.forward.end);
+                for ((_, halves), values) in networks.iter_mut().zip([forward, inverse]) {
+                    let size = values.iter().map(|value| value.abs());
+                    let half = &mut halves[2 * round / ROUNDS];
+                    // Not a number is kept: it is above every bound.
+                    *half = size.fold(*half, |most, size| if size <= most { most } else { size });
+                }
             }
         }
-        let [first, second] = halves;
-        require(
-            second <= MOST_GROWTH * first,
-            || "family.network.layers".to_owned(),
-            format!("a state of {first:.3e}, and then of {second:.3e}"),
-            "the hidden state grows while the motors go round and round: train it on longer motion",
-        )
+        let reason =
+            "the hidden state grows while the motors go round and round: train it on longer motion";
+        networks.iter().try_for_each(|(name, [first, second])| {
+            let shown = format!("a state of {first:.3e}, and then of {second:.3e}");
+            let key = || format!("family.{name}.layers");
+            require(*second <= MOST_GROWTH * first, key, shown, reason)
+        })
     }
 }
 
 /// A network after a motion: a regression on the position that follows.
 #[derive(Debug)]
-struct At<'a, const D: usize, const M: usize> {
+pub(super) struct At<'a, const D: usize, const M: usize> {
     network: &'a Network<D, M>,
-    state: &'a NetworkState,
+    pub state: &'a NetworkState,
 }
 
 impl<const D: usize, const M: usize> At<'_, D, M> {
-    /// The searches for all goals but the first start where that for the first ended.
+    /// The searches for all goals but the first start where that for the first ended, or where the
+    /// network of the inverse says.
     fn invert_each(&self, goals: &[OutputVec], hull: &Hull, query: &Query, found: &mut [Inverse]) {
         let mut start = SearchStart::new(self, hull, &bounded(&query.start));
         for (index, (goal, found)) in goals.iter().zip(found).enumerate() {
+            if let Some(inverse) = &self.network.inverse
+                && goal.iter().take(M).all(|part| part.is_finite())
+            {
+                *found = inverse.invert(self, goal, hull);
+                continue;
+            }
             let (inverse, end) = newton_inverse::invert_from(self, hull, goal, &start);
             *found = inverse;
             if index == 0 {
@@ -245,23 +218,15 @@ impl<const D: usize, const M: usize> At<'_, D, M> {
 
 impl<const D: usize, const M: usize> Regression<D, M> for At<'_, D, M> {
     fn local(&self, counts: &SVector<f64, D>) -> Local<D, M> {
-        let network = self.network;
-        let near = network.within_a_step(self.state, counts);
-        let (mean, mut jacobian) = network.evaluate::<D>(self.state, &near);
-        jacobian += network.skip;
-        let beyond = counts - near;
-        for motor in 0..D {
-            if beyond[motor] != 0.0 {
-                jacobian.set_column(motor, &network.straight.column(motor));
-            }
-        }
-        Local { mean: mean + network.straight * beyond, jacobian }
+        let Self { network, state } = self;
+        let last = vector(&state.position);
+        let (mean, jacobian) = network.forward.mean_and_slopes(state.values(), &last, counts);
+        Local { mean, jacobian }
     }
 
     fn mean(&self, counts: &SVector<f64, D>) -> SVector<f64, M> {
-        let near = self.network.within_a_step(self.state, counts);
-        let (mean, _) = self.network.evaluate::<0>(self.state, &near);
-        mean + self.network.straight * (counts - near)
+        let Self { network, state } = self;
+        network.forward.mean(state.values(), &vector(&state.position), counts)
     }
 
     fn predict(&self, counts: &SVector<f64, D>) -> Prediction<M> {
@@ -274,7 +239,7 @@ impl<const D: usize, const M: usize> Regression<D, M> for At<'_, D, M> {
     fn second_start(&self, goal: &SVector<f64, M>) -> Option<SVector<f64, D>> {
         let from = vector::<D>(&self.state.position);
         let motion = self.network.back * (goal - self.mean(&from));
-        Some(from + motion.map(|part| part + self.network.step.copysign(part)))
+        Some(from + motion.map(|part| part + self.network.forward.step.copysign(part)))
     }
 }
 
@@ -355,11 +320,12 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
     }
 
     /// Walks to positions all over the hull, and searches each from beside it. The state must not
-    /// grow on the way.
+    /// grow on the way, and a network of the inverse must find back, too.
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
         self.check_growth(hull)?;
         let mut state = self.begin(&hull.centre());
-        let trips = round_trip::positions(hull).into_iter().map(|counts| {
+        let (mut trips, mut goals, mut contradictions) = (Vec::new(), Vec::new(), Vec::new());
+        for counts in round_trip::positions(hull) {
             while state.position != counts {
                 let before = state.position;
                 self.walk(&mut state, &counts);
@@ -369,10 +335,16 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
             }
             let at = self.at(&state);
             let local = at.local(&vector(&counts));
-            let beside = counts.map(|at| at + STEPS_BESIDE * self.step);
-            let inverse = newton_inverse::invert(&at, hull, &array(&local.mean), &beside);
-            (counts, local, inverse.residual)
-        });
-        round_trip::judge(unit, trips.collect())
+            let beside = counts.map(|at| at + STEPS_BESIDE * self.forward.step);
+            let found = newton_inverse::invert(&at, hull, &array(&local.mean), &beside);
+            trips.push((counts, local, found.residual));
+            if let Some(inverse) = &self.inverse {
+                goals.push(local.mean);
+                contradictions.push(inverse.contradiction(&at, &local.mean));
+            }
+        }
+        round_trip::judge(unit, trips)?;
+        let judge = |inverse: &InverseNetwork<D, M>| inverse.judge(&goals, &contradictions, unit);
+        self.inverse.as_ref().map_or(Ok(()), judge)
     }
 }

@@ -117,6 +117,7 @@ pub fn import(
         let parameters = |memory_counts: Vec<f64>| {
             Fitted::plain(FamilyParameters::Network {
                 network: file.network.clone(),
+                inverse: None,
                 memory_counts,
                 gain: straight.gain.clone(),
                 covariance: straight.covariance.clone(),
