@@ -74,13 +74,14 @@ def write_recording(
 
 
 def walk(counts: ArrayLike, step_counts: float) -> tuple[Floats, NDArray[np.int64]]:
-    """Where a network steps along a path of the motors, and how many steps were taken when each row came.
+    """Where a network steps along a path of the motors, and how many steps were taken when each row came. For a network of
+    the inverse: along a path of the angles, with its ``step``.
 
     Train on it as the controller runs: a row ``k`` is one more step, to ``counts[k]``, on the hidden state after the
     first ``taken[k]`` steps, and that step is forgotten again.
     """
-    if not step_counts >= 1:
-        raise ValueError(f"step_counts: must be 1 or more, and is {step_counts}")
+    if not step_counts > 0:
+        raise ValueError(f"step_counts: must be above 0, and is {step_counts}")
     return _native.walk(_table("counts", counts, (1, 2)), float(step_counts))
 
 
@@ -103,8 +104,8 @@ class Model:
     def from_network(
         cls, network: str | Path | dict[str, Any], recording: str | Path, robot_id: str = "i2ris", hold_out: str = "blocks"
     ) -> Model:
-        """A model of a network (:func:`from_torch`, :func:`from_onnx`) and of a recording of the robot: the recording
-        gives hull, deviation and examination. Hold out what the network has not seen."""
+        """A model of a network (:func:`from_torch`, :func:`from_onnx`), or of one with its inverse, and of a recording of
+        the robot: the recording gives hull, deviation and examination. Hold out what the network has not seen."""
         with tempfile.TemporaryDirectory() as folder:
             if isinstance(network, dict):
                 path = Path(folder, "network.json")
