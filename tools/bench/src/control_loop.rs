@@ -1,11 +1,16 @@
 //! A periodic loop: lateness of its ticks, and computing time of a tick of the controller.
 
+use std::path::PathBuf;
+use std::sync::Arc;
+
 use i2ris::clock;
+use i2ris::model::Model;
 use i2ris::realtime::Ticker;
 use i2ris::units::Nanos;
 
 use crate::BenchError;
 use crate::inverse::two_clock_readings;
+use crate::model::model;
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::{Run, in_thread};
 use crate::tick::{Cycle, Duties};
@@ -41,6 +46,22 @@ pub struct LoopBenchmark {
     pub spin: Nanos,
     /// Turns of each variant, of a second.
     pub turns: u32,
+    /// The model of the controller; one of the program's own if absent.
+    pub model: Option<PathBuf>,
+}
+
+impl LoopBenchmark {
+    /// The model, and what it is.
+    fn model(&self) -> Result<(Arc<Model>, String), BenchError> {
+        let (model, name) = match &self.model {
+            Some(path) => (Model::load(path)?, path.display().to_string()),
+            None => {
+                let name = format!("gmr-play, {COMPONENTS} components, {PLAYS} plays per motor");
+                (model(COMPONENTS, PLAYS)?, name)
+            }
+        };
+        Ok((Arc::new(model), format!("The model of the controller: {name}.")))
+    }
 }
 
 /// Runs the ticker of the controller with its cycle, without and with adaptation, and a bare timer,
@@ -64,9 +85,9 @@ struct Rate {
 }
 
 impl Rate {
-    fn new(period: Nanos) -> Result<Self, BenchError> {
+    fn new(period: Nanos, model: &Arc<Model>) -> Result<Self, BenchError> {
         let cycle = |keeps_out, adapts| {
-            Cycle::new(period, COMPONENTS, PLAYS, Duties { adapts, keeps_out }).map(Box::new)
+            Cycle::new(period, model, Duties { adapts, keeps_out }).map(Box::new)
         };
         Ok(Self {
             period,
@@ -147,7 +168,8 @@ impl Rate {
 
 fn measure(benchmark: &LoopBenchmark, run: Run) -> Result<Found, BenchError> {
     let scheduling = vec![run.placement.apply("loop", 0)];
-    let rates = benchmark.periods.iter().map(|period| Rate::new(*period));
+    let (model, note) = benchmark.model()?;
+    let rates = benchmark.periods.iter().map(|period| Rate::new(*period, &model));
     let mut rates = rates.collect::<Result<Vec<_>, _>>()?;
     for _ in 0..benchmark.turns {
         for rate in &mut rates {
@@ -156,11 +178,8 @@ fn measure(benchmark: &LoopBenchmark, run: Run) -> Result<Found, BenchError> {
         }
     }
     let mut quantities: Vec<Quantity> = rates.iter().flat_map(Rate::quantities).collect();
-    quantities.extend([
-        Quantity::new("spinning before each tick", benchmark.spin.0 as f64 / 1e3, "us"),
-        Quantity::new("components of the model", COMPONENTS as f64, ""),
-        Quantity::new("plays per motor", PLAYS as f64, ""),
-    ]);
+    let spin_us = benchmark.spin.0 as f64 / 1e3;
+    quantities.push(Quantity::new("spinning before each tick", spin_us, "us"));
     let is_single = rates.len() == 1;
     let variants = rates.into_iter().flat_map(|rate| {
         let suffix = match is_single {
@@ -169,7 +188,7 @@ fn measure(benchmark: &LoopBenchmark, run: Run) -> Result<Found, BenchError> {
         };
         rate.variants(&suffix)
     });
-    Ok(Found { scheduling, variants: variants.collect(), quantities, notes: Vec::new() })
+    Ok(Found { scheduling, variants: variants.collect(), quantities, notes: vec![note] })
 }
 
 /// Runs a ticker for one turn: records the lateness of its ticks and calls `work` in each.

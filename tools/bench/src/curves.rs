@@ -6,6 +6,8 @@
 mod clients;
 mod fit;
 
+use std::sync::Arc;
+
 use i2ris::clock;
 use i2ris::units::Nanos;
 use serde::Serialize;
@@ -169,7 +171,8 @@ fn over_axes(rounds: u32, run: Run) -> Result<Vec<Curve>, BenchError> {
 
 /// Median of a tick.
 fn tick_us(period: Nanos, components: usize, plays: usize, rounds: u32) -> Result<f64, BenchError> {
-    let mut cycle = Cycle::new(period, components, plays, Duties::default())?;
+    let model = Arc::new(model(components, plays)?);
+    let mut cycle = Cycle::new(period, &model, Duties::default())?;
     let mut durations = Durations::new(WARM_UP);
     for _ in 0..TICKS * rounds {
         let begin = clock::now();

@@ -147,6 +147,9 @@ struct LoopArguments {
     #[arg(long, value_name = "S", default_value_t = 10,
           value_parser = value_parser!(u32).range(1..=3600))]
     duration_s: u32,
+    /// The model of the controller; without, a mixture of the program's own with plays
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
 }
 
 #[derive(Debug, clap::Args)]
@@ -303,12 +306,13 @@ fn outcomes(arguments: &Arguments, task: &Task, run: Run) -> Result<Vec<Outcome>
 fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
     match task {
         Task::Ipc(IpcArguments { messages }) => ipc::run(*messages, run),
-        Task::Loop(LoopArguments { rate_hz, spin_us, duration_s }) => {
+        Task::Loop(LoopArguments { rate_hz, spin_us, duration_s, model }) => {
             let period = |rate_hz: &u32| Nanos(1_000_000_000 / u64::from(*rate_hz));
             let benchmark = control_loop::LoopBenchmark {
                 periods: rate_hz.iter().map(period).collect(),
                 spin: Nanos::from_micros(*spin_us),
                 turns: *duration_s,
+                model: model.clone(),
             };
             control_loop::run(&benchmark, run)
         }

@@ -7,13 +7,13 @@ use std::sync::Arc;
 
 use i2ris::config::{Config, MAX_REGIONS};
 use i2ris::core::{ExternalPose, ServoGoal};
+use i2ris::model::Model;
 use i2ris::model::kinematic::tip_position;
 use i2ris::robot::{OperatingState, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs};
 
 use crate::BenchError;
-use crate::model::model;
 
 /// The configuration with limits and filters.
 pub const CONFIG: &str = include_str!("../../../config/emulator.toml");
@@ -59,20 +59,14 @@ struct Camera {
 impl Cycle {
     /// An enabled cycle; with adaptation also a camera, and a memory that a conditioning cycle has
     /// made known.
-    pub fn new(
-        period: Nanos,
-        components: usize,
-        plays: usize,
-        duties: Duties,
-    ) -> Result<Self, BenchError> {
+    pub fn new(period: Nanos, model: &Arc<Model>, duties: Duties) -> Result<Self, BenchError> {
         let Duties { adapts, keeps_out } = duties;
         let reach_deg = if keeps_out { REACH_AT_REGIONS_DEG } else { REACH_DEG };
         let text = if keeps_out { format!("{CONFIG}{}", regions()) } else { CONFIG.to_owned() };
         let mut config = Config::parse(&text, Path::new("config/emulator.toml"))?;
         config.control.rate_hz = (1_000_000_000 / period.0.max(1)) as u32;
         config.adaptation.enabled = adapts;
-        let model = Arc::new(model(components, plays)?);
-        let mut control = ClosedLoop::new(&config, &model, IdealMotors::default());
+        let mut control = ClosedLoop::new(&config, model, IdealMotors::default());
         control.command(StateCommand::Enable)?;
         if adapts {
             control.command(StateCommand::Condition)?;

@@ -146,7 +146,8 @@ pub fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     domain.clone_into(&mut config.ipc.domain);
     config.record.folder = folder.join("records");
     // Emulated drives share the computer with everything else that runs there: when it stalls, so
-    // do they, and that is no fault of a line.
+    // do they, and that is no fault of a line. An exchange that is lost is repeated before a
+    // position is stale.
     (
         config.limits.feedback_stale_ms,
         config.limits.feedback_lost_ms,
@@ -154,7 +155,7 @@ pub fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     ) = (1000, 5000, 3000);
     for (axis, port) in config.ports.iter_mut().enumerate() {
         port.device = folder.join(format!("ports/axis{axis}"));
-        port.reply_timeout_ms = 500;
+        port.reply_timeout_ms = 300;
     }
     Ok(config)
 }

@@ -20,7 +20,7 @@ import tomllib
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -131,9 +131,15 @@ class Model:
         """The contents of the file."""
         return json.loads(self._native.json())
 
-    def predict(self, counts: ArrayLike) -> Floats:
-        """Angles along a path of the motors, deg. The memory begins with the first row."""
-        return self._native.predict(_table("counts", counts, (self._native.motors,)))
+    @overload
+    def predict(self, counts: ArrayLike, return_std: Literal[False] = False) -> Floats: ...
+    @overload
+    def predict(self, counts: ArrayLike, return_std: Literal[True]) -> tuple[Floats, Floats]: ...
+    def predict(self, counts: ArrayLike, return_std: bool = False) -> Floats | tuple[Floats, Floats]:
+        """Angles along a path of the motors, deg; with ``return_std`` their standard deviations, too, as the regressors
+        of scikit-learn that know theirs. The memory begins with the first row."""
+        angles, deviations = self._native.predict(_table("counts", counts, (self._native.motors,)))
+        return (angles, deviations) if return_std else angles
 
     def invert(self, angles_deg: ArrayLike, history: ArrayLike | None = None) -> Floats:
         """Whole counts that bring the angles along a trajectory, after a path of the motors. For the limits and filters
@@ -275,9 +281,13 @@ class Calibration:
             raise ModelError("nothing is fitted yet: call fit first")
         return self.model_
 
-    def predict(self, counts: ArrayLike) -> Floats:
+    @overload
+    def predict(self, counts: ArrayLike, return_std: Literal[False] = False) -> Floats: ...
+    @overload
+    def predict(self, counts: ArrayLike, return_std: Literal[True]) -> tuple[Floats, Floats]: ...
+    def predict(self, counts: ArrayLike, return_std: bool = False) -> Floats | tuple[Floats, Floats]:
         """See :meth:`Model.predict`."""
-        return self._fitted().predict(counts)
+        return self._fitted().predict(counts, return_std)
 
     def invert(self, angles_deg: ArrayLike, history: ArrayLike | None = None) -> Floats:
         """See :meth:`Model.invert`."""

@@ -319,8 +319,9 @@ pub fn run_on_shared_machine(config: &mut Config) {
     config.command.deadline_ms = 500;
     config.command.lease_timeout_ms = 2000;
     for port in &mut config.ports {
-        // The longest that is allowed: on a loaded machine an emulated drive may answer late.
-        port.reply_timeout_ms = 1000;
+        // A loaded machine answers late, and an exchange that is lost is repeated several times before
+        // a position is stale.
+        port.reply_timeout_ms = 300;
     }
 }
 

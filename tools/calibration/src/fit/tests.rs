@@ -244,9 +244,9 @@ fn the_model_is_fitted_to_all_rows_and_judged_on_rows_that_it_had_not_seen() {
 fn a_recording_of_one_axis_at_a_time_is_fitted_by_separable_families_only() {
     let mut random = noise(8);
     let mut behind = [0.0; 2];
-    let axes = recording(2000, |time| {
+    let axes = recording(1000, |time| {
         let [a, b] = wander(time);
-        let counts = if time < 200.0 { [a, 0.0] } else { [0.0, b] };
+        let counts = if time < 100.0 { [a, 0.0] } else { [0.0, b] };
         for motor in 0..2 {
             behind[motor] = f64::clamp(behind[motor], counts[motor] - 60.0, counts[motor] + 60.0);
         }
@@ -285,15 +285,15 @@ fn with_gaps_and_spikes(rows: usize) -> Recording {
 
 #[test]
 fn the_deviation_of_an_estimate_holds_on_later_motion_and_spikes_do_not_widen_it() {
-    let model = fitted(&with_gaps_and_spikes(2000), &of_family(Family::ForceBalance)).model;
+    let model = fitted(&with_gaps_and_spikes(1000), &of_family(Family::ForceBalance)).model;
     let FamilyParameters::ForceBalance { read_out, .. } = &model.file().family else {
         panic!("{:?}", model.file().family)
     };
-    let later = with_gaps_and_spikes(4000);
+    let later = with_gaps_and_spikes(3000);
     let predicted = predictions(&model, &later);
     for output in 0..2 {
         let deviation = read_out.covariance[output][output].sqrt();
-        let rows = later.rows().iter().zip(&predicted).skip(2000);
+        let rows = later.rows().iter().zip(&predicted).skip(1000);
         let within = rows
             .filter(|(row, found)| (row.outputs[output] - found[output]).abs() < 1.96 * deviation);
         let share = within.count() as f64 / 2000.0;

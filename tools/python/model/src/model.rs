@@ -82,26 +82,29 @@ impl Model {
         (found.error, found.travel)
     }
 
-    /// Angles along a path of the motors, deg.
+    /// Angles along a path of the motors, and their standard deviations, deg.
     fn predict<'py>(
         &self,
         py: Python<'py>,
         counts: PyReadonlyArray2<'py, f64>,
-    ) -> Bound<'py, PyArray2<f64>> {
+    ) -> (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>) {
         let counts = counts.as_array().to_owned();
-        let angles = py.detach(|| {
+        let (angles, deviations) = py.detach(|| {
             let mut memory = self.0.new_memory();
-            let mut angles = Array2::zeros((counts.nrows(), self.0.outputs()));
+            let shape = (counts.nrows(), self.0.outputs());
+            let (mut angles, mut deviations) = (Array2::zeros(shape), Array2::zeros(shape));
             for row in 0..counts.nrows() {
                 let at = motors(&counts.view(), row);
                 self.0.advance(&mut memory, &at);
-                for (output, angle) in self.predicted(&memory, &at).into_iter().enumerate() {
-                    angles[(row, output)] = angle;
+                let found = self.0.predict(&at, &memory);
+                for (output, deviation) in found.deviation().iter().enumerate().take(shape.1) {
+                    angles[(row, output)] = found.mean[output] / self.si();
+                    deviations[(row, output)] = deviation / self.si();
                 }
             }
-            angles
+            (angles, deviations)
         });
-        angles.into_pyarray(py)
+        (angles.into_pyarray(py), deviations.into_pyarray(py))
     }
 
     /// Counts along a path of the angles, deg, after a path of the motors.
