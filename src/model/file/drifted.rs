@@ -230,7 +230,7 @@ impl OutputMap {
             }
         }
         inverse.input_scale.fill(1.0);
-        inverse.skip_gain = product(&inverse.skip_gain, &rows(&[1.0; 2]));
+        inverse.skip_gain = product(&inverse.skip_gain, &rows(&vec![1.0; size]));
         inverse.input_centre = self.apply(&inverse.input_centre);
     }
 

@@ -152,7 +152,9 @@ def test_the_inverse_comes_back_whole_and_tick_by_tick(train, tmp_path):
     turn = np.linspace(0, 6, 200)
     goal = 10 * np.column_stack([np.sin(turn), np.cos(turn)])
     counts = model.invert(goal, history=train.counts)
-    assert np.abs(model.predict(counts) - goal).max() < 0.05
+    found, deviations = model.predict(counts, return_std=True)
+    assert np.abs(found - goal).max() < 0.05 and np.array_equal(found, model.predict(counts))
+    assert deviations.shape == found.shape and (deviations > 0).all()
     tracker = model.tracker(train.counts)
     found, clipped = tracker.invert(list(goal[0]))
     assert not clipped and np.abs(np.round(found) - counts[0]).max() == 0
