@@ -11,12 +11,14 @@
 //! - **straight line**: the gain of the recording. A network has learned what a step does and not
 //!   what a jump does, so beyond a step it is continued by the straight line.
 //!
-//! The inverse is the damped Newton search on the position that is tried. Beside the forward network
-//! there may be one of the inverse, which answers instead: it steps with the travel of the outputs,
-//! as the forward network says it, and is held to what that one allows. Layers work as in PyTorch
-//! (GRU: K. Cho et al. 2014, with the reset after the product; LSTM: S. Hochreiter and J.
-//! Schmidhuber 1997, with the forget gate of F. Gers et al. 2000; causal convolution: zeros before
-//! the beginning). Sums have a fixed order and nothing is allocated, so a replay has the same bits.
+//! The inverse is the damped Newton search on the position that is tried. Beside the forward
+//! network there may be one of the inverse, which answers instead: it steps with the travel of the
+//! outputs, as the forward network says it, and is held to what that one allows.
+//!
+//! Layers work as in PyTorch (GRU: K. Cho et al. 2014, with the reset after the product; LSTM: S.
+//! Hochreiter and J. Schmidhuber 1997, with the forget gate of F. Gers et al. 2000; causal
+//! convolution: zeros before the beginning). Sums have a fixed order and nothing is allocated, so a
+//! replay has the same bits.
 //!
 //! | file | contents |
 //! |---|---|

@@ -53,9 +53,9 @@ pub struct NetworkParameters {
     pub skip_gain: Rows,
 }
 
-/// A network of the inverse in units of the file, from outputs to counts: with `x = outputs -
-/// input_centre`, the layers of `x * input_scale`, then `output_gain * y + output_offset + skip_gain *
-/// x`.
+/// A network of the inverse in units of the file, from outputs to counts: `x = outputs -
+/// input_centre`, then the layers of `x * input_scale`, then `output_gain * y + output_offset`,
+/// plus `skip_gain * x`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InverseParameters {
