@@ -147,7 +147,7 @@ pub fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     config.record.folder = folder.join("records");
     // Emulated drives share the computer with everything else that runs there: when it stalls, so
     // do they, and that is no fault of a line. An exchange that is lost is repeated before a
-    // position is stale.
+    // position is stale, and drives watch the distance to their setpoint, too.
     (
         config.limits.feedback_stale_ms,
         config.limits.feedback_lost_ms,
@@ -156,6 +156,9 @@ pub fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     for (axis, port) in config.ports.iter_mut().enumerate() {
         port.device = folder.join(format!("ports/axis{axis}"));
         port.reply_timeout_ms = 300;
+        for axis in &mut port.axes {
+            axis.following_error_counts = 3000;
+        }
     }
     Ok(config)
 }

@@ -322,6 +322,10 @@ pub fn run_on_shared_machine(config: &mut Config) {
         // A loaded machine answers late, and an exchange that is lost is repeated several times before
         // a position is stale.
         port.reply_timeout_ms = 300;
+        // Drives watch the distance to their setpoint, too, and stall like everything else.
+        for axis in &mut port.axes {
+            axis.following_error_counts = 3000;
+        }
     }
 }
 

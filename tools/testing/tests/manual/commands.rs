@@ -41,6 +41,7 @@ impl Session {
                 .replace("feedback_stale_ms = 120", "feedback_stale_ms = 2000")
                 .replace("feedback_lost_ms = 500", "feedback_lost_ms = 10000")
                 .replace("following_error_counts = 300", "following_error_counts = 3000")
+                .replace("following_error_counts = 400", "following_error_counts = 3000")
                 .replace("reply_timeout_ms = 100", "reply_timeout_ms = 300");
             fs::write(config.join(name), text).unwrap();
         }
