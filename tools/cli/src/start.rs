@@ -152,10 +152,10 @@ pub fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
         config.limits.feedback_stale_ms,
         config.limits.feedback_lost_ms,
         config.limits.following_error_counts,
-    ) = (1000, 5000, 3000);
+    ) = (2000, 5000, 3000);
     for (axis, port) in config.ports.iter_mut().enumerate() {
         port.device = folder.join(format!("ports/axis{axis}"));
-        port.reply_timeout_ms = 300;
+        port.reply_timeout_ms = 500;
         for axis in &mut port.axes {
             axis.following_error_counts = 3000;
         }

@@ -319,9 +319,9 @@ pub fn run_on_shared_machine(config: &mut Config) {
     config.command.deadline_ms = 500;
     config.command.lease_timeout_ms = 2000;
     for port in &mut config.ports {
-        // A loaded machine answers late, and an exchange that is lost is repeated several times before
-        // a position is stale.
-        port.reply_timeout_ms = 300;
+        // A loaded machine answers late, and a line is given up after five silent exchanges; one that
+        // is lost is repeated before a position is stale.
+        port.reply_timeout_ms = 600;
         // Drives watch the distance to their setpoint, too, and stall like everything else.
         for axis in &mut port.axes {
             axis.following_error_counts = 3000;

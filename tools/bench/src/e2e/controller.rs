@@ -26,7 +26,7 @@ use crate::{BenchError, own_domain};
 /// Limit for operations that take much less than a second on an idle machine.
 pub const TIMEOUT: Nanos = Nanos::from_millis(20_000);
 /// Reply timeout of a drive. It is long because a stall of the machine must not be a fault.
-const REPLY_TIMEOUT_MS: u64 = 300;
+const REPLY_TIMEOUT_MS: u64 = 1000;
 /// Deadline of commands that name none. It is long for the same reason.
 const DEADLINE_MS: u64 = 500;
 /// The statistics of the loop come once a second.
@@ -178,7 +178,7 @@ fn configure(
     config.record.folder = folder.join("records");
     config.command.deadline_ms = DEADLINE_MS;
     config.limits.feedback_stale_ms = 3 * REPLY_TIMEOUT_MS;
-    config.limits.feedback_lost_ms = 15 * REPLY_TIMEOUT_MS;
+    config.limits.feedback_lost_ms = 5 * REPLY_TIMEOUT_MS;
     for (port, of_rig) in config.ports.iter_mut().zip(rig.ports()) {
         let PortConfig { device, .. } = of_rig;
         (port.device, port.reply_timeout_ms) = (device, REPLY_TIMEOUT_MS);
