@@ -319,9 +319,9 @@ pub fn run_on_shared_machine(config: &mut Config) {
     config.command.deadline_ms = 500;
     config.command.lease_timeout_ms = 2000;
     for port in &mut config.ports {
-        // A loaded machine answers late, and a line is given up after five silent exchanges; one that
-        // is lost is repeated before a position is stale.
-        port.reply_timeout_ms = 600;
+        // The longest that is allowed: on a loaded machine an emulated drive may answer late, five
+        // silences give its line up, and a request before a late reply counts as a bug of the host.
+        port.reply_timeout_ms = 1000;
         // Drives watch the distance to their setpoint, too, and stall like everything else.
         for axis in &mut port.axes {
             axis.following_error_counts = 3000;

@@ -42,7 +42,7 @@ impl Session {
                 .replace("feedback_lost_ms = 500", "feedback_lost_ms = 10000")
                 .replace("following_error_counts = 300", "following_error_counts = 3000")
                 .replace("following_error_counts = 400", "following_error_counts = 3000")
-                .replace("reply_timeout_ms = 100", "reply_timeout_ms = 600");
+                .replace("reply_timeout_ms = 100", "reply_timeout_ms = 1000");
             fs::write(config.join(name), text).unwrap();
         }
         Self { folder, domain, background: Vec::new() }
