@@ -161,6 +161,27 @@ fn no_gap_is_crossed_for_a_fraction_of_a_thousandth_of_a_count() {
     assert!(back < 490.0, "{back}");
 }
 
+/// A motor that stays in its gap may do so beyond a slanted side of the hull: moved back along the
+/// gap it costs nothing, where the nearest point of the hull moves the other motor too. Seen on a
+/// snake whose best model was refused for it at one corner.
+#[test]
+fn beyond_a_side_of_the_hull_a_motor_is_moved_within_its_gap() {
+    let mut file = balance_file(2);
+    let corners = [[0.0, -1000.0], [1000.0, 0.0], [0.0, 1000.0], [-1000.0, 0.0]];
+    file.hull.corners = corners.iter().map(|corner| corner.to_vec()).collect();
+    let model = Model::from_file(file).unwrap();
+    let centre = [0.0, 3.0];
+    let memory = memory_after(&model, &[centre]);
+    // In the gap of motor 1, which is 10 counts to each side.
+    for at in [[1000.0, 0.0], [-1000.0, 0.0], [995.0, 5.0]] {
+        let goal = model.predict(&at, &memory).mean;
+        let found = model.invert(&goal, &memory, &Query::new(centre));
+        let reached = model.predict(&found.counts, &memory).mean;
+        let missed = distance(&reached, &goal) / DEG;
+        assert!(missed < 2e-3 && !found.clipped, "{missed} deg at {at:?}: {found:?}");
+    }
+}
+
 #[test]
 fn a_file_without_yielding_stops_is_read() {
     let mut old = some_balance(1);

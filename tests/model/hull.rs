@@ -59,6 +59,25 @@ fn a_point_outside_projects_to_a_side_or_a_corner() {
     assert_eq!(hull.project(&[f64::NAN, 0.0]), hull.centre());
 }
 
+/// A motor may be anywhere in its slack for nothing: in the box of both, or as near to it as may be.
+#[test]
+fn slack_is_used_before_a_motor_that_pulls_moves() {
+    let hull = polygon(&[[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]]).unwrap();
+    let near = |counts, slack| hull.project_with_slack(&counts, &slack);
+    let is = |found, wanted| assert!(distance(found, wanted) < 1e-6, "{found:?} for {wanted:?}");
+    // Along the slack onto the side, and no further than to its end.
+    is(near([3.0, 3.0], [[3.0, 0.5], [3.0, 4.0]]), [3.0, 1.0]);
+    is(near([3.0, 3.0], [[3.0, 2.0], [3.0, 4.0]]), [2.5, 1.5]);
+    is(near([3.0, 3.0], [[0.0, 3.0], [3.5, 3.0]]), [1.0, 3.0]);
+    // Beside the hull: the corner that is nearest to the slack.
+    is(near([5.0, -3.0], [[5.0, -4.0], [5.0, 2.0]]), [4.0, 0.0]);
+    // Without any, or along a side, the nearest point.
+    is(near([3.0, 3.0], [[3.0; 2]; 2]), [2.0, 2.0]);
+    is(near([2.0, -1.0], [[0.5, -1.0], [3.0, -1.0]]), [2.0, 0.0]);
+    assert_eq!(near([1.0, 1.0], [[0.0; 2], [2.0; 2]]), [1.0, 1.0]);
+    assert_eq!(near([f64::NAN, 0.0], [[0.0; 2], [2.0; 2]]), hull.centre());
+}
+
 #[test]
 fn hull_of_a_circle_has_the_most_corners_on_the_circle() {
     let circle: Vec<_> = (0..5000)

@@ -21,6 +21,10 @@ pub(in crate::model) const MAX_COUNTS: f64 = 2_147_483_648.0;
 /// The least width of a hull, in counts. A narrower hull allows no motion.
 const MIN_WIDTH_COUNTS: f64 = 1.0;
 
+/// What a motion within slack counts, relative to one that moves the snake: nothing, but it decides
+/// between equals.
+const SLACK_WEIGHT: f64 = 1e-9;
+
 /// The convex region of motor space that calibration visited, counts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -204,6 +208,41 @@ impl Hull {
         }
         let bounded = counts.map(|c| c.clamp(-MAX_COUNTS, MAX_COUNTS));
         self.minimise(&Quadratic::DISTANCE, bounded).counts
+    }
+
+    /// The nearest point of the hull where the motors may be anywhere between the lowest and the
+    /// highest counts of a box around `counts` for nothing: the point that is nearest to the box,
+    /// and of several the one that is nearest to `counts`. Without slack it is
+    /// [`Hull::project`].
+    #[must_use]
+    pub fn project_with_slack(&self, counts: &MotorVec, slack: &[MotorVec; 2]) -> MotorVec {
+        if counts.iter().any(|c| c.is_nan()) || self.contains(counts) {
+            return self.project(counts);
+        }
+        let [low, high] = slack;
+        let mut anchor = counts.map(|c| c.clamp(-MAX_COUNTS, MAX_COUNTS));
+        let mut hessian = [[1.0, 0.0], [0.0, 1.0]];
+        for motor in 0..MAX_MOTORS {
+            let is_slack = low[motor] < high[motor];
+            hessian[motor][motor] = if is_slack { SLACK_WEIGHT } else { 1.0 };
+        }
+        let mut found = anchor;
+        // A motor that has used up its slack counts from the end of it on.
+        for _ in 0..=MAX_MOTORS {
+            let Some(distance) = Quadratic::new([0.0; MAX_MOTORS], hessian, 0.0) else { break };
+            found = self.minimise(&distance, anchor).counts;
+            let mut changed = false;
+            for motor in 0..MAX_MOTORS {
+                let within = found[motor].max(low[motor]).min(high[motor]);
+                if hessian[motor][motor] < 1.0 && found[motor] != within {
+                    (anchor[motor], hessian[motor][motor], changed) = (within, 1.0, true);
+                }
+            }
+            if !changed {
+                break;
+            }
+        }
+        found
     }
 
     /// The point of the hull with the least value of a quadratic of the step from `origin`. If the

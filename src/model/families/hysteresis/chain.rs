@@ -108,12 +108,18 @@ where
         let virtual_counts = vector::<D>(&found.counts);
         let unconstrained: MotorVec =
             array(&self.operator.invert_from(origin, &virtual_counts, query.compensation));
-        let counts = hull.project(&unconstrained);
-        let outside_hull = counts
-            .iter()
-            .zip(unconstrained)
-            .any(|(inside, outside)| (inside - outside).abs() > TOLERANCE_COUNTS);
-        if !outside_hull {
+        let nearest = hull.project(&unconstrained);
+        let differs = |a: MotorVec, b: MotorVec| {
+            a.iter().zip(b).any(|(a, b)| (a - b).abs() > TOLERANCE_COUNTS)
+        };
+        if !differs(nearest, unconstrained) {
+            return (Inverse { counts: nearest, ..found }, end);
+        }
+        let slack = self.operator.slack(origin, &vector(&unconstrained));
+        let counts = hull.project_with_slack(&unconstrained, &slack);
+        let [low, high] = slack;
+        let held = std::array::from_fn(|motor| counts[motor].max(low[motor]).min(high[motor]));
+        if !differs(held, counts) {
             return (Inverse { counts, ..found }, end);
         }
         let reached_virtual = self.operator.virtual_counts(state, &vector(&counts));

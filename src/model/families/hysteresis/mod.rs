@@ -34,7 +34,7 @@ use std::fmt::Debug;
 use nalgebra::SVector;
 
 use crate::model::families::memory::State;
-use crate::model::maths::regression::Local;
+use crate::model::maths::regression::{Local, array};
 use crate::units::MotorVec;
 
 /// The most normalised lags of an operator; see [`Lags`].
@@ -84,6 +84,13 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
         goal: &SVector<f64, D>,
         compensation: f64,
     ) -> SVector<f64, D>;
+
+    /// The lowest and the highest counts between which every motor may be instead of at `counts`,
+    /// with the same virtual counts: backlash that is not crossed. `counts` themselves where a motor
+    /// pulls.
+    fn slack(&self, _origin: &Self::Origin<'_>, counts: &SVector<f64, D>) -> [MotorVec; 2] {
+        [array(counts); 2]
+    }
 
     /// [`Operator::invert_from`] for a single goal.
     fn invert(

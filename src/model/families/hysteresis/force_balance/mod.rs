@@ -318,6 +318,19 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
         self.counts(&positions)
     }
 
+    fn slack(&self, origin: &BalanceOrigin<'_, D>, counts: &SVector<f64, D>) -> [MotorVec; 2] {
+        let positions = self.positions(counts);
+        let mut ends = [positions; 2];
+        for (i, at) in positions.iter().enumerate() {
+            let (gap, pulley) = (self.gap(origin.state, i), origin.state.pulley[i]);
+            let (low, high) = (pulley - gap, pulley + gap);
+            if low <= *at && *at <= high {
+                (ends[0][i], ends[1][i]) = (low, high);
+            }
+        }
+        ends.map(|end| array(&self.counts(&end)))
+    }
+
     /// An estimate: the gap, the slack, the change of the stretch from one direction of friction to
     /// the other, and the bend that drags the widest stop from one end to the other.
     fn wipe_counts(&self) -> MotorVec {
