@@ -55,13 +55,14 @@ def shares(rows: Iterable[Row], physics: str, method: str, task: str) -> list[fl
     """The shares of a method on a physics; none where any of them was refused."""
     of = [row for row in rows if row["physics"] == physics]
     if method == "exact":
-        return [row["exact"] for row in of if "exact" in row][:1]
+        return list({row["seed"]: row["exact"] for row in of if "exact" in row}.values())
     of = [row for row in of if row["method"] == method]
     return [row[task] for row in of] if all(task in row for row in of) else []
 
 
 def table(rows: list[Row], task: str) -> list[str]:
-    """Methods by physics."""
+    """Methods by physics; those of other seeds than the whole table say so."""
+    every_seed = {row["seed"] for row in rows}
     physics = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in rows)]
     methods = list(dict.fromkeys(row["method"] for row in rows)) + ["exact"] * (task == "inverse")
     lines = [f"| method | {' | '.join(physics)} | all |", "|---" * (len(physics) + 2) + "|"]
@@ -71,7 +72,9 @@ def table(rows: list[Row], task: str) -> list[str]:
         cells = [f"{benchmark.geometric_mean(cell):.3f}" if cell else "-" for cell in found]
         every = [share for cell in found for share in cell]
         whole = f"{benchmark.geometric_mean(every):.3f}" if every and all(found) else "-"
-        lines.append(f"| {method} | {' | '.join(cells)} | {whole} |")
+        seeds = {row["seed"] for row in rows if row["method"] == method} or every_seed
+        of = "" if seeds == every_seed else f" (seed {', '.join(map(str, sorted(seeds)))})"
+        lines.append(f"| {method}{of} | {' | '.join(cells)} | {whole} |")
     return lines
 
 

@@ -345,7 +345,7 @@ def test_the_table_takes_results_of_others_and_draws_them(tmp_path, monkeypatch)
     def row(method, seed, forward):
         return {
             "version": 1, "physics": "gear", "seed": seed, "protocol": "reversals", "camera": "usual", "method": method,
-            "forward": forward, "inverse": 2 * forward, "exact": 0.01,
+            "forward": forward, "inverse": 2 * forward, "exact": 0.01 * seed**2,
         }  # fmt: skip
 
     theirs, refused = tmp_path / "theirs.json", {**row("odd", 1, 0.3), "refused": "it folds"}
@@ -356,8 +356,8 @@ def test_the_table_takes_results_of_others_and_draws_them(tmp_path, monkeypatch)
     monkeypatch.setattr(sys, "argv", ["benchmark_table", *map(str, options)])
     benchmark_table.main()
     page = files[1].read_text()
-    assert "| theirs | 0.200 | 0.200 |" in page and "| theirs | 0.400 | 0.400 |" in page and "| odd | - | - |" in page, page
-    assert "| exact | 0.010 |" in page and "odd, gear 1: it folds" in page
+    assert "| theirs | 0.200 | 0.200 |" in page and "| theirs | 0.400 | 0.400 |" in page and "| odd (seed 1) | - | - |" in page, page
+    assert "| exact | 0.020 |" in page and "odd, gear 1: it folds" in page
     assert files[2].read_text().startswith("<svg") and json.loads(files[0].read_text())[0]["method"] == "theirs"
 
 
