@@ -31,29 +31,25 @@ from __future__ import annotations
 import atexit
 import os
 import secrets
-import signal
-import subprocess
 import time
 import weakref
-from pathlib import Path
 from typing import Any, Callable, Sequence, TypeVar
 
 import numpy as np
 
 from .fixtures import FixtureArm
 from .link import Link, NoController, OtherInterface, client, publisher, subscriber
+from .motors import ActuatorArm, JawArm
+from .operation import Operation
 from .payload import (
     ActuatorState,
     ExternalPosition,
     JointState,
-    ModelReply,
-    ModelRequest,
     MoveRequest,
     OperatingStateMsg,
     Payload,
     PeriodStatistics,
     ReasonMsg,
-    ServoActuator,
     ServoJp,
     StateCommandReply,
     StateCommandRequest,
@@ -61,6 +57,9 @@ from .payload import (
     VersionRequest,
 )
 from .reasons import FAULTS
+from .recording import Recording
+from .requests import REPLY_TIMEOUT_S
+from .slots import ModelArm
 from .values import (
     FAULT_KIND,
     REFUSAL_KIND,
@@ -77,7 +76,6 @@ from .values import (
     Refused,
     Stopped,
     measurement,
-    model,
     refusal_text,
     text,
 )
@@ -122,63 +120,18 @@ REASONS = 16
 #: Time for the message of a refusal, which comes after the count of refusals, s.
 REASON_TIMEOUT_S = 0.25
 
-#: Timeout for the start and the end of a recording, s.
-RECORD_TIMEOUT_S = 30.0
-#: Timeout for a reply, s.
-REPLY_TIMEOUT_S = 1.0
-#: Timeout for requests about models, which are checked over their whole hull, s.
-MODEL_REPLY_TIMEOUT_S = 30.0
 #: Time limit for drives that are starting, s.
 DRIVES_TIMEOUT_S = 15.0
 #: Refusal while they are.
 DRIVES_NOT_READY = 16
 #: Refusal of a pose that cannot be reached.
 OUT_OF_REACH = 23
-#: Distance of the setpoint from the goal at which a motion has arrived, deg: rounding to counts, and the dead-band.
-ARRIVAL_DEG = 0.5
 #: Time for the first message of a stream: the slowest one that a client needs comes once a second, s.
 FIRST_TIMEOUT_S = 3.0
 #: Polling period for replies, s.
 POLL_S = 0.001
 
 P = TypeVar("P", bound=Payload)
-
-
-class Operation:
-    """A command that the controller has accepted and carries out."""
-
-    def __init__(self, arm: "Arm", name: str, done: Callable[[OperatingState], bool], goal: np.ndarray | None = None):
-        self._arm, self._name, self._done, self._goal = arm, name, done, goal
-        self._accepted_ns = time.monotonic_ns()
-
-    def is_done(self) -> bool:
-        """Whether the robot is no longer busy with it. Does not wait."""
-        state = self._arm.operating_state()
-        return state.stamp_ns > self._accepted_ns and not state.busy
-
-    def wait(self, timeout_s: float = 300.0) -> OperatingState:
-        """Waits until it is carried out. Raises ``Fault``, ``Stopped`` or ``TimeoutError``."""
-
-        def ended(state: OperatingState) -> bool:
-            return state.stamp_ns > self._accepted_ns and not state.busy
-
-        state = self._arm.wait_for(ended, timeout_s)
-        if state.state == "FAULT":
-            raise self._arm._fault(state, f"{self._name}: ")
-        if not self._done(state):
-            raise Stopped(f"{self._name}: ended before it was carried out; the robot is {state.state}")
-        if self._goal is not None:
-            self._check_arrival()
-        return state
-
-    def _check_arrival(self) -> None:
-        """A motion that somebody has stopped ends away from its goal."""
-        setpoint = self._arm.setpoint_js()
-        if self._goal is None or not setpoint.valid:
-            return
-        away = np.degrees(np.linalg.norm(setpoint.position - self._goal))
-        if away > ARRIVAL_DEG:
-            raise Stopped(f"{self._name}: the setpoint is {away:.2f} deg away from the goal: stopped")
 
 
 class Arm:
@@ -468,7 +421,7 @@ class Arm:
             lines.append(f"{(now - cause.stamp_ns) / 1e9:.1f} s ago{own}: {cause.text}; do: {cause.advice}")
         return "\n".join(lines)
 
-    def record(self, path: str | os.PathLike[str], note: str = "") -> "Recording":
+    def record(self, path: str | os.PathLike[str], note: str = "") -> Recording:
         """Records all streams as MCAP until ``stop()`` or the end of a ``with`` block, by the program ``i2ris record``."""
         return Recording(self._link.domain, path, note)
 
@@ -645,127 +598,3 @@ def _close(arm: weakref.ref[Arm]) -> None:
     it = arm()
     if it is not None:
         it.close()
-
-
-class ActuatorArm:
-    """The motors of an arm, in counts."""
-
-    def __init__(self, arm: Arm):
-        self._arm = arm
-
-    def servo_jp(self, counts: Sequence[int]) -> int:
-        """Turn the motors to these encoder positions now. Call it repeatedly."""
-        if not 1 <= len(counts) <= 2:
-            raise ValueError("1 or 2 values")
-        self._arm._raise_refusals()
-        command = self._arm._stamped(ServoActuator, len(counts))
-        command.position_counts[: len(counts)] = [int(value) for value in counts]
-        return self._arm._send("i2ris/actuators/servo_jp", command)
-
-    def measured_js(self) -> Actuators:
-        """The motors."""
-        message = self._arm._first("i2ris/actuators/measured_js", ActuatorState)
-        count = message.count
-        return Actuators(
-            stamp_ns=message.stamp_ns,
-            measured_counts=np.array(message.measured_counts[:count]),
-            measured_stamp_ns=np.array(message.measured_stamp_ns[:count], dtype=np.uint64),
-            setpoint_counts=np.array(message.setpoint_counts[:count]),
-            current_ma=np.array(message.current_ma[:count]),
-            error_code=np.array(message.error_code[:count]),
-            sequence=message.sequence,
-        )
-
-
-class JawArm:
-    """The auxiliary axis of an arm: a gripper, or a roll."""
-
-    def __init__(self, arm: Arm):
-        self._arm = arm
-
-    def servo_jp(self, angle: float) -> int:
-        """Turn it to this angle now, rad. Call it repeatedly, beside a stream of the joints or alone."""
-        self._arm._raise_refusals()
-        command = self._arm._stamped(ServoJp, 1)
-        command.position[0] = float(angle)
-        return self._arm._send("i2ris/jaw/servo_jp", command)
-
-    def measured_js(self) -> Joints | None:
-        """Its angle, rad; None if the robot has none, or until the first message has arrived."""
-        return self._arm._joints("i2ris/jaw/measured_js")
-
-
-class Recording:
-    """A recording in progress."""
-
-    def __init__(self, domain: str, path: str | os.PathLike[str], note: str):
-        self.path = Path(path).absolute()
-        command = ["i2ris", "record", "--domain", domain, "--output", str(self.path)]
-        # In a session of its own: Ctrl-C in a notebook does not end it.
-        self._program: subprocess.Popen[str] | None = subprocess.Popen(
-            command + (["--note", note] if note else []),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-        end = time.monotonic() + RECORD_TIMEOUT_S
-        while not self.path.exists() and self._program.poll() is None and time.monotonic() < end:
-            time.sleep(POLL_S)
-        if self._program.poll() is not None:
-            self.stop()
-
-    def stop(self) -> Path:
-        """Ends the recording and returns its file. Raises ``OSError`` with the message of the program if it failed."""
-        if self._program is not None:
-            program, self._program = self._program, None
-            program.send_signal(signal.SIGINT)
-            _, error = program.communicate(timeout=RECORD_TIMEOUT_S)
-            if program.returncode != 0:
-                raise OSError(error.strip())
-        return self.path
-
-    def __enter__(self) -> "Recording":
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        self.stop()
-
-
-class ModelArm:
-    """The models of an arm."""
-
-    def __init__(self, arm: Arm):
-        self._arm = arm
-
-    def list(self) -> Models:
-        """The models in use, staged and previously in use."""
-        return self._request(1)
-
-    def stage(self, path: str | os.PathLike[str]) -> Models:
-        """Lets the controller read and check a model file. The model in use stays in use."""
-        name = os.fsencode(os.path.abspath(path))
-        if len(name) >= 1024:
-            raise ValueError(f"{path} is too long a path")
-        return self._request(2, path=name)
-
-    def activate(self, model_id: str, force: bool = False) -> Models:
-        """Takes the staged model into use, if it has this id. ``force``: also while its memory is unknown."""
-        return self._request(3, model_id=bytes.fromhex(model_id), force=force)
-
-    def rollback(self, force: bool = False) -> Models:
-        """Takes the previous model into use again."""
-        return self._request(4, force=force)
-
-    def _request(self, action: int, model_id: bytes = b"", path: bytes = b"", force: bool = False) -> Models:
-        if len(model_id) not in (0, 32):
-            raise ValueError("a model id has 64 hexadecimal digits")
-        flags = ModelRequest.FORCE if force else 0
-        request = ModelRequest(client_id=self._arm._client_id, action=action, flags=flags)
-        request.model_id[: len(model_id)] = model_id
-        request.path[: len(path)] = path
-        reply = self._arm._request("i2ris/model", request, ModelReply, MODEL_REPLY_TIMEOUT_S)
-        if reply.refusal:
-            raise Refused("a request about models", reply.refusal, text(reply.message))
-        return Models(*(model(slot) for slot in reply.slots))

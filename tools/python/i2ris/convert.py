@@ -177,7 +177,7 @@ def from_torch(
             layers.append(_dense(name, numbers(part.weight), numbers(part.bias)))
         elif isinstance(part, nn.GRU | nn.LSTM):
             kind = type(part).__name__
-            if part.bidirectional or not part.bias or getattr(part, "proj_size", 0):
+            if part.bidirectional or not part.bias or part.proj_size:
                 raise ModelError(f"{name}: a {kind} that is bidirectional, projected or without bias is not known")
             for layer in range(part.num_layers):
                 names = (f"weight_ih_l{layer}", f"weight_hh_l{layer}", f"bias_ih_l{layer}", f"bias_hh_l{layer}")
@@ -246,7 +246,7 @@ def from_onnx(
         elif node.op_type in ("Transpose", "Squeeze", "Unsqueeze", "Reshape", "Identity", "Shape", "Gather", "Slice", "Concat", "Cast", "Expand", "ConstantOfShape"):
             # What is known before anything runs, such as the width of a padding.
             if all(name in known for name in node.input if name):
-                values = ReferenceEvaluator(node).run(None, {name: known[name] for name in node.input if name})
+                values: list[Any] = list(ReferenceEvaluator(node).run(None, {name: known[name] for name in node.input if name}))
                 known.update(zip(node.output, values, strict=True))
         elif node.op_type == "Gemm":
             weight = weights[0] if options.get("transB", 0) else weights[0].T

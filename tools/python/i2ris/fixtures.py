@@ -3,27 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, Sequence, TypeVar
+from typing import Sequence
 
 import numpy as np
 
-from .payload import Payload, StateCommandReply, VirtualFixtureRequest, VirtualFixturesMsg
+from .payload import StateCommandReply, VirtualFixtureRequest, VirtualFixturesMsg
+from .requests import Requests
 from .values import text
-
-P = TypeVar("P", bound=Payload)
-
-
-class Requests(Protocol):
-    """What fixtures need of an arm."""
-
-    _client_id: int
-
-    def _first(self, service: str, payload: type[P]) -> P: ...
-
-    def _request(self, service: str, request: Payload, reply: type[P]) -> P: ...
-
-    def _accepted(self, command: str, reply: StateCommandReply) -> str: ...
-
 
 #: Name of a kind of region, and the number of its values; a polygon has as many as it needs.
 KINDS = {1: ("circle", 3), 2: ("half-plane", 3), 3: ("ball", 4), 4: ("half-space", 4), 5: ("polygon", 17)}

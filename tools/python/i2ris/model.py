@@ -287,7 +287,8 @@ class Calibration:
     def predict(self, counts: ArrayLike, return_std: Literal[True]) -> tuple[Floats, Floats]: ...
     def predict(self, counts: ArrayLike, return_std: bool = False) -> Floats | tuple[Floats, Floats]:
         """See :meth:`Model.predict`."""
-        return self._fitted().predict(counts, return_std)
+        model = self._fitted()
+        return model.predict(counts, return_std=True) if return_std else model.predict(counts)
 
     def invert(self, angles_deg: ArrayLike, history: ArrayLike | None = None) -> Floats:
         """See :meth:`Model.invert`."""
