@@ -60,9 +60,16 @@ def shares(rows: Iterable[Row], physics: str, method: str, task: str) -> list[fl
     return [row[task] for row in of] if all(task in row for row in of) else []
 
 
+def own_seeds(rows: list[Row], method: str) -> str:
+    """What to say of the seeds of a method where they are not those of all rows."""
+    seeds = {row["seed"] for row in rows if row["method"] == method}
+    if not seeds or seeds == {row["seed"] for row in rows}:
+        return ""
+    return f" (seed{'s' * (len(seeds) > 1)} {', '.join(map(str, sorted(seeds)))})"
+
+
 def table(rows: list[Row], task: str) -> list[str]:
     """Methods by physics; those of other seeds than the whole table say so."""
-    every_seed = {row["seed"] for row in rows}
     physics = [name for name in benchmark.PHYSICS if any(row["physics"] == name for row in rows)]
     methods = list(dict.fromkeys(row["method"] for row in rows)) + ["exact"] * (task == "inverse")
     lines = [f"| method | {' | '.join(physics)} | all |", "|---" * (len(physics) + 2) + "|"]
@@ -72,9 +79,7 @@ def table(rows: list[Row], task: str) -> list[str]:
         cells = [f"{benchmark.geometric_mean(cell):.3f}" if cell else "-" for cell in found]
         every = [share for cell in found for share in cell]
         whole = f"{benchmark.geometric_mean(every):.3f}" if every and all(found) else "-"
-        seeds = {row["seed"] for row in rows if row["method"] == method} or every_seed
-        of = "" if seeds == every_seed else f" (seed {', '.join(map(str, sorted(seeds)))})"
-        lines.append(f"| {method}{of} | {' | '.join(cells)} | {whole} |")
+        lines.append(f"| {method}{own_seeds(rows, method)} | {' | '.join(cells)} | {whole} |")
     return lines
 
 
@@ -172,7 +177,8 @@ def figure(rows: Iterable[Row]) -> str:
             share = benchmark.geometric_mean(found)
             tall = 200 * min(share, 1.08)
             lines.append(f'<rect x="{x:.1f}" y="{bottom - tall:.1f}" width="{bar - 2}" height="{tall:.1f}" fill="{colour}"/>')
-    for place, (_, name, colour) in enumerate(SHOWN):
+    for place, (method, name, colour) in enumerate(SHOWN):
+        name += own_seeds(rows, method)
         x = left + place * 220
         lines.append(f'<rect x="{x}" y="{height - 18}" width="12" height="12" fill="{colour}"/>')
         lines.append(f'<text x="{x + 18}" y="{height - 7}">{name}</text>')
