@@ -5,9 +5,10 @@ use std::sync::Arc;
 use i2ris::model::file::HullParameters;
 use i2ris::model::{Hull, Model};
 
-use super::choice::{Score, best, judged_rows, plays_error, scores};
+use super::choice::{Score, best, scores};
 use super::drift::Drift;
 use super::error::{FitError, refused};
+use super::evidence::{Evidence, judged_rows, least_noise, plays_error};
 use super::family::{Choice, Family};
 use super::model_file::{FileContext, constant_covariance};
 use super::one_family::{FamilyFitter, LEAST_NRMSD};
@@ -64,8 +65,9 @@ pub fn fit(
         None => plays_error(recording, fitter.context.training, &judged_rows),
         Some(_) => None,
     };
-    let data_of_choice = (recording, judged_rows.as_slice(), plays);
-    let (linear, family, judged, scores) = choose(&mut families, options.choice, data_of_choice)?;
+    let noise = least_noise(recording, &quality);
+    let evidence = Evidence { recording, rows: &judged_rows, plays, noise };
+    let (linear, family, judged, scores) = choose(&mut families, options.choice, &evidence)?;
     let doubt =
         doubt(&judged).or_else(|| missed_memory(&scores, family, plays, &families, &judged));
     let doubt = match (doubt, options.force) {
@@ -313,7 +315,7 @@ type Choosing = (Arc<Model>, Family, Arc<Model>, Vec<Score>);
 fn choose(
     families: &mut Vec<FamilyOutcome>,
     choice: Choice,
-    (recording, judged, plays): (&Recording, &[Vec<usize>], Option<f64>),
+    evidence: &Evidence<'_>,
 ) -> Result<Choosing, FitError> {
     let fitted: Vec<(Family, Arc<Model>)> = families
         .iter()
@@ -323,7 +325,7 @@ fn choose(
         fitted.iter().map(|(family, model)| (*family, &**model)).collect();
     let (scores, family) = match choice {
         Choice::Best => {
-            let scores = scores(&models, recording, judged, plays);
+            let scores = scores(&models, evidence);
             let best = best(&scores);
             (scores, best)
         }

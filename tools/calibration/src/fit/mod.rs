@@ -15,6 +15,7 @@
 //! | `network_error` | why such a network is refused |
 //! | `one_family` | the fit of each family |
 //! | `all_families` | all of it in order, and the choice |
+//! | `evidence` | what families are judged by |
 //! | [`choice`] | scores of the families: errors held out, and tracking on other families |
 //! | `outcome` | models, and how they were found |
 //! | `error` | why there is no model |
@@ -23,6 +24,7 @@ mod all_families;
 pub mod choice;
 pub mod drift;
 pub mod error;
+mod evidence;
 pub mod family;
 pub mod flatness;
 pub mod gmr;

@@ -6,8 +6,8 @@ use i2ris_report::page::TableRow;
 use i2ris_report::{Page, Table};
 
 use super::fit::{CalibrationReport, ChoiceScore};
-use crate::fit::FitOutcome;
 use crate::fit::choice::Score;
+use crate::fit::{Family, FitOutcome};
 
 /// Another family this near, relative to the score of the chosen one, would do as well on another
 /// recording.
@@ -87,7 +87,9 @@ pub(super) fn explanation(scores: &[ChoiceScore], unit: &str) -> Option<String> 
     let percent = fixed(100.0 * part.abs(), 0);
     let (other, side) = (&next.family, if part < 0.0 { "below" } else { "above" });
     let uncertainty = fixed(next.uncertainty, 3);
+    let is_balance = *family == Family::ForceBalance.to_string();
     let sure = match part {
+        part if part < 0.0 && is_balance => "so little that the balance of forces was taken",
         part if part < 0.0 => "so little that the simpler family was taken",
         part if part < NEAR => "so near that another recording may turn it round",
         _ => "a clear difference",
@@ -171,6 +173,9 @@ mod tests {
             assert!(text.contains(part), "{text}");
             assert!(text.contains("no other family is near enough"), "{text}");
         }
+        let alike = [score("gmr-play", 1.0, false), score("force-balance", 1.02, true)];
+        let text = explanation(&alike, "deg").unwrap();
+        assert!(text.contains("so little that the balance of forces was taken"), "{text}");
         // The chosen one has nobody to try its inverse on: its score has no tracking in it.
         let tried = |score: ChoiceScore, error: f64| ChoiceScore {
             tracking: Some((error, "gmr-play".to_owned())),
