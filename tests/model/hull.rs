@@ -59,7 +59,8 @@ fn a_point_outside_projects_to_a_side_or_a_corner() {
     assert_eq!(hull.project(&[f64::NAN, 0.0]), hull.centre());
 }
 
-/// A motor may be anywhere in its slack for nothing: in the box of both, or as near to it as may be.
+/// A motor may be anywhere in its slack for nothing: in the box of both, or as near to it as may
+/// be.
 #[test]
 fn slack_is_used_before_a_motor_that_pulls_moves() {
     let hull = polygon(&[[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]]).unwrap();

@@ -23,12 +23,13 @@ use crate::parallel;
 /// the least, that of plays with a linear read-out among them.
 const CREDIBLE: f64 = 1.7;
 
-/// Where plays with a linear read-out leave more than `gmr`, which has no memory, a family with memory
-/// has to leave less than this part of what `gmr` does: a grid that is always swept the same way looks
-/// like memory on its own rows, and on no others.
+/// Where plays with a linear read-out leave more than `gmr`, which has no memory, a family with
+/// memory has to leave less than this part of what `gmr` does: a grid that is always swept the same
+/// way looks like memory on its own rows, and on no others.
 const CONVINCING: f64 = 0.5;
 
-/// A family misses the memory of the robot if plays with a linear read-out are so many times better.
+/// A family misses the memory of the robot if plays with a linear read-out are so many times
+/// better.
 const MISSED: f64 = 1.5;
 
 /// A family is no plant if even the best of the others leaves so many times what both of them leave
@@ -64,7 +65,8 @@ pub struct Score {
     pub tracking: Option<(f64, Family)>,
     /// Travel of the motors in the trials, relative to that of `linear`.
     pub travel: f64,
-    /// Whether its memory may be an imitation of something else; then it is neither a plant nor taken.
+    /// Whether its memory may be an imitation of something else; then it is neither a plant nor
+    /// taken.
     pub is_doubtful: bool,
 }
 
@@ -87,7 +89,8 @@ impl Score {
         self.held_out > MISSED * plays
     }
 
-    /// The standard deviation of the difference between the errors of two families, by their blocks.
+    /// The standard deviation of the difference between the errors of two families, by their
+    /// blocks.
     #[must_use]
     pub fn uncertainty_beside(&self, other: &Self) -> f64 {
         let differences: Vec<f64> =
@@ -205,8 +208,8 @@ fn followed(trials: &[Vec<(usize, Trial)>], held_out: &[f64]) -> Vec<usize> {
     good.collect()
 }
 
-/// The family to take: the least score, the simpler family where the difference is small. Plays
-/// are a part of a balance of forces, and what they make up for the rest holds in motion like that of
+/// The family to take: the least score, the simpler family where the difference is small. Plays are
+/// a part of a balance of forces, and what they make up for the rest holds in motion like that of
 /// the recording: of these two the balance is taken.
 pub(super) fn best(scores: &[Score]) -> Option<Family> {
     let mut best: Option<&Score> = None;
@@ -344,8 +347,9 @@ mod tests {
         assert_eq!(best(&scores), Some(Family::Gmr));
     }
 
-    /// The numbers of an emulated snake seen by a camera with a noise of 0.3 deg in each output: half of
-    /// what a mixture leaves is noise, and `best` took the mixture, which follows six times worse.
+    /// The numbers of an emulated snake, seen by a camera with a noise of 0.3 deg in each output:
+    /// half of what a mixture leaves is noise, and `best` took the mixture, which follows six times
+    /// worse.
     #[test]
     fn noise_is_no_reason_to_doubt_memory() {
         let families = [Family::Gmr, Family::GmrPlay, Family::ForceBalance];

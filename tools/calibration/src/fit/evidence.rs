@@ -1,4 +1,5 @@
-//! What families are judged by: rows held out, what plays leave of them, and the noise of the camera.
+//! What families are judged by: rows held out, what plays leave of them, and the noise of the
+//! camera.
 
 use std::ops::Range;
 
@@ -97,8 +98,8 @@ pub(super) fn plays_error(
     (!judged.is_empty()).then(|| rms(&block_errors(&predicted, recording, judged)))
 }
 
-/// The least variance that the noise of the camera leaves in a squared length, rad^2 (m^2): what it is
-/// where rows at the same counts tell, less what so few of them may be wrong by.
+/// The least variance that the noise of the camera leaves in a squared length, rad^2 (m^2): what it
+/// is where rows at the same counts tell, less what so few of them may be wrong by.
 pub(super) fn least_noise(recording: &Recording, quality: &Quality) -> f64 {
     let outputs = recording.outputs().iter().zip(&quality.noise);
     let variance = |(spec, noise): (&OutputSpec, &Option<NoiseFloor>)| {
