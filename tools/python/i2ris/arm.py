@@ -58,7 +58,7 @@ from .payload import (
 )
 from .reasons import FAULTS
 from .recording import Recording
-from .requests import REPLY_TIMEOUT_S
+from .requests import POLL_S, REPLY_TIMEOUT_S
 from .slots import ModelArm
 from .values import (
     FAULT_KIND,
@@ -119,7 +119,6 @@ WHY = 3
 REASONS = 16
 #: Time for the message of a refusal, which comes after the count of refusals, s.
 REASON_TIMEOUT_S = 0.25
-
 #: Time limit for drives that are starting, s.
 DRIVES_TIMEOUT_S = 15.0
 #: Refusal while they are.
@@ -128,8 +127,6 @@ DRIVES_NOT_READY = 16
 OUT_OF_REACH = 23
 #: Time for the first message of a stream: the slowest one that a client needs comes once a second, s.
 FIRST_TIMEOUT_S = 3.0
-#: Polling period for replies, s.
-POLL_S = 0.001
 
 P = TypeVar("P", bound=Payload)
 

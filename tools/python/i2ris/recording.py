@@ -8,10 +8,10 @@ import subprocess
 import time
 from pathlib import Path
 
+from .requests import POLL_S
+
 #: Timeout for the start and the end of a recording, s.
 RECORD_TIMEOUT_S = 30.0
-#: Polling period for its file, s.
-POLL_S = 0.001
 
 
 class Recording:

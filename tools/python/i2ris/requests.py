@@ -10,6 +10,8 @@ from .values import Fault, Joints, OperatingState
 P = TypeVar("P", bound=Payload)
 #: Timeout for a reply, s.
 REPLY_TIMEOUT_S = 1.0
+#: Polling period, s.
+POLL_S = 0.001
 
 
 class Requests(Protocol):

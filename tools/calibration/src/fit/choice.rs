@@ -160,7 +160,7 @@ pub(super) fn scores(models: &[(Family, &Model)], evidence: &Evidence<'_>) -> Ve
 
 /// Of every family, whether its memory may be an imitation of something else.
 fn doubtful(families: &[Family], held_out: &[f64], plays: Option<f64>, noise: f64) -> Vec<bool> {
-    // Of two errors below the noise of the camera neither can be half of the other.
+    // What is only noise of the camera tells nothing about memory.
     let beyond_noise = |error: f64| (error * error - noise).max(0.0).sqrt();
     let gmr = families.iter().position(|family| *family == Family::Gmr).map(|at| held_out[at]);
     let most = gmr.filter(|gmr| plays.is_some_and(|plays| *gmr < plays));
