@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use i2ris::COMMIT;
 use i2ris::config::{Config, ConfigError};
 use i2ris::process::console_log::ConsoleLog;
-use i2ris::process::controller;
+use i2ris::process::controller::{self, ControllerError};
 use lexopt::Arg::{Long, Short};
 
 const HELP: &str = "\
@@ -24,13 +24,15 @@ Options:
   --version      Print the version
   --help         Print this
 
-SIGINT and SIGTERM decelerate, hold, and switch the drives off in order; the exit code is then 0.
+SIGINT and SIGTERM decelerate, hold, and switch the drives off in order; the exit code is then 0
+if every drive answered that it is off.
 
 Exit codes:
   0  ended in order
   1  failed; the last line on standard error says why
   2  the command line is wrong
   6  the configuration is not valid
+  8  ended, but a drive did not answer that it is off: cut its power
 ";
 
 /// What the command line asks for.
@@ -66,6 +68,8 @@ fn code(failure: &Failure) -> u8 {
         2
     } else if failure.is::<ConfigError>() {
         6
+    } else if matches!(failure.downcast_ref(), Some(ControllerError::Powered { .. })) {
+        8
     } else {
         1
     }

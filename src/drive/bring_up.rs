@@ -127,6 +127,15 @@ impl<'a, T: Transport> DriveNode<'a, T> {
         Ok(())
     }
 
+    /// Brings a drive that has power to a quick stop, in which it holds. Whether it does.
+    pub(super) fn hold(&mut self) -> Result<bool, AxisError> {
+        match self.go_to(PowerGoal::Stopped) {
+            Ok(state) => Ok(state == DriveState::QuickStopActive),
+            Err(AxisError::StillOn { .. }) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
     fn go_to(&mut self, goal: PowerGoal) -> Result<DriveState, AxisError> {
         let deadline = self.link.now() + OFF_TIMEOUT;
         let mut commanded = None;

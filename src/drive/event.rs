@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::robot::AxisPhase;
+use crate::robot::{AxisPhase, DrivePower};
 use crate::units::{Counts, Nanos};
 
 use super::abort_code::AbortCode;
@@ -115,12 +115,16 @@ pub enum PortEventKind {
         /// Median duration of an exchange.
         median: Nanos,
     },
-    /// The axis answers again, was identified and limited, and is disabled.
-    Reconnected,
+    /// The axis answers again and was identified. It holds by quick stop, or was limited and is
+    /// disabled.
+    Reconnected {
+        /// It kept its power, and holds by quick stop.
+        holds: bool,
+    },
     /// The port thread ends.
     Ended {
-        /// The power stage is known to be off.
-        off: bool,
+        /// What is known of the power stage.
+        power: DrivePower,
     },
 }
 
@@ -245,9 +249,15 @@ impl fmt::Display for PortEventKind {
                  and use no hub",
                 median.as_seconds() * 1e3
             ),
-            Self::Reconnected => f.write_str("answers again; disabled"),
-            Self::Ended { off: true } => f.write_str("ended, power stage off"),
-            Self::Ended { off: false } => f.write_str("ended, power stage NOT known to be off"),
+            Self::Reconnected { holds: true } => f.write_str("answers again; holds by quick stop"),
+            Self::Reconnected { holds: false } => f.write_str("answers again; disabled"),
+            Self::Ended { power } => f.write_str(match power {
+                DrivePower::Off => "ended, power stage off",
+                DrivePower::On => "ended, power stage ON: it holds; cut its power",
+                DrivePower::NotKnown => {
+                    "ended, power stage NOT known to be off: it may hold; cut its power"
+                }
+            }),
         }
     }
 }

@@ -278,8 +278,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
             }
         }
         for slot in &self.slots {
-            let off = slot.axis.is_power_off();
-            slot.axis.report(PortEventKind::Ended { off }, events);
+            slot.axis.report(PortEventKind::Ended { power: slot.axis.power() }, events);
         }
         if let Some(file) = &self.positions_file {
             let positions = self.slots.iter_mut().filter_map(AxisSlot::position_to_save);
@@ -382,8 +381,8 @@ fn perform(
     }
 }
 
-/// Tries periodically to reconnect a lost axis. It is then disabled, whatever is demanded. Another
-/// axis that answers never waits for more than one exchange.
+/// Tries periodically to reconnect a lost axis. It then holds if that is demanded and it kept its
+/// power, and is disabled otherwise. Another axis that answers never waits for more than one exchange.
 fn try_reconnect<T: Transport>(
     link: &mut DriveLink<T>,
     slot: &mut AxisSlot<impl PortRequest>,
@@ -416,7 +415,7 @@ fn try_reconnect<T: Transport>(
             .and_then(|()| bring_up_again(DriveNode::new(link, slot.config.node_id), slot))
     };
     match brought_up {
-        Ok(position) => slot.axis.reconnect(position, events),
+        Ok((position, holds)) => slot.axis.reconnect(position, holds, link.now(), events),
         // Lost again; the next attempt follows.
         Err(AxisError::Exchange {
             error: LinkError::Lost | LinkError::Unanswered | LinkError::Broken(_),
@@ -426,13 +425,20 @@ fn try_reconnect<T: Transport>(
     }
 }
 
-/// The position of the axis after it was identified, switched off and limited again.
+/// The position of the axis after it was identified, and whether it holds.
+///
+/// A drive that kept its power has kept its settings. Where a quick stop is demanded it gets one:
+/// without power the wires would lose their tension. Any other is switched off and limited again.
 fn bring_up_again(
     mut drive: DriveNode<'_, impl Transport>,
-    slot: &AxisSlot<impl PortRequest>,
-) -> Result<i32, AxisError> {
+    slot: &mut AxisSlot<impl PortRequest>,
+) -> Result<(i32, bool), AxisError> {
     drive.check_identity(slot.config.serial_number)?;
-    drive.switch_off()?;
-    drive.configure(&slot.settings)?;
-    drive.read(object::POSITION)
+    let may_hold = slot.take_request().demand == Demand::QuickStop && slot.axis.may_hold();
+    let holds = may_hold && drive.hold()?;
+    if !holds {
+        drive.switch_off()?;
+        drive.configure(&slot.settings)?;
+    }
+    Ok((drive.read(object::POSITION)?, holds))
 }

@@ -43,6 +43,7 @@ pub(super) struct PidFile(PathBuf);
 impl PidFile {
     /// Writes the file. A failure only leaves the client without a name.
     pub fn write(domain: &Domain, boot_id: u64, client_id: u64) -> Self {
+        remove_files_of_the_dead(domain);
         let path = path(domain, boot_id, client_id);
         let mut options = OpenOptions::new();
         options.write(true).create(true).truncate(true).mode(0o600);
@@ -50,6 +51,19 @@ impl PidFile {
             let _ = writeln!(file, "{}", std::process::id());
         }
         Self(path)
+    }
+}
+
+/// Removes what killed clients have left.
+fn remove_files_of_the_dead(domain: &Domain) {
+    for entry in fs::read_dir(domain.directory()).into_iter().flatten().flatten() {
+        let is_client = entry.file_name().to_string_lossy().starts_with("client-");
+        let pid = fs::read_to_string(entry.path()).ok().and_then(|text| text.trim().parse().ok());
+        if is_client
+            && pid.is_some_and(|pid: u32| !Path::new("/proc").join(pid.to_string()).exists())
+        {
+            let _ = fs::remove_file(entry.path());
+        }
     }
 }
 
@@ -69,4 +83,24 @@ pub fn find_client_process(domain: &Domain, boot_id: u64, client_id: u64) -> Opt
     let uid = fs::metadata(&process).ok()?.uid();
     let program = fs::read_to_string(process.join("comm")).ok()?.trim().to_owned();
     Some(ClientProcess { pid, uid, program })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_killed_client_leaves_no_file_for_good() {
+        let domain = Domain::new(&format!("pids-{}", std::process::id())).unwrap();
+        fs::create_dir_all(domain.directory()).unwrap();
+        let mut killed = std::process::Command::new("true").spawn().unwrap();
+        let left = path(&domain, 1, 7);
+        fs::write(&left, format!("{}\n", killed.id())).unwrap();
+        killed.wait().unwrap();
+        let alive = PidFile::write(&domain, 1, 8);
+        let next = PidFile::write(&domain, 1, 9);
+        assert!(!left.exists());
+        assert!(alive.0.exists() && next.0.exists());
+        fs::remove_dir_all(domain.directory()).unwrap();
+    }
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::clock;
 use crate::config::ControlConfig;
 use crate::core::cycle::ControlCycle;
-use crate::core::{CycleInputs, CycleOutputs, Gated};
+use crate::core::{CycleInputs, CycleOutputs, CycleReport, Gated};
 use crate::drive::AxisFeedback;
 use crate::drive::port_runner::AxisLink;
 use crate::ipc::heartbeat::HeartbeatWriter;
@@ -15,7 +15,7 @@ use crate::process::black_box::{RecorderChannels, TickRecord};
 use crate::process::channels::{LoopChannels, LostCounters, TickReport};
 use crate::process::tick_plan::{SharedTick, delayed};
 use crate::realtime::{SuspendMonitor, Tick, TickTiming, Ticker};
-use crate::robot::OperatingState;
+use crate::robot::{DrivePower, OperatingState};
 use crate::units::{AUXILIARY, MAX_AXES, Nanos};
 
 /// Everything that the loop needs; built before the thread starts.
@@ -76,7 +76,8 @@ impl ControlLoop {
         lost.counters.records = recording.lost;
         self.pass_on(&outputs, lost);
         let report = outputs.report;
-        let off = report.state == OperatingState::Disabled && !report.busy;
+        let off = is_off(&report)
+            && self.links.iter().all(|link| power(link, &inputs) == DrivePower::Off);
         self.heartbeat.write(tick.started, off);
         let ended = clock::now();
         let timing = TickTiming { tick, ended };
@@ -207,4 +208,22 @@ impl TickRecording {
             self.next_snapshot = self.ticks + self.interval;
         }
     }
+}
+
+/// Nothing is to be switched on or off.
+fn is_off(report: &CycleReport) -> bool {
+    match report.state {
+        OperatingState::Disabled => !report.busy,
+        OperatingState::Fault => true,
+        OperatingState::Enabled | OperatingState::Paused => false,
+    }
+}
+
+/// What a drive says of its power: one that does not answer may hold.
+fn power(link: &AxisLink<Gated>, inputs: &CycleInputs) -> DrivePower {
+    let feedback = match link.motor {
+        AUXILIARY => Some(&inputs.auxiliary),
+        motor => inputs.feedback.get(motor),
+    };
+    feedback.map_or(DrivePower::NotKnown, |feedback| feedback.phase.power())
 }

@@ -76,6 +76,12 @@ pub enum ControllerError {
     /// A thread did not start, or ended early.
     #[error(transparent)]
     Thread(#[from] ThreadError),
+    /// The controller ended, and did not see every drive off.
+    #[error("ended, and the drives of motors {motors:?} are not known to be off: cut their power")]
+    Powered {
+        /// These motors.
+        motors: Vec<usize>,
+    },
 }
 
 /// Runs the controller until `shutdown` is set and the drives are off. `note` goes to the run log;
@@ -83,7 +89,7 @@ pub enum ControllerError {
 ///
 /// # Errors
 ///
-/// When a part cannot be started, or a thread ended early.
+/// When a part cannot be started, a thread ended early, or a drive may still have power.
 pub fn run(
     config: &Config,
     note: &str,
@@ -129,6 +135,7 @@ pub fn run(
         domain,
         devices: config.devices(),
         was_watched: false,
+        powered: Vec::new(),
         boot_id,
         log,
         published: threads.published,
@@ -143,11 +150,17 @@ pub fn run(
     }
     main.write_events();
     let outcome = match control {
-        Ok(()) => "in order",
+        Ok(()) if main.powered.is_empty() => "in order",
+        Ok(()) => "with drives that are not known to be off",
         Err(_) => "the control loop ended early",
     };
     let _ = main.run_log.end(outcome);
-    Ok(control.and(ended)?)
+    control.and(ended)?;
+    if main.powered.is_empty() {
+        Ok(())
+    } else {
+        Err(ControllerError::Powered { motors: std::mem::take(&mut main.powered) })
+    }
 }
 
 /// All threads but the main thread, and what they send to it.

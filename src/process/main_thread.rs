@@ -17,7 +17,7 @@ use crate::ipc::{Domain, StreamMessage, find_client_process};
 use crate::process::run_log::RunLog;
 use crate::process::threads::NamedThread;
 use crate::realtime::SuspendMonitor;
-use crate::robot::{Cause, Reason, Stop};
+use crate::robot::{Cause, DrivePower, Reason, Stop};
 use crate::units::Nanos;
 use crate::wall_clock;
 
@@ -37,6 +37,8 @@ pub struct MainThread<'a> {
     /// The ports that a watchdog has to hold.
     pub devices: Vec<PathBuf>,
     pub was_watched: bool,
+    /// Motors whose drives are not known to be off at the end.
+    pub powered: Vec<usize>,
     pub boot_id: u64,
     pub log: &'a mut dyn Write,
     /// The same lines for the stream of events, and the reasons.
@@ -74,7 +76,13 @@ impl MainThread<'_> {
         let is_watched = status == WatchdogStatus::Watching;
         if std::mem::replace(&mut self.was_watched, is_watched) && !is_watched {
             let reason = Reason::from(Cause::Stop(Stop::Watchdog));
-            self.write_text(stamped_line(now, format_args!("{reason}")));
+            let what = match status {
+                WatchdogStatus::Absent | WatchdogStatus::Watching => "it has ended",
+                WatchdogStatus::Silent => "it hangs or is stopped",
+                WatchdogStatus::OtherPorts => "it has another configuration, with other ports",
+                WatchdogStatus::Incomplete => "it does not hold every port",
+            };
+            self.write_text(stamped_line(now, format_args!("{reason}: {what}")));
             let _ = self.published.send(StreamMessage::of_reason(&reason, 0, now));
         }
     }
@@ -83,6 +91,11 @@ impl MainThread<'_> {
     pub fn write_events(&mut self) {
         let mut lines: Vec<(Nanos, String)> = Vec::new();
         while let Ok((stamp, event)) = self.port_events.try_recv() {
+            if let PortEventKind::Ended { power } = event.kind
+                && power != DrivePower::Off
+            {
+                self.powered.push(event.motor);
+            }
             // The loop reports phases, too, at the tick that acts on them.
             if !matches!(event.kind, PortEventKind::Phase { .. }) {
                 lines.push((stamp, event.to_string()));

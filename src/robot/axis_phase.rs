@@ -27,3 +27,30 @@ numbered_enum! {
         Lost = 8, "lost";
     }
 }
+
+/// What is known of the power of a drive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DrivePower {
+    /// Its power stage is off.
+    Off,
+    /// It has power: it holds or moves.
+    On,
+    /// It does not answer: it does what it was told last.
+    NotKnown,
+}
+
+impl AxisPhase {
+    /// What the phase says of the power.
+    #[must_use]
+    pub fn power(self) -> DrivePower {
+        match self {
+            Self::Disabled | Self::Faulted => DrivePower::Off,
+            Self::Starting | Self::Lost => DrivePower::NotKnown,
+            Self::Enabling
+            | Self::Enabled
+            | Self::Homing
+            | Self::QuickStopped
+            | Self::Disabling => DrivePower::On,
+        }
+    }
+}

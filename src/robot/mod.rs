@@ -15,7 +15,7 @@ mod state_command;
 mod stop;
 mod virtual_fixture;
 
-pub use axis_phase::AxisPhase;
+pub use axis_phase::{AxisPhase, DrivePower};
 pub use fault::Fault;
 pub use measurement::{Measurement, Quantity};
 pub use model_action::ModelAction;

@@ -11,7 +11,7 @@ numbered_enum! {
         /// The drives reported no recent position, or an axis lost its zero.
         Feedback = 2, "a drive gave no recent position, and the motion stopped";
         /// The watchdog ended, hangs, or lost a port.
-        Watchdog = 3, "the watchdog has ended: nothing stops the drives if the controller dies";
+        Watchdog = 3, "no watchdog watches: nothing stops the drives if the controller dies";
     }
 }
 

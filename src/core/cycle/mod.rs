@@ -225,8 +225,13 @@ impl ControlCycle {
         inputs: &CycleInputs,
         events: &mut EventList,
     ) -> DriveSummary {
+        let was_homed = self.axes.all(AxisControl::is_homed);
         self.axes.update_feedback(&inputs.feedback, now, events);
         self.update_auxiliary(&inputs.auxiliary, now, events);
+        if was_homed && !self.axes.all(AxisControl::is_homed) {
+            // What the counts do while the zero gets lost is no motion.
+            self.history.start_epoch();
+        }
         let is_model_finite = self.update_models(now).is_ok();
         self.adapt(inputs.external.as_ref(), now, events);
         if let Some(frames) = self.other_cameras.update(inputs.ignored_frames, now) {

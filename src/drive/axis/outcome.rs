@@ -37,7 +37,7 @@ impl AxisStateMachine {
         match outcome {
             Ok(reply) => {
                 self.unanswered = 0;
-                self.update_feedback(transfer, &reply);
+                self.update_feedback(transfer, &reply, events);
                 if transfer != Transfer::Status || !self.check_drive_state(now, events) {
                     self.advance(transfer, reply.value, now, events);
                 }
@@ -72,8 +72,16 @@ impl AxisStateMachine {
         }
     }
 
-    fn update_feedback(&mut self, transfer: Transfer, reply: &TimedReply<u32>) {
+    fn update_feedback(
+        &mut self,
+        transfer: Transfer,
+        reply: &TimedReply<u32>,
+        events: EventSink<'_>,
+    ) {
         let map = self.object_map();
+        if transfer == Transfer::Position {
+            self.check_jump(Counts(i32::from_raw(reply.value)), reply, events);
+        }
         let feedback = &mut self.feedback;
         match transfer {
             Transfer::Position => {

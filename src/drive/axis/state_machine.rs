@@ -14,9 +14,9 @@ use crate::drive::error::{AxisError, LinkError};
 use crate::drive::event::{PortEvent, PortEventKind, TransitionError};
 use crate::drive::family::{DriveFamily, ObjectMap};
 use crate::drive::homing_plan::HomingPlan;
-use crate::drive::link::LinkCounters;
+use crate::drive::link::{LinkCounters, TimedReply};
 use crate::drive::object::Address;
-use crate::robot::AxisPhase;
+use crate::robot::{AxisPhase, DrivePower};
 use crate::units::{Counts, Nanos};
 
 /// How long the drive may take to report quick stop, and then to come to a standstill.
@@ -24,6 +24,12 @@ pub(super) const STOP_TIMEOUT: Nanos = Nanos::from_millis(1000);
 
 /// Receiver of events.
 pub(in crate::drive) type EventSink<'a> = &'a mut dyn FnMut(PortEvent);
+
+/// Counts per turn of the finest encoder of such motors, in quadrature.
+const FINEST_ENCODER: f64 = 4096.0;
+
+/// What a position may change by at once: the instant at which the drive samples it is not known.
+const POSITION_JITTER: f64 = 32.0;
 
 /// The states, finer than the phases that the control loop sees. Instants are deadlines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,6 +116,10 @@ pub(in crate::drive) struct AxisStateMachine {
     /// The most that the position can change while it is not read, counts: the distance to the last
     /// setpoint.
     max_unseen_motion: u32,
+    /// The fastest that the motor may turn, counts/s.
+    max_speed: f64,
+    /// When the last position was asked for; `None` after what moves the zero.
+    position_asked: Option<Nanos>,
     pub(super) family: &'static dyn DriveFamily,
     pub(super) plan: HomingPlan,
     pub(super) state: AxisState,
@@ -156,6 +166,8 @@ impl AxisStateMachine {
             motor: config.motor,
             limits: config.position_min_counts.0..=config.position_max_counts.0,
             max_unseen_motion: config.following_error_counts,
+            max_speed: f64::from(config.motor_speed_rpm) / 60.0 * FINEST_ENCODER,
+            position_asked: None,
             family,
             plan: family.homing(config),
             state: AxisState::Starting,
@@ -201,9 +213,11 @@ impl AxisStateMachine {
         matches!(self.state, Disabled | Faulted(_) | Lost)
     }
 
-    /// The power stage is known to be off.
-    pub(in crate::drive) fn is_power_off(&self) -> bool {
-        self.state == AxisState::Disabled || self.drive_state() == Some(DriveState::Fault)
+    /// What is known of the power stage.
+    pub(in crate::drive) fn power(&self) -> DrivePower {
+        let phase = self.feedback.phase;
+        let is_at_fault = self.drive_state() == Some(DriveState::Fault);
+        if is_at_fault { DrivePower::Off } else { phase.power() }
     }
 
     /// The state of the drive as last read.
@@ -219,17 +233,29 @@ impl AxisStateMachine {
         }
     }
 
-    /// The axis answers again, is the configured one, off, and limited. `position` is the present
-    /// position.
-    pub(in crate::drive) fn reconnect(&mut self, position: i32, events: EventSink<'_>) {
+    /// Its settings are those of the configuration, so it may keep its power.
+    pub(in crate::drive) fn may_hold(&self) -> bool {
+        !self.settings_changed && self.feedback.stamp > Nanos::ZERO
+    }
+
+    /// The axis answers again and is the configured one: it `holds` by quick stop, or is off and
+    /// limited. `position` is the present position.
+    pub(in crate::drive) fn reconnect(
+        &mut self,
+        position: i32,
+        holds: bool,
+        now: Nanos,
+        events: EventSink<'_>,
+    ) {
         if self.feedback.stamp > Nanos::ZERO {
             self.compare_position(Some(self.feedback.position), Counts(position), events);
         }
         self.unanswered = 0;
         self.settings_changed = false;
         self.reported = Reported::default();
-        self.report(PortEventKind::Reconnected, events);
-        self.enter(AxisState::Starting, events);
+        self.report(PortEventKind::Reconnected { holds }, events);
+        let stopped = AxisState::QuickStopped(now + STOP_TIMEOUT);
+        self.enter(if holds { stopped } else { AxisState::Starting }, events);
     }
 
     /// Compares the present position with the last known one. The axis counts as not homed if the
@@ -245,6 +271,27 @@ impl AxisStateMachine {
             self.position_mismatch = true;
             self.feedback.homed = false;
             self.report(PortEventKind::PositionMismatch { before, after }, events);
+        }
+    }
+
+    /// Whether the position has changed by more than the motor can turn: the encoder has lost or
+    /// gained counts, and the axis counts as not homed.
+    pub(super) fn check_jump(
+        &mut self,
+        position: Counts,
+        reply: &TimedReply<u32>,
+        events: EventSink<'_>,
+    ) {
+        let before = self.feedback.position;
+        let Some(asked) = self.position_asked.replace(reply.sent) else {
+            return;
+        };
+        let most = POSITION_JITTER + self.max_speed * reply.received.since(asked).as_seconds();
+        if self.feedback.homed && f64::from(before.0.abs_diff(position.0)) > most {
+            self.position_mismatch = true;
+            self.feedback.homed = false;
+            let kind = PortEventKind::PositionMismatch { before: Some(before), after: position };
+            self.report(kind, events);
         }
     }
 
@@ -285,6 +332,10 @@ impl AxisStateMachine {
             // The drive gets another target, or another zero.
             AxisState::Enabling(..) | AxisState::Homing(..) => self.feedback.written = None,
             _ => {}
+        }
+        let moves_zero = |state| matches!(state, AxisState::Homing(..) | AxisState::Lost);
+        if moves_zero(self.state) || moves_zero(state) {
+            self.position_asked = None;
         }
         self.at_standstill = false;
         self.state = state;

@@ -13,7 +13,7 @@
 //! The content has no field names, so only its own version can be read: any change of [`BlackBox`]
 //! or of a type inside it raises [`VERSION`].
 
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
@@ -207,14 +207,18 @@ impl BlackBox {
             path: path.to_owned(),
             reason: error.to_string(),
         })?;
-        let write = || -> io::Result<()> {
-            let mut options = OpenOptions::new();
-            let mut file = options.write(true).create_new(true).mode(0o600).open(path)?;
-            file.write_all(&bytes)?;
-            file.sync_all()
-        };
-        write().map_err(BlackBoxError::io("write", path))
+        let write = |mut file: &File| file.write_all(&bytes).and_then(|()| file.sync_all());
+        create_whole(path, write).map_err(BlackBoxError::io("write", path))
     }
+}
+
+/// Creates a file for its owner only. One that could not be written whole is removed: what is left of
+/// it, on a full disk, would count as a black box and push a whole one out.
+fn create_whole(path: &Path, write: impl FnOnce(&File) -> io::Result<()>) -> io::Result<()> {
+    let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(path)?;
+    write(&file).inspect_err(|_| {
+        let _ = std::fs::remove_file(path);
+    })
 }
 
 fn with_head(body: &[u8]) -> Vec<u8> {
@@ -243,6 +247,21 @@ mod tests {
             snapshots: vec![],
             ticks: vec![],
         }
+    }
+
+    #[test]
+    fn a_disk_that_is_full_leaves_no_empty_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.box");
+        let full = |mut file: &File| {
+            file.write_all(b"I2R")?;
+            Err(io::ErrorKind::StorageFull.into())
+        };
+        assert!(create_whole(&path, full).is_err());
+        assert!(!path.exists());
+        example().write(&path).unwrap();
+        assert!(example().write(&path).is_err(), "it exists");
+        assert_eq!(BlackBox::read(&path).unwrap(), example());
     }
 
     fn error(bytes: &[u8]) -> String {

@@ -49,3 +49,25 @@ fn a_refused_current_is_reported_once_and_has_no_other_effect() {
     let refusals = rig.count_events(|kind| matches!(kind, PortEventKind::Refused { .. }));
     assert_eq!((refusals, rig.phase()), (1, AxisPhase::Disabled));
 }
+
+#[test]
+fn counts_that_no_motor_turns_are_no_motion_and_cost_the_zero() {
+    for (is_enabled, jump) in [(false, 700), (true, 250), (true, -250)] {
+        let mut rig = PortRig::with_motor_speed(200);
+        if is_enabled {
+            rig.enable(0);
+            rig.until(AxisPhase::Enabled);
+        }
+        for step in 1..100 {
+            rig.drive(|drive| drive.position += 5);
+            rig.turns(2);
+            assert!(rig.feedback().homed, "{step} small steps");
+        }
+        rig.drive(|drive| drive.position += jump);
+        rig.turns(10);
+        assert!(!rig.feedback().homed, "{jump}");
+        let is_mismatch =
+            |kind: &PortEventKind| matches!(kind, PortEventKind::PositionMismatch { .. });
+        assert_eq!(rig.count_events(is_mismatch), 1);
+    }
+}

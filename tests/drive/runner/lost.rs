@@ -48,6 +48,32 @@ fn a_drive_that_stayed_enabled_is_switched_off_in_order() {
 }
 
 #[test]
+fn a_drive_that_kept_its_power_holds_when_it_answers_again_in_a_fault() {
+    let mut rig = lost();
+    rig.demand(Demand::QuickStop);
+    rig.drive(|drive| drive.writes.clear());
+    rig.line.state().silent = false;
+    rig.until(AxisPhase::QuickStopped);
+    rig.turns(2000);
+    assert_eq!((rig.phase(), rig.state()), (AxisPhase::QuickStopped, QUICK_STOP_ACTIVE));
+    assert_eq!(rig.controlwords(), [0x0002]);
+    assert!(rig.feedback().homed, "the same zero");
+    rig.demand(Demand::Disabled);
+    rig.until(AxisPhase::Disabled);
+    rig.release_and_enable();
+}
+
+#[test]
+fn a_drive_that_lost_its_power_is_limited_again_whatever_is_demanded() {
+    let mut rig = lost();
+    rig.demand(Demand::QuickStop);
+    rig.drive(MiniDrive::restart);
+    rig.line.state().silent = false;
+    rig.until(AxisPhase::Disabled);
+    assert_eq!(rig.drive(|drive| drive.objects[&(0x607D, 2)]), 2000);
+}
+
+#[test]
 fn another_drive_on_the_same_cable_is_refused_and_reported_once() {
     let mut rig = lost();
     rig.line.state().drives = vec![MiniDrive::new(NODE, 0xBAD)];

@@ -13,5 +13,6 @@ mod two_axes;
 
 use i2ris::drive::event::{PortEventKind, TransitionError};
 use i2ris::drive::{AxisPhase, Demand};
+use i2ris::robot::DrivePower;
 use i2ris::units::{Counts, Nanos};
 use i2ris_testing::drive::{NODE, PortRig, one_drive, *};

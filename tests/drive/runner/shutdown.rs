@@ -6,7 +6,7 @@ fn an_enabled_drive_is_left_switched_off() {
     rig.shut_down();
     assert_eq!((rig.controlwords(), rig.state()), (vec![0x0007, 0x0006], READY));
     assert_eq!(rig.phase(), AxisPhase::Disabled);
-    assert_eq!(rig.kinds().last(), Some(&PortEventKind::Ended { off: true }));
+    assert_eq!(rig.kinds().last(), Some(&PortEventKind::Ended { power: DrivePower::Off }));
 }
 
 #[test]
@@ -28,5 +28,5 @@ fn a_silent_line_does_not_block_the_thread() {
     let begin = rig.line.time();
     rig.shut_down();
     assert!(rig.line.time().since(begin) < Nanos::from_millis(3500));
-    assert_eq!(rig.kinds().last(), Some(&PortEventKind::Ended { off: false }));
+    assert_eq!(rig.kinds().last(), Some(&PortEventKind::Ended { power: DrivePower::NotKnown }));
 }

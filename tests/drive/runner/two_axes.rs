@@ -74,7 +74,8 @@ fn at_shutdown_one_starts_nothing_while_the_other_is_still_ending() {
     rig.line.drive(1, |drive| drive.writes.clear());
     rig.shut_down();
     assert_eq!(rig.controlwords(), [0x0007, 0x0006]);
-    assert!(rig.kinds().ends_with(&[true, false].map(|off| PortEventKind::Ended { off })));
+    let ended = [DrivePower::Off, DrivePower::On].map(|power| PortEventKind::Ended { power });
+    assert!(rig.kinds().ends_with(&ended));
 }
 
 /// The longest time without a request to a node.

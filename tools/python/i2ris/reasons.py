@@ -51,7 +51,7 @@ REFUSALS: dict[int, str] = {
 STOPS: dict[int, str] = {
     1: "commands came later than their deadline, and the robot stopped in between",
     2: "a drive gave no recent position, and the motion stopped",
-    3: "the watchdog has ended: nothing stops the drives if the controller dies",
+    3: "no watchdog watches: nothing stops the drives if the controller dies",
 }
 CLIPS: dict[int, str] = {
     1: "the goal is outside the calibrated hull or the position limits",

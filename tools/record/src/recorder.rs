@@ -7,8 +7,9 @@
 //! with an error. Pictures have a budget, on the disk and in the queue; states go on without them.
 
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -173,7 +174,9 @@ impl TrialRecorder {
     /// Creates the file, which must not exist, and writes its header.
     pub fn start(path: &Path, header: RecordingHeader) -> Result<Self, RecordError> {
         let create = |source| RecordError::Create { path: path.to_owned(), source };
-        let file = File::create_new(path).map_err(create)?;
+        // What a trial has seen is its owner's, as the black boxes are.
+        let mut options = OpenOptions::new();
+        let file = options.write(true).create_new(true).mode(0o600).open(path).map_err(create)?;
         let disk = file.try_clone().map_err(create)?;
         let file = write_header(file, &header)
             .map_err(|source| RecordError::Write { path: path.to_owned(), source })?;

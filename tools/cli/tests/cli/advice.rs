@@ -65,8 +65,8 @@ fn a_watchdog_that_ends_is_told_in_the_log_and_by_why() {
         clock::sleep(Nanos::from_millis(10));
     }
     drop(presence);
-    wait_until("why", || succeeds(&domain, "why").contains("stop 3: the watchdog has ended"));
-    wait_until("log", || rig.log_text("controller").contains("stop 3: the watchdog has ended"));
+    wait_until("why", || succeeds(&domain, "why").contains("stop 3: no watchdog watches"));
+    wait_until("log", || rig.log_text("controller").contains("stop 3: no watchdog watches"));
     let page = succeeds(&domain, "monitor --once");
     assert!(page.contains("no watchdog"), "{page}");
 }

@@ -41,6 +41,19 @@ pub fn bring_up(drive: MiniDrive) -> (SimulatedLine, Result<(), DriveError>) {
 impl PortRig {
     pub fn new(drives: Vec<MiniDrive>) -> Self {
         let (line, _, port) = open(drives);
+        Self::of(line, port)
+    }
+
+    /// One drive whose motor may turn so fast, found disabled.
+    pub fn with_motor_speed(rpm: u32) -> Self {
+        let (line, mut config, _) = open(vec![one_drive()]);
+        config.axes[0].motor_speed_rpm = rpm;
+        let mut rig = Self::of(line.clone(), Port::over(line, &config));
+        rig.until(AxisPhase::Disabled);
+        rig
+    }
+
+    fn of(line: SimulatedLine, port: Port<Opened, SimulatedLine>) -> Self {
         let (runner, links) = port.bring_up().unwrap().split();
         let requests = vec![AxisRequest::default(); links.len()];
         Self { line, runner, links, requests, events: Vec::new() }
