@@ -53,7 +53,7 @@ def main() -> None:
         state = arm.operating_state()
     lengths = np.hypot(*np.array(errors).T)
     print(f"{len(errors)} looks, estimate against goal: RMS {np.sqrt(np.mean(lengths**2)):.3f} deg, max {lengths.max():.3f} deg")
-    print(f"{state.accepted} commands accepted, {state.refused} refused {state.last_refusal}")
+    print(f"{state.accepted} commands accepted, {state.own_refused} refused {state.last_refusal}")
 
 
 if __name__ == "__main__":

@@ -112,8 +112,6 @@ COMMANDS = {
     "release": 9,
     "hold": 10,
 }
-#: Refusal of a second commander.
-LEASE_REFUSAL = 4
 #: Causes that ``why`` tells.
 WHY = 3
 #: Messages of ``error`` and of ``warning`` that are kept.
@@ -139,7 +137,8 @@ class Arm:
         """
         - ``domain``: None: that of the environment variable ``I2RIS_DOMAIN``, or ``i2ris``.
         - ``deadline_s``: age at which a command of this client is stale; None: the controller's default.
-        - ``strict``: commands of a stream raise after a refusal; otherwise count ``OperatingState.refused``.
+        - ``strict``: commands of a stream raise after a refusal; otherwise look at
+          ``OperatingState.own_refused``.
         """
         if domain is None:
             domain = os.environ.get("I2RIS_DOMAIN", "i2ris")
@@ -151,7 +150,7 @@ class Arm:
         self._latest: dict[str, tuple[str, Payload]] = {}
         self._kept: dict[str, list[Any]] = {}
         self._commanded = False
-        self._refused: int | None = None
+        self._refused = 0
         #: Motors one by one, without a model.
         self.actuators = ActuatorArm(self)
         #: The auxiliary axis: a gripper, or a roll.
@@ -369,6 +368,7 @@ class Arm:
         """State of the controller."""
         message = self._first("i2ris/operating_state", OperatingStateMsg)
         flags = message.flags
+        own_refused, own_refusal = self._own_refusals(message)
 
         def flag(bit: int) -> bool:
             return bool(flags & bit)
@@ -385,8 +385,9 @@ class Arm:
             taken=message.lease_client_id != 0,
             accepted=message.accepted,
             refused=message.refused,
-            last_refusal=self._last_refusal(message)[0],
-            last_refusal_code=self._last_refusal(message)[1],
+            last_refusal=refusal_text(own_refusal) if own_refused else "",
+            last_refusal_code=own_refusal,
+            own_refused=own_refused,
             fault_code=message.fault,
         )
 
@@ -458,12 +459,12 @@ class Arm:
     def _fault(self, state: OperatingState, what: str = "") -> Fault:
         return Fault(what, state.fault_code, self._measured(FAULT_KIND, state.fault_code))
 
-    def _last_refusal(self, message: OperatingStateMsg) -> tuple[str, int]:
-        """Reason and code of the last refusal of a servo command of this client, not of another one."""
-        for client, count, reason in zip(message.refused_client_id, message.refused_commands, message.refused_reason):
+    def _own_refusals(self, message: OperatingStateMsg) -> tuple[int, int]:
+        """Number of refused servo commands of this client, not of another one, and the code of the last refusal."""
+        for client, count, code in zip(message.refused_client_id, message.refused_commands, message.refused_reason):
             if count > 0 and client == self._client_id:
-                return refusal_text(reason), reason
-        return "", 0
+                return count, code
+        return 0, 0
 
     def state_command(self, command: str) -> str:
         """Requests a change of state by its name and returns the state right after: see ``COMMANDS``. Raises Refused.
@@ -510,16 +511,15 @@ class Arm:
                 time.sleep(0.05)
 
     def _raise_refusals(self) -> None:
-        """Raises what the controller has refused since the last command of this client."""
+        """Raises what the controller has refused of this client since its last command."""
         state = self.operating_state()
         if not self._strict:
             return
         if state.state == "FAULT":
             raise self._fault(state)
-        before, self._refused = self._refused, state.refused
-        # Who holds the lease is not the one who was refused for it.
-        other = state.lease and state.last_refusal_code == LEASE_REFUSAL
-        if self._commanded and before is not None and state.refused > before and not other:
+        # The count may have begun anew in between.
+        before, self._refused = self._refused, state.own_refused
+        if self._commanded and state.own_refused not in (0, before):
             code = state.last_refusal_code
             raise Refused("a command of the stream", code, measured=self._measured(REFUSAL_KIND, code))
 

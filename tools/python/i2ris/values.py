@@ -153,12 +153,15 @@ class OperatingState:
     #: This client holds the lease; any client holds it.
     lease: bool
     taken: bool
+    #: Servo commands of all clients.
     accepted: int
     refused: int
-    #: Reason of the last refusal; empty if there was none.
+    #: Why the last servo command of this client was refused; empty if none was.
     last_refusal: str
-    #: The same as a number; 0 if there was none.
+    #: The same as a number; 0 if none was.
     last_refusal_code: int = 0
+    #: Refused servo commands of this client. Begins anew after a second without one, if others need the place.
+    own_refused: int = 0
     #: The fault as a number, see ``FAULTS``.
     fault_code: int = 0
 
