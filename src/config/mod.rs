@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `sections` | tables of the process, of commands and of motion |
 //! | `ports` | serial ports, and the axes behind them |
+//! | `line_timing` | what a serial line can carry, and the limits that follow |
 //! | `virtual_fixtures` | forbidden regions, and what makes one |
 //! | `bounds` | the range of every key with a number |
 //! | `validation` | what must fit together |
@@ -16,6 +17,7 @@
 mod bounds;
 mod finding;
 mod key_hint;
+mod line_timing;
 mod ports;
 #[cfg(test)]
 mod schema_file;
@@ -129,6 +131,18 @@ impl Config {
     #[must_use]
     pub fn watches_off(&self) -> Vec<String> {
         let late = "limits.overrun_ticks = 0: late ticks are no fault".to_owned();
+        let current = "limits.over_current_ma = 0: only the drive limits the current".to_owned();
+        let over_current = self.limits.over_current_ma;
+        let currents = over_current.is_none().then_some(current);
+        let drowned = self.axes().filter_map(|axis| {
+            let (limit, motor) = (axis.current_limit_ma, axis.motor);
+            let over_current = over_current.filter(|over_current| *over_current >= limit)?;
+            Some(format!(
+                "limits.over_current_ma = {over_current}: the drive of motor {motor} gives no more \
+                 than {limit} mA"
+            ))
+        });
+        let currents = currents.into_iter().chain(drowned);
         let hangs = |(index, _)| {
             format!(
                 "ports[{index}].loop_timeout_ms = 0: a loop that hangs is left to the watchdog \
@@ -137,7 +151,7 @@ impl Config {
         };
         let ports = self.ports.iter().enumerate().filter(|(_, port)| port.loop_timeout_ms == 0);
         let overruns = (self.limits.overrun_ticks == 0).then_some(late);
-        overruns.into_iter().chain(ports.map(hangs)).collect()
+        overruns.into_iter().chain(currents).chain(ports.map(hangs)).collect()
     }
 
     /// Checks that the robot may use a model, and can keep its limits with it.

@@ -258,15 +258,15 @@ impl AxisConfig {
 }
 
 fn default_current_limit_ma() -> u32 {
-    300
+    100
 }
 
 fn default_following_error_counts() -> u32 {
-    400
+    150
 }
 
 fn default_motor_speed_rpm() -> u32 {
-    3000
+    200
 }
 
 fn default_quick_stop_rpm_s() -> u32 {

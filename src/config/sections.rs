@@ -1,4 +1,7 @@
 //! The tables of the configuration file, with units, ranges and defaults of every key.
+//!
+//! The defaults are cautious: a file that names ports and axes only gets a slow robot with every
+//! watch on. Who wants it faster, or a watch off, writes it down.
 
 use std::path::PathBuf;
 
@@ -116,8 +119,8 @@ impl Default for CommandConfig {
         Self {
             deadline_ms: 50,
             lease_timeout_ms: 500,
-            max_step_deg: 5.0,
-            max_step_counts: 250,
+            max_step_deg: 1.0,
+            max_step_counts: 50,
             first_step_deg: 0.5,
             first_step_counts: 25,
             motion_scale: 1.0,
@@ -143,16 +146,23 @@ pub struct LimitConfig {
     /// `stop_deceleration / jerk`, at most 16 ticks, and lengthens a stop by twice that. Absent: no
     /// limit.
     pub jerk_counts_s3: Option<f64>,
-    /// Age of the newest position at which the loop stops the motion, in milliseconds.
+    /// Age of the newest position at which the loop stops the motion, in milliseconds. 0: the
+    /// shortest that the slowest line keeps although a reply is lost, which `i2ris config check`
+    /// prints.
     pub feedback_stale_ms: u64,
-    /// Age of the newest position at which the loop goes to FAULT, in milliseconds.
+    /// Age of the newest position at which the loop goes to FAULT, in milliseconds. 0: three times
+    /// the age that stops the motion.
     pub feedback_lost_ms: u64,
     /// Largest distance between setpoint and encoder, in counts, before FAULT.
     pub following_error_counts: i32,
-    /// Motor current that leads to FAULT after `over_current_ms`, in mA. Absent: only the drive
-    /// limits the current.
+    /// Motor current that leads to FAULT after `over_current_ms`, in mA: below `current_limit_ma`,
+    /// above what a quick start takes. 0: only the drive limits the current, which is said at every
+    /// start.
+    #[serde(with = "zero_is_off")]
+    #[cfg_attr(test, schemars(with = "u32"))]
     pub over_current_ma: Option<u32>,
-    /// Duration of the over-current that leads to FAULT, in milliseconds.
+    /// Duration of the over-current that leads to FAULT, in milliseconds. 0: 200, or as long as the
+    /// slowest line takes to read the current twice.
     pub over_current_ms: u64,
     /// Overruns (ticks that begin a period late or more) within `overrun_window_ms` that lead to
     /// FAULT. 0: never, which is said at every start.
@@ -164,16 +174,17 @@ pub struct LimitConfig {
 impl Default for LimitConfig {
     fn default() -> Self {
         Self {
-            velocity_counts_s: 2000.0,
-            acceleration_counts_s2: 40_000.0,
+            velocity_counts_s: 500.0,
+            acceleration_counts_s2: 5000.0,
+            // Not lower: a stop has to be hard.
             stop_deceleration_counts_s2: 1_000_000.0,
             jerk_counts_s3: None,
-            feedback_stale_ms: 50,
-            feedback_lost_ms: 250,
-            following_error_counts: 300,
-            over_current_ma: None,
-            over_current_ms: 200,
-            overrun_ticks: 0,
+            feedback_stale_ms: 0,
+            feedback_lost_ms: 0,
+            following_error_counts: 100,
+            over_current_ma: Some(90),
+            over_current_ms: 0,
+            overrun_ticks: 100,
             overrun_window_ms: 1000,
         }
     }
@@ -215,7 +226,7 @@ impl Default for CompensationConfig {
             reversal_dead_band_deg: 0.05,
             residual_filter_ms: 50.0,
             residual_dead_band_deg: 0.02,
-            lead_ms: 0.0,
+            lead_ms: 10.0,
         }
     }
 }
@@ -226,8 +237,10 @@ impl Default for CompensationConfig {
 #[serde(deny_unknown_fields, default)]
 pub struct ConditioningConfig {
     /// Amplitude of the first turn, counts of every motor, around the start. The range that the
-    /// model needs and the position limits have priority. Absent: the calibrated hull of the model;
-    /// 500 without a model.
+    /// model needs and the position limits have priority. 0: the calibrated hull of the model; 500
+    /// without a model.
+    #[serde(with = "zero_is_off")]
+    #[cfg_attr(test, schemars(with = "i32"))]
     pub half_width_counts: Option<i32>,
     /// Turns, the first with full amplitude, the others decaying.
     pub turns: u32,
@@ -237,7 +250,7 @@ pub struct ConditioningConfig {
 
 impl Default for ConditioningConfig {
     fn default() -> Self {
-        Self { half_width_counts: None, turns: 4, velocity_counts_s: 1000.0 }
+        Self { half_width_counts: Some(300), turns: 4, velocity_counts_s: 250.0 }
     }
 }
 
@@ -257,30 +270,50 @@ impl Default for ModelSwapConfig {
     }
 }
 
-/// Limits on the angles. An absent limit is off. With any of them, a model of the tip position is
-/// refused: it has no angles.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+/// Limits on the angles. They hold once a model says what an angle is; before, those of counts,
+/// speed and current hold. With any of them, a model of the tip position is refused: it has no
+/// angles.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct JointLimitConfig {
-    /// Lowest angles, degrees, one per output.
+    /// Lowest angles, degrees, one per output. Absent: no limit.
     pub position_min_deg: Option<Vec<f64>>,
-    /// Highest angles, degrees, one per output.
+    /// Highest angles, degrees, one per output. Absent: no limit.
     pub position_max_deg: Option<Vec<f64>>,
-    /// Velocity of every angle, degrees per second.
+    /// Velocity of every angle, degrees per second. 0: no limit.
+    #[serde(with = "zero_is_off")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub velocity_deg_s: Option<f64>,
-    /// Acceleration of every angle, degrees per second squared.
+    /// Acceleration of every angle, degrees per second squared. 0: no limit.
+    #[serde(with = "zero_is_off")]
+    #[cfg_attr(test, schemars(with = "f64"))]
     pub acceleration_deg_s2: Option<f64>,
     /// Jerk of every angle, degrees per second cubed. Needs `acceleration_deg_s2`. It delays by
-    /// `acceleration / jerk`, at most 16 ticks.
+    /// `acceleration / jerk`, at most 16 ticks. Absent: no limit.
     pub jerk_deg_s3: Option<f64>,
 }
 
+impl Default for JointLimitConfig {
+    fn default() -> Self {
+        Self { velocity_deg_s: Some(20.0), acceleration_deg_s2: Some(400.0), ..Self::OFF }
+    }
+}
+
 impl JointLimitConfig {
+    /// Without any limit.
+    pub const OFF: Self = Self {
+        position_min_deg: None,
+        position_max_deg: None,
+        velocity_deg_s: None,
+        acceleration_deg_s2: None,
+        jerk_deg_s3: None,
+    };
+
     /// Whether any limit is set.
     #[must_use]
     pub fn is_any(&self) -> bool {
-        *self != Self::default()
+        *self != Self::OFF
     }
 
     /// Length in ticks of the moving average that keeps the jerk limit.
@@ -409,4 +442,25 @@ pub(super) fn window_ticks(acceleration: f64, jerk: f64, tick: Nanos) -> u32 {
     // Rounding may not make a window of 20 ticks one of 21.
     let ticks = 2.0 * acceleration / (jerk * tick.as_seconds()) - 1e-9;
     ticks.ceil().clamp(1.0, 1e6) as u32
+}
+
+/// A number that is 0 in the file where there is none in the program, so that what is on by default
+/// can be switched off.
+mod zero_is_off {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<T: Serialize + Default, S: Serializer>(
+        value: &Option<T>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        value.as_ref().unwrap_or(&T::default()).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, T, D>(deserializer: D) -> Result<Option<T>, D::Error>
+    where
+        T: Deserialize<'de> + Default + PartialEq,
+        D: Deserializer<'de>,
+    {
+        Ok(Some(T::deserialize(deserializer)?).filter(|value| *value != T::default()))
+    }
 }

@@ -23,7 +23,15 @@ fn a_short_file_gets_the_defaults() {
     let config = Config::parse(AXIS, Path::new("robot.toml")).unwrap();
     assert_eq!(config.control, ControlConfig::default());
     assert_eq!(config.motors(), 1);
-    assert_eq!(config.axis(0).unwrap().current_limit_ma, 300);
+    assert_eq!(config.axis(0).unwrap().current_limit_ma, 100);
+    let (limits, axis) = (&config.limits, config.axis(0).unwrap());
+    assert_eq!((limits.velocity_counts_s, limits.acceleration_counts_s2), (500.0, 5000.0));
+    assert_eq!((limits.following_error_counts, axis.following_error_counts), (100, 150));
+    assert_eq!((limits.over_current_ma, limits.overrun_ticks), (Some(90), 100));
+    assert_eq!((config.command.max_step_deg, config.command.max_step_counts), (1.0, 50));
+    assert_eq!(config.joint_limits.velocity_deg_s, Some(20.0));
+    assert_eq!((axis.motor_speed_rpm, config.conditioning.half_width_counts), (200, Some(300)));
+    assert!(config.watches_off().is_empty(), "{:?}", config.watches_off());
 }
 
 #[test]
@@ -47,7 +55,7 @@ fn every_value_out_of_range_is_named_with_the_reason() {
         ("[compensation]\nreversal_dead_band_deg = nan", "dead_band_deg = NaN: must be 0 to 2"),
         ("[limits]\njerk_counts_s3 = 1e7", "the delay would be longer than 16 ticks"),
         ("[conditioning]\nturns = 0", "conditioning.turns = 0: must be 1 to 20"),
-        ("[conditioning]\nhalf_width_counts = 0", "conditioning.half_width_counts"),
+        ("[conditioning]\nhalf_width_counts = -1", "conditioning.half_width_counts"),
     ] {
         let text = error(extra);
         assert!(text.contains(expected), "{text}");
@@ -150,21 +158,31 @@ fn limits_that_no_motor_of_the_snake_has_are_refused() {
         ("[move_jp]\nacceleration_deg_s2", "1.1e5"),
     ] {
         let text = error(&format!("{key} = {value}"));
-        assert!(text.contains("at most"), "{key}: {text}");
+        let is_named = text.contains("at most") || text.contains("must be 0 to");
+        assert!(is_named, "{key}: {text}");
     }
 }
 
 #[test]
 fn watches_that_are_off_are_said() {
-    let off = Config::parse(AXIS, Path::new("robot.toml")).unwrap();
-    assert_eq!(off.watches_off(), ["limits.overrun_ticks = 0: late ticks are no fault"]);
-    let mut on = off.clone();
-    on.limits.overrun_ticks = 5;
-    assert!(on.watches_off().is_empty());
+    let off = format!("{AXIS}\n[limits]\noverrun_ticks = 0\nover_current_ma = 0");
+    let off = Config::parse(&off, Path::new("robot.toml")).unwrap();
+    let said = [
+        "limits.overrun_ticks = 0: late ticks are no fault",
+        "limits.over_current_ma = 0: only the drive limits the current",
+    ];
+    assert_eq!(off.watches_off(), said);
+    // What is off stays off in a copy of the file.
+    assert_eq!(Config::parse(&toml::to_string(&off).unwrap(), Path::new("copy")).unwrap(), off);
+    let mut on = Config::parse(AXIS, Path::new("robot.toml")).unwrap();
     on.ports[0].loop_timeout_ms = 0;
+    on.ports[0].axes[0].current_limit_ma = 90;
     assert_eq!(
         on.watches_off(),
-        ["ports[0].loop_timeout_ms = 0: a loop that hangs is left to the watchdog alone"]
+        [
+            "limits.over_current_ma = 90: the drive of motor 0 gives no more than 90 mA",
+            "ports[0].loop_timeout_ms = 0: a loop that hangs is left to the watchdog alone"
+        ]
     );
 }
 
@@ -189,4 +207,31 @@ fn values_and_files_are_checked_at_once() {
     // The watchdog and other programs that do not use the model read the file nevertheless.
     std::fs::write(&file, format!("{AXIS}\n[control]\nmodel = \"absent.json\"")).unwrap();
     assert!(Config::load(&file).is_ok());
+}
+
+#[test]
+fn limits_of_time_follow_from_the_slowest_line() {
+    let alone = Config::parse(AXIS, Path::new("robot.toml")).unwrap();
+    let ages = |config: &Config| {
+        [config.feedback_stale(), config.feedback_lost(), config.over_current_time()]
+    };
+    assert_eq!(ages(&alone), [31, 93, 200].map(Nanos::from_millis));
+    let mut shared = alone.clone();
+    let axis = shared.ports[0].axes[0].clone();
+    shared.ports[0].axes.extend([axis.clone(), axis]);
+    let [stale, lost, over_current] = ages(&shared);
+    assert_eq!([stale, lost], [53, 159].map(Nanos::from_millis));
+    assert!(over_current > Nanos::from_millis(600), "two readings: {over_current:?}");
+    // A long wait for replies makes no stop late.
+    shared.ports[0].reply_timeout_ms = 500;
+    assert_eq!(shared.feedback_stale(), stale);
+    let found = |config: &Config, exchange: u64| {
+        let findings = config.line_findings(&config.ports[0], Nanos::from_millis(exchange));
+        findings.into_iter().map(|finding| finding.key).collect::<Vec<_>>()
+    };
+    assert_eq!(found(&alone, 2), [""; 0]);
+    assert_eq!(found(&shared, 2), ["limits.feedback_lost_ms"]);
+    // An adapter with the latency timer of the kernel.
+    let late = ["limits.feedback_stale_ms", "limits.feedback_lost_ms", "limits.over_current_ms"];
+    assert_eq!(found(&alone, 17), [&late[..], &["reply_timeout_ms"]].concat());
 }

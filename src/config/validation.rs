@@ -80,7 +80,7 @@ fn check_limits(config: &Config, findings: &mut Findings) {
         findings.require(fits, "limits.jerk_counts_s3", jerk, JERK_DELAY);
     }
     findings.require(
-        limits.feedback_lost_ms > limits.feedback_stale_ms
+        config.feedback_lost() > config.feedback_stale()
             && limits.feedback_lost_ms <= MAX_MS as u64,
         "limits.feedback_lost_ms",
         limits.feedback_lost_ms,

@@ -131,6 +131,11 @@ impl<T: Transport> Port<Configured, T> {
         &self.stage.identified.axes
     }
 
+    /// Median duration of an exchange.
+    pub fn exchange(&self) -> Nanos {
+        self.stage.identified.exchange
+    }
+
     /// Splits the port into the end of the port thread and the ends of the control loop, in the
     /// order of the configuration.
     #[must_use]

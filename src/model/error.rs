@@ -127,7 +127,7 @@ pub enum ModelError {
     /// The configuration limits angles, and the model has none.
     #[error(
         "gives a position of the tip, so that [joint_limits] of the configuration could not be \
-         kept; name a model of angles, or remove the limits"
+         kept; name a model of angles, or set velocity_deg_s and acceleration_deg_s2 to 0 there"
     )]
     NoAngles,
     /// The model was calibrated on another robot.

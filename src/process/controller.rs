@@ -16,7 +16,7 @@ use std::sync::{Arc, mpsc};
 use rtrb::Consumer;
 
 use crate::clock;
-use crate::config::{Config, ControlConfig};
+use crate::config::{Config, ControlConfig, Finding};
 use crate::core::cycle::ControlCycle;
 use crate::core::{CommandCheck, CycleEvent, Gated};
 use crate::drive::error::DriveError;
@@ -103,13 +103,13 @@ pub fn run(
     let lock = DomainLock::acquire(&domain)?;
     let boot_id = lock.boot_id();
     let drives = bring_up_ports(config)?;
-    let identities = drives.identities.clone();
+    let (identities, findings) = (drives.identities.clone(), drives.findings.clone());
     let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
     service_manager::notify(service_manager::READY);
     let (name, process) = (domain.name(), std::process::id());
     write_line(log, format_args!("serves domain `{name}`, process {process}"));
     write_granted(log, &threads.granted);
-    write_watches_off(log, config);
+    write_limits(log, config, model.is_some(), &findings);
     write_ipc_granted(log, &config.control, &threads.ipc_granted);
     if let Some(delay_s) = config.command.tremor_filter_delay_s() {
         let delay_ms = delay_s * 1e3;
@@ -357,10 +357,26 @@ fn write_granted(log: &mut dyn Write, granted: &Granted) {
     }
 }
 
-/// Says which watches the configuration has switched off.
-fn write_watches_off(log: &mut dyn Write, config: &Config) {
+/// Says which limits do not hold: watches that the configuration has switched off, angles that
+/// nobody knows, and what the lines, as measured, cannot keep.
+fn write_limits(log: &mut dyn Write, config: &Config, has_model: bool, findings: &[Finding]) {
     for watch in config.watches_off() {
         write_line(log, format_args!("off by configuration: {watch}"));
+    }
+    if !has_model && config.joint_limits.is_any() {
+        let until = "until then those of counts, speed and current hold";
+        write_line(log, format_args!("no model: joint_limits hold once one is in use; {until}"));
+    }
+    let (stale, lost) = (config.feedback_stale().as_seconds(), config.feedback_lost().as_seconds());
+    let [stale, lost] = [stale, lost].map(|age| age * 1e3);
+    write_line(
+        log,
+        format_args!(
+            "feedback: the motion stops at an age of {stale:.0} ms, FAULT at {lost:.0} ms"
+        ),
+    );
+    for finding in findings {
+        write_line(log, format_args!("warning: {finding}"));
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::COMMIT;
 use crate::clock;
-use crate::config::Config;
+use crate::config::{Config, Finding};
 use crate::core::Gated;
 use crate::drive::AxisIdentity;
 use crate::drive::error::DriveError;
@@ -56,6 +56,8 @@ pub struct Drives {
     pub runners: Vec<PortRunner<SerialTransport, Gated>>,
     pub links: Vec<AxisLink<Gated>>,
     pub identities: Vec<AxisIdentity>,
+    /// What the lines, as measured, do not keep.
+    pub findings: Vec<Finding>,
 }
 
 /// Opens all ports, then configures them, so that a missing port is detected before any drive is
@@ -63,9 +65,15 @@ pub struct Drives {
 pub fn bring_up_ports(config: &Config) -> Result<Drives, DriveError> {
     let opened = config.ports.iter().map(Port::<Opened>::open);
     let opened = opened.collect::<Result<Vec<_>, _>>()?;
-    let mut drives = Drives { runners: Vec::new(), links: Vec::new(), identities: Vec::new() };
-    for port in opened {
+    let mut drives = Drives {
+        runners: Vec::new(),
+        links: Vec::new(),
+        identities: Vec::new(),
+        findings: Vec::new(),
+    };
+    for (port, port_config) in opened.into_iter().zip(&config.ports) {
         let port = port.bring_up()?;
+        drives.findings.extend(config.line_findings(port_config, port.exchange()));
         drives.identities.extend_from_slice(port.axes());
         let (runner, links) = port.split();
         drives.runners.push(runner);

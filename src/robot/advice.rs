@@ -63,7 +63,9 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
             "`i2ris model stage FILE` and `i2ris model activate ID`, or name it in the \
              configuration"
         }
-        Refusal::Range => "command less, or correct the position limits of the axes",
+        Refusal::Range => {
+            "command less, or correct the position limits of the axes or `joint_limits`"
+        }
         Refusal::State => {
             "`i2ris command state hold`; a controller that ends has to be started again"
         }

@@ -1,11 +1,11 @@
 //! ENABLED: what servo commands make of the setpoints.
 
-use i2ris::config::Config;
 use i2ris::core::ServoGoal;
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
 use i2ris_testing::cycle::{Bench, GAIN_DEG, HULL, ROBOT, config, counts_at, model, rad};
+use i2ris_testing::fast_config;
 
 /// Rounding to counts.
 const HALF: f64 = 0.5 + 1e-6;
@@ -235,7 +235,7 @@ fn a_stream_that_stops_is_passed_by_at_most_two_of_its_steps() {
 #[test]
 fn one_motor_alone_can_be_commanded() {
     let one = ROBOT.rsplit_once("[[ports.axes]]").unwrap().0;
-    let mut bench = Bench::enabled_with(Config::parse(one, "one.toml".as_ref()).unwrap(), None);
+    let mut bench = Bench::enabled_with(fast_config(one), None);
     let command = bench.servo(ServoGoal::Actuator([Counts(20), Counts(20)], 2));
     assert_eq!(bench.send(command), Refusal::Malformed);
     hold_goal(&mut bench, ServoGoal::Actuator([Counts(20), Counts(0)], 1));

@@ -10,6 +10,7 @@ use i2ris::core::{
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
+use i2ris::robot::Cause;
 use i2ris_testing::cycle::{
     Bench, CLIENT, GAIN_DEG, config, model, play_model, rad, strict_config,
 };
@@ -172,12 +173,20 @@ fn a_model_of_the_tip_is_refused_where_angles_are_limited() {
     assert!(limited.check_model(&model(OutputUnit::Deg)).is_ok());
 }
 
+/// A robot that was never calibrated has limits of counts; it could not be calibrated otherwise.
 #[test]
-fn motors_without_a_model_do_not_move_while_angles_are_limited() {
+fn limits_of_angles_hold_once_a_model_says_what_an_angle_is() {
     let limited = config("[joint_limits]\nposition_max_deg = [3.0, 9.0]");
-    let mut bench = Bench::enabled_with(limited, None);
-    assert_eq!(bench.actuator([10, 10]), Refusal::NoModel);
-    assert_eq!(bench.ask(StateCommand::Condition), Refusal::NoModel);
+    let mut bench = Bench::enabled_with(limited.clone(), None);
+    assert_eq!(bench.actuator([10, 10]), Refusal::None);
+    assert_eq!(bench.actuator([-1001, 0]), Refusal::Range, "those of counts hold");
+    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+    bench.idle();
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    bench.idle();
+    let mut bench = Bench::enabled_with(limited, Some(model(OutputUnit::Deg)));
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::Range);
+    assert!(Cause::Refusal(Refusal::Range).advice().contains("joint_limits"));
 }
 
 #[test]

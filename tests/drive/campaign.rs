@@ -11,7 +11,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 
 use i2ris::clock;
-use i2ris::config::{AxisConfig, PortConfig};
+use i2ris::config::PortConfig;
 use i2ris::drive::{
     AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, Port, PortEvent, PortEventKind,
 };
@@ -20,7 +20,7 @@ use i2ris_simulation::drive::State;
 use i2ris_simulation::log::EventKind;
 use i2ris_simulation::physics::springs::SnakeConfig;
 use i2ris_simulation::{Emulator, EmulatorConfig, Injection};
-use i2ris_testing::Background;
+use i2ris_testing::{Background, fast_axis};
 
 const RIGS: u64 = 4;
 
@@ -160,7 +160,7 @@ impl CampaignRig {
         let emulator = Emulator::start(config).unwrap();
         let axis = |(motor, serial_number): (usize, u32)| {
             let limits = [Counts(-LIMIT), Counts(LIMIT)];
-            let axis = AxisConfig::new(motor, serial_number, limits);
+            let axis = fast_axis(motor, serial_number, limits);
             let port = PortConfig::new(emulator.device(motor).to_owned(), vec![axis]);
             CampaignAxis::start(&PortConfig { reply_timeout_ms: 60, ..port })
         };

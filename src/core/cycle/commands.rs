@@ -83,7 +83,6 @@ impl ControlCycle {
                 self.admission.require_lease(request.client_id)?;
                 // The motors cross the whole hull.
                 self.require_no_fixture()?;
-                self.require_known_angles()?;
                 let joints = self.models.active();
                 let start = self.axes.setpoints();
                 let model = joints.map(JointModel::model);
@@ -168,12 +167,6 @@ impl ControlCycle {
     /// Refuses motion that is not planned in joint space while virtual fixtures count.
     fn require_no_fixture(&self) -> Result<(), Refusal> {
         if self.fixtures.is_on() { Err(Refusal::Fixture) } else { Ok(()) }
-    }
-
-    /// Refuses motion of motors whose angles nobody knows while angles are limited.
-    fn require_known_angles(&self) -> Result<(), Refusal> {
-        let is_known = !self.limits_angles || self.models.active().is_some();
-        if is_known { Ok(()) } else { Err(Refusal::NoModel) }
     }
 
     /// A client that gives the lease back is not followed any more: the robot stops.
@@ -296,7 +289,6 @@ impl ControlCycle {
         let deadline = self.admission.check(command, &context)?;
         if matches!(command.goal, ServoGoal::Actuator(..)) {
             self.require_no_fixture()?;
-            self.require_known_angles()?;
         }
         let followed = state.followed_command();
         let CheckedGoal { goal, requested, is_clipped } = self.range_check.check(

@@ -69,7 +69,6 @@ pub struct ControlCycle {
     pub(super) range_check: RangeCheck,
     /// A drive searches for a hard stop when it is homed.
     homing_moves: bool,
-    limits_angles: bool,
     pub(super) conditioning_plan: ConditioningPlan,
     pub(super) trajectory_limits: TrajectoryLimits,
     pub(super) axes: AxisGroup,
@@ -107,11 +106,10 @@ impl ControlCycle {
         let late_window = Nanos::from_millis(limits.overrun_window_ms);
         Self {
             period: config.control.period(),
-            stale_after: Nanos::from_millis(limits.feedback_stale_ms),
-            lost_after: Nanos::from_millis(limits.feedback_lost_ms),
+            stale_after: config.feedback_stale(),
+            lost_after: config.feedback_lost(),
             range_check: RangeCheck::new(&config.command),
             homing_moves: config.axes().any(|axis| axis.homing != HomingMethod::Here),
-            limits_angles: config.joint_limits.is_any(),
             conditioning_plan: ConditioningPlan::new(config),
             trajectory_limits: TrajectoryLimits::new(&config.move_jp),
             clutch: Clutch::new(config.command.motion_scale),

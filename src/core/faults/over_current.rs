@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::LimitConfig;
 use crate::core::faults::debounce::Debounce;
 use crate::robot::{Measurement, Quantity};
 use crate::units::Nanos;
@@ -17,12 +16,8 @@ pub(crate) struct OverCurrentMonitor {
 }
 
 impl OverCurrentMonitor {
-    pub fn new(limits: &LimitConfig) -> Self {
-        Self {
-            limit_ma: limits.over_current_ma,
-            debounce: Debounce::new(Nanos::from_millis(limits.over_current_ms)),
-            is_tripped: false,
-        }
+    pub fn new(limit_ma: Option<u32>, time: Nanos) -> Self {
+        Self { limit_ma, debounce: Debounce::new(time), is_tripped: false }
     }
 
     /// Updates the monitor. The current counts only while the drive follows setpoints.
@@ -49,12 +44,7 @@ mod tests {
 
     #[test]
     fn a_high_current_trips_after_its_time_and_only_while_the_drive_follows() {
-        let limits = LimitConfig {
-            over_current_ma: Some(200),
-            over_current_ms: 50,
-            ..LimitConfig::default()
-        };
-        let mut monitor = OverCurrentMonitor::new(&limits);
+        let mut monitor = OverCurrentMonitor::new(Some(200), Nanos::from_millis(50));
         for (ms, current_ma, is_following, is_tripped) in [
             (0, -201, true, false),
             (49, 201, true, false),

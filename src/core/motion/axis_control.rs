@@ -53,7 +53,10 @@ impl AxisControl {
             limiter: VelocityLimiter::new(&limits, period),
             jerk_limiter: JerkLimiter::new(config.limits.window_ticks(period).unwrap_or(1)),
             source: SetpointSource::Tracking,
-            over_current: OverCurrentMonitor::new(&config.limits),
+            over_current: OverCurrentMonitor::new(
+                config.limits.over_current_ma,
+                config.over_current_time(),
+            ),
             fault_resets: 0,
             homings: 0,
             valid_homing: 0,

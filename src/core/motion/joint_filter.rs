@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn without_limits_and_filter_a_goal_passes_unchanged() {
         let step = GoalStep { now: [0.3, 0.2, 0.1], before: [0.2, 0.1, 0.0] };
-        let mut filter = filter(JointLimitConfig::default());
+        let mut filter = filter(JointLimitConfig::OFF);
         assert_eq!(filter.filter(step, [9.0; 3]), step);
     }
 
@@ -96,7 +96,7 @@ mod tests {
         let mut filter = filter(JointLimitConfig {
             velocity_deg_s: Some(10.0),
             acceleration_deg_s2: Some(100.0),
-            ..JointLimitConfig::default()
+            ..JointLimitConfig::OFF
         });
         let goal = GoalStep { now: [0.1; 3], before: [0.1; 3] };
         for _ in 0..2 {

@@ -173,7 +173,7 @@ mod tests {
             acceleration_deg_s2: Some(400.0),
             jerk_deg_s3: Some(40_000.0),
             position_max_deg: Some(vec![4.0, 30.0]),
-            ..JointLimitConfig::default()
+            ..JointLimitConfig::OFF
         };
         let mut joint_limits = JointLimits::new(&config, TICK, true);
         joint_limits.restart(&[0.0; 3]);
@@ -194,9 +194,9 @@ mod tests {
 
     #[test]
     fn limits_on_angles_are_off_for_other_outputs() {
-        let config = JointLimitConfig { velocity_deg_s: Some(20.0), ..JointLimitConfig::default() };
+        let config = JointLimitConfig { velocity_deg_s: Some(20.0), ..JointLimitConfig::OFF };
         assert!(JointLimits::new(&config, TICK, false).is_off());
-        assert!(JointLimits::new(&JointLimitConfig::default(), TICK, true).is_off());
+        assert!(JointLimits::new(&JointLimitConfig::OFF, TICK, true).is_off());
     }
 
     #[test]
@@ -205,7 +205,7 @@ mod tests {
             velocity_deg_s: Some(20.0),
             acceleration_deg_s2: Some(400.0),
             jerk_deg_s3: Some(40_000.0),
-            ..JointLimitConfig::default()
+            ..JointLimitConfig::OFF
         };
         let mut joint_limits = JointLimits::new(&config, TICK, true);
         let start = [0.3, -0.2, 0.0];
@@ -218,7 +218,7 @@ mod tests {
         let config = JointLimitConfig {
             position_min_deg: Some(vec![-4.0, -30.0]),
             position_max_deg: Some(vec![6.0, 20.0]),
-            ..JointLimitConfig::default()
+            ..JointLimitConfig::OFF
         };
         let of = |output| {
             let limits = limits(&config, output);

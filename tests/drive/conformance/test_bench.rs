@@ -10,6 +10,7 @@ use i2ris_simulation::drive::DriveSnapshot;
 use i2ris_simulation::log::EventKind;
 use i2ris_simulation::physics::springs::SnakeConfig;
 use i2ris_simulation::{Emulator, EmulatorConfig};
+use i2ris_testing::fast_axis;
 use tempfile::TempDir;
 
 use super::running_axis::RunningAxis;
@@ -185,7 +186,7 @@ fn emulated_family(family: Family) -> i2ris_simulation::drive::Family {
 fn ports(setup: &Setup, emulator: &Emulator) -> Vec<PortConfig> {
     let axis = |motor: usize| AxisConfig {
         node_id: motor as u8 + 1,
-        ..AxisConfig::new(motor, SERIAL_NUMBERS[motor], [Counts(-2400), Counts(2400)])
+        ..fast_axis(motor, SERIAL_NUMBERS[motor], [Counts(-2400), Counts(2400)])
     };
     let tested = AxisConfig {
         family: (setup.drive != setup.port).then_some(setup.drive),

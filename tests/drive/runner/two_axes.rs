@@ -1,3 +1,7 @@
+use i2ris::config::{Config, LimitConfig};
+use i2ris_testing::cycle::ROBOT;
+use i2ris_testing::fast_config;
+
 use super::*;
 
 fn two_enabled() -> PortRig {
@@ -119,4 +123,51 @@ fn the_other_is_served_after_every_exchange_while_one_is_brought_up_again() {
         assert!(between.all(|count| count <= 2), "{nodes:?}");
         assert!(longest_gap(&rig, 1) < ONE_ATTEMPT, "{}", longest_gap(&rig, 1).0);
     }
+}
+
+/// Three nodes behind one port, with commands that come now and then.
+#[test]
+fn the_newest_position_of_a_third_node_is_never_older_than_the_limit_from_the_line() {
+    let drives = vec![MiniDrive::new(1, 11), MiniDrive::new(2, 22), MiniDrive::new(3, 33)];
+    let config = Config { ports: vec![port_config(&drives)], ..fast_config(ROBOT) };
+    let config = Config { limits: LimitConfig::default(), ..config };
+    let mut rig = PortRig::new(drives);
+    rig.turns(20);
+    for axis in 0..3 {
+        rig.request_of(axis, |request| request.demand = Demand::Enabled);
+    }
+    rig.turns(60);
+    let (mut oldest, mut stamp) = (Nanos::ZERO, rig.feedback_of(2).stamp);
+    for turn in 0..2000_u64 {
+        for axis in 0..3 {
+            rig.request_of(axis, |request| {
+                request.command_sequence += u64::from(turn * turn % 11 < 4)
+            });
+        }
+        rig.turns(1);
+        if rig.feedback_of(2).stamp != stamp {
+            // The last exchange of the turn was that of this node.
+            oldest = oldest.max(rig.line.time() - stamp);
+            stamp = rig.feedback_of(2).stamp;
+        }
+    }
+    let port = &config.ports[0];
+    let gap = port.longest_gap(port.nominal_exchange());
+    assert!(oldest > Nanos::from_millis(30) && oldest <= gap, "{oldest:?} {gap:?}");
+    let stale = config.feedback_stale();
+    let wait = Nanos::from_millis(port.reply_timeout_ms);
+    assert!(stale >= gap + wait && stale < gap + wait + Nanos::from_millis(1), "{stale:?}");
+    // A limit that was right for one drive is named, with what the line needs.
+    let named = |stale_ms: u64| {
+        let mut config = config.clone();
+        config.limits.feedback_stale_ms = stale_ms;
+        config.line_findings(port, port.nominal_exchange())
+    };
+    assert_eq!(named(0), []);
+    let [finding] = &named(30)[..] else { panic!("{:?}", named(30)) };
+    assert!(finding.to_string().contains("limits.feedback_stale_ms = 30: "), "{finding}");
+    assert!(
+        finding.reason.contains("3 axes") && finding.reason.contains("at least 53"),
+        "{finding}"
+    );
 }

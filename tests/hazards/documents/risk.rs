@@ -18,11 +18,7 @@ const RATINGS: &[(&str, [u32; 3], &str)] = &[
     ("H07", [3, 4, 1], "a hull that was calibrated on another snake"),
     ("H08", [3, 3, 2], "a model that passes all checks and does not fit the snake any more"),
     ("H09", [4, 3, 1], "a wrong goal within all limits is followed"),
-    (
-        "H10",
-        [2, 4, 2],
-        "by default late ticks are counted and are no fault: `limits.overrun_ticks`",
-    ),
+    ("H10", [2, 4, 2], "with `limits.overrun_ticks = 0` late ticks are counted and are no fault"),
     ("H11", [3, 3, 1], "a wrong value within its range"),
     ("H12", [4, 3, 2], "without a camera, slack within the following error is not seen"),
     ("H13", [2, 4, 1], "lines and records that are lost, and counted"),

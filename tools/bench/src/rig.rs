@@ -65,7 +65,12 @@ impl DriveRig {
     pub fn ports(&self) -> Vec<PortConfig> {
         let axis = |motor: usize| {
             let limits = [Counts(-2400), Counts(2400)];
-            AxisConfig::new(motor, self.serial_numbers[motor], limits)
+            AxisConfig {
+                current_limit_ma: 300,
+                following_error_counts: 400,
+                motor_speed_rpm: 3000,
+                ..AxisConfig::new(motor, self.serial_numbers[motor], limits)
+            }
         };
         let port = |motor: usize, axes: Vec<AxisConfig>| PortConfig {
             reply_timeout_ms: 1000,

@@ -3,12 +3,20 @@
 mod describe;
 mod schema;
 
+use std::fs;
 use std::path::PathBuf;
 
-use i2ris::config::Config;
+use i2ris::config::{Config, PortConfig};
 
 use i2ris_report::Failure;
+use i2ris_report::exit::{Coded, NOT_READY};
 use schema::Kind;
+
+/// As delivered.
+const TEMPLATE: &str = include_str!("../../../config/robot.toml");
+
+/// Behind every line of it that a person has to look at.
+const MARK: &str = " # CHECK";
 
 /// What `i2ris config` can do.
 #[derive(Debug, clap::Subcommand)]
@@ -61,14 +69,25 @@ pub fn run(command: &Command) -> Result<(), Failure> {
 
 fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
     let config = Config::load_and_check_files(&file)?;
-    let (robot, motors) = (&config.robot_id, config.motors());
+    let (robot, motors, axes) = (&config.robot_id, config.motors(), config.axes().count());
+    let of_line = |port: &PortConfig| config.line_findings(port, port.nominal_exchange());
+    let mut findings = as_delivered(&fs::read_to_string(&file)?, &config);
+    findings.extend(config.ports.iter().flat_map(of_line).map(|finding| finding.to_string()));
+    let [stale_ms, lost_ms] =
+        [config.feedback_stale(), config.feedback_lost()].map(|age| age.as_seconds() * 1e3);
     if json {
         println!(
             "{}",
-            serde_json::json!({ "file": file, "valid": true, "robot_id": robot, "motors": motors })
+            serde_json::json!({
+                "file": file, "valid": true, "robot_id": robot, "motors": motors, "axes": axes,
+                "feedback_stale_ms": stale_ms, "feedback_lost_ms": lost_ms, "not_ready": findings,
+            })
         );
     } else {
-        println!("{}: valid; robot {robot}, {motors} motor(s)", file.display());
+        println!("{}: valid; robot {robot}, {axes} axes, {motors} of the snake", file.display());
+        println!(
+            "the motion stops with a position older than {stale_ms:.0} ms, FAULT after {lost_ms:.0} ms"
+        );
         if let Some(delay_s) = config.command.tremor_filter_delay_s() {
             println!(
                 "the tremor filter of {} Hz delays the goal by {:.0} ms",
@@ -76,6 +95,34 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
                 delay_s * 1e3
             );
         }
+        config.watches_off().iter().for_each(|watch| println!("off: {watch}"));
+        findings.iter().for_each(|finding| println!("{finding}"));
     }
-    Ok(())
+    match findings.len() {
+        0 => Ok(()),
+        count => {
+            let sentence = format!("{}: {count} line(s) are not ready", file.display());
+            Err(Coded { code: NOT_READY, sentence }.into())
+        }
+    }
+}
+
+/// The lines of the template that only a person can fill in, and nobody has: marked CHECK, with the
+/// value as delivered. Taking the mark away says that the value is right. A serial number of 0 is
+/// never right.
+pub fn as_delivered(text: &str, config: &Config) -> Vec<String> {
+    let is_delivered = |line: &&str| {
+        TEMPLATE.lines().any(|delivered| delivered.ends_with(MARK) && delivered == line.trim())
+    };
+    let lines = text.lines().enumerate().filter(|(_, line)| is_delivered(line));
+    let marked = lines.map(|(index, line)| {
+        let line = line.trim().trim_end_matches(MARK);
+        format!("line {}: {line}: as delivered; correct it, or take the mark CHECK away", index + 1)
+    });
+    let unknown = config.axes().filter(|axis| axis.serial_number == 0);
+    let unknown = unknown.map(|axis| {
+        let motor = axis.motor;
+        format!("ports.axes[motor {motor}].serial_number = 0: no drive has it (object 0x1018:04)")
+    });
+    marked.chain(unknown).collect()
 }

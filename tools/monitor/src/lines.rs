@@ -72,7 +72,7 @@ fn state_line(state: Option<&State>) -> String {
         (state.holding, "holding"),
         (state.clipped, "clipped"),
         (state.at_fixture, "limited by a virtual fixture"),
-        (true, if state.model { "model loaded" } else { "no model" }),
+        (true, if state.model { "model loaded" } else { "no model: angles not limited" }),
         (state.memory_known, "memory known"),
         (true, if state.watched { "watchdog" } else { "no watchdog" }),
         (state.compared, "compared with camera"),

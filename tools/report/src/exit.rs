@@ -16,10 +16,15 @@ pub const HELP: &str = "Exit codes:
   5    the robot is in FAULT
   6    a configuration is not valid
   7    a pose was out of reach: the robot went as near as it may
+  8    a configuration is valid, and not ready for a robot: lines that nobody has checked, or limits
+       that its serial lines do not keep
   130  interrupted twice";
 
 /// Exit code of a run that was asked for a pose out of reach.
 pub const OUT_OF_REACH: u8 = 7;
+
+/// Exit code for a configuration that is valid and not ready for a robot.
+pub const NOT_READY: u8 = 8;
 
 /// A failure that names its exit code.
 #[derive(Debug)]

@@ -347,7 +347,7 @@ pub fn without_limits(config: &Config) -> Config {
     config.limits.stop_deceleration_counts_s2 = NO_LIMIT * NO_LIMIT;
     config.limits.jerk_counts_s3 = None;
     config.limits.following_error_counts = i32::MAX;
-    config.joint_limits = JointLimitConfig::default();
+    config.joint_limits = JointLimitConfig::OFF;
     config.command.max_step_deg = NO_LIMIT;
     config.command.max_step_counts = i32::MAX;
     config.command.first_step_deg = NO_LIMIT;

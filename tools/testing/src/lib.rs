@@ -6,6 +6,7 @@
 //! | `rig` | [`Rig`]: emulated drives and snake with a real controller, as a process or on a thread |
 //! | `motion` | streams of commands to a rig, and checks of the setpoints that arrive |
 //! | `controller` | [`Controller`]: follows at once without drives, and misbehaves on request |
+//! | `fast_values` | [`fast_config`]: faster than the cautious defaults |
 //! | `server` | a server of shared memory without any robot |
 //! | [`cycle`] | the control cycle in simulated time, tick by tick |
 //! | [`drive`] | a drive, its line and its port in simulated time, byte by byte |
@@ -25,6 +26,7 @@
 mod controller;
 pub mod cycle;
 pub mod drive;
+mod fast_values;
 mod motion;
 pub mod program;
 mod properties;
@@ -35,6 +37,7 @@ mod terminal;
 mod waiting;
 
 pub use controller::{Controller, Robot};
+pub use fast_values::{fast_axis, fast_config};
 pub use motion::*;
 pub use program::Program;
 pub use properties::cases;

@@ -1,5 +1,6 @@
 //! The programs of this build.
 
+use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 
@@ -43,8 +44,16 @@ pub struct Program(Option<Child>);
 
 impl Program {
     pub fn start(domain: &Domain, arguments: &[&str]) -> Self {
+        Self::start_as(None, domain, arguments)
+    }
+
+    /// As another user, which root may do.
+    pub fn start_as(user: Option<u32>, domain: &Domain, arguments: &[&str]) -> Self {
         let mut command = command(arguments);
         command.env("I2RIS_DOMAIN", domain.name());
+        if let Some(user) = user {
+            command.uid(user).gid(user);
+        }
         Self(Some(
             command
                 .stdin(Stdio::null())

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use i2ris::clock;
-use i2ris::config::{AxisConfig, Config, PortConfig};
+use i2ris::config::{Config, PortConfig};
 use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::watchdog_presence::WatchdogPresence;
@@ -24,6 +24,7 @@ use i2ris_simulation::{Emulator, EmulatorConfig};
 use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
 
+use crate::fast_values::{fast_axis, fast_table};
 use crate::program;
 use crate::waiting::{Background, TIMEOUT, wait_until};
 
@@ -102,7 +103,7 @@ impl Rig {
             ports[0].axes.extend(behind.into_iter().flat_map(|port| port.axes));
             ports[0].axes[2].auxiliary_counts_per_deg = Some(20.0);
         }
-        let mut config: Config = toml::from_str("robot_id = \"rig\"\nports = []").unwrap();
+        let mut config: Config = fast_table("robot_id = \"rig\"\nports = []").try_into().unwrap();
         config.ports = ports;
         config.ipc.domain = domain.name().to_owned();
         run_on_shared_machine(&mut config);
@@ -400,7 +401,7 @@ fn root() -> PathBuf {
 }
 
 fn port(device: &Path, axis: usize, drive: &DriveConfig) -> PortConfig {
-    let mut axis = AxisConfig::new(axis, drive.serial_number, [Counts(-2000), Counts(2000)]);
+    let mut axis = fast_axis(axis, drive.serial_number, [Counts(-2000), Counts(2000)]);
     axis.motor_speed_rpm = 10_000;
     // 0 is the drive that the port belongs to.
     axis.node_id = if drive.node_id == 1 { 0 } else { drive.node_id };

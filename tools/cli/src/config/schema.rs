@@ -179,7 +179,7 @@ mod tests {
                 &limits["additionalProperties"],
                 limits["properties"]["overrun_ticks"]["default"].as_u64()
             ),
-            (&Value::Bool(false), Some(0))
+            (&Value::Bool(false), Some(100))
         );
     }
 

@@ -1,6 +1,6 @@
 //! Ports and the drives behind them.
 
-use i2ris::config::PortConfig;
+use i2ris::config::{Config, PortConfig};
 use i2ris::drive::DriveError;
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::inspect::{Inspection, inspect};
@@ -19,7 +19,7 @@ const SUPPLY_V: std::ops::RangeInclusive<f64> = 9.0..=50.0;
 const MOST_NAMED: usize = 3;
 
 /// Checks a port, and its drives where `open`.
-pub fn check_port(port: &PortConfig, open: bool, report: &mut Report) {
+pub fn check_port(config: &Config, port: &PortConfig, open: bool, report: &mut Report) {
     let name = port.device.display().to_string();
     if !port.device.exists() {
         let fix = "plug in the drive, or correct `device` (`ls -l /dev/serial/by-id`)";
@@ -41,6 +41,10 @@ pub fn check_port(port: &PortConfig, open: bool, report: &mut Report) {
                 );
             } else {
                 report.pass(name, found);
+            }
+            for finding in config.line_findings(port, seen.exchange) {
+                let found = format!("{} = {}", finding.key, finding.value);
+                report.warn("feedback", found, finding.reason);
             }
             for (axis, seen) in port.axes.iter().zip(seen.axes) {
                 let name = format!("motor {}", axis.motor);

@@ -12,6 +12,7 @@ use std::path::PathBuf;
 
 use i2ris::config::Config;
 
+use crate::config::as_delivered;
 use i2ris_report::Failure;
 use report::Report;
 
@@ -38,9 +39,13 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     match Config::load(&arguments.config) {
         Ok(config) => {
             report.pass("configuration", arguments.config.display().to_string());
+            let text = std::fs::read_to_string(&arguments.config)?;
+            for line in as_delivered(&text, &config) {
+                report.warn("configuration", line, "go through the lines marked CHECK");
+            }
             system::check(&config, &mut report);
             for port in &config.ports {
-                drives::check_port(port, !arguments.no_drives, &mut report);
+                drives::check_port(&config, port, !arguments.no_drives, &mut report);
             }
         }
         Err(error) => report.fail(

@@ -20,3 +20,4 @@ mod python;
 mod reach;
 mod shell;
 mod teleop;
+mod template;

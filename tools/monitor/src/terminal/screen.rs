@@ -90,7 +90,7 @@ fn state_items(view: &View, state: &State) -> Vec<Span<'static>> {
         (state.clipped, "CLIPPED TO HULL", ""),
         (state.at_fixture, "AT VIRTUAL FIXTURE", ""),
         (state.memory_known, "memory known", "memory unknown"),
-        (state.model, model, "no model"),
+        (state.model, model, "no model: angles not limited"),
         (state.watched, "watchdog", "NO WATCHDOG"),
         (state.compared, "compared with camera", ""),
     ] {

@@ -10,6 +10,8 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::units::OutputVec;
 use std::sync::Arc;
 
+use crate::fast_config;
+
 /// One count of one motor, in each of pitch and yaw: 0.022 deg / sqrt 2.
 pub const GAIN_DEG: f64 = 0.015_556;
 
@@ -46,7 +48,7 @@ pub fn config(tables: &str) -> Config {
 /// As [`config`], and a stream begins where the snake is.
 pub fn strict_config(tables: &str) -> Config {
     let (head, ports) = ROBOT.split_once("[[ports]]").unwrap();
-    Config::parse(&format!("{head}\n{tables}\n[[ports]]{ports}"), "bench.toml".as_ref()).unwrap()
+    fast_config(&format!("{head}\n{tables}\n[[ports]]{ports}"))
 }
 
 /// The same with a jaw that turns by a degree for ten counts, the other way round.

@@ -15,6 +15,7 @@ use i2ris::drive::transport::Transport;
 use i2ris::units::{Counts, Nanos};
 
 use super::mini_drive::{MiniDrive, Reply};
+use crate::fast_axis;
 
 pub const SERIAL_NUMBER: u32 = 0x6215_0001;
 
@@ -307,7 +308,7 @@ pub fn port_config(drives: &[MiniDrive]) -> PortConfig {
         .enumerate()
         .map(|(motor, drive)| AxisConfig {
             node_id: drive.node,
-            ..AxisConfig::new(motor, drive.serial_number, [Counts(-2000), Counts(2000)])
+            ..fast_axis(motor, drive.serial_number, [Counts(-2000), Counts(2000)])
         })
         .collect();
     // Tests write a request when something changes, and no others.

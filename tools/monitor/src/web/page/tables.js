@@ -56,7 +56,7 @@ function showHeader(live, lag, parted) {
     if (state.at_fixture) flags.push(['AT VIRTUAL FIXTURE', 'warn']);
     if (parted) flags.push([`CAMERA AND ESTIMATE PART BY ${parted.toFixed(1)} deg`, 'parted']);
     flags.push(state.memory_known ? ['memory known', 'on'] : ['memory unknown', state.model ? 'warn' : '']);
-    if (!state.model) flags.push(['no model', 'warn']);
+    if (!state.model) flags.push(['no model: angles not limited', 'warn']);
     flags.push(state.watched ? ['watchdog', 'on'] : ['NO WATCHDOG', 'warn']);
     if (state.compared) flags.push(['compared with camera', 'on']);
   }
