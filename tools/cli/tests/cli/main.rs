@@ -19,4 +19,5 @@ mod played;
 mod python;
 mod reach;
 mod shell;
+mod stop;
 mod teleop;
