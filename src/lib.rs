@@ -5,15 +5,13 @@
 //! ```no_run
 //! use i2ris::ipc::client::{Client, Latest};
 //! use i2ris::ipc::Domain;
-//! use i2ris::robot::{OperatingState, StateCommand};
+//! use i2ris::robot::StateCommand;
 //! use i2ris::units::Nanos;
 //! use std::{error::Error, thread, time::Duration};
 //!
 //! fn main() -> Result<(), Box<dyn Error>> {
 //!     let mut client = Client::connect(&Domain::new("i2ris")?, Nanos::from_millis(1000))?;
-//!     client.state_command(StateCommand::Enable)?;
-//!     let enabled = OperatingState::Enabled.number();
-//!     client.wait_for(Nanos::from_millis(5000), |message| message.state == enabled)?;
+//!     client.carry_out(StateCommand::Enable, || false)?;
 //!     let mut measured = Latest::new(client.watcher().measured_js());
 //!     let mut commander = client.commander();
 //!     for step in 0..2000 {

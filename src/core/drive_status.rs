@@ -27,6 +27,18 @@ pub(crate) struct DriveStatus {
     pub has_over_current: bool,
 }
 
+impl DriveStatus {
+    /// It says that it has no power. One that is lost or starting says nothing.
+    pub fn is_known_off(&self) -> bool {
+        matches!(self.phase, AxisPhase::Disabled | AxisPhase::Faulted)
+    }
+
+    /// It says that it takes no setpoint.
+    pub fn is_known_stopped(&self) -> bool {
+        self.is_known_off() || self.phase == AxisPhase::QuickStopped
+    }
+}
+
 /// Status of all drives, and of the monitors of the cycle.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DriveSummary {

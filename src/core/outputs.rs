@@ -12,7 +12,7 @@ use crate::core::joint_space::position_history::HistoryCursor;
 use crate::core::motion::auxiliary_axis::AuxiliaryReport;
 use crate::drive::AxisFeedback;
 use crate::model::ModelId;
-use crate::robot::{Fault, Measurement, OperatingState, REFUSED_CLIENTS, Refusal};
+use crate::robot::{Fault, Measurement, OperatingState, REFUSED_CLIENTS, Refusal, Stop};
 use crate::units::{Counts, MAX_MOTORS, Nanos};
 
 /// Outputs of one tick.
@@ -73,6 +73,14 @@ pub struct CycleReport {
     pub busy: bool,
     /// The drives are on and no command is followed.
     pub holding: bool,
+    /// No setpoint moves, that of the auxiliary axis included.
+    pub at_rest: bool,
+    /// Every drive says that it has no power.
+    pub off: bool,
+    /// Every drive says that it has no power, or that it is in quick stop.
+    pub stopped: bool,
+    /// What broke off the last activity of a command.
+    pub broken_off: Option<Stop>,
     /// The goal was clipped to the calibrated hull or the position limits.
     pub clipped: bool,
     /// The virtual fixtures that count, as bits.

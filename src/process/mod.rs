@@ -42,4 +42,4 @@ mod start_up;
 mod threads;
 mod tick_plan;
 
-pub use payload_conversion::robot_description;
+pub use payload_conversion::{operating_state, robot_description};

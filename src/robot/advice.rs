@@ -93,6 +93,10 @@ pub(super) fn stop_advice(stop: Stop) -> &'static str {
         Stop::Stale => "send faster, or with a longer deadline; look at the load of the computer",
         Stop::Feedback => "check cable and supply (`i2ris doctor`)",
         Stop::Watchdog => "start `i2ris-watchdog --config FILE` again, and read its log",
+        Stop::Command => "ask who gave it (`i2ris monitor`), then give the command again",
+        Stop::Fixture => "switch the fixtures off (`i2ris command fixture off`), then again",
+        Stop::Limit => "begin further inside the limits, or correct them",
+        Stop::Fault => "remove the cause of the fault (`i2ris why`), then give the command again",
     }
 }
 

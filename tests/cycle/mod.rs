@@ -6,6 +6,7 @@ mod command_admission;
 mod command_flags;
 mod command_table;
 mod conditioning;
+mod effects;
 mod enabling;
 mod endurance;
 mod faults;

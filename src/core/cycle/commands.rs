@@ -21,7 +21,7 @@ use crate::core::outputs::ModelSwapReply;
 use crate::core::states::command_transitions::{CommandEffect, command_effect};
 use crate::core::states::control_state::{ControlState, EnabledActivity, HOLDING};
 use crate::core::states::state_machine::TransitionCause;
-use crate::robot::{Measurement, Refusal};
+use crate::robot::{Measurement, Refusal, Stop};
 use crate::units::{Nanos, OutputVec};
 
 impl ControlCycle {
@@ -155,7 +155,8 @@ impl ControlCycle {
         self.fixtures.change(change)?;
         // The cycle was planned without them, and crosses the whole hull.
         if self.machine.state().is_conditioning() && self.fixtures.is_on() {
-            self.machine.progress(HOLDING, now, events);
+            let cause = TransitionCause::BrokenOff(Stop::Fixture);
+            self.machine.change((HOLDING, cause), now, events);
         }
         events.push(CycleEventKind::Fixtures {
             client_id: request.client_id,

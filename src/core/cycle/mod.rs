@@ -29,7 +29,7 @@ use crate::core::adaptation::{Adaptation, Surroundings};
 use crate::core::command::admission::CommandAdmission;
 use crate::core::command::clutch::Clutch;
 use crate::core::command::range_check::RangeCheck;
-use crate::core::drive_status::{DriveSummary, ExpectedPower};
+use crate::core::drive_status::{DriveStatus, DriveSummary, ExpectedPower};
 use crate::core::events::clips::ClipEvents;
 use crate::core::events::fold::EventFold;
 use crate::core::events::other_cameras::OtherCameras;
@@ -51,13 +51,13 @@ use crate::core::motion::s_curve::TrajectoryLimits;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::outputs::{CycleOutputs, CycleReport, StateReply};
 use crate::core::states::command_transitions::{CommandEffect, disable};
-use crate::core::states::control_state::{ControlState, EnabledActivity, HOLDING};
+use crate::core::states::control_state::{ControlState, HOLDING};
 use crate::core::states::fault_transitions::enter_fault;
 use crate::core::states::shutdown::Shutdown;
 use crate::core::states::state_machine::{StateMachine, TransitionCause};
 use crate::drive::AxisRequest;
 use crate::model::Model;
-use crate::robot::{Fault, Measurement};
+use crate::robot::{Fault, Measurement, Stop};
 use crate::units::Nanos;
 
 /// The controller and its state from tick to tick.
@@ -381,8 +381,11 @@ impl ControlCycle {
         let passed = self.pass_gate(&setpoint)?;
         if passed.is_held() && self.machine.state().is_conditioning() {
             // The cycle waits for its motors, unless they cannot go on at all.
-            let is_stuck = passed.is_stopped() && self.axes.all(AxisControl::is_at_rest);
-            setpoint.next = is_stuck.then_some(EnabledActivity::Holding);
+            setpoint.next = None;
+            if passed.is_stopped() && self.axes.all(AxisControl::is_at_rest) {
+                let cause = TransitionCause::BrokenOff(Stop::Limit);
+                self.machine.change((HOLDING, cause), now, events);
+            }
         }
         if let Some(region) = self.fixtures.begun_limit(now) {
             events.push(CycleEventKind::FixtureLimit { region });
@@ -410,7 +413,7 @@ impl ControlCycle {
 
     fn report(&self, now: Nanos, setpoint: &GeneratedSetpoint) -> CycleReport {
         let state = self.machine.state();
-        let joints = self.models.active();
+        let (joints, drives) = (self.models.active(), self.drive_status(now));
         CycleReport {
             now,
             state: state.operating_state(),
@@ -419,6 +422,10 @@ impl ControlCycle {
             homed: self.all_axes(AxisControl::is_homed),
             busy: state.is_busy(self.all_axes(AxisControl::is_at_rest)),
             holding: state.is_holding(),
+            at_rest: self.all_axes(AxisControl::is_at_rest),
+            off: drives.iter().flatten().all(DriveStatus::is_known_off),
+            stopped: drives.iter().flatten().all(DriveStatus::is_known_stopped),
+            broken_off: self.machine.broken_off(),
             clipped: setpoint.is_clipped,
             fixtures: self.fixtures.active_bits(),
             limited_by_fixture: self.fixtures.limited_by(),

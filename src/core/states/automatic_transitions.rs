@@ -10,7 +10,7 @@ use crate::core::states::fault_transitions::{DRIVE_TIMEOUT, enter_fault, update_
 use crate::core::states::homing::update_homing;
 use crate::core::states::state_machine::{Transition, TransitionCause};
 use crate::drive::AxisPhase;
-use crate::robot::{Fault, StateCommand};
+use crate::robot::{Fault, StateCommand, Stop};
 use crate::units::Nanos;
 
 /// Longest time for the setpoints to stop before power goes off anyway. At the default limits a
@@ -39,7 +39,7 @@ pub(crate) fn next_transition(state: &ControlState, summary: &DriveSummary) -> O
         ControlState::Disabled(activity) => update_disabled(activity, summary),
         ControlState::Enabled(activity) if !can_move && *activity != EnabledActivity::Holding => {
             let holding = ControlState::Enabled(EnabledActivity::Holding);
-            Some((holding, TransitionCause::Progress(None)))
+            Some((holding, TransitionCause::BrokenOff(Stop::Feedback)))
         }
         ControlState::Enabled(_) | ControlState::Paused | ControlState::Fault(_) => None,
     }

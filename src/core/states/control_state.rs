@@ -96,7 +96,7 @@ use crate::core::drive_status::ExpectedPower;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::joint_trajectory::JointTrajectory;
 use crate::drive::Demand;
-use crate::robot::{Fault, OperatingState, Refusal};
+use crate::robot::{Fault, OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_AXES, Nanos};
 
 /// ENABLED, and nothing is followed.
@@ -227,6 +227,17 @@ impl ControlState {
             Self::Enabled(_) => self.is_occupied(),
             Self::Paused => !is_at_rest,
             Self::Fault(fault) => matches!(fault.stage, FaultStage::Resetting { .. }),
+        }
+    }
+
+    /// The command whose activity is in progress, of those that can be broken off.
+    pub fn activity(&self) -> Option<StateCommand> {
+        match self {
+            Self::Disabled(DisabledActivity::Enabling { .. }) => Some(StateCommand::Enable),
+            Self::Disabled(DisabledActivity::Homing { .. }) => Some(StateCommand::Home),
+            Self::Enabled(EnabledActivity::Conditioning(_)) => Some(StateCommand::Condition),
+            Self::Enabled(EnabledActivity::Moving(_)) => Some(StateCommand::Move),
+            Self::Disabled(_) | Self::Enabled(_) | Self::Paused | Self::Fault(_) => None,
         }
     }
 

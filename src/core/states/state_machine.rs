@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::states::control_state::{ControlState, DisabledActivity};
-use crate::robot::{Fault, StateCommand};
+use crate::robot::{Fault, StateCommand, Stop};
 use crate::units::Nanos;
 
 /// A state and the reason to change to it.
@@ -18,6 +18,8 @@ pub(crate) enum TransitionCause {
     /// The activity of a state went on or ended; with the command that had started it, if the end
     /// is reported.
     Progress(Option<StateCommand>),
+    /// The activity is broken off.
+    BrokenOff(Stop),
     /// A fault occurred.
     Fault(Fault),
     /// The process is asked to end.
@@ -29,24 +31,37 @@ impl TransitionCause {
         match self {
             Self::Command(command) => Some(command),
             Self::Progress(command) => command,
-            Self::Fault(_) | Self::Shutdown => None,
+            Self::BrokenOff(_) | Self::Fault(_) | Self::Shutdown => None,
+        }
+    }
+
+    /// What this is to the activity that it ends.
+    fn stop(self) -> Option<Stop> {
+        match self {
+            Self::Progress(_) => None,
+            Self::BrokenOff(stop) => Some(stop),
+            Self::Fault(_) => Some(Stop::Fault),
+            Self::Command(_) | Self::Shutdown => Some(Stop::Command),
         }
     }
 
     fn fault(self) -> Fault {
         match self {
             Self::Fault(fault) => fault,
-            Self::Command(_) | Self::Progress(_) | Self::Shutdown => Fault::None,
+            Self::Command(_) | Self::Progress(_) | Self::BrokenOff(_) | Self::Shutdown => {
+                Fault::None
+            }
         }
     }
 }
 
-/// The state, its time of entry, and the last fault.
+/// The state, its time of entry, the last fault, and how the last activity ended.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct StateMachine {
     state: ControlState,
     since: Nanos,
     fault: Fault,
+    broken_off: Option<Stop>,
 }
 
 impl StateMachine {
@@ -56,6 +71,7 @@ impl StateMachine {
             state: ControlState::Disabled(DisabledActivity::Idle),
             since: Nanos::ZERO,
             fault: Fault::None,
+            broken_off: None,
         }
     }
 
@@ -78,6 +94,11 @@ impl StateMachine {
         self.fault
     }
 
+    /// What broke off the last activity of a command; `None`: it goes on, or came to its end.
+    pub fn broken_off(&self) -> Option<Stop> {
+        self.broken_off
+    }
+
     /// Changes the state. Every change of the operating state, every command that starts an
     /// activity and every fault is an event; steps in between are not.
     pub fn change(&mut self, transition: Transition, now: Nanos, events: &mut EventList) {
@@ -93,6 +114,10 @@ impl StateMachine {
         let is_command = matches!(cause, TransitionCause::Command(_));
         if from != to || is_command || fault != Fault::None {
             events.push(CycleEventKind::State { from, to, command, fault });
+        }
+        let (before, after) = (self.state.activity(), next.activity());
+        if after != before {
+            self.broken_off = before.and_then(|_| cause.stop()).filter(|_| after.is_none());
         }
         self.state = next;
     }

@@ -12,12 +12,12 @@ use super::subscription::{Latest, Watcher};
 use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::payload::{
-    BlackBoxRequest, MoveRequest, OperatingStateMsg, StateCommandReply, StateCommandRequest,
-    Version, VersionRequest, VirtualFixtureRequest, unpadded_text,
+    BlackBoxRequest, JointState, MoveRequest, OperatingStateMsg, StateCommandReply,
+    StateCommandRequest, Version, VersionRequest, VirtualFixtureRequest, unpadded_text,
 };
 use crate::ipc::streams::RequestService;
 use crate::robot::{FixtureAction, FixtureKind, OperatingState, Refusal, StateCommand};
-use crate::units::Nanos;
+use crate::units::{MAX_OUTPUTS, Nanos};
 
 /// Polling period of calls that wait.
 const POLL_PERIOD: Nanos = Nanos::from_millis(2);
@@ -28,6 +28,10 @@ pub struct Client {
     pub(super) link: Arc<ControllerLink>,
     pub(super) requests: RequestForwarder,
     operating_state: Latest<OperatingStateMsg>,
+    /// Opened when a move is waited for.
+    pub(super) setpoint: Option<Latest<JointState>>,
+    /// Of the last move in joint space, rad.
+    pub(super) goal: Option<[f64; MAX_OUTPUTS]>,
 }
 
 impl Client {
@@ -49,6 +53,8 @@ impl Client {
         Ok(Self {
             operating_state: Latest::new(Watcher::with_link(&link).operating_state()),
             requests: RequestForwarder::with_link(&link),
+            setpoint: None,
+            goal: None,
             link,
         })
     }
@@ -69,8 +75,7 @@ impl Client {
     }
 
     /// Requests a change of state and returns the state right after it. Waits for the reply, at
-    /// most 1 s; longer operations continue after it, see [`OperatingStateMsg::BUSY`] and
-    /// [`Client::wait_for`].
+    /// most 1 s; longer operations continue after it: [`Client::carry_out`] waits for the effect.
     ///
     /// # Errors
     ///
@@ -84,8 +89,8 @@ impl Client {
     }
 
     /// Requests a motion to a pose (pitch and yaw, rad), from rest to rest on a straight line with
-    /// limited jerk, and returns the state right after the request. The robot is busy until it
-    /// arrives: [`OperatingStateMsg::BUSY`], [`Client::wait_for`].
+    /// limited jerk, and returns the state right after the request. [`Client::wait_until_done`]
+    /// waits until it is there.
     ///
     /// # Errors
     ///
@@ -111,6 +116,7 @@ impl Client {
     ) -> Result<OperatingState, ClientError> {
         let (position, count) = padded(position)?;
         let request = MoveRequest { client_id: self.id(), position, count, flags };
+        self.goal = (flags == 0).then_some(position);
         let reply = self.requests.move_jp(request)?;
         check_reply(StateCommand::Move, reply)
     }

@@ -104,12 +104,45 @@ pub enum ClientError {
         /// The number.
         number: u32,
     },
+    /// Something else came instead of the effect of an accepted command.
+    #[error("`{command}` was not carried out: {}", Reason::from(*.cause))]
+    BrokenOff {
+        /// The command.
+        command: StateCommand,
+        /// What came instead.
+        cause: Cause,
+    },
+    /// Nothing is known to have ended an accepted command, and its effect is not there.
+    #[error("the effect of `{command}` is not known to be there; {}", see(*.command))]
+    NoEffect {
+        /// The command.
+        command: StateCommand,
+    },
+    /// The caller did not wait for the effect of an accepted command.
+    #[error("interrupted before the effect of `{command}` was there")]
+    GivenUp {
+        /// The command.
+        command: StateCommand,
+    },
+    /// Another start of the controller answers.
+    #[error("the controller was restarted; check the robot before you continue")]
+    Restarted,
     /// The condition was not fulfilled in time.
     #[error("the controller did not reach the expected state within {} ms", ms(*.waited))]
     Timeout {
         /// Time waited.
         waited: Nanos,
     },
+}
+
+/// What to do about a command whose effect is not known to be there.
+fn see(command: StateCommand) -> &'static str {
+    match command {
+        // A drive may still have power, and a person puts a hand there.
+        StateCommand::Disable => "not every drive says that it is off: cut the power",
+        StateCommand::Condition => "the hysteresis memory is unknown: condition again",
+        _ => "see the controller's log",
+    }
 }
 
 fn reason(message: &str, refusal: Refusal) -> String {

@@ -2,7 +2,7 @@
 //!
 //! | type | use |
 //! |---|---|
-//! | [`Client`] | requests: version, changes of state, models; waiting for a state |
+//! | [`Client`] | requests: version, changes of state, models; waiting for their effect |
 //! | [`Commander`] | streaming servo commands |
 //! | [`Watcher`], [`Subscription`], [`Latest`] | receiving every message of a stream, or the last one |
 //! | [`Subscriptions`] | receiving every message of several streams |
@@ -18,7 +18,7 @@
 //!
 //! # fn main() -> Result<(), i2ris::ipc::client::ClientError> {
 //! let mut client = Client::connect(&Domain::new("i2ris")?, Nanos::from_millis(1000))?;
-//! client.state_command(StateCommand::Enable)?;
+//! client.carry_out(StateCommand::Enable, || false)?;
 //! let mut commander = client.commander();
 //! commander.servo_jp(&[0.1, -0.05])?; // repeatedly, at 50 Hz or more
 //! # Ok(())
@@ -33,6 +33,7 @@ mod announcer;
 mod commander;
 mod controller_client;
 mod controller_link;
+mod effect;
 mod error;
 mod external_publisher;
 mod forwarder;
@@ -44,6 +45,7 @@ mod subscription;
 pub use announcer::{Announcement, Announcer};
 pub use commander::Commander;
 pub use controller_client::Client;
+pub use effect::Progress;
 pub use error::ClientError;
 pub use external_publisher::ExternalPublisher;
 pub use forwarder::Forwarder;

@@ -3,7 +3,7 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
-use crate::robot::{AxisPhase, REFUSED_CLIENTS, Refusal};
+use crate::robot::{AxisPhase, REFUSED_CLIENTS, Refusal, Stop};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 
 payload! {
@@ -211,4 +211,25 @@ impl OperatingStateMsg {
     pub const COMPARED: u32 = 1024;
     /// Flag: a virtual fixture limited the goal; see [`super::VirtualFixturesMsg`].
     pub const FIXTURE: u32 = 2048;
+    /// Flag: no setpoint moves, that of the auxiliary axis included.
+    pub const AT_REST: u32 = 4096;
+    /// Flag: every drive says that it has no power.
+    pub const OFF: u32 = 8192;
+    /// Flag: every drive says that it has no power, or that it is in quick stop.
+    pub const STOPPED: u32 = 16384;
+    /// Place of the number of the [`Stop`] that broke off the last activity of a command.
+    const BROKEN_OFF: u32 = 28;
+
+    /// What broke off the last enabling, homing, conditioning cycle or move; `None`: it goes on, or
+    /// came to its end.
+    #[must_use]
+    pub fn broken_off(&self) -> Option<Stop> {
+        Stop::from_number(self.flags >> Self::BROKEN_OFF)
+    }
+
+    /// The same as flags.
+    #[must_use]
+    pub fn broken_off_by(stop: Option<Stop>) -> u32 {
+        stop.map_or(0, Stop::number) << Self::BROKEN_OFF
+    }
 }

@@ -8,8 +8,8 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use i2ris_report::Failure;
 use i2ris_report::program::{end_with_reader, finish};
+use i2ris_report::{Failure, tips};
 use i2ris_simulation::benchmark;
 
 mod calibrate;
@@ -30,6 +30,7 @@ mod process;
 mod progress_bar;
 mod replay;
 mod start;
+mod stop;
 mod teleop;
 mod why;
 
@@ -60,6 +61,9 @@ enum Task {
     Emulate(emulate::Arguments),
     /// Check ports, drives and machine before the robot moves
     Doctor(doctor::Arguments),
+    /// Hold every client and end every motion, at once
+    #[command(alias = "estop", alias = "e-stop", alias = "halt")]
+    Stop(stop::Arguments),
     /// Command the robot
     Command(command::Arguments),
     /// Steer the robot by hand: gamepad, joystick, SpaceMouse, pedal or keyboard
@@ -99,6 +103,7 @@ impl Task {
             Self::Calibrate(arguments) => arguments.only_prints(),
             Self::Start(_)
             | Self::Emulate(_)
+            | Self::Stop(_)
             | Self::Command(_)
             | Self::Teleop(_)
             | Self::Input(_)
@@ -114,6 +119,7 @@ impl Task {
             Self::Start(arguments) => start::run(&arguments),
             Self::Emulate(arguments) => emulate::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
+            Self::Stop(arguments) => stop::run(&arguments),
             Self::Command(arguments) => command::run(arguments),
             Self::Teleop(arguments) => teleop::run(&arguments),
             Self::Input(command) => input::run(&command),
@@ -133,10 +139,10 @@ fn main() -> ExitCode {
     if let Some(call) = external::Call::requested(&Cli::command(), &arguments) {
         return finish(Err(call.execute()));
     }
-    let matches = external::with_programs(Cli::command()).get_matches();
-    let task = match Cli::from_arg_matches(&matches) {
+    let matches = external::with_programs(Cli::command()).try_get_matches();
+    let task = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
         Ok(cli) => cli.task,
-        Err(error) => error.exit(),
+        Err(error) => tips::harmless(error).exit(),
     };
     if task.only_prints() {
         end_with_reader();

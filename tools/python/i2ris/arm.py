@@ -283,7 +283,7 @@ class Arm:
     def _move(self, name: str, values: np.ndarray, text: str, goal: np.ndarray | None, flags: int = 0) -> Operation:
         request = MoveRequest(client_id=self._client_id, count=len(values), flags=flags)
         request.position[: len(values)] = list(values)
-        operation = Operation(self, name, lambda state: state.state == "ENABLED", goal)
+        boot_id = self.operating_state().boot_id
         try:
             self._accepted(name, self._request("i2ris/move_jp", request, StateCommandReply))
         except Refused as refused:
@@ -291,28 +291,28 @@ class Arm:
                 raise OutOfReach(f"{text}: {refused}") from refused
             raise
         self._commanded = True
-        return operation
+        return Operation(self, name, "move", boot_id, goal)
 
     def enable(self) -> Operation:
         """Drives on; the robot holds. Raises ``Refused`` while it is not homed. Starting drives are waited for.
         A robot that is ENABLED stays so, so that a script can be run again.
         """
-        def is_enabled(state: OperatingState) -> bool:
-            return state.state == "ENABLED"
-
-        return Operation(self, "enable", is_enabled) if self.is_enabled() else self._operation("enable", is_enabled)
+        state = self.operating_state()
+        if state.state == "ENABLED":
+            return Operation(self, "enable", "enable", state.boot_id)
+        return self._operation("enable")
 
     def disable(self) -> Operation:
         """Decelerate, then drives off."""
-        return self._operation("disable", lambda state: state.state == "DISABLED")
+        return self._operation("disable")
 
     def pause(self) -> Operation:
         """Decelerate and hold; servo commands are refused."""
-        return self._operation("pause", lambda state: state.state == "PAUSED")
+        return self._operation("pause")
 
     def resume(self) -> Operation:
         """Take servo commands again."""
-        return self._operation("resume", lambda state: state.state == "ENABLED")
+        return self._operation("resume")
 
     def home(self, *, straightened: bool = False) -> Operation:
         """The present pose becomes the zero (where no hard stop is configured).
@@ -321,24 +321,24 @@ class Arm:
         """
         if not straightened:
             raise ValueError("home() makes the present pose the zero: straighten the snake, then home(straightened=True)")
-        return self._operation("home", lambda state: state.homed)
+        return self._operation("home")
 
     def unhome(self) -> Operation:
         """Forget the zero."""
-        return self._operation("unhome", lambda state: not state.homed)
+        return self._operation("unhome")
 
     def condition(self) -> Operation:
         """A decaying stroke of all motors, after which the hysteresis of the wires is known."""
         self._commanded = True
-        return self._operation("condition", lambda state: state.state == "ENABLED")
+        return self._operation("condition")
 
     def acknowledge(self) -> Operation:
         """The operator has seen the fault."""
-        return self._operation("acknowledge", lambda state: state.state == "DISABLED")
+        return self._operation("acknowledge")
 
     def hold(self) -> str:
-        """Stop and hold until the next command. Returns the state."""
-        return self.state_command("hold")
+        """Stop and hold until the next command. Returns the state when nothing moves any more."""
+        return self._operation("hold").wait(DRIVES_TIMEOUT_S).state
 
     def release(self) -> str:
         """Give the lease back. Returns the state."""
@@ -389,6 +389,11 @@ class Arm:
             last_refusal_code=own_refusal,
             own_refused=own_refused,
             fault_code=message.fault,
+            model=flag(OperatingStateMsg.MODEL),
+            at_rest=flag(OperatingStateMsg.AT_REST),
+            off=flag(OperatingStateMsg.OFF),
+            broken_off=flags >> OperatingStateMsg.BROKEN_OFF_SHIFT,
+            boot_id=message.boot_id,
         )
 
     def errors(self) -> list[Reason]:
@@ -497,14 +502,14 @@ class Arm:
             raise Refused(f"`{command}` in state {state}", reply.refusal, measured=measurement(reply))
         return state
 
-    def _operation(self, command: str, done: Callable[[OperatingState], bool]) -> Operation:
+    def _operation(self, command: str) -> Operation:
         """Requests a state command; waits for drives that are starting."""
         end = time.monotonic() + DRIVES_TIMEOUT_S
+        boot_id = self.operating_state().boot_id
         while True:
-            operation = Operation(self, command, done)
             try:
                 self.state_command(command)
-                return operation
+                return Operation(self, command, command, boot_id)
             except Refused as refused:
                 if refused.code != DRIVES_NOT_READY or time.monotonic() > end:
                     raise

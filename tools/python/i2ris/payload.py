@@ -132,6 +132,11 @@ class OperatingStateMsg(Payload):
     WATCHED = 512
     COMPARED = 1024
     FIXTURE = 2048
+    AT_REST = 4096
+    OFF = 8192
+    STOPPED = 16384
+    #: Place of the number of the stop that broke the last activity off.
+    BROKEN_OFF_SHIFT = 28
     _fields_ = [
         ("sequence", c_uint64),
         ("stamp_ns", c_uint64),

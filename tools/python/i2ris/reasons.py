@@ -52,6 +52,10 @@ STOPS: dict[int, str] = {
     1: "commands came later than their deadline, and the robot stopped in between",
     2: "a drive gave no recent position, and the motion stopped",
     3: "no watchdog watches: nothing stops the drives if the controller dies",
+    4: "a later command broke it off",
+    5: "a virtual fixture came into the way and broke it off",
+    6: "the limits of the motors or joints broke it off",
+    7: "a fault broke it off",
 }
 CLIPS: dict[int, str] = {
     1: "the goal is outside the calibrated hull or the position limits",
@@ -100,6 +104,10 @@ ADVICE: dict[tuple[int, int], str] = {
     (3, 1): "send faster, or with a longer deadline; look at the load of the computer",
     (3, 2): "check cable and supply (`i2ris doctor`)",
     (3, 3): "start `i2ris-watchdog --config FILE` again, and read its log",
+    (3, 4): "ask who gave it (`i2ris monitor`), then give the command again",
+    (3, 5): "switch the fixtures off (`i2ris command fixture off`), then again",
+    (3, 6): "begin further inside the limits, or correct them",
+    (3, 7): "remove the cause of the fault (`i2ris why`), then give the command again",
     (4, 1): "command less, or calibrate a wider range",
     (4, 2): "go around the region (`i2ris command fixture list`)",
 }

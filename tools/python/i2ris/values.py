@@ -15,7 +15,7 @@ from .reasons import ADVICE, FAULTS, QUANTITIES, REFUSALS
 
 STATES = {0: "DISABLED", 1: "ENABLED", 2: "PAUSED", 3: "FAULT"}
 #: Kinds in ``error`` and ``warning``.
-FAULT_KIND, REFUSAL_KIND = 1, 2
+FAULT_KIND, REFUSAL_KIND, STOP_KIND = 1, 2, 3
 
 
 class Refused(Exception):
@@ -164,6 +164,17 @@ class OperatingState:
     own_refused: int = 0
     #: The fault as a number, see ``FAULTS``.
     fault_code: int = 0
+    #: A model is loaded.
+    model: bool = False
+    #: No setpoint moves.
+    at_rest: bool = False
+    #: Every drive says that it has no power.
+    off: bool = False
+    #: What broke off the last enabling, homing, conditioning cycle or move, see ``STOPS``; 0: it goes on, or came to
+    #: its end.
+    broken_off: int = 0
+    #: Identifies this start of the controller.
+    boot_id: int = 0
 
 
 def model(slot: ModelSlot) -> Model | None:

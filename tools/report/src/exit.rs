@@ -3,6 +3,7 @@
 use i2ris::config::ConfigError;
 use i2ris::ipc::DomainError;
 use i2ris::ipc::client::ClientError;
+use i2ris::robot::Cause;
 
 use crate::Failure;
 
@@ -16,15 +17,19 @@ pub const HELP: &str = "Exit codes:
   5    the robot is in FAULT
   6    a configuration is not valid
   7    a pose was out of reach: the robot went as near as it may
-  8    a configuration is valid, and not ready for a robot: lines that nobody has checked, or limits
+  8    not known to be done: that the robot holds still, that a drive is off, that memory is known
+  9    a configuration is valid, and not ready for a robot: lines that nobody has checked, or limits
        that its serial lines do not keep
   130  interrupted twice";
 
 /// Exit code of a run that was asked for a pose out of reach.
 pub const OUT_OF_REACH: u8 = 7;
 
+/// Exit code when nobody knows whether the effect is there.
+pub const NOT_KNOWN: u8 = 8;
+
 /// Exit code for a configuration that is valid and not ready for a robot.
-pub const NOT_READY: u8 = 8;
+pub const NOT_READY: u8 = 9;
 
 /// A failure that names its exit code.
 #[derive(Debug)]
@@ -53,9 +58,16 @@ pub fn code(failure: &Failure) -> u8 {
             ClientError::NoController { .. }
             | ClientError::Interface { .. }
             | ClientError::NoReply { .. }
+            | ClientError::Restarted
             | ClientError::Timeout { .. },
         ) => 3,
-        Some(ClientError::Refused { .. } | ClientError::ModelRefused { .. }) => 4,
+        Some(ClientError::BrokenOff { cause: Cause::Fault(_), .. }) => 5,
+        Some(
+            ClientError::Refused { .. }
+            | ClientError::ModelRefused { .. }
+            | ClientError::BrokenOff { .. },
+        ) => 4,
+        Some(ClientError::NoEffect { .. }) => NOT_KNOWN,
         Some(ClientError::Domain(DomainError::Name { .. })) => 2,
         Some(_) => 1,
         None if failure.is::<ConfigError>() => 6,
@@ -68,7 +80,8 @@ pub fn code(failure: &Failure) -> u8 {
 #[cfg(test)]
 mod tests {
     use i2ris::config::Config;
-    use i2ris::ipc::{Refusal, StateCommand};
+    use i2ris::ipc::{Fault, Refusal, StateCommand};
+    use i2ris::robot::Stop;
 
     use super::*;
 
@@ -84,12 +97,16 @@ mod tests {
         let sentence = "the robot is in FAULT".to_owned();
         let no_config = Config::load(std::path::Path::new("/nowhere")).unwrap_err();
         let no_domain = i2ris::ipc::Domain::new("a/b").unwrap_err();
-        let cases: [(Failure, u8); 6] = [
+        let command = StateCommand::Condition;
+        let cases: [(Failure, u8); 9] = [
             (no_domain.into(), 2),
             ("something".into(), 1),
             (ClientError::NoController { domain }.into(), 3),
             (refused.into(), 4),
             (Coded { code: 5, sentence }.into(), 5),
+            (ClientError::BrokenOff { command, cause: Cause::Fault(Fault::Link) }.into(), 5),
+            (ClientError::BrokenOff { command, cause: Cause::Stop(Stop::Feedback) }.into(), 4),
+            (ClientError::NoEffect { command }.into(), 8),
             (no_config.into(), 6),
         ];
         for (failure, expected) in cases {

@@ -38,6 +38,8 @@
 //! | [`interrupt`] | SIGINT, SIGTERM and SIGHUP |
 //! | [`screen`] | standard output, redrawn on a terminal |
 //! | [`spinner`] | a sign of life during long work |
+//! | [`stop`] | holds every client and ends every activity |
+//! | [`tips`] | advice about a wrong command line |
 //! | [`files`] | atomic replacement of files |
 //! | [`pose_table`] | pitch and yaw over time from a CSV file |
 //! | [`hull_outline`] | the calibrated hull in the plane of pitch and yaw |
@@ -67,9 +69,11 @@ mod readable;
 pub mod screen;
 pub mod spinner;
 pub mod statistics;
+pub mod stop;
 mod style;
 #[cfg(test)]
 mod tests;
+pub mod tips;
 pub mod view;
 
 pub use axis::Axis;

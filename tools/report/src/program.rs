@@ -7,7 +7,7 @@ use clap::Parser;
 use nix::sys::signal::{SigHandler, Signal, signal};
 
 use crate::description::Description;
-use crate::{Failure, exit};
+use crate::{Failure, exit, tips};
 
 /// The only argument of a program that is asked for its command line, see [`description`].
 ///
@@ -27,7 +27,7 @@ pub fn run<Arguments: Parser>(
     if arguments.next().is_some_and(|first| first == DESCRIBE) && arguments.next().is_none() {
         return finish(describe(&Arguments::command()));
     }
-    let arguments = Arguments::parse();
+    let arguments = Arguments::try_parse().unwrap_or_else(|error| tips::harmless(error).exit());
     if only_prints(&arguments) {
         end_with_reader();
     }

@@ -17,6 +17,7 @@ use i2ris::clock;
 use i2ris::units::Nanos;
 use i2ris_teleop::evdev_decoder::{encode, stamp_anew};
 use i2ris_teleop::identity::Identity;
+use i2ris_teleop::profile::DEAD_MAN_MS;
 use i2ris_teleop::recording::{write_frame, write_head};
 use i2ris_teleop::state::{Description, Range};
 use nix::sys::stat::Mode;
@@ -93,20 +94,24 @@ struct Follower {
     /// Where its centre is, and since when it stood still at `still`.
     centre: Option<[f64; 2]>,
     still: Option<([f64; 2], Nanos)>,
-    is_pressed: bool,
+    /// The pedal, and when it was heard last. Pedals of CRTK tell changes only, and the arm goes on
+    /// telling when the pedal is gone.
+    pedal: (bool, Nanos),
 }
 
 impl Follower {
     fn new(full: f64) -> Self {
-        Self { full, centre: None, still: None, is_pressed: false }
+        Self { full, centre: None, still: None, pedal: (false, Nanos::ZERO) }
     }
 
     /// The events of a message; `None` while the master has no centre.
     fn events(&mut self, at: [f64; 2], now: Nanos) -> Option<Vec<u8>> {
+        let (is_pressed, heard) = self.pedal;
+        let is_pressed = is_pressed && now.since(heard) <= Nanos::from_millis(DEAD_MAN_MS);
         let away = |from: [f64; 2]| (at[0] - from[0]).hypot(at[1] - from[1]) / self.full;
         match self.still {
             Some((place, since)) if away(place) < STILL => {
-                if !self.is_pressed && now.since(since) >= STILL_FOR {
+                if !is_pressed && now.since(since) >= STILL_FOR {
                     self.centre = Some(at);
                 }
             }
@@ -120,7 +125,7 @@ impl Follower {
         let mut events = [
             encode(EV_ABS, 0, told(0)),
             encode(EV_ABS, 1, told(1)),
-            encode(EV_KEY, BTN_TRIGGER, self.is_pressed.into()),
+            encode(EV_KEY, BTN_TRIGGER, is_pressed.into()),
             encode(0, 0, 0),
         ]
         .concat();
@@ -212,7 +217,8 @@ pub fn follow(
     while !stop() {
         let now = clock::now();
         while let Ok(Some((joy, _))) = pedal.take() {
-            follower.is_pressed = joy.buttons.first().is_some_and(|button| *button != 0);
+            let is_pressed = joy.buttons.first().is_some_and(|button| *button != 0);
+            follower.pedal = (is_pressed, now);
         }
         if let Some((at, from)) = arm.newest(&axes) {
             heard = now;
@@ -284,12 +290,15 @@ mod tests {
         // Moved with the pedal up: deflected, until it stands still.
         assert_eq!(told(follower.events([0.225, 0.1], ms(210))), Some([5000, 0, 0]));
         assert_eq!(told(follower.events([0.225, 0.1], ms(420))), Some([0, 0, 0]));
-        follower.is_pressed = true;
+        follower.pedal = (true, ms(425));
         assert_eq!(told(follower.events([0.225, 0.1], ms(430))), Some([0, 0, 1]));
         // It may stand still as long as it likes while the pedal is down.
         for at in [440, 1000, 5000] {
             assert_eq!(told(follower.events([0.225, 0.075], ms(at))), Some([0, -5000, 1]));
         }
         assert_eq!(told(follower.events([9.0, 0.1], ms(5010))), Some([14_000, 0, 1]));
+        // A pedal of which nothing came for long is not believed, however alive the arm is.
+        let late = ms(426 + DEAD_MAN_MS);
+        assert_eq!(told(follower.events([9.0, 0.1], late)), Some([14_000, 0, 0]));
     }
 }

@@ -88,19 +88,24 @@ impl Clutch {
     /// `readings`: of every device that belongs to the hand. A device without axes (a pedal) takes
     /// the place of the dead-man of one that steers.
     pub fn update(&mut self, readings: &[(bool, Reading)]) -> Hand {
-        let pedals = readings.iter().filter(|(has_axes, _)| !has_axes);
-        let pedal = pedals.filter_map(|(_, reading)| reading.dead_man).min_by_key(|dead_man| {
-            // With two pedals both have to be held.
-            *dead_man == DeadMan::Pressed
-        });
-        let own = readings.iter().find_map(|(_, reading)| reading.dead_man);
-        let dead_man = pedal.or(own).unwrap_or(DeadMan::Released);
+        let has_dead_man = |reading: &&(bool, Reading)| reading.1.dead_man.is_some();
+        let pedals: Vec<_> =
+            readings.iter().filter(|reading| !reading.0).filter(has_dead_man).collect();
+        let own = readings.iter().find(has_dead_man).into_iter().collect();
+        let used = if pedals.is_empty() { own } else { pedals };
+        let dead_men = used.iter().filter_map(|(_, reading)| reading.dead_man);
+        // With two pedals both have to be held.
+        let dead_man = dead_men.min_by_key(|dead_man| *dead_man == DeadMan::Pressed);
+        let dead_man = dead_man.unwrap_or(DeadMan::Released);
+        // One that steers itself is silent with its axes.
+        let is_unheard = readings.len() > 1 && used.iter().any(|(_, reading)| reading.is_unheard);
         let known: Option<Vec<_>> = readings.iter().map(|(_, reading)| reading.push).collect();
         let push = known.map(|all| {
             let sum = |axis: usize| all.iter().map(|push| push[axis]).sum::<f64>();
             [sum(0).clamp(-1.0, 1.0), sum(1).clamp(-1.0, 1.0)]
         });
         let fault = readings.iter().find_map(|(_, reading)| reading.fault);
+        let fault = fault.or(is_unheard.then_some(Fault::Unheard));
         self.phase = match (fault, self.phase) {
             (Some(fault), _) => Phase::Unrested(Open::Fault(fault)),
             (None, Phase::Unrested(why)) => match (push, dead_man) {
@@ -185,6 +190,51 @@ mod tests {
         assert_eq!(after(&centred), Some(Open::Fault(Fault::Silent)), "still held");
         let again = [&centred[..], &[stick(CENTRED, Released), stick(CENTRED, Pressed)]].concat();
         assert_eq!(after(&again), None);
+    }
+
+    /// A pedal tells changes only: its receiver is out of range, its foot has long been lifted, and
+    /// the kernel goes on repeating the key. The stick lives.
+    #[test]
+    fn a_dead_man_on_a_device_of_its_own_is_not_believed_for_ever_while_the_stick_lives() {
+        use crate::control::Control;
+        use crate::identity::Identity;
+        use crate::profile::{DEAD_MAN_MS, Handedness, Profile};
+        use crate::state::{Code, Description, DeviceState, Event, Range};
+        let device = |lines: &str, keys: &[u16], axes: &[u16]| {
+            let range = |code: &u16| Range { code: *code, minimum: -100, maximum: 100, flat: 0 };
+            let axes = axes.iter().map(range).collect();
+            let device = Description::new(Identity::new(1, 2, "x"), axes, keys.to_vec());
+            let profile = Profile::parse(&format!("name = 'x'\ndevices = []\n{lines}")).unwrap();
+            let controls = profile.controls(&device, Handedness::Right).unwrap();
+            (device, Control::new(&profile, controls), DeviceState::new(Nanos(1)))
+        };
+        let mut stick = device("right = 'ABS_X'\nup = 'ABS_Y'", &[], &[0, 1]);
+        let mut pedal = device("dead_man = 'KEY_B'", &[48], &[]);
+        let (mut clutch, mut open_at) = (Clutch::default(), None);
+        let mut period = |ms: u64, key: Option<i32>, x: i32| {
+            let now = Nanos::from_millis(ms);
+            stick.2.apply(Event::Value(Code::Absolute(0), x), now);
+            stick.2.apply(Event::Value(Code::Absolute(1), 0), now);
+            if let Some(key) = key {
+                pedal.2.apply(Event::Value(Code::Key(48), key), now);
+            }
+            let mut read = |(device, control, state): &mut (_, Control, _)| {
+                (control.has_axes(), control.read(device, state, now))
+            };
+            clutch.update(&[read(&mut stick), read(&mut pedal)]).open
+        };
+        period(1, Some(0), 0);
+        assert_eq!(period(10, Some(1), 0), None);
+        for ms in (20..2 * DEAD_MAN_MS).step_by(20) {
+            // A stick that a hand holds trembles.
+            let open = period(ms, Some(2), 80 + (ms / 20 % 2) as i32);
+            assert_eq!(open.is_none(), ms <= 10 + DEAD_MAN_MS, "{ms}: {open:?}");
+            open_at = open_at.or(open);
+        }
+        assert_eq!(open_at, Some(Open::Fault(Fault::Unheard)));
+        let late = 2 * DEAD_MAN_MS;
+        assert_eq!(period(late, Some(0), 0), Some(Open::Released));
+        assert_eq!(period(late + 5, Some(1), 0), None, "pressed anew");
     }
 
     #[test]

@@ -33,6 +33,8 @@ pub enum Fault {
     OutOfRange,
     #[error("events of the device were lost")]
     Dropped,
+    #[error("the dead-man was held for long without a sign of its device")]
+    Unheard,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -50,6 +52,8 @@ pub struct Reading {
     pub push: Option<[f64; 2]>,
     /// `None`: the device has none.
     pub dead_man: Option<DeadMan>,
+    /// The dead-man is held, and nothing new has come of this device for long.
+    pub is_unheard: bool,
     pub fault: Option<Fault>,
     /// How often the scale was asked to change since the last reading.
     pub scale_steps: u32,
@@ -67,6 +71,7 @@ pub struct Control {
     curve: f64,
     silence: Nanos,
     repeat: Nanos,
+    held: Nanos,
     relative_range: f64,
     /// Of a dead-man that is an axis.
     is_pressed: bool,
@@ -80,6 +85,7 @@ impl Control {
             curve: profile.curve,
             silence: Nanos::from_millis(profile.silence_ms),
             repeat: Nanos::from_millis(profile.repeat_ms),
+            held: Nanos::from_millis(profile.dead_man_ms),
             relative_range: profile.relative_range.map_or(1.0, f64::from).max(1.0),
             is_pressed: false,
         }
@@ -118,7 +124,10 @@ impl Control {
         let (dead_man, newest) = (self.dead_man(device, state), state.take_newest());
         // A clock that is ahead of this one tells no time.
         let newest = newest.filter(|newest| *newest <= now);
-        Reading { push, dead_man, fault, scale_steps, marks, newest }
+        // Not the last event: the kernel repeats a held key by itself.
+        let is_unheard =
+            dead_man == Some(DeadMan::Pressed) && now.since(state.last_change()) > self.held;
+        Reading { push, dead_man, is_unheard, fault, scale_steps, marks, newest }
     }
 
     /// Share of the way from the centre to the end of the range.

@@ -20,6 +20,12 @@ const SHIPPED: [&str; 6] = [
 /// Exponents of the curve from deflection to speed.
 const CURVES: std::ops::RangeInclusive<f64> = 1.0..=3.0;
 const DEAD_ZONES: std::ops::RangeInclusive<f64> = 0.02..=0.5;
+/// How long a dead-man may be held without a sign of its device. The kernel tells changes only and
+/// keeps the last state, as this program does: a pedal that is held, and one whose battery is empty
+/// or that fell out of range, look the same, also when the kernel is asked for its keys. And it
+/// repeats a held key by itself.
+pub const DEAD_MAN_MS: u64 = 30_000;
+const DEAD_MEN_MS: std::ops::RangeInclusive<u64> = 1000..=120_000;
 const SILENCES_MS: std::ops::RangeInclusive<u64> = 50..=5000;
 
 /// A profile as it stands in its file. Names are those of the kernel, `-` before one turns it round.
@@ -48,6 +54,10 @@ pub struct Profile {
     /// The same for one that tells nothing new, which one that is held still may do for a while.
     #[serde(default = "patience_ms")]
     pub repeat_ms: u64,
+    /// A dead-man that is held for so long without anything new of its device, while another device
+    /// steers, has to be pressed anew. One on the device that steers is as alive as its axes.
+    #[serde(default = "dead_man_ms")]
+    pub dead_man_ms: u64,
     /// Full deflection of axes that the kernel calls relative.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relative_range: Option<i32>,
@@ -87,6 +97,10 @@ fn curve() -> f64 {
 /// The kernel passes on what changes: a stick that is held still may tell nothing.
 fn patience_ms() -> u64 {
     2000
+}
+
+fn dead_man_ms() -> u64 {
+    DEAD_MAN_MS
 }
 
 /// An axis and its sign.
@@ -150,6 +164,9 @@ impl Profile {
             if !SILENCES_MS.contains(&value) {
                 return out_of_range(key, &SILENCES_MS);
             }
+        }
+        if !DEAD_MEN_MS.contains(&profile.dead_man_ms) {
+            return out_of_range("dead_man_ms", &DEAD_MEN_MS);
         }
         Ok(profile)
     }
@@ -280,6 +297,7 @@ mod tests {
             ("curve = 9.0", "curve must be within"),
             ("silence_ms = 9", "silence_ms must be within"),
             ("repeat_ms = 5001", "repeat_ms must be within"),
+            ("dead_man_ms = 120001", "dead_man_ms must be within"),
             ("deadman = 'BTN_0'", "deadman"),
         ] {
             let error = Profile::parse(&text(line)).unwrap_err();

@@ -136,7 +136,10 @@ impl Robot {
             StateCommand::Pause if self.state == OperatingState::Enabled => {
                 self.change(OperatingState::Paused)
             }
-            StateCommand::Hold if self.state == OperatingState::Enabled => Refusal::None,
+            StateCommand::Hold if self.state == OperatingState::Enabled => {
+                self.lease = 0;
+                Refusal::None
+            }
             StateCommand::Acknowledge if self.state == OperatingState::Fault => {
                 self.change(OperatingState::Disabled)
             }
@@ -260,7 +263,15 @@ impl Robot {
             refused_commands: [self.refused; 8],
             refused_reason: [self.refuse.unwrap_or(Refusal::None).number(); 8],
             flags: if self.homed { OperatingStateMsg::HOMED } else { 0 }
-                | if self.is_busy() { OperatingStateMsg::BUSY } else { 0 },
+                | if self.is_busy() { OperatingStateMsg::BUSY } else { 0 }
+                | match self.state {
+                    OperatingState::Disabled | OperatingState::Fault => {
+                        OperatingStateMsg::OFF | OperatingStateMsg::STOPPED
+                    }
+                    _ if self.lease == 0 => OperatingStateMsg::HOLDING,
+                    _ => 0,
+                }
+                | OperatingStateMsg::AT_REST,
             ..OperatingStateMsg::default()
         };
         let stamped = |adaptation| AdaptationMsg { stamp_ns: now.0, ..adaptation };

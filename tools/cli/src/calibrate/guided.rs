@@ -16,6 +16,7 @@ use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState};
 use i2ris_calibration::fit::Choice;
 use i2ris_report::exit::Coded;
+use i2ris_report::stop::stop;
 use i2ris_report::{Failure, Interrupt, Screen, until_closed};
 
 use crate::connection::CONNECT;
@@ -91,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             continue;
         }
         if step.moves() {
-            ask_for_zero(&mut guided.client, arguments.home)?;
+            ask_for_zero(&mut guided.client, &guided.domain, arguments.home)?;
         }
         let (purpose, left) = (step.purpose(), guided.time_left(&progress));
         say(&format!("step {number} of {total}: {step}: {purpose}; about {left} to go"))?;
@@ -132,7 +133,7 @@ fn config_file(arguments: &Arguments) -> Result<PathBuf, Failure> {
 }
 
 /// Homing makes the present pose the zero: somebody has to say that the snake is straight.
-fn ask_for_zero(client: &mut Client, is_allowed: bool) -> Result<(), Failure> {
+fn ask_for_zero(client: &mut Client, domain: &Domain, is_allowed: bool) -> Result<(), Failure> {
     let state = client.wait_for(CONNECT, |_| true)?;
     if state.flags & OperatingStateMsg::HOMED != 0 || is_allowed {
         return Ok(());
@@ -145,9 +146,15 @@ fn ask_for_zero(client: &mut Client, is_allowed: bool) -> Result<(), Failure> {
         );
     }
     say("the robot is not homed, and it will move. Straighten the snake: its pose becomes the \
-         zero. Enter starts, Ctrl-C ends.")?;
-    io::stdin().lock().read_line(&mut String::new())?;
-    Ok(())
+         zero. Enter starts, s stops the robot, Ctrl-C ends.")?;
+    let mut typed = String::new();
+    io::stdin().lock().read_line(&mut typed)?;
+    match typed.trim() {
+        // The end of the input is no Enter.
+        "" if typed.ends_with('\n') => Ok(()),
+        "" => Err("nothing was typed: the robot was not homed".into()),
+        _ => Err(stop(client, domain)?.text.into()),
+    }
 }
 
 fn say(line: &str) -> Result<(), Failure> {

@@ -1,19 +1,16 @@
-//! Brings the robot to ENABLED, and carries out state commands to their end.
+//! Brings the robot to ENABLED, and waits for the effect of state commands.
 
-use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_report::{Failure, Interrupt, while_working};
 
 use super::stream_monitor::{StopReason, enabled};
 
 pub(super) const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
-const DRIVES_TIMEOUT: Nanos = Nanos::from_millis(15_000);
-/// Time limit for motions of the controller's own: homing, conditioning, `move_jp`.
+/// Time limit for what somebody else began.
 const MOTION_TIMEOUT: Nanos = Nanos::from_millis(300_000);
-const REPEAT_PERIOD: Nanos = Nanos::from_millis(50);
 
 pub const HOMING: &str = "the present pose becomes the zero (where no hard stop is configured)";
 
@@ -54,16 +51,13 @@ pub fn prepare(
     enabled(&state)?;
     let is_free = state.lease_client_id == 0 || state.lease_client_id == client.id();
     if is_busy(&state) && is_free {
-        state = while_working("the robot is busy", || {
-            wait_until(client, interrupt, "idle", MOTION_TIMEOUT, |state| !is_busy(state))
-        })?;
+        state = while_working("the robot is busy", || wait_until_idle(client, interrupt))?;
         enabled(&state)?;
     }
     Ok(state)
 }
 
-/// Gives a state command and waits until it is carried out. A command that has to wait for the
-/// drives, or for the end of another one, is repeated.
+/// Gives a state command and waits for its effect. What an interrupt leaves in motion is held.
 pub fn carry_out(
     client: &mut Client,
     command: StateCommand,
@@ -73,54 +67,16 @@ pub fn carry_out(
         eprintln!("homing: {HOMING}");
     }
     while_working(command.text(), || {
-        command_until_accepted(client, command, interrupt)?;
-        let outcome = wait_until(client, interrupt, done(command), MOTION_TIMEOUT, |state| {
-            is_done(command, state)
-        });
-        if interrupt.came() && outcome.is_err() && command == StateCommand::Condition {
+        let outcome = client.carry_out(command, || interrupt.came());
+        if matches!(outcome, Err(ClientError::GivenUp { command: StateCommand::Condition })) {
             client.state_command(StateCommand::Hold)?;
         }
-        let state = outcome?;
-        // Somebody else may have stopped it.
-        if command == StateCommand::Condition {
-            enabled(&state)?;
-        }
-        Ok(state)
+        Ok(outcome?)
     })
-}
-
-fn done(command: StateCommand) -> &'static str {
-    match command {
-        StateCommand::Enable => "enabled",
-        StateCommand::Disable => "disabled",
-        StateCommand::Home => "homed",
-        StateCommand::Pause => "at rest",
-        _ => "ready",
-    }
-}
-
-fn is_done(command: StateCommand, state: &OperatingStateMsg) -> bool {
-    let is_in = |wanted: OperatingState| state.state == wanted.number();
-    let reached = match command {
-        StateCommand::Enable | StateCommand::Resume => is_in(OperatingState::Enabled),
-        // FAULT stays, with the drives off.
-        StateCommand::Disable => is_in(OperatingState::Disabled) || is_in(OperatingState::Fault),
-        StateCommand::Home => is_homed(state),
-        StateCommand::Release | StateCommand::Hold | StateCommand::Move | StateCommand::Fixture => {
-            return true;
-        }
-        StateCommand::Acknowledge => !is_in(OperatingState::Fault),
-        StateCommand::Pause | StateCommand::Unhome | StateCommand::Condition => true,
-    };
-    reached && !is_busy(state)
 }
 
 fn is_not_homed(failure: &Failure) -> bool {
     matches!(failure.downcast_ref(), Some(ClientError::Refused { refusal: Refusal::NotHomed, .. }))
-}
-
-fn is_homed(state: &OperatingStateMsg) -> bool {
-    state.flags & OperatingStateMsg::HOMED != 0
 }
 
 fn is_busy(state: &OperatingStateMsg) -> bool {
@@ -135,94 +91,19 @@ fn silent(error: ClientError) -> Failure {
     }
 }
 
-/// Waits for a state. A fault that begins meanwhile, or an interrupt, ends the wait.
-fn wait_until(
+/// Waits until the robot is not busy with what somebody else began. A fault or an interrupt ends the
+/// wait.
+fn wait_until_idle(
     client: &mut Client,
     interrupt: &Interrupt,
-    name: &str,
-    limit: Nanos,
-    wanted: impl Fn(&OperatingStateMsg) -> bool,
 ) -> Result<OperatingStateMsg, Failure> {
-    let is_fault = |state: &OperatingStateMsg| {
-        state.state == OperatingState::Fault.number() && !is_busy(state)
-    };
-    let state = match client
-        .wait_for(limit, |state| wanted(state) || is_fault(state) || interrupt.came())
-    {
+    let is_ended = |state: &OperatingStateMsg| !is_busy(state) || interrupt.came();
+    let state = match client.wait_for(MOTION_TIMEOUT, is_ended) {
         Err(ClientError::Timeout { waited }) => {
             let seconds = waited.as_seconds();
-            return Err(format!(
-                "the robot was not {name} within {seconds} s; see the controller's log"
-            )
-            .into());
+            return Err(format!("the robot was busy for {seconds} s; see `i2ris why`").into());
         }
         other => other?,
     };
-    if wanted(&state) {
-        Ok(state)
-    } else if is_fault(&state) {
-        let fault = Fault::from_number(state.fault).unwrap_or(Fault::None);
-        Err(StopReason::Fault(fault).into())
-    } else {
-        Err(format!("interrupted before the robot was {name}").into())
-    }
-}
-
-/// Repeats a state command while the drives start, the state changes, or the robot moves by itself.
-fn command_until_accepted(
-    client: &mut Client,
-    command: StateCommand,
-    interrupt: &Interrupt,
-) -> Result<(), ClientError> {
-    let start = clock::now();
-    loop {
-        let refused = match client.state_command(command) {
-            Err(refused @ ClientError::Refused { .. }) => refused,
-            outcome => return outcome.map(drop),
-        };
-        let limit = match &refused {
-            ClientError::Refused { refusal: Refusal::DrivesNotReady, .. } => DRIVES_TIMEOUT,
-            ClientError::Refused { refusal: Refusal::Busy | Refusal::Conditioning, .. } => {
-                MOTION_TIMEOUT
-            }
-            _ => return Err(refused),
-        };
-        if interrupt.came() || clock::now().since(start) > limit {
-            return Err(refused);
-        }
-        clock::sleep(REPEAT_PERIOD);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn state(state: OperatingState, flags: u32) -> OperatingStateMsg {
-        OperatingStateMsg { state: state.number(), flags, ..OperatingStateMsg::default() }
-    }
-
-    #[test]
-    fn a_command_is_done_when_the_robot_is_no_longer_busy_with_it() {
-        let (busy, homed) = (OperatingStateMsg::BUSY, OperatingStateMsg::HOMED);
-        let disabled = OperatingState::Disabled;
-        for (command, undone, after) in [
-            (StateCommand::Home, state(disabled, 0), state(disabled, homed)),
-            (StateCommand::Home, state(disabled, homed | busy), state(disabled, homed)),
-            (StateCommand::Enable, state(disabled, busy), state(OperatingState::Enabled, 0)),
-            (
-                StateCommand::Condition,
-                state(OperatingState::Enabled, busy),
-                state(OperatingState::Enabled, 0),
-            ),
-            (
-                StateCommand::Disable,
-                state(OperatingState::Enabled, 0),
-                state(OperatingState::Fault, 0),
-            ),
-        ] {
-            assert!(!is_done(command, &undone), "{command}");
-            assert!(is_done(command, &after), "{command}");
-        }
-    }
+    if is_busy(&state) { Err("interrupted while the robot is busy".into()) } else { Ok(state) }
 }

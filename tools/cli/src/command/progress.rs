@@ -1,7 +1,8 @@
 //! What a stream of commands prints, and how it goes on after the controller stopped the snake.
 
 use i2ris::clock;
-use i2ris::ipc::client::Client;
+use i2ris::ipc::client::{Client, ClientError};
+use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
 use i2ris_report::{Failure, Screen, until_closed};
 
@@ -9,6 +10,7 @@ use super::stream_monitor::StreamMonitor;
 
 const TERMINAL_PERIOD: Nanos = Nanos::from_millis(100);
 const FILE_PERIOD: Nanos = Nanos::from_millis(1000);
+const REST_TIMEOUT: Nanos = Nanos::from_millis(2000);
 
 #[derive(Debug)]
 pub struct Progress {
@@ -56,30 +58,15 @@ impl Progress {
     }
 }
 
-/// Setpoints that do not change for so long are at rest, and how often they are read.
-const REST: Nanos = Nanos::from_millis(100);
-const REST_POLL: Nanos = Nanos::from_millis(5);
-const REST_TIMEOUT: Nanos = Nanos::from_millis(1000);
-
 /// Printed when a stream goes on from the setpoint.
 pub const LOST_SETPOINT: &str = "the controller has stopped the snake, because commands came late \
      or none were read; the motion goes on from where it is";
 
-/// Waits until the setpoints rest, and returns them.
-pub fn wait_for_rest<T: PartialEq>(
-    mut read: impl FnMut() -> Result<T, Failure>,
-) -> Result<T, Failure> {
-    let start = clock::now();
-    let (mut setpoints, mut changed) = (read()?, start);
-    loop {
-        clock::sleep(REST_POLL);
-        let (newest, now) = (read()?, clock::now());
-        if newest != setpoints {
-            (setpoints, changed) = (newest, now);
-        }
-        // Setpoints that somebody else moves are noticed by the lease.
-        if now.since(changed) > REST || now.since(start) > REST_TIMEOUT {
-            return Ok(setpoints);
-        }
-    }
+/// Waits until no setpoint moves, or somebody else commands, which is noticed by the lease.
+pub fn wait_for_rest(client: &mut Client) -> Result<OperatingStateMsg, ClientError> {
+    let id = client.id();
+    client.wait_for(REST_TIMEOUT, |state| {
+        let is_ours = [0, id].contains(&state.lease_client_id);
+        state.flags & OperatingStateMsg::AT_REST != 0 || !is_ours
+    })
 }

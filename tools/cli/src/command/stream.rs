@@ -148,11 +148,10 @@ impl Stream {
 
     /// Goes on from the setpoint, where the controller stopped the snake.
     fn rejoin(&mut self, client: &mut Client) -> Result<Nanos, Failure> {
-        let pose = wait_for_rest(|| present_pose(client))?;
+        let state = wait_for_rest(client)?;
         // Its own silence breaks nothing off.
         client.state_command(StateCommand::Hold)?;
-        self.player.rejoin(pose);
-        let state = client.wait_for(FIRST_MESSAGE_TIMEOUT, |_| true)?;
+        self.player.rejoin(present_pose(client)?);
         let now = clock::now();
         self.progress.monitor().restart(&state, now);
         self.progress.say(LOST_SETPOINT)?;

@@ -79,7 +79,7 @@ impl Source for Keyboard {
 
     fn help(&self) -> String {
         "Space closes the clutch; arrows: right, left, up and down; x opens the clutch, and so does a second \
-         without a key; q ends."
+         without a key; s stops the robot, whoever commands it; q ends."
             .to_owned()
     }
 }
@@ -91,6 +91,7 @@ enum Key {
     Left,
     Right,
     Space,
+    Stop,
     Quit,
     Other,
 }
@@ -106,6 +107,7 @@ fn keys(mut bytes: &[u8]) -> Vec<Key> {
         keys.push(match first {
             CONTROL_C | CONTROL_D | b'q' => Key::Quit,
             b' ' => Key::Space,
+            b's' | b'S' => Key::Stop,
             ESCAPE => match rest {
                 [b'[' | b'O', sequence @ ..] => {
                     // Parameters, then one final byte (ECMA-48, 5.4).
@@ -149,6 +151,7 @@ impl Keys {
         let [right, up] = &mut input.steps;
         match key {
             Key::Quit => input.quit = true,
+            Key::Stop => (input.stop, input.quit, self.closed) = (true, true, None),
             Key::Space => self.closed = Some(now),
             Key::Up => *up += 1.0,
             Key::Down => *up -= 1.0,
@@ -215,17 +218,21 @@ mod tests {
         press(&mut keys, Key::Space, at(0));
         assert!(press(&mut keys, Key::Other, at(1)).open.is_some());
         assert!(press(&mut keys, Key::Quit, at(2)).quit);
+        press(&mut keys, Key::Space, at(3));
+        let stopped = press(&mut keys, Key::Stop, at(4));
+        assert!(stopped.stop && stopped.quit && stopped.open.is_some());
     }
 
     #[test]
     fn bytes_of_a_terminal_are_keys() {
-        use Key::{Down, Left, Other, Quit, Right, Space, Up};
+        use Key::{Down, Left, Other, Quit, Right, Space, Stop, Up};
         for (bytes, expected) in [
             (&b" \x1b[A\x1b[B"[..], &[Space, Up, Down][..]),
             (b"\x1bOC\x1b[1;5D", &[Right, Left]),
             (b"xz\r\t\x1bf\xc3\xa4", &[Other; 7]),
             (b"\x1b[3~\x1b[", &[Other, Other]),
             (b"q", &[Quit]),
+            (b"sS", &[Stop, Stop]),
             (b"\x03\x04", &[Quit, Quit]),
             (b"\x1b", &[Quit]),
             (b"\x1b\x1b[A", &[Quit, Up]),

@@ -18,6 +18,7 @@ use i2ris::ipc::client::{Announcer, Client, Commander, Latest};
 use i2ris::ipc::payload::{JointState, OperatingStateMsg, TeleopMsg, padded_text};
 use i2ris::ipc::{Domain, StateCommand};
 use i2ris::units::Nanos;
+use i2ris_report::stop::stop;
 use i2ris_report::{DomainOption, Failure, Interrupt};
 use i2ris_teleop::clutch::Open;
 use i2ris_teleop::master::{Master, MasterCommand, Mode, Motion, Settings};
@@ -228,6 +229,7 @@ pub fn run_plan(
         setpoint: Latest::new(client.watcher().setpoint_js()),
         goal: Latest::new(client.watcher().goal_js()),
         clips: ClipMonitor::new(clock::now()),
+        is_stopped: false,
         task: { plan.task.as_ref() }.map(|options| HandTask::new(options, client)),
     };
     teleoperation.progress.say(&source.help())?;
@@ -235,6 +237,9 @@ pub fn run_plan(
     let outcome = teleoperation.run(client, source.as_mut(), plan.period, interrupt);
     // The clutch first: the lease is valid until it is released.
     let held = teleoperation.hold();
+    if teleoperation.is_stopped {
+        teleoperation.progress.say(&stop(client, domain)?.text)?;
+    }
     // A command that arrives later would take the lease again.
     clock::sleep(COMMAND_DELAY);
     let released = client.state_command(StateCommand::Release);
@@ -269,6 +274,8 @@ struct Teleoperation {
     setpoint: Latest<JointState>,
     goal: Latest<JointState>,
     clips: ClipMonitor,
+    /// The key that stops every client was pressed.
+    is_stopped: bool,
     task: Option<HandTask>,
 }
 
@@ -287,6 +294,7 @@ impl Teleoperation {
             let now = clock::now();
             let asked = source.read(now)?;
             if asked.quit {
+                self.is_stopped = asked.stop;
                 break;
             }
             let command = self.command(&asked, (now - last).as_seconds())?;

@@ -20,6 +20,8 @@ pub(super) struct Asked {
     /// When the newest event since the last call came to the computer, where that is known.
     pub newest: Option<Nanos>,
     pub quit: bool,
+    /// Stop the robot, whoever commands it, and end.
+    pub stop: bool,
 }
 
 impl Default for Asked {
@@ -32,6 +34,7 @@ impl Default for Asked {
             marks: 0,
             newest: None,
             quit: false,
+            stop: false,
         }
     }
 }

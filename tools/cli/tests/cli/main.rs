@@ -19,5 +19,6 @@ mod played;
 mod python;
 mod reach;
 mod shell;
+mod stop;
 mod teleop;
 mod template;

@@ -6,11 +6,13 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use i2ris::ipc::client::Client;
-use i2ris::ipc::{StateCommand, find_client_process};
+use i2ris::ipc::client::{Client, Progress};
+use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::{OperatingState, StateCommand, find_client_process};
+use i2ris::robot::Stop;
 use i2ris::units::Nanos;
 
-use i2ris_testing::{Controller, Rig, python, wait_for};
+use i2ris_testing::{Controller, Rig, python, run_python, wait_for};
 
 use crate::bench::expect_stalls;
 
@@ -376,4 +378,56 @@ fn the_wheel_does_what_the_command_line_does() {
     // The sources beside the tests have no compiled part.
     pytest.env("PYTHONSAFEPATH", "1").env("I2RIS_CLI", env!("CARGO_BIN_EXE_i2ris"));
     println!("{}", runs(pytest.args(["-m", "pytest", "-q", "tests/test_model.py"])));
+}
+
+const PROGRESS: &str = "
+import itertools, sys
+from types import SimpleNamespace
+from i2ris.operation import progress
+
+names = ('homed', 'busy', 'model', 'memory_known', 'holding', 'at_rest', 'off')
+found = []
+for command in sys.argv[1].split():
+    for state in ('DISABLED', 'ENABLED', 'PAUSED', 'FAULT'):
+        for flags in itertools.product((False, True), repeat=len(names)):
+            for stop in (0, 2):
+                it = SimpleNamespace(state=state, broken_off=stop, **dict(zip(names, flags)))
+                found.append({'busy': 'b', 'ended': 'e', 'done': 'd', 'broken off': 'x'}[progress(command, it)])
+assert ''.join(found) == sys.argv[2]
+";
+
+#[test]
+fn python_and_rust_judge_the_effect_of_a_command_alike() {
+    use OperatingStateMsg as Msg;
+    let names = "enable disable pause resume home unhome condition acknowledge hold move";
+    let flags = [
+        Msg::HOMED,
+        Msg::BUSY,
+        Msg::MODEL,
+        Msg::MEMORY_KNOWN,
+        Msg::HOLDING,
+        Msg::AT_REST,
+        Msg::OFF,
+    ];
+    let mut expected = String::new();
+    for name in names.split(' ') {
+        let command = *StateCommand::ALL.iter().find(|it| it.text() == name).unwrap();
+        for state in OperatingState::ALL.iter().map(|state| state.number()) {
+            for bits in 0..1_u32 << flags.len() {
+                let has = |place: usize| bits >> (flags.len() - 1 - place) & 1;
+                let sum: u32 = (0..flags.len()).map(|place| has(place) * flags[place]).sum();
+                for stop in [None, Some(Stop::Feedback)] {
+                    let flags = sum | Msg::broken_off_by(stop);
+                    let message = Msg { state, flags, ..Msg::default() };
+                    expected.push(match message.progress(command, 7) {
+                        Progress::Busy => 'b',
+                        Progress::Ended => 'e',
+                        Progress::Done => 'd',
+                        Progress::BrokenOff(_) => 'x',
+                    });
+                }
+            }
+        }
+    }
+    run_python("numpy", PROGRESS, &[names, &expected]);
 }

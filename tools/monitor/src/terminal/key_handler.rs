@@ -14,7 +14,7 @@ const RESULT_TIME: Nanos = Nanos::from_millis(10_000);
 /// The keys, as the screen shows them.
 pub const KEYS: [(&str, &str); 9] = [
     ("space", "pause"),
-    ("h", "hold"),
+    ("s", "stop"),
     ("a", "acknowledge"),
     ("m", "swap model"),
     ("b", "roll back"),
@@ -85,7 +85,7 @@ impl KeyHandler {
             _ if control => {}
             // Stopping needs no confirmation, whatever else is on the screen.
             KeyCode::Char(' ') => return self.order(OperatorCommand::Pause),
-            KeyCode::Char('h') => return self.order(OperatorCommand::Hold),
+            KeyCode::Char('s' | 'S' | 'h') => return self.order(OperatorCommand::Hold),
             KeyCode::Char('y') => {
                 return self
                     .question(now)
@@ -200,7 +200,7 @@ mod tests {
         let mut key_handler = KeyHandler::default();
         assert_eq!(key_handler.press(&key(' '), &models(), NOW), Some(OperatorCommand::Pause));
         assert_eq!(key_handler.press(&key('m'), &models(), NOW), None);
-        assert_eq!(key_handler.press(&key('h'), &models(), NOW), Some(OperatorCommand::Hold));
+        assert_eq!(key_handler.press(&key('s'), &models(), NOW), Some(OperatorCommand::Hold));
         assert_eq!(key_handler.press(&key('y'), &models(), NOW), None, "the question is gone");
     }
 

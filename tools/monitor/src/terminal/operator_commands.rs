@@ -5,10 +5,12 @@
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread;
 
-use i2ris::ipc::client::{Client, ClientError};
-use i2ris::ipc::{Domain, StateCommand};
+use i2ris::ipc::client::Client;
+use i2ris::ipc::{Domain, OperatingState, StateCommand};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
+use i2ris_report::Failure;
+use i2ris_report::stop::{Stopped, stop};
 use i2ris_report::view::short_id;
 
 /// Short, so that a command is not executed long after the key was pressed.
@@ -22,7 +24,7 @@ const MAX_PENDING: usize = 2;
 pub enum OperatorCommand {
     /// Hold, and refuse servo commands until someone resumes.
     Pause,
-    /// Hold until the next servo command.
+    /// Hold every client and end every motion, until the next command.
     Hold,
     /// The fault has been seen.
     Acknowledge,
@@ -36,15 +38,16 @@ impl OperatorCommand {
     fn name(&self) -> &'static str {
         match self {
             Self::Pause => "pause",
-            Self::Hold => "hold",
+            Self::Hold => "stop",
             Self::Acknowledge => "acknowledge",
             Self::Activate(_) => "swap",
             Self::Rollback => "roll back",
         }
     }
 
-    fn is_about_models(&self) -> bool {
-        matches!(self, Self::Activate(_) | Self::Rollback)
+    /// It is no stop, and may keep what comes after it waiting.
+    fn takes_time(&self) -> bool {
+        matches!(self, Self::Acknowledge | Self::Activate(_) | Self::Rollback)
     }
 }
 
@@ -55,11 +58,11 @@ pub struct CommandResult {
     pub text: String,
 }
 
-/// Executes commands in order; stops and model changes have separate threads.
+/// Executes commands in order; stops and what takes time have separate threads.
 #[derive(Debug)]
 pub struct OperatorCommands {
     stops: SyncSender<OperatorCommand>,
-    models: SyncSender<OperatorCommand>,
+    others: SyncSender<OperatorCommand>,
     answers: Receiver<CommandResult>,
 }
 
@@ -67,14 +70,14 @@ impl OperatorCommands {
     /// Starts the threads. They connect when the first command comes.
     pub fn start(domain: &Domain) -> Self {
         let (answer, answers) = channel();
-        Self { stops: worker(domain, answer.clone()), models: worker(domain, answer), answers }
+        Self { stops: worker(domain, answer.clone()), others: worker(domain, answer), answers }
     }
 
     /// Queues a command; its result follows. `Some`: it was not queued because too many are
     /// pending.
     pub fn execute(&self, order: OperatorCommand) -> Option<CommandResult> {
         let name = order.name();
-        let queue = if order.is_about_models() { &self.models } else { &self.stops };
+        let queue = if order.takes_time() { &self.others } else { &self.stops };
         let text =
             format!("{name} NOT SENT: the controller has not answered what was asked before");
         queue.try_send(order).err().map(|_| CommandResult { good: false, text })
@@ -111,14 +114,17 @@ fn execute(
     client: &mut Option<Client>,
     domain: &Domain,
     order: &OperatorCommand,
-) -> Result<String, ClientError> {
+) -> Result<String, Failure> {
     let client = match client {
         Some(client) => client,
         None => client.insert(Client::connect(domain, CONNECT)?),
     };
     let command = match order {
         OperatorCommand::Pause => StateCommand::Pause,
-        OperatorCommand::Hold => StateCommand::Hold,
+        OperatorCommand::Hold => {
+            let Stopped { text, is_known } = stop(client, domain)?;
+            return if is_known { Ok(text) } else { Err(text.into()) };
+        }
         OperatorCommand::Acknowledge => StateCommand::Acknowledge,
         OperatorCommand::Activate(id) => {
             client.activate_model(*id, false)?;
@@ -129,7 +135,8 @@ fn execute(
             return Ok(format!("model {} takes over", short_id(ModelId(slots[0].model_id))));
         }
     };
-    let state = client.state_command(command)?;
-    let more = if *order == OperatorCommand::Hold { ", until the next command" } else { "" };
-    Ok(format!("the controller is {state}{more}"))
+    client.state_command(command)?;
+    let state = client.wait_until_done(command, || false)?.state;
+    let state = OperatingState::from_number(state).map_or("?", OperatingState::text);
+    Ok(format!("the controller is {state}"))
 }

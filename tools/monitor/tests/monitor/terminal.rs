@@ -15,7 +15,7 @@ use nix::sys::signal::{Signal, kill};
 
 const KEYS: [&str; 9] = [
     "space pause",
-    "h hold",
+    "s stop",
     "a acknowledge",
     "m swap model",
     "b roll back",
@@ -95,8 +95,8 @@ fn keys_stop_the_robot_and_acknowledge_its_faults() {
     let controller = Controller::enabled();
     let mut terminal = Terminal::start(&controller.domain, &["monitor"], 40, 60);
     terminal.wait_for("ENABLED");
-    terminal.type_keys("h");
-    terminal.wait_for("hold: the controller is ENABLED, until the next command");
+    terminal.type_keys("s");
+    terminal.wait_for("stop: the robot is ENABLED, holds still");
     terminal.type_keys(" ");
     terminal.wait_for("pause: the controller is PAUSED");
     terminal.wait_for(" PAUSED ");

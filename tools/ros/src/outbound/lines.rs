@@ -3,7 +3,7 @@
 use i2ris::ipc::ShownClient;
 use i2ris::ipc::client::ClientError;
 use i2ris::ipc::payload::{OperatingStateMsg, ReasonMsg};
-use i2ris::robot::{Cause, OperatingState, Refusal};
+use i2ris::robot::{Cause, OperatingState, Reason, Refusal};
 use i2ris::units::Nanos;
 
 use crate::event::ClientNames;
@@ -69,6 +69,12 @@ impl Lines {
                 format!("{} commands", self.client(lease))
             };
             lines.push((Level::Status, text));
+        }
+        // "Not busy any more" says nothing of the effect.
+        let was = before.and_then(|before| before.broken_off());
+        if let Some(stop) = now.broken_off().filter(|stop| before.is_some() && was != Some(*stop)) {
+            let why = Reason::from(Cause::Stop(stop));
+            lines.push((Level::Warning, format!("a motion or homing was not carried out: {why}")));
         }
         lines
     }

@@ -4,7 +4,7 @@ use std::io::Write;
 
 use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError, Commander, Subscription};
-use i2ris::ipc::payload::{ActuatorState, ExternalPosition, OperatingStateMsg};
+use i2ris::ipc::payload::{ActuatorState, ExternalPosition};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::realtime::Ticker;
 use i2ris::units::{MotorVec, Nanos};
@@ -12,7 +12,7 @@ use indicatif::ProgressBar;
 
 use super::recorder::Recorder;
 use crate::command::progress::{LOST_SETPOINT, wait_for_rest};
-use crate::command::stream_monitor::{StreamMonitor, enabled};
+use crate::command::stream_monitor::StreamMonitor;
 use crate::progress_bar::tenths;
 use i2ris_report::{Failure, Interrupt};
 use i2ris_simulation::motion::paced_motion::{Motion, Playback};
@@ -34,10 +34,6 @@ const WRITE_DELAY: Nanos = Nanos::from_millis(1000);
 
 /// How long to continue after the motion, for delayed frames.
 const LAST_FRAMES: Nanos = Nanos::from_millis(1000);
-
-/// How long a conditioning cycle may take: with the slowest that a configuration is likely to ask
-/// for.
-const CONDITIONING: Nanos = Nanos::from_millis(300_000);
 
 /// How long the controller may take to read the last command: many ticks.
 const LAST_COMMAND: Nanos = Nanos::from_millis(50);
@@ -212,46 +208,25 @@ impl Session<'_> {
     }
 
     fn condition<W: Write>(&mut self, recorder: &mut Recorder<W>) -> Result<Ending, Failure> {
-        self.client.state_command(StateCommand::Condition).map_err(|error| -> Failure {
-            match error {
-                ClientError::Refused { refusal: Refusal::Unsupported, .. } => {
-                    "this controller knows no conditioning cycle; add --no-condition to go \
-                     without it"
-                        .into()
-                }
-                other => other.into(),
+        let (subscriptions, interrupt) = (&mut *self.subscriptions, self.interrupt);
+        let mut recorded = Ok(());
+        let outcome = self.client.carry_out(StateCommand::Condition, || {
+            recorded = subscriptions.receive(recorder);
+            recorded.is_err() || interrupt.came()
+        });
+        match outcome {
+            Ok(_) => recorded.map(|()| Ending::Complete),
+            Err(ClientError::GivenUp { .. }) => {
+                self.client.state_command(StateCommand::Hold)?;
+                recorded.map(|()| Ending::Interrupted)
             }
-        })?;
-        let asked = clock::now();
-        loop {
-            clock::sleep(PERIOD);
-            self.subscriptions.receive(recorder)?;
-            let now = clock::now();
-            let state = self.client.operating_state()?.filter(|state| state.stamp_ns > asked.0);
-            if let Some(state) = state {
-                enabled(&state)?;
-                if state.flags & OperatingStateMsg::BUSY == 0 {
-                    return Ok(Ending::Complete);
-                }
-            }
-            if self.interrupt.came() {
-                self.hold()?;
-                return Ok(Ending::Interrupted);
-            }
-            if now.since(asked) > CONDITIONING {
-                self.hold()?;
-                return Err(
-                    "the conditioning cycle does not end; look at the controller's log".into()
-                );
-            }
+            Err(ClientError::Refused { refusal: Refusal::Unsupported, .. }) => Err(
+                "this controller knows no conditioning cycle; add --no-condition to go without \
+                     it"
+                .into(),
+            ),
+            Err(error) => Err(error.into()),
         }
-    }
-
-    /// Ends a conditioning cycle: pause stops the robot, resume makes it ready again.
-    fn hold(&mut self) -> Result<(), Failure> {
-        self.client.state_command(StateCommand::Pause)?;
-        self.client.state_command(StateCommand::Resume)?;
-        Ok(())
     }
 
     fn play<W: Write>(
@@ -288,9 +263,8 @@ impl Session<'_> {
                 watch.check(&state, clock::now())?;
             }
             if watch.has_lost_setpoint() {
-                let from = wait_for_rest(|| self.current_setpoints(recorder))?;
-                playback.rejoin(from, speed_counts_s);
-                let state = self.client.wait_for(CAMERA_WAIT, |_| true)?;
+                let state = wait_for_rest(self.client)?;
+                playback.rejoin(self.current_setpoints(recorder)?, speed_counts_s);
                 last = clock::now();
                 watch.restart(&state, last);
                 self.bar.suspend(|| eprintln!("note: {LOST_SETPOINT}"));

@@ -1,0 +1,225 @@
+//! Waiting for the effect of a command. A robot that is no longer busy has not always done what it
+//! was busy with: something else may have ended it.
+//!
+//! | command | its effect |
+//! |---|---|
+//! | `enable`, `resume` | ENABLED |
+//! | `disable` | DISABLED or FAULT, and every drive says that it has no power |
+//! | `home`, `unhome` | every zero known; a zero unknown |
+//! | `condition` | the cycle came to its end; with a model: its memory is known |
+//! | `move` | the motion came to its end, and the setpoint is at the goal |
+//! | `pause`, `hold` | nothing is followed, and no setpoint moves |
+//! | `acknowledge` | out of FAULT |
+//! | `release` | another client or none holds the lease |
+
+use super::controller_client::Client;
+use super::error::ClientError;
+use super::subscription::Latest;
+use crate::clock;
+use crate::ipc::payload::{JointState, OperatingStateMsg};
+use crate::robot::{Cause, Fault, OperatingState, Refusal, StateCommand};
+use crate::units::Nanos;
+
+/// Polling period.
+const POLL_PERIOD: Nanos = Nanos::from_millis(2);
+/// Period of repeating a command that has to wait for the drives or for the end of another one.
+const REPEAT_PERIOD: Nanos = Nanos::from_millis(50);
+/// Time limit for drives that start, and for all that is no motion.
+const DRIVES_TIMEOUT: Nanos = Nanos::from_millis(15_000);
+/// Time limit for motions of the controller's own: homing, conditioning, `move_jp`.
+const MOTION_TIMEOUT: Nanos = Nanos::from_millis(300_000);
+/// A robot that is not busy any more shows the effect after so long, or not at all: the encoders are
+/// read after the last setpoint was sent.
+const SETTLE: Nanos = Nanos::from_millis(1000);
+/// A controller that has not reported its state for so long hangs.
+const SILENCE: Nanos = Nanos::from_millis(3000);
+/// Distance of the setpoint from the goal at which a motion has arrived, rad (m): rounding to
+/// counts, and the dead-band.
+const ARRIVAL: f64 = 0.009;
+
+/// What a state says about a command that was accepted before.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// It is being carried out.
+    Busy,
+    /// Nothing goes on any more, and the effect is not there.
+    Ended,
+    /// The effect is there.
+    Done,
+    /// This came instead.
+    BrokenOff(Cause),
+}
+
+impl OperatingStateMsg {
+    /// What this state, which is newer than the command, says about it. `client_id`: who gave it.
+    #[must_use]
+    pub fn progress(&self, command: StateCommand, client_id: u64) -> Progress {
+        use OperatingState::{Disabled, Enabled, Paused};
+        let has = |flags: u32| self.flags & flags == flags;
+        let state = OperatingState::from_number(self.state);
+        let (is_busy, is_still) = (has(Self::BUSY), has(Self::HOLDING | Self::AT_REST));
+        let memory_known = has(Self::MEMORY_KNOWN) || !has(Self::MODEL);
+        let stop = self.broken_off().map(Cause::Stop);
+        // What the state itself says comes before what it was reached by.
+        let why = || match state {
+            Some(OperatingState::Fault) => {
+                Cause::Fault(Fault::from_number(self.fault).unwrap_or(Fault::None))
+            }
+            _ => stop.unwrap_or(Cause::State(state.unwrap_or(Disabled))),
+        };
+        let otherwise = |going_on: bool| match going_on {
+            true => Progress::Busy,
+            false => Progress::BrokenOff(why()),
+        };
+        let done = |is_done: bool, or: Progress| if is_done { Progress::Done } else { or };
+        let is_fault = state == Some(OperatingState::Fault);
+        match command {
+            StateCommand::Enable | StateCommand::Resume => {
+                done(state == Some(Enabled), otherwise(is_busy && !is_fault))
+            }
+            StateCommand::Disable if is_busy && !is_fault => otherwise(state == Some(Disabled)),
+            StateCommand::Disable if is_fault || state == Some(Disabled) => {
+                done(has(Self::OFF), Progress::Ended)
+            }
+            StateCommand::Disable => Progress::BrokenOff(why()),
+            _ if is_fault && command == StateCommand::Acknowledge => otherwise(is_busy),
+            StateCommand::Release => done(self.lease_client_id != client_id, Progress::Busy),
+            StateCommand::Fixture => Progress::Done,
+            _ if is_fault => Progress::BrokenOff(why()),
+            StateCommand::Acknowledge => done(state != Some(Disabled) || !is_busy, Progress::Busy),
+            StateCommand::Home if stop.is_some() => Progress::BrokenOff(why()),
+            StateCommand::Home if is_busy => Progress::Busy,
+            StateCommand::Home => done(has(Self::HOMED), Progress::Ended),
+            StateCommand::Unhome => done(!has(Self::HOMED), Progress::Ended),
+            StateCommand::Pause => {
+                done(state == Some(Paused) && has(Self::AT_REST), otherwise(state == Some(Paused)))
+            }
+            StateCommand::Hold if !matches!(state, Some(Enabled | Paused)) => otherwise(false),
+            StateCommand::Hold if has(Self::HOLDING) => done(is_still, Progress::Busy),
+            // Somebody began anew.
+            StateCommand::Hold => Progress::BrokenOff(Cause::Refusal(Refusal::Busy)),
+            StateCommand::Condition | StateCommand::Move => {
+                if stop.is_some() || state != Some(Enabled) {
+                    Progress::BrokenOff(why())
+                } else if is_busy {
+                    Progress::Busy
+                } else {
+                    let is_there = memory_known || command == StateCommand::Move;
+                    done(is_there, Progress::Ended)
+                }
+            }
+        }
+    }
+}
+
+impl Client {
+    /// Gives a command and waits for its effect. A command that has to wait for drives that start,
+    /// or for the end of another one, is repeated. `gives_up` is asked all the while, and ends the
+    /// wait; what was accepted goes on then.
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::Refused`]; and as [`Client::wait_until_done`].
+    pub fn carry_out(
+        &mut self,
+        command: StateCommand,
+        mut gives_up: impl FnMut() -> bool,
+    ) -> Result<OperatingStateMsg, ClientError> {
+        let start = clock::now();
+        loop {
+            let refused = match self.state_command(command) {
+                Ok(_) => return self.wait_until_done(command, gives_up),
+                Err(refused) => refused,
+            };
+            let limit = match &refused {
+                ClientError::Refused { refusal: Refusal::DrivesNotReady, .. } => DRIVES_TIMEOUT,
+                ClientError::Refused { refusal: Refusal::Busy | Refusal::Conditioning, .. } => {
+                    MOTION_TIMEOUT
+                }
+                _ => return Err(refused),
+            };
+            if gives_up() || clock::now().since(start) > limit {
+                return Err(refused);
+            }
+            clock::sleep(REPEAT_PERIOD);
+        }
+    }
+
+    /// Waits for the effect of a command that was accepted just now: see [`Client::carry_out`].
+    ///
+    /// # Errors
+    ///
+    /// [`ClientError::BrokenOff`] with what came instead, [`ClientError::NoEffect`],
+    /// [`ClientError::GivenUp`], [`ClientError::Restarted`], [`ClientError::NoReply`] from a
+    /// controller that hangs; and as [`super::Subscription::read`] when it ends.
+    pub fn wait_until_done(
+        &mut self,
+        command: StateCommand,
+        mut gives_up: impl FnMut() -> bool,
+    ) -> Result<OperatingStateMsg, ClientError> {
+        let start = clock::now();
+        let boot_id = self.link.session(start)?.ready.boot_id;
+        let limit = match command {
+            StateCommand::Home | StateCommand::Condition | StateCommand::Move => MOTION_TIMEOUT,
+            _ => DRIVES_TIMEOUT,
+        };
+        let (mut heard, mut ended) = (start, None);
+        loop {
+            let now = clock::now();
+            if let Some(state) = self.operating_state()?.filter(|it| it.stamp_ns > start.0) {
+                if state.boot_id != boot_id {
+                    return Err(ClientError::Restarted);
+                }
+                heard = heard.max(Nanos(state.stamp_ns));
+                match state.progress(command, self.id()) {
+                    Progress::Done if self.is_at_goal(command, &state)? => return Ok(state),
+                    Progress::BrokenOff(cause) => {
+                        return Err(ClientError::BrokenOff { command, cause });
+                    }
+                    Progress::Busy => {}
+                    Progress::Done | Progress::Ended => {
+                        let since = *ended.get_or_insert(now);
+                        if now.since(since) > SETTLE.max(limit_of_drives(command)) {
+                            return Err(ClientError::NoEffect { command });
+                        }
+                    }
+                }
+            }
+            if now.since(heard) > SILENCE {
+                let request = "operating_state";
+                return Err(ClientError::NoReply { request, waited: SILENCE });
+            }
+            if gives_up() {
+                return Err(ClientError::GivenUp { command });
+            }
+            if now.since(start) > limit {
+                return Err(ClientError::NoEffect { command });
+            }
+            clock::sleep(POLL_PERIOD);
+        }
+    }
+
+    /// Whether the setpoint is where the last move of this client was to end.
+    fn is_at_goal(
+        &mut self,
+        command: StateCommand,
+        state: &OperatingStateMsg,
+    ) -> Result<bool, ClientError> {
+        let Some(goal) = self.goal.filter(|_| command == StateCommand::Move) else {
+            return Ok(true);
+        };
+        let setpoint = match &mut self.setpoint {
+            Some(setpoint) => setpoint,
+            None => self.setpoint.insert(Latest::new(self.watcher().setpoint_js())),
+        };
+        let newer = |joint: &&JointState| joint.stamp_ns >= state.stamp_ns;
+        let Some(joint) = setpoint.refresh()?.filter(newer) else { return Ok(false) };
+        let away = goal.iter().zip(&joint.position).map(|(goal, is)| (goal - is).powi(2));
+        Ok(away.sum::<f64>().sqrt() < ARRIVAL)
+    }
+}
+
+/// Drives that are switched off in FAULT report it after some exchanges, and a quick stop.
+fn limit_of_drives(command: StateCommand) -> Nanos {
+    if command == StateCommand::Disable { Nanos::from_millis(5000) } else { Nanos::ZERO }
+}

@@ -1,0 +1,147 @@
+//! Done means that the effect is there: every command against every way of being broken off, judged
+//! as clients judge it, by what the operating state says after the command was accepted.
+
+use i2ris::core::{FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
+use i2ris::drive::AxisPhase;
+use i2ris::ipc::client::Progress;
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::model::file::OutputUnit;
+use i2ris::process::operating_state;
+use i2ris::realtime::Granted;
+use i2ris::robot::Cause;
+use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, model, play_model, rad};
+
+/// What comes a moment after the command.
+const WAYS: [(&str, fn(&mut Bench)); 9] = [
+    ("nothing", |_| ()),
+    ("stop", |bench| {
+        bench.quirk(1, Quirk::Silent);
+        bench.run(150);
+        bench.quirk(1, Quirk::None);
+    }),
+    ("fault", |bench| {
+        bench.drives[1].feedback.phase = AxisPhase::Faulted;
+        bench.drives[1].feedback.error_code = 0x8611;
+        bench.tick();
+    }),
+    ("hold", |bench| _ = bench.ask_as(8, StateCommand::Hold)),
+    ("pause", |bench| _ = bench.ask_as(8, StateCommand::Pause)),
+    ("disable", |bench| _ = bench.ask_as(8, StateCommand::Disable)),
+    ("camera", |bench| bench.camera = Some([0.5, 0.0])),
+    ("fixture", |bench| {
+        // Out of the way of a move, and in that of a cycle.
+        let (centre, radius) = (rad(-9.0, -9.0), 1.0_f64.to_radians());
+        let (space, shape) = (FixtureSpace::Angles, SimpleShape::Ball { centre, radius });
+        bench.fixture = Some(FixtureChange::Add(SimpleRegion { space, shape }));
+        assert_eq!(bench.ask_as(8, StateCommand::Fixture).refusal, Refusal::None);
+    }),
+    ("end", |bench| bench.shutdown = true),
+];
+
+fn slow(mut bench: Bench) -> Bench {
+    for drive in &mut bench.drives {
+        drive.delay = 60;
+    }
+    bench
+}
+
+fn compared() -> Bench {
+    let mut config = config("");
+    (config.plausibility.distance_deg, config.plausibility.debounce_ms) = (5.0, 300);
+    let mut bench = Bench::enabled_with(config, Some(model(OutputUnit::Deg)));
+    bench.camera = Some([0.0; 2]);
+    bench
+}
+
+fn follows() -> Bench {
+    let mut bench = compared();
+    for _ in 0..7 {
+        bench.run(9);
+        assert_eq!(bench.actuator([250, 250]), Refusal::None);
+    }
+    bench
+}
+
+/// The commands, a robot to which they are given, and what comes of them by each of the ways.
+const TABLE: &[(StateCommand, fn() -> Bench, &str)] = &[
+    (
+        StateCommand::Enable,
+        || slow(Bench::homed()),
+        "done done fault1 done done stop4 done done stop4",
+    ),
+    (
+        StateCommand::Home,
+        || slow(Bench::standard()),
+        "done done fault1 done done stop4 done done stop4",
+    ),
+    (StateCommand::Condition, compared, "done stop2 fault1 stop4 stop4 stop4 fault9 stop5 stop4"),
+    (StateCommand::Move, compared, "done stop2 fault1 stop4 stop4 stop4 fault9 done stop4"),
+    (StateCommand::Hold, follows, "done done fault1 done done stateDISABLED done done done"),
+    (StateCommand::Pause, follows, "done done fault1 done done stateDISABLED done done done"),
+    (StateCommand::Disable, follows, "done done ended done done done done done done"),
+    (StateCommand::Acknowledge, Bench::faulted, "done done fault1 done done done done done done"),
+];
+
+fn judge(bench: &Bench, command: StateCommand) -> Progress {
+    operating_state(bench.report(), &Granted::default()).progress(command, CLIENT)
+}
+
+fn what_comes(command: StateCommand, bench: &mut Bench, way: fn(&mut Bench)) -> String {
+    bench.pose = (command == StateCommand::Move).then_some((rad(5.0, 0.0), 2));
+    assert_eq!(bench.ask(command), Refusal::None, "{command}");
+    let first = judge(bench, command);
+    bench.run(2);
+    way(bench);
+    let mut last = judge(bench, command);
+    // Longer than everything; and what has ended may still show its effect.
+    for _ in 0..30_000 {
+        if !matches!(last, Progress::Busy | Progress::Ended) {
+            break;
+        }
+        bench.tick();
+        last = judge(bench, command);
+    }
+    // Who looks only when all is over is told the same.
+    bench.run(10);
+    assert!(first == Progress::Busy || first == last, "{command}: {first:?}");
+    match last {
+        Progress::Busy => "busy".to_owned(),
+        Progress::Ended => "ended".to_owned(),
+        Progress::Done => "done".to_owned(),
+        Progress::BrokenOff(Cause::State(state)) => format!("state{state}"),
+        Progress::BrokenOff(cause) => cause.to_string().replace(' ', ""),
+    }
+}
+
+#[test]
+fn every_command_is_done_when_its_effect_is_there_or_what_came_instead_is_named() {
+    let mut wrong = Vec::new();
+    for (command, robot, expected) in TABLE {
+        let found = WAYS.map(|(_, way)| what_comes(*command, &mut robot(), way));
+        let expected: Vec<&str> = expected.split(' ').collect();
+        for (((way, _), found), expected) in WAYS.iter().zip(found).zip(expected) {
+            if found != expected {
+                wrong.push(format!("{command} and {way}: {found}, not {expected}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// A cycle that came to its end has not always made the memory known: with gaps that are wider than
+/// its turns.
+#[test]
+fn a_cycle_at_its_end_is_not_done_while_the_memory_is_unknown() {
+    let mut bench = Bench::enabled_with(config(""), Some(play_model()));
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    bench.until("its end", |bench| !bench.report().busy);
+    assert_eq!(judge(&bench, StateCommand::Condition), Progress::Done);
+    let mut message = operating_state(bench.report(), &Granted::default());
+    message.flags &= !i2ris::ipc::payload::OperatingStateMsg::MEMORY_KNOWN;
+    assert_eq!(message.progress(StateCommand::Condition, CLIENT), Progress::Ended);
+    message.state = OperatingState::Paused.number();
+    assert_eq!(
+        message.progress(StateCommand::Condition, CLIENT),
+        Progress::BrokenOff(Cause::State(OperatingState::Paused))
+    );
+}

@@ -1,0 +1,75 @@
+//! `i2ris stop`: holds every client and ends every activity, by name and at once.
+
+use std::thread;
+
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::ready::served_domains;
+use i2ris::units::Nanos;
+use i2ris_report::exit::{self, Coded, NOT_KNOWN};
+use i2ris_report::stop::stop;
+use i2ris_report::{Failure, Screen, until_closed};
+
+/// A controller that serves is there at once.
+const CONNECT: Nanos = Nanos::from_millis(500);
+
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Holds every client, ends a move, conditioning and homing, and waits until \
+nothing moves. Says what it stopped and the state after. The drives stay on: `i2ris command state \
+disable` switches them off. It is no substitute for a switch that cuts the power.
+
+Without --domain it stops every robot of this user: who is in a hurry does not choose."
+)]
+pub struct Arguments {
+    /// Stop the robot of this domain only
+    #[arg(long, env = "I2RIS_DOMAIN", value_name = "NAME")]
+    domain: Option<String>,
+}
+
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let domains = match &arguments.domain {
+        Some(name) => vec![name.clone()],
+        None => served_domains(),
+    };
+    if domains.is_empty() {
+        let sentence = "no controller of this user runs: nothing was stopped; if something moves, \
+                        cut the power"
+            .to_owned();
+        return Err(Coded { code: 3, sentence }.into());
+    }
+    // All at once: one that hangs keeps no other waiting.
+    let stops: Vec<_> =
+        domains.into_iter().map(|name| thread::spawn(move || (stop_one(&name), name))).collect();
+    let (is_one, mut worst) = (stops.len() == 1, None::<Coded>);
+    for (outcome, name) in stops.into_iter().filter_map(|stop| stop.join().ok()) {
+        let text = outcome.as_ref().map_or_else(ToString::to_string, Clone::clone);
+        let line = format!("domain {name}: {text}");
+        if outcome.is_ok() || !is_one {
+            until_closed(Screen::stdout().say(&line))?;
+        }
+        if let Err(coded) = outcome {
+            let coded = Coded { sentence: line, ..coded };
+            worst = worst.filter(|it| it.code >= coded.code).or(Some(coded));
+        }
+    }
+    worst.map_or(Ok(()), |worst| Err(worst.into()))
+}
+
+fn stop_one(name: &str) -> Result<String, Coded> {
+    let stopped = || -> Result<_, Failure> {
+        let domain = Domain::new(name)?;
+        Ok(stop(&mut Client::connect(&domain, CONNECT)?, &domain)?)
+    };
+    match stopped() {
+        Ok(stopped) if stopped.is_known => Ok(stopped.text),
+        Ok(stopped) => {
+            let sentence = format!("{}; cut the power if in doubt", stopped.text);
+            Err(Coded { code: NOT_KNOWN, sentence })
+        }
+        Err(failure) => {
+            let sentence = format!("NOT KNOWN to be stopped: {failure}; cut the power if in doubt");
+            Err(Coded { code: exit::code(&failure), sentence })
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! Stops the robot, whoever commands it: `i2ris stop`, and the key `s` of every screen.
+
+use i2ris::clock;
+use i2ris::ipc::client::{Client, ClientError};
+use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand, find_client_process};
+use i2ris::units::Nanos;
+
+/// How long to wait for what there is to stop. The stop comes before the talk.
+const LOOK: Nanos = Nanos::from_millis(25);
+const POLL_PERIOD: Nanos = Nanos::from_millis(1);
+const SETTLE: Nanos = Nanos::from_millis(1000);
+
+/// What a stop has done.
+#[derive(Debug)]
+pub struct Stopped {
+    /// What was stopped, and the state after it.
+    pub text: String,
+    /// Nothing moves, and this is known.
+    pub is_known: bool,
+}
+
+/// Holds every client, ends every activity, and waits until nothing moves. Drives that are off, or
+/// held by a fault, are told of.
+///
+/// # Errors
+///
+/// As [`Client::carry_out`].
+pub fn stop(client: &mut Client, domain: &Domain) -> Result<Stopped, ClientError> {
+    let before = newest(client, LOOK)?;
+    let mut what = before.map_or("what moved".to_owned(), |state| activity(&state, domain));
+    let held = match client.state_command(StateCommand::Hold) {
+        Ok(_) => match client.wait_until_done(StateCommand::Hold, || false) {
+            // It is switched off meanwhile, or in FAULT.
+            Err(ClientError::BrokenOff { .. }) => None,
+            still => Some(still?),
+        },
+        // There is nothing to hold while drives are switched on or search for their zero.
+        Err(ClientError::Refused { refusal: Refusal::Busy, .. }) => {
+            Some(client.carry_out(StateCommand::Disable, || false)?)
+        }
+        Err(ClientError::Refused { refusal: Refusal::NotEnabled | Refusal::InFault, .. }) => {
+            // It refuses only because nobody is followed.
+            what = "nobody".to_owned();
+            None
+        }
+        Err(error) => return Err(error),
+    };
+    // Drives that a fault has just stopped need some exchanges to say so.
+    let is_still = |state: &OperatingStateMsg| {
+        let has = |flags: u32| state.flags & flags == flags;
+        has(OperatingStateMsg::HOLDING | OperatingStateMsg::AT_REST)
+            || has(OperatingStateMsg::STOPPED)
+    };
+    let (state, is_known) = match held.map_or_else(|| client.wait_for(SETTLE, is_still), Ok) {
+        Err(ClientError::Timeout { .. }) => (client.wait_for(SETTLE, |_| true)?, false),
+        still => (still?, true),
+    };
+    let name = OperatingState::from_number(state.state).map_or("?", OperatingState::text);
+    let how = match is_known {
+        false => "NOT KNOWN to be still: a drive does not say so",
+        _ if state.flags & OperatingStateMsg::OFF != 0 => "every drive is off",
+        _ if state.flags & OperatingStateMsg::STOPPED != 0 => "every drive is in quick stop or off",
+        _ => "holds still",
+    };
+    Ok(Stopped { text: format!("the robot is {name}, {how}; stopped: {what}"), is_known })
+}
+
+fn newest(client: &mut Client, span: Nanos) -> Result<Option<OperatingStateMsg>, ClientError> {
+    // Opening takes its time.
+    client.operating_state()?;
+    let start = clock::now();
+    loop {
+        let state = client.operating_state()?;
+        if state.is_some() || clock::now().since(start) > span {
+            return Ok(state);
+        }
+        clock::sleep(POLL_PERIOD);
+    }
+}
+
+/// What goes on in a state.
+fn activity(state: &OperatingStateMsg, domain: &Domain) -> String {
+    let is_on = state.state == OperatingState::Enabled.number();
+    let holder = Some(state.lease_client_id).filter(|client| *client != 0).map(|client| {
+        let process = find_client_process(domain, state.boot_id, client);
+        process.map_or("a client without a name".to_owned(), |process| process.to_string())
+    });
+    let busy = match is_on {
+        _ if state.flags & OperatingStateMsg::BUSY == 0 => None,
+        true => Some("a motion of the controller's own".to_owned()),
+        false => Some("a change of state".to_owned()),
+    };
+    let all: Vec<String> = holder.into_iter().chain(busy).collect();
+    if all.is_empty() { "nobody".to_owned() } else { all.join(" and ") }
+}

@@ -1,0 +1,39 @@
+//! What clap advises about a wrong command line, without what moves the robot: who types in haste
+//! takes the first thing that is offered.
+
+use clap::error::{ContextKind, ContextValue, Error};
+
+/// Words that a tip may name: they move nothing, switch nothing on and change no model. A new
+/// command is not among them until somebody says so here.
+const HARMLESS: &str = "stop estop disable pause release acknowledge help doctor why config model \
+     monitor record report replay dump completions emulate benchmark bench input vision trial \
+     fixture state list show check describe schema stage predict invert fit compare merge info \
+     export extract test learn measure";
+/// Options that no tip names.
+const MOVING: [&str; 3] = ["--enable", "--home", "--force"];
+
+/// The error of a wrong command line, with harmless tips only.
+pub fn harmless(mut error: Error) -> Error {
+    for kind in [
+        ContextKind::SuggestedSubcommand,
+        ContextKind::SuggestedValue,
+        ContextKind::SuggestedArg,
+        // Sentences, which may name anything.
+        ContextKind::Suggested,
+    ] {
+        let words = match error.remove(kind) {
+            Some(ContextValue::String(word)) => vec![word],
+            Some(ContextValue::Strings(words)) => words,
+            _ => continue,
+        };
+        let is_harmless = |word: &String| match word.strip_prefix("--") {
+            Some(_) => !MOVING.iter().any(|moving| word.starts_with(moving)),
+            None => HARMLESS.split(' ').any(|harmless| harmless == word),
+        };
+        let words: Vec<String> = words.into_iter().filter(is_harmless).collect();
+        if !words.is_empty() {
+            error.insert(kind, ContextValue::Strings(words));
+        }
+    }
+    error
+}
