@@ -57,8 +57,8 @@ numbered_enum! {
         Fixture = 22, "a virtual fixture is in the way";
         /// The pose is outside the calibrated hull, the position limits or the joint limits.
         Reach = 23, "the pose is out of reach";
-        /// Another client has stopped the stream with `hold`.
-        BrokenOff = 24, "another client holds the robot, and broke this stream off";
+        /// Another client has given `hold`.
+        BrokenOff = 24, "another client holds the robot";
         /// The state is PAUSED.
         Paused = 25, "paused: the robot holds until it is resumed";
         /// The state is FAULT.

@@ -42,7 +42,7 @@ REFUSALS: dict[int, str] = {
     21: "busy: the conditioning cycle is running; it ends by itself",
     22: "a virtual fixture is in the way",
     23: "the pose is out of reach",
-    24: "another client holds the robot, and broke this stream off",
+    24: "another client holds the robot",
     25: "paused: the robot holds until it is resumed",
     26: "a fault is latched",
     27: "the drives are on",
