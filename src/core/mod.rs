@@ -19,8 +19,8 @@
 //!   `position_history`; `reach` of a line; `gate`, the order of all filters and the only way to a drive.
 //! - [`adaptation`]: follows the drift of a calibration by the camera, inside fences.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
-//! - `command`: `admission` of servo commands, `refusal_record`, `sequence_record`, `lease`,
-//!   `deadline`, `range_check`, `clutch`, `motion_scaling`.
+//! - `command`: `authority`, who may do what; `admission` of servo commands, `refusal_record`,
+//!   `sequence_record`, `lease`, `deadline`, `range_check`, `clutch`, `motion_scaling`.
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
 //! - [`cycle`]: one tick, inputs to outputs: `commands`, `events`, `measurements` behind refusals

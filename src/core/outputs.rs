@@ -89,7 +89,7 @@ pub struct CycleReport {
     pub limited_by_fixture: Option<u8>,
     /// Whether the pose is compared with a camera.
     pub plausibility: PlausibilityCheck,
-    /// Client that holds the lease; 0: none.
+    /// Client that commands: by the lease, or by the activity in progress; 0: none.
     pub lease_client_id: u64,
     /// Number of accepted servo commands.
     pub accepted: u64,

@@ -25,10 +25,10 @@ numbered_enum! {
         /// Acknowledges the fault: reset the drives, then FAULT to DISABLED after the cause is
         /// gone.
         Acknowledge = 8, "acknowledge";
-        /// Returns the lease.
+        /// Returns the lease; what the client began ends.
         Release = 9, "release";
-        /// ENABLED: stop and hold, for every setpoint source. The next servo command is followed
-        /// again.
+        /// Stop and hold: ends every activity of every client. Every other client is refused until
+        /// it has been silent for a second.
         Hold = 10, "hold";
         /// ENABLED: move to a pose, from standstill to standstill; busy until it ends. It needs a
         /// pose, and only the request `move_jp` carries one.

@@ -18,7 +18,7 @@ fn angle(bench: &mut Bench, degrees: f64) -> ServoCommand {
 }
 
 /// One tick with a command of the jaw; the refusal, or `None` if it was accepted.
-fn turn(bench: &mut Bench, command: ServoCommand) -> Refusal {
+pub fn turn(bench: &mut Bench, command: ServoCommand) -> Refusal {
     let (accepted, refused) = (bench.report().accepted, bench.report().refused);
     bench.jaw_command = Some(command);
     bench.tick();

@@ -80,8 +80,8 @@ fn what_moves_needs_a_zero_fresh_positions_and_the_lease() {
             let expected = first(&[
                 (!is_homed, Refusal::NotHomed),
                 (!is_fresh, Refusal::DrivesNotReady),
-                (command == Move && !has_pose, Refusal::Malformed),
                 (is_leased, Refusal::Lease),
+                (command == Move && !has_pose, Refusal::Malformed),
             ]);
             let flags = [is_homed, is_fresh, is_leased, has_pose];
             assert_eq!(bench.ask(command), expected, "{command} {flags:?}");

@@ -31,9 +31,9 @@ const BUSY: Answer = Answer::No(Refusal::Busy);
 const CONDITIONING: Answer = Answer::No(Refusal::Conditioning);
 const PERSISTS: Answer = Answer::No(Refusal::CausePersists);
 
-const CHANGING: [Answer; 11] = [BUSY, D, BUSY, BUSY, BUSY, BUSY, BUSY, NONE, D, BUSY, BUSY];
+const CHANGING: [Answer; 11] = [BUSY, D, BUSY, BUSY, BUSY, BUSY, BUSY, NONE, D, D, BUSY];
 /// Drives that go off: `enable` waits for that.
-const GOING_OFF: [Answer; 11] = [D, D, BUSY, BUSY, BUSY, BUSY, BUSY, NONE, D, BUSY, BUSY];
+const GOING_OFF: [Answer; 11] = [D, D, BUSY, BUSY, BUSY, BUSY, BUSY, NONE, D, D, BUSY];
 const OCCUPIED: [Answer; 11] = [E, D, P, E, ON, ON, BUSY, NONE, E, E, E];
 
 pub const TABLE: &[Row] = &[

@@ -7,7 +7,7 @@ use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 
 use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, HULL, Quirk, config, model, play_model};
+use i2ris_testing::cycle::{Bench, CLIENT, HULL, Quirk, config, model, play_model};
 
 /// Enabled, at a position that is not the centre.
 fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {
@@ -124,6 +124,8 @@ fn servo_commands_meanwhile_are_refused_and_change_nothing() {
         assert_eq!(bench.actuator([0, 0]), Refusal::Conditioning);
         assert_eq!(bench.targets(), *place);
     }
+    assert_eq!(bench.report().lease_client_id, CLIENT, "its cycle is its own");
+    bench.idle();
     assert_eq!(bench.report().lease_client_id, 0);
 }
 

@@ -254,7 +254,7 @@ fn a_model_is_not_swapped_under_the_hand_of_another_client_not_even_by_force() {
         assert_eq!(bench.joint(0.1, 0.1), Refusal::None);
         assert_eq!(bench.change_model_as(CLIENT + 1, change, forced), Refusal::Lease);
     }
-    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+    assert_eq!(bench.ask(StateCommand::Release), Refusal::None);
     assert_eq!(bench.change_model_as(CLIENT + 1, change, true), Refusal::None);
     assert_eq!(bench.joint(0.1, 0.1), Refusal::None);
     assert_eq!(bench.change_model_as(CLIENT, ModelChange::Rollback, true), Refusal::None);

@@ -1,5 +1,6 @@
 //! The control cycle against simulated drives, on simulated time: see [`i2ris_testing::cycle`].
 
+mod authority;
 mod auxiliary_axis;
 mod broken_off;
 mod command_admission;

@@ -51,7 +51,7 @@ fn admission(state: &State) -> CommandAdmission {
     if accepted.is_released {
         give_back(&mut admission, accepted.client);
     }
-    admission.expire_lease(NOW, &mut events);
+    admission.expire_lease(false, NOW, &mut events);
     admission
 }
 
@@ -68,8 +68,7 @@ fn accept_command(
 }
 
 fn give_back(admission: &mut CommandAdmission, client: Client) {
-    let released = admission.release_lease(client.id(), &mut EventList::new(NOW));
-    debug_assert!(released.is_ok(), "its own lease");
+    admission.release_lease(client.id(), &mut EventList::new(NOW));
 }
 
 fn servo_command(client: Client, command: Command) -> ServoCommand {
@@ -157,6 +156,7 @@ fn admit(state: &mut State, guards: Guards, client: Client, command: Command) {
         now: NOW,
         state: if is_enabled { OperatingState::Enabled } else { OperatingState::Disabled },
         unoccupied: Ok(()),
+        owner: state.followed.filter(|_| guards.has(Guard::Lease)).map(|it| it.client.id()),
         is_homed: true,
         is_fresh: state.position_age == 0 || !guards.has(Guard::Freshness),
     };
@@ -231,10 +231,7 @@ pub fn acknowledge(state: &mut State) -> bool {
 
 /// The command `release`.
 pub fn release(state: &mut State, guards: Guards, client: Client) -> bool {
-    let mut admission = admission(state);
-    let had_lease = admission.lease_holder() == client.id();
-    let released = admission.release_lease(client.id(), &mut EventList::new(NOW));
-    if released.is_err() || !had_lease {
+    if holder(state) != client.id() {
         return false;
     }
     if let Some(accepted) = &mut state.accepted {
@@ -282,5 +279,5 @@ fn grow_command(command: &mut Command) {
 
 /// Who holds the lease, as the controller sees it.
 pub fn holder(state: &State) -> u64 {
-    admission(state).lease_holder()
+    admission(state).commander(None)
 }

@@ -13,8 +13,8 @@
 //! |   | and no conditioning cycle or trajectory in progress | `Busy` | `admission` |
 //! | 6 | every axis homed | `NotHomed` | `admission` |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | `admission` |
-//! | 8 | lease free, or held by this client | `Lease` | `lease` |
-//! | 9 | no `hold` of another client broke the stream off, | `BrokenOff` | `refusal_record` |
+//! | 8 | no other client commands | `Lease` | `authority` |
+//! | 9 | no other client holds the robot, | `BrokenOff` | `authority` |
 //! |   | and no silence in motion, unless the clutch is open | `BrokenOff` | `stream_record` |
 //! | 10 | sequence above the client's last accepted one, | `Sequence` | `sequence_record` |
 //! |   | and stamp not before it | `Stamp` | `sequence_record` |
@@ -33,6 +33,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::config::CommandConfig;
+use crate::core::command::authority::Access;
 use crate::core::command::deadline::DeadlineCheck;
 use crate::core::command::lease::Lease;
 use crate::core::command::refusal_record::{ClientRefusals, RefusalRecord};
@@ -48,7 +49,7 @@ use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos, OutputVec};
 /// a command. Without the next one the goal comes to rest where it was asked to, long before.
 const INTERPOLATED_DEADLINE: Nanos = Nanos::from_millis(250);
 
-/// Silence after which a stream that was broken off may begin anew.
+/// Silence after which a client that was held may command again.
 const BREAK: Nanos = Nanos::from_millis(1000);
 
 /// What admission needs to know of the robot.
@@ -60,6 +61,8 @@ pub struct AdmissionContext {
     pub state: OperatingState,
     /// The refusal while a conditioning cycle or a trajectory is in progress.
     pub unoccupied: Result<(), Refusal>,
+    /// The client whose activity is in progress.
+    pub owner: Option<u64>,
     /// Every axis has a valid zero.
     pub is_homed: bool,
     /// Every position is fresh.
@@ -105,7 +108,7 @@ pub struct CommandAdmission {
     accepted: u64,
     refused: u64,
     last_refusal: Refusal,
-    /// Who broke the streams of all others off, and when; newest first.
+    /// Who holds all others, and since when; newest first.
     broken_off: [Option<(u64, Nanos)>; 2],
 }
 
@@ -154,7 +157,8 @@ impl CommandAdmission {
     /// Records the refusal of a state command. Returns whether it is an event: repeats are folded.
     pub fn refuse_request(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
         self.last_refusal = refusal;
-        self.request_refusals.record(client_id, refusal, now)
+        let goes_on = self.is_broken_off(client_id, now);
+        self.request_refusals.record(client_id, refusal, goes_on, now)
     }
 
     /// Records an accepted state command.
@@ -166,19 +170,28 @@ impl CommandAdmission {
         }
     }
 
-    /// The client that holds the lease; 0: none.
+    /// The client that commands, as the owner of the activity in progress or the holder of the
+    /// lease; 0: none.
     #[must_use]
-    pub fn lease_holder(&self) -> u64 {
-        self.lease.holder()
+    pub fn commander(&self, owner: Option<u64>) -> u64 {
+        owner.unwrap_or(self.lease.holder())
     }
 
-    /// Refuses a client while another one holds the lease.
-    ///
-    /// # Errors
-    ///
-    /// [`Refusal::Lease`].
-    pub fn require_lease(&self, client_id: u64) -> Result<(), Refusal> {
-        self.lease.require_available(client_id)
+    /// The table of `authority`.
+    pub(crate) fn require(
+        &self,
+        access: Access,
+        client_id: u64,
+        owner: Option<u64>,
+        now: Nanos,
+    ) -> Result<(), Refusal> {
+        let is_free = [0, client_id].contains(&self.commander(owner));
+        match access {
+            Access::Everybody => Ok(()),
+            Access::Own | Access::Alone if !is_free => Err(Refusal::Lease),
+            Access::Alone if self.is_broken_off(client_id, now) => Err(Refusal::BrokenOff),
+            Access::Own | Access::Alone => Ok(()),
+        }
     }
 
     /// The age at which a command that was checked becomes stale: at most the duration of the lease,
@@ -240,11 +253,8 @@ impl CommandAdmission {
     ) -> Result<Nanos, Refusal> {
         self.check.check(command, context.now)?;
         require_ready(context)?;
-        self.lease.require_available(command.client_id)?;
-        let has_fallen_silent = sequences.is_broken_off(command.client_id, context.now);
-        if self.is_broken_off(command.client_id, context.now)
-            || has_fallen_silent && !command.clutched
-        {
+        self.require(Access::Alone, command.client_id, context.owner, context.now)?;
+        if sequences.is_broken_off(command.client_id, context.now) && !command.clutched {
             return Err(Refusal::BrokenOff);
         }
         sequences.require_newer(command.client_id, command.sequence, command.stamp)?;
@@ -320,32 +330,26 @@ impl CommandAdmission {
         self.last_refusal = refusal;
         // Whatever it is refused for, it is not silent.
         let goes_on = self.is_broken_off(client_id, now);
-        let is_event = self.refusals.record(client_id, refusal, now);
-        if goes_on {
-            self.refusals.break_off(client_id);
-        }
-        is_event
+        self.refusals.record(client_id, refusal, goes_on, now)
     }
 
-    /// Frees the lease of a client that has been silent for too long.
-    pub fn expire_lease(&mut self, now: Nanos, events: &mut EventList) {
-        if self.lease.expire(now) {
+    /// Frees the lease of a client that has been silent for too long, unless a move or a
+    /// conditioning cycle is in progress, which is its own.
+    pub fn expire_lease(&mut self, is_occupied: bool, now: Nanos, events: &mut EventList) {
+        if !is_occupied && self.lease.expire(now) {
             events.push(CycleEventKind::Lease { client_id: 0 });
         }
     }
 
-    /// Takes the lease from another client for good: its stream, and any other that goes on, is
-    /// refused until it has been silent for `BREAK`.
+    /// Takes the lease from another client for good: it, and any other that commands or goes on
+    /// to, is refused until it has been silent for `BREAK`.
     pub fn break_off(&mut self, client_id: u64, now: Nanos, events: &mut EventList) {
-        let holder = self.lease.holder();
-        if [0, client_id].contains(&holder) {
-            return;
-        }
         let [last, before] = self.broken_off;
         // Who was held, and then holds, does not lift the hold from itself.
         let last = last.filter(|(by, _)| *by != client_id).or(before);
         self.broken_off = [Some((client_id, now)), last];
-        if self.lease.release(holder) == Ok(true) {
+        let holder = self.lease.holder();
+        if holder != client_id && self.lease.release(holder) {
             events.push(CycleEventKind::Lease { client_id: 0 });
         }
     }
@@ -354,18 +358,14 @@ impl CommandAdmission {
         let is_just = |(by, at): (u64, Nanos)| by != client_id && now.since(at) < BREAK;
         self.broken_off.into_iter().flatten().any(is_just)
             || self.refusals.is_broken_off(client_id, now)
+            || self.request_refusals.is_broken_off(client_id, now)
     }
 
-    /// Gives the lease back. To give back a free lease is no error.
-    ///
-    /// # Errors
-    ///
-    /// [`Refusal::Lease`] if another client holds it.
-    pub fn release_lease(&mut self, client_id: u64, events: &mut EventList) -> Result<(), Refusal> {
-        if self.lease.release(client_id)? {
+    /// Gives the lease of a client back, if it has it.
+    pub fn release_lease(&mut self, client_id: u64, events: &mut EventList) {
+        if self.lease.release(client_id) {
             events.push(CycleEventKind::Lease { client_id: 0 });
         }
-        Ok(())
     }
 }
 

@@ -6,7 +6,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::robot::Refusal;
 use crate::units::Nanos;
 
 /// The lease on the commands of the robot.
@@ -38,11 +37,6 @@ impl Lease {
         self.holder.map_or(0, |holder| holder.client_id)
     }
 
-    /// Refuses a client while another one holds the lease.
-    pub fn require_available(&self, client_id: u64) -> Result<(), Refusal> {
-        if [0, client_id].contains(&self.holder()) { Ok(()) } else { Err(Refusal::Lease) }
-    }
-
     /// Takes or renews the lease. Returns whether the holder changes.
     pub fn renew(&mut self, client_id: u64, now: Nanos) -> bool {
         let is_new = self.holder() != client_id;
@@ -60,11 +54,9 @@ impl Lease {
         is_expired
     }
 
-    /// Gives the lease back. Returns whether the client had it. To give back a free lease is no
-    /// error; the lease of another client cannot be given back.
-    pub fn release(&mut self, client_id: u64) -> Result<bool, Refusal> {
-        self.require_available(client_id)?;
-        Ok(self.holder.take().is_some())
+    /// Gives the lease of a client back. Returns whether the client had it.
+    pub fn release(&mut self, client_id: u64) -> bool {
+        self.holder.take_if(|holder| holder.client_id == client_id).is_some()
     }
 }
 
@@ -80,14 +72,11 @@ mod tests {
         let mut lease = Lease::new(DURATION);
         assert!(lease.renew(7, ms(1000)));
         assert!(!lease.renew(7, ms(1100)));
-        assert_eq!(lease.require_available(8), Err(Refusal::Lease));
-        assert_eq!(lease.release(8), Err(Refusal::Lease));
-        assert!(!lease.expire(ms(1599)));
-        assert_eq!(lease.require_available(7), Ok(()));
+        assert!(!lease.release(8) && !lease.expire(ms(1599)));
+        assert_eq!(lease.holder(), 7);
         assert!(lease.expire(ms(1600)) && !lease.expire(ms(1601)));
-        assert_eq!((lease.holder(), lease.require_available(8)), (0, Ok(())));
+        assert_eq!(lease.holder(), 0);
         assert!(lease.renew(8, ms(1700)));
-        assert_eq!(lease.release(8), Ok(true));
-        assert_eq!(lease.release(7), Ok(false));
+        assert!(lease.release(8) && !lease.release(7));
     }
 }

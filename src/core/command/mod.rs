@@ -1,6 +1,7 @@
 //! Servo commands and `move_jp`: who may command, and which goals are accepted.
 
 pub(super) mod admission;
+pub(super) mod authority;
 pub(super) mod clutch;
 pub(super) mod deadline;
 pub(super) mod followed_command;

@@ -1,6 +1,5 @@
 //! Planning of `move_jp`: from the present setpoint, or from where a move can stop, to a pose.
 
-use crate::core::command::admission::CommandAdmission;
 use crate::core::command::tip_goal::{self, ON_SURFACE_M, away_m};
 use crate::core::inputs::{ServoGoal, StateRequest};
 use crate::core::joint_space::joint_model::JointModel;
@@ -23,7 +22,6 @@ pub(crate) struct MovePlanning<'a> {
     pub is_at_rest: bool,
     /// The trajectory in progress.
     pub current: Option<&'a JointTrajectory>,
-    pub admission: &'a CommandAdmission,
     /// The active model; `None` without one.
     pub joints: Option<&'a JointModel>,
     pub axes: &'a AxisGroup,
@@ -33,25 +31,21 @@ pub(crate) struct MovePlanning<'a> {
 }
 
 impl MovePlanning<'_> {
-    /// Plans the trajectory of a request. The newest request of a client takes the place of its
-    /// last one, which comes to rest first.
+    /// Plans the trajectory of a request. The newest request of the client that commands takes the
+    /// place of its last one, which comes to rest first.
     pub fn plan(&self, request: &StateRequest) -> Result<JointTrajectory, Refusal> {
-        let client_id = request.client_id;
         let joints = self.joints.ok_or(Refusal::NoModel)?;
         let pose = self.pose(request, joints)?;
-        self.admission.require_lease(client_id)?;
         if tip_away_m(request, &pose).is_some_and(|away_m| away_m > ON_SURFACE_M) {
             return Err(Refusal::Reach);
         }
         let trajectory = match self.current {
-            Some(current) if current.client_id() == client_id => {
-                current.turned(pose, self.limits, self.now)
-            }
+            Some(current) => current.turned(pose, self.limits, self.now),
             None if self.is_at_rest => {
                 let from = joints.setpoint().ok_or(Refusal::DrivesNotReady)?;
-                JointTrajectory::new(client_id, from, pose, self.limits, self.now)
+                JointTrajectory::new(request.client_id, from, pose, self.limits, self.now)
             }
-            Some(_) | None => return Err(Refusal::Busy),
+            None => return Err(Refusal::Busy),
         };
         let reached = reach(joints, self.axes, trajectory.start(), &pose);
         if reached.map_err(|_| Refusal::BadModel)? != pose {

@@ -124,11 +124,13 @@ impl ControlCycle {
         events: &mut EventList,
     ) -> Result<(), Refusal> {
         let auxiliary = self.auxiliary.as_ref().ok_or(Refusal::Unsupported)?;
+        let state = self.machine.state();
         let context = AdmissionContext {
             now: summary.now,
-            state: self.machine.state().operating_state(),
-            // A trajectory and a conditioning cycle do not move it.
+            state: state.operating_state(),
+            // A trajectory and a conditioning cycle do not move it: their client may.
             unoccupied: Ok(()),
+            owner: state.owner(),
             is_homed: summary.is_homed,
             is_fresh: summary.is_fresh(),
         };

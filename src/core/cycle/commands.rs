@@ -2,6 +2,7 @@
 //! commands.
 
 use crate::core::command::admission::AdmissionContext;
+use crate::core::command::authority::Access;
 use crate::core::command::followed_command::FollowedCommand;
 use crate::core::command::move_planning::MovePlanning;
 use crate::core::command::range_check::{CheckedGoal, require};
@@ -18,8 +19,10 @@ use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::virtual_fixtures::FixtureChange;
 use crate::core::outputs::ModelSwapReply;
-use crate::core::states::command_transitions::{CommandEffect, command_effect};
-use crate::core::states::control_state::{ControlState, EnabledActivity, HOLDING};
+use crate::core::states::command_transitions::{CommandEffect, command_effect, disable};
+use crate::core::states::control_state::{
+    ControlState, DisabledActivity, EnabledActivity, HOLDING,
+};
 use crate::core::states::state_machine::TransitionCause;
 use crate::robot::{Measurement, Refusal, Stop};
 use crate::units::{Nanos, OutputVec};
@@ -59,16 +62,21 @@ impl ControlCycle {
             return Err(Refusal::Malformed);
         }
         self.shutdown.require_allowed(request.command)?;
-        let next = match command_effect(request.command, self.machine.state(), summary)? {
+        let (client_id, state) = (request.client_id, self.machine.state());
+        let effect = command_effect(request.command, state, summary)?;
+        if effect != CommandEffect::NoChange {
+            self.admission.require(Access::of(request), client_id, state.owner(), summary.now)?;
+        }
+        let next = match effect {
             CommandEffect::NoChange => return Ok(()),
             CommandEffect::Change(next) => next,
-            CommandEffect::Home(next) => {
+            CommandEffect::Home => {
                 // A search for a hard stop moves the motors by itself.
                 if self.homing_moves {
                     self.require_no_fixture()?;
                 }
                 self.for_each_axis(AxisControl::start_homing);
-                next
+                ControlState::Disabled(DisabledActivity::Homing { since: summary.now, client_id })
             }
             CommandEffect::ResetFaults(next) => {
                 self.for_each_axis(AxisControl::reset_fault);
@@ -79,27 +87,24 @@ impl ControlCycle {
                 *self.machine.state()
             }
             CommandEffect::Condition => {
-                // Conditioning is motion, so no other client may hold the lease.
-                self.admission.require_lease(request.client_id)?;
                 // The motors cross the whole hull.
                 self.require_no_fixture()?;
                 let joints = self.models.active();
                 let start = self.axes.setpoints();
                 let model = joints.map(JointModel::model);
-                let cycle = ConditioningCycle::new(&self.conditioning_plan, start, model)?;
+                let cycle =
+                    ConditioningCycle::new(client_id, &self.conditioning_plan, start, model)?;
                 if let Some(joints) = joints {
                     let is_allowed = |point| joints.allows_position(point);
                     require(cycle.corners().all(is_allowed), Refusal::Range)?;
                 }
                 ControlState::Enabled(EnabledActivity::Conditioning(cycle))
             }
-            CommandEffect::Hold => {
-                self.admission.break_off(request.client_id, summary.now, events);
+            CommandEffect::Hold(next) => {
+                self.admission.break_off(client_id, summary.now, events);
                 self.release_auxiliary(None);
-                if self.machine.state().is_holding() {
-                    return Ok(());
-                }
-                HOLDING
+                let Some(next) = next else { return Ok(()) };
+                next
             }
             CommandEffect::Move => {
                 let trajectory = self.move_planning(summary).plan(request)?;
@@ -112,7 +117,8 @@ impl ControlCycle {
                 return self.change_fixtures(request, summary.now, events);
             }
             CommandEffect::Release => {
-                return self.release_lease(request.client_id, summary.now, events);
+                self.release_lease(client_id, summary, events);
+                return Ok(());
             }
         };
         let cause = TransitionCause::Command(request.command);
@@ -125,7 +131,6 @@ impl ControlCycle {
         MovePlanning {
             is_at_rest: self.axes.all(AxisControl::is_at_rest),
             current: self.machine.state().trajectory(),
-            admission: &self.admission,
             joints: self.models.active(),
             axes: &self.axes,
             fixtures: &self.fixtures,
@@ -134,8 +139,7 @@ impl ControlCycle {
         }
     }
 
-    /// Changes the virtual fixtures. What makes them fewer needs the lease and a robot that follows
-    /// nobody.
+    /// Changes the virtual fixtures. What makes them fewer needs a robot that follows nobody.
     fn change_fixtures(
         &mut self,
         request: &StateRequest,
@@ -145,7 +149,6 @@ impl ControlCycle {
         let change = request.fixture.as_ref().ok_or(Refusal::Malformed)?;
         match change {
             FixtureChange::SwitchOff | FixtureChange::RemoveAdded => {
-                self.admission.require_lease(request.client_id)?;
                 if self.machine.state().is_following_joints() {
                     return Err(Refusal::Busy);
                 }
@@ -170,20 +173,18 @@ impl ControlCycle {
         if self.fixtures.is_on() { Err(Refusal::Fixture) } else { Ok(()) }
     }
 
-    /// A client that gives the lease back is not followed any more: the robot stops.
-    fn release_lease(
-        &mut self,
-        client_id: u64,
-        now: Nanos,
-        events: &mut EventList,
-    ) -> Result<(), Refusal> {
-        self.admission.release_lease(client_id, events)?;
+    /// What a client began that gives the lease back ends: the robot stops.
+    fn release_lease(&mut self, client_id: u64, summary: &DriveSummary, events: &mut EventList) {
+        self.admission.release_lease(client_id, events);
         self.release_auxiliary(Some(client_id));
-        let followed = self.machine.state().followed_command();
-        if followed.is_some_and(|command| command.client_id == client_id) {
-            self.machine.progress(HOLDING, now, events);
+        let state = self.machine.state();
+        if state.owner() == Some(client_id) {
+            let next = match disable(state, summary) {
+                CommandEffect::Change(next) if state.is_homing() => next,
+                _ => HOLDING,
+            };
+            self.machine.progress(next, summary.now, events);
         }
-        Ok(())
     }
 
     pub(super) fn swap_model(
@@ -207,14 +208,16 @@ impl ControlCycle {
         let active = |models: &LoadedModels| models.active().map(|joints| joints.model().id());
         let from = active(&self.models);
         // Another model moves the snake differently under the hand of its commander.
-        let followed = state.followed_command().map(|followed| followed.client_id);
-        let result = match request.change {
-            _ if followed.is_some_and(|client_id| client_id != request.client_id) => {
-                Err(Refusal::Lease)
-            }
+        let client_id = request.client_id;
+        let access = self.admission.require(Access::Alone, client_id, state.owner(), now);
+        let result = access.and_then(|()| match request.change {
             ModelChange::Activate(id) => activate(&mut self.models, id, &context),
             ModelChange::Rollback => roll_back(&mut self.models, &context),
-        };
+        });
+        if result == Err(Refusal::BrokenOff) {
+            // It is not silent.
+            self.admission.refuse_request(client_id, Refusal::BrokenOff, now);
+        }
         if result.is_ok() {
             let to = active(&self.models).unwrap_or_default();
             events.push(CycleEventKind::Model { from, to });
@@ -284,6 +287,7 @@ impl ControlCycle {
             now: summary.now,
             state: state.operating_state(),
             unoccupied: state.require_unoccupied(),
+            owner: state.owner(),
             is_homed: summary.is_homed,
             is_fresh: summary.is_fresh(),
         };

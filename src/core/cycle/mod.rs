@@ -181,7 +181,7 @@ impl ControlCycle {
         let model_request = inputs.model.as_ref();
         let model_reply = model_request.map(|request| self.swap_model(request, now, events));
         self.update_sources(now);
-        self.admission.expire_lease(now, events);
+        self.admission.expire_lease(self.machine.state().is_occupied(), now, events);
         if let Some(command) = &inputs.servo {
             self.apply_servo_command(command, &summary, events);
         }
@@ -430,7 +430,7 @@ impl ControlCycle {
             fixtures: self.fixtures.active_bits(),
             limited_by_fixture: self.fixtures.limited_by(),
             plausibility: self.plausibility_check,
-            lease_client_id: self.admission.lease_holder(),
+            lease_client_id: self.admission.commander(state.owner()),
             accepted: self.admission.accepted(),
             refused: self.admission.refused(),
             last_refusal: self.admission.last_refusal(),

@@ -27,6 +27,8 @@ const END_TOLERANCE: f64 = 1e-6;
 /// A conditioning cycle in progress.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ConditioningCycle {
+    /// Who asked for it.
+    client_id: u64,
     start: MotorVec,
     points: ReversalPoints,
     rounds: u32,
@@ -51,11 +53,13 @@ impl ConditioningCycle {
     ///
     /// [`Refusal::Range`] if the position limits leave less room than the model needs to forget.
     pub fn new(
+        client_id: u64,
         plan: &ConditioningPlan,
         start: MotorVec,
         model: Option<&Model>,
     ) -> Result<Self, Refusal> {
         let cycle = Self {
+            client_id,
             start,
             points: plan.reversal_points(&start, model)?,
             rounds: plan.rounds,
@@ -70,6 +74,10 @@ impl ConditioningCycle {
             increment: MotorVec::default(),
         };
         Ok(cycle.start_line(0))
+    }
+
+    pub fn client_id(&self) -> u64 {
+        self.client_id
     }
 
     /// One tick later; `None` once the cycle has ended where it began.

@@ -63,7 +63,7 @@ fn update_disabled(activity: &DisabledActivity, summary: &DriveSummary) -> Optio
             Some((enabled, cause))
         }
         Enabling { since } if has_passed(since, DRIVE_TIMEOUT) => timeout(),
-        Homing { since } => update_homing(since, summary),
+        Homing { since, .. } => update_homing(&ControlState::Disabled(*activity), since, summary),
         Stopping { since, then_enable }
             if summary.is_at_rest || has_passed(since, STOP_TIMEOUT) =>
         {

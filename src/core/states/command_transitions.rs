@@ -6,7 +6,7 @@ use crate::core::states::acknowledge::acknowledge;
 use crate::core::states::control_state::{
     ALL_OFF, ControlState, DisabledActivity, FaultStage, FaultState, HOLDING,
 };
-use crate::core::states::homing::start_homing;
+use crate::core::states::homing::require_homing;
 use crate::robot::{Refusal, StateCommand};
 
 /// What an accepted command does.
@@ -16,21 +16,21 @@ pub(crate) enum CommandEffect {
     NoChange,
     /// The state changes.
     Change(ControlState),
-    /// The drives start homing, and the state changes.
-    Home(ControlState),
+    /// The drives start homing.
+    Home,
     /// The drives at fault are reset, and the state changes.
     ResetFaults(ControlState),
     /// The zero of every axis becomes invalid.
     Unhome,
-    /// A conditioning cycle starts, if the lease and the position limits allow it.
+    /// A conditioning cycle starts, if the position limits allow it.
     Condition,
-    /// Nothing is followed any more, and the stream of another client breaks off.
-    Hold,
-    /// A trajectory to a pose starts, if lease, model and pose allow it.
+    /// Nothing is followed any more, every other client is held, and the state may change.
+    Hold(Option<ControlState>),
+    /// A trajectory to a pose starts, if model and pose allow it.
     Move,
-    /// The lease is given back, if the client has it.
+    /// The lease is given back, and what the client began ends.
     Release,
-    /// The virtual fixtures change, if lease and state allow it.
+    /// The virtual fixtures change, if the state allows it.
     ChangeFixtures,
 }
 
@@ -45,7 +45,7 @@ pub(crate) fn command_effect(
         StateCommand::Disable => Ok(disable(state, summary)),
         StateCommand::Pause => pause(state),
         StateCommand::Resume => resume(state),
-        StateCommand::Home => start_homing(state, summary).map(CommandEffect::Home),
+        StateCommand::Home => require_homing(state, summary).map(|()| CommandEffect::Home),
         StateCommand::Unhome => state.require_idle().map(|()| CommandEffect::Unhome),
         StateCommand::Condition => {
             require_motion_allowed(command, state, summary).map(|()| CommandEffect::Condition)
@@ -55,7 +55,7 @@ pub(crate) fn command_effect(
             next => CommandEffect::Change(next),
         }),
         StateCommand::Release => Ok(CommandEffect::Release),
-        StateCommand::Hold => hold(state),
+        StateCommand::Hold => hold(state, summary),
         StateCommand::Fixture => Ok(CommandEffect::ChangeFixtures),
         StateCommand::Move => {
             require_motion_allowed(command, state, summary).map(|()| CommandEffect::Move)
@@ -126,11 +126,19 @@ fn resume(state: &ControlState) -> Result<CommandEffect, Refusal> {
     }
 }
 
-fn hold(state: &ControlState) -> Result<CommandEffect, Refusal> {
-    match state {
-        ControlState::Enabled(_) | ControlState::Paused => Ok(CommandEffect::Hold),
-        ControlState::Disabled(_) | ControlState::Fault(_) => Err(powered_only(state)),
-    }
+/// It ends every activity: of drives that are changing, as `disable` does.
+fn hold(state: &ControlState, summary: &DriveSummary) -> Result<CommandEffect, Refusal> {
+    let next = match state {
+        ControlState::Enabled(_) | ControlState::Paused => (!state.is_holding()).then_some(HOLDING),
+        ControlState::Disabled(DisabledActivity::Idle) | ControlState::Fault(_) => {
+            return Err(powered_only(state));
+        }
+        ControlState::Disabled(_) => match disable(state, summary) {
+            CommandEffect::Change(next) => Some(next),
+            _ => None,
+        },
+    };
+    Ok(CommandEffect::Hold(next))
 }
 
 /// Conditions of a conditioning cycle and of a trajectory: the same as of a servo command.

@@ -31,7 +31,7 @@
 //! | `unhome` | zero invalid | Busy | State | State | State | State |
 //! | `condition` | State | Busy | conditioning cycle, busy (6) | State | State | State |
 //! | `acknowledge` | State | State | State | State | (4) | Busy |
-//! | `hold` | State | Busy | holding (10) | no change (10) | State | State |
+//! | `hold` | State | powering off (2) | holding (10) | no change (10) | State | State |
 //! | `move` | State | Busy | trajectory, busy (7) | State | State | State |
 //! | `release` | (5) | (5) | (5), holding | (5) | (5) | (5) |
 //! | `fixture` | (8) | (8) | (8) | (8) | (8) | (8) |
@@ -39,8 +39,10 @@
 //! Busy and other words with a capital are [`Refusal`](crate::robot::Refusal)s. State is one of
 //! NotEnabled, Paused, InFault, NotDisabled and NoFault: each has its own way out. A client id
 //! of 0 is refused as Malformed. During shutdown, commands that would start something are refused
-//! with State. `disable` is refused to nobody who has an id, in no state, and repeating it is no
-//! error; so are `pause` and `hold` of a robot that is on.
+//! with State. Who may give a command while another client commands or holds is in
+//! `command/authority.rs`: Lease and BrokenOff come after the others. `disable` is refused
+//! to nobody who has an id, in no state, and repeating it is no error; so are `pause` and `hold` of
+//! a robot that is on.
 //!
 //! 1. DrivesNotReady unless every drive is in phase Disabled with a fresh position. NotHomed unless
 //!    every axis has a valid zero: without it, position limits mean nothing, here and in the drive.
@@ -54,36 +56,32 @@
 //!    stop, and the model gives finite values. If a drive is at fault, its reset counter is raised
 //!    and FAULT stays, busy, until the drive has left its fault. After 1 s the fault is latched
 //!    again. Then DISABLED, powering off.
-//! 5. The lease becomes free; Lease if another client holds it. The robot holds if the client was
-//!    being followed.
+//! 5. The lease becomes free, and what the client began ends: the robot holds, or ends the homing.
 //! 6. Busy during a conditioning cycle or a trajectory; NotHomed and DrivesNotReady as for servo
-//!    commands; Lease if another client holds it, because conditioning is motion; Range if the
-//!    position limits leave less room than the model needs to forget, or the joint limits less than
-//!    it crosses; NoModel if angles are limited and nobody knows them. The robot stops following
-//!    the present command. Servo commands are refused with Busy until the cycle has ended, where it
-//!    began, and the robot holds. `pause`, `disable`, a fault, positions that are not fresh and a
-//!    lost zero end it at once, and so do fixtures that come.
+//!    commands; Range if the position limits leave less room than the model needs to forget, or the
+//!    joint limits less than it crosses. The
+//!    robot stops following the present command. Servo commands are refused with Busy until the
+//!    cycle has ended, where it began, and the robot holds. `pause`, `disable`, a fault, positions
+//!    that are not fresh and a lost zero end it at once, and so do fixtures that come.
 //! 7. By the request `move_jp`. Refused in this order: Busy, NotHomed and DrivesNotReady as for
-//!    (6), Malformed without a pose, NoModel, Malformed with a wrong number of entries, Unsupported
-//!    for a model of the tip position, NotFinite, Lease if another client holds it, Busy while a
-//!    setpoint moves, Reach for a pose outside the hull, the position limits or the joint limits,
-//!    Fixture, Range. A second one of the same client takes the place of the first, which comes to
-//!    rest before; for other clients the robot is Busy. Otherwise as (6):
-//!    servo commands are refused with Busy meanwhile, and the same events end it. There is no
-//!    time-out: the trajectory ends at rest after a time that is known when it starts, at most
-//!    [`LONGEST_MOVE`](crate::core::LONGEST_MOVE) (Range for a longer one), and a client that dies
-//!    after its request has asked for nothing that it must go on confirming. `hold`, `pause` and
-//!    `disable` of any client end it.
+//!    (6), Lease and BrokenOff, Malformed without a pose, NoModel, Malformed with a wrong number of
+//!    entries, Unsupported for a model of the tip position, NotFinite, Busy while a setpoint moves,
+//!    Reach for a pose outside the hull, the position limits or the joint limits, Fixture, Range. A
+//!    second one of the same client takes the place of the first, which comes to rest before.
+//!    Otherwise as (6): servo commands are refused with Busy meanwhile, and the same events end it.
+//!    There is no time-out: the trajectory ends at rest after a time that is known when it starts,
+//!    at most [`LONGEST_MOVE`](crate::core::LONGEST_MOVE) (Range for a longer one), and a client
+//!    that dies after its request has asked for nothing that it must go on confirming. `hold`,
+//!    `pause` and `disable` of any client end it.
 //! 8. By the request `virtual_fixture`. Malformed without a change. Switching on and adding is
-//!    allowed to every client at any time: it makes motion less. Switching off and removing: Lease
-//!    if another client holds it, Busy while a goal in joint space is followed. Range when there is
-//!    no place for one more. While fixtures count, servo commands in counts and `condition` are
-//!    refused with Fixture, and `move` if its line meets one.
+//!    allowed at any time: it makes motion less. Switching off and removing: Busy while a goal in
+//!    joint space is followed. Range when there is no place for one more. While fixtures count,
+//!    servo commands in counts and `condition` are refused with Fixture, and `move` if its line
+//!    meets one.
 //! 9. While the drives go off, `enable` is carried out as soon as they are off, under the same
 //!    conditions. `disable` takes it back.
-//! 10. Of a client that does not hold the lease, `hold` frees it. The stream that it breaks off is
-//!     refused with BrokenOff until its client has been silent for a second, and so is any other
-//!     that goes on.
+//! 10. It ends every activity of every client, and the lease of another one. What others ask for
+//!     then is refused with BrokenOff, until they have been silent for a second.
 //!
 //! Any command of this table that is carried out, of whatever client, is deliberate: a stream of that
 //! client that fell silent for half a second while it moved the snake is refused with BrokenOff until
@@ -128,7 +126,7 @@ pub(crate) enum DisabledActivity {
     /// Drives are being enabled, each at its own position.
     Enabling { since: Nanos },
     /// Drives search for their zero.
-    Homing { since: Nanos },
+    Homing { since: Nanos, client_id: u64 },
     /// The setpoints slow down before power goes off.
     Stopping { since: Nanos, then_enable: bool },
     /// The setpoints are at rest; the motors come to rest before power goes off.
@@ -259,6 +257,20 @@ impl ControlState {
 
     pub fn is_conditioning(&self) -> bool {
         matches!(self, Self::Enabled(EnabledActivity::Conditioning(_)))
+    }
+
+    /// The client that is followed, or whose activity is in progress.
+    pub fn owner(&self) -> Option<u64> {
+        match self {
+            Self::Disabled(DisabledActivity::Homing { client_id, .. }) => Some(*client_id),
+            Self::Enabled(EnabledActivity::Following(command)) => Some(command.client_id),
+            Self::Enabled(EnabledActivity::Conditioning(cycle)) => Some(cycle.client_id()),
+            Self::Enabled(EnabledActivity::Moving(trajectory)) => Some(trajectory.client_id()),
+            Self::Enabled(EnabledActivity::Holding)
+            | Self::Disabled(_)
+            | Self::Paused
+            | Self::Fault(_) => None,
+        }
     }
 
     /// The trajectory in progress.

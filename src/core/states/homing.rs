@@ -14,19 +14,19 @@ use crate::units::Nanos;
 /// search for a hard stop takes seconds.
 const HOMING_TIMEOUT: Nanos = Nanos::from_millis(30_000);
 
-/// The command `home`: the next state. The caller raises the counters of the drives.
-pub(super) fn start_homing(
-    state: &ControlState,
-    summary: &DriveSummary,
-) -> Result<ControlState, Refusal> {
+/// The command `home`. The caller raises the counters of the drives.
+pub(super) fn require_homing(state: &ControlState, summary: &DriveSummary) -> Result<(), Refusal> {
     state.require_idle()?;
-    summary.require_ready()?;
-    Ok(homing(summary.now))
+    summary.require_ready()
 }
 
 /// Ends the homing once every drive has ended it. A homing that leaves no zero is a fault.
-pub(super) fn update_homing(since: Nanos, summary: &DriveSummary) -> Option<Transition> {
-    let fault = |fault| Some(enter_fault(&homing(since), fault, summary));
+pub(super) fn update_homing(
+    state: &ControlState,
+    since: Nanos,
+    summary: &DriveSummary,
+) -> Option<Transition> {
+    let fault = |fault| Some(enter_fault(state, fault, summary));
     if summary.is_homing_done && summary.is_homed {
         let idle = ControlState::Disabled(DisabledActivity::Idle);
         Some((idle, TransitionCause::Progress(None)))
@@ -37,8 +37,4 @@ pub(super) fn update_homing(since: Nanos, summary: &DriveSummary) -> Option<Tran
     } else {
         None
     }
-}
-
-fn homing(since: Nanos) -> ControlState {
-    ControlState::Disabled(DisabledActivity::Homing { since })
 }

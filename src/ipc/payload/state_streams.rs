@@ -84,7 +84,7 @@ payload! {
         pub boot_id: u64,
         /// Start of the present state.
         pub since_ns: u64,
-        /// Client that holds the lease; 0: none.
+        /// Client that commands: by the lease, or by its move, conditioning cycle or homing; 0: none.
         pub lease_client_id: u64,
         /// Servo commands taken since the start.
         pub accepted: u64,

@@ -206,14 +206,12 @@ class Arm:
         self.close()
 
     def close(self) -> None:
-        """Holds and gives the lease back, if this client commanded, and disconnects."""
+        """Gives the lease back, if this client commanded: the robot holds. Disconnects."""
         try:
             if self._commanded:
                 # A command in flight would take the lease again. This is well below its deadline.
                 time.sleep(0.02)
-                state = self.operating_state()
-                if state.state == "ENABLED" and (state.lease or not state.taken):
-                    self.state_command("hold")
+                # What this client began ends with that. A hold would be for everybody else, too.
                 self.state_command("release")
         except (NoController, NoReply, Refused):
             # No controller, or another client holds the lease.

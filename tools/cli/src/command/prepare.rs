@@ -49,8 +49,7 @@ pub fn prepare(
         };
     }
     enabled(&state)?;
-    let is_free = state.lease_client_id == 0 || state.lease_client_id == client.id();
-    if is_busy(&state) && is_free {
+    if is_busy(&state) {
         state = while_working("the robot is busy", || wait_until_idle(client, interrupt))?;
         enabled(&state)?;
     }

@@ -155,10 +155,10 @@ impl StreamMonitor {
         // Refusals of other clients' commands are not this client's concern.
         let (refused, reason) = state.refusals_of(self.client_id);
         // The count starts again when others needed its entry.
-        if refused == 0 || refused == self.refused {
+        let before = std::mem::replace(&mut self.refused, refused);
+        if refused == 0 || refused == before {
             return None;
         }
-        self.refused = refused;
         self.refused_now = Some(reason);
         Some(reason)
     }
@@ -319,6 +319,22 @@ mod tests {
             monitor.check(&refused_state(at(1100), OTHER, 200, Refusal::Stamp), at(1100)),
             Err(StopReason::Ignored)
         );
+    }
+
+    #[test]
+    fn a_count_that_begins_anew_is_a_new_refusal() {
+        let mut monitor = monitor();
+        let refused = |now, client| OperatingStateMsg {
+            accepted: 1,
+            ..refused_state(now, client, 1, Refusal::Step)
+        };
+        assert_eq!(monitor.check(&refused(at(10), ME), at(10)), Ok(Some(Refusal::Step)));
+        let accepted = OperatingStateMsg { accepted: 2, ..refused(at(900), OTHER) };
+        assert_eq!(monitor.check(&accepted, at(900)), Ok(None), "its place is gone");
+        let again = |now| OperatingStateMsg { accepted: 2, ..refused(now, ME) };
+        assert_eq!(monitor.check(&again(at(1800)), at(1800)), Ok(Some(Refusal::Step)));
+        let ended = monitor.check(&again(at(1901)), at(1901));
+        assert_eq!(ended, Err(StopReason::Refused(Refusal::Step)));
     }
 
     #[test]

@@ -5,6 +5,9 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
 
 use i2ris::ipc::client::{Client, Progress};
 use i2ris::ipc::payload::OperatingStateMsg;
@@ -12,7 +15,7 @@ use i2ris::ipc::{OperatingState, StateCommand, find_client_process};
 use i2ris::robot::Stop;
 use i2ris::units::Nanos;
 
-use i2ris_testing::{Controller, Rig, python, run_python, wait_for};
+use i2ris_testing::{Controller, Rig, SetOnDrop, python, run_python, wait_for};
 
 use crate::bench::expect_stalls;
 
@@ -219,6 +222,49 @@ fn the_domain_is_that_of_the_environment_and_a_refused_stream_raises() {
     runs(command.args(["-c", ENVIRONMENT]).env("I2RIS_DOMAIN", controller.domain.name()));
 }
 
+const STRAY: &str = "
+import sys, time
+from i2ris.arm import Arm, Refused
+
+with Arm(sys.argv[1], deadline_s=0.5) as arm:
+    end = time.monotonic() + 20.0
+    before = arm.operating_state().refused
+    while (state := arm.operating_state()).refused < before + 50:
+        assert time.monotonic() < end, state
+        arm.servo_jp(arm.setpoint_js().position)
+        time.sleep(0.005)
+    assert state.own_refused == 0 and state.last_refusal == '', state
+    try:
+        while time.monotonic() < end:
+            arm.servo_jp([0.5, 0.0])
+            time.sleep(0.005)
+        raise AssertionError('its own refusal is lost')
+    except Refused as refused:
+        assert refused.code == 3 and 'step too large' in str(refused), refused
+";
+
+#[test]
+fn the_refusals_of_another_client_do_not_end_a_stream_from_python() {
+    let Some(mut command) = python("iceoryx2, numpy") else {
+        return;
+    };
+    let mut rig = Rig::with_model();
+    expect_stalls(&mut rig);
+    let _client = rig.enabled();
+    let (stray, done) = (rig.client(), AtomicBool::new(false));
+    thread::scope(|scope| {
+        let _stop = SetOnDrop(&done);
+        let (mut commander, done) = (stray.commander(), &done);
+        scope.spawn(move || {
+            while !done.load(Ordering::Relaxed) {
+                let _ = commander.servo_jp(&[f64::NAN, 0.0]);
+                thread::sleep(Duration::from_millis(10));
+            }
+        });
+        runs(command.args(["-c", STRAY, rig.domain().name()]));
+    });
+}
+
 const FOREIGN: &str = "
 import sys
 from i2ris.arm import Arm, OtherInterface
@@ -300,6 +346,8 @@ try:
 except Refused as refused:
     assert 'step too large' in refused.reason, refused
 
+# The hold was for every other client.
+time.sleep(1.0)
 done, lead = threading.Event(), Arm(domain, deadline_s=0.5)
 def move():
     start = time.monotonic()

@@ -101,7 +101,7 @@ fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
     let template = fs::read_to_string(repository("config/robot.toml")).unwrap();
     let bench = Bench::with("robot.toml", &template);
     let said = bench.run("config check robot.toml");
-    assert_eq!(said.code, Some(8), "{}{}", said.output, said.error);
+    assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
     let marked = template.lines().filter(|line| line.ends_with("# CHECK")).count();
     assert_eq!(said.output.matches("as delivered").count(), marked, "{}", said.output);
     assert_says(&said.output, &["serial_number = 0: as delivered", "[motor 1].serial_number = 0"]);
@@ -118,7 +118,7 @@ fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
     let limits = "[limits]\nfeedback_stale_ms = 20\nfeedback_lost_ms = 40\n";
     bench.write("robot.toml", &format!("{ready}{jaw}{limits}"));
     let said = bench.run("config check robot.toml --json");
-    assert_eq!(said.code, Some(8), "{}{}", said.output, said.error);
+    assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
     let json: serde_json::Value = serde_json::from_str(&said.output).unwrap();
     assert_eq!((&json["axes"], &json["motors"]), (&3.into(), &2.into()));
     assert_says(&json["not_ready"].to_string(), &["limits.feedback_stale_ms = 20", "at least 42"]);

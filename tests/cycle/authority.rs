@@ -1,0 +1,268 @@
+//! Who may do what while somebody commands: the table in `core/command/authority.rs`, in every
+//! activity, whoever began it and whoever holds.
+
+use std::sync::Arc;
+
+use i2ris::core::{
+    FixtureChange, FixtureSpace, ModelChange, ServoCommand, ServoGoal, SimpleRegion, SimpleShape,
+};
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::model::Model;
+use i2ris::units::Counts;
+use i2ris_testing::cycle::{Bench, CLIENT, config, play_model, rad, scaled_play_model, with_jaw};
+
+use super::auxiliary_axis::turn;
+
+const OTHER: u64 = CLIENT + 1;
+const THIRD: u64 = CLIENT + 2;
+
+/// What begins an activity of a client.
+type Begin = fn(&mut Bench, u64);
+
+const ACTIVITIES: [(&str, Begin); 6] = [
+    ("a stream of the joints", |bench, client| assert_eq!(joints(bench, client), Refusal::None)),
+    ("a stream of the jaw", |bench, client| assert_eq!(jaw(bench, client), Refusal::None)),
+    ("a lease of a stream that ended", |bench, client| {
+        assert_eq!(joints(bench, client), Refusal::None);
+        bench.run(60);
+    }),
+    ("a move", |bench, client| {
+        assert_eq!(state(bench, client, StateCommand::Move), Refusal::None);
+        bench.run(50);
+    }),
+    ("a conditioning cycle", |bench, client| {
+        assert_eq!(state(bench, client, StateCommand::Condition), Refusal::None);
+        bench.run(50);
+    }),
+    ("a homing", |bench, client| {
+        switch_off(bench);
+        bench.drives.iter_mut().for_each(|drive| drive.delay = 500);
+        assert_eq!(state(bench, client, StateCommand::Home), Refusal::None);
+    }),
+];
+
+/// What is asked for, with the row of the table that it is in.
+type Action = (&'static str, fn(&mut Bench, u64) -> Refusal);
+
+const ACTIONS: [Action; 22] = [
+    ("`disable`", |bench, client| state(bench, client, StateCommand::Disable)),
+    ("`pause`", |bench, client| state(bench, client, StateCommand::Pause)),
+    ("`hold`", |bench, client| state(bench, client, StateCommand::Hold)),
+    ("`enable`", |bench, client| state(bench, client, StateCommand::Enable)),
+    ("`resume`", |bench, client| state(bench, client, StateCommand::Resume)),
+    ("`acknowledge`", |bench, client| state(bench, client, StateCommand::Acknowledge)),
+    ("fixtures on", |bench, client| fixture(bench, client, FixtureChange::SwitchOn)),
+    ("fixture added", |bench, client| {
+        let shape = SimpleShape::Ball { centre: rad(9.0, 9.0), radius: 0.01 };
+        let region = SimpleRegion { space: FixtureSpace::Angles, shape };
+        fixture(bench, client, FixtureChange::Add(region))
+    }),
+    ("model staged", |bench, _| {
+        bench.offer(bench.candidate(&scaled_play_model(1.3)));
+        bench.tick();
+        Refusal::None
+    }),
+    ("`release`", |bench, client| state(bench, client, StateCommand::Release)),
+    ("`servo_jp`", joints),
+    ("`actuators/servo_jp`", |bench, client| {
+        let here = ServoGoal::Actuator(bench.targets().map(Counts), 2);
+        let command = ServoCommand { client_id: client, ..bench.servo(here) };
+        bench.send(command)
+    }),
+    ("`jaw/servo_jp`", jaw),
+    ("`move`", |bench, client| state(bench, client, StateCommand::Move)),
+    ("`condition`", |bench, client| state(bench, client, StateCommand::Condition)),
+    ("`home`", |bench, client| state(bench, client, StateCommand::Home)),
+    ("`unhome`", |bench, client| state(bench, client, StateCommand::Unhome)),
+    ("model activated", |bench, client| activate(bench, client, false)),
+    ("by force", |bench, client| activate(bench, client, true)),
+    ("rollback", |bench, client| bench.change_model_as(client, ModelChange::Rollback, true)),
+    ("fixtures off", |bench, client| fixture(bench, client, FixtureChange::SwitchOff)),
+    ("fixtures removed", |bench, client| fixture(bench, client, FixtureChange::RemoveAdded)),
+];
+
+fn staged() -> Arc<Model> {
+    scaled_play_model(1.1)
+}
+
+/// ENABLED and holding, with a jaw, a staged and a previous model.
+fn ready() -> Bench {
+    let mut bench = Bench::enabled_with(with_jaw(config("")), Some(play_model()));
+    let second = scaled_play_model(1.2);
+    for model in [&second, &staged()] {
+        bench.offer(bench.candidate(model));
+        bench.tick();
+        bench.change_model(ModelChange::Activate(second.id()), true);
+    }
+    assert!(bench.report().models.previous.is_some());
+    bench
+}
+
+fn switch_off(bench: &mut Bench) {
+    assert_eq!(bench.ask_as(THIRD, StateCommand::Disable).refusal, Refusal::None);
+    bench.idle();
+}
+
+fn state(bench: &mut Bench, client: u64, command: StateCommand) -> Refusal {
+    bench.pose = (command == StateCommand::Move).then(|| (rad(5.0, 0.0), 2));
+    bench.ask_as(client, command).refusal
+}
+
+fn fixture(bench: &mut Bench, client: u64, change: FixtureChange) -> Refusal {
+    bench.fixture = Some(change);
+    bench.ask_as(client, StateCommand::Fixture).refusal
+}
+
+fn activate(bench: &mut Bench, client: u64, forced: bool) -> Refusal {
+    bench.change_model_as(client, ModelChange::Activate(staged().id()), forced)
+}
+
+fn joints(bench: &mut Bench, client: u64) -> Refusal {
+    let goal = ServoGoal::Joint(bench.joints().setpoint, 2);
+    let command = ServoCommand { client_id: client, ..bench.servo(goal) };
+    bench.send(command)
+}
+
+fn jaw(bench: &mut Bench, client: u64) -> Refusal {
+    let goal = ServoGoal::Joint([0.05, 0.0, 0.0], 1);
+    let command = ServoCommand { client_id: client, ..bench.servo(goal) };
+    turn(bench, command)
+}
+
+fn hold(bench: &mut Bench, client: u64) -> Refusal {
+    state(bench, client, StateCommand::Hold)
+}
+
+/// The printed rows: what is asked for, and who may.
+fn printed() -> Vec<Vec<&'static str>> {
+    let text = include_str!("../../src/core/command/authority.rs");
+    let lines = text.lines().filter_map(|line| line.strip_prefix("//! | ")?.strip_suffix(" |"));
+    let rows = lines.map(|line| line.split(" | ").collect::<Vec<_>>());
+    rows.skip(1).collect()
+}
+
+/// A situation, the column of it in the table, and one who may do everything that the state allows.
+struct Situation {
+    what: String,
+    column: usize,
+    entitled: u64,
+    build: Box<dyn Fn() -> Bench>,
+}
+
+fn situations() -> Vec<Situation> {
+    let mut all = Vec::new();
+    for (name, begin) in [("nothing", (|_, _| {}) as Begin)].into_iter().chain(ACTIVITIES) {
+        // By whom it begins, who holds it then, and what that is to `CLIENT`.
+        for (by, holder, column, entitled) in [
+            (CLIENT, None, if name == "nothing" { 1 } else { 2 }, CLIENT),
+            (OTHER, None, if name == "nothing" { 1 } else { 3 }, OTHER),
+            (OTHER, Some(CLIENT), 1, CLIENT),
+            (CLIENT, Some(OTHER), 4, OTHER),
+            (OTHER, Some(THIRD), 4, THIRD),
+        ] {
+            let build = Box::new(move || {
+                let mut bench = ready();
+                begin(&mut bench, by);
+                let _ = holder.map(|holder| hold(&mut bench, holder));
+                bench
+            });
+            let what = format!("{name} of {by}, held by {holder:?}");
+            all.push(Situation { what, column, entitled, build });
+        }
+    }
+    all
+}
+
+/// Why the answer to a client is not that of the table.
+fn mistake(
+    situation: &Situation,
+    act: fn(&mut Bench, u64) -> Refusal,
+    cell: &str,
+) -> Option<String> {
+    let mut bench = (situation.build)();
+    let refusal = act(&mut bench, CLIENT);
+    let is_who = [Refusal::Lease, Refusal::BrokenOff].contains(&refusal);
+    let expected = match cell {
+        "yes" => return is_who.then(|| format!("{refusal:?}")),
+        "Lease" => Refusal::Lease,
+        "BrokenOff" => Refusal::BrokenOff,
+        other => panic!("{other} is no cell"),
+    };
+    // What the state refuses to everybody comes first.
+    let of_state = act(&mut (situation.build)(), situation.entitled);
+    let is_right = refusal == expected || refusal == of_state && refusal != Refusal::None;
+    let mut twin = (situation.build)();
+    twin.tick();
+    let seen = |bench: &Bench| {
+        let report = bench.report();
+        let robot = (report.state, report.busy, report.homed, report.fixtures);
+        (bench.out.requests, bench.out.auxiliary, robot, report.models, report.lease_client_id)
+    };
+    let is_unchanged = seen(&bench) == seen(&twin);
+    (!is_right || !is_unchanged).then(|| format!("{refusal:?}, unchanged: {is_unchanged}"))
+}
+
+#[test]
+fn the_table_of_who_may_do_what_holds_in_every_activity() {
+    let rows = printed();
+    let asked = |row: &[&str]| ACTIONS.iter().any(|(name, _)| row[0].contains(name));
+    assert!(rows.len() == 8 && rows.iter().all(|row| asked(row)), "{rows:?}");
+    let mut mistakes = Vec::new();
+    for situation in situations() {
+        for (name, act) in ACTIONS {
+            let row = rows.iter().find(|row| row[0].contains(name));
+            let cell = row.unwrap_or_else(|| panic!("{name} is in no row"))[situation.column];
+            if let Some(found) = mistake(&situation, act, cell) {
+                mistakes.push(format!("{name}, {}: {found}, not {cell}", situation.what));
+            }
+        }
+    }
+    assert!(mistakes.is_empty(), "{}:\n{}", mistakes.len(), mistakes.join("\n"));
+}
+
+#[test]
+fn a_hold_of_anybody_ends_every_activity_at_once() {
+    for (name, begin) in ACTIVITIES {
+        let mut bench = ready();
+        begin(&mut bench, OTHER);
+        assert_eq!(hold(&mut bench, CLIENT), Refusal::None, "{name}");
+        assert_eq!(bench.report().lease_client_id, 0, "{name}");
+        bench.run(5);
+        let targets = |bench: &Bench| (bench.targets(), bench.out.auxiliary.unwrap().target);
+        let held = targets(&bench);
+        bench.run(100);
+        assert_eq!(targets(&bench), held, "{name}");
+        bench.idle();
+        let is_on = bench.state() == OperatingState::Enabled && bench.report().holding;
+        assert!(is_on || name == "a homing" && !bench.report().busy, "{name}");
+    }
+}
+
+#[test]
+fn a_hold_holds_every_client_lease_or_not_until_it_pauses() {
+    for (name, act) in ACTIONS {
+        let row = printed().into_iter().find(|row| row[0].contains(name)).unwrap();
+        if row[4] != "BrokenOff" {
+            continue;
+        }
+        let mut bench = ready();
+        assert_eq!(hold(&mut bench, OTHER), Refusal::None);
+        bench.run(20);
+        if ["`home`", "`unhome`"].contains(&name) {
+            switch_off(&mut bench);
+        }
+        for _ in 0..10 {
+            assert_eq!(act(&mut bench, CLIENT), Refusal::BrokenOff, "{name}");
+            // A stop that it gives itself does not free it.
+            assert_eq!(state(&mut bench, CLIENT, StateCommand::Disable), Refusal::None);
+            bench.run(298);
+            assert_eq!(state(&mut bench, CLIENT, StateCommand::Enable), Refusal::None);
+            bench.run(100);
+            if ["`home`", "`unhome`"].contains(&name) {
+                switch_off(&mut bench);
+            }
+        }
+        bench.run(1000);
+        assert_ne!(act(&mut bench, CLIENT), Refusal::BrokenOff, "{name}");
+    }
+}
