@@ -59,7 +59,7 @@ numbered_enum! {
         Reach = 23, "the pose is out of reach";
         /// Another client has stopped the stream with `hold`, or it fell silent while it moved the
         /// snake.
-        BrokenOff = 24, "this stream was broken off: another client holds the robot, or it fell silent in motion";
+        BrokenOff = 24, "broken off: held by another client, or the stream fell silent in motion";
         /// The state is PAUSED.
         Paused = 25, "paused: the robot holds until it is resumed";
         /// The state is FAULT.

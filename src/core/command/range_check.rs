@@ -226,8 +226,8 @@ impl JointCheck<'_> {
         Ok(passed(goal, angles, clipped.is_some()))
     }
 
-    /// A rate is integrated until its deadline, or until the border: from when the followed one ends,
-    /// or from its arrival. What was asked for before that has passed.
+    /// A rate is integrated until its deadline, or until the border: from when the followed one
+    /// ends, or from its arrival. What was asked for before that has passed.
     fn rate(&self, rate: &OutputVec) -> Result<CheckedGoal, Refusal> {
         require(self.joints.unit() == OutputUnit::Deg, Refusal::Unsupported)?;
         let deadline_s = self.deadline.as_seconds();
@@ -242,7 +242,8 @@ impl JointCheck<'_> {
             // the rate is zero.
             let left = self.joints.left_to_go(&self.axes.setpoints());
             let left = left.map_err(|_| Refusal::BadModel)?;
-            let (ahead, most) = (distance(&left, &OutputVec::default()), length + first);
+            let ahead = distance(&left, &OutputVec::default());
+            let most = length + first + self.joints.dead_band_width();
             let back = if ahead > most { 1.0 - most / ahead } else { 0.0 };
             from = zip_map(&from, &left, |from, left| from - back * left);
         }
@@ -269,7 +270,7 @@ impl JointCheck<'_> {
         reached.filter(|reached| reached != to)
     }
 
-    /// The step of the hand, which must be short: from what was requested last, or from the setpoint.
+    /// The step of the hand, which must be short: from the last request, or from the setpoint.
     fn require_step(&self, goal: &OutputVec) -> Result<f64, Refusal> {
         let largest = self.check.largest(self.before.is_none()).of(self.joints.unit());
         let step = match self.before {

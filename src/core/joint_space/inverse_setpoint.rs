@@ -73,8 +73,8 @@ impl MotionTick<'_> {
         let blend = joints.blend_goal(OutputVec::default(), self.now - self.period);
         let start = difference(&start, &blend);
         let filtered = self.fixtures.limit(filtered, start, &joints.goal_space());
-        joints.note_held_back(&goal.now, &filtered.now);
         let dead_banded = joints.dead_band_goal(&filtered.now);
+        joints.note_held_back(&goal.now, &dead_banded.goal);
         let before = if dead_banded.is_held { dead_banded.goal } else { filtered.before };
         let goal_now = joints.blend_goal(dead_banded.goal, self.now);
         let goal_before = joints.blend_goal(before, self.now - self.period);

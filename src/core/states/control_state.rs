@@ -83,9 +83,9 @@
 //! 10. It ends every activity of every client, and the lease of another one. What others ask for
 //!     then is refused with BrokenOff, until they have been silent for a second.
 //!
-//! Any command of this table that is carried out, of whatever client, is deliberate: a stream of that
-//! client that fell silent for half a second while it moved the snake is refused with BrokenOff until
-//! then, or until its client opens the clutch. One that had been at rest for 0.3 s goes on.
+//! Any command of this table that is carried out is deliberate: a stream of its client that fell
+//! silent for half a second while it moved the snake is refused with BrokenOff until then, or until
+//! its client opens the clutch. One that had been at rest for 0.3 s goes on.
 
 use serde::{Deserialize, Serialize};
 

@@ -42,7 +42,7 @@ REFUSALS: dict[int, str] = {
     21: "busy: the conditioning cycle is running; it ends by itself",
     22: "a virtual fixture is in the way",
     23: "the pose is out of reach",
-    24: "this stream was broken off: another client holds the robot, or it fell silent in motion",
+    24: "broken off: held by another client, or the stream fell silent in motion",
     25: "paused: the robot holds until it is resumed",
     26: "a fault is latched",
     27: "the drives are on",

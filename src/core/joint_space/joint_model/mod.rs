@@ -81,7 +81,7 @@ pub(crate) struct JointModelState {
     /// The goal of the last tick after the dead-band, while angles are followed.
     dead_banded_goal: Option<OutputVec>,
     blend: Option<ModelBlend>,
-    /// How far filter, limits and fixtures kept the goal of the last tick back, rad.
+    /// How far the stages up to the dead-band kept the goal of the last tick back, rad.
     held_back: OutputVec,
     /// The correction of the adaptation; `None` as calibrated.
     correction: Option<Correction>,
@@ -281,19 +281,24 @@ impl JointModel {
         Ok(self.state.filter.filter(goal, start))
     }
 
-    /// The goal of this tick was `asked`, and is `allowed` after filter, limits and fixtures.
+    /// The goal of this tick was `asked`, and is `allowed` after the dead-band.
     pub fn note_held_back(&mut self, asked: &OutputVec, allowed: &OutputVec) {
         let led = vector::zip_map(asked, &self.state.filter.lead(), |asked, lead| asked + lead);
         self.state.held_back = vector::difference(&led, allowed);
     }
 
-    /// How far the snake has yet to go for what was asked. What is beside the goal on purpose is not
-    /// in it, or a goal that is drawn back by it would run away: lead, dead-band, blend, and what is
-    /// not compensated.
+    /// How far the snake has yet to go for what was asked. What is added to the goal on purpose is
+    /// not in it, or a goal that is drawn back by it would run away: lead, blend, and what is not
+    /// compensated. The dead-band is, and leaves up to [`JointModel::dead_band_width`].
     pub fn left_to_go(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
         let left =
             vector::difference(&self.pose(&self.state.search_start)?, &self.pose(setpoints)?);
         Ok(vector::zip_map(&left, &self.state.held_back, |motors, held_back| motors + held_back))
+    }
+
+    /// How far the dead-band keeps the snake from a goal that turns back, rad.
+    pub fn dead_band_width(&self) -> f64 {
+        self.state.dead_band.width()
     }
 
     /// Takes the goal of this tick through the backlash dead-band.

@@ -28,8 +28,8 @@ use flood::Flood;
 /// Participants that are remembered.
 const PARTICIPANTS: usize = 64;
 
-/// Age at which nothing is passed on any more, so that a stream in motion breaks off. The controller
-/// refuses what is older than its own deadline, which is shorter.
+/// Age at which nothing is passed on any more, so that a stream in motion breaks off. The
+/// controller refuses what is older than its own deadline, which is shorter.
 const LATE: Nanos = Nanos::from_millis(250);
 
 /// Clients in one participant: objects that publish the same topics beside each other.
