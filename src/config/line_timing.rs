@@ -111,49 +111,39 @@ impl Config {
         let (gap, timeout) =
             (port.longest_gap(exchange), Nanos::from_millis(port.reply_timeout_ms));
         let (stale, lost) = (self.feedback_stale(), self.feedback_lost());
-        let needed = port.stale(exchange);
-        let finding = |key: &str, value: Nanos, reason: String| Finding {
-            key: key.to_owned(),
-            value: ms(value),
-            reason: format!("{}: {reason}", port.device.display()),
-        };
-        let mut findings = Vec::new();
-        if stale < gap {
-            let (axes, gap, exchange) = (port.axes.len(), ms(gap), ms(exchange));
-            let reason = format!(
-                "with {axes} axes and {exchange} ms an exchange a position becomes {gap} ms old, so \
-                 that the robot stops by itself; at least {}, or a port for every axis",
-                ms(needed)
-            );
-            findings.push(finding("limits.feedback_stale_ms", stale, reason));
-        }
-        if lost < gap + timeout {
-            let reason = format!(
-                "one lost reply is a fault: reply_timeout_ms is {}; at least {}, or a shorter wait",
-                ms(timeout),
-                ms(whole_ms(gap + timeout))
-            );
-            findings.push(finding("limits.feedback_lost_ms", lost, reason));
-        }
         let (period, over_current) = (port.current_period(exchange), self.over_current_time());
-        if over_current < period && self.limits.over_current_ma.is_some() {
-            let reason = format!(
-                "the current is read every {} ms, so that a single reading is a fault; longer, or \
-                 a port for every axis",
-                ms(period)
-            );
-            findings.push(finding("limits.over_current_ms", over_current, reason));
-        }
         let slowest = if port.axes.len() > 1 { exchange + GATEWAY } else { exchange };
-        if timeout < slowest + slowest {
-            let reason = format!(
-                "an exchange takes {} ms, so that replies come too late; at least {}",
-                ms(slowest),
-                ms(whole_ms(slowest + slowest))
-            );
-            findings.push(finding("reply_timeout_ms", timeout, reason));
-        }
-        findings
+        let is_watched = self.limits.over_current_ma.is_some();
+        let aged = format!(
+            "with {} axes and {} ms an exchange a position becomes {} ms old, and the robot stops \
+             by itself",
+            port.axes.len(),
+            ms(exchange),
+            ms(gap)
+        );
+        let lossy = format!("one lost reply is a fault, with reply_timeout_ms = {}", ms(timeout));
+        let single = "a single reading of the current is a fault".to_owned();
+        let late = format!("an exchange takes {} ms, and replies come too late", ms(slowest));
+        let (twice, needed) = (slowest + slowest, port.stale(exchange));
+        let is_single = is_watched && over_current < period;
+        let findings = [
+            (stale < gap, "limits.feedback_stale_ms", stale, aged, needed),
+            (lost < gap + timeout, "limits.feedback_lost_ms", lost, lossy, gap + timeout),
+            (is_single, "limits.over_current_ms", over_current, single, period),
+            (timeout < twice, "reply_timeout_ms", timeout, late, twice),
+        ];
+        let failed = findings.into_iter().filter(|(is_failed, ..)| *is_failed);
+        let finding =
+            |(_, key, value, reason, least): (bool, &str, Nanos, String, Nanos)| Finding {
+                key: key.to_owned(),
+                value: ms(value),
+                reason: format!(
+                    "{}: {reason}; at least {}",
+                    port.device.display(),
+                    ms(whole_ms(least))
+                ),
+            };
+        failed.map(finding).collect()
     }
 }
 

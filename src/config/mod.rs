@@ -13,6 +13,7 @@
 //! | `validation` | what must fit together |
 //! | `finding` | what is wrong with a value |
 //! | `key_hint` | help for a key that does not exist |
+//! | `zero_is_off` | what is on by default and can be switched off |
 
 mod bounds;
 mod finding;
@@ -24,6 +25,7 @@ mod schema_file;
 mod sections;
 mod validation;
 mod virtual_fixtures;
+mod zero_is_off;
 
 use std::path::{Path, PathBuf};
 

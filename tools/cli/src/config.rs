@@ -86,7 +86,8 @@ fn check(file: PathBuf, json: bool) -> Result<(), Failure> {
     } else {
         println!("{}: valid; robot {robot}, {axes} axes, {motors} of the snake", file.display());
         println!(
-            "the motion stops with a position older than {stale_ms:.0} ms, FAULT after {lost_ms:.0} ms"
+            "the motion stops with a position older than {stale_ms:.0} ms, FAULT after \
+             {lost_ms:.0} ms"
         );
         if let Some(delay_s) = config.command.tremor_filter_delay_s() {
             println!(

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use i2ris::config::{AxisConfig, Config, PortConfig};
+use i2ris::config::{AxisConfig, Config, JointLimitConfig, PortConfig};
 use i2ris::core::ServoGoal;
 use i2ris::ipc::Refusal;
 use i2ris::model::Model;
@@ -254,7 +254,8 @@ fn config(arguments: &Arguments, model: &Model) -> Result<Config, Failure> {
     Ok(if arguments.no_limits { without_limits(&config) } else { config })
 }
 
-/// A robot for a model: every default, and position limits around the calibrated hull.
+/// A robot for a model: as fast as an emulated one, because nothing can break, without a line that
+/// delays, and with position limits around the calibrated hull.
 fn standard(model: &Model) -> Result<Config, Failure> {
     let corners: Vec<MotorVec> = model.hull().corners().collect();
     let axis = |motor: usize| {
@@ -271,5 +272,9 @@ fn standard(model: &Model) -> Result<Config, Failure> {
     let mut config: Config = toml::from_str("robot_id = \"\"\nports = []")?;
     config.robot_id.clone_from(&model.file().robot_id);
     config.ports = vec![PortConfig::new(PathBuf::new(), axes)];
+    (config.command.max_step_deg, config.command.max_step_counts) = (5.0, 250);
+    (config.limits.velocity_counts_s, config.limits.acceleration_counts_s2) = (2000.0, 40_000.0);
+    config.compensation.lead_ms = 0.0;
+    config.joint_limits = JointLimitConfig::OFF;
     Ok(config)
 }

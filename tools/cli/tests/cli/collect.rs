@@ -217,7 +217,7 @@ fn what_makes_no_sense_is_refused_before_a_controller_is_looked_for() {
         ("--range-counts 320", "leave 300 counts"),
         ("--centre-counts 500,0", "not within the position limits"),
         ("--centre-counts 5", "1 value(s) for the 2 motor(s)"),
-        ("--speed-counts-s 2500", "the controller allows 2000"),
+        ("--speed-counts-s 2500", "the controller allows 500"),
         ("--speed-counts-s 0", "must be a number above 0"),
         ("--duration-s nan", "must be a number above 0"),
         ("--protocol dance", "possible values: reversals, cycles, decaying-sine, axes"),
