@@ -8,6 +8,7 @@
 //! | `controller` | [`Controller`]: follows at once without drives, and misbehaves on request |
 //! | `server` | a server of shared memory without any robot |
 //! | [`cycle`] | the control cycle in simulated time, tick by tick |
+//! | [`families`] | a sample of every family of models, and what it promises |
 //! | [`drive`] | a drive, its line and its port in simulated time, byte by byte |
 //! | `properties` | [`cases`]: how many random cases a property is tried with |
 //! | [`program`] | the programs of this build |
@@ -25,6 +26,7 @@
 mod controller;
 pub mod cycle;
 pub mod drive;
+pub mod families;
 mod motion;
 pub mod program;
 mod properties;
