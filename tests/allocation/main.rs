@@ -7,12 +7,7 @@ mod control_loop;
 mod cycle;
 mod day;
 mod model;
-#[path = "../model/networks.rs"]
-mod networks;
 mod port_thread;
-#[allow(dead_code, reason = "shared with the tests of the models, which use all of it")]
-#[path = "../model/samples.rs"]
-mod samples;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

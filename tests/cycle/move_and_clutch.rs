@@ -3,11 +3,9 @@
 use std::sync::Arc;
 
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
 use i2ris_testing::cycle::{Bench, CLIENT, config, model, play_model, rad};
-
-use crate::model::drifted::stop_file;
+use i2ris_testing::families::gmr_stop;
 
 fn enabled(tables: &str) -> Bench {
     Bench::enabled_with(config(tables), Some(model(OutputUnit::Deg)))
@@ -45,7 +43,7 @@ fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_ther
 
 #[test]
 fn every_trajectory_ends_with_every_family() {
-    let stops = Arc::new(Model::from_file(stop_file()).unwrap());
+    let stops = gmr_stop().model();
     let models = [("linear", model(OutputUnit::Deg)), ("play", play_model()), ("stop", stops)];
     for (name, model) in models {
         let mut bench = Bench::enabled_with(config(""), Some(model));

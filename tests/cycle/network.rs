@@ -10,8 +10,7 @@ use i2ris::model::file::FamilyParameters;
 use i2ris::model::network::NetworkParameters;
 use i2ris::process::black_box::{BlackBox, BlackBoxHeader, replay};
 use i2ris_testing::cycle::{Bench, Recording, config, play_model};
-
-use crate::model::networks::{averages, gru, inverse};
+use i2ris_testing::families::{averages, gru, inverse};
 
 /// A GRU on the straight line of the sample robot; with `is_pair`, and with one of the inverse.
 fn network(units: usize, is_pair: bool) -> Arc<Model> {

@@ -8,11 +8,10 @@ use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
 use i2ris::robot::{Cause, Clip, Measurement, Quantity};
 use i2ris_testing::cycle::{Bench, config, model, play_model, rad};
-
-use crate::model::drifted::stop_file;
+use i2ris_testing::families::gmr_stop;
 
 fn models() -> [Arc<Model>; 3] {
-    let stops = Arc::new(Model::from_file(stop_file()).unwrap());
+    let stops = gmr_stop().model();
     [model(OutputUnit::Deg), play_model(), stops]
 }
 

@@ -21,7 +21,7 @@ fn spawn_commander(domain: &str) -> Child {
 
 /// Not a test of its own: the commander that other tests kill.
 #[test]
-#[ignore = "run as a process by another test"]
+#[ignore = "a role: run by another test"]
 fn commander_process() {
     let Ok(domain) = std::env::var("RIG_DOMAIN") else {
         return;

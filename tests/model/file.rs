@@ -7,7 +7,7 @@ use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::model::{Model, ModelId};
 use proptest::prelude::*;
 
-use super::samples::{file, region, smooth_gmr, square, two_by_two, two_components};
+use i2ris_testing::families::{file, region, smooth_gmr, square, two_by_two, two_components};
 
 fn sample() -> ModelFile {
     file(1, two_components(), region(1, 300.0))

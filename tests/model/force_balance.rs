@@ -1,21 +1,10 @@
-//! Properties of a balance of forces, for all parameters of snakes.
+//! A balance of forces, case by case.
 
-use i2ris::model::file::ModelFile;
 use i2ris::model::hysteresis::Operator;
 use i2ris::model::hysteresis::force_balance::{BalanceParameters, BalanceState, ForceBalance};
 use i2ris::model::{Model, Query};
+use i2ris_testing::families::{DEG, balance_file, distance, memory_after, some_balance};
 use nalgebra::SVector;
-use proptest::prelude::*;
-
-use super::samples::{DEG, balance_file, balances, distance, memory_after, some_balance};
-
-/// Half the range of the motions.
-const REACH: f64 = 1200.0;
-
-/// Turning points of a motion.
-fn turning_points() -> impl Strategy<Value = Vec<[f64; 2]>> {
-    prop::collection::vec(prop::array::uniform2(-REACH..REACH), 1..6)
-}
 
 fn to_vector<const D: usize>(counts: [f64; 2]) -> SVector<f64, D> {
     SVector::from_fn(|i, _| counts[i])
@@ -38,101 +27,6 @@ fn state_after<const D: usize>(
         at = to;
     }
     state
-}
-
-fn check_inverse<const D: usize>(
-    file: &BalanceParameters,
-    turning_points: &[[f64; 2]],
-    to: [f64; 2],
-) {
-    let operator = ForceBalance::<D>::prepare(file).unwrap();
-    let state = state_after(&operator, turning_points, 10.0);
-    let goal = operator.virtual_counts(&state, &to_vector(to));
-    let counts = operator.invert(&state, &goal, 1.0);
-    let reached = operator.virtual_counts(&state, &counts);
-    // A motor that stays crosses no gap for less than 1e-2 of travel: what that leaves is allowed,
-    // and only then.
-    let from = to_vector::<D>(*turning_points.last().unwrap());
-    let stays = (counts - from).iter().any(|moved| moved.abs() < 1e-9);
-    let least_travel = file.motors.iter().map(|motor| motor.travel_per_count).fold(1.0, f64::min);
-    let allowed = if stays { 1e-2 / least_travel } else { 1e-4 };
-    assert!((reached - goal).amax() < allowed, "{reached:?} for {goal:?}");
-}
-
-fn check_jacobian<const D: usize>(
-    file: &BalanceParameters,
-    turning_points: &[[f64; 2]],
-    to: [f64; 2],
-) {
-    let operator = ForceBalance::<D>::prepare(file).unwrap();
-    let state = state_after(&operator, turning_points, 10.0);
-    let local = operator.local(&state, &to_vector(to));
-    for motor in 0..D {
-        let (mut above, mut below) = (to, to);
-        above[motor] += 1e-3;
-        below[motor] -= 1e-3;
-        let found = [above, to, below].map(|at| operator.virtual_counts(&state, &to_vector(at)));
-        let (right, left) = ((found[0] - found[1]) / 1e-3, (found[1] - found[2]) / 1e-3);
-        // When a stop begins to slip or a gap ends, the slope is one-sided.
-        let error = (0.5 * (left + right) - local.jacobian.column(motor)).amax();
-        assert!(error <= (right - left).amax() + 1e-3, "{error}: {left} {right}");
-    }
-}
-
-proptest! {
-    #![proptest_config(i2ris_testing::cases(32))]
-
-    #[test]
-    fn inverse_reaches_the_virtual_counts(
-        one in balances(1),
-        two in balances(2),
-        turning_points in turning_points(),
-        to in prop::array::uniform2(-REACH..REACH),
-    ) {
-        check_inverse::<1>(&one, &turning_points, to);
-        check_inverse::<2>(&two, &turning_points, to);
-    }
-
-    #[test]
-    fn jacobian_matches_the_numerical_derivative(
-        one in balances(1),
-        two in balances(2),
-        turning_points in turning_points(),
-        to in prop::array::uniform2(-REACH..REACH),
-    ) {
-        check_jacobian::<1>(&one, &turning_points, to);
-        check_jacobian::<2>(&two, &turning_points, to);
-    }
-
-    #[test]
-    fn virtual_counts_rise_with_the_counts(
-        file in balances(1),
-        turning_points in turning_points(),
-        to in -REACH..REACH,
-        more in 0.0..9.0,
-    ) {
-        let operator = ForceBalance::<1>::prepare(&file).unwrap();
-        let state = state_after(&operator, &turning_points, 10.0);
-        let [near, far] = [to, to + more]
-            .map(|at| operator.virtual_counts(&state, &SVector::from([at]))[0]);
-        prop_assert!(near <= far + 1e-6, "{near} {far}");
-    }
-
-    #[test]
-    fn prediction_is_the_state_after_a_tick(
-        file in balances(2),
-        turning_points in turning_points(),
-        to in prop::array::uniform2(-4.0..4.0),
-    ) {
-        let operator = ForceBalance::<2>::prepare(&file).unwrap();
-        let mut state = state_after(&operator, &turning_points, 10.0);
-        let at = turning_points.last().map_or([0.0; 2], |last| [last[0] + to[0], last[1] + to[1]]);
-        let predicted = operator.virtual_counts(&state, &SVector::from(at));
-        operator.advance(&mut state, &SVector::from(at));
-        let reached = operator.virtual_counts(&state, &SVector::from(at));
-        let apart = (predicted - reached).amax();
-        prop_assert!(apart < 1e-9, "{apart}: {predicted} {reached}");
-    }
 }
 
 #[test]
@@ -191,54 +85,4 @@ fn a_file_without_yielding_stops_is_read() {
     assert!(text["own_stops"][0].get("yields").is_none());
     text.as_object_mut().unwrap().remove("friction_stays").unwrap();
     assert_eq!(serde_json::from_value::<BalanceParameters>(text).unwrap(), old);
-}
-
-#[test]
-fn positions_that_are_no_numbers_give_none() {
-    let operator = ForceBalance::<2>::prepare(&some_balance(2)).unwrap();
-    let state = state_after(&operator, &[[300.0, -200.0]], 5.0);
-    let found = operator.virtual_counts(&state, &SVector::from([f64::NAN, 0.0]));
-    assert!(found.iter().any(|counts| counts.is_nan()));
-}
-
-#[test]
-fn parameters_out_of_range_are_refused() {
-    type Change = fn(&mut BalanceParameters);
-    let changes: [(&str, Change); 8] = [
-        ("motors", |file| file.motors.truncate(1)),
-        ("gap", |file| file.motors[1].gap = -1.0),
-        ("spring", |file| file.motors[0].spring = 0.0),
-        ("neutral", |file| file.motors[0].neutral = f64::NAN),
-        ("own_stops", |file| file.own_stops.clear()),
-        ("softness", |file| file.softness = 0.0),
-        ("friction_stays", |file| file.friction_stays = 1.1),
-        ("coupling", |file| {
-            for motor in &mut file.motors {
-                motor.coupling = 1.0;
-            }
-        }),
-    ];
-    for (key, change) in changes {
-        let mut file = some_balance(2);
-        change(&mut file);
-        let error = ForceBalance::<2>::prepare(&file).unwrap_err().to_string();
-        assert!(error.contains(key), "{key}: {error}");
-    }
-}
-
-#[test]
-fn a_model_of_it_is_accepted_and_follows_its_own_predictions() {
-    for motors in [1, 2] {
-        let model = Model::from_file(balance_file(motors)).unwrap();
-        let again = ModelFile::parse(&serde_json::to_string(model.file()).unwrap()).unwrap();
-        assert_eq!(&again, model.file());
-        let mut memory = memory_after(&model, &[[0.0; 2], [400.0, -300.0], [100.0, 50.0]]);
-        let to = if motors == 1 { [112.0, 0.0] } else { [112.0, 64.0] };
-        let goal = model.predict(&to, &memory).mean;
-        let found = model.invert(&goal, &memory, &Query::new([100.0, 50.0]));
-        assert!(!found.clipped && found.residual < 1e-6, "{found:?}");
-        model.advance(&mut memory, &found.counts);
-        let reached = model.predict(&found.counts, &memory).mean;
-        assert!(distance(&reached, &goal) < 0.05 * DEG, "{reached:?} for {goal:?}");
-    }
 }

@@ -3,11 +3,8 @@
 use i2ris::model::file::{FamilyParameters, MixtureParameters};
 use i2ris::model::{Estimate, Model};
 use i2ris::units::MotorVec;
-use proptest::prelude::*;
 
-use super::samples::{
-    DEG, assert_jacobian, file, position, region, smooth_gmr, square, two_by_two, two_components,
-};
+use i2ris_testing::families::{DEG, file, region, square, two_by_two, two_components};
 
 fn predict(model: &Model, counts: MotorVec) -> Estimate {
     model.predict(&counts, &model.new_memory())
@@ -113,89 +110,6 @@ fn two_motors_and_two_angles_match_the_python_package_gmr() {
     }
 }
 
-#[test]
-fn prediction_is_finite_far_from_all_components() {
-    let model = rough();
-    for counts in [[1e9, -1e9], [f64::MAX, f64::MIN], [f64::INFINITY, 0.0], [-2e9, 3e5]] {
-        let estimate = predict(&model, counts);
-        let numbers = estimate.mean.iter().chain(estimate.covariance.iter().flatten());
-        assert!(
-            numbers.chain(estimate.covariance_within.iter().flatten()).all(|v| v.is_finite()),
-            "{estimate:?}"
-        );
-        assert!(
-            model.jacobian(&counts, &model.new_memory()).iter().flatten().all(|v| v.is_finite())
-        );
-        // One component remains, with the whole responsibility.
-        near(estimate.covariance_within[0][0] / estimate.covariance[0][0], 1.0, 1e-9);
-    }
-}
-
-#[test]
-fn a_nan_position_gives_a_nan_prediction() {
-    let model = rough();
-    assert!(predict(&model, [f64::NAN, 0.0]).mean[0].is_nan());
-    assert!(predict(&model, [0.0, f64::NAN]).mean[1].is_nan());
-}
-
-/// Smallest and largest value of `v^T A v` over sampled directions: bounds of the eigenvalues of a
-/// symmetric 3x3 matrix.
-fn quadratic_range(matrix: [[f64; 3]; 3], outputs: usize) -> (f64, f64) {
-    let mut range = (f64::INFINITY, f64::NEG_INFINITY);
-    for k in 0..60 {
-        let (a, b) = (f64::from(k) * 0.21, f64::from(k) * 0.53);
-        let direction = [a.cos() * b.cos(), a.sin() * b.cos(), b.sin()];
-        let mut value = 0.0;
-        for i in 0..outputs {
-            for j in 0..outputs {
-                value += direction[i] * matrix[i][j] * direction[j];
-            }
-        }
-        range = (range.0.min(value), range.1.max(value));
-    }
-    range
-}
-
-fn check_covariances(model: &Model, counts: MotorVec) {
-    let Estimate { covariance, covariance_within, .. } = predict(model, counts);
-    let between = std::array::from_fn(|i| {
-        std::array::from_fn(|j| covariance[i][j] - covariance_within[i][j])
-    });
-    let outputs = model.outputs();
-    let (_, scale) = quadratic_range(covariance, outputs);
-    assert!(scale > 0.0);
-    for matrix in [covariance, covariance_within, between] {
-        let (least, _) = quadratic_range(matrix, outputs);
-        assert!(least >= -1e-12 * scale, "{matrix:?} has {least}");
-        assert!(
-            (0..3).all(|i| (0..3).all(|j| (matrix[i][j] - matrix[j][i]).abs() <= 1e-12 * scale))
-        );
-    }
-}
-
 fn rough() -> Model {
     Model::from_file(file(2, two_by_two(), square(50.0))).unwrap()
-}
-
-proptest! {
-    #![proptest_config(i2ris_testing::cases(64))]
-
-    #[test]
-    fn jacobian_matches_the_numerical_derivative(map in smooth_gmr(2, 3), at in position(2)) {
-        for (motors, outputs) in [(2, 2), (1, 3)] {
-            let model = Model::from_file(map.of_size(motors, outputs).file()).unwrap();
-            assert_jacobian(&model, at, &model.new_memory(), [0.0, 1e-9]);
-        }
-        let at = at.map(|at| 0.8 * at);
-        assert_jacobian(&rough(), at, &rough().new_memory(), [0.0, 1e-9]);
-    }
-
-    #[test]
-    fn total_covariance_is_never_below_the_covariance_within(
-        map in smooth_gmr(2, 3),
-        at in position(2),
-    ) {
-        check_covariances(&Model::from_file(map.file()).unwrap(), at);
-        check_covariances(&rough(), at.map(|at| 8.0 * at));
-    }
 }

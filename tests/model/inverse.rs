@@ -1,13 +1,12 @@
-//! The inverse: round trips, goals outside the hull, and arbitrary input.
+//! The inverse: the nearest pose, warm starts, and models with several inverses.
 
 use i2ris::model::file::{FamilyParameters, MixtureParameters};
 use i2ris::model::{Inverse, Model, Query};
 use i2ris::units::{MotorVec, OutputVec};
 use proptest::prelude::*;
 
-use super::samples::{
-    DEG, REACH, SmoothMap, any_number, distance, file, linear, one_count, position, region,
-    smooth_gmr, square,
+use i2ris_testing::families::{
+    DEG, REACH, SmoothMap, affine, distance, file, one_count, region, smooth_gmr, square,
 };
 
 fn mean(model: &Model, counts: &MotorVec) -> OutputVec {
@@ -16,33 +15,6 @@ fn mean(model: &Model, counts: &MotorVec) -> OutputVec {
 
 fn invert(model: &Model, goal: &OutputVec, start: &MotorVec) -> Inverse {
     model.invert(goal, &model.new_memory(), &Query::new(*start))
-}
-
-fn check_round_trip(map: &SmoothMap, at: MotorVec, start: MotorVec) {
-    let model = Model::from_file(map.file()).unwrap();
-    let inverse = invert(&model, &mean(&model, &at), &start);
-    let missed = distance(&mean(&model, &inverse.counts), &mean(&model, &at));
-    assert!(
-        missed <= 0.1 * one_count(&model, &at, &model.new_memory()),
-        "{inverse:?} for {at:?} misses {missed}"
-    );
-    assert!((missed - inverse.residual).abs() < 1e-12);
-    assert!(!inverse.clipped, "{inverse:?}");
-    if model.motors() <= model.outputs() {
-        assert!(distance(&inverse.counts, &at) <= 1.0, "{inverse:?} is not {at:?}");
-    }
-}
-
-fn check_stays_in_hull(map: &SmoothMap, goal: OutputVec, start: MotorVec) {
-    let model = Model::from_file(map.file()).unwrap();
-    let inverse = invert(&model, &goal, &start);
-    assert!(model.hull().contains(&inverse.counts), "{inverse:?}");
-    assert!(!inverse.residual.is_nan() && inverse.residual >= 0.0, "{inverse:?}");
-    let used_goal = &goal[..model.outputs()];
-    if used_goal.iter().any(|g| !g.is_finite()) {
-        assert!(inverse.clipped && inverse.residual.is_infinite());
-        assert_eq!(inverse.counts, model.hull().project(&start));
-    }
 }
 
 /// Checks that no position on a fine lattice over the hull is nearer to the goal than the result,
@@ -69,34 +41,8 @@ fn pose() -> impl Strategy<Value = OutputVec> {
     [-1.2..1.2_f64, -1.2..1.2_f64, -1.2..1.2_f64]
 }
 
-/// Positions of so many motors.
-fn of(motors: usize, at: MotorVec) -> MotorVec {
-    if motors == 1 { [at[0], 0.0] } else { at }
-}
-
 proptest! {
     #![proptest_config(i2ris_testing::cases(48))]
-
-    #[test]
-    fn inverse_recovers_the_counts(
-        map in smooth_gmr(2, 3),
-        at in position(2),
-        start in position(2),
-    ) {
-        for (motors, outputs) in [(1, 1), (1, 2), (2, 1), (2, 2), (2, 3)] {
-            check_round_trip(&map.of_size(motors, outputs), of(motors, at), of(motors, start));
-        }
-    }
-
-    #[test]
-    fn inverse_stays_in_the_hull(
-        map in smooth_gmr(2, 2),
-        goal in [any_number(), any_number(), any_number()],
-        start in [any_number(), any_number()],
-    ) {
-        check_stays_in_hull(&map.of_size(1, 2), goal, start);
-        check_stays_in_hull(&map, goal, start);
-    }
 
     #[test]
     fn inverse_gives_the_nearest_pose(map in smooth_gmr(2, 3), goal in pose()) {
@@ -148,14 +94,14 @@ fn search_restarts_from_the_conditional_mean_at_a_local_minimum() {
 
 #[test]
 fn a_motor_without_effect_keeps_its_position() {
-    let model = Model::from_file(file(1, linear(&[&[0.02, 0.0]], &[0.0]), square(1000.0))).unwrap();
+    let model = Model::from_file(file(1, affine(&[&[0.02, 0.0]], &[0.0]), square(1000.0))).unwrap();
     let inverse = invert(&model, &[2.0 * DEG, 0.0, 0.0], &[10.0, 333.0]);
     assert!((inverse.counts[0] - 100.0).abs() < 1e-3 && inverse.counts[1] == 333.0, "{inverse:?}");
 }
 
 #[test]
 fn a_start_outside_the_hull_is_projected_into_it() {
-    let model = Model::from_file(file(1, linear(&[&[0.02]], &[0.0]), region(1, 100.0))).unwrap();
+    let model = Model::from_file(file(1, affine(&[&[0.02]], &[0.0]), region(1, 100.0))).unwrap();
     let inverse = invert(&model, &[f64::NAN, 0.0, 0.0], &[750.0, 0.0]);
     assert_eq!(inverse.counts, [100.0, 0.0]);
     assert!(inverse.clipped && inverse.residual.is_infinite() && inverse.iterations == 0);

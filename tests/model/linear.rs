@@ -2,12 +2,12 @@
 
 use i2ris::model::{Model, Query};
 
-use super::samples::{DEG, file, linear, square};
+use i2ris_testing::families::{DEG, affine, file, square};
 
 fn model() -> Model {
     Model::from_file(file(
         2,
-        linear(&[&[0.02, 0.01], &[-0.01, 0.02]], &[1.0, -2.0]),
+        affine(&[&[0.02, 0.01], &[-0.01, 0.02]], &[1.0, -2.0]),
         square(1000.0),
     ))
     .unwrap()
@@ -51,7 +51,7 @@ fn an_unreachable_goal_gets_the_nearest_pose() {
 
 #[test]
 fn a_model_in_millimetres_predicts_in_metres() {
-    let mut file = file(1, linear(&[&[0.5]], &[3.0]), vec![vec![-10.0], vec![10.0]]);
+    let mut file = file(1, affine(&[&[0.5]], &[3.0]), vec![vec![-10.0], vec![10.0]]);
     file.outputs[0].unit = i2ris::model::file::OutputUnit::Mm;
     let model = Model::from_file(file).unwrap();
     let estimate = model.predict(&[4.0, 0.0], &model.new_memory());
@@ -62,7 +62,7 @@ fn a_model_in_millimetres_predicts_in_metres() {
 #[test]
 fn two_motors_on_one_angle_take_the_shortest_step() {
     let model =
-        Model::from_file(file(1, linear(&[&[0.03, 0.04]], &[0.0]), square(1000.0))).unwrap();
+        Model::from_file(file(1, affine(&[&[0.03, 0.04]], &[0.0]), square(1000.0))).unwrap();
     let inverse =
         model.invert(&[0.5 * DEG, 0.0, 0.0], &model.new_memory(), &Query::new([20.0, -15.0]));
     // 0.03 * 20 - 0.04 * 15 = 0, and (0.03, 0.04) * 200 = (6, 8) gains 0.5 degrees.
@@ -76,7 +76,7 @@ fn two_motors_on_one_angle_take_the_shortest_step() {
 #[test]
 fn three_outputs_of_two_motors_get_the_least_squares_solution() {
     let gain: &[&[f64]] = &[&[0.02, 0.0], &[0.0, 0.02], &[0.02, 0.02]];
-    let model = Model::from_file(file(3, linear(gain, &[0.0; 3]), square(1000.0))).unwrap();
+    let model = Model::from_file(file(3, affine(gain, &[0.0; 3]), square(1000.0))).unwrap();
     // Normal equations of [1 0; 0 1; 1 1] x = (1, 2, 6): x = (2, 3), in units of 50 counts.
     let inverse =
         model.invert(&[DEG, 2.0 * DEG, 6.0 * DEG], &model.new_memory(), &Query::new([0.0, 0.0]));

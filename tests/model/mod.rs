@@ -1,7 +1,8 @@
 //! Tests of the model runtime through its public interface.
 
+mod conformance;
 mod direction;
-pub mod drifted;
+mod drifted;
 mod file;
 mod force_balance;
 mod gmr;
@@ -10,11 +11,8 @@ mod inverse;
 mod kinematic;
 mod linear;
 mod network;
-pub mod networks;
 mod pairs;
-mod play_operator;
 mod plays;
 mod prandtl_ishlinskii;
 mod refusals;
-pub mod samples;
 mod stop;

@@ -1,12 +1,13 @@
 //! Networks that were trained elsewhere.
 
+use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, ModelFile, OutputUnit};
 use i2ris::model::network::{Activation, Layer, NetworkParameters};
-use i2ris::model::{History, Memory, Model, Query};
 use i2ris::units::MotorVec;
 
-use super::networks::{averages, conv, gru, lstm, network_file};
-use super::samples::{DEG, assert_jacobian, distance, memory_after};
+use i2ris_testing::families::{
+    DEG, averages, conv, distance, gru, gru_of, lstm, memory_after, network_file,
+};
 
 const STEP: f64 = 10.0;
 
@@ -20,21 +21,6 @@ fn some_files() -> Vec<(&'static str, ModelFile)> {
         ("conv, relu", network_file(vec![relu, averages(3)])),
         ("two layers", network_file(two)),
     ]
-}
-
-/// A GRU that hands on the average of each kind of input.
-fn gru_of(inputs: usize, units: usize) -> Layer {
-    let Layer::Gru { recurrent_weight, input_bias, recurrent_bias, .. } = gru(units) else {
-        unreachable!()
-    };
-    let new = |unit: usize, input: usize| if unit % 2 == input % 2 { 0.8 } else { 0.0 };
-    let row = |row: usize| {
-        let number =
-            |input: usize| if row < 2 * units { 0.02 } else { new(row - 2 * units, input) };
-        (0..inputs).map(number).collect()
-    };
-    let input_weight = (0..3 * units).map(row).collect();
-    Layer::Gru { input_weight, recurrent_weight, input_bias, recurrent_bias }
 }
 
 /// Two motors that wander, a step of the network at a time.
@@ -172,78 +158,6 @@ fn layers_follow_their_formulas_step_by_step() {
     }
 }
 
-#[test]
-fn slopes_are_derivatives_and_the_inverse_comes_back() {
-    for (name, file) in some_files() {
-        let model = Model::from_file(file).unwrap();
-        let mut memory = model.new_memory();
-        for (index, counts) in steps().iter().enumerate() {
-            model.advance(&mut memory, counts);
-            if index % 40 != 0 {
-                continue;
-            }
-            // A relu has a corner.
-            let at = [counts[0] + 3.0, counts[1] - 4.0];
-            assert_jacobian(&model, at, &memory, [2e-3, 1e-7]);
-            let goal = model.predict(&[counts[0] + 60.0, counts[1] - 45.0], &memory).mean;
-            let inverse = model.invert(&goal, &memory, &Query::new(*counts));
-            let reached = model.predict(&inverse.counts, &memory).mean;
-            assert!(distance(&reached, &goal) < 1e-3 * DEG, "{name}: {inverse:?}");
-        }
-    }
-}
-
-#[test]
-fn a_network_has_no_rate_and_its_memory_comes_back_from_a_history() {
-    let model = Model::from_file(network_file(vec![gru(6), averages(6)])).unwrap();
-    let corners = [[300.0, 100.0], [-200.0, 250.0], [150.0, -400.0]];
-    let (mut fast, mut slow, mut history) =
-        (Memory::default(), Memory::default(), History::default());
-    let mut at = [0.0; 2];
-    for memory in [&mut fast, &mut slow] {
-        model.advance(memory, &at);
-    }
-    history.note(&at);
-    for corner in corners {
-        for part in 1..=1000 {
-            let part = f64::from(part) / 1000.0;
-            let between = [0, 1].map(|i| at[i] + part * (corner[i] - at[i]));
-            model.advance(&mut slow, &between);
-            history.note(&between);
-            if part * 1000.0 % 250.0 == 0.0 {
-                model.advance(&mut fast, &between);
-            }
-        }
-        at = corner;
-    }
-    let [fast, slow, recalled] =
-        [fast, slow, model.recall(&history)].map(|memory| model.predict(&at, &memory).mean);
-    assert!(distance(&fast, &slow) < 0.02 * DEG, "{fast:?} {slow:?}");
-    assert!(distance(&recalled, &slow) < 0.02 * DEG, "{recalled:?} {slow:?}");
-}
-
-#[test]
-fn the_past_matters_until_it_is_forgotten_and_not_a_number_is_none() {
-    let model = Model::from_file(network_file(vec![gru(6), averages(6)])).unwrap();
-    let line =
-        |from: f64, to: f64| (0..=100).map(move |k| [from + (to - from) * f64::from(k) / 100.0; 2]);
-    let [up, down] = [-400.0, 400.0].map(|from| {
-        let path: Vec<MotorVec> = line(from, 0.0).collect();
-        memory_after(&model, &path)
-    });
-    let apart =
-        distance(&model.predict(&[0.0; 2], &up).mean, &model.predict(&[0.0; 2], &down).mean);
-    assert!(apart > 0.05 * DEG, "{apart}");
-    assert!(model.knows(&up) && !model.knows(&model.new_memory()));
-    let mut ignored = up;
-    model.advance(&mut ignored, &[f64::NAN, 0.0]);
-    assert_eq!(ignored, up);
-    assert!(model.predict(&[f64::NAN, 0.0], &up).mean[0].is_nan());
-    for far in [1e300, -1e300] {
-        assert!(model.predict(&[far, 0.0], &up).mean.iter().all(|angle| angle.is_finite()));
-    }
-}
-
 /// The sentence of a refusal.
 fn refused(change: impl FnOnce(&mut ModelFile, &mut NetworkParameters)) -> String {
     let mut file = network_file(vec![gru(6), averages(6)]);
@@ -273,8 +187,6 @@ fn weights_that_are_no_weights_are_refused_by_their_place() {
 
 #[test]
 fn sizes_that_do_not_fit_are_refused() {
-    let text = refused(|_, network| network.layers.truncate(1));
-    assert!(text.contains("one unit per output"), "{text}");
     let text = refused(|_, network| network.layers = vec![gru(65), averages(65)]);
     assert!(text.contains("1 to 64 units"), "{text}");
     let text = refused(|_, network| network.layers = vec![gru(6), averages(5)]);
@@ -288,8 +200,6 @@ fn sizes_that_do_not_fit_are_refused() {
         network.layers = vec![Layer::Conv { taps, bias, dilation: 10, activation }];
     });
     assert!(text.contains("at most 512 numbers"), "{text}");
-    let text = refused(|_, network| network.step_counts = 0.0);
-    assert!(text.contains("step_counts"), "{text}");
     let text = refused(|_, network| network.input_scale = vec![0.001]);
     assert!(text.contains("input_scale"), "{text}");
 }

@@ -122,7 +122,7 @@ fn hostile_clients_on_either_stream_do_not_displace_the_commander() {
 
 /// Not a test of its own: a process that commands under the id of another client.
 #[test]
-#[ignore = "run as a process by another test"]
+#[ignore = "a role: run by another test"]
 fn forger_process() {
     let Ok(domain) = std::env::var("RIG_DOMAIN") else {
         return;

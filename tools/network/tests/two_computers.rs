@@ -137,7 +137,7 @@ fn surgeon_in_python(python: &OsString) -> Command {
 
 /// Not a test of its own: one end of the cable.
 #[test]
-#[ignore = "run in a namespace by another test"]
+#[ignore = "a role: run by another test"]
 fn computer_of_the_robot() {
     if std::env::var_os("RIG_NAMESPACE").is_none() {
         return;
@@ -181,7 +181,7 @@ fn computer_of_the_robot() {
 
 /// Not a test of its own: the other end, with the commander.
 #[test]
-#[ignore = "run in a namespace by another test"]
+#[ignore = "a role: run by another test"]
 fn computer_of_the_surgeon() {
     let Ok(domain) = std::env::var("RIG_FAR_DOMAIN") else {
         return;

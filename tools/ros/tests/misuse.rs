@@ -61,7 +61,7 @@ impl Drop for Swinger {
 
 /// The process of [`Swinger`].
 #[test]
-#[ignore = "runs as a process of other tests"]
+#[ignore = "a role: run by other tests"]
 fn swinger_process() {
     let domain = std::env::var(DOMAIN).unwrap().parse().unwrap();
     let mut peer = Peer::new(domain, ROBOT, "swinger");

@@ -9,6 +9,7 @@
 //! | `fast_values` | [`fast_config`]: faster than the cautious defaults |
 //! | `server` | a server of shared memory without any robot |
 //! | [`cycle`] | the control cycle in simulated time, tick by tick |
+//! | [`families`] | a sample of every family of models, and what it promises |
 //! | [`drive`] | a drive, its line and its port in simulated time, byte by byte |
 //! | `properties` | [`cases`]: how many random cases a property is tried with |
 //! | [`program`] | the programs of this build |
@@ -27,6 +28,7 @@ mod controller;
 pub mod cycle;
 pub mod drive;
 mod fast_values;
+pub mod families;
 mod motion;
 pub mod program;
 mod properties;

@@ -88,8 +88,6 @@ impl Direction {
 
 #[cfg(test)]
 mod tests {
-    use proptest::prelude::*;
-
     use super::*;
 
     #[test]
@@ -110,44 +108,6 @@ mod tests {
         for (at, direction) in path {
             travel = travel.advanced(at, 5.0);
             assert_eq!(travel.direction(), direction, "at {at}");
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn intermediate_positions_of_a_straight_motion_have_no_effect(
-            path in prop::collection::vec(-50.0..50.0_f64, 1..20),
-            last in -50.0..50.0_f64,
-            part in 0.0..1.0_f64,
-        ) {
-            let before = path.iter().fold(
-                Travel::begin(0.0),
-                |travel,
-                at| travel.advanced(*at, 8.0),
-            );
-            let from = path[path.len() - 1];
-            let direct = before.advanced(last, 8.0);
-            prop_assert_eq!(
-                before.advanced(from + part * (last - from), 8.0).advanced(last, 8.0),
-                direct,
-            );
-        }
-
-        #[test]
-        fn the_direction_is_known_after_a_range_of_the_dead_band(
-            path in prop::collection::vec(-9.0..9.0_f64, 1..20),
-        ) {
-            let travel = path.iter().skip(1).fold(
-                Travel::begin(path[0]),
-                |travel,
-                at| travel.advanced(*at, 8.0),
-            );
-            let (low, high) = path.iter().fold(
-                (path[0], path[0]),
-                |(low, high),
-                at| (low.min(*at), high.max(*at)),
-            );
-            prop_assert_eq!(travel.direction() != Direction::Unknown, high - low >= 8.0);
         }
     }
 }

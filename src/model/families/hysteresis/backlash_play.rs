@@ -328,38 +328,3 @@ impl<const D: usize> StoredOperator<D> for Plays<D> {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    proptest! {
-        #[test]
-        fn inverse_is_exact_for_non_integer_thresholds(
-            low in 3.0..60.0_f64,
-            ratio in 1.2..2.0_f64,
-            first in 0.01..1.0_f64,
-            past in prop::collection::vec(-8000.0..8000.0_f64, 1..12),
-            goal in -7000.0..7000.0_f64,
-        ) {
-            let thresholds =
-                std::iter::once(0.0).chain((0..10).map(|i| low * ratio.powi(i))).collect();
-            let weights = std::iter::once(first).chain([(1.0 - first) / 10.0; 10]).collect();
-            let file = PlayParameters {
-                thresholds_counts: vec![thresholds],
-                weights: vec![weights],
-                planar_thresholds_counts: Vec::new(),
-            };
-            let plays = Plays::<1>::prepare(&file).unwrap();
-            let mut state = plays.begin(&SVector::zeros());
-            for counts in &past {
-                plays.advance(&mut state, &SVector::from([*counts]));
-            }
-            let counts = plays.invert(&state, &SVector::from([goal]), 1.0);
-            let reached = plays.local(&state, &counts).mean[0];
-            prop_assert!((reached - goal).abs() < 1e-6, "{reached} instead of {goal}");
-        }
-    }
-}

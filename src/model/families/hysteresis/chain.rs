@@ -43,6 +43,17 @@ where
         }
     }
 
+    /// The virtual counts after a straight motion. A position that is no number has none: operators
+    /// that compare would stay where they are.
+    #[inline]
+    fn virtual_counts_at(&self, state: &O::State, counts: &MotorVec) -> SVector<f64, D> {
+        let counts = vector::<D>(&bounded(counts));
+        if counts.iter().any(|counts| counts.is_nan()) {
+            return SVector::repeat(f64::NAN);
+        }
+        self.operator.virtual_counts(state, &counts)
+    }
+
     /// The virtual counts at a position, and the residual there.
     fn terms(&self, state: &O::State, position: &MotorVec) -> MemoryTerms {
         let position = vector(&bounded(position));
@@ -75,8 +86,7 @@ where
         let virtual_counts = if counts == position {
             vector(&terms.virtual_counts)
         } else {
-            let counts = vector(&bounded(counts));
-            self.operator.virtual_counts(state, &counts)
+            self.virtual_counts_at(state, counts)
         };
         let mut prediction = self.read_out.predict(&virtual_counts);
         prediction.mean += vector::<M>(&terms.correction);
@@ -193,9 +203,8 @@ where
     }
 
     fn pose(&self, counts: &MotorVec, memory: &Memory, correction: &OutputVec) -> OutputVec {
-        let counts = vector(&bounded(counts));
         self.with_state(memory, |state| {
-            let virtual_counts = self.operator.virtual_counts(state, &counts);
+            let virtual_counts = self.virtual_counts_at(state, counts);
             array(&(self.read_out.mean(&virtual_counts) + vector::<M>(correction)))
         })
     }

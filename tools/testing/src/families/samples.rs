@@ -1,12 +1,8 @@
-//! Sample models for the tests, built from numbers.
+//! Sample models, built from numbers, and random ones.
 
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
-    OutputMetrics, OutputSpec, OutputUnit, PolynomialParameters, SCHEMA_VERSION, TrainingRecord,
-};
-use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters, BalanceStop};
-use i2ris::model::hysteresis::stop::{
-    StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
+    OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
 };
 use i2ris::model::{Memory, Model};
 use i2ris::units::MotorVec;
@@ -47,7 +43,7 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
 }
 
 /// `output = gain * counts + offset`, degrees, with a variance of 0.25 deg^2.
-pub fn linear(gain: &[&[f64]], offset: &[f64]) -> FamilyParameters {
+pub fn affine(gain: &[&[f64]], offset: &[f64]) -> FamilyParameters {
     let outputs = offset.len();
     let covariance = (0..outputs)
         .map(|i| (0..outputs).map(|j| if i == j { 0.25 } else { 0.0 }).collect())
@@ -150,8 +146,16 @@ impl SmoothMap {
         (mean, (0..size).map(|i| (0..size).map(|j| entry(i, j)).collect()).collect())
     }
 
-    /// The mixture.
+    /// Straight lines.
+    pub fn straight(gain: &[&[f64]]) -> Self {
+        Self { gain: gain.iter().map(|row| row.to_vec()).collect(), bend: 0.0, steps: 1 }
+    }
+
     pub fn family(&self) -> FamilyParameters {
+        FamilyParameters::Gmr { mixture: self.mixture() }
+    }
+
+    pub fn mixture(&self) -> MixtureParameters {
         let motors = self.gain[0].len();
         let spacing = 2.0 * REACH / self.steps as f64;
         let coordinate = |i: usize| -REACH + spacing * (i as f64 + 0.5);
@@ -162,7 +166,7 @@ impl SmoothMap {
             lattice.map(|at| self.component(&at[..motors], 0.6 * spacing)).collect();
         let weights = vec![1.0 / components.len() as f64; components.len()];
         let (means, covariances) = components.into_iter().unzip();
-        FamilyParameters::Gmr { mixture: MixtureParameters { weights, means, covariances } }
+        MixtureParameters { weights, means, covariances }
     }
 
     /// The same for fewer motors or outputs.
@@ -196,148 +200,6 @@ pub fn position(motors: usize) -> impl Strategy<Value = [f64; 2]> {
         .prop_map(move |(a, b)| if motors == 1 { [a, 0.0] } else { [a, b] })
 }
 
-/// Stop operators of a snake with slack and friction, in degrees: a typical sample of [`stops`].
-pub fn some_stops(motors: usize) -> StopParameters {
-    stops_of(
-        motors,
-        [0.5, 0.3, 0.2, 0.6],
-        [0.2, 0.1, 0.15, 0.25],
-        [0.025, 0.03],
-        [38.0, 135.0],
-        0.08,
-        1,
-    )
-}
-
-fn stops_of(
-    motors: usize,
-    slack: [f64; 4],
-    friction: [f64; 4],
-    travel: [f64; 2],
-    axes_deg: [f64; 2],
-    loose_stiffness: f64,
-    count: usize,
-) -> StopParameters {
-    let motor = |i: usize| StopMotor {
-        neutral_counts: [15.0, -20.0][i],
-        travel_per_count: travel[i],
-        axis_deg: if motors == 1 { 0.0 } else { axes_deg[i] },
-        slack: [slack[2 * i], slack[2 * i + 1]],
-        friction: [friction[2 * i], friction[2 * i + 1]],
-    };
-    let stop = |(stiffness, share)| StopElement { stiffness, share };
-    StopParameters {
-        motors: (0..motors).map(motor).collect(),
-        segments: segments(motors, count),
-        softness: 0.25,
-        loose_stiffness,
-        base_friction: 1.1,
-        friction_growth: 0.005,
-        shared: if motors == 1 { 0.0 } else { 0.25 },
-        stops: [(8.0, 0.5), (3.0, 0.3), (1.2, 0.2)].map(stop).into(),
-    }
-}
-
-/// Segments in series, with friction that increases with the index.
-fn segments(motors: usize, count: usize) -> Vec<StopSegment> {
-    let segment = |s: usize| {
-        let rank = 2.0 * (s as f64 + 1.0) / (count as f64 + 1.0);
-        let axis = |_| StopAxis {
-            stiffness: 0.15 * count as f64,
-            stiffening: 2e-5,
-            limit: 45.0 * rank / count as f64,
-        };
-        StopSegment { axes: (0..motors).map(axis).collect(), friction: rank }
-    };
-    (0..count).map(segment).collect()
-}
-
-/// Stop operators of snakes: slack up to a degree, friction coefficients up to 0.3, oblique axes.
-pub fn stops(motors: usize) -> impl Strategy<Value = StopParameters> {
-    let slack = prop::array::uniform4(0.0..1.0_f64);
-    let friction = prop::array::uniform4(0.0..0.3_f64);
-    let travel = prop::array::uniform2(0.02..0.035_f64);
-    let axes = (20.0..60.0_f64, 110.0..150.0_f64);
-    let loose_and_segments = (0.03..0.2_f64, 1..=3_usize);
-    (slack, friction, travel, axes, loose_and_segments).prop_map(
-        move |(slack, friction, travel, axes, (loose, segments))| {
-            stops_of(motors, slack, friction, travel, [axes.0, axes.1], loose, segments)
-        },
-    )
-}
-
-/// A balance of forces of a snake with slack, backlash and friction: a typical sample of
-/// [`balances`].
-pub fn some_balance(motors: usize) -> BalanceParameters {
-    balance_of(motors, [6.0, 9.0], [-12.0, -6.0, 15.0, 8.0], [0.2, 0.3])
-}
-
-/// A model of [`some_balance`] whose outputs are nearly straight.
-pub fn balance_file(motors: usize) -> ModelFile {
-    let rows = [[0.0, 12.0, -8.0, 0.5, 0.2, 0.1], [1.0, 9.0, 11.0, 0.1, -0.3, 0.2]];
-    let one = |row: &[f64; 6]| vec![row[0], row[1], row[3]];
-    let row = |row: &[f64; 6]| if motors == 1 { one(row) } else { row.to_vec() };
-    let covariance = |i: usize| (0..motors).map(|j| if i == j { 0.01 } else { 0.0 }).collect();
-    let family = FamilyParameters::ForceBalance {
-        balance: some_balance(motors),
-        read_out: PolynomialParameters {
-            centre_counts: vec![0.0; motors],
-            scale_counts: vec![500.0; motors],
-            degree: 2,
-            coefficients: rows[..motors].iter().map(row).collect(),
-            covariance: (0..motors).map(covariance).collect(),
-        },
-        virtual_hull: HullParameters { corners: region(motors, 900.0) },
-    };
-    file(motors, family, region(motors, 1000.0))
-}
-
-fn balance_of(
-    motors: usize,
-    gap: [f64; 2],
-    preload: [f64; 4],
-    by_tension: [f64; 2],
-) -> BalanceParameters {
-    let other = |value: f64| if motors == 1 { 0.0 } else { value };
-    let motor = |i: usize| BalanceMotor {
-        centre_counts: [15.0, -20.0][i],
-        travel_per_count: [0.8, 0.9][i],
-        neutral: 4.0,
-        gap: gap[i],
-        coupling: other(0.05),
-        preload: [preload[2 * i], preload[2 * i + 1]],
-        preload_growth: 10.0,
-        stiffness: [1.1, 0.9],
-        spring: 0.15,
-        hardening: 0.1,
-        friction: 25.0,
-        friction_by_tension: [by_tension[i], 0.2],
-        friction_by_other: other(0.03),
-        friction_growth: [0.2, other(0.1)],
-        friction_slope: 0.1,
-        friction_asymmetry: -0.1,
-    };
-    let stop = |(stiffness, share)| BalanceStop { stiffness, share, yields: stiffness == 3.0 };
-    let shared = [(3.0, 0.2), (1.5, 0.3)].map(stop);
-    BalanceParameters {
-        motors: (0..motors).map(motor).collect(),
-        own_stops: [(10.0, 0.4), (3.0, 0.4), (1.0, 0.2)].map(stop).into(),
-        shared_stops: if motors == 1 { Vec::new() } else { shared.into() },
-        loose_stiffness: 0.08,
-        softness: 8.0,
-        friction_stays: 0.3,
-    }
-}
-
-/// Balances of forces of snakes: taut and slack, with and without backlash.
-pub fn balances(motors: usize) -> impl Strategy<Value = BalanceParameters> {
-    let gap = prop::array::uniform2(0.0..60.0_f64);
-    let preload = prop::array::uniform4(-60.0..80.0_f64);
-    let by_tension = prop::array::uniform2(0.0..0.6_f64);
-    (gap, preload, by_tension)
-        .prop_map(move |(gap, preload, by_tension)| balance_of(motors, gap, preload, by_tension))
-}
-
 /// Any number, also one that is none.
 pub fn any_number() -> impl Strategy<Value = f64> {
     prop_oneof![
@@ -366,25 +228,4 @@ pub fn memory_after(model: &Model, path: &[MotorVec]) -> Memory {
 pub fn one_count(model: &Model, counts: &MotorVec, memory: &Memory) -> f64 {
     let jacobian = model.jacobian(counts, memory);
     (0..2).map(|motor| distance(&jacobian.map(|row| row[motor]), &[0.0; 3])).fold(0.0, f64::max)
-}
-
-/// The Jacobian is the numerical derivative.
-#[track_caller]
-pub fn assert_jacobian(model: &Model, at: MotorVec, memory: &Memory, tolerance: [f64; 2]) {
-    const STEP: f64 = 0.01;
-    let jacobian = model.jacobian(&at, memory);
-    for motor in 0..model.motors() {
-        let [behind, ahead] = [-STEP, STEP].map(|by| {
-            let mut there = at;
-            there[motor] += by;
-            model.predict(&there, memory).mean
-        });
-        for output in 0..model.outputs() {
-            let difference = (ahead[output] - behind[output]) / (2.0 * STEP);
-            let found = jacobian[output][motor];
-            let [relative, absolute] = tolerance;
-            let is_near = (found - difference).abs() <= relative * found.abs() + absolute;
-            assert!(is_near, "{found} is not {difference}");
-        }
-    }
 }

@@ -1,0 +1,188 @@
+//! The memory of past motion.
+
+use i2ris::model::file::ModelFile;
+use i2ris::model::{History, Memory, Model, Query};
+use i2ris::units::MotorVec;
+use i2ris_testing::families::{DEG, Sample, distance, memory_after};
+
+use super::situation::{Situation, each, in_steps, reach};
+
+/// Where the motors come from matters to a family with memory, and to no other.
+pub fn the_past(sample: &Sample) {
+    let model = sample.model();
+    let [up, down] = [-400.0, 400.0].map(|from| {
+        let path = in_steps(&[[from; 2], [0.0; 2]], 4.0);
+        model.predict(&[0.0; 2], &memory_after(&model, &path)).mean
+    });
+    let apart = distance(&up, &down);
+    assert!(if sample.promise.has_memory { apart > 1e-3 * DEG } else { apart == 0.0 }, "{apart}");
+}
+
+/// Round a little more than the conditioning range, as far as the hull goes, and to its middle.
+fn conditioning(model: &Model) -> Vec<MotorVec> {
+    let (range, reach) = (model.wipe_counts(), reach(model));
+    let [a, b] = [0, 1].map(|motor: usize| (range[motor] + 100.0).min(reach[motor]));
+    [[-a, -b], [a, -b], [a, b], [-a, b], [-a, -b], [a, b], [0.0; 2]].into()
+}
+
+/// After conditioning a memory is known, and the past is forgotten. Before, it is unknown.
+pub fn forgets(sample: &Sample) {
+    each(sample, |it| {
+        let (model, range) = (&it.model, it.model.wipe_counts());
+        assert!(!model.knows(&model.new_memory()));
+        let end = [0.0, range[1]];
+        if range[0] > 1.0 {
+            let almost = memory_after(model, &[[0.0; 2], [range[0] - 0.5, range[1]], end]);
+            assert!(!model.knows(&almost));
+        }
+        let after = |past: &[MotorVec]| it.after(&[past, &conditioning(model)].concat());
+        let [one, other] = [&it.path, &it.other].map(|past| after(past));
+        // Operators that are not centred in a narrow hull may need more of it.
+        let is_wide = |motor: usize| range[motor] + 100.0 <= reach(model)[motor];
+        let known = model.knows(&one) && model.knows(&after(&[]));
+        assert!(known || !(0..model.motors()).all(is_wide));
+        if known {
+            it.assert_alike("remains", &one, &other, it.promise.remains);
+        }
+        if it.promise.remains == 0.0 && model.knows(&it.after(&it.other)) {
+            let again = it.after(&[it.path.as_slice(), &it.other].concat());
+            it.assert_alike("known", &it.after(&it.other), &again, 0.0);
+        }
+    });
+}
+
+/// A memory stays finite and comes back from anywhere.
+pub fn bounded(sample: &Sample) {
+    each(sample, |it| {
+        let mut memory = it.memory;
+        for far in [[2e9, -2e9], [1e300, 1e300], [it.wild[0], it.wild[1]], [-f64::MAX, 0.0]] {
+            it.model.advance(&mut memory, &far);
+            let text = serde_json::to_string(&memory).unwrap();
+            assert!(!text.contains("null"), "{text}");
+            for at in [it.at, far.map(|counts| if counts.is_finite() { counts } else { 0.0 })] {
+                let estimate = it.model.predict(&at, &memory);
+                assert!(estimate.mean.iter().all(|output| output.is_finite()), "{estimate:?}");
+                let inverse = it.model.invert(&estimate.mean, &memory, &Query::new(it.start));
+                assert!(it.model.hull().contains(&inverse.counts), "{inverse:?}");
+            }
+        }
+        // Home in long steps, as after readings that were wrong.
+        it.model.advance(&mut memory, &[0.0; 2]);
+        let back = in_steps(&[[[0.0; 2]].as_slice(), &conditioning(&it.model)].concat(), 10.0);
+        back.iter().for_each(|counts| it.model.advance(&mut memory, counts));
+        let expected = it.after(&conditioning(&it.model));
+        it.assert_alike("back", &memory, &expected, it.promise.remains);
+    });
+}
+
+/// The bits of everything that comes out.
+fn bits(model: &Model, memory: &Memory, it: &Situation) -> Vec<u8> {
+    let estimate = model.predict(&it.at, memory);
+    let inverse = model.invert(&estimate.mean, memory, &Query::new(it.start)).counts;
+    postcard::to_allocvec(&(memory, estimate, inverse, model.jacobian(&it.at, memory))).unwrap()
+}
+
+/// The same motion gives the same bits: again, from a copy, from a snapshot, and with the model
+/// read from its file.
+pub fn same_bits(sample: &Sample) {
+    each(sample, |it| {
+        let text = serde_json::to_string(it.model.file()).unwrap();
+        let file = ModelFile::parse(&text).unwrap();
+        assert_eq!((&file, file.id().unwrap()), (it.model.file(), it.model.id()));
+        let again = Model::from_file(file).unwrap();
+        let snapshot = postcard::to_allocvec(&it.memory).unwrap();
+        let memories = [
+            (&again, memory_after(&again, &in_steps(&it.path, 10.0))),
+            (&*it.model, it.memory),
+            (&*it.model, postcard::from_bytes(&snapshot).unwrap()),
+            (&again, serde_json::from_str(&serde_json::to_string(&it.memory).unwrap()).unwrap()),
+        ];
+        let on = in_steps(&[&[it.present()], it.other.as_slice()].concat(), 10.0);
+        let ends = memories.map(|(model, mut memory)| {
+            let before = bits(model, &memory, it);
+            on.iter().for_each(|counts| model.advance(&mut memory, counts));
+            (before, bits(model, &memory, it))
+        });
+        assert!(ends.iter().all(|end| *end == ends[0]));
+    });
+}
+
+/// A prediction is the state after the motion of a tick; a position again changes nothing.
+pub fn tick(sample: &Sample) {
+    each(sample, |it| {
+        let [x, y] = it.present();
+        let at = [x + 8.0 * it.part - 4.0, y + 4.0 * (it.at[1] / (it.at[1].abs() + 100.0))];
+        let at = if it.model.motors() == 1 { [at[0], 0.0] } else { at };
+        // The residual aside: it changes slowly, and holds still in an inverse.
+        let predicted = it.model.pose(&at, &it.memory, &[0.0; 3]);
+        let mut memory = it.memory;
+        it.model.advance(&mut memory, &at);
+        let apart = distance(&predicted, &it.model.pose(&at, &memory, &[0.0; 3]));
+        it.assert_within("tick", apart / it.worth, it.promise.tick);
+        let once = memory;
+        it.model.advance(&mut memory, &at);
+        it.assert_alike("again", &once, &memory, it.promise.tick);
+    });
+}
+
+/// The past is a path, and its steps do not matter.
+pub fn steps(sample: &Sample) {
+    each(sample, |it| {
+        let long = if it.promise.steps == 0.0 { f64::INFINITY } else { 8.0 };
+        let [fine, coarse] =
+            [2.0, long].map(|step| memory_after(&it.model, &in_steps(&it.path, step)));
+        for at in [it.at, it.start, it.present(), [0.0; 2]] {
+            let [fine, coarse] =
+                [fine, coarse].map(|memory| it.model.pose(&at, &memory, &[0.0; 3]));
+            it.assert_within("steps", distance(&fine, &coarse) / it.worth, it.promise.steps);
+        }
+    });
+}
+
+/// A memory comes back from a history.
+pub fn recall(sample: &Sample) {
+    each(sample, |it| {
+        let (mut memory, mut history) = (it.model.new_memory(), History::default());
+        for counts in in_steps(&it.path, 1.0).iter().map(|at| at.map(f64::round)) {
+            it.model.advance(&mut memory, &counts);
+            history.note(&counts);
+        }
+        let recalled = it.model.recall(&history);
+        assert_eq!(it.model.knows(&recalled), it.model.knows(&memory));
+        it.assert_alike("recall", &recalled, &memory, it.promise.recall);
+    });
+}
+
+/// A gap scale of 1 changes no bit, another one widens gaps, and the inverse follows it. Families
+/// without gaps have none.
+pub fn gap_scale(sample: &Sample) {
+    each(sample, |it| {
+        let [mut usual, mut wide] = [it.model.new_memory(); 2];
+        for counts in in_steps(&it.path, 10.0) {
+            let scale = if it.promise.has_gap { [1.0; 2] } else { [1.5, 0.5] };
+            usual.set_gap_scale(&scale);
+            it.model.advance(&mut usual, &counts);
+            it.model.advance(&mut wide, &counts);
+            wide.set_gap_scale(&[1.5, 1.2]);
+        }
+        assert_eq!(usual, it.memory);
+        let goal = it.mean(&it.at, &wide);
+        let inverse = it.model.invert(&goal, &wide, &Query::new(it.start));
+        let missed = distance(&it.mean(&inverse.counts, &wide), &goal);
+        if !inverse.clipped {
+            it.assert_within("wide gap", missed / it.worth, it.promise.inverse[0]);
+        }
+    });
+    let model = sample.model();
+    let path = in_steps(&[[600.0, -500.0], [-600.0, 500.0], [200.0, 0.0]], 10.0);
+    let [mut usual, mut wide] = [model.new_memory(); 2];
+    let mut apart = 0.0_f64;
+    for counts in path {
+        model.advance(&mut usual, &counts);
+        model.advance(&mut wide, &counts);
+        wide.set_gap_scale(&[1.5, 1.0]);
+        let [a, b] = [usual, wide].map(|memory| model.predict(&counts, &memory).mean);
+        apart = apart.max(distance(&a, &b));
+    }
+    assert!(if sample.promise.has_gap { apart > 0.1 * DEG } else { apart == 0.0 }, "{apart}");
+}

@@ -1,0 +1,116 @@
+//! Parameters that are none are refused, in one sentence that names them.
+
+use i2ris::model::Model;
+use i2ris::model::file::ModelFile;
+use i2ris_testing::families::Sample;
+use toml::Value;
+
+/// Of a row: where in its parameters, what is written there, and what the refusal says. `*3` stands
+/// for three copies of the first of a list.
+const BAD: [(&str, &str, &str, &str); 49] = [
+    ("linear", "gain", "[[0.02, 0.01]]", "family.gain = rows of [2] numbers"),
+    ("linear", "gain", "[[0.0, 0.0], [0.0, 0.0]]", "a motor must move"),
+    ("linear", "offset", "[0.0, 1.0, 2.0]", "family.offset = 3 numbers"),
+    ("linear", "covariance.0.0", "-0.25", "family.covariance[0][0] = -0.25"),
+    ("linear", "covariance", "[[1.0, 2.0], [2.0, 1.0]]", "eigen"),
+    ("kinematic", "kinematics.pulley_radii_mm", "[1.0, 0.0]", "a pulley must have a radius"),
+    ("kinematic", "kinematics.pulley_radii_mm", "[1.0]", "pulley_radii_mm"),
+    ("kinematic", "kinematics.counts_per_turn", "0.0", "counts_per_turn = 0"),
+    ("kinematic", "kinematics.gear_ratio", "-1.0", "gear_ratio = -1"),
+    ("gmr", "mixture.weights.0", "0.3", "weights = sum 0.3"),
+    ("gmr", "mixture.weights", "*65", "65 components"),
+    ("gmr_direction", "dead_bands_counts.1", "0.5", "[4.0, 0.5]: must be at least one count"),
+    ("gmr_direction", "dead_bands_counts", "[4.0]", "one per motor"),
+    ("gmr_direction", "mixture.means.0", "[0.0, 0.0, 0.0, 0.0]", "means[0]"),
+    ("gmr_play", "plays.thresholds_counts.0.0", "1.0", "family.plays"),
+    ("gmr_play", "plays.thresholds_counts.1.2", "20.0", "family.plays"),
+    ("gmr_play", "plays.weights.0", "[0.0, 0.3, 0.7]", "family.plays"),
+    ("gmr_play", "plays.weights.0", "[0.4, 0.3, 0.4]", "family.plays"),
+    ("gmr_play", "plays.weights", "*1", "one row per motor"),
+    ("gmr_play", "plays.planar_thresholds_counts", "[9.0, 8.0]", "must rise from above 0"),
+    ("gmr_prandtl_ishlinskii", "operator.plays.1.direction.1", "-1.0", "counts must increase"),
+    ("gmr_prandtl_ishlinskii", "operator.plays.0.weight.0", "-0.1", "counts must increase"),
+    ("gmr_prandtl_ishlinskii", "operator.direct_weights.1", "0.0", "direct_weights"),
+    ("gmr_prandtl_ishlinskii", "operator.plays.1.threshold_counts", "0.0", "threshold_counts"),
+    ("gmr_prandtl_ishlinskii", "operator.plays.0.growth.1", "1.0", "plays[0].growth"),
+    ("gmr_prandtl_ishlinskii", "operator.plays.0.direction", "[1.0]", "plays[0].direction"),
+    ("gmr_prandtl_ishlinskii", "operator.plays", "*65", "at most 64 plays"),
+    ("gmr_stop", "stops.softness", "0.0", "softness"),
+    ("gmr_stop", "stops.loose_stiffness", "0.0", "loose_stiffness"),
+    ("gmr_stop", "stops.shared", "1.5", "shared"),
+    ("gmr_stop", "stops.stops.0.share", "0.9", "stops.share"),
+    ("gmr_stop", "stops.stops", "[]", "stops"),
+    ("gmr_stop", "stops.stops", "*6", "stops"),
+    ("gmr_stop", "stops.segments", "[]", "segments"),
+    ("gmr_stop", "stops.segments.0.axes", "*1", "segments[0].axes"),
+    ("gmr_stop", "stops.segments.0.friction", "0.0", "segments[0].friction"),
+    ("gmr_stop", "stops.motors.1.axis_deg", "217.0", "axis_deg"),
+    ("gmr_stop", "stops.motors.1.travel_per_count", "-0.1", "travel_per_count"),
+    ("gmr_stop", "stops.motors", "*1", "motors"),
+    ("force_balance", "balance.motors", "*1", "motors"),
+    ("force_balance", "balance.motors.1.gap", "-1.0", "gap"),
+    ("force_balance", "balance.motors.0.spring", "0.0", "spring"),
+    ("force_balance", "balance.motors.0.coupling", "20.0", "coupling"),
+    ("force_balance", "balance.own_stops", "[]", "own_stops"),
+    ("force_balance", "balance.softness", "0.0", "softness"),
+    ("force_balance", "balance.friction_stays", "1.1", "friction_stays"),
+    ("network", "network.step_counts", "0.0", "step_counts"),
+    ("network", "network.layers", "*1", "one unit per output"),
+    ("network_of_the_inverse", "inverse.step", "20.0", "0.01 to 10"),
+];
+
+/// The sentence of a refusal of a file with another value somewhere in its parameters.
+fn refusal(file: &Value, path: &str, change: impl FnOnce(&mut Value)) -> String {
+    let mut file = file.clone();
+    let place = path.split('.').fold(&mut file["family"], |value, key| match key.parse() {
+        Ok::<usize, _>(index) => &mut value[index],
+        Err(_) => &mut value[key],
+    });
+    change(place);
+    let file: ModelFile = file.try_into().unwrap();
+    let text = Model::from_file(file).expect_err(path).to_string();
+    assert!(!text.contains('\n'), "{text}");
+    text
+}
+
+pub fn parameters(sample: &Sample) {
+    let file = Value::try_from(&sample.file).unwrap();
+    let mut bad = BAD.iter().filter(|row| row.0 == sample.name).peekable();
+    assert!(bad.peek().is_some(), "{} has no bad parameters", sample.name);
+    for (_, path, value, named) in bad {
+        let text = refusal(&file, path, |place| match value.strip_prefix('*') {
+            Some(count) => *place = vec![place[0].clone(); count.parse().unwrap()].into(),
+            None => *place = toml::from_str::<Value>(&format!("v = {value}")).unwrap()["v"].clone(),
+        });
+        assert!(text.contains(named), "{path} = {value}: {text}");
+    }
+}
+
+/// Where there are numbers, with the name of each.
+fn numbers_of(value: &Value, path: &str, name: &str, found: &mut Vec<[String; 2]>) {
+    let below = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
+    match value {
+        Value::Table(table) => {
+            table.iter().for_each(|(key, value)| numbers_of(value, &below(key), key, found));
+        }
+        Value::Array(list) => (0..).zip(list).for_each(|(index, value): (usize, _)| {
+            numbers_of(value, &below(&index.to_string()), name, found);
+        }),
+        Value::Float(_) => found.push([path.to_owned(), name.to_owned()]),
+        _ => {}
+    }
+}
+
+/// Every number has to be one.
+pub fn numbers(sample: &Sample) {
+    let file = Value::try_from(&sample.file).unwrap();
+    let mut places = Vec::new();
+    numbers_of(&file["family"], "", "", &mut places);
+    assert!(places.len() > 5, "{places:?}");
+    for [path, name] in places {
+        for number in [f64::NAN, f64::INFINITY] {
+            let text = refusal(&file, &path, |place| *place = Value::Float(number));
+            assert!(text.contains(&name), "{path} = {number}: {text}");
+        }
+    }
+}

@@ -1,0 +1,302 @@
+//! Sample parameters of families, and random ones.
+
+use i2ris::model::file::{
+    FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit,
+    PolynomialParameters,
+};
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters, BalanceStop};
+use i2ris::model::hysteresis::prandtl_ishlinskii::{self as pi, PrandtlIshlinskiiParameters};
+use i2ris::model::hysteresis::residual::{ResidualParameters, count};
+use i2ris::model::hysteresis::stop::{
+    StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
+};
+use i2ris::model::kinematic::KinematicParameters;
+use proptest::collection::vec;
+use proptest::prelude::*;
+
+use super::samples::{REACH, SmoothMap, file, region};
+
+/// The geometry of a snake.
+pub fn robot(radii: &[f64], rotation: f64) -> KinematicParameters {
+    KinematicParameters {
+        counts_per_turn: 1024.0,
+        gear_ratio: 64.0,
+        pulley_radii_mm: radii.to_vec(),
+        axis_rotation_deg: rotation,
+    }
+}
+
+pub fn kinematic_file(
+    kinematics: KinematicParameters,
+    outputs: usize,
+    unit: OutputUnit,
+    reach: f64,
+) -> ModelFile {
+    let motors = kinematics.pulley_radii_mm.len();
+    let row = |i| (0..outputs).map(|j| if i == j { 0.04 } else { 0.0 }).collect();
+    let covariance = (0..outputs).map(row).collect();
+    let offset = [1.0, -2.0, 0.5][..outputs].to_vec();
+    let family = FamilyParameters::Kinematic { kinematics, offset, covariance };
+    let mut file = file(outputs, family, region(motors, reach));
+    file.outputs.iter_mut().for_each(|output| output.unit = unit);
+    file
+}
+
+/// Stop operators of a snake with slack and friction, in degrees: a typical sample of [`stops`].
+pub fn some_stops(motors: usize) -> StopParameters {
+    stops_of(
+        motors,
+        [0.5, 0.3, 0.2, 0.6],
+        [0.2, 0.1, 0.15, 0.25],
+        [0.025, 0.03],
+        [38.0, 135.0],
+        0.08,
+        1,
+    )
+}
+
+fn stops_of(
+    motors: usize,
+    slack: [f64; 4],
+    friction: [f64; 4],
+    travel: [f64; 2],
+    axes_deg: [f64; 2],
+    loose_stiffness: f64,
+    count: usize,
+) -> StopParameters {
+    let motor = |i: usize| StopMotor {
+        neutral_counts: [15.0, -20.0][i],
+        travel_per_count: travel[i],
+        axis_deg: if motors == 1 { 0.0 } else { axes_deg[i] },
+        slack: [slack[2 * i], slack[2 * i + 1]],
+        friction: [friction[2 * i], friction[2 * i + 1]],
+    };
+    let stop = |(stiffness, share)| StopElement { stiffness, share };
+    StopParameters {
+        motors: (0..motors).map(motor).collect(),
+        segments: segments(motors, count),
+        softness: 0.25,
+        loose_stiffness,
+        base_friction: 1.1,
+        friction_growth: 0.005,
+        shared: if motors == 1 { 0.0 } else { 0.25 },
+        stops: [(8.0, 0.5), (3.0, 0.3), (1.2, 0.2)].map(stop).into(),
+    }
+}
+
+/// Segments in series, with friction that increases with the index.
+fn segments(motors: usize, count: usize) -> Vec<StopSegment> {
+    let segment = |s: usize| {
+        let rank = 2.0 * (s as f64 + 1.0) / (count as f64 + 1.0);
+        let axis = |_| StopAxis {
+            stiffness: 0.15 * count as f64,
+            stiffening: 2e-5,
+            limit: 45.0 * rank / count as f64,
+        };
+        StopSegment { axes: (0..motors).map(axis).collect(), friction: rank }
+    };
+    (0..count).map(segment).collect()
+}
+
+/// Stop operators of snakes: slack up to a degree, friction coefficients up to 0.3, oblique axes.
+pub fn stops(motors: usize) -> impl Strategy<Value = StopParameters> {
+    let slack = prop::array::uniform4(0.0..1.0_f64);
+    let friction = prop::array::uniform4(0.0..0.3_f64);
+    let travel = prop::array::uniform2(0.02..0.035_f64);
+    let axes = (20.0..60.0_f64, 110.0..150.0_f64);
+    let loose_and_segments = (0.03..0.2_f64, 1..=3_usize);
+    (slack, friction, travel, axes, loose_and_segments).prop_map(
+        move |(slack, friction, travel, axes, (loose, segments))| {
+            stops_of(motors, slack, friction, travel, [axes.0, axes.1], loose, segments)
+        },
+    )
+}
+
+/// A balance of forces of a snake with slack, backlash and friction: a typical sample of
+/// [`balances`].
+pub fn some_balance(motors: usize) -> BalanceParameters {
+    balance_of(motors, [6.0, 9.0], [-12.0, -6.0, 15.0, 8.0], [0.2, 0.3])
+}
+
+/// A balance of forces whose outputs are nearly straight, by so many degrees per count.
+pub fn balance_family(balance: BalanceParameters, gain: &[Vec<f64>]) -> FamilyParameters {
+    let motors = balance.motors.len();
+    let curvature = if motors == 1 { &[0.5][..] } else { &[0.5, 0.2, 0.1] };
+    let row = |row: &Vec<f64>| {
+        let slopes: Vec<f64> = row.iter().map(|gain| 500.0 * gain).collect();
+        [&[0.0], slopes.as_slice(), curvature].concat()
+    };
+    let covariance = |i: usize| (0..gain.len()).map(|j| if i == j { 0.01 } else { 0.0 }).collect();
+    FamilyParameters::ForceBalance {
+        balance,
+        read_out: PolynomialParameters {
+            centre_counts: vec![0.0; motors],
+            scale_counts: vec![500.0; motors],
+            degree: 2,
+            coefficients: gain.iter().map(row).collect(),
+            covariance: (0..gain.len()).map(covariance).collect(),
+        },
+        virtual_hull: HullParameters { corners: region(motors, 900.0) },
+    }
+}
+
+/// A model of [`some_balance`].
+pub fn balance_file(motors: usize) -> ModelFile {
+    let gain = [[0.024, -0.016], [0.018, 0.022]];
+    let gain: Vec<_> = gain[..motors].iter().map(|row| row[..motors].to_vec()).collect();
+    file(motors, balance_family(some_balance(motors), &gain), region(motors, 1000.0))
+}
+
+fn balance_of(
+    motors: usize,
+    gap: [f64; 2],
+    preload: [f64; 4],
+    by_tension: [f64; 2],
+) -> BalanceParameters {
+    let other = |value: f64| if motors == 1 { 0.0 } else { value };
+    let motor = |i: usize| BalanceMotor {
+        centre_counts: [15.0, -20.0][i],
+        travel_per_count: [0.8, 0.9][i],
+        neutral: 4.0,
+        gap: gap[i],
+        coupling: other(0.05),
+        preload: [preload[2 * i], preload[2 * i + 1]],
+        preload_growth: 10.0,
+        stiffness: [1.1, 0.9],
+        spring: 0.15,
+        hardening: 0.1,
+        friction: 25.0,
+        friction_by_tension: [by_tension[i], 0.2],
+        friction_by_other: other(0.03),
+        friction_growth: [0.2, other(0.1)],
+        friction_slope: 0.1,
+        friction_asymmetry: -0.1,
+    };
+    let stop = |(stiffness, share)| BalanceStop { stiffness, share, yields: stiffness == 3.0 };
+    let shared = [(3.0, 0.2), (1.5, 0.3)].map(stop);
+    BalanceParameters {
+        motors: (0..motors).map(motor).collect(),
+        own_stops: [(10.0, 0.4), (3.0, 0.4), (1.0, 0.2)].map(stop).into(),
+        shared_stops: if motors == 1 { Vec::new() } else { shared.into() },
+        loose_stiffness: 0.08,
+        softness: 8.0,
+        friction_stays: 0.3,
+    }
+}
+
+/// Balances of forces of snakes: taut and slack, with and without backlash.
+pub fn balances(motors: usize) -> impl Strategy<Value = BalanceParameters> {
+    let gap = prop::array::uniform2(0.0..60.0_f64);
+    let preload = prop::array::uniform4(-60.0..80.0_f64);
+    let by_tension = prop::array::uniform2(0.0..0.6_f64);
+    (gap, preload, by_tension)
+        .prop_map(move |(gap, preload, by_tension)| balance_of(motors, gap, preload, by_tension))
+}
+
+/// The least weight of threshold 0 of [`plays`]. Where virtual counts differ by one, counts may
+/// differ by its reciprocal.
+pub const LEAST_WEIGHT: f64 = 0.1;
+
+/// Thresholds and weights of one motor.
+fn plays_of_a_motor() -> impl Strategy<Value = (Vec<f64>, Vec<f64>)> {
+    (LEAST_WEIGHT..1.0_f64, vec((2.0..60.0_f64, 0.0..1.0_f64), 0..5)).prop_map(|(first, others)| {
+        let total: f64 = others.iter().map(|(_, weight)| weight).sum::<f64>().max(1e-9);
+        let mut thresholds = vec![0.0];
+        let mut weights = vec![if others.is_empty() { 1.0 } else { first }];
+        for (step, weight) in others {
+            thresholds.push(thresholds[thresholds.len() - 1] + step);
+            weights.push((1.0 - first) * weight / total);
+        }
+        let sum: f64 = weights.iter().sum();
+        for weight in &mut weights {
+            *weight /= sum;
+        }
+        (thresholds, weights)
+    })
+}
+
+pub fn plays(motors: usize, planar: usize) -> impl Strategy<Value = PlayParameters> {
+    (vec(plays_of_a_motor(), motors), vec(5.0..50.0_f64, 0..=planar)).prop_map(|(each, steps)| {
+        let (thresholds_counts, weights) = each.into_iter().unzip();
+        let planar_thresholds_counts = steps.iter().scan(0.0, |sum, step| {
+            *sum += step;
+            Some(*sum)
+        });
+        PlayParameters {
+            thresholds_counts,
+            weights,
+            planar_thresholds_counts: planar_thresholds_counts.collect::<Vec<f64>>(),
+        }
+    })
+}
+
+/// A residual of up to so many degrees that depends on the virtual counts and the lags.
+pub fn residual(motors: usize, lags: usize, outputs: usize, size: f64) -> ResidualParameters {
+    let features = if motors == 1 { count::<1>(2, 1, lags) } else { count::<2>(2, 1, lags) };
+    let coefficient = |i: usize, j: usize| size * (1.7 * i as f64 + 2.3 * j as f64).sin();
+    let coefficients =
+        (0..outputs).map(|i| (0..features).map(|j| coefficient(i, j)).collect()).collect();
+    ResidualParameters { scale_counts: REACH, shape_degree: 2, lag_degree: 1, coefficients }
+}
+
+/// The branches of a smooth map: every motor lags by its lag, counts, in the direction of its
+/// travel. The direction `s` of a motor is a variable of variance 1, and the counts of the map are
+/// `counts - lag s`.
+pub fn branches(map: &SmoothMap, lags: &[f64]) -> FamilyParameters {
+    let mixture = map.mixture();
+    let motors = lags.len();
+    let size = mixture.means[0].len() + motors;
+    // A row of the whole mixture: coefficients of the variables of the map, and of the directions.
+    let row = |variable: usize| -> (Option<usize>, Option<(usize, f64)>) {
+        if variable < motors {
+            (Some(variable), Some((variable, lags[variable])))
+        } else if variable < 2 * motors {
+            (None, Some((variable - motors, 1.0)))
+        } else {
+            (Some(variable - motors), None)
+        }
+    };
+    let covariance = |inner: &Vec<Vec<f64>>| -> Vec<Vec<f64>> {
+        let entry = |i: usize, j: usize| {
+            let ((a, s), (b, t)) = (row(i), row(j));
+            let within = a.zip(b).map_or(0.0, |(a, b)| inner[a][b]);
+            let between = s.zip(t).map_or(0.0, |((s, x), (t, y))| if s == t { x * y } else { 0.0 });
+            within + between
+        };
+        (0..size).map(|i| (0..size).map(|j| entry(i, j)).collect()).collect()
+    };
+    let mean = |inner: &Vec<f64>| -> Vec<f64> {
+        let (counts, outputs) = inner.split_at(motors);
+        [counts, &vec![0.0; motors], outputs].concat()
+    };
+    let mixture = MixtureParameters {
+        weights: mixture.weights.clone(),
+        means: mixture.means.iter().map(mean).collect(),
+        covariances: mixture.covariances.iter().map(covariance).collect(),
+    };
+    FamilyParameters::GmrDirection { dead_bands_counts: vec![4.0; motors], mixture }
+}
+
+/// Plays that move one motor, along its axis or a direction near it.
+fn generalised_play(motors: usize) -> impl Strategy<Value = pi::PlayParameters> {
+    (0..motors, -0.8..0.8_f64, 2.0..150.0_f64, [-0.7..0.7_f64, -0.7..0.7_f64], 0.0..0.5_f64)
+        .prop_map(move |(motor, share, threshold_counts, growth, size)| {
+            let (mut direction, mut weight) = (vec![share; motors], vec![0.0; motors]);
+            direction[motor] = 1.0;
+            weight[motor] = size;
+            pi::PlayParameters { direction, threshold_counts, growth, weight }
+        })
+}
+
+/// The slope of the inverse is at most the reciprocal of the least direct weight.
+pub fn generalised_plays(motors: usize) -> impl Strategy<Value = PrandtlIshlinskiiParameters> {
+    let plays = vec(generalised_play(motors), 0..16);
+    (vec(-100.0..100.0_f64, motors), vec(0.05..1.0_f64, motors), plays).prop_map(
+        |(centre_counts, direct_weights, plays)| PrandtlIshlinskiiParameters {
+            centre_counts,
+            direct_weights,
+            plays,
+        },
+    )
+}

@@ -1,0 +1,271 @@
+//! One function for each row of the list.
+
+use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile, OutputUnit};
+use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use i2ris::model::hysteresis::prandtl_ishlinskii::{self as pi, PrandtlIshlinskiiParameters};
+use i2ris::model::hysteresis::stop::StopParameters;
+use i2ris::model::network::Activation;
+use proptest::prelude::*;
+
+use super::networks::{averages, conv, gru, gru_of, lstm, network_file, pair_file};
+use super::parameters::{
+    balance_family, balances, branches, generalised_plays, kinematic_file, plays, residual, robot,
+    some_balance, some_stops, stops,
+};
+use super::samples::{REACH, SmoothMap, affine, file, region, smooth_gmr, square, two_by_two};
+use super::{Promise, Sample};
+use crate::cycle::{GAIN_DEG, HULL};
+
+type Random = BoxedStrategy<ModelFile>;
+
+const GAIN: [[f64; 2]; 2] = [[GAIN_DEG, GAIN_DEG], [-GAIN_DEG, GAIN_DEG]];
+
+const ALL_SIZES: &[(usize, usize)] = &[(1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (2, 3)];
+
+/// A model with as many angles as motors, or the tip.
+const SQUARE: &[(usize, usize)] = &[(1, 1), (2, 2)];
+
+fn snake() -> SmoothMap {
+    SmoothMap::straight(&[&GAIN[0], &GAIN[1]])
+}
+
+fn of_snake(family: FamilyParameters) -> ModelFile {
+    file(2, family, square(HULL))
+}
+
+fn hull(motors: usize, half_width: f64) -> HullParameters {
+    HullParameters { corners: region(motors, half_width) }
+}
+
+pub fn linear() -> Sample {
+    fn family(gain: &[Vec<f64>]) -> FamilyParameters {
+        let rows: Vec<&[f64]> = gain.iter().map(Vec::as_slice).collect();
+        affine(&rows, &[1.0, -2.0, 0.5][..gain.len()])
+    }
+    let random = |motors, outputs| -> Random {
+        let maps = smooth_gmr(motors, outputs);
+        maps.prop_map(move |it| file(outputs, family(&it.gain), region(motors, REACH))).boxed()
+    };
+    Sample {
+        name: "",
+        file: of_snake(affine(&[&GAIN[0], &GAIN[1]], &[0.0; 2])),
+        sizes: ALL_SIZES,
+        random,
+        promise: Promise::EXACT,
+    }
+}
+
+pub fn kinematic() -> Sample {
+    let random = |motors, outputs| -> Random {
+        let radius = (0.3..1.0_f64, any::<bool>());
+        let radius = radius.prop_map(|(radius, turned)| if turned { -radius } else { radius });
+        let robots = (prop::collection::vec(radius, motors), -180.0..180.0_f64, any::<bool>());
+        let made = robots.prop_map(move |(radii, rotation, is_place)| {
+            let is_place = outputs != 2 || (is_place && motors == 2);
+            let unit = if is_place { OutputUnit::Mm } else { OutputUnit::Deg };
+            // No joint of these robots reaches its stop.
+            kinematic_file(robot(&radii, rotation), outputs, unit, 1500.0)
+        });
+        made.boxed()
+    };
+    Sample {
+        file: kinematic_file(robot(&[1.1; 2], -45.0), 2, OutputUnit::Deg, HULL),
+        sizes: &[(1, 2), (2, 2), (2, 3)],
+        random,
+        ..linear()
+    }
+}
+
+pub fn gmr() -> Sample {
+    let random = |motors, outputs| -> Random {
+        let smooth = smooth_gmr(motors, outputs).prop_map(|map| map.file());
+        if (motors, outputs) != (2, 2) {
+            return smooth.boxed();
+        }
+        prop_oneof![7 => smooth, 1 => Just(file(2, two_by_two(), square(50.0)))].boxed()
+    };
+    Sample { file: of_snake(snake().family()), random, ..linear() }
+}
+
+pub fn gmr_direction() -> Sample {
+    let random = |motors, outputs| -> Random {
+        let parts = (smooth_gmr(motors, outputs), prop::collection::vec(0.0..40.0_f64, motors));
+        let made = parts.prop_map(move |(map, lags)| {
+            file(outputs, branches(&map, &lags), region(motors, REACH))
+        });
+        made.boxed()
+    };
+    Sample {
+        file: of_snake(branches(&snake(), &[30.0; 2])),
+        sizes: &[(1, 1), (2, 2), (2, 3)],
+        random,
+        promise: Promise {
+            has_memory: true,
+            compensates: true,
+            inverse: [0.05, f64::INFINITY],
+            ..Promise::EXACT
+        },
+        ..linear()
+    }
+}
+
+pub fn gmr_play() -> Sample {
+    let random = |motors, outputs| -> Random {
+        let planar = if motors == 2 { 3 } else { 0 };
+        let parts = (smooth_gmr(motors, outputs), plays(motors, planar), 0.0..0.3_f64);
+        let made = parts.prop_map(move |(map, plays, size)| {
+            let lags = plays.weights.iter().map(|weights| weights.len() - 1).sum::<usize>()
+                + 2 * plays.planar_thresholds_counts.len();
+            let residual = Some(residual(motors, lags, outputs, size));
+            let virtual_hull = hull(motors, REACH);
+            let mixture = map.mixture();
+            let family = FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull };
+            file(outputs, family, region(motors, REACH))
+        });
+        made.boxed()
+    };
+    let family = FamilyParameters::GmrPlay {
+        plays: PlayParameters {
+            thresholds_counts: vec![vec![0.0, 20.0, 80.0]; 2],
+            weights: vec![vec![0.4, 0.3, 0.3]; 2],
+            planar_thresholds_counts: vec![],
+        },
+        mixture: snake().mixture(),
+        residual: None,
+        virtual_hull: hull(2, HULL),
+    };
+    let promise = Promise {
+        has_memory: true,
+        has_gap: true,
+        compensates: true,
+        stays: 0.5,
+        remains: 1e-6,
+        recall: 1.0,
+        ..Promise::EXACT
+    };
+    Sample { file: of_snake(family), sizes: SQUARE, random, promise, ..linear() }
+}
+
+pub fn gmr_prandtl_ishlinskii() -> Sample {
+    let random = |motors, outputs| -> Random {
+        let parts = (smooth_gmr(motors, outputs), generalised_plays(motors));
+        let made = parts.prop_map(move |(map, operator)| {
+            let family = FamilyParameters::GmrPrandtlIshlinskii {
+                operator,
+                mixture: SmoothMap { bend: 0.0, steps: 1, ..map }.mixture(),
+                residual: None,
+                virtual_hull: hull(motors, 20.0 * REACH),
+            };
+            file(outputs, family, region(motors, REACH))
+        });
+        made.boxed()
+    };
+    let play = |motor: usize, other: f64| {
+        let (mut direction, mut weight) = (vec![other; 2], vec![0.0; 2]);
+        (direction[motor], weight[motor]) = (1.0, 0.6);
+        pi::PlayParameters { direction, threshold_counts: 60.0, growth: [0.05; 2], weight }
+    };
+    let family = FamilyParameters::GmrPrandtlIshlinskii {
+        operator: PrandtlIshlinskiiParameters {
+            centre_counts: vec![0.0; 2],
+            direct_weights: vec![0.4; 2],
+            plays: vec![play(0, 0.1), play(1, -0.1)],
+        },
+        mixture: snake().mixture(),
+        residual: None,
+        virtual_hull: hull(2, 1.5 * HULL),
+    };
+    let promise = Promise { inverse: [1e-4, 2e-3], remains: 0.0, ..gmr_play().promise };
+    Sample { file: of_snake(family), random, promise, ..gmr_play() }
+}
+
+pub fn gmr_stop() -> Sample {
+    // With a residual of nothing: it is computed all the same.
+    fn family(stops: StopParameters, map: SmoothMap, motors: usize) -> FamilyParameters {
+        let lags = stops.segments.len() * [3, 12][motors - 1] + motors;
+        FamilyParameters::GmrStop {
+            stops,
+            residual: Some(residual(motors, lags, map.gain.len(), 0.0)),
+            mixture: SmoothMap { bend: 0.0, steps: 1, ..map }.mixture(),
+            virtual_hull: hull(motors, 1500.0),
+        }
+    }
+    let random = |motors, outputs| -> Random {
+        let parts = (smooth_gmr(motors, outputs), stops(motors));
+        let made = parts.prop_map(move |(map, stops)| {
+            file(outputs, family(stops, map, motors), region(motors, 1200.0))
+        });
+        made.boxed()
+    };
+    let promise = Promise {
+        inverse: [1e-3, 1e-3],
+        slope: 1e-4,
+        remains: 0.5,
+        tick: 2.0,
+        steps: 6.0,
+        recall: 3.0,
+        ..gmr_play().promise
+    };
+    Sample { file: of_snake(family(some_stops(2), snake(), 2)), random, promise, ..gmr_play() }
+}
+
+pub fn force_balance() -> Sample {
+    let random = |motors, outputs| -> Random {
+        let parts = (smooth_gmr(motors, outputs), balances(motors));
+        let made = parts.prop_map(move |(map, balance)| {
+            file(outputs, balance_family(balance, &map.gain), region(motors, 800.0))
+        });
+        made.boxed()
+    };
+    let gain = GAIN.map(|row| row.to_vec());
+    let promise = Promise {
+        compensates: false,
+        inverse: [0.02, f64::INFINITY],
+        slope: 1e-3,
+        stays: f64::INFINITY,
+        remains: 0.5,
+        tick: 1e-6,
+        steps: 10.0,
+        recall: 20.0,
+        ..gmr_play().promise
+    };
+    Sample { file: of_snake(balance_family(some_balance(2), &gain)), random, promise, ..gmr_play() }
+}
+
+pub fn network() -> Sample {
+    let random = |_: usize, _: usize| -> Random {
+        let kinds = prop::sample::select(vec![
+            vec![gru(6), averages(6)],
+            vec![lstm(6), averages(6)],
+            vec![conv(Activation::Tanh), averages(3)],
+            vec![conv(Activation::Relu), averages(3)],
+            vec![gru(6), gru_of(6, 4), averages(4)],
+        ]);
+        kinds.prop_map(network_file).boxed()
+    };
+    let promise = Promise {
+        has_memory: true,
+        inverse: [0.05, f64::INFINITY],
+        stays: 0.1,
+        slope: 2e-3,
+        remains: 0.1,
+        tick: 1e-6,
+        steps: 3.0,
+        recall: 5.0,
+        ..Promise::EXACT
+    };
+    Sample {
+        file: network_file(vec![gru(6), averages(6)]),
+        sizes: &[(2, 2)],
+        random,
+        promise,
+        ..linear()
+    }
+}
+
+pub fn network_of_the_inverse() -> Sample {
+    let random = |_: usize, _: usize| -> Random { (0.0..40.0_f64).prop_map(pair_file).boxed() };
+    // It may contradict the forward network by twice its deviation.
+    let promise = Promise { inverse: [21.0; 2], stays: 21.0, ..network().promise };
+    Sample { file: pair_file(20.0), random, promise, ..network() }
+}
