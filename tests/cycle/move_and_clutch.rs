@@ -51,7 +51,7 @@ fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_ther
 fn every_trajectory_ends_with_every_family() {
     for (name, model) in FAMILIES {
         let mut bench = Bench::enabled_with(config(""), Some(model()));
-        for k in 1..=60 {
+        for k in 1..=100 {
             // Multiples of two irrational numbers: spread evenly, and never twice the same.
             let angle = |step: f64| 16.0 * (f64::from(k) * step).fract() - 8.0;
             let (pitch, yaw) = (angle(0.754_877_666), angle(0.569_840_291));
@@ -188,7 +188,9 @@ fn joint_limits_are_kept_for_any_goal() {
             assert!(pitch(&bench) <= 3.0 + 1e-9);
         }
     }
-    assert!((pitch(&bench) - 3.0).abs() < near(1e-3), "{}", pitch(&bench));
+    // With memory the motors have come no further in this second: see the speed of rates.
+    let least = if has_memory() { 0.5 } else { 3.0 - 1e-3 };
+    assert!(pitch(&bench) > least, "{}", pitch(&bench));
 }
 
 #[test]

@@ -43,7 +43,7 @@ fn h16_five_minutes_of_ordinary_use_trip_nothing() {
 }
 
 fn soak(seconds: f64) {
-    let mut rig = Rig::with_balance_model();
+    let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     stream_angles(&client, |t| {
         (t < seconds).then(|| [8.0 * (0.8 * t).sin(), 6.0 * (1.2 * t).sin()])

@@ -364,7 +364,7 @@ fn a_suspend_of_the_computer_is_a_fault_and_the_snake_holds() {
 #[test]
 fn a_flood_on_every_inlet_keeps_no_stop_waiting() {
     let _one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
-    let mut rig = Rig::with_balance_model();
+    let mut rig = Rig::with_model();
     let mut client = rig.enabled();
     let (domain, end) = (rig.domain(), AtomicBool::new(false));
     let until_end = |mut send: Box<dyn FnMut(u64) + Send>| {

@@ -27,7 +27,7 @@ fn motors_follow_counts_and_the_snake_bends() {
 
 #[test]
 fn angles_commanded_by_a_client_are_reached() {
-    let mut rig = Rig::with_balance_model();
+    let mut rig = Rig::with_model();
     let client = rig.enabled();
     let (mut commander, start) = (client.commander(), clock::now());
     let mut measured = client.watcher().measured_js();
@@ -166,7 +166,7 @@ fn black_box(rig: &Rig, cause: &str) -> BlackBox {
 
 #[test]
 fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_by_bit() {
-    let mut rig = Rig::with_balance_model();
+    let mut rig = Rig::with_model();
     rig.config.limits.feedback_stale_ms = 1000;
     rig.config.limits.feedback_lost_ms = 2000;
     let mut client = rig.enabled();
@@ -193,7 +193,7 @@ fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_b
 
 #[test]
 fn the_last_seconds_before_sigkill_are_in_a_black_box() {
-    let mut rig = Rig::with_balance_model();
+    let mut rig = Rig::with_model();
     let client = rig.enabled();
     stream_counts(&client, 1.5, |t| [(100.0 * t) as i32, 0]);
     drop(client);

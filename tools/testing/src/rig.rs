@@ -142,7 +142,8 @@ impl Rig {
     /// Writes [`balance_model`] for the emulated snake, with the angles of [`Rig::linear_model`].
     pub fn balance_model(&self, name: &str) -> PathBuf {
         let (mut file, g) = (balance_model().file().clone(), 1000.0 * GAIN_DEG);
-        if let FamilyParameters::ForceBalance { read_out, .. } = &mut file.family {
+        if let FamilyParameters::ForceBalance { read_out, virtual_hull, .. } = &mut file.family {
+            virtual_hull.corners.iter_mut().flatten().for_each(|counts| *counts *= 1000.0 / HULL);
             read_out.coefficients = vec![vec![0.0, g, -g], vec![0.0, g, g]];
         }
         self.write_model(name, "rig", file)
