@@ -28,5 +28,5 @@ mod noise;
 
 #[test]
 fn other_families_fly_too() {
-    i2ris_testing::cycle::with_other_families(&["h12_a_snake", "h16_five", "h21_", "h22_", "h23_"]);
+    i2ris_testing::cycle::with_other_families(&["h12_a_", "h16_five"]);
 }
