@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::BufWriter;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use i2ris::model::Model;
@@ -15,14 +15,41 @@ use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::robot::{Robot, TICK_S};
 
 use super::random::Random;
+use super::trial::SNAKES;
 
-fn first_model_file() -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/adaptation/lugre-1.json")
+fn file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/adaptation").join(name)
 }
 
-/// A model of the first snake with plays, of a family that files may still have.
+/// A model of the first snake, of the default family.
 pub fn first_model() -> Arc<Model> {
-    Arc::new(Model::load(&first_model_file()).unwrap())
+    Arc::new(Model::load(&file("force-balance.json")).unwrap())
+}
+
+/// Of the same snake, with plays.
+pub fn model_of_plays() -> Arc<Model> {
+    Arc::new(Model::load(&file("lugre-1.json")).unwrap())
+}
+
+/// It is what a fit makes of its recording. `I2RIS_WRITE_MODEL` names a file to write that to.
+#[test]
+#[ignore = "the fit takes a minute: for .ci/nightly"]
+fn the_first_model_is_the_fit_of_its_recording() {
+    let models = [first_model(), model(SNAKES[0], Family::ForceBalance)];
+    if let Some(path) = std::env::var_os("I2RIS_WRITE_MODEL") {
+        models[1].file().write(Path::new(&path)).unwrap();
+    }
+    let mut memories = models.each_ref().map(|model| model.new_memory());
+    for k in 0..2000 {
+        let t = f64::from(k) * 0.01;
+        let counts = [900.0 * t.sin() + 300.0 * (3.1 * t).sin(), 1100.0 * (0.7 * t).sin()];
+        let [a, b] = [0, 1].map(|at: usize| {
+            models[at].advance(&mut memories[at], &counts);
+            models[at].predict(&counts, &memories[at]).mean
+        });
+        let apart = (a[0] - b[0]).hypot(a[1] - b[1]).to_degrees();
+        assert!(apart < 0.01, "{apart} deg at {counts:?}");
+    }
 }
 
 /// A model of a snake, from a recording of two minutes and a half.

@@ -7,13 +7,12 @@ use i2ris::core::ModelChange;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
-use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, Quirk, config, model, play_model};
+use i2ris_testing::cycle::{Bench, FAMILIES, Quirk, config, standard_model};
 
 use crate::calls;
 
 /// One session with everything that happens in one, in some 700 ticks.
-fn run_session(bench: &mut Bench, models: &[Arc<Model>; 2], session: u32) {
+fn run_session(bench: &mut Bench, models: &[Arc<Model>], session: u32) {
     bench.home();
     bench.enable();
     for k in 0..20 {
@@ -43,10 +42,10 @@ fn run_session(bench: &mut Bench, models: &[Arc<Model>; 2], session: u32) {
 
 /// Forward, back, and forward again while angles are followed. The models are built before: that
 /// takes memory.
-fn swap_models(bench: &mut Bench, models: &[Arc<Model>; 2], session: u32) {
+fn swap_models(bench: &mut Bench, models: &[Arc<Model>], session: u32) {
     let here = bench.joints().setpoint.map(f64::to_degrees);
     assert_eq!(bench.joint(here[0], here[1]), Refusal::None);
-    let next = &models[(session % 2) as usize];
+    let next = &models[session as usize % models.len()];
     bench.offer(bench.candidate(next));
     bench.run(2);
     assert_eq!(bench.change_model(ModelChange::Activate(next.id()), true), Refusal::None);
@@ -77,14 +76,19 @@ fn ten_thousand_ticks_with_faults_recoveries_and_swaps_do_not_allocate() {
 #[test]
 fn ten_thousand_ticks_with_adaptation_do_not_allocate() {
     let on = config("[adaptation]\nenabled = true");
-    let mut bench = Bench::new(on, Some(play_model()));
+    let mut bench = Bench::new(on, Some(standard_model()));
     bench.camera = Some([0.01, -0.01]);
     count_calls(bench);
 }
 
+#[test]
+fn other_families_fly_too() {
+    i2ris_testing::cycle::with_other_families(&["cycle::"]);
+}
+
 fn count_calls(mut bench: Bench) {
     bench.probe = calls;
-    let models = [play_model(), model(OutputUnit::Deg)];
+    let models = FAMILIES.map(|(_, model)| model());
     let begin = bench.now;
     for session in 0..20 {
         run_session(&mut bench, &models, session);

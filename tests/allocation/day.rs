@@ -7,7 +7,7 @@ use i2ris::core::ModelChange;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, config, model, play_model};
+use i2ris_testing::cycle::{Bench, config, model, standard_model};
 
 use crate::calls;
 
@@ -67,7 +67,7 @@ fn hourly(bench: &mut Bench, hour: u32) {
 fn a_day_of_use_in_simulated_time_trips_nothing_and_takes_no_memory() {
     let hours = std::env::var("I2RIS_SOAK_HOURS");
     let hours: u32 = hours.map_or(24, |hours| hours.parse().unwrap());
-    let mut bench = Bench::enabled_with(config(""), Some(play_model()));
+    let mut bench = Bench::enabled_with(config(""), Some(standard_model()));
     let other = model(OutputUnit::Deg);
     assert_eq!(bench.swap(&other), Refusal::None);
     bench.probe = calls;

@@ -3,14 +3,13 @@
 use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
 use i2ris::drive::{AxisPhase, Demand};
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, MAX_MOTORS};
-use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, model, rad, with_jaw};
+use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, rad, standard_model, with_jaw};
 
 type Change = fn(&mut ServoCommand);
 
 fn enabled() -> Bench {
-    Bench::enabled_with(with_jaw(config("")), Some(model(OutputUnit::Deg)))
+    Bench::enabled_with(with_jaw(config("")), Some(standard_model()))
 }
 
 fn angle(bench: &mut Bench, degrees: f64) -> ServoCommand {
@@ -152,7 +151,7 @@ fn a_fault_of_any_axis_stops_all() {
 
 #[test]
 fn the_robot_is_homed_when_the_jaw_is_and_enabled_when_it_is_on() {
-    let mut bench = Bench::new(with_jaw(config("")), Some(model(OutputUnit::Deg)));
+    let mut bench = Bench::new(with_jaw(config("")), Some(standard_model()));
     assert_eq!(bench.ask(StateCommand::Enable), Refusal::NotHomed);
     bench.home();
     assert!(bench.jaw.feedback.homed);

@@ -4,7 +4,7 @@ use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{Bench, CLIENT, config, model, rad};
+use i2ris_testing::cycle::{Bench, CLIENT, config, lag_counts, model, rad};
 
 const HERE: ServoGoal = ServoGoal::Joint([0.0; 3], 2);
 
@@ -133,6 +133,7 @@ fn one_client_commands_at_a_time() {
 
 #[test]
 fn refused_commands_do_not_renew_the_lease() {
+    let Some(_) = lag_counts() else { return };
     let mut bench = Bench::enabled();
     assert_eq!(refusal(&mut bench, |_| {}), Refusal::None);
     for _ in 0..50 {
@@ -168,6 +169,7 @@ fn counts_outside_the_position_limits_are_refused() {
 
 #[test]
 fn the_first_step_counts_from_the_present_setpoint() {
+    let Some(_) = lag_counts() else { return };
     let mut bench = Bench::enabled();
     assert_eq!(bench.joint(5.01, 0.0), Refusal::Step);
     assert_eq!(bench.joint(3.6, 3.6), Refusal::Step, "the length of the step: 5.09 deg");

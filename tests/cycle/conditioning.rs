@@ -7,7 +7,9 @@ use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 
 use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, CLIENT, HULL, Quirk, config, model, play_model};
+use i2ris_testing::cycle::{
+    Bench, CLIENT, HULL, Quirk, config, model, model_with_memory, play_model, standard_model,
+};
 
 /// Enabled, at a position that is not the centre.
 fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {
@@ -42,7 +44,7 @@ fn range(positions: &[[i32; 2]], motor: usize) -> (i32, i32) {
 
 #[test]
 fn it_covers_the_hull_within_the_position_limits_and_ends_where_it_began() {
-    let mut bench = ready(config(""), Some(model(OutputUnit::Deg)));
+    let mut bench = ready(config(""), Some(standard_model()));
     let positions = run_conditioning(&mut bench);
     assert_eq!(range(&positions, 0), (-HULL as i32, HULL as i32));
     assert_eq!(range(&positions, 1), (-700, HULL as i32), "motor 1 ends at -700");
@@ -56,10 +58,10 @@ fn it_covers_the_hull_within_the_position_limits_and_ends_where_it_began() {
 
 #[test]
 fn afterwards_the_memory_is_known() {
-    let mut bench = ready(config(""), Some(play_model()));
+    let mut bench = ready(config(""), Some(model_with_memory()));
     assert!(
         !bench.joints().memory_known,
-        "the motors have covered 120 and 80 counts of the 200 that are needed"
+        "the motors have covered 120 and 80 counts, and more are needed"
     );
     run_conditioning(&mut bench);
     assert!(bench.joints().memory_known);
@@ -67,14 +69,17 @@ fn afterwards_the_memory_is_known() {
 
 #[test]
 fn a_narrow_cycle_is_widened_to_what_the_model_needs() {
-    let mut bench =
-        ready(config("[conditioning]\nhalf_width_counts = 20\nturns = 2"), Some(play_model()));
+    let model = model_with_memory();
+    let narrow = config("[conditioning]\nhalf_width_counts = 20\nturns = 2");
+    let mut bench = ready(narrow, Some(Arc::clone(&model)));
     let positions = run_conditioning(&mut bench);
-    assert_eq!(
-        (range(&positions, 0), range(&positions, 1)),
-        ((10, 230), (-190, 30)),
-        "200 counts and a margin"
-    );
+    for (motor, centre) in [120.0, -80.0].into_iter().enumerate() {
+        // What it needs and a margin.
+        let half = 0.5 * model.wipe_counts()[motor] + 10.0;
+        let (low, high) = range(&positions, motor);
+        let wanted = [centre - half, centre + half].map(f64::round);
+        assert_eq!([low, high].map(f64::from), wanted, "motor {motor}");
+    }
     assert!(bench.joints().memory_known);
 }
 
@@ -108,17 +113,17 @@ fn one_motor_is_conditioned_too() {
 #[test]
 fn a_model_that_needs_more_room_than_the_limits_leave_is_refused() {
     let mut narrow = config("");
-    narrow.ports[0].axes[1].position_min_counts = i2ris::units::Counts(-90);
-    narrow.ports[0].axes[1].position_max_counts = i2ris::units::Counts(90);
-    let mut bench = Bench::enabled_with(narrow, Some(play_model()));
+    narrow.ports[0].axes[1].position_min_counts = i2ris::units::Counts(-60);
+    narrow.ports[0].axes[1].position_max_counts = i2ris::units::Counts(60);
+    let mut bench = Bench::enabled_with(narrow, Some(model_with_memory()));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::Range);
     assert!(!bench.report().busy);
 }
 
 #[test]
 fn servo_commands_meanwhile_are_refused_and_change_nothing() {
-    let mut bench = ready(config(""), Some(play_model()));
-    let alone = run_conditioning(&mut ready(config(""), Some(play_model())));
+    let mut bench = ready(config(""), Some(standard_model()));
+    let alone = run_conditioning(&mut ready(config(""), Some(standard_model())));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     for place in &alone[1..500] {
         assert_eq!(bench.actuator([0, 0]), Refusal::Conditioning);

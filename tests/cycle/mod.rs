@@ -28,3 +28,11 @@ mod report;
 mod shutdown;
 mod stopping;
 mod virtual_fixtures;
+
+/// Some tests have families of their own, or none.
+#[test]
+fn other_families_fly_too() {
+    let own = "--skip=pairs:: --skip=network:: --skip=endurance:: --skip=_family --skip=reach::";
+    let filter: Vec<&str> = "cycle:: built_in::".split(' ').chain(own.split(' ')).collect();
+    i2ris_testing::cycle::with_other_families(&filter);
+}

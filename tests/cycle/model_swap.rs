@@ -4,9 +4,12 @@ use std::sync::Arc;
 
 use i2ris::core::{CycleEventKind, ModelChange, ServoGoal};
 use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::Model;
 use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, config, counts_at, model, play_model, rad, scaled_play_model};
+use i2ris::model::{History, Model};
+use i2ris_testing::cycle::{
+    Bench, GAIN_DEG, config, counts_at, lag_counts, model, model_with_memory, rad,
+    scaled_balance_model, scaled_standard_model, standard_model,
+};
 use proptest::prelude::*;
 
 /// Enabled with a model with memory that has seen enough motion to know where it is.
@@ -15,6 +18,9 @@ fn conditioned(model: &Arc<Model>) -> Bench {
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     bench.idle();
     assert!(bench.joints().memory_known);
+    bench.pose = Some((rad(0.0, 0.0), 2));
+    assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+    bench.idle();
     bench
 }
 
@@ -40,7 +46,7 @@ fn hold(bench: &mut Bench, pitch: f64, yaw: f64, commands: u32) {
 
 #[test]
 fn at_a_swap_the_motors_stay_and_then_move_to_the_inverse_of_the_new_model() {
-    let (first, second) = (play_model(), scaled_play_model(1.25));
+    let (first, second) = (standard_model(), scaled_standard_model(1.25));
     let mut bench = conditioned(&first);
     hold(&mut bench, 4.0, 1.0, 150);
     let before = bench.targets();
@@ -67,7 +73,7 @@ fn at_a_swap_the_motors_stay_and_then_move_to_the_inverse_of_the_new_model() {
 
 #[test]
 fn after_a_rollback_the_goal_is_met_again() {
-    let (first, second) = (play_model(), scaled_play_model(0.8));
+    let (first, second) = (standard_model(), scaled_standard_model(0.8));
     let mut bench = conditioned(&first);
     hold(&mut bench, 3.0, -2.0, 150);
     let before = bench.targets();
@@ -88,7 +94,7 @@ fn after_a_rollback_the_goal_is_met_again() {
 
 #[test]
 fn a_staged_model_remembers_what_the_model_in_use_remembers() {
-    let first = play_model();
+    let first = standard_model();
     let mut bench = conditioned(&first);
     figure(&mut bench, 0, 300, |_, _| {});
     let candidate = bench.candidate(&first);
@@ -105,13 +111,39 @@ fn a_staged_model_remembers_what_the_model_in_use_remembers() {
     assert_eq!(bench.change_model(ModelChange::Activate(first.id()), false), Refusal::None);
     let after = bench.joints();
     for (before, after) in before.measured.iter().zip(after.measured) {
-        assert!((before - after).abs() < 1e-9, "{before} {after}");
+        assert!((before - after).abs() < recalled_within(0.01), "{before} {after}");
+    }
+}
+
+/// How near a memory from a history is, rad. Its points are up to 8 counts apart. Plays and
+/// constant friction end exactly where the whole motion ends; friction that goes with the tension
+/// before the step, and motors that go together from point to point, end beside it.
+fn recalled_within(counts: f64) -> f64 {
+    if lag_counts().is_some() { 1e-9 } else { counts * GAIN_DEG.to_radians() }
+}
+
+#[test]
+fn a_history_recalls_what_the_whole_motion_leaves() {
+    let model = standard_model();
+    let (mut whole, mut history) = (model.new_memory(), History::default());
+    for k in 1..=20_000 {
+        let t = 1e-3 * f64::from(k);
+        let counts = [300.0 * (1.3 * t).sin() + 200.0 * (4.7 * t).sin(), 500.0 * (1.7 * t).sin()];
+        let counts = counts.map(f64::round);
+        model.advance(&mut whole, &counts);
+        history.note(&counts);
+        if k % 2000 == 0 {
+            let recalled = model.recall(&history);
+            let [a, b] = [whole, recalled].map(|memory| model.predict(&counts, &memory).mean);
+            let apart = (a[0] - b[0]).hypot(a[1] - b[1]);
+            assert!(apart < recalled_within(2.0), "{apart} rad after {k}");
+        }
     }
 }
 
 #[test]
 fn a_candidate_that_is_staged_too_late_has_an_unknown_memory() {
-    let first = play_model();
+    let first = model_with_memory();
     let mut bench = conditioned(&first);
     let candidate = bench.candidate(&first);
     bench.run(1100);
@@ -127,7 +159,7 @@ fn a_candidate_that_is_staged_too_late_has_an_unknown_memory() {
 
 #[test]
 fn homing_makes_every_memory_unknown() {
-    let first = play_model();
+    let first = model_with_memory();
     let mut bench = conditioned(&first);
     let candidate = bench.candidate(&first);
     bench.offer(candidate);
@@ -147,19 +179,21 @@ fn homing_makes_every_memory_unknown() {
 fn a_first_model_can_come_while_the_robot_is_on() {
     let mut bench = Bench::enabled_with(config(""), None);
     assert_eq!(bench.joint(0.0, 0.0), Refusal::NoModel);
-    let first = model(OutputUnit::Deg);
-    assert_eq!(bench.swap(&first), Refusal::None);
+    let first = standard_model();
+    bench.offer(bench.candidate(&first));
+    bench.tick();
+    assert_eq!(bench.change_model(ModelChange::Activate(first.id()), true), Refusal::None);
     assert_eq!(bench.change_model(ModelChange::Rollback, false), Refusal::NoFormer);
     hold(&mut bench, 2.0, 0.0, 100);
+    let Some(lag) = lag_counts() else { return };
     for (target, wanted) in bench.targets().iter().zip(counts_at(2.0, 0.0)) {
-        assert!((f64::from(*target) - wanted).abs() <= 0.51);
+        assert!((f64::from(*target) - wanted - lag).abs() <= 0.51);
     }
 }
 
 #[test]
 fn an_impossible_swap_is_refused_and_changes_nothing() {
-    let (first, second, tip) =
-        (model(OutputUnit::Deg), scaled_play_model(1.1), model(OutputUnit::Mm));
+    let (first, second, tip) = (standard_model(), scaled_balance_model(1.1), model(OutputUnit::Mm));
     let mut bench = Bench::enabled();
     let activate = |model: &Arc<Model>| ModelChange::Activate(model.id());
     assert_eq!(bench.change_model(activate(&second), true), Refusal::NothingStaged);
@@ -192,7 +226,7 @@ fn an_impossible_swap_is_refused_and_changes_nothing() {
 /// bench, and every second swap is back to the model of which the angles are right.
 #[test]
 fn a_thousand_swaps_during_motion_stay_within_the_limits() {
-    let models = [play_model(), scaled_play_model(1.2), scaled_play_model(0.85)];
+    let models = [standard_model(), scaled_standard_model(1.2), scaled_standard_model(0.85)];
     let mut bench = conditioned(&models[0]);
     let (mut swaps, mut largest) = (0, 0.0_f64);
     figure(&mut bench, 0, 4000, |bench, k| match k % 4 {
@@ -230,7 +264,7 @@ proptest! {
     fn any_model_can_take_over_at_any_time(
         factor in 0.5..2.0_f64, ticks in 0..150_usize, pitch in -4.0..4.0_f64
     ) {
-        let (first, second) = (play_model(), scaled_play_model(factor));
+        let (first, second) = (standard_model(), scaled_standard_model(factor));
         let mut bench = conditioned(&first);
         for k in 0..40 {
             let _ = bench.joint(pitch * f64::from(k) / 40.0, 0.0);
@@ -256,9 +290,9 @@ fn counts_that_are_followed_do_not_change() {
         bench.run(4);
     }
     assert_eq!(bench.targets(), [100, -50]);
-    bench.offer(bench.candidate(&scaled_play_model(1.3)));
+    bench.offer(bench.candidate(&scaled_standard_model(1.3)));
     bench.tick();
-    let id = scaled_play_model(1.3).id();
+    let id = scaled_standard_model(1.3).id();
     assert_eq!(bench.change_model(ModelChange::Activate(id), true), Refusal::None);
     assert_eq!(bench.targets(), [100, -50]);
 }

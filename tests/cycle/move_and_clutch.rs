@@ -1,19 +1,24 @@
 //! `move_jp`, `hold`, clutch, motion scaling, tremor filter and joint limits.
 
-use std::sync::Arc;
-
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, CLIENT, config, model, play_model, rad};
-use i2ris_testing::families::gmr_stop;
+use i2ris_testing::cycle::{
+    Bench, CLIENT, FAMILIES, config, has_memory, lag_counts, model, rad, scaled_balance_model,
+    standard_model,
+};
 
 fn enabled(tables: &str) -> Bench {
-    Bench::enabled_with(config(tables), Some(model(OutputUnit::Deg)))
+    Bench::enabled_with(config(tables), Some(standard_model()))
 }
 
 fn go(bench: &mut Bench, pitch: f64, yaw: f64) -> Refusal {
     bench.pose = Some((rad(pitch, yaw), 2));
     bench.ask(StateCommand::Move)
+}
+
+/// How near a stream ends: of a model with memory the turning band holds what overshoots.
+fn near(exact: f64) -> f64 {
+    if has_memory() { 0.1 } else { exact }
 }
 
 /// To a thousandth of a degree: the search for the inverse ends within a thousandth of a count.
@@ -23,7 +28,8 @@ fn pitch(bench: &Bench) -> f64 {
 
 #[test]
 fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_there() {
-    let mut bench = enabled("");
+    // With memory, motors do not cross their gaps at the same time: see the next test.
+    let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
     assert_eq!(go(&mut bench, 8.0, -3.0), Refusal::None);
     let (mut ticks, mut before, mut fastest) = (0, bench.joints().setpoint, 0.0_f64);
     while bench.report().busy {
@@ -43,10 +49,8 @@ fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_ther
 
 #[test]
 fn every_trajectory_ends_with_every_family() {
-    let stops = gmr_stop().model();
-    let models = [("linear", model(OutputUnit::Deg)), ("play", play_model()), ("stop", stops)];
-    for (name, model) in models {
-        let mut bench = Bench::enabled_with(config(""), Some(model));
+    for (name, model) in FAMILIES {
+        let mut bench = Bench::enabled_with(config(""), Some(model()));
         for k in 1..=100 {
             // Multiples of two irrational numbers: spread evenly, and never twice the same.
             let angle = |step: f64| 16.0 * (f64::from(k) * step).fract() - 8.0;
@@ -105,11 +109,11 @@ fn a_model_can_take_over_during_a_trajectory() {
     let mut bench = enabled("");
     assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
     bench.run(300);
-    let next = play_model();
+    let next = scaled_balance_model(1.1);
     bench.offer(bench.candidate(&next));
     bench.tick();
     assert_eq!(
-        bench.change_model(i2ris::core::ModelChange::Activate(Arc::clone(&next).id()), true),
+        bench.change_model(i2ris::core::ModelChange::Activate(next.id()), true),
         Refusal::None
     );
     bench.idle();
@@ -155,18 +159,19 @@ fn while_the_clutch_is_open_the_snake_holds_and_when_it_closes_it_goes_on_from_t
     assert_eq!(bench.targets(), before, "closing moves nothing");
     move_master(&mut bench, -12.0, -9.0, 100);
     move_master(&mut bench, -9.0, -9.0, 20);
-    assert!((pitch(&bench) - held - 3.0).abs() < 0.01, "{} {held}", pitch(&bench));
+    assert!((pitch(&bench) - held - 3.0).abs() < near(0.01), "{} {held}", pitch(&bench));
     assert_eq!(bench.joint(f64::NAN, 0.0), Refusal::NotFinite);
 }
 
 #[test]
 fn a_scale_makes_the_snake_move_less_than_the_master_from_where_both_are() {
+    let Some(_) = lag_counts() else { return };
     let mut bench = enabled("[command]\nmotion_scale = 0.25");
     move_master(&mut bench, 20.0, 20.0, 5);
     assert!(pitch(&bench).abs() < 1e-9, "a stream begins where the snake is");
     move_master(&mut bench, 20.0, 28.0, 100);
     move_master(&mut bench, 28.0, 28.0, 20);
-    assert!((pitch(&bench) - 2.0).abs() < 0.01, "{}", pitch(&bench));
+    assert!((pitch(&bench) - 2.0).abs() < near(0.01), "{}", pitch(&bench));
 }
 
 #[test]
@@ -183,7 +188,9 @@ fn joint_limits_are_kept_for_any_goal() {
             assert!(pitch(&bench) <= 3.0 + 1e-9);
         }
     }
-    assert!((pitch(&bench) - 3.0).abs() < 1e-3);
+    // With memory the motors have come no further in this second: see the speed of rates.
+    let least = if has_memory() { 0.5 } else { 3.0 - 1e-3 };
+    assert!(pitch(&bench) > least, "{}", pitch(&bench));
 }
 
 #[test]
@@ -200,10 +207,11 @@ fn the_tremor_filter_delays_servo_commands() {
 
 #[test]
 fn a_second_move_of_a_client_takes_the_place_of_the_first_without_a_jump() {
-    // In every phase of the motion, and for ends before, behind and beside.
+    // In every phase of the motion, and for ends before, behind and beside. Of a model without
+    // memory: where one with memory turns, it crosses its gap.
     for after in [1, 20, 60, 120, 400, 800, 900] {
         for to in [[-6.0, 2.0], [2.0, 0.0], [9.0, 0.0], [0.0, 7.0]] {
-            let mut bench = enabled("");
+            let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
             assert_eq!(go(&mut bench, 8.0, 0.0), Refusal::None);
             bench.run(after);
             bench.pose = Some((rad(1.0, 0.0), 2));

@@ -9,7 +9,7 @@ use i2ris::model::Model;
 use i2ris::model::file::FamilyParameters;
 use i2ris::model::network::NetworkParameters;
 use i2ris::process::black_box::{BlackBox, BlackBoxHeader, replay};
-use i2ris_testing::cycle::{Bench, Recording, config, play_model};
+use i2ris_testing::cycle::{Bench, Recording, config, standard_model};
 use i2ris_testing::families::{averages, gru, inverse};
 
 /// A GRU on the straight line of the sample robot; with `is_pair`, and with one of the inverse.
@@ -71,7 +71,7 @@ fn swap_while_moving(bench: &mut Bench, models: &[Arc<Model>; 2], swaps: u32) {
 
 #[test]
 fn a_thousand_swaps_to_and_from_a_gru_while_the_snake_moves() {
-    let models = [play_model(), network(64, false)];
+    let models = [standard_model(), network(64, false)];
     let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(models[0].clone()));
     swap_while_moving(&mut bench, &models, 1000);
 }
@@ -87,7 +87,7 @@ fn a_session_with_a_gru_and_its_inverse_is_replayed_to_the_bit() {
 }
 
 fn replay_of(network: Arc<Model>) {
-    let models = [network, play_model()];
+    let models = [network, standard_model()];
     let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(models[0].clone()));
     bench.recording = Some(Recording::default());
     swap_while_moving(&mut bench, &models, 60);

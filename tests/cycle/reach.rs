@@ -1,19 +1,9 @@
 //! Out of reach: moves are refused, streams are clipped on their line, and the distance is said.
 
-use std::sync::Arc;
-
 use i2ris::core::CycleEventKind;
 use i2ris::ipc::{Refusal, StateCommand};
-use i2ris::model::Model;
-use i2ris::model::file::OutputUnit;
 use i2ris::robot::{Cause, Clip, Measurement, Quantity};
-use i2ris_testing::cycle::{Bench, config, model, play_model, rad};
-use i2ris_testing::families::gmr_stop;
-
-fn models() -> [Arc<Model>; 3] {
-    let stops = gmr_stop().model();
-    [model(OutputUnit::Deg), play_model(), stops]
-}
+use i2ris_testing::cycle::{Bench, FAMILIES, config, lag_counts, rad, standard_model};
 
 fn setpoint_deg(bench: &Bench) -> [f64; 2] {
     let [pitch, yaw, _] = bench.joints().setpoint;
@@ -37,13 +27,13 @@ fn stream(bench: &mut Bench, from: [f64; 2], to: [f64; 2]) {
 
 #[test]
 fn a_move_out_of_reach_is_refused_with_the_distance() {
-    for (model, pose) in models().into_iter().flat_map(|it| {
-        [[25.0, 0.0], [60.0, 0.0], [3.0, -40.0], [20.0, 20.0]].map(|pose| (it.clone(), pose))
+    for ((name, model), pose) in FAMILIES.into_iter().flat_map(|it| {
+        [[25.0, 0.0], [60.0, 0.0], [3.0, -40.0], [20.0, 20.0]].map(|pose| (it, pose))
     }) {
-        let mut bench = Bench::enabled_with(config(""), Some(model));
+        let mut bench = Bench::enabled_with(config(""), Some(model()));
         let before = bench.targets();
         let (refusal, measurement) = go(&mut bench, pose);
-        assert_eq!(refusal, Refusal::Reach, "{pose:?}");
+        assert_eq!(refusal, Refusal::Reach, "{name}: {pose:?}");
         let Measurement { quantity, measured, .. } = measurement.unwrap();
         let asked = pose[0].hypot(pose[1]);
         assert_eq!(quantity, Quantity::Degrees);
@@ -59,8 +49,9 @@ fn a_move_out_of_reach_is_refused_with_the_distance() {
 
 #[test]
 fn a_move_beyond_a_joint_limit_is_refused_with_the_distance() {
+    let Some(_) = lag_counts() else { return };
     let limits = "[joint_limits]\nposition_max_deg = [3.0, 9.0]";
-    let mut bench = Bench::enabled_with(config(limits), Some(model(OutputUnit::Deg)));
+    let mut bench = Bench::enabled_with(config(limits), Some(standard_model()));
     let (refusal, measurement) = go(&mut bench, [6.0, 2.0]);
     assert_eq!(refusal, Refusal::Reach);
     // It ends at (3, 1).
@@ -72,11 +63,11 @@ fn a_move_beyond_a_joint_limit_is_refused_with_the_distance() {
 
 #[test]
 fn a_stream_out_of_reach_ends_on_its_line() {
-    for model in models() {
+    for (name, model) in FAMILIES {
         for to in [[25.0, 0.0], [60.0, 0.0], [20.0, 7.0], [-9.0, 30.0], [-30.0, -20.0]] {
-            let mut bench = Bench::enabled_with(config(""), Some(model.clone()));
+            let mut bench = Bench::enabled_with(config(""), Some(model()));
             stream(&mut bench, [0.0; 2], to);
-            assert!(bench.report().clipped);
+            assert!(bench.report().clipped, "{name}: {to:?}");
             let [pitch, yaw] = setpoint_deg(&bench);
             let beside = (pitch * to[1] - yaw * to[0]) / to[0].hypot(to[1]);
             assert!(beside.abs() < 0.1, "{beside} deg beside the line to {to:?}: {pitch} {yaw}");
@@ -92,7 +83,7 @@ fn a_stream_out_of_reach_ends_on_its_line() {
 #[test]
 fn a_stream_beyond_a_joint_limit_ends_on_its_line_and_comes_back() {
     let limits = "[joint_limits]\nposition_max_deg = [3.0, 9.0]";
-    let mut bench = Bench::enabled_with(config(limits), Some(model(OutputUnit::Deg)));
+    let mut bench = Bench::enabled_with(config(limits), Some(standard_model()));
     stream(&mut bench, [0.0; 2], [6.0, 4.0]);
     let [pitch, yaw] = setpoint_deg(&bench);
     assert!((pitch - 3.0).abs() < 0.02 && (yaw - 2.0).abs() < 0.02, "{pitch} {yaw}");

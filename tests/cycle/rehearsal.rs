@@ -12,7 +12,9 @@ use i2ris::units::Counts;
 use i2ris_simulation::closed_loop::{
     ClosedLoop, IdealMotors, LoopError, start_position, without_limits,
 };
-use i2ris_testing::cycle::{Bench, config, counts_at, model, play_model, rad};
+use i2ris_testing::cycle::{
+    Bench, config, counts_at, model, model_with_memory, rad, standard_model,
+};
 
 fn goal(pitch_deg: f64, yaw_deg: f64) -> ServoGoal {
     ServoGoal::Joint(rad(pitch_deg, yaw_deg), 2)
@@ -37,7 +39,7 @@ fn without_limits_the_counts_are_those_of_the_inverse_in_the_same_tick() {
 
 #[test]
 fn with_limits_every_tick_is_that_of_the_loop() {
-    let model = model(OutputUnit::Deg);
+    let model = standard_model();
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
     let mut bench = Bench::enabled();
     for k in 0..400 {
@@ -50,7 +52,7 @@ fn with_limits_every_tick_is_that_of_the_loop() {
 
 #[test]
 fn what_command_admission_refuses_is_refused_here() {
-    let model = model(OutputUnit::Deg);
+    let model = standard_model();
     let mut rehearsal = rehearsal(&config(""), &model, &[[0.0, 0.0]]);
     assert_eq!(rehearsal.follow(goal(6.0, 0.0)), Err(LoopError::Goal(Refusal::Step)));
     assert!(rehearsal.follow(goal(4.0, 0.0)).is_ok(), "and then it goes on");
@@ -60,7 +62,7 @@ fn what_command_admission_refuses_is_refused_here() {
 
 #[test]
 fn the_history_sets_the_memory() {
-    let model = play_model();
+    let model = model_with_memory();
     let free = without_limits(&config(""));
     let from_below = rehearsal(&free, &model, &[[0.0, 0.0], [-600.0, -600.0], [100.0, 100.0]]);
     let from_above = rehearsal(&free, &model, &[[0.0, 0.0], [600.0, 600.0], [100.0, 100.0]]);

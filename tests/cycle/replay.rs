@@ -11,7 +11,7 @@ use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::process::black_box::{BlackBox, BlackBoxHeader as Header, ReplayError, replay};
 use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, Recording, config, play_model, scaled_play_model};
+use i2ris_testing::cycle::{Bench, Recording, config, scaled_standard_model, standard_model};
 
 /// A session: motion, swaps, conditioning, a fault and its acknowledgement, on a model with memory.
 fn run_session(bench: &mut Bench, second: &Arc<Model>) {
@@ -42,7 +42,7 @@ fn run_session(bench: &mut Bench, second: &Arc<Model>) {
 
 /// A recorded session, with the snapshots that `keep` asks for.
 fn recorded(keep: impl Fn(usize) -> bool) -> BlackBox {
-    let (first, second) = (play_model(), scaled_play_model(1.2));
+    let (first, second) = (standard_model(), scaled_standard_model(1.2));
     let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(Arc::clone(&first)));
     bench.recording = Some(Recording::default());
     run_session(&mut bench, &second);
@@ -82,9 +82,12 @@ fn run_adapting_session(bench: &mut Bench, second: &Arc<Model>) {
             bench.run(4);
         }
         bench.until("the start", |bench| bench.report().holding);
+        bench.run(50);
         bench.pose = Some(([0.0; 3], 2));
         assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
-        bench.idle();
+        bench.run(3000);
+        assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+        bench.run(50);
     };
     bench.home();
     bench.enable();
@@ -106,7 +109,7 @@ fn run_adapting_session(bench: &mut Bench, second: &Arc<Model>) {
 
 #[test]
 fn adaptation_is_replayed_to_the_bit_through_a_swap_a_rollback_and_a_fault() {
-    let (first, second) = (play_model(), scaled_play_model(1.1));
+    let (first, second) = (standard_model(), scaled_standard_model(1.1));
     let on = config("[adaptation]\nenabled = true");
     let mut bench = Bench::new(on, Some(Arc::clone(&first)));
     bench.camera = Some([0.008, -0.006]);

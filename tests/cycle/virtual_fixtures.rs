@@ -5,8 +5,7 @@ use std::sync::Arc;
 use i2ris::core::{CycleEventKind, FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::Model;
-use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, CLIENT, config, model, play_model, rad};
+use i2ris_testing::cycle::{Bench, CLIENT, config, rad, standard_model};
 use proptest::prelude::*;
 
 const WALL: &str = r#"
@@ -39,7 +38,7 @@ fn pitch_deg(bench: &Bench) -> f64 {
 
 #[test]
 fn the_snake_stops_before_a_wall_and_goes_along_it() {
-    let mut bench = enabled(WALL, model(OutputUnit::Deg));
+    let mut bench = enabled(WALL, standard_model());
     sweep(&mut bench, [0.0, 0.0], [9.0, 0.0], 2000);
     assert!((5.3..5.51).contains(&pitch_deg(&bench)), "{}", pitch_deg(&bench));
     assert_eq!(bench.report().limited_by_fixture, Some(0));
@@ -56,7 +55,7 @@ fn the_snake_stops_before_a_wall_and_goes_along_it() {
 
 #[test]
 fn motion_that_is_not_planned_in_angles_is_refused_while_a_fixture_counts() {
-    let mut bench = enabled(WALL, model(OutputUnit::Deg));
+    let mut bench = enabled(WALL, standard_model());
     assert_eq!(bench.actuator([10, 10]), Refusal::Fixture);
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::Fixture);
     bench.pose = Some((rad(8.0, 0.0), 2));
@@ -72,7 +71,7 @@ fn motion_that_is_not_planned_in_angles_is_refused_while_a_fixture_counts() {
 
 #[test]
 fn anybody_may_add_a_fixture_and_only_the_commander_at_rest_takes_one_away() {
-    let mut bench = enabled("", model(OutputUnit::Deg));
+    let mut bench = enabled("", standard_model());
     let wall = SimpleRegion {
         space: FixtureSpace::Angles,
         shape: SimpleShape::HalfSpace { normal: [1.0, 0.0, 0.0], offset: 4.0_f64.to_radians() },
@@ -95,7 +94,7 @@ fn anybody_may_add_a_fixture_and_only_the_commander_at_rest_takes_one_away() {
 
 #[test]
 fn a_fixture_that_is_added_during_a_trajectory_stops_it() {
-    let mut bench = enabled("", model(OutputUnit::Deg));
+    let mut bench = enabled("", standard_model());
     bench.pose = Some((rad(9.0, 0.0), 2));
     assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
     bench.run(100);
@@ -125,7 +124,7 @@ proptest! {
             direction.cos(),
             direction.sin()
         );
-        let mut bench = enabled(&tables, play_model());
+        let mut bench = enabled(&tables, standard_model());
         let mut at = [0.0; 2];
         for (pitch, yaw, ticks) in goals {
             let length = (pitch - at[0]).hypot(yaw - at[1]);

@@ -31,6 +31,7 @@ pub struct Drifting {
 impl Drifting {
     /// Enabled, with a known memory.
     pub fn new(tables: &str) -> Self {
+        // With plays: see the default family in `tests/adaptation`.
         let model = play_model();
         let mut bench = Bench::new(config(tables), Some(Arc::clone(&model)));
         bench.home();

@@ -3,8 +3,7 @@
 use i2ris::core::{CycleEventKind, ExternalPose, PlausibilityCheck};
 use i2ris::drive::Demand;
 use i2ris::ipc::{Fault, OperatingState, Refusal};
-use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, config, model};
+use i2ris_testing::cycle::{Bench, config, standard_model};
 
 fn demands(bench: &Bench) -> [Demand; 2] {
     bench.out.requests.map(|request| request.demand)
@@ -14,7 +13,7 @@ fn demands(bench: &Bench) -> [Demand; 2] {
 /// second second on with an error by slack of the wire.
 fn with_camera(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
     let limits = config("[plausibility]\ndistance_deg = 2.0\ndebounce_ms = 300");
-    let mut bench = Bench::new(limits, Some(model(OutputUnit::Deg)));
+    let mut bench = Bench::new(limits, Some(standard_model()));
     bench.home();
     bench.enable();
     let mut seen = Vec::new();

@@ -2,8 +2,7 @@
 
 use i2ris::core::ExternalPose;
 use i2ris::ipc::{OperatingState, Refusal};
-use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{Bench, config, model};
+use i2ris_testing::cycle::{Bench, config, standard_model};
 use i2ris_testing::{Rig, stream_angles, wait_until_idle};
 
 /// Five minutes of counted time with every monitor on: slow lines, a camera with noise, occasional
@@ -14,7 +13,7 @@ fn h16_five_minutes_of_ordinary_use_trip_nothing() {
         "[limits]\nover_current_ma = 250\noverrun_ticks = 100\n[plausibility]\ndistance_deg = 1.0\n\
          debounce_ms = 200",
     );
-    let mut bench = Bench::new(limits, Some(model(OutputUnit::Deg)));
+    let mut bench = Bench::new(limits, Some(standard_model()));
     for drive in &mut bench.drives {
         drive.slot = 4;
     }

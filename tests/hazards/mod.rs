@@ -25,3 +25,8 @@ mod h22;
 mod h23;
 mod h36;
 mod noise;
+
+#[test]
+fn other_families_fly_too() {
+    i2ris_testing::cycle::with_other_families(&["h12_a_", "h16_five"]);
+}

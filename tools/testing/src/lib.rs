@@ -27,8 +27,8 @@
 mod controller;
 pub mod cycle;
 pub mod drive;
-mod fast_values;
 pub mod families;
+mod fast_values;
 mod motion;
 pub mod program;
 mod properties;

@@ -15,6 +15,7 @@ use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
+use i2ris::model::file::{FamilyParameters, ModelFile, OutputUnit};
 use i2ris::process::controller;
 use i2ris::units::{Counts, Nanos};
 use i2ris_simulation::drive::DriveConfig;
@@ -24,6 +25,7 @@ use i2ris_simulation::{Emulator, EmulatorConfig};
 use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
 
+use crate::cycle::{GAIN_DEG, HULL, balance_model, model};
 use crate::fast_values::{fast_axis, fast_table};
 use crate::program;
 use crate::waiting::{Background, TIMEOUT, wait_until};
@@ -131,28 +133,39 @@ impl Rig {
         rig
     }
 
+    /// A robot whose controller starts with a model of the default family.
+    pub fn with_balance_model() -> Self {
+        let mut rig = Self::start();
+        rig.config.control.model = Some(rig.balance_model("model.json"));
+        rig
+    }
+
+    /// Writes [`balance_model`] for the emulated snake, with the angles of [`Rig::linear_model`].
+    pub fn balance_model(&self, name: &str) -> PathBuf {
+        let (mut file, g) = (balance_model().file().clone(), 1000.0 * GAIN_DEG);
+        if let FamilyParameters::ForceBalance { read_out, virtual_hull, .. } = &mut file.family {
+            virtual_hull.corners.iter_mut().flatten().for_each(|counts| *counts *= 1000.0 / HULL);
+            read_out.coefficients = vec![vec![0.0, g, -g], vec![0.0, g, g]];
+        }
+        self.write_model(name, "rig", file)
+    }
+
     /// Writes a linear model of the emulated snake, accurate to a few degrees: 0.022 degrees per count,
     /// axes turned by 45 degrees. `factor` scales its angles.
     pub fn linear_model(&self, name: &str, robot_id: &str, factor: f64) -> PathBuf {
-        let g = factor * 0.022 * std::f64::consts::FRAC_1_SQRT_2;
-        let metrics = r#"{"training": {"r2": 1.0, "rmsd": 1.0, "nrmsd": 0.1, "mae": 1.0, "max": 2.0},
-            "held_out": null}"#;
-        let text = format!(
-            r#"{{"format": "i2ris-model", "schema_version": 1, "robot_id": "{robot_id}",
-                "outputs": [{{"name": "pitch", "unit": "deg"}}, {{"name": "yaw", "unit": "deg"}}],
-                "family": {{"kind": "linear", "gain": [[{g}, {minus}], [{g}, {g}]],
-                    "offset": [0.0, 0.0], "covariance": [[1.0, 0.0], [0.0, 1.0]]}},
-                "hull": {{"corners": [[-1000.0, -1000.0], [1000.0, -1000.0], [1000.0, 1000.0],
-                    [-1000.0, 1000.0]]}},
-                "training": {{"data_file": "none", "data_sha256": "{sha}", "rows": 10, "seed": 0,
-                    "restarts": 0, "log_likelihood": null, "bic": null, "software": "test"}},
-                "metrics": [{metrics}, {metrics}]}}"#,
-            minus = -g,
-            sha = "0".repeat(64)
-        );
-        let file = self.folder.path().join(name);
-        fs::write(&file, text).unwrap();
-        file
+        let (mut file, g) = (model(OutputUnit::Deg).file().clone(), factor * GAIN_DEG);
+        if let FamilyParameters::Linear { gain, .. } = &mut file.family {
+            *gain = vec![vec![g, -g], vec![g, g]];
+        }
+        self.write_model(name, robot_id, file)
+    }
+
+    fn write_model(&self, name: &str, robot_id: &str, mut file: ModelFile) -> PathBuf {
+        robot_id.clone_into(&mut file.robot_id);
+        file.hull.corners.iter_mut().flatten().for_each(|counts| *counts *= 1000.0 / HULL);
+        let path = self.folder.path().join(name);
+        fs::write(&path, file.canonical_form().unwrap()).unwrap();
+        path
     }
 
     /// A domain for another server, removed at the end.

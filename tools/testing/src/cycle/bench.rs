@@ -13,7 +13,6 @@ use i2ris::core::{
 };
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
-use i2ris::model::file::OutputUnit;
 use i2ris::model::{History, Model};
 use i2ris::process::black_box::{OfferRecord, TickRecord};
 use i2ris::realtime::{Tick, TickTiming};
@@ -21,7 +20,7 @@ use i2ris::robot::Reason;
 use i2ris::units::{Counts, Nanos, OutputVec};
 
 use super::invariants::InvariantCheck;
-use super::sample_models::{config, model, rad};
+use super::sample_models::{config, rad, standard_model};
 use super::simulated_drive::SimulatedDrive;
 
 pub struct Bench {
@@ -158,7 +157,7 @@ impl Bench {
     }
 
     pub fn standard() -> Self {
-        Self::new(config(""), Some(model(OutputUnit::Deg)))
+        Self::new(config(""), Some(standard_model()))
     }
 
     /// One tick.

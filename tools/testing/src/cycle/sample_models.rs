@@ -4,11 +4,13 @@ use i2ris::config::Config;
 use i2ris::model::Model;
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
-    OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
+    OutputMetrics, OutputSpec, OutputUnit, PolynomialParameters, SCHEMA_VERSION, TrainingRecord,
 };
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters, BalanceStop};
 use i2ris::units::OutputVec;
-use std::sync::Arc;
+use std::process::Command;
+use std::sync::{Arc, LazyLock};
 
 use crate::fast_config;
 
@@ -75,6 +77,88 @@ pub fn model(unit: OutputUnit) -> Arc<Model> {
     Arc::new(Model::from_file(file(unit, family)).unwrap())
 }
 
+/// The families that fly: tests of every family have them from here. The first one is the default
+/// and that of [`standard_model`].
+pub const FAMILIES: [(&str, fn() -> Arc<Model>); 4] = [
+    ("force-balance", balance_model),
+    ("force-balance-fitted", fitted_model),
+    ("linear", || model(OutputUnit::Deg)),
+    ("gmr-play", play_model),
+];
+
+/// The variable of the environment that names one of [`FAMILIES`] in the place of the first.
+const FAMILY: &str = "I2RIS_TEST_FAMILY";
+
+/// The model of the tests that hold for every family.
+pub fn standard_model() -> Arc<Model> {
+    static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| {
+        let name = std::env::var(FAMILY).unwrap_or_else(|_| FAMILIES[0].0.to_owned());
+        let (_, make) = FAMILIES.iter().find(|(family, _)| *family == name).expect(FAMILY);
+        make()
+    });
+    Arc::clone(&MODEL)
+}
+
+/// Runs tests of this binary again, with a fitted and with the linear model as the standard one.
+pub fn with_other_families(filter: &[&str]) {
+    // Not within itself.
+    if std::env::var_os(FAMILY).is_none() {
+        for (family, _) in &FAMILIES[1..3] {
+            let mut tests = Command::new(std::env::current_exe().unwrap());
+            let tests = tests.args(filter).env(FAMILY, family).output().unwrap();
+            assert!(tests.status.success(), "{family}: {}", String::from_utf8_lossy(&tests.stdout));
+        }
+    }
+}
+
+/// Whether the standard model remembers where its motors have been.
+pub fn has_memory() -> bool {
+    standard_model().wipe_counts() != [0.0; 2]
+}
+
+/// How far the standard model is behind its motors once they have gone on in one direction, counts;
+/// `None` of a fitted one, whose numbers nobody can work out and which is not at 0 at 0 counts.
+pub fn lag_counts() -> Option<f64> {
+    let is_by_hand = standard_model().id() == balance_model().id();
+    if is_by_hand { Some(50.0) } else { (!has_memory()).then_some(0.0) }
+}
+
+/// The standard model, or the default one where that has no memory.
+pub fn model_with_memory() -> Arc<Model> {
+    if has_memory() { standard_model() } else { balance_model() }
+}
+
+/// The standard model of a snake that bends more by a factor.
+pub fn scaled_standard_model(factor: f64) -> Arc<Model> {
+    let mut file = standard_model().file().clone();
+    let rows = match &mut file.family {
+        FamilyParameters::Linear { gain, .. } => gain,
+        FamilyParameters::ForceBalance { read_out, .. } => &mut read_out.coefficients,
+        _ => return scaled_play_model(factor),
+    };
+    rows.iter_mut().flatten().for_each(|number| *number *= factor);
+    Arc::new(Model::from_file(file).unwrap())
+}
+
+/// A model of the default family as calibration makes it: of the snake and the recording of
+/// `tests/adaptation/fitted.rs`, for the robot of the bench.
+pub fn fitted_model() -> Arc<Model> {
+    let text = include_str!("../../../../tests/adaptation/force-balance.json");
+    let mut file = ModelFile::parse(text).unwrap();
+    // The axes of that snake are turned by another quarter against those of the bench.
+    let turn = |rows: &mut Vec<Vec<f64>>| {
+        rows.swap(0, 1);
+        rows[1].iter_mut().for_each(|number| *number = -*number);
+    };
+    if let FamilyParameters::ForceBalance { read_out, .. } = &mut file.family {
+        turn(&mut read_out.coefficients);
+    }
+    file.training.linear_gain.as_mut().map(turn).unwrap();
+    "bench".clone_into(&mut file.robot_id);
+    (file.hull, file.slow_error) = (square(), None);
+    Arc::new(Model::from_file(file).unwrap())
+}
+
 /// The same behind gaps of 100 counts to either side of every motor.
 pub fn play_model() -> Arc<Model> {
     scaled_play_model(1.0)
@@ -101,6 +185,56 @@ pub fn scaled_play_model(factor: f64) -> Arc<Model> {
     };
     let family =
         FamilyParameters::GmrPlay { plays, mixture, residual: None, virtual_hull: square() };
+    Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
+}
+
+/// The same of the default family: motors that do not know of each other, each with a gap of 30
+/// counts to either side and a friction that stretches its wires by 20. A motor that goes on in a
+/// direction bends the snake as one without them does 50 counts behind it.
+pub fn balance_model() -> Arc<Model> {
+    scaled_balance_model(1.0)
+}
+
+/// The same for a snake that bends more by a factor.
+pub fn scaled_balance_model(factor: f64) -> Arc<Model> {
+    // Both wires stay taut, so that a force of two counts stretches them by one.
+    let motor = BalanceMotor {
+        centre_counts: 0.0,
+        travel_per_count: 1.0,
+        neutral: 0.0,
+        gap: 30.0,
+        coupling: 0.0,
+        preload: [200.0; 2],
+        preload_growth: 0.0,
+        stiffness: [1.0; 2],
+        spring: 0.1,
+        hardening: 0.0,
+        friction: 40.0,
+        friction_by_tension: [0.0; 2],
+        friction_by_other: 0.0,
+        friction_growth: [0.0; 2],
+        friction_slope: 0.0,
+        friction_asymmetry: 0.0,
+    };
+    let gain = 1000.0 * factor * GAIN_DEG;
+    let family = FamilyParameters::ForceBalance {
+        balance: BalanceParameters {
+            motors: vec![motor.clone(), motor],
+            own_stops: vec![BalanceStop { stiffness: 10.0, share: 1.0, yields: false }],
+            shared_stops: vec![],
+            loose_stiffness: 1e-4,
+            softness: 1.0,
+            friction_stays: 0.0,
+        },
+        read_out: PolynomialParameters {
+            centre_counts: vec![0.0; 2],
+            scale_counts: vec![1000.0; 2],
+            degree: 1,
+            coefficients: vec![vec![0.0, gain, gain], vec![0.0, -gain, gain]],
+            covariance: vec![vec![0.04, 0.0], vec![0.0, 0.09]],
+        },
+        virtual_hull: square(),
+    };
     Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
 }
 

@@ -6,10 +6,9 @@ use i2ris::config::Config;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
-use i2ris::model::file::OutputUnit;
 
 use super::bench::Bench;
-use super::sample_models::{config, model};
+use super::sample_models::{config, standard_model};
 use super::simulated_drive::Quirk;
 
 impl Bench {
@@ -31,7 +30,7 @@ impl Bench {
     }
 
     pub fn enabled() -> Self {
-        Self::enabled_with(config(""), Some(model(OutputUnit::Deg)))
+        Self::enabled_with(config(""), Some(standard_model()))
     }
 
     pub fn enabled_with(config: Config, model: Option<Arc<Model>>) -> Self {
