@@ -77,7 +77,9 @@ impl ControlLoop {
         self.pass_on(&outputs, lost);
         let report = outputs.report;
         let off = report.state == OperatingState::Disabled && !report.busy;
-        self.heartbeat.write(tick.started, off);
+        let owing = self.links.iter().filter(|link| link.slot.owes_answer());
+        let owing = owing.fold(0, |motors, link| motors | 1 << link.motor);
+        self.heartbeat.write(tick.started, off, owing);
         let ended = clock::now();
         let timing = TickTiming { tick, ended };
         let channels = &mut self.channels;

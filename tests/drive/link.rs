@@ -2,7 +2,7 @@
 //! accepted.
 
 use i2ris::drive::abort_code::AbortCode;
-use i2ris::drive::bring_up::{QuickStopError, quick_stop_all};
+use i2ris::drive::bring_up::{QuickStopError, STOP_ATTEMPTS, quick_stop_all};
 use i2ris::drive::cia402::DriveState;
 use i2ris::drive::epos4::Epos4;
 use i2ris::drive::error::LinkError;
@@ -319,13 +319,13 @@ fn every_drive_of_a_line_is_stopped_before_a_silent_one_is_tried_again() {
     }
     let config = port_config(&drives);
     let line = SimulatedLine::new(drives);
-    line.state().silent_node = Some(1);
+    line.state().silent_node = Some(2);
     let mut link = DriveLink::new(line.clone(), &Epos4, &config);
     let begin = line.time();
-    let outcomes = quick_stop_all(&mut link, &[1, 2]);
+    let outcomes = quick_stop_all(&mut link, &[2, 1], &[], STOP_ATTEMPTS);
     let stopped = line.state().requests[0];
-    assert_eq!((stopped.node, stopped.index), (2, 0x6040));
-    let one_time_out = Nanos::from_millis(config.reply_timeout_ms + 20);
+    assert_eq!((stopped.node, stopped.index), (1, 0x6040));
+    let one_time_out = line.state().gateway.timeout + Nanos::from_millis(20);
     assert!(stopped.arrived - begin < one_time_out);
     let expected = [Err(QuickStopError::NoAnswer), Ok(DriveState::QuickStopActive)];
     assert_eq!(outcomes, expected);

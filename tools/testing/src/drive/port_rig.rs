@@ -40,7 +40,13 @@ pub fn bring_up(drive: MiniDrive) -> (SimulatedLine, Result<(), DriveError>) {
 
 impl PortRig {
     pub fn new(drives: Vec<MiniDrive>) -> Self {
-        let (line, _, port) = open(drives);
+        Self::with_reply_timeout(drives, 20)
+    }
+
+    pub fn with_reply_timeout(drives: Vec<MiniDrive>, reply_timeout_ms: u64) -> Self {
+        let (line, config, _) = open(drives);
+        let config = PortConfig { reply_timeout_ms, ..config };
+        let port = Port::over(line.clone(), &config);
         let (runner, links) = port.bring_up().unwrap().split();
         let requests = vec![AxisRequest::default(); links.len()];
         Self { line, runner, links, requests, events: Vec::new() }
