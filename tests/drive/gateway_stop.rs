@@ -20,6 +20,7 @@ fn powered(gateway_ms: u64, dead: u8) -> (SimulatedLine, PortConfig) {
     let line = SimulatedLine::new(drives);
     line.state().gateway.timeout = Nanos::from_millis(gateway_ms);
     line.state().silent_node = Some(dead);
+    line.state().adapter_hold = Nanos::from_millis(1);
     (line, config)
 }
 

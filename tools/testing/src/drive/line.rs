@@ -80,8 +80,6 @@ pub struct LineState {
     pub lost_in_gateway: u32,
     /// How long an adapter holds a reply back.
     pub adapter_hold: Nanos,
-    /// Another program has the port: it cannot be opened.
-    pub in_use: bool,
     /// Disturbs the next write of this value to this object.
     pub disturb_write: Option<(u16, u32, Disturbance)>,
     /// Delay of the host when it waits for bytes.
@@ -119,7 +117,6 @@ impl SimulatedLine {
             },
             lost_in_gateway: 0,
             adapter_hold: Nanos::ZERO,
-            in_use: false,
             disturb_write: None,
             host_delay: Nanos::ZERO,
             hung_up: false,
@@ -361,10 +358,6 @@ impl Transport for SimulatedLine {
             state.inbox.pop_front();
         }
         Ok(count)
-    }
-
-    fn reopen(&mut self) -> io::Result<()> {
-        if self.state().in_use { Err(io::ErrorKind::ResourceBusy.into()) } else { Ok(()) }
     }
 
     fn now(&self) -> Nanos {
