@@ -141,15 +141,3 @@ fn a_node_that_stays_dead_costs_the_others_a_fifth_of_the_time_at_most() {
     let tries = rig.line.state().forwarded.iter().filter(|(_, answered)| !answered).count();
     assert!((2..=8).contains(&tries), "{tries} times 0.5 s in 20 s");
 }
-
-/// The gateway answers at last, and the line was never silent.
-#[test]
-fn a_gateway_that_waits_for_longer_than_the_host_is_no_silent_line() {
-    let mut rig = three_enabled(500, 20);
-    rig.line.state().silent_node = Some(3);
-    for _ in 0..200 {
-        rig.turns(1);
-    }
-    let phases = [0, 1, 2].map(|axis| rig.feedback_of(axis).phase);
-    assert_eq!(phases, [AxisPhase::Enabled, AxisPhase::Enabled, AxisPhase::Lost]);
-}
