@@ -171,9 +171,8 @@ impl AxisStateMachine {
 
     fn check_deadline(&mut self, now: Nanos, events: EventSink<'_>) {
         let error = TransitionError::Timeout { statusword: self.feedback.statusword };
-        match &mut self.state {
-            AxisState::QuickStopping(_, left) if *left > 0 => *left -= 1,
-            _ => {}
+        if let AxisState::QuickStopping(_, left) = &mut self.state {
+            *left = left.saturating_sub(1);
         }
         match self.state {
             AxisState::Enabling(_, deadline) if now > deadline => {

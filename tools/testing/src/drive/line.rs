@@ -76,8 +76,6 @@ pub struct LineState {
     pub silent_node: Option<u8>,
     /// How the drive at the port forwards requests to the others.
     pub gateway: Gateway,
-    /// Requests that the gateway was sent while it waited for a node: they are lost.
-    pub lost_in_gateway: u32,
     /// How long an adapter holds a reply back.
     pub adapter_hold: Nanos,
     /// Disturbs the next write of this value to this object.
@@ -115,7 +113,6 @@ impl SimulatedLine {
                 round_trip: Nanos::from_micros(600),
                 timeout: Nanos::from_millis(50),
             },
-            lost_in_gateway: 0,
             adapter_hold: Nanos::ZERO,
             disturb_write: None,
             host_delay: Nanos::ZERO,
@@ -193,7 +190,6 @@ impl LineState {
             return;
         }
         if self.now < self.gateway_busy_until {
-            self.lost_in_gateway += 1;
             return;
         }
         let mut bytes = bytes.to_vec();
