@@ -31,10 +31,10 @@ Options:
   --version        Print the version
   --help           Print this
 
-Start it before the controller, which locks its ports for programs that start later. SIGINT and
-SIGTERM end it without stopping the drives. It cannot act when the host loses power or hangs as a
-whole, or when a cable is pulled: that needs a hardware watchdog on the safe-torque-off input of the
-drives.
+The controller lets it into its ports whenever it starts, and enables nothing while it runs and does
+not hold all of them. SIGINT and SIGTERM end it without stopping the drives. It cannot act when the
+host loses power or hangs as a whole, or when a cable is pulled: that needs a hardware watchdog on
+the safe-torque-off input of the drives.
 ";
 
 /// Priority under SCHED_FIFO: above everything of the controller.

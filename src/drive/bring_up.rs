@@ -3,6 +3,7 @@
 //! These steps block for many exchanges. They run before the control loop starts, and again on a
 //! lost axis that answers again.
 
+use super::abort_code::AbortCode;
 use super::cia402::{Controlword, DriveState, PowerGoal, PowerStep, Statusword, power_step};
 use super::error::{AxisError, LinkError};
 use super::family::{FirmwareVersion, ObjectMap};
@@ -185,17 +186,25 @@ impl<'a, T: Transport> DriveNode<'a, T> {
     }
 
     pub(super) fn read<V: Value>(&mut self, object: Object<V>) -> Result<V, AxisError> {
-        let outcome = self.link.read(self.node, object);
-        self.end_exchange(object.address(), outcome)
+        self.read_raw(object.address()).map(V::from_raw)
     }
 
     pub(super) fn read_back(&mut self, setting: Setting) -> Result<u32, AxisError> {
-        let outcome = self.link.read_raw(self.node, setting.object);
-        self.end_exchange(setting.object, outcome.map(|reply| reply.value))
+        self.read_raw(setting.object)
+    }
+
+    fn read_raw(&mut self, object: Address) -> Result<u32, AxisError> {
+        let outcome = match self.interlude {
+            Some(_) => self.link.read_promptly(self.node, object),
+            None => self.link.read_raw(self.node, object),
+        };
+        self.end_exchange(object, outcome.map(|reply| reply.value))
     }
 
     fn write(&mut self, setting: Setting) -> Result<(), AxisError> {
-        let outcome = self.link.write(self.node, setting, Retry::Safe);
+        let others_wait = self.interlude.is_some();
+        let retry = if others_wait { self.link.prompt(Retry::Safe) } else { Retry::Safe };
+        let outcome = self.link.write(self.node, setting, retry);
         self.end_exchange(setting.object, outcome.map(|_| ()))
     }
 
@@ -264,45 +273,76 @@ pub enum QuickStopError {
     /// Nothing answers.
     #[error("the drive does not answer; cut its power")]
     NoAnswer,
+    /// It answers, and follows its target.
+    #[error("the drive does not stop ({0:?}); cut its power")]
+    StillOn(DriveState),
 }
 
 /// Attempts to stop a drive: the first may collide with the rest of the controller's exchange.
-const STOP_ATTEMPTS: usize = 5;
+pub const STOP_ATTEMPTS: usize = 3;
 
 /// Stops drives with their quick-stop ramps, in any state; they then hold with power. A drive
 /// without power stays off.
 ///
-/// Every drive gets the command before any is asked for its state: a drive that does not answer
-/// delays the stop of the others by one time-out, not by all attempts.
+/// Behind a gateway, a node that does not answer keeps the line for a whole time-out. So every
+/// drive gets the command before any is asked for its state, nodes that are `owing` an answer come
+/// last, and a node that did not answer is asked again when every other one has been asked.
 pub fn quick_stop_all<T: Transport>(
     link: &mut DriveLink<T>,
     nodes: &[u8],
+    owing: &[u8],
+    attempts: usize,
 ) -> Vec<Result<DriveState, QuickStopError>> {
     let _ = link.wait_for_quiet();
+    link.wait_for_gateway(true);
     let stop = object::CONTROLWORD.set(Controlword::QUICK_STOP.0);
+    let mut last: Vec<bool> =
+        nodes.iter().map(|node| nodes.len() > 1 && owing.contains(node)).collect();
+    let mut order: Vec<usize> = (0..nodes.len()).collect();
+    order.sort_by_key(|&index| last[index]);
     // Sent before the state is known: without power it only delays switching on.
-    for &node in nodes {
-        link.write_unconfirmed(node, stop);
+    let at_first: Vec<usize> = order.iter().copied().filter(|&index| !last[index]).collect();
+    for (turn, index) in at_first.into_iter().enumerate() {
+        let is_answered = link.write_unconfirmed(nodes[index], stop);
+        // The first reply may be one to the controller.
+        last[index] = turn > 0 && !is_answered;
     }
-    let confirm = |&node: &u8| {
-        (0..STOP_ATTEMPTS)
-            .map(|_| quick_stop(link, node, stop))
-            .find(Result::is_ok)
-            .unwrap_or(Err(QuickStopError::NoAnswer))
-    };
-    nodes.iter().map(confirm).collect()
+    order.sort_by_key(|&index| last[index]);
+    let mut outcomes = vec![Err(QuickStopError::NoAnswer); nodes.len()];
+    for _ in 0..attempts {
+        for &index in &order {
+            if outcomes[index].is_ok() {
+                continue;
+            }
+            match quick_stop(link, nodes[index], stop) {
+                Ok(outcome) => outcomes[index] = outcome,
+                // Nothing answers at all, not even the drive that the port belongs to.
+                Err(LinkError::Lost | LinkError::Broken(_)) => return outcomes,
+                Err(_) => {}
+            }
+        }
+    }
+    outcomes
 }
 
+/// Commands quick stop, and reads the state.
 fn quick_stop(
     link: &mut DriveLink<impl Transport>,
     node: u8,
     stop: Setting,
-) -> Result<DriveState, QuickStopError> {
-    let _ = link.write(node, stop, Retry::Safe);
-    match DriveNode::new(link, node).go_to(PowerGoal::Stopped) {
-        Ok(state) | Err(AxisError::StillOn { state }) => Ok(state),
-        Err(_) => Err(QuickStopError::NoAnswer),
+) -> Result<Result<DriveState, QuickStopError>, LinkError> {
+    match link.write(node, stop, link.prompt(Retry::Safe)) {
+        Ok(_) => {}
+        Err(LinkError::Refused(code)) if code != AbortCode::NO_NODE => {}
+        Err(error) => return Err(error),
     }
+    let statusword = link.read_promptly(node, object::STATUSWORD.address())?.value;
+    let state = Statusword(u16::from_raw(statusword)).state();
+    let state = state.ok_or(LinkError::Unanswered)?;
+    Ok(match power_step(state, PowerGoal::Stopped) {
+        PowerStep::Command(_) => Err(QuickStopError::StillOn(state)),
+        PowerStep::Reached | PowerStep::Blocked | PowerStep::Wait => Ok(state),
+    })
 }
 
 /// Exchanges that are timed at start.

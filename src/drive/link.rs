@@ -31,6 +31,10 @@ use crate::units::Nanos;
 /// Frame timeout of drives as delivered (0x2005, 0x2006).
 const DEFAULT_FRAME_TIMEOUT: Nanos = Nanos::from_millis(500);
 
+/// The longest that a gateway waits for a node. It takes nothing else meanwhile, and answers in the
+/// place of the node then.
+pub(super) const GATEWAY_TIMEOUT: Nanos = Nanos::from_millis(600);
+
 /// The node that the port belongs to, whatever its own id.
 pub(super) const LOCAL_NODE: u8 = 0;
 
@@ -54,6 +58,9 @@ pub struct LinkCounters {
 pub enum Retry {
     /// Reads, and writes of the same value: they are idempotent.
     Safe,
+    /// The same on a line with a gateway: not after a time-out, because the second attempt may cost
+    /// the other nodes another time-out of the gateway.
+    IfDamaged,
     /// Edges that start something, and setpoints, which are replaced by newer ones instead.
     Never,
 }
@@ -119,6 +126,9 @@ pub struct DriveLink<T> {
     parser: FrameParser,
     sync: SyncState,
     reply_timeout: Nanos,
+    usual_reply_timeout: Nanos,
+    /// Nodes are behind the drive that the port belongs to.
+    has_gateway: bool,
     byte_time: Nanos,
     frame_timeout: Nanos,
     serial_number: Option<u32>,
@@ -131,6 +141,7 @@ impl<T: Transport> DriveLink<T> {
     pub fn new(transport: T, family: &'static dyn DriveFamily, config: &PortConfig) -> Self {
         // A start bit, eight data bits and a stop bit.
         let byte_time = Nanos(10 * 1_000_000_000 / u64::from(config.baud.max(1)));
+        let reply_timeout = Nanos::from_millis(config.reply_timeout_ms);
         Self {
             transport,
             family,
@@ -138,7 +149,9 @@ impl<T: Transport> DriveLink<T> {
             encoder: FrameEncoder::default(),
             parser: FrameParser::default(),
             sync: SyncState::InSync,
-            reply_timeout: Nanos::from_millis(config.reply_timeout_ms),
+            reply_timeout,
+            usual_reply_timeout: reply_timeout,
+            has_gateway: config.axes.len() > 1,
             byte_time,
             frame_timeout: DEFAULT_FRAME_TIMEOUT,
             serial_number: None,
@@ -176,6 +189,23 @@ impl<T: Transport> DriveLink<T> {
         self.transport.reopen().map_err(LinkError::broken)?;
         self.broken = false;
         Ok(())
+    }
+
+    /// Lets the port do what has to be done from time to time.
+    pub fn maintain(&mut self) {
+        self.transport.maintain();
+    }
+
+    /// Waits for replies as long as a gateway may wait for a node, or for the usual time again.
+    pub(super) fn wait_for_gateway(&mut self, waits: bool) {
+        let usual = self.usual_reply_timeout;
+        self.reply_timeout =
+            if waits && self.has_gateway { usual.max(GATEWAY_TIMEOUT) } else { usual };
+    }
+
+    /// How a request is repeated that must not keep the other nodes waiting.
+    pub(super) fn prompt(&self, retry: Retry) -> Retry {
+        if self.has_gateway && retry == Retry::Safe { Retry::IfDamaged } else { retry }
     }
 
     /// Lifetime counters.
@@ -218,6 +248,15 @@ impl<T: Transport> DriveLink<T> {
         self.read_with(node, object, Retry::Safe)
     }
 
+    /// As [`Self::read_raw`], for a line whose other nodes must not wait.
+    pub(super) fn read_promptly(
+        &mut self,
+        node: u8,
+        object: Address,
+    ) -> Result<TimedReply<u32>, LinkError> {
+        self.read_with(node, object, self.prompt(Retry::Safe))
+    }
+
     /// Whether a node answers a single attempt.
     pub(super) fn is_answered(&mut self, node: u8, object: Address) -> bool {
         self.read_with(node, object, Retry::Never).is_ok()
@@ -253,12 +292,18 @@ impl<T: Transport> DriveLink<T> {
         })
     }
 
-    /// Writes an object in one attempt, and leaves the outcome open. Waits for the reply, but does
-    /// not synchronise the line if there is none.
-    pub(super) fn write_unconfirmed(&mut self, node: u8, setting: Setting) {
+    /// Writes an object in one attempt, and leaves the outcome open: whether the next reply is a
+    /// good one. Waits for it, but does not synchronise the line if there is none.
+    pub(super) fn write_unconfirmed(&mut self, node: u8, setting: Setting) -> bool {
         let commands = self.family.command_set();
-        let _ =
+        let timeouts = self.counters.timeouts;
+        let outcome =
             self.attempt(&commands.write(node, setting), &mut |reply| commands.write_reply(reply));
+        if self.counters.timeouts != timeouts {
+            // Nothing answers for as long as a gateway waits: it does not wait now.
+            self.wait_for_gateway(false);
+        }
+        outcome.is_ok()
     }
 
     /// Reads an object of any length. Allocates.
@@ -303,7 +348,8 @@ impl<T: Transport> DriveLink<T> {
         // A request that arrived damaged was not carried out.
         let may_retry = !matches!(error, TransferError::Refused(code) if code != AbortCode::CRC)
             && !matches!(error, TransferError::Broken(_));
-        if retry == Retry::Never || !may_retry {
+        let is_late = retry == Retry::IfDamaged && error == TransferError::Timeout;
+        if retry == Retry::Never || is_late || !may_retry {
             return self.fail(error);
         }
         self.synchronise()?;

@@ -13,6 +13,7 @@
 //! | `epos4`, `epos2` | the families: command set, objects, settings, error codes |
 //! | `drive_fault`, `homing_plan` | meaning of error codes; method and settings of homing |
 //! | `transport`, `serial_transport` | the line and its clock; a serial port as a line |
+//! | `exclusive_use` | who may open the port, and the watchdog that has to get in |
 //! | `latency_timer` | the timer of FTDI adapters that delays replies |
 //! | `link` | one request, one reply, retries, and synchronising the line |
 //! | `bring_up`, `port` | from a device file to drives that are identified, off and limited |
@@ -34,6 +35,7 @@ pub mod epos2;
 pub mod epos4;
 pub mod error;
 pub mod event;
+pub mod exclusive_use;
 pub mod family;
 pub mod family_selection;
 pub mod handshake_frame;

@@ -7,6 +7,7 @@
 
 use super::bring_up::{self, AxisIdentity, DriveNode};
 use super::error::{AxisError, DriveError, LinkError};
+use super::exclusive_use::WatchdogEntry;
 use super::family_selection::{family_of_axis, family_of_port};
 use super::link::DriveLink;
 use super::object;
@@ -50,7 +51,16 @@ impl Port<Opened> {
     ///
     /// When the device does not exist, may not be opened, is in use, or is no serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
-        Ok(Self::over(SerialTransport::open(config)?, config))
+        Self::open_with(config, &WatchdogEntry::default())
+    }
+
+    /// The same; a watchdog that runs is let in at every opening.
+    ///
+    /// # Errors
+    ///
+    /// As [`Port::open`].
+    pub fn open_with(config: &PortConfig, watchdog: &WatchdogEntry) -> Result<Self, DriveError> {
+        Ok(Self::over(SerialTransport::open_with(config, watchdog)?, config))
     }
 }
 

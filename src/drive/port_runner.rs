@@ -3,21 +3,24 @@
 //! The thread and the control loop share only a triple buffer in each direction per axis: neither
 //! waits for the other, and each sees the newest value.
 
+mod reconnect;
+
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use triple_buffer::{Input, Output, triple_buffer};
 
+use super::abort_code::AbortCode;
 use super::axis::interface::{AxisFeedback, AxisRequest, Demand};
 use super::axis::state_machine::{AxisStateMachine, EventSink};
 use super::axis::transfer::{ObjectAccess, Transfer};
-use super::bring_up::{self, AxisIdentity, DriveNode};
-use super::error::{AxisError, LinkError};
+use super::bring_up::AxisIdentity;
+use super::error::LinkError;
 use super::event::{PortEvent, PortEventKind};
 use super::family::ObjectMap;
 use super::family_selection::family_of_axis;
 use super::link::{DriveLink, LinkCounters, TimedReply};
-use super::object::{self, Setting};
+use super::object::Setting;
 use super::request_watchdog::RequestWatchdog;
 use super::saved_position::{self, SavedPosition};
 use super::serial_transport::SerialTransport;
@@ -25,6 +28,7 @@ use super::setpoint_slot::SetpointSlot;
 use super::transport::Transport;
 use crate::config::{AxisConfig, PortConfig};
 use crate::units::{Counts, Nanos};
+use reconnect::{OtherSlots, try_reconnect};
 
 /// The shortest turn over the axes. A real line takes longer; on a pseudo-terminal without a bit
 /// rate this leaves the processor to other threads.
@@ -32,9 +36,6 @@ const MIN_TURN: Nanos = Nanos::from_micros(500);
 
 /// A turn while no axis answers.
 const LOST_TURN: Nanos = Nanos::from_millis(10);
-
-/// Period of the attempts to reconnect a lost axis.
-const RECONNECT_PERIOD: Nanos = Nanos::from_millis(500);
 
 /// How long the drives may take to switch off when the thread ends.
 const SHUTDOWN_TIMEOUT: Nanos = Nanos::from_millis(3000);
@@ -96,6 +97,8 @@ struct AxisSlot<R: Send> {
     next_reconnect: Nanos,
     position_check: Option<PositionCheck>,
     watchdog: RequestWatchdog,
+    /// It answered before this turn.
+    answered: bool,
 }
 
 /// Comparison of the saved position of an axis with its present one.
@@ -139,6 +142,7 @@ impl<R: PortRequest> AxisSlot<R> {
                 seen: Nanos::ZERO,
                 reported: false,
             },
+            answered: true,
         };
         (slot, link)
     }
@@ -256,9 +260,8 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
     /// One exchange with every axis.
     pub fn turn(&mut self, events: EventSink<'_>) {
         let begin = self.link.now();
-        for index in 0..self.slots.len() {
-            self.serve(index, false, events);
-        }
+        self.link.maintain();
+        self.serve_all(false, events);
         let all_lost = self.slots.iter().all(|slot| slot.axis.is_lost());
         let turn = if all_lost { LOST_TURN } else { MIN_TURN };
         self.link.sleep_until(begin + turn);
@@ -273,9 +276,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         while self.slots.iter().any(|slot| !slot.axis.is_shut_down())
             && self.link.now() < begin + SHUTDOWN_TIMEOUT
         {
-            for index in 0..self.slots.len() {
-                self.serve(index, true, events);
-            }
+            self.serve_all(true, events);
         }
         for slot in &self.slots {
             slot.axis.report(PortEventKind::Ended { power: slot.axis.power() }, events);
@@ -285,6 +286,35 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
             // Without the file the next start treats the axes as not homed, which is safe.
             let _ = saved_position::save(file, positions.collect());
         }
+    }
+
+    /// One exchange with every axis, at first with those that answer. One that did not answer may
+    /// cost the others a time-out of the gateway. So it is not asked while one of them is to be
+    /// stopped.
+    fn serve_all(&mut self, stopping: bool, events: EventSink<'_>) {
+        for slot in &mut self.slots {
+            slot.answered = slot.axis.answers();
+        }
+        for answered in [true, false] {
+            for index in 0..self.slots.len() {
+                let is_next = self.slots.get(index).is_some_and(|slot| slot.answered == answered);
+                if is_next && (answered || !self.is_stop_due(stopping, events)) {
+                    self.serve(index, stopping, events);
+                }
+            }
+        }
+    }
+
+    /// Whether an axis that answers is to be stopped.
+    fn is_stop_due(&mut self, stopping: bool, events: EventSink<'_>) -> bool {
+        let now = self.link.now();
+        self.slots.iter_mut().filter(|slot| slot.axis.answers()).any(|slot| {
+            if stopping {
+                return !slot.axis.is_shut_down();
+            }
+            let request = slot.newest_request(now, events);
+            slot.axis.is_stop_due(&request)
+        })
     }
 
     /// One exchange with one axis; `stopping` switches it off whatever the control loop demands.
@@ -303,29 +333,6 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
             try_reconnect(link, slot, others, events);
         }
         slot.pass_feedback(link.counters());
-    }
-}
-
-/// The other axes of a line while a lost one is brought up again.
-struct OtherSlots<'a, R: Send> {
-    before: &'a mut [AxisSlot<R>],
-    after: &'a mut [AxisSlot<R>],
-    pace: &'a mut Pace,
-}
-
-impl<R: PortRequest> OtherSlots<'_, R> {
-    /// Any of them answers.
-    fn answer(&self) -> bool {
-        let mut slots = self.before.iter().chain(&*self.after);
-        slots.any(|slot| !slot.axis.is_lost())
-    }
-
-    /// One exchange with each axis that answers.
-    fn serve(&mut self, link: &mut DriveLink<impl Transport>, events: EventSink<'_>) {
-        let slots = self.before.iter_mut().chain(&mut *self.after);
-        for slot in slots.filter(|slot| !slot.axis.is_lost()) {
-            exchange(link, slot, self.pace, false, events);
-        }
     }
 }
 
@@ -358,6 +365,10 @@ fn exchange(
             slot.axis.report(PortEventKind::TimedOut { object }, events);
             slot.axis.handle_timeout(link.now(), events);
         }
+        let refused = |code: &AbortCode| *code != AbortCode::NO_NODE;
+        if outcome.is_ok() || matches!(&outcome, Err(LinkError::Refused(code)) if refused(code)) {
+            slot.setpoint_slot.set_answered();
+        }
         let end = link.now();
         pace.late = end - begin > pace.median + pace.median;
         slot.axis.handle_outcome(transfer, outcome, end, events);
@@ -373,72 +384,11 @@ fn perform(
     map: &ObjectMap,
 ) -> Result<TimedReply<u32>, LinkError> {
     match transfer.access(map) {
-        ObjectAccess::Read(object) => link.read_raw(node, object),
+        ObjectAccess::Read(object) => link.read_promptly(node, object),
         ObjectAccess::Write(setting, retry) => {
+            let retry = link.prompt(retry);
             let TimedReply { sent, received, .. } = link.write(node, setting, retry)?;
             Ok(TimedReply { value: 0, sent, received })
         }
     }
-}
-
-/// Tries periodically to reconnect a lost axis. It then holds if that is demanded and it kept its
-/// power, and is disabled otherwise. Another axis that answers never waits for more than one exchange.
-fn try_reconnect<T: Transport>(
-    link: &mut DriveLink<T>,
-    slot: &mut AxisSlot<impl PortRequest>,
-    mut others: OtherSlots<'_, impl PortRequest>,
-    events: EventSink<'_>,
-) {
-    let now = link.now();
-    if now < slot.next_reconnect {
-        return;
-    }
-    slot.next_reconnect = now + RECONNECT_PERIOD;
-    let brought_up = if others.answer() {
-        // The line is known by the axes that answer.
-        if !link.is_answered(slot.config.node_id, object::VENDOR.address()) {
-            return;
-        }
-        let mut serve_others = |link: &mut DriveLink<T>| others.serve(link, events);
-        let drive = DriveNode::new(link, slot.config.node_id);
-        bring_up_again(drive.with_interlude(&mut serve_others), slot)
-    } else {
-        if link.is_broken() && link.reopen().is_err() {
-            return;
-        }
-        // It may be another drive, or one that was restarted.
-        link.forget_drive();
-        if link.try_to_synchronise().is_err() || !link.is_in_sync() {
-            return;
-        }
-        bring_up::prepare_line(link)
-            .and_then(|()| bring_up_again(DriveNode::new(link, slot.config.node_id), slot))
-    };
-    match brought_up {
-        Ok((position, holds)) => slot.axis.reconnect(position, holds, link.now(), events),
-        // Lost again; the next attempt follows.
-        Err(AxisError::Exchange {
-            error: LinkError::Lost | LinkError::Unanswered | LinkError::Broken(_),
-            ..
-        }) => {}
-        Err(error) => slot.axis.report_unusable(error, events),
-    }
-}
-
-/// The position of the axis after it was identified, and whether it holds.
-///
-/// A drive that kept its power has kept its settings. Where a quick stop is demanded it gets one:
-/// without power the wires would lose their tension. Any other is switched off and limited again.
-fn bring_up_again(
-    mut drive: DriveNode<'_, impl Transport>,
-    slot: &mut AxisSlot<impl PortRequest>,
-) -> Result<(i32, bool), AxisError> {
-    drive.check_identity(slot.config.serial_number)?;
-    let may_hold = slot.take_request().demand == Demand::QuickStop && slot.axis.may_hold();
-    let holds = may_hold && drive.hold()?;
-    if !holds {
-        drive.switch_off()?;
-        drive.configure(&slot.settings)?;
-    }
-    Ok((drive.read(object::POSITION)?, holds))
 }

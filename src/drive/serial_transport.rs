@@ -14,6 +14,7 @@ use crate::config::PortConfig;
 use crate::units::Nanos;
 
 use super::error::DriveError;
+use super::exclusive_use::{self, PortDoor, WatchdogEntry};
 use super::latency_timer;
 use super::transport::Transport;
 
@@ -28,12 +29,17 @@ const RELEASE_TIMEOUT: Nanos = Nanos::from_millis(500);
 /// Period of trying to open a port in use.
 const BUSY_PERIOD: Nanos = Nanos::from_millis(20);
 
-/// A serial port, opened exclusively.
+/// Period of looking whether the watchdog is in.
+const LOOK_PERIOD: Nanos = Nanos::from_millis(50);
+
+/// A serial port, opened exclusively; see [`exclusive_use`].
 #[derive(Debug)]
 pub struct SerialTransport {
     /// `None`: it was closed, and could not be opened again.
     port: Option<TTYPort>,
     config: PortConfig,
+    door: PortDoor,
+    next_look: Nanos,
 }
 
 impl SerialTransport {
@@ -44,12 +50,23 @@ impl SerialTransport {
     ///
     /// When the device does not exist, may not be opened, is in use, or is no serial port.
     pub fn open(config: &PortConfig) -> Result<Self, DriveError> {
+        Self::open_with(config, &WatchdogEntry::default())
+    }
+
+    /// The same; a watchdog that runs is let in at every opening.
+    ///
+    /// # Errors
+    ///
+    /// As [`SerialTransport::open`].
+    pub fn open_with(config: &PortConfig, watchdog: &WatchdogEntry) -> Result<Self, DriveError> {
         let end = clock::now() + RELEASE_TIMEOUT;
+        let mut door = PortDoor::new(watchdog);
         loop {
-            match open(config) {
+            match open(config, &mut door) {
                 Err(DriveError::Busy { .. }) if clock::now() < end => clock::sleep(BUSY_PERIOD),
                 opened => {
-                    return Ok(Self { port: Some(opened?), config: config.clone() });
+                    let (port, config) = (Some(opened?), config.clone());
+                    return Ok(Self { port, config, door, next_look: Nanos::ZERO });
                 }
             }
         }
@@ -60,18 +77,28 @@ impl SerialTransport {
     }
 }
 
-fn open(config: &PortConfig) -> Result<TTYPort, DriveError> {
+fn open(config: &PortConfig, door: &mut PortDoor) -> Result<TTYPort, DriveError> {
     let device = &config.device;
     let path = device.to_str().ok_or_else(|| DriveError::NotFound { device: device.clone() })?;
     let port = serialport::new(path, config.baud)
         .timeout(WRITE_TIMEOUT)
+        .exclusive(false)
         .open_native()
         .map_err(|source| explain(device, source))?;
+    let descriptor = descriptor(&port);
+    exclusive_use::lock(&descriptor).map_err(|_| DriveError::Busy { device: device.clone() })?;
+    door.update(&descriptor).map_err(|error| explain(device, error.into()))?;
     // Before any traffic: changing a running timer stalls the line. Without permission the timer
     // stays, and bring-up reports slow exchanges.
     latency_timer::shorten(device);
     port.clear(ClearBuffer::All).map_err(|source| explain(device, source))?;
     Ok(port)
+}
+
+/// The descriptor of a port.
+fn descriptor(port: &TTYPort) -> BorrowedFd<'_> {
+    // SAFETY: the descriptor belongs to `port`, which outlives this borrow.
+    unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) }
 }
 
 /// Waits for bytes until an instant; `true` when there are some.
@@ -101,10 +128,8 @@ impl Transport for SerialTransport {
     fn read(&mut self, into: &mut [u8], deadline: Nanos) -> io::Result<usize> {
         let port = self.port()?;
         loop {
-            // SAFETY: the descriptor belongs to `port`, which outlives this borrow.
-            let descriptor = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
             // Not by the timeout of `TTYPort`, which allocates its error every time.
-            if wait(descriptor, deadline)? {
+            if wait(descriptor(port), deadline)? {
                 // Ready but empty: the line was hung up.
                 return match port.read(into)? {
                     0 => Err(io::ErrorKind::BrokenPipe.into()),
@@ -120,8 +145,19 @@ impl Transport for SerialTransport {
     fn reopen(&mut self) -> io::Result<()> {
         // Closed first: after an error that was no hang-up, its own exclusive use would refuse it.
         self.port = None;
-        self.port = Some(open(&self.config).map_err(io::Error::other)?);
+        self.port = Some(open(&self.config, &mut self.door).map_err(io::Error::other)?);
         Ok(())
+    }
+
+    fn maintain(&mut self) {
+        let now = clock::now();
+        if let Some(port) = &self.port
+            && now >= self.next_look
+        {
+            self.next_look = now + LOOK_PERIOD;
+            // A port that is broken says so at the next exchange.
+            let _ = self.door.update(&descriptor(port));
+        }
     }
 
     fn now(&self) -> Nanos {

@@ -3,22 +3,31 @@
 //! A line is busy for milliseconds with every exchange. A setpoint that is computed just before
 //! the port takes it follows the newest command; one that waits is older than necessary. So the
 //! port announces its next slot, and the control loop plans its tick before it.
+//!
+//! It also tells whether the drive owes an answer: to the present exchange, or since the last one.
+//! The watchdog, which takes the line over from a dead controller, asks such a drive last.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use crate::units::Nanos;
 
 /// The instant of the next slot, shared by a port and the control loop. Neither waits for the
 /// other.
 #[derive(Debug, Clone, Default)]
-pub struct SetpointSlot(Arc<AtomicU64>);
+pub struct SetpointSlot(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    next: AtomicU64,
+    owes_answer: AtomicBool,
+}
 
 impl SetpointSlot {
     /// When the port expects to take the next setpoint; `None` while the drive follows none.
     #[must_use]
     pub fn next(&self) -> Option<Nanos> {
-        let next = self.0.load(Ordering::Relaxed);
+        let next = self.0.next.load(Ordering::Relaxed);
         (next > 0).then_some(Nanos(next))
     }
 
@@ -27,7 +36,19 @@ impl SetpointSlot {
     pub(super) fn announce(&self, begin: Nanos, turn: Nanos, turns: Option<u64>) {
         let next =
             turns.map_or(0, |turns| begin.0.saturating_add(turn.0.saturating_mul(1 + turns)));
-        self.0.store(next, Ordering::Relaxed);
+        self.0.next.store(next, Ordering::Relaxed);
+        self.0.owes_answer.store(true, Ordering::Relaxed);
+    }
+
+    /// The exchange was answered.
+    pub(super) fn set_answered(&self) {
+        self.0.owes_answer.store(false, Ordering::Relaxed);
+    }
+
+    /// The drive has not answered the exchange that began last.
+    #[must_use]
+    pub fn owes_answer(&self) -> bool {
+        self.0.owes_answer.load(Ordering::Relaxed)
     }
 }
 

@@ -34,6 +34,9 @@ pub trait Transport {
         Ok(())
     }
 
+    /// Does what has to be done from time to time between exchanges. Must not block.
+    fn maintain(&mut self) {}
+
     /// The present instant.
     fn now(&self) -> Nanos;
 

@@ -5,8 +5,9 @@
 //! robot. One store into mapped memory is no I/O and cannot wait.
 //!
 //! The file `pulse` in the directory of the domain holds one 64-bit word in native byte order: the
-//! start of the last tick in nanoseconds of the monotonic clock, shifted left by one bit, and in
-//! the lowest bit whether the drives are off. 0: no tick yet.
+//! start of the last tick in nanoseconds of the monotonic clock, shifted left by four bits; above
+//! the lowest bit one for each motor whose drive owes an answer; in the lowest whether the drives
+//! are off. 0: no tick yet.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -21,9 +22,12 @@ use nix::sys::mman::{MapFlags, ProtFlags, mmap, munmap};
 use super::domain::{Domain, DomainError};
 use super::domain_lock::DomainLock;
 use super::ready::Ready;
-use crate::units::Nanos;
+use crate::units::{MAX_AXES, Nanos};
 
 const FILE: &str = "pulse";
+/// Bits below the stamp.
+const FLAGS: usize = 1 + MAX_AXES;
+
 const SIZE: NonZeroUsize = NonZeroUsize::new(size_of::<AtomicU64>()).unwrap();
 
 /// A tick of the loop.
@@ -35,6 +39,8 @@ pub struct Heartbeat {
     pub stamp: Nanos,
     /// The drives are off: DISABLED, and no transition in progress.
     pub off: bool,
+    /// A bit for each motor whose drive has not answered the last exchange, or is in one.
+    pub owing: u8,
 }
 
 /// Writes the heartbeat; held by the loop.
@@ -59,8 +65,8 @@ impl HeartbeatWriter {
     }
 
     /// Writes the heartbeat of a tick. Wait-free.
-    pub fn write(&self, stamp: Nanos, off: bool) {
-        let word = stamp.0 << 1 | u64::from(off);
+    pub fn write(&self, stamp: Nanos, off: bool, owing: u8) {
+        let word = stamp.0 << FLAGS | u64::from(owing) << 1 | u64::from(off);
         self.0.get().store(word, Ordering::Release);
     }
 }
@@ -138,8 +144,9 @@ impl MappedWord {
     /// `None` before the first tick.
     fn heartbeat(&self, boot_id: u64) -> Option<Heartbeat> {
         let word = self.get().load(Ordering::Acquire);
-        let (stamp, off) = (Nanos(word >> 1), word & 1 == 1);
-        (word != 0).then_some(Heartbeat { boot_id, stamp, off })
+        let (stamp, off) = (Nanos(word >> FLAGS), word & 1 == 1);
+        let owing = (word >> 1) as u8 & ((1 << MAX_AXES) - 1);
+        (word != 0).then_some(Heartbeat { boot_id, stamp, off, owing })
     }
 }
 
@@ -166,13 +173,13 @@ mod tests {
             let writer = HeartbeatWriter::create(&lock).unwrap();
             assert_eq!(reader.read(), Ok(None));
             let boot_id = lock.boot_id();
-            let heartbeat = |off| Heartbeat { boot_id, stamp, off };
+            let heartbeat = |off| Heartbeat { boot_id, stamp, off, owing: 0b101 };
             for off in [true, false] {
-                writer.write(stamp, off);
+                writer.write(stamp, off, 0b101);
                 assert_eq!(reader.read(), Ok(Some(heartbeat(off))));
             }
             // The last tick before an orderly end, which nobody looked at in time.
-            writer.write(stamp, true);
+            writer.write(stamp, true, 0b101);
             drop(lock);
             assert_eq!(reader.read(), Err(ControllerAbsent { last: Some(heartbeat(true)) }));
             assert_eq!(reader.read(), Err(ControllerAbsent { last: None }));

@@ -78,7 +78,9 @@ impl ControlLoop {
         let report = outputs.report;
         let off = is_off(&report)
             && self.links.iter().all(|link| power(link, &inputs) == DrivePower::Off);
-        self.heartbeat.write(tick.started, off);
+        let owing = self.links.iter().filter(|link| link.slot.owes_answer());
+        let owing = owing.fold(0, |motors, link| motors | 1 << link.motor);
+        self.heartbeat.write(tick.started, off, owing);
         let ended = clock::now();
         let timing = TickTiming { tick, ended };
         let channels = &mut self.channels;

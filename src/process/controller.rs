@@ -21,9 +21,11 @@ use crate::core::cycle::ControlCycle;
 use crate::core::{CommandCheck, CycleEvent, Gated};
 use crate::drive::error::DriveError;
 use crate::drive::event::PortEvent;
+use crate::drive::exclusive_use::WatchdogEntry;
 use crate::drive::port_runner::PortRunner;
 use crate::drive::serial_transport::SerialTransport;
 use crate::ipc::heartbeat::HeartbeatWriter;
+use crate::ipc::watchdog_presence::WatchdogStatus;
 use crate::ipc::{Domain, DomainError, DomainLock, IpcError, Server, StreamMessage};
 use crate::model::Model;
 use crate::process::black_box::Recorder;
@@ -102,9 +104,12 @@ pub fn run(
     let domain = Domain::new(&config.ipc.domain)?;
     let lock = DomainLock::acquire(&domain)?;
     let boot_id = lock.boot_id();
-    let drives = bring_up_ports(config)?;
+    let watchdog = WatchdogEntry::default();
+    let status = WatchdogStatus::read(&domain, &config.devices(), clock::now());
+    watchdog.set_runs(status != WatchdogStatus::Absent);
+    let drives = bring_up_ports(config, &watchdog)?;
     let (identities, findings) = (drives.identities.clone(), drives.findings.clone());
-    let threads = start_threads(config, lock, model.as_ref(), drives, shutdown)?;
+    let threads = start_threads(config, lock, model.as_ref(), drives, watchdog, shutdown)?;
     service_manager::notify(service_manager::READY);
     let (name, process) = (domain.name(), std::process::id());
     write_line(log, format_args!("serves domain `{name}`, process {process}"));
@@ -182,6 +187,7 @@ fn start_threads(
     lock: DomainLock,
     model: Option<&Arc<Model>>,
     drives: Drives,
+    watchdog: WatchdogEntry,
     shutdown: &Arc<AtomicBool>,
 ) -> Result<Threads, ControllerError> {
     let (recorder, to_recorder) = Recorder::new(config, model, &software(), lock.boot_id());
@@ -201,6 +207,7 @@ fn start_threads(
         robot: robot_description(config),
         motors: config.motors() as u32,
         devices: config.devices(),
+        watchdog,
         command_check: CommandCheck::new(&config.command),
         history,
         queues,

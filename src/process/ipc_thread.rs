@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::clock;
 use crate::core::{CommandCheck, CycleReport, ServoCommand, StateReply, StateRequest};
+use crate::drive::exclusive_use::WatchdogEntry;
 use crate::ipc::payload::{
     AdaptationMsg, BlackBoxReply, Health, OperatingStateMsg, StateCommandReply, Version,
     VirtualFixturesMsg, padded_text,
@@ -27,7 +28,7 @@ use crate::process::loop_statistics::LoopStatistics;
 use crate::process::payload_conversion as convert;
 use crate::process::tick_plan::SharedTick;
 use crate::realtime::Granted;
-use crate::robot::{OperatingState, Refusal};
+use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_OUTPUTS, Nanos};
 
 /// Interval of the messages of the adaptation, while it is on.
@@ -56,6 +57,8 @@ pub struct IpcThreadParts {
     pub motors: u32,
     /// The ports, which a watchdog has to hold.
     pub devices: Vec<PathBuf>,
+    /// Lets a watchdog that runs into the ports.
+    pub watchdog: WatchdogEntry,
     pub command_check: CommandCheck,
     pub history: SharedLoopHistory,
     pub queues: RequestQueues,
@@ -71,8 +74,8 @@ pub struct IpcThread {
     server: Server,
     parts: IpcThreadParts,
     granted: Granted,
-    /// A watchdog holds every port, as last looked at.
-    watched: bool,
+    /// As last looked at.
+    watchdog: WatchdogStatus,
     cameras: CameraOwner,
     next_watchdog: Nanos,
     statistics: LoopStatistics,
@@ -102,7 +105,7 @@ impl IpcThread {
             late: VecDeque::with_capacity(LATE_TICKS),
             parts,
             granted,
-            watched: false,
+            watchdog: WatchdogStatus::Absent,
             cameras: CameraOwner::default(),
             next_watchdog: Nanos::ZERO,
             model: None,
@@ -136,8 +139,7 @@ impl IpcThread {
     fn pass(&mut self, now: Nanos) {
         if now >= self.next_watchdog {
             self.next_watchdog = now + WATCHDOG_PERIOD;
-            let watchdog = WatchdogStatus::read(self.server.domain(), &self.parts.devices, now);
-            self.watched = watchdog == WatchdogStatus::Watching;
+            self.look_for_watchdog(now);
         }
         self.take_servo(now);
         let frames = self.server.poll_cameras();
@@ -159,6 +161,28 @@ impl IpcThread {
         }
         self.publish_log();
         self.server.maintain(now);
+    }
+
+    fn look_for_watchdog(&mut self, now: Nanos) {
+        self.watchdog = WatchdogStatus::read(self.server.domain(), &self.parts.devices, now);
+        self.parts.watchdog.set_runs(self.watchdog != WatchdogStatus::Absent);
+    }
+
+    /// Nothing is powered while a watchdog runs that could not stop it: a person relies on it.
+    fn check_watchdog(
+        &mut self,
+        request: StateRequest,
+        now: Nanos,
+    ) -> Result<StateRequest, Refusal> {
+        if !matches!(request.command, StateCommand::Enable | StateCommand::Home) {
+            return Ok(request);
+        }
+        self.look_for_watchdog(now);
+        match self.watchdog {
+            WatchdogStatus::Absent => Ok(request),
+            WatchdogStatus::Watching if !self.parts.watchdog.is_missing() => Ok(request),
+            _ => Err(Refusal::Unwatched),
+        }
     }
 
     /// Replies and reports of the loop.
@@ -207,7 +231,11 @@ impl IpcThread {
     fn take_requests(&mut self, now: Nanos) {
         for (id, request) in self.server.poll_requests(now) {
             match request {
-                Request::StateCommand(raw) => self.request(id, convert::state_request(id, &raw)),
+                Request::StateCommand(raw) => {
+                    let request = convert::state_request(id, &raw)
+                        .and_then(|request| self.check_watchdog(request, now));
+                    self.request(id, request);
+                }
                 Request::Move(raw) => self.request(id, convert::move_request(id, &raw)),
                 Request::Fixture(raw) => {
                     self.parts.fixtures.sent(id, raw);
@@ -327,7 +355,7 @@ impl IpcThread {
             server.publish(StreamMessage::Jaw(jaw));
         }
         let mut state = convert::operating_state(report, &self.granted);
-        if self.watched {
+        if self.watchdog == WatchdogStatus::Watching {
             state.flags |= OperatingStateMsg::WATCHED;
         }
         server.publish(StreamMessage::State(state));

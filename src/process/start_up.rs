@@ -8,6 +8,7 @@ use crate::config::{Config, Finding};
 use crate::core::Gated;
 use crate::drive::AxisIdentity;
 use crate::drive::error::DriveError;
+use crate::drive::exclusive_use::WatchdogEntry;
 use crate::drive::port::{Opened, Port};
 use crate::drive::port_runner::{AxisLink, PortRunner};
 use crate::drive::serial_transport::SerialTransport;
@@ -62,8 +63,8 @@ pub struct Drives {
 
 /// Opens all ports, then configures them, so that a missing port is detected before any drive is
 /// changed.
-pub fn bring_up_ports(config: &Config) -> Result<Drives, DriveError> {
-    let opened = config.ports.iter().map(Port::<Opened>::open);
+pub fn bring_up_ports(config: &Config, watchdog: &WatchdogEntry) -> Result<Drives, DriveError> {
+    let opened = config.ports.iter().map(|port| Port::<Opened>::open_with(port, watchdog));
     let opened = opened.collect::<Result<Vec<_>, _>>()?;
     let mut drives = Drives {
         runners: Vec::new(),

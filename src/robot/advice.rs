@@ -58,6 +58,7 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         }
         Refusal::NotDisabled => "`i2ris command state disable`",
         Refusal::NoFault => "go on: nothing is to be done",
+        Refusal::Unwatched => "read the log of `i2ris-watchdog`; let it hold every port, or end it",
         Refusal::NotHomed => "straighten the snake, then `i2ris command state home`",
         Refusal::NoModel => {
             "`i2ris model stage FILE` and `i2ris model activate ID`, or name it in the \

@@ -68,5 +68,7 @@ numbered_enum! {
         NotDisabled = 27, "the drives are on";
         /// There is no fault to acknowledge.
         NoFault = 28, "there is no fault to acknowledge";
+        /// A watchdog runs that does not hold every port, or hangs: it could not stop the drives.
+        Unwatched = 29, "the watchdog runs, but could not stop every drive";
     }
 }

@@ -25,6 +25,8 @@ pub enum ControllerStatus {
 pub struct HeartbeatMonitor {
     silence: Nanos,
     last: Option<LastHeartbeat>,
+    /// See [`Heartbeat::owing`], of the last one.
+    owing: u8,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -38,7 +40,7 @@ impl HeartbeatMonitor {
     /// A controller that is silent for longer than `silence` hangs.
     #[must_use]
     pub fn new(silence: Nanos) -> Self {
-        Self { silence, last: None }
+        Self { silence, last: None, owing: 0 }
     }
 
     /// Age of the last heartbeat.
@@ -47,12 +49,21 @@ impl HeartbeatMonitor {
         self.last.map_or(Nanos::ZERO, |last| now - last.heartbeat.stamp)
     }
 
+    /// The motors whose drives owed an answer at the last heartbeat.
+    #[must_use]
+    pub fn owing(&self) -> u8 {
+        self.owing
+    }
+
     /// Updates the status with the heartbeat that is read at `now`.
     pub fn update(
         &mut self,
         read: Result<Option<Heartbeat>, ControllerAbsent>,
         now: Nanos,
     ) -> ControllerStatus {
+        if let Ok(Some(newest)) | Err(ControllerAbsent { last: Some(newest) }) = read {
+            self.owing = newest.owing;
+        }
         match (read, self.last) {
             (Err(ControllerAbsent { .. }) | Ok(None), None) => ControllerStatus::Absent,
             (Err(absent), Some(last)) => {
@@ -104,6 +115,7 @@ mod tests {
                 boot_id: 7,
                 stamp: Nanos::from_millis(stamp),
                 off,
+                owing: 0,
             });
             let read = heartbeat.map(Some).ok_or(ControllerAbsent { last: None });
             let updated = monitor.update(read, Nanos::from_millis(*now));
@@ -135,12 +147,12 @@ mod tests {
 
     #[test]
     fn drives_that_went_off_between_two_looks_are_off() {
-        let heartbeat = |stamp, off| Heartbeat { boot_id: 7, stamp: Nanos(stamp), off };
+        let heartbeat = |stamp, off| Heartbeat { boot_id: 7, stamp: Nanos(stamp), off, owing: 4 };
         for (off, status) in [(true, Ended), (false, Died)] {
             let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
             monitor.update(Ok(Some(heartbeat(100, false))), Nanos(101));
             let absent = ControllerAbsent { last: Some(heartbeat(102, off)) };
-            assert_eq!(monitor.update(Err(absent), Nanos(103)), status);
+            assert_eq!((monitor.update(Err(absent), Nanos(103)), monitor.owing()), (status, 4));
         }
     }
 
@@ -157,7 +169,8 @@ mod tests {
     fn the_age_is_that_of_the_last_heartbeat() {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
         assert_eq!(monitor.age(Nanos::from_millis(5)), Nanos::ZERO);
-        let read = Ok(Some(Heartbeat { boot_id: 7, stamp: Nanos::from_millis(100), off: false }));
+        let stamp = Nanos::from_millis(100);
+        let read = Ok(Some(Heartbeat { boot_id: 7, stamp, off: false, owing: 0 }));
         monitor.update(read, Nanos::from_millis(102));
         let age = monitor.age(Nanos::from_millis(131));
         assert_eq!(age, Nanos::from_millis(31));
@@ -168,7 +181,7 @@ mod tests {
         let mut monitor = HeartbeatMonitor::new(Nanos::from_millis(40));
         for (boot_id, stamp, off) in [(7, 100, false), (8, 99, true)] {
             let stamp = Nanos::from_millis(stamp);
-            let read = Ok(Some(Heartbeat { boot_id, stamp, off }));
+            let read = Ok(Some(Heartbeat { boot_id, stamp, off, owing: 0 }));
             assert_eq!(monitor.update(read, Nanos::from_millis(102)), Started);
         }
     }

@@ -12,10 +12,14 @@
 //! | `unstopped` | ports whose drives could not be stopped, for another try |
 //! | `event` | events for the log |
 //!
-//! The watchdog opens its ports before the controller does and keeps them open: a port that the
-//! controller has opened is locked for later processes, also when the controller hangs. So the
-//! watchdog starts first, and retries ports that it cannot open yet. While it keeps them open, the
-//! kernel does not end the exclusive use by a killed controller, so the watchdog does.
+//! The watchdog keeps its ports open. The controller takes a port for itself, and lets a watchdog
+//! that runs in first, at its start and after every replug ([`crate::drive::exclusive_use`]). So it
+//! does not matter who is first. While the watchdog keeps a port open, the kernel does not end the
+//! exclusive use by a killed controller, so the watchdog does.
+//!
+//! Behind one port may be several drives, and the first is a gateway to the others. It waits for
+//! one that does not answer, and takes nothing else meanwhile. So the heartbeat also tells which
+//! drives owe an answer, and those are stopped last.
 //!
 //! Limits: the watchdog is ineffective when the host loses power, hangs as a whole, or its cable is
 //! disconnected. That needs a hardware watchdog on the safe-torque-off input of the drives, see the
@@ -31,6 +35,7 @@ use std::thread;
 
 use crate::clock;
 use crate::config::Config;
+use crate::drive::bring_up::STOP_ATTEMPTS;
 use crate::ipc::Domain;
 use crate::ipc::heartbeat::HeartbeatReader;
 use crate::ipc::watchdog_presence::WatchdogPresence;
@@ -50,6 +55,9 @@ const OPEN_PERIOD: Nanos = Nanos::from_millis(100);
 
 /// Stack of a thread that stops a port, bytes. All of it becomes resident where memory is locked.
 const STOP_STACK: usize = 256 * 1024;
+
+/// Nobody knows any more which drives answer.
+const ALL_OWING: u8 = u8::MAX;
 
 /// Default silence of the loop after which the watchdog acts.
 ///
@@ -78,6 +86,11 @@ pub fn run(
     let mut next_open = Nanos::ZERO;
     let mut was_complete = false;
     let mut unstopped = Unstopped::default();
+    let alive = |now| {
+        service_manager::notify(service_manager::ALIVE);
+        // If it fails, clients see a watchdog that is silent: the safe side.
+        let _ = presence.alive(now);
+    };
     while !stop.load(Ordering::Acquire) {
         let now = clock::now();
         if now >= next_open {
@@ -96,9 +109,7 @@ pub fn run(
             if is_complete {
                 service_manager::notify(service_manager::READY);
             }
-            service_manager::notify(service_manager::ALIVE);
-            // If it fails, clients see a watchdog that is silent: the safe side, too.
-            let _ = presence.alive(now);
+            alive(now);
         }
         let heartbeat = reader.read();
         let status = monitor.update(heartbeat, clock::now());
@@ -112,7 +123,8 @@ pub fn run(
             ControllerStatus::Died | ControllerStatus::Hangs => {
                 let age = monitor.age(clock::now());
                 // Sends quick stop to every axis before it reports.
-                let stopped = quick_stop_all(&ports.iter().collect::<Vec<_>>());
+                let all = ports.iter().collect::<Vec<_>>();
+                let stopped = quick_stop_all(&all, monitor.owing(), STOP_ATTEMPTS, alive);
                 report(WatchdogEvent::ControllerLost(status, age));
                 unstopped.note(&stopped, clock::now());
                 stopped.into_iter().for_each(&mut *report);
@@ -123,7 +135,7 @@ pub fn run(
             let due = ports.iter().filter(|port| {
                 unstopped.contains(port.device()) && port.is_open() && !port.is_in_use()
             });
-            let stopped = quick_stop_all(&due.collect::<Vec<_>>());
+            let stopped = quick_stop_all(&due.collect::<Vec<_>>(), ALL_OWING, 1, alive);
             unstopped.note_again(&stopped);
             stopped.into_iter().filter(is_complete_stop).for_each(&mut *report);
         }
@@ -131,18 +143,33 @@ pub fn run(
     }
 }
 
-/// Stops the axes of all ports at the same time: a port that does not answer takes seconds.
-fn quick_stop_all(ports: &[&SharedPort]) -> Vec<WatchdogEvent> {
+/// Stops the axes of all ports at the same time, so often: a port that does not answer takes
+/// seconds. `alive` is called meanwhile.
+fn quick_stop_all(
+    ports: &[&SharedPort],
+    owing: u8,
+    attempts: usize,
+    alive: impl Fn(Nanos),
+) -> Vec<WatchdogEvent> {
     thread::scope(|scope| {
         let stopping: Vec<_> = ports
             .iter()
             .map(|port| {
                 let thread = thread::Builder::new().stack_size(STOP_STACK);
-                let spawned = thread.spawn_scoped(scope, || port.quick_stop());
+                let stop = || port.quick_stop(owing, attempts);
                 // Without memory for a thread, one port after the other.
-                spawned.map_err(|_| port.quick_stop())
+                thread.spawn_scoped(scope, stop).map_err(|_| stop())
             })
             .collect();
+        let mut next_alive = clock::now() + OPEN_PERIOD;
+        while stopping.iter().flatten().any(|thread| !thread.is_finished()) {
+            clock::sleep(POLL_PERIOD);
+            let now = clock::now();
+            if now >= next_alive {
+                next_alive = now + OPEN_PERIOD;
+                alive(now);
+            }
+        }
         let events = stopping.into_iter().map(|stopping| match stopping {
             Ok(thread) => thread.join().ok(),
             Err(event) => Some(event),

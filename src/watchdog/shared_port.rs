@@ -2,7 +2,7 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
-use std::os::fd::{AsFd, AsRawFd};
+use std::os::fd::AsFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
@@ -10,16 +10,18 @@ use nix::libc;
 
 use super::event::{AxisStop, WatchdogEvent};
 use crate::clock;
-use crate::config::PortConfig;
+use crate::config::{AxisConfig, PortConfig};
 use crate::drive::bring_up::{self, QuickStopError};
 use crate::drive::cia402::DriveState;
+use crate::drive::exclusive_use::{is_exclusive, set_exclusive, show_watchdog};
 use crate::drive::family_selection;
 use crate::drive::link::DriveLink;
 use crate::drive::serial_transport;
 use crate::drive::transport::Transport;
 use crate::units::Nanos;
 
-/// Maximum time to wait for a reply, ms. Trying again is faster than waiting longer.
+/// Maximum time to wait for a reply, ms. Trying again is faster than waiting longer, except for a
+/// gateway.
 const MAX_REPLY_TIMEOUT_MS: u64 = 50;
 
 /// The frame timeout that the controller sets in its drives.
@@ -79,15 +81,16 @@ impl SharedPort {
         self.file.as_ref().is_some_and(is_exclusive)
     }
 
-    /// Sends quick stop to every axis that may be powered. Then other processes may open the port.
-    pub fn quick_stop(&self) -> WatchdogEvent {
+    /// Sends quick stop to every axis that may be powered, so often. Then other processes may open
+    /// the port. `owing`: a bit for each motor whose drive owed the controller an answer.
+    pub fn quick_stop(&self, owing: u8, attempts: usize) -> WatchdogEvent {
         let file = self.file.as_ref().and_then(|file| file.try_clone().ok());
         let outcomes = match file {
-            Some(file) => self.stop_axes(file),
+            Some(file) => self.stop_axes(file, owing, attempts),
             None => vec![Err(QuickStopError::NotHeld); self.config.axes.len()],
         };
         if let Some(file) = &self.file {
-            end_exclusive_use(file);
+            let _ = set_exclusive(file, false);
         }
         let axes = self.config.axes.iter().zip(outcomes);
         let stopped = axes.map(|(axis, outcome)| AxisStop { motor: axis.motor, outcome });
@@ -104,12 +107,17 @@ impl SharedPort {
             && is_exclusive(file)
             && file.try_lock_shared().is_ok()
         {
-            end_exclusive_use(file);
+            let _ = set_exclusive(file, false);
             let _ = file.unlock();
         }
     }
 
-    fn stop_axes(&self, file: File) -> Vec<Result<DriveState, QuickStopError>> {
+    fn stop_axes(
+        &self,
+        file: File,
+        owing: u8,
+        attempts: usize,
+    ) -> Vec<Result<DriveState, QuickStopError>> {
         let config = PortConfig {
             reply_timeout_ms: self.config.reply_timeout_ms.min(MAX_REPLY_TIMEOUT_MS),
             ..self.config.clone()
@@ -118,31 +126,25 @@ impl SharedPort {
             DriveLink::new(OpenPort(file), family_selection::family_of_port(&config), &config);
         link.set_frame_timeout(FRAME_TIMEOUT);
         let nodes: Vec<u8> = config.axes.iter().map(|axis| axis.node_id).collect();
-        bring_up::quick_stop_all(&mut link, &nodes)
+        let owes = |axis: &&AxisConfig| owing >> axis.motor & 1 == 1;
+        let owing: Vec<u8> = config.axes.iter().filter(owes).map(|axis| axis.node_id).collect();
+        bring_up::quick_stop_all(&mut link, &nodes, &owing, attempts)
     }
 }
 
 fn open(device: &Path) -> io::Result<File> {
     let flags = libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC;
-    OpenOptions::new().read(true).write(true).custom_flags(flags).open(device)
-}
-
-fn is_exclusive(file: &File) -> bool {
-    let mut flag: libc::c_int = 0;
-    // SAFETY: the request writes an `int`, and the descriptor is open.
-    let answer = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCGEXCL, &raw mut flag) };
-    answer == 0 && flag != 0
-}
-
-fn end_exclusive_use(file: &File) {
-    // SAFETY: the request takes no argument, and the descriptor is open.
-    let _ = unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCNXCL) };
+    let file = OpenOptions::new().read(true).write(true).custom_flags(flags).open(device)?;
+    // The controller waits for it before it keeps others out.
+    show_watchdog(&file)?;
+    Ok(file)
 }
 
 fn explain(error: &io::Error) -> String {
     match error.raw_os_error() {
         Some(libc::EBUSY) => {
-            "the controller has locked it already; start the watchdog before the controller"
+            "another program has it for itself; a controller lets the watchdog in, so close any \
+             other program; tried again every 100 ms"
                 .to_owned()
         }
         _ => format!("{error}; tried again every 100 ms"),
@@ -194,7 +196,6 @@ impl Transport for OpenPort {
 
 #[cfg(test)]
 mod tests {
-    use std::os::fd::AsRawFd;
     use std::path::PathBuf;
 
     use nix::fcntl::{FcntlArg, OFlag, fcntl};
@@ -202,6 +203,7 @@ mod tests {
     use nix::sys::termios::{SetArg, cfmakeraw, tcgetattr, tcsetattr};
 
     use super::*;
+    use crate::drive::bring_up::STOP_ATTEMPTS;
 
     /// The drive's end of a line, and the device of the host's end.
     fn line() -> (PtyMaster, PathBuf) {
@@ -223,8 +225,7 @@ mod tests {
     /// A descriptor of the port in exclusive use.
     fn exclusive(device: &Path) -> File {
         let file = open(device).unwrap();
-        // SAFETY: the request takes no argument, and the descriptor is open.
-        assert_eq!(unsafe { libc::ioctl(file.as_raw_fd(), libc::TIOCEXCL) }, 0);
+        set_exclusive(&file, true).unwrap();
         file
     }
 
@@ -253,7 +254,7 @@ mod tests {
     #[test]
     fn a_locked_port_is_explained() {
         let busy = io::Error::from_raw_os_error(libc::EBUSY);
-        assert!(explain(&busy).contains("start the watchdog before the controller"));
+        assert!(explain(&busy).contains("another program has it for itself"));
     }
 
     #[test]
@@ -282,7 +283,7 @@ mod tests {
         port.open();
         let file = port.file.as_ref().unwrap().try_clone().unwrap();
         let _controller = exclusive(&device);
-        port.quick_stop();
+        port.quick_stop(0, STOP_ATTEMPTS);
         assert!(!is_exclusive(&file));
     }
 

@@ -2,8 +2,6 @@
 //! accepted.
 
 use i2ris::drive::abort_code::AbortCode;
-use i2ris::drive::bring_up::{QuickStopError, quick_stop_all};
-use i2ris::drive::cia402::DriveState;
 use i2ris::drive::epos4::Epos4;
 use i2ris::drive::error::LinkError;
 use i2ris::drive::link::{DriveLink, Retry, TimedReply};
@@ -12,9 +10,7 @@ use i2ris::drive::serial_transport::SerialTransport;
 use i2ris::drive::transport::Transport;
 use i2ris::units::Nanos;
 use i2ris_testing::Rig;
-use i2ris_testing::drive::{
-    Disturbance, MiniDrive, OPERATION_ENABLED, SERIAL_NUMBER, SimulatedLine, port_config,
-};
+use i2ris_testing::drive::{Disturbance, MiniDrive, SERIAL_NUMBER, SimulatedLine, port_config};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
@@ -309,26 +305,6 @@ proptest! {
         test.line.state().disturbances.clear();
         prop_assert!(test.link.read(NODE, POSITION).is_ok());
     }
-}
-
-#[test]
-fn every_drive_of_a_line_is_stopped_before_a_silent_one_is_tried_again() {
-    let mut drives = vec![MiniDrive::new(1, 11), MiniDrive::new(2, 22)];
-    for drive in &mut drives {
-        drive.state = OPERATION_ENABLED;
-    }
-    let config = port_config(&drives);
-    let line = SimulatedLine::new(drives);
-    line.state().silent_node = Some(1);
-    let mut link = DriveLink::new(line.clone(), &Epos4, &config);
-    let begin = line.time();
-    let outcomes = quick_stop_all(&mut link, &[1, 2]);
-    let stopped = line.state().requests[0];
-    assert_eq!((stopped.node, stopped.index), (2, 0x6040));
-    let one_time_out = Nanos::from_millis(config.reply_timeout_ms + 20);
-    assert!(stopped.arrived - begin < one_time_out);
-    let expected = [Err(QuickStopError::NoAnswer), Ok(DriveState::QuickStopActive)];
-    assert_eq!(outcomes, expected);
 }
 
 /// The port is healthy, so the operating system has not closed it.

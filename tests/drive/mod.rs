@@ -8,6 +8,7 @@ mod bring_up;
 mod campaign;
 mod conformance;
 mod every_frame;
+mod gateway_stop;
 mod link;
 mod runner;
 mod watchdog;

@@ -6,6 +6,9 @@
 //!
 //! Latency: `cargo test --test real_time -- --ignored --nocapture stop_latency`.
 
+mod dead_node;
+mod replug;
+
 use std::fs;
 use std::io;
 use std::os::unix::net::UnixDatagram;
@@ -62,7 +65,7 @@ impl WatchedRig {
             .unwrap();
         wait_until("the watchdog holds both ports", || {
             let text = fs::read_to_string(&log).unwrap();
-            text.matches("holding").count() == 2
+            text.matches("holding").count() == rig.config.ports.len()
         });
         Self { rig, watchdog, log, client: None }
     }
@@ -121,6 +124,8 @@ impl Drop for WatchedRig {
         let id = Pid::from_raw(self.watchdog.id() as i32);
         if self.watchdog.try_wait().is_ok_and(|ended| ended.is_none()) {
             let _ = kill(id, Signal::SIGTERM);
+            // A test may have stopped it.
+            let _ = kill(id, Signal::SIGCONT);
         }
         let _ = self.watchdog.wait();
     }
@@ -144,7 +149,7 @@ fn unprivileged(name: &str, test: fn()) {
     }
     assert!(std::env::var_os(UNPRIVILEGED).is_none(), "still root");
     let output = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", &format!("drive::watchdog::{name}"), "--nocapture"])
+        .args(["--exact", &format!("drive::watchdog::{name}"), "--nocapture", "--include-ignored"])
         .env(UNPRIVILEGED, "")
         // The folder of root's temporary files may be closed to others.
         .env("TMPDIR", "/tmp")

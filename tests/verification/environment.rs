@@ -132,7 +132,7 @@ fn remembered(last_heartbeat: Option<LastHeartbeat>, silence: Nanos) -> Heartbea
 }
 
 fn heartbeat_word(is_current: bool, age: u8, off: bool) -> ReadHeartbeat {
-    ReadHeartbeat { boot_id: if is_current { 2 } else { 1 }, stamp: ago(age), off }
+    ReadHeartbeat { boot_id: if is_current { 2 } else { 1 }, stamp: ago(age), off, owing: 0 }
 }
 
 fn stop_drive(state: &mut State) {

@@ -6,10 +6,10 @@ use super::homing::HomingStep;
 use super::interface::{AxisRequest, Demand};
 use super::schedule::TransferSlot;
 use super::state_machine::{
-    AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_TIMEOUT,
+    AxisState, AxisStateMachine, EnableInterlock, EventSink, FaultStep, STOP_EXCHANGES,
 };
 use super::transfer::Transfer;
-use crate::drive::cia402::{DriveState, PowerGoal};
+use crate::drive::cia402::{Controlword, DriveState, PowerGoal};
 use crate::drive::event::{PortEventKind, TransitionError};
 use crate::units::{Counts, Nanos};
 
@@ -45,7 +45,7 @@ impl AxisStateMachine {
             return self.next_following(request, late, events);
         }
         let (slot, monitored) = self.schedule.next_idle();
-        if slot == TransferSlot::Position {
+        if slot == TransferSlot::Position && !self.state.has_to_stop() {
             return Transfer::Position;
         }
         let transfer = self.state.transfer(self.object_map(), &self.plan);
@@ -107,8 +107,12 @@ impl AxisStateMachine {
                 self.enter(AxisState::Enabling(step, deadline), events);
             }
             (AxisState::Enabled, Demand::QuickStop) => {
-                let power = PowerSequence::new(PowerGoal::Stopped);
-                self.enter(AxisState::QuickStopping(power, now + STOP_TIMEOUT), events);
+                let power = PowerSequence::commanding(
+                    PowerGoal::Stopped,
+                    Controlword::QUICK_STOP,
+                    DriveState::OperationEnabled,
+                );
+                self.enter(AxisState::QuickStopping(power, STOP_EXCHANGES), events);
             }
             // Disabling out of quick stop cuts the power at once, so the ramp must have ended.
             (AxisState::QuickStopped(deadline), Demand::Disabled)
@@ -167,12 +171,15 @@ impl AxisStateMachine {
 
     fn check_deadline(&mut self, now: Nanos, events: EventSink<'_>) {
         let error = TransitionError::Timeout { statusword: self.feedback.statusword };
+        if let AxisState::QuickStopping(_, left) = &mut self.state {
+            *left = left.saturating_sub(1);
+        }
         match self.state {
             AxisState::Enabling(_, deadline) if now > deadline => {
                 self.report(PortEventKind::EnableFailed(error), events);
                 self.abort(now, events);
             }
-            AxisState::QuickStopping(_, deadline) if now > deadline => {
+            AxisState::QuickStopping(_, 0) => {
                 self.report(PortEventKind::QuickStopFailed(error), events);
                 self.abort(now, events);
             }

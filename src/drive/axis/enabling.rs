@@ -41,6 +41,16 @@ impl PowerSequence {
         Self { goal, next }
     }
 
+    /// Begins with a command: the drive is known to be in this state.
+    pub(super) fn commanding(goal: PowerGoal, controlword: Controlword, from: DriveState) -> Self {
+        Self { goal, next: NextAction::Command(controlword, from) }
+    }
+
+    /// Whether the next command has yet to be taken by the drive.
+    pub(super) fn has_to_command(self) -> bool {
+        !matches!(self.next, NextAction::WaitForChange(_))
+    }
+
     pub(super) fn transfer(self) -> Transfer {
         match self.next {
             NextAction::ReadState | NextAction::WaitForChange(_) => Transfer::Status,

@@ -19,7 +19,11 @@ use crate::drive::object::Address;
 use crate::robot::{AxisPhase, DrivePower};
 use crate::units::{Counts, Nanos};
 
-/// How long the drive may take to report quick stop, and then to come to a standstill.
+/// Exchanges with a drive in which it has to report quick stop. Not a time: on a line that waits
+/// for another node, time passes in which nothing was asked.
+pub(super) const STOP_EXCHANGES: u32 = 100;
+
+/// How long the drive may take to come to a standstill in quick stop.
 pub(super) const STOP_TIMEOUT: Nanos = Nanos::from_millis(1000);
 
 /// Receiver of events.
@@ -42,8 +46,8 @@ pub(super) enum AxisState {
     Enabling(EnablingStep, Nanos),
     /// The drive follows the target.
     Enabled,
-    /// Quick stop was commanded; the drive does not report it yet.
-    QuickStopping(PowerSequence, Nanos),
+    /// Quick stop was commanded; the drive does not report it yet. Exchanges that are left for it.
+    QuickStopping(PowerSequence, u32),
     /// Quick stop is active. By the deadline the motor is at standstill, or never will be.
     QuickStopped(Nanos),
     /// Searching the home position; the number is the request that is being carried out.
@@ -72,6 +76,14 @@ pub(super) enum FaultStep {
 }
 
 impl AxisState {
+    /// The next transfer stops the drive: it goes before everything that is only read.
+    pub(super) fn has_to_stop(self) -> bool {
+        match self {
+            Self::QuickStopping(power, _) | Self::Disabling(power, _) => power.has_to_command(),
+            _ => false,
+        }
+    }
+
     pub(super) fn phase(self) -> AxisPhase {
         match self {
             Self::Starting => AxisPhase::Starting,
@@ -195,6 +207,22 @@ impl AxisStateMachine {
 
     pub(in crate::drive) fn is_lost(&self) -> bool {
         self.state == AxisState::Lost
+    }
+
+    /// The last exchange was answered.
+    pub(in crate::drive) fn answers(&self) -> bool {
+        !self.is_lost() && self.unanswered == 0
+    }
+
+    /// A stop has to be told to the drive, or is not reported by it yet.
+    pub(in crate::drive) fn is_stop_due(&self, request: &AxisRequest) -> bool {
+        match self.state {
+            AxisState::QuickStopping(..) => true,
+            AxisState::Disabling(power, _) => power.has_to_command(),
+            AxisState::Enabled | AxisState::Enabling(..) => request.demand != Demand::Enabled,
+            AxisState::Homing(..) => request.demand == Demand::QuickStop,
+            _ => false,
+        }
     }
 
     /// A request that only disables.

@@ -10,7 +10,7 @@
 
 use std::io;
 
-use super::{DriveLink, LOCAL_NODE, SyncState, TransferError};
+use super::{DriveLink, GATEWAY_TIMEOUT, LOCAL_NODE, SyncState, TransferError};
 use crate::config::Framing;
 use crate::drive::error::LinkError;
 use crate::drive::object::{self, Object};
@@ -24,7 +24,8 @@ const QUIET: Nanos = Nanos::from_millis(5);
 /// A line that is not quiet within this time carries something else than our replies.
 const MAX_NOISE: Nanos = Nanos::from_millis(100);
 
-/// Attempts to synchronise before the line is given up.
+/// Attempts to synchronise before the line is given up. A gateway is given the time that it may
+/// wait for a node, too.
 const ATTEMPTS: u32 = 4;
 
 /// The most late replies that are expected. More happen only on a line that was given up, and a
@@ -77,13 +78,17 @@ impl<T: Transport> DriveLink<T> {
     ///
     /// [`LinkError::Lost`] after several attempts, [`LinkError::Broken`] when the port is broken.
     pub fn synchronise(&mut self) -> Result<(), LinkError> {
-        for _ in 0..ATTEMPTS {
-            if self.is_in_sync() {
-                return Ok(());
+        let end = self.transport.now() + GATEWAY_TIMEOUT;
+        let mut attempts = 0;
+        while !self.is_in_sync() {
+            let may_wait = self.has_gateway && self.transport.now() < end;
+            if attempts >= ATTEMPTS && !may_wait {
+                return Err(LinkError::Lost);
             }
             self.try_to_synchronise()?;
+            attempts += 1;
         }
-        if self.is_in_sync() { Ok(()) } else { Err(LinkError::Lost) }
+        Ok(())
     }
 
     /// One attempt to synchronise. [`DriveLink::is_in_sync`] says whether it succeeded.
@@ -148,11 +153,14 @@ impl<T: Transport> DriveLink<T> {
     }
 
     /// Discards all bytes for the frame timeout: a drive that waits for the rest of a request
-    /// forgets the request.
+    /// forgets the request. A gateway that answers at last does not wait for anything.
     fn wait_for_frame_timeout(&mut self) -> Result<(), LinkError> {
         let until = self.transport.now() + self.frame_timeout;
         while self.transport.now() < until {
-            self.discard(until).map_err(LinkError::broken)?;
+            let answers = self.discard(until).map_err(LinkError::broken)?;
+            if answers && self.has_gateway {
+                break;
+            }
         }
         Ok(())
     }

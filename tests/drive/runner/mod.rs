@@ -4,6 +4,7 @@ mod disabled;
 mod enabled;
 mod enabling;
 mod faulted;
+mod gateway;
 mod homing;
 mod lost;
 mod quick_stop;

@@ -91,8 +91,8 @@ fn longest_gap(rig: &PortRig, node: u8) -> Nanos {
     gaps.max().unwrap()
 }
 
-/// A time-out, and synchronising the line after it.
-const ONE_ATTEMPT: Nanos = Nanos::from_millis(20 + 20);
+/// A time-out of the gateway, and synchronising the line after it.
+const ONE_ATTEMPT: Nanos = Nanos::from_millis(50 + 40);
 
 #[test]
 fn a_silent_node_costs_the_other_one_attempt_at_a_time() {

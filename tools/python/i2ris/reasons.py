@@ -47,6 +47,7 @@ REFUSALS: dict[int, str] = {
     26: "a fault is latched",
     27: "the drives are on",
     28: "there is no fault to acknowledge",
+    29: "the watchdog runs, but could not stop every drive",
 }
 STOPS: dict[int, str] = {
     1: "commands came later than their deadline, and the robot stopped in between",
@@ -101,6 +102,7 @@ ADVICE: dict[tuple[int, int], str] = {
     (2, 26): "remove the cause of the fault (`i2ris why`), then `i2ris command state acknowledge`",
     (2, 27): "`i2ris command state disable`",
     (2, 28): "go on: nothing is to be done",
+    (2, 29): "read the log of `i2ris-watchdog`; let it hold every port, or end it",
     (3, 1): "send faster, or with a longer deadline; look at the load of the computer",
     (3, 2): "check cable and supply (`i2ris doctor`)",
     (3, 3): "start `i2ris-watchdog --config FILE` again, and read its log",

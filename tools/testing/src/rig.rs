@@ -62,22 +62,28 @@ impl Drop for CleanUp {
 impl Rig {
     /// Drives and snake, no controller yet.
     pub fn start() -> Self {
-        Self::build(false)
+        Self::build(None)
     }
 
     /// A robot with a jaw: three drives on one line. Its controller starts with a linear model.
     pub fn with_jaw() -> Self {
-        let mut rig = Self::build(true);
+        Self::with_jaw_behind(100)
+    }
+
+    /// The same behind a gateway that waits so long for a node that does not answer.
+    pub fn with_jaw_behind(gateway_timeout_ms: u64) -> Self {
+        let mut rig = Self::build(Some(gateway_timeout_ms));
         rig.config.control.model = Some(rig.linear_model("model.json", "rig", 1.0));
         rig
     }
 
-    fn build(jaw: bool) -> Self {
+    fn build(jaw: Option<u64>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let snake = SnakeConfig::load(&root().join("config/snakes/steel.toml")).unwrap();
         let mut emulation = EmulatorConfig::new(snake, &folder.path().join("ports"));
-        if jaw {
+        if let Some(timeout_ms) = jaw {
             emulation.add_auxiliary(600);
+            emulation.drives[0].gateway_timeout_ms = timeout_ms;
         }
         let drives: Vec<_> = emulation.drives.iter().chain(&emulation.auxiliary).cloned().collect();
         let mut emulator = Emulator::start(emulation).unwrap();
@@ -100,7 +106,7 @@ impl Rig {
         let axes = (0..).zip(&drives).map(|(axis, drive)| (emulator.device(axis), axis, drive));
         let mut ports: Vec<PortConfig> =
             axes.map(|(device, axis, drive)| port(device, axis, drive)).collect();
-        if jaw {
+        if jaw.is_some() {
             let behind = ports.split_off(1);
             ports[0].axes.extend(behind.into_iter().flat_map(|port| port.axes));
             ports[0].axes[2].auxiliary_counts_per_deg = Some(20.0);

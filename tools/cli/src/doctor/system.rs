@@ -31,22 +31,22 @@ fn check_watchdog(config: &Config, report: &mut Report) {
         WatchdogStatus::Incomplete => report.warn(
             "watchdog",
             "runs, but could not open every port: it cannot stop every drive",
-            "see its log; end the controller, and start it after the watchdog",
+            "see its log, and let it open every port; nothing can be enabled until then",
         ),
         WatchdogStatus::Silent => report.warn(
             "watchdog",
             "is there, but hangs or is stopped: it cannot stop any drive",
-            "end it and the controller; start the watchdog, then the controller",
+            "end it, and start it again; nothing can be enabled until then",
         ),
         WatchdogStatus::OtherPorts => report.warn(
             "watchdog",
             "runs for other ports: it cannot stop every drive of this configuration",
-            "end it; start it with this configuration before the controller",
+            "end it; start it with this configuration",
         ),
         WatchdogStatus::Absent => report.warn(
             "watchdog",
             "does not run: nothing stops the drives if the controller dies",
-            "start `i2ris-watchdog` with the same configuration before the controller",
+            "start `i2ris-watchdog` with the same configuration",
         ),
     }
 }

@@ -65,6 +65,8 @@ pub struct Drive {
     /// NMT state is operational.
     pub(super) operational: bool,
     pub(super) boot_left_s: f64,
+    /// It is cut off from its line, and goes on as it is.
+    pub(super) silent: bool,
     pub(super) transfer: SegmentedTransfer,
     pub(super) events: Vec<EventKind>,
 }
@@ -114,6 +116,7 @@ impl Drive {
             warning: false,
             operational: false,
             boot_left_s: 0.0,
+            silent: false,
             transfer: SegmentedTransfer::default(),
             events: Vec::new(),
         };
@@ -190,6 +193,11 @@ impl Drive {
     /// The value of an object of the family's object map.
     pub(super) fn stored(&self, (index, sub): Address) -> i64 {
         self.dictionary.get(index, sub)
+    }
+
+    /// Cuts it off from its line, or connects it again.
+    pub fn set_silent(&mut self, silent: bool) {
+        self.silent = silent;
     }
 
     /// Stops the encoder, or lets it count again from where it stopped, as an incremental one does.

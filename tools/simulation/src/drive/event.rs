@@ -35,6 +35,8 @@ pub enum LineTrouble {
     Crc,
     /// A frame that was not complete within the frame timeout. It is dropped without a reply.
     FrameTimeout,
+    /// The gateway has waited for this drive in vain.
+    NoAnswer,
 }
 
 /// A rule that the host broke.
@@ -62,6 +64,7 @@ impl EventKind {
             Self::Boot => ("boot", 0, ""),
             Self::Line(LineTrouble::Crc) => ("line", 0, "wrong CRC"),
             Self::Line(LineTrouble::FrameTimeout) => ("line", 0, "frame timeout"),
+            Self::Line(LineTrouble::NoAnswer) => ("line", 0, "no answer to the gateway"),
             Self::Injected(name) => ("injected", 0, name),
             Self::HostBug(HostBug::Pipelined) => ("host-bug", 0, "bytes before the reply"),
             Self::HostBug(HostBug::Opcode(opcode)) => ("host-bug", opcode.into(), "unknown opcode"),

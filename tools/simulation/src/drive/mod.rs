@@ -18,6 +18,7 @@
 //! | `frame` | the V2 frame, as the drive sees it |
 //! | `command_set` | opcodes and their parameters |
 //! | `service`, `segmented_transfer` | requests to replies |
+//! | `gateway` | requests for drives behind the one at the port |
 //! | `abort`, `fault`, `event` | abort codes, fault codes, events for the log |
 
 mod abort;
@@ -32,6 +33,7 @@ pub(crate) mod event;
 mod family;
 mod fault;
 pub mod frame;
+mod gateway;
 mod mode;
 mod motion;
 mod motor;
@@ -51,6 +53,7 @@ pub use config::DriveConfig;
 pub use device::{Drive, DriveSnapshot};
 pub use family::Family;
 pub use fault::{Fault, Reaction};
+pub use gateway::Gateway;
 pub use mode::Mode;
 pub use motor::{Limits, Motor, MotorConfig};
 pub use service::Reply;

@@ -8,6 +8,7 @@ use super::device::{Drive, factory_settings};
 use super::event::{EventKind, HostBug, LineTrouble};
 use super::family::Family;
 use super::frame::Incoming;
+use super::gateway::Gateway;
 use super::object::Kind;
 use super::state::State;
 
@@ -32,14 +33,14 @@ impl Drive {
         self.state == State::NotReadyToSwitchOn
     }
 
-    /// The reply to a frame at its own port, or `None` while booting. `behind`: the drives on the
-    /// CAN bus behind this one, and the round-trip time to them.
+    /// The reply to a frame at its own port, or `None` while booting or silent. `behind`: the
+    /// drives on the CAN bus behind this one, and the round-trip time to them.
     pub fn reply_at_port(
         &mut self,
         incoming: &Incoming,
         behind: Option<(Vec<&mut Self>, Nanos)>,
     ) -> Option<Reply> {
-        if self.is_booting() {
+        if self.is_booting() || self.silent {
             return None;
         }
         // The error reply to a read may have the length of its data.
@@ -58,18 +59,20 @@ impl Drive {
             let outcome = self.execute(service);
             return has_reply.then(|| self.reply(outcome, is_read));
         }
-        let is_reachable = |other: &Self| Some(other.config.node_id) == node && !other.is_booting();
-        let other = behind.and_then(|(others, round_trip)| {
-            let found = others.into_iter().find(|other| is_reachable(other))?;
-            Some((found, round_trip))
-        });
-        let (outcome, delay) = match other {
-            None => {
-                let timeout = Nanos::from_millis(self.config.gateway_timeout_ms);
-                (Err(Abort::SdoTimeout), timeout)
+        let timeout = Nanos::from_millis(self.config.gateway_timeout_ms);
+        let (others, round_trip) = behind.unwrap_or_default();
+        let is_asked = |other: &&mut Self| Some(other.config.node_id) == node;
+        let mut asked = others.into_iter().find(is_asked);
+        if let Some(other) = asked.take_if(|other| other.is_booting() || other.silent) {
+            other.events.push(EventKind::Line(LineTrouble::NoAnswer));
+        }
+        let (delay, abort) = Gateway { round_trip, timeout }.forward(asked.is_some());
+        let (outcome, delay) = match (abort, asked) {
+            (None, Some(_)) if service.is_segmented() => {
+                (Err(Abort::UnsupportedAccess), Nanos::ZERO)
             }
-            Some(_) if service.is_segmented() => (Err(Abort::UnsupportedAccess), Nanos::ZERO),
-            Some((other, round_trip)) => (other.execute(service), round_trip),
+            (None, Some(other)) => (other.execute(service), delay),
+            (abort, _) => (Err(abort.unwrap_or(Abort::SdoTimeout)), delay),
         };
         let reply = self.reply(outcome, is_read);
         Some(Reply { delay, ..reply })

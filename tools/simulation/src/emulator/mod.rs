@@ -243,6 +243,12 @@ impl Emulator {
         self.shared.line(axis).muted.store(mute, Ordering::Relaxed);
     }
 
+    /// Cuts a drive off from its line, or connects it again. It goes on as it is: a gateway waits
+    /// for it in vain.
+    pub fn silence(&self, axis: usize, silent: bool) {
+        self.disturb(axis, |drive| drive.set_silent(silent));
+    }
+
     /// Raises a fault on an axis. While it `persists`, it cannot be reset.
     pub fn raise_fault(&self, axis: usize, code: u16, persists: bool) {
         self.disturb(axis, |drive| drive.raise(Fault(code), persists));

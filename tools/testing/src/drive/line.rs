@@ -5,6 +5,7 @@
 //! does, with its own. It places disturbances, delays and states exactly where a test needs them.
 
 use std::collections::VecDeque;
+use std::fmt;
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -13,6 +14,7 @@ use i2ris::drive::serial_frame::{FrameEncoder, MAX_ENCODED, SerialFrame};
 use i2ris::drive::serial_frame_parser::{FrameError, FrameParser, ParserEvent};
 use i2ris::drive::transport::Transport;
 use i2ris::units::{Counts, Nanos};
+use i2ris_simulation::drive::{Abort, Gateway};
 
 use super::mini_drive::{MiniDrive, Reply};
 use crate::fast_axis;
@@ -53,8 +55,13 @@ pub struct ReceivedRequest {
     pub node: u8,
     pub index: u16,
     pub subindex: u8,
+    /// The value of a write.
+    pub value: u32,
     pub arrived: Nanos,
 }
+
+/// Something that happens at an instant.
+type Act = Box<dyn FnOnce() + Send>;
 
 #[derive(Debug)]
 pub struct LineState {
@@ -66,8 +73,12 @@ pub struct LineState {
     pub silent: bool,
     /// Nothing answers before this instant.
     pub booting_until: Nanos,
-    /// This node does not answer; the others do.
+    /// This node does not answer; the others do, unless it is the gateway to them.
     pub silent_node: Option<u8>,
+    /// How the drive at the port forwards requests to the others.
+    pub gateway: Gateway,
+    /// How long an adapter holds a reply back.
+    pub adapter_hold: Nanos,
     /// Disturbs the next write of this value to this object.
     pub disturb_write: Option<(u16, u32, Disturbance)>,
     /// Delay of the host when it waits for bytes.
@@ -77,8 +88,13 @@ pub struct LineState {
     /// Requests that were sent before the reply to the previous one was read.
     pub pipelined: u32,
     pub requests: Vec<ReceivedRequest>,
+    /// Requests that were forwarded, and whether the node answered.
+    pub forwarded: Vec<(ReceivedRequest, bool)>,
     byte_time: Nanos,
     busy_until: Nanos,
+    /// The gateway takes nothing before this instant.
+    gateway_busy_until: Nanos,
+    planned: Planned,
     inbox: VecDeque<(Nanos, u8)>,
     parser: FrameParser,
     encoder: FrameEncoder,
@@ -94,13 +110,21 @@ impl SimulatedLine {
             silent: false,
             booting_until: Nanos::ZERO,
             silent_node: None,
+            gateway: Gateway {
+                round_trip: Nanos::from_micros(600),
+                timeout: Nanos::from_millis(50),
+            },
+            adapter_hold: Nanos::ZERO,
             disturb_write: None,
             host_delay: Nanos::ZERO,
             hung_up: false,
             pipelined: 0,
             requests: Vec::with_capacity(100_000),
+            forwarded: Vec::with_capacity(100_000),
             byte_time: Nanos(86_806),
             busy_until: Nanos::ZERO,
+            gateway_busy_until: Nanos::ZERO,
+            planned: Planned::default(),
             inbox: VecDeque::with_capacity(4 * MAX_ENCODED),
             parser: FrameParser::default(),
             encoder: FrameEncoder::default(),
@@ -136,6 +160,19 @@ impl SimulatedLine {
         self.state().request(&[0x90, 0x02, 0x60, 0x02, 0x01, 0x64, 0x60, 0x00, 0x29, 0x5A]);
     }
 
+    /// The same to any node.
+    pub fn send_stale_request_to(&self, node: u8) {
+        let data = [node, 0x64, 0x60, 0x00];
+        let mut encoder = FrameEncoder::default();
+        let request = encoder.encode(SerialFrame { opcode: 0x60, data: &data }).unwrap().to_vec();
+        self.state().request(&request);
+    }
+
+    /// Does something at an instant, also in the middle of an exchange.
+    pub fn plan(&self, at: Nanos, act: impl FnOnce() + Send + 'static) {
+        self.state().planned.0.push((at, Box::new(act)));
+    }
+
     pub fn disturb(&self, disturbances: impl IntoIterator<Item = Disturbance>) {
         self.state().disturbances.extend(disturbances);
     }
@@ -153,6 +190,9 @@ impl LineState {
         if self.silent || self.now < self.booting_until || disturbance == Disturbance::LoseRequest {
             return;
         }
+        if self.now < self.gateway_busy_until {
+            return;
+        }
         let mut bytes = bytes.to_vec();
         match disturbance {
             Disturbance::FlipRequest(index) => flip(&mut bytes, index),
@@ -161,19 +201,39 @@ impl LineState {
         }
         let arrival = self.now + Nanos(self.byte_time.0 * bytes.len() as u64);
         for byte in bytes {
+            let mut begin = arrival;
             let reply = match self.parser.push(byte) {
                 ParserEvent::None | ParserEvent::Error(FrameError::LostSync) => continue,
                 ParserEvent::Error(FrameError::Crc) => Reply::error(0x0504_0004),
                 ParserEvent::Frame(frame) => {
                     let request = header(&frame);
-                    if self.silent_node == Some(request.node) {
+                    let port = self.drives.first().map_or(0, |drive| drive.node);
+                    if self.silent_node == Some(port) {
                         return;
                     }
-                    self.requests.push(ReceivedRequest { arrived: arrival, ..request });
-                    answer(&mut self.drives, &frame)
+                    let received = ReceivedRequest { arrived: arrival, ..request };
+                    if request.node == 0 || request.node == port {
+                        self.requests.push(received);
+                        answer(&mut self.drives, &frame)
+                    } else {
+                        let mut drives = self.drives.iter();
+                        let answers = self.silent_node != Some(request.node)
+                            && drives.any(|drive| drive.node == request.node);
+                        let (delay, abort) = self.gateway.forward(answers);
+                        self.forwarded.push((received, answers));
+                        if answers {
+                            self.requests.push(received);
+                        }
+                        begin = begin + delay;
+                        self.gateway_busy_until = begin;
+                        abort.map_or_else(
+                            || answer(&mut self.drives, &frame),
+                            |abort: Abort| Reply::error(abort as u32),
+                        )
+                    }
                 }
             };
-            self.reply(reply, arrival, disturbance);
+            self.reply(reply, begin, disturbance);
         }
     }
 
@@ -214,7 +274,7 @@ impl LineState {
         }
         self.busy_until = begin;
         for (index, byte) in wire.into_iter().enumerate() {
-            let instant = begin + Nanos(self.byte_time.0 * (index as u64 + 1));
+            let instant = begin + Nanos(self.byte_time.0 * (index as u64 + 1)) + self.adapter_hold;
             self.inbox.push_back((instant, byte));
         }
     }
@@ -231,11 +291,14 @@ fn flip(bytes: &mut [u8], index: usize) {
 }
 
 fn header(frame: &SerialFrame<'_>) -> ReceivedRequest {
-    let (node, index, subindex) = match *frame.data {
-        [node, low, high, subindex, ..] => (node, u16::from_le_bytes([low, high]), subindex),
-        _ => (0, 0, 0),
+    let (node, index, subindex, value) = match *frame.data {
+        [node, low, high, subindex, ref value @ ..] => {
+            let value = value.try_into().map_or(0, u32::from_le_bytes);
+            (node, u16::from_le_bytes([low, high]), subindex, value)
+        }
+        _ => (0, 0, 0, 0),
     };
-    ReceivedRequest { opcode: frame.opcode, node, index, subindex, arrived: Nanos::ZERO }
+    ReceivedRequest { opcode: frame.opcode, node, index, subindex, value, arrived: Nanos::ZERO }
 }
 
 fn answer(drives: &mut [MiniDrive], frame: &SerialFrame<'_>) -> Reply {
@@ -275,11 +338,14 @@ impl Transport for SimulatedLine {
             Some(&(arrival, _)) if arrival <= deadline => state.now = state.now.max(arrival),
             Some(&(arrival, _)) if arrival <= state.now => {}
             _ => {
-                state.now = state.now.max(deadline);
+                let now = state.now.max(deadline);
+                advance(state, now);
                 return Ok(0);
             }
         }
         let now = state.now;
+        advance(state, now);
+        let mut state = self.state();
         let mut count = 0;
         while let (Some(free), Some(&(arrival, byte))) = (into.get_mut(count), state.inbox.front())
             && arrival <= now
@@ -296,9 +362,28 @@ impl Transport for SimulatedLine {
     }
 
     fn sleep_until(&mut self, until: Nanos) {
-        let mut state = self.state();
-        state.now = state.now.max(until);
+        let state = self.state();
+        let now = state.now.max(until);
+        advance(state, now);
     }
+}
+
+/// What is planned; it happens before the host goes on.
+#[derive(Default)]
+struct Planned(Vec<(Nanos, Act)>);
+
+impl fmt::Debug for Planned {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} planned", self.0.len())
+    }
+}
+
+/// Goes on to an instant, and does what is planned until then.
+fn advance(mut state: MutexGuard<'_, LineState>, now: Nanos) {
+    state.now = now;
+    let due: Vec<_> = state.planned.0.extract_if(.., |(at, _)| *at <= now).collect();
+    drop(state);
+    due.into_iter().for_each(|(_, act)| act());
 }
 
 /// A port with one axis per drive.

@@ -40,8 +40,13 @@ pub fn bring_up(drive: MiniDrive) -> (SimulatedLine, Result<(), DriveError>) {
 
 impl PortRig {
     pub fn new(drives: Vec<MiniDrive>) -> Self {
-        let (line, _, port) = open(drives);
-        Self::of(line, port)
+        Self::with_reply_timeout(drives, 20)
+    }
+
+    pub fn with_reply_timeout(drives: Vec<MiniDrive>, reply_timeout_ms: u64) -> Self {
+        let (line, config, _) = open(drives);
+        let config = PortConfig { reply_timeout_ms, ..config };
+        Self::of(line.clone(), Port::over(line, &config))
     }
 
     /// One drive whose motor may turn so fast, found disabled.

@@ -1,0 +1,143 @@
+//! Three drives on one line, one of them dead behind the gateway: a stop of the others waits for
+//! one time-out of the gateway at most.
+
+use i2ris::drive::{AxisLink, AxisRequest};
+
+use super::*;
+
+/// What the exchanges of the stop itself may take.
+const EXCHANGES: Nanos = Nanos::from_millis(60);
+
+const QUICK_STOP: u32 = 0x000B;
+
+/// Three drives that are enabled. The host waits for a reply for less than the gateway for a node,
+/// or for longer.
+fn three_enabled(gateway_ms: u64, reply_ms: u64) -> PortRig {
+    let drives = [1, 2, 3].map(|node| MiniDrive::new(node, 10 * u32::from(node)));
+    let mut rig = PortRig::with_reply_timeout(drives.into(), reply_ms);
+    rig.line.state().gateway.timeout = Nanos::from_millis(gateway_ms);
+    rig.turns(20);
+    for axis in 0..3 {
+        rig.request_of(axis, |request| request.demand = Demand::Enabled);
+    }
+    rig.until(AxisPhase::Enabled);
+    rig.turns(20);
+    rig.line.state().forwarded.clear();
+    rig.events.clear();
+    rig
+}
+
+/// Demands a state of every axis at an instant, also in the middle of an exchange.
+fn demand_at(rig: &mut PortRig, due: Nanos, demand: Demand) {
+    let links = std::mem::take(&mut rig.links);
+    let requests = rig.requests.clone();
+    rig.line.plan(due, move || {
+        for (AxisLink { requests: mut input, .. }, request) in links.into_iter().zip(requests) {
+            input.write(AxisRequest { demand, sequence: request.sequence + 1, ..request });
+        }
+    });
+}
+
+/// When a node was first sent this controlword since an instant, and took it.
+fn first(rig: &PortRig, node: u8, controlword: u32, since: Nanos) -> Option<Nanos> {
+    let state = rig.line.state();
+    let is_it = |request: &&ReceivedRequest| {
+        (request.node, request.index, request.value) == (node, 0x6040, controlword)
+            && request.arrived >= since
+    };
+    state.requests.iter().find(is_it).map(|request| request.arrived)
+}
+
+/// Stops at many instants of a gateway that waits, gives the node up, and tries it again.
+fn stop_at_every_phase(gateway_ms: u64, reply_ms: u64, dead: u8, demand: Demand, word: u32) {
+    for phase in 0..40 {
+        let mut rig = three_enabled(gateway_ms, reply_ms);
+        let begin = rig.line.time();
+        rig.line.state().silent_node = Some(dead);
+        let due = begin + Nanos::from_micros(phase * (5000 * gateway_ms + 1_500_000) / 40);
+        demand_at(&mut rig, due, demand);
+        let end = due + Nanos::from_millis(8 * gateway_ms + 4000);
+        while rig.line.time() < end {
+            rig.turns(1);
+        }
+        let case = format!("{gateway_ms} ms, reply {reply_ms} ms, node {dead}, phase {phase}");
+        let living: Vec<_> = [1, 2, 3].into_iter().filter(|node| *node != dead).collect();
+        let stops = living.iter().map(|node| first(&rig, *node, word, due));
+        let last = stops.collect::<Option<Vec<_>>>().expect(&case).into_iter().max().unwrap();
+        let limit = Nanos::from_millis(gateway_ms) + EXCHANGES;
+        assert!(last - due <= limit, "{case}: after {:.1} ms", (last - due).as_seconds() * 1e3);
+        // The first time nobody knows; and a request takes a millisecond to arrive.
+        let asked = rig
+            .line
+            .state()
+            .forwarded
+            .iter()
+            .filter(|it| !it.1)
+            .skip(1)
+            .any(|it| it.0.arrived > due + Nanos::from_millis(2) && it.0.arrived < last);
+        assert!(!asked, "{case}: the dead one was asked before the living were stopped");
+        let is_named = |event: &i2ris::drive::PortEvent| {
+            event.motor == usize::from(dead) - 1 && matches!(event.kind, PortEventKind::Lost(_))
+        };
+        assert!(rig.events.iter().any(is_named), "{case}: {:?}", rig.events);
+    }
+}
+
+#[test]
+fn h03_a_dead_node_keeps_no_quick_stop_from_the_living_for_longer_than_the_gateway_waits() {
+    for gateway_ms in [50, 90, 200, 500] {
+        for (dead, reply_ms) in [(2, 1000), (3, 1000), (2, 20), (3, 20)] {
+            stop_at_every_phase(gateway_ms, reply_ms, dead, Demand::QuickStop, QUICK_STOP);
+        }
+    }
+}
+
+/// The first controlword of switching off is the ramp.
+#[test]
+fn a_dead_node_keeps_no_living_one_from_being_switched_off() {
+    for gateway_ms in [50, 500] {
+        for dead in [2, 3] {
+            stop_at_every_phase(gateway_ms, 1000, dead, Demand::Disabled, 0x0007);
+        }
+    }
+}
+
+#[test]
+fn the_living_drives_are_off_after_a_shutdown_with_a_dead_one() {
+    for gateway_ms in [50, 500] {
+        for dead in [2, 3] {
+            let mut rig = three_enabled(gateway_ms, 1000);
+            rig.line.state().silent_node = Some(dead);
+            rig.turns(1);
+            rig.line.state().forwarded.clear();
+            rig.shut_down();
+            let state = rig.line.state();
+            let mut living = state.drives.iter().filter(|drive| drive.node != dead);
+            assert!(living.all(|drive| drive.state == READY), "{gateway_ms} {dead}");
+            let off: Vec<_> = rig
+                .events
+                .iter()
+                .filter_map(|event| match event.kind {
+                    PortEventKind::Ended { off } => Some((event.motor, off)),
+                    _ => None,
+                })
+                .collect();
+            assert_eq!(off, [0, 1, 2].map(|motor| (motor, motor + 1 != usize::from(dead))));
+        }
+    }
+}
+
+/// A gateway that waits for a node half of the time serves the others half of the time.
+#[test]
+fn a_node_that_stays_dead_costs_the_others_a_fifth_of_the_time_at_most() {
+    let mut rig = three_enabled(500, 1000);
+    rig.line.state().silent_node = Some(3);
+    rig.turns(100);
+    let begin = rig.line.time();
+    rig.line.state().forwarded.clear();
+    while rig.line.time() < begin + Nanos::from_millis(20_000) {
+        rig.turns(1);
+    }
+    let tries = rig.line.state().forwarded.iter().filter(|(_, answered)| !answered).count();
+    assert!((2..=8).contains(&tries), "{tries} times 0.5 s in 20 s");
+}
