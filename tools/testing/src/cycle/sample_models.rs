@@ -4,9 +4,10 @@ use i2ris::config::Config;
 use i2ris::model::Model;
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
-    OutputMetrics, OutputSpec, OutputUnit, SCHEMA_VERSION, TrainingRecord,
+    OutputMetrics, OutputSpec, OutputUnit, PolynomialParameters, SCHEMA_VERSION, TrainingRecord,
 };
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
+use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters, BalanceStop};
 use i2ris::units::OutputVec;
 use std::sync::Arc;
 
@@ -101,6 +102,56 @@ pub fn scaled_play_model(factor: f64) -> Arc<Model> {
     };
     let family =
         FamilyParameters::GmrPlay { plays, mixture, residual: None, virtual_hull: square() };
+    Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
+}
+
+/// The same of the default family: motors that do not know of each other, each with a gap of 30
+/// counts to either side and a friction that stretches its wires by 20. A motor that goes on in a
+/// direction bends the snake as one without them does 50 counts behind it.
+pub fn balance_model() -> Arc<Model> {
+    scaled_balance_model(1.0)
+}
+
+/// The same for a snake that bends more by a factor.
+pub fn scaled_balance_model(factor: f64) -> Arc<Model> {
+    // Both wires stay taut, so that a force of two counts stretches them by one.
+    let motor = BalanceMotor {
+        centre_counts: 0.0,
+        travel_per_count: 1.0,
+        neutral: 0.0,
+        gap: 30.0,
+        coupling: 0.0,
+        preload: [200.0; 2],
+        preload_growth: 0.0,
+        stiffness: [1.0; 2],
+        spring: 0.1,
+        hardening: 0.0,
+        friction: 40.0,
+        friction_by_tension: [0.0; 2],
+        friction_by_other: 0.0,
+        friction_growth: [0.0; 2],
+        friction_slope: 0.0,
+        friction_asymmetry: 0.0,
+    };
+    let gain = 1000.0 * factor * GAIN_DEG;
+    let family = FamilyParameters::ForceBalance {
+        balance: BalanceParameters {
+            motors: vec![motor.clone(), motor],
+            own_stops: vec![BalanceStop { stiffness: 10.0, share: 1.0, yields: false }],
+            shared_stops: vec![],
+            loose_stiffness: 1e-4,
+            softness: 1.0,
+            friction_stays: 0.0,
+        },
+        read_out: PolynomialParameters {
+            centre_counts: vec![0.0; 2],
+            scale_counts: vec![1000.0; 2],
+            degree: 1,
+            coefficients: vec![vec![0.0, gain, gain], vec![0.0, -gain, gain]],
+            covariance: vec![vec![0.04, 0.0], vec![0.0, 0.09]],
+        },
+        virtual_hull: square(),
+    };
     Arc::new(Model::from_file(file(OutputUnit::Deg, family)).unwrap())
 }
 
