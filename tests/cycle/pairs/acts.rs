@@ -1,16 +1,19 @@
 //! What others do, and what is asked for, in between.
 
-use i2ris::core::{
-    FixtureChange, FixtureSpace, ModelChange, ServoCommand, ServoGoal, SimpleRegion, SimpleShape,
-};
+use i2ris::core::{FixtureChange, ModelChange, ServoCommand, ServoGoal};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{CLIENT, GAIN_DEG, rad, scaled_play_model, within};
+use i2ris_testing::cycle::{CLIENT, GAIN_DEG};
 
-use super::drawing::zone;
+use super::asked::What;
 use super::jaw::Jaw;
-use super::oracle::Zone;
+use super::oracle::LARGEST_GAIN;
+use super::routes::distance;
+use super::zones::Zone;
 use super::{OTHER, Situation};
+
+/// The stroke of conditioning to both sides of the start, counts, where the hull is no wider.
+const CONDITIONING: f64 = 300.0;
 
 impl Situation {
     /// Another client commands, with a clock or a step of its own.
@@ -23,7 +26,7 @@ impl Situation {
             sequence: self.sequence,
             stamp: self.bench.now - age,
             deadline: Nanos::ZERO,
-            goal: ServoGoal::Joint(rad(goal[0], goal[1]), 2),
+            goal: ServoGoal::Joint(self.output(goal), 2),
             clutched: false,
             has_unknown_flags: false,
         };
@@ -45,18 +48,9 @@ impl Situation {
     }
 
     pub(super) fn change_zones(&mut self) {
-        let new = zone(&mut self.random);
-        let (space, centre) = (FixtureSpace::Angles, |[a, b]: [f64; 2]| rad(a, b));
-        let shape = match new {
-            Zone::Circle { centre: at, radius } => {
-                SimpleShape::Ball { centre: centre(at), radius: radius.to_radians() }
-            }
-            Zone::Wall { normal: [a, b], offset } => {
-                SimpleShape::HalfSpace { normal: [a, b, 0.0], offset: offset.to_radians() }
-            }
-        };
+        let new = Zone::draw(&mut self.random, self.wire);
         let changes = [
-            FixtureChange::Add(SimpleRegion { space, shape }),
+            FixtureChange::Add(new.request()),
             FixtureChange::SwitchOn,
             FixtureChange::SwitchOff,
             FixtureChange::RemoveAdded,
@@ -81,11 +75,8 @@ impl Situation {
     }
 
     pub(super) fn swap(&mut self) {
-        if !self.has_memory {
-            return;
-        }
-        let gain = self.random.within(0.9, 1.15);
-        let next = within(&scaled_play_model(gain), self.hull);
+        let gain = self.random.within(0.85, LARGEST_GAIN);
+        let next = self.wire.model(gain, self.hull);
         if self.random.one_in(2) || self.next.is_none() {
             self.bench.offer(self.bench.candidate(&next));
             self.bench.tick();
@@ -94,7 +85,7 @@ impl Situation {
         }
         let is_followed = self.oracle.is_followed(&self.bench);
         let holder = self.bench.report().lease_client_id;
-        let client_id = if self.random.one_in(2) { CLIENT } else { OTHER };
+        let client_id = if self.random.one_in(4) { OTHER } else { CLIENT };
         let staged = self.next.take_if(|_| !self.random.one_in(4));
         let change = match &staged {
             Some((next, _)) => ModelChange::Activate(next.id()),
@@ -108,22 +99,52 @@ impl Situation {
             return;
         }
         assert!(!is_followed || holder == client_id, "a swap under the hand of another");
+        let is_anothers = self.mover.is_some_and(|mover| mover != client_id);
+        assert!(!is_anothers, "a swap under the motion of another");
         self.gains = [staged.map_or(before, |(_, gain)| gain), now];
+        let before = self.oracle.seen(&self.bench);
         self.oracle.snake.gain = self.gains[0] * GAIN_DEG;
+        let until = self.bench.now + Nanos::from_millis(self.bench.config.model_swap.blend_ms);
+        let by = distance(self.oracle.seen(&self.bench), before);
         self.oracle.see_anew(&self.bench);
+        self.oracle.way.swapped(by, until);
         self.check();
     }
 
-    pub(super) fn move_to(&mut self) {
+    pub(super) fn move_to(&mut self, client_id: u64) {
         let pose = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
-        self.bench.pose = Some((rad(pose[0], pose[1]), 2));
-        let refusal = self.ask(CLIENT, StateCommand::Move);
+        self.bench.pose = Some((self.output(pose), 2));
+        let refusal = self.ask_for_motion(client_id, StateCommand::Move, What::Pose(pose));
         let limits = self.oracle.limits;
         let is_cut = [0, 1].into_iter().any(|at| {
             limits.low.is_some_and(|low| pose[at] < low[at] - 0.01)
                 || limits.high.is_some_and(|high| pose[at] > high[at] + 0.01)
         });
         assert!(refusal != Refusal::None || !is_cut, "a move beyond the joint limits");
+    }
+
+    /// As far as the hull, or as the model needs it.
+    pub(super) fn condition(&mut self) {
+        let start = self.bench.targets().map(f64::from);
+        let ends = [f64::min, f64::max].map(|end| {
+            [0, 1].map(|motor: usize| {
+                let from = end(start[motor] - CONDITIONING, start[motor] + CONDITIONING);
+                self.hull.iter().fold(from, |at, corner| end(at, corner[motor]))
+            })
+        });
+        self.ask_for_motion(CLIENT, StateCommand::Condition, What::Counts(ends));
+    }
+
+    /// Motion is asked for, and is what is asked from now on if it is accepted.
+    fn ask_for_motion(&mut self, client_id: u64, command: StateCommand, what: What) -> Refusal {
+        let refusal = self.bench.ask_as(client_id, command).refusal;
+        self.judge_motion(client_id, refusal);
+        if refusal == Refusal::None {
+            self.oracle.way.asked.what = what;
+            self.mover = Some(client_id);
+        }
+        self.check();
+        refusal
     }
 
     pub(super) fn begin_anew(&mut self) {

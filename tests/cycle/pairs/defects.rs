@@ -1,6 +1,7 @@
 //! Deliberate defects in the order of filters, one at a time, each of which the pairs have to find.
 //!
-//! A copy of the sources gets the defect, is built, and draws a million ticks. Where two stages hold
+//! A copy of the sources gets the defect, is built, and draws until it is found, at most a million
+//! ticks. Where two stages hold
 //! the same limit, a defect in one of them changes no setpoint, so the limit is taken from both: the
 //! limits of the motors from stage 10 and the gate, the calibrated pose from stage 6 and the gate. The
 //! order of stages 5 and 6 is such a case, too: the gate holds all that it may break.
@@ -12,6 +13,10 @@ use std::process::Command;
 const GATE: &str = "src/core/joint_space/gate.rs";
 const CORRECTION: &str = "src/core/joint_space/joint_model/correction.rs";
 const MOTORS: &str = "src/core/motion/velocity_limit.rs";
+const BOUNDS: &str = "src/core/motion/joint_limits.rs";
+const REGIONS: &str = "src/core/motion/virtual_fixtures/distances.rs";
+const GOALS: &str = "src/core/command/range_check.rs";
+const STAMPS: &str = "src/core/command/sequence_record.rs";
 
 /// The gate without the limits of the motors.
 const NO_MOTORS: Edit =
@@ -20,7 +25,7 @@ const NO_MOTORS: Edit =
 /// What is replaced by what, in which file.
 type Edit = (&'static str, &'static str, &'static str);
 
-const DEFECTS: [(&str, &[Edit]); 9] = [
+const DEFECTS: [(&str, &[Edit]); 16] = [
     (
         "the gate checks nothing",
         &[(
@@ -85,6 +90,54 @@ const DEFECTS: [(&str, &[Edit]); 9] = [
         "nothing limits the acceleration of the motors",
         &[NO_MOTORS, (MOTORS, "            velocity + self.acceleration", "            f64::MAX")],
     ),
+    (
+        "the gate is as fast after a stop as before it",
+        &[(
+            GATE,
+            "        *self = Self::default();\n        axes.for_each(",
+            "        axes.for_each(",
+        )],
+    ),
+    (
+        "the gate checks no jerk of the angles",
+        &[(
+            BOUNDS,
+            "self.growth.min(growth.max(0.0) + self.jerk)",
+            "self.growth.min(growth.max(1.0))",
+        )],
+    ),
+    (
+        "the blend of a swap feeds back to the goal of a rate",
+        &[(
+            GOALS,
+            "let left = self.joints.left_to_go(&self.axes.setpoints());",
+            "let left = self.joints.setpoint().map(|at| zip_map(&from, &at, |from, at| from - at))\
+             .ok_or(());",
+        )],
+    ),
+    (
+        "the goal of a rate runs ahead of a snake that cannot keep up",
+        &[(GOALS, "let back = if ahead > most {", "let back = if ahead > 1e9 * most {")],
+    ),
+    (
+        "a goal that was cut is compared as it was requested",
+        &[(GOALS, "goal.goal() == requested) {", "goal.goal() == requested) || step >= 0.0 {")],
+    ),
+    (
+        "a goal is integrated from stamps that go back",
+        &[
+            (STAMPS, "if stamp < last.stamp =>", "if stamp < last.stamp && sequence == 0 =>"),
+            (GOALS, "begin = self.stamp.max(before.stamp());", "begin = self.stamp;"),
+        ],
+    ),
+    (
+        "nothing checks regions of the tip",
+        &[(
+            REGIONS,
+            "(distance, [along(pitch), along(yaw), 0.0])",
+            "(distance.max(1.0), [along(pitch), along(yaw), 0.0])",
+        )],
+    ),
 ];
 
 fn root() -> &'static Path {
@@ -121,7 +174,7 @@ fn copy(to: &Path) {
     }
 }
 
-/// Draws a million ticks in a copy of the sources: what the test said, if it was built.
+/// Draws up to a million ticks in a copy of the sources: what the test said, if it was built.
 fn draw(folder: &Path) -> (bool, String) {
     let (found, text) = output(
         Command::new(env!("CARGO"))
@@ -129,6 +182,7 @@ fn draw(folder: &Path) -> (bool, String) {
             .args(["--ignored", "--nocapture", "pairs_of_a_million"])
             .env("CARGO_TARGET_DIR", folder.join("target"))
             .env("I2RIS_TICKS", "1000000")
+            .env("I2RIS_FIRST", "")
             .env_remove("I2RIS_SEED")
             .current_dir(folder.join("source")),
     );

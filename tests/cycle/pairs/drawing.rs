@@ -1,35 +1,22 @@
-//! Regions, limits and configurations, drawn at random.
+//! Limits and configurations, drawn at random.
 
 use i2ris::config::Config;
-use i2ris_testing::cycle::strict_config;
+use i2ris_testing::cycle::{GAIN_DEG, strict_config};
 
-use super::oracle::{Limits, Zone};
+use super::oracle::Limits;
 use super::random::Random;
+use super::zones::Zone;
 
-pub fn zone(random: &mut Random) -> Zone {
-    if random.one_in(2) {
-        let radius = random.within(1.0, 3.0);
-        Zone::Circle { centre: random.direction().map(|part| 6.0 * part), radius }
-    } else {
-        Zone::Wall { normal: random.direction(), offset: random.within(2.0, 8.0) }
-    }
-}
+/// What is delivered, on the robot of the tests.
+const SHIPPED: &str = include_str!("../../../config/robot.toml");
 
-fn table(zone: &Zone, index: usize) -> String {
-    let shape = match zone {
-        Zone::Circle { centre, radius } => {
-            format!("circle = {{ centre_deg = {centre:?}, radius_deg = {radius:?} }}")
-        }
-        Zone::Wall { normal, offset } => {
-            format!("half_plane = {{ normal = {normal:?}, offset_deg = {offset:?} }}")
-        }
-    };
-    format!("[[virtual_fixtures.regions]]\nname = \"r{index}\"\nshape = {{ {shape} }}\n")
-}
-
-pub fn limits(random: &mut Random) -> Limits {
-    if random.one_in(3) {
+/// The limits of a situation: none, those that are delivered, or some.
+pub fn limits(random: &mut Random, has_angles: bool, is_shipped: bool) -> Limits {
+    if !has_angles || !is_shipped && random.one_in(3) {
         return Limits::default();
+    }
+    if is_shipped {
+        return Limits::new(&shipped().joint_limits);
     }
     let mut some = |low: f64, high: f64| {
         let value = random.within(low, high);
@@ -41,7 +28,36 @@ pub fn limits(random: &mut Random) -> Limits {
     Limits { low: pair(low), high: pair(high), velocity, acceleration }
 }
 
-pub fn configuration(random: &mut Random, limits: &Limits, zones: &[Zone]) -> Config {
+fn shipped() -> Config {
+    Config::parse(SHIPPED, "robot.toml".as_ref()).unwrap()
+}
+
+pub fn configuration(
+    random: &mut Random,
+    limits: &Limits,
+    zones: &[Zone],
+    is_shipped: bool,
+) -> Config {
+    let mut text = String::new();
+    if random.one_in(2) {
+        text += "[adaptation]\nenabled = true\ncamera_deviation_deg = 0.3\nslew_deg_s = 3.0\n";
+    }
+    if !is_shipped {
+        text += &tables(random, limits);
+    }
+    for (index, zone) in zones.iter().enumerate() {
+        text += &zone.table(index);
+    }
+    let config = strict_config(&text);
+    if !is_shipped {
+        return config;
+    }
+    let Config { robot_id, ports, adaptation, virtual_fixtures, .. } = config;
+    Config { robot_id, ports, adaptation, virtual_fixtures, ..shipped() }
+}
+
+/// Limits of the motors, and what filters a goal.
+fn tables(random: &mut Random, limits: &Limits) -> String {
     let mut text = String::from("[command]\n");
     if random.one_in(4) {
         text += "motion_scale = 0.4\n";
@@ -59,6 +75,9 @@ pub fn configuration(random: &mut Random, limits: &Limits, zones: &[Zone]) -> Co
     key("position_max_deg", limits.high.map(|high| format!("{high:?}")));
     key("velocity_deg_s", limits.velocity.map(|value| format!("{value:?}")));
     key("acceleration_deg_s2", limits.acceleration.map(|value| format!("{value:?}")));
+    let jerk = limits.acceleration.filter(|_| random.one_in(2));
+    let jerk = jerk.map(|acceleration| acceleration / random.within(1e-3, 8e-3));
+    key("jerk_deg_s3", jerk.map(|value| format!("{value:?}")));
     text += "[limits]\n";
     if random.one_in(2) {
         let acceleration = random.within(2e4, 1.6e5);
@@ -70,14 +89,13 @@ pub fn configuration(random: &mut Random, limits: &Limits, zones: &[Zone]) -> Co
         }
     }
     if random.one_in(2) {
-        text += "[adaptation]\nenabled = true\ncamera_deviation_deg = 0.3\nslew_deg_s = 3.0\n";
-    }
-    // Of a copy: what is drawn for a seed after this stays.
-    if random.clone().one_in(2) {
         text += "[compensation]\nlead_ms = 20.0\n";
     }
-    for (index, zone) in zones.iter().enumerate() {
-        text += &table(zone, index);
-    }
-    strict_config(&text)
+    text
+}
+
+/// What both motors and the angles slow down with at least, deg/s^2.
+pub fn braking(config: &Config) -> f64 {
+    let motors = GAIN_DEG * config.limits.acceleration_counts_s2;
+    config.joint_limits.acceleration_deg_s2.map_or(motors, |angles| angles.min(motors))
 }

@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use i2ris::config::Config;
+use i2ris::config::{Config, LimitConfig};
 use i2ris::core::{ServoCommand, ServoGoal};
 use i2ris::ipc::{OperatingState, Refusal};
 use i2ris::units::Nanos;
@@ -13,6 +13,10 @@ use super::{OTHER, Random, Situation};
 
 /// Ticks over which its acceleration is measured.
 const WINDOW: usize = 10;
+/// Ticks over which its way is looked at.
+const WAY: usize = 400;
+/// A goal goes on for so long between commands.
+const AHEAD_S: f64 = 0.02;
 /// Of [`with_jaw`], counts.
 const COUNTS_PER_DEG: f64 = -10.0;
 
@@ -24,6 +28,9 @@ pub(super) struct Jaw {
     /// When the followed command becomes stale; zero: none is followed.
     stale_at: Nanos,
     past: VecDeque<i32>,
+    /// Where it was in the last ticks, and where it was asked to be, counts.
+    goals: VecDeque<[f64; 2]>,
+    asked: Option<f64>,
     idle: u32,
 }
 
@@ -39,6 +46,8 @@ impl Jaw {
             rate_deg_s: 0.0,
             stale_at: Nanos::ZERO,
             past: VecDeque::new(),
+            goals: VecDeque::new(),
+            asked: None,
             idle: 0,
         };
         (Some(jaw), with_jaw(config))
@@ -53,6 +62,7 @@ impl Jaw {
     pub fn begin(&mut self) {
         (self.idle, self.stale_at) = (0, Nanos::ZERO);
         self.past.clear();
+        self.goals.clear();
     }
 
     fn command(&mut self, bench: &mut Bench) -> Option<ServoCommand> {
@@ -67,7 +77,7 @@ impl Jaw {
         }
         self.goal_deg += 4e-3 * self.rate_deg_s;
         let goal = ServoGoal::Joint([self.goal_deg.to_radians(), 0.0, 0.0], 1);
-        let client_id = if self.random.one_in(30) { OTHER } else { CLIENT };
+        let client_id = if self.random.one_in(200) { OTHER } else { CLIENT };
         let is_sent = !self.random.one_in(10);
         is_sent.then(|| ServoCommand { client_id, ..bench.servo(goal) })
     }
@@ -90,6 +100,7 @@ impl Jaw {
             let is_at_rest = self.idle > self.stop_ticks(bench);
             assert!(!is_at_rest || now == *before, "jaw: {before} to {now}, nothing is asked");
         }
+        self.check_way(limits, f64::from(now), bench.now < self.stale_at);
         self.past.push_back(now);
         if self.past.len() > 2 * WINDOW {
             let [old, middle] = [0, WINDOW].map(|index| self.past[index]);
@@ -99,6 +110,21 @@ impl Jaw {
                 f64::from(before) + 1.5 * limits.acceleration_counts_s2 * window_s * window_s + 2.0;
             assert!(f64::from(moved) <= most, "jaw: {moved} counts after {before}");
         }
+    }
+
+    /// It is between where it was and where it was asked to be, but for the way of a stop.
+    fn check_way(&mut self, limits: &LimitConfig, now: f64, is_asked: bool) {
+        let goal = self.asked.filter(|_| is_asked).unwrap_or(now);
+        self.goals.push_back([now, goal]);
+        if self.goals.len() > WAY {
+            self.goals.pop_front();
+        }
+        let (speed, slow_down) = (limits.velocity_counts_s, limits.acceleration_counts_s2);
+        let over = 0.5 * speed * speed / slow_down + AHEAD_S * speed + 4.0;
+        let from = self.goals[0][0];
+        let low = self.goals.iter().fold(from, |low, [_, goal]| low.min(*goal));
+        let high = self.goals.iter().fold(from, |high, [_, goal]| high.max(*goal));
+        assert!((low - over..=high + over).contains(&now), "jaw: {now}, {low} to {high}");
     }
 
     fn stop_ticks(&self, bench: &Bench) -> u32 {
@@ -116,7 +142,7 @@ fn target(bench: &Bench) -> i32 {
 impl Situation {
     /// One tick without a command of the joints; it may have one of the jaw.
     pub(super) fn tick(&mut self) {
-        let Some(jaw) = &mut self.jaw else {
+        let Some(jaw) = self.jaw.as_mut().filter(|_| self.quiet == 0) else {
             self.bench.tick();
             return self.check();
         };
@@ -142,6 +168,7 @@ impl Situation {
                 let deadline = Nanos::from_millis(config.command.deadline_ms);
                 if let Some(jaw) = &mut self.jaw {
                     jaw.stale_at = command.stamp + deadline;
+                    jaw.asked = Some(angle.to_degrees() * COUNTS_PER_DEG);
                 }
             }
         } else {

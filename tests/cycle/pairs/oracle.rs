@@ -4,10 +4,16 @@
 
 use std::collections::VecDeque;
 
-use i2ris::config::Config;
+use i2ris::config::{Config, JointLimitConfig};
 use i2ris::ipc::OperatingState;
 use i2ris::units::Nanos;
 use i2ris_testing::cycle::{Bench, GAIN_DEG, HULL};
+
+use super::asked::What;
+use super::routes::plus;
+use super::snake::{Snake, Wire};
+use super::way::Way;
+use super::zones::Zone;
 
 /// Corners of what was calibrated, counter-clockwise. Along the sides of the square, motors that are
 /// limited one by one stay inside; along those of the other one they do not.
@@ -26,30 +32,15 @@ const TOLERANCE_DEG: f64 = 0.08;
 /// A stop waits for so many ticks, besides its way.
 const STOP_TICKS: u32 = 6;
 /// The snake of a model that was swapped in bends by so much more at most.
-const LARGEST_GAIN: f64 = 1.15;
+pub const LARGEST_GAIN: f64 = 1.3;
 /// Ticks over which speed is measured: rounding to counts is little of it.
 const WINDOW: usize = 25;
 /// The same for a motor.
 const MOTOR_WINDOW: usize = 10;
+/// What the inverse leaves of a step, degrees.
+const STEP_DEG: f64 = 5e-5;
 /// A count in each motor, at both ends.
 const ROUNDING_DEG: f64 = 4.0 * GAIN_DEG;
-
-/// A region in angles, degrees.
-#[derive(Debug, Clone, Copy)]
-pub enum Zone {
-    Circle { centre: [f64; 2], radius: f64 },
-    Wall { normal: [f64; 2], offset: f64 },
-}
-
-impl Zone {
-    /// Positive outside.
-    pub fn distance(&self, [pitch, yaw]: [f64; 2]) -> f64 {
-        match self {
-            Self::Circle { centre, radius } => (pitch - centre[0]).hypot(yaw - centre[1]) - radius,
-            Self::Wall { normal, offset } => offset - normal[0] * pitch - normal[1] * yaw,
-        }
-    }
-}
 
 /// The way to rest of a motion at full speed, when a limit comes over it.
 #[derive(Debug, Clone, Copy)]
@@ -101,45 +92,29 @@ pub struct Limits {
     pub acceleration: Option<f64>,
 }
 
-/// The snake: every motor turns half of the wire at once, and half behind a gap.
-#[derive(Debug, Clone, Copy)]
-pub struct Snake {
-    pub gap: f64,
-    pub gain: f64,
-    play: [f64; 2],
-}
-
-impl Snake {
-    pub fn new(gap: f64) -> Self {
-        Self { gap, gain: GAIN_DEG, play: [0.0; 2] }
-    }
-
-    fn moved(&self, counts: [f64; 2]) -> [f64; 2] {
-        let follow = |motor: usize| {
-            self.play[motor].max(counts[motor] - self.gap).min(counts[motor] + self.gap)
-        };
-        [follow(0), follow(1)]
-    }
-
-    pub fn pose(&self, counts: [f64; 2]) -> [f64; 2] {
-        let play = self.moved(counts);
-        let [a, b] = [0, 1].map(|motor: usize| 0.5 * (counts[motor] + play[motor]));
-        [self.gain * (a + b), self.gain * (b - a)]
-    }
-
-    fn follow(&mut self, counts: [f64; 2]) {
-        self.play = self.moved(counts);
+impl Limits {
+    pub fn new(config: &JointLimitConfig) -> Self {
+        let pair = |limits: &Option<Vec<f64>>| limits.as_ref().map(|both| [both[0], both[1]]);
+        Self {
+            low: pair(&config.position_min_deg),
+            high: pair(&config.position_max_deg),
+            velocity: config.velocity_deg_s,
+            acceleration: config.acceleration_deg_s2,
+        }
     }
 }
 
 /// The oracle of one situation.
 pub struct Oracle {
     pub snake: Snake,
+    pub way: Way,
     pub limits: Limits,
     /// The regions that count, with the least distance that is allowed.
     zones: Vec<(Zone, f64)>,
     /// The largest excess over the joint limits that is allowed.
     excess: f64,
+    /// The pose as reported, its step, and how much that grew.
+    grown: Option<[[f64; 2]; 3]>,
     /// Poses of the last ticks, as seen: what is believed of them may change meanwhile.
     past: VecDeque<[f64; 2]>,
     /// Setpoints of the last ticks.
@@ -150,7 +125,7 @@ pub struct Oracle {
     /// When the followed command becomes stale.
     stale_at: Nanos,
     stop: Stop,
-    hull: &'static [[f64; 2]],
+    pub hull: &'static [[f64; 2]],
     hull_excess: f64,
     /// Angles were commanded last, and not counts.
     pub in_hull: bool,
@@ -161,12 +136,20 @@ pub struct Oracle {
 }
 
 impl Oracle {
-    pub fn new(snake: Snake, limits: Limits, hull: &'static [[f64; 2]], stop: Stop) -> Self {
+    pub fn new(
+        snake: Snake,
+        limits: Limits,
+        hull: &'static [[f64; 2]],
+        stop: Stop,
+        way: Way,
+    ) -> Self {
         Self {
+            way,
             snake,
             limits,
             zones: Vec::new(),
             excess: 0.0,
+            grown: None,
             past: VecDeque::new(),
             past_targets: VecDeque::new(),
             targets: [0; 2],
@@ -193,6 +176,8 @@ impl Oracle {
     /// From now on the snake is seen with another model: it may be anywhere.
     pub fn see_anew(&mut self, bench: &Bench) {
         self.past.clear();
+        self.grown = None;
+        self.way.begin();
         self.settled = 0;
         let at = self.seen(bench);
         self.excess = self.stop.beyond(self.excess(adapted(bench, at)));
@@ -223,7 +208,7 @@ impl Oracle {
         self.stale_at = stamp + deadline;
     }
 
-    fn seen(&self, bench: &Bench) -> [f64; 2] {
+    pub fn seen(&self, bench: &Bench) -> [f64; 2] {
         self.snake.pose(bench.targets().map(f64::from))
     }
 
@@ -254,9 +239,11 @@ impl Oracle {
         let at = self.seen(bench);
         self.check_zones(at);
         self.check_angles(bench, at);
+        self.check_jerk(bench);
         self.check_hull(targets, report.busy);
         self.check_rest(bench, targets);
         self.check_motors(targets);
+        self.way.check(bench, &self.snake, at);
         self.targets = targets;
     }
 
@@ -313,8 +300,13 @@ impl Oracle {
             let moved = (new[output] - middle[output]).abs();
             let before = (middle[output] - old[output]).abs();
             if let Some(velocity) = self.limits.velocity {
-                // Where a gap ends, motors slow down that were twice as fast as they may be then.
-                let late = if self.snake.gap == 0.0 { 0.0 } else { self.stop.way_deg(velocity) };
+                // Where a gap ends, motors slow down that were twice as fast as they may be
+                // then, or as fast as they can: where a gap is all, nothing has moved before.
+                let late = match self.snake.wire {
+                    Wire::Halved => self.stop.way_deg(velocity),
+                    Wire::Balance => self.stop.degrees,
+                    Wire::Taut | Wire::Network | Wire::Place => 0.0,
+                };
                 let most = 1.05 * velocity * seconds + ROUNDING_DEG + late;
                 assert!(
                     moved <= most,
@@ -323,11 +315,39 @@ impl Oracle {
                 );
             }
             // Behind a gap, the controller learns where the gap ends when the encoders show it.
-            if let Some(acceleration) = self.limits.acceleration.filter(|_| self.snake.gap == 0.0) {
+            if let Some(acceleration) =
+                self.limits.acceleration.filter(|_| self.snake.wire == Wire::Taut)
+            {
                 let most = before + 1.1 * acceleration * seconds * seconds + 2.0 * ROUNDING_DEG;
                 assert!(moved <= most, "{moved} deg after {before}, {acceleration} deg/s^2");
             }
         }
+    }
+
+    /// In a conditioning cycle, where only the gate limits it, motion speeds up no faster than the
+    /// jerk lets it: as it is reported, because counts are too coarse for that.
+    fn check_jerk(&mut self, bench: &Bench) {
+        let report = bench.report();
+        let is_conditioning = report.busy && matches!(self.way.asked.what, What::Counts(_));
+        let jerk = bench.config.joint_limits.jerk_deg_s3;
+        let jerk = jerk.filter(|_| is_conditioning && report.adaptation.is_none());
+        let (Some(jerk), Some(joint), Wire::Taut) = (jerk, report.joint, self.snake.wire) else {
+            self.grown = None;
+            return;
+        };
+        let at = self.snake.wire.angles(joint.setpoint);
+        let [from, last, before] = self.grown.unwrap_or([at, [0.0; 2], [0.0; 2]]);
+        let step = plus(at, from, -1.0);
+        let growth = [0, 1].map(|output: usize| {
+            let same = if step[output] * last[output] > 0.0 { last[output].abs() } else { 0.0 };
+            step[output].abs() - same
+        });
+        for output in 0..2 {
+            let most = 1.01 * (before[output].max(0.0) + 1e-9 * jerk) + STEP_DEG;
+            let is_known = self.grown.is_some();
+            assert!(!is_known || growth[output] <= most, "{growth:?} deg after {before:?}, {jerk}");
+        }
+        self.grown = Some([at, step, growth]);
     }
 
     /// Goals in angles are inverted within the hull; other motion and the zero may leave it.
@@ -367,7 +387,7 @@ fn out_of(hull: &[[f64; 2]], [a, b]: [f64; 2]) -> f64 {
 }
 
 /// The pose with the correction that is applied: `pose + zero + gain pose`, degrees.
-fn adapted(bench: &Bench, at: [f64; 2]) -> [f64; 2] {
+pub fn adapted(bench: &Bench, at: [f64; 2]) -> [f64; 2] {
     let Some(adaptation) = bench.report().adaptation else { return at };
     let (zero, gain) = (adaptation.applied.zero, adaptation.applied.gain);
     [0, 1].map(|row: usize| {

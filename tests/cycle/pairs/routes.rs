@@ -1,19 +1,27 @@
 //! Ways along an edge: a side of the hull, a wall, a joint limit. Motors that do not arrive at the
 //! same time leave the straight line there, beyond the edge if nobody looks at the setpoints.
 
+use i2ris::core::{FixtureSpace, SimpleShape};
 use i2ris_testing::cycle::GAIN_DEG;
 
 use super::Situation;
-use super::oracle::Zone;
+use super::snake::Wire;
 
-/// Longest step of a goal, degrees: a command may go 5.
-const STEP_DEG: f64 = 4.7;
+/// Of what a command may go.
+const STEP: f64 = 0.94;
+/// How fast the hand goes that is led beyond a limit and back, and how far beyond, degrees.
+const HAND_DEG_S: f64 = 10.0;
+const BEYOND_DEG: f64 = 2.0;
 /// A goal counts as reached, degrees, or is given up after so many milliseconds.
 const NEAR_DEG: f64 = 0.05;
 pub const PATIENCE_MS: u64 = 600;
 
 pub fn distance([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
     (c - a).hypot(d - b)
+}
+
+pub fn plus(at: [f64; 2], by: [f64; 2], times: f64) -> [f64; 2] {
+    [at[0] + times * by[0], at[1] + times * by[1]]
 }
 
 fn between(from: [f64; 2], to: [f64; 2], share: f64) -> [f64; 2] {
@@ -25,10 +33,29 @@ impl Situation {
     pub(super) fn draw_route(&mut self) {
         let Some((from, to)) = self.edge() else { return };
         let here = self.present();
-        let steps = (distance(here, from) / STEP_DEG).ceil().max(1.0);
-        let share = (STEP_DEG / distance(from, to)).min(1.0);
+        let step = STEP * self.oracle.way.asked.step;
+        let steps = (distance(here, from) / step).ceil().max(1.0);
+        let share = (step / distance(from, to)).min(1.0);
         let lead = (1..=steps as u32).map(|step| between(here, from, f64::from(step) / steps));
         self.route = lead.chain([between(from, to, share)]).collect();
+        (self.clutched, self.is_streaming, self.rate) = (false, true, [0.0; 2]);
+    }
+
+    /// A hand that goes beyond a limit, along it out there, and back.
+    pub(super) fn draw_hand(&mut self) {
+        let Some(high) = self.oracle.limits.high else { return self.turn() };
+        let mut at = self.present();
+        let beyond = high[0] + self.random.within(0.5, BEYOND_DEG);
+        let [there, back] = [0; 2].map(|_| self.random.within(-9.0, 9.0));
+        let inside = high[0] - self.random.within(0.1, BEYOND_DEG);
+        let step = HAND_DEG_S * 1e-3 * self.period as f64;
+        self.hand.clear();
+        for next in [[beyond, at[1]], [beyond, there], [inside, there], [inside, back]] {
+            let steps = (distance(at, next) / step).ceil().max(1.0);
+            let line = (1..=steps as u32).map(|k| between(at, next, f64::from(k) / steps));
+            self.hand.extend(line);
+            at = next;
+        }
         (self.clutched, self.is_streaming, self.rate) = (false, true, [0.0; 2]);
     }
 
@@ -47,7 +74,7 @@ impl Situation {
         let [one, other] = [0; 2].map(|_| self.random.within(-8.0, 8.0));
         let kind = self.random.below(3);
         match if self.misled.is_some() { 1 } else { kind } {
-            0 if !self.has_memory => {
+            0 if self.wire == Wire::Taut => {
                 let first = self.random.below(self.hull.len() as u64) as usize;
                 let corners = [first, (first + 1) % self.hull.len()];
                 let angles = corners.map(|corner| {
@@ -61,9 +88,10 @@ impl Situation {
             1 if self.zones_on => {
                 let zone = self.random.below(3) as usize % self.zones.len().max(1);
                 let zone = *self.zones.get(zone)?;
-                let (normal, offset) = match zone {
-                    Zone::Wall { normal, offset } => (normal, offset),
-                    Zone::Circle { centre, radius } => {
+                let (normal, offset) = match zone.region.shape {
+                    _ if zone.region.space == FixtureSpace::Tip => return None,
+                    SimpleShape::HalfSpace { normal, offset } => (normal, offset),
+                    SimpleShape::Ball { centre, radius } => {
                         let far = centre[0].hypot(centre[1]);
                         (centre.map(|part| part / far), far - radius)
                     }

@@ -1,0 +1,258 @@
+//! What was asked for: the goal as the client that is followed sent it, scaled, and between
+//! commands extrapolated, filtered and led as the configuration says. By formulae of its own.
+
+use i2ris::config::Config;
+use i2ris::core::{CycleReport, ServoCommand, ServoGoal};
+use i2ris::units::Nanos;
+use i2ris_testing::cycle::GAIN_DEG;
+
+use super::oracle::LARGEST_GAIN;
+use super::routes::{distance, plus};
+use super::snake::Wire;
+
+pub type Angles = [f64; 2];
+
+/// As in `goal_extrapolation`: what is slower is not extrapolated.
+const LONGEST_S: f64 = 0.02;
+/// The first line of an interpolated stream, and the shortest one.
+const FIRST_LINE_S: f64 = 0.1;
+const SHORTEST_LINE_S: f64 = 0.005;
+/// Rounding of steps, degrees.
+const STEP_DEG: f64 = 1e-3;
+
+/// What is being followed.
+#[derive(Debug, Clone, Copy)]
+pub enum What {
+    Nothing,
+    Goal(Goal),
+    /// Until it is stale, degrees per second.
+    Rate {
+        rate: Angles,
+        at: Nanos,
+        deadline_s: f64,
+    },
+    /// The end of a move.
+    Pose(Angles),
+    /// Counts, or the counts between which a conditioning cycle moves.
+    Counts([[f64; 2]; 2]),
+}
+
+/// A line in time, and where the next step is measured from, degrees.
+#[derive(Debug, Clone, Copy)]
+pub struct Goal {
+    from: Angles,
+    asked: Angles,
+    end: Angles,
+    rate: Angles,
+    last: Angles,
+    at: Nanos,
+    for_s: f64,
+}
+
+impl Goal {
+    fn still(end: Angles, at: Nanos) -> Self {
+        Self { from: end, asked: end, end, rate: [0.0; 2], last: [0.0; 2], at, for_s: 0.0 }
+    }
+
+    fn after(&self, age_s: f64) -> Angles {
+        plus(self.from, self.rate, age_s.min(self.for_s))
+    }
+}
+
+/// How a client is coupled to the snake.
+#[derive(Debug, Clone, Copy)]
+enum Coupling {
+    Absolute,
+    Open,
+    Relative { master: Angles, snake: Angles },
+}
+
+pub struct Asked {
+    pub what: What,
+    wire: Wire,
+    scale: f64,
+    /// Degrees, or mm.
+    first_step: f64,
+    pub step: f64,
+    tremor_gain: f64,
+    lead_s: f64,
+    coupling: (u64, Coupling),
+    smooth: Option<Angles>,
+    velocity: Angles,
+}
+
+impl Asked {
+    pub fn new(config: &Config, wire: Wire) -> Self {
+        let command = &config.command;
+        // A place of the tip is compared in counts.
+        let steps = match wire {
+            Wire::Place => [command.first_step_counts, command.max_step_counts]
+                .map(|counts| 2.0 * GAIN_DEG * LARGEST_GAIN * f64::from(counts)),
+            _ => [command.first_step_deg, command.max_step_deg],
+        };
+        let delay_s = command.tremor_filter_delay_s().unwrap_or(0.0);
+        let mut asked = Self {
+            what: What::Nothing,
+            scale: command.motion_scale,
+            wire,
+            first_step: steps[0],
+            step: steps[1],
+            tremor_gain: 1e-3 / (1e-3 + delay_s),
+            lead_s: 1e-3 * config.compensation.lead_ms,
+            coupling: (0, Coupling::Open),
+            smooth: None,
+            velocity: [0.0; 2],
+        };
+        asked.coupling.1 = asked.uncoupled();
+        asked
+    }
+
+    fn uncoupled(&self) -> Coupling {
+        if self.scale == 1.0 { Coupling::Absolute } else { Coupling::Open }
+    }
+
+    /// A command was accepted in the tick of this report; the snake was at `snake` before it.
+    /// `pose`: what the goal is in degrees, or its rate.
+    pub fn accept(
+        &mut self,
+        command: &ServoCommand,
+        pose: Angles,
+        snake: Angles,
+        report: &CycleReport,
+    ) {
+        if let ServoGoal::Actuator(counts, _) = command.goal {
+            let counts = [counts[0].as_f64(), counts[1].as_f64()];
+            self.what = What::Counts([counts; 2]);
+            return;
+        }
+        if command.client_id != self.coupling.0 {
+            self.coupling = (command.client_id, self.uncoupled());
+        }
+        if command.clutched {
+            self.coupling.1 = Coupling::Open;
+            self.what = What::Nothing;
+            return;
+        }
+        let is_slow = matches!(command.goal, ServoGoal::Interpolated(..));
+        let deadline_s = if is_slow { 0.25 } else { 0.05 };
+        if let ServoGoal::Rate(..) | ServoGoal::TipRate(..) = command.goal {
+            let rate = pose.map(|rate| self.scale * rate);
+            self.what = What::Rate { rate, at: command.stamp, deadline_s };
+            return;
+        }
+        if let Coupling::Open = self.coupling.1 {
+            self.coupling.1 = Coupling::Relative { master: pose, snake };
+        }
+        let end = match self.coupling.1 {
+            Coupling::Relative { master, snake } => {
+                plus(snake, plus(pose, master, -1.0), self.scale)
+            }
+            _ => pose,
+        };
+        let next = self.next(end, command.stamp, snake, is_slow);
+        let next = self.clipped(next, report, is_slow);
+        // What a region moves the goal to is another one.
+        if report.limited_by_fixture.is_none() {
+            self.require_step(&next, snake);
+        }
+        self.what = What::Goal(next);
+    }
+
+    /// The goal goes on by a step, or begins where the snake is. One that comes back from behind
+    /// what cut it goes no further than the hand, but for the first step of a stream.
+    fn require_step(&self, next: &Goal, snake: Angles) {
+        let (step, most) = match self.what {
+            What::Goal(before) if before.asked == before.end => {
+                (distance(next.asked, before.asked), self.step)
+            }
+            What::Goal(before) => {
+                let here = before.after(next.at.since(before.at).as_seconds());
+                let hand = distance(next.asked, before.asked);
+                (distance(next.end, here), hand + self.first_step)
+            }
+            What::Rate { rate, deadline_s, .. } => {
+                let led = 3.0 * deadline_s * distance(rate, [0.0; 2]) + self.first_step;
+                (distance(next.asked, snake), self.step + led)
+            }
+            _ => (distance(next.asked, snake), self.first_step),
+        };
+        assert!(step <= most + STEP_DEG, "{step} deg, {most}: {next:?} after {:?}", self.what);
+    }
+
+    fn next(&self, end: Angles, stamp: Nanos, snake: Angles, is_slow: bool) -> Goal {
+        let What::Goal(before) = self.what else {
+            let line = plus(end, snake, -1.0).map(|way| way / FIRST_LINE_S);
+            let still = Goal::still(end, stamp);
+            let slow = Goal { from: snake, rate: line, for_s: FIRST_LINE_S, ..still };
+            return if is_slow { slow } else { still };
+        };
+        let interval_s = stamp.since(before.at).as_seconds();
+        if is_slow {
+            let (from, for_s) = (before.after(interval_s), interval_s.clamp(SHORTEST_LINE_S, 0.25));
+            let rate = plus(end, from, -1.0).map(|way| way / for_s);
+            return Goal { from, rate, for_s, ..Goal::still(end, stamp) };
+        }
+        let still = Goal::still(end, stamp);
+        if interval_s == 0.0 || interval_s > LONGEST_S {
+            return still;
+        }
+        let last = plus(end, before.from, -1.0).map(|way| way / interval_s);
+        let lesser = |at: usize| {
+            let (a, b) = (last[at], before.last[at]);
+            if a * b <= 0.0 { 0.0 } else { a.abs().min(b.abs()).copysign(a) }
+        };
+        Goal {
+            rate: [lesser(0), lesser(1)],
+            last,
+            for_s: (2.0 * interval_s).min(LONGEST_S),
+            ..still
+        }
+    }
+
+    /// What cut a goal is looked at by others; here it counts what is left of it.
+    fn clipped(&self, goal: Goal, report: &CycleReport, is_slow: bool) -> Goal {
+        let Some(joint) =
+            report.joint.filter(|_| report.clipped && report.limited_by_fixture.is_none())
+        else {
+            return goal;
+        };
+        let end = self.wire.angles(joint.goal);
+        if !is_slow {
+            return Goal { asked: goal.asked, ..Goal::still(end, goal.at) };
+        }
+        let rate = plus(end, goal.from, -1.0).map(|way| way / goal.for_s);
+        Goal { end, rate, ..goal }
+    }
+
+    /// Where the goal is in this tick: as asked, and filtered and led. Else nothing.
+    pub fn goals(&mut self, now: Nanos, snake: Angles) -> Option<[Angles; 2]> {
+        let here = match &self.what {
+            What::Goal(goal) => goal.after(now.since(goal.at).as_seconds()),
+            What::Pose(end) => *end,
+            _ => {
+                self.smooth = None;
+                return None;
+            }
+        };
+        let smooth = self.smooth.unwrap_or_else(|| {
+            self.velocity = [0.0; 2];
+            snake
+        });
+        let next = plus(smooth, plus(here, smooth, -1.0), self.tremor_gain);
+        let moved = match &self.what {
+            _ if self.tremor_gain < 1.0 => plus(next, smooth, -1.0).map(|way| 1e3 * way),
+            What::Goal(goal) if now.since(goal.at).as_seconds() <= goal.for_s => goal.rate,
+            _ => [0.0; 2],
+        };
+        self.velocity = plus(self.velocity, plus(moved, self.velocity, -1.0), 1.0 / 11.0);
+        self.smooth = Some(next);
+        Some([here, plus(next, self.velocity, self.lead_s)])
+    }
+
+    /// The rate of this tick, and how far the goal of a rate may be ahead of the snake.
+    pub fn rate(&self, now: Nanos) -> Option<(Angles, f64)> {
+        let What::Rate { rate, at, deadline_s } = self.what else { return None };
+        let rate = if now.since(at).as_seconds() < deadline_s { rate } else { [0.0; 2] };
+        Some((rate, self.first_step + deadline_s * distance(rate, [0.0; 2])))
+    }
+}

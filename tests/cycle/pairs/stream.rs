@@ -1,0 +1,131 @@
+//! What is streamed, and what the camera sees meanwhile.
+
+use i2ris::core::{ExternalPose, ServoCommand, ServoGoal};
+use i2ris::ipc::Refusal;
+use i2ris::model::kinematic::{TipPosition, tip_position};
+use i2ris::units::Nanos;
+use i2ris_testing::cycle::CLIENT;
+
+use super::{BREAK, KINDS, Kind, LEASE, RATES, Situation};
+
+impl Situation {
+    pub(super) fn see(&mut self) {
+        let is_due = (self.bench.now.0 / 1_000_000).is_multiple_of(33);
+        if let Some((shift, rate)) = &mut self.camera
+            && is_due
+        {
+            let at = self
+                .oracle
+                .snake
+                .pose(self.bench.drives.each_ref().map(|drive| drive.feedback.position.as_f64()));
+            shift[0] = (shift[0] + 0.033 * *rate).clamp(-3.0, 3.0);
+            self.bench.external = Some(ExternalPose {
+                stamp: self.bench.now,
+                position: self.wire.outputs([at[0] + shift[0], at[1] + shift[1]]),
+                outputs: 2,
+                quality: 0.0,
+            });
+        }
+    }
+
+    pub(super) fn stream(&mut self) {
+        self.follow_route();
+        if let Some(next) = self.hand.pop_front() {
+            self.goal = next;
+        }
+        for (goal, rate) in self.goal.iter_mut().zip(&mut self.rate) {
+            *goal += *rate * self.period as f64 * 1e-3;
+            if goal.abs() > 9.0 {
+                *rate = -*rate;
+            }
+        }
+        self.bench.clutched = self.clutched;
+        if let Some(kinds) = &mut self.kinds
+            && kinds.one_in(100)
+        {
+            let kinds_of = if self.rates_only { &RATES[..] } else { &KINDS[..] };
+            self.kind = kinds_of[kinds.below(kinds_of.len() as u64) as usize];
+        }
+        let ([pitch, yaw], [pitch_rate, yaw_rate]) = (self.goal, self.rate);
+        let [angles, rates] = [self.output([pitch, yaw]), self.output([pitch_rate, yaw_rate])];
+        let TipPosition { position_m, .. } = tip_position(angles[0], angles[1]);
+        let [by_pitch, by_yaw] = {
+            let [pitch, yaw, _] = self.bench.joints().setpoint;
+            tip_position(pitch, yaw).slope_m_per_rad
+        };
+        let velocity = [0, 1, 2].map(|at| by_pitch[at] * rates[0] + by_yaw[at] * rates[1]);
+        let is_led = !self.route.is_empty() || !self.hand.is_empty();
+        let kind = if is_led { Kind::Angles } else { self.kind };
+        let goal = match kind {
+            Kind::Angles => ServoGoal::Joint(angles, 2),
+            Kind::Interpolated => ServoGoal::Interpolated(angles, 2),
+            Kind::Rate => ServoGoal::Rate(rates, 2),
+            Kind::Tip => ServoGoal::Tip(position_m, 3),
+            Kind::TipRate => ServoGoal::TipRate(velocity, 3),
+        };
+        let mut command = self.bench.servo(goal);
+        let is_late = self.random.one_in(2);
+        let late = if is_late { self.random.below(self.jitter) } else { 0 };
+        command.stamp = command.stamp - Nanos::from_millis(late);
+        self.send(command);
+    }
+
+    /// One tick with a command, which is checked like any other, and the first of a stream also for
+    /// where it begins.
+    pub(super) fn send(&mut self, command: ServoCommand) {
+        let before = self.bench.joints();
+        let refusal = self.bench.send(command);
+        self.judge(&command, refusal);
+        if refusal == Refusal::None {
+            let pose = self.pose_of(&command);
+            let snake = self.wire.angles(before.setpoint);
+            self.oracle.way.asked.accept(&command, pose, snake, self.bench.report());
+            let is_slow = matches!(command.goal, ServoGoal::Interpolated(..));
+            self.oracle.accepted(command.stamp, Nanos::from_millis(if is_slow { 250 } else { 50 }));
+            self.oracle.in_hull = !matches!(command.goal, ServoGoal::Actuator(..));
+        } else if refusal == Refusal::BrokenOff && self.random.one_in(10) {
+            self.quiet = BREAK.0 / 1_000_000 + 1;
+        } else if refusal == Refusal::Step && self.random.one_in(3) {
+            self.goal = self.wire.angles(before.setpoint);
+        }
+        self.check();
+    }
+
+    /// What a command asks for, degrees or degrees per second.
+    fn pose_of(&self, command: &ServoCommand) -> [f64; 2] {
+        match command.goal {
+            ServoGoal::Tip(..) => self.goal,
+            ServoGoal::TipRate(..) => self.rate,
+            ServoGoal::Joint(pose, _)
+            | ServoGoal::Interpolated(pose, _)
+            | ServoGoal::Rate(pose, _) => self.wire.angles(pose),
+            ServoGoal::Actuator(..) => [0.0; 2],
+        }
+    }
+
+    /// Whether its sender may command at all.
+    pub(super) fn judge(&mut self, command: &ServoCommand, refusal: Refusal) {
+        let now = self.bench.now;
+        self.judge_motion(command.client_id, refusal);
+        self.sent[usize::from(command.client_id != CLIENT)] = now;
+        if refusal == Refusal::None {
+            let has_lease = |(client_id, renewed): (u64, Nanos)| {
+                client_id == command.client_id || now.since(renewed) >= LEASE
+            };
+            assert!(self.leader.is_none_or(has_lease), "two commanders");
+            self.leader = Some((command.client_id, now));
+        }
+    }
+
+    /// Whether a client may move anything while another one holds, or has begun a motion.
+    pub(super) fn judge_motion(&mut self, client_id: u64, refusal: Refusal) {
+        let (at, now) = (usize::from(client_id != CLIENT), self.bench.now);
+        let since = self.held[at].map(|held| now.since(held.max(self.sent[at])));
+        let is_held = since.is_some_and(|silent| silent < BREAK);
+        assert!(refusal != Refusal::None || !is_held, "a client goes on that was held");
+        // A silence ends it, whatever the first command after it is refused for.
+        self.held[at] = self.held[at].filter(|_| is_held);
+        let is_anothers = self.mover.is_some_and(|mover| mover != client_id);
+        assert!(refusal != Refusal::None || !is_anothers, "in the motion of another client");
+    }
+}

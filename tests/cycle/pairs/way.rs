@@ -1,0 +1,158 @@
+//! The way: at no time is the setpoint anywhere but between where it was and where it was asked
+//! to go. Nothing that a stage adds may lead it further: neither the blend of a swap, which ends
+//! where it was asked to, nor a correction.
+
+use std::collections::VecDeque;
+
+use i2ris::ipc::OperatingState;
+use i2ris::units::Nanos;
+use i2ris_testing::cycle::Bench;
+
+use super::asked::{Angles, Asked, What};
+use super::oracle::adapted;
+use super::routes::plus;
+use super::snake::Snake;
+
+/// Ticks that are looked at together: what a tremor filter leaves of a goal after these is little.
+const WINDOW: usize = 300;
+/// They are looked at every so many ticks.
+const EVERY: usize = 8;
+/// Rounding to counts, dead-bands and what the inverse leaves, degrees.
+const TOLERANCE_DEG: f64 = 0.3;
+/// Ticks over which speed is measured.
+const SPEED: usize = 10;
+/// How far around it is past a circle.
+const AROUND_DEG: f64 = 3.0;
+
+/// Pitch, yaw, and the same along the motors: either the angles do not arrive at the same time, or
+/// the motors.
+type Views = [f64; 4];
+
+fn views([pitch, yaw]: Angles) -> Views {
+    [pitch, yaw, 0.5 * (pitch - yaw), 0.5 * (pitch + yaw)]
+}
+
+/// A tick: where the setpoint was, and what was asked.
+struct Entry {
+    seen: Angles,
+    /// Between these the goals were.
+    low: Views,
+    high: Views,
+    /// What a rate asks for in this tick, downwards and upwards.
+    by_rate: [Views; 2],
+    /// How far the goal of a rate was from the setpoint.
+    ahead: f64,
+    around: f64,
+}
+
+pub struct Way {
+    pub asked: Asked,
+    past: VecDeque<Entry>,
+    /// The disagreement of the models at the last swap, and when it has faded out.
+    blend: (f64, Nanos),
+    /// deg/s^2.
+    braking: f64,
+    ticks: usize,
+}
+
+impl Way {
+    pub fn new(asked: Asked, braking: f64) -> Self {
+        let past = VecDeque::new();
+        Self { asked, past, blend: (0.0, Nanos::ZERO), braking, ticks: 0 }
+    }
+
+    /// The snake is seen anew.
+    pub fn begin(&mut self) {
+        self.past.clear();
+    }
+
+    /// Another model sees the snake elsewhere by so much.
+    pub fn swapped(&mut self, by: f64, until: Nanos) {
+        self.blend = (by, until);
+        self.past.clear();
+    }
+
+    /// Notes the tick that has just been, and looks at the last ones.
+    pub fn check(&mut self, bench: &Bench, snake: &Snake, seen: Angles) {
+        let report = bench.report();
+        if report.holding || report.state != OperatingState::Enabled {
+            self.asked.what = What::Nothing;
+        }
+        self.note(bench, snake, seen);
+        self.ticks += 1;
+        if self.ticks.is_multiple_of(EVERY) && self.past.len() > SPEED {
+            self.look(bench);
+        }
+        if self.past.len() > WINDOW {
+            self.past.pop_front();
+        }
+    }
+
+    fn note(&mut self, bench: &Bench, snake: &Snake, seen: Angles) {
+        let before = self.past.back().map_or(seen, |entry| entry.seen);
+        let from = adapted(bench, before);
+        let mut points = vec![from];
+        points.extend(self.asked.goals(bench.now, from).into_iter().flatten());
+        if let What::Counts([low, high]) = self.asked.what {
+            let corners = [low, [low[0], high[1]], [high[0], low[1]], high];
+            points.extend(corners.map(|corner| adapted(bench, snake.pose(corner))));
+        }
+        let (mut low, mut high) = ([f64::MAX; 4], [f64::MIN; 4]);
+        for point in points.into_iter().skip(1).map(views) {
+            low = [0, 1, 2, 3].map(|view: usize| low[view].min(point[view]));
+            high = [0, 1, 2, 3].map(|view: usize| high[view].max(point[view]));
+        }
+        let (rate, ahead) = self.asked.rate(bench.now).unwrap_or_default();
+        let by_rate = views(rate).map(|rate| 1e-3 * rate);
+        let is_blending = bench.now < self.blend.1;
+        let is_around = bench.report().limited_by_fixture.is_some();
+        self.past.push_back(Entry {
+            seen,
+            low,
+            high,
+            by_rate: [by_rate.map(|rate| rate.min(0.0)), by_rate.map(|rate| rate.max(0.0))],
+            ahead: if ahead > 0.0 && is_blending { ahead + self.blend.0 } else { ahead },
+            around: if is_around { AROUND_DEG } else { 0.0 },
+        });
+    }
+
+    fn look(&self, bench: &Bench) {
+        let seen = |entry: &Entry| views(adapted(bench, entry.seen));
+        let (first, last) = (seen(&self.past[0]), seen(&self.past[self.past.len() - 1]));
+        let (mut low, mut high) = (first, first);
+        let (mut down, mut up) = ([0.0; 4], [0.0; 4]);
+        let (mut ahead, mut around) = (0.0_f64, 0.0_f64);
+        for entry in &self.past {
+            for view in 0..4 {
+                low[view] = low[view].min(entry.low[view]);
+                high[view] = high[view].max(entry.high[view]);
+                down[view] += entry.by_rate[0][view];
+                up[view] += entry.by_rate[1][view];
+            }
+            (ahead, around) = (ahead.max(entry.ahead), around.max(entry.around));
+        }
+        let excess = |view: usize| {
+            let (low, high) = (low[view] + down[view] - ahead, high[view] + up[view] + ahead);
+            (low - last[view]).max(last[view] - high).max(0.0)
+        };
+        let excess = excess(0).max(excess(1)).min(excess(2).max(excess(3)));
+        let most = TOLERANCE_DEG + around + self.overshoot();
+        assert!(
+            excess <= most,
+            "{excess} deg beyond what was asked, {most}: {last:?}, {low:?} to {high:?}, \
+             {down:?} {up:?} {ahead}, {:?}",
+            self.asked.what
+        );
+    }
+
+    /// Motion that is not asked for any more takes its way to end.
+    fn overshoot(&self) -> f64 {
+        let pairs = self.past.iter().zip(self.past.iter().skip(SPEED)).step_by(SPEED);
+        let ways = pairs.map(|(from, to)| plus(to.seen, from.seen, -1.0));
+        let speeds = ways.map(|[pitch, yaw]| pitch.hypot(yaw) / (1e-3 * SPEED as f64));
+        let fastest = speeds.fold(0.0, f64::max);
+        // A move that another one takes the place of comes to rest more slowly.
+        let slow_s = if let What::Pose(_) = self.asked.what { 0.12 } else { 0.02 };
+        0.5 * fastest * fastest / self.braking + slow_s * fastest
+    }
+}
