@@ -6,7 +6,7 @@
 //! combined motion of the motors. Between two corners every motor moves in one direction only, so
 //! play operators that are advanced from corner to corner end exactly where the whole motion ends.
 //! A balance of forces ends beside it, because the friction of a step goes with the tension before
-//! it: by about a count in quick motion, and by less the more motion follows.
+//! it: by some counts in quick motion of both motors, and by less the more motion follows.
 
 use std::collections::VecDeque;
 

@@ -124,6 +124,8 @@ fn recalled_within(counts: f64) -> f64 {
 
 #[test]
 fn a_history_recalls_what_the_whole_motion_leaves() {
+    // Of the fitted model, 3.6 counts beside it after 14 s of this motion.
+    let Some(_) = lag_counts() else { return };
     let model = standard_model();
     let (mut whole, mut history) = (model.new_memory(), History::default());
     for k in 1..=20_000 {
@@ -136,7 +138,7 @@ fn a_history_recalls_what_the_whole_motion_leaves() {
             let recalled = model.recall(&history);
             let [a, b] = [whole, recalled].map(|memory| model.predict(&counts, &memory).mean);
             let apart = (a[0] - b[0]).hypot(a[1] - b[1]);
-            assert!(apart < recalled_within(2.0), "{apart} rad after {k}");
+            assert!(apart < recalled_within(0.0), "{apart} rad after {k}");
         }
     }
 }
