@@ -42,7 +42,12 @@ const RATINGS: &[(&str, [u32; 3], &str)] = &[
     ("H28", [4, 4, 1], "lines that are lost, and counted"),
     ("H29", [4, 3, 1], "a stop that the network itself does not deliver"),
     ("H30", [3, 4, 1], "a delay that is there from the first message on"),
-    ("H31", [4, 4, 1], "up to the silence of its profile; devices were never tried on hardware"),
+    (
+        "H31",
+        [4, 4, 1],
+        "up to the silence of its profile, and 30 s for a pedal of its own; devices were never \
+         tried on hardware",
+    ),
     ("H32", [4, 4, 1], "a device that tells a centre that is none"),
     ("H33", [3, 3, 1], "a firmware that changes its controls and keeps its numbers"),
     ("H34", [3, 4, 2], "a camera that is turned after the view was measured or typed"),

@@ -218,7 +218,7 @@ mod tests {
             if let Some(key) = key {
                 pedal.2.apply(Event::Value(Code::Key(48), key), now);
             }
-            let mut read = |(device, control, state): &mut (_, Control, _)| {
+            let read = |(device, control, state): &mut (_, Control, _)| {
                 (control.has_axes(), control.read(device, state, now))
             };
             clutch.update(&[read(&mut stick), read(&mut pedal)]).open

@@ -349,20 +349,16 @@ pub fn run_on_shared_machine(config: &mut Config) {
     }
 }
 
-/// Homes and enables the robot of a controller; each step may take so long. For programs, too.
+/// Homes and enables the robot of a controller, which may take so long to be there. For programs,
+/// too.
 ///
 /// # Errors
 ///
-/// As [`Client::state_command`] and [`Client::wait_for`].
+/// As [`Client::carry_out`] and [`Client::wait_for`].
 pub fn home_and_enable(client: &mut Client, timeout: Nanos) -> Result<(), ClientError> {
-    let is_idle = |state: &OperatingStateMsg| !has(state, OperatingStateMsg::BUSY);
-    client.wait_for(timeout, is_idle)?;
-    client.state_command(StateCommand::Home)?;
-    client.wait_for(timeout, |state| is_idle(state) && has(state, OperatingStateMsg::HOMED))?;
-    client.state_command(StateCommand::Enable)?;
-    let enabled = OperatingState::Enabled.number();
-    client.wait_for(timeout, |state| is_idle(state) && state.state == enabled)?;
-    Ok(())
+    client.wait_for(timeout, |state| !has(state, OperatingStateMsg::BUSY))?;
+    client.carry_out(StateCommand::Home, || false)?;
+    client.carry_out(StateCommand::Enable, || false).map(drop)
 }
 
 pub fn home(client: &mut Client) {
