@@ -33,7 +33,9 @@ fn what_is_built_in_counts_against_the_budget_of_the_calibration() {
     bench.camera = Some([0.2_f64.to_radians(), 0.0]);
     swing(&mut bench, 90_000);
     let adaptation = bench.report().adaptation.unwrap();
-    let applied = adaptation.applied.zero[0].to_degrees();
+    // The gain that is followed enlarges what is built in.
+    let gain = adaptation.applied.gain[0][0];
+    let applied = adaptation.applied.zero[0].to_degrees() + 2.8 * gain;
     assert!((0.1..0.25).contains(&applied), "{applied} deg more, of a budget of 3");
     assert!(adaptation.budget_used[0] > 0.98, "{adaptation:?}");
 }

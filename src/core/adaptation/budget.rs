@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Pair;
 use super::drift::{Drift, PARAMETERS};
-use super::geometry::{ModelGeometry, add, product};
+use super::geometry::{ModelGeometry, add, inverse, product, subtract};
 use super::settings::{Settings, length};
+use crate::model::file::FileDrift;
 
 /// From this share of the budget on there is a warning.
 pub(super) const WARNING: f64 = 0.7;
@@ -30,8 +31,8 @@ impl BudgetUse {
         gap_reach: Pair,
         settings: &Settings,
     ) -> Self {
-        let values = with_built_in(drift, geometry);
-        let drift = &Drift::from_array(values);
+        let drift = &with_built_in(drift, geometry);
+        let values = drift.to_array();
         let share =
             |index: usize| values[index].abs() / limit(settings, geometry, index, values[index]);
         let parameters = std::array::from_fn(share);
@@ -53,17 +54,19 @@ pub(super) fn inside(
     gap_reach: Pair,
     settings: &Settings,
 ) -> Drift {
-    let (values, built_in) = (with_built_in(drift, geometry), geometry.built_in.to_array());
+    let all = with_built_in(drift, geometry);
+    let (values, built_in) = (all.to_array(), geometry.built_in.to_array());
     let clamped: [f64; PARAMETERS] = std::array::from_fn(|index| {
         let limit = limit(settings, geometry, index, values[index]);
         // What is built in stays, also where the budget is less by now.
         let (lowest, highest) = (built_in[index].min(-limit), built_in[index].max(limit));
-        values[index].max(lowest).min(highest) - built_in[index]
+        values[index].max(lowest).min(highest)
     });
-    let clamped = Drift::from_array(clamped);
-    let shift_with = |drift| {
-        largest_shift(&Drift::from_array(with_built_in(drift, geometry)), geometry, gap_reach)
-    };
+    let is_inside = clamped == values;
+    let clamped =
+        if is_inside { *drift } else { without_built_in(&Drift::from_array(clamped), geometry) };
+    let shift_with =
+        |drift: &Drift| largest_shift(&with_built_in(drift, geometry), geometry, gap_reach);
     let (shift, before) = (shift_with(&clamped), shift_with(&Drift::default()));
     if shift <= settings.total_budget.max(before) {
         return clamped;
@@ -79,10 +82,28 @@ pub(super) fn inside(
     Drift::from_array(scaled)
 }
 
-/// The drift from the calibration.
-fn with_built_in(drift: &Drift, geometry: &ModelGeometry) -> [f64; PARAMETERS] {
-    let (more, built_in) = (drift.to_array(), geometry.built_in.to_array());
-    std::array::from_fn(|index| built_in[index] + more[index])
+/// The drift from the calibration: of a snake that has drifted already, and not beside that.
+fn with_built_in(drift: &Drift, geometry: &ModelGeometry) -> Drift {
+    let file = |it: &Drift| FileDrift { zero: it.zero, gain: it.gain, gap: it.gap };
+    let FileDrift { zero, gain, gap } = file(drift).after(&file(&geometry.built_in));
+    Drift { zero, gain, gap, ..*drift }
+}
+
+/// The opposite of [`with_built_in`].
+fn without_built_in(all: &Drift, geometry: &ModelGeometry) -> Drift {
+    let Drift { zero, gain: [[a, b], [c, d]], gap, .. } = geometry.built_in;
+    // A budget keeps the gain far from -1.
+    let back = inverse(&[[1.0 + a, b], [c, 1.0 + d]]).unwrap_or([[1.0, 0.0], [0.0, 1.0]]);
+    let more = [subtract(all.gain[0], [a, b]), subtract(all.gain[1], [c, d])];
+    let [first, second] = back;
+    let columns = [[first[0], second[0]], [first[1], second[1]]];
+    let gain = more.map(|row| product(&columns, row));
+    Drift {
+        zero: subtract(subtract(all.zero, zero), product(&gain, zero)),
+        gain,
+        gap: [0, 1].map(|motor: usize| (all.gap[motor] - gap[motor]) / (1.0 + gap[motor])),
+        ..*all
+    }
 }
 
 /// The largest value of a parameter, by its sign.
@@ -106,4 +127,48 @@ fn largest_shift(drift: &Drift, geometry: &ModelGeometry, gap_reach: Pair) -> f6
         corners.map(|corner| length(add(zero, product(&drift.gain, *corner)))).fold(0.0, f64::max);
     let gaps = drift.gap.iter().zip(gap_reach);
     shift + gaps.map(|(gap, reach)| (gap * reach).abs()).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn geometry(built_in: Drift) -> ModelGeometry {
+        ModelGeometry {
+            slope: [[1e-3, 0.0], [0.0, 1e-3]],
+            inverse_slope: [[1e3, 0.0], [0.0, 1e3]],
+            corners: vec![[0.0; 2]],
+            deviation: [1e-3; 2],
+            has_gap: true,
+            outputs: 2,
+            slow: None,
+            built_in,
+        }
+    }
+
+    /// A gain of 1.2 of a snake that bends 1.5 times as far is one of 1.8, and its zero has moved.
+    #[test]
+    fn what_is_built_in_is_composed_with_what_comes_after_it() {
+        let drift = |zero: f64, gain: f64, gap: f64| Drift {
+            zero: [zero, 0.0],
+            gain: [[gain, 0.1], [-0.2, gain]],
+            gap: [gap, -0.1],
+            ..Drift::default()
+        };
+        let (built_in, more) = (drift(0.02, 0.5, 0.4), drift(-0.03, 0.2, 0.1));
+        let geometry = geometry(built_in);
+        let all = with_built_in(&more, &geometry);
+        let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12, "{found}");
+        near(all.gain[0][0], 1.2 * 1.5 + 0.1 * -0.2 - 1.0);
+        near(all.zero[0], -0.03 + 1.2 * 0.02);
+        near(all.gap[0], 1.4 * 1.1 - 1.0);
+        let back = without_built_in(&all, &geometry).to_array();
+        for (back, more) in back.into_iter().zip(more.to_array()) {
+            near(back, more);
+        }
+        let config = crate::config::AdaptationConfig::default();
+        let settings = Settings::new(&config, crate::units::Nanos::from_millis(1));
+        let used = BudgetUse::new(&more, &geometry, [0.0; 2], &settings);
+        near(used.parameters[2] * settings.gain_budget, 1.2 * 1.5 + 0.1 * -0.2 - 1.0);
+    }
 }

@@ -1,6 +1,7 @@
 //! What the adaptation needs to know of a model: slopes, reach, and how wrong the model is.
 
 use super::Pair;
+use super::correction::Correction;
 use super::drift::Drift;
 use crate::model::file::{FamilyParameters, OutputUnit};
 use crate::model::{MAX_CORNERS, Model};
@@ -16,7 +17,7 @@ pub(in crate::core) struct ModelGeometry {
     pub slope: [Pair; 2],
     /// Its inverse, counts per rad.
     pub inverse_slope: [Pair; 2],
-    /// The poses at the corners of the hull, rad.
+    /// The poses at the corners of the hull as calibrated, rad.
     pub corners: Vec<Pair>,
     /// What the fit left of every output, rad.
     pub deviation: Pair,
@@ -67,10 +68,12 @@ impl ModelGeometry {
             .map(|counts| (counts, pair(&model.predict(&counts, &memory).mean)))
             .collect();
         let slope = mean_slope(&corners, outputs.len())?;
+        let base = Correction::built_in(model.file()).unwrap_or_default();
+        let calibrated = |[pitch, yaw]: Pair| pair(&base.undo(&[pitch, yaw, 0.0]));
         Some(Self {
             slope,
             inverse_slope: inverse(&slope)?,
-            corners: corners.into_iter().map(|(_, pose)| pose).collect(),
+            corners: corners.into_iter().map(|(_, pose)| calibrated(pose)).collect(),
             deviation: deviation(model),
             outputs: outputs.len(),
             slow: slow_error(model),

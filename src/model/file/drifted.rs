@@ -33,7 +33,7 @@ impl FileDrift {
             zero: [0, 1].map(|row: usize| self.zero[row] + first.zero[row] + moved[row]),
             gain: [0, 1].map(|row: usize| [0, 1].map(|column: usize| entry(row, column))),
             gap: [0, 1]
-                .map(|motor: usize| (1.0 + self.gap[motor]) * (1.0 + first.gap[motor]) - 1.0),
+                .map(|motor: usize| self.gap[motor] + first.gap[motor] * (1.0 + self.gap[motor])),
         }
     }
 }
