@@ -46,7 +46,8 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         Refusal::Sequence => "correct the client: count the sequence number up by one per command",
         Refusal::Stale => "send faster; stamp with the monotonic clock of this computer",
         Refusal::Stamp => {
-            "stamp with the monotonic clock of this computer; ask for a deadline of 1 s at most"
+            "stamp with the monotonic clock of this computer, in the order of sending; ask for a \
+             deadline of 1 s at most"
         }
         Refusal::Step => "start at `setpoint_js` and interpolate (`command.max_step_deg`)",
         Refusal::Lease => "end the other client, or wait until it is silent (`i2ris monitor`)",
@@ -78,7 +79,9 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
             "go around the region (`i2ris command fixture list`), or switch the fixtures off"
         }
         Refusal::Reach => "command less, or calibrate a wider range",
-        Refusal::BrokenOff => "stop sending for a second, then begin where the snake is",
+        Refusal::BrokenOff => {
+            "stop sending for a second, `hold` as this client, then begin where the snake is"
+        }
         Refusal::BadModel => "read the reason in the controller's answer to `i2ris model stage`",
     }
 }

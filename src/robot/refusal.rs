@@ -38,8 +38,8 @@ numbered_enum! {
         Sequence = 13, "sequence number did not rise";
         /// The command is known, but this controller does not support it.
         Unsupported = 14, "not supported by this controller";
-        /// The deadline is longer than allowed, or the stamp is in the future.
-        Stamp = 15, "stamp in the future or deadline too long";
+        /// The deadline is longer than allowed, the stamp is in the future, or it goes back.
+        Stamp = 15, "stamp in the future or before the last one, or deadline too long";
         /// The drives are not ready: they are starting, or the connection is lost.
         DrivesNotReady = 16, "the drives are not ready";
         /// Another model is staged, or no model is staged.
@@ -57,8 +57,9 @@ numbered_enum! {
         Fixture = 22, "a virtual fixture is in the way";
         /// The pose is outside the calibrated hull, the position limits or the joint limits.
         Reach = 23, "the pose is out of reach";
-        /// Another client has stopped the stream with `hold`.
-        BrokenOff = 24, "another client holds the robot, and broke this stream off";
+        /// Another client has stopped the stream with `hold`, or it fell silent while it moved the
+        /// snake.
+        BrokenOff = 24, "broken off: held by another client, or the stream fell silent in motion";
         /// The state is PAUSED.
         Paused = 25, "paused: the robot holds until it is resumed";
         /// The state is FAULT.

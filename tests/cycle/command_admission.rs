@@ -222,6 +222,8 @@ fn the_first_failed_check_names_the_refusal() {
     (command.client_id, command.sequence) = (8, 1);
     assert_eq!(bench.send(command), Refusal::Sequence);
     command.sequence = 2;
+    assert_eq!(bench.send(command), Refusal::Stamp, "before that of the last one");
+    command.stamp = bench.now;
     assert_eq!(bench.send(command), Refusal::Step);
 }
 

@@ -215,7 +215,7 @@ fn a_stream_begins_where_the_snake_is_also_after_a_pause_a_stop_and_a_fault() {
     };
     let mut bench = Bench::enabled_with(strict_config(""), Some(model(OutputUnit::Deg)));
     begins(&mut bench, "the first");
-    bench.run(600);
+    bench.run(100);
     begins(&mut bench, "after a stale stop");
     assert_eq!(bench.ask(StateCommand::Pause), Refusal::None);
     bench.idle();
@@ -228,7 +228,7 @@ fn a_stream_begins_where_the_snake_is_also_after_a_pause_a_stop_and_a_fault() {
     bench.idle();
     bench.enable();
     begins(&mut bench, "after a fault");
-    bench.run(600);
+    bench.run(100);
     let [a, b] = bench.targets();
     assert_eq!(bench.actuator([a + 26, b]), Refusal::Step);
     assert_eq!(bench.actuator([a + 25, b]), Refusal::None);

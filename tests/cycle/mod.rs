@@ -1,6 +1,7 @@
 //! The control cycle against simulated drives, on simulated time: see [`i2ris_testing::cycle`].
 
 mod auxiliary_axis;
+mod broken_off;
 mod command_admission;
 mod command_flags;
 mod command_table;
@@ -10,6 +11,7 @@ mod endurance;
 mod faults;
 mod following;
 mod gate;
+mod goal_making;
 mod model_swap;
 mod move_and_clutch;
 mod network;

@@ -42,17 +42,29 @@ fn admission(state: &State) -> CommandAdmission {
     let others = Client::ALL.into_iter().filter(|it| *it != accepted.client);
     for other in others {
         if let Some(behind) = state.truth.accepted[other as usize] {
-            admission.accept(&servo_command(other, Command::new(behind)), NOW, &mut events);
+            accept_command(&mut admission, other, behind, NOW, &mut events);
             give_back(&mut admission, other);
         }
     }
-    let last = servo_command(accepted.client, Command::new(accepted.behind));
-    admission.accept(&last, ago(accepted.age), &mut events);
+    let (client, at) = (accepted.client, ago(accepted.age));
+    accept_command(&mut admission, client, accepted.behind, at, &mut events);
     if accepted.is_released {
         give_back(&mut admission, accepted.client);
     }
     admission.expire_lease(NOW, &mut events);
     admission
+}
+
+/// As old as it can be: stamps that go back are not modelled, and restrict nothing here.
+fn accept_command(
+    admission: &mut CommandAdmission,
+    client: Client,
+    behind: u8,
+    at: Nanos,
+    events: &mut EventList,
+) {
+    let command = Command { stamp_age: FORGOTTEN + 1, ..Command::new(behind) };
+    admission.accept(&servo_command(client, command), &[0.0; MAX_MOTORS], at, events);
 }
 
 fn give_back(admission: &mut CommandAdmission, client: Client) {

@@ -14,8 +14,10 @@
 //! | 6 | every axis homed | `NotHomed` | `admission` |
 //! | 7 | positions of all drives fresh | `DrivesNotReady` | `admission` |
 //! | 8 | lease free, or held by this client | `Lease` | `lease` |
-//! | 9 | no `hold` of another client broke the stream off | `BrokenOff` | `refusal_record` |
-//! | 10 | sequence above the client's last accepted one | `Sequence` | `sequence_record` |
+//! | 9 | no `hold` of another client broke the stream off, | `BrokenOff` | `refusal_record` |
+//! |   | and no silence in motion, unless the clutch is open | `BrokenOff` | `stream_record` |
+//! | 10 | sequence above the client's last accepted one, | `Sequence` | `sequence_record` |
+//! |   | and stamp not before it | `Stamp` | `sequence_record` |
 //! | 11 | angles: a model is loaded; rates and places of the tip: of angles | `NoModel`, `Unsupported` | `range_check` |
 //! | 12 | number of entries as the model or the motors have | `Malformed` | `range_check` |
 //! | 13 | counts: within the position limits of the axes | `Range` | `range_check` |
@@ -35,10 +37,12 @@ use crate::core::command::deadline::DeadlineCheck;
 use crate::core::command::lease::Lease;
 use crate::core::command::refusal_record::{ClientRefusals, RefusalRecord};
 use crate::core::command::sequence_record::SequenceRecord;
+use crate::core::command::stream_record::StreamRecord;
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::inputs::{ServoCommand, ServoGoal};
+use crate::core::vector::collect;
 use crate::robot::{Measurement, OperatingState, Quantity, REFUSED_CLIENTS, Refusal};
-use crate::units::{MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
+use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos, OutputVec};
 
 /// Deadline of `interpolate_jp`, unless the client asks for another one: a stream of 10 Hz may miss
 /// a command. Without the next one the goal comes to rest where it was asked to, long before.
@@ -156,6 +160,10 @@ impl CommandAdmission {
     /// Records an accepted state command.
     pub fn accept_request(&mut self, client_id: u64) {
         self.request_refusals.accepted(client_id);
+        // It is deliberate, so that a stream that broke off may begin anew.
+        for record in [&mut self.sequences, &mut self.beside] {
+            record.stream_mut(client_id).into_iter().for_each(StreamRecord::begin_anew);
+        }
     }
 
     /// The client that holds the lease; 0: none.
@@ -182,13 +190,18 @@ impl CommandAdmission {
     /// What makes a command stale or wrongly stamped.
     pub fn deadline_measurement(&self, command: &ServoCommand, now: Nanos) -> Option<Measurement> {
         let check = &self.check.deadline;
+        if let Some((_, last)) = self.sequences.last(command.client_id)
+            && check.check(command.stamp, deadline(command), now).is_ok()
+        {
+            return Some(Measurement::of_age(last.since(command.stamp), Nanos::ZERO));
+        }
         Some(check.measurement(command.stamp, deadline(command), now))
     }
 
     /// The sequence number of a command, and the last one.
     pub fn sequence_measurement(&self, command: &ServoCommand) -> Option<Measurement> {
         let last = self.sequences.last(command.client_id);
-        let last = last.map(|last| last as f64);
+        let last = last.map(|(last, _)| last as f64);
         let number = command.sequence as f64;
         Some(Measurement::new(Quantity::Sequence, number, last))
     }
@@ -228,23 +241,49 @@ impl CommandAdmission {
         self.check.check(command, context.now)?;
         require_ready(context)?;
         self.lease.require_available(command.client_id)?;
-        if self.is_broken_off(command.client_id, context.now) {
+        let has_fallen_silent = sequences.is_broken_off(command.client_id, context.now);
+        if self.is_broken_off(command.client_id, context.now)
+            || has_fallen_silent && !command.clutched
+        {
             return Err(Refusal::BrokenOff);
         }
-        sequences.require_newer(command.client_id, command.sequence)?;
+        sequences.require_newer(command.client_id, command.sequence, command.stamp)?;
         Ok(self.deadline(command))
     }
 
-    /// Records an accepted command.
-    pub fn accept(&mut self, command: &ServoCommand, now: Nanos, events: &mut EventList) {
-        self.sequences.record(command.client_id, command.sequence);
+    /// Records an accepted command, with the setpoints where they are, counts.
+    pub fn accept(
+        &mut self,
+        command: &ServoCommand,
+        setpoints: &MotorVec,
+        now: Nanos,
+        events: &mut EventList,
+    ) {
+        let deadline = self.deadline(command);
+        let stream = self.sequences.record(command.client_id, command.sequence, command.stamp);
+        stream.accepted(setpoints, deadline, now);
         self.count_accepted(command.client_id, now, events);
     }
 
     /// Records an accepted command of the auxiliary axis.
-    pub fn accept_beside(&mut self, command: &ServoCommand, now: Nanos, events: &mut EventList) {
-        self.beside.record(command.client_id, command.sequence);
+    pub fn accept_beside(
+        &mut self,
+        command: &ServoCommand,
+        setpoint: f64,
+        now: Nanos,
+        events: &mut EventList,
+    ) {
+        let deadline = self.deadline(command);
+        let stream = self.beside.record(command.client_id, command.sequence, command.stamp);
+        stream.accepted(&collect([setpoint].into_iter()), deadline, now);
         self.count_accepted(command.client_id, now, events);
+    }
+
+    /// The stream of a client was stopped as stale, with setpoints in motion; `is_beside`: that of
+    /// the auxiliary axis.
+    pub(crate) fn stopped_in_motion(&mut self, client_id: u64, is_beside: bool, now: Nanos) {
+        let record = if is_beside { &mut self.beside } else { &mut self.sequences };
+        record.stream_mut(client_id).into_iter().for_each(|it| it.stopped_in_motion(now));
     }
 
     fn count_accepted(&mut self, client_id: u64, now: Nanos, events: &mut EventList) {
@@ -257,6 +296,26 @@ impl CommandAdmission {
 
     /// Records a refused command. Returns whether it is an event: repeats are folded.
     pub fn refuse(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
+        Self::goes_on(&mut self.sequences, client_id, refusal, now);
+        self.count_refused(client_id, refusal, now)
+    }
+
+    /// The same for the auxiliary axis.
+    pub fn refuse_beside(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
+        Self::goes_on(&mut self.beside, client_id, refusal, now);
+        self.count_refused(client_id, refusal, now)
+    }
+
+    /// The client is not silent, unless what it sends is always too old.
+    fn goes_on(record: &mut SequenceRecord, client_id: u64, refusal: Refusal, now: Nanos) {
+        if let Some(stream) = record.stream_mut(client_id)
+            && refusal != Refusal::Stale
+        {
+            stream.refused(now);
+        }
+    }
+
+    fn count_refused(&mut self, client_id: u64, refusal: Refusal, now: Nanos) -> bool {
         self.refused = self.refused.saturating_add(1);
         self.last_refusal = refusal;
         // Whatever it is refused for, it is not silent.
@@ -384,7 +443,7 @@ mod tests {
         let mut admission = CommandAdmission::new(&CommandConfig::default());
         let first = admission.sequence_measurement(&command(7, 4)).unwrap();
         assert_eq!(first, Measurement::new(Quantity::Sequence, 4.0, None));
-        admission.accept(&command(7, 9), NOW, &mut EventList::new(NOW));
+        admission.accept(&command(7, 9), &[0.0; 2], NOW, &mut EventList::new(NOW));
         let old = admission.sequence_measurement(&command(7, 4)).unwrap();
         assert_eq!(old, Measurement::new(Quantity::Sequence, 4.0, Some(9.0)));
     }

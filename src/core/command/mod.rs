@@ -10,4 +10,5 @@ pub(super) mod move_planning;
 pub(super) mod range_check;
 pub(super) mod refusal_record;
 mod sequence_record;
+mod stream_record;
 pub(super) mod tip_goal;

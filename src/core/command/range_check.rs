@@ -7,10 +7,10 @@ use crate::core::joint_space::joint_model::JointModel;
 use crate::core::joint_space::reach::reach;
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
-use crate::core::vector::{distance, first_entries, interpolate, largest_difference, zip_map};
+use crate::core::vector::{distance, first_entries, largest_difference, zip_map};
 use crate::model::file::OutputUnit;
 use crate::robot::{Measurement, Quantity, Refusal};
-use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, Nanos, OutputVec};
+use crate::units::{Counts, MAX_MOTORS, MAX_OUTPUTS, MotorVec, Nanos, OutputVec};
 
 /// Rounding of degrees to radians must not refuse a step of exactly the limit.
 const STEP_MARGIN: f64 = 1.0 + 1e-9;
@@ -34,6 +34,15 @@ struct LargestStep {
     joint: f64,
     /// Of every motor, counts.
     actuator: f64,
+}
+
+impl LargestStep {
+    fn of(&self, unit: OutputUnit) -> f64 {
+        match unit {
+            OutputUnit::Deg => self.joint,
+            OutputUnit::Mm => self.actuator,
+        }
+    }
 }
 
 impl RangeCheck {
@@ -69,6 +78,7 @@ impl RangeCheck {
         followed: Option<&FollowedCommand>,
         axes: &AxisGroup,
         joints: Option<&JointModel>,
+        now: Nanos,
     ) -> Result<CheckedGoal, Refusal> {
         match command.goal {
             ServoGoal::Joint(values, entries)
@@ -80,7 +90,9 @@ impl RangeCheck {
                     check: self,
                     stamp: command.stamp,
                     deadline,
-                    before: followed.and_then(FollowedCommand::joint),
+                    now,
+                    // An open clutch asks for the present setpoint, wherever the hand is.
+                    before: followed.filter(|_| !command.clutched).and_then(FollowedCommand::joint),
                     axes,
                     joints,
                 };
@@ -136,14 +148,17 @@ impl RangeCheck {
             ServoGoal::Tip(..) | ServoGoal::TipRate(..) => None,
             ServoGoal::Joint(angles, entries) | ServoGoal::Interpolated(angles, entries) => {
                 let joints = joints.filter(|joints| joints.unit() == OutputUnit::Deg)?;
-                let (from, is_first) = match followed.and_then(FollowedCommand::joint) {
-                    Some((_, requested)) => (*requested, false),
-                    None => (joints.setpoint()?, true),
-                };
                 let angles = first_entries::<MAX_OUTPUTS>(angles, entries);
-                let step = distance(&angles, &from).to_degrees();
-                let limit = Some(self.largest(is_first).joint.to_degrees());
-                Some(Measurement::new(Quantity::Degrees, step, limit))
+                let [first, largest] = [self.first.joint, self.followed.joint];
+                let (step, limit) = match followed.and_then(FollowedCommand::joint) {
+                    Some((goal, requested)) => match distance(&angles, requested) {
+                        hand if hand > largest * STEP_MARGIN => (hand, largest),
+                        hand => (distance(&angles, &goal.at(command.stamp)), hand + first),
+                    },
+                    None => (distance(&angles, &joints.setpoint()?), first),
+                };
+                let limit = Some(limit.to_degrees());
+                Some(Measurement::new(Quantity::Degrees, step.to_degrees(), limit))
             }
             ServoGoal::Actuator(counts, entries) => {
                 let (from, is_first) = match followed.map(|followed| &followed.goal) {
@@ -173,6 +188,8 @@ struct JointCheck<'a> {
     check: &'a RangeCheck,
     stamp: Nanos,
     deadline: Nanos,
+    /// Start of the tick.
+    now: Nanos,
     /// The followed goal, and what was requested.
     before: Option<(&'a GoalExtrapolation<MAX_OUTPUTS>, &'a OutputVec)>,
     axes: &'a AxisGroup,
@@ -181,9 +198,10 @@ struct JointCheck<'a> {
 
 impl JointCheck<'_> {
     fn angles(&self, angles: OutputVec) -> Result<CheckedGoal, Refusal> {
-        self.require_step(&angles)?;
+        let step = self.require_step(&angles)?;
         let from = self.before.map(|(goal, _)| *goal.goal()).or(self.joints.setpoint());
         let clipped = self.clipped(from, &angles);
+        self.require_return(&clipped.unwrap_or(angles), step)?;
         let goal = match clipped {
             // A goal at the border does not run ahead across it.
             Some(clipped) => GoalExtrapolation::first(clipped, self.stamp),
@@ -194,9 +212,10 @@ impl JointCheck<'_> {
 
     /// The line to the goal is as long in time as the last one was.
     fn interpolated(&self, angles: OutputVec) -> Result<CheckedGoal, Refusal> {
-        self.require_step(&angles)?;
+        let step = self.require_step(&angles)?;
         let from = self.present()?;
         let clipped = self.clipped(Some(from), &angles);
+        self.require_return(&clipped.unwrap_or(angles), step)?;
         let interval = match self.before {
             Some((before, _)) => self.stamp.since(before.stamp()).max(SHORTEST_LINE),
             None => FIRST_LINE,
@@ -207,23 +226,34 @@ impl JointCheck<'_> {
         Ok(passed(goal, angles, clipped.is_some()))
     }
 
-    /// A rate is integrated until its deadline, or until the border.
+    /// A rate is integrated until its deadline, or until the border: from when the followed one
+    /// ends, or from its arrival. What was asked for before that has passed.
     fn rate(&self, rate: &OutputVec) -> Result<CheckedGoal, Refusal> {
         require(self.joints.unit() == OutputUnit::Deg, Refusal::Unsupported)?;
         let deadline_s = self.deadline.as_seconds();
         let way = rate.map(|rate| rate * deadline_s);
-        let length = distance(&way, &OutputVec::default());
+        let (length, first) = (distance(&way, &OutputVec::default()), self.check.first.joint);
         require(length <= self.check.followed.joint * STEP_MARGIN, Refusal::Step)?;
-        // A snake that cannot keep up is not led further and further, or it would go on after the
-        // rate is zero.
-        let (setpoint, goal) = (self.joints.setpoint().unwrap_or_default(), self.present()?);
-        let most = length + self.check.first.joint;
-        let ahead = distance(&setpoint, &goal);
-        let from = interpolate(&setpoint, &goal, if ahead > most { most / ahead } else { 1.0 });
-        let to = zip_map(&from, &way, |from, way| from + way);
+        let mut from = self.present()?;
+        let mut begin = self.stamp.max(self.now);
+        if let Some((before, _)) = self.before {
+            begin = self.stamp.max(before.stamp());
+            // A snake that cannot keep up is not led further and further, or it would go on after
+            // the rate is zero.
+            let left = self.joints.left_to_go(&self.axes.setpoints());
+            let left = left.map_err(|_| Refusal::BadModel)?;
+            let ahead = distance(&left, &OutputVec::default());
+            let most = length + first + self.joints.dead_band_width();
+            let back = if ahead > most { 1.0 - most / ahead } else { 0.0 };
+            from = zip_map(&from, &left, |from, left| from - back * left);
+        }
+        let left_s = self.deadline.since(begin.since(self.stamp)).as_seconds();
+        let to = zip_map(&from, rate, |from, rate| from + rate * left_s);
         let clipped = self.clipped(Some(from), &to);
-        let share = clipped.map_or(1.0, |reached| distance(&from, &reached) / length);
-        let goal = GoalExtrapolation::moving(from, *rate, self.stamp, share * deadline_s);
+        // Not more than all of it, and not "not a number" where there is no way.
+        let share = |reached| (distance(&from, &reached) / distance(&from, &to)).min(1.0);
+        let share = clipped.map_or(1.0, share);
+        let goal = GoalExtrapolation::moving(from, *rate, begin, share * left_s);
         Ok(passed(goal, if clipped.is_some() { to } else { from }, clipped.is_some()))
     }
 
@@ -240,28 +270,44 @@ impl JointCheck<'_> {
         reached.filter(|reached| reached != to)
     }
 
+    /// The step of the hand, which must be short: from the last request, or from the setpoint.
+    fn require_step(&self, goal: &OutputVec) -> Result<f64, Refusal> {
+        let largest = self.check.largest(self.before.is_none()).of(self.joints.unit());
+        let step = match self.before {
+            Some((_, requested)) => self.apart(goal, requested)?,
+            None => match self.joints.unit() {
+                OutputUnit::Deg => {
+                    distance(goal, &self.joints.setpoint().ok_or(Refusal::DrivesNotReady)?)
+                }
+                OutputUnit::Mm => largest_difference(&self.counts(goal)?, &self.axes.setpoints()),
+            },
+        };
+        // A distance that is not a number is not allowed.
+        require(step <= largest * STEP_MARGIN, Refusal::Step).map(|()| step)
+    }
+
+    /// The goal as clipped may be as far from the followed one, as clipped, as the hand moved, and
+    /// the first step of a stream more: a hand that comes back from beyond a limit comes back where
+    /// the snake is.
+    fn require_return(&self, end: &OutputVec, step: f64) -> Result<(), Refusal> {
+        if self.before.is_none_or(|(goal, requested)| goal.goal() == requested) {
+            return Ok(());
+        }
+        let most = step + self.check.first.of(self.joints.unit());
+        require(self.apart(end, &self.present()?)? <= most * STEP_MARGIN, Refusal::Step)
+    }
+
     /// Angles are compared as angles. The position of a tip has no degrees, so the motor positions
     /// of its inverse are compared.
-    fn require_step(&self, goal: &OutputVec) -> Result<(), Refusal> {
-        let before = self.before.map(|(_, requested)| requested);
-        let (largest, joints) = (self.check.largest(before.is_none()), self.joints);
-        let is_allowed = match joints.unit() {
-            OutputUnit::Deg => {
-                let setpoint = || joints.setpoint().ok_or(Refusal::DrivesNotReady);
-                let from = before.copied().map_or_else(setpoint, Ok)?;
-                // A distance that is not a number is not allowed.
-                distance(goal, &from) <= largest.joint * STEP_MARGIN
-            }
-            OutputUnit::Mm => {
-                let solve = |goal| joints.solve(goal).map(|inverse| inverse.counts);
-                let from = before.map_or_else(|| Ok(self.axes.setpoints()), solve);
-                let (Ok(from), Ok(to)) = (from, solve(goal)) else {
-                    return Err(Refusal::Step);
-                };
-                largest_difference(&to, &from) <= largest.actuator
-            }
-        };
-        require(is_allowed, Refusal::Step)
+    fn apart(&self, one: &OutputVec, other: &OutputVec) -> Result<f64, Refusal> {
+        match self.joints.unit() {
+            OutputUnit::Deg => Ok(distance(one, other)),
+            OutputUnit::Mm => Ok(largest_difference(&self.counts(one)?, &self.counts(other)?)),
+        }
+    }
+
+    fn counts(&self, goal: &OutputVec) -> Result<MotorVec, Refusal> {
+        self.joints.solve(goal).map(|inverse| inverse.counts).map_err(|_| Refusal::Step)
     }
 }
 

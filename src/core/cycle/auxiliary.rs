@@ -83,7 +83,7 @@ impl ControlCycle {
             && let Err(refusal) = self.follow_angle(command, summary, events)
         {
             let client_id = command.client_id;
-            if self.admission.refuse(client_id, refusal, summary.now) {
+            if self.admission.refuse_beside(client_id, refusal, summary.now) {
                 let kind = CycleEventKind::Refused { client_id, refusal };
                 events.push_measured(kind, self.request_measurement(refusal, summary));
             }
@@ -100,6 +100,9 @@ impl ControlCycle {
             let measurement = Measurement::of_age(age, followed.deadline);
             let kind = CycleEventKind::StaleStop { client_id, age };
             events.push_measured(kind, Some(measurement));
+            if !auxiliary.axis.is_at_rest() {
+                self.admission.stopped_in_motion(client_id, true, summary.now);
+            }
             auxiliary.followed = None;
         }
         auxiliary.followed = auxiliary.followed.filter(|_| can_move);
@@ -144,7 +147,8 @@ impl ControlCycle {
             Some(before) => before.next([counts], command.stamp),
             None => GoalExtrapolation::first([counts], command.stamp),
         };
-        self.admission.accept_beside(command, summary.now, events);
+        let setpoint = auxiliary.axis.setpoint();
+        self.admission.accept_beside(command, setpoint, summary.now, events);
         if let Some(auxiliary) = &mut self.auxiliary {
             auxiliary.followed = Some(FollowedAngle {
                 client_id: command.client_id,

@@ -104,6 +104,9 @@ impl ControlCycle {
             }
             CommandEffect::Move => {
                 let trajectory = self.move_planning(summary).plan(request)?;
+                if self.machine.state().trajectory().is_none() {
+                    self.release_goal();
+                }
                 ControlState::Enabled(EnabledActivity::Moving(trajectory))
             }
             CommandEffect::ChangeFixtures => {
@@ -244,7 +247,11 @@ impl ControlCycle {
         let command = &ServoCommand { goal, ..*command };
         match self.check_servo_command(command, place, summary) {
             Ok(followed) => {
-                self.admission.accept(command, summary.now, events);
+                self.admission.accept(command, &self.axes.setpoints(), summary.now, events);
+                let before = self.machine.state().followed_command();
+                if before.and_then(FollowedCommand::joint).is_none() {
+                    self.release_goal();
+                }
                 self.clutch = clutch;
                 let activity = if command.clutched {
                     EnabledActivity::Holding
@@ -261,6 +268,14 @@ impl ControlCycle {
                     events.push_measured(kind, measurement);
                 }
             }
+        }
+    }
+
+    /// The next goal begins where the setpoint is. Nothing that was added to a former one is left.
+    fn release_goal(&mut self) {
+        self.fixtures.release_goal();
+        if let Some(joints) = self.models.active_mut() {
+            joints.release_goal();
         }
     }
 
@@ -290,6 +305,7 @@ impl ControlCycle {
             followed,
             &self.axes,
             self.models.active(),
+            summary.now,
         )?;
         Ok(FollowedCommand {
             client_id: command.client_id,

@@ -339,6 +339,9 @@ impl ControlCycle {
             self.stale_stops = self.stale_stops.saturating_add(1);
             let kind = CycleEventKind::StaleStop { client_id, age };
             events.push_measured(kind, Some(measurement));
+            if !self.axes.all(AxisControl::is_at_rest) {
+                self.admission.stopped_in_motion(client_id, false, now);
+            }
             self.machine.progress(HOLDING, now, events);
         }
     }

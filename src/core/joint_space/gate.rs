@@ -19,6 +19,10 @@
 //! | 10 | `motion/velocity_limit`, `motion/jerk_limit` | the setpoints |
 //! | 11 | the gate | a setpoint that breaks a limit is slowed down, or stops |
 //!
+//! A goal is made in stages 0 to 3, and begins at the setpoint only while nothing is followed.
+//! Nothing that a later stage adds to it on purpose (the lead, the dead-band, the blend, what is
+//! not compensated) feeds back to there: the goal would run away from itself.
+//!
 //! Stages 6 to 10 may undo what an earlier one has limited. So nothing relies on the order: the gate
 //! looks at the setpoints that the motors would get, whichever activity they come from, and checks
 //! every limit on them:

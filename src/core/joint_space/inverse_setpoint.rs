@@ -69,8 +69,12 @@ impl MotionTick<'_> {
         let joints = self.joints.as_deref_mut().ok_or(NotFinite)?;
         let start = joints.setpoint().ok_or(NotFinite)?;
         let filtered = joints.filter_goal(goal)?;
+        // Regions that begin to count during a blend begin with a goal that it is not yet added to.
+        let blend = joints.blend_goal(OutputVec::default(), self.now - self.period);
+        let start = difference(&start, &blend);
         let filtered = self.fixtures.limit(filtered, start, &joints.goal_space());
         let dead_banded = joints.dead_band_goal(&filtered.now);
+        joints.note_held_back(&goal.now, &dead_banded.goal);
         let before = if dead_banded.is_held { dead_banded.goal } else { filtered.before };
         let goal_now = joints.blend_goal(dead_banded.goal, self.now);
         let goal_before = joints.blend_goal(before, self.now - self.period);

@@ -71,6 +71,11 @@ impl BacklashDeadBand {
         }
     }
 
+    /// The largest distance of the output from the goal, rad.
+    pub fn width(&self) -> f64 {
+        2.0 * self.radius
+    }
+
     /// No goal is followed: the next goal is taken unchanged.
     pub fn release_goal(&mut self) {
         self.turning_band = None;

@@ -43,6 +43,11 @@ impl GoalLead {
         self.ticks <= 0.0
     }
 
+    /// How far the goal of this tick was led, rad (m).
+    pub fn amount(&self) -> OutputVec {
+        self.velocity.map(|velocity| self.ticks * velocity)
+    }
+
     /// The next goal is the first of a stream.
     pub fn restart(&mut self) {
         self.velocity = OutputVec::default();

@@ -45,6 +45,11 @@ impl JointFilter {
         self.last = None;
     }
 
+    /// How far the goal of this tick was led on purpose, rad (m).
+    pub fn lead(&self) -> OutputVec {
+        self.lead.amount()
+    }
+
     /// Filters the goal of this tick. `start`: the setpoint, from which the filter starts.
     pub fn filter(&mut self, goal: GoalStep, start: OutputVec) -> GoalStep {
         if self.tremor_filter.is_off() && self.lead.is_off() && self.limits.is_off() {

@@ -84,6 +84,10 @@
 //! 10. Of a client that does not hold the lease, `hold` frees it. The stream that it breaks off is
 //!     refused with BrokenOff until its client has been silent for a second, and so is any other
 //!     that goes on.
+//!
+//! Any command of this table that is carried out is deliberate: a stream of its client that fell
+//! silent for half a second while it moved the snake is refused with BrokenOff until then, or until
+//! its client opens the clutch. One that had been at rest for 0.3 s goes on.
 
 use serde::{Deserialize, Serialize};
 

@@ -12,7 +12,7 @@
 //!
 //! The controller itself checks lease, deadline, step and state of every command. What it cannot
 //! know is checked here, before a command reaches it: who sent it, how old it is by clocks that
-//! differ, whether somebody kept it, and whether its stream is the same as before.
+//! differ, and whether somebody kept it.
 #![forbid(unsafe_code)]
 
 pub mod admission;

@@ -18,7 +18,8 @@
   the refusal raises.
 - ``enable``, ``home``, ``move_jp`` and the like return when the controller has accepted them. ``wait()`` of the result
   returns when they are carried out, and raises when they cannot be: ``Fault``, ``Stopped``.
-- Send ``servo_jp`` faster than the deadline (default 50 ms), or the robot stops and holds.
+- Send ``servo_jp`` faster than the deadline (default 50 ms), or the robot stops and holds. A stream that was silent for
+  half a second after it had moved the snake is refused until ``hold()`` or another state command of this arm.
 - At the end of the ``with`` block, also after an exception, the robot holds and the lease is free. Without ``with``, as
   in a notebook, ``arm = Arm()`` connects; ``arm.close()`` or the end of Python holds and frees the lease.
 - The domain is that of the argument, or of the environment variable ``I2RIS_DOMAIN``, or ``i2ris``.

@@ -20,8 +20,7 @@
 //! ```
 //!
 //! Every client of ROS is a client of its own for the controller, which follows one at a time.
-//! What the controller does not know of, a message that somebody kept, or a stream that went on
-//! after it broke off, is refused here.
+//! What the controller does not know of, a message that somebody kept, is refused here.
 
 mod error;
 mod event;

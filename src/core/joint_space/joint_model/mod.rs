@@ -81,6 +81,8 @@ pub(crate) struct JointModelState {
     /// The goal of the last tick after the dead-band, while angles are followed.
     dead_banded_goal: Option<OutputVec>,
     blend: Option<ModelBlend>,
+    /// How far the stages up to the dead-band kept the goal of the last tick back, rad.
+    held_back: OutputVec,
     /// The correction of the adaptation; `None` as calibrated.
     correction: Option<Correction>,
     /// Motion of the goal in the last tick, rad.
@@ -187,6 +189,7 @@ impl JointModel {
             filter: JointFilter::new(config, tick, has_angles),
             dead_banded_goal: None,
             blend: None,
+            held_back: OutputVec::default(),
             correction: None,
             goal_motion: OutputVec::default(),
         };
@@ -258,6 +261,7 @@ impl JointModel {
             self.state.filter = before.filter;
         }
         self.state.dead_banded_goal = before.and_then(|before| before.dead_banded_goal);
+        self.state.held_back = before.map_or(OutputVec::default(), |before| before.held_back);
         self.state.blend = None;
         self.state.correction = None;
         self.update_memory(drives, true)?;
@@ -275,6 +279,26 @@ impl JointModel {
     pub fn filter_goal(&mut self, goal: GoalStep) -> Result<GoalStep, NotFinite> {
         let start = self.setpoint().ok_or(NotFinite)?;
         Ok(self.state.filter.filter(goal, start))
+    }
+
+    /// The goal of this tick was `asked`, and is `allowed` after the dead-band.
+    pub fn note_held_back(&mut self, asked: &OutputVec, allowed: &OutputVec) {
+        let led = vector::zip_map(asked, &self.state.filter.lead(), |asked, lead| asked + lead);
+        self.state.held_back = vector::difference(&led, allowed);
+    }
+
+    /// How far the snake has yet to go for what was asked. What is added to the goal on purpose is
+    /// not in it, or a goal that is drawn back by it would run away: lead, blend, and what is not
+    /// compensated. The dead-band is, and leaves up to [`JointModel::dead_band_width`].
+    pub fn left_to_go(&self, setpoints: &MotorVec) -> Result<OutputVec, NotFinite> {
+        let left =
+            vector::difference(&self.pose(&self.state.search_start)?, &self.pose(setpoints)?);
+        Ok(vector::zip_map(&left, &self.state.held_back, |motors, held_back| motors + held_back))
+    }
+
+    /// How far the dead-band keeps the snake from a goal that turns back, rad.
+    pub fn dead_band_width(&self) -> f64 {
+        self.state.dead_band.width()
     }
 
     /// Takes the goal of this tick through the backlash dead-band.
@@ -296,6 +320,7 @@ impl JointModel {
         self.state.filter.reset();
         self.state.dead_banded_goal = None;
         self.state.blend = None;
+        self.state.held_back = OutputVec::default();
         self.state.goal_motion = OutputVec::default();
     }
 

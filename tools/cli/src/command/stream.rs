@@ -149,6 +149,8 @@ impl Stream {
     /// Goes on from the setpoint, where the controller stopped the snake.
     fn rejoin(&mut self, client: &mut Client) -> Result<Nanos, Failure> {
         let pose = wait_for_rest(|| present_pose(client))?;
+        // Its own silence breaks nothing off.
+        client.state_command(StateCommand::Hold)?;
         self.player.rejoin(pose);
         let state = client.wait_for(FIRST_MESSAGE_TIMEOUT, |_| true)?;
         let now = clock::now();

@@ -4,7 +4,6 @@
 //! |---|---|
 //! | `peers` | those that take part, a bounded number |
 //! | `flood` | how many messages a client sends |
-//! | `stream` | whether a stream of servo commands goes on, or broke off |
 //! | `reason` | why something is not passed on |
 //!
 //! The bridge knows its clients by certificates and sessions, and a session that was silent ends
@@ -14,7 +13,6 @@
 mod flood;
 mod peers;
 mod reason;
-mod stream;
 
 use std::fmt;
 
@@ -26,13 +24,12 @@ pub use reason::Reason;
 
 use crate::clock::SenderClock;
 use flood::Flood;
-use stream::Stream;
 
 /// Participants that are remembered.
 const PARTICIPANTS: usize = 64;
 
-/// Age at which a stream breaks off. The controller refuses what is older than its own deadline, which
-/// is shorter, and follows again what is younger: good for a moment, and not for a delay that stays.
+/// Age at which nothing is passed on any more, so that a stream in motion breaks off. The
+/// controller refuses what is older than its own deadline, which is shorter.
 const LATE: Nanos = Nanos::from_millis(250);
 
 /// Clients in one participant: objects that publish the same topics beside each other.
@@ -195,9 +192,8 @@ struct Client {
     /// Its writer on every topic.
     writers: [Option<Writer>; Topic::ALL.len()],
     flood: Flood,
-    stream: Stream,
-    /// Of the auxiliary axis.
-    jaw: Stream,
+    /// The first message of its stream has come, and of the one of the auxiliary axis.
+    has_begun: [bool; 2],
 }
 
 impl Client {
@@ -206,21 +202,8 @@ impl Client {
             id: random_id(),
             writers: [None; Topic::ALL.len()],
             flood: Flood::default(),
-            stream: Stream::default(),
-            jaw: Stream::default(),
+            has_begun: [false; 2],
         }
-    }
-}
-
-impl Client {
-    fn begin_anew(&mut self) {
-        self.stream.begin_anew();
-        self.jaw.begin_anew();
-    }
-
-    fn break_off(&mut self) {
-        self.stream.break_off();
-        self.jaw.break_off();
     }
 }
 
@@ -277,8 +260,7 @@ impl Admission {
         Self { peers: Peers::new(PARTICIPANTS), ages }
     }
 
-    /// Counts `count` servo commands that arrived together, and judges the newest of them, which
-    /// asks for `goal`.
+    /// Counts `count` servo commands that arrived together, and judges the newest of them.
     ///
     /// # Errors
     ///
@@ -288,7 +270,6 @@ impl Admission {
         &mut self,
         writer: Writer,
         topic: Topic,
-        goal: &Pose,
         count: u32,
         times: &Times,
     ) -> Result<Admitted, Reason> {
@@ -298,31 +279,25 @@ impl Admission {
         let age = peer.clock.age(sent, now);
         let client = peer.client(writer, topic)?;
         client.flood.check(count, now)?;
-        let stream = if topic == Topic::Jaw { &mut client.jaw } else { &mut client.stream };
         if age > LATE {
-            stream.break_off();
             return Err(Reason::Late(age));
         }
-        let (still, values) = ([0.0; MAX_OUTPUTS], goal.position);
-        match topic {
-            // A rate that stays the same is a motion.
-            Topic::ServoJv | Topic::ServoCv => stream.check(&still, values != still, now)?,
-            // A snake a millimetre long.
-            Topic::ServoCp => stream.check(&values.map(|m| m * 1e3), false, now)?,
-            _ => stream.check(&values, false, now)?,
+        let [of_joints, of_jaw] = &mut client.has_begun;
+        let has_begun = if topic == Topic::Jaw { of_jaw } else { of_joints };
+        if !std::mem::replace(has_begun, true) {
+            return Err(Reason::FirstOfStream);
         }
         Ok(Admitted { client_id: client.id, stamp: now - age })
     }
 
     /// The client that stops the robot. What only stops is always right: whatever its age, however
-    /// many came, and from whichever publisher. It ends the client's stream, and lets one that broke
-    /// off begin anew, if it is no flood.
+    /// many came, and from whichever publisher. It ends the client's stream, if it is no flood.
     pub fn stop(&mut self, writer: Writer, topic: Topic, times: &Times) -> u64 {
         let peer = self.peers.heard_or_new(&writer.participant(), times.arrived);
         match peer.client(writer, topic) {
             Ok(client) => {
                 if client.flood.check(1, times.arrived).is_ok() {
-                    client.begin_anew();
+                    client.has_begun = [false; 2];
                 }
                 client.id
             }
@@ -331,8 +306,7 @@ impl Admission {
         }
     }
 
-    /// Judges a command that is sent once. One that is passed on ends the client's stream, and lets
-    /// one that broke off begin anew.
+    /// Judges a command that is sent once. One that is passed on ends the client's stream.
     ///
     /// # Errors
     ///
@@ -351,7 +325,7 @@ impl Admission {
             self.ages.check(stamp, times.arrived_unix_ns)?;
         }
         client.flood.check(1, times.arrived)?;
-        client.begin_anew();
+        client.has_begun = [false; 2];
         Ok(client.id)
     }
 
@@ -373,12 +347,12 @@ impl Admission {
         peer.client(writer, topic).ok().map(|client| client.id)
     }
 
-    /// A participant is gone, or was silent for so long that it counts as gone: if it comes back
-    /// its streams do not go on by themselves.
+    /// A participant is gone, or was silent for so long that it counts as gone: what comes back may
+    /// have been kept.
     pub fn lost(&mut self, participant: Participant) {
         if let Some(peer) = self.peers.get_mut(&participant) {
             for client in &mut peer.clients {
-                client.break_off();
+                client.has_begun = [false; 2];
             }
         }
     }

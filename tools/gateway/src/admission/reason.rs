@@ -44,8 +44,6 @@ pub enum Reason {
     /// It may have been kept for those who come late.
     #[error("the first message of a stream is not followed; the next one is")]
     FirstOfStream,
-    #[error("the stream broke off; it goes on after `hold`, `move_jp` or a state command")]
-    BrokenOff,
     #[error(
         "it was sent {:.1} s {}: kept for late joiners, or the clocks of the computers differ",
         apart.as_seconds(),

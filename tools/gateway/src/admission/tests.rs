@@ -36,7 +36,7 @@ fn servo(
     arrived_ms: u64,
 ) -> Result<Admitted, Reason> {
     let times = times(sent_ms, arrived_ms);
-    admission.servo(writer, Topic::ServoJp, &pose(0.1), 1, &times)
+    admission.servo(writer, Topic::ServoJp, 1, &times)
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn the_first_message_only_tells_the_clock_and_a_kept_one_moves_nothing() {
 }
 
 #[test]
-fn a_delay_that_stays_breaks_a_stream_off_and_it_does_not_go_on_by_itself() {
+fn a_delay_that_stays_is_silence_for_the_controller() {
     let (mut admission, one) = (listening(0), writer(1, 1));
     let _ = servo(&mut admission, one, 0, 0);
     for at in (10..1000).step_by(10) {
@@ -80,7 +80,7 @@ fn a_delay_that_stays_breaks_a_stream_off_and_it_does_not_go_on_by_itself() {
         assert!(matches!(refused, Err(Reason::Late(_))), "{refused:?}");
     }
     let prompt = servo(&mut admission, one, 60_600, 60_600);
-    assert_eq!(prompt, Err(Reason::BrokenOff), "until something deliberate");
+    assert!(prompt.is_ok(), "the controller knows whether it was in motion: {prompt:?}");
 }
 
 #[test]
@@ -186,20 +186,14 @@ fn hold_is_passed_on_in_a_flood_and_does_not_end_it() {
     }
 }
 
+/// What somebody kept while it was gone.
 #[test]
-fn a_command_that_is_refused_does_not_let_a_broken_stream_go_on() {
+fn the_first_message_of_a_client_that_was_gone_is_not_followed() {
     let (mut admission, one) = (listening(0), writer(1, 1));
     let _ = servo(&mut admission, one, 0, 0);
     servo(&mut admission, one, 10, 10).unwrap();
     admission.lost(one.participant());
-    let (old, new) = (times(20, 30_000), times(29_999, 30_000));
-    let broken = Err(Reason::BrokenOff);
-    assert_eq!(servo(&mut admission, one, 29_990, 29_990), broken);
-    let replayed = admission.once(writer(1, 2), Topic::StateCommand, None, &old);
-    assert!(replayed.is_err());
-    assert_eq!(servo(&mut admission, one, 30_010, 30_010), broken);
-    admission.once(writer(1, 2), Topic::StateCommand, None, &new).unwrap();
     let first = Err(Reason::FirstOfStream);
-    assert_eq!(servo(&mut admission, one, 30_020, 30_020), first);
-    assert!(servo(&mut admission, one, 30_030, 30_030).is_ok());
+    assert_eq!(servo(&mut admission, one, 29_990, 29_990), first);
+    assert!(servo(&mut admission, one, 30_000, 30_000).is_ok());
 }

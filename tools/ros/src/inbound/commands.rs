@@ -223,7 +223,7 @@ impl Commands {
         goal: &Pose,
         count: u32,
     ) -> Result<u64, Reason> {
-        let admitted = self.admission.servo(writer, topic, goal, count, times)?;
+        let admitted = self.admission.servo(writer, topic, count, times)?;
         self.sequence += 1;
         let command = ServoJp {
             sequence: self.sequence,

@@ -17,6 +17,8 @@ from i2ris.arm import Arm, Refused
 
 #: A stream begins at the snake: from farther away it is moved there first, rad.
 BEGIN_RAD = np.radians(0.25)
+#: The refusal of a stream that fell silent in motion.
+BROKEN_OFF = 24
 AXES = ("pitch", "yaw")
 
 
@@ -105,7 +107,10 @@ class I2ris(Robot):
             self._arm.move_jp(goal).wait()
         try:
             self._arm.servo_jp(goal)
-        except Refused:
-            # A step that is too large, or a silence: the next action moves there.
+        except Refused as refused:
+            # A policy that was stopped in motion does not go on by itself.
+            if refused.code == BROKEN_OFF:
+                raise
+            # A step that is too large: the next action moves there.
             self._arm.hold()
         return action

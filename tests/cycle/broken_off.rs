@@ -1,0 +1,161 @@
+//! A stream that fell silent while it moved the snake needs something deliberate before it is
+//! followed again, whatever it consists of.
+
+use i2ris::core::{ServoCommand, ServoGoal};
+use i2ris::ipc::{Refusal, StateCommand};
+use i2ris::model::file::OutputUnit;
+use i2ris::model::kinematic::tip_position;
+use i2ris::units::{Counts, Nanos};
+use i2ris_testing::cycle::{Bench, CLIENT, model, rad, strict_config, with_jaw};
+
+/// A goal of every kind that moves with the time in s, slowly.
+type Kind = fn(f64) -> ServoGoal;
+
+const KINDS: [(&str, Kind); 6] = [
+    ("angles", |t| ServoGoal::Joint(rad(6.0 * t, 0.0), 2)),
+    ("interpolated", |t| ServoGoal::Interpolated(rad(6.0 * t, 0.0), 2)),
+    ("rate", |_| ServoGoal::Rate(rad(6.0, 0.0), 2)),
+    ("tip", |t| ServoGoal::Tip(tip_position(0.1 * t, 0.0).position_m, 3)),
+    ("tip rate", |_| ServoGoal::TipRate([0.0, 2e-4, 0.0], 3)),
+    ("counts", |t| ServoGoal::Actuator([Counts((200.0 * t) as i32), Counts(0)], 2)),
+];
+
+fn bench() -> Bench {
+    Bench::enabled_with(with_jaw(strict_config("")), Some(model(OutputUnit::Deg)))
+}
+
+/// At 100 Hz for a second; the end of the way for the next command.
+fn stream(bench: &mut Bench, goal: Kind) {
+    for k in 0..100 {
+        let command = bench.servo(goal(f64::from(k) * 0.01));
+        assert_eq!(bench.send(command), Refusal::None, "{k}");
+        bench.run(9);
+    }
+}
+
+/// One command where the snake is.
+fn here(bench: &mut Bench) -> ServoCommand {
+    let setpoint = bench.joints().setpoint;
+    bench.servo(ServoGoal::Joint(setpoint, 2))
+}
+
+fn is_followed(bench: &mut Bench) -> Refusal {
+    let command = here(bench);
+    bench.send(command)
+}
+
+#[test]
+fn a_stream_of_any_kind_that_broke_off_in_motion_is_not_followed_again_by_itself() {
+    for (name, goal) in KINDS {
+        let mut bench = bench();
+        stream(&mut bench, goal);
+        bench.run(700);
+        let (held, goal) = (bench.targets(), goal(0.99));
+        for pause in [0, 10, 60_000] {
+            bench.run(pause);
+            let same = bench.servo(goal);
+            for command in [same, here(&mut bench)] {
+                assert_eq!(bench.send(command), Refusal::BrokenOff, "{name}, {pause}");
+            }
+        }
+        // What another client does is nothing that this one did.
+        assert_eq!(bench.ask_as(CLIENT + 1, StateCommand::Enable).refusal, Refusal::None);
+        assert_eq!(is_followed(&mut bench), Refusal::BrokenOff, "{name}");
+        assert_eq!(bench.targets(), held, "{name}");
+        assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+        assert_eq!(is_followed(&mut bench), Refusal::None, "{name}");
+    }
+}
+
+#[test]
+fn a_gap_is_no_end_and_a_stream_that_stood_still_goes_on() {
+    let mut bench = bench();
+    stream(&mut bench, KINDS[0].1);
+    bench.run(400);
+    assert_eq!(is_followed(&mut bench), Refusal::None, "a gap");
+    for _ in 0..40 {
+        assert_eq!(is_followed(&mut bench), Refusal::None);
+        bench.run(9);
+    }
+    bench.run(60_000);
+    assert_eq!(is_followed(&mut bench), Refusal::None, "it stood still");
+    // A rate of zero is rest, and a stream that a hand ends with an open clutch has ended.
+    for k in 0..80 {
+        let rate = if k < 40 { 6.0 } else { 0.0 };
+        let command = bench.servo(ServoGoal::Rate(rad(-rate, 0.0), 2));
+        assert_eq!(bench.send(command), Refusal::None);
+        bench.run(9);
+    }
+    bench.run(2000);
+    assert_eq!(is_followed(&mut bench), Refusal::None);
+}
+
+#[test]
+fn every_command_of_its_client_and_an_open_clutch_let_it_begin_anew() {
+    type Act = fn(&mut Bench) -> Refusal;
+    let acts: [(&str, Act); 5] = [
+        ("hold", |bench| bench.ask(StateCommand::Hold)),
+        ("release", |bench| bench.ask(StateCommand::Release)),
+        ("move", |bench| {
+            bench.pose = Some((rad(1.0, 1.0), 2));
+            let refusal = bench.ask(StateCommand::Move);
+            bench.idle();
+            refusal
+        }),
+        ("pause", |bench| match bench.ask(StateCommand::Pause) {
+            Refusal::None => bench.ask(StateCommand::Resume),
+            refusal => refusal,
+        }),
+        ("clutch", |bench| {
+            let open = ServoCommand { clutched: true, ..here(bench) };
+            bench.send(open)
+        }),
+    ];
+    for (name, act) in acts {
+        let mut bench = bench();
+        stream(&mut bench, KINDS[0].1);
+        bench.run(700);
+        assert_eq!(is_followed(&mut bench), Refusal::BrokenOff, "{name}");
+        assert_eq!(act(&mut bench), Refusal::None, "{name}");
+        assert_eq!(is_followed(&mut bench), Refusal::None, "{name}");
+    }
+}
+
+/// What arrives too old is no sign of life.
+#[test]
+fn a_delay_that_stays_and_ends_does_not_let_a_stream_go_on() {
+    let mut bench = bench();
+    stream(&mut bench, KINDS[0].1);
+    for _ in 0..100 {
+        let late = ServoCommand { stamp: bench.now - Nanos::from_millis(100), ..here(&mut bench) };
+        assert_eq!(bench.send(late), Refusal::Stale);
+        bench.run(9);
+    }
+    assert_eq!(is_followed(&mut bench), Refusal::BrokenOff);
+}
+
+#[test]
+fn the_jaw_that_broke_off_in_motion_waits_too_and_the_joints_do_not() {
+    let mut bench = bench();
+    let turn = |bench: &mut Bench, angle_deg: f64| {
+        let command = bench.servo(ServoGoal::Joint([angle_deg.to_radians(), 0.0, 0.0], 1));
+        let refused = bench.report().refused;
+        bench.jaw_command = Some(command);
+        bench.tick();
+        bench.report().refused == refused
+    };
+    for k in 0..100 {
+        assert!(turn(&mut bench, f64::from(k) * 0.1), "{k}");
+        bench.run(9);
+    }
+    bench.run(700);
+    let held = bench.jaw.feedback.position;
+    for _ in 0..10 {
+        assert!(!turn(&mut bench, 9.9));
+        assert_eq!(bench.report().last_refusal, Refusal::BrokenOff);
+    }
+    assert_eq!(bench.jaw.feedback.position, held);
+    assert_eq!(is_followed(&mut bench), Refusal::None);
+    assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+    assert!(turn(&mut bench, 9.9));
+}

@@ -1,0 +1,316 @@
+//! Where the goal is made. Nothing that a later stage offsets feeds back to it: the setpoint goes
+//! the way that was asked, and that of the blend of a swap. All with the strictness as delivered.
+
+use i2ris::config::Config;
+use i2ris::core::{
+    FixtureChange, FixtureSpace, ModelChange, ServoGoal, SimpleRegion, SimpleShape, StateRequest,
+};
+use i2ris::ipc::{Refusal, StateCommand};
+use i2ris::model::file::OutputUnit;
+use i2ris::model::kinematic::tip_position;
+use i2ris::units::{Counts, Nanos};
+use i2ris_testing::cycle::{
+    Bench, CLIENT, model, play_model, rad, scaled_play_model, strict_config, with_jaw,
+};
+
+const STILL: ServoGoal = ServoGoal::Rate([0.0; 3], 2);
+const LEAD: &str = "[compensation]\nlead_ms = 30.0";
+const BAND: &str = "[compensation]\nreversal_dead_band_deg = 0.4";
+
+fn send(bench: &mut Bench, goal: ServoGoal) -> Refusal {
+    let command = bench.servo(goal);
+    bench.send(command)
+}
+
+/// Sent at 200 Hz.
+fn stream(bench: &mut Bench, commands: u32, goal: impl Fn(f64) -> ServoGoal) {
+    for k in 1..=commands {
+        assert_eq!(send(bench, goal(f64::from(k) * 0.005)), Refusal::None, "{k}");
+        bench.run(4);
+    }
+}
+
+fn angles(pitch: f64, yaw: f64) -> ServoGoal {
+    ServoGoal::Joint(rad(pitch, yaw), 2)
+}
+
+fn tip(pitch: f64, yaw: f64) -> ServoGoal {
+    ServoGoal::Tip(tip_position(pitch.to_radians(), yaw.to_radians()).position_m, 3)
+}
+
+fn pose(bench: &Bench) -> [f64; 2] {
+    let [pitch, yaw, _] = bench.joints().setpoint;
+    [pitch.to_degrees(), yaw.to_degrees()]
+}
+
+fn apart([a, b]: [f64; 2], [c, d]: [f64; 2]) -> f64 {
+    (a - c).hypot(b - d)
+}
+
+/// Far from where the snake goes, and counts.
+fn add_wall(bench: &mut Bench) {
+    let shape = SimpleShape::HalfSpace { normal: [0.0, 1.0, 0.0], offset: 0.15 };
+    let region = SimpleRegion { space: FixtureSpace::Angles, shape };
+    bench.fixture = Some(FixtureChange::Add(region));
+    assert_eq!(bench.ask(StateCommand::Fixture), Refusal::None);
+}
+
+/// At 8 deg by angles, with a memory that is known.
+fn at_eight(config: Config) -> Bench {
+    let mut bench = Bench::enabled_with(config, Some(play_model()));
+    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
+    bench.idle();
+    let [from, _] = pose(&bench);
+    stream(&mut bench, 400, |t| angles(from + (8.0 - from) * t.min(1.5) / 1.5, 0.0));
+    bench
+}
+
+/// The way of the setpoint in degrees, while zero is asked for: by angle, or by the tip.
+fn way(bench: &mut Bench, zero: ServoGoal, ticks: u32) -> f64 {
+    let mut way = 0.0;
+    for tick in 0..ticks {
+        let before = pose(bench);
+        match tick % 5 {
+            0 => assert_eq!(send(bench, zero), Refusal::None),
+            _ => bench.tick(),
+        }
+        way += apart(before, pose(bench));
+    }
+    way
+}
+
+#[test]
+fn a_rate_of_zero_and_a_swap_move_the_snake_by_the_blend_and_no_further() {
+    for tables in ["", LEAD, BAND, "wall", "[command]\ntremor_filter_hz = 1.0"] {
+        for factor in [0.7, 1.15, 1.3] {
+            for zero in [STILL, ServoGoal::TipRate([0.0; 3], 3)] {
+                let has_wall = tables == "wall";
+                let mut bench = at_eight(strict_config(if has_wall { "" } else { tables }));
+                if has_wall {
+                    add_wall(&mut bench);
+                }
+                way(&mut bench, zero, 300);
+                let before = pose(&bench);
+                assert_eq!(bench.swap(&scaled_play_model(factor)), Refusal::None);
+                let blend = apart(before, pose(&bench));
+                assert!((0.5..4.0).contains(&blend), "{blend}");
+                let gone = way(&mut bench, zero, 1500);
+                let what = format!("{tables} {factor} {zero:?}: {gone} of {blend}");
+                assert!(gone < 1.1 * blend + 0.2, "{what}");
+                assert!(apart(before, pose(&bench)) < 0.9, "{what}, from {before:?}");
+                // And back.
+                let back = bench.change_model(ModelChange::Rollback, false);
+                assert_eq!(back, Refusal::None);
+                let gone = way(&mut bench, zero, 1500);
+                assert!(gone < 1.5 * blend + 0.5, "rollback: {what}, then {gone}");
+            }
+        }
+    }
+}
+
+/// With half of the compensation the snake is beside the goal for good.
+#[test]
+fn a_rate_of_zero_moves_nothing_whatever_is_compensated() {
+    for factor in [0.0, 0.5, 1.0] {
+        let tables = format!("[compensation]\nfactor = {factor:?}");
+        let mut bench = at_eight(strict_config(&tables));
+        way(&mut bench, STILL, 50);
+        let gone = way(&mut bench, STILL, 2000);
+        assert!(gone < 0.1, "{factor}: {gone} deg");
+    }
+}
+
+#[test]
+fn a_slow_rate_comes_out_of_the_dead_band() {
+    let mut bench = at_eight(strict_config(BAND));
+    stream(&mut bench, 400, |_| ServoGoal::Rate(rad(-1.0, 0.0), 2));
+    // It is held for twice the band, and then where it was asked to be.
+    let [pitch, _] = pose(&bench);
+    assert!(
+        (pitch - 6.0).abs() < 0.1,
+        "{pitch}, {:?} {:?}",
+        bench.joints(),
+        bench.report().clipped
+    );
+}
+
+#[test]
+fn a_rate_that_ends_is_not_led_further_by_the_lead() {
+    for lead in [0.0, 30.0] {
+        let tables = format!("[compensation]\nlead_ms = {lead:?}");
+        let mut bench = Bench::enabled_with(strict_config(&tables), Some(model(OutputUnit::Deg)));
+        stream(&mut bench, 20, |_| ServoGoal::Rate(rad(30.0, 0.0), 2));
+        stream(&mut bench, 200, |_| STILL);
+        let [pitch, _] = pose(&bench);
+        assert!((pitch - 3.0).abs() < 0.1, "{lead}: {pitch}");
+    }
+}
+
+/// What begins where the setpoint is begins without what was added to the goal before it.
+#[test]
+fn a_stream_and_a_move_that_begin_during_a_blend_begin_where_the_snake_is() {
+    for kind in ["stream", "move", "fixture"] {
+        let mut bench = at_eight(strict_config(""));
+        way(&mut bench, angles(8.0, 0.0), 50);
+        assert_eq!(bench.swap(&scaled_play_model(1.3)), Refusal::None);
+        let from = pose(&bench);
+        let [pitch, yaw] = from;
+        match kind {
+            "stream" => {
+                let hold = StateRequest {
+                    id: 99,
+                    client_id: CLIENT,
+                    command: StateCommand::Hold,
+                    pose: None,
+                    fixture: None,
+                };
+                let command = bench.servo(angles(pitch, yaw));
+                bench.step(Some(command), Some(hold));
+            }
+            "move" => {
+                bench.pose = Some((rad(pitch, yaw), 2));
+                assert_eq!(bench.ask(StateCommand::Move), Refusal::None);
+            }
+            _ => add_wall(&mut bench),
+        }
+        let mut furthest = 0.0_f64;
+        for tick in 0..400 {
+            match (kind, tick % 5) {
+                ("stream", 0) => assert_eq!(send(&mut bench, angles(pitch, yaw)), Refusal::None),
+                ("fixture", 0) => assert_eq!(send(&mut bench, angles(8.0, 0.0)), Refusal::None),
+                _ => bench.tick(),
+            }
+            furthest = furthest.max(pose(&bench)[0] - pitch);
+        }
+        assert!(furthest < 0.1, "{kind}: {furthest} deg away from {from:?}");
+    }
+}
+
+/// A hand at 10 deg/s that leaves the limit of pitch at yaw 0 and comes back at another yaw.
+#[test]
+fn a_stream_that_comes_back_from_beyond_a_limit_does_not_jump_across() {
+    let limited = "[joint_limits]\nposition_max_deg = [5.0, 9.5]\nposition_min_deg = [-9.5, -9.5]";
+    let scaled = format!("[command]\nmotion_scale = 0.5\n{limited}");
+    type Kind = fn(f64, f64) -> ServoGoal;
+    let interpolated: Kind = |pitch, yaw| ServoGoal::Interpolated(rad(pitch, yaw), 2);
+    let doubled: Kind = |pitch, yaw| angles(2.0 * pitch, 2.0 * yaw);
+    for (name, tables, goal) in [
+        ("angles", limited, angles as Kind),
+        ("interpolated", limited, interpolated),
+        ("tip", limited, tip as Kind),
+        ("scaled", scaled.as_str(), doubled),
+    ] {
+        let mut bench = Bench::enabled_with(strict_config(tables), Some(model(OutputUnit::Deg)));
+        // Out, 8 deg along outside, and back in by 0.4 deg.
+        let hand = |t: f64| {
+            let back = (6.0 - 10.0 * (t - 1.4)).clamp(4.6, 6.0);
+            (back.min(10.0 * t), (10.0 * (t - 0.6)).clamp(0.0, 8.0))
+        };
+        let mut refused = 0;
+        for k in 0..400_u32 {
+            let (pitch, yaw) = hand(f64::from(k) * 0.005);
+            let before = pose(&bench);
+            let refusal = send(&mut bench, goal(pitch, yaw));
+            bench.run(4);
+            assert!([Refusal::None, Refusal::Step].contains(&refusal), "{name}: {refusal:?}");
+            refused += u32::from(refusal != Refusal::None);
+            let gone = apart(before, pose(&bench));
+            assert!(gone < 0.1, "{name}, {k}: {gone} deg, and the hand 0.05");
+        }
+        assert!(refused > 50, "{name}: the hand is somewhere else, {refused}");
+        assert!(apart(pose(&bench), [5.0, 0.0]) < 0.1, "{name}: {:?}", pose(&bench));
+        // Where the snake is, it goes on; the clutch needs no place.
+        assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+        let (back, _) = (pose(&bench), bench.run(60));
+        if name != "scaled" {
+            assert_eq!(send(&mut bench, goal(back[0] - 0.1, back[1])), Refusal::None, "{name}");
+        }
+    }
+}
+
+#[test]
+fn straight_out_and_back_in_is_followed_all_the_way() {
+    let limited = "[joint_limits]\nposition_max_deg = [5.0, 9.5]";
+    let mut bench = Bench::enabled_with(strict_config(limited), Some(model(OutputUnit::Deg)));
+    stream(&mut bench, 400, |t| angles(if t < 1.0 { 10.0 * t } else { 20.0 - 10.0 * t }, 0.0));
+    assert!(apart(pose(&bench), [0.0, 0.0]) < 0.1, "{:?}", pose(&bench));
+}
+
+/// The hand is far beyond a limit when the pedal goes down.
+#[test]
+fn a_clutch_opens_wherever_the_hand_is() {
+    let limited = "[joint_limits]\nposition_max_deg = [2.0, 9.5]";
+    let mut bench = Bench::enabled_with(strict_config(limited), Some(model(OutputUnit::Deg)));
+    stream(&mut bench, 400, |t| angles(8.0 * t, 0.0));
+    bench.clutched = true;
+    assert_eq!(send(&mut bench, angles(16.0, 0.0)), Refusal::None);
+    assert!(bench.report().holding);
+    bench.clutched = false;
+    assert_eq!(send(&mut bench, angles(16.0, 0.0)), Refusal::None);
+    let before = pose(&bench);
+    bench.run(40);
+    assert!(apart(before, pose(&bench)) < 1e-3);
+}
+
+/// Ten degrees per second are ten degrees per second.
+#[test]
+fn stamps_that_go_back_lead_no_goal_further() {
+    for (now_ms, back_ms) in [(0, 40), (10, 45)] {
+        let mut bench = Bench::enabled_with(strict_config(""), Some(model(OutputUnit::Deg)));
+        let mut refused = Vec::new();
+        for k in 0..200 {
+            let mut command = bench.servo(ServoGoal::Rate(rad(10.0, 0.0), 2));
+            let back = if k % 2 == 0 { now_ms } else { back_ms };
+            command.stamp = command.stamp - Nanos::from_millis(back);
+            refused.push(bench.send(command));
+            bench.run(1);
+        }
+        let [pitch, _] = pose(&bench);
+        assert!((3.0..5.0).contains(&pitch), "{pitch} deg in 0.4 s");
+        assert_eq!(refused.iter().filter(|it| **it == Refusal::Stamp).count(), 100);
+    }
+}
+
+#[test]
+fn a_stamp_before_the_last_one_is_refused_for_every_kind_of_goal() {
+    let config = with_jaw(strict_config(""));
+    for goal in [
+        angles(0.0, 0.0),
+        ServoGoal::Interpolated([0.0; 3], 2),
+        STILL,
+        tip(0.0, 0.0),
+        ServoGoal::TipRate([0.0; 3], 3),
+        ServoGoal::Actuator([Counts(0); 2], 2),
+    ] {
+        let mut bench = Bench::enabled_with(config.clone(), Some(model(OutputUnit::Deg)));
+        for (back_ms, expected) in
+            [(5, Refusal::None), (5, Refusal::None), (20, Refusal::Stamp), (0, Refusal::None)]
+        {
+            let mut command = bench.servo(goal);
+            command.stamp = command.stamp - Nanos::from_millis(back_ms);
+            assert_eq!(bench.send(command), expected, "{goal:?} {back_ms}");
+        }
+    }
+    let mut bench = Bench::enabled_with(config, Some(model(OutputUnit::Deg)));
+    for (back_ms, accepted) in [(5, 1), (20, 1), (0, 2)] {
+        let mut command = bench.servo(ServoGoal::Joint([0.0; 3], 1));
+        command.stamp = command.stamp - Nanos::from_millis(back_ms);
+        bench.jaw_command = Some(command);
+        bench.tick();
+        assert_eq!(bench.report().accepted, accepted, "{back_ms}");
+    }
+}
+
+/// Each of them is stale soon after it has come, and the next one is the first of a stream again.
+#[test]
+fn rates_that_arrive_late_lead_no_further_than_from_their_arrival() {
+    let mut bench = Bench::enabled_with(strict_config(""), Some(model(OutputUnit::Deg)));
+    for _ in 0..40 {
+        let mut command = bench.servo(ServoGoal::Rate(rad(10.0, 0.0), 2));
+        command.stamp = command.stamp - Nanos::from_millis(45);
+        bench.send(command);
+        bench.run(9);
+    }
+    let [pitch, _] = pose(&bench);
+    assert!(pitch < 4.0, "{pitch} deg in 0.4 s at 10 deg/s");
+}
