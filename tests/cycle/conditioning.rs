@@ -6,10 +6,7 @@ use i2ris::config::Config;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 
-use i2ris::model::file::OutputUnit;
-use i2ris_testing::cycle::{
-    Bench, CLIENT, HULL, Quirk, config, model, model_with_memory, play_model, standard_model,
-};
+use i2ris_testing::cycle::{Bench, CLIENT, HULL, Quirk, config, model_with_memory, standard_model};
 
 /// Enabled, at a position that is not the centre.
 fn ready(config: Config, model: Option<Arc<Model>>) -> Bench {

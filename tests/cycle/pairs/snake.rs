@@ -9,7 +9,7 @@ use i2ris::units::OutputVec;
 use i2ris_testing::cycle::{GAIN_DEG, model, scaled_balance_model, scaled_play_model, within};
 
 use super::random::Random;
-use crate::model::networks::{averages, gru};
+use i2ris_testing::families::{averages, gru};
 
 /// Of `balance_model`: the stiffness of two wires and of the spring, and the friction of its stop.
 const WIRES: f64 = 2.0;
@@ -50,11 +50,6 @@ impl Wire {
             Self::Balance => 30.0,
             Self::Taut | Self::Network | Self::Place => 0.0,
         }
-    }
-
-    /// The angles follow the motors without a gap.
-    pub fn is_direct(self) -> bool {
-        self.gap() == 0.0
     }
 
     pub fn unit(self) -> OutputUnit {

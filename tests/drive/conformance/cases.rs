@@ -3,6 +3,7 @@
 
 use i2ris::config::HomingMethod;
 use i2ris::drive::{AxisPhase, Demand, Port, PortEventKind};
+use i2ris::robot::DrivePower;
 use i2ris::units::Counts;
 use i2ris_simulation::Injection;
 use i2ris_simulation::drive::State;
@@ -229,7 +230,7 @@ pub fn ended(bench: &TestBench) {
     let mut axis = bench.run();
     axis.enable();
     let kinds = axis.stop();
-    assert_eq!(kinds.last(), Some(&PortEventKind::Ended { off: true }));
+    assert_eq!(kinds.last(), Some(&PortEventKind::Ended { power: DrivePower::Off }));
     assert_eq!(bench.drive().state, State::ReadyToSwitchOn);
     bench.assert_no_host_bugs();
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use i2ris::config::Config;
 use i2ris::drive::{AxisPhase, Port, PortEventKind};
+use i2ris::robot::DrivePower;
 
 use super::test_bench::TestBench;
 
@@ -33,6 +34,6 @@ fn real_drives_conform() {
     axis.quick_stop();
     axis.enable();
     println!("quick stop and back");
-    assert_eq!(axis.stop().last(), Some(&PortEventKind::Ended { off: true }));
+    assert_eq!(axis.stop().last(), Some(&PortEventKind::Ended { power: DrivePower::Off }));
     println!("ended in order");
 }

@@ -118,7 +118,7 @@ fn the_living_drives_are_off_after_a_shutdown_with_a_dead_one() {
                 .events
                 .iter()
                 .filter_map(|event| match event.kind {
-                    PortEventKind::Ended { off } => Some((event.motor, off)),
+                    PortEventKind::Ended { power } => Some((event.motor, power == DrivePower::Off)),
                     _ => None,
                 })
                 .collect();
