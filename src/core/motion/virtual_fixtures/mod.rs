@@ -246,6 +246,11 @@ impl VirtualFixtures {
         let near = self.seen(last, space);
         let whole = vector::difference(goal, last);
         let projected = self.projected(whole, last, &near, space);
+        // One region after the other, the rules can lead along a wedge and away from the goal, and
+        // further in every tick. The nearest step that keeps all of them never does.
+        let left = vector::difference(&whole, &projected);
+        let leads_away = dot(&left, &left) > dot(&whole, &whole);
+        let projected = if leads_away { OutputVec::default() } else { projected };
         let mut step = self.shortened(projected, space);
         if step == whole && self.first_entered(&near, last, &step, space).is_none() {
             return *goal;
