@@ -17,6 +17,9 @@ const TURNS: u64 = 4;
 /// Bits on the line for a request and its reply: 24 bytes; 33 with a handshake for every part.
 const BITS: [u64; 2] = [240, 330];
 
+/// What a drive takes to answer.
+const DRIVE: Nanos = Nanos::from_micros(300);
+
 /// Two frames of USB with a latency timer of 1 ms.
 const USB: Nanos = Nanos::from_millis(2);
 
@@ -36,7 +39,8 @@ impl PortConfig {
     /// How long an exchange with the drive of the port takes, as far as the file tells.
     #[must_use]
     pub fn nominal_exchange(&self) -> Nanos {
-        let [v2, v1] = BITS.map(|bits| Nanos(bits * 1_000_000_000 / u64::from(self.baud.max(1))));
+        let baud = u64::from(self.baud.max(1));
+        let [v2, v1] = BITS.map(|bits| Nanos(bits * 1_000_000_000 / baud) + DRIVE);
         if self.framing == Framing::V1 { v1.max(USB + USB) } else { v2.max(USB) }
     }
 

@@ -165,6 +165,9 @@ mod tests {
     fn axis() -> AxisConfig {
         AxisConfig {
             quick_stop_rpm_s: 9000,
+            current_limit_ma: 300,
+            following_error_counts: 400,
+            motor_speed_rpm: 3000,
             ..AxisConfig::new(0, 7, [Counts(-1900), Counts(2000)])
         }
     }

@@ -379,7 +379,7 @@ fn write_limits(log: &mut dyn Write, config: &Config, has_model: bool, findings:
     write_line(
         log,
         format_args!(
-            "feedback: the motion stops at an age of {stale:.0} ms, FAULT at {lost:.0} ms"
+            "feedback: the motion stops at an age of {stale:.0} ms, and is a fault at {lost:.0} ms"
         ),
     );
     for finding in findings {

@@ -70,8 +70,9 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         Refusal::State => {
             "`i2ris command state hold`; a controller that ends has to be started again"
         }
-        Refusal::Busy => "wait until it is done, or `i2ris command state hold`",
-        Refusal::Conditioning => "wait until it is done, or `i2ris command state hold`",
+        Refusal::Busy | Refusal::Conditioning => {
+            "wait until it is done, or `i2ris command state hold` and a second"
+        }
         Refusal::CausePersists => "remove the cause of the fault first",
         Refusal::Unsupported => "use a model of angles, or another command",
         Refusal::DrivesNotReady => "wait for the drives to start; else `i2ris doctor`",

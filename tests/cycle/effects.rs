@@ -67,12 +67,12 @@ const TABLE: &[(StateCommand, fn() -> Bench, &str)] = &[
     (
         StateCommand::Enable,
         || slow(Bench::homed()),
-        "done done fault1 done done stop4 done done stop4",
+        "done done fault1 stop4 done stop4 done done stop4",
     ),
     (
         StateCommand::Home,
         || slow(Bench::standard()),
-        "done done fault1 done done stop4 done done stop4",
+        "done done fault1 stop4 done stop4 done done stop4",
     ),
     (StateCommand::Condition, compared, "done stop2 fault1 stop4 stop4 stop4 fault9 stop5 stop4"),
     (StateCommand::Move, compared, "done stop2 fault1 stop4 stop4 stop4 fault9 done stop4"),

@@ -4,7 +4,7 @@ use std::fs;
 
 use i2ris::clock;
 use i2ris::ipc::payload::JointState;
-use i2ris::ipc::{Fault, OperatingState};
+use i2ris::ipc::{Fault, OperatingState, StateCommand};
 use i2ris::process::black_box::{BlackBox, TickRecord, replay};
 use i2ris::units::Nanos;
 use i2ris_simulation::drive::State;
@@ -81,6 +81,26 @@ fn three_axes_on_one_line_move_and_a_fault_of_the_jaw_stops_all() {
     });
     let log = rig.emulator.log();
     assert!(!log.iter().any(|event| matches!(event.kind, EventKind::HostBug(_))));
+}
+
+#[test]
+fn drives_that_do_not_answer_at_the_end_are_named_and_have_an_exit_code_of_their_own() {
+    for is_in_fault in [false, true] {
+        let mut rig = Rig::start();
+        let mut client = rig.enabled();
+        (0..2).for_each(|axis| rig.emulator.silence(axis, true));
+        if is_in_fault {
+            wait_for(&mut client, |state| state.state == OperatingState::Fault.number());
+            // Nobody sees that they are off.
+            client.state_command(StateCommand::Disable).unwrap();
+        }
+        drop(client);
+        rig.signal(Signal::SIGTERM);
+        let (status, log) = (rig.wait_for_end(), rig.log_text("controller"));
+        assert_eq!(status.code(), Some(8), "{log}");
+        assert_eq!(log.matches("NOT known to be off").count(), 2, "{log}");
+        assert!(log.contains("are not known to be off: cut their power"), "{log}");
+    }
 }
 
 #[test]

@@ -56,7 +56,7 @@ fn a_drive_that_kept_its_power_holds_when_it_answers_again_in_a_fault() {
     rig.until(AxisPhase::QuickStopped);
     rig.turns(2000);
     assert_eq!((rig.phase(), rig.state()), (AxisPhase::QuickStopped, QUICK_STOP_ACTIVE));
-    assert_eq!(rig.controlwords(), [0x0002]);
+    assert_eq!(rig.controlwords(), [0x000B]);
     assert!(rig.feedback().homed, "the same zero");
     rig.demand(Demand::Disabled);
     rig.until(AxisPhase::Disabled);

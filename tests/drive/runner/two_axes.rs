@@ -167,7 +167,7 @@ fn the_newest_position_of_a_third_node_is_never_older_than_the_limit_from_the_li
     let [finding] = &named(30)[..] else { panic!("{:?}", named(30)) };
     assert!(finding.to_string().contains("limits.feedback_stale_ms = 30: "), "{finding}");
     assert!(
-        finding.reason.contains("3 axes") && finding.reason.contains("at least 53"),
+        finding.reason.contains("3 axes") && finding.reason.contains("at least 57"),
         "{finding}"
     );
 }

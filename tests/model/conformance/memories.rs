@@ -113,11 +113,10 @@ pub fn tick(sample: &Sample) {
         let [x, y] = it.present();
         let at = [x + 8.0 * it.part - 4.0, y + 4.0 * (it.at[1] / (it.at[1].abs() + 100.0))];
         let at = if it.model.motors() == 1 { [at[0], 0.0] } else { at };
-        // The residual aside: it changes slowly, and holds still in an inverse.
-        let predicted = it.model.pose(&at, &it.memory, &[0.0; 3]);
+        let predicted = it.pose(&at, &it.memory);
         let mut memory = it.memory;
         it.model.advance(&mut memory, &at);
-        let apart = distance(&predicted, &it.model.pose(&at, &memory, &[0.0; 3]));
+        let apart = distance(&predicted, &it.pose(&at, &memory));
         it.assert_within("tick", apart / it.worth, it.promise.tick);
         let once = memory;
         it.model.advance(&mut memory, &at);
@@ -132,8 +131,7 @@ pub fn steps(sample: &Sample) {
         let [fine, coarse] =
             [2.0, long].map(|step| memory_after(&it.model, &in_steps(&it.path, step)));
         for at in [it.at, it.start, it.present(), [0.0; 2]] {
-            let [fine, coarse] =
-                [fine, coarse].map(|memory| it.model.pose(&at, &memory, &[0.0; 3]));
+            let [fine, coarse] = [fine, coarse].map(|memory| it.pose(&at, &memory));
             it.assert_within("steps", distance(&fine, &coarse) / it.worth, it.promise.steps);
         }
     });

@@ -83,6 +83,16 @@ impl Situation {
         self.model.predict(counts, memory).mean
     }
 
+    /// The same without the residual of a family with gaps, which changes slowly and holds still
+    /// in an inverse.
+    pub fn pose(&self, counts: &MotorVec, memory: &Memory) -> OutputVec {
+        if self.promise.has_gap {
+            self.model.pose(counts, memory, &[0.0; 3])
+        } else {
+            self.mean(counts, memory)
+        }
+    }
+
     /// The memory after motion in steps.
     pub fn after(&self, path: &[MotorVec]) -> Memory {
         memory_after(&self.model, &in_steps(path, 10.0))

@@ -27,9 +27,17 @@ fn refused_then_followed(domain: &Domain, words: &str, code: &str) {
     let commands = commands(advice);
     assert!(!commands.is_empty(), "{advice}");
     for command in commands {
-        succeeds(domain, &command);
+        follow(domain, &command);
     }
     succeeds(domain, words);
+}
+
+/// A `hold` is for everybody else, so also for the next command, for a second.
+fn follow(domain: &Domain, command: &str) {
+    succeeds(domain, command);
+    if command.ends_with("hold") {
+        clock::sleep(Nanos::from_millis(1100));
+    }
 }
 
 /// Follows the first line of `why` until nothing keeps the robot from moving.
@@ -41,7 +49,7 @@ fn follow_why(domain: &Domain) {
         }
         let advice = text.lines().nth(1).unwrap();
         for command in commands(advice) {
-            succeeds(domain, &command);
+            follow(domain, &command);
         }
     }
     panic!("{}", succeeds(domain, "why"));
@@ -119,7 +127,7 @@ fn every_advice_that_is_followed_succeeds() {
         (&["command state hold"], "command state home", "refusal 27"),
         (&["command state enable"], "command state unhome", "refusal 27"),
     ] {
-        before.iter().for_each(|words| drop(succeeds(&domain, words)));
+        before.iter().for_each(|words| follow(&domain, words));
         refused_then_followed(&domain, words, code);
     }
     // Off and without a zero: `why` leads to a robot that moves, and from a pause and a fault, too.

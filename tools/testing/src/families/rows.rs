@@ -103,6 +103,8 @@ pub fn gmr_direction() -> Sample {
             has_memory: true,
             compensates: true,
             inverse: [0.05, f64::INFINITY],
+            // The counts of the other direction may be as good.
+            stays: f64::INFINITY,
             ..Promise::EXACT
         },
         ..linear()
@@ -249,9 +251,10 @@ pub fn network() -> Sample {
         stays: 0.1,
         slope: 2e-3,
         remains: 0.1,
-        tick: 1e-6,
-        steps: 3.0,
-        recall: 5.0,
+        // Random weights: its state goes in steps of its own, and between them it holds still.
+        tick: 20.0,
+        steps: 20.0,
+        recall: 20.0,
         ..Promise::EXACT
     };
     Sample {
