@@ -41,6 +41,8 @@ pub struct Robot {
     pub busy_for: Nanos,
     busy_until: Nanos,
     pub lease: u64,
+    /// By `hold`, until a command is followed.
+    holds: bool,
     pub refused: u64,
     /// The client whose command was refused last.
     pub refused_client: u64,
@@ -91,6 +93,7 @@ impl Robot {
             busy_for: Nanos::ZERO,
             busy_until: Nanos::ZERO,
             lease: 0,
+            holds: false,
             refused: 0,
             refused_client: 0,
             refuse: None,
@@ -137,7 +140,7 @@ impl Robot {
                 self.change(OperatingState::Paused)
             }
             StateCommand::Hold if self.state == OperatingState::Enabled => {
-                self.lease = 0;
+                (self.lease, self.holds) = (0, true);
                 Refusal::None
             }
             StateCommand::Acknowledge if self.state == OperatingState::Fault => {
@@ -227,7 +230,7 @@ impl Robot {
             return false;
         }
         assert!(sequence > self.sequence, "numbers rise");
-        (self.sequence, self.lease) = (sequence, client_id);
+        (self.sequence, self.lease, self.holds) = (sequence, client_id, false);
         true
     }
 
@@ -268,7 +271,8 @@ impl Robot {
                     OperatingState::Disabled | OperatingState::Fault => {
                         OperatingStateMsg::OFF | OperatingStateMsg::STOPPED
                     }
-                    _ if self.lease == 0 => OperatingStateMsg::HOLDING,
+                    OperatingState::Paused => OperatingStateMsg::HOLDING,
+                    _ if self.holds => OperatingStateMsg::HOLDING,
                     _ => 0,
                 }
                 | OperatingStateMsg::AT_REST,

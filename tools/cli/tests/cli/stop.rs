@@ -50,6 +50,8 @@ fn whatever_ends_a_cycle_is_named_with_its_exit_code() {
     };
     let hold = |client: &mut Client| _ = client.state_command(StateCommand::Hold).unwrap();
     broken_off(&hold, 4, &["stop 4: a later command broke it off"]);
+    // The hold is for the next program, too, until it has been silent for a second.
+    clock::sleep(Nanos::from_millis(1100));
     let fault = |_: &mut Client| rig.emulator.raise_fault(0, 0x2310, false);
     broken_off(&fault, 5, &["`condition` was not carried out: fault 1: a drive reports an error"]);
 }
