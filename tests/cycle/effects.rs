@@ -11,8 +11,11 @@ use i2ris::realtime::Granted;
 use i2ris::robot::Cause;
 use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, model, play_model, rad};
 
+type Way = fn(&mut Bench);
+type MakeBench = fn() -> Bench;
+
 /// What comes a moment after the command.
-const WAYS: [(&str, fn(&mut Bench)); 9] = [
+const WAYS: [(&str, Way); 9] = [
     ("nothing", |_| ()),
     ("stop", |bench| {
         bench.quirk(1, Quirk::Silent);
@@ -63,7 +66,7 @@ fn follows() -> Bench {
 }
 
 /// The commands, a robot to which they are given, and what comes of them by each of the ways.
-const TABLE: &[(StateCommand, fn() -> Bench, &str)] = &[
+const TABLE: &[(StateCommand, MakeBench, &str)] = &[
     (
         StateCommand::Enable,
         || slow(Bench::homed()),
@@ -86,7 +89,7 @@ fn judge(bench: &Bench, command: StateCommand) -> Progress {
     operating_state(bench.report(), &Granted::default()).progress(command, CLIENT)
 }
 
-fn what_comes(command: StateCommand, bench: &mut Bench, way: fn(&mut Bench)) -> String {
+fn what_comes(command: StateCommand, bench: &mut Bench, way: Way) -> String {
     bench.pose = (command == StateCommand::Move).then_some((rad(5.0, 0.0), 2));
     assert_eq!(bench.ask(command), Refusal::None, "{command}");
     let first = judge(bench, command);

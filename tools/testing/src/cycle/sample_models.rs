@@ -77,9 +77,11 @@ pub fn model(unit: OutputUnit) -> Arc<Model> {
     Arc::new(Model::from_file(file(unit, family)).unwrap())
 }
 
+type MakeModel = fn() -> Arc<Model>;
+
 /// The families that fly: tests of every family have them from here. The first one is the default
 /// and that of [`standard_model`].
-pub const FAMILIES: [(&str, fn() -> Arc<Model>); 4] = [
+pub const FAMILIES: [(&str, MakeModel); 4] = [
     ("force-balance", balance_model),
     ("force-balance-fitted", fitted_model),
     ("linear", || model(OutputUnit::Deg)),
