@@ -289,11 +289,10 @@ impl CommandAdmission {
         self.count_accepted(command.client_id, now, events);
     }
 
-    /// The stream of a client was stopped as stale, with setpoints in motion; `is_beside`: that of
-    /// the auxiliary axis.
-    pub(crate) fn stopped_in_motion(&mut self, client_id: u64, is_beside: bool, now: Nanos) {
+    /// A stream was stopped as stale while the setpoints moved; `is_beside`: of the auxiliary axis.
+    pub(crate) fn stopped_moving(&mut self, id: u64, is_beside: bool, at: &MotorVec, now: Nanos) {
         let record = if is_beside { &mut self.beside } else { &mut self.sequences };
-        record.stream_mut(client_id).into_iter().for_each(|it| it.stopped_in_motion(now));
+        record.stream_mut(id).into_iter().for_each(|it| it.stopped_moving(at, now));
     }
 
     fn count_accepted(&mut self, client_id: u64, now: Nanos, events: &mut EventList) {

@@ -56,9 +56,12 @@ impl StreamRecord {
         (self.last, self.alive_until) = (now, now + SILENCE);
     }
 
-    /// It was stopped as stale, with the setpoints in motion.
-    pub fn stopped_in_motion(&mut self, now: Nanos) {
-        self.moved = Some(now);
+    /// It was stopped as stale, with the setpoints in motion. A motor that only goes to and fro
+    /// between two counts moves nothing.
+    pub fn stopped_moving(&mut self, setpoints: &MotorVec, now: Nanos) {
+        if largest_difference(setpoints, &self.rest) > REST_COUNTS {
+            self.moved = Some(now);
+        }
     }
 
     /// Its client has done something deliberate: the next stream is another one.

@@ -12,6 +12,7 @@ use crate::core::motion::auxiliary_axis::FollowedAngle;
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::goal_extrapolation::GoalExtrapolation;
 use crate::core::states::control_state::ControlState;
+use crate::core::vector::collect;
 use crate::drive::{AxisFeedback, AxisRequest};
 use crate::robot::{Measurement, Refusal};
 use crate::units::{AUXILIARY, MAX_AXES, Nanos};
@@ -101,7 +102,8 @@ impl ControlCycle {
             let kind = CycleEventKind::StaleStop { client_id, age };
             events.push_measured(kind, Some(measurement));
             if !auxiliary.axis.is_at_rest() {
-                self.admission.stopped_in_motion(client_id, true, summary.now);
+                let at = collect([auxiliary.axis.setpoint()].into_iter());
+                self.admission.stopped_moving(client_id, true, &at, summary.now);
             }
             auxiliary.followed = None;
         }

@@ -343,7 +343,7 @@ impl ControlCycle {
             let kind = CycleEventKind::StaleStop { client_id, age };
             events.push_measured(kind, Some(measurement));
             if !self.axes.all(AxisControl::is_at_rest) {
-                self.admission.stopped_in_motion(client_id, false, now);
+                self.admission.stopped_moving(client_id, false, &self.axes.setpoints(), now);
             }
             self.machine.progress(HOLDING, now, events);
         }

@@ -17,6 +17,7 @@ mod model;
 mod operator;
 mod played;
 mod python;
+mod python_effects;
 mod reach;
 mod shell;
 mod stop;
