@@ -137,8 +137,7 @@ pub fn shared_work(sample: &Sample) {
         assert_eq!(model.predict_with(&it.present(), memory, &terms), there);
         assert_eq!(model.pose(&it.at, memory, &correction), whole.mean);
         let (pose, slope) = model.pose_and_slope(&it.at, memory, &correction);
-        let size = distance(&whole.mean, &[0.0; 3]);
-        assert!(distance(&pose, &whole.mean) < 1e-12 * (1.0 + size), "{pose:?} {whole:?}");
+        assert!(distance(&pose, &whole.mean) < it.promise.shared, "{pose:?} {whole:?}");
         assert_eq!(slope, model.jacobian(&it.at, memory));
         let query = Query::new(it.start);
         let goals = [whole.mean, it.mean(&it.start, memory)];

@@ -100,6 +100,8 @@ pub struct Promise {
     /// Outputs and counts of an inverse beside those that gave the goal. Where a motor is in a gap,
     /// other counts are as good: infinite.
     pub inverse: [f64; 2],
+    /// A pose that is computed with its slope beside one that is computed alone, rad.
+    pub shared: f64,
     /// The Jacobian beside differences, relative.
     pub slope: f64,
     /// Motion for a goal that is where the snake is, to a part of a thousandth of a count.
@@ -121,6 +123,7 @@ impl Promise {
         has_gap: false,
         compensates: false,
         inverse: [0.05, 0.1],
+        shared: 1e-12,
         slope: 1e-6,
         stays: 0.05,
         remains: 0.0,
