@@ -57,11 +57,13 @@ impl PidFile {
 /// Removes what killed clients have left.
 fn remove_files_of_the_dead(domain: &Domain) {
     for entry in fs::read_dir(domain.directory()).into_iter().flatten().flatten() {
-        let is_client = entry.file_name().to_string_lossy().starts_with("client-");
-        let pid = fs::read_to_string(entry.path()).ok().and_then(|text| text.trim().parse().ok());
-        if is_client
-            && pid.is_some_and(|pid: u32| !Path::new("/proc").join(pid.to_string()).exists())
-        {
+        // Only those are read: what else lies there may block.
+        if !entry.file_name().to_string_lossy().starts_with("client-") {
+            continue;
+        }
+        let text = fs::read_to_string(entry.path()).unwrap_or_default();
+        let is_dead = |pid: u32| !Path::new("/proc").join(pid.to_string()).exists();
+        if text.trim().parse().is_ok_and(is_dead) {
             let _ = fs::remove_file(entry.path());
         }
     }
