@@ -90,6 +90,12 @@ pub enum ModelError {
         /// The unit of `error` and `one_count`.
         unit: OutputUnit,
     },
+    /// The model is flat, or not a number.
+    #[error(
+        "commands nonsense: within the calibrated region it predicts no motion at all, or what is \
+         not a number; a motor must move an output: record motion of both motors, and fit again"
+    )]
+    NoMotion,
     /// The inverse does not follow the model itself.
     #[error(
         "commands nonsense: within the calibrated region its inverse misses {:.0} % of the motion \

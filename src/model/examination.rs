@@ -77,9 +77,11 @@ impl Examination {
         {
             return Err(ModelError::Gain { least, most });
         }
-        // Not a number is refused, too.
         if self.error <= MOST_ERROR && self.travel <= MOST_TRAVEL {
             return Ok(());
+        }
+        if self.error.is_nan() {
+            return Err(ModelError::NoMotion);
         }
         Err(ModelError::Rehearsal { error: self.error, travel: self.travel })
     }

@@ -34,7 +34,7 @@ fn use_robot(client: &mut Client) {
 
 #[test]
 fn the_loop_and_the_ports_of_a_running_controller_allocate_nothing() {
-    let mut rig = Rig::with_balance_model();
+    let mut rig = Rig::with_model();
     rig.start_controller_thread();
     let mut client = rig.client();
     home_and_enable(&mut client, TIMEOUT).unwrap();

@@ -9,7 +9,9 @@ use i2ris::core::{
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
 use i2ris::units::Counts;
-use i2ris_testing::cycle::{Bench, CLIENT, config, play_model, rad, scaled_play_model, with_jaw};
+use i2ris_testing::cycle::{
+    Bench, CLIENT, config, rad, scaled_standard_model, standard_model, with_jaw,
+};
 
 use super::auxiliary_axis::turn;
 
@@ -58,7 +60,7 @@ const ACTIONS: [Action; 22] = [
         fixture(bench, client, FixtureChange::Add(region))
     }),
     ("model staged", |bench, _| {
-        bench.offer(bench.candidate(&scaled_play_model(1.3)));
+        bench.offer(bench.candidate(&scaled_standard_model(1.3)));
         bench.tick();
         Refusal::None
     }),
@@ -82,13 +84,13 @@ const ACTIONS: [Action; 22] = [
 ];
 
 fn staged() -> Arc<Model> {
-    scaled_play_model(1.1)
+    scaled_standard_model(1.1)
 }
 
 /// ENABLED and holding, with a jaw, a staged and a previous model.
 fn ready() -> Bench {
-    let mut bench = Bench::enabled_with(with_jaw(config("")), Some(play_model()));
-    let second = scaled_play_model(1.2);
+    let mut bench = Bench::enabled_with(with_jaw(config("")), Some(standard_model()));
+    let second = scaled_standard_model(1.2);
     for model in [&second, &staged()] {
         bench.offer(bench.candidate(model));
         bench.tick();

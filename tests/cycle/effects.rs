@@ -9,7 +9,7 @@ use i2ris::model::file::OutputUnit;
 use i2ris::process::operating_state;
 use i2ris::realtime::Granted;
 use i2ris::robot::Cause;
-use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, model, play_model, rad};
+use i2ris_testing::cycle::{Bench, CLIENT, Quirk, config, model, rad, standard_model};
 
 type Way = fn(&mut Bench);
 type MakeBench = fn() -> Bench;
@@ -135,7 +135,7 @@ fn every_command_is_done_when_its_effect_is_there_or_what_came_instead_is_named(
 /// its turns.
 #[test]
 fn a_cycle_at_its_end_is_not_done_while_the_memory_is_unknown() {
-    let mut bench = Bench::enabled_with(config(""), Some(play_model()));
+    let mut bench = Bench::enabled_with(config(""), Some(standard_model()));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     bench.until("its end", |bench| !bench.report().busy);
     assert_eq!(judge(&bench, StateCommand::Condition), Progress::Done);

@@ -10,7 +10,7 @@ use i2ris::model::file::OutputUnit;
 use i2ris::model::kinematic::tip_position;
 use i2ris::units::{Counts, Nanos};
 use i2ris_testing::cycle::{
-    Bench, CLIENT, model, play_model, rad, scaled_play_model, strict_config, with_jaw,
+    Bench, CLIENT, model, rad, scaled_standard_model, standard_model, strict_config, with_jaw,
 };
 
 const STILL: ServoGoal = ServoGoal::Rate([0.0; 3], 2);
@@ -57,7 +57,7 @@ fn add_wall(bench: &mut Bench) {
 
 /// At 8 deg by angles, with a memory that is known.
 fn at_eight(config: Config) -> Bench {
-    let mut bench = Bench::enabled_with(config, Some(play_model()));
+    let mut bench = Bench::enabled_with(config, Some(standard_model()));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
     bench.idle();
     let [from, _] = pose(&bench);
@@ -91,7 +91,7 @@ fn a_rate_of_zero_and_a_swap_move_the_snake_by_the_blend_and_no_further() {
                 }
                 way(&mut bench, zero, 300);
                 let before = pose(&bench);
-                assert_eq!(bench.swap(&scaled_play_model(factor)), Refusal::None);
+                assert_eq!(bench.swap(&scaled_standard_model(factor)), Refusal::None);
                 let blend = apart(before, pose(&bench));
                 assert!((0.5..4.0).contains(&blend), "{blend}");
                 let gone = way(&mut bench, zero, 1500);
@@ -152,7 +152,7 @@ fn a_stream_and_a_move_that_begin_during_a_blend_begin_where_the_snake_is() {
     for kind in ["stream", "move", "fixture"] {
         let mut bench = at_eight(strict_config(""));
         way(&mut bench, angles(8.0, 0.0), 50);
-        assert_eq!(bench.swap(&scaled_play_model(1.3)), Refusal::None);
+        assert_eq!(bench.swap(&scaled_standard_model(1.3)), Refusal::None);
         let from = pose(&bench);
         let [pitch, yaw] = from;
         match kind {

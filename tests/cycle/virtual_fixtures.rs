@@ -5,7 +5,7 @@ use std::sync::Arc;
 use i2ris::core::{CycleEventKind, FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::Model;
-use i2ris_testing::cycle::{Bench, CLIENT, config, rad, standard_model};
+use i2ris_testing::cycle::{Bench, CLIENT, GAIN_DEG, config, rad, standard_model};
 use proptest::prelude::*;
 
 const WALL: &str = r#"
@@ -80,7 +80,8 @@ fn anybody_may_add_a_fixture_and_only_the_commander_at_rest_takes_one_away() {
     assert_eq!(change(&mut bench, CLIENT + 1, FixtureChange::Add(wall)), Refusal::None);
     assert_eq!(bench.report().fixtures, 1);
     sweep(&mut bench, [1.0, 0.0], [8.0, 0.0], 2000);
-    assert!(pitch_deg(&bench) < 3.51, "{}", pitch_deg(&bench));
+    // A motor crosses no gap for half a count.
+    assert!(pitch_deg(&bench) < 3.5 + GAIN_DEG, "{}", pitch_deg(&bench));
     for taken in [FixtureChange::SwitchOff, FixtureChange::RemoveAdded] {
         assert_eq!(change(&mut bench, CLIENT + 1, taken), Refusal::Lease);
         assert_eq!(change(&mut bench, CLIENT, taken), Refusal::Busy);

@@ -158,11 +158,14 @@ fn unprivileged(name: &str, test: fn()) {
         .gid(NOBODY)
         .output()
         .expect("the user nobody can execute the test");
-    let text = String::from_utf8_lossy(&output.stdout);
+    let (text, errors) =
+        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    // Once more at the end: a log that is cut keeps it.
+    let why: Vec<&str> = errors.lines().skip_while(|it| !it.contains("panicked")).take(6).collect();
     assert!(
         output.status.success() && text.contains("1 passed"),
-        "as nobody:\n{text}\n{}",
-        String::from_utf8_lossy(&output.stderr)
+        "as nobody:\n{text}\n{errors}\n{}",
+        why.join("\n")
     );
 }
 

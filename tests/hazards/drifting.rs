@@ -8,7 +8,7 @@ use i2ris::core::{CycleEventKind, ExternalPose};
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::{Memory, Model};
 use i2ris::units::Nanos;
-use i2ris_testing::cycle::{Bench, config, play_model};
+use i2ris_testing::cycle::{Bench, config, standard_model};
 
 /// Frames of the camera, ms, and their age.
 const FRAME_MS: u64 = 33;
@@ -31,8 +31,7 @@ pub struct Drifting {
 impl Drifting {
     /// Enabled, with a known memory.
     pub fn new(tables: &str) -> Self {
-        // With plays: see the default family in `tests/adaptation`.
-        let model = play_model();
+        let model = standard_model();
         let mut bench = Bench::new(config(tables), Some(Arc::clone(&model)));
         bench.home();
         bench.enable();

@@ -4,10 +4,9 @@ use i2ris::core::CycleEventKind;
 use i2ris::core::adaptation::{AdaptationEvent, Pause};
 use i2ris::ipc::{Fault, OperatingState};
 
-use super::drifting::{Drifting, ON, truth, wandering};
+use i2ris_testing::cycle::{GAIN_DEG, HULL, lag_counts};
 
-/// The corners of the calibrated hull, deg.
-const CORNERS: [[f64; 2]; 4] = [[24.9, 0.0], [-24.9, 0.0], [0.0, 24.9], [0.0, -24.9]];
+use super::drifting::{Drifting, ON, truth, wandering};
 
 #[test]
 fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_said() {
@@ -18,12 +17,15 @@ fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_said() {
         |_, _| [3.0, -2.0],
         |t, [pitch, yaw]| [pitch + 6.0 * (7.0 * t).sin(), yaw - 6.0 * (5.0 * t).cos()],
     ];
+    let edge = 2.0 * GAIN_DEG * (HULL - lag_counts().unwrap_or_default());
     for (index, view) in views.into_iter().enumerate() {
         let mut drifting = Drifting::new(ON);
         let budget = drifting.bench.config.adaptation.total_budget_deg;
         for _ in 0..40 {
             drifting.follow(1.0, wandering, view);
-            for corner in CORNERS {
+            // The corners of the hull.
+            for [x, y] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
+                let corner = [x * edge, y * edge];
                 let shift = drifting.shift(corner);
                 assert!(shift <= budget + 1e-6, "view {index}: {shift} deg at {corner:?}");
             }

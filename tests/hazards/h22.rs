@@ -7,6 +7,8 @@ use super::drifting::{Drifting, ON, wandering};
 #[test]
 fn h22_at_rest_nothing_is_learned() {
     let mut drifting = Drifting::new(ON);
+    // From where the conditioning cycle left the snake.
+    drifting.begin_anew();
     let rest = |t: f64| [1.0, 0.5].map(|angle| angle * (2.0 * t).min(1.0));
     drifting.follow(60.0, rest, |_, [pitch, yaw]| [pitch + 0.3, yaw + 0.2]);
     let found = drifting.adaptation();

@@ -7,6 +7,7 @@ use i2ris::ipc::client::ClientError;
 use i2ris::ipc::payload::{ModelSlot, unpadded_text};
 use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::model::network::{Activation, Layer, NetworkParameters};
+use i2ris_testing::cycle::GAIN_DEG;
 use i2ris_testing::{Rig, wait_until_idle};
 
 /// A network that adds the state of two cells to the straight line of the robot; with `keeps`, the
@@ -42,9 +43,9 @@ fn written(
     keeps: bool,
     change: impl FnOnce(&mut NetworkParameters),
 ) -> PathBuf {
-    let path = rig.linear_model(name, "rig", 1.0);
+    let path = rig.sample_model(name, "rig", 1.0);
     let mut file = ModelFile::read(&path).unwrap();
-    let FamilyParameters::Linear { gain, covariance, .. } = file.family.clone() else { panic!() };
+    let gain = vec![vec![GAIN_DEG, -GAIN_DEG], vec![GAIN_DEG; 2]];
     let mut network = network(&gain, keeps);
     change(&mut network);
     file.training.linear_gain = Some(gain.clone());
@@ -53,7 +54,7 @@ fn written(
         inverse: None,
         memory_counts: vec![0.0; 2],
         gain,
-        covariance,
+        covariance: vec![vec![0.04, 0.0], vec![0.0, 0.09]],
     };
     std::fs::write(&path, serde_json::to_string(&file).unwrap()).unwrap();
     path

@@ -2,6 +2,8 @@
 //! cycle or of the drives shows the control, the table names that one; the others are here, one
 //! module per id.
 
+use i2ris_testing::cycle::{with_family, with_other_families};
+
 mod coverage;
 mod documents;
 mod drifting;
@@ -28,5 +30,7 @@ mod noise;
 
 #[test]
 fn other_families_fly_too() {
-    i2ris_testing::cycle::with_other_families(&["h12_a_", "h16_five"]);
+    with_other_families(&["h12_a_", "h16_five"]);
+    // Without memory another method learns: see `tests/adaptation`.
+    with_family("force-balance-fitted", &["h20_", "h21_", "h22_", "h23_"]);
 }

@@ -135,12 +135,16 @@ pub(crate) struct JointSpace<'a> {
     pub calibrated: Option<&'a Memory>,
 }
 
+/// Ticks over which the steps of the pose are compared: drives take whole counts, so at half a
+/// count per tick every other step of a model with memory is another one.
+const STEPS: usize = 8;
+
 /// The gate, with the motion of the pose that it let through last.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct Gate {
-    /// Step of the pose, rad.
-    step: OutputVec,
-    /// How much faster it was than the step before.
+    /// The last steps of the pose, newest first, rad.
+    steps: [OutputVec; STEPS],
+    /// How much faster than those before it the newest one was.
     growth: OutputVec,
 }
 
@@ -261,10 +265,17 @@ impl Gate {
     }
 
     fn note(&mut self, step: OutputVec) {
-        self.growth = zip_map(&step, &self.step, |step, last| {
-            step.abs() - if step * last > 0.0 { last.abs() } else { 0.0 }
-        });
-        self.step = step;
+        self.growth = zip_map(&step, &self.step_like(&step), |step, last| step.abs() - last.abs());
+        self.steps.rotate_right(1);
+        self.steps[0] = step;
+    }
+
+    /// The longest of the last steps in the direction of a step, output by output; 0: none.
+    fn step_like(&self, step: &OutputVec) -> OutputVec {
+        self.steps.iter().fold(OutputVec::default(), |longest, last| {
+            let like = zip_map(last, step, |last, step| if last * step > 0.0 { last } else { 0.0 });
+            zip_map(&longest, &like, |a, b| if b.abs() > a.abs() { b } else { a })
+        })
     }
 }
 
@@ -320,14 +331,22 @@ impl<'a> Trial<'a> {
         else {
             return Ok(Verdict::Passes { step: OutputVec::default() });
         };
-        let from = joints.pose(&self.setpoints)?;
-        let step = difference(&joints.pose(&axes.setpoints())?, &from);
-        let largest = bounds.largest_step(&step, &gate.step, &gate.growth, STEP_MARGIN);
+        // Drives are at whole counts, and so is the memory. From between them the pose would rest up
+        // to the count that has been sent, and begin anew from rest beyond it, count by count.
+        let sent = self.setpoints.map(f64::round);
+        let moved_to = |setpoints: &MotorVec| {
+            let moved = difference(setpoints, &self.setpoints);
+            joints.pose(&zip_map(&sent, &moved, |sent, moved| sent + moved))
+        };
+        let from = joints.pose(&sent)?;
+        let step = difference(&moved_to(&axes.setpoints())?, &from);
+        let last = gate.step_like(&step);
+        let largest = bounds.largest_step(&step, &last, &gate.growth, STEP_MARGIN);
         let largest = largest.map(|step| step + STEP_TOLERANCE);
         if step.iter().zip(&largest).all(|(step, largest)| step.abs() <= *largest) {
             return Ok(Verdict::Passes { step });
         }
-        let slowest = difference(&joints.pose(&self.stopped)?, &from);
+        let slowest = difference(&moved_to(&self.stopped)?, &from);
         let mut share = 1.0_f64;
         for ((step, largest), slowest) in step.iter().zip(&largest).zip(&slowest) {
             if step.abs() > *largest {

@@ -10,7 +10,7 @@ use i2ris::units::Nanos;
 
 use crate::BenchError;
 use crate::inverse::two_clock_readings;
-use crate::model::model;
+use crate::model::fitted;
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::{Run, in_thread};
 use crate::tick::{Cycle, Duties};
@@ -19,10 +19,6 @@ use crate::tick::{Cycle, Duties};
 const TURN: Nanos = Nanos::from_millis(1000);
 /// Ticks that do not count.
 const WARM_UP: u64 = 200;
-
-const COMPONENTS: usize = 10;
-/// Plays per motor.
-const PLAYS: usize = 8;
 
 const LATE: [(&str, Role); 3] = [
     ("bare timer (clock_nanosleep)", Role::Floor),
@@ -55,10 +51,7 @@ impl LoopBenchmark {
     fn model(&self) -> Result<(Arc<Model>, String), BenchError> {
         let (model, name) = match &self.model {
             Some(path) => (Model::load(path)?, path.display().to_string()),
-            None => {
-                let name = format!("gmr-play, {COMPONENTS} components, {PLAYS} plays per motor");
-                (model(COMPONENTS, PLAYS)?, name)
-            }
+            None => (fitted()?, "force-balance, fitted to an emulated snake".to_owned()),
         };
         Ok((Arc::new(model), format!("The model of the controller: {name}.")))
     }

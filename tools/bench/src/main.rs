@@ -147,7 +147,7 @@ struct LoopArguments {
     #[arg(long, value_name = "S", default_value_t = 10,
           value_parser = value_parser!(u32).range(1..=3600))]
     duration_s: u32,
-    /// The model of the controller; without, a mixture of the program's own with plays
+    /// The model of the controller; without, a fitted balance of forces
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
 }

@@ -1,5 +1,5 @@
-//! Synthetic models of any size: two motors that bend two planes by about 40 degrees in both
-//! directions.
+//! The model of the benchmarks, of the default family; and synthetic ones of any size: two motors
+//! that bend two planes by about 40 degrees in both directions.
 
 use i2ris::model::file::{
     FORMAT, FamilyParameters, FitMetrics, HullParameters, MixtureParameters, ModelFile,
@@ -17,6 +17,14 @@ const GAIN_DEG: f64 = 0.022;
 
 /// The largest threshold of a play, counts.
 const WIDEST: f64 = 120.0;
+
+/// A balance of forces as calibration fits it to a recording of an emulated snake.
+pub fn fitted() -> Result<Model, ModelError> {
+    let text = include_str!("../../../tests/adaptation/force-balance.json");
+    let mut file = ModelFile::parse(text)?;
+    "bench".clone_into(&mut file.robot_id);
+    Model::from_file(file)
+}
 
 /// A model with a mixture of `components`, and so many plays per motor beside the one of threshold 0:
 /// `gmr-play`; without any, `gmr`.

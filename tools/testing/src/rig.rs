@@ -15,7 +15,7 @@ use i2ris::ipc::client::{Client, ClientError, ExternalPublisher};
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::watchdog_presence::WatchdogPresence;
 use i2ris::ipc::{Domain, DomainLock, OperatingState, StateCommand};
-use i2ris::model::file::{FamilyParameters, ModelFile, OutputUnit};
+use i2ris::model::file::{FamilyParameters, ModelFile};
 use i2ris::process::controller::{self, ControllerError};
 use i2ris::units::{Counts, Nanos};
 use i2ris_simulation::drive::DriveConfig;
@@ -25,7 +25,7 @@ use i2ris_simulation::{Emulator, EmulatorConfig};
 use nix::sys::signal::{Signal, kill};
 use tempfile::TempDir;
 
-use crate::cycle::{GAIN_DEG, HULL, balance_model, model};
+use crate::cycle::{GAIN_DEG, HULL, sample_model};
 use crate::fast_values::{fast_axis, fast_table};
 use crate::program;
 use crate::waiting::{Background, TIMEOUT, wait_until};
@@ -66,7 +66,7 @@ impl Rig {
         Self::build(None)
     }
 
-    /// A robot with a jaw: three drives on one line. Its controller starts with a linear model.
+    /// A robot with a jaw: three drives on one line. Its controller starts with a model.
     pub fn with_jaw() -> Self {
         Self::with_jaw_behind(100)
     }
@@ -74,7 +74,7 @@ impl Rig {
     /// The same behind a gateway that waits so long for a node that does not answer.
     pub fn with_jaw_behind(gateway_timeout_ms: u64) -> Self {
         let mut rig = Self::build(Some(gateway_timeout_ms));
-        rig.config.control.model = Some(rig.linear_model("model.json", "rig", 1.0));
+        rig.config.control.model = Some(rig.sample_model("model.json", "rig", 1.0));
         rig
     }
 
@@ -133,36 +133,25 @@ impl Rig {
         }
     }
 
-    /// A robot whose controller starts with a linear model.
+    /// A robot whose controller starts with a model.
     pub fn with_model() -> Self {
         let mut rig = Self::start();
-        rig.config.control.model = Some(rig.linear_model("model.json", "rig", 1.0));
+        rig.config.control.model = Some(rig.sample_model("model.json", "rig", 1.0));
         rig
     }
 
-    /// A robot whose controller starts with a model of the default family.
-    pub fn with_balance_model() -> Self {
-        let mut rig = Self::start();
-        rig.config.control.model = Some(rig.balance_model("model.json"));
-        rig
-    }
-
-    /// Writes [`balance_model`] for the emulated snake, with the angles of [`Rig::linear_model`].
-    pub fn balance_model(&self, name: &str) -> PathBuf {
-        let (mut file, g) = (balance_model().file().clone(), 1000.0 * GAIN_DEG);
-        if let FamilyParameters::ForceBalance { read_out, virtual_hull, .. } = &mut file.family {
-            virtual_hull.corners.iter_mut().flatten().for_each(|counts| *counts *= 1000.0 / HULL);
-            read_out.coefficients = vec![vec![0.0, g, -g], vec![0.0, g, g]];
-        }
-        self.write_model(name, "rig", file)
-    }
-
-    /// Writes a linear model of the emulated snake, accurate to a few degrees: 0.022 degrees per count,
-    /// axes turned by 45 degrees. `factor` scales its angles.
-    pub fn linear_model(&self, name: &str, robot_id: &str, factor: f64) -> PathBuf {
-        let (mut file, g) = (model(OutputUnit::Deg).file().clone(), factor * GAIN_DEG);
-        if let FamilyParameters::Linear { gain, .. } = &mut file.family {
-            *gain = vec![vec![g, -g], vec![g, g]];
+    /// Writes a model of the standard family for the emulated snake, accurate to a few degrees: 0.022
+    /// degrees per count, axes turned by 45 degrees. `factor` scales its angles.
+    pub fn sample_model(&self, name: &str, robot_id: &str, factor: f64) -> PathBuf {
+        let (mut file, g) = (sample_model().file().clone(), factor * GAIN_DEG);
+        match &mut file.family {
+            FamilyParameters::Linear { gain, .. } => *gain = vec![vec![g, -g], vec![g, g]],
+            FamilyParameters::ForceBalance { read_out, virtual_hull, .. } => {
+                let g = 1000.0 * g;
+                virtual_hull.corners.iter_mut().flatten().for_each(|at| *at *= 1000.0 / HULL);
+                read_out.coefficients = vec![vec![0.0, g, -g], vec![0.0, g, g]];
+            }
+            _ => unreachable!("no sample"),
         }
         self.write_model(name, robot_id, file)
     }

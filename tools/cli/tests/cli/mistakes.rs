@@ -115,12 +115,12 @@ fn mistakes_of_new_users_end_with_a_sentence_and_the_right_exit_code() {
     let mut rig = Rig::start();
     expect_stalls(&mut rig);
     rig.config.robot_id = ROBOT.to_owned();
-    rig.config.control.model = Some(rig.linear_model("model.json", ROBOT, 1.0));
+    rig.config.control.model = Some(rig.sample_model("model.json", ROBOT, 1.0));
     rig.start_controller_thread();
     let (domain, mut client) = (rig.domain(), rig.client());
     wait_until_idle(&mut client);
     table.bench.write("robot.toml", &toml::to_string(&rig.config).unwrap());
-    let other = rig.linear_model("other-robot.json", "another-robot", 1.0);
+    let other = rig.sample_model("other-robot.json", "another-robot", 1.0);
     fs::copy(other, table.bench.path("other-robot.json")).unwrap();
     before_homing(&mut table, &domain);
     while_enabled(&mut table, &domain, &mut rig.client());

@@ -361,7 +361,7 @@ fn models_are_swapped_from_python_while_the_snake_moves() {
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);
     rig.start_controller_thread();
-    let second = rig.linear_model("second.json", "rig", 1.1);
+    let second = rig.sample_model("second.json", "rig", 1.1);
     let broken = rig.folder.path().join("broken.json");
     fs::write(&broken, "{}").unwrap();
     let script = ["-c", SWAP, rig.domain().name()].map(str::to_owned);

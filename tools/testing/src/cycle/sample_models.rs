@@ -103,14 +103,22 @@ pub fn standard_model() -> Arc<Model> {
 
 /// Runs tests of this binary again, with a fitted and with the linear model as the standard one.
 pub fn with_other_families(filter: &[&str]) {
+    FAMILIES[1..3].iter().for_each(|(family, _)| with_family(family, filter));
+}
+
+/// Runs tests of this binary again with another family as the standard one.
+pub fn with_family(family: &str, filter: &[&str]) {
     // Not within itself.
     if std::env::var_os(FAMILY).is_none() {
-        for (family, _) in &FAMILIES[1..3] {
-            let mut tests = Command::new(std::env::current_exe().unwrap());
-            let tests = tests.args(filter).env(FAMILY, family).output().unwrap();
-            assert!(tests.status.success(), "{family}: {}", String::from_utf8_lossy(&tests.stdout));
-        }
+        let mut tests = Command::new(std::env::current_exe().unwrap());
+        let tests = tests.args(filter).env(FAMILY, family).output().unwrap();
+        assert!(tests.status.success(), "{family}: {}", String::from_utf8_lossy(&tests.stdout));
     }
+}
+
+/// The linear model where that is the standard one, or the balance by hand.
+pub fn sample_model() -> Arc<Model> {
+    if has_memory() { balance_model() } else { standard_model() }
 }
 
 /// Whether the standard model remembers where its motors have been.

@@ -82,6 +82,14 @@ const MAX_STEPS: u32 = 64;
 /// leaves beside its goal is no reason to cross a gap.
 const STILL: f64 = 1e-2;
 
+/// What is rounding in a goal, virtual counts: a drive takes whole counts, and the goal of one motor
+/// moves a little to and fro while the other one moves.
+const ROUNDING: f64 = 0.5;
+
+/// Further than that a motor does not go for a rounding, counts: it would cross a gap or the slack
+/// of its wires there and back again.
+const FAR: f64 = 2.0;
+
 /// Safety factor on the estimate of the conditioning range, which leaves out the other motor.
 const CONDITIONING_MARGIN: f64 = 1.2;
 
@@ -305,10 +313,13 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
         let mut positions = self.positions(&vector(&state.position));
         for (i, position) in positions.iter_mut().enumerate() {
             let (moved, gap) = (pulleys[i] - state.pulley[i], self.gap(state, i));
-            if moved > STILL {
-                *position = pulleys[i] + gap;
-            } else if moved < -STILL {
-                *position = pulleys[i] - gap;
+            let wanted = pulleys[i] + gap.copysign(moved);
+            let bends = (bend[i] - state.bend[i]) / self.gain[i];
+            let count = self.motors[i].travel_per_count.abs();
+            let is_little = moved.abs().min(bends.abs()) <= ROUNDING * count;
+            let is_far = (wanted - *position).abs() > FAR * count;
+            if moved.abs() > STILL && !(is_little && is_far) {
+                *position = wanted;
             }
         }
         if compensation < 1.0 {
