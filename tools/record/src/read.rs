@@ -7,11 +7,18 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
-use mcap::records::Record;
+use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 /// The longest record, bytes. The largest that we write are models and configurations.
 const LONGEST_RECORD: usize = 1 << 28;
+
+/// What is read at once, bytes: a length that is announced is no memory before the file has so much.
+const READ_SIZE: usize = 1 << 20;
+
+/// The kinds of records that anyone here needs: no header, no index.
+const READ: [u8; 6] =
+    [op::SCHEMA, op::CHANNEL, op::MESSAGE, op::ATTACHMENT, op::METADATA, op::DATA_END];
 
 /// Why a file cannot be read, or not to its end.
 #[derive(Debug, thiserror::Error)]
@@ -53,7 +60,7 @@ impl Records {
             .with_record_length_limit(LONGEST_RECORD);
         Ok(Self {
             path: path.to_owned(),
-            file: BufReader::with_capacity(1 << 20, file),
+            file: BufReader::with_capacity(READ_SIZE, file),
             reader: LinearReader::new_with_options(options),
             has_ended: false,
             stopped_by: None,
@@ -71,11 +78,15 @@ impl Records {
         while let Some(event) = self.reader.next_event() {
             match event.map_err(format)? {
                 LinearReadEvent::Record { data, opcode } => {
+                    if !READ.contains(&opcode) {
+                        continue;
+                    }
+                    has_its_strings(opcode, data).ok_or(format(McapError::UnexpectedEof))?;
                     let record = mcap::parse_record(opcode, data).map_err(format)?;
                     return Ok(Some(record.into_owned()));
                 }
                 LinearReadEvent::ReadRequest(size) => {
-                    let read = self.file.read(self.reader.insert(size));
+                    let read = self.file.read(self.reader.insert(size.min(READ_SIZE)));
                     self.reader.notify_read(
                         read.map_err(|source| ReadError::Read { path: path(), source })?,
                     );
@@ -84,6 +95,39 @@ impl Records {
         }
         Ok(None)
     }
+}
+
+/// Whether the strings of a record are in it: `parse_record` allocates as much as their lengths say,
+/// and takes it for granted that an attachment has its end.
+fn has_its_strings(opcode: u8, body: &[u8]) -> Option<()> {
+    let (begin, strings) = match opcode {
+        op::SCHEMA => (2, 3),
+        op::CHANNEL => (4, 2),
+        op::ATTACHMENT => (16, 2),
+        op::METADATA => (0, 1),
+        _ => return Some(()),
+    };
+    let mut rest = body.get(begin..)?;
+    for _ in 0..strings {
+        rest = after_string(rest)?;
+    }
+    match opcode {
+        op::CHANNEL | op::METADATA => {
+            let (length, mut map) = rest.split_first_chunk()?;
+            let end = map.len().checked_sub(u32::from_le_bytes(*length) as usize)?;
+            while map.len() > end {
+                map = after_string(map)?;
+            }
+        }
+        op::ATTACHMENT => drop(rest.get(size_of::<u64>() + size_of::<u32>()..)?),
+        _ => {}
+    }
+    Some(())
+}
+
+fn after_string(from: &[u8]) -> Option<&[u8]> {
+    let (length, rest) = from.split_first_chunk()?;
+    rest.get(u32::from_le_bytes(*length) as usize..)
 }
 
 /// Refuses a file that begins with other bytes than MCAP. One that is cut off within them passes.

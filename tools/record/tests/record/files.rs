@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use i2ris::ipc::payload::{
     ActuatorState, ExternalPosition, JointState, OperatingStateMsg, PeriodStatistics, ServoJp,
@@ -13,7 +14,8 @@ use i2ris_record::export::{TableFormat, export};
 use i2ris_record::recorder::{AttachedFile, RecordingHeader, TrialRecorder};
 use i2ris_record::recover::recover;
 use i2ris_record::report::TrialReport;
-use i2ris_testing::run_python;
+use i2ris_testing::{program, run_python};
+use mcap::records::op;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::RowAccessor;
 use tempfile::TempDir;
@@ -314,6 +316,46 @@ fn damaged_bytes_cause_no_panic() {
         damaged[place] ^= 0xFF;
         fs::write(&bad, damaged).unwrap();
         let _ = export(&bad, &folder.path().join("tables"), TableFormat::Csv);
+    }
+}
+
+/// A record whose body ends with a length, after so many bytes, and more bytes after it.
+#[test]
+fn a_length_that_is_announced_is_no_memory_before_the_file_has_so_much() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bad.mcap");
+    let (long, longer) = (&[0xFF; 4][..], &[0xFF; 8][..]);
+    for (what, opcode, before, length, after) in [
+        ("name of a schema", op::SCHEMA, 2, long, 0),
+        ("encoding of a schema", op::SCHEMA, 6, long, 0),
+        ("data of a schema", op::SCHEMA, 10, long, 0),
+        ("topic", op::CHANNEL, 4, long, 0),
+        ("encoding of messages", op::CHANNEL, 8, long, 0),
+        ("map of a channel", op::CHANNEL, 12, long, 0),
+        ("name of an attachment", op::ATTACHMENT, 16, long, 16),
+        ("kind of an attachment", op::ATTACHMENT, 20, long, 12),
+        ("data of an attachment", op::ATTACHMENT, 24, longer, 4),
+        ("end of an attachment", op::ATTACHMENT, 24, &[], 8),
+        ("name of metadata", op::METADATA, 0, long, 0),
+        ("map of metadata", op::METADATA, 4, long, 0),
+        ("key of metadata", op::METADATA, 4, &[8, 0, 0, 0, 0xFF, 0xFF, 0xFF, 0xFF], 4),
+        ("compression", op::CHUNK, 28, long, 8),
+        ("size of a chunk", op::CHUNK, 16, longer, 16),
+        ("compressed size", op::CHUNK, 32, longer, 0),
+    ] {
+        let body = [&vec![0; before], length, &vec![0; after]].concat();
+        let whole = body.len() as u64;
+        for announced in [whole, 1 << 27, 1 << 28, 1 << 32, u64::MAX] {
+            let record = [&[opcode], &announced.to_le_bytes()[..], &body].concat();
+            fs::write(&path, [mcap::MAGIC, &record].concat()).unwrap();
+            let info = program::command(&["record", "info"]);
+            let limited = ["-c", "ulimit -v 120000; exec \"$0\" info \"$1\""];
+            let mut shell = Command::new("sh");
+            let output = shell.args(limited).arg(info.get_program()).arg(&path).output().unwrap();
+            let error = String::from_utf8_lossy(&output.stderr);
+            let is_told = output.status.code() == Some(1) && error.contains("bad.mcap");
+            assert!(is_told, "{what}, {announced}: {:?} {error}", output.status);
+        }
     }
 }
 
