@@ -2,6 +2,7 @@
 
 mod campaign;
 mod conditioning;
+mod goal_making;
 mod health;
 mod hostile_clients;
 mod ipc_domain;
