@@ -18,6 +18,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, PoisonError};
 
 use i2ris::clock;
+use i2ris::ipc::OperatingState;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::units::Nanos;
@@ -197,6 +198,24 @@ fn h03_the_drives_of_a_hanging_controller_are_stopped() {
             "{:?}",
             watched.states()
         );
+    });
+}
+
+/// A drive that does not answer is not off, also when the controller is in a fault for it.
+#[test]
+fn h03_a_lost_drive_is_stopped_when_the_controller_is_killed_in_its_fault() {
+    unprivileged("h03_a_lost_drive_is_stopped_when_the_controller_is_killed_in_its_fault", || {
+        let mut rig = Rig::start();
+        rig.config.limits.feedback_lost_ms = 3000;
+        let mut watched = WatchedRig::with(rig, 3000);
+        watched.rig.emulator.silence(0, true);
+        let mut client = watched.client.take().unwrap();
+        wait_for(&mut client, |state| state.state == OperatingState::Fault.number());
+        assert_eq!(watched.states()[0], State::OperationEnabled);
+        watched.rig.signal(Signal::SIGKILL);
+        watched.rig.emulator.silence(0, false);
+        wait_until("it is stopped", || watched.states()[0] == State::QuickStopActive);
+        watched.rig.wait_for_end();
     });
 }
 

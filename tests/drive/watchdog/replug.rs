@@ -41,7 +41,7 @@ impl WatchedRig {
         }
         wait_until("the watchdog holds the port again", || self.count("holding") > held);
         wait_until("enabled", || client.state_command(StateCommand::Enable).is_ok());
-        let enabled = i2ris::ipc::OperatingState::Enabled.number();
+        let enabled = OperatingState::Enabled.number();
         settle(&mut client, |state| state.state == enabled);
         // To others it is as closed as ever.
         wait_until("the port is in exclusive use", || {
