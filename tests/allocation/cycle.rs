@@ -7,7 +7,7 @@ use i2ris::core::ModelChange;
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::Model;
-use i2ris_testing::cycle::{Bench, FAMILIES, Quirk, config, standard_model};
+use i2ris_testing::cycle::{Bench, Quirk, config, flying, standard_model};
 
 use crate::calls;
 
@@ -88,7 +88,7 @@ fn other_families_fly_too() {
 
 fn count_calls(mut bench: Bench) {
     bench.probe = calls;
-    let models = FAMILIES.map(|(_, model)| model());
+    let models = flying().into_iter().map(|(_, model)| model()).collect::<Vec<_>>();
     let begin = bench.now;
     for session in 0..20 {
         run_session(&mut bench, &models, session);

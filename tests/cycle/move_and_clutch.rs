@@ -3,7 +3,7 @@
 use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris_testing::cycle::{
-    Bench, CLIENT, FAMILIES, GAIN_DEG, config, has_memory, lag_counts, model, rad,
+    Bench, CLIENT, GAIN_DEG, config, flying, has_memory, lag_counts, model, rad,
     scaled_balance_model, standard_model,
 };
 
@@ -52,7 +52,7 @@ fn move_jp_goes_from_rest_to_rest_within_its_bounds_and_is_busy_until_it_is_ther
 
 #[test]
 fn every_trajectory_ends_with_every_family() {
-    for (name, model) in FAMILIES {
+    for (name, model) in flying() {
         let mut bench = Bench::enabled_with(config(""), Some(model()));
         for k in 1..=100 {
             // Multiples of two irrational numbers: spread evenly, and never twice the same.

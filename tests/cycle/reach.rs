@@ -3,7 +3,7 @@
 use i2ris::core::CycleEventKind;
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::robot::{Cause, Clip, Measurement, Quantity};
-use i2ris_testing::cycle::{Bench, FAMILIES, config, lag_counts, rad, standard_model};
+use i2ris_testing::cycle::{Bench, config, flying, lag_counts, rad, standard_model};
 
 fn setpoint_deg(bench: &Bench) -> [f64; 2] {
     let [pitch, yaw, _] = bench.joints().setpoint;
@@ -27,7 +27,7 @@ fn stream(bench: &mut Bench, from: [f64; 2], to: [f64; 2]) {
 
 #[test]
 fn a_move_out_of_reach_is_refused_with_the_distance() {
-    for ((name, model), pose) in FAMILIES.into_iter().flat_map(|it| {
+    for ((name, model), pose) in flying().into_iter().flat_map(|it| {
         [[25.0, 0.0], [60.0, 0.0], [3.0, -40.0], [20.0, 20.0]].map(|pose| (it, pose))
     }) {
         let mut bench = Bench::enabled_with(config(""), Some(model()));
@@ -63,7 +63,7 @@ fn a_move_beyond_a_joint_limit_is_refused_with_the_distance() {
 
 #[test]
 fn a_stream_out_of_reach_ends_on_its_line() {
-    for (name, model) in FAMILIES {
+    for (name, model) in flying() {
         for to in [[25.0, 0.0], [60.0, 0.0], [20.0, 7.0], [-9.0, 30.0], [-30.0, -20.0]] {
             let mut bench = Bench::enabled_with(config(""), Some(model()));
             stream(&mut bench, [0.0; 2], to);

@@ -12,6 +12,7 @@ use i2ris::units::OutputVec;
 use std::process::Command;
 use std::sync::{Arc, LazyLock};
 
+use crate::families::{self, Flight};
 use crate::fast_config;
 
 /// One count of one motor, in each of pitch and yaw: 0.022 deg / sqrt 2.
@@ -77,25 +78,21 @@ pub fn model(unit: OutputUnit) -> Arc<Model> {
     Arc::new(Model::from_file(file(unit, family)).unwrap())
 }
 
-type MakeModel = fn() -> Arc<Model>;
+/// The families that fly, as the rows of the one list say: tests of every family have them from
+/// here.
+pub fn flying() -> Vec<Flight> {
+    families::all().iter().flat_map(|row| row.flies).copied().collect()
+}
 
-/// The families that fly: tests of every family have them from here. The first one is the default
-/// and that of [`standard_model`].
-pub const FAMILIES: [(&str, MakeModel); 4] = [
-    ("force-balance", balance_model),
-    ("force-balance-fitted", fitted_model),
-    ("linear", || model(OutputUnit::Deg)),
-    ("gmr-play", play_model),
-];
-
-/// The variable of the environment that names one of [`FAMILIES`] in the place of the first.
+/// The variable of the environment that names one of [`flying`] in the place of the default.
 const FAMILY: &str = "I2RIS_TEST_FAMILY";
+const DEFAULT: &str = "force-balance";
 
 /// The model of the tests that hold for every family.
 pub fn standard_model() -> Arc<Model> {
     static MODEL: LazyLock<Arc<Model>> = LazyLock::new(|| {
-        let name = std::env::var(FAMILY).unwrap_or_else(|_| FAMILIES[0].0.to_owned());
-        let (_, make) = FAMILIES.iter().find(|(family, _)| *family == name).expect(FAMILY);
+        let name = std::env::var(FAMILY).unwrap_or_else(|_| DEFAULT.to_owned());
+        let (_, make) = flying().into_iter().find(|(family, _)| *family == name).expect(FAMILY);
         make()
     });
     Arc::clone(&MODEL)
@@ -103,7 +100,7 @@ pub fn standard_model() -> Arc<Model> {
 
 /// Runs tests of this binary again, with a fitted and with the linear model as the standard one.
 pub fn with_other_families(filter: &[&str]) {
-    FAMILIES[1..3].iter().for_each(|(family, _)| with_family(family, filter));
+    ["force-balance-fitted", "linear"].iter().for_each(|family| with_family(family, filter));
 }
 
 /// Runs tests of this binary again with another family as the standard one.

@@ -62,6 +62,10 @@ macro_rules! list {
 }
 for_each_family!(list);
 
+/// A model that flies in the tests of the cycle, by name: its numbers can be worked out by hand, or
+/// it is fitted.
+pub type Flight = (&'static str, fn() -> Arc<Model>);
+
 /// A family in the tests.
 #[derive(Clone)]
 pub struct Sample {
@@ -73,6 +77,7 @@ pub struct Sample {
     /// Random models of a size. A model that is refused is none.
     pub random: fn(usize, usize) -> BoxedStrategy<ModelFile>,
     pub promise: Promise,
+    pub flies: &'static [Flight],
 }
 
 impl fmt::Debug for Sample {

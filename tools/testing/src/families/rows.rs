@@ -14,7 +14,7 @@ use super::parameters::{
 };
 use super::samples::{REACH, SmoothMap, affine, file, region, smooth_gmr, square, two_by_two};
 use super::{Promise, Sample};
-use crate::cycle::{GAIN_DEG, HULL};
+use crate::cycle::{GAIN_DEG, HULL, balance_model, fitted_model, model, play_model};
 
 type Random = BoxedStrategy<ModelFile>;
 
@@ -52,6 +52,7 @@ pub fn linear() -> Sample {
         sizes: ALL_SIZES,
         random,
         promise: Promise::EXACT,
+        flies: &[("linear", || model(OutputUnit::Deg))],
     }
 }
 
@@ -72,6 +73,7 @@ pub fn kinematic() -> Sample {
         file: kinematic_file(robot(&[1.1; 2], -45.0), 2, OutputUnit::Deg, HULL),
         sizes: &[(1, 2), (2, 2), (2, 3)],
         random,
+        flies: &[],
         ..linear()
     }
 }
@@ -84,7 +86,7 @@ pub fn gmr() -> Sample {
         }
         prop_oneof![7 => smooth, 1 => Just(file(2, two_by_two(), square(50.0)))].boxed()
     };
-    Sample { file: of_snake(snake().family()), random, ..linear() }
+    Sample { file: of_snake(snake().family()), random, flies: &[], ..linear() }
 }
 
 pub fn gmr_direction() -> Sample {
@@ -107,6 +109,7 @@ pub fn gmr_direction() -> Sample {
             stays: f64::INFINITY,
             ..Promise::EXACT
         },
+        flies: &[],
         ..linear()
     }
 }
@@ -145,7 +148,14 @@ pub fn gmr_play() -> Sample {
         recall: 1.0,
         ..Promise::EXACT
     };
-    Sample { file: of_snake(family), sizes: SQUARE, random, promise, ..linear() }
+    Sample {
+        file: of_snake(family),
+        sizes: SQUARE,
+        random,
+        promise,
+        flies: &[("gmr-play", play_model)],
+        ..linear()
+    }
 }
 
 pub fn gmr_prandtl_ishlinskii() -> Sample {
@@ -178,7 +188,7 @@ pub fn gmr_prandtl_ishlinskii() -> Sample {
         virtual_hull: hull(2, 1.5 * HULL),
     };
     let promise = Promise { inverse: [1e-4, 2e-3], remains: 0.0, ..gmr_play().promise };
-    Sample { file: of_snake(family), random, promise, ..gmr_play() }
+    Sample { file: of_snake(family), random, promise, flies: &[], ..gmr_play() }
 }
 
 pub fn gmr_stop() -> Sample {
@@ -208,7 +218,13 @@ pub fn gmr_stop() -> Sample {
         recall: 3.0,
         ..gmr_play().promise
     };
-    Sample { file: of_snake(family(some_stops(2), snake(), 2)), random, promise, ..gmr_play() }
+    Sample {
+        file: of_snake(family(some_stops(2), snake(), 2)),
+        random,
+        promise,
+        flies: &[],
+        ..gmr_play()
+    }
 }
 
 pub fn force_balance() -> Sample {
@@ -233,7 +249,13 @@ pub fn force_balance() -> Sample {
         recall: 20.0,
         ..gmr_play().promise
     };
-    Sample { file: of_snake(balance_family(some_balance(2), &gain)), random, promise, ..gmr_play() }
+    Sample {
+        file: of_snake(balance_family(some_balance(2), &gain)),
+        random,
+        promise,
+        flies: &[("force-balance", balance_model), ("force-balance-fitted", fitted_model)],
+        ..gmr_play()
+    }
 }
 
 pub fn network() -> Sample {
@@ -264,6 +286,7 @@ pub fn network() -> Sample {
         sizes: &[(2, 2)],
         random,
         promise,
+        flies: &[],
         ..linear()
     }
 }
