@@ -154,6 +154,8 @@ struct Trial<'a> {
     before: [Option<AxisControl>; MAX_MOTORS],
     /// The setpoints before, and where they come to rest in a stop, counts.
     setpoints: MotorVec,
+    /// The last motion of the setpoints, counts.
+    increments: MotorVec,
     stopped: MotorVec,
     rest: MotorVec,
     /// The setpoints may not leave the calibrated hull.
@@ -224,6 +226,10 @@ impl Gate {
                 axes.track(targets, &shares);
                 match trial.judge(axes, self)? {
                     Verdict::Passes { step } => {
+                        // After a stop, in which the setpoints may still move.
+                        if self.step == OutputVec::default() {
+                            self.step = trial.last_step()?;
+                        }
                         self.note(step);
                         let is_held = is_last || attempt != Attempt::All;
                         return Ok(Passed { is_held, is_stopped: false });
@@ -292,10 +298,24 @@ impl<'a> Trial<'a> {
         Self {
             before,
             setpoints: axes.setpoints(),
+            increments: axes.increments(),
             stopped: values(AxisControl::setpoint),
             rest: values(AxisControl::rest_position),
             in_hull,
             space,
+        }
+    }
+
+    /// The last step of the pose; 0 where nothing limits it.
+    fn last_step(&self) -> Result<OutputVec, NotFinite> {
+        let joints = self.space.as_ref().map(|space| space.joints);
+        let joints = joints.filter(|joints| joints.bounds().is_some());
+        match joints.filter(|_| self.increments != MotorVec::default()) {
+            Some(joints) => {
+                let before = difference(&self.setpoints, &self.increments);
+                Ok(difference(&joints.pose(&self.setpoints)?, &joints.pose(&before)?))
+            }
+            None => Ok(OutputVec::default()),
         }
     }
 

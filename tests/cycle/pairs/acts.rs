@@ -135,6 +135,16 @@ impl Situation {
         self.ask_for_motion(CLIENT, StateCommand::Condition, What::Counts(ends));
     }
 
+    pub(super) fn condition_after_a_stop(&mut self) {
+        let _ = self.ask(CLIENT, StateCommand::Hold);
+        for _ in 0..self.random.below(80) {
+            self.see();
+            self.tick();
+        }
+        self.is_streaming = false;
+        self.condition();
+    }
+
     /// Motion is asked for, and is what is asked from now on if it is accepted.
     fn ask_for_motion(&mut self, client_id: u64, command: StateCommand, what: What) -> Refusal {
         let refusal = self.bench.ask_as(client_id, command).refusal;
@@ -154,5 +164,7 @@ impl Situation {
         self.bench.until("enabled", |bench| bench.state() == OperatingState::Enabled);
         self.oracle.see_anew(&self.bench);
         self.jaw.iter_mut().for_each(Jaw::begin);
+        // Nobody is followed, or moves.
+        self.check();
     }
 }

@@ -47,11 +47,18 @@ pub struct Goal {
     last: Angles,
     at: Nanos,
     for_s: f64,
+    /// How far from `from` it may have begun: where a rate had led to is known so far only.
+    unsure: f64,
 }
 
 impl Goal {
     fn still(end: Angles, at: Nanos) -> Self {
-        Self { from: end, asked: end, end, rate: [0.0; 2], last: [0.0; 2], at, for_s: 0.0 }
+        let (rate, last) = ([0.0; 2], [0.0; 2]);
+        Self { from: end, asked: end, end, rate, last, at, for_s: 0.0, unsure: 0.0 }
+    }
+
+    fn unsure_after(&self, age_s: f64) -> f64 {
+        self.unsure * (1.0 - age_s / self.for_s).max(0.0)
     }
 
     fn after(&self, age_s: f64) -> Angles {
@@ -111,6 +118,13 @@ impl Asked {
         if self.scale == 1.0 { Coupling::Absolute } else { Coupling::Open }
     }
 
+    /// A client has begun at zero, where the snake was.
+    pub fn begun_at_zero(&mut self, client_id: u64) {
+        let at_zero = Coupling::Relative { master: [0.0; 2], snake: [0.0; 2] };
+        let coupling = if self.scale == 1.0 { Coupling::Absolute } else { at_zero };
+        self.coupling = (client_id, coupling);
+    }
+
     /// A command was accepted in the tick of this report; the snake was at `snake` before it.
     /// `pose`: what the goal is in degrees, or its rate.
     pub fn accept(
@@ -166,33 +180,43 @@ impl Asked {
                 (distance(next.asked, before.asked), self.step)
             }
             What::Goal(before) => {
-                let here = before.after(next.at.since(before.at).as_seconds());
-                let hand = distance(next.asked, before.asked);
-                (distance(next.end, here), hand + self.first_step)
+                let age_s = next.at.since(before.at).as_seconds();
+                let most = distance(next.asked, before.asked) + self.first_step;
+                (distance(next.end, before.after(age_s)), most + before.unsure_after(age_s))
             }
             What::Rate { rate, deadline_s, .. } => {
-                let led = 3.0 * deadline_s * distance(rate, [0.0; 2]) + self.first_step;
-                (distance(next.asked, snake), self.step + led)
+                (distance(next.asked, snake), self.step + self.led(rate, deadline_s))
             }
             _ => (distance(next.asked, snake), self.first_step),
         };
         assert!(step <= most + STEP_DEG, "{step} deg, {most}: {next:?} after {:?}", self.what);
     }
 
+    /// How far from the snake the goal of a rate may be that ends.
+    fn led(&self, rate: Angles, deadline_s: f64) -> f64 {
+        3.0 * deadline_s * distance(rate, [0.0; 2]) + self.first_step
+    }
+
     fn next(&self, end: Angles, stamp: Nanos, snake: Angles, is_slow: bool) -> Goal {
-        let What::Goal(before) = self.what else {
-            let line = plus(end, snake, -1.0).map(|way| way / FIRST_LINE_S);
-            let still = Goal::still(end, stamp);
-            let slow = Goal { from: snake, rate: line, for_s: FIRST_LINE_S, ..still };
-            return if is_slow { slow } else { still };
-        };
-        let interval_s = stamp.since(before.at).as_seconds();
-        if is_slow {
-            let (from, for_s) = (before.after(interval_s), interval_s.clamp(SHORTEST_LINE_S, 0.25));
-            let rate = plus(end, from, -1.0).map(|way| way / for_s);
-            return Goal { from, rate, for_s, ..Goal::still(end, stamp) };
-        }
         let still = Goal::still(end, stamp);
+        if is_slow {
+            let age_s = |at: Nanos| stamp.since(at).as_seconds();
+            let (from, for_s, unsure) = match self.what {
+                What::Goal(before) => {
+                    let age_s = age_s(before.at);
+                    (before.after(age_s), age_s, before.unsure_after(age_s))
+                }
+                What::Rate { rate, at, deadline_s } => {
+                    (snake, age_s(at), self.led(rate, deadline_s))
+                }
+                _ => (snake, FIRST_LINE_S, 0.0),
+            };
+            let for_s = for_s.clamp(SHORTEST_LINE_S, 0.25);
+            let rate = plus(end, from, -1.0).map(|way| way / for_s);
+            return Goal { from, rate, for_s, unsure, ..still };
+        }
+        let What::Goal(before) = self.what else { return still };
+        let interval_s = stamp.since(before.at).as_seconds();
         if interval_s == 0.0 || interval_s > LONGEST_S {
             return still;
         }

@@ -30,7 +30,7 @@ use i2ris_testing::cycle::{Bench, CLIENT};
 use asked::{Angles, Asked};
 use drawing::{braking, configuration, limits};
 use jaw::Jaw;
-use oracle::{Oracle, SLANTED, SQUARE, Stop};
+use oracle::{Limits, Oracle, SLANTED, SQUARE, Stop};
 use random::Random;
 use snake::{Snake, Wire};
 use way::Way;
@@ -43,13 +43,17 @@ const LEASE: Nanos = Nanos::from_millis(500);
 const BREAK: Nanos = Nanos::from_millis(1000);
 /// Ticks in which a camera comes to be believed.
 const MISLED_TICKS: u64 = 40_000;
+/// More than the window of the way.
+const CALM_TICKS: u64 = 400;
 /// Ticks of a situation.
 const TICKS: u64 = 4000;
-/// Seeds that found something once. 1204: regions led the goal along a wedge and away. 1205: the margin of the gate was a share of the speed, and so of
-/// the acceleration many times over. 3189: a client that was held and held in turn was free of the
-/// hold. 3198: setpoints left the hull, while the place where they would come to rest lay inside. What
-/// is drawn has changed since the last two, and they find their defects no more.
-const SEEDS: [u64; 4] = [1204, 1205, 3189, 3198];
+/// Seeds that found something once. 1157: after a stop of a cycle the gate took the speed that was
+/// left for growth, and let through twice the jerk. 1204: regions led the goal along a wedge and
+/// away. 1205: the margin of the gate was a share of the speed, and so of the acceleration many
+/// times over. 3189: a client that was held and held in turn was free of the hold. 3198: setpoints
+/// left the hull, while the place where they would come to rest lay inside. What is drawn has
+/// changed since the last two, and they find their defects no more.
+const SEEDS: [u64; 5] = [1157, 1204, 1205, 3189, 3198];
 
 /// Kinds of goals in joint space and of the tip.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,10 +90,16 @@ struct Situation {
     is_streaming: bool,
     /// Ticks in which a client that was held still sends nothing.
     quiet: u64,
+    /// Ticks in which a rate goes on undisturbed.
+    calm: u64,
     clutched: bool,
     sequence: u64,
     /// How old a command may be when it arrives, ms: the stamps do not rise.
     jitter: u64,
+    /// Motion stops and a conditioning cycle begins, in which only the gate limits the angles.
+    is_conditioned: bool,
+    /// In half of the situations of rates, the stamps go back.
+    is_out_of_order: bool,
     /// Goals of a hand, one per command.
     hand: VecDeque<[f64; 2]>,
     /// The client that was accepted last, and when.
@@ -114,13 +124,27 @@ struct Situation {
 impl Situation {
     fn new(seed: u64) -> Self {
         let mut random = Random::new(seed);
-        let (wire, is_shipped) = (snake::wire(&mut random), random.one_in(4));
+        let (mut wire, mut is_shipped) = (snake::wire(&mut random), random.one_in(4));
+        let is_conditioned = seed % 10 == 7;
+        if is_conditioned {
+            (wire, is_shipped) = (Wire::Taut, false);
+        }
         let has_angles = wire.unit() == OutputUnit::Deg;
-        let limits = limits(&mut random, has_angles, is_shipped);
-        let count = random.below(4);
+        let mut limits = limits(&mut random, has_angles, is_shipped);
+        if is_conditioned {
+            let (velocity, acceleration) = (random.within(5.0, 25.0), random.within(100.0, 600.0));
+            // With a limit of position it would be refused.
+            limits = Limits::default();
+            (limits.velocity, limits.acceleration) = (Some(velocity), Some(acceleration));
+        }
+        let count = if is_conditioned { 0 } else { random.below(4) };
         let zones: Vec<Zone> = (0..count).map(|_| Zone::draw(&mut random, wire)).collect();
         let config = configuration(&mut random, &limits, &zones, is_shipped);
-        let (jaw, config) = Jaw::draw(seed, config);
+        let (jaw, mut config) = Jaw::draw(seed, config);
+        if is_conditioned {
+            let jerk = limits.acceleration.map(|limit| limit / random.within(1e-3, 8e-3));
+            (config.joint_limits.jerk_deg_s3, config.adaptation.enabled) = (jerk, false);
+        }
         let hull: &[[f64; 2]] = if seed.is_multiple_of(3) { &SLANTED } else { &SQUARE };
         let misleads = wire == Wire::Taut && config.adaptation.enabled && random.one_in(2);
         let stop = Stop::new(&config);
@@ -142,8 +166,11 @@ impl Situation {
             waited: 0,
             is_streaming: true,
             quiet: 0,
+            calm: 0,
             clutched: false,
             sequence: 1,
+            is_conditioned,
+            is_out_of_order: seed % 10 == 1,
             jitter: if random.one_in(4) { 41 } else { 1 },
             hand: VecDeque::new(),
             leader: None,
@@ -187,6 +214,7 @@ impl Situation {
         self.sent[0] = self.bench.now;
         self.leader = Some((CLIENT, self.bench.now));
         self.oracle.begin(&self.bench);
+        self.oracle.way.asked.begun_at_zero(CLIENT);
         let counting = self.zones.clone();
         self.oracle.set_zones(&self.bench, &counting);
         let applied = self.bench.report().adaptation.unwrap().applied.zero.map(f64::to_degrees);
@@ -211,7 +239,9 @@ impl Situation {
                 }
                 continue;
             }
-            if self.random.one_in(if self.route.is_empty() { 60 } else { 600 }) {
+            let acts = self.random.one_in(if self.route.is_empty() { 60 } else { 600 });
+            self.calm = self.calm.saturating_sub(1);
+            if acts && self.calm == 0 {
                 self.act();
             }
             self.see();
@@ -271,6 +301,9 @@ impl Situation {
         {
             return self.draw_route();
         }
+        if self.is_conditioned && self.random.one_in(4) {
+            return self.condition_after_a_stop();
+        }
         match self.random.below(21) {
             0..=3 => self.turn(),
             16 | 17 if self.rates_only => self.swap(),
@@ -313,10 +346,14 @@ impl Situation {
 
     fn turn(&mut self) {
         let most = if self.rates_only && self.random.one_in(2) { 12.0 } else { 40.0 };
-        let speed = if self.random.one_in(4) { 0.0 } else { self.random.within(0.0, most) };
+        let is_zero = self.random.one_in(if self.rates_only { 2 } else { 4 });
+        let speed = if is_zero { 0.0 } else { self.random.within(0.0, most) };
         self.rate = self.random.direction().map(|part| speed * part);
         self.period = 1 + self.random.below(10);
-        if self.random.one_in(3) {
+        if self.rates_only {
+            (self.calm, self.clutched, self.is_streaming) = (CALM_TICKS, false, true);
+        }
+        if self.rates_only || self.random.one_in(3) {
             self.goal = self.present();
         }
         // As far as a command may: the motors do not arrive at the same time.
@@ -326,6 +363,10 @@ impl Situation {
         }
         if self.random.one_in(5) {
             self.goal = [self.random.within(-9.0, 9.0), self.random.within(-9.0, 9.0)];
+        }
+        // Nothing is asked for, and the blend lasts.
+        if is_zero && self.rates_only {
+            self.swap();
         }
     }
 }

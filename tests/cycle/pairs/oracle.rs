@@ -113,8 +113,10 @@ pub struct Oracle {
     zones: Vec<(Zone, f64)>,
     /// The largest excess over the joint limits that is allowed.
     excess: f64,
-    /// The pose as reported, its step, and how much that grew.
-    grown: Option<[[f64; 2]; 3]>,
+    /// Poses of the last ticks, as reported.
+    reported: VecDeque<[f64; 2]>,
+    /// The conditioning cycle has been at rest, or began so.
+    from_rest: bool,
     /// Poses of the last ticks, as seen: what is believed of them may change meanwhile.
     past: VecDeque<[f64; 2]>,
     /// Setpoints of the last ticks.
@@ -149,7 +151,8 @@ impl Oracle {
             limits,
             zones: Vec::new(),
             excess: 0.0,
-            grown: None,
+            reported: VecDeque::new(),
+            from_rest: false,
             past: VecDeque::new(),
             past_targets: VecDeque::new(),
             targets: [0; 2],
@@ -176,7 +179,8 @@ impl Oracle {
     /// From now on the snake is seen with another model: it may be anywhere.
     pub fn see_anew(&mut self, bench: &Bench) {
         self.past.clear();
-        self.grown = None;
+        self.reported.clear();
+        self.from_rest = false;
         self.way.begin();
         self.settled = 0;
         let at = self.seen(bench);
@@ -324,30 +328,35 @@ impl Oracle {
         }
     }
 
-    /// In a conditioning cycle, where only the gate limits it, motion speeds up no faster than the
-    /// jerk lets it: as it is reported, because counts are too coarse for that.
+    /// In a conditioning cycle, where only the gate limits it, motion speeds up from rest no faster
+    /// than the jerk lets it: as it is reported, because counts are too coarse for that. A cycle
+    /// that begins in motion begins with a stop, which only the motors limit: none speeds up.
     fn check_jerk(&mut self, bench: &Bench) {
         let report = bench.report();
+        let (Some(joint), Wire::Taut) = (report.joint, self.snake.wire) else { return };
+        self.reported.push_back(self.snake.wire.angles(joint.setpoint));
+        if self.reported.len() < 4 {
+            return;
+        }
+        let steps = [0, 1, 2].map(|at: usize| plus(self.reported[at + 1], self.reported[at], -1.0));
+        self.reported.pop_front();
         let is_conditioning = report.busy && matches!(self.way.asked.what, What::Counts(_));
         let jerk = bench.config.joint_limits.jerk_deg_s3;
-        let jerk = jerk.filter(|_| is_conditioning && report.adaptation.is_none());
-        let (Some(jerk), Some(joint), Wire::Taut) = (jerk, report.joint, self.snake.wire) else {
-            self.grown = None;
-            return;
-        };
-        let at = self.snake.wire.angles(joint.setpoint);
-        let [from, last, before] = self.grown.unwrap_or([at, [0.0; 2], [0.0; 2]]);
-        let step = plus(at, from, -1.0);
-        let growth = [0, 1].map(|output: usize| {
-            let same = if step[output] * last[output] > 0.0 { last[output].abs() } else { 0.0 };
-            step[output].abs() - same
-        });
+        let is_at_rest = steps == [[0.0; 2]; 3];
+        self.from_rest = is_at_rest || self.from_rest && is_conditioning;
+        let [_, last, now] = steps.map(|[pitch, yaw]| [pitch - yaw, pitch + yaw].map(f64::abs));
+        let is_stop = now[0] <= last[0] + 1e-9 && now[1] <= last[1] + 1e-9;
+        let is_judged = self.from_rest && !is_stop && report.adaptation.is_none();
+        let jerk = jerk.filter(|_| is_judged);
         for output in 0..2 {
-            let most = 1.01 * (before[output].max(0.0) + 1e-9 * jerk) + STEP_DEG;
-            let is_known = self.grown.is_some();
-            assert!(!is_known || growth[output] <= most, "{growth:?} deg after {before:?}, {jerk}");
+            let [before, growth] = [0, 1].map(|at: usize| {
+                let [last, step] = [steps[at][output], steps[at + 1][output]];
+                step.abs() - if step * last > 0.0 { last.abs() } else { 0.0 }
+            });
+            let most = jerk.map(|jerk| 1.01 * (before.max(0.0) + 1e-9 * jerk) + STEP_DEG);
+            let is_kept = most.is_none_or(|most| growth <= most);
+            assert!(is_kept, "{growth} deg after {before}, {jerk:?}: {steps:?}");
         }
-        self.grown = Some([at, step, growth]);
     }
 
     /// Goals in angles are inverted within the hull; other motion and the zero may leave it.

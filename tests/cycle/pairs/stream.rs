@@ -8,6 +8,9 @@ use i2ris_testing::cycle::CLIENT;
 
 use super::{BREAK, KINDS, Kind, LEASE, RATES, Situation};
 
+/// How old every other command is whose stamps go back.
+const DISORDER_MS: u64 = 40;
+
 impl Situation {
     pub(super) fn see(&mut self) {
         let is_due = (self.bench.now.0 / 1_000_000).is_multiple_of(33);
@@ -65,7 +68,10 @@ impl Situation {
         };
         let mut command = self.bench.servo(goal);
         let is_late = self.random.one_in(2);
-        let late = if is_late { self.random.below(self.jitter) } else { 0 };
+        let mut late = if is_late { self.random.below(self.jitter) } else { 0 };
+        if self.is_out_of_order && RATES.contains(&kind) {
+            late = DISORDER_MS * (command.sequence % 2);
+        }
         command.stamp = command.stamp - Nanos::from_millis(late);
         self.send(command);
     }
