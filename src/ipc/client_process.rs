@@ -7,9 +7,11 @@
 
 use std::fmt;
 use std::fs::{self, OpenOptions};
-use std::io::Write;
+use std::io::{Read, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+
+use nix::libc;
 
 use super::domain::Domain;
 
@@ -57,16 +59,22 @@ impl PidFile {
 /// Removes what killed clients have left.
 fn remove_files_of_the_dead(domain: &Domain) {
     for entry in fs::read_dir(domain.directory()).into_iter().flatten().flatten() {
-        // Only those are read: what else lies there may block.
         if !entry.file_name().to_string_lossy().starts_with("client-") {
             continue;
         }
-        let text = fs::read_to_string(entry.path()).unwrap_or_default();
         let is_dead = |pid: u32| !Path::new("/proc").join(pid.to_string()).exists();
-        if text.trim().parse().is_ok_and(is_dead) {
+        if read(&entry.path()).is_some_and(is_dead) {
             let _ = fs::remove_file(entry.path());
         }
     }
+}
+
+/// The process id in a file. What lies there instead, a FIFO, must keep nobody waiting.
+fn read(path: &Path) -> Option<u32> {
+    let mut text = String::new();
+    let file = OpenOptions::new().read(true).custom_flags(libc::O_NONBLOCK).open(path).ok()?;
+    file.take(16).read_to_string(&mut text).ok()?;
+    text.trim().parse().ok()
 }
 
 impl Drop for PidFile {
@@ -79,8 +87,7 @@ impl Drop for PidFile {
 /// id file, or when the process has ended.
 #[must_use]
 pub fn find_client_process(domain: &Domain, boot_id: u64, client_id: u64) -> Option<ClientProcess> {
-    let text = fs::read_to_string(path(domain, boot_id, client_id)).ok()?;
-    let pid: u32 = text.trim().parse().ok()?;
+    let pid = read(&path(domain, boot_id, client_id))?;
     let process = Path::new("/proc").join(pid.to_string());
     let uid = fs::metadata(&process).ok()?.uid();
     let program = fs::read_to_string(process.join("comm")).ok()?.trim().to_owned();

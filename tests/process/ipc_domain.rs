@@ -11,7 +11,12 @@ use i2ris::ipc::ready::{INTERFACE_VERSION, Ready};
 use i2ris::ipc::watchdog_presence::WatchdogStatus;
 use i2ris::ipc::{Domain, DomainError, DomainLock, random_id};
 use i2ris::units::Nanos;
-use i2ris_testing::{Rig, assert_no_files, files, program, serve, unique_domain, wait_until};
+use i2ris_testing::{
+    Rig, assert_no_files, files, program, serve, stream_angles, unique_domain, wait_for, wait_until,
+};
+use nix::sys::signal::Signal;
+use nix::sys::stat::Mode;
+use nix::unistd::mkfifo;
 
 /// Creates the directory of a domain as a controller does.
 fn create_directory(domain: &Domain, mode: u32) {
@@ -55,6 +60,25 @@ fn controller_and_watchdog_take_the_domain_of_the_environment_and_it_is_named_to
     watchdog.kill().unwrap();
     watchdog.wait().unwrap();
     drop(client);
+}
+
+#[test]
+fn fifos_in_the_place_of_the_files_of_clients_keep_nobody_waiting() {
+    let mut rig = Rig::with_model();
+    let client = rig.enabled();
+    let folder = rig.domain().directory().to_owned();
+    let boot_id = Ready::read(&rig.domain()).unwrap().boot_id;
+    let own = format!("client-{:016x}-{:016x}", client.id(), boot_id);
+    fs::remove_file(folder.join(&own)).unwrap();
+    for name in [own.as_str(), "client-7-7"] {
+        mkfifo(&folder.join(name), Mode::S_IRWXU).unwrap();
+    }
+    // Who connects looks for files of the dead, and the controller names who commands.
+    let mut next = rig.client();
+    stream_angles(&client, |t| (t < 0.3).then_some([0.0; 2]));
+    wait_for(&mut next, |state| state.accepted > 0);
+    rig.signal(Signal::SIGTERM);
+    assert_eq!(rig.wait_for_end().code(), Some(0));
 }
 
 #[test]
