@@ -227,8 +227,8 @@ impl Gate {
                 match trial.judge(axes, self)? {
                     Verdict::Passes { step } => {
                         // After a stop, in which the setpoints may still move.
-                        if self.step == OutputVec::default() {
-                            self.step = trial.last_step()?;
+                        if self.steps == [OutputVec::default(); STEPS] {
+                            self.steps[0] = trial.last_step()?;
                         }
                         self.note(step);
                         let is_held = is_last || attempt != Attempt::All;
