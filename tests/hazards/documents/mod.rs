@@ -7,8 +7,6 @@ mod map;
 mod nightly;
 mod packages;
 mod risk;
-mod soup;
-mod third_party;
 
 use std::collections::BTreeSet;
 use std::fs;
