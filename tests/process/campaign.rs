@@ -37,7 +37,6 @@ enum Subject {
     Watchdog,
     Bridge,
     Ros,
-    Foxglove,
     Recorder,
     Monitor,
 }
@@ -53,12 +52,11 @@ enum Trouble {
     Stopped,
 }
 
-const SUBJECTS: [Subject; 7] = [
+const SUBJECTS: [Subject; 6] = [
     Subject::Controller,
     Subject::Watchdog,
     Subject::Bridge,
     Subject::Ros,
-    Subject::Foxglove,
     Subject::Recorder,
     Subject::Monitor,
 ];
@@ -183,7 +181,6 @@ impl Scene {
                 start("i2ris-bridge", &listen)
             }
             Subject::Ros => start("i2ris-ros", &["--command"]),
-            Subject::Foxglove => start("i2ris-foxglove", &["--listen", "127.0.0.1:0"]),
             Subject::Recorder => start("i2ris-record", &["--output", "all.mcap"]),
             Subject::Monitor => start("i2ris-monitor", &[]),
         }

@@ -7,7 +7,7 @@ use i2ris_gateway::Snake;
 pub const DEFAULT_NAMES: [&str; 2] = ["pitch", "yaw"];
 
 /// The snake in URDF and frames. All robots have the same; where several are shown together, each
-/// has a recording or a server of its own.
+/// has a recording of its own.
 const SNAKE: &str = "i2ris";
 
 /// Names of the joints of a controller.

@@ -61,7 +61,7 @@ impl StandardMessages {
     }
 
     /// Angles; `None` if they are not valid.
-    pub fn joint_state(&self, state: &JointState) -> Option<Vec<u8>> {
+    fn joint_state(&self, state: &JointState) -> Option<Vec<u8>> {
         let count = state.count as usize;
         if state.flags & JointState::VALID == 0 || count == 0 {
             return None;

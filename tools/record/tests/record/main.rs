@@ -1,4 +1,4 @@
-//! Recordings, their reports, and the same streams live in Foxglove.
+//! Recordings and their reports.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -11,7 +11,6 @@ mod alignment;
 mod crtk;
 mod dataset;
 mod files;
-mod foxglove;
 mod interfaces;
 mod pictures;
 mod programs;
