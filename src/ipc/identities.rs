@@ -1,9 +1,9 @@
 //! Whose a client id is.
 //!
 //! A client id is a number in a payload, which anybody can write who has seen it. So an id belongs
-//! to the owner that used it first: in shared memory the process whose port sent it, in a bridge
-//! the key. The same number from anybody else stands for another client, with an id that nobody
-//! can guess: it cannot renew the lease of the owner, nor use up its sequence numbers, nor release.
+//! to the process that used it first, by the port that sent it. The same number from anybody else
+//! stands for another client, with an id that nobody can guess: it cannot renew the lease of the
+//! owner, nor use up its sequence numbers, nor release.
 //!
 //! An id stays with its owner after the lease, so that it cannot be taken in a pause. Owners come
 //! and go, so the table is bounded: an owner displaces its own oldest id, and a new one the id that
@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::hash::{BuildHasher, Hash, RandomState};
 
-/// Ids of one owner: a bridge speaks for several clients.
+/// Ids of one owner: `i2ris ros` speaks for several clients.
 const IDS_PER_OWNER: usize = 64;
 /// Ids of all owners.
 const IDS: usize = 512;

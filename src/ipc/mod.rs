@@ -40,11 +40,11 @@ pub use crate::robot::{
 pub use client_process::{ClientProcess, find_client_process};
 pub use domain::{Domain, DomainError};
 pub use domain_lock::DomainLock;
-pub use identities::{Identities, ShownClient};
+pub use identities::ShownClient;
 pub use payload::{Message, Payload};
 pub use random_id::random_id;
 pub use server::{IpcError, Server};
 pub use service::TransportError;
 pub use streams::{
-    Direction, Reply, ReplySpeed, Request, RequestService, Stream, StreamMessage, StreamProperties,
+    Direction, ReplySpeed, Request, RequestService, Stream, StreamMessage, StreamProperties,
 };

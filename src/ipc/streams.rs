@@ -1,4 +1,4 @@
-//! The tables of all streams and requests. Server, clients, recorder, monitor, bridges, the headers
+//! The tables of all streams and requests. Server, clients, recorder, monitor, ROS, the headers
 //! of other languages and the manual read them: something new is a payload and a row here.
 
 use super::payload::{
@@ -320,57 +320,6 @@ macro_rules! declare_requests {
         #[expect(clippy::large_enum_variant, reason = "requests are rare")]
         pub enum Request {
             $($(#[$doc])* $service($request),)*
-        }
-
-        /// A reply of any service.
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        #[expect(clippy::large_enum_variant, reason = "requests are rare")]
-        pub enum Reply {
-            $($(#[$doc])* $service($reply),)*
-        }
-
-        impl Request {
-            /// Its service.
-            #[must_use]
-            pub const fn service(&self) -> RequestService {
-                match self {
-                    $(Self::$service(_) => RequestService::$service,)*
-                }
-            }
-
-            /// All fields in the order of memory, little endian.
-            #[must_use]
-            pub fn bytes(&self) -> &[u8] {
-                match self {
-                    $(Self::$service(request) => request.bytes(),)*
-                }
-            }
-
-            /// The request with these bytes; `None` if it has another size.
-            #[must_use]
-            pub fn from_bytes(service: RequestService, bytes: &[u8]) -> Option<Self> {
-                Some(match service {
-                    $(RequestService::$service => Self::$service(Payload::from_bytes(bytes)?),)*
-                })
-            }
-        }
-
-        impl Reply {
-            /// All fields in the order of memory, little endian.
-            #[must_use]
-            pub fn bytes(&self) -> &[u8] {
-                match self {
-                    $(Self::$service(reply) => reply.bytes(),)*
-                }
-            }
-
-            /// The reply with these bytes; `None` if it has another size.
-            #[must_use]
-            pub fn from_bytes(service: RequestService, bytes: &[u8]) -> Option<Self> {
-                Some(match service {
-                    $(RequestService::$service => Self::$service(Payload::from_bytes(bytes)?),)*
-                })
-            }
         }
     };
 }

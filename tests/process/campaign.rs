@@ -35,7 +35,6 @@ const TOLERANCE_MS: u64 = 250;
 enum Subject {
     Controller,
     Watchdog,
-    Bridge,
     Ros,
     Recorder,
     Monitor,
@@ -52,14 +51,8 @@ enum Trouble {
     Stopped,
 }
 
-const SUBJECTS: [Subject; 6] = [
-    Subject::Controller,
-    Subject::Watchdog,
-    Subject::Bridge,
-    Subject::Ros,
-    Subject::Recorder,
-    Subject::Monitor,
-];
+const SUBJECTS: [Subject; 5] =
+    [Subject::Controller, Subject::Watchdog, Subject::Ros, Subject::Recorder, Subject::Monitor];
 const TROUBLES: [Trouble; 4] =
     [Trouble::Blocked, Trouble::Gone, Trouble::FullDisk, Trouble::Stopped];
 
@@ -172,14 +165,6 @@ impl Scene {
             |name: &str, arguments: &[&str]| Some(Process::start(rig, name, arguments, output));
         match subject {
             Subject::Controller | Subject::Watchdog => None,
-            Subject::Bridge => {
-                let key = ["key", "alice", "--may", "command", "--host", "127.0.0.1"];
-                let key = Process::start(rig, "i2ris-bridge", &key, &Output::new(None));
-                wait_until("a key", || rig.folder.path().join("keys/access.toml").exists());
-                drop(key);
-                let listen = ["serve", "--listen", "127.0.0.1:0", "--command"];
-                start("i2ris-bridge", &listen)
-            }
             Subject::Ros => start("i2ris-ros", &["--command"]),
             Subject::Recorder => start("i2ris-record", &["--output", "all.mcap"]),
             Subject::Monitor => start("i2ris-monitor", &[]),

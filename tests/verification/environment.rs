@@ -1,19 +1,15 @@
-//! Clients, network, line and watchdog.
+//! Clients, middleware, line and watchdog.
 
 use i2ris::ipc::heartbeat::{ControllerAbsent, Heartbeat as ReadHeartbeat};
 use i2ris::units::Nanos;
 use i2ris::watchdog::{ControllerStatus, HeartbeatMonitor};
-use i2ris_gateway::clock::ClockOffset;
 
 use super::controller::{NOW, ago};
 use super::guard::{Guard, Guards};
 use super::state::{
-    BEHIND, Client, Command, Drive, FORGOTTEN, LOST, LastHeartbeat, Process, SILENCE, SILENT, STEP,
+    BEHIND, Client, Command, Drive, FORGOTTEN, LOST, LastHeartbeat, Process, SILENCE, SILENT,
     State, raise,
 };
-
-/// The clock of the far computer is ahead by this much, and nobody knows it.
-const CLOCK_OFFSET: u64 = 77_000_000_000;
 
 /// A client sends a command: at most one per step.
 pub fn send(state: &mut State, client: Client) -> bool {
@@ -42,10 +38,9 @@ pub fn send(state: &mut State, client: Client) -> bool {
     true
 }
 
-/// A packet arrives at the bridge; the network may keep a copy. `held_up`: by how many steps the
-/// packet whose echo it carries was on its way.
-pub fn deliver(state: &mut State, guards: Guards, index: usize, copy: bool, held_up: u8) -> bool {
-    let Some(mut command) = state.network[index] else {
+/// A packet arrives, with the age that it has; the middleware may keep a copy.
+pub fn deliver(state: &mut State, index: usize, copy: bool) -> bool {
+    let Some(command) = state.network[index] else {
         return false;
     };
     if !copy {
@@ -54,25 +49,8 @@ pub fn deliver(state: &mut State, guards: Guards, index: usize, copy: bool, held
             state.network.swap(0, 1);
         }
     }
-    command.stamp_age =
-        if guards.has(Guard::BridgeClock) { stamp_age(command.age, held_up) } else { 0 };
     state.waiting[Client::Far as usize] = Some(command);
     true
-}
-
-/// The age of a command of the far client by the clock of the controller: the computation of the
-/// bridge, from an exchange whose answer was held up.
-fn stamp_age(age: u8, held_up: u8) -> u8 {
-    let step = |steps: u8| STEP.0 * u64::from(steps);
-    let far = |time: u64| Nanos(time + CLOCK_OFFSET);
-    let sent = ago(age).0;
-    let arrived = sent - step(1);
-    let asked = arrived - step(held_up);
-    let mut offset = ClockOffset::default();
-    offset.note(far(asked), Nanos(asked), far(arrived));
-    let stamp = offset.there(far(sent).0, far(sent)).unwrap_or(0);
-    let steps = NOW.since(Nanos(stamp)).0 / STEP.0;
-    u8::try_from(steps).map_or(FORGOTTEN + 1, |steps| steps.min(FORGOTTEN + 1))
 }
 
 /// The watchdog looks once.

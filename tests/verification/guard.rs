@@ -9,8 +9,6 @@ pub enum Guard {
     Deadline,
     /// A command that is stale when it arrives is refused.
     Age,
-    /// The bridge moves stamps to the clock of the controller, and not to the time of arrival.
-    BridgeClock,
     /// A command is accepted once.
     Sequence,
     /// FAULT ends by acknowledge only.
@@ -32,11 +30,10 @@ pub enum Guard {
 }
 
 /// All guards, and the property that fails without each.
-pub const GUARDS: [(Guard, &str); 13] = [
+pub const GUARDS: [(Guard, &str); 12] = [
     (Guard::Lease, "never two leaders"),
     (Guard::Deadline, "silence leads to hold"),
     (Guard::Age, "no command is followed after its deadline"),
-    (Guard::BridgeClock, "no command is followed after its deadline"),
     (Guard::Sequence, "no command is accepted twice"),
     (Guard::Acknowledge, "after a fault nothing moves before it is acknowledged"),
     (Guard::Restart, "a restarted controller moves nothing until it is enabled"),

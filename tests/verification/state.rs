@@ -21,12 +21,12 @@ pub const BEHIND: u8 = FORGOTTEN + 1;
 /// The watchdog acts on a heartbeat of this age, steps.
 pub const SILENT: u8 = 2;
 
-/// A commander. The second one is on the other side of the bridge.
+/// A commander. The second one is behind a middleware.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Client {
-    /// On the computer of the controller.
+    /// In shared memory.
     Near,
-    /// Behind the bridge.
+    /// Behind a middleware, as that of ROS.
     Far,
 }
 

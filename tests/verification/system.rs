@@ -23,11 +23,10 @@ pub enum Action {
         pushed: bool,
     },
     Send(Client),
-    /// A packet arrives. The network may keep a copy; the echo in it may be some steps late.
+    /// A packet arrives. The middleware may keep a copy.
     Deliver {
         index: usize,
         copy: bool,
-        held_up: u8,
     },
     Enable,
     Disable,
@@ -86,9 +85,7 @@ impl Model for System {
             actions.push(Action::Release(client));
         }
         for index in 0..state.network.iter().flatten().count() {
-            for (copy, held_up) in [(false, 0), (false, 1), (true, 0)] {
-                actions.push(Action::Deliver { index, copy, held_up });
-            }
+            actions.extend([false, true].map(|copy| Action::Deliver { index, copy }));
         }
         actions.extend([
             Action::Enable,
@@ -111,9 +108,7 @@ impl Model for System {
         let happens = match action {
             Action::Step { take, pushed } => self.step(&mut state, take, pushed),
             Action::Send(client) => send(&mut state, client),
-            Action::Deliver { index, copy, held_up } => {
-                deliver(&mut state, self.guards, index, copy, held_up)
-            }
+            Action::Deliver { index, copy } => deliver(&mut state, index, copy),
             Action::Enable => runs && enable(&mut state),
             Action::Disable => runs && disable(&mut state),
             Action::Acknowledge => runs && acknowledge(&mut state),

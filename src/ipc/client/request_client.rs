@@ -10,7 +10,7 @@ use crate::clock;
 use crate::ipc::domain::Domain;
 use crate::ipc::payload::*;
 use crate::ipc::service::failed;
-use crate::ipc::streams::{Reply, ReplySpeed, Request, RequestService, for_each_request};
+use crate::ipc::streams::{ReplySpeed, RequestService, for_each_request};
 use crate::units::Nanos;
 
 /// Polling period for the reply.
@@ -82,23 +82,12 @@ macro_rules! request_clients {
                 }
             }
 
-            /// Sends a request of any service.
+            $($(#[$doc])*
             ///
             /// # Errors
             ///
             /// [`ClientError::NoController`], [`ClientError::NoReply`],
             /// [`ClientError::Interface`], [`ClientError::Transport`]; the same for all requests.
-            pub fn forward(&mut self, request: Request) -> Result<Reply, ClientError> {
-                match request {
-                    $(Request::$service(request) => self.$function(request).map(Reply::$service),)*
-                }
-            }
-
-            $($(#[$doc])*
-            ///
-            /// # Errors
-            ///
-            /// As [`RequestForwarder::forward`].
             pub fn $function(&mut self, request: $request) -> Result<$reply, ClientError> {
                 self.$function.request(&self.link, request)
             })*

@@ -47,7 +47,7 @@ const LATE_SUBSCRIBER_PERIOD: Nanos = Nanos::from_millis(50);
 /// Period of removing the leftovers of killed clients. Costs 0.4 ms, and about 1 ms per killed
 /// client.
 const CLEANUP_PERIOD: Nanos = Nanos::from_millis(500);
-/// Unread commands that are kept of every publisher: a bridge sends for several clients. Of one
+/// Unread commands that are kept of every publisher: `i2ris ros` sends for several clients. Of one
 /// client only the newest counts, so that the queue adds no delay.
 const COMMANDS: usize = 8;
 /// Maximum number of commands read at once; only a faulty client sends more.
@@ -222,9 +222,9 @@ impl Server {
         newest
     }
 
-    /// All new requests, with the client ids of [`Identities`], each with the token for [`Server::reply`]. Requests without reply are
-    /// dropped after 2 s, those about models and black boxes after 60 s; their clients have given
-    /// up by then.
+    /// All new requests, with the ids of their clients, each with the token for [`Server::reply`].
+    /// Requests without reply are dropped after 2 s, those about models and black boxes after 60 s;
+    /// their clients have given up by then.
     pub fn poll_requests(&mut self, now: Nanos) -> Vec<(u64, Request)> {
         let mut requests = Vec::new();
         let polled = self.requests.poll(now, &mut self.identities, &mut requests);

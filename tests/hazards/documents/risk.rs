@@ -40,7 +40,7 @@ const RATINGS: &[(&str, [u32; 3], &str)] = &[
         "a computer that stops without a suspend: only a relay on the STO inputs acts",
     ),
     ("H28", [4, 4, 1], "lines that are lost, and counted"),
-    ("H29", [4, 3, 1], "a stop that the network itself does not deliver"),
+    ("H29", [4, 3, 1], "a stop that the middleware does not deliver"),
     ("H30", [3, 4, 1], "a delay that is there from the first message on"),
     (
         "H31",

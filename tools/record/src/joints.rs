@@ -1,7 +1,7 @@
 //! Names of the joints of a controller, and the shape of its snake.
 
 use i2ris::ipc::payload::{Version, unpadded_text};
-use i2ris_gateway::Snake;
+use i2ris_report::snake::Snake;
 
 /// Names of the joints where a controller tells none.
 pub const DEFAULT_NAMES: [&str; 2] = ["pitch", "yaw"];

@@ -6,7 +6,7 @@ use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
 use i2ris::ipc::{OperatingState, StreamMessage};
 
 use i2ris::units::Nanos;
-use i2ris_gateway::{Bend, LinkPose, Snake};
+use i2ris_report::snake::{Bend, LinkPose, Snake};
 
 use crate::cdr::Encoder;
 use crate::joints::snake;

@@ -36,6 +36,7 @@
 //! | [`exit`] | exit codes |
 //! | [`domain_option`] | the option `--domain` |
 //! | [`interrupt`] | SIGINT, SIGTERM and SIGHUP |
+//! | [`snake`] | the links of the snake and where they are at a bend, also as a URDF |
 //! | [`screen`] | standard output, redrawn on a terminal |
 //! | [`spinner`] | a sign of life during long work |
 //! | [`stop`] | holds every client and ends every activity |
@@ -67,6 +68,7 @@ pub mod program;
 pub mod programs;
 mod readable;
 pub mod screen;
+pub mod snake;
 pub mod spinner;
 pub mod statistics;
 pub mod stop;

@@ -21,7 +21,7 @@ const fn program(name: &'static str, package: &'static str, about: &'static str)
 }
 
 /// All of them, in the order of the help.
-pub const PROGRAMS: [Program; 8] = [
+pub const PROGRAMS: [Program; 7] = [
     program("monitor", "i2ris-monitor", "Watch the robot"),
     program("record", "i2ris-record", "Record trials, and make tables of recordings"),
     program(
@@ -30,7 +30,6 @@ pub const PROGRAMS: [Program; 8] = [
         "Make a page of a recorded trial: tracking error, hysteresis, latencies, events",
     ),
     program("trial", "i2ris-record", "Run the trials of a study: begin, mark, end, list"),
-    program("bridge", "i2ris-network", "Watch and command from another computer, over the network"),
     program("ros", "i2ris-ros", "Show and command the robot in ROS 2, as CRTK names it"),
     program("vision", "i2ris-vision", "Measure angles in microscope images"),
     program(

@@ -7,7 +7,9 @@ use std::io;
 pub enum RosError {
     #[error("cannot take part in domain {domain} of ROS: {reason}")]
     Join { domain: u16, reason: String },
-    #[error("cannot keep ROS on this computer ({0}); Linux 5.7 or newer can, or name --network")]
+    #[error(
+        "cannot keep ROS on this computer ({0}); Linux 5.7 or newer can; with --network others watch"
+    )]
     Loopback(#[source] io::Error),
     #[error("cannot make {name}: {reason}")]
     Topic { name: String, reason: String },

@@ -5,7 +5,8 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use i2ris::units::Nanos;
-use i2ris_gateway::refusals::Refused;
+
+use crate::refusals::Refused;
 
 /// Events that may wait. More are dropped: one who floods must not fill the memory.
 const WAITING: usize = 1024;

@@ -5,7 +5,11 @@
 //! |---|---|
 //! | `participant` | joining the network of ROS, and keeping to this computer |
 //! | `topics`, `message` | the topics with their quality of service, and the messages |
-//! | `inbound` | from ROS to the controller, by [`i2ris_gateway::admission`] |
+//! | `inbound` | from ROS to the controller |
+//! | `admission` | whose commands are passed on to the controller, and why not |
+//! | `clock` | the age of what was sent, without trust in the clock of its sender |
+//! | `refusals` | refusals as lines: the first at once, repeats with their number |
+//! | `worker` | a thread that asks the controller and waits for its answers |
 //! | `outbound` | from the controller to ROS |
 //! | `master` | another arm as an input device of `i2ris teleop` |
 //! | `event`, `error` | between the threads; why it cannot run |
@@ -22,6 +26,8 @@
 //! Every client of ROS is a client of its own for the controller, which follows one at a time.
 //! What the controller does not know of, a message that somebody kept, is refused here.
 
+mod admission;
+mod clock;
 mod error;
 mod event;
 mod inbound;
@@ -29,7 +35,9 @@ mod master;
 pub mod message;
 mod outbound;
 mod participant;
+mod refusals;
 mod topics;
+mod worker;
 
 use std::net::IpAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -108,10 +116,9 @@ pub fn run(
         "/{robot} is in domain {} of ROS, {}, {}; Ctrl-C ends",
         options.ros_domain,
         reach(&options.networks),
-        match (options.read_only, options.networks.is_empty()) {
-            (true, _) => "to watch only",
-            (false, true) => "to watch, and to command by every user of this computer",
-            (false, false) => "to watch, and to command by everybody in that network",
+        match options.read_only {
+            true => "to watch only",
+            false => "to watch, and to command by every user of this computer",
         }
     ));
     let ended = AtomicBool::new(false);

@@ -6,8 +6,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
 use i2ris::units::Nanos;
-use i2ris_gateway::Snake;
 use i2ris_report::program::yield_to_controller;
+use i2ris_report::snake::Snake;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 use i2ris_ros::{LARGEST_DOMAIN, MasterOptions, Options, ServiceMapping};
 
@@ -24,7 +24,7 @@ use i2ris_ros::{LARGEST_DOMAIN, MasterOptions, Options, ServiceMapping};
   i2ris ros                                     topics under /i2ris, this computer only
   i2ris ros --name eye --command                topics under /eye, every user of this computer can
                                                 command
-  i2ris ros --network 192.168.1.10              other computers of that network, too
+  i2ris ros --network 192.168.1.10              other computers of that network watch, too
   i2ris ros urdf eye > eye.urdf                 the snake for RViz and Foxglove
   i2ris ros master MTML --to master.pipe        steer by another arm: i2ris teleop --played
 
@@ -33,8 +33,8 @@ measured_js, setpoint_js, goal_js, measured_cp, setpoint_cp, measured_cv, jacobi
 period_statistics, operating_state, error, warning, status; servo_jp, servo_jr, move_jp, move_jr, \
 state_command, hold, free.
 
-ROS 2 has no access control: with --command every user of this computer can command, and with \
---network everybody in that network.")]
+ROS 2 has no access control: with --command every user of this computer can command. Other \
+computers can only watch: --command and --network exclude each other.")]
 struct Arguments {
     #[command(subcommand)]
     other: Option<Other>,
@@ -105,8 +105,8 @@ struct RunArguments {
     name: String,
     #[command(flatten)]
     ros: RosArguments,
-    /// Take commands, of every user of this computer and of everybody in the networks
-    #[arg(long)]
+    /// Take commands of every user of this computer
+    #[arg(long, conflicts_with = "network")]
     command: bool,
     /// Take the command `home`, too, which makes the present pose the zero: straighten the snake
     /// before

@@ -1,7 +1,7 @@
 //! The messages, field by field as ROS 2 defines them (`common_interfaces`, `crtk_msgs` 1.3).
 //!
 //! Strings and sequences have no bound, as in the definitions. What arrives is checked in
-//! [`i2ris_gateway::admission`]. Lengths are m, angles rad.
+//! [`crate::admission`]. Lengths are m, angles rad.
 
 use ros2_client::Message;
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,6 @@
 //!
 //! What is not supported has no topic: CRTK's client names it in `check_connections`.
 
-use i2ris_gateway::admission::Topic;
 use ros2_client::qos::{Durability, History, Reliability, WhenFull};
 use ros2_client::{
     Message, MessageTypeName, Name, Node, Publisher, QosProfile, Server, ServiceMapping,
@@ -13,6 +12,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::RosError;
+use crate::admission::Topic;
 use crate::message::{
     Empty, IntervalStatistics, JointState, MultiArray, NoRequest, OperatingState, PoseStamped,
     QueryForwardKinematics, QueryForwardKinematicsResponse, QueryInverseKinematics,

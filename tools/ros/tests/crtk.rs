@@ -2,7 +2,7 @@
 
 use i2ris::clock;
 use i2ris::units::Nanos;
-use i2ris_gateway::{Bend, Snake};
+use i2ris_report::snake::{Bend, Snake};
 use i2ris_ros::message::{
     Empty, IntervalStatistics, JointState, MultiArray, NoRequest, PoseStamped,
     QueryForwardKinematics, QueryForwardKinematicsResponse, QueryInverseKinematics,

@@ -7,7 +7,7 @@ use i2ris::clock;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::robot::StateCommand;
 use i2ris::units::Nanos;
-use i2ris_gateway::Snake;
+use i2ris_report::snake::Snake;
 use i2ris_ros::message::{JointState, OperatingState, Text, Time};
 use i2ris_testing::wait_until;
 use nix::fcntl::{FcntlArg, OFlag, fcntl};
@@ -188,6 +188,15 @@ fn a_robot_to_watch_only_has_no_topic_for_commands() {
     }
     assert!(!peer.seen.iter().any(|state| state.is_homed || state.is_busy));
     drop(robot);
+}
+
+#[test]
+fn no_commands_are_taken_where_a_network_takes_part() {
+    let mut ros = Command::new(env!("CARGO_BIN_EXE_i2ris-ros"));
+    let output = ros.args(["--command", "--network", "127.0.0.1"]).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    let words = ["'--command' cannot be used with", "--network"];
+    assert!(!output.status.success() && words.iter().all(|word| said.contains(word)), "{said}");
 }
 
 #[test]

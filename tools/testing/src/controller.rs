@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use i2ris::clock;
 use i2ris::ipc::payload::{
-    ActuatorState, AdaptationMsg, JointState, ModelReply, ModelRequest, ModelSlot,
-    OperatingStateMsg, PeriodStatistics, ServoActuator, ServoJp, StateCommandReply,
-    StateCommandRequest, Version, VirtualFixtureRequest, VirtualFixturesMsg, padded_text,
+    ActuatorState, JointState, ModelReply, ModelRequest, ModelSlot, OperatingStateMsg,
+    PeriodStatistics, ServoActuator, ServoJp, StateCommandReply, StateCommandRequest, Version,
+    VirtualFixturesMsg, padded_text,
 };
 use i2ris::ipc::server::ReceivedCommand;
 use i2ris::ipc::{
@@ -69,12 +69,8 @@ pub struct Robot {
     pub places: Vec<[i32; 2]>,
     /// What `error` and `warning` are to say next, with the client that it concerns.
     pub reasons: Vec<(Reason, u64)>,
-    /// What `adaptation` is to say.
-    pub adaptation: Option<AdaptationMsg>,
     /// What `virtual_fixtures` is to say.
     pub fixtures: Option<VirtualFixturesMsg>,
-    /// Every request about virtual fixtures, in order.
-    pub asked_of_fixtures: Vec<VirtualFixtureRequest>,
     sequence: u64,
 }
 
@@ -107,9 +103,7 @@ impl Robot {
             poses: Vec::new(),
             places: Vec::new(),
             reasons: Vec::new(),
-            adaptation: None,
             fixtures: None,
-            asked_of_fixtures: Vec::new(),
             sequence: 0,
         }
     }
@@ -278,8 +272,6 @@ impl Robot {
                 | OperatingStateMsg::AT_REST,
             ..OperatingStateMsg::default()
         };
-        let stamped = |adaptation| AdaptationMsg { stamp_ns: now.0, ..adaptation };
-        let adaptation = self.adaptation.map(stamped).map(StreamMessage::Adaptation);
         let stamped = |fixtures| VirtualFixturesMsg { stamp_ns: now.0, ..fixtures };
         let fixtures = self.fixtures.map(stamped).map(StreamMessage::VirtualFixtures);
         [
@@ -288,7 +280,6 @@ impl Robot {
             Some(StreamMessage::Measured(joint)),
             Some(StreamMessage::Actuators(motors)),
             Some(StreamMessage::Statistics(statistics)),
-            adaptation,
             fixtures,
             Some(StreamMessage::State(state)),
         ]
@@ -360,10 +351,7 @@ fn pass(server: &mut Server, robot: &mut Robot, now: Nanos) {
     for (token, request) in requests {
         let refusal = match request {
             Request::StateCommand(request) => robot.command(request),
-            Request::Fixture(request) => {
-                robot.asked_of_fixtures.push(request);
-                Refusal::None
-            }
+            Request::Fixture(_) => Refusal::None,
             Request::Model(request) => {
                 server.reply(token, robot.about_models(&request));
                 continue;

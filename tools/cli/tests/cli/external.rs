@@ -63,7 +63,7 @@ fn without_the_program_one_sentence_says_how_to_build_it() {
     assert!(error.contains("cargo build --release -p i2ris-record"), "{error}");
     let help = installed.run(Path::new("/nonexistent"), &["--help"]).stdout;
     let help = String::from_utf8_lossy(&help);
-    for name in ["monitor", "record", "report", "bridge", "vision", "bench"] {
+    for name in ["monitor", "record", "report", "ros", "vision", "bench"] {
         assert_says(&help, &[&format!("\n  {name} ")]);
     }
 }

@@ -33,7 +33,7 @@ mod video;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use i2ris_gateway::Snake;
+use i2ris_report::snake::Snake;
 use parquet::errors::ParquetError;
 
 use crate::pictures::Picture;

@@ -7,7 +7,7 @@ use i2ris::ipc::payload::{
     ExternalPosition, JointState, TeleopMsg, VirtualFixturesMsg, unpadded_text,
 };
 use i2ris::ipc::{Stream, StreamMessage};
-use i2ris_gateway::{Bend, Snake};
+use i2ris_report::snake::{Bend, Snake};
 use i2ris_report::statistics::{TimeSeries, mean, median};
 use mcap::records::Record;
 

@@ -4,10 +4,11 @@
 //! the newest counts then.
 
 use i2ris::units::Nanos;
-use i2ris_gateway::admission::{Times, Writer};
-use i2ris_gateway::clock::Moment;
 use ros2_client::{Gid, MessageInfo, ROSTime, Subscription};
 use serde::de::DeserializeOwned;
+
+use crate::admission::{Times, Writer};
+use crate::clock::Moment;
 
 /// Messages of one topic that are read at once: more are left for the next time, so that a flood on
 /// one topic does not keep `hold` waiting.

@@ -7,21 +7,20 @@ use i2ris::ipc::client::{ExternalPublisher, Forwarder, Latest, Watcher};
 use i2ris::ipc::payload::{JointState as JointPayload, ServoJp};
 use i2ris::robot::StateCommand;
 use i2ris::units::{Nanos, OutputVec};
-use i2ris_gateway::Reason;
-use i2ris_gateway::admission::{Admission, Ages, Participant, Pose, Times, Topic, Writer, checked};
-use i2ris_gateway::clock::Moment;
-use i2ris_gateway::refusals::Refused;
 
 use super::Shared;
 use super::burst::{Arrivals, Received, take};
 use super::graph::Graph;
 use super::requests::{Requests, STOPS, What};
 use crate::RosError;
+use crate::admission::{Admission, Ages, Participant, Pose, Reason, Times, Topic, Writer, checked};
+use crate::clock::Moment;
 use crate::event::Event;
 use crate::message::{Header, JOINTS, JointState, Point, StringStamped};
+use crate::refusals::Refused;
 use crate::topics::Inputs;
 
-/// How old a command may be that is sent once. The clocks of two computers must agree this well.
+/// How old a command may be that is sent once.
 const ONCE_LIMIT: Nanos = Nanos::from_millis(2000);
 
 /// A goal is continued by `servo_jr` for so long; after that it starts at the setpoint.

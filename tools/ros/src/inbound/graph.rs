@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use i2ris_gateway::admission::{Participant, Writer};
 use ros2_client::entities_info::ParticipantEntitiesInfo;
 use ros2_client::{Context, MessageTypeName, Node, QosProfile, Subscription};
 use rustdds::qos::policy;
@@ -12,6 +11,7 @@ use rustdds::{
 
 use super::{Shared, burst};
 use crate::RosError;
+use crate::admission::{Participant, Writer};
 use crate::event::{Event, Events};
 use crate::participant::NODE;
 use crate::topics::Inputs;

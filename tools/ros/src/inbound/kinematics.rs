@@ -2,9 +2,9 @@
 //! them: they are the shape of the snake at its angles.
 
 use i2ris::model::kinematic::bend_to;
-use i2ris_gateway::admission::checked;
-use i2ris_gateway::{Bend, LinkPose, Snake};
+use i2ris_report::snake::{Bend, LinkPose, Snake};
 
+use crate::admission::checked;
 use crate::message::{
     JOINTS, Pose, QueryForwardKinematics, QueryForwardKinematicsResponse, QueryInverseKinematics,
     QueryInverseKinematicsResponse,

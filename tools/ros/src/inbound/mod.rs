@@ -20,7 +20,7 @@ use std::time::Duration;
 use i2ris::clock;
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
-use i2ris_gateway::Snake;
+use i2ris_report::snake::Snake;
 use ros2_client::{Context, Message, Node, Server};
 use rustdds::GUID;
 use rustdds::mio1::event::Source;

@@ -10,13 +10,12 @@ use i2ris::ipc::client::{ClientError, Latest, RequestForwarder, Watcher};
 use i2ris::ipc::payload::{MoveRequest, OperatingStateMsg, StateCommandReply, StateCommandRequest};
 use i2ris::robot::{OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
-use i2ris_gateway::Reason;
-use i2ris_gateway::admission::{Pose, Topic};
-use i2ris_gateway::refusals::Refused;
-use i2ris_gateway::worker::{WAITING, Worker};
 
 use crate::RosError;
+use crate::admission::{Pose, Reason, Topic};
 use crate::event::{ClientNames, Event, Events};
+use crate::refusals::Refused;
+use crate::worker::{WAITING, Worker};
 
 /// State commands that only stop. They pass every check and overtake every queue.
 pub(super) const STOPS: [StateCommand; 3] =

@@ -2,9 +2,9 @@
 
 use i2ris::ipc::payload::{JointState as Payload, PeriodStatistics};
 use i2ris::units::Nanos;
-use i2ris_gateway::clock::Moment;
-use i2ris_gateway::{Bend, LinkPose, Snake};
+use i2ris_report::snake::{Bend, LinkPose, Snake};
 
+use crate::clock::Moment;
 use crate::message::{
     Header, IntervalStatistics, JOINTS, JointState, MultiArray, MultiArrayDimension, Pose,
     PoseStamped, Time, TransformStamped, Transforms, TwistStamped,

@@ -20,16 +20,17 @@ use i2ris::ipc::payload::{
     JointState as JointPayload, OperatingStateMsg, PeriodStatistics, ReasonMsg,
 };
 use i2ris::units::Nanos;
-use i2ris_gateway::clock::Moment;
-use i2ris_gateway::{Refusals, Snake};
+use i2ris_report::snake::Snake;
 use ros2_client::log::LogLevel;
 use ros2_client::rosout::RosoutRaw;
 use ros2_client::{Node, Publisher};
 use serde::Serialize;
 
+use crate::clock::Moment;
 use crate::event::{ClientNames, Event};
 use crate::message::{Header, OperatingState, Text, Time};
 use crate::participant::NODE;
+use crate::refusals::Refusals;
 use crate::topics::Outputs;
 use lines::{Level, Lines};
 use state::{Snapshot, StateReport, UNDEFINED};

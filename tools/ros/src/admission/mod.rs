@@ -6,9 +6,9 @@
 //! | `flood` | how many messages a client sends |
 //! | `reason` | why something is not passed on |
 //!
-//! The bridge knows its clients by certificates and sessions, and a session that was silent ends
-//! for ever: it needs [`Peers`], [`Ages`] and [`Reason`]. ROS 2 has neither, so everything that a
-//! message alone can tell is judged by [`Admission`].
+//! The controller itself checks lease, deadline, step and state of every command. What it cannot
+//! know is checked here: who sent it, how old it is by clocks that differ, and whether somebody kept
+//! it. ROS 2 has neither keys nor sessions, so a message alone has to tell.
 
 mod flood;
 mod peers;
@@ -19,11 +19,11 @@ use std::fmt;
 use i2ris::ipc::random_id;
 use i2ris::units::{MAX_OUTPUTS, Nanos, OutputVec};
 
-pub use peers::Peers;
 pub use reason::Reason;
 
 use crate::clock::SenderClock;
 use flood::Flood;
+use peers::Peers;
 
 /// Participants that are remembered.
 const PARTICIPANTS: usize = 64;

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use i2ris::model::kinematic::{JOINTS_PER_AXIS, STOP_RAD};
 
-use crate::snake::{Joint, Motion, Snake};
+use super::{Joint, Motion, Snake};
 
 /// Diameter of the snake, m (the robot's drawing).
 const DIAMETER_M: f64 = 0.9e-3;

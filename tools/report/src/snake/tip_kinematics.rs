@@ -2,8 +2,7 @@
 
 use nalgebra::{Isometry3, SMatrix, Vector3};
 
-use crate::snake::Motion;
-use crate::{Bend, Snake};
+use super::{Bend, Motion, Snake};
 
 impl Snake {
     /// Linear (m) and angular (rad) velocity of the tip in the base, six rows, by the velocities of

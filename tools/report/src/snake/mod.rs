@@ -7,6 +7,14 @@
 //! at the centres of the surfaces, `2 R` apart, which both turn by `theta / 2`. So a rolling joint
 //! is two revolute joints here, and the twelve joints of the snake are twenty-four. They follow
 //! pitch and yaw, which all joints of an axis share equally.
+//!
+//! | file | contains |
+//! |---|---|
+//! | `urdf` | the same as a URDF |
+//! | `tip_kinematics` | how the tip moves with the joints |
+
+mod tip_kinematics;
+mod urdf;
 
 use i2ris::model::kinematic::{JOINT_PITCH_MM, JOINTS_PER_AXIS, ROLLING_RADIUS_MM};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
@@ -60,7 +68,7 @@ impl Joint {
     }
 
     /// The link that it carries, as the link below sees it.
-    pub(crate) fn at(&self, bend: &Bend) -> Isometry3<f64> {
+    fn at(&self, bend: &Bend) -> Isometry3<f64> {
         let whole = match self.motion {
             Motion::Pitch => bend.pitch,
             Motion::Yaw => bend.yaw,

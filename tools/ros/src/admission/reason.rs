@@ -2,24 +2,9 @@
 
 use i2ris::units::Nanos;
 
-/// Why something is not passed on to the controller, or a client is not served. The sentence
-/// follows the name of the client.
+/// Why something is not passed on to the controller. The sentence follows the name of the client.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Reason {
-    // A client as a whole.
-    #[error("refused, as many clients as possible are joined")]
-    Full,
-    #[error("refused: this key is in use in another session")]
-    KeyInUse,
-    #[error("refused, it has interface version {0}; build both from one release")]
-    Interface(u32),
-    #[error("refused: this key was revoked")]
-    Revoked,
-    /// By silence or by the client. A session that has ended never lives again.
-    #[error("refused, its session has ended")]
-    Ended,
-    #[error("this key may watch only; see the list of keys")]
-    WatchOnly,
     #[error("its process has too many publishers of this topic")]
     TooManyWriters,
     #[error("more than {per_second} messages a second: send less often")]
@@ -45,14 +30,14 @@ pub enum Reason {
     #[error("the first message of a stream is not followed; the next one is")]
     FirstOfStream,
     #[error(
-        "it was sent {:.1} s {}: kept for late joiners, or the clocks of the computers differ",
+        "it was sent {:.1} s {}: kept for late joiners, or the clock was set",
         apart.as_seconds(),
         if *future { "in the future" } else { "ago" }
     )]
     Old { apart: Nanos, future: bool },
     #[error(
-        "it comes {:.1} s later than the quickest one: the network became slow, or the clock of \
-         its computer was set; `hold` begins anew, or start its program again",
+        "it comes {:.1} s later than the quickest one: its program or the middleware became \
+         slow, or the clock was set; `hold` begins anew, or start its program again",
         .0.as_seconds()
     )]
     Late(Nanos),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::{Bend, Snake};
+use crate::snake::{Bend, Snake};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
 

@@ -4,7 +4,7 @@ use std::mem::discriminant;
 
 use i2ris::units::Nanos;
 
-use crate::Reason;
+use crate::admission::Reason;
 
 /// Repeats are said so often.
 const PERIOD: Nanos = Nanos::from_millis(1000);
@@ -17,7 +17,7 @@ const KINDS: usize = 256;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Refused {
     pub client: String,
-    /// What was sent; empty: the client is refused as a whole.
+    /// What was sent.
     pub topic: &'static str,
     pub reason: Reason,
     /// How often.
@@ -33,9 +33,8 @@ impl Refused {
 
     fn line(&self) -> String {
         let Self { client, topic, reason, count } = self;
-        let topic = if topic.is_empty() { String::new() } else { format!("{topic}: ") };
         let times = if *count == 1 { String::new() } else { format!(" ({count} times)") };
-        format!("{client}: {topic}{reason}{times}")
+        format!("{client}: {topic}: {reason}{times}")
     }
 }
 
@@ -114,14 +113,8 @@ mod tests {
     fn names_that_change_with_every_message_do_not_fill_the_memory() {
         let mut refusals = Refusals::default();
         for number in 0..10_000 {
-            let _ = refusals.add(refused(&format!("{number}"), Reason::Full), Nanos(1));
+            let _ = refusals.add(refused(&format!("{number}"), Reason::NoStamp), Nanos(1));
         }
         assert!(refusals.kinds.len() <= KINDS);
-    }
-
-    #[test]
-    fn a_client_that_is_refused_as_a_whole_has_no_topic_in_its_line() {
-        let whole = Refused { topic: "", count: 1, ..refused("alice", Reason::Revoked) };
-        assert_eq!(whole.line(), "alice: refused: this key was revoked");
     }
 }
