@@ -24,22 +24,22 @@ const MODELS: [(usize, usize, &str, Role); 4] = [
 ];
 
 /// Ticks of 1 ms of a workload.
-pub const TICKS: usize = 2000;
+const TICKS: usize = 2000;
 
 /// The query of one tick.
 #[derive(Debug, Clone, Copy)]
-pub struct QueryTick {
+struct QueryTick {
     /// The memory before the motors moved.
-    pub memory: Memory,
+    memory: Memory,
     /// The goal, rad.
-    pub goal: OutputVec,
+    goal: OutputVec,
     /// Starts at the result of the tick before and contains the model's correction, as in the loop.
-    pub query: Query,
+    query: Query,
 }
 
 /// The queries of the control loop over two seconds: goals on a circle of changing radius, so that
 /// both motors turn often. The memory has passed through the whole range before.
-pub fn workload(model: &Model) -> Vec<QueryTick> {
+fn workload(model: &Model) -> Vec<QueryTick> {
     let mut memory = model.new_memory();
     for corner in model.hull().corners() {
         model.advance(&mut memory, &corner);
@@ -109,7 +109,7 @@ pub fn two_clock_readings() -> Nanos {
 }
 
 /// The duration of an inverse.
-pub fn inverse_time(model: &Model, tick: &QueryTick) -> Nanos {
+fn inverse_time(model: &Model, tick: &QueryTick) -> Nanos {
     let begin = clock::now();
     black_box(model.invert(black_box(&tick.goal), &tick.memory, &tick.query));
     clock::now().since(begin)

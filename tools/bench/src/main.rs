@@ -6,8 +6,7 @@
 //!
 //! | file | contains |
 //! |---|---|
-//! | `ipc`, `control_loop`, `inverse`, `wire`, `e2e` | the measurements |
-//! | `curves` | how cost grows with rows, components, plays, clients, axes, loop rate |
+//! | `control_loop`, `inverse`, `wire`, `e2e` | the measurements |
 //! | `outcome`, `report` | variants, quantities, ratios; as text, JSON, figures and page |
 //! | `placement`, `machine` | scheduling of threads; properties and load of the machine |
 //! | `rig`, `model`, `tick` | emulated drives, models of any size, a tick with ideal drives |
@@ -15,10 +14,8 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod control_loop;
-mod curves;
 mod e2e;
 mod inverse;
-mod ipc;
 mod machine;
 mod model;
 mod outcome;
@@ -29,7 +26,7 @@ mod tick;
 mod wire;
 
 use std::io::{IsTerminal, stderr};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -63,13 +60,11 @@ fn own_domain() -> Result<Domain, BenchError> {
 #[derive(Debug, Parser)]
 #[command(name = "i2ris-bench", bin_name = "i2ris bench", version, propagate_version = true)]
 #[command(after_help = "Examples:
-  i2ris bench ipc
   i2ris bench loop --duration-s 30 --json
   i2ris bench e2e --commands 2000
   i2ris bench hand
   i2ris bench all --output latencies
   i2ris bench wire --baud 115200,1000000 --axes 1,2,4
-  i2ris bench curves --output growth
 
 `--output` makes a folder: a page with figures (index.html), figures as SVG, numbers as
 JSON.
@@ -97,8 +92,6 @@ struct Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Task {
-    /// Publish to receive by polling: the controller's streams, iceoryx2, 64 bytes in shared memory
-    Ipc(IpcArguments),
     /// A periodic loop: lateness of the controller's ticker beside a bare timer, and what a tick
     /// computes
     Loop(LoopArguments),
@@ -112,26 +105,8 @@ enum Task {
     /// An event of an input device, setpoint of its command on the wire; with a gamepad that is
     /// played to `i2ris teleop`, and emulated drives
     Hand(HandArguments),
-    /// All five with their defaults, one after the other; takes about two minutes
+    /// Loop, inverse, wire and e2e with their defaults, one after the other; takes two minutes
     All(ControllerArgument),
-    /// Measure how cost grows with rows, components, plays, clients, axes and the rate of the loop;
-    /// takes about a minute
-    Curves {
-        /// Up to a million rows, and longer measurements
-        #[arg(long)]
-        full: bool,
-    },
-    /// Fit synthetic rows and print time and memory; `curves` measures this
-    #[command(hide = true)]
-    FitCost { rows: usize },
-}
-
-#[derive(Debug, clap::Args)]
-struct IpcArguments {
-    /// Messages per variant
-    #[arg(long, value_name = "N", default_value_t = 20_000,
-          value_parser = value_parser!(u64).range(400..))]
-    messages: u64,
 }
 
 #[derive(Debug, clap::Args)]
@@ -234,30 +209,16 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), BenchError> {
-    match &arguments.task {
-        Task::Curves { full } => grow(arguments, *full),
-        Task::FitCost { rows } => {
-            println!("{}", serde_json::to_string(&curves::fit_cost(*rows)?)?);
-            Ok(())
-        }
-        task => {
-            let interrupt = Interrupt::catch()?;
-            let outcomes = outcomes(arguments, task, arguments.run(&interrupt))?;
-            report::print_outcomes(&outcomes, arguments.json)?;
-            arguments.write("index.html", |folder| report::write_outcomes(folder, &outcomes))
-        }
-    }
-}
-
-fn grow(arguments: &Arguments, is_full: bool) -> Result<(), BenchError> {
     let interrupt = Interrupt::catch()?;
-    let growth = curves::run(is_full, arguments.run(&interrupt), &mut |name| {
-        if !arguments.json {
-            eprintln!("measuring {name}");
-        }
-    })?;
-    report::print_growth(&growth, arguments.json)?;
-    arguments.write("curves.html", |folder| report::write_growth(folder, &growth))
+    let outcomes = outcomes(arguments, &arguments.task, arguments.run(&interrupt))?;
+    report::print_outcomes(&outcomes, arguments.json)?;
+    let Some(folder) = &arguments.output else { return Ok(()) };
+    report::write_outcomes(folder, &outcomes)?;
+    if !arguments.json {
+        let page = folder.join("index.html");
+        println!("\nwritten: {}, with its numbers beside it", page.display());
+    }
+    Ok(())
 }
 
 impl Arguments {
@@ -265,23 +226,9 @@ impl Arguments {
         let placement = Placement { priority: self.priority, pinned: !self.unpinned };
         Run { placement, interrupt }
     }
-
-    /// Writes files into the folder for output, if there is one.
-    fn write(
-        &self,
-        page: &str,
-        write: impl FnOnce(&Path) -> Result<(), BenchError>,
-    ) -> Result<(), BenchError> {
-        let Some(folder) = &self.output else { return Ok(()) };
-        write(folder)?;
-        if !self.json {
-            println!("\nwritten: {}, with its numbers beside it", folder.join(page).display());
-        }
-        Ok(())
-    }
 }
 
-/// One measurement, or all five with their defaults.
+/// One measurement, or all with their defaults.
 fn outcomes(arguments: &Arguments, task: &Task, run: Run) -> Result<Vec<Outcome>, BenchError> {
     let is_hidden = arguments.json || !stderr().is_terminal();
     let measured = |name: &str, task: &Task| {
@@ -293,7 +240,7 @@ fn outcomes(arguments: &Arguments, task: &Task, run: Run) -> Result<Vec<Outcome>
         outcome
     };
     let Task::All(controller) = task else { return Ok(vec![measured("it", task)?]) };
-    let all = ["ipc", "loop", "inverse", "wire", "e2e"].into_iter().map(|name| {
+    let all = ["loop", "inverse", "wire", "e2e"].into_iter().map(|name| {
         let mut task = Arguments::try_parse_from(["i2ris-bench", name])?.task;
         if let Task::E2e(arguments) = &mut task {
             arguments.controller = controller.clone();
@@ -305,7 +252,6 @@ fn outcomes(arguments: &Arguments, task: &Task, run: Run) -> Result<Vec<Outcome>
 
 fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
     match task {
-        Task::Ipc(IpcArguments { messages }) => ipc::run(*messages, run),
         Task::Loop(LoopArguments { rate_hz, spin_us, duration_s, model }) => {
             let period = |rate_hz: &u32| Nanos(1_000_000_000 / u64::from(*rate_hz));
             let benchmark = control_loop::LoopBenchmark {
@@ -335,6 +281,6 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
             let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
             e2e::hand::run(&benchmark, run)
         }
-        _ => Err("this is no single measurement".into()),
+        Task::All(_) => Err("this is no single measurement".into()),
     }
 }

@@ -228,7 +228,7 @@ pub mod tests {
             quantities: vec![Quantity::new("exchanges", 470.0, "1/s")],
             notes: vec!["<nothing>".to_owned()],
         };
-        Outcome::of("ipc", "a test", || Ok(found)).unwrap()
+        Outcome::of("loop", "a test", || Ok(found)).unwrap()
     }
 
     #[test]

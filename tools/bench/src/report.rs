@@ -9,7 +9,6 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::BenchError;
-use crate::curves::Growth;
 use crate::outcome::{Outcome, Percentiles, Quantity, Role, Variant};
 
 /// Writes `NAME.json` and `NAME.svg` of every outcome, and `index.html` of all, into a
@@ -22,12 +21,6 @@ pub fn write_outcomes(folder: &Path, outcomes: &[Outcome]) -> Result<(), BenchEr
         write(folder, &format!("{name}.svg"), figure.as_bytes())?;
     }
     write(folder, "index.html", page::of_outcomes(outcomes).to_string().as_bytes())
-}
-
-/// Writes `curves.json` and `curves.html` into a folder, which is made if necessary.
-pub fn write_growth(folder: &Path, growth: &Growth) -> Result<(), BenchError> {
-    write(folder, "curves.json", json(growth)?.as_bytes())?;
-    write(folder, "curves.html", page::of_growth(growth).to_string().as_bytes())
 }
 
 fn json(value: &impl Serialize) -> Result<String, BenchError> {
@@ -101,23 +94,6 @@ fn print_variant(variant: &Variant) {
     println!("  {name:<46} {count:>8} {p50:>9} {p90:>9} {p99:>9} {p999:>9} {max:>10} {ratio:>11}");
 }
 
-/// Prints curves as JSON or as tables.
-pub fn print_growth(growth: &Growth, as_json: bool) -> Result<(), BenchError> {
-    if as_json {
-        print!("{}", json(growth)?);
-        return Ok(());
-    }
-    println!("How cost grows; exponent: 1 is linear\n  load: {}", growth.load);
-    for curve in &growth.curves {
-        println!("\n{} ({})", curve.name, figures::exponent(curve));
-        println!("{:>24} {:>14}", curve.size, format!("cost ({})", curve.unit));
-        for [size, cost] in &curve.points {
-            println!("{size:>24} {cost:>14.3}");
-        }
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -132,8 +108,8 @@ mod tests {
         ];
         write_outcomes(folder.path(), &[outcome(variants)]).unwrap();
         let text = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
-        assert!(text("ipc.svg").contains("ours, &lt;b&gt;"));
-        let json: serde_json::Value = serde_json::from_str(&text("ipc.json")).unwrap();
+        assert!(text("loop.svg").contains("ours, &lt;b&gt;"));
+        let json: serde_json::Value = serde_json::from_str(&text("loop.json")).unwrap();
         let [floor, ours] = [0, 1].map(|index| &json["variants"][index]);
         assert_eq!(ours["role"], "ours");
         assert_eq!(ours["spans_ns"]["count"], 1000);

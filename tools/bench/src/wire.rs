@@ -131,11 +131,6 @@ struct LineUsage {
     timeouts: u64,
 }
 
-/// The median time of a round of a bare loop over all axes of a port, us.
-pub fn bare_round_us(baud: u32, axes: usize, seconds: f64, run: Run) -> Result<f64, BenchError> {
-    Ok(bare_loop(&rig(baud, axes)?, axes, seconds, run)?.intervals.median_us())
-}
-
 fn bare_loop(rig: &DriveRig, axes: usize, seconds: f64, run: Run) -> Result<LineUsage, BenchError> {
     let ports = rig.ports();
     let nodes: Vec<u8> = match axes {

@@ -1,8 +1,7 @@
-//! Curves of percentiles, and curves of cost over size.
+//! Curves of percentiles.
 
 use i2ris_report::{Axis, Color, Dash, Figure, Line, Marker, Panel, Stroke};
 
-use crate::curves::{Curve, Growth};
 use crate::outcome::{Durations, Outcome, Role, Variant};
 
 /// Height of a panel.
@@ -89,42 +88,6 @@ fn curve(durations: &Durations) -> Vec<[f64; 2]> {
         [left, histogram.value_at_quantile(1.0 - 1.0 / left) as f64 / 1e3]
     };
     (0..=last).map(point).collect()
-}
-
-/// Cost over size, a panel for every group.
-pub fn growth(growth: &Growth) -> Figure {
-    let mut groups: Vec<Vec<&Curve>> = Vec::new();
-    for curve in &growth.curves {
-        match groups.iter_mut().find(|group| group[0].group == curve.group) {
-            Some(group) => group.push(curve),
-            None => groups.push(vec![curve]),
-        }
-    }
-    let figure = Figure::new(
-        "curves",
-        "Cost over size",
-        "Panels of cost over size, both axes logarithmic: one for rows, components, plays, rates, \
-         clients and axes.",
-    );
-    let pairs = groups.chunks(2);
-    pairs.fold(figure, |figure, pair| {
-        figure.row(HEIGHT, pair.iter().map(|group| growth_panel(group)).collect())
-    })
-}
-
-fn growth_panel(group: &[&Curve]) -> Panel {
-    let Curve { group: title, size, unit, .. } = group[0];
-    let cost = format!("cost ({})", unit.replace("us", "µs"));
-    let panel = Panel::new(*title, Axis::log(*size), Axis::log(cost));
-    group.iter().zip(OURS).fold(panel, |panel, (curve, (color, dash, marker))| {
-        let line = Line::new(curve.points.clone(), Stroke::new(color, 1.4).dash(dash));
-        let label = format!("{} over {} ({})", curve.name, curve.size, exponent(curve));
-        panel.with(line.marker(marker).label(label))
-    })
-}
-
-pub fn exponent(curve: &Curve) -> String {
-    curve.exponent.map_or_else(|| "no exponent".to_owned(), |e| format!("exponent {e:.2}"))
 }
 
 #[cfg(test)]

@@ -5,7 +5,6 @@ use i2ris_report::page::TableRow;
 use i2ris_report::{Page, Table};
 
 use super::figures;
-use crate::curves::Growth;
 use crate::machine::Machine;
 use crate::outcome::{Outcome, Percentiles, Quantity, Role, Variant};
 
@@ -18,7 +17,7 @@ pub fn of_outcomes(outcomes: &[Outcome]) -> Page {
          other machines; absolute times are not.",
     );
     if let Some(first) = outcomes.first() {
-        write_machine(&mut page, &first.machine, None);
+        write_machine(&mut page, &first.machine);
     }
     for outcome in outcomes {
         write_outcome(&mut page, outcome);
@@ -31,30 +30,8 @@ pub fn of_outcomes(outcomes: &[Outcome]) -> Page {
     page
 }
 
-/// The curves of a run.
-pub fn of_growth(growth: &Growth) -> Page {
-    let mut page = Page::new("How the cost of i2ris grows");
-    page.main_result(
-        "Cost over size, both logarithmic. The exponent is the slope of the straight line through \
-         the logarithms: 1 is linear growth, 0 is none. Exponents are valid on other machines; \
-         absolute costs are not.",
-    );
-    write_machine(&mut page, &growth.machine, Some(&growth.load));
-    page.section("Curves");
-    page.figure(
-        &figures::growth(growth),
-        "Every point is the median of a measurement of this run; memory is the peak of a process \
-         of its own.",
-    );
-    page.section("Exponents");
-    page.table(&exponents(growth));
-    page.footer(concat!("Written by i2ris ", env!("CARGO_PKG_VERSION"), "."));
-    page
-}
-
-fn write_machine(page: &mut Page, machine: &Machine, load: Option<&str>) {
-    let load = load.map(|load| ("load".to_owned(), load.to_owned()));
-    page.facts([("machine".to_owned(), machine.description())].into_iter().chain(load));
+fn write_machine(page: &mut Page, machine: &Machine) {
+    page.facts([("machine".to_owned(), machine.description())]);
     page.notice("What these numbers show, and what they do not show", machine.notes());
 }
 
@@ -108,27 +85,4 @@ fn row(variant: &Variant) -> TableRow {
     let ratios = [ratio.map(|ratio| ratio.p50), ratio.map(|ratio| ratio.p99)].map(times);
     let cells = name.into_iter().chain([p50, p90, p99, p999, max].map(us)).chain(ratios);
     TableRow::new(cells).strong(variant.role == Role::Ours)
-}
-
-fn exponents(growth: &Growth) -> Table {
-    let caption = "From the smallest to the largest size.";
-    let header = ["", "over", "from", "to", "cost from", "to", "unit", "exponent"];
-    let mut table = Table::new(caption, header);
-    for curve in &growth.curves {
-        let (Some(first), Some(last)) = (curve.points.first(), curve.points.last()) else {
-            continue;
-        };
-        let number = |value: f64| fixed(value, if value < 10.0 { 2 } else { 0 });
-        table.row(TableRow::new([
-            curve.name.clone(),
-            curve.size.to_owned(),
-            fixed(first[0], 0),
-            fixed(last[0], 0),
-            number(first[1]),
-            number(last[1]),
-            curve.unit.replace("us", "µs"),
-            curve.exponent.map_or_else(String::new, |e| fixed(e, 2)),
-        ]));
-    }
-    table
 }
