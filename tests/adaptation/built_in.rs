@@ -6,14 +6,20 @@ use std::sync::Arc;
 
 use i2ris::ipc::{Fault, Refusal, StateCommand};
 use i2ris::model::Model;
-use i2ris::model::file::FileDrift;
+use i2ris::model::file::{BuiltInDrift, FamilyParameters};
 use i2ris_testing::cycle::{Bench, GAIN_DEG, config, lag_counts, standard_model};
 
 /// The model with a shift of pitch built in.
 fn shifted(model: &Model, deg: f64) -> Arc<Model> {
-    let (gain, gap) = ([[0.0; 2]; 2], [0.0; 2]);
-    let drift = FileDrift { zero: [deg.to_radians(), 0.0], gain, gap };
-    Arc::new(Model::from_file(model.file().drifted(&drift).unwrap()).unwrap())
+    let mut file = model.file().clone();
+    *match &mut file.family {
+        FamilyParameters::Linear { offset, .. } => &mut offset[0],
+        FamilyParameters::ForceBalance { read_out, .. } => &mut read_out.coefficients[0][0],
+        _ => unreachable!("no standard model"),
+    } += deg;
+    let (base, gain, gap) = (model.id().to_string(), [[0.0; 2]; 2], [0.0; 2]);
+    file.built_in = Some(BuiltInDrift { base, zero: [deg, 0.0], gain, gap });
+    Arc::new(Model::from_file(file).unwrap())
 }
 
 /// Both motors over more than the gap.

@@ -2,7 +2,6 @@
 
 mod conformance;
 mod direction;
-mod drifted;
 mod file;
 mod force_balance;
 mod gmr;

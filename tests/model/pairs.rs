@@ -1,6 +1,6 @@
 //! Networks of the inverse beside a forward network.
 
-use i2ris::model::file::{FamilyParameters, FileDrift};
+use i2ris::model::file::FamilyParameters;
 use i2ris::model::network::{InverseParameters, Layer};
 use i2ris::model::{Memory, Model, Query};
 use i2ris::units::{MotorVec, OutputVec};
@@ -79,23 +79,6 @@ fn an_exact_inverse_answers_without_a_search() {
     assert!(beyond.clipped && beyond.residual > 0.3, "{beyond:?}");
     let none = model.invert(&[f64::NAN, 0.0, 0.0], &memory, &Query::new([5e3, 0.0]));
     assert!(none.clipped && none.residual.is_infinite() && none.counts == [1000.0, 0.0]);
-}
-
-#[test]
-fn a_drift_that_is_built_in_moves_the_goals_of_both_networks() {
-    let (zero, gain) = ([0.01, -0.02], [[0.1, 0.05], [-0.03, -0.08]]);
-    let drift = FileDrift { zero, gain, gap: [0.0; 2] };
-    let file = pair_file(20.0);
-    let drifted = Model::from_file(file.drifted(&drift).unwrap()).unwrap();
-    let model = Model::from_file(file).unwrap();
-    // At the first step both have only zeros in their states.
-    let [one, other] = [&model, &drifted].map(|model| memory_after(model, &[[40.0, -30.0]]));
-    for counts in [[50.0, -35.0], [44.0, -20.0]] {
-        let goal = model.predict(&counts, &one).mean;
-        let moved = drifted.predict(&counts, &other).mean;
-        let [a, b] = [found(&model, &goal, &one).0, found(&drifted, &moved, &other).0];
-        assert!(distance(&a, &b) < 0.2, "{a:?} {b:?}");
-    }
 }
 
 /// The sentence of a refusal.

@@ -66,6 +66,47 @@ pub struct BuiltInDrift {
     pub gap: [f64; 2],
 }
 
+/// A drift of the outputs, `y <- y + gain y + zero`, and of the gaps of the motors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FileDrift {
+    /// In SI units.
+    pub zero: [f64; 2],
+    /// Rows: outputs, columns: outputs.
+    pub gain: [[f64; 2]; 2],
+    /// Growth of the gap of every motor.
+    pub gap: [f64; 2],
+}
+
+impl FileDrift {
+    /// This drift of a model that has another one already.
+    #[must_use]
+    pub fn after(&self, first: &Self) -> Self {
+        let gain = &self.gain;
+        let moved = gain.map(|[a, b]| a * first.zero[0] + b * first.zero[1]);
+        let entry = |row: usize, column: usize| {
+            let product =
+                gain[row][0] * first.gain[0][column] + gain[row][1] * first.gain[1][column];
+            gain[row][column] + first.gain[row][column] + product
+        };
+        Self {
+            zero: [0, 1].map(|row: usize| self.zero[row] + first.zero[row] + moved[row]),
+            gain: [0, 1].map(|row: usize| [0, 1].map(|column: usize| entry(row, column))),
+            gap: [0, 1]
+                .map(|motor: usize| self.gap[motor] + first.gap[motor] * (1.0 + self.gap[motor])),
+        }
+    }
+}
+
+impl ModelFile {
+    /// The drift that is built in, in SI units.
+    #[must_use]
+    pub fn built_in_drift(&self) -> Option<FileDrift> {
+        let si = self.outputs.first().map_or(1.0, |output| output.unit.si());
+        let BuiltInDrift { zero, gain, gap, .. } = self.built_in.as_ref()?;
+        Some(FileDrift { zero: zero.map(|zero| si * zero), gain: *gain, gap: *gap })
+    }
+}
+
 /// The slow part of the error of a model: one number along one direction of one or two outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -1,9 +1,7 @@
 //! Model files: the format, the checks and the store.
 
 pub(in crate::model) mod check;
-mod drifted;
 mod format;
 pub(in crate::model) mod store;
 
-pub use drifted::FileDrift;
 pub use format::*;

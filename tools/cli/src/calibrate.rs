@@ -7,7 +7,6 @@ mod fit;
 mod guided;
 mod merge;
 mod refine;
-mod update;
 
 pub use columns::ColumnArguments;
 pub use fit::check_output;
@@ -22,7 +21,6 @@ use i2ris_report::Failure;
   i2ris calibrate collect --config config/emulator.toml --home --output RECORDING.csv
   i2ris calibrate fit RECORDING.csv --output config/models/snake.json
   i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv
-  i2ris calibrate update minute.csv --model config/models/snake.json --output today.json
   i2ris calibrate refine TRIAL.mcap --model model.json --recording RECORDING.csv --output refined.json
 
 Without a command it runs every step: collect, fit, compare, stage, activate, check. It says each
@@ -51,8 +49,6 @@ enum Command {
     Fit(fit::Arguments),
     /// Put angles that were measured in pictures in the place of those of a recording
     Merge(merge::Arguments),
-    /// Make a new model from an old one and a minute of motion
-    Update(update::Arguments),
     /// Make a better model from a calibration and a recorded trial with a camera
     Refine(refine::Arguments),
 }
@@ -72,7 +68,6 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
-        Command::Update(arguments) => update::run(&arguments),
         Command::Refine(arguments) => refine::run(&arguments),
     }
 }

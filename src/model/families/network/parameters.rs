@@ -154,17 +154,6 @@ impl Layer {
         }
     }
 
-    /// The matrices that its inputs meet, rows of n.
-    pub(in crate::model) fn input_weights_mut(&mut self) -> &mut [Rows] {
-        match self {
-            Self::Dense { weight, .. } => std::slice::from_mut(weight),
-            Self::Gru { input_weight, .. } | Self::Lstm { input_weight, .. } => {
-                std::slice::from_mut(input_weight)
-            }
-            Self::Conv { taps, .. } => taps,
-        }
-    }
-
     /// Steps before the present one that it sees; 0 where there is no end.
     fn window(&self) -> usize {
         match self {

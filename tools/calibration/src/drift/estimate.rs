@@ -1,7 +1,7 @@
 //! The drift and its uncertainty.
 
 use i2ris::model::Model;
-use i2ris::model::file::{FamilyParameters, FileDrift, OutputUnit};
+use i2ris::model::file::FamilyParameters;
 use i2ris::units::MAX_MOTORS;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -82,15 +82,6 @@ impl DriftEstimate {
     ///
     /// [`DriftError`].
     pub fn new(model: &Model, recording: &Recording) -> Result<Self, DriftError> {
-        Self::of_rows(model, recording, |_| true)
-    }
-
-    /// From the rows that `is_used` takes, by their index. The memory follows all of the path.
-    pub(super) fn of_rows(
-        model: &Model,
-        recording: &Recording,
-        is_used: impl Fn(usize) -> bool,
-    ) -> Result<Self, DriftError> {
         let family = &model.file().family;
         let shape = Shape {
             outputs: model.outputs(),
@@ -104,11 +95,7 @@ impl DriftEstimate {
                     | FamilyParameters::ForceBalance { .. }
             ),
         };
-        let used = |scale: &[f64; MAX_MOTORS]| {
-            let mut used = points(model, recording, scale);
-            used.retain(|point| is_used(point.row));
-            used
-        };
+        let used = |scale: &[f64; MAX_MOTORS]| points(model, recording, scale);
         let mut scale = [1.0; MAX_MOTORS];
         let first = used(&scale);
         if first.len() < LEAST_ROWS {
@@ -133,19 +120,6 @@ impl DriftEstimate {
         }
         let solution = solution.ok_or(DriftError::NotFinite)?;
         Ok(shape.estimate(&solution, &first, &now))
-    }
-
-    /// As it is built into a model file whose outputs have this unit.
-    #[must_use]
-    pub fn in_file(&self, unit: OutputUnit) -> FileDrift {
-        let pair = |values: &[Value]| [0, 1].map(|i: usize| values.get(i).map(|it| it.value));
-        let or_none = |values: &[Value], none: f64| pair(values).map(|it| it.unwrap_or(none));
-        let gain_row = |row: usize| self.gain.get(row).map_or(&[][..], Vec::as_slice);
-        FileDrift {
-            zero: or_none(&self.zero, 0.0).map(|zero| zero * unit.si()),
-            gain: [0, 1].map(|row| or_none(gain_row(row), 0.0)),
-            gap: or_none(&self.gap_scale, 1.0).map(|scale| scale - 1.0),
-        }
     }
 }
 

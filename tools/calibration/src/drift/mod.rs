@@ -19,7 +19,6 @@
 //! | `estimate` | the drift and its uncertainty |
 //! | `rest` | what is left over: how much, along which direction, how slow |
 //! | `verdict` | whether it is time for a new calibration |
-//! | `update` | a new model from an old one |
 //! | `refine` | a new model from a calibration and what was recorded in use |
 
 mod estimate;
@@ -27,11 +26,9 @@ mod least_squares;
 mod refine;
 mod regressors;
 mod rest;
-mod update;
 mod verdict;
 
 pub use estimate::{DriftError, DriftEstimate, Value};
 pub use refine::{RefineError, Refined, refine};
 pub use rest::Rest;
-pub use update::{Update, UpdateError, update};
 pub use verdict::Verdict;

@@ -42,7 +42,7 @@ pub enum RefineError {
     /// The counts of the use have another zero.
     #[error(
         "the model is {0:.2} off in the mean over the use: that is another zero, not hysteresis. \
-         Was the robot homed anew? `i2ris calibrate update` finds a zero"
+         Was the robot homed anew? Home it where it was calibrated, or calibrate anew"
     )]
     Zero(f64),
     /// The fit refuses the data.

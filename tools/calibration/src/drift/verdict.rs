@@ -27,8 +27,8 @@ const FAR: [f64; 4] = [3.0, 0.2, 0.6, 0.3];
 pub enum Verdict {
     /// The calibration holds.
     Good,
-    /// It has drifted, and a minute of motion updates it.
-    Update,
+    /// It has drifted, and a minute of motion refines it.
+    Refine,
     /// More than a drift, or too much of it.
     Calibrate,
 }
@@ -42,7 +42,7 @@ impl Verdict {
         if is_far(drift) || after > WORSE * usual.max(NOTHING) {
             Self::Calibrate
         } else if before - after > NOTHING && is_significant(drift) {
-            Self::Update
+            Self::Refine
         } else {
             Self::Good
         }
@@ -53,7 +53,7 @@ impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
             Self::Good => "the calibration holds",
-            Self::Update => "it has drifted: `i2ris calibrate update` makes a model that fits",
+            Self::Refine => "it has drifted: home it anew, or `i2ris calibrate refine` it",
             Self::Calibrate => "it is time for a new calibration",
         })
     }

@@ -37,19 +37,14 @@ impl DriftReport {
     ///
     /// [`DriftError`].
     pub fn new(name: &str, model: &Model, recording: &Recording) -> Result<Self, DriftError> {
-        Ok(Self::of(name, model, DriftEstimate::new(model, recording)?, recording))
-    }
-
-    /// Of an estimate.
-    #[must_use]
-    pub fn of(name: &str, model: &Model, drift: DriftEstimate, recording: &Recording) -> Self {
-        Self {
+        let drift = DriftEstimate::new(model, recording)?;
+        Ok(Self {
             model: name.to_owned(),
             verdict: Verdict::new(model, &drift),
             drift,
             recording: recording.name().to_owned(),
             outputs: recording.outputs().to_vec(),
-        }
+        })
     }
 
     /// A page with the numbers, and the errors over time with and without them.

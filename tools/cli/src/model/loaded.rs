@@ -1,20 +1,12 @@
 //! The models of a running controller: `i2ris model list`, `stage`, `activate` and `rollback`.
 
-use std::path::{Path, PathBuf};
-use std::thread;
-use std::time::Duration;
+use std::path::PathBuf;
 
-use i2ris::ipc::Domain;
-use i2ris::ipc::client::{Client, Watcher};
-use i2ris::ipc::payload::{AdaptationMsg, ModelDifference, ModelReply, ModelSlot, unpadded_text};
-use i2ris::model::file::FileDrift;
-use i2ris::model::{Model, ModelId};
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::{ModelDifference, ModelReply, ModelSlot, unpadded_text};
+use i2ris::model::ModelId;
 use i2ris_report::{DomainOption, Failure, while_working};
 use serde_json::{Value, json};
-
-/// How long to wait for a message about the adaptation: one comes at least once a second.
-const ATTEMPTS: u32 = 60;
-const INTERVAL: Duration = Duration::from_millis(50);
 
 #[derive(Debug, clap::Args)]
 struct Common {
@@ -50,18 +42,10 @@ pub struct ListArguments {
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  i2ris model stage config/models/steel.json && i2ris model activate
-  i2ris model stage --from-drift config/models/steel.json --output config/models/drifted.json")]
+  i2ris model stage config/models/steel.json && i2ris model activate")]
 pub struct StageArguments {
     /// The model file; the controller reads it itself
     model: PathBuf,
-    /// Stage this model with the drift that the adaptation has applied to it; it must be the one in
-    /// use. The file itself stays as it is
-    #[arg(long, requires = "output")]
-    from_drift: bool,
-    /// The new model file of --from-drift; an existing file is not replaced
-    #[arg(long, value_name = "FILE", requires = "from_drift")]
-    output: Option<PathBuf>,
     #[command(flatten)]
     common: Common,
 }
@@ -97,12 +81,8 @@ pub fn list(arguments: &ListArguments) -> Result<(), Failure> {
 }
 
 pub fn stage(arguments: &StageArguments) -> Result<(), Failure> {
-    let StageArguments { model, output, common, .. } = arguments;
+    let StageArguments { model, common } = arguments;
     let mut client = common.connect()?;
-    if let Some(output) = output {
-        write_drifted(&common.domain.domain()?, model, output)?;
-    }
-    let model = output.as_ref().unwrap_or(model);
     let reply = while_working("the controller checks the model", || client.stage_model(model))?;
     if common.json {
         let difference = difference_json(&reply.difference);
@@ -201,43 +181,4 @@ fn print_difference(difference: &ModelDifference) {
             difference.unreached * 100.0
         );
     }
-}
-
-/// Writes a model with the drift that is applied to it in the controller.
-fn write_drifted(domain: &Domain, model: &Path, output: &Path) -> Result<(), Failure> {
-    if output.exists() {
-        return Err(format!("{} exists already; name another file", output.display()).into());
-    }
-    let message = adaptation(domain)?;
-    if message.flags & AdaptationMsg::ON == 0 {
-        return Err("the adaptation is off: set `enabled = true` in [adaptation]".into());
-    }
-    let file = Model::load(model)?.file().clone();
-    let (in_use, model) = (ModelId(message.model_id), model.display());
-    if file.id()? != in_use {
-        return Err(format!(
-            "the drift is that of model {in_use}, not of {model}; name the file of the model in use"
-        )
-        .into());
-    }
-    let [pitch, yaw, a, b, c, d, first, second, ..] = message.applied;
-    let drift = FileDrift { zero: [pitch, yaw], gain: [[a, b], [c, d]], gap: [first, second] };
-    let drifted = file.drifted(&drift)?;
-    drifted.write(output)?;
-    println!("{} is {model} with its drift", output.display());
-    if let Some(built_in) = drifted.built_in.filter(|_| file.built_in.is_some()) {
-        println!("with what was built in before, from {}: {:?} deg", built_in.base, built_in.zero);
-    }
-    Ok(())
-}
-
-fn adaptation(domain: &Domain) -> Result<AdaptationMsg, Failure> {
-    let mut stream = Watcher::new(domain).adaptation();
-    for _ in 0..ATTEMPTS {
-        if let Some(message) = stream.newest()? {
-            return Ok(message);
-        }
-        thread::sleep(INTERVAL);
-    }
-    Err("the controller sends nothing about its adaptation".into())
 }

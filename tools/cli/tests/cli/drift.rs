@@ -1,4 +1,4 @@
-//! `i2ris calibrate compare --drift`, `update` and `refine` as a person meets them.
+//! `i2ris calibrate compare --drift` and `refine` as a person meets them.
 
 use std::fmt::Write as _;
 
@@ -41,36 +41,17 @@ fn the_drift_of_a_snake_is_printed_with_a_verdict_and_a_page() {
     let today = "calibrate compare model.json --recording today.csv --drift";
     let with_page = format!("{today} --report page.html");
     let text = bench.succeeds(&with_page);
-    let verdict = "it has drifted: `i2ris calibrate update`";
+    let verdict = "it has drifted: home it anew, or `i2ris calibrate refine` it";
     assert_says(&text, &["zero       pitch  +1.0", verdict]);
     assert_says(&bench.read("page.html"), &["<svg", "zero of pitch (deg)"]);
     let text = bench.succeeds("calibrate compare model.json --recording new.csv --drift");
     assert_says(&text, &["the calibration holds"]);
     let json: serde_json::Value =
         serde_json::from_str(&bench.succeeds(&format!("{today} --json"))).unwrap();
-    assert_eq!(json[0]["verdict"], "update");
+    assert_eq!(json[0]["verdict"], "refine");
     let zero = json[0]["zero"][0]["value"].as_f64().unwrap();
     assert!((zero - 1.0).abs() < 0.05, "{json}");
     bench.fails(&with_page, &["--overwrite"]);
-}
-
-#[test]
-fn an_update_writes_a_model_of_today_and_nothing_over() {
-    let bench = bench();
-    let old = bench.read("model.json");
-    let update = "calibrate update today.csv --model model.json --output";
-    assert_says(&bench.succeeds(&format!("{update} today.json")), &["wrote today.json"]);
-    let [calibrated, model] =
-        ["model.json", "today.json"].map(|name| Model::load(&bench.path(name)).unwrap());
-    let at = |model: &Model| model.predict(&[0.0; 2], &model.new_memory()).mean[0].to_degrees();
-    assert!((at(&model) - at(&calibrated) - 1.0).abs() < 0.05);
-    assert_eq!(model.file().training.data_file, "new.csv updated by today.csv");
-    bench.fails(&format!("{update} model.json"), &["model.json: exists", "--overwrite"]);
-    assert_eq!(bench.read("model.json"), old);
-    bench.succeeds(&format!("{update} today.json --overwrite"));
-    let needless = "calibrate update new.csv --model model.json --output other.json";
-    bench.fails(needless, &["no better on the rest"]);
-    assert!(!bench.exists("other.json"));
 }
 
 #[test]

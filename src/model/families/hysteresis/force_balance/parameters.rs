@@ -128,16 +128,6 @@ impl BalanceParameters {
 }
 
 impl BalanceMotor {
-    /// Scales gap, slack and friction of this motor.
-    pub(in crate::model) fn scale_gap(&mut self, factor: f64) {
-        self.gap *= factor;
-        let slack = self.slack() * (factor - 1.0);
-        self.preload = self.preload.map(|preload| preload - slack);
-        self.friction *= factor;
-        self.friction_by_other *= factor;
-        self.friction_by_tension = self.friction_by_tension.map(|friction| factor * friction);
-    }
-
     /// How slack a wire is on average when the snake is straight; 0 if both are taut.
     pub(super) fn slack(&self) -> f64 {
         -0.5 * (self.preload[0] + self.preload[1]).min(0.0)
