@@ -23,9 +23,8 @@ const GOOD: Rgb888 = Rgb888::new(120, 255, 120);
 const POOR: Rgb888 = Rgb888::new(255, 110, 110);
 const LABEL: Rgb888 = Rgb888::new(20, 20, 20);
 
-/// Width of one overlay on a contact sheet, px.
-const CELL: u32 = 320;
-const BORDER: u32 = 4;
+/// Lines are a pixel thick for every so many columns of the image.
+const COLUMNS: u32 = 320;
 
 /// A colour image to draw on.
 #[derive(Clone)]
@@ -57,47 +56,10 @@ impl DrawTarget for Canvas {
     }
 }
 
-/// Draws with dots of `by` times `by` pixels.
-struct Enlarged<'a> {
-    canvas: &'a mut Canvas,
-    by: u32,
-}
-
-impl OriginDimensions for Enlarged<'_> {
-    fn size(&self) -> Size {
-        self.canvas.size / self.by
-    }
-}
-
-impl DrawTarget for Enlarged<'_> {
-    type Color = Rgb888;
-    type Error = Infallible;
-
-    fn draw_iter<I: IntoIterator<Item = Pixel<Rgb888>>>(
-        &mut self,
-        pixels: I,
-    ) -> Result<(), Infallible> {
-        for Pixel(at, colour) in pixels {
-            let dot = Rectangle::new(at * self.by as i32, Size::new_equal(self.by));
-            self.canvas.fill_solid(&dot, colour)?;
-        }
-        Ok(())
-    }
-}
-
 impl Canvas {
-    fn new(size: Size) -> Self {
-        Self { size, data: vec![Rgb888::BLACK; (size.width * size.height) as usize] }
-    }
-
     fn of(image: &GreyImage) -> Self {
         let size = Size::new(image.width() as u32, image.height() as u32);
         Self { size, data: image.data().iter().map(|v| Rgb888::new(*v, *v, *v)).collect() }
-    }
-
-    /// How much smaller it is on a contact sheet.
-    fn reduction(&self) -> u32 {
-        self.size.width.div_ceil(CELL).max(1)
     }
 
     fn line(&mut self, from: [f64; 2], to: [f64; 2], thick: u32, colour: Rgb888) {
@@ -115,27 +77,7 @@ impl Canvas {
         let style = MonoTextStyleBuilder::new().font(&FONT_6X10);
         let style = style.text_color(colour).background_color(LABEL).build();
         let at = Point::new(0, row * FONT_6X10.character_size.height as i32);
-        // On a contact sheet a dot of a letter is then one pixel.
-        let by = self.reduction();
-        let mut target = Enlarged { canvas: self, by };
-        let Ok(_) = Text::with_baseline(text, at, style, Baseline::Top).draw(&mut target);
-    }
-
-    /// Smaller by a whole number: every pixel is the mean of `by` times `by`.
-    fn reduced(&self, by: u32) -> Self {
-        let mut small = Self::new(self.size / by);
-        let pixel = |at: Point| self.data[(at.y * self.size.width as i32 + at.x) as usize];
-        let mean = |at: Point| {
-            let block = Rectangle::new(at * by as i32, Size::new_equal(by));
-            let sum = |channel: fn(&Rgb888) -> u8| {
-                let sum: u32 = block.points().map(|at| u32::from(channel(&pixel(at)))).sum();
-                (sum / (by * by)) as u8
-            };
-            Rgb888::new(sum(Rgb888::r), sum(Rgb888::g), sum(Rgb888::b))
-        };
-        let pixels = small.bounding_box().points().map(|at| Pixel(at, mean(at)));
-        let Ok(()) = small.draw_iter(pixels);
-        small
+        let Ok(_) = Text::with_baseline(text, at, style, Baseline::Top).draw(self);
     }
 
     /// Writes it as a PNG file.
@@ -166,7 +108,7 @@ pub fn overlay(image: &GreyImage, name: &str, reading: &Result<Reading, String>)
 }
 
 fn draw(canvas: &mut Canvas, reading: &Reading) {
-    let thick = (canvas.size.width / CELL).max(1);
+    let thick = (canvas.size.width / COLUMNS).max(1);
     for [x, y] in reading.trace.iter().step_by(3) {
         let centre = Point::new(x.round() as i32, y.round() as i32);
         let dot = Rectangle::with_center(centre, Size::new_equal(thick));
@@ -182,36 +124,6 @@ fn draw(canvas: &mut Canvas, reading: &Reading) {
     let arm = 5.0 * f64::from(thick);
     canvas.line([x - arm, y], [x + arm, y], thick, END);
     canvas.line([x, y - arm], [x, y + arm], thick, END);
-}
-
-/// Many overlays on one page, made smaller, in rows from left to right.
-#[derive(Default)]
-pub struct ContactSheet(Vec<Canvas>);
-
-impl ContactSheet {
-    /// Adds an overlay.
-    pub fn add(&mut self, canvas: &Canvas) {
-        self.0.push(canvas.reduced(canvas.reduction()));
-    }
-
-    /// The page, with so many overlays per row; at least one.
-    pub fn page(&self, columns: usize) -> Canvas {
-        let columns = columns.clamp(1, self.0.len().max(1));
-        let largest =
-            self.0.iter().fold(Size::new(1, 1), |size, cell| size.component_max(cell.size));
-        let cell = largest + Size::new_equal(BORDER);
-        let rows = self.0.len().div_ceil(columns).max(1);
-        let mut page = Canvas::new(cell.component_mul(Size::new(columns as u32, rows as u32)));
-        for (number, overlay) in self.0.iter().enumerate() {
-            let place = Point::new((number % columns) as i32, (number / columns) as i32);
-            let corner = place.component_mul(Point::new(cell.width as i32, cell.height as i32));
-            let Ok(()) = page.fill_contiguous(
-                &Rectangle::new(corner, overlay.size),
-                overlay.data.iter().copied(),
-            );
-        }
-        page
-    }
 }
 
 /// Why an image was not written.
@@ -256,7 +168,7 @@ mod tests {
 
     #[test]
     fn drawing_outside_is_harmless() {
-        let mut canvas = Canvas::new(Size::new(10, 10));
+        let mut canvas = Canvas::of(&GreyImage::new(10, 10, vec![0; 100]).unwrap());
         canvas.line([-50.0, -50.0], [60.0, 60.0], 3, Rgb888::WHITE);
         canvas.line([0.0, 0.0], [f64::NAN, 1e300], 3, Rgb888::RED);
         canvas.text("outside", 9, Rgb888::WHITE);

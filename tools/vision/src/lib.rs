@@ -31,12 +31,11 @@
 //! | [`joint_angles`] | one or two views to pitch, yaw and tip position |
 //! | [`angle_csv`] | angles over time as CSV |
 //! | [`session`] | frames in, rows out |
-//! | [`drawing`] | overlays and contact sheets |
+//! | [`drawing`] | readings drawn over their images |
 //! | [`scene`] | synthetic images at known angles |
-//! | [`accuracy`] | accuracy of readings on synthetic images |
+//! | [`scene_setup`] | the setup of such images |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
-pub mod accuracy;
 pub mod angle_csv;
 pub mod drawing;
 pub mod fibre;
@@ -45,6 +44,7 @@ pub mod image;
 pub mod joint_angles;
 pub mod rest_pose;
 pub mod scene;
+pub mod scene_setup;
 pub mod session;
 pub mod setup;
 pub mod source;

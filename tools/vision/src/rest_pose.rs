@@ -32,7 +32,7 @@ pub struct RestPose {
 pub enum RestPoseError {
     #[error(
         "view {view}: only {good} of {frames} frames at rest can be measured, \
-         {MIN_COUNT} are needed; look at them with `i2ris vision check`"
+         {MIN_COUNT} are needed; look at them with --overlays"
     )]
     TooFew { view: String, good: usize, frames: usize },
     #[error(

@@ -37,7 +37,7 @@ pub struct Alignment {
 pub enum AlignError {
     #[error(
         "{motion} motion: only {found} frames can be measured, {MIN_COUNT} are needed; \
-         see `i2ris vision check`"
+         look at them with `i2ris vision --overlays`"
     )]
     TooFew { motion: &'static str, found: usize },
     #[error(

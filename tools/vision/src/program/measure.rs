@@ -1,8 +1,8 @@
 //! `i2ris vision`: frames in, angles out.
 
-use std::fs::File;
-use std::io::{Write, stdout};
-use std::path::PathBuf;
+use std::fs::{self, File};
+use std::io::{self, Write, stdout};
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -11,6 +11,7 @@ use i2ris::clock;
 use i2ris::ipc::client::{ClientError, ExternalPublisher};
 use i2ris::units::Nanos;
 use i2ris_vision::angle_csv::{AngleRow, Recorder};
+use i2ris_vision::drawing::overlay;
 use i2ris_vision::session::{Reference, Session};
 use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::SourceError;
@@ -51,6 +52,9 @@ pub struct Arguments {
     /// Publish the angles as external/measured_jp
     #[arg(long)]
     publish: bool,
+    /// Folder for every image with what was measured drawn over it, PNG
+    #[arg(long, value_name = "DIR")]
+    overlays: Option<PathBuf>,
     /// Hand the pictures on to recordings: a JPEG as it came, others compressed
     #[arg(long)]
     pictures: bool,
@@ -83,6 +87,9 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     if arguments.pictures && !live {
         return Err("--pictures needs frames as they are taken: a stream, and no --fps".into());
     }
+    if let Some(folder) = &arguments.overlays {
+        fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    }
     let domain = arguments.domain.domain()?;
     let (mut views, mut handed_on) = (Vec::new(), Vec::new());
     for (view, path) in setup.views.iter().zip(images) {
@@ -91,7 +98,9 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
             (path.clone(), format.clone(), ViewDetector::new(view.settings()));
         let pictures = arguments.pictures.then(|| HandOn::start(&domain, &view.name));
         handed_on.extend(pictures.iter().map(HandOn::counts));
-        thread::spawn(move || watch(&path, &format, detector, pictures, &sender));
+        let overlays =
+            arguments.overlays.as_ref().map(|folder| (folder.clone(), view.name.clone()));
+        thread::spawn(move || watch(&path, &format, detector, (pictures, overlays), &sender));
         views.push(receiver);
     }
     let mut run = Run { views, session, output, live, interrupt, failure: None };
@@ -108,10 +117,10 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
 
 /// Looks at the frames of one view until they end, or until nobody listens.
 fn watch(
-    path: &std::path::Path,
+    path: &Path,
     format: &Format,
     mut detector: ViewDetector,
-    pictures: Option<HandOn>,
+    (pictures, overlays): (Option<HandOn>, Option<(PathBuf, String)>),
     to: &SyncSender<ViewMessage>,
 ) {
     let mut source = match format.open(path) {
@@ -121,7 +130,7 @@ fn watch(
             return;
         }
     };
-    loop {
+    for number in 1.. {
         let reported = match source.next() {
             Ok(None) => return,
             Ok(Some(item)) => {
@@ -129,9 +138,12 @@ fn watch(
                     pictures.hand_on(&item);
                 }
                 let mut result = detector.detect(item);
+                let drawn = overlays.as_ref().map_or(Ok(()), |(folder, view)| {
+                    draw(&folder.join(format!("{view}_{number:05}.png")), view, &result)
+                });
                 // Many of them wait in the channel.
                 result.image = None;
-                Ok(result)
+                drawn.map(|()| result)
             }
             Err(error) => Err(error),
         };
@@ -140,6 +152,14 @@ fn watch(
             return;
         }
     }
+}
+
+/// Draws a result over its image, where there is one.
+fn draw(path: &Path, view: &str, result: &ViewResult) -> Result<(), SourceError> {
+    let Some(image) = &result.image else { return Ok(()) };
+    let seen = result.seen.clone().map_err(|cause| cause.to_string());
+    let drawn = overlay(image, &format!("{view} {}", result.name), &seen).save(path);
+    drawn.map_err(|error| SourceError::file(path, io::Error::other(error)))
 }
 
 struct Run {

@@ -12,9 +12,9 @@ use i2ris::ipc::payload::ExternalPosition;
 use i2ris::ipc::{Domain, DomainLock, Server};
 use i2ris::units::Nanos;
 use i2ris_report::{Failure, Interrupt, pose_table};
-use i2ris_vision::accuracy::setup;
 use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{Brightness, JointPose, Optics, Rig, SnakeShape};
+use i2ris_vision::scene_setup::setup;
 use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::ImageSize;
 

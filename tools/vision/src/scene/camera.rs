@@ -18,8 +18,6 @@ pub struct PinholeCamera {
     pub plane_rad: f64,
     /// Turn of the image, counter-clockwise.
     pub roll_rad: f64,
-    /// How far the base leans towards the camera.
-    pub tilt_rad: f64,
 }
 
 impl PinholeCamera {
@@ -34,7 +32,6 @@ impl PinholeCamera {
             origin_px: [0.3 * width as f64, 0.5 * height as f64],
             plane_rad: 0.0,
             roll_rad: 0.0,
-            tilt_rad: 0.0,
         }
     }
 
@@ -48,8 +45,6 @@ impl PinholeCamera {
     /// A point in the image, px, and its scale relative to `px_per_mm`.
     pub fn project(&self, point: [f64; 3]) -> ([f64; 2], f64) {
         let (along, across, near) = self.in_view(point);
-        let (sin, cos) = self.tilt_rad.sin_cos();
-        let (along, near) = (along * cos - near * sin, along * sin + near * cos);
         let scale = self.distance_mm / (self.distance_mm - near);
         let (sin, cos) = self.roll_rad.sin_cos();
         let k = self.px_per_mm;

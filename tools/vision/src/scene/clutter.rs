@@ -19,8 +19,6 @@ pub enum Clutter {
     },
     /// A speck of dust, a bubble, a drop.
     Speck { centre: [f64; 2], half: [f64; 2], turn_rad: f64, brightness: f32 },
-    /// A thin bent thing.
-    Hair { points: Vec<[f64; 2]>, half_width: f64, brightness: f32 },
 }
 
 impl Clutter {
@@ -30,17 +28,10 @@ impl Clutter {
                 points: vec![[from[0], from[1], half_width[0]], [to[0], to[1], half_width[1]]],
                 brightness: *brightness,
                 rim: *rim,
-                glint: 0.0,
             }),
             Self::Speck { centre, half, turn_rad, brightness } => {
                 canvas.blob(*centre, *half, *turn_rad, *brightness)
             }
-            Self::Hair { points, half_width, brightness } => canvas.rod(&Rod {
-                points: points.iter().map(|p| [p[0], p[1], *half_width]).collect(),
-                brightness: *brightness,
-                rim: 0.0,
-                glint: 0.0,
-            }),
         }
     }
 }

@@ -1,5 +1,4 @@
-//! Synthetic microscope images at known angles, for tests, for the accuracy table and for the
-//! emulator.
+//! Synthetic microscope images at known angles, for tests and for the emulator.
 //!
 //! The images are made as a camera makes them: a curve in space is projected through a pinhole,
 //! painted with its shading and the clutter in front of it, blurred by the optics, lit unevenly,
@@ -16,14 +15,12 @@
 //! | `snake_shape` | the curve in space: straight base, arc, straight tip |
 //! | `camera` | position of the camera; projection to pixels |
 //! | `raster` | anti-aliased rods and ellipses |
-//! | `clutter` | instruments, specks, hairs in front |
+//! | `clutter` | instruments and specks in front |
 //! | `optics` | grey levels, blur, uneven light, noise |
-//! | `random` | random scenes from a seed |
 
 mod camera;
 mod clutter;
 mod optics;
-pub mod random;
 mod raster;
 mod snake_shape;
 
@@ -54,9 +51,6 @@ pub struct Scene {
 pub struct Truth {
     /// Bending angle in the plane of the view, rad; positive towards the camera's positive side.
     pub angle_rad: f64,
-    /// Tip in the plane of the view: along the base, and across it, from where the bending section
-    /// begins, mm.
-    pub tip_mm: [f64; 2],
     pub tip_px: [f64; 2],
 }
 
@@ -75,10 +69,8 @@ impl Scene {
 
     pub fn truth(&self) -> Truth {
         let tip = self.snake.tip(&self.pose);
-        let (along, across, _) = self.camera.in_view(tip);
         Truth {
             angle_rad: self.pose.view_angle_rad(self.camera.plane_rad),
-            tip_mm: [along, across],
             tip_px: self.camera.project(tip).0,
         }
     }
@@ -154,7 +146,7 @@ mod tests {
     fn the_tip_is_painted_where_the_truth_says() {
         let scene = scene();
         let image = scene.render(&mut Pcg64Mcg::seed_from_u64(1));
-        let Truth { tip_px: [x, y], angle_rad, .. } = scene.truth();
+        let Truth { tip_px: [x, y], angle_rad } = scene.truth();
         let ahead =
             |distance: f64| [x + distance * angle_rad.cos(), y - distance * angle_rad.sin()];
         assert!(brightness(&image, ahead(-3.0)) < 80.0);

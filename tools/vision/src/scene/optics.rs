@@ -17,24 +17,17 @@ pub struct Brightness {
     /// How much darker (or, negative, brighter) the rims of body and fibre are than their middle:
     /// round things shade.
     pub rim: f32,
-    /// Brightness that a glint along the body adds. 0: none.
-    pub glint: f32,
 }
 
 impl Brightness {
     /// A dark fibre on bright ground, lit from behind.
     pub const fn dark() -> Self {
-        Self { ground: 190.0, body: 55.0, fibre: 55.0, rim: 12.0, glint: 0.0 }
+        Self { ground: 190.0, body: 55.0, fibre: 55.0, rim: 12.0 }
     }
 
     /// A bright fibre on dark ground, lit from the side.
     pub const fn bright() -> Self {
-        Self { ground: 40.0, body: 185.0, fibre: 185.0, rim: 15.0, glint: 0.0 }
-    }
-
-    /// The same with a glint along the body.
-    pub const fn with_glint(self, glint: f32) -> Self {
-        Self { glint, ..self }
+        Self { ground: 40.0, body: 185.0, fibre: 185.0, rim: 15.0 }
     }
 }
 

@@ -8,8 +8,6 @@ pub struct Rod {
     pub points: Vec<[f64; 3]>,
     pub brightness: f32,
     pub rim: f32,
-    /// How much brighter a streak beside the middle is.
-    pub glint: f32,
 }
 
 /// A image in the making: brightness in floating point, not yet blurred.
@@ -26,12 +24,9 @@ struct Coverage {
     cover: f32,
     /// Across the rod: -1 and 1 are its rims.
     across: f32,
-    /// Along the rod from its start, px.
-    along: f32,
 }
 
-const UNCOVERED: Coverage =
-    Coverage { distance: f32::INFINITY, cover: 0.0, across: 0.0, along: 0.0 };
+const UNCOVERED: Coverage = Coverage { distance: f32::INFINITY, cover: 0.0, across: 0.0 };
 
 /// Pieces meet at small angles, so on the outer side of a bend a piece reaches this far beyond its
 /// ends at most, px.
@@ -48,12 +43,10 @@ impl Raster {
         let Some(cut) = Cut::of(&rod.points) else {
             return;
         };
-        let mut along = 0.0;
         let last = rod.points.len().saturating_sub(2);
         for (number, pair) in rod.points.windows(2).enumerate() {
             let is_outer = [number == 0, number == last];
-            self.touch(&mut touches, pair[0], pair[1], is_outer, &cut, along);
-            along += (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
+            self.touch(&mut touches, pair[0], pair[1], is_outer, &cut);
         }
         for (pixel, touch) in self.data.iter_mut().zip(&touches) {
             if touch.cover > 0.0 {
@@ -71,7 +64,6 @@ impl Raster {
         b: [f64; 3],
         is_outer: [bool; 2],
         cut: &Cut,
-        along: f64,
     ) {
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let length = dx.hypot(dy).max(1e-9);
@@ -104,12 +96,7 @@ impl Raster {
                 if cover > 0.0 && (distance as f32) < touch.distance {
                     let across = (side / half) as f32;
                     let cover = cover.max(touch.cover);
-                    *touch = Coverage {
-                        distance: distance as f32,
-                        cover,
-                        across,
-                        along: (along + t) as f32,
-                    };
+                    *touch = Coverage { distance: distance as f32, cover, across };
                 }
             }
         }
@@ -200,10 +187,7 @@ impl Cut {
 impl Rod {
     fn shade(&self, touch: &Coverage) -> f32 {
         let rim = self.rim * touch.across * touch.across;
-        // A streak that comes and goes along the rod, as on a scratched tube.
-        let streak = (-((touch.across - 0.35) / 0.1).powi(2)).exp()
-            * (0.5 + 0.5 * (touch.along * 0.021).sin());
-        self.brightness - rim + self.glint * streak
+        self.brightness - rim
     }
 }
 
@@ -220,7 +204,7 @@ mod tests {
     fn a_rod_covers_its_own_area() {
         let mut canvas = Raster::new(100, 60, 0.0);
         let points = vec![[-20.0, 30.0, 5.0], [40.0, 30.0, 5.0], [80.0, 30.0, 5.0]];
-        canvas.rod(&Rod { points, brightness: 1.0, rim: 0.0, glint: 0.0 });
+        canvas.rod(&Rod { points, brightness: 1.0, rim: 0.0 });
         // Its end lies at 80; the first pixel's left border at -0.5.
         assert!(
             (canvas.data.iter().sum::<f32>() - 805.0).abs() < 1.0,
@@ -233,7 +217,7 @@ mod tests {
     fn a_rod_of_many_short_pieces_ends_square() {
         let mut canvas = Raster::new(100, 100, 0.0);
         let points = (-3..=10).map(|i| [f64::from(i) * 5.0, 50.0, 30.0]).collect();
-        canvas.rod(&Rod { points, brightness: 1.0, rim: 0.0, glint: 0.0 });
+        canvas.rod(&Rod { points, brightness: 1.0, rim: 0.0 });
         let sum: f32 = canvas.data.iter().sum();
         assert!((sum - 50.5 * 60.0).abs() < 2.0, "{sum}");
     }
@@ -246,9 +230,8 @@ mod tests {
             points: vec![[200.0, 200.0, 4.0], [300.0, 250.0, 4.0]],
             brightness: 9.0,
             rim: 0.0,
-            glint: 0.0,
         });
-        canvas.rod(&Rod { points: vec![[1.0, 1.0, 4.0]], brightness: 9.0, rim: 0.0, glint: 0.0 });
+        canvas.rod(&Rod { points: vec![[1.0, 1.0, 4.0]], brightness: 9.0, rim: 0.0 });
         assert!(canvas.data.iter().all(|v| *v == 3.0));
     }
 }

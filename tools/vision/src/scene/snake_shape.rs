@@ -72,7 +72,7 @@ impl SnakeShape {
             body.push(self.arc_mm + self.tip_mm);
             fibre.clear();
         }
-        let rod = |lengths: Vec<f64>, width_mm: f64, brightness: f32, glint: f32| Rod {
+        let rod = |lengths: Vec<f64>, width_mm: f64, brightness: f32| Rod {
             points: lengths
                 .into_iter()
                 .map(|length| {
@@ -82,13 +82,12 @@ impl SnakeShape {
                 .collect(),
             brightness,
             rim: paint.rim,
-            glint,
         };
         let mut rods = Vec::with_capacity(2);
         if !fibre.is_empty() {
-            rods.push(rod(fibre, self.fibre_width_mm, paint.fibre, 0.0));
+            rods.push(rod(fibre, self.fibre_width_mm, paint.fibre));
         }
-        rods.push(rod(body, self.body_width_mm, paint.body, paint.glint));
+        rods.push(rod(body, self.body_width_mm, paint.body));
         rods
     }
 }

@@ -1,11 +1,11 @@
 //! One reading at a time: what the detector makes of a scene, and what it says when it cannot.
 
-use i2ris_vision::accuracy::settings;
 use i2ris_vision::fibre::{EntrySide, QualityIssue, Reading, measure};
 use i2ris_vision::image::GreyImage;
 use i2ris_vision::scene::{
     Brightness, Clutter, JointPose, Optics, PinholeCamera, Scene, SnakeShape, cover,
 };
+use i2ris_vision::scene_setup::settings;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 

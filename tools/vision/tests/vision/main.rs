@@ -7,7 +7,6 @@
     reason = "tests, which say when they skip"
 )]
 
-mod accuracy;
 mod fibre;
 mod program;
 mod python;

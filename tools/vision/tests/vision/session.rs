@@ -2,11 +2,11 @@
 //! never an angle.
 
 use i2ris::units::Nanos;
-use i2ris_vision::accuracy::setup;
 use i2ris_vision::angle_csv::AngleRow;
 use i2ris_vision::image::GreyImage;
 use i2ris_vision::rest_pose::RestPoseError;
 use i2ris_vision::scene::{JointPose, Rig};
+use i2ris_vision::scene_setup::setup;
 use i2ris_vision::session::{Reference, Session, SessionError, SessionStatistics};
 use i2ris_vision::source::{Frame, FrameFault, SourceItem};
 use i2ris_vision::view_detector::{Rejection, ViewDetector};
