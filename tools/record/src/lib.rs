@@ -13,8 +13,7 @@
 //! | `read` | records of a file, complete or cut off |
 //! | `recover` | makes a complete file of one that was cut off |
 //! | `run_log` | the lines of a run in the log of the controller |
-//! | `export` | tables as CSV and Parquet |
-//! | `dataset` | data sets for those who train policies: LeRobot |
+//! | `export` | tables as CSV and Parquet, pictures as files |
 //! | `alignment` | how late the stamps of a camera are |
 //! | `pictures` | pictures of cameras as messages |
 //! | `extract` | attachments and commands as files |
@@ -29,7 +28,6 @@
 pub mod alignment;
 pub mod cdr;
 pub mod cpp_header;
-pub mod dataset;
 pub mod export;
 pub mod extract;
 pub mod joints;

@@ -51,22 +51,6 @@ impl Picture {
     }
 }
 
-/// Width, height and colours of a JPEG, from its header.
-pub fn size(jpeg: &[u8]) -> Option<[usize; 3]> {
-    let mut at = 2;
-    loop {
-        let [0xFF, marker, high, low, ..] = jpeg.get(at..)? else { return None };
-        let length = usize::from(u16::from_be_bytes([*high, *low]));
-        // Start of frame; C4, C8 and CC are others.
-        if matches!(marker, 0xC0..=0xCF) && ![0xC4, 0xC8, 0xCC].contains(marker) {
-            let [_, h1, h0, w1, w0, colours, ..] = jpeg.get(at + 4..)? else { return None };
-            let of = |high, low| usize::from(u16::from_be_bytes([high, low]));
-            return Some([of(*w1, *w0), of(*h1, *h0), usize::from(*colours)]);
-        }
-        at += 2 + length;
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -91,7 +75,7 @@ mod tests {
 
         #[test]
         fn no_bytes_cause_a_panic(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
-            let _ = (Picture::decode(&bytes), size(&bytes));
+            let _ = Picture::decode(&bytes);
         }
     }
 }

@@ -4,18 +4,23 @@
 //! arrays as `NAME_0`, `NAME_1`, ..., members of spans as `NAME_p50_ns`, hashes as hexadecimal
 //! digits. The first columns are `time`, UTC, `t_s`, seconds since the first message of the file,
 //! and `received_s`, the same for the arrival at the recorder. Entries that a message does not have
-//! are empty (NaN). `units.csv` has the unit of every column. `trial` is the table for people: all
-//! angles and the state on one grid.
+//! are empty (NaN). `units.csv` has the unit of every column. `overview` is the table for people: all
+//! angles and the state on one grid. Pictures, if they are asked for, are files of their views, whose
+//! names are the `t_s` of their exposures.
 //!
 //! | file | contains |
 //! |---|---|
 //! | `columns` | the columns of a payload, and the cells of a message |
 //! | `joined` | goal, setpoint, estimate, camera and state on one grid |
 //! | `parquet` | tables as Parquet: columns with types, a tenth of the size |
+//! | [`source`] | which recordings go into an export |
+//! | [`staged`] | a folder that is written whole or not at all |
 
 mod columns;
 mod joined;
 mod parquet;
+pub mod source;
+pub mod staged;
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -28,8 +33,9 @@ use i2ris::wall_clock::WallTime;
 use mcap::records::{MessageHeader, Record};
 
 use crate::joints::DEFAULT_NAMES;
+use crate::pictures::{self, Picture};
 use crate::read::{ReadError, Records};
-use crate::recorder::{HEADER, JOINTS};
+use crate::recorder::{ALIGNMENT, HEADER, JOINTS, OUTCOME};
 use crate::report::Trial;
 use crate::topic::Topic;
 use columns::{Cell, Column, TableWriter};
@@ -62,6 +68,8 @@ pub enum ExportError {
 pub struct ExportedTables {
     /// Rows of every table, by file name.
     pub rows: BTreeMap<String, u64>,
+    /// How late the stamps of the camera are, s; `None`: not measured.
+    pub camera_late_s: Option<f64>,
     /// Why the recording cannot be read to its end; `None`: it is complete.
     pub stopped_by: Option<ReadError>,
 }
@@ -75,14 +83,16 @@ struct OpenTable {
     writer: Box<dyn TableWriter>,
 }
 
-/// Writes tables into a folder, which is created if necessary. A recording that was cut off gives
-/// the rows that it has.
+/// Writes tables into a folder, which is created if necessary, and pictures if asked to. A recording
+/// that was cut off gives the rows that it has.
 pub fn export(
     recording: &Path,
     folder: &Path,
     format: TableFormat,
+    with_pictures: bool,
 ) -> Result<ExportedTables, ExportError> {
     let mut records = Records::open(recording)?;
+    let mut views: BTreeMap<u16, PathBuf> = BTreeMap::new();
     fs::create_dir_all(folder)
         .map_err(|source| ExportError::Folder { path: folder.to_owned(), source })?;
     let mut tables: BTreeMap<u16, OpenTable> = BTreeMap::new();
@@ -95,8 +105,14 @@ pub fn export(
                 let named = named.map(|names| names.split(' ').map(str::to_owned).collect());
                 outputs = named.unwrap_or(outputs);
             }
+            Record::Metadata(found) if found.name == OUTCOME => {
+                let late = found.metadata.get(ALIGNMENT);
+                exported.camera_late_s = late.and_then(|text| text.parse().ok());
+            }
             Record::Channel(channel) if !tables.contains_key(&channel.id) => {
-                if let Some(stream) = Topic::payload_stream(&channel.topic) {
+                if let Some(view) = pictures::view(&channel.topic).filter(|_| with_pictures) {
+                    views.insert(channel.id, picture_folder(folder, view)?);
+                } else if let Some(stream) = Topic::payload_stream(&channel.topic) {
                     let table = OpenTable::of_stream(folder, stream, &outputs, format)?;
                     tables.insert(channel.id, table);
                 }
@@ -107,6 +123,9 @@ pub fn export(
                     if table.write_message(start, &header, &data)? {
                         *exported.rows.entry(table.name.clone()).or_default() += 1;
                     }
+                } else if let Some(view) = views.get(&header.channel_id) {
+                    let start = *start.get_or_insert(header.publish_time.min(header.log_time));
+                    write_picture(view, start, &data)?;
                 }
             }
             _ => {}
@@ -123,6 +142,22 @@ pub fn export(
     fs::write(&path, units)
         .map_err(|error| ExportError::Write { path, reason: error.to_string() })?;
     Ok(exported)
+}
+
+/// Makes the folder of a view.
+fn picture_folder(folder: &Path, view: &str) -> Result<PathBuf, ExportError> {
+    let path = folder.join("pictures").join(view);
+    fs::create_dir_all(&path)
+        .map_err(|source| ExportError::Folder { path: path.clone(), source })?;
+    Ok(path)
+}
+
+/// Writes a picture under the name of its exposure. Messages that are none are left out.
+fn write_picture(view: &Path, start: u64, message: &[u8]) -> Result<(), ExportError> {
+    let Some(Picture { unix_ns, jpeg }) = Picture::decode(message) else { return Ok(()) };
+    let seconds = (i128::from(unix_ns) - i128::from(start)) as f64 * 1e-9;
+    let path = view.join(format!("{seconds:.9}.jpg"));
+    fs::write(&path, jpeg).map_err(|error| ExportError::Write { path, reason: error.to_string() })
 }
 
 /// The table of all angles; `None` if the recording has none.

@@ -84,7 +84,7 @@ fn recording() -> (TempDir, PathBuf) {
 #[test]
 fn csv_tables_have_every_row() {
     let (folder, file) = recording();
-    let exported = export(&file, &folder.path().join("tables"), TableFormat::Csv).unwrap();
+    let exported = export(&file, &folder.path().join("tables"), TableFormat::Csv, false).unwrap();
     assert!(exported.stopped_by.is_none());
     assert_eq!(exported.rows["measured_js.csv"], MESSAGES);
     let mut reader =
@@ -143,7 +143,7 @@ fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
     }
     trial.finish(BTreeMap::new(), &[]).unwrap();
     let tables = folder.path().join("tables");
-    let exported = export(&file, &tables, TableFormat::Csv).unwrap();
+    let exported = export(&file, &tables, TableFormat::Csv, false).unwrap();
     assert_eq!(exported.rows["overview.csv"], 101);
     let table = fs::read_to_string(tables.join("overview.csv")).unwrap();
     let rows: Vec<&str> = table.lines().collect();
@@ -163,7 +163,7 @@ fn one_table_has_all_angles_in_degrees_the_state_by_name_and_the_time_of_day() {
     let units = fs::read_to_string(tables.join("units.csv")).unwrap();
     assert!(units.contains("overview,camera_yaw_deg,deg\n"), "{units}");
     assert!(tables.join("overview.csv").exists());
-    let again = export(&file, &tables, TableFormat::Parquet).unwrap();
+    let again = export(&file, &tables, TableFormat::Parquet, false).unwrap();
     assert_eq!(again.rows["overview.parquet"], 101);
     let report = TrialReport::read(&file).unwrap();
     assert_eq!(report.recorded.as_deref(), Some("2023-11-14T22:13:20Z"));
@@ -214,7 +214,7 @@ fn a_trial_that_ends_short_of_what_was_asked_says_so_first() {
 fn parquet_tables_have_every_row_with_types() {
     let (folder, file) = recording();
     let tables = folder.path().join("tables");
-    let exported = export(&file, &tables, TableFormat::Parquet).unwrap();
+    let exported = export(&file, &tables, TableFormat::Parquet, false).unwrap();
     assert_eq!(
         (exported.rows["measured_js.parquet"], exported.rows["period_statistics.parquet"]),
         (MESSAGES, 2)
@@ -315,7 +315,7 @@ fn damaged_bytes_cause_no_panic() {
         let place = bytes.len() * step / 60;
         damaged[place] ^= 0xFF;
         fs::write(&bad, damaged).unwrap();
-        let _ = export(&bad, &folder.path().join("tables"), TableFormat::Csv);
+        let _ = export(&bad, &folder.path().join("tables"), TableFormat::Csv, false);
     }
 }
 
@@ -420,7 +420,7 @@ assert counts['/measured_js'] == counts['/i2ris/actuators/measured_js'] == 2000,
 fn python_reads_the_parquet_tables() {
     let (folder, file) = recording();
     let tables = folder.path().join("tables");
-    export(&file, &tables, TableFormat::Parquet).unwrap();
+    export(&file, &tables, TableFormat::Parquet, false).unwrap();
     let script = "
 import sys, pyarrow.parquet
 table = pyarrow.parquet.read_table(sys.argv[1] + '/actuators_measured_js.parquet')

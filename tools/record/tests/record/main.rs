@@ -9,7 +9,7 @@
 
 mod alignment;
 mod crtk;
-mod dataset;
+mod export;
 mod files;
 mod interfaces;
 mod pictures;

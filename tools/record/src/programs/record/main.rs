@@ -21,7 +21,7 @@ use i2ris_report::Failure;
   i2ris record info trial.mcap
   i2ris record export trial.mcap --output tables
   i2ris record export trial.mcap --output parquet --format parquet
-  i2ris record export reach-study --output reach-set --format lerobot-v3
+  i2ris record export reach-study --output reach --format parquet --pictures
   i2ris record extract trial.mcap --output parts
   i2ris record recover killed.mcap --output whole.mcap
 
@@ -39,7 +39,7 @@ struct Arguments {
 enum Task {
     /// Make a complete file of one that was cut off: messages, metadata, attachments
     Recover(existing::RecoverArguments),
-    /// Write recordings as tables (CSV or Parquet), or trials as a data set of LeRobot
+    /// Write recordings, or the trials of a study, as tables (CSV or Parquet)
     Export(export::Arguments),
     /// Take out what is attached (configuration, models, run log) and the commands of each client,
     /// for `i2ris command file`

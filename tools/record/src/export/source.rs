@@ -63,13 +63,6 @@ impl Source {
     pub fn outcome(&self) -> Option<Outcome> {
         self.trial.as_ref().and_then(|trial| trial.outcome)
     }
-
-    /// What was done, for a reader of the data set.
-    pub fn task(&self) -> String {
-        let Some(trial) = &self.trial else { return "unknown".to_owned() };
-        let task = if trial.task.is_empty() { "unknown" } else { &trial.task };
-        format!("{task} ({})", trial.condition)
-    }
 }
 
 fn order(outcome: Option<Outcome>) -> u8 {

@@ -1,4 +1,4 @@
-//! Data sets of trials, as LeRobot itself reads them.
+//! Exports: tables of recordings, and data sets that LeRobot makes of them.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,12 +9,12 @@ use i2ris::clock;
 use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, TeleopMsg};
 use i2ris::units::Nanos;
-use i2ris_record::dataset::find_ffmpeg;
+use i2ris_record::joints::snake;
 use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
 use i2ris_record::study::Study;
 use i2ris_record::study::journal::{Journal, Outcome};
+use i2ris_report::snake::Bend;
 use i2ris_testing::{Controller, run_python_of};
-use serde_json::Value;
 
 const UNIX: u64 = 1_700_000_000_000_000_000;
 /// Pictures per second, and how late the last one of five is.
@@ -146,20 +146,53 @@ fn refuses(arguments: &[&str], part: &str) {
     assert!(!output.status.success() && said.contains(part), "{arguments:?}: {said}");
 }
 
-fn json(path: &Path) -> Value {
-    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
-}
-
 const OUTCOMES: [Outcome; 4] =
     [Outcome::Failure, Outcome::Success, Outcome::Aborted, Outcome::Recovery];
 
-/// Reads every row of a data set with LeRobot, and what it has in it.
+/// Rows as `i2ris.lerobot` makes them of an export, without LeRobot.
+const ROWS: &str = r#"
+import sys
+from pathlib import Path
+from i2ris.lerobot import plan
+has_pictures = sys.argv[2] == "pictures"
+found = plan(Path(sys.argv[1]), 25)
+assert found.fps == 25 and found.views == (["top"] if has_pictures else []), found.views
+assert found.splits() == {"train": "0:1", "recovery": "1:2", "failure": "2:3"}, found.splits()
+assert [it["why"] for it in found.left_out] == ["aborted"], found.left_out
+assert [trial.about["task"] for trial, _, _ in found.episodes] == ["reach"] * 3
+late = 0
+for trial, part, rows in found.episodes:
+    # Without pictures, the last instant has a row, too.
+    assert part == 1 and len(rows) == (50 if has_pictures else 51), len(rows)
+    for frame, row in enumerate(rows):
+        # The state is that of the exposure, which jitter tells.
+        jitter, = row["observation.meta.jitter_s"]
+        t = frame / 25 + jitter
+        late += jitter > 0.003
+        expected = [0.1 * t, -0.1 * t, 0.01, 0.02, 1, 1000 * t, 7]
+        for value, known in zip(row["observation.state"], expected, strict=True):
+            assert abs(value - known) < 1e-3, (frame, row, t)
+        assert abs(row["action"][0] - 0.1 * t) < 1e-5
+        # The hand's view: pitch is up, yaw is right.
+        right, up = row["action.tip_motion"]
+        assert (right == up == 0) if frame == len(rows) - 1 else (right > 0 and up > 0), (frame, right, up)
+        seen = row["ground_truth.camera"]
+        assert abs(seen[0] - 0.1 * t - 0.5) < 1e-5 and seen[2] == 1, (t, seen)
+        assert row["observation.meta.model_id"] == "ab" * 32
+        assert row["observation.meta.clutch"] == ("open" if t < 0.5 else "closed"), (t, row)
+        assert row["observation.meta.stamp_ns"] == 1_000_000_000 + round(1e9 * t), (t, row)
+        if has_pictures:
+            file = row["observation.images.top"]
+            assert abs(float(file.stem) - t) < 1e-6 and file.read_bytes()[:2] == b"\xff\xd8", file
+assert late == (30 if has_pictures else 0), late
+"#;
+
+/// Reads a data set with LeRobot, and what it has in it.
 const LOAD: &str = r#"
-import sys, math
+import sys
 from importlib.metadata import version
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
-root, has_pictures = sys.argv[1], sys.argv[2] != "none"
-# Without pictures, the last instant has a row, too.
+root, has_pictures = sys.argv[1], sys.argv[2] == "pictures"
 rows = 50 if has_pictures else 51
 dataset = LeRobotDataset("i2ris/test", root=root, video_backend="pyav")
 assert dataset.num_episodes == 3 and dataset.fps == 25, (dataset.num_episodes, dataset.fps)
@@ -167,99 +200,88 @@ assert dataset.num_frames == len(dataset) == 3 * rows, len(dataset)
 meta = dataset.meta
 assert meta.info["splits"] == {"train": "0:1", "recovery": "1:2", "failure": "2:3"}
 assert meta.stats["observation.state"]["max"].shape == (7,)
-late = 0
 for index in range(len(dataset)):
     row = dataset[index]
     frame = index % rows
     assert int(row["episode_index"]) == index // rows and int(row["frame_index"]) == frame
     assert abs(float(row["timestamp"]) - frame / 25) < 1e-6
-    # The state is that of the exposure, which jitter tells.
-    jitter = float(row["observation.meta.jitter_s"])
-    t = frame / 25 + jitter
-    late += jitter > 0.003
-    state = row["observation.state"]
-    for value, expected in zip(state.tolist(), [0.1 * t, -0.1 * t, 0.01, 0.02, 1, 1000 * t, 7]):
-        assert abs(value - expected) < 1e-3, (index, state, t)
+    t = frame / 25 + float(row["observation.meta.jitter_s"])
     assert abs(float(row["action"][0]) - 0.1 * t) < 1e-5
-    # The hand's view: pitch is up, yaw is right.
-    right, up = row["action.tip_motion"].tolist()
-    assert (right == up == 0) if frame == rows - 1 else (right > 0 and up > 0), (frame, right, up)
-    assert abs(float(row["ground_truth.camera"][0]) - 0.1 * t - 0.5) < 1e-5
+    assert int(row["observation.meta.stamp_ns"]) >= 1_000_000_000
     assert row["observation.meta.model_id"] == "ab" * 32
-    assert row["observation.meta.clutch"] == ("open" if t < 0.5 else "closed"), (t, row["observation.meta.clutch"])
     assert row["task"] == "reach (with)"
     if has_pictures:
         picture = row["observation.images.top"]
         assert tuple(picture.shape) == (3, 48, 64), picture.shape
         assert abs(255 * float(picture.mean()) - frame) < 3, (frame, 255 * float(picture.mean()))
-assert late == (30 if has_pictures else 0), late
-if has_pictures:
-    assert meta.camera_keys == ["observation.images.top"]
-    assert abs(float(meta.stats["observation.images.top"]["mean"].flatten()[0]) * 255 - 24.5) < 1.5
-# Batches, as a training takes them.
-import torch
-dataset = LeRobotDataset("i2ris/test", root=root, video_backend="pyav", delta_timestamps={"action": [0, 0.04, 0.08]})
-batch = next(iter(torch.utils.data.DataLoader(dataset, batch_size=8)))
-assert tuple(batch["action"].shape) == (8, 3, 2), batch["action"].shape
-one = LeRobotDataset("i2ris/test", root=root, video_backend="pyav", episodes=[1])
-assert one.num_frames == rows, one.num_frames
 print("lerobot", version("lerobot"), "read", len(dataset), "rows")
 "#;
 
-/// The Pythons with LeRobot of the version of each format.
-const PYTHONS: [(&str, &str); 2] =
-    [("lerobot-v2.1", "I2RIS_LEROBOT21_PYTHON"), ("lerobot-v3", "I2RIS_LEROBOT3_PYTHON")];
+/// Variables that name a Python with LeRobot: 0.3 writes v2.1, 0.4 and newer v3.0.
+const PYTHONS: [&str; 2] = ["I2RIS_LEROBOT21_PYTHON", "I2RIS_LEROBOT3_PYTHON"];
 
-fn loads(kind: &str) {
+const BUILD: &str = "import sys\nfrom i2ris.lerobot import main\nsys.exit(main(sys.argv[1:]))";
+
+/// Tables become rows in any Python, and a data set that LeRobot reads where there is one.
+fn becomes_a_data_set(kind: &str) {
     let folder = tempfile::tempdir().unwrap();
-    let study = study(folder.path(), &OUTCOMES, kind != "none");
-    for (format, python) in PYTHONS {
-        let output = folder.path().join(format);
-        let paths = [&study, &output].map(|path| path.to_str().unwrap());
-        let call = [paths[0], "--output", paths[1], "--format", format, "--rate-hz", "25"];
-        let images: &[&str] = if kind == "video" { &[] } else { &["--images"] };
-        let said = exports(&[&call[..], images].concat());
-        assert!(said.contains("P07-with-03: aborted") && said.contains("3 episodes"), "{said}");
-        assert_eq!(output.join("videos").exists(), kind == "video", "{said}");
-        run_python_of(python, "lerobot.datasets.lerobot_dataset", LOAD, &[paths[1], kind]);
+    let study = study(folder.path(), &OUTCOMES, kind == "pictures");
+    let tables = folder.path().join("tables");
+    let [study, tables] = [&study, &tables].map(|path| path.to_str().unwrap());
+    let said = exports(&[study, "--output", tables, "--pictures"]);
+    assert!(said.contains("P07-with-03: aborted"), "{said}");
+    run_python_of("I2RIS_PYTHON", "csv", ROWS, &[tables, kind]);
+    for python in PYTHONS {
+        let set = folder.path().join(python);
+        let set = set.to_str().unwrap();
+        let build = [tables, "--output", set, "--rate-hz", "25", "--images"];
+        run_python_of(python, "lerobot.datasets.lerobot_dataset", BUILD, &build);
+        if Path::new(set).exists() {
+            run_python_of(python, "lerobot.datasets.lerobot_dataset", LOAD, &[set, kind]);
+        }
     }
 }
 
 #[test]
-fn lerobot_of_both_versions_reads_every_row_of_trials_with_pictures() {
-    loads("pictures");
-}
-
-#[test]
-fn lerobot_of_both_versions_reads_every_row_of_trials_without_pictures() {
-    loads("none");
-}
-
-#[test]
-fn lerobot_of_both_versions_reads_videos_where_there_is_an_ffmpeg() {
-    if find_ffmpeg().is_none() {
-        eprintln!("skipped: no ffmpeg on the search path");
-        return;
+fn the_tip_of_a_data_set_is_that_of_the_snake() {
+    let script = "import sys\n\
+        from i2ris.lerobot import tip_m\n\
+        pitch, yaw, *known = map(float, sys.argv[1:])\n\
+        assert all(abs(a - b) < 1e-12 for a, b in zip(tip_m(pitch, yaw), known)), known";
+    for (pitch, yaw) in [(0.0, 0.0), (0.3, 0.0), (-0.7, 0.5)] {
+        let [x, y, _] = snake().tip_pose(Bend { pitch, yaw }).position_m;
+        let arguments = [pitch, yaw, x, y].map(|number| format!("{number:e}"));
+        let arguments = arguments.each_ref().map(String::as_str);
+        run_python_of("I2RIS_PYTHON", "csv", script, &arguments);
     }
-    loads("video");
 }
 
 #[test]
-fn a_data_set_says_what_it_is_made_of_and_what_nobody_knows() {
+fn without_lerobot_one_sentence_says_how_to_get_it_and_nothing_is_left() {
     let folder = tempfile::tempdir().unwrap();
-    let study = study(folder.path(), &OUTCOMES, true);
-    let output = folder.path().join("set");
-    let paths = [&study, &output].map(|path| path.to_str().unwrap());
-    exports(&[paths[0], "--output", paths[1], "--format", "lerobot-v2.1", "--images"]);
-    let info = json(&output.join("meta/info.json"));
-    assert_eq!((info["fps"].as_u64(), info["total_frames"].as_u64()), (Some(25), Some(150)));
-    let readme = fs::read_to_string(output.join("README.md")).unwrap();
-    for part in ["| robot id | R1 |", "P07-with-01", "unknown: to be filled in", "4.00 |", "jitter"]
-    {
-        assert!(readme.contains(part), "{part}: {readme}");
-    }
-    let made_of = json(&output.join("i2ris-export.json"));
-    assert_eq!(made_of["episodes"][2]["outcome"], "failure");
+    let study = study(folder.path(), &[Outcome::Success], false);
+    let [tables, set] = ["tables", "set"].map(|name| folder.path().join(name));
+    let [study, tables, set] = [&study, &tables, &set].map(|path| path.to_str().unwrap());
+    exports(&[study, "--output", tables]);
+    let script = "import contextlib, io, os, sys\n\
+        sys.modules['lerobot'] = None\n\
+        from i2ris.lerobot import main\n\
+        said = io.StringIO()\n\
+        with contextlib.redirect_stderr(said):\n    \
+            assert main([sys.argv[1], '--output', sys.argv[2]]) == 1\n\
+        assert 'pip install lerobot' in said.getvalue(), said.getvalue()\n\
+        assert said.getvalue().count('\\n') == 1 and not os.path.exists(sys.argv[2])";
+    run_python_of("I2RIS_PYTHON", "csv", script, &[tables, set]);
+}
+
+#[test]
+fn a_study_with_pictures_becomes_a_data_set_of_lerobot() {
+    becomes_a_data_set("pictures");
+}
+
+#[test]
+fn a_study_without_pictures_becomes_a_data_set_of_lerobot() {
+    becomes_a_data_set("none");
 }
 
 #[test]
@@ -268,17 +290,17 @@ fn an_export_is_whole_or_not_there_and_never_over_another() {
     let study = study(folder.path(), &[Outcome::Success, Outcome::Success], false);
     let output = folder.path().join("set");
     let paths = [&study, &output].map(|path| path.to_str().unwrap());
-    let call = [paths[0], "--output", paths[1], "--format", "lerobot-v3"];
+    let call = [paths[0], "--output", paths[1]];
     let overwriting = [&call[..], &["--overwrite"]].concat();
     exports(&call);
-    let before = fs::read(output.join("meta/info.json")).unwrap();
+    let before = fs::read(output.join("i2ris-export.json")).unwrap();
     refuses(&call, "exists; name another folder, or add --overwrite");
     exports(&overwriting);
     // The second trial cannot be read: nothing is left of the first, and the old set stays.
     let second = study.join("P07-with-02/recording.mcap");
     fs::write(&second, b"no recording").unwrap();
     refuses(&overwriting, "is no recording");
-    assert_eq!(fs::read(output.join("meta/info.json")).unwrap(), before);
+    assert_eq!(fs::read(output.join("i2ris-export.json")).unwrap(), before);
     let fresh = folder.path().join("fresh");
     refuses(&[paths[0], "--output", fresh.to_str().unwrap(), "--format", "csv"], "is no recording");
     let left: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|it| it.unwrap().path()).collect();
@@ -294,11 +316,25 @@ fn an_export_is_whole_or_not_there_and_never_over_another() {
     refuses(&file, "is no export of i2ris");
 }
 
+/// What `python -m i2ris.lerobot` says of an export that is no data set.
+const REFUSED: &str = r#"
+import sys
+from pathlib import Path
+from i2ris.lerobot import DatasetError, plan
+try:
+    found = plan(Path(sys.argv[1]), 30, sys.argv[3] == "without")
+    said = f"{len(found.episodes)} episodes"
+except DatasetError as error:
+    said = str(error)
+assert sys.argv[2] in said, said
+"#;
+
 #[test]
 fn recordings_with_gaps_other_clocks_other_pictures_or_nothing_are_parted_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    let [hole, pictures, jumped] = ["hole.mcap", "pictures.mcap", "jumped.mcap"].map(path);
+    let [hole, pictures, jumped, empty] =
+        ["hole.mcap", "pictures.mcap", "jumped.mcap", "empty.mcap"].map(path);
     record(Path::new(&hole), 3, false, true);
     record(Path::new(&pictures), 2, true, false);
     // A clock that jumps: the controller's stamps begin anew.
@@ -309,22 +345,19 @@ fn recordings_with_gaps_other_clocks_other_pictures_or_nothing_are_parted_or_ref
         trial.record(&StreamMessage::Measured(state), stamp);
     }
     trial.finish(BTreeMap::new(), &[]).unwrap();
-    let set = path("set");
-    let format = ["--output", &*set, "--format", "lerobot-v3", "--images", "--overwrite"];
-    assert!(exports(&[&[&*hole], &format[..]].concat()).contains("2 episodes"), "it is parted");
-    let mixed = [&[&*hole, &*pictures], &format[..]].concat();
-    refuses(&mixed, "pictures has pictures of top of 64x48 at 25 Hz, hole has no pictures");
-    exports(&[&mixed[..], &["--without-pictures"]].concat());
-    let jumped = [&[&*jumped], &format[..]].concat();
-    refuses(&jumped, "stamps of measured_js go back by 8.0 s: the clock jumped");
-    let empty = path("empty.mcap");
     let trial = TrialRecorder::start(Path::new(&empty), RecordingHeader::default()).unwrap();
     trial.finish(BTreeMap::new(), &[]).unwrap();
-    refuses(
-        &[&empty, "--output", &path("new"), "--format", "lerobot-v3"],
-        "anything to learn from",
-    );
-    assert!(!Path::new(&path("new")).exists());
+    let tables = path("tables");
+    for (recordings, words, pictures) in [
+        (&[&*hole][..], "2 episodes", "with"),
+        (&[&hole, &pictures], "pictures of top at 25 Hz, others have no pictures", "with"),
+        (&[&hole, &pictures], "3 episodes", "without"),
+        (&[&jumped], "stamps of measured_js go back by 8.0 s: the clock jumped", "with"),
+        (&[&empty], "no recording has estimate, goal and counts", "with"),
+    ] {
+        exports(&[recordings, &["--output", &tables, "--overwrite", "--pictures"]].concat());
+        run_python_of("I2RIS_PYTHON", "csv", REFUSED, &[&tables, words, pictures]);
+    }
 }
 
 #[test]
@@ -394,7 +427,7 @@ fn an_hour_is_exported_in_every_format() {
     record_with(&file, seconds, Some(&|number| pictures[number as usize % 20].clone()), false);
     let size = fs::metadata(&file).unwrap().len();
     println!("{seconds} s, {} MB, pictures of {} kB", size / 1_000_000, pictures[0].len() / 1000);
-    for format in ["lerobot-v3", "lerobot-v2.1", "parquet", "csv"] {
+    for format in ["parquet", "csv"] {
         let begun = clock::now();
         let output = folder.path().join(format);
         let output = output.to_str().unwrap();
