@@ -6,7 +6,7 @@ use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::model::kinematic::tip_position;
 use i2ris::units::{Counts, Nanos};
-use i2ris_testing::cycle::{Bench, CLIENT, model, rad, strict_config, with_jaw};
+use i2ris_testing::cycle::{Bench, CLIENT, config, model, rad, strict_config, with_jaw};
 
 /// A goal of every kind that moves with the time in s, slowly.
 type Kind = fn(f64) -> ServoGoal;
@@ -65,6 +65,14 @@ fn a_stream_of_any_kind_that_broke_off_in_motion_is_not_followed_again_by_itself
         assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
         assert_eq!(is_followed(&mut bench), Refusal::None, "{name}");
     }
+}
+
+#[test]
+fn one_command_that_was_stopped_on_its_way_broke_off_too() {
+    let mut bench = Bench::enabled_with(config(""), Some(model(OutputUnit::Deg)));
+    assert_eq!(bench.joint(4.0, 0.0), Refusal::None);
+    bench.run(700);
+    assert_eq!(is_followed(&mut bench), Refusal::BrokenOff);
 }
 
 #[test]

@@ -82,20 +82,19 @@ fn a_narrow_cycle_is_widened_to_what_the_model_needs() {
 
 #[test]
 fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
-    let mut bench =
-        ready(config("[conditioning]\nhalf_width_counts = 650\nvelocity_counts_s = 1500"), None);
-    let positions = run_conditioning(&mut bench);
-    assert_eq!(
-        (range(&positions, 0), range(&positions, 1)),
-        ((-530, 770), (-700, 600)),
-        "as wide, but moved off the limit"
-    );
-    assert_eq!(positions.last(), Some(&[120, -80]));
-    let mut steps = positions.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs());
-    assert!(
-        steps.clone().any(|step| step == 2) && steps.all(|step| step <= 2),
-        "1.5 counts a tick"
-    );
+    for (half_width, first, second) in
+        [(650, (-530, 770), (-700, 600)), (950, (-900, 1000), (-700, 1000))]
+    {
+        let table = "[conditioning]\nvelocity_counts_s = 1500\nhalf_width_counts";
+        let mut bench = ready(config(&format!("{table} = {half_width}")), None);
+        let positions = run_conditioning(&mut bench);
+        let ranges = (range(&positions, 0), range(&positions, 1));
+        assert_eq!(ranges, (first, second), "as wide, but moved off the limit");
+        assert_eq!(positions.last(), Some(&[120, -80]));
+        let mut steps = positions.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs());
+        let is_fast = steps.clone().any(|step| step == 2);
+        assert!(is_fast && steps.all(|step| step <= 2), "1.5 counts a tick");
+    }
 }
 
 #[test]

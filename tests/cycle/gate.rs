@@ -216,6 +216,71 @@ fn counts_and_conditioning_keep_the_joint_limits() {
     }
 }
 
+/// Counts pass no filter of the angles, so that only the gate limits them: after a stop from rest
+/// again, and no more than they have to be.
+#[test]
+fn counts_that_jump_keep_velocity_acceleration_and_jerk_of_the_angles() {
+    let tables = "[joint_limits]\nvelocity_deg_s = 20.0\nacceleration_deg_s2 = 600.0\n\
+         jerk_deg_s3 = 1e5";
+    let mut bench = enabled(tables, model(OutputUnit::Deg));
+    // What is let pass beyond, for the inverse, is 0.00003 deg, and a hundredth.
+    let limits = [0.02, 6e-4, 1e-4].map(|limit| 1.01 * limit + 3.5e-5);
+    let mut last = [setpoint_deg(&bench)[0], 0.0, 0.0];
+    let mut fastest = 0.0_f64;
+    for (counts, ticks) in [(200, 400), (0, 200), (200, 60), (0, 80), (200, 1000), (-40, 400)] {
+        for tick in 0..ticks {
+            assert_eq!(bench.actuator([counts, counts]), Refusal::None);
+            let now = setpoint_deg(&bench)[0];
+            let step = now - last[0];
+            let before = if step * last[1] > 0.0 { last[1].abs() } else { 0.0 };
+            let growth = step.abs() - before;
+            let jerk = growth - last[2].max(0.0);
+            for (value, limit) in [step.abs(), growth, jerk].into_iter().zip(limits) {
+                assert!(value <= limit, "{value} of {limit} in tick {tick} to {counts}");
+            }
+            (last, fastest) = ([now, step, growth], fastest.max(step.abs()));
+        }
+        if ticks >= 400 {
+            let goal = 2.0 * GAIN_DEG * f64::from(counts);
+            assert!((last[0] - goal).abs() < 0.01, "{} deg of {goal}", last[0]);
+        }
+        if ticks == 1000 {
+            // At full speed, and stopped.
+            for counts in (0..200).rev().step_by(2) {
+                assert_eq!(bench.actuator([counts, counts]), Refusal::None);
+            }
+            assert_eq!(bench.ask(StateCommand::Hold), Refusal::None);
+            bench.run(1100);
+            last = [setpoint_deg(&bench)[0], 0.0, 0.0];
+        }
+    }
+    assert!(fastest > 0.0195, "{fastest} deg in a tick");
+}
+
+/// The goal goes along a slanted side of the hull faster than the motors, the second one of which
+/// would be at its end first.
+#[test]
+fn motors_that_lag_behind_a_goal_do_not_leave_a_slanted_hull() {
+    let mut file = model(OutputUnit::Deg).file().clone();
+    let corners = [[800.0, 0.0], [0.0, 400.0], [-800.0, 0.0], [0.0, -400.0]];
+    file.hull.corners = corners.map(Vec::from).to_vec();
+    let mut bench = enabled("", Arc::new(Model::from_file(file).unwrap()));
+    let mut farthest = f64::MIN;
+    let mut note = |bench: &Bench| {
+        let [a, b] = bench.targets().map(f64::from);
+        farthest = farthest.max(a.abs() / 800.0 + b.abs() / 400.0);
+    };
+    let deg = |[a, b]: [f64; 2]| [GAIN_DEG * (a + b), GAIN_DEG * (b - a)];
+    let [start, end] = [[700.0, 50.0], [50.0, 375.0]].map(deg);
+    sweep(&mut bench, [0.0; 2], start, 2000, &mut note);
+    sweep(&mut bench, start, end, 100, &mut note);
+    sweep(&mut bench, end, end, 1000, &mut note);
+    // A count beyond may be, and half of one by rounding.
+    assert!(farthest < 1.0 + 1.5 * 0.5_f64.hypot(1.0) / 400.0, "{farthest}");
+    let [pitch, yaw, _] = setpoint_deg(&bench);
+    assert!((pitch - end[0]).hypot(yaw - end[1]) < 0.05, "{pitch} {yaw} of {end:?}");
+}
+
 #[test]
 fn a_stream_begins_where_the_snake_is_also_after_a_pause_a_stop_and_a_fault() {
     let begins = |bench: &mut Bench, reason: &str| {

@@ -1,6 +1,6 @@
 //! `servo_jv`, `interpolate_jp`, and goals of the tip: `servo_cp`, `servo_cv`, `move_cp`.
 
-use i2ris::core::{CycleEventKind, ServoGoal};
+use i2ris::core::{CycleEventKind, ServoCommand, ServoGoal};
 use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::file::OutputUnit;
 use i2ris::model::kinematic::tip_position;
@@ -165,6 +165,15 @@ fn a_slow_stream_becomes_a_steady_motion_and_rests_where_it_was_led() {
         let from = if has_memory() { speeds.len() / 2 } else { 2 };
         let steady = speeds.get(from..speeds.len()).unwrap();
         assert!(steady.iter().all(|speed| (speed - 12.0).abs() < 2.0), "{speeds:?}");
+    }
+    for (deadline_ms, is_over) in [(0, false), (60, true)] {
+        let mut bench = strict("");
+        let deadline = Nanos::from_millis(deadline_ms);
+        let goal = ServoGoal::Interpolated([0.0; 3], 2);
+        let command = ServoCommand { deadline, ..bench.servo(goal) };
+        assert_eq!(bench.send(command), Refusal::None);
+        bench.run(70);
+        assert_eq!(bench.report().holding, is_over, "one of its own");
     }
 }
 

@@ -2,13 +2,15 @@
 
 use i2ris::drive::AxisPhase;
 use i2ris::ipc::{Fault, OperatingState, Refusal, StateCommand};
+use i2ris::model::file::OutputUnit;
 use i2ris::process::model_comparison::{ModelState, difference};
 use i2ris::robot::{Cause, Clip, Measurement, Quantity, Stop};
 
 use i2ris::core::ServoGoal;
 use i2ris::units::{Counts, Nanos};
 use i2ris_testing::cycle::{
-    Bench, Quirk, config, lag_counts, rad, scaled_standard_model, standard_model,
+    Bench, Quirk, config, lag_counts, model, rad, scaled_standard_model, standard_model,
+    strict_config,
 };
 
 /// The measurement of the last event with this cause.
@@ -116,6 +118,35 @@ fn a_refusal_tells_what_was_measured() {
     assert_eq!(bench.send(entries), Refusal::Malformed);
     let values = Measurement::new(Quantity::Values, 1.0, Some(2.0));
     assert_eq!(measurement(&bench, Cause::Refusal(Refusal::Malformed)), Some(values));
+}
+
+#[test]
+fn a_step_that_is_refused_is_told_with_the_limit_that_it_breaks() {
+    let limits = strict_config("[joint_limits]\nposition_max_deg = [3.0, 9.0]");
+    let mut bench = Bench::enabled_with(limits, Some(model(OutputUnit::Deg)));
+    let angles = |pitch, yaw| ServoGoal::Joint(rad(pitch, yaw), 2);
+    let refused = |bench: &mut Bench, goal: ServoGoal, [step, limit]: [f64; 2]| {
+        let command = bench.servo(goal);
+        assert_eq!(bench.send(command), Refusal::Step, "{goal:?}");
+        let told = measurement(bench, Cause::Refusal(Refusal::Step)).unwrap();
+        let of = told.limit.unwrap();
+        assert!((told.measured - step).abs() < 1e-6 && (of - limit).abs() < 1e-6, "{told}");
+    };
+    let first = bench.config.command.first_step_deg;
+    refused(&mut bench, angles(first + 0.1, 0.0), [first + 0.1, first]);
+    assert_eq!(bench.joint(0.9 * first, 0.0), Refusal::None);
+    refused(&mut bench, angles(0.9 * first, 5.1), [5.1, 5.0]);
+    // The longest rate is followed, until its deadline of 50 ms.
+    let rate = |pitch| ServoGoal::Rate(rad(pitch, 0.0), 2);
+    refused(&mut bench, rate(102.0), [5.1, 5.0]);
+    let longest = bench.servo(rate(-100.0));
+    assert_eq!(bench.send(longest), Refusal::None);
+    // The snake stays at the limit while the hand goes round it, and may not come back elsewhere.
+    let mut bench = Bench::enabled_with(bench.config, Some(model(OutputUnit::Deg)));
+    for (pitch, yaw) in [(0.9 * first, 0.0), (3.0, 0.0), (7.0, 0.0), (7.0, 4.0), (7.0, 8.0)] {
+        assert_eq!(bench.joint(pitch, yaw), Refusal::None);
+    }
+    refused(&mut bench, angles(2.9, 8.0), [8.0_f64.hypot(0.1), 4.1 + first]);
 }
 
 #[test]
