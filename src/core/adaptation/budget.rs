@@ -132,6 +132,7 @@ fn largest_shift(drift: &Drift, geometry: &ModelGeometry, gap_reach: Pair) -> f6
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::core::adaptation::geometry::SlowError;
 
     fn geometry(built_in: Drift) -> ModelGeometry {
         ModelGeometry {
@@ -158,17 +159,133 @@ mod tests {
         let (built_in, more) = (drift(0.02, 0.5, 0.4), drift(-0.03, 0.2, 0.1));
         let geometry = geometry(built_in);
         let all = with_built_in(&more, &geometry);
-        let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12, "{found}");
-        near(all.gain[0][0], 1.2 * 1.5 + 0.1 * -0.2 - 1.0);
-        near(all.zero[0], -0.03 + 1.2 * 0.02);
-        near(all.gap[0], 1.4 * 1.1 - 1.0);
-        let back = without_built_in(&all, &geometry).to_array();
-        for (back, more) in back.into_iter().zip(more.to_array()) {
-            near(back, more);
-        }
+        let gain = 1.2 * 1.5 + 0.1 * -0.2 - 1.0;
+        let wanted = [gain, -0.03 + 1.2 * 0.02, 1.4 * 1.1 - 1.0];
+        near(&[all.gain[0][0], all.zero[0], all.gap[0]], &wanted, "all");
+        near(&without_built_in(&all, &geometry).to_array(), &more.to_array(), "back");
+        let used = BudgetUse::new(&more, &geometry, [0.0; 2], &settings(1.0));
+        near(&[used.parameters[2] * 0.2], &[gain], "used");
+    }
+
+    const CORRECTED: SlowError =
+        SlowError { direction: [0.6, 0.8], deviation: 1e-3, time_constant_s: 10.0, fast: 1e-3 };
+
+    fn settings(total_budget: f64) -> Settings {
         let config = crate::config::AdaptationConfig::default();
         let settings = Settings::new(&config, crate::units::Nanos::from_millis(1));
-        let used = BudgetUse::new(&more, &geometry, [0.0; 2], &settings);
-        near(used.parameters[2] * settings.gain_budget, 1.2 * 1.5 + 0.1 * -0.2 - 1.0);
+        let (gain_budget, gap_budget, latency_budget_s) = (0.2, 0.4, 0.03);
+        let zero_budget = 0.1;
+        Settings {
+            zero_budget,
+            gain_budget,
+            gap_budget,
+            latency_budget_s,
+            total_budget,
+            ..settings
+        }
+    }
+
+    fn near(found: &[f64], wanted: &[f64], of: &str) {
+        let are_near = found.iter().zip(wanted).all(|(a, b)| a == b || (a - b).abs() < 1e-12);
+        assert!(are_near, "{of}: {found:?} instead of {wanted:?}");
+    }
+
+    /// A parameter, what is built in of it, what comes after that, and how much of that may.
+    #[test]
+    fn every_parameter_has_a_budget_of_its_own_with_what_is_built_in() {
+        let settings = settings(f64::INFINITY);
+        let of = |index: usize, value: f64| {
+            let mut array = [0.0; PARAMETERS];
+            array[index] = value;
+            Drift::from_array(array)
+        };
+        for (index, built_in, more, wanted) in [
+            (0, 0.0, 0.09, 0.09),
+            (0, 0.0, 1.0, 0.1),
+            (1, 0.0, -1.0, -0.1),
+            (2, 0.0, 1.0, 0.2),
+            (5, 0.0, -0.9, -0.2),
+            (6, 0.0, 1.0, 0.4),
+            (6, 0.0, -1.0, -0.2),
+            (7, 0.0, 1.0, 0.4),
+            (7, 0.0, -1.0, -0.2),
+            (8, 0.0, -1.0, -0.03),
+            (9, 0.0, 1.0, 0.1),
+            // A part of the budget is used.
+            (0, 0.06, 1.0, 0.04),
+            (1, 0.06, -1.0, -0.16),
+            (2, 0.1, 1.0, 0.1 / 1.1),
+            (7, 0.1, 1.0, 0.3 / 1.1),
+            // More than the budget of today: it stays, may become less, and no more.
+            (0, 0.15, 0.05, 0.0),
+            (0, 0.15, -0.05, -0.05),
+            (1, -0.15, -0.05, 0.0),
+            (1, -0.15, 1.0, 0.25),
+            (5, 0.3, 0.1, 0.0),
+            (5, 0.3, -0.9, -0.5 / 1.3),
+            (7, 0.6, 0.1, 0.0),
+            (6, -0.5, -0.1, 0.0),
+        ] {
+            let geometry = ModelGeometry { slow: Some(CORRECTED), ..geometry(of(index, built_in)) };
+            let found = inside(&of(index, more), &geometry, [0.0; 2], &settings).to_array();
+            let name = format!("{more} of parameter {index} after {built_in}");
+            near(&found, &of(index, wanted).to_array(), &name);
+            assert!(wanted != more || found[index] == more, "{name}: to the bit");
+        }
+        // A slow error that is not corrected has no budget.
+        let geometry = geometry(Drift::default());
+        assert_eq!(inside(&of(9, 9.0), &geometry, [0.0; 2], &settings), of(9, 9.0));
+        let used = BudgetUse::new(&of(9, 9.0), &geometry, [0.0; 2], &settings);
+        assert_eq!(used.parameters, [0.0; PARAMETERS]);
+    }
+
+    /// What all parameters together move at the corner where it is most.
+    #[test]
+    fn the_total_counts_what_is_built_in_and_makes_all_that_comes_after_it_smaller() {
+        let zero = |zero: f64| Drift { zero: [zero, 0.0], ..Drift::default() };
+        for (built_in, more, total, wanted) in [
+            (0.0, 0.08, 0.04, 0.5),
+            (0.03, 0.06, 0.06, 0.5),
+            (0.03, 0.06, 0.09, 1.0),
+            // More is built in than the budget of today.
+            (0.06, 0.02, 0.04, 0.0),
+            (0.06, -0.01, 0.04, 1.0),
+        ] {
+            for slow in [None, Some(CORRECTED)] {
+                let geometry = ModelGeometry { slow, ..geometry(zero(built_in)) };
+                let drift = Drift { latency_s: 0.02, ..zero(more) };
+                let found = inside(&drift, &geometry, [0.0; 2], &settings(total));
+                let name = format!("{more} after {built_in} of {total}");
+                near(
+                    &found.to_array(),
+                    &Drift { latency_s: 0.02, ..zero(wanted * more) }.to_array(),
+                    &name,
+                );
+            }
+        }
+        // Zero, gain at two corners, two gaps, and the slow error along its direction.
+        let mut geometry = geometry(Drift::default());
+        geometry.corners = vec![[0.1, 0.0], [-0.2, 0.3]];
+        let gain = [[0.1, 0.0], [0.0, 0.2]];
+        let drift =
+            Drift { zero: [-0.01, 0.02], gain, gap: [0.1, -0.2], latency_s: 0.0, slow: 0.05 };
+        let gaps = 0.1 * 0.02 + 0.2 * 0.03;
+        let shift = |drift: &Drift, geometry: &ModelGeometry| {
+            let settings = settings(0.5);
+            let used = BudgetUse::new(drift, geometry, [0.02, 0.03], &settings);
+            assert_eq!(used.largest(), used.parameters.iter().copied().fold(used.total, f64::max));
+            used.total * 0.5
+        };
+        near(&[shift(&drift, &geometry)], &[0.03_f64.hypot(0.08) + gaps], "not corrected");
+        geometry.slow = Some(CORRECTED);
+        near(&[shift(&drift, &geometry)], &[0.12 + gaps], "corrected");
+        // Only the slow error that is corrected is made smaller.
+        let scaled = |geometry: &ModelGeometry| {
+            inside(&drift, geometry, [0.02, 0.03], &settings(0.064)).to_array()
+        };
+        let half = drift.to_array().map(|value| value / 2.0);
+        near(&scaled(&geometry), &half, "half of all");
+        geometry.slow = None;
+        assert_eq!(scaled(&geometry)[9], 0.05);
     }
 }
