@@ -62,7 +62,8 @@ fn the_jaw_follows_its_own_stream_beside_the_joints() {
 #[test]
 fn a_jaw_without_commands_holds_and_what_holds_the_robot_holds_it() {
     for stop in [None, Some(StateCommand::Hold), Some(StateCommand::Pause)] {
-        let mut bench = enabled();
+        let slow = with_jaw(config("[limits]\nstop_deceleration_counts_s2 = 40000.0"));
+        let mut bench = Bench::enabled_with(slow, Some(standard_model()));
         for k in 1..=20 {
             let jaw = angle(&mut bench, f64::from(k));
             assert_eq!(turn(&mut bench, jaw), Refusal::None);
@@ -70,13 +71,15 @@ fn a_jaw_without_commands_holds_and_what_holds_the_robot_holds_it() {
         }
         match stop {
             None => {
-                bench.run(60);
+                bench.run(160);
                 let stale = |it: &CycleEventKind| matches!(it, CycleEventKind::StaleStop { .. });
                 assert!(bench.events.iter().any(stale));
             }
             Some(command) => {
                 assert_eq!(bench.ask_as(CLIENT + 1, command).refusal, Refusal::None);
-                bench.run(5);
+                let from = jaw_target(&bench);
+                bench.run(100);
+                assert!((jaw_target(&bench).0 - from.0).abs() > 10, "it slows down");
             }
         }
         let before = jaw_target(&bench);

@@ -51,6 +51,8 @@ fn it_covers_the_hull_within_the_position_limits_and_ends_where_it_began() {
         .map(|part| range(part, 0).1 - range(part, 0).0)
         .collect();
     assert!(swings[1] > swings[3] && swings[3] < 900, "it decays: {swings:?}");
+    let rests = positions.chunk_by(|a, b| a == b).filter(|rest| rest.len() > 40);
+    assert!(rests.count() >= 16, "at the ends of four rounds, to read the encoders");
 }
 
 #[test]
@@ -85,15 +87,14 @@ fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
     for (half_width, first, second) in
         [(650, (-530, 770), (-700, 600)), (950, (-900, 1000), (-700, 1000))]
     {
-        let table = "[conditioning]\nvelocity_counts_s = 1500\nhalf_width_counts";
+        let table = "[conditioning]\nvelocity_counts_s = 500\nhalf_width_counts";
         let mut bench = ready(config(&format!("{table} = {half_width}")), None);
         let positions = run_conditioning(&mut bench);
         let ranges = (range(&positions, 0), range(&positions, 1));
         assert_eq!(ranges, (first, second), "as wide, but moved off the limit");
         assert_eq!(positions.last(), Some(&[120, -80]));
         let mut steps = positions.windows(2).map(|pair| (pair[1][0] - pair[0][0]).abs());
-        let is_fast = steps.clone().any(|step| step == 2);
-        assert!(is_fast && steps.all(|step| step <= 2), "1.5 counts a tick");
+        assert!(steps.all(|step| step <= 1), "half a count in a tick");
     }
 }
 
@@ -128,15 +129,6 @@ fn servo_commands_meanwhile_are_refused_and_change_nothing() {
     assert_eq!(bench.report().lease_client_id, CLIENT, "its cycle is its own");
     bench.idle();
     assert_eq!(bench.report().lease_client_id, 0);
-}
-
-#[test]
-fn a_client_that_commands_is_not_disturbed_by_another() {
-    let mut bench = Bench::moving();
-    assert_eq!(bench.ask_as(99, StateCommand::Condition).refusal, Refusal::Lease);
-    assert!(!bench.report().holding);
-    assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    assert!(bench.report().busy);
 }
 
 #[test]

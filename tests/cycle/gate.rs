@@ -193,12 +193,14 @@ fn limits_of_angles_hold_once_a_model_says_what_an_angle_is() {
 
 #[test]
 fn counts_and_conditioning_keep_the_joint_limits() {
-    let tables = "[joint_limits]\nposition_max_deg = [3.0, 9.0]\nvelocity_deg_s = 5.0";
+    let tables = "[joint_limits]\nposition_max_deg = [3.0, 9.0]\nvelocity_deg_s = 20.0\n\
+         [limits]\nstop_deceleration_counts_s2 = 40000.0";
     let mut bench = enabled(tables, standard_model());
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::Range);
     let mut highest = f64::MIN;
     for k in 0..3000 {
-        let counts = (k / 5).min(240);
+        // Fast enough that a stop takes 0.16 deg.
+        let counts = (k * 2 / 3).min(240);
         assert_eq!(bench.actuator([counts, counts]), Refusal::None);
         highest = highest.max(setpoint_deg(&bench)[0]);
     }
@@ -207,13 +209,15 @@ fn counts_and_conditioning_keep_the_joint_limits() {
     // Of a straight line: the default family was seen at 6.1 deg/s over a tenth of a second.
     let mut bench = enabled(slow, model(OutputUnit::Deg));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    let mut before = setpoint_deg(&bench)[0];
+    let (mut before, mut reached) = (setpoint_deg(&bench)[0], [0; 2]);
     while bench.report().busy {
         bench.tick();
+        reached = [0, 1].map(|motor: usize| reached[motor].max(bench.targets()[motor]));
         let now = setpoint_deg(&bench)[0];
         assert!((now - before).abs() * 1e3 <= 5.1, "{} deg/s", (now - before) * 1e3);
         before = now;
     }
+    assert_eq!(reached, [800, 800], "the cycle waits for its motors");
 }
 
 /// Counts pass no filter of the angles, so that only the gate limits them: after a stop from rest
@@ -221,7 +225,7 @@ fn counts_and_conditioning_keep_the_joint_limits() {
 #[test]
 fn counts_that_jump_keep_velocity_acceleration_and_jerk_of_the_angles() {
     let tables = "[joint_limits]\nvelocity_deg_s = 20.0\nacceleration_deg_s2 = 600.0\n\
-         jerk_deg_s3 = 1e5";
+         jerk_deg_s3 = 1e5\n[limits]\nstop_deceleration_counts_s2 = 40000.0";
     let mut bench = enabled(tables, model(OutputUnit::Deg));
     // What is let pass beyond, for the inverse, is 0.00003 deg, and a hundredth.
     let limits = [0.02, 6e-4, 1e-4].map(|limit| 1.01 * limit + 3.5e-5);
@@ -230,7 +234,8 @@ fn counts_that_jump_keep_velocity_acceleration_and_jerk_of_the_angles() {
     for (counts, ticks) in [(200, 400), (0, 200), (200, 60), (0, 80), (200, 1000), (-40, 400)] {
         for tick in 0..ticks {
             assert_eq!(bench.actuator([counts, counts]), Refusal::None);
-            let now = setpoint_deg(&bench)[0];
+            let [now, yaw, _] = setpoint_deg(&bench);
+            assert!(yaw.abs() < 1e-9, "one motor without the other: {yaw} deg");
             let step = now - last[0];
             let before = if step * last[1] > 0.0 { last[1].abs() } else { 0.0 };
             let growth = step.abs() - before;

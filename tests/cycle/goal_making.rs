@@ -135,6 +135,17 @@ fn a_slow_rate_comes_out_of_the_dead_band() {
 }
 
 #[test]
+fn a_rate_that_is_too_fast_for_the_snake_ends_where_it_ends() {
+    let slow = strict_config("[joint_limits]\nvelocity_deg_s = 4.0");
+    let mut bench = Bench::enabled_with(slow, Some(model(OutputUnit::Deg)));
+    stream(&mut bench, 100, |_| ServoGoal::Rate(rad(60.0, 0.0), 2));
+    let [before, _] = pose(&bench);
+    stream(&mut bench, 400, |_| STILL);
+    let gone = pose(&bench)[0] - before;
+    assert!(gone < 1.0, "{gone} deg further");
+}
+
+#[test]
 fn a_rate_that_ends_is_not_led_further_by_the_lead() {
     for lead in [0.0, 30.0] {
         let tables = format!("[compensation]\nlead_ms = {lead:?}");
