@@ -209,15 +209,16 @@ fn counts_and_conditioning_keep_the_joint_limits() {
     // Of a straight line: the default family was seen at 6.1 deg/s over a tenth of a second.
     let mut bench = enabled(slow, model(OutputUnit::Deg));
     assert_eq!(bench.ask(StateCommand::Condition), Refusal::None);
-    let (mut before, mut reached) = (setpoint_deg(&bench)[0], [0; 2]);
+    let (mut before, mut positions) = (setpoint_deg(&bench)[0], Vec::new());
     while bench.report().busy {
         bench.tick();
-        reached = [0, 1].map(|motor: usize| reached[motor].max(bench.targets()[motor]));
+        positions.push(bench.targets());
         let now = setpoint_deg(&bench)[0];
         assert!((now - before).abs() * 1e3 <= 5.1, "{} deg/s", (now - before) * 1e3);
         before = now;
     }
-    assert_eq!(reached, [800, 800], "the cycle waits for its motors");
+    let rests = positions.chunk_by(|a, b| a == b).filter(|rest| rest.len() > 40);
+    assert!(rests.count() >= 16, "the cycle waits for its motors");
 }
 
 /// Counts pass no filter of the angles, so that only the gate limits them: after a stop from rest
