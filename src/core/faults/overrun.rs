@@ -53,6 +53,7 @@ mod tests {
         assert!(monitor.add(2, ms(9)));
         // Nine per second, for ten seconds, once the bucket is empty again.
         assert!((0..90).all(|k| !monitor.add(1, ms(2000 + k * 112))));
+        assert!(OverrunMonitor::new(10, Nanos::from_millis(1000)).add(10, ms(0)), "all at once");
         let mut never = OverrunMonitor::new(0, Nanos::from_millis(1000));
         assert!((0..1000).all(|k| !never.add(9, ms(k))));
     }

@@ -265,3 +265,81 @@ impl AxisControl {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An axis from -1000 to 1000 counts with 2 counts per tick, 0.04 more and 0.25 less per tick.
+    fn axis() -> AxisControl {
+        let text = include_str!("../../../config/emulator.toml");
+        let mut config = Config::parse(text, "emulator.toml".as_ref()).unwrap();
+        config.limits.velocity_counts_s = 2000.0;
+        config.limits.acceleration_counts_s2 = 40_000.0;
+        config.limits.stop_deceleration_counts_s2 = 250_000.0;
+        let axis = &mut config.ports[0].axes[0];
+        (axis.position_min_counts, axis.position_max_counts) = (Counts(-1000), Counts(1000));
+        AxisControl::new(&axis.clone(), &config)
+    }
+
+    /// What the limiter never does, the gate would see all the same.
+    #[test]
+    fn a_step_keeps_position_velocity_and_acceleration_or_breaks_them_no_further() {
+        for (at, increment, step, is_kept) in [
+            (0.0, 2.0, 2.0, true),
+            (0.0, -2.0, -2.0, true),
+            (0.0, 2.0, 2.01, false),
+            (0.0, -2.0, -2.01, false),
+            (0.0, 1.0, 1.25, true),
+            (0.0, 1.0, 0.75, true),
+            (0.0, 1.0, 1.26, false),
+            (0.0, 1.0, 0.74, false),
+            (999.9, 0.1, 0.1, true),
+            (999.9, 0.1, 0.101, false),
+            (-999.9, -0.1, -0.101, false),
+            // From further outside, where the drive was enabled, only back.
+            (1005.0, 0.0, 0.0, true),
+            (1005.0, 0.0, -0.1, true),
+            (1005.0, 0.0, 0.1, false),
+            (-1005.0, 0.0, -0.1, false),
+            (-1005.0, 0.0, 0.1, true),
+        ] {
+            let mut before = axis();
+            before.jerk_limiter.restart(at - increment);
+            before.jerk_limiter.update(at);
+            let mut after = before;
+            after.jerk_limiter.update(at + step);
+            assert_eq!(after.keeps_limits(&before), is_kept, "{step} after {increment} at {at}");
+        }
+    }
+
+    #[test]
+    fn it_rests_when_the_average_over_the_last_ticks_rests() {
+        let mut axis = axis();
+        axis.jerk_limiter = JerkLimiter::new(2);
+        axis.jerk_limiter.update(2.0);
+        assert!(axis.limiter.is_at_rest() && !axis.is_at_rest() && !axis.is_settled());
+        (0..2).for_each(|_| axis.jerk_limiter.update(2.0));
+        assert!(axis.is_at_rest() && axis.is_settled());
+    }
+
+    #[test]
+    fn homings_and_fault_resets_are_done_when_the_drive_has_done_all_of_them() {
+        use AxisPhase::{Disabled, Faulted, Homing};
+        for (phase, done, is_homed, is_reset) in [
+            (Disabled, 1, true, true),
+            (Disabled, 0, false, false),
+            (Homing, 1, false, true),
+            (Faulted, 1, false, false),
+        ] {
+            let mut axis = axis();
+            axis.feedback.phase = Faulted;
+            axis.reset_fault();
+            axis.start_homing();
+            (axis.feedback.homings, axis.feedback.fault_resets) = (done, done);
+            axis.feedback.phase = phase;
+            let found = (axis.is_homing_done(), axis.is_reset_done());
+            assert_eq!(found, (is_homed, is_reset), "{phase:?} {done}");
+        }
+    }
+}

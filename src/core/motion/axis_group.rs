@@ -185,3 +185,39 @@ impl AxisGroup {
         values
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drive::AxisPhase;
+
+    #[test]
+    fn with_straight_shares_the_motors_stay_on_the_line_and_arrive() {
+        let text = include_str!("../../../config/emulator.toml");
+        let config = Config::parse(text, "emulator.toml".as_ref()).unwrap();
+        for [to, other] in [[300.0, 90.0], [-60.0, 200.0], [150.0, 0.0], [-200.0, -200.0]] {
+            let mut axes = AxisGroup::new(&config);
+            let feedback = AxisFeedback { phase: AxisPhase::Enabled, ..AxisFeedback::default() };
+            axes.update_feedback(&[feedback; MAX_MOTORS], Nanos(1), &mut EventList::new(Nanos(1)));
+            for _ in 0..2 {
+                axes.update_sources(&[Demand::Enabled; MAX_MOTORS], Nanos(1));
+            }
+            let (targets, start) = ([to, other].map(MotorTarget::fixed), axes.to_snapshot());
+            for tick in 0..190 {
+                let shares = axes.straight_shares(&targets);
+                let is_fast = shares.iter().any(|share| *share > 0.999);
+                assert!(is_fast || tick > 80, "as fast as one can: {shares:?}");
+                let before = axes.to_snapshot();
+                axes.track(&targets, &shares);
+                assert!(axes.keep_limits(&before));
+                let [a, b] = axes.setpoints();
+                let beside = (a * other - b * to) / to.hypot(other);
+                assert!(beside.abs() < 1e-9, "{a} {b} in tick {tick} to {to} {other}");
+            }
+            assert!(!axes.keep_limits(&start), "all of it in one tick");
+            for (at, target) in axes.setpoints().iter().zip([to, other]) {
+                assert!((at - target).abs() < 1e-6, "{at} of {target}");
+            }
+        }
+    }
+}

@@ -164,6 +164,13 @@ mod tests {
             let is_held = goal != output;
             assert_eq!(found, DeadBandedGoal { goal: output, is_held });
         }
+        // Another model goes on with the goal, and not with the correction.
+        let mut next = self::dead_band();
+        next.filter_correction(&degrees(1.0, 0.0));
+        next.take_over(Some(&dead_band));
+        assert!(next.correction().is_none() && next.apply(&degrees(1.0, 0.0)).is_held);
+        next.reset();
+        assert!(!next.apply(&degrees(1.0, 0.0)).is_held);
         dead_band.release_goal();
         assert!(!dead_band.apply(&degrees(1.0, 0.0)).is_held);
     }
@@ -207,6 +214,7 @@ mod tests {
                 let found = dead_band.apply(&goal);
                 let largest = 2.0_f64.to_radians() * (1.0 + 1e-9);
                 prop_assert!(distance(&found.goal, &goal) <= largest);
+                prop_assert!((dead_band.width() - largest).abs() < 1e-8);
                 prop_assert_eq!(found.is_held, found.goal != goal);
             }
         }

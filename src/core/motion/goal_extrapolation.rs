@@ -190,6 +190,7 @@ mod tests {
             (&[0.0, 1.0, 2.0], 5, 500, 4.0),
             // 20 ms at most.
             (&[0.0, 1.5, 3.0], 15, 500, 5.0),
+            (&[0.0, 1.0, 2.0], 20, 500, 3.0),
             // Slow streams are not extrapolated.
             (&[0.0, 1.0, 2.0], 25, 60, 2.0),
             // Equal stamps do not divide by zero.

@@ -76,33 +76,47 @@ mod tests {
     use super::*;
     use crate::config::JointLimitConfig;
 
-    fn filter(joint_limits: JointLimitConfig) -> JointFilter {
+    fn filter(joint_limits: JointLimitConfig, lead_ms: f64) -> JointFilter {
         let text = include_str!("../../../config/emulator.toml");
         let mut config = Config::parse(text, "emulator.toml".as_ref()).unwrap();
         config.joint_limits = joint_limits;
-        config.compensation.lead_ms = 0.0;
+        config.compensation.lead_ms = lead_ms;
         JointFilter::new(&config, Nanos::from_millis(1), true)
     }
 
     #[test]
     fn without_limits_and_filter_a_goal_passes_unchanged() {
         let step = GoalStep { now: [0.3, 0.2, 0.1], before: [0.2, 0.1, 0.0] };
-        let mut filter = filter(JointLimitConfig::OFF);
+        let mut filter = filter(JointLimitConfig::OFF, 0.0);
         assert_eq!(filter.filter(step, [9.0; 3]), step);
     }
 
     #[test]
     fn a_new_stream_starts_at_the_setpoint() {
-        let mut filter = filter(JointLimitConfig {
+        let limits = JointLimitConfig {
             velocity_deg_s: Some(10.0),
             acceleration_deg_s2: Some(100.0),
             ..JointLimitConfig::OFF
-        });
+        };
+        let mut filter = filter(limits, 0.0);
         let goal = GoalStep { now: [0.1; 3], before: [0.1; 3] };
         for _ in 0..2 {
             let first = filter.filter(goal, [0.05; 3]);
             assert!((first.now[0] - 0.05).abs() < 0.001 && first.before == [0.05; 3]);
             filter.reset();
         }
+    }
+
+    #[test]
+    fn a_goal_is_led_without_limits_too_and_a_new_stream_starts_without_lead() {
+        let mut filter = filter(JointLimitConfig::OFF, 10.0);
+        let at = |tick: i32| [1e-4 * f64::from(tick), 0.0, 0.0];
+        for tick in 1..=500 {
+            let led = filter.filter(GoalStep { now: at(tick), before: at(tick - 1) }, at(0));
+            assert!(tick < 400 || (led.now[0] - at(tick + 10)[0]).abs() < 1e-9, "{led:?}");
+        }
+        filter.reset();
+        let still = GoalStep { now: at(500), before: at(500) };
+        assert_eq!(filter.filter(still, at(500)), still);
     }
 }

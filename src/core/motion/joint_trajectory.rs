@@ -128,4 +128,25 @@ mod tests {
         assert_eq!(trajectory.position_at(now), to);
         assert!((200..300).contains(&ticks), "{ticks}");
     }
+
+    #[test]
+    fn whenever_it_is_turned_it_goes_on_from_where_it_is() {
+        let limits = TrajectoryLimits { velocity: 10.0, acceleration: 100.0, jerk: 2000.0 };
+        let ms = |ms: u64| Nanos::from_millis(1000 + ms);
+        let mut trajectory = JointTrajectory::new(7, [0.0; 3], [2.0, 1.0, 0.0], &limits, ms(0));
+        let ends = [[-1.0, 2.0, 0.0], [0.5, 0.5, 0.0], [3.0, -1.0, 0.0], [0.0; 3]];
+        // Before the first line rests, then in the middle of the one that follows.
+        for (at, end) in [100, 120, 400, 430].into_iter().zip(ends) {
+            let turned = trajectory.turned(end, &limits, ms(at));
+            for after in 0..3 {
+                let apart = distance(
+                    &turned.position_at(ms(at + after)),
+                    &trajectory.position_at(ms(at + after)),
+                );
+                assert!(apart < [1e-12, 1e-4, 1e-3][after as usize], "{apart} at {at} + {after}");
+            }
+            trajectory = turned;
+        }
+        assert_eq!(trajectory.position_at(trajectory.end_time()), [0.0; 3]);
+    }
 }

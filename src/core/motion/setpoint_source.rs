@@ -106,6 +106,7 @@ mod tests {
             assert_eq!(found, Some(Counts(start)), "{last:?}");
         }
         assert_eq!(FOLLOWING.restart_position(FOLLOWING, &enabled), None);
+        assert!(FOLLOWING.is_following() && !ENGAGING.is_following());
         assert_eq!(ENGAGING.restart_position(FOLLOWING, &enabled), Some(Counts(37)));
     }
 }

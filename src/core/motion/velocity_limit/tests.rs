@@ -181,8 +181,10 @@ proptest! {
         }
         let per_tick = limits.deceleration * period.as_seconds().powi(2);
         let ticks = (limiter.velocity().abs() / per_tick).ceil() as usize;
+        let rest = limiter.rest_position();
         act_for(&mut limiter, Action::Stop, ticks.max(1));
         prop_assert!(limiter.is_at_rest(), "{limiter:?} after {ticks} ticks");
+        prop_assert!((limiter.position() - rest).abs() <= ROUNDING, "{limiter:?} not at {rest}");
     }
 }
 

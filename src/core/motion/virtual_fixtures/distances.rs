@@ -106,3 +106,18 @@ impl Distances {
         pairs.find(|(now, before)| !is_allowed(now, before)).map(|(now, _)| now.region)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_view_of_the_calibration_shifts_and_turns_and_its_slope_turns_back() {
+        let view = CalibratedView { inverse: [[1.5, 0.25], [-0.5, 2.0]], zero: [0.1, -0.2] };
+        let is_near = |found: OutputVec, wanted: [f64; 3]| {
+            found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-12)
+        };
+        assert!(is_near(view.pose(&[0.3, 0.5, 0.7]), [0.475, 1.3, 0.7]));
+        assert!(is_near(view.slope(&[0.6, 0.8, 0.1]), [0.5, 1.75, 0.1]));
+    }
+}

@@ -260,9 +260,11 @@ mod tests {
     #[test]
     fn a_ball_of_the_tip_is_in_metres() {
         let ball = FixtureShape::Ball { centre_mm: [1.0, 0.0, 2.0], radius_mm: 0.5 };
-        let config = VirtualFixtureConfig { margin_mm: 0.0, ..VirtualFixtureConfig::default() };
-        let (distance, slope) = Region::new(&ball, &config).distance(&[0.0, 0.0, 2e-3]);
-        assert!((distance - 0.5e-3).abs() < 1e-12);
+        let config = VirtualFixtureConfig { margin_mm: 0.1, ..VirtualFixtureConfig::default() };
+        let ball = Region::new(&ball, &config);
+        let (distance, slope) = ball.distance(&[0.0, 0.0, 2e-3]);
+        assert!((distance - 0.4e-3).abs() < 1e-12);
         assert_eq!(slope, [-1.0, 0.0, 0.0]);
+        assert_eq!(ball.distance(&[1e-3, 0.0, 2e-3]).1, [0.0; 3], "its centre");
     }
 }
