@@ -287,6 +287,29 @@ fn motors_that_lag_behind_a_goal_do_not_leave_a_slanted_hull() {
     assert!((pitch - end[0]).hypot(yaw - end[1]) < 0.05, "{pitch} {yaw} of {end:?}");
 }
 
+/// The same beside a region, to which one motor would bring the snake before the other leads away.
+#[test]
+fn motors_that_lag_behind_a_goal_do_not_enter_a_region_beside_it() {
+    let slant = "[[virtual_fixtures.regions]]\nname = \"slant\"\n\
+         shape = { half_plane = { normal = [2.0, 1.0], offset_deg = 6.0 } }";
+    let mut bench = enabled(slant, model(OutputUnit::Deg));
+    let normal = [2.0, 1.0].map(|part| part / 5.0_f64.sqrt());
+    let along = |way: f64| [5.2 * normal[0] - way * normal[1], 5.2 * normal[1] + way * normal[0]];
+    let mut deepest = f64::MIN;
+    let mut note = |bench: &Bench| {
+        let [pitch, yaw] = calibrated_deg(bench);
+        deepest = deepest.max(normal[0] * pitch + normal[1] * yaw);
+    };
+    sweep(&mut bench, [0.0; 2], along(-9.0), 2000, &mut note);
+    sweep(&mut bench, along(-9.0), along(9.0), 60, &mut note);
+    sweep(&mut bench, along(9.0), along(9.0), 1000, &mut note);
+    // Within a part of the margin of half a degree, and a count.
+    assert!((5.1..5.8 + 2.0 * GAIN_DEG).contains(&deepest), "{deepest} deg");
+    let [pitch, yaw, _] = setpoint_deg(&bench);
+    let end = along(9.0);
+    assert!((pitch - end[0]).hypot(yaw - end[1]) < 0.2, "{pitch} {yaw} of {end:?}");
+}
+
 #[test]
 fn a_stream_begins_where_the_snake_is_also_after_a_pause_a_stop_and_a_fault() {
     let begins = |bench: &mut Bench, reason: &str| {
