@@ -80,10 +80,11 @@ impl SCurve {
     /// acceleration ends at once, and there is no more cruise.
     pub fn shortened(&self, time_s: f64) -> Self {
         let constant_s = (time_s - self.jerk_s).clamp(0.0, self.constant_acceleration_s);
-        let cruise_s = (time_s - 2.0 * self.jerk_s - self.constant_acceleration_s).max(0.0);
+        let cruise_s = time_s - 2.0 * self.jerk_s - self.constant_acceleration_s;
         if cruise_s >= self.cruise_s {
             return *self;
         }
+        let cruise_s = cruise_s.max(0.0);
         let jerk_s = time_s.clamp(0.0, self.jerk_s);
         let peak = self.jerk * jerk_s * (jerk_s + constant_s);
         Self {
@@ -164,6 +165,23 @@ mod tests {
                 let highest = jerk * (1.0 + 1e-3) + 8.0 * rounding(3);
                 prop_assert!(third.abs() <= highest, "{third} of {jerk}");
             }
+        }
+
+        #[test]
+        fn a_shortened_s_curve_is_the_same_until_then_and_rests_as_soon_as_it_can(
+            length in 0.01..20.0_f64, share in 0.0..1.0_f64
+        ) {
+            let curve = SCurve::new(length, &LIMITS);
+            let time = share * curve.duration_s();
+            let short = curve.shortened(time);
+            for k in 0..=20 {
+                let at = time * f64::from(k) / 20.0;
+                let apart = short.length() * short.fraction(at) - length * curve.fraction(at);
+                prop_assert!(apart.abs() < 1e-9, "{apart} at {at} of {time}");
+            }
+            let ramp = 3.0 * curve.jerk_s + curve.constant_acceleration_s;
+            let longest = (time + ramp).min(curve.duration_s());
+            prop_assert!(short.duration_s() <= longest + 1e-9, "{} {longest}", short.duration_s());
         }
     }
 
