@@ -195,14 +195,19 @@ mod tests {
     fn with_straight_shares_the_motors_stay_on_the_line_and_arrive() {
         let text = include_str!("../../../config/emulator.toml");
         let config = Config::parse(text, "emulator.toml".as_ref()).unwrap();
-        for [to, other] in [[300.0, 90.0], [-60.0, 200.0], [150.0, 0.0], [-200.0, -200.0]] {
+        for [to, other] in [[300.0, 250.0], [-60.0, 200.0], [150.0, 0.0], [-200.0, -200.0]] {
             let mut axes = AxisGroup::new(&config);
-            let feedback = AxisFeedback { phase: AxisPhase::Enabled, ..AxisFeedback::default() };
-            axes.update_feedback(&[feedback; MAX_MOTORS], Nanos(1), &mut EventList::new(Nanos(1)));
+            let feedback = [40, -30].map(|counts| AxisFeedback {
+                phase: AxisPhase::Enabled,
+                position: Counts(counts),
+                ..AxisFeedback::default()
+            });
+            axes.update_feedback(&feedback, Nanos(1), &mut EventList::new(Nanos(1)));
             for _ in 0..2 {
                 axes.update_sources(&[Demand::Enabled; MAX_MOTORS], Nanos(1));
             }
-            let (targets, start) = ([to, other].map(MotorTarget::fixed), axes.to_snapshot());
+            let (from, start) = (axes.setpoints(), axes.to_snapshot());
+            let targets = [from[0] + to, from[1] + other].map(MotorTarget::fixed);
             for tick in 0..190 {
                 let shares = axes.straight_shares(&targets);
                 let is_fast = shares.iter().any(|share| *share > 0.999);
@@ -210,13 +215,13 @@ mod tests {
                 let before = axes.to_snapshot();
                 axes.track(&targets, &shares);
                 assert!(axes.keep_limits(&before));
-                let [a, b] = axes.setpoints();
+                let [a, b] = vector::difference(&axes.setpoints(), &from);
                 let beside = (a * other - b * to) / to.hypot(other);
                 assert!(beside.abs() < 1e-9, "{a} {b} in tick {tick} to {to} {other}");
             }
             assert!(!axes.keep_limits(&start), "all of it in one tick");
-            for (at, target) in axes.setpoints().iter().zip([to, other]) {
-                assert!((at - target).abs() < 1e-6, "{at} of {target}");
+            for (at, target) in axes.setpoints().iter().zip(targets) {
+                assert!((at - target.position).abs() < 1e-6, "{at} of {target:?}");
             }
         }
     }

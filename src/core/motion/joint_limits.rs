@@ -227,5 +227,13 @@ mod tests {
         assert_eq!(of(0), [-4.0, 6.0].map(f64::to_radians));
         assert_eq!(of(1), [-30.0, 20.0].map(f64::to_radians));
         assert_eq!(of(2), [-NO_LIMIT, NO_LIMIT]);
+        let bounds = JointBounds::new(&config, TICK, true).unwrap();
+        let share = |to: [f64; 3]| {
+            let from = [2.0, 5.0, 0.0].map(f64::to_radians);
+            bounds.share_of_line(&from, &to.map(f64::to_radians))
+        };
+        for (to, wanted) in [([10.0, 5.0, 0.0], 0.5), ([5.0, 35.0, 0.0], 0.5), ([3.0; 3], 1.0)] {
+            assert!((share(to) - wanted).abs() < 1e-12, "{} to {to:?}", share(to));
+        }
     }
 }

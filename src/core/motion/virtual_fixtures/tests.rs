@@ -41,9 +41,11 @@ fn without_regions_a_goal_passes_unchanged() {
     let step = GoalStep { now: degrees(3.0, 4.0), before: degrees(3.1, 4.2) };
     let mut none = fixtures(&[]);
     assert_eq!(none.limit(step, [9.0; 3], &SPACE), step);
-    let mut far = fixtures(&[wall(30.0)]);
-    let passed = far.limit(step, step.before, &SPACE);
-    assert_eq!((passed, far.limited_by()), (step, None));
+    for far in [wall(30.0), FixtureShape::Ball { centre_mm: [5.0, 0.0, 0.0], radius_mm: 0.1 }] {
+        let mut far = fixtures(&[far]);
+        let passed = far.limit(step, step.before, &SPACE);
+        assert_eq!((passed, far.limited_by()), (step, None));
+    }
 }
 
 #[test]
@@ -75,6 +77,9 @@ fn a_goal_inside_may_leave_but_not_go_deeper() {
     assert!((out[0][0].to_degrees() - 13.6).abs() < 1e-9);
     assert!(fixtures.allows_line(&start, &degrees(0.0, 0.0), &SPACE));
     assert!(!fixtures.allows_line(&degrees(0.0, 0.0), &start, &SPACE));
+    let circle = FixtureShape::Circle { centre_deg: [5.0, 0.0], radius_deg: 2.0 };
+    let line = [degrees(0.0, 0.0), degrees(10.0, 0.0)];
+    assert!(!self::fixtures(&[circle]).allows_line(&line[0], &line[1], &SPACE));
 }
 
 #[test]
