@@ -42,7 +42,7 @@ fn a_rate_of_zero_and_a_swap_move_the_snake_by_the_blend_and_no_further() {
     let tip: Zero = |commander| commander.servo_cv([0.0; 3]).unwrap();
     for (gain, zero) in [(1.15, joint), (1.3, joint), (1.3, tip)] {
         let mut rig = strict();
-        let other = rig.linear_model("other.json", "rig", gain);
+        let other = rig.sample_model("other.json", "rig", gain);
         let mut client = rig.enabled();
         let other = ModelId(client.stage_model(&other).unwrap().slots[1].model_id);
         let [is_there, done] = [const { AtomicBool::new(false) }; 2];
