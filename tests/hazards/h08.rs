@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use i2ris::clock;
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::{ModelReply, ModelSlot, unpadded_text};
-use i2ris::ipc::{OperatingState, Refusal};
+use i2ris::ipc::{OperatingState, Refusal, StateCommand};
 use i2ris::model::ModelId;
 use i2ris::units::Nanos;
 use i2ris_testing::cycle::lag_counts;
@@ -64,7 +64,9 @@ fn h08_bad_models_are_refused_with_the_reason_and_the_one_in_use_stays() {
 fn h08_a_model_takes_over_while_the_snake_moves_and_is_rolled_back() {
     let mut rig = Rig::with_model();
     let second = rig.sample_model("second.json", "rig", 1.3);
-    let client = rig.enabled();
+    let mut client = rig.enabled();
+    // A model takes over where the memory is known.
+    client.carry_out(StateCommand::Condition, || false).unwrap();
     let mut operator = Client::connect(&rig.domain(), Nanos::from_millis(5000)).unwrap();
     let done = AtomicBool::new(false);
     let (largest, pairs) = std::thread::scope(|scope| {

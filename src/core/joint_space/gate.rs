@@ -135,8 +135,8 @@ pub(crate) struct JointSpace<'a> {
     pub calibrated: Option<&'a Memory>,
 }
 
-/// Ticks over which the steps of the pose are compared: drives take whole counts, so at half a
-/// count per tick every other step of a model with memory is another one.
+/// Ticks over which the steps of the pose of a model with memory are compared: drives take whole
+/// counts, so at half a count per tick every other step is another one.
 const STEPS: usize = 8;
 
 /// The gate, with the motion of the pose that it let through last.
@@ -230,7 +230,7 @@ impl Gate {
                         if self.steps == [OutputVec::default(); STEPS] {
                             self.steps[0] = trial.last_step()?;
                         }
-                        self.note(step);
+                        self.note(step, trial.compared());
                         let is_held = is_last || attempt != Attempt::All;
                         return Ok(Passed { is_held, is_stopped: false });
                     }
@@ -270,15 +270,16 @@ impl Gate {
         Passed { is_held, is_stopped: is_held }
     }
 
-    fn note(&mut self, step: OutputVec) {
-        self.growth = zip_map(&step, &self.step_like(&step), |step, last| step.abs() - last.abs());
+    fn note(&mut self, step: OutputVec, compared: usize) {
+        let last = self.step_like(&step, compared);
+        self.growth = zip_map(&step, &last, |step, last| step.abs() - last.abs());
         self.steps.rotate_right(1);
         self.steps[0] = step;
     }
 
-    /// The longest of the last steps in the direction of a step, output by output; 0: none.
-    fn step_like(&self, step: &OutputVec) -> OutputVec {
-        self.steps.iter().fold(OutputVec::default(), |longest, last| {
+    /// The longest of so many last steps in the direction of a step, output by output; 0: none.
+    fn step_like(&self, step: &OutputVec, compared: usize) -> OutputVec {
+        self.steps.iter().take(compared).fold(OutputVec::default(), |longest, last| {
             let like = zip_map(last, step, |last, step| if last * step > 0.0 { last } else { 0.0 });
             zip_map(&longest, &like, |a, b| if b.abs() > a.abs() { b } else { a })
         })
@@ -304,6 +305,12 @@ impl<'a> Trial<'a> {
             in_hull,
             space,
         }
+    }
+
+    /// The steps that are compared.
+    fn compared(&self) -> usize {
+        let joints = self.space.as_ref().map(|space| space.joints);
+        if joints.is_some_and(JointModel::has_memory) { STEPS } else { 1 }
     }
 
     /// The last step of the pose; 0 where nothing limits it.
@@ -360,7 +367,7 @@ impl<'a> Trial<'a> {
         };
         let from = joints.pose(&sent)?;
         let step = difference(&moved_to(&axes.setpoints())?, &from);
-        let last = gate.step_like(&step);
+        let last = gate.step_like(&step, self.compared());
         let largest = bounds.largest_step(&step, &last, &gate.growth, STEP_MARGIN);
         let largest = largest.map(|step| step + STEP_TOLERANCE);
         if step.iter().zip(&largest).all(|(step, largest)| step.abs() <= *largest) {

@@ -36,6 +36,7 @@ pub(crate) struct JointModel {
     compensation: f64,
     /// Duration of the blend after this model has taken over.
     blend_span: Nanos,
+    has_memory: bool,
     /// `None`: off, or outputs that are no angles.
     bounds: Option<JointBounds>,
     /// What is built into the model, against its calibration.
@@ -177,7 +178,7 @@ impl JointModel {
         let tick = config.control.period();
         let has_angles = output_unit(&model) == OutputUnit::Deg;
         // Without a memory the inverse does not jump where the motion reverses.
-        let has_backlash = model.wipe_counts() != MotorVec::default();
+        let has_memory = model.wipe_counts() != MotorVec::default();
         let state = JointModelState {
             cursor,
             measured_memory: memory,
@@ -185,7 +186,7 @@ impl JointModel {
             search_start: model.hull().centre(),
             measured: None,
             setpoint: None,
-            dead_band: BacklashDeadBand::new(&config.compensation, has_angles, has_backlash, tick),
+            dead_band: BacklashDeadBand::new(&config.compensation, has_angles, has_memory, tick),
             filter: JointFilter::new(config, tick, has_angles),
             dead_banded_goal: None,
             blend: None,
@@ -198,6 +199,7 @@ impl JointModel {
             base: Correction::built_in(model.file()).filter(|_| has_angles),
             geometry: adapts.then(|| ModelGeometry::new(&model)).flatten(),
             model,
+            has_memory,
             compensation: config.compensation.factor,
             blend_span: Nanos::from_millis(config.model_swap.blend_ms),
             bounds: JointBounds::new(&config.joint_limits, tick, has_angles),
@@ -212,6 +214,11 @@ impl JointModel {
 
     pub fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// The pose depends on where the motors have been.
+    pub fn has_memory(&self) -> bool {
+        self.has_memory
     }
 
     /// Enough motion has been seen to know the memory.
