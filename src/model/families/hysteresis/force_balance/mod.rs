@@ -275,8 +275,8 @@ impl<const D: usize> Operator<D> for ForceBalance<D> {
         let pulleys = self.drag(state, &positions);
         let limits = self.limits(state);
         let travel = self.travel(&pulleys);
-        let bend = self.solve(state, &limits, &travel);
-        let mut slope = self.slope(state, &limits, &travel, &bend) * self.coupling;
+        let (bend, slope) = self.bend_and_slope(state, &limits, &travel);
+        let mut slope = slope * self.coupling;
         for (i, mut column) in slope.column_iter_mut().enumerate() {
             // The same sums as in the drag: a rounded difference would do now and then.
             let (gap, pulley) = (self.gap(state, i), state.pulley[i]);

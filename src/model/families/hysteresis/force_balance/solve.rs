@@ -101,11 +101,21 @@ impl<const D: usize> ForceBalance<D> {
         limits: &Limits<D>,
         travel: &SVector<f64, D>,
     ) -> SVector<f64, D> {
+        self.balanced(state, limits, travel).0
+    }
+
+    /// The same, and the rest of the forces there.
+    fn balanced(
+        &self,
+        state: &BalanceState,
+        limits: &Limits<D>,
+        travel: &SVector<f64, D>,
+    ) -> (SVector<f64, D>, Resistance<D>) {
         let mut bend = self.bend(state);
         let mut rest = self.rest(state, limits, travel, &bend);
         let mut square = rest.force.norm_squared();
         if !square.is_finite() {
-            return SVector::repeat(f64::NAN);
+            return (SVector::repeat(f64::NAN), rest);
         }
         for _ in 0..MAX_ITERATIONS {
             if square <= TOLERANCE * TOLERANCE {
@@ -124,25 +134,24 @@ impl<const D: usize> ForceBalance<D> {
                 part *= 0.5;
             }
         }
-        bend
+        (bend, rest)
     }
 
-    /// Slope of the bend over the travel, at a balance.
-    pub(super) fn slope(
+    /// The bend after a step from a state to a travel, and its slope over the travel.
+    pub(super) fn bend_and_slope(
         &self,
         state: &BalanceState,
         limits: &Limits<D>,
         travel: &SVector<f64, D>,
-        bend: &SVector<f64, D>,
-    ) -> SMatrix<f64, D, D> {
-        let rest = self.rest(state, limits, travel, bend);
+    ) -> (SVector<f64, D>, SMatrix<f64, D, D>) {
+        let (bend, rest) = self.balanced(state, limits, travel);
         let mut slope = SMatrix::<f64, D, D>::zeros();
         for i in 0..D {
             let mut pull = SVector::<f64, D>::zeros();
             pull[i] = self.wires(i, limits).force(travel[i] - bend[i]).slope;
             slope.set_column(i, &solved(&rest.slope, &pull));
         }
-        slope
+        (bend, slope)
     }
 }
 
