@@ -57,8 +57,8 @@ struct Camera {
 }
 
 impl Cycle {
-    /// An enabled cycle; with adaptation also a camera, and a memory that a conditioning cycle has
-    /// made known.
+    /// An enabled cycle whose memory a conditioning cycle has made known; with adaptation also a
+    /// camera.
     pub fn new(period: Nanos, model: &Arc<Model>, duties: Duties) -> Result<Self, BenchError> {
         let Duties { adapts, keeps_out } = duties;
         let reach_deg = if keeps_out { REACH_AT_REGIONS_DEG } else { REACH_DEG };
@@ -66,11 +66,11 @@ impl Cycle {
         let mut config = Config::parse(&text, Path::new("config/emulator.toml"))?;
         config.control.rate_hz = (1_000_000_000 / period.0.max(1)) as u32;
         config.adaptation.enabled = adapts;
+        // From where the conditioning cycle leaves the snake.
+        config.command.first_step_deg = config.command.max_step_deg;
         let mut control = ClosedLoop::new(&config, model, IdealMotors::default());
         control.command(StateCommand::Enable)?;
-        if adapts {
-            control.command(StateCommand::Condition)?;
-        }
+        control.command(StateCommand::Condition)?;
         Ok(Self {
             camera: adapts.then(Camera::default),
             control,
@@ -89,6 +89,10 @@ impl Cycle {
         if report.state != OperatingState::Enabled {
             let (state, fault) = (report.state.text(), report.fault);
             return Err(format!("the simulated controller is {state}, fault: {fault}").into());
+        }
+        if report.refused > 0 {
+            let reason = report.last_refusal;
+            return Err(format!("the simulated controller refuses to follow: {reason:?}").into());
         }
         self.limited += u64::from(report.limited_by_fixture.is_some());
         Ok(external.is_some())
