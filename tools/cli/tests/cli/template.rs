@@ -115,12 +115,26 @@ fn first_day(user: Option<u32>, has_jaw: bool) {
     assert_says(&end(emulator).output, &[" 0 rules broken by the host"]);
 }
 
+fn plain() -> Option<u32> {
+    nix::unistd::geteuid().is_root().then_some(PLAIN)
+}
+
 #[test]
 fn the_template_is_calibrated_and_used_by_root_with_a_port_for_each_drive() {
     first_day(None, false);
 }
 
 #[test]
+fn the_template_is_calibrated_and_used_by_root_with_three_nodes_on_a_port() {
+    first_day(None, true);
+}
+
+#[test]
+fn the_template_is_calibrated_and_used_by_a_plain_user_with_a_port_for_each_drive() {
+    first_day(plain(), false);
+}
+
+#[test]
 fn the_template_is_calibrated_and_used_by_a_plain_user_with_three_nodes_on_a_port() {
-    first_day(nix::unistd::geteuid().is_root().then_some(PLAIN), true);
+    first_day(plain(), true);
 }
