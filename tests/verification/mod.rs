@@ -1,13 +1,14 @@
 //! A model of the whole system, checked in all interleavings: two commanders, one of them behind a
-//! middleware that delays and repeats, the controller, its serial line, the drive, and the watchdog.
-//! Everything may fail at any time, and any number of times.
+//! middleware that delays and repeats, the controller, its serial line, the drive, and the
+//! watchdog. Everything may fail at any time, and any number of times.
 //!
 //! # What is real and what is model
 //!
-//! Admission of commands, lease, deadline ([`i2ris::core`]) and the heartbeat monitor of the watchdog
-//! ([`i2ris::watchdog`]) are the functions that the programs run. The states of robot and drive are a model, small enough to be exhausted, and
-//! so is the gate: see `controller::move_setpoints`. The state machine itself is tested in every state
-//! with every command by the tests of the cycle.
+//! Admission of commands, lease, deadline ([`i2ris::core`]) and the heartbeat monitor of the
+//! watchdog ([`i2ris::watchdog`]) are the functions that the programs run. The states of robot and
+//! drive are a model, small enough to be exhausted, and so is the gate: see
+//! `controller::move_setpoints`. The state machine itself is tested in every state with every
+//! command by the tests of the cycle.
 //!
 //! # Time
 //!

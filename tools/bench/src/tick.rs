@@ -9,9 +9,9 @@ use i2ris::config::{Config, MAX_REGIONS};
 use i2ris::core::{ExternalPose, ServoGoal};
 use i2ris::model::Model;
 use i2ris::model::kinematic::tip_position;
-use i2ris::robot::{OperatingState, StateCommand};
+use i2ris::robot::StateCommand;
 use i2ris::units::Nanos;
-use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs};
+use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors};
 
 use crate::BenchError;
 
@@ -84,16 +84,7 @@ impl Cycle {
     pub fn step(&mut self) -> Result<bool, BenchError> {
         self.seconds += self.control.period().as_seconds();
         let external = self.camera.as_mut().and_then(|camera| camera.frame(&self.control));
-        let servo = Some(self.control.servo_command(self.goal()));
-        let report = &self.control.tick(Inputs { servo, external, ..Inputs::default() }).report;
-        if report.state != OperatingState::Enabled {
-            let (state, fault) = (report.state.text(), report.fault);
-            return Err(format!("the simulated controller is {state}, fault: {fault}").into());
-        }
-        if report.refused > 0 {
-            let reason = report.last_refusal;
-            return Err(format!("the simulated controller refuses to follow: {reason:?}").into());
-        }
+        let report = self.control.follow_with(self.goal(), external)?;
         self.limited += u64::from(report.limited_by_fixture.is_some());
         Ok(external.is_some())
     }

@@ -190,8 +190,17 @@ impl<M: Motors> ClosedLoop<M> {
 
     /// One tick towards a goal.
     pub fn follow(&mut self, goal: ServoGoal) -> Result<&CycleReport, LoopError> {
+        self.follow_with(goal, None)
+    }
+
+    /// The same, with a frame of a camera.
+    pub fn follow_with(
+        &mut self,
+        goal: ServoGoal,
+        external: Option<ExternalPose>,
+    ) -> Result<&CycleReport, LoopError> {
         let (servo, refused) = (Some(self.servo_command(goal)), self.report().refused);
-        self.tick(Inputs { servo, ..Inputs::default() });
+        self.tick(Inputs { servo, external, ..Inputs::default() });
         let report = self.report();
         if report.refused > refused {
             return Err(LoopError::Goal(report.last_refusal));

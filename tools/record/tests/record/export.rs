@@ -175,7 +175,8 @@ for trial, part, rows in found.episodes:
         assert abs(row["action"][0] - 0.1 * t) < 1e-5
         # The hand's view: pitch is up, yaw is right.
         right, up = row["action.tip_motion"]
-        assert (right == up == 0) if frame == len(rows) - 1 else (right > 0 and up > 0), (frame, right, up)
+        is_last = frame == len(rows) - 1
+        assert right == up == 0 if is_last else right > 0 and up > 0, (frame, right, up)
         seen = row["ground_truth.camera"]
         assert abs(seen[0] - 0.1 * t - 0.5) < 1e-5 and seen[2] == 1, (t, seen)
         assert row["observation.meta.model_id"] == "ab" * 32
@@ -391,10 +392,12 @@ robot.connect(); hand.connect()
 assert set(robot.get_observation()) == set(robot.observation_features)
 begin = robot.get_observation()["pitch.pos"]
 for step in range(30):
-    robot.send_action({"pitch.pos": begin + 0.001 * step, "yaw.pos": robot.get_observation()["yaw.pos"]})
+    yaw = robot.get_observation()["yaw.pos"]
+    robot.send_action({"pitch.pos": begin + 0.001 * step, "yaw.pos": yaw})
     time.sleep(0.01)
 assert robot.get_observation()["pitch.pos"] > begin + 0.02, robot.get_observation()
-assert abs(hand.get_action()["pitch.pos"] - begin) < 0.05 and set(hand.get_action()) == set(robot.action_features)
+assert abs(hand.get_action()["pitch.pos"] - begin) < 0.05
+assert set(hand.get_action()) == set(robot.action_features)
 robot.disconnect(); hand.disconnect()
 "#;
     let modules = "lerobot.robots, iceoryx2";

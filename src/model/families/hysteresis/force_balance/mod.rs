@@ -82,8 +82,8 @@ const MAX_STEPS: u32 = 64;
 /// leaves beside its goal is no reason to cross a gap.
 const STILL: f64 = 1e-2;
 
-/// What is rounding in a goal, virtual counts: a drive takes whole counts, and the goal of one motor
-/// moves a little to and fro while the other one moves.
+/// What is rounding in a goal, virtual counts: a drive takes whole counts, and the goal of one
+/// motor moves a little to and fro while the other one moves.
 const ROUNDING: f64 = 0.5;
 
 /// Further than that a motor does not go for a rounding, counts: it would cross a gap or the slack
