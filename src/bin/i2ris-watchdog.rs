@@ -77,13 +77,13 @@ fn start(log: &mut ConsoleLog) -> Result<(), Failure> {
         }
         Request::Run(path, silence) => {
             let config = Config::load_for_process(&path)?;
-            let domain = Domain::new(&config.ipc.domain)?;
+            let domain = Domain::new(&config.domain)?;
             let presence = WatchdogPresence::announce(&domain, &config.devices())?;
             let stop = Arc::new(AtomicBool::new(false));
             let asked = Arc::clone(&stop);
             ctrlc::set_handler(move || asked.store(true, Ordering::Release))?;
             let wanted =
-                Wanted { priority: PRIORITY, cpu: None, lock_memory: config.control.lock_memory };
+                Wanted { priority: PRIORITY, cpu: None, lock_memory: config.control.priority > 0 };
             let granted = realtime::request(wanted);
             for warning in &granted.warnings {
                 print(log, format_args!("warning: {warning}"));

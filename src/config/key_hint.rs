@@ -1,27 +1,4 @@
-//! Help for a key that does not exist: its new name, or the known key that is spelled most alike.
-
-/// Keys and tables of earlier versions, and their names today.
-const RENAMED: [(&str, &str); 19] = [
-    ("condition", "conditioning"),
-    ("swap", "model_swap"),
-    ("joints", "joint_limits"),
-    ("lease_ms", "lease_timeout_ms"),
-    ("step_deg", "max_step_deg"),
-    ("step_counts", "max_step_counts"),
-    ("scale", "motion_scale"),
-    ("current_trip_ma", "over_current_ma"),
-    ("current_trip_ms", "over_current_ms"),
-    ("late_ticks", "overrun_ticks"),
-    ("late_window_ms", "overrun_window_ms"),
-    ("turning_band_deg", "reversal_dead_band_deg"),
-    ("correction_filter_ms", "residual_filter_ms"),
-    ("correction_band_deg", "residual_dead_band_deg"),
-    ("lasts_ms", "debounce_ms"),
-    ("deadman_ms", "loop_timeout_ms"),
-    ("pattern", "polling"),
-    ("status_every", "status_every_rounds"),
-    ("rare_every", "slow_every_rounds"),
-];
+//! Help for a key that does not exist: the known key that is spelled most alike.
 
 /// A sentence about the unknown key or value in a message of the parser; empty if there is nothing
 /// to say. The parser names the unknown word first and then the known ones, each in back-quotes.
@@ -34,12 +11,7 @@ pub(super) fn hint(message: &str) -> String {
     let Some(unknown) = quoted.next() else {
         return String::new();
     };
-    let known: Vec<&str> = quoted.collect();
-    let renamed = RENAMED.iter().find(|(old, new)| *old == unknown && known.contains(new));
-    if let Some((old, new)) = renamed {
-        return format!("`{old}` is called `{new}` in this version\n");
-    }
-    let nearest = known.into_iter().map(|word| (strsim::levenshtein(unknown, word), word)).min();
+    let nearest = quoted.map(|word| (strsim::levenshtein(unknown, word), word)).min();
     match nearest {
         Some((distance, word)) if distance <= unknown.len().max(word.len()) / 2 => {
             format!("did you mean `{word}`?\n")
@@ -53,12 +25,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nearest_key_or_the_new_name_is_named() {
+    fn the_nearest_key_is_named() {
         let message = "TOML parse error at line 2\nunknown field `rate_herz`, expected one of \
-                       `spin_us`, `rate_hz`, `cpu`";
+                       `priority`, `rate_hz`, `cpu`";
         assert_eq!(hint(message), "did you mean `rate_hz`?\n");
-        let message = "unknown field `late_ticks`, expected `overrun_ticks`";
-        assert_eq!(hint(message), "`late_ticks` is called `overrun_ticks` in this version\n");
         assert_eq!(hint("unknown field `velocity`, expected `robot_id`"), "");
         assert_eq!(hint("invalid type: string \"x\", expected u32"), "");
         assert_eq!(hint("unknown field"), "");

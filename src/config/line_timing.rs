@@ -14,6 +14,12 @@ use crate::units::Nanos;
 /// Turns in which every axis is asked for its position.
 const TURNS: u64 = 4;
 
+/// Rounds between two reads of the statusword. A round is a setpoint and a position.
+pub const STATUS_EVERY_ROUNDS: u32 = 4;
+
+/// Rounds between two reads of the error code, and of the current.
+pub const SLOW_EVERY_ROUNDS: u32 = 32;
+
 /// Bits on the line for a request and its reply: 24 bytes; 33 with a handshake for every part.
 const BITS: [u64; 2] = [240, 330];
 
@@ -61,8 +67,8 @@ impl PortConfig {
     /// The time between two readings of the current of an axis: in so many rounds, of setpoint and
     /// position, some carry the statusword, one the error code and one the current.
     fn current_period(&self, exchange: Nanos) -> Nanos {
-        let rounds = u64::from(self.polling.slow_every_rounds);
-        let monitored = rounds / u64::from(self.polling.status_every_rounds.max(1)) + 2;
+        let rounds = u64::from(SLOW_EVERY_ROUNDS);
+        let monitored = rounds / u64::from(STATUS_EVERY_ROUNDS) + 2;
         Nanos(self.turn(exchange).0.saturating_mul(2 * rounds + monitored))
     }
 
@@ -89,23 +95,15 @@ impl Config {
     /// Age of the newest position at which the robot goes to FAULT.
     #[must_use]
     pub fn feedback_lost(&self) -> Nanos {
-        match self.limits.feedback_lost_ms {
-            0 => Nanos(self.feedback_stale().0.saturating_mul(LOST)),
-            ms => Nanos::from_millis(ms),
-        }
+        Nanos(self.feedback_stale().0.saturating_mul(LOST))
     }
 
     /// Duration of an over-current that leads to FAULT.
     #[must_use]
     pub fn over_current_time(&self) -> Nanos {
-        match self.limits.over_current_ms {
-            0 => {
-                let period = |port: &PortConfig| port.current_period(port.nominal_exchange());
-                let period = self.ports.iter().map(period).max().unwrap_or(Nanos::ZERO);
-                Nanos(period.0.saturating_mul(5) / 4).max(SHORTEST_OVER_CURRENT)
-            }
-            ms => Nanos::from_millis(ms),
-        }
+        let period = |port: &PortConfig| port.current_period(port.nominal_exchange());
+        let period = self.ports.iter().map(period).max().unwrap_or(Nanos::ZERO);
+        Nanos(period.0.saturating_mul(5) / 4).max(SHORTEST_OVER_CURRENT)
     }
 
     /// The limits and timeouts that a port does not keep by itself, with an exchange that takes so
@@ -126,26 +124,29 @@ impl Config {
             ms(gap)
         );
         let lossy = format!("one lost reply is a fault, with reply_timeout_ms = {}", ms(timeout));
-        let single = "a single reading of the current is a fault".to_owned();
+        let single = format!(
+            "with {} ms an exchange the current is read once in {} ms, and a single reading is a \
+             fault: a latency timer of 1 ms makes exchanges short",
+            ms(exchange),
+            ms(period)
+        );
         let late = format!("an exchange takes {} ms, and replies come too late", ms(slowest));
         let (twice, needed) = (slowest + slowest, port.stale(exchange));
+        let third = Nanos((gap + timeout).0 / LOST);
         let is_single = is_watched && over_current < period;
         let findings = [
-            (stale < gap, "limits.feedback_stale_ms", stale, aged, needed),
-            (lost < gap + timeout, "limits.feedback_lost_ms", lost, lossy, gap + timeout),
-            (is_single, "limits.over_current_ms", over_current, single, period),
-            (timeout < twice, "reply_timeout_ms", timeout, late, twice),
+            (stale < gap, "limits.feedback_stale_ms", stale, aged, Some(needed)),
+            (lost < gap + timeout, "limits.feedback_stale_ms", stale, lossy, Some(third)),
+            (is_single, "duration of an over-current, ms", over_current, single, None),
+            (timeout < twice, "reply_timeout_ms", timeout, late, Some(twice)),
         ];
         let failed = findings.into_iter().filter(|(is_failed, ..)| *is_failed);
+        let device = port.device.display();
         let finding =
-            |(_, key, value, reason, least): (bool, &str, Nanos, String, Nanos)| Finding {
-                key: key.to_owned(),
-                value: ms(value),
-                reason: format!(
-                    "{}: {reason}; at least {}",
-                    port.device.display(),
-                    ms(whole_ms(least))
-                ),
+            |(_, key, value, reason, least): (bool, &str, Nanos, String, Option<Nanos>)| {
+                let least = least.map(|least| format!("; at least {}", ms(whole_ms(least))));
+                let reason = format!("{device}: {reason}{}", least.unwrap_or_default());
+                Finding { key: key.to_owned(), value: ms(value), reason }
             };
         failed.map(finding).collect()
     }

@@ -36,15 +36,13 @@ use crate::model::file::{OutputSpec, OutputUnit};
 use crate::model::{Model, ModelError};
 
 pub use finding::Finding;
-pub use ports::{AxisConfig, Family, Framing, HomingMethod, Polling, PortConfig, Streaming};
+pub use line_timing::{SLOW_EVERY_ROUNDS, STATUS_EVERY_ROUNDS};
+pub use ports::{AxisConfig, Family, Framing, HomingMethod, PortConfig, Streaming};
 pub use sections::{
-    AdaptationConfig, CommandConfig, CompensationConfig, ConditioningConfig, ControlConfig,
-    IpcConfig, JointLimitConfig, LimitConfig, ModelSwapConfig, MoveConfig, PlausibilityConfig,
-    RecordConfig,
+    AdaptationConfig, CommandConfig, CompensationConfig, ControlConfig, JointLimitConfig,
+    LimitConfig,
 };
-pub use virtual_fixtures::{
-    FixtureRegionConfig, FixtureShape, MAX_CORNERS, MAX_REGIONS, VirtualFixtureConfig,
-};
+pub use virtual_fixtures::{FixtureRegionConfig, FixtureShape, MAX_CORNERS, MAX_REGIONS};
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -53,12 +51,17 @@ pub use virtual_fixtures::{
 pub struct Config {
     /// Name of the robot. A model that was calibrated on another robot is refused.
     pub robot_id: String,
+    /// Name of the domain in shared memory: controllers and clients meet only inside one. Letters,
+    /// digits and `-`, at most 32.
+    #[serde(default = "default_domain")]
+    pub domain: String,
+    /// Folder of black boxes and run log, relative to the folder of this file. A black box holds 12 s
+    /// and takes 10 MB; the newest hundred are kept.
+    #[serde(default = "default_record_folder")]
+    pub record_folder: PathBuf,
     /// The control loop.
     #[serde(default)]
     pub control: ControlConfig,
-    /// Shared memory.
-    #[serde(default)]
-    pub ipc: IpcConfig,
     /// Requirements on commands from other processes.
     #[serde(default)]
     pub command: CommandConfig,
@@ -68,32 +71,26 @@ pub struct Config {
     /// How a model with memory is used.
     #[serde(default)]
     pub compensation: CompensationConfig,
-    /// The conditioning cycle of the command `condition`.
-    #[serde(default)]
-    pub conditioning: ConditioningConfig,
-    /// The change from one model to another.
-    #[serde(default)]
-    pub model_swap: ModelSwapConfig,
     /// Limits on the angles, besides those on the motors.
     #[serde(default)]
     pub joint_limits: JointLimitConfig,
-    /// The trajectory of `move_jp`.
+    /// Regions that the snake may not enter, in the plane of pitch and yaw and for the tip; at most
+    /// eight.
     #[serde(default)]
-    pub move_jp: MoveConfig,
-    /// Regions that the snake may not enter.
-    #[serde(default)]
-    pub virtual_fixtures: VirtualFixtureConfig,
-    /// Comparison of camera and model.
-    #[serde(default)]
-    pub plausibility: PlausibilityConfig,
+    pub virtual_fixtures: Vec<FixtureRegionConfig>,
     /// Drift of the calibration, followed by the camera.
     #[serde(default)]
     pub adaptation: AdaptationConfig,
-    /// Black box and run log.
-    #[serde(default)]
-    pub record: RecordConfig,
     /// The serial ports, each with the axes behind it.
     pub ports: Vec<PortConfig>,
+}
+
+fn default_domain() -> String {
+    "i2ris".to_owned()
+}
+
+fn default_record_folder() -> PathBuf {
+    "records".into()
 }
 
 /// Why a configuration is refused.
@@ -145,15 +142,8 @@ impl Config {
             ))
         });
         let currents = currents.into_iter().chain(drowned);
-        let hangs = |(index, _)| {
-            format!(
-                "ports[{index}].loop_timeout_ms = 0: a loop that hangs is left to the watchdog \
-                 alone"
-            )
-        };
-        let ports = self.ports.iter().enumerate().filter(|(_, port)| port.loop_timeout_ms == 0);
         let overruns = (self.limits.overrun_ticks == 0).then_some(late);
-        overruns.into_iter().chain(currents).chain(ports.map(hangs)).collect()
+        overruns.into_iter().chain(currents).collect()
     }
 
     /// Checks that the robot may use a model, and can keep its limits with it.
@@ -162,7 +152,7 @@ impl Config {
     ///
     /// As [`Model::check_use`], and when angles are limited and the model has none.
     pub fn check_model(&self, model: &Model) -> Result<(), ModelError> {
-        model.check_use(&self.robot_id, self.motors(), self.control.allow_worthless_model)?;
+        model.check_use(&self.robot_id, self.motors())?;
         let is_angle = |output: &OutputSpec| output.unit == OutputUnit::Deg;
         let has_angles = model.file().outputs.iter().all(is_angle);
         let is_kept = has_angles || !self.joint_limits.is_any();
@@ -192,7 +182,7 @@ impl Config {
     pub fn load_for_process(path: &Path) -> Result<Self, ConfigError> {
         let mut config = Self::load(path)?;
         if let Ok(domain) = std::env::var("I2RIS_DOMAIN") {
-            config.ipc.domain = domain;
+            config.domain = domain;
         }
         Ok(config)
     }
@@ -217,7 +207,7 @@ impl Config {
         let files = self.ports.iter_mut();
         let files = files.filter_map(|port| port.positions_file.as_mut());
         let paths = files.chain(&mut self.control.model);
-        for path in paths.chain([&mut self.record.folder]) {
+        for path in paths.chain([&mut self.record_folder]) {
             *path = folder.join(&*path);
         }
     }

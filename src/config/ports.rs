@@ -26,15 +26,6 @@ pub struct PortConfig {
     /// own timeout for a node.
     #[serde(default = "default_reply_timeout_ms")]
     pub reply_timeout_ms: u64,
-    /// Age of the last request of the control loop at which the port stops its enabled axes, in
-    /// milliseconds; 0: never. The loop writes a request every tick, so a timeout means that the
-    /// loop hangs. It is the second line behind the watchdog, which acts after 40 ms, and long,
-    /// because without real time the loop may stall while the drive safely holds.
-    #[serde(default = "default_deadman_ms")]
-    pub loop_timeout_ms: u64,
-    /// Polling of statusword, error code and current while a target is followed.
-    #[serde(default)]
-    pub polling: Polling,
     /// The file that saves the positions of the axes when the controller ends, relative to the
     /// folder of this file. With it, an axis without a saved position, or at another position at
     /// the next start, is not homed. Absent: the homing flag of the drive is trusted.
@@ -55,28 +46,9 @@ impl PortConfig {
             family: Family::default(),
             framing: Framing::default(),
             reply_timeout_ms: default_reply_timeout_ms(),
-            loop_timeout_ms: default_deadman_ms(),
-            polling: Polling::default(),
             positions_file: None,
             axes,
         }
-    }
-}
-
-/// Polling of slow values. A round is a setpoint and a position: two exchanges on the line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields, default)]
-pub struct Polling {
-    /// Rounds between two reads of the statusword.
-    pub status_every_rounds: u32,
-    /// Rounds between two reads of the error code, and of the current.
-    pub slow_every_rounds: u32,
-}
-
-impl Default for Polling {
-    fn default() -> Self {
-        Self { status_every_rounds: 4, slow_every_rounds: 32 }
     }
 }
 
@@ -140,10 +112,6 @@ fn default_reply_timeout_ms() -> u64 {
     20
 }
 
-fn default_deadman_ms() -> u64 {
-    1000
-}
-
 /// One drive and its motor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -182,9 +150,6 @@ pub struct AxisConfig {
     /// Speed limit of the motor in the drive (objects 0x607F and 0x6080; EPOS2 0x6410:04), rpm.
     #[serde(default = "default_motor_speed_rpm")]
     pub motor_speed_rpm: u32,
-    /// Quick-stop deceleration in the drive (object 0x6085), rpm per second.
-    #[serde(default = "default_quick_stop_rpm_s")]
-    pub quick_stop_rpm_s: u32,
     /// The homing method.
     #[serde(default)]
     pub homing: HomingMethod,
@@ -192,9 +157,6 @@ pub struct AxisConfig {
     /// below the strength of the wires, and below `current_limit_ma`.
     #[serde(default = "default_homing_current_ma")]
     pub homing_current_ma: u32,
-    /// Motor speed towards the hard stop, rpm.
-    #[serde(default = "default_homing_speed_rpm")]
-    pub homing_speed_rpm: u32,
     /// Position of the hard stop, counts. Only for homing against a stop.
     #[serde(default)]
     pub homing_stop_counts: Counts,
@@ -248,10 +210,8 @@ impl AxisConfig {
             current_limit_ma: default_current_limit_ma(),
             following_error_counts: default_following_error_counts(),
             motor_speed_rpm: default_motor_speed_rpm(),
-            quick_stop_rpm_s: default_quick_stop_rpm_s(),
             homing: HomingMethod::default(),
             homing_current_ma: default_homing_current_ma(),
-            homing_speed_rpm: default_homing_speed_rpm(),
             homing_stop_counts: Counts(0),
         }
     }
@@ -269,16 +229,8 @@ fn default_motor_speed_rpm() -> u32 {
     200
 }
 
-fn default_quick_stop_rpm_s() -> u32 {
-    10_000
-}
-
 fn default_homing_current_ma() -> u32 {
     30
-}
-
-fn default_homing_speed_rpm() -> u32 {
-    20
 }
 
 #[cfg(test)]

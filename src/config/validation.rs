@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use super::bounds::{self, MAX_MS};
+use super::bounds;
 use super::finding::{Finding, Findings};
 use super::virtual_fixtures;
 use super::{AxisConfig, Config, Family, Framing, HomingMethod, PortConfig, Streaming};
@@ -39,17 +39,16 @@ pub(super) fn validate(config: &Config) -> Vec<Finding> {
     check_limits(config, &mut findings);
     check_joint_limits(config, &mut findings);
     virtual_fixtures::check(&config.virtual_fixtures, &mut findings);
-    check_adaptation(config, &mut findings);
     check_ports(config, &mut findings);
     findings.into_list()
 }
 
 fn check_process(config: &Config, findings: &mut Findings) {
-    let domain = &config.ipc.domain;
+    let domain = &config.domain;
     let is_plain = domain.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
     findings.require(
         is_plain && (1..=32).contains(&domain.len()),
-        "ipc.domain",
+        "domain",
         domain,
         "must be 1 to 32 letters, digits or `-`, because it names files",
     );
@@ -79,13 +78,6 @@ fn check_limits(config: &Config, findings: &mut Findings) {
         let fits = window as usize <= LONGEST_WINDOW;
         findings.require(fits, "limits.jerk_counts_s3", jerk, JERK_DELAY);
     }
-    findings.require(
-        config.feedback_lost() > config.feedback_stale()
-            && limits.feedback_lost_ms <= MAX_MS as u64,
-        "limits.feedback_lost_ms",
-        limits.feedback_lost_ms,
-        format!("must be above feedback_stale_ms and at most {MAX_MS}"),
-    );
 }
 
 fn check_joint_limits(config: &Config, findings: &mut Findings) {
@@ -130,20 +122,6 @@ fn check_joint_limits(config: &Config, findings: &mut Findings) {
         let fits = window as usize <= LONGEST_WINDOW;
         findings.require(fits, "joint_limits.jerk_deg_s3", jerk, JERK_DELAY);
     }
-}
-
-fn check_adaptation(config: &Config, findings: &mut Findings) {
-    let adaptation = &config.adaptation;
-    let distance = config.plausibility.distance_deg;
-    findings.require(
-        !adaptation.enabled || distance == 0.0 || adaptation.total_budget_deg < distance,
-        "adaptation.total_budget_deg",
-        adaptation.total_budget_deg,
-        format!(
-            "must be below plausibility.distance_deg = {distance}: adaptation may not lead to a \
-             fault by itself"
-        ),
-    );
 }
 
 fn check_ports(config: &Config, findings: &mut Findings) {

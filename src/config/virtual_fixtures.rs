@@ -9,29 +9,6 @@ pub const MAX_REGIONS: usize = 8;
 /// Corners of a polygon.
 pub const MAX_CORNERS: usize = 8;
 
-/// Regions that the snake may not enter, in the plane of pitch and yaw and for the tip.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields, default)]
-pub struct VirtualFixtureConfig {
-    /// Near a region, the speed towards it is at most the distance divided by this time, in
-    /// milliseconds. Speed along the region and away from it is not limited.
-    pub slow_down_ms: u64,
-    /// Distance that the goal keeps from regions in angles, degrees. It covers the distance of goal
-    /// and setpoint while motors cross their backlash.
-    pub margin_deg: f64,
-    /// Distance that the goal keeps from regions of the tip, in millimetres.
-    pub margin_mm: f64,
-    /// The regions, at most eight.
-    pub regions: Vec<FixtureRegionConfig>,
-}
-
-impl Default for VirtualFixtureConfig {
-    fn default() -> Self {
-        Self { slow_down_ms: 200, margin_deg: 0.5, margin_mm: 0.02, regions: Vec::new() }
-    }
-}
-
 /// A forbidden region.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -87,15 +64,15 @@ pub enum FixtureShape {
 /// Largest coordinate, degrees or mm.
 const LARGEST: f64 = 360.0;
 
-pub(super) fn check(config: &VirtualFixtureConfig, findings: &mut Findings) {
+pub(super) fn check(regions: &[FixtureRegionConfig], findings: &mut Findings) {
     findings.require(
-        config.regions.len() <= MAX_REGIONS,
-        "virtual_fixtures.regions",
-        config.regions.len(),
+        regions.len() <= MAX_REGIONS,
+        "virtual_fixtures",
+        regions.len(),
         format!("must be at most {MAX_REGIONS}"),
     );
-    for (index, region) in config.regions.iter().enumerate() {
-        let key = format!("virtual_fixtures.regions[{index}]");
+    for (index, region) in regions.iter().enumerate() {
+        let key = format!("virtual_fixtures[{index}]");
         findings.require(
             (1..=24).contains(&region.name.len()),
             format!("{key}.name"),

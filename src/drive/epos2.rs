@@ -75,7 +75,7 @@ impl DriveFamily for Epos2 {
             object::POSITION_MAX.set(axis.position_max_counts.0),
             object::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm),
             MAX_MOTOR_SPEED.set(axis.motor_speed_rpm),
-            object::QUICK_STOP_DECELERATION.set(axis.quick_stop_rpm_s),
+            object::QUICK_STOP_DECELERATION.set(object::QUICK_STOP_RPM_S),
             object::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
             CURRENT_LIMIT.set(saturate(axis.current_limit_ma)),
             object::DISABLE_OPTION.set(1),

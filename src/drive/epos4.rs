@@ -123,8 +123,8 @@ impl DriveFamily for Epos4Profile {
         let mut settings = settings(axis, &PROFILE);
         settings.extend([
             object::PROFILE_VELOCITY.set(axis.motor_speed_rpm),
-            object::PROFILE_ACCELERATION.set(axis.quick_stop_rpm_s),
-            object::PROFILE_DECELERATION.set(axis.quick_stop_rpm_s),
+            object::PROFILE_ACCELERATION.set(object::QUICK_STOP_RPM_S),
+            object::PROFILE_DECELERATION.set(object::QUICK_STOP_RPM_S),
         ]);
         settings
     }
@@ -144,7 +144,7 @@ fn settings(axis: &AxisConfig, map: &ObjectMap) -> Vec<Setting> {
         object::POSITION_MAX.set(axis.position_max_counts.0),
         object::MAX_PROFILE_VELOCITY.set(axis.motor_speed_rpm),
         MAX_MOTOR_SPEED.set(axis.motor_speed_rpm),
-        object::QUICK_STOP_DECELERATION.set(axis.quick_stop_rpm_s),
+        object::QUICK_STOP_DECELERATION.set(object::QUICK_STOP_RPM_S),
         object::FOLLOWING_ERROR_WINDOW.set(axis.following_error_counts),
         CURRENT_LIMIT.set(axis.current_limit_ma),
         // With a period the drive faults when a setpoint is late.
@@ -164,7 +164,6 @@ mod tests {
 
     fn axis() -> AxisConfig {
         AxisConfig {
-            quick_stop_rpm_s: 9000,
             current_limit_ma: 300,
             following_error_counts: 400,
             motor_speed_rpm: 3000,
@@ -182,7 +181,7 @@ mod tests {
                 object::FOLLOWING_ERROR_WINDOW.set(400),
                 object::MAX_PROFILE_VELOCITY.set(3000),
                 MAX_MOTOR_SPEED.set(3000),
-                object::QUICK_STOP_DECELERATION.set(9000),
+                object::QUICK_STOP_DECELERATION.set(object::QUICK_STOP_RPM_S),
                 INTERPOLATION_PERIOD.set(0),
             ] {
                 assert!(settings.contains(&expected), "{}", expected.object);

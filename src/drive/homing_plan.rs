@@ -12,6 +12,9 @@ pub struct HomingPlan {
     restored: Vec<Setting>,
 }
 
+/// Motor speed towards the hard stop, rpm.
+const HOMING_SPEED_RPM: u32 = 20;
+
 /// Acceleration of the search of a hard stop, rpm/s: at the low speeds of homing it takes no time.
 const HOMING_ACCELERATION_RPM_S: u32 = 1000;
 
@@ -29,8 +32,8 @@ impl HomingPlan {
         if moves {
             settings.extend(stop_settings(axis.homing_current_ma));
             settings.extend([
-                object::HOMING_SPEED.set(axis.homing_speed_rpm),
-                object::HOMING_ZERO_SPEED.set(axis.homing_speed_rpm),
+                object::HOMING_SPEED.set(HOMING_SPEED_RPM),
+                object::HOMING_ZERO_SPEED.set(HOMING_SPEED_RPM),
                 object::HOMING_ACCELERATION.set(HOMING_ACCELERATION_RPM_S),
             ]);
         }

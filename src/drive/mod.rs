@@ -22,7 +22,6 @@
 //! | `axis` | one axis as a state machine without I/O |
 //! | `port_runner` | the thread that owns a serial port |
 //! | `request_watchdog` | notices a control loop that sends no requests |
-//! | `setpoint_slot` | when a port takes the next setpoint |
 //! | `error`, `event` | errors and events |
 
 pub mod abort_code;
@@ -51,7 +50,6 @@ mod saved_position;
 pub mod serial_frame;
 pub mod serial_frame_parser;
 pub mod serial_transport;
-pub mod setpoint_slot;
 pub mod transport;
 
 pub use crate::robot::AxisPhase;

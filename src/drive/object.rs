@@ -155,6 +155,8 @@ pub const POSITION_MAX: Object<i32> = Object::new(0x607D, 2, "highest position l
 pub const MAX_PROFILE_VELOCITY: Object<u32> = Object::new(0x607F, 0, "max profile velocity");
 /// Deceleration of the quick stop, rpm/s.
 pub const QUICK_STOP_DECELERATION: Object<u32> = Object::new(0x6085, 0, "quick-stop deceleration");
+/// The quick-stop deceleration, rpm/s: from the speed limit of the template in 20 ms.
+pub const QUICK_STOP_RPM_S: u32 = 10_000;
 /// Homing method.
 pub const HOMING_METHOD: Object<i8> = Object::new(0x6098, 0, "homing method");
 /// Device name, text: read in segments.

@@ -6,6 +6,7 @@
 mod reconnect;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use triple_buffer::{Input, Output, triple_buffer};
@@ -24,7 +25,6 @@ use super::object::Setting;
 use super::request_watchdog::RequestWatchdog;
 use super::saved_position::{self, SavedPosition};
 use super::serial_transport::SerialTransport;
-use super::setpoint_slot::SetpointSlot;
 use super::transport::Transport;
 use crate::config::{AxisConfig, PortConfig};
 use crate::units::{Counts, Nanos};
@@ -59,8 +59,21 @@ pub struct AxisLink<R: Send = AxisRequest> {
     pub requests: Input<R>,
     /// Feedback of the axis: the newest counts.
     pub feedback: Output<AxisFeedback>,
-    /// When the port takes the next setpoint.
-    pub slot: SetpointSlot,
+    /// Whether the drive owes an answer.
+    pub owed: OwedAnswer,
+}
+
+/// The drive has not answered the exchange that began last. The watchdog, which takes the line over
+/// from a dead controller, asks such a drive last.
+#[derive(Debug, Clone, Default)]
+pub struct OwedAnswer(Arc<AtomicBool>);
+
+impl OwedAnswer {
+    /// Whether an answer is owed.
+    #[must_use]
+    pub fn is_owed(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
 }
 
 /// The port thread's end of a port. It allocates nothing while it runs.
@@ -78,8 +91,6 @@ pub struct PortRunner<T = SerialTransport, R: Send = AxisRequest> {
 struct Pace {
     /// Median, measured at bring-up.
     median: Nanos,
-    /// One exchange with every axis, as long as the median.
-    turn: Nanos,
     /// The last one took more than twice as long.
     late: bool,
 }
@@ -93,7 +104,7 @@ struct AxisSlot<R: Send> {
     axis: AxisStateMachine,
     requests: Output<R>,
     feedback: Input<AxisFeedback>,
-    setpoint_slot: SetpointSlot,
+    owed: OwedAnswer,
     next_reconnect: Nanos,
     position_check: Option<PositionCheck>,
     watchdog: RequestWatchdog,
@@ -118,30 +129,24 @@ impl<R: PortRequest> AxisSlot<R> {
         let family = family_of_axis(port, config);
         let (request_input, requests) = triple_buffer(&R::default());
         let (feedback, feedback_output) = triple_buffer(&AxisFeedback::default());
-        let setpoint_slot = SetpointSlot::default();
+        let owed = OwedAnswer::default();
         let link = AxisLink {
             motor: config.motor,
             requests: request_input,
             feedback: feedback_output,
-            slot: setpoint_slot.clone(),
+            owed: owed.clone(),
         };
         let slot = Self {
             config: config.clone(),
             identity,
             settings: family.settings(config),
-            axis: AxisStateMachine::new(config, family, port.polling),
+            axis: AxisStateMachine::new(config, family),
             requests,
             feedback,
-            setpoint_slot,
+            owed,
             next_reconnect: Nanos::ZERO,
             position_check,
-            watchdog: RequestWatchdog {
-                timeout: (port.loop_timeout_ms > 0)
-                    .then(|| Nanos::from_millis(port.loop_timeout_ms)),
-                sequence: 0,
-                seen: Nanos::ZERO,
-                reported: false,
-            },
+            watchdog: RequestWatchdog::default(),
             answered: true,
         };
         (slot, link)
@@ -223,11 +228,7 @@ impl<T: Transport, R: PortRequest> PortRunner<T, R> {
         }
         let runner = Self {
             link,
-            pace: Pace {
-                median: exchange,
-                turn: Nanos(exchange.0.saturating_mul(slots.len() as u64)).max(MIN_TURN),
-                late: false,
-            },
+            pace: Pace { median: exchange, late: false },
             slots,
             positions_file: port.positions_file.clone(),
         };
@@ -355,8 +356,7 @@ fn exchange(
         };
         let begin = link.now();
         let transfer = slot.axis.next_transfer(&request, begin, pace.late, events);
-        // Told before the exchange, so that the control loop has its time to plan the tick.
-        slot.setpoint_slot.announce(begin, pace.turn, slot.axis.turns_to_setpoint());
+        slot.owed.0.store(true, Ordering::Relaxed);
         let timeouts = link.counters().timeouts;
         let map = slot.axis.object_map();
         let outcome = perform(link, slot.config.node_id, transfer, map);
@@ -367,7 +367,7 @@ fn exchange(
         }
         let refused = |code: &AbortCode| *code != AbortCode::NO_NODE;
         if outcome.is_ok() || matches!(&outcome, Err(LinkError::Refused(code)) if refused(code)) {
-            slot.setpoint_slot.set_answered();
+            slot.owed.0.store(false, Ordering::Relaxed);
         }
         let end = link.now();
         pace.late = end - begin > pace.median + pace.median;

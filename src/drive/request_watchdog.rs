@@ -2,14 +2,17 @@
 
 use crate::units::Nanos;
 
+/// Age of the last request at which a port stops its enabled axes. The loop writes a request every
+/// tick, so this means that it hangs. It is the second line behind the watchdog, which acts after
+/// 40 ms, and long, because without real time the loop may stall while the drive safely holds.
+const LOOP_TIMEOUT: Nanos = Nanos::from_millis(1000);
+
 /// Watches the sequence numbers of the requests.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct RequestWatchdog {
-    /// `None`: never expires.
-    pub timeout: Option<Nanos>,
-    pub sequence: u64,
+    sequence: u64,
     /// When the newest request was first seen.
-    pub seen: Nanos,
+    seen: Nanos,
     pub reported: bool,
 }
 
@@ -20,6 +23,6 @@ impl RequestWatchdog {
             (self.sequence, self.seen, self.reported) = (sequence, now, false);
         }
         let silence = now - self.seen;
-        self.timeout.is_some_and(|timeout| silence >= timeout).then_some(silence)
+        (silence >= LOOP_TIMEOUT).then_some(silence)
     }
 }

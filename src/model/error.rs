@@ -122,10 +122,7 @@ pub enum ModelError {
         most: f64,
     },
     /// The fit found it worthless and wrote it all the same.
-    #[error(
-        "is marked as worthless: {doubt}; fit a better one, or allow it by \
-         control.allow_worthless_model = true"
-    )]
+    #[error("is marked as worthless: {doubt}; fit a better one")]
     Worthless {
         /// Why, as the fit said it.
         doubt: String,

@@ -96,18 +96,12 @@ impl Model {
     ///
     /// # Errors
     ///
-    /// As [`Self::check_robot`], and when the model is marked as worthless and the robot does not
-    /// allow that.
-    pub fn check_use(
-        &self,
-        robot_id: &str,
-        motors: usize,
-        allow_worthless: bool,
-    ) -> Result<(), ModelError> {
+    /// As [`Self::check_robot`], and when the model is marked as worthless.
+    pub fn check_use(&self, robot_id: &str, motors: usize) -> Result<(), ModelError> {
         self.check_robot(robot_id, motors)?;
         match &self.file.worthless {
-            Some(doubt) if !allow_worthless => Err(ModelError::Worthless { doubt: doubt.clone() }),
-            _ => Ok(()),
+            Some(doubt) => Err(ModelError::Worthless { doubt: doubt.clone() }),
+            None => Ok(()),
         }
     }
 

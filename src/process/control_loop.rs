@@ -13,10 +13,12 @@ use crate::drive::port_runner::AxisLink;
 use crate::ipc::heartbeat::HeartbeatWriter;
 use crate::process::black_box::{RecorderChannels, TickRecord};
 use crate::process::channels::{LoopChannels, LostCounters, TickReport};
-use crate::process::tick_plan::{SharedTick, delayed};
 use crate::realtime::{SuspendMonitor, Tick, TickTiming, Ticker};
 use crate::robot::{DrivePower, OperatingState};
 use crate::units::{AUXILIARY, MAX_AXES, Nanos};
+
+/// The loop wakes so long before each tick and spins until it: waking takes tens of microseconds.
+const SPIN: Nanos = Nanos::from_micros(100);
 
 /// Everything that the loop needs; built before the thread starts.
 pub struct ControlLoop {
@@ -24,22 +26,19 @@ pub struct ControlLoop {
     pub channels: LoopChannels,
     pub links: Vec<AxisLink<Gated>>,
     pub heartbeat: HeartbeatWriter,
-    /// Tells the IPC thread when the next tick begins.
-    pub next_tick: SharedTick,
 }
 
 impl ControlLoop {
     /// Runs one cycle per tick from `first` on, until the cycle has shut down.
     pub fn run(mut self, config: &ControlConfig, first: Nanos, shutdown: &AtomicBool) {
-        let spin = Nanos::from_micros(u64::from(config.spin_us));
+        let spin = if config.priority > 0 { SPIN } else { Nanos::ZERO };
         let mut ticker = Ticker::new(first, config.period(), spin);
         let mut recording = TickRecording::new(config.rate_hz);
         recording.push_snapshot(&self.cycle, &mut self.channels.recorder);
         let mut lost = Lost::default();
         let mut suspends = SuspendMonitor::new();
         loop {
-            let planned = self.plan_tick(config, ticker.next());
-            let tick = ticker.wait_until(planned);
+            let tick = ticker.wait();
             if self.run_tick(tick, &mut suspends, &mut recording, &mut lost, shutdown) {
                 return;
             }
@@ -78,7 +77,7 @@ impl ControlLoop {
         let report = outputs.report;
         let off = is_off(&report)
             && self.links.iter().all(|link| power(link, &inputs) == DrivePower::Off);
-        let owing = self.links.iter().filter(|link| link.slot.owes_answer());
+        let owing = self.links.iter().filter(|link| link.owed.is_owed());
         let owing = owing.fold(0, |motors, link| motors | 1 << link.motor);
         self.heartbeat.write(tick.started, off, owing);
         let ended = clock::now();
@@ -113,17 +112,6 @@ impl ControlLoop {
         {
             let _ = channels.retired.push(retired);
         }
-    }
-
-    /// The start of the tick at a point of the grid: before the first port that takes a setpoint
-    /// in its period.
-    #[cfg_attr(realtime_sanitizer, sanitize(realtime = "nonblocking"))]
-    fn plan_tick(&self, config: &ControlConfig, grid: Nanos) -> Nanos {
-        let slots = self.links.iter().filter_map(|link| link.slot.next());
-        let planned =
-            if config.follow_lines { delayed(grid, config.period(), slots) } else { grid };
-        self.next_tick.announce(planned);
-        planned
     }
 
     /// Passes the next model to the cycle, if it can take one. Returns the number of the offer.

@@ -42,7 +42,6 @@ use crate::process::start_up::{
     Drives, StartModelError, bring_up_ports, load_model, software, wait_for_positions,
 };
 use crate::process::threads::{NamedThread, ThreadError};
-use crate::process::tick_plan::SharedTick;
 use crate::realtime::{self, Granted, Wanted};
 use crate::service_manager;
 use crate::units::Nanos;
@@ -101,7 +100,7 @@ pub fn run(
     let model = load_model(config)?.map(Arc::new);
     // Locks the domain before the ports: a second controller must not touch the drives of the
     // first.
-    let domain = Domain::new(&config.ipc.domain)?;
+    let domain = Domain::new(&config.domain)?;
     let lock = DomainLock::acquire(&domain)?;
     let boot_id = lock.boot_id();
     let watchdog = WatchdogEntry::default();
@@ -200,7 +199,6 @@ fn start_threads(
         ModelManager::new(config.clone(), history.clone(), model_channels, recorder_queue);
     let quit = Arc::new(AtomicBool::new(false));
     let (lines, recorder_lines) = mpsc::channel();
-    let next_tick = SharedTick::default();
     let mut others = start_workers(config, recorder, manager, workers, lines, &quit)?;
     let parts = IpcThreadParts {
         channels: ipc_channels,
@@ -213,7 +211,6 @@ fn start_threads(
         queues,
         fixtures: FixtureTable::new(&config.virtual_fixtures),
         period: config.control.period(),
-        next_tick: next_tick.clone(),
     };
     let (to_ipc, granted) = mpsc::channel();
     let (ipc, (heartbeat, ipc_granted)) = start_ipc(config, lock, parts, granted, &quit)?;
@@ -226,7 +223,7 @@ fn start_threads(
     wait_for_positions(&mut links);
     let first = clock::now() + START_DELAY;
     let cycle = ControlCycle::new(config, model.cloned());
-    let control_loop = ControlLoop { cycle, channels, links, heartbeat, next_tick };
+    let control_loop = ControlLoop { cycle, channels, links, heartbeat };
     let (control, granted) = start_control(&config.control, control_loop, first, shutdown)?;
     // If the IPC thread has ended already, the main thread detects it.
     let _ = to_ipc.send((granted.clone(), first));
@@ -344,7 +341,7 @@ fn start_control(
     let (granted_in, granted) = mpsc::channel();
     let thread = NamedThread::spawn("control", move || {
         let wanted =
-            Wanted { priority: config.priority, cpu: config.cpu, lock_memory: config.lock_memory };
+            Wanted { priority: config.priority, cpu: config.cpu, lock_memory: config.priority > 0 };
         let _ = granted_in.send(realtime::request(wanted));
         drop(granted_in);
         control_loop.run(&config, first, &shutdown);

@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use crate::config::{FixtureShape, VirtualFixtureConfig};
+use crate::config::{FixtureRegionConfig, FixtureShape};
 use crate::core::{CycleReport, FixtureChange, SimpleRegion};
 use crate::ipc::payload::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg, padded_text};
 use crate::robot::{FixtureAction, FixtureKind, Refusal};
@@ -22,9 +22,9 @@ pub struct FixtureTable {
 impl FixtureTable {
     /// The regions of a configuration.
     #[must_use]
-    pub fn new(config: &VirtualFixtureConfig) -> Self {
+    pub fn new(regions: &[FixtureRegionConfig]) -> Self {
         let mut message = VirtualFixturesMsg::default();
-        for (index, region) in config.regions.iter().enumerate().take(FIXTURES) {
+        for (index, region) in regions.iter().enumerate().take(FIXTURES) {
             let (kind, values) = described(&region.shape);
             message.kind[index] = kind.number();
             message.values[index] = values;
@@ -32,7 +32,7 @@ impl FixtureTable {
         }
         Self {
             message,
-            configured: config.regions.len().min(FIXTURES),
+            configured: regions.len().min(FIXTURES),
             pending: VecDeque::new(),
             added: 0,
         }
@@ -195,14 +195,10 @@ mod tests {
 
     #[test]
     fn the_table_follows_the_answers_of_the_loop() {
-        let config = VirtualFixtureConfig {
-            regions: vec![FixtureRegionConfig {
-                name: "lens".to_owned(),
-                shape: FixtureShape::Circle { centre_deg: [10.0, 5.0], radius_deg: 3.0 },
-            }],
-            ..VirtualFixtureConfig::default()
-        };
-        let mut table = FixtureTable::new(&config);
+        let mut table = FixtureTable::new(&[FixtureRegionConfig {
+            name: "lens".to_owned(),
+            shape: FixtureShape::Circle { centre_deg: [10.0, 5.0], radius_deg: 3.0 },
+        }]);
         let wall = request(3, 2, [1.0, 0.0, 0.3, 0.0]);
         table.sent(1, wall);
         table.sent(2, wall);

@@ -26,7 +26,6 @@ use crate::process::fixture_table::FixtureTable;
 use crate::process::loop_history::SharedLoopHistory;
 use crate::process::loop_statistics::LoopStatistics;
 use crate::process::payload_conversion as convert;
-use crate::process::tick_plan::SharedTick;
 use crate::realtime::Granted;
 use crate::robot::{OperatingState, Refusal, StateCommand};
 use crate::units::{MAX_OUTPUTS, Nanos};
@@ -65,8 +64,6 @@ pub struct IpcThreadParts {
     pub fixtures: FixtureTable,
     /// Period of the loop.
     pub period: Nanos,
-    /// When the next tick of the loop begins.
-    pub next_tick: SharedTick,
 }
 
 /// State of the IPC thread between two passes.
@@ -129,8 +126,7 @@ impl IpcThread {
             clock::sleep_until(tick + REPORT_LAG);
             self.take_reports();
             // Passes that are over are not made up for.
-            let last = tick.max(now - self.parts.period);
-            tick = self.parts.next_tick.after(last, self.parts.period);
+            tick = tick.max(now - self.parts.period) + self.parts.period;
         }
         self.pass(clock::now());
     }

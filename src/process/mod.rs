@@ -6,7 +6,6 @@
 //! | `start_up` | model, ports and drives at the start |
 //! | `threads` | starting, naming and joining threads |
 //! | `control_loop` | the real-time loop thread; the only place that runs the cycle |
-//! | `tick_plan` | when a tick begins within its period |
 //! | `ipc_thread` | shared memory: commands in, messages out |
 //! | `model_manager` | the model thread: reads, checks, compares, frees |
 //! | `model_comparison` | difference between two models, in counts |
@@ -40,6 +39,5 @@ mod payload_conversion;
 pub mod run_log;
 mod start_up;
 mod threads;
-mod tick_plan;
 
 pub use payload_conversion::{operating_state, robot_description};

@@ -101,7 +101,7 @@ impl RunLog {
 }
 
 fn open(config: &Config) -> io::Result<File> {
-    let folder = &config.record.folder;
+    let folder = &config.record_folder;
     if !folder.is_dir() {
         DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
     }

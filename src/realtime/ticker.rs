@@ -47,12 +47,7 @@ impl Schedule {
     /// Begins the next tick at `started`, not before [`Schedule::next`], and plans the one after it
     /// in the future.
     pub fn begin(&mut self, started: Nanos) -> Tick {
-        self.begin_planned(self.next, started)
-    }
-
-    /// As [`Schedule::begin`], for a tick that was planned for an instant within its period. A tick
-    /// that begins late in the period of the next one takes no tick from it.
-    fn begin_planned(&mut self, planned: Nanos, started: Nanos) -> Tick {
+        let planned = self.next;
         let missed = started.since(planned).0 / self.period.0;
         let tick = Tick { planned, started, missed };
         self.next = self.next + Nanos(missed.saturating_add(1).saturating_mul(self.period.0));
@@ -76,27 +71,16 @@ impl Ticker {
         Self { schedule: Schedule::new(first, period), spin }
     }
 
-    /// The point of the grid of the next tick.
-    #[must_use]
-    pub const fn next(&self) -> Nanos {
-        self.schedule.next()
-    }
-
     /// Waits for the next tick. Returns at once if it is due already.
     pub fn wait(&mut self) -> Tick {
-        self.wait_until(self.next())
-    }
-
-    /// Waits for the next tick, which begins at `planned`, within a period from its point of the
-    /// grid on.
-    pub fn wait_until(&mut self, planned: Nanos) -> Tick {
+        let planned = self.schedule.next();
         clock::sleep_until(planned - self.spin);
         let mut now = clock::now();
         while now < planned {
             std::hint::spin_loop();
             now = clock::now();
         }
-        self.schedule.begin_planned(planned, now)
+        self.schedule.begin(now)
     }
 }
 
@@ -142,22 +126,6 @@ mod tests {
         assert_eq!(schedule.next(), Nanos(6000));
         assert_eq!(schedule.begin(Nanos(7000)).missed, 1);
         assert_eq!(schedule.next(), Nanos(8000));
-    }
-
-    #[test]
-    fn a_delayed_tick_takes_none_from_the_grid() {
-        let mut schedule = Schedule::new(Nanos(5000), PERIOD);
-        let tick = schedule.begin_planned(Nanos(5750), Nanos(5760));
-        assert_eq!((tick.planned, tick.missed), (Nanos(5750), 0));
-        assert_eq!(schedule.next(), Nanos(6000));
-        // Late into the next period: that tick is still there, and only once.
-        assert_eq!(schedule.begin_planned(Nanos(6750), Nanos(7400)).missed, 0);
-        assert_eq!(schedule.next(), Nanos(7000));
-        assert_eq!(schedule.begin(Nanos(7400)).missed, 0);
-        assert_eq!(schedule.next(), Nanos(8000));
-        // A whole period late.
-        assert_eq!(schedule.begin_planned(Nanos(8500), Nanos(9600)).missed, 1);
-        assert_eq!(schedule.next(), Nanos(10_000));
     }
 
     #[test]

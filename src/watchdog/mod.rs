@@ -61,7 +61,7 @@ const ALL_OWING: u8 = u8::MAX;
 
 /// Default silence of the loop after which the watchdog acts.
 ///
-/// The port threads of the controller have a time-out for a silent loop, too: `loop_timeout_ms`,
+/// The port threads of the controller have a time-out for a silent loop, too: `LOOP_TIMEOUT`,
 /// 1000 ms by default. The two differ on purpose. The watchdog runs above everything of the
 /// controller, so 40 missed ticks are not its own delay, and it acts before the operator notices.
 /// The port thread is the second line, for a controller without a watchdog. It also runs where the

@@ -48,7 +48,7 @@ fn what_is_built_in_counts_against_the_budget_of_the_calibration() {
 
 #[test]
 fn plausibility_compares_with_the_calibration_that_a_drift_was_built_into() {
-    let tables = "[plausibility]\ndistance_deg = 4.9";
+    let tables = "[limits]\nplausibility_deg = 4.9";
     for (built_in, fault) in [(0.0, Fault::None), (2.8, Fault::Implausible)] {
         let start = shifted(&standard_model(), built_in);
         let mut bench = Bench::enabled_with(config(tables), Some(start));
@@ -62,7 +62,7 @@ fn plausibility_compares_with_the_calibration_that_a_drift_was_built_into() {
 
 #[test]
 fn regions_are_kept_at_the_calibration_that_a_drift_was_built_into() {
-    let wall = "[[virtual_fixtures.regions]]\nname = \"wall\"\n\
+    let wall = "[[virtual_fixtures]]\nname = \"wall\"\n\
          shape = { half_plane = { normal = [1.0, 0.0], offset_deg = 6.0 } }";
     let Some(lag) = lag_counts() else { return };
     let start = shifted(&standard_model(), -2.8);

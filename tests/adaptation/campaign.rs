@@ -78,7 +78,7 @@ impl Signal {
     }
 }
 
-const TABLE: &str = "[adaptation]\nenabled = true\n[plausibility]\ndistance_deg = 0.0";
+const TABLE: &str = "[adaptation]\nenabled = true\n[limits]\nplausibility_deg = 0.0";
 
 /// The largest correction, and the largest rate of it beyond what the gain adds to the goal's own
 /// motion; deg and deg/s.

@@ -178,7 +178,7 @@ fn frames_that_cannot_be_used_are_counted_and_change_nothing() {
 fn a_model_without_gaps_has_its_zero_followed_by_at_most_a_degree() {
     let linear = model(SNAKES[0], Family::Linear);
     // A straight line and a slip together are further off than the check allows.
-    let off = "[plausibility]\ndistance_deg = 0.0";
+    let off = "[limits]\nplausibility_deg = 0.0";
     let mut trial = Trial::new(&format!("{ON}\n{off}"), SNAKES[0], &linear, &[]);
     trial.move_for(60.0);
     assert_eq!(trial.adaptation().method, Method::Integral);

@@ -12,6 +12,8 @@ use i2ris_simulation::closed_loop::{ClosedLoop, Inputs, state_request};
 use i2ris_simulation::physics::{DrawnSnake, Physics};
 use i2ris_simulation::robot::Robot;
 
+use toml::{Table, Value};
+
 use super::camera::{Camera, CameraPlan};
 
 const CONFIG: &str = include_str!("../../config/emulator.toml");
@@ -25,10 +27,14 @@ pub const SNAKES: [DrawnSnake; 3] = [
 
 pub const ON: &str = "[adaptation]\nenabled = true";
 
-/// The configuration of the emulator with a further table.
+/// The configuration of the emulator with further values.
 pub fn config(table: &str) -> Config {
-    let (head, ports) = CONFIG.split_once("[[ports]]").unwrap();
-    let text = format!("{head}\n{table}\n[[ports]]{ports}");
+    let (mut all, more): (Table, Table) = (CONFIG.parse().unwrap(), table.parse().unwrap());
+    for (name, values) in more {
+        let table = all.entry(name).or_insert(Value::Table(Table::new()));
+        table.as_table_mut().unwrap().extend(values.as_table().unwrap().clone());
+    }
+    let text = toml::to_string(&all).unwrap();
     let mut config = Config::parse(&text, "emulator.toml".as_ref()).unwrap();
     // The goal of the hand begins anywhere.
     config.command.first_step_deg = config.command.max_step_deg;

@@ -13,7 +13,7 @@ use super::command_table::{Answer, TABLE};
 /// A client that is not the usual one.
 const OTHER: u64 = 8;
 
-/// Older than `limits.feedback_stale_ms`, younger than `limits.feedback_lost_ms`.
+/// Older than `limits.feedback_stale_ms`, younger than three times that.
 const STALE: Nanos = Nanos::from_millis(60);
 
 /// All combinations of some flags.

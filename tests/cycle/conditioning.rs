@@ -69,7 +69,7 @@ fn afterwards_the_memory_is_known() {
 #[test]
 fn a_narrow_cycle_is_widened_to_what_the_model_needs() {
     let model = model_with_memory();
-    let narrow = config("[conditioning]\nhalf_width_counts = 20\nturns = 2");
+    let narrow = config("[compensation]\nconditioning_counts = 20");
     let mut bench = ready(narrow, Some(Arc::clone(&model)));
     let positions = run_conditioning(&mut bench);
     for (motor, centre) in [120.0, -80.0].into_iter().enumerate() {
@@ -87,7 +87,7 @@ fn without_a_model_it_goes_as_far_as_configured_and_stays_within_the_limits() {
     for (half_width, first, second) in
         [(650, (-530, 770), (-700, 600)), (950, (-900, 1000), (-700, 1000))]
     {
-        let table = "[conditioning]\nvelocity_counts_s = 500\nhalf_width_counts";
+        let table = "[compensation]\nconditioning_counts";
         let mut bench = ready(config(&format!("{table} = {half_width}")), None);
         let positions = run_conditioning(&mut bench);
         let ranges = (range(&positions, 0), range(&positions, 1));

@@ -19,7 +19,7 @@ const WAYS: [(&str, Way); 9] = [
     ("nothing", |_| ()),
     ("stop", |bench| {
         bench.quirk(1, Quirk::Silent);
-        bench.run(150);
+        bench.run(100);
         bench.quirk(1, Quirk::None);
     }),
     ("fault", |bench| {
@@ -50,7 +50,7 @@ fn slow(mut bench: Bench) -> Bench {
 
 fn compared() -> Bench {
     let mut config = config("");
-    (config.plausibility.distance_deg, config.plausibility.debounce_ms) = (5.0, 300);
+    config.limits.plausibility_deg = 5.0;
     let mut bench = Bench::enabled_with(config, Some(model(OutputUnit::Deg)));
     bench.camera = Some([0.0; 2]);
     bench

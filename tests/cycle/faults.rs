@@ -105,7 +105,7 @@ fn positions_that_stay_away_are_a_lost_line() {
     bench.quirk(1, Quirk::Silent);
     let last_report = bench.drives[1].feedback.stamp;
     expect_fault(&mut bench, Fault::Link);
-    assert_eq!(bench.now.since(last_report), Nanos::from_millis(250));
+    assert_eq!(bench.now.since(last_report), Nanos::from_millis(150));
 }
 
 #[test]

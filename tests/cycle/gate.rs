@@ -16,7 +16,7 @@ use i2ris_testing::cycle::{
     strict_config,
 };
 
-const WALL: &str = "[[virtual_fixtures.regions]]\nname = \"wall\"\n\
+const WALL: &str = "[[virtual_fixtures]]\nname = \"wall\"\n\
      shape = { half_plane = { normal = [1.0, 0.0], offset_deg = 6.0 } }";
 
 fn enabled(tables: &str, model: Arc<Model>) -> Bench {
@@ -57,7 +57,7 @@ fn calibrated_deg(bench: &Bench) -> [f64; 2] {
 #[test]
 fn a_slanted_wall_pushes_no_setpoint_past_a_joint_limit() {
     let tables = "[joint_limits]\nposition_min_deg = [-9.0, -9.0]\n\
-         position_max_deg = [3.0, 9.5]\n[[virtual_fixtures.regions]]\nname = \"slant\"\n\
+         position_max_deg = [3.0, 9.5]\n[[virtual_fixtures]]\nname = \"slant\"\n\
          shape = { half_plane = { normal = [-1.0, 1.0], offset_deg = 2.5 } }";
     let mut bench = enabled(tables, standard_model());
     let mut highest = f64::MIN;
@@ -70,7 +70,7 @@ fn a_slanted_wall_pushes_no_setpoint_past_a_joint_limit() {
 
 #[test]
 fn around_a_circle_no_setpoint_is_faster_than_the_joint_limit() {
-    let tables = "[joint_limits]\nvelocity_deg_s = 6.0\n[[virtual_fixtures.regions]]\n\
+    let tables = "[joint_limits]\nvelocity_deg_s = 6.0\n[[virtual_fixtures]]\n\
          name = \"circle\"\nshape = { circle = { centre_deg = [4.0, 0.0], radius_deg = 2.0 } }";
     let mut bench = enabled(tables, standard_model());
     let (mut fastest, mut before) = (0.0_f64, setpoint_deg(&bench));
@@ -290,7 +290,7 @@ fn motors_that_lag_behind_a_goal_do_not_leave_a_slanted_hull() {
 /// The same beside a region, to which one motor would bring the snake before the other leads away.
 #[test]
 fn motors_that_lag_behind_a_goal_do_not_enter_a_region_beside_it() {
-    let slant = "[[virtual_fixtures.regions]]\nname = \"slant\"\n\
+    let slant = "[[virtual_fixtures]]\nname = \"slant\"\n\
          shape = { half_plane = { normal = [2.0, 1.0], offset_deg = 6.0 } }";
     let mut bench = enabled(slant, model(OutputUnit::Deg));
     let normal = [2.0, 1.0].map(|part| part / 5.0_f64.sqrt());

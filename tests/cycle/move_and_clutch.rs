@@ -85,7 +85,7 @@ fn servo_commands_are_busy_during_a_trajectory_and_every_stop_ends_it() {
 #[test]
 fn a_trajectory_that_would_outlast_its_client_for_long_is_refused() {
     // 9 deg take 90 s, 5 deg take 50 s.
-    let mut bench = enabled("[move_jp]\nvelocity_deg_s = 0.1");
+    let mut bench = enabled("[joint_limits]\nvelocity_deg_s = 0.2");
     assert_eq!(go(&mut bench, 9.0, 0.0), Refusal::Range);
     assert!(!bench.report().busy);
     assert_eq!(go(&mut bench, 5.0, 0.0), Refusal::None);

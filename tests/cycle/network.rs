@@ -72,7 +72,7 @@ fn swap_while_moving(bench: &mut Bench, models: &[Arc<Model>; 2], swaps: u32) {
 #[test]
 fn a_thousand_swaps_to_and_from_a_gru_while_the_snake_moves() {
     let models = [standard_model(), network(64, false)];
-    let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(models[0].clone()));
+    let mut bench = Bench::new(config(""), Some(models[0].clone()));
     swap_while_moving(&mut bench, &models, 1000);
 }
 
@@ -88,7 +88,7 @@ fn a_session_with_a_gru_and_its_inverse_is_replayed_to_the_bit() {
 
 fn replay_of(network: Arc<Model>) {
     let models = [network, standard_model()];
-    let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(models[0].clone()));
+    let mut bench = Bench::new(config(""), Some(models[0].clone()));
     bench.recording = Some(Recording::default());
     swap_while_moving(&mut bench, &models, 60);
     let mut recording = bench.recording.take().unwrap();

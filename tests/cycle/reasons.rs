@@ -35,8 +35,9 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
 
     let mut bench = Bench::enabled();
     bench.quirk(1, Quirk::Silent);
-    let age = Measurement::new(Quantity::Milliseconds, 250.0, Some(250.0));
-    assert_eq!(fault(&mut bench, Fault::Link), age.of_motor(1));
+    let age = fault(&mut bench, Fault::Link);
+    assert_eq!((age.motor, age.quantity), (Some(1), Quantity::Milliseconds));
+    assert!((age.measured - 150.0).abs() < 1e-9 && (age.limit.unwrap() - 150.0).abs() < 1e-9);
 
     let mut bench = Bench::enabled();
     bench.drives[1].feedback.phase = AxisPhase::Lost;
@@ -54,13 +55,13 @@ fn a_fault_tells_what_was_measured_and_of_which_motor() {
     let error = Measurement::new(Quantity::Counts, 301.0, Some(300.0));
     assert_eq!(fault(&mut bench, Fault::FollowingError), error.of_motor(0));
 
-    let limits = "[limits]\nover_current_ma = 200\nover_current_ms = 50";
+    let limits = "[limits]\nover_current_ma = 200";
     let mut bench = Bench::enabled_with(config(limits), None);
     bench.drives[1].feedback.current_ma = -240;
     let current = Measurement::new(Quantity::Milliamperes, 240.0, Some(200.0));
     assert_eq!(fault(&mut bench, Fault::Current), current.of_motor(1));
 
-    let limits = "[limits]\noverrun_ticks = 10\noverrun_window_ms = 1000";
+    let limits = "[limits]\noverrun_ticks = 10";
     let mut bench = Bench::enabled_with(config(limits), None);
     bench.missed = 3;
     let late = fault(&mut bench, Fault::Late);

@@ -43,7 +43,7 @@ fn run_session(bench: &mut Bench, second: &Arc<Model>) {
 /// A recorded session, with the snapshots that `keep` asks for.
 fn recorded(keep: impl Fn(usize) -> bool) -> BlackBox {
     let (first, second) = (standard_model(), scaled_standard_model(1.2));
-    let mut bench = Bench::new(config("[model_swap]\nblend_ms = 100"), Some(Arc::clone(&first)));
+    let mut bench = Bench::new(config(""), Some(Arc::clone(&first)));
     bench.recording = Some(Recording::default());
     run_session(&mut bench, &second);
     let mut recording = bench.recording.take().unwrap();

@@ -180,7 +180,7 @@ fn old_feedback_stops_the_motion_and_fresh_feedback_lets_it_go_on() {
     let goal = bench.targets();
     assert_eq!(bench.actuator(goal), Refusal::DrivesNotReady);
     let held = bench.targets();
-    bench.run(100);
+    bench.run(80);
     assert_eq!((bench.targets(), bench.state()), (held, OperatingState::Enabled));
     bench.quirk(1, Quirk::None);
     bench.tick();

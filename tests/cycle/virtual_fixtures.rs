@@ -9,7 +9,7 @@ use i2ris_testing::cycle::{Bench, CLIENT, GAIN_DEG, config, rad, standard_model}
 use proptest::prelude::*;
 
 const WALL: &str = r#"
-    [[virtual_fixtures.regions]]
+    [[virtual_fixtures]]
     name = "retina"
     shape = { half_plane = { normal = [1.0, 0.0], offset_deg = 6.0 } }
 "#;
@@ -120,7 +120,7 @@ proptest! {
         offset_deg in 2.0..5.0_f64,
     ) {
         let tables = format!(
-            "[[virtual_fixtures.regions]]\nname = \"wall\"\nshape = {{ half_plane = {{ normal = \
+            "[[virtual_fixtures]]\nname = \"wall\"\nshape = {{ half_plane = {{ normal = \
              [{}, {}], offset_deg = {offset_deg} }} }}",
             direction.cos(),
             direction.sin()

@@ -206,7 +206,7 @@ fn h03_the_drives_of_a_hanging_controller_are_stopped() {
 fn h03_a_lost_drive_is_stopped_when_the_controller_is_killed_in_its_fault() {
     unprivileged("h03_a_lost_drive_is_stopped_when_the_controller_is_killed_in_its_fault", || {
         let mut rig = Rig::start();
-        rig.config.limits.feedback_lost_ms = 3000;
+        rig.config.limits.feedback_stale_ms = 1000;
         let mut watched = WatchedRig::with(rig, 3000);
         watched.rig.emulator.silence(0, true);
         let mut client = watched.client.take().unwrap();
@@ -328,7 +328,7 @@ fn stop_latency() {
         for _ in 0..TIMES {
             let mut rig = Rig::start();
             // As on a robot, if the system permits it.
-            (rig.config.control.priority, rig.config.control.lock_memory) = (80, true);
+            rig.config.control.priority = 80;
             let mut watched = WatchedRig::with(rig, 40);
             let begin = clock::now();
             watched.rig.signal(signal);

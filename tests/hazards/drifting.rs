@@ -14,7 +14,7 @@ use i2ris_testing::cycle::{Bench, config, standard_model};
 const FRAME_MS: u64 = 33;
 const AGE_MS: usize = 50;
 
-pub const ON: &str = "[adaptation]\nenabled = true\n[plausibility]\ndistance_deg = 0.0";
+pub const ON: &str = "[adaptation]\nenabled = true\n[limits]\nplausibility_deg = 0.0";
 
 /// See above.
 pub struct Drifting {

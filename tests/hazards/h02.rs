@@ -34,7 +34,7 @@ fn commander_process() {
 fn h02_the_snake_holds_when_its_commander_is_killed() {
     let mut rig = Rig::start();
     let mut client = rig.enabled();
-    let mut commander = spawn_commander(&rig.config.ipc.domain);
+    let mut commander = spawn_commander(&rig.config.domain);
     wait_for(&mut client, |state| state.accepted > 50);
     commander.kill().unwrap();
     let killed = clock::now();

@@ -23,7 +23,6 @@ fn h11_a_key_without_its_unit_or_with_another_is_refused() {
         ("[command]\ndeadline = 50", "deadline"),
         ("[command]\ndeadline_s = 0.05", "deadline_s"),
         ("[command]\nstep_rad = 0.1", "step_rad"),
-        ("[model_swap]\nblend_s = 0.5", "blend_s"),
     ]);
 }
 
@@ -31,12 +30,9 @@ fn h11_a_key_without_its_unit_or_with_another_is_refused() {
 fn h11_values_that_belong_to_another_unit_are_out_of_range() {
     assert_refused(&[
         ("[control]\nrate_hz = 1", "control.rate_hz"),
-        ("[control]\nspin_us = 100000", "control.spin_us"),
         ("[command]\ndeadline_ms = 50000", "command.deadline_ms"),
         ("[command]\nlease_timeout_ms = 500000000", "command.lease_timeout_ms"),
         ("[compensation]\nreversal_dead_band_deg = 50.0", "compensation.reversal_dead_band_deg"),
-        ("[model_swap]\nblend_ms = 500000", "model_swap.blend_ms"),
-        ("[plausibility]\ndistance_deg = 300.0", "plausibility.distance_deg"),
-        ("[record]\nseconds = 12000", "record.seconds"),
+        ("[limits]\nplausibility_deg = 300.0", "limits.plausibility_deg"),
     ]);
 }

@@ -12,7 +12,7 @@ fn demands(bench: &Bench) -> [Demand; 2] {
 /// A bench with a camera that measures the position of the encoders with a latency, and from the
 /// second second on with an error by slack of the wire.
 fn with_camera(latency_ms: u64, slack_deg: f64, ticks: u64) -> Bench {
-    let limits = config("[plausibility]\ndistance_deg = 2.0\ndebounce_ms = 300");
+    let limits = config("[limits]\nplausibility_deg = 2.0");
     let mut bench = Bench::new(limits, Some(standard_model()));
     bench.home();
     bench.enable();
@@ -93,16 +93,17 @@ fn another_camera_is_told_when_it_comes_and_as_long_as_it_publishes() {
 
 #[test]
 fn h12_too_much_current_for_too_long_is_a_fault_and_the_motor_loses_its_power() {
-    let limits = config("[limits]\nover_current_ma = 150\nover_current_ms = 100");
+    let limits = config("[limits]\nover_current_ma = 150");
+    let long = (limits.over_current_time().0 / 1_000_000) as usize;
     let mut bench = Bench::new(limits, None);
     bench.home();
     bench.enable();
     bench.drives[1].feedback.current_ma = -200;
-    bench.run(90);
+    bench.run(long - 10);
     bench.drives[1].feedback.current_ma = 20;
     bench.run(5);
     bench.drives[1].feedback.current_ma = 200;
-    bench.run(90);
+    bench.run(long - 10);
     // A short current peak, as at the start of a motion, is no fault.
     assert_eq!(bench.state(), OperatingState::Enabled);
     bench.run(20);

@@ -10,10 +10,10 @@ fn refusal_of_second(change_domain: impl FnOnce(&mut String)) -> String {
     let mut rig = Rig::start();
     let mut client = rig.enabled();
     let events = rig.emulator.log().len();
-    let domain = rig.config.ipc.domain.clone();
-    change_domain(&mut rig.config.ipc.domain);
+    let domain = rig.config.domain.clone();
+    change_domain(&mut rig.config.domain);
     let mut second = rig.spawn_controller("second");
-    rig.config.ipc.domain = domain;
+    rig.config.domain = domain;
     assert_eq!(wait_for_end(&mut second).code(), Some(1));
     let state = wait_until_idle(&mut client).state;
     assert_eq!(state, OperatingState::Enabled.number());

@@ -9,10 +9,8 @@ use i2ris_testing::{Rig, stream_angles, wait_until_idle};
 /// late ticks.
 #[test]
 fn h16_five_minutes_of_ordinary_use_trip_nothing() {
-    let limits = config(
-        "[limits]\nover_current_ma = 250\noverrun_ticks = 100\n[plausibility]\ndistance_deg = 1.0\n\
-         debounce_ms = 200",
-    );
+    let limits =
+        config("[limits]\nover_current_ma = 250\noverrun_ticks = 100\nplausibility_deg = 1.0");
     let mut bench = Bench::new(limits, Some(standard_model()));
     for drive in &mut bench.drives {
         drive.slot = 4;

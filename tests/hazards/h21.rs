@@ -20,7 +20,7 @@ fn h21_swapped_mirrored_and_frozen_views_stay_within_the_budget_and_are_said() {
     let edge = 2.0 * GAIN_DEG * (HULL - lag_counts().unwrap_or_default());
     for (index, view) in views.into_iter().enumerate() {
         let mut drifting = Drifting::new(ON);
-        let budget = drifting.bench.config.adaptation.total_budget_deg;
+        let budget = 4.8;
         for _ in 0..40 {
             drifting.follow(1.0, wandering, view);
             // The corners of the hull.
@@ -82,8 +82,7 @@ fn h21_a_correction_that_was_taken_back_twice_is_not_learned_again() {
 
 #[test]
 fn h21_a_loose_wire_is_a_fault_although_most_of_it_was_followed() {
-    let on = "[adaptation]\nenabled = true\ntotal_budget_deg = 2.5\n\
-              [plausibility]\ndistance_deg = 3.0\ndebounce_ms = 300";
+    let on = "[adaptation]\nenabled = true\n[limits]\nplausibility_deg = 3.0";
     let mut drifting = Drifting::new(on);
     drifting.follow(10.0, wandering, truth);
     // 2 deg have been followed: the adapted pose is near the camera.

@@ -199,20 +199,16 @@ fn a_model_of_another_robot_is_refused() {
 }
 
 #[test]
-fn a_model_that_is_marked_as_worthless_is_for_robots_that_allow_it() {
+fn a_model_that_is_marked_as_worthless_is_for_no_robot() {
     let mut marked = file(1, two_components(), region(1, 300.0));
     marked.worthless = Some("on rows held out, R2 of `pitch` is -0.20".to_owned());
     let read = ModelFile::parse(&serde_json::to_string(&marked).unwrap()).unwrap();
     let model = Model::from_file(read).unwrap();
-    assert!(model.check_use("bench", 1, true).is_ok());
     assert_mentions(
-        &model.check_use("bench", 1, false).unwrap_err().to_string(),
-        &[
-            "is marked as worthless: on rows held out, R2 of `pitch` is -0.20; ",
-            "control.allow_worthless_model = true",
-        ],
+        &model.check_use("bench", 1).unwrap_err().to_string(),
+        &["is marked as worthless: on rows held out, R2 of `pitch` is -0.20; fit a better one"],
     );
-    assert_mentions(&model.check_use("theatre", 1, true).unwrap_err().to_string(), &["`theatre`"]);
+    assert_mentions(&model.check_use("theatre", 1).unwrap_err().to_string(), &["`theatre`"]);
 }
 
 #[test]

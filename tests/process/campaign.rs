@@ -106,7 +106,7 @@ impl Process {
     fn start(rig: &Rig, name: &str, arguments: &[&str], output: &Output) -> Self {
         let mut command = Command::new(program::path(name));
         command.args(arguments).current_dir(rig.folder.path()).stdin(Stdio::null());
-        command.env("I2RIS_DOMAIN", &rig.config.ipc.domain).env("ROS_DOMAIN_ID", "98");
+        command.env("I2RIS_DOMAIN", &rig.config.domain).env("ROS_DOMAIN_ID", "98");
         command.stdout(output.stdio()).stderr(output.stdio());
         Self(command.spawn().unwrap())
     }

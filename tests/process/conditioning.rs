@@ -14,8 +14,7 @@ fn is_busy(state: &OperatingStateMsg) -> bool {
 #[test]
 fn the_motors_make_a_decaying_conditioning_cycle_and_end_where_they_began() {
     let mut rig = Rig::start();
-    rig.config.conditioning.half_width_counts = Some(300);
-    rig.config.conditioning.turns = 2;
+    rig.config.compensation.conditioning_counts = Some(300);
     let mut client = rig.enabled();
     let begin = wait_until_idle(&mut client);
     client.state_command(StateCommand::Condition).unwrap();

@@ -159,7 +159,7 @@ fn a_forged_id_neither_moves_the_snake_nor_ends_the_lease_of_its_owner() {
     assert_eq!(before.lease_client_id, client.id());
     let mut forger = Command::new(std::env::current_exe().unwrap());
     forger.args(["--ignored", "--exact", "process::hostile_clients::forger_process"]);
-    forger.env("RIG_DOMAIN", &rig.config.ipc.domain).env("RIG_CLIENT", client.id().to_string());
+    forger.env("RIG_DOMAIN", &rig.config.domain).env("RIG_CLIENT", client.id().to_string());
     let mut forger = forger.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     let done = AtomicBool::new(false);
     thread::scope(|scope| {

@@ -23,7 +23,7 @@ fn refusal(code: i32, arguments: &[&str]) -> String {
 fn refusal_of(code: i32, folder: &Path, table: &str, model: &str) -> String {
     let (file, device) = (folder.join("robot.toml"), folder.join("no-such-port"));
     let config = format!(
-        "robot_id = \"here\"\n{table}\n[ipc]\ndomain = \"r{:016x}\"\n[[ports]]\ndevice = \"{}\"\n\
+        "robot_id = \"here\"\ndomain = \"r{:016x}\"\n{table}\n[[ports]]\ndevice = \"{}\"\n\
          [[ports.axes]]\nmotor = 0\nnode_id = 0\nserial_number = 1\nposition_min_counts = -100\n\
          position_max_counts = 100\n",
         random_id(),

@@ -188,7 +188,6 @@ fn black_box(rig: &Rig, cause: &str) -> BlackBox {
 fn black_boxes_are_written_on_request_on_a_fault_and_at_the_end_and_replay_bit_by_bit() {
     let mut rig = Rig::with_model();
     rig.config.limits.feedback_stale_ms = 1000;
-    rig.config.limits.feedback_lost_ms = 2000;
     let mut client = rig.enabled();
     stream_counts(&client, 1.0, |t| [(300.0 * t) as i32, 0]);
     let on_request = BlackBox::read(&client.write_black_box().unwrap()).unwrap();

@@ -14,7 +14,7 @@ trap 'kill $(jobs -p) 2>/dev/null || true; wait; rm -rf "$work"' EXIT
 
 # With margins for a machine that is busy otherwise.
 sed -e "s#/tmp/i2ris-emulator#$work/ports#; s#domain = \"i2ris\"#domain = \"$I2RIS_DOMAIN\"#; s#../target/records#$work/records#" \
-  -e "s#feedback_stale_ms = .*#feedback_stale_ms = 2000#; s#feedback_lost_ms = .*#feedback_lost_ms = 10000#" \
+  -e "s#feedback_stale_ms = .*#feedback_stale_ms = 2000#" \
   -e "s#reply_timeout_ms = .*#reply_timeout_ms = 300#; s#following_error_counts = .*#following_error_counts = 3000#" \
   config/emulator.toml > "$work/emulator.toml"
 i2ris emulate --snake config/snakes/steel.toml > "$work/emulator.log" 2>&1 &

@@ -1,8 +1,29 @@
 //! Settings of the adaptation, from the configuration, in SI units.
 
 use super::Pair;
-use crate::config::AdaptationConfig;
 use crate::units::Nanos;
+
+/// Budget of the zero of every angle.
+const ZERO_BUDGET_DEG: f64 = 3.0;
+/// Budget of every entry of the gain matrix, as a share of the calibrated gain.
+const GAIN_BUDGET: f64 = 0.2;
+/// Budget of the growth of the gap of every motor, as a share of the calibrated gap. A gap may
+/// shrink by half of it.
+const GAP_BUDGET: f64 = 0.6;
+/// Budget of the latency of the camera beyond its stamps.
+const LATENCY_BUDGET_S: f64 = 0.06;
+/// Budget of all together: how far the correction may move the tip anywhere in the calibrated hull.
+const TOTAL_BUDGET_DEG: f64 = 4.8;
+/// It is below the distance at which camera and model are not plausible by this factor: adaptation
+/// may not lead to a fault by itself.
+const SHARE_OF_PLAUSIBILITY: f64 = 0.96;
+/// Fastest motion of the tip by the correction while a goal moves. A goal at rest is never moved.
+const SLEW_DEG_S: f64 = 1.0;
+/// The largest step of the zero that is taken to be a slip. A larger one is taken to be a push from
+/// outside and not followed.
+const LARGEST_STEP_DEG: f64 = 1.5;
+/// Frames with a quality below this are not used. Cameras that give none are used.
+const LEAST_QUALITY: f64 = 0.3;
 
 /// Settings that do not change.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,17 +46,22 @@ pub(in crate::core) struct Settings {
 }
 
 impl Settings {
-    pub fn new(config: &AdaptationConfig, tick: Nanos) -> Self {
+    /// `plausibility_deg`: 0 if camera and model are not compared.
+    pub fn new(camera_deviation_deg: f64, plausibility_deg: f64, tick: Nanos) -> Self {
+        let plausible = match plausibility_deg {
+            0.0 => f64::INFINITY,
+            distance => SHARE_OF_PLAUSIBILITY * distance,
+        };
         Self {
-            zero_budget: config.zero_budget_deg.to_radians(),
-            gain_budget: config.gain_budget,
-            gap_budget: config.gap_budget,
-            latency_budget_s: 1e-3 * config.latency_budget_ms,
-            total_budget: config.total_budget_deg.to_radians(),
-            slew: config.slew_deg_s.to_radians(),
-            camera: config.camera_deviation_deg.to_radians(),
-            largest_step: config.largest_step_deg.to_radians(),
-            least_quality: config.least_quality,
+            zero_budget: ZERO_BUDGET_DEG.to_radians(),
+            gain_budget: GAIN_BUDGET,
+            gap_budget: GAP_BUDGET,
+            latency_budget_s: LATENCY_BUDGET_S,
+            total_budget: TOTAL_BUDGET_DEG.min(plausible).to_radians(),
+            slew: SLEW_DEG_S.to_radians(),
+            camera: camera_deviation_deg.to_radians(),
+            largest_step: LARGEST_STEP_DEG.to_radians(),
+            least_quality: LEAST_QUALITY,
             tick_s: tick.as_seconds(),
         }
     }

@@ -18,7 +18,7 @@ use super::ring::{Moment, RegressorRing, Regressors};
 use super::score::{Score, Verdict};
 use super::settings::{Settings, length};
 use super::slip::SlipDetector;
-use crate::config::AdaptationConfig;
+use crate::config::Config;
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::inputs::ExternalPose;
 use crate::core::joint_space::joint_model::JointModel;
@@ -111,10 +111,11 @@ impl AdaptationState {
 
 impl Adaptation {
     /// `None` if it is switched off.
-    pub fn new(config: &AdaptationConfig, tick: Nanos) -> Option<Self> {
-        config
-            .enabled
-            .then(|| Self { settings: Settings::new(config, tick), state: AdaptationState::new() })
+    pub fn new(config: &Config) -> Option<Self> {
+        let deviation_deg = config.adaptation.camera_deviation_deg;
+        let plausibility_deg = config.limits.plausibility_deg;
+        let settings = Settings::new(deviation_deg, plausibility_deg, config.control.period());
+        config.adaptation.enabled.then(|| Self { settings, state: AdaptationState::new() })
     }
 
     /// The memories that follow the positions with the active model.

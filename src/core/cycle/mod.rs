@@ -103,7 +103,6 @@ impl ControlCycle {
     #[must_use]
     pub fn new(config: &Config, model: Option<Arc<Model>>) -> Self {
         let limits = &config.limits;
-        let late_window = Nanos::from_millis(limits.overrun_window_ms);
         Self {
             period: config.control.period(),
             stale_after: config.feedback_stale(),
@@ -111,7 +110,7 @@ impl ControlCycle {
             range_check: RangeCheck::new(&config.command),
             homing_moves: config.axes().any(|axis| axis.homing != HomingMethod::Here),
             conditioning_plan: ConditioningPlan::new(config),
-            trajectory_limits: TrajectoryLimits::new(&config.move_jp),
+            trajectory_limits: TrajectoryLimits::new(config.joint_limits.velocity_deg_s),
             clutch: Clutch::new(config.command.motion_scale),
             fixtures: VirtualFixtures::new(&config.virtual_fixtures, config.control.period()),
             gate: Gate::default(),
@@ -120,11 +119,11 @@ impl ControlCycle {
             axes: AxisGroup::new(config),
             auxiliary: AuxiliaryAxis::new(config),
             history: PositionHistory::new(),
-            overruns: OverrunMonitor::new(limits.overrun_ticks, late_window),
-            plausibility: PlausibilityMonitor::new(&config.plausibility),
+            overruns: OverrunMonitor::new(limits.overrun_ticks),
+            plausibility: PlausibilityMonitor::new(limits.plausibility_deg),
             plausibility_check: PlausibilityCheck::default(),
             other_cameras: OtherCameras::default(),
-            adaptation: Adaptation::new(&config.adaptation, config.control.period()),
+            adaptation: Adaptation::new(config),
             models: LoadedModels::new(model.map(|model| JointModel::new(model, config))),
             machine: StateMachine::new(),
             admission: CommandAdmission::new(&config.command),

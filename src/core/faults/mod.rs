@@ -3,16 +3,16 @@
 //! | condition | fault | detected in |
 //! |---|---|---|
 //! | phase Faulted | Drive | every state |
-//! | phase Lost, or newest position older than `feedback_lost_ms` | Link | every state |
+//! | phase Lost, or newest position older than three times `feedback_stale_ms` | Link | every state |
 //! | phase Starting | Link | every state but DISABLED, idle or powering off |
 //! | last written setpoint and encoder too far apart | FollowingError | while the drive follows |
 //! | any other phase than Enabled | DriveState | ENABLED, PAUSED, stopping, settling |
 //! | enabling, powering off: 3 s; homing: 30 s | DriveTimeout | DISABLED, busy |
 //! | homing ended without a zero | Homing | homing |
 //! | model not finite | Model | every state |
-//! | `overrun_ticks` within `overrun_window_ms` | Late | on |
-//! | camera and model apart, in all frames of `debounce_ms` | Implausible | on, memory known |
-//! | current above `over_current_ma` for `over_current_ms` | Current | while the drive follows |
+//! | `overrun_ticks` within a second | Late | on |
+//! | camera and model apart, in all frames of 300 ms | Implausible | on, memory known |
+//! | current above `over_current_ma` for 200 ms or longer | Current | while the drive follows |
 //!
 //! The reaction is the mildest that does not depend on what has just failed.
 //!

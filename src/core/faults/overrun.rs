@@ -18,10 +18,10 @@ pub(crate) struct OverrunMonitor {
 }
 
 impl OverrunMonitor {
-    /// Full after `limit` overruns within `window`; never, if `limit` is 0.
-    pub fn new(limit: u32, window: Nanos) -> Self {
+    /// Full after `limit` overruns within a second; never, if `limit` is 0.
+    pub fn new(limit: u32) -> Self {
         let limit = f64::from(limit);
-        Self { limit, leak: limit / (window.0.max(1) as f64), level: 0.0, last: Nanos::ZERO }
+        Self { limit, leak: limit / 1e9, level: 0.0, last: Nanos::ZERO }
     }
 
     /// Adds overruns. Returns whether the bucket is full.
@@ -48,13 +48,13 @@ mod tests {
 
     #[test]
     fn a_burst_is_an_overrun_and_a_low_rate_is_not() {
-        let mut monitor = OverrunMonitor::new(10, Nanos::from_millis(1000));
+        let mut monitor = OverrunMonitor::new(10);
         assert!((0..9).all(|k| !monitor.add(1, ms(k))));
         assert!(monitor.add(2, ms(9)));
         // Nine per second, for ten seconds, once the bucket is empty again.
         assert!((0..90).all(|k| !monitor.add(1, ms(2000 + k * 112))));
-        assert!(OverrunMonitor::new(10, Nanos::from_millis(1000)).add(10, ms(0)), "all at once");
-        let mut never = OverrunMonitor::new(0, Nanos::from_millis(1000));
+        assert!(OverrunMonitor::new(10).add(10, ms(0)), "all at once");
+        let mut never = OverrunMonitor::new(0);
         assert!((0..1000).all(|k| !never.add(9, ms(k))));
     }
 }

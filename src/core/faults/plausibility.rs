@@ -9,7 +9,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::PlausibilityConfig;
 use crate::core::faults::debounce::Debounce;
 use crate::core::inputs::ExternalPose;
 use crate::core::vector;
@@ -24,6 +23,9 @@ const SPACING: Nanos = Nanos::from_millis(4);
 
 /// Age up to which a frame can be compared, and silence after which the camera has said nothing.
 const MAX_AGE: Nanos = Nanos::from_millis(500);
+
+/// Duration of the distance that leads to FAULT: several frames of the camera.
+const DEBOUNCE: Nanos = Nanos::from_millis(300);
 
 /// Whether the pose is compared with a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -68,10 +70,11 @@ pub(crate) struct PlausibilityMonitor {
 }
 
 impl PlausibilityMonitor {
-    pub fn new(config: &PlausibilityConfig) -> Self {
+    /// `limit_deg`: 0 switches the check off.
+    pub fn new(limit_deg: f64) -> Self {
         Self {
-            limit: config.distance_deg.to_radians(),
-            debounce: Debounce::new(Nanos::from_millis(config.debounce_ms)),
+            limit: limit_deg.to_radians(),
+            debounce: Debounce::new(DEBOUNCE),
             estimates: [[(Nanos::ZERO, Estimates::default()); COLUMNS]; ROWS],
             written: 0,
             last: Nanos::ZERO,
@@ -205,8 +208,7 @@ mod tests {
 
     /// A monitor that has recorded 0.4 s of motion at 10 deg/s.
     fn moving() -> PlausibilityMonitor {
-        let config = PlausibilityConfig { distance_deg: 2.0, debounce_ms: 100 };
-        let mut monitor = PlausibilityMonitor::new(&config);
+        let mut monitor = PlausibilityMonitor::new(2.0);
         for t in 0..400 {
             let pose = [(0.01 * t as f64).to_radians(), 0.0, 0.0];
             monitor.record_estimates(ms(t), [pose; 2]);
@@ -232,11 +234,11 @@ mod tests {
             (Some(measured(340, 3.4)), true, 480, false),
             (Some(measured(350, 6.0)), true, 500, false),
             // Confirmed by a frame after the debounce time, and not by silence.
-            (None, true, 620, false),
-            (Some(measured(380, 6.0)), true, 620, true),
-            (None, true, 621, true),
+            (None, true, 820, false),
+            (Some(measured(380, 6.0)), true, 820, true),
+            (None, true, 821, true),
             // A robot that is off is not checked.
-            (None, false, 622, false),
+            (None, false, 822, false),
         ] {
             let found = monitor.is_implausible(pose.as_ref(), 2, is_checked, ms(now));
             assert_eq!(found, is_fault, "{now} ms");
@@ -314,12 +316,12 @@ mod tests {
             monitor.record_estimates(ms(t), [[0.0; 3]; 2]);
         }
         for (degrees, is_fault) in [(2.0, false), (2.0 + 1e-9, true)] {
-            for (stamp, now) in [(500, 800), (520, 900), (540, 901)] {
+            for (stamp, now) in [(650, 800), (700, 1100), (720, 1101)] {
                 // Every frame has a stamp of its own.
                 let stamp = stamp + u64::from(is_fault);
                 let pose = measured(stamp, degrees);
                 let found = monitor.is_implausible(Some(&pose), 2, true, ms(now));
-                assert_eq!(found, is_fault && now >= 900, "{degrees} deg at {now} ms");
+                assert_eq!(found, is_fault && now >= 1100, "{degrees} deg at {now} ms");
             }
         }
     }

@@ -12,25 +12,27 @@ use serde::{Deserialize, Serialize};
 
 use crate::units::{Nanos, OutputVec};
 
+/// Duration of a blend.
+pub(super) const BLEND: Nanos = Nanos::from_millis(500);
+
 /// An offset of the goal that fades out.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct ModelBlend {
     /// Offset at the start, rad (m).
     offset: OutputVec,
     started: Nanos,
-    span: Nanos,
 }
 
 impl ModelBlend {
-    pub fn new(offset: OutputVec, started: Nanos, span: Nanos) -> Self {
-        Self { offset, started, span }
+    pub fn new(offset: OutputVec, started: Nanos) -> Self {
+        Self { offset, started }
     }
 
     /// The offset at a time, rad (m); `None` once it has faded out.
     pub fn offset_at(&self, now: Nanos) -> Option<OutputVec> {
         let age = now.since(self.started);
-        (age < self.span).then(|| {
-            let left = 1.0 - least_jerk(age.as_seconds() / self.span.as_seconds());
+        (age < BLEND).then(|| {
+            let left = 1.0 - least_jerk(age.as_seconds() / BLEND.as_seconds());
             self.offset.map(|offset| left * offset)
         })
     }
@@ -48,7 +50,7 @@ mod tests {
     #[test]
     fn the_offset_starts_whole_and_fades_out_without_a_step() {
         let ms = Nanos::from_millis;
-        let blend = ModelBlend::new([1.0, -2.0, 0.0], ms(100), ms(500));
+        let blend = ModelBlend::new([1.0, -2.0, 0.0], ms(100));
         assert_eq!(blend.offset_at(ms(100)), Some([1.0, -2.0, 0.0]));
         assert_eq!(blend.offset_at(ms(600)), None);
         let mut before = 1.0;
@@ -60,11 +62,5 @@ mod tests {
             before = now;
         }
         assert!(before < 1e-6);
-    }
-
-    #[test]
-    fn a_blend_without_duration_has_no_offset() {
-        let blend = ModelBlend::new([1.0; 3], Nanos(7), Nanos::ZERO);
-        assert_eq!(blend.offset_at(Nanos(7)), None);
     }
 }

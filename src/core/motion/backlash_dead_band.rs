@@ -17,6 +17,11 @@ use crate::config::CompensationConfig;
 use crate::core::vector::{distance, zip_map};
 use crate::units::{Nanos, OutputVec};
 
+/// Time constant of the low-pass on the residual.
+const RESIDUAL_FILTER_S: f64 = 0.05;
+/// Changes of the residual below this are not followed.
+const RESIDUAL_DEAD_BAND_DEG: f64 = 0.02;
+
 /// The two filters and their state.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct BacklashDeadBand {
@@ -64,8 +69,8 @@ impl BacklashDeadBand {
         let tick_s = tick.as_seconds();
         Self {
             radius: band(has_angles && has_backlash, config.reversal_dead_band_deg),
-            gain: tick_s / (tick_s + 1e-3 * config.residual_filter_ms),
-            correction_half_width: band(has_angles, config.residual_dead_band_deg),
+            gain: tick_s / (tick_s + RESIDUAL_FILTER_S),
+            correction_half_width: band(has_angles, RESIDUAL_DEAD_BAND_DEG),
             turning_band: None,
             correction: None,
         }
@@ -136,11 +141,8 @@ mod tests {
     use super::*;
 
     fn dead_band() -> BacklashDeadBand {
-        let config = CompensationConfig {
-            reversal_dead_band_deg: 1.0,
-            residual_dead_band_deg: 0.5,
-            ..CompensationConfig::default()
-        };
+        let config =
+            CompensationConfig { reversal_dead_band_deg: 1.0, ..CompensationConfig::default() };
         BacklashDeadBand::new(&config, true, true, Nanos::from_millis(1))
     }
 
@@ -185,11 +187,11 @@ mod tests {
             }
             dead_band.correction().unwrap()[0].to_degrees()
         };
-        assert_eq!(after(0.4, 1000), 0.0);
-        // One time constant of 50 ms from 0.4 to 10: 0.4 + 9.6 (1 - 1/e) minus the dead-band.
+        assert_eq!(after(0.015, 1000), 0.0);
+        // One time constant of 50 ms to 10: 10 (1 - 1/e) minus the dead-band.
         let found = after(10.0, 51);
-        assert!((found - (0.4 + 9.6 * 0.632 - 0.5)).abs() < 0.1, "{found}");
-        assert!((after(10.0, 1000) - 9.5).abs() < 1e-6);
+        assert!((found - (10.0 * 0.632 - 0.02)).abs() < 0.1, "{found}");
+        assert!((after(10.0, 1000) - 9.98).abs() < 1e-6);
     }
 
     #[test]

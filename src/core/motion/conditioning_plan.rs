@@ -26,6 +26,9 @@ const MARGIN_COUNTS: f64 = 10.0;
 /// Half-width where neither configuration nor model define one, counts: about 11 deg of bend.
 const DEFAULT_HALF_WIDTH: f64 = 500.0;
 
+/// Turns, the first with full amplitude, the others decaying.
+const TURNS: u32 = 4;
+
 /// Longer than any line between two positions of a drive, counts.
 const LONGEST_LINE: f64 = 1e10;
 
@@ -62,9 +65,8 @@ impl ConditioningPlan {
             }
         }
         let acceleration = config.limits.acceleration_counts_s2;
-        let velocity = config.conditioning.velocity_counts_s;
         let limits = MotorLimits {
-            velocity: velocity.min(config.limits.velocity_counts_s),
+            velocity: config.limits.velocity_counts_s / 2.0,
             acceleration,
             deceleration: acceleration,
             lowest: 0.0,
@@ -75,8 +77,8 @@ impl ConditioningPlan {
             motors,
             lowest,
             highest,
-            half_width: config.conditioning.half_width_counts.map(f64::from),
-            rounds: config.conditioning.turns,
+            half_width: config.compensation.conditioning_counts.map(f64::from),
+            rounds: TURNS,
             dwell_ticks: u32::try_from(DWELL.0 / period.0.max(1)).unwrap_or(u32::MAX),
             limiter: VelocityLimiter::new(&limits, period),
         }

@@ -7,8 +7,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::MoveConfig;
-
 /// Motion from 0 to `length` as a function of time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SCurve {
@@ -34,13 +32,11 @@ pub(crate) struct TrajectoryLimits {
 }
 
 impl TrajectoryLimits {
-    /// In rad and s.
-    pub fn new(config: &MoveConfig) -> Self {
-        Self {
-            velocity: config.velocity_deg_s.to_radians(),
-            acceleration: config.acceleration_deg_s2.to_radians(),
-            jerk: config.jerk_deg_s3.to_radians(),
-        }
+    /// In rad and s, of `move_jp`: half of the joint limit, and at most 10 deg/s, which are reached in
+    /// 0.15 s.
+    pub fn new(limit_deg_s: Option<f64>) -> Self {
+        let velocity = limit_deg_s.map_or(10.0, |limit| 10.0_f64.min(limit / 2.0)).to_radians();
+        Self { velocity, acceleration: 10.0 * velocity, jerk: 200.0 * velocity }
     }
 }
 

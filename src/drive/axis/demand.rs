@@ -52,12 +52,6 @@ impl AxisStateMachine {
         transfer.unwrap_or(monitored.into())
     }
 
-    /// Transfers between the one that was chosen last and the next setpoint of a new command;
-    /// `None` while the drive follows none.
-    pub(in crate::drive) fn turns_to_setpoint(&self) -> Option<u64> {
-        (self.state == AxisState::Enabled).then(|| self.schedule.turns_to_command())
-    }
-
     fn next_following(
         &mut self,
         request: &AxisRequest,

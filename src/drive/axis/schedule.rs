@@ -10,7 +10,7 @@
 
 use super::interface::AxisRequest;
 use super::transfer::Transfer;
-use crate::config::Polling;
+use crate::config::{SLOW_EVERY_ROUNDS, STATUS_EVERY_ROUNDS};
 use crate::drive::cia402::Controlword;
 
 /// The rounds that read the current and the error code, apart from each other and from the
@@ -30,7 +30,6 @@ const IDLE_PERIOD: u32 = 8;
 /// The transfer schedule of one axis.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Schedule {
-    polling: Polling,
     next: TransferSlot,
     round: u32,
     skipped: u32,
@@ -79,10 +78,6 @@ impl From<MonitoredValue> for Transfer {
 }
 
 impl Schedule {
-    pub(super) fn new(polling: Polling) -> Self {
-        Self { polling, ..Self::default() }
-    }
-
     /// The next slot while the drive follows its target, with the number of the newest command. On
     /// a late line monitoring is skipped.
     pub(super) fn next_following(&mut self, late: bool, command: u64) -> TransferSlot {
@@ -144,25 +139,14 @@ impl Schedule {
 
     /// The value that is due from this round on.
     fn value_of_round(&self) -> Option<MonitoredValue> {
-        if self.round.is_multiple_of(self.polling.status_every_rounds.max(1)) {
+        if self.round.is_multiple_of(STATUS_EVERY_ROUNDS) {
             return Some(MonitoredValue::Status);
         }
-        match self.round % self.polling.slow_every_rounds.max(1) {
+        match self.round % SLOW_EVERY_ROUNDS {
             CURRENT_ROUND => Some(MonitoredValue::Current),
             ERROR_CODE_ROUND => Some(MonitoredValue::ErrorCode),
             _ => None,
         }
-    }
-
-    /// Transfers before the next one that takes the setpoint of a new command, if nothing else is
-    /// requested.
-    pub(super) fn turns_to_command(&self) -> u64 {
-        let (mut ahead, mut turns) = (*self, 0);
-        let new = self.command.wrapping_add(1);
-        while ahead.next_following(false, new) != TransferSlot::Command {
-            turns += 1;
-        }
-        turns
     }
 
     /// The next slot otherwise: the position every other time. The second value is for a command
@@ -243,13 +227,10 @@ mod tests {
     }
 
     #[test]
-    fn the_status_period_is_as_configured() {
-        let slots = following(
-            Schedule::new(Polling { status_every_rounds: 2, slow_every_rounds: 64 }),
-            false,
-        );
+    fn every_fourth_round_reads_the_status() {
+        let slots = following(Schedule::default(), false);
         let statuses = count(&slots, TransferSlot::Monitor(MonitoredValue::Status));
-        assert!((195..=200).contains(&statuses), "every other round of 2.5 slots: {statuses}");
+        assert!((105..=111).contains(&statuses), "a quarter of 433 rounds: {statuses}");
     }
 
     #[test]
@@ -271,7 +252,7 @@ mod tests {
     fn a_new_command_goes_before_a_position_and_a_monitored_value() {
         use TransferSlot::{Command, Monitor, Position};
         let status = Monitor(MonitoredValue::Status);
-        let mut schedule = Schedule::new(Polling { status_every_rounds: 2, slow_every_rounds: 64 });
+        let mut schedule = Schedule { round: 2, ..Schedule::default() };
         // The newest command before every slot.
         for (command, slot) in [
             (1, Command),
@@ -307,16 +288,6 @@ mod tests {
         }
         let statuses = count(&slots, TransferSlot::Monitor(MonitoredValue::Status));
         assert!(4 * statuses + 8 >= positions, "{statuses} of {positions} rounds");
-    }
-
-    #[test]
-    fn the_position_after_a_new_command_is_all_that_the_next_one_waits_for() {
-        let mut schedule = Schedule::new(Polling { status_every_rounds: 2, slow_every_rounds: 64 });
-        // The newest command before a slot, and the turns after it.
-        for (command, turns) in [(1, 1), (1, 0), (1, 0), (2, 1), (2, 0), (2, 0), (2, 0), (3, 1)] {
-            schedule.next_following(false, command);
-            assert_eq!(schedule.turns_to_command(), turns, "{command}");
-        }
     }
 
     #[test]

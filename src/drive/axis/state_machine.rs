@@ -7,7 +7,7 @@ use super::homing::HomingStep;
 use super::interface::{AxisFeedback, AxisRequest, Demand};
 use super::schedule::{Schedule, TriggerState};
 use super::transfer::Transfer;
-use crate::config::{AxisConfig, Polling};
+use crate::config::AxisConfig;
 use crate::drive::abort_code::AbortCode;
 use crate::drive::cia402::{Controlword, DriveState, Statusword};
 use crate::drive::error::{AxisError, LinkError};
@@ -136,7 +136,6 @@ pub(in crate::drive) struct AxisStateMachine {
     pub(super) plan: HomingPlan,
     pub(super) state: AxisState,
     pub(super) interlock: EnableInterlock,
-    polling: Polling,
     pub(super) schedule: Schedule,
     pub(super) trigger: TriggerState,
     pub(super) feedback: AxisFeedback,
@@ -169,11 +168,7 @@ pub(super) struct Reported {
 }
 
 impl AxisStateMachine {
-    pub(in crate::drive) fn new(
-        config: &AxisConfig,
-        family: &'static dyn DriveFamily,
-        polling: Polling,
-    ) -> Self {
+    pub(in crate::drive) fn new(config: &AxisConfig, family: &'static dyn DriveFamily) -> Self {
         Self {
             motor: config.motor,
             limits: config.position_min_counts.0..=config.position_max_counts.0,
@@ -184,8 +179,7 @@ impl AxisStateMachine {
             plan: family.homing(config),
             state: AxisState::Starting,
             interlock: EnableInterlock::Engaged,
-            polling,
-            schedule: Schedule::new(polling),
+            schedule: Schedule::default(),
             trigger: TriggerState::default(),
             position_mismatch: false,
             settings_changed: false,
@@ -367,7 +361,7 @@ impl AxisStateMachine {
         }
         self.at_standstill = false;
         self.state = state;
-        self.schedule = Schedule::new(self.polling);
+        self.schedule = Schedule::default();
         self.trigger = TriggerState::default();
         self.reported.refusal = None;
         let (to, statusword) = (state.phase(), self.feedback.statusword);

@@ -28,6 +28,12 @@ use crate::wall_clock;
 const TICKS: usize = 4096;
 /// Snapshots in flight; the loop makes one per second.
 const SNAPSHOTS: usize = 4;
+/// What a black box holds: 10 MB.
+const SPAN: Nanos = Nanos::from_millis(12_000);
+
+/// Black boxes that are kept in the folder; the oldest are removed.
+const FILES: usize = 100;
+
 /// Polling period of the recorder.
 const PERIOD: Nanos = Nanos::from_millis(20);
 /// Time after a fault that its file includes.
@@ -99,11 +105,10 @@ impl Recorder {
             ticks,
             snapshots,
             waiting: None,
-            ring: Ring::new(Nanos::from_millis(config.record.seconds * 1000)),
-            live: Domain::new(&config.ipc.domain).ok().map(|domain| {
-                let span = Nanos::from_millis(config.record.seconds * 1000);
-                LiveFiles::new(domain.directory(), span)
-            }),
+            ring: Ring::new(SPAN),
+            live: Domain::new(&config.domain)
+                .ok()
+                .map(|domain| LiveFiles::new(domain.directory(), SPAN)),
             models: model.into_iter().map(|model| (model.id(), Arc::clone(model))).collect(),
             offers: VecDeque::new(),
             newest: 0,
@@ -267,11 +272,11 @@ impl Recorder {
     }
 
     fn write_content(&self, content: &BlackBox) -> Result<(PathBuf, u64), BlackBoxError> {
-        let folder = &self.config.record.folder;
+        let folder = &self.config.record_folder;
         create_folder(folder)?;
         let stem = format!("{}-{}", wall_clock::now().compact(), content.header.cause);
         let path = write_new(content, folder, &stem)?;
-        remove_oldest(folder, self.config.record.files, &path);
+        remove_oldest(folder, FILES, &path);
         Ok((path, content.ticks.len() as u64))
     }
 

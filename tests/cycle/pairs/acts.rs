@@ -104,7 +104,7 @@ impl Situation {
         self.gains = [staged.map_or(before, |(_, gain)| gain), now];
         let before = self.oracle.seen(&self.bench);
         self.oracle.snake.gain = self.gains[0] * GAIN_DEG;
-        let until = self.bench.now + Nanos::from_millis(self.bench.config.model_swap.blend_ms);
+        let until = self.bench.now + Nanos::from_millis(500);
         let by = distance(self.oracle.seen(&self.bench), before);
         self.oracle.see_anew(&self.bench);
         self.oracle.way.swapped(by, until);

@@ -40,7 +40,7 @@ pub fn configuration(
 ) -> Config {
     let mut text = String::new();
     if random.one_in(2) {
-        text += "[adaptation]\nenabled = true\ncamera_deviation_deg = 0.3\nslew_deg_s = 3.0\n";
+        text += "[adaptation]\nenabled = true\ncamera_deviation_deg = 0.3\n";
     }
     if !is_shipped {
         text += &tables(random, limits);

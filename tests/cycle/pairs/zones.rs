@@ -73,7 +73,7 @@ impl Zone {
                 format!("half_plane = {{ normal = [{a:?}, {b:?}], offset_deg = {offset:?} }}")
             }
         };
-        format!("[[virtual_fixtures.regions]]\nname = \"r{index}\"\nshape = {{ {shape} }}\n")
+        format!("[[virtual_fixtures]]\nname = \"r{index}\"\nshape = {{ {shape} }}\n")
     }
 
     /// For a request: rad or m.

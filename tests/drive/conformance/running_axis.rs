@@ -77,6 +77,8 @@ impl RunningAxis {
                 panic!("never {what}: {:?} {:?}", self.feedback(), self.kinds());
             }
             sleep(Duration::from_millis(1));
+            // As the control loop does in every tick.
+            self.request(|_| {});
         }
     }
 

@@ -195,8 +195,6 @@ fn ports(setup: &Setup, emulator: &Emulator) -> Vec<PortConfig> {
     };
     let axes = (0..setup.drives_before).map(axis).chain([tested]).collect();
     vec![PortConfig {
-        // Cases write a request only when something changes.
-        loop_timeout_ms: 0,
         family: setup.port,
         framing: setup.framing,
         // A real drive answers within 5 ms. A test machine stalls for 100 ms, and an early retry

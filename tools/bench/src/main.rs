@@ -160,7 +160,7 @@ struct EndToEndArguments {
     /// Seed of the instants of commands
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Turns: in each, the bare loop, the loop on its grid, and the loop that follows the lines
+    /// Turns: in each, the bare loop, and the controller
     #[arg(long, value_name = "N", default_value_t = 2,
           value_parser = value_parser!(u32).range(1..=100))]
     turns: u32,

@@ -74,7 +74,6 @@ impl DriveRig {
         };
         let port = |motor: usize, axes: Vec<AxisConfig>| PortConfig {
             reply_timeout_ms: 1000,
-            loop_timeout_ms: 0,
             ..PortConfig::new(self.emulator.device(motor).to_owned(), axes)
         };
         if self.is_shared {

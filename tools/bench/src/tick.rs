@@ -141,7 +141,7 @@ fn regions() -> String {
                 "ball = {{ centre_mm = [{from_x}, {from_y}, {height}], radius_mm = {radius} }}"
             ),
         };
-        format!("[[virtual_fixtures.regions]]\nname = \"r{index}\"\nshape = {{ {shape} }}\n")
+        format!("[[virtual_fixtures]]\nname = \"r{index}\"\nshape = {{ {shape} }}\n")
     };
     (0..MAX_REGIONS).map(table).collect()
 }

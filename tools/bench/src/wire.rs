@@ -12,7 +12,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use i2ris::clock;
-use i2ris::config::{Polling, PortConfig};
 use i2ris::drive::{AxisLink, AxisPhase, AxisRequest, Demand, LinkCounters, Port};
 use i2ris::units::{Counts, Nanos};
 
@@ -184,12 +183,11 @@ fn move_sine(seconds: f64, run: Run, mut set: impl FnMut(i32)) -> Result<(), Ben
     }
 }
 
-/// Runs the driver on two axes, with as few other objects as allowed.
+/// Runs the driver on two axes, with status, error codes and currents as the controller reads them.
 fn driver(rig: &DriveRig, seconds: f64, run: Run) -> Result<LineUsage, BenchError> {
     let (mut links, mut runners) = (Vec::new(), Vec::new());
     for port in rig.ports() {
-        let polling = Polling { status_every_rounds: 50, slow_every_rounds: 1000 };
-        let (runner, ends) = Port::open(&PortConfig { polling, ..port })?.bring_up()?.split();
+        let (runner, ends) = Port::open(&port)?.bring_up()?.split();
         links.extend(ends);
         runners.push(runner);
     }

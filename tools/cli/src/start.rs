@@ -75,8 +75,8 @@ fn kept_config(folder: &Path, domain: &str) -> Result<Config, Failure> {
         return config(folder, domain);
     }
     let config = Config::load(&file)?;
-    if config.ipc.domain != domain {
-        let (file, other) = (file.display(), &config.ipc.domain);
+    if config.domain != domain {
+        let (file, other) = (file.display(), &config.domain);
         return Err(format!(
             "{file} is of domain {other}, not {domain}: use --domain {other}, or another --folder"
         )
@@ -108,7 +108,7 @@ impl EmulatedRobot {
             "there is no program i2ris-control beside i2ris or on PATH; build it with `cargo \
              build --release`",
         )?;
-        let domain = Domain::new(&config.ipc.domain)?;
+        let domain = Domain::new(&config.domain)?;
         let file = folder.join(FILE);
         if !file.exists() {
             fs::write(&file, toml::to_string(config)?)
@@ -143,16 +143,12 @@ impl EmulatedRobot {
 /// The configuration of the emulated robot, with its ports in a folder.
 pub fn config(folder: &Path, domain: &str) -> Result<Config, Failure> {
     let mut config = Config::parse(CONFIG, Path::new("config/emulator.toml"))?;
-    domain.clone_into(&mut config.ipc.domain);
-    config.record.folder = folder.join("records");
+    domain.clone_into(&mut config.domain);
+    config.record_folder = folder.join("records");
     // Emulated drives share the computer with everything else that runs there: when it stalls, so
     // do they, and that is no fault of a line. An exchange that is lost is repeated before a
     // position is stale, and drives watch the distance to their setpoint, too.
-    (
-        config.limits.feedback_stale_ms,
-        config.limits.feedback_lost_ms,
-        config.limits.following_error_counts,
-    ) = (2000, 5000, 3000);
+    (config.limits.feedback_stale_ms, config.limits.following_error_counts) = (2000, 3000);
     for (axis, port) in config.ports.iter_mut().enumerate() {
         port.device = folder.join(format!("ports/axis{axis}"));
         port.reply_timeout_ms = 500;

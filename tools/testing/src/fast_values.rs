@@ -13,16 +13,12 @@ const FAST: &str = "
     velocity_counts_s = 2000.0
     acceleration_counts_s2 = 40000.0
     feedback_stale_ms = 50
-    feedback_lost_ms = 250
     following_error_counts = 300
     over_current_ma = 0
-    over_current_ms = 200
     overrun_ticks = 0
     [compensation]
     lead_ms = 0.0
-    [conditioning]
-    half_width_counts = 0
-    velocity_counts_s = 1000.0
+    conditioning_counts = 0
     [joint_limits]
     velocity_deg_s = 0.0
     acceleration_deg_s2 = 0.0

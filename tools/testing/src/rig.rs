@@ -114,7 +114,7 @@ impl Rig {
         }
         let mut config: Config = fast_table("robot_id = \"rig\"\nports = []").try_into().unwrap();
         config.ports = ports;
-        config.ipc.domain = domain.name().to_owned();
+        config.domain = domain.name().to_owned();
         run_on_shared_machine(&mut config);
         config.command.deadline_ms = 200;
         // Tests need not lead up to the first goal of every stream.
@@ -166,7 +166,7 @@ impl Rig {
 
     /// A domain for another server, removed at the end.
     pub fn another_domain(&mut self, name: &str) -> Domain {
-        let domain = Domain::new(&format!("{}-{name}", self.config.ipc.domain)).unwrap();
+        let domain = Domain::new(&format!("{}-{name}", self.config.domain)).unwrap();
         self.clean_ups.push(CleanUp(domain.clone()));
         domain
     }
@@ -186,7 +186,7 @@ impl Rig {
     /// Starts a controller on a thread of this process.
     pub fn start_controller_thread(&mut self) {
         let mut config = self.config.clone();
-        config.record.folder = self.folder.path().join(&config.record.folder);
+        config.record_folder = self.folder.path().join(&config.record_folder);
         self.thread = Some(Background::start(move |stop| {
             let ended = controller::run(&config, "", stop, &mut io::sink());
             // A test may have silenced the drives.
@@ -226,7 +226,7 @@ impl Rig {
     }
 
     pub fn domain(&self) -> Domain {
-        Domain::new(&self.config.ipc.domain).unwrap()
+        Domain::new(&self.config.domain).unwrap()
     }
 
     /// A client of the running controller.
@@ -323,11 +323,8 @@ pub fn wait_for_end(child: &mut Child) -> ExitStatus {
 /// Nothing spins or asks for real-time scheduling, and a stall of a machine that tests share is
 /// neither a lost drive nor the end of a command.
 pub fn run_on_shared_machine(config: &mut Config) {
-    config.control.spin_us = 0;
     config.control.priority = 0;
-    config.control.lock_memory = false;
     config.limits.feedback_stale_ms = 2000;
-    config.limits.feedback_lost_ms = 10_000;
     config.command.deadline_ms = 500;
     config.command.lease_timeout_ms = 2000;
     for port in &mut config.ports {

@@ -34,8 +34,6 @@ const MAX_REPLAYED: usize = 8;
 pub(crate) struct JointModel {
     model: Arc<Model>,
     compensation: f64,
-    /// Duration of the blend after this model has taken over.
-    blend_span: Nanos,
     has_memory: bool,
     /// `None`: off, or outputs that are no angles.
     bounds: Option<JointBounds>,
@@ -201,7 +199,6 @@ impl JointModel {
             model,
             has_memory,
             compensation: config.compensation.factor,
-            blend_span: Nanos::from_millis(config.model_swap.blend_ms),
             bounds: JointBounds::new(&config.joint_limits, tick, has_angles),
             state,
             known: Known::default(),
@@ -278,7 +275,7 @@ impl JointModel {
         self.state.blend = self
             .state
             .dead_banded_goal
-            .map(|goal| ModelBlend::new(vector::difference(&pose, &goal), now, self.blend_span));
+            .map(|goal| ModelBlend::new(vector::difference(&pose, &goal), now));
         Ok(())
     }
 

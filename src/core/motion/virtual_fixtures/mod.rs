@@ -1,7 +1,7 @@
 //! Virtual fixtures: the goal never enters a forbidden region, and slows down before it.
 //!
 //! The rule is the velocity damper (B. Faverjon and P. Tournassoud 1987): the distance `d` to a
-//! region falls by at most `d / T` per second, with the time `T` of `slow_down_ms`. The goal comes
+//! region falls by at most `d / T` per second, with the time `T` of [`SLOW_DOWN`]. The goal comes
 //! to rest at the border, and glides along it. A goal that is inside when a region is switched on
 //! can move, but not deeper.
 //!
@@ -22,7 +22,7 @@ mod region;
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{MAX_REGIONS, VirtualFixtureConfig};
+use crate::config::{FixtureRegionConfig, MAX_REGIONS};
 use crate::core::events::fold::EventFold;
 use crate::core::motion::GoalStep;
 use crate::core::motion::joint_limits::JointBounds;
@@ -32,14 +32,17 @@ use crate::robot::Refusal;
 use crate::units::{Nanos, OutputVec};
 
 pub(crate) use distances::CalibratedView;
+pub(crate) use region::Region;
 pub use region::{FixtureSpace, SimpleRegion, SimpleShape};
-pub(crate) use region::{Margins, Region};
 
 use distances::{Distances, PoseDistance};
 use region::dot;
 
 /// Rounds of projections. Two regions need two or three.
 const ROUNDS: usize = 4;
+/// Near a region, the speed towards it is at most the distance divided by this time. Speed along the
+/// region and away from it is not limited.
+const SLOW_DOWN: Nanos = Nanos::from_millis(200);
 /// Halvings of a step before the goal stays where it is.
 const HALVINGS: usize = 3;
 /// Longest step of the goal per tick while regions count: farther than any motor moves. On such a
@@ -73,7 +76,6 @@ pub(crate) struct VirtualFixtures {
     /// The first ones come from the configuration.
     configured: u8,
     is_on: bool,
-    margins: Margins,
     /// Largest part of a distance that the goal crosses per tick.
     fall: f64,
     /// The goal of the last tick, while goals in joint space are followed.
@@ -96,18 +98,16 @@ pub(crate) struct GoalSpace<'a> {
 }
 
 impl VirtualFixtures {
-    pub fn new(config: &VirtualFixtureConfig, tick: Nanos) -> Self {
+    pub fn new(configured: &[FixtureRegionConfig], tick: Nanos) -> Self {
         let mut regions = [None; MAX_REGIONS];
-        for (to, from) in regions.iter_mut().zip(&config.regions) {
-            *to = Some(Region::new(&from.shape, config));
+        for (to, from) in regions.iter_mut().zip(configured) {
+            *to = Some(Region::new(&from.shape));
         }
-        let slow_down = Nanos::from_millis(config.slow_down_ms.max(1));
         Self {
             regions,
-            configured: config.regions.len().min(MAX_REGIONS) as u8,
+            configured: configured.len().min(MAX_REGIONS) as u8,
             is_on: true,
-            margins: Margins::new(config),
-            fall: (tick.as_seconds() / slow_down.as_seconds()).min(1.0),
+            fall: (tick.as_seconds() / SLOW_DOWN.as_seconds()).min(1.0),
             last: None,
             step: OutputVec::default(),
             limited_by: None,
@@ -150,7 +150,7 @@ impl VirtualFixtures {
             FixtureChange::SwitchOff => self.is_on = false,
             FixtureChange::Add(simple) => {
                 let free = self.regions.iter_mut().find(|region| region.is_none());
-                *free.ok_or(Refusal::Range)? = Some(Region::grown(simple, &self.margins));
+                *free.ok_or(Refusal::Range)? = Some(Region::grown(simple));
                 self.is_on = true;
             }
             FixtureChange::RemoveAdded => {
@@ -196,11 +196,10 @@ impl VirtualFixtures {
         unit: OutputUnit,
         others: impl FnOnce() -> Result<[OutputVec; 2], E>,
     ) -> Result<bool, E> {
-        let margins = self.margins;
         let regions = self.regions;
         let border = |index: u8| {
             let region = regions.get(usize::from(index)).and_then(Option::as_ref);
-            region.map_or(0.0, |region| -BRAKING_SHARE * margins.of(region.space))
+            region.map_or(0.0, |region| -BRAKING_SHARE * region::margin(region.space))
         };
         let distances =
             |poses: &[OutputVec], at: usize| poses.get(at).map(|pose| self.distances(pose, unit));

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::config::{FixtureShape, MAX_CORNERS, VirtualFixtureConfig};
+use crate::config::{FixtureShape, MAX_CORNERS};
 
 /// A point or a direction: pitch and yaw, rad, and 0; or a position of the tip, m.
 pub(crate) type Point = [f64; 3];
@@ -79,16 +79,16 @@ struct Face {
 
 impl Region {
     /// A region of the configuration, which has been checked.
-    pub fn new(shape: &FixtureShape, config: &VirtualFixtureConfig) -> Self {
+    pub fn new(shape: &FixtureShape) -> Self {
         match SimpleRegion::new(shape) {
-            Some(simple) => Self::grown(&simple, &Margins::new(config)),
-            None => Self::polygon(shape.corners_deg(), config.margin_deg.to_radians()),
+            Some(simple) => Self::grown(&simple),
+            None => Self::polygon(shape.corners_deg(), margin(FixtureSpace::Angles)),
         }
     }
 
     /// A region with its margin.
-    pub fn grown(simple: &SimpleRegion, margins: &Margins) -> Self {
-        let margin = margins.of(simple.space);
+    pub fn grown(simple: &SimpleRegion) -> Self {
+        let margin = margin(simple.space);
         let shape = match simple.shape {
             SimpleShape::Ball { centre, radius } => Shape::Ball { centre, radius: radius + margin },
             SimpleShape::HalfSpace { normal, offset } => {
@@ -185,25 +185,16 @@ impl SimpleRegion {
     }
 }
 
-/// Distances that a goal keeps from regions.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub(crate) struct Margins {
-    /// rad.
-    angles: f64,
-    /// m.
-    tip: f64,
-}
+/// Distance that a goal keeps from regions in angles, deg, and of the tip, m. It covers the distance
+/// of goal and setpoint while motors cross their backlash.
+const MARGIN_DEG: f64 = 0.5;
+const TIP_MARGIN: f64 = 2e-5;
 
-impl Margins {
-    pub fn new(config: &VirtualFixtureConfig) -> Self {
-        Self { angles: config.margin_deg.to_radians(), tip: config.margin_mm * 1e-3 }
-    }
-
-    pub(super) fn of(&self, space: FixtureSpace) -> f64 {
-        match space {
-            FixtureSpace::Angles => self.angles,
-            FixtureSpace::Tip => self.tip,
-        }
+/// The margin of a region, rad (m).
+pub(super) fn margin(space: FixtureSpace) -> f64 {
+    match space {
+        FixtureSpace::Angles => MARGIN_DEG.to_radians(),
+        FixtureSpace::Tip => TIP_MARGIN,
     }
 }
 
@@ -223,11 +214,6 @@ fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    fn region(shape: &FixtureShape, margin_deg: f64) -> Region {
-        let config = VirtualFixtureConfig { margin_deg, ..VirtualFixtureConfig::default() };
-        Region::new(shape, &config)
-    }
-
     fn distance_deg(region: &Region, pitch_deg: f64, yaw_deg: f64) -> f64 {
         let point = [pitch_deg.to_radians(), yaw_deg.to_radians(), 0.0];
         region.distance(&point).0.to_degrees()
@@ -238,7 +224,7 @@ mod tests {
         let mut corners_deg = vec![[2.0, 1.0], [6.0, 1.0], [6.0, 5.0], [2.0, 5.0]];
         for _ in 0..2 {
             let corners = corners_deg.clone();
-            let square = region(&FixtureShape::Polygon { corners_deg: corners }, 0.5);
+            let square = Region::new(&FixtureShape::Polygon { corners_deg: corners });
             for (at, expected) in
                 [([0.0, 3.0], 1.5), ([4.0, 9.0], 3.5), ([4.0, 3.0], -2.5), ([6.4, 3.0], -0.1)]
             {
@@ -252,18 +238,17 @@ mod tests {
     #[test]
     fn a_half_plane_forbids_the_side_of_its_normal() {
         let wall = FixtureShape::HalfPlane { normal: [0.0, -3.0], offset_deg: 10.0 };
-        let wall = region(&wall, 1.0);
-        assert!((distance_deg(&wall, 20.0, 0.0) - 9.0).abs() < 1e-9);
-        assert!((distance_deg(&wall, 0.0, -12.0) + 3.0).abs() < 1e-9);
+        let wall = Region::new(&wall);
+        assert!((distance_deg(&wall, 20.0, 0.0) - 9.5).abs() < 1e-9);
+        assert!((distance_deg(&wall, 0.0, -12.0) + 2.5).abs() < 1e-9);
     }
 
     #[test]
     fn a_ball_of_the_tip_is_in_metres() {
         let ball = FixtureShape::Ball { centre_mm: [1.0, 0.0, 2.0], radius_mm: 0.5 };
-        let config = VirtualFixtureConfig { margin_mm: 0.1, ..VirtualFixtureConfig::default() };
-        let ball = Region::new(&ball, &config);
+        let ball = Region::new(&ball);
         let (distance, slope) = ball.distance(&[0.0, 0.0, 2e-3]);
-        assert!((distance - 0.4e-3).abs() < 1e-12);
+        assert!((distance - 0.48e-3).abs() < 1e-12);
         assert_eq!(slope, [-1.0, 0.0, 0.0]);
         assert_eq!(ball.distance(&[1e-3, 0.0, 2e-3]).1, [0.0; 3], "its centre");
     }

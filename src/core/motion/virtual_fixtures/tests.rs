@@ -1,7 +1,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::config::{FixtureRegionConfig, FixtureShape};
+use crate::config::FixtureShape;
 
 const TICK: Nanos = Nanos::from_millis(1);
 const SPACE: GoalSpace<'_> = GoalSpace { unit: OutputUnit::Deg, view: None, bounds: None };
@@ -11,11 +11,8 @@ fn fixtures(shapes: &[FixtureShape]) -> VirtualFixtures {
         name: "region".to_owned(),
         shape: shape.clone(),
     };
-    let config = VirtualFixtureConfig {
-        regions: shapes.iter().map(region).collect(),
-        ..VirtualFixtureConfig::default()
-    };
-    VirtualFixtures::new(&config, TICK)
+    let regions: Vec<_> = shapes.iter().map(region).collect();
+    VirtualFixtures::new(&regions, TICK)
 }
 
 fn degrees(pitch: f64, yaw: f64) -> OutputVec {

@@ -51,10 +51,9 @@ impl Controller {
         rig: &DriveRig,
         benchmark: &EndToEndBenchmark,
         run: Run,
-        follow_lines: bool,
     ) -> Result<Self, BenchError> {
         let domain = own_domain()?;
-        let file = configure(rig, run, &domain, follow_lines)?;
+        let file = configure(rig, run, &domain)?;
         let log = rig.folder.path().join("controller.log");
         let program = benchmark.controller.clone();
         let mut command = Command::new(&program);
@@ -157,12 +156,7 @@ impl Drop for Process {
     }
 }
 
-fn configure(
-    rig: &DriveRig,
-    run: Run,
-    domain: &Domain,
-    follow_lines: bool,
-) -> Result<PathBuf, BenchError> {
+fn configure(rig: &DriveRig, run: Run, domain: &Domain) -> Result<PathBuf, BenchError> {
     let folder = rig.folder.path();
     let model = model(10, 8)?;
     model.file().write(&folder.join("model.json"))?;
@@ -170,15 +164,12 @@ fn configure(
     config.robot_id.clone_from(&model.file().robot_id);
     config.control.model = Some("model.json".into());
     config.control.priority = run.placement.priority;
-    config.control.follow_lines = follow_lines;
-    config.control.lock_memory = run.placement.priority > 0;
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     config.control.cpu = (run.placement.pinned && processors >= 2).then(|| processors - 1);
-    config.ipc.domain = domain.name().to_owned();
-    config.record.folder = folder.join("records");
+    config.domain = domain.name().to_owned();
+    config.record_folder = folder.join("records");
     config.command.deadline_ms = DEADLINE_MS;
     config.limits.feedback_stale_ms = 3 * REPLY_TIMEOUT_MS;
-    config.limits.feedback_lost_ms = 5 * REPLY_TIMEOUT_MS;
     for (port, of_rig) in config.ports.iter_mut().zip(rig.ports()) {
         let PortConfig { device, .. } = of_rig;
         (port.device, port.reply_timeout_ms) = (device, REPLY_TIMEOUT_MS);

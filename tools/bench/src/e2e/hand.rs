@@ -53,17 +53,16 @@ fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError>
     let _load = Load::start(benchmark.busy)?;
     let rig = DriveRig::start(RigLines::default())?;
     let floor = super::client::bare(&rig, benchmark, run)?;
-    let (grid, _, _) = with_hand(&rig, benchmark, false, run)?;
-    let (lines, commanded, granted) = with_hand(&rig, benchmark, true, run)?;
-    if [&floor, &grid, &lines].iter().any(|latencies| latencies.arrived.is_empty()) {
+    let (ours, commanded, granted) = with_hand(&rig, benchmark, run)?;
+    if [&floor, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {
         return Err(busy("no event led to a setpoint"));
     }
     let on_the_wire_us = 14.0 * 10.0 / 115_200.0 * 1e6;
-    let (on_grid, on_lines) = ("ticks on their grid", "ticks before the slots of the lines");
+    let controller = "the controller";
     Ok(Found {
         scheduling: vec![format!("control loop: {granted}")],
         quantities: vec![
-            Quantity::new("events with a setpoint, of both motors", lines.commands as f64, ""),
+            Quantity::new("events with a setpoint, of both motors", ours.commands as f64, ""),
             Quantity::new("a setpoint on the wire (14 bytes)", on_the_wire_us, "us"),
             Quantity::new("a tick, the wire and 0.2 ms", 1000.0 + on_the_wire_us + 200.0, "us"),
         ],
@@ -74,10 +73,9 @@ fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError>
                 Role::Floor,
                 floor.arrived,
             ),
-            Variant::new(on_grid, ARRIVED_OF_EVENT, Role::Ours, grid.arrived),
-            Variant::new(on_lines, ARRIVED_OF_EVENT, Role::Ours, lines.arrived),
-            Variant::new(on_lines, COMMANDED, Role::Ours, commanded),
-            Variant::new(on_lines, WIRE, Role::Ours, lines.wire),
+            Variant::new(controller, ARRIVED_OF_EVENT, Role::Ours, ours.arrived),
+            Variant::new(controller, COMMANDED, Role::Ours, commanded),
+            Variant::new(controller, WIRE, Role::Ours, ours.wire),
         ],
         notes: vec![
             "The floor passes a number from memory to the line: it has the wait for the line and \
@@ -91,10 +89,9 @@ fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError>
 fn with_hand(
     rig: &DriveRig,
     benchmark: &EndToEndBenchmark,
-    follow_lines: bool,
     run: Run,
 ) -> Result<(CommandLatencies, Durations, String), BenchError> {
-    let controller = Controller::start(rig, benchmark, run, follow_lines)?;
+    let controller = Controller::start(rig, benchmark, run)?;
     let begin = rig.emulator.log().len();
     let watcher = controller.client.watcher();
     let mut hand = Hand::start(rig, benchmark, &controller)?;

@@ -39,7 +39,7 @@ pub struct EndToEndBenchmark {
     pub controller: PathBuf,
     /// Seed of the random pauses.
     pub seed: u64,
-    /// In each turn the floor and both variants of the loop get a part of the commands.
+    /// In each turn the floor and the controller get a part of the commands.
     pub turns: u32,
     /// Processes that do nothing but compute, beside all that is measured.
     pub busy: u32,
@@ -61,7 +61,7 @@ pub fn run(benchmark: &EndToEndBenchmark, run: Run) -> Result<Outcome, BenchErro
 
 fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError> {
     let _load = Load::start(benchmark.busy)?;
-    let [mut floor, mut grid, mut lines] = [(); 3].map(|()| CommandLatencies::new());
+    let [mut floor, mut ours] = [(); 2].map(|()| CommandLatencies::new());
     let mut granted = String::new();
     for turn in 0..benchmark.turns {
         // Drives answer after their normal processing time.
@@ -72,23 +72,20 @@ fn measure(benchmark: &EndToEndBenchmark, run: Run) -> Result<Found, BenchError>
             ..benchmark.clone()
         };
         floor.add(&client::bare(&rig, &part, run)?);
-        for (follow_lines, latencies) in [(false, &mut grid), (true, &mut lines)] {
-            let (found, scheduling) = with_controller(&rig, &part, follow_lines, run)?;
-            latencies.add(&found);
-            granted = scheduling;
-        }
+        let (found, scheduling) = with_controller(&rig, &part, run)?;
+        ours.add(&found);
+        granted = scheduling;
     }
-    found(granted, floor, grid, lines)
+    found(granted, floor, ours)
 }
 
 /// Measures the controller on the drives of a rig, and tells the scheduling of its loop.
 fn with_controller(
     rig: &DriveRig,
     benchmark: &EndToEndBenchmark,
-    follow_lines: bool,
     run: Run,
 ) -> Result<(CommandLatencies, String), BenchError> {
-    let mut controller = Controller::start(rig, benchmark, run, follow_lines)?;
+    let mut controller = Controller::start(rig, benchmark, run)?;
     let begin = rig.emulator.log().len();
     let stops = controller.stale_stops()?;
     let observations = client::command(&mut controller.client, benchmark, run)?;
@@ -115,27 +112,23 @@ fn ages(black_box: &BlackBox) -> Durations {
 fn found(
     granted: String,
     floor: CommandLatencies,
-    grid: CommandLatencies,
     ours: CommandLatencies,
 ) -> Result<Found, BenchError> {
-    if [&floor, &grid, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {
+    if [&floor, &ours].iter().any(|latencies| latencies.arrived.is_empty()) {
         return Err(busy("no command led to a setpoint"));
     }
     let bare = "a bare loop on the same line";
-    let controller = "the controller, ticks before the slots of the lines";
-    let on_grid = "the controller, ticks on their grid";
+    let controller = "the controller";
     let last_byte = "`last byte`: the stamp of the emulated drive, when a wire of 115200 baud has \
                      delivered it. `encoder position`: the first one that was read from the drive \
                      after that.";
     let parts = format!(
         "Between command and line are: the wait for the IPC thread before the next tick (up to \
-         1 ms; a tick before a slot of the line makes it part of the wait for the line), the \
-         tick, and the wait for the end of the exchange on the line. The client reads every {} us.",
+         1 ms), the tick, and the wait for the end of the exchange on the line. The client reads every {} us.",
         READ_PERIOD.0 / 1000
     );
     let on_the_wire_us = 14.0 * 10.0 / 115_200.0 * 1e6;
-    let longest_gap_ms = ours.longest_gap.max(grid.longest_gap).as_seconds() * 1e3;
-    let stale_stops = ours.stale_stops + grid.stale_stops;
+    let longest_gap_ms = ours.longest_gap.as_seconds() * 1e3;
     Ok(Found {
         scheduling: vec![format!("control loop: {granted}")],
         quantities: vec![
@@ -143,16 +136,13 @@ fn found(
             Quantity::new("commands replaced by the next one", ours.overtaken as f64, ""),
             Quantity::new("a setpoint on the wire (14 bytes)", on_the_wire_us, "us"),
             Quantity::new("longest gap between two commands", longest_gap_ms, "ms"),
-            Quantity::new("stops because commands came late", stale_stops as f64, ""),
+            Quantity::new("stops because commands came late", ours.stale_stops as f64, ""),
         ],
         variants: vec![
             Variant::new(bare, ARRIVED, Role::Floor, floor.arrived),
-            Variant::new(on_grid, ARRIVED, Role::Ours, grid.arrived),
             Variant::new(controller, ARRIVED, Role::Ours, ours.arrived),
             Variant::new(bare, SEEN, Role::Floor, floor.seen),
-            Variant::new(on_grid, SEEN, Role::Ours, grid.seen),
             Variant::new(controller, SEEN, Role::Ours, ours.seen),
-            Variant::new(on_grid, READ, Role::Ours, grid.read),
             Variant::new(controller, READ, Role::Ours, ours.read),
             Variant::new(controller, WRITTEN, Role::Ours, ours.written),
             Variant::new(controller, WIRE, Role::Ours, ours.wire),

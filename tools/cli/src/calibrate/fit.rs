@@ -88,7 +88,7 @@ struct ModelArguments {
     #[arg(long)]
     keep_spikes: bool,
     /// Write a model even if it is worse than a constant on the rows held out, marked: the
-    /// controller refuses it unless `control.allow_worthless_model` is true
+    /// controller refuses it
     #[arg(long)]
     force: bool,
     /// Take so much off the stamps of the angles first; 0 keeps them, `auto` takes off what the

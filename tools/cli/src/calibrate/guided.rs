@@ -69,7 +69,7 @@ struct Guided {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = config_file(arguments)?;
     let config = Config::load(&file)?;
-    let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.ipc.domain))?;
+    let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.domain))?;
     let client = crate::connection::connect(&domain)?;
     let interrupt = Interrupt::catch()?;
     fs::create_dir_all(&arguments.folder)

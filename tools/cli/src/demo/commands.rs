@@ -62,7 +62,7 @@ impl Demo {
         let bar = spinner("start emulated drives, a snake and the controller");
         // Models without memory, which it compares with the others, are wrong by a whole loop.
         let mut config = crate::start::config(&demo.folder.0, demo.domain.name())?;
-        config.plausibility.distance_deg = 0.0;
+        config.limits.plausibility_deg = 0.0;
         let robot = EmulatedRobot::start(&demo.folder.0, &config, &options, &demo.interrupt)?;
         demo.robot = Some(robot);
         finish(&bar, "done");

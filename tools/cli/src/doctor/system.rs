@@ -23,7 +23,7 @@ pub fn check(config: &Config, report: &mut Report) {
 }
 
 fn check_watchdog(config: &Config, report: &mut Report) {
-    let Ok(domain) = Domain::new(&config.ipc.domain) else {
+    let Ok(domain) = Domain::new(&config.domain) else {
         return; // Reported with the shared memory.
     };
     match WatchdogStatus::read(&domain, &config.devices(), clock::now()) {
@@ -70,7 +70,7 @@ fn check_kernel(report: &mut Report) {
 fn check_granted(config: &Config, report: &mut Report) {
     let control = &config.control;
     let wanted =
-        Wanted { priority: control.priority, cpu: control.cpu, lock_memory: control.lock_memory };
+        Wanted { priority: control.priority, cpu: control.cpu, lock_memory: control.priority > 0 };
     let Ok(granted) = thread::spawn(move || realtime::request(wanted)).join() else {
         return report.fail("scheduling", "the test thread ended early", "see above");
     };
@@ -124,9 +124,9 @@ fn contains(list: &str, wanted: usize) -> bool {
 }
 
 fn check_memory(config: &Config, report: &mut Report) {
-    let domain = match Domain::new(&config.ipc.domain) {
+    let domain = match Domain::new(&config.domain) {
         Ok(domain) => domain,
-        Err(error) => return report.fail("shared memory", error.to_string(), "correct ipc.domain"),
+        Err(error) => return report.fail("shared memory", error.to_string(), "correct domain"),
     };
     if let Some(ready) = Ready::read(&domain) {
         return report.pass(

@@ -47,7 +47,7 @@ const MIN_PERIOD: Nanos = Nanos::from_millis(1);
 const TELL: Nanos = Nanos::from_millis(50);
 /// Where the controller takes turned angles for pitch and yaw.
 const TOLD_TURNED: &str = "warning: the camera tells the axes of its picture, and the controller compares them with \
-     pitch and yaw: it will stop; set plausibility.distance_deg to 0, or let `i2ris vision \
+     pitch and yaw: it will stop; set limits.plausibility_deg to 0, or let `i2ris vision \
      calibrate` find pitch and yaw";
 const STEP_DEG: f64 = 0.25;
 /// The same in a task: steps of the former would miss targets.

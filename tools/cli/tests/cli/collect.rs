@@ -266,8 +266,7 @@ impl Whole {
     fn start(change: impl FnOnce(&mut Config)) -> Self {
         let mut rig = Rig::start();
         expect_stalls(&mut rig);
-        rig.config.conditioning.half_width_counts = Some(400);
-        (rig.config.conditioning.turns, rig.config.conditioning.velocity_counts_s) = (1, 2000.0);
+        rig.config.compensation.conditioning_counts = Some(400);
         rig.config.command.max_step_counts = 250;
         change(&mut rig.config);
         let mut whole = Self { domain: rig.domain(), rig };

@@ -375,11 +375,9 @@ fn angles_of_noise_alone_are_refused_and_forced_ones_are_marked() {
     assert_eq!(bench.refuses("--restarts 2 --family linear", &[]), sentence);
     bench.prints("--family linear --force");
     let model = bench.model();
-    let refusal = model.check_use("i2ris", 2, false).unwrap_err();
+    let refusal = model.check_use("i2ris", 2).unwrap_err();
     assert!(matches!(&refusal, ModelError::Worthless { .. }), "{refusal}");
-    let remedy = "fit a better one, or allow it by control.allow_worthless_model = true";
-    assert_says(&refusal.to_string(), &[remedy]);
-    assert!(model.check_use("i2ris", 2, true).is_ok());
+    assert_says(&refusal.to_string(), &["fit a better one"]);
 }
 
 #[test]

@@ -22,7 +22,7 @@ fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);
     // The model is straight, and the snake is not.
-    rig.config.plausibility.distance_deg = 0.0;
+    rig.config.limits.plausibility_deg = 0.0;
     rig.start_controller_thread();
     let (domain, mut client) = (rig.domain(), rig.client());
     let bench = Bench::with("robot.toml", &toml::to_string(&rig.config).unwrap());

@@ -245,7 +245,7 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
     rig.camera_is_shut.store(true, Ordering::Relaxed);
     expect_stalls(&mut rig);
     // The camera tells the axes of its picture.
-    rig.config.plausibility.distance_deg = 0.0;
+    rig.config.limits.plausibility_deg = 0.0;
     rig.start_controller_thread();
     let mut client = rig.client();
     home_and_enable(&mut client, TIMEOUT).unwrap();

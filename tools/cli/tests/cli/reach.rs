@@ -46,7 +46,7 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
     expect_stalls(&mut rig);
     // Away from the camera, so the estimate judges.
     let domain = rig.another_domain("blind");
-    domain.name().clone_into(&mut rig.config.ipc.domain);
+    domain.name().clone_into(&mut rig.config.domain);
     rig.start_controller_thread();
     let mut client = rig.client();
     home_and_enable(&mut client, TIMEOUT).unwrap();

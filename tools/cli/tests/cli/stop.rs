@@ -17,7 +17,7 @@ use crate::bench::{assert_says, end, ends, expect_stalls, fails, nobody, run, st
 fn robot(change: impl FnOnce(&mut Rig)) -> (Rig, Client) {
     let mut rig = Rig::with_model();
     expect_stalls(&mut rig);
-    rig.config.conditioning.half_width_counts = Some(300);
+    rig.config.compensation.conditioning_counts = Some(300);
     change(&mut rig);
     rig.start_controller_thread();
     let mut client = rig.client();
@@ -71,7 +71,6 @@ fn a_controller_that_ends_during_a_cycle_ends_the_wait() {
 fn drives_that_do_not_answer_are_not_said_to_be_off() {
     let (rig, mut client) = robot(|rig| {
         rig.config.limits.feedback_stale_ms = 300;
-        rig.config.limits.feedback_lost_ms = 800;
         rig.config.ports.iter_mut().for_each(|port| port.reply_timeout_ms = 200);
     });
     rig.emulator.mute(1, true);

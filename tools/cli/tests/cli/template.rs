@@ -12,7 +12,7 @@ use crate::bench::{Bench, Said, assert_says, end, nobody, repository};
 const PLAIN: u32 = 65_534;
 
 /// A machine that tests share stalls, and the emulated drives with it: that is no fault here.
-const SHARED_MACHINE: &str = "[limits]\nfeedback_stale_ms = 2000\nfeedback_lost_ms = 10000\n\
+const SHARED_MACHINE: &str = "[limits]\nfeedback_stale_ms = 2000\n\
      following_error_counts = 3000\noverrun_ticks = 0\n[command]\ndeadline_ms = 500\n\
      lease_timeout_ms = 2000\n";
 const SHARED_PORT: &str = "\nreply_timeout_ms = 1000\n";
@@ -73,7 +73,7 @@ fn filled_in(bench: &Bench, domain: &Domain, has_jaw: bool) -> (String, String) 
         }
     };
     let head = head.replace("\"records\"", &format!("\"{}\"", bench.file("records")));
-    (format!("{head}[ipc]\ndomain = \"{}\"\n", domain.name()), format!("[[ports]]{ports}"))
+    (format!("domain = \"{}\"\n{head}", domain.name()), format!("[[ports]]{ports}"))
 }
 
 fn first_day(user: Option<u32>, has_jaw: bool) {

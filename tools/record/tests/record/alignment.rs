@@ -66,7 +66,7 @@ fn the_lateness_of_a_camera_is_found_through_all_running_processes() {
     let mut rig = Rig::with_model();
     let exposed = rig.domain();
     let (drawn, seen) = (rig.another_domain("drawn"), rig.another_domain("seen"));
-    seen.name().clone_into(&mut rig.config.ipc.domain);
+    seen.name().clone_into(&mut rig.config.domain);
     rig.start_controller();
     let mut client = rig.client();
     home_and_enable(&mut client, TIMEOUT).unwrap();

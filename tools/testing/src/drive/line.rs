@@ -396,6 +396,5 @@ pub fn port_config(drives: &[MiniDrive]) -> PortConfig {
             ..fast_axis(motor, drive.serial_number, [Counts(-2000), Counts(2000)])
         })
         .collect();
-    // Tests write a request when something changes, and no others.
-    PortConfig { loop_timeout_ms: 0, ..PortConfig::new("/dev/simulated".into(), axes) }
+    PortConfig::new("/dev/simulated".into(), axes)
 }

@@ -103,6 +103,11 @@ impl PortRig {
 
     pub fn turns(&mut self, count: usize) {
         for _ in 0..count {
+            // As the control loop does in every tick.
+            for (link, request) in self.links.iter_mut().zip(&mut self.requests) {
+                request.sequence += 1;
+                link.requests.write(*request);
+            }
             let events = &mut self.events;
             self.runner.turn(&mut |event| events.push(event));
         }

@@ -39,7 +39,6 @@ impl Session {
                 .replace("../target/records", "records")
                 // A loaded machine stalls the emulated drives.
                 .replace("feedback_stale_ms = 120", "feedback_stale_ms = 2000")
-                .replace("feedback_lost_ms = 500", "feedback_lost_ms = 10000")
                 .replace("following_error_counts = 300", "following_error_counts = 3000")
                 .replace("following_error_counts = 400", "following_error_counts = 3000")
                 .replace("reply_timeout_ms = 100", "reply_timeout_ms = 1000");

@@ -124,7 +124,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
              --protocol reversals to calibrate."
         );
     }
-    let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.ipc.domain))?;
+    let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.domain))?;
     tell_of_environment(domain.name(), &config, &arguments.config);
     let interrupt = Interrupt::catch()?;
     let mut client = crate::connection::connect(&domain)?;
@@ -295,10 +295,10 @@ fn check_robot(version: &Version, config: &Config, file: &Path) -> Result<(), Fa
 /// A domain of the environment that beats that of the file is easily forgotten.
 fn tell_of_environment(domain: &str, config: &Config, file: &Path) {
     let from_environment = std::env::var("I2RIS_DOMAIN").is_ok_and(|name| name == domain);
-    if from_environment && domain != config.ipc.domain {
+    if from_environment && domain != config.domain {
         eprintln!(
             "note: I2RIS_DOMAIN={domain} is used, and not the domain `{}` of {}",
-            config.ipc.domain,
+            config.domain,
             file.display()
         );
     }

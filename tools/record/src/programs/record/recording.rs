@@ -168,7 +168,7 @@ fn served_file(pid: u32) -> Option<PathBuf> {
 
 /// The run log as an attachment, if it has lines of this run.
 fn run_log(config: &Config, name: &str, boot_id: u64) -> Option<AttachedFile> {
-    let lines = lines_of_run(&config.record.folder, boot_id);
+    let lines = lines_of_run(&config.record_folder, boot_id);
     lines.map(|content| attachment(name.to_owned(), JSON_LINES, content))
 }
 
