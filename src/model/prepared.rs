@@ -355,9 +355,9 @@ fn prepare_sized<const D: usize, const M: usize>(
             residual: None,
             virtual_hull: Hull::new(virtual_hull, D)?,
         }),
-        FamilyParameters::Network { network, inverse, memory_counts, gain, covariance } => {
+        FamilyParameters::Network { network, memory_counts, gain, covariance } => {
             let recording = Recording { memory_counts, gain, covariance };
-            Box::new(Network::<D, M>::prepare(network, inverse.as_ref(), recording, si)?)
+            Box::new(Network::<D, M>::prepare(network, recording, si)?)
         }
     })
 }

@@ -10,10 +10,10 @@ use i2ris::model::file::FamilyParameters;
 use i2ris::model::network::NetworkParameters;
 use i2ris::process::black_box::{BlackBox, BlackBoxHeader, replay};
 use i2ris_testing::cycle::{Bench, Recording, config, standard_model};
-use i2ris_testing::families::{averages, gru, inverse};
+use i2ris_testing::families::{averages, gru};
 
-/// A GRU on the straight line of the sample robot; with `is_pair`, and with one of the inverse.
-fn network(units: usize, is_pair: bool) -> Arc<Model> {
+/// A GRU on the straight line of the sample robot.
+fn network(units: usize) -> Arc<Model> {
     let mut file = i2ris_testing::cycle::model(i2ris::model::file::OutputUnit::Deg).file().clone();
     let FamilyParameters::Linear { gain, covariance, .. } = file.family.clone() else { panic!() };
     let network = NetworkParameters {
@@ -26,13 +26,8 @@ fn network(units: usize, is_pair: bool) -> Arc<Model> {
         skip_gain: gain.clone(),
     };
     file.training.linear_gain = Some(gain.clone());
-    file.family = FamilyParameters::Network {
-        network,
-        inverse: is_pair.then(|| inverse(&gain, 10.0)),
-        memory_counts: vec![200.0; 2],
-        gain,
-        covariance,
-    };
+    file.family =
+        FamilyParameters::Network { network, memory_counts: vec![200.0; 2], gain, covariance };
     Arc::new(Model::from_file(file).unwrap())
 }
 
@@ -71,23 +66,14 @@ fn swap_while_moving(bench: &mut Bench, models: &[Arc<Model>; 2], swaps: u32) {
 
 #[test]
 fn a_thousand_swaps_to_and_from_a_gru_while_the_snake_moves() {
-    let models = [standard_model(), network(64, false)];
+    let models = [standard_model(), network(64)];
     let mut bench = Bench::new(config(""), Some(models[0].clone()));
     swap_while_moving(&mut bench, &models, 1000);
 }
 
 #[test]
 fn a_session_with_a_gru_is_replayed_to_the_bit() {
-    replay_of(network(64, false));
-}
-
-#[test]
-fn a_session_with_a_gru_and_its_inverse_is_replayed_to_the_bit() {
-    replay_of(network(48, true));
-}
-
-fn replay_of(network: Arc<Model>) {
-    let models = [network, standard_model()];
+    let models = [network(64), standard_model()];
     let mut bench = Bench::new(config(""), Some(models[0].clone()));
     bench.recording = Some(Recording::default());
     swap_while_moving(&mut bench, &models, 60);

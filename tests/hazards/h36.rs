@@ -51,7 +51,6 @@ fn written(
     file.training.linear_gain = Some(gain.clone());
     file.family = FamilyParameters::Network {
         network,
-        inverse: None,
         memory_counts: vec![0.0; 2],
         gain,
         covariance: vec![vec![0.04, 0.0], vec![0.0, 0.09]],

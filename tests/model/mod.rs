@@ -10,7 +10,6 @@ mod inverse;
 mod kinematic;
 mod linear;
 mod network;
-mod pairs;
 mod plays;
 mod prandtl_ishlinskii;
 mod refusals;

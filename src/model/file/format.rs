@@ -11,7 +11,7 @@ use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiPar
 use crate::model::families::hysteresis::residual::ResidualParameters;
 use crate::model::families::hysteresis::stop::StopParameters;
 use crate::model::families::kinematic::KinematicParameters;
-use crate::model::families::network::{InverseParameters, NetworkParameters};
+use crate::model::families::network::NetworkParameters;
 
 pub use crate::model::maths::gaussian_mixture::MixtureParameters;
 pub use crate::model::maths::hull::HullParameters;
@@ -217,9 +217,6 @@ pub enum FamilyParameters {
     Network {
         /// From counts to outputs.
         network: NetworkParameters,
-        /// From outputs to counts, where there is one; else the search finds the inverse.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        inverse: Option<InverseParameters>,
         /// The range of every motor after which earlier motion is forgotten, counts; d.
         memory_counts: Vec<f64>,
         /// The straight line through the recording: beyond a step the network goes on with it. m

@@ -27,7 +27,7 @@ pub(in crate::model) const MAX_ITERATIONS: u32 = 20;
 const CONVERGED_COUNTS: f64 = 1e-3;
 
 /// A goal is reached if the residual is below this many counts' worth.
-pub(in crate::model) const REACHED_COUNTS: f64 = 0.05;
+const REACHED_COUNTS: f64 = 0.05;
 
 /// A goal is always reached if the residual is below this, rad (m): the rounding error of the
 /// arithmetic.
@@ -45,7 +45,7 @@ const FIRST_DAMPING: f64 = 1e-3;
 const DAMPING_FACTOR: f64 = 10.0;
 
 /// Goals are clamped to this, rad (m). No robot reaches it, and squares stay finite.
-pub(in crate::model) const GOAL_LIMIT: f64 = 1e3;
+const GOAL_LIMIT: f64 = 1e3;
 
 /// Where a search starts: counts inside the hull, and the regression there.
 #[derive(Debug, Clone, Copy)]

@@ -99,13 +99,7 @@ impl Wire {
             };
             file.training.linear_gain = Some(gain.clone());
             let memory_counts = vec![200.0; 2];
-            file.family = FamilyParameters::Network {
-                network,
-                inverse: None,
-                memory_counts,
-                gain,
-                covariance,
-            };
+            file.family = FamilyParameters::Network { network, memory_counts, gain, covariance };
         }
         Arc::new(Model::from_file(file).unwrap())
     }

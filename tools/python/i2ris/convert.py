@@ -8,14 +8,6 @@ A network goes from scaled counts to scaled angles, one step per ``step_counts``
     x = (counts - input_centre) * input_scale;   angles_deg = output_scale * y + output_centre
 
 and, where the network has learned what a straight line leaves over, plus ``skip_gain @ (counts - input_centre)``.
-
-A network of the inverse comes beside a forward one (``inverse_of=forward``). It goes from scaled angles to scaled
-counts, one step per ``step`` of travel of the angles::
-
-    x = (angles_deg - input_centre) * input_scale;   counts = output_scale * y + output_centre
-
-so that ``input_centre`` is in degrees, ``input_scale`` per degree (0.1), ``output_scale`` and ``output_centre`` in
-counts (1000 and 0), and ``skip_gain`` in counts per degree.
 """
 
 from __future__ import annotations
@@ -90,9 +82,7 @@ def _activate(layers: list[dict[str, Any]], name: str, activation: str) -> None:
 def _file(
     layers: list[dict[str, Any]],
     *,
-    step_counts: float | None,
-    inverse_of: dict[str, Any] | None,
-    step: float | None,
+    step_counts: float,
     input_centre: Sequence[float],
     input_scale: Sequence[float] | None,
     output_scale: Sequence[float] | None,
@@ -102,32 +92,23 @@ def _file(
     unit: str,
     path: str | Path | None,
 ) -> dict[str, Any]:
-    scales = (1e-3, 1.0) if inverse_of is None else (0.1, 1e3)
-    if input_scale is None:
-        input_scale = [scales[0]] * len(input_centre)
-    if output_scale is None:
-        output_scale = [scales[1]] * len(output_centre)
     network: dict[str, Any] = {
+        "step_counts": float(step_counts),
         "input_centre": [float(x) for x in input_centre],
-        "input_scale": [float(x) for x in input_scale],
+        "input_scale": [float(x) for x in input_scale or [1e-3] * len(input_centre)],
         "layers": layers,
-        "output_gain": np.diag([float(x) for x in output_scale]).tolist(),
+        "output_gain": np.diag([float(x) for x in output_scale or [1.0] * len(output_centre)]).tolist(),
         "output_offset": [float(x) for x in output_centre],
     }
     if skip_gain is not None:
         network["skip_gain"] = [[float(x) for x in row] for row in skip_gain]
-    if inverse_of is None and step_counts is not None and step is None:
-        file: dict[str, Any] = {
-            "format": "i2ris-network",
-            "version": 1,
-            "inputs": [f"q{motor}_counts" for motor in range(len(input_centre))],
-            "outputs": [{"name": name, "unit": unit} for name in outputs],
-            "network": {"step_counts": float(step_counts), **network},
-        }
-    elif inverse_of is not None and step_counts is None and step is not None:
-        file = {**inverse_of, "inverse": {"step": float(step), **network}}
-    else:
-        raise ModelError("a forward network needs step_counts, and one of the inverse needs step (of the angles) instead")
+    file: dict[str, Any] = {
+        "format": "i2ris-network",
+        "version": 1,
+        "inputs": [f"q{motor}_counts" for motor in range(len(input_centre))],
+        "outputs": [{"name": name, "unit": unit} for name in outputs],
+        "network": network,
+    }
     if path is not None:
         Path(path).write_text(json.dumps(file))
     return file
@@ -136,9 +117,7 @@ def _file(
 def from_torch(
     module: Any,
     *,
-    step_counts: float | None = None,
-    inverse_of: dict[str, Any] | None = None,
-    step: float | None = None,
+    step_counts: float,
     input_centre: Sequence[float] = (0.0, 0.0),
     input_scale: Sequence[float] | None = None,
     output_scale: Sequence[float] | None = None,
@@ -150,9 +129,7 @@ def from_torch(
 ) -> dict[str, Any]:
     """The network of a ``torch.nn`` module, or of several in order; writes it to ``path`` if one is given.
 
-    With ``inverse_of`` and ``step`` instead of ``step_counts`` it is one of the inverse, added to that forward network:
-    outputs and unit stay those of it. Scales that are not given are 0.001 per count and 1 deg, and of an inverse 0.1 per
-    deg and 1000 counts.
+    Scales that are not given are 0.001 per count and 1 deg.
 
     Known modules: ``Sequential`` and lists of ``Linear``, ``GRU``, ``LSTM``, ``Conv1d`` (causal: pad on the left only,
     ``ConstantPad1d((k, 0), 0)`` before it), ``Tanh``, ``ReLU``, ``Sigmoid``, ``Softplus``, ``Identity``.
@@ -201,18 +178,15 @@ def from_torch(
 
     add("module", module)
     return _file(
-        layers, step_counts=step_counts, inverse_of=inverse_of, step=step, input_centre=input_centre,
-        input_scale=input_scale, output_scale=output_scale, output_centre=output_centre, skip_gain=skip_gain,
-        outputs=outputs, unit=unit, path=path,
+        layers, step_counts=step_counts, input_centre=input_centre, input_scale=input_scale, output_scale=output_scale,
+        output_centre=output_centre, skip_gain=skip_gain, outputs=outputs, unit=unit, path=path,
     )  # fmt: skip
 
 
 def from_onnx(
     file: str | Path,
     *,
-    step_counts: float | None = None,
-    inverse_of: dict[str, Any] | None = None,
-    step: float | None = None,
+    step_counts: float,
     input_centre: Sequence[float] = (0.0, 0.0),
     input_scale: Sequence[float] | None = None,
     output_scale: Sequence[float] | None = None,
@@ -223,8 +197,7 @@ def from_onnx(
     path: str | Path | None = None,
 ) -> dict[str, Any]:
     """The network of an ONNX file whose nodes follow one after the other: Gemm, MatMul and Add, GRU, LSTM, Conv with Pad,
-    Tanh, Relu, Sigmoid, Softplus, and what only turns axes (Transpose, Squeeze, Unsqueeze, Reshape, Identity).
-    ``inverse_of`` and ``step``: as :func:`from_torch`."""
+    Tanh, Relu, Sigmoid, Softplus, and what only turns axes (Transpose, Squeeze, Unsqueeze, Reshape, Identity)."""
     import onnx
     from onnx import numpy_helper
     from onnx.reference import ReferenceEvaluator
@@ -274,9 +247,8 @@ def from_onnx(
         else:
             raise ModelError(f"{name}: {node.op_type} is not known; there are {_KINDS}")
     return _file(
-        layers, step_counts=step_counts, inverse_of=inverse_of, step=step, input_centre=input_centre,
-        input_scale=input_scale, output_scale=output_scale, output_centre=output_centre, skip_gain=skip_gain,
-        outputs=outputs, unit=unit, path=path,
+        layers, step_counts=step_counts, input_centre=input_centre, input_scale=input_scale, output_scale=output_scale,
+        output_centre=output_centre, skip_gain=skip_gain, outputs=outputs, unit=unit, path=path,
     )  # fmt: skip
 
 

@@ -74,8 +74,7 @@ def write_recording(
 
 
 def walk(counts: ArrayLike, step_counts: float) -> tuple[Floats, NDArray[np.int64]]:
-    """Where a network steps along a path of the motors, and how many steps were taken when each row came. For a network of
-    the inverse: along a path of the angles, with its ``step``.
+    """Where a network steps along a path of the motors, and how many steps were taken when each row came.
 
     Train on it as the controller runs: a row ``k`` is one more step, to ``counts[k]``, on the hidden state after the
     first ``taken[k]`` steps, and that step is forgotten again.
@@ -104,8 +103,7 @@ class Model:
     def from_network(
         cls, network: str | Path | dict[str, Any], recording: str | Path, robot_id: str = "i2ris", hold_out: str = "blocks"
     ) -> Model:
-        """A model of a network (:func:`from_torch`, :func:`from_onnx`), or of one with its inverse, and of a recording of
-        the robot: the recording gives hull, deviation and examination. Hold out what the network has not seen."""
+        """A model of a network (:func:`from_torch`, :func:`from_onnx`) and of a recording of the robot: the recording gives hull, deviation and examination. Hold out what the network has not seen."""
         with tempfile.TemporaryDirectory() as folder:
             if isinstance(network, dict):
                 path = Path(folder, "network.json")

@@ -47,13 +47,6 @@ def learned(train, layers=None, **changes):
     return from_torch(layers or gru(), **{**options, **changes})
 
 
-def both_ways(train, **changes):
-    """The network, and one of the inverse that has the straight line back."""
-    gain, offset = benchmark.linear(train)
-    options = {"step": 0.4, "input_centre": offset, "output_scale": (5.0, 5.0), "skip_gain": np.linalg.inv(gain)}
-    return from_torch(gru(seed=1), inverse_of=learned(train), **{**options, **changes})
-
-
 @pytest.mark.skipif(not CLI, reason="I2RIS_CLI does not name the command line")
 @pytest.mark.parametrize(("physics", "seed", "family"), COMPARED)
 def test_the_file_is_byte_for_byte_that_of_the_command_line(physics, seed, family, tmp_path):
@@ -273,8 +266,6 @@ def test_networks_that_do_not_belong_to_the_recording_are_refused_before_a_model
     inverse["inputs"] = ["pitch_deg", "yaw_deg"]
     with pytest.raises(ModelError, match="from counts to angles"):
         Model.from_network(inverse, path)
-    with pytest.raises(ModelError, match="one of the inverse only: add the forward network"):
-        Model.from_network({"inverse": both_ways(train)["inverse"]}, path)
     huge = tmp_path / "huge.json"
     with huge.open("wb") as file:
         file.truncate(1 << 30)
@@ -284,33 +275,6 @@ def test_networks_that_do_not_belong_to_the_recording_are_refused_before_a_model
         Model.load(huge)
     with pytest.raises(ModelError, match="1024 MB"):
         from_onnx(huge, step_counts=20.0)
-
-
-def test_a_network_of_the_inverse_answers_beside_its_forward_network(case, train):
-    pair = both_ways(train)
-    model = Model.from_network(pair, case.train_path())
-    alone = Model.from_network(learned(train), case.train_path())
-    assert model.to_dict()["family"]["inverse"] == pair["inverse"] and "inverse" not in alone.to_dict()["family"]
-    turn = np.linspace(0, 6, 200)
-    goal = 5 * np.column_stack([np.sin(turn), np.cos(turn)])
-    counts, searched = (each.invert(goal, history=train.counts) for each in (model, alone))
-    # Two biases of an inverse that is not trained: some counts, and no more than the forward network allows.
-    deviation = np.sqrt(np.trace(model.to_dict()["family"]["covariance"]))
-    assert 0 < np.abs(counts - searched).max() < 200
-    assert np.abs(model.predict(np.vstack([train.counts, counts]))[len(train.counts) :] - goal).max() < 3 * deviation
-
-
-def test_a_network_of_the_inverse_that_belongs_to_another_one_is_refused(case, train):
-    gain, offset = benchmark.linear(train)
-    back = np.linalg.inv(gain)
-    for change in [
-        {"skip_gain": np.degrees(back)}, {"skip_gain": back[::-1]}, {"skip_gain": -back}, {"output_centre": (500.0, 0.0)},
-    ]:  # fmt: skip
-        with pytest.raises(ModelError, match="it is not the inverse of that network"):
-            Model.from_network(both_ways(train, **change), case.train_path())
-    for step in [{"step": None}, {"step_counts": 20.0}]:
-        with pytest.raises(ModelError, match="one of the inverse needs step"):
-            both_ways(train, **step)
 
 
 def test_the_benchmark_scores_and_its_data_are_frozen(case):

@@ -11,9 +11,7 @@
 //! - **straight line**: the gain of the recording. A network has learned what a step does and not
 //!   what a jump does, so beyond a step it is continued by the straight line.
 //!
-//! The inverse is the damped Newton search on the position that is tried. Beside the forward
-//! network there may be one of the inverse, which answers instead: it steps with the travel of the
-//! outputs, as the forward network says it, and is held to what that one allows.
+//! The inverse is the damped Newton search on the position that is tried.
 //!
 //! Layers work as in PyTorch (GRU: K. Cho et al. 2014, with the reset after the product; LSTM: S.
 //! Hochreiter and J. Schmidhuber 1997, with the forget gate of F. Gers et al. 2000; causal
@@ -28,11 +26,9 @@
 //! | `matrix` | weights, and products with them |
 //! | `activation` | activations and their slopes |
 //! | `state` | the hidden state |
-//! | `inverse` | a network of the inverse beside the forward one |
 //! | `runtime` | the network as a family of models |
 
 mod activation;
-mod inverse;
 mod layers;
 mod matrix;
 mod parameters;
@@ -40,8 +36,6 @@ mod runtime;
 mod scaled_layers;
 pub(in crate::model) mod state;
 
-pub use parameters::{
-    Activation, InverseParameters, Layer, MAX_LAYERS, MAX_STATE, MAX_WIDTH, NetworkParameters,
-};
+pub use parameters::{Activation, Layer, MAX_LAYERS, MAX_STATE, MAX_WIDTH, NetworkParameters};
 pub use runtime::walk;
 pub(in crate::model) use runtime::{Network, Recording};

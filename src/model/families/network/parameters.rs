@@ -23,10 +23,6 @@ const MAX_TAPS: usize = 64;
 /// network sees no reversal.
 const STEPS: std::ops::RangeInclusive<f64> = 1.0..=1000.0;
 
-/// The same of the outputs, deg (mm): a count, and a thousand of them, of robots that move by a
-/// hundredth of that per count.
-const INVERSE_STEPS: std::ops::RangeInclusive<f64> = 0.01..=10.0;
-
 /// Rows of a matrix.
 type Rows = Vec<Vec<f64>>;
 
@@ -49,30 +45,6 @@ pub struct NetworkParameters {
     pub output_offset: Vec<f64>,
     /// m rows of d, in the unit of the outputs per count: of a network that has learned what a
     /// straight line leaves over. Absent: nothing.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub skip_gain: Rows,
-}
-
-/// A network of the inverse in units of the file, from outputs to counts: `x = outputs -
-/// input_centre`, then the layers of `x * input_scale`, then `output_gain * y + output_offset`,
-/// plus `skip_gain * x`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct InverseParameters {
-    /// Travel of the output that moves most between two steps, in the unit of the outputs, 0.01 to
-    /// 10.
-    pub step: f64,
-    /// One per output, in its unit.
-    pub input_centre: Vec<f64>,
-    /// One per output, per unit.
-    pub input_scale: Vec<f64>,
-    /// From the inputs on.
-    pub layers: Vec<Layer>,
-    /// d rows of d, counts.
-    pub output_gain: Rows,
-    /// d, counts.
-    pub output_offset: Vec<f64>,
-    /// d rows of m, counts per unit of the outputs. Absent: nothing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub skip_gain: Rows,
 }
@@ -223,29 +195,18 @@ impl NetworkParameters {
     pub(super) fn check(&self, motors: usize, outputs: usize) -> Result<(), ModelError> {
         let (key, step) = (|| "family.network.step_counts".to_owned(), self.step_counts);
         require(STEPS.contains(&step), key, step, "must be 1 to 1000 counts")?;
-        self.check_sizes("network", motors, outputs, 0)
-    }
-
-    /// `field` of the family; `taken`: numbers of the state that another network has.
-    fn check_sizes(
-        &self,
-        field: &str,
-        inputs: usize,
-        outputs: usize,
-        taken: usize,
-    ) -> Result<(), ModelError> {
-        let key = |name: &str| format!("family.{field}.{name}");
-        numbers(&self.input_centre, inputs, &key("input_centre"))?;
-        numbers(&self.input_scale, inputs, &key("input_scale"))?;
+        let key = |name: &str| format!("family.network.{name}");
+        numbers(&self.input_centre, motors, &key("input_centre"))?;
+        numbers(&self.input_scale, motors, &key("input_scale"))?;
         matrix(&self.output_gain, outputs, outputs, &key("output_gain"))?;
         numbers(&self.output_offset, outputs, &key("output_offset"))?;
         if !self.skip_gain.is_empty() {
-            matrix(&self.skip_gain, outputs, inputs, &key("skip_gain"))?;
+            matrix(&self.skip_gain, outputs, motors, &key("skip_gain"))?;
         }
         let count = self.layers.len();
         let reason = "a network has 1 to 8 layers";
         require((1..=MAX_LAYERS).contains(&count), || key("layers"), count, reason)?;
-        let (mut width, mut state) = (inputs, taken);
+        let (mut width, mut state) = (motors, 0);
         for (index, layer) in self.layers.iter().enumerate() {
             layer.check(width, &key(&format!("layers[{index}]")))?;
             let (units, kept) = layer.sizes(width);
@@ -253,39 +214,9 @@ impl NetworkParameters {
         }
         let shown = format!("{width} units in the last layer");
         require(width == outputs, || key("layers"), shown, "it must have one unit per output")?;
-        let reason = "hidden states with their recurrent parts are at most 512 numbers, those of \
-                      an inverse included: use fewer units, or a shorter window";
+        let reason = "hidden states with their recurrent parts are at most 512 numbers: use \
+                      fewer units, or a shorter window";
         require(state <= MAX_STATE, || key("layers"), format!("{state} numbers"), reason)
-    }
-}
-
-impl InverseParameters {
-    /// Checks sizes and numbers. Returns them in the form of the forward network, with the step in
-    /// the unit of its inputs: to evaluate, both are the same.
-    ///
-    /// # Errors
-    ///
-    /// When something does not fit or is out of its range: what, and where.
-    pub(super) fn check(
-        &self,
-        motors: usize,
-        outputs: usize,
-        taken: usize,
-    ) -> Result<NetworkParameters, ModelError> {
-        let (key, step) = (|| "family.inverse.step".to_owned(), self.step);
-        require(INVERSE_STEPS.contains(&step), key, step, "must be 0.01 to 10 deg (mm)")?;
-        let file = self.clone();
-        let same = NetworkParameters {
-            step_counts: file.step,
-            input_centre: file.input_centre,
-            input_scale: file.input_scale,
-            layers: file.layers,
-            output_gain: file.output_gain,
-            output_offset: file.output_offset,
-            skip_gain: file.skip_gain,
-        };
-        same.check_sizes("inverse", outputs, motors, taken)?;
-        Ok(same)
     }
 }
 

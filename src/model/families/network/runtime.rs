@@ -2,9 +2,8 @@
 
 use nalgebra::{DMatrix, SMatrix, SVector};
 
-use super::inverse::InverseNetwork;
-use super::parameters::{InverseParameters, NetworkParameters, matrix, numbers};
-use super::scaled_layers::{Scale, ScaledLayers};
+use super::parameters::{NetworkParameters, matrix, numbers};
+use super::scaled_layers::ScaledLayers;
 use super::state::NetworkState;
 use crate::model::error::{ModelError, require};
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
@@ -53,20 +52,15 @@ pub(in crate::model) struct Recording<'a> {
 }
 
 /// Visits the positions of the steps along a straight motion, up to less than a step before its end.
-pub fn walk<const N: usize>(
-    from: &[f64; N],
-    to: &[f64; N],
-    step: f64,
-    mut visit: impl FnMut(&[f64; N]),
-) {
-    let motion: [f64; N] = std::array::from_fn(|axis| to[axis] - from[axis]);
+pub fn walk(from: &MotorVec, to: &MotorVec, step: f64, mut visit: impl FnMut(&MotorVec)) {
+    let motion: MotorVec = std::array::from_fn(|motor| to[motor] - from[motor]);
     let length = motion.iter().fold(0.0, |longest: f64, part| longest.max(part.abs()));
     let whole = (length / step * (1.0 - ROUNDING)).ceil() as usize;
     let steps = whole.saturating_sub(1);
     let stride = if steps > MAX_STEPS { length / (MAX_STEPS + 1) as f64 } else { step };
     for number in 1..=steps.min(MAX_STEPS) {
         let part = number as f64 * stride / length;
-        visit(&std::array::from_fn(|axis| from[axis] + part * motion[axis]));
+        visit(&std::array::from_fn(|motor| from[motor] + part * motion[motor]));
     }
 }
 
@@ -74,8 +68,6 @@ pub fn walk<const N: usize>(
 #[derive(Debug)]
 pub(in crate::model) struct Network<const D: usize, const M: usize> {
     forward: ScaledLayers<D, M>,
-    /// `None`: the search finds it.
-    inverse: Option<InverseNetwork<D, M>>,
     memory_counts: MotorVec,
     /// From outputs back to counts.
     back: SMatrix<f64, D, M>,
@@ -90,7 +82,6 @@ impl<const D: usize, const M: usize> Network<D, M> {
     /// When sizes do not fit, or numbers are out of their range.
     pub fn prepare(
         file: &NetworkParameters,
-        inverse: Option<&InverseParameters>,
         recording: Recording<'_>,
         si: f64,
     ) -> Result<Self, ModelError> {
@@ -110,13 +101,8 @@ impl<const D: usize, const M: usize> Network<D, M> {
         let back = straight.clone().pseudo_inverse(LEAST_GAIN).unwrap_or(DMatrix::zeros(D, M));
         let back = SMatrix::from_iterator(back.iter().copied());
         let straight = SMatrix::from_iterator(straight.iter().copied());
-        let scale = Scale { inputs: 1.0, outputs: si };
-        let forward = ScaledLayers::new(file, scale, straight, 0);
-        let deviation = covariance.trace().sqrt();
-        let beside = |file| InverseNetwork::prepare(file, forward.end, back, deviation, si);
         Ok(Self {
-            inverse: inverse.map(beside).transpose()?,
-            forward,
+            forward: ScaledLayers::new(file, si, straight),
             memory_counts: array(&vector::<D>(memory_counts)),
             back,
             covariance,
@@ -127,10 +113,6 @@ impl<const D: usize, const M: usize> Network<D, M> {
     fn begin(&self, counts: &MotorVec) -> NetworkState {
         let mut state = NetworkState::at(*counts);
         self.forward.begin(state.values_mut(), &vector(counts));
-        if let Some(inverse) = &self.inverse {
-            let outputs = self.at(&state).mean(&vector(counts));
-            inverse.start(&mut state, &outputs);
-        }
         state
     }
 
@@ -140,10 +122,6 @@ impl<const D: usize, const M: usize> Network<D, M> {
             self.forward.take_step(state.values_mut(), &vector(position));
             state.position = *position;
         });
-        if let Some(inverse) = &self.inverse {
-            let outputs = self.at(state).mean(&vector(counts));
-            inverse.follow(state, &outputs);
-        }
     }
 
     /// Works on the state in a memory. Without one, on the state from the present position alone.
@@ -165,48 +143,37 @@ impl<const D: usize, const M: usize> Network<D, M> {
     fn check_growth(&self, hull: &Hull) -> Result<(), ModelError> {
         let path = TrialPath::wide(hull, PATH_STEPS, PATH_STEPS);
         let mut state = self.begin(&hull.centre());
-        let mut networks = [("network", [0.0_f64; 2]), ("inverse", [0.0; 2])];
+        let mut halves = [0.0_f64; 2];
         for round in 0..ROUNDS {
             for counts in path.wander.iter().chain(&path.turns) {
                 self.walk(&mut state, counts);
-                let (forward, inverse) = state.values().split_at(self.forward.end);
-                for ((_, halves), values) in networks.iter_mut().zip([forward, inverse]) {
-                    let size = values.iter().map(|value| value.abs());
-                    let half = &mut halves[2 * round / ROUNDS];
-                    // Not a number is kept: it is above every bound.
-                    *half = size.fold(*half, |most, size| if size <= most { most } else { size });
-                }
+                let size = state.values().iter().map(|value| value.abs());
+                let half = &mut halves[2 * round / ROUNDS];
+                // Not a number is kept: it is above every bound.
+                *half = size.fold(*half, |most, size| if size <= most { most } else { size });
             }
         }
+        let [first, second] = halves;
+        let shown = format!("a state of {first:.3e}, and then of {second:.3e}");
+        let key = || "family.network.layers".to_owned();
         let reason =
             "the hidden state grows while the motors go round and round: train it on longer motion";
-        networks.iter().try_for_each(|(name, [first, second])| {
-            let shown = format!("a state of {first:.3e}, and then of {second:.3e}");
-            let key = || format!("family.{name}.layers");
-            require(*second <= MOST_GROWTH * first, key, shown, reason)
-        })
+        require(second <= MOST_GROWTH * first, key, shown, reason)
     }
 }
 
 /// A network after a motion: a regression on the position that follows.
 #[derive(Debug)]
-pub(super) struct At<'a, const D: usize, const M: usize> {
+struct At<'a, const D: usize, const M: usize> {
     network: &'a Network<D, M>,
-    pub state: &'a NetworkState,
+    state: &'a NetworkState,
 }
 
 impl<const D: usize, const M: usize> At<'_, D, M> {
-    /// The searches for all goals but the first start where that for the first ended, or where the
-    /// network of the inverse says.
+    /// The searches for all goals but the first start where that for the first ended.
     fn invert_each(&self, goals: &[OutputVec], hull: &Hull, query: &Query, found: &mut [Inverse]) {
         let mut start = SearchStart::new(self, hull, &bounded(&query.start));
         for (index, (goal, found)) in goals.iter().zip(found).enumerate() {
-            if let Some(inverse) = &self.network.inverse
-                && goal.iter().take(M).all(|part| part.is_finite())
-            {
-                *found = inverse.invert(self, goal, hull);
-                continue;
-            }
             let (inverse, end) = newton_inverse::invert_from(self, hull, goal, &start);
             *found = inverse;
             if index == 0 {
@@ -320,11 +287,11 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
     }
 
     /// Walks to positions all over the hull, and searches each from beside it. The state must not
-    /// grow on the way, and a network of the inverse must find back, too.
+    /// grow on the way.
     fn check_round_trip(&self, hull: &Hull, unit: OutputUnit) -> Result<(), ModelError> {
         self.check_growth(hull)?;
         let mut state = self.begin(&hull.centre());
-        let (mut trips, mut goals, mut contradictions) = (Vec::new(), Vec::new(), Vec::new());
+        let mut trips = Vec::new();
         for counts in round_trip::positions(hull) {
             while state.position != counts {
                 let before = state.position;
@@ -338,13 +305,7 @@ impl<const D: usize, const M: usize> Runtime for Network<D, M> {
             let beside = counts.map(|at| at + STEPS_BESIDE * self.forward.step);
             let found = newton_inverse::invert(&at, hull, &array(&local.mean), &beside);
             trips.push((counts, local, found.residual));
-            if let Some(inverse) = &self.inverse {
-                goals.push(local.mean);
-                contradictions.push(inverse.contradiction(&at, &local.mean));
-            }
         }
-        round_trip::judge(unit, trips)?;
-        let judge = |inverse: &InverseNetwork<D, M>| inverse.judge(&goals, &contradictions, unit);
-        self.inverse.as_ref().map_or(Ok(()), judge)
+        round_trip::judge(unit, trips)
     }
 }

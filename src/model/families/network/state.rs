@@ -8,8 +8,7 @@ use crate::units::MotorVec;
 /// Numbers per row: serialisation knows arrays of so many.
 const ROW: usize = 32;
 
-/// The hidden states of all layers with their recurrent parts, and where the last step ended. Those
-/// of a network of the inverse follow in the same numbers, so that a memory is no longer for it.
+/// The hidden states of all layers with their recurrent parts, and where the last step ended.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct NetworkState {
     pub(super) position: MotorVec,

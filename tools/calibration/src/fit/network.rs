@@ -7,10 +7,9 @@ use std::path::Path;
 
 use i2ris::file_permissions::LONGEST_MODEL;
 use i2ris::model::file::{FamilyParameters, OutputSpec};
-use i2ris::model::network::{InverseParameters, NetworkParameters};
+use i2ris::model::network::NetworkParameters;
 use i2ris::model::{Memory, Model};
 use i2ris::units::MotorVec;
-use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
 use super::all_families::{Training, training};
@@ -47,16 +46,6 @@ pub struct NetworkFile {
     pub outputs: Vec<OutputSpec>,
     /// The layers.
     pub network: NetworkParameters,
-    /// Those of a network of the inverse, from `outputs` to `inputs`, where there is one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub inverse: Option<InverseParameters>,
-}
-
-/// Which networks a file has.
-#[derive(Debug, Deserialize)]
-struct Networks {
-    network: Option<IgnoredAny>,
-    inverse: Option<IgnoredAny>,
 }
 
 impl NetworkFile {
@@ -73,9 +62,6 @@ impl NetworkFile {
             return Err(NetworkError::TooLong { path, megabytes });
         }
         let text = std::fs::read_to_string(path).map_err(named)?;
-        if let Ok(Networks { network: None, inverse: Some(_) }) = serde_json::from_str(&text) {
-            return Err(NetworkError::OnlyInverse { path: path.to_owned() });
-        }
         let parsed = serde_json::from_str(&text);
         parsed.map_err(|source| NetworkError::Json { path: path.to_owned(), source })
     }
@@ -131,7 +117,6 @@ pub fn import(
         let parameters = |memory_counts: Vec<f64>| {
             Fitted::plain(FamilyParameters::Network {
                 network: file.network.clone(),
-                inverse: file.inverse.clone(),
                 memory_counts,
                 gain: straight.gain.clone(),
                 covariance: straight.covariance.clone(),

@@ -32,15 +32,6 @@ pub enum NetworkError {
         /// What and where.
         source: serde_json::Error,
     },
-    /// A network of the inverse alone: nothing says what its counts do.
-    #[error(
-        "network {path} is one of the inverse only: add the forward network, from counts to \
-         angles, through which it is examined"
-    )]
-    OnlyInverse {
-        /// The file.
-        path: PathBuf,
-    },
     /// Another format or version.
     #[error(
         "is no network of this version: `{found}`; write it with i2ris.model.from_torch or from_onnx"
@@ -52,7 +43,7 @@ pub enum NetworkError {
     /// Another way round, or other columns.
     #[error(
         "the network goes from {found}, and the recording from {wanted}: train it on those columns, \
-         in that order, from counts to angles in degrees; one of the inverse comes beside it"
+         in that order, from counts to angles in degrees"
     )]
     Columns {
         /// Of the network.

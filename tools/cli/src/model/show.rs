@@ -168,17 +168,13 @@ fn family(model: &Model) {
             println!("polynomial degree {} of virtual counts", read_out.degree);
             balance_table(balance);
         }
-        FamilyParameters::Network { network, inverse, memory_counts, .. } => {
+        FamilyParameters::Network { network, memory_counts, .. } => {
             println!(
                 "network    {} layers, a step every {:.0} counts, forgets over {memory_counts:.0?} \
                  counts",
                 network.layers.len(),
                 network.step_counts
             );
-            if let Some(inverse) = inverse {
-                let (layers, unit) = (inverse.layers.len(), model.file().outputs[0].unit);
-                println!("inverse    {layers} layers, a step every {} {unit}", inverse.step);
-            }
         }
     }
 }

@@ -33,7 +33,6 @@ macro_rules! for_each_family {
             gmr_stop = GmrStop;
             force_balance = ForceBalance;
             network = Network;
-            network_of_the_inverse = Network;
         }
     };
 }
@@ -51,8 +50,7 @@ macro_rules! list {
             }
         )*
 
-        /// The first row of a family. A family without a row does not compile.
-        #[allow(unreachable_patterns, reason = "a family may have several rows")]
+        /// The row of a family. A family without a row does not compile.
         pub fn row_of(family: &FamilyParameters) -> &'static str {
             match family {
                 $(FamilyParameters::$family { .. } => stringify!($row),)*

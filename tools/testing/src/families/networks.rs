@@ -1,7 +1,7 @@
 //! Sample networks for the tests.
 
 use i2ris::model::file::{FamilyParameters, ModelFile};
-use i2ris::model::network::{Activation, InverseParameters, Layer, NetworkParameters};
+use i2ris::model::network::{Activation, Layer, NetworkParameters};
 
 use super::samples::{file, region};
 
@@ -84,43 +84,11 @@ pub fn network_file(layers: Vec<Layer>) -> ModelFile {
     let gain = vec![vec![0.02, 0.005], vec![-0.005, 0.02]];
     let family = FamilyParameters::Network {
         network,
-        inverse: None,
         memory_counts: vec![200.0; 2],
         gain: gain.clone(),
         covariance: vec![vec![0.01, 0.0], vec![0.0, 0.02]],
     };
     let mut file = file(2, family, region(2, 1000.0));
     file.training.linear_gain = Some(gain);
-    file
-}
-
-/// A network of two angles and two counts that is the straight line back, and with `size` remembers
-/// by so many counts where the angles were.
-pub fn inverse(gain: &[Vec<f64>], size: f64) -> InverseParameters {
-    let [[a, b], [c, d]] = [0, 1].map(|row: usize| [0, 1].map(|column: usize| gain[row][column]));
-    let determinant = a * d - b * c;
-    let back = [[d, -b], [-c, a]].map(|row| row.map(|entry| entry / determinant).to_vec());
-    InverseParameters {
-        step: 0.2,
-        input_centre: vec![0.0; 2],
-        input_scale: vec![0.05; 2],
-        layers: vec![gru(4), averages(4)],
-        output_gain: vec![vec![size, 0.0], vec![0.0, size]],
-        output_offset: vec![-0.1 * size; 2],
-        skip_gain: back.into(),
-    }
-}
-
-/// [`network_file`] of a small memory, with a network of its inverse.
-pub fn pair_file(size: f64) -> ModelFile {
-    let mut file = network_file(vec![gru(6), averages(6)]);
-    let FamilyParameters::Network { network, inverse: beside, gain, .. } = &mut file.family else {
-        unreachable!()
-    };
-    network.output_gain = vec![vec![0.01 * size, 0.0], vec![0.0, 0.01 * size]];
-    network.output_offset = vec![0.0; 2];
-    network.input_centre = vec![0.0; 2];
-    network.skip_gain.clone_from(gain);
-    *beside = Some(inverse(gain, size));
     file
 }

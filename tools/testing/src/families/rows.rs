@@ -7,7 +7,7 @@ use i2ris::model::hysteresis::stop::StopParameters;
 use i2ris::model::network::Activation;
 use proptest::prelude::*;
 
-use super::networks::{averages, conv, gru, gru_of, lstm, network_file, pair_file};
+use super::networks::{averages, conv, gru, gru_of, lstm, network_file};
 use super::parameters::{
     balance_family, balances, branches, generalised_plays, kinematic_file, plays, residual, robot,
     some_balance, some_stops, stops,
@@ -289,11 +289,4 @@ pub fn network() -> Sample {
         flies: &[],
         ..linear()
     }
-}
-
-pub fn network_of_the_inverse() -> Sample {
-    let random = |_: usize, _: usize| -> Random { (0.0..40.0_f64).prop_map(pair_file).boxed() };
-    // It may contradict the forward network by twice its deviation.
-    let promise = Promise { inverse: [21.0; 2], stays: 21.0, ..network().promise };
-    Sample { file: pair_file(20.0), random, promise, ..network() }
 }

@@ -32,30 +32,7 @@ fn exact() -> NetworkFile {
             output_offset: vec![0.0; 2],
             skip_gain: Vec::new(),
         },
-        inverse: None,
     }
-}
-
-/// A straight line, and the way back beside it.
-fn pair() -> NetworkFile {
-    let mut file = exact();
-    let Layer::Dense { activation, .. } = &mut file.network.layers[0] else { panic!() };
-    *activation = Activation::None;
-    let layers = vec![Layer::Dense {
-        weight: vec![vec![0.0; 2]; 2],
-        bias: vec![0.0; 2],
-        activation: Activation::None,
-    }];
-    let inverse = InverseParameters {
-        step: 0.2,
-        input_centre: vec![2.0, -5.0],
-        input_scale: vec![0.1; 2],
-        layers,
-        output_gain: vec![vec![1.0, 0.0], vec![0.0, 1.0]],
-        output_offset: vec![0.0; 2],
-        skip_gain: vec![vec![32.0, 24.0], vec![-24.0, 32.0]],
-    };
-    NetworkFile { inverse: Some(inverse), ..file }
 }
 
 #[track_caller]
@@ -114,35 +91,6 @@ fn a_window_longer_than_the_recording_and_a_network_of_another_robot_are_refused
     refused(window, 300, &["looks at 60", "record more"]);
     let other = |file: &mut NetworkFile| file.network.output_offset = vec![4.0, 0.0];
     refused(other, 1500, &["a straight line by", "another robot"]);
-}
-
-#[test]
-fn an_inverse_comes_into_the_model_beside_its_forward_network_and_one_of_another_robot_does_not() {
-    let mut random = noise(1);
-    let mut measured = |time| straight(wander(time)).map(|angle| angle + 0.05 * random());
-    let recording = recording(1500, |time| (wander(time), measured(time)));
-    let model = import(&pair(), &recording, &FitOptions::default()).unwrap();
-    let FamilyParameters::Network { inverse, .. } = &model.file().family else { panic!() };
-    assert_eq!(inverse, &pair().inverse);
-    let is_other = |change: fn(&mut InverseParameters)| {
-        let mut file = pair();
-        change(file.inverse.as_mut().unwrap());
-        let error = import(&file, &recording, &FitOptions::default()).unwrap_err();
-        assert_contains(&error, &["the network family.inverse = ", "it is not the inverse of"]);
-    };
-    is_other(|it| it.skip_gain.swap(0, 1));
-    is_other(|it| it.skip_gain.iter_mut().flatten().for_each(|gain| *gain = gain.to_degrees()));
-    is_other(|it| it.output_offset[0] = 500.0);
-}
-
-#[test]
-fn an_inverse_alone_is_refused() {
-    let file = tempfile::NamedTempFile::new().unwrap();
-    let mut json = serde_json::to_value(pair()).unwrap();
-    json.as_object_mut().unwrap().remove("network");
-    std::fs::write(file.path(), json.to_string()).unwrap();
-    let error = NetworkFile::read(file.path()).unwrap_err();
-    assert_contains(&error, &["one of the inverse only", "add the forward network"]);
 }
 
 #[test]
