@@ -99,8 +99,7 @@
 //!   screens.
 //! - **goal, setpoint, measured**: what the client asked; what the controller sends after all
 //!   limits; what the encoders report.
-//! - **play, stop operator**: the elements of the Prandtl-Ishlinskii hysteresis model: a play has
-//!   a backlash, a stop a friction.
+//! - **play, stop operator**: the elements of hysteresis: a play has a backlash, a stop a friction.
 //! - **memory**: the outputs of the hysteresis operators: what the model keeps of past motion.
 //! - **conditioning**: a decaying oscillation of the motors after which the memory is known.
 //! - **mixture, EM, regression**: Gaussian mixture, expectation maximisation, Gaussian mixture

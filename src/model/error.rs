@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::model::output_unit::OutputUnit;
-use crate::model::schema_version::{FORMAT, SCHEMA_VERSION};
+use crate::model::schema_version::{FAMILIES, FORMAT, SCHEMA_VERSION};
 use crate::units::MotorVec;
 
 /// Why a model could not be read, prepared, used or written.
@@ -61,6 +61,16 @@ pub enum ModelError {
     SchemaVersion {
         /// The value in the file.
         found: u64,
+    },
+    /// A family that is unknown, or that earlier versions knew.
+    #[error(
+        "is of the family `{found}`, and this version reads {} only; calibrate again, or fit one \
+         of them to its recording",
+        FAMILIES.join(", ")
+    )]
+    Family {
+        /// The family of the file.
+        found: String,
     },
     /// A value has the right type, but is out of its valid range.
     #[error("{key} = {value}: {reason}")]

@@ -13,9 +13,7 @@ use crate::model::families::hysteresis::Operator;
 use crate::model::families::hysteresis::backlash_play::Plays;
 use crate::model::families::hysteresis::chain::Chain;
 use crate::model::families::hysteresis::force_balance::ForceBalance;
-use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskii;
 use crate::model::families::hysteresis::residual::{Residual, ResidualParameters};
-use crate::model::families::hysteresis::stop::Stops;
 use crate::model::families::kinematic::Kinematic;
 use crate::model::families::linear::Linear;
 use crate::model::families::memory::Memory;
@@ -173,7 +171,7 @@ impl Model {
     /// is true after the first position.
     #[must_use]
     pub fn knows(&self, memory: &Memory) -> bool {
-        self.runtime.is_known(memory, &self.conditioning_range)
+        memory.covered(&self.conditioning_range)
     }
 
     /// The conditioning range: the range that every motor must cover until earlier motion is
@@ -325,24 +323,6 @@ fn prepare_sized<const D: usize, const M: usize>(
         FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
             Box::new(prepare_chain::<_, D, M>(
                 Plays::prepare(plays)?,
-                mixture,
-                residual.as_ref(),
-                virtual_hull,
-                si,
-            )?)
-        }
-        FamilyParameters::GmrPrandtlIshlinskii { operator, mixture, residual, virtual_hull } => {
-            Box::new(prepare_chain::<_, D, M>(
-                PrandtlIshlinskii::prepare(operator)?,
-                mixture,
-                residual.as_ref(),
-                virtual_hull,
-                si,
-            )?)
-        }
-        FamilyParameters::GmrStop { stops, mixture, residual, virtual_hull } => {
-            Box::new(prepare_chain::<_, D, M>(
-                Stops::prepare(stops)?,
                 mixture,
                 residual.as_ref(),
                 virtual_hull,

@@ -5,3 +5,7 @@ pub const FORMAT: &str = "i2ris-model";
 
 /// The version of the schema that this software writes and the only one that it reads.
 pub const SCHEMA_VERSION: u32 = 1;
+
+/// The families that are read, as a file names them.
+pub const FAMILIES: [&str; 7] =
+    ["linear", "kinematic", "gmr", "gmr-direction", "gmr-play", "force-balance", "network"];

@@ -11,6 +11,4 @@ mod kinematic;
 mod linear;
 mod network;
 mod plays;
-mod prandtl_ishlinskii;
 mod refusals;
-mod stop;

@@ -3,12 +3,14 @@
 use std::path::Path;
 
 use i2ris::model::file::{
-    FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit,
+    FAMILIES, FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit,
 };
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::{Model, ModelError};
 
-use i2ris_testing::families::{DEG, affine, file, region, square, two_by_two, two_components};
+use i2ris_testing::families::{
+    self, DEG, affine, file, region, square, two_by_two, two_components,
+};
 
 fn refused(file: ModelFile) -> String {
     let text = Model::from_file(file).unwrap_err().to_string();
@@ -63,9 +65,27 @@ fn an_unknown_or_missing_field_is_named() {
     parse("\"robot_id\"", "\"robotid\"", &["unknown field `robotid`", "robot_id"]);
     parse("\"kind\":\"gmr\"", "\"kind\":\"gmr\",\"lag\":1", &["unknown field `lag`"]);
     parse("\"weights\"", "\"weight\"", &["unknown field `weight`"]);
-    parse("\"kind\":\"gmr\"", "\"kind\":\"spline\"", &["unknown variant `spline`", "`gmr`"]);
     parse("\"seed\":1,", "", &["missing field `seed`"]);
     parse("\"deg\"", "\"rad\"", &["unknown variant `rad`", "`deg`"]);
+}
+
+#[test]
+fn a_family_that_is_not_read_is_named_with_those_that_are_and_what_to_do() {
+    let kinds: Vec<String> = families::all()
+        .iter()
+        .map(|sample| {
+            serde_json::to_value(&sample.file.family).unwrap()["kind"].as_str().unwrap().to_owned()
+        })
+        .collect();
+    assert_eq!(kinds, FAMILIES);
+    let text = serde_json::to_string(&file(1, two_components(), region(1, 300.0))).unwrap();
+    for other in ["gmr-stop", "gmr-prandtl-ishlinskii", "spline"] {
+        let text = text.replacen("\"kind\":\"gmr\"", &format!("\"kind\":\"{other}\",\"lag\":1"), 1);
+        let error = ModelFile::parse(&text).unwrap_err();
+        assert!(matches!(&error, ModelError::Family { found } if found == other));
+        let parts = [&format!("the family `{other}`"), "force-balance", "calibrate again"];
+        assert_mentions(&error.to_string(), &parts);
+    }
 }
 
 #[test]

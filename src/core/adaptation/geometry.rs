@@ -80,10 +80,7 @@ impl ModelGeometry {
             built_in: Drift::built_in(model.file()),
             has_gap: matches!(
                 model.file().family,
-                FamilyParameters::GmrPlay { .. }
-                    | FamilyParameters::GmrPrandtlIshlinskii { .. }
-                    | FamilyParameters::GmrStop { .. }
-                    | FamilyParameters::ForceBalance { .. }
+                FamilyParameters::GmrPlay { .. } | FamilyParameters::ForceBalance { .. }
             ),
         })
     }

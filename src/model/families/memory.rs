@@ -6,8 +6,6 @@ use crate::model::families::direction::travel::Travels;
 use crate::model::families::gap_scale;
 use crate::model::families::hysteresis::force_balance::state::BalanceState;
 use crate::model::families::hysteresis::play_state::PlayState;
-use crate::model::families::hysteresis::prandtl_ishlinskii::state::PrandtlIshlinskiiState;
-use crate::model::families::hysteresis::stop::state::StopState;
 use crate::model::families::network::state::NetworkState;
 use crate::units::MotorVec;
 
@@ -57,10 +55,6 @@ pub(in crate::model) enum State {
     Travels(Travels),
     /// The state of play operators.
     Plays(PlayState),
-    /// The state of generalised play operators.
-    PrandtlIshlinskii(PrandtlIshlinskiiState),
-    /// The state of stop operators.
-    Stops(StopState),
     /// The state of a balance of forces.
     Balance(BalanceState),
     /// The hidden state of a network.
@@ -68,16 +62,14 @@ pub(in crate::model) enum State {
 }
 
 impl Memory {
-    /// Scales the gaps of every motor (the thresholds of plays; gap, slack and friction of stops) from
-    /// now on; 1 as calibrated, clamped to 0.2...3. Families without gaps ignore it, and so does a
+    /// Scales the gaps of every motor (the thresholds of plays; gap, slack and friction of a balance)
+    /// from now on; 1 as calibrated, clamped to 0.2...3. Families without gaps ignore it, and so does a
     /// memory without any past motion.
     pub fn set_gap_scale(&mut self, scale: &MotorVec) {
         let clamped = gap_scale::clamp(scale);
         match &mut self.state {
             State::None | State::Travels(_) | State::Network(_) => {}
             State::Plays(state) => state.gap_scale = clamped,
-            State::PrandtlIshlinskii(state) => state.gap_scale = clamped,
-            State::Stops(state) => state.gap_scale = clamped,
             State::Balance(state) => state.gap_scale = clamped,
         }
     }

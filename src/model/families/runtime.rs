@@ -23,11 +23,6 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
         MotorVec::default()
     }
 
-    /// See [`crate::model::Model::knows`]. `range` is the conditioning range, limited to the hull.
-    fn is_known(&self, memory: &Memory, range: &MotorVec) -> bool {
-        memory.covered(range)
-    }
-
     /// See [`crate::model::Model::memory_terms`].
     fn memory_terms(&self, _memory: &Memory) -> MemoryTerms {
         MemoryTerms::default()

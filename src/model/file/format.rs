@@ -7,9 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::families::hysteresis::backlash_play::PlayParameters;
 use crate::model::families::hysteresis::force_balance::BalanceParameters;
-use crate::model::families::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiParameters;
 use crate::model::families::hysteresis::residual::ResidualParameters;
-use crate::model::families::hysteresis::stop::StopParameters;
 use crate::model::families::kinematic::KinematicParameters;
 use crate::model::families::network::NetworkParameters;
 
@@ -17,7 +15,7 @@ pub use crate::model::maths::gaussian_mixture::MixtureParameters;
 pub use crate::model::maths::hull::HullParameters;
 pub use crate::model::maths::polynomial_regression::PolynomialParameters;
 pub use crate::model::output_unit::OutputUnit;
-pub use crate::model::schema_version::{FORMAT, SCHEMA_VERSION};
+pub use crate::model::schema_version::{FAMILIES, FORMAT, SCHEMA_VERSION};
 
 /// A model file that is not checked yet.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -173,29 +171,6 @@ pub enum FamilyParameters {
     GmrPlay {
         /// From counts to virtual counts.
         plays: PlayParameters,
-        /// Mixture over `[virtual counts; outputs]`.
-        mixture: MixtureParameters,
-        /// The remaining error; absent without a residual.
-        residual: Option<ResidualParameters>,
-        /// The region of virtual counts that calibration visited.
-        virtual_hull: HullParameters,
-    },
-    /// Generalised play operators along directions of the motor plane, then the same.
-    GmrPrandtlIshlinskii {
-        /// From counts to virtual counts.
-        operator: PrandtlIshlinskiiParameters,
-        /// Mixture over `[virtual counts; outputs]`.
-        mixture: MixtureParameters,
-        /// The remaining error; absent without a residual.
-        residual: Option<ResidualParameters>,
-        /// The region of virtual counts that calibration visited.
-        virtual_hull: HullParameters,
-    },
-    /// Stop operators in a balance of forces, then Gaussian mixture regression on the virtual
-    /// counts, then a residual.
-    GmrStop {
-        /// From counts to virtual counts.
-        stops: StopParameters,
         /// Mixture over `[virtual counts; outputs]`.
         mixture: MixtureParameters,
         /// The remaining error; absent without a residual.

@@ -16,8 +16,8 @@ use sha2::{Digest, Sha256};
 
 use crate::file_permissions::LONGEST_MODEL;
 use crate::model::error::ModelError;
-use crate::model::file::ModelFile;
 use crate::model::file::check::check_header;
+use crate::model::file::{FAMILIES, ModelFile};
 use crate::robot::ModelId;
 
 /// The fields of every version of the schema.
@@ -27,6 +27,14 @@ struct Header {
     format: String,
     #[serde(default)]
     schema_version: u64,
+    #[serde(default)]
+    family: FamilyHeader,
+}
+
+/// The name of a family.
+#[derive(Default, Deserialize)]
+struct FamilyHeader {
+    kind: Option<String>,
 }
 
 impl ModelFile {
@@ -35,13 +43,18 @@ impl ModelFile {
     ///
     /// # Errors
     ///
-    /// When the text is not a model file, has another schema version, or has a missing or unknown
-    /// field.
+    /// When the text is not a model file, has another schema version, is of a family that this
+    /// version does not read, or has a missing or unknown field.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
-        // The version is checked first: another version has other fields, and an error about them
+        // Version and family are checked first: others have other fields, and an error about them
         // would be misleading.
         let header: Header = serde_json::from_str(text)?;
         check_header(&header.format, header.schema_version)?;
+        if let Some(found) = header.family.kind
+            && !FAMILIES.contains(&found.as_str())
+        {
+            return Err(ModelError::Family { found });
+        }
         Ok(serde_json::from_str(text)?)
     }
 

@@ -170,14 +170,6 @@ where
         self.operator.wipe_counts()
     }
 
-    /// An operator that forgets only over more than the hull is taken as known when the hull has
-    /// been covered: calibration cannot cover more.
-    fn is_known(&self, memory: &Memory, range: &MotorVec) -> bool {
-        memory.covered(range)
-            && (self.operator.wipe_counts() != *range
-                || self.with_state(memory, |state| self.operator.has_forgotten(state)))
-    }
-
     fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
         let counts = vector(&bounded(counts));
         self.with_state(memory, |state| array(&self.operator.virtual_counts(state, &counts)))

@@ -15,19 +15,15 @@
 //! | `play_state` | the state of play operators |
 //! | [`backlash_play`] | play operators |
 //! | [`force_balance`] | gear, wires, spring and friction in a balance of forces |
-//! | [`prandtl_ishlinskii`] | play operators along directions, with widths that grow |
 //! | [`read_out`] | the regression alone, for calibration |
-//! | [`stop`] | stop operators, in a balance of forces |
 //! | [`residual`] | the residual and its features |
 
 pub mod backlash_play;
 pub(in crate::model) mod chain;
 pub mod force_balance;
 pub(in crate::model) mod play_state;
-pub mod prandtl_ishlinskii;
 pub mod read_out;
 pub mod residual;
-pub mod stop;
 
 use std::fmt::Debug;
 
@@ -112,12 +108,6 @@ pub trait Operator<const D: usize>: Debug + Send + Sync {
 
     /// Appends the [`Operator::lags`]: none where no residual follows.
     fn push_lags(&self, _state: &Self::State, _lags: &mut Lags) {}
-
-    /// Whether the state does not depend on motion before it began, given that every motor has
-    /// covered the conditioning range.
-    fn has_forgotten(&self, _state: &Self::State) -> bool {
-        true
-    }
 
     /// The conditioning range: the range that every motor must cover until earlier motion is
     /// forgotten, counts.

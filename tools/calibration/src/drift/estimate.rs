@@ -89,10 +89,7 @@ impl DriftEstimate {
             has_gain: !matches!(family, FamilyParameters::Kinematic { .. }),
             has_gap: matches!(
                 family,
-                FamilyParameters::GmrPlay { .. }
-                    | FamilyParameters::GmrPrandtlIshlinskii { .. }
-                    | FamilyParameters::GmrStop { .. }
-                    | FamilyParameters::ForceBalance { .. }
+                FamilyParameters::GmrPlay { .. } | FamilyParameters::ForceBalance { .. }
             ),
         };
         let used = |scale: &[f64; MAX_MOTORS]| points(model, recording, scale);

@@ -7,9 +7,7 @@ use i2ris::model::Model;
 use i2ris::model::file::{FamilyParameters, FitMetrics};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::force_balance::BalanceParameters;
-use i2ris::model::hysteresis::prandtl_ishlinskii::PrandtlIshlinskiiParameters;
 use i2ris::model::hysteresis::residual::ResidualParameters;
-use i2ris::model::hysteresis::stop::StopParameters;
 use i2ris::wall_clock::WallTime;
 use serde_json::json;
 
@@ -154,16 +152,6 @@ fn family(model: &Model) {
             residual_line(residual.as_ref());
             play_table(plays, &gains);
         }
-        FamilyParameters::GmrPrandtlIshlinskii { operator, mixture, residual, .. } => {
-            println!("mixture    K = {} on virtual counts", mixture.weights.len());
-            residual_line(residual.as_ref());
-            generalised_play_table(operator);
-        }
-        FamilyParameters::GmrStop { stops, mixture, residual, .. } => {
-            println!("mixture    K = {} on virtual counts", mixture.weights.len());
-            residual_line(residual.as_ref());
-            stop_table(stops);
-        }
         FamilyParameters::ForceBalance { balance, read_out, .. } => {
             println!("polynomial degree {} of virtual counts", read_out.degree);
             balance_table(balance);
@@ -212,24 +200,6 @@ fn play_table(plays: &PlayParameters, gains: &[f64]) {
     }
 }
 
-/// The half-width of a play is its threshold at the centre of the hull.
-fn generalised_play_table(operator: &PrandtlIshlinskiiParameters) {
-    println!(
-        "\n{:<22}{:>14}{:>20}{:>22}",
-        "plays along", "gap (counts)", "growth per count", "weight"
-    );
-    for play in operator.plays.iter().filter(|play| play.weight.iter().any(|w| *w != 0.0)) {
-        let [above, below] = play.growth;
-        println!(
-            "{:<22}{:>14.1}{:>20}{:>22}",
-            format!("{:.3?}", play.direction),
-            2.0 * play.threshold_counts,
-            format!("{above:.3}, {below:.3}"),
-            format!("{:.4?}", play.weight)
-        );
-    }
-}
-
 /// Lengths in counts.
 fn balance_table(balance: &BalanceParameters) {
     println!(
@@ -249,33 +219,6 @@ fn balance_table(balance: &BalanceParameters) {
             format!("{by_plus:.3}, {by_minus:.3}")
         );
     }
-}
-
-/// Slack is the wire travel from one wire taut to the other.
-fn stop_table(stops: &StopParameters) {
-    println!(
-        "\n{:<8}{:>16}{:>12}{:>12}{:>22}",
-        "wires", "slack (counts)", "slack", "axis (deg)", "friction per force"
-    );
-    for (motor, wire) in stops.motors.iter().enumerate() {
-        let slack: f64 = wire.slack.iter().sum();
-        let [forwards, back] = wire.friction;
-        println!(
-            "{:<8}{:>16.1}{slack:>12.3}{:>12.1}{:>22}",
-            format!("motor {motor}"),
-            slack / wire.travel_per_count,
-            wire.axis_deg,
-            format!("{forwards:.3}, {back:.3}")
-        );
-    }
-    println!(
-        "{} segment(s) of {} stops, base friction {:.3}, {:.0} % of the friction shared by the \
-         axes",
-        stops.segments.len(),
-        stops.stops.len(),
-        stops.base_friction,
-        100.0 * stops.shared
-    );
 }
 
 fn metrics(model: &Model) {

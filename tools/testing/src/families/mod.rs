@@ -29,8 +29,6 @@ macro_rules! for_each_family {
             gmr = Gmr;
             gmr_direction = GmrDirection;
             gmr_play = GmrPlay;
-            gmr_prandtl_ishlinskii = GmrPrandtlIshlinskii;
-            gmr_stop = GmrStop;
             force_balance = ForceBalance;
             network = Network;
         }

@@ -6,11 +6,7 @@ use i2ris::model::file::{
 };
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters, BalanceStop};
-use i2ris::model::hysteresis::prandtl_ishlinskii::{self as pi, PrandtlIshlinskiiParameters};
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
-use i2ris::model::hysteresis::stop::{
-    StopAxis, StopElement, StopMotor, StopParameters, StopSegment,
-};
 use i2ris::model::kinematic::KinematicParameters;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -41,76 +37,6 @@ pub fn kinematic_file(
     let mut file = file(outputs, family, region(motors, reach));
     file.outputs.iter_mut().for_each(|output| output.unit = unit);
     file
-}
-
-/// Stop operators of a snake with slack and friction, in degrees: a typical sample of [`stops`].
-pub fn some_stops(motors: usize) -> StopParameters {
-    stops_of(
-        motors,
-        [0.5, 0.3, 0.2, 0.6],
-        [0.2, 0.1, 0.15, 0.25],
-        [0.025, 0.03],
-        [38.0, 135.0],
-        0.08,
-        1,
-    )
-}
-
-fn stops_of(
-    motors: usize,
-    slack: [f64; 4],
-    friction: [f64; 4],
-    travel: [f64; 2],
-    axes_deg: [f64; 2],
-    loose_stiffness: f64,
-    count: usize,
-) -> StopParameters {
-    let motor = |i: usize| StopMotor {
-        neutral_counts: [15.0, -20.0][i],
-        travel_per_count: travel[i],
-        axis_deg: if motors == 1 { 0.0 } else { axes_deg[i] },
-        slack: [slack[2 * i], slack[2 * i + 1]],
-        friction: [friction[2 * i], friction[2 * i + 1]],
-    };
-    let stop = |(stiffness, share)| StopElement { stiffness, share };
-    StopParameters {
-        motors: (0..motors).map(motor).collect(),
-        segments: segments(motors, count),
-        softness: 0.25,
-        loose_stiffness,
-        base_friction: 1.1,
-        friction_growth: 0.005,
-        shared: if motors == 1 { 0.0 } else { 0.25 },
-        stops: [(8.0, 0.5), (3.0, 0.3), (1.2, 0.2)].map(stop).into(),
-    }
-}
-
-/// Segments in series, with friction that increases with the index.
-fn segments(motors: usize, count: usize) -> Vec<StopSegment> {
-    let segment = |s: usize| {
-        let rank = 2.0 * (s as f64 + 1.0) / (count as f64 + 1.0);
-        let axis = |_| StopAxis {
-            stiffness: 0.15 * count as f64,
-            stiffening: 2e-5,
-            limit: 45.0 * rank / count as f64,
-        };
-        StopSegment { axes: (0..motors).map(axis).collect(), friction: rank }
-    };
-    (0..count).map(segment).collect()
-}
-
-/// Stop operators of snakes: slack up to a degree, friction coefficients up to 0.3, oblique axes.
-pub fn stops(motors: usize) -> impl Strategy<Value = StopParameters> {
-    let slack = prop::array::uniform4(0.0..1.0_f64);
-    let friction = prop::array::uniform4(0.0..0.3_f64);
-    let travel = prop::array::uniform2(0.02..0.035_f64);
-    let axes = (20.0..60.0_f64, 110.0..150.0_f64);
-    let loose_and_segments = (0.03..0.2_f64, 1..=3_usize);
-    (slack, friction, travel, axes, loose_and_segments).prop_map(
-        move |(slack, friction, travel, axes, (loose, segments))| {
-            stops_of(motors, slack, friction, travel, [axes.0, axes.1], loose, segments)
-        },
-    )
 }
 
 /// A balance of forces of a snake with slack, backlash and friction: a typical sample of
@@ -276,27 +202,4 @@ pub fn branches(map: &SmoothMap, lags: &[f64]) -> FamilyParameters {
         covariances: mixture.covariances.iter().map(covariance).collect(),
     };
     FamilyParameters::GmrDirection { dead_bands_counts: vec![4.0; motors], mixture }
-}
-
-/// Plays that move one motor, along its axis or a direction near it.
-fn generalised_play(motors: usize) -> impl Strategy<Value = pi::PlayParameters> {
-    (0..motors, -0.8..0.8_f64, 2.0..150.0_f64, [-0.7..0.7_f64, -0.7..0.7_f64], 0.0..0.5_f64)
-        .prop_map(move |(motor, share, threshold_counts, growth, size)| {
-            let (mut direction, mut weight) = (vec![share; motors], vec![0.0; motors]);
-            direction[motor] = 1.0;
-            weight[motor] = size;
-            pi::PlayParameters { direction, threshold_counts, growth, weight }
-        })
-}
-
-/// The slope of the inverse is at most the reciprocal of the least direct weight.
-pub fn generalised_plays(motors: usize) -> impl Strategy<Value = PrandtlIshlinskiiParameters> {
-    let plays = vec(generalised_play(motors), 0..16);
-    (vec(-100.0..100.0_f64, motors), vec(0.05..1.0_f64, motors), plays).prop_map(
-        |(centre_counts, direct_weights, plays)| PrandtlIshlinskiiParameters {
-            centre_counts,
-            direct_weights,
-            plays,
-        },
-    )
 }

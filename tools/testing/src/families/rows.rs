@@ -2,15 +2,12 @@
 
 use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile, OutputUnit};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
-use i2ris::model::hysteresis::prandtl_ishlinskii::{self as pi, PrandtlIshlinskiiParameters};
-use i2ris::model::hysteresis::stop::StopParameters;
 use i2ris::model::network::Activation;
 use proptest::prelude::*;
 
 use super::networks::{averages, conv, gru, gru_of, lstm, network_file};
 use super::parameters::{
-    balance_family, balances, branches, generalised_plays, kinematic_file, plays, residual, robot,
-    some_balance, some_stops, stops,
+    balance_family, balances, branches, kinematic_file, plays, residual, robot, some_balance,
 };
 use super::samples::{REACH, SmoothMap, affine, file, region, smooth_gmr, square, two_by_two};
 use super::{Promise, Sample};
@@ -155,75 +152,6 @@ pub fn gmr_play() -> Sample {
         promise,
         flies: &[("gmr-play", play_model)],
         ..linear()
-    }
-}
-
-pub fn gmr_prandtl_ishlinskii() -> Sample {
-    let random = |motors, outputs| -> Random {
-        let parts = (smooth_gmr(motors, outputs), generalised_plays(motors));
-        let made = parts.prop_map(move |(map, operator)| {
-            let family = FamilyParameters::GmrPrandtlIshlinskii {
-                operator,
-                mixture: SmoothMap { bend: 0.0, steps: 1, ..map }.mixture(),
-                residual: None,
-                virtual_hull: hull(motors, 20.0 * REACH),
-            };
-            file(outputs, family, region(motors, REACH))
-        });
-        made.boxed()
-    };
-    let play = |motor: usize, other: f64| {
-        let (mut direction, mut weight) = (vec![other; 2], vec![0.0; 2]);
-        (direction[motor], weight[motor]) = (1.0, 0.6);
-        pi::PlayParameters { direction, threshold_counts: 60.0, growth: [0.05; 2], weight }
-    };
-    let family = FamilyParameters::GmrPrandtlIshlinskii {
-        operator: PrandtlIshlinskiiParameters {
-            centre_counts: vec![0.0; 2],
-            direct_weights: vec![0.4; 2],
-            plays: vec![play(0, 0.1), play(1, -0.1)],
-        },
-        mixture: snake().mixture(),
-        residual: None,
-        virtual_hull: hull(2, 1.5 * HULL),
-    };
-    let promise = Promise { inverse: [1e-4, 2e-3], remains: 0.0, ..gmr_play().promise };
-    Sample { file: of_snake(family), random, promise, flies: &[], ..gmr_play() }
-}
-
-pub fn gmr_stop() -> Sample {
-    // With a residual of nothing: it is computed all the same.
-    fn family(stops: StopParameters, map: SmoothMap, motors: usize) -> FamilyParameters {
-        let lags = stops.segments.len() * [3, 12][motors - 1] + motors;
-        FamilyParameters::GmrStop {
-            stops,
-            residual: Some(residual(motors, lags, map.gain.len(), 0.0)),
-            mixture: SmoothMap { bend: 0.0, steps: 1, ..map }.mixture(),
-            virtual_hull: hull(motors, 1500.0),
-        }
-    }
-    let random = |motors, outputs| -> Random {
-        let parts = (smooth_gmr(motors, outputs), stops(motors));
-        let made = parts.prop_map(move |(map, stops)| {
-            file(outputs, family(stops, map, motors), region(motors, 1200.0))
-        });
-        made.boxed()
-    };
-    let promise = Promise {
-        inverse: [1e-3, 1e-3],
-        slope: 1e-4,
-        remains: 0.5,
-        tick: 2.0,
-        steps: 6.0,
-        recall: 3.0,
-        ..gmr_play().promise
-    };
-    Sample {
-        file: of_snake(family(some_stops(2), snake(), 2)),
-        random,
-        promise,
-        flies: &[],
-        ..gmr_play()
     }
 }
 
