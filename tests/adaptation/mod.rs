@@ -1,6 +1,5 @@
 //! Adaptation in simulated time, on snakes whose physics share no code with the models.
 
-mod built_in;
 mod camera;
 mod fitted;
 mod random;

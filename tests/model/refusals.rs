@@ -65,6 +65,9 @@ fn an_unknown_or_missing_field_is_named() {
     parse("\"robot_id\"", "\"robotid\"", &["unknown field `robotid`", "robot_id"]);
     parse("\"kind\":\"gmr\"", "\"kind\":\"gmr\",\"lag\":1", &["unknown field `lag`"]);
     parse("\"weights\"", "\"weight\"", &["unknown field `weight`"]);
+    // What earlier versions wrote.
+    let with_drift = "\"built_in\":{\"base\":\"\"},\"robot_id\"";
+    parse("\"robot_id\"", with_drift, &["unknown field `built_in`", "as `i2ris calibrate fit`"]);
     parse("\"seed\":1,", "", &["missing field `seed`"]);
     parse("\"deg\"", "\"rad\"", &["unknown variant `rad`", "`deg`"]);
 }

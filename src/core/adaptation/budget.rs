@@ -1,13 +1,11 @@
-//! Budget: the largest drift that is followed, per parameter and in total. It is that of the
-//! calibration: what is built into the model already is a part of it.
+//! Budget: the largest drift that is followed, per parameter and in total.
 
 use serde::{Deserialize, Serialize};
 
 use super::Pair;
 use super::drift::{Drift, PARAMETERS};
-use super::geometry::{ModelGeometry, add, inverse, product, subtract};
+use super::geometry::{ModelGeometry, add, product};
 use super::settings::{Settings, length};
-use crate::model::file::FileDrift;
 
 /// From this share of the budget on there is a warning.
 pub(super) const WARNING: f64 = 0.7;
@@ -31,7 +29,6 @@ impl BudgetUse {
         gap_reach: Pair,
         settings: &Settings,
     ) -> Self {
-        let drift = &with_built_in(drift, geometry);
         let values = drift.to_array();
         let share =
             |index: usize| values[index].abs() / limit(settings, geometry, index, values[index]);
@@ -54,25 +51,17 @@ pub(super) fn inside(
     gap_reach: Pair,
     settings: &Settings,
 ) -> Drift {
-    let all = with_built_in(drift, geometry);
-    let (values, built_in) = (all.to_array(), geometry.built_in.to_array());
+    let values = drift.to_array();
     let clamped: [f64; PARAMETERS] = std::array::from_fn(|index| {
         let limit = limit(settings, geometry, index, values[index]);
-        // What is built in stays, also where the budget is less by now.
-        let (lowest, highest) = (built_in[index].min(-limit), built_in[index].max(limit));
-        values[index].max(lowest).min(highest)
+        values[index].max(-limit).min(limit)
     });
-    let is_inside = clamped == values;
-    let clamped =
-        if is_inside { *drift } else { without_built_in(&Drift::from_array(clamped), geometry) };
-    let shift_with =
-        |drift: &Drift| largest_shift(&with_built_in(drift, geometry), geometry, gap_reach);
-    let (shift, before) = (shift_with(&clamped), shift_with(&Drift::default()));
-    if shift <= settings.total_budget.max(before) {
+    let clamped = Drift::from_array(clamped);
+    let shift = largest_shift(&clamped, geometry, gap_reach);
+    if shift <= settings.total_budget {
         return clamped;
     }
-    // The shift is convex in the share of the drift, so that no more of it fits for certain.
-    let factor = ((settings.total_budget - before) / (shift - before)).max(0.0);
+    let factor = settings.total_budget / shift;
     let mut scaled = clamped.to_array().map(|value| factor * value);
     // The latency moves nothing, and a slow error that is not corrected neither.
     scaled[8] = clamped.latency_s;
@@ -80,30 +69,6 @@ pub(super) fn inside(
         scaled[9] = clamped.slow;
     }
     Drift::from_array(scaled)
-}
-
-/// The drift from the calibration: of a snake that has drifted already, and not beside that.
-fn with_built_in(drift: &Drift, geometry: &ModelGeometry) -> Drift {
-    let file = |it: &Drift| FileDrift { zero: it.zero, gain: it.gain, gap: it.gap };
-    let FileDrift { zero, gain, gap } = file(drift).after(&file(&geometry.built_in));
-    Drift { zero, gain, gap, ..*drift }
-}
-
-/// The opposite of [`with_built_in`].
-fn without_built_in(all: &Drift, geometry: &ModelGeometry) -> Drift {
-    let Drift { zero, gain: [[a, b], [c, d]], gap, .. } = geometry.built_in;
-    // A budget keeps the gain far from -1.
-    let back = inverse(&[[1.0 + a, b], [c, 1.0 + d]]).unwrap_or([[1.0, 0.0], [0.0, 1.0]]);
-    let more = [subtract(all.gain[0], [a, b]), subtract(all.gain[1], [c, d])];
-    let [first, second] = back;
-    let columns = [[first[0], second[0]], [first[1], second[1]]];
-    let gain = more.map(|row| product(&columns, row));
-    Drift {
-        zero: subtract(subtract(all.zero, zero), product(&gain, zero)),
-        gain,
-        gap: [0, 1].map(|motor: usize| (all.gap[motor] - gap[motor]) / (1.0 + gap[motor])),
-        ..*all
-    }
 }
 
 /// The largest value of a parameter, by its sign.
@@ -134,7 +99,7 @@ mod tests {
     use super::*;
     use crate::core::adaptation::geometry::SlowError;
 
-    fn geometry(built_in: Drift) -> ModelGeometry {
+    fn geometry() -> ModelGeometry {
         ModelGeometry {
             slope: [[1e-3, 0.0], [0.0, 1e-3]],
             inverse_slope: [[1e3, 0.0], [0.0, 1e3]],
@@ -143,28 +108,7 @@ mod tests {
             has_gap: true,
             outputs: 2,
             slow: None,
-            built_in,
         }
-    }
-
-    /// A gain of 1.2 of a snake that bends 1.5 times as far is one of 1.8, and its zero has moved.
-    #[test]
-    fn what_is_built_in_is_composed_with_what_comes_after_it() {
-        let drift = |zero: f64, gain: f64, gap: f64| Drift {
-            zero: [zero, 0.0],
-            gain: [[gain, 0.1], [-0.2, gain]],
-            gap: [gap, -0.1],
-            ..Drift::default()
-        };
-        let (built_in, more) = (drift(0.02, 0.5, 0.4), drift(-0.03, 0.2, 0.1));
-        let geometry = geometry(built_in);
-        let all = with_built_in(&more, &geometry);
-        let gain = 1.2 * 1.5 + 0.1 * -0.2 - 1.0;
-        let wanted = [gain, -0.03 + 1.2 * 0.02, 1.4 * 1.1 - 1.0];
-        near(&[all.gain[0][0], all.zero[0], all.gap[0]], &wanted, "all");
-        near(&without_built_in(&all, &geometry).to_array(), &more.to_array(), "back");
-        let used = BudgetUse::new(&more, &geometry, [0.0; 2], &settings(1.0));
-        near(&[used.parameters[2] * 0.2], &[gain], "used");
     }
 
     const CORRECTED: SlowError =
@@ -189,50 +133,36 @@ mod tests {
         assert!(are_near, "{of}: {found:?} instead of {wanted:?}");
     }
 
-    /// A parameter, what is built in of it, what comes after that, and how much of that may.
+    /// A parameter, a drift of it, and how much of that may be followed.
     #[test]
-    fn every_parameter_has_a_budget_of_its_own_with_what_is_built_in() {
+    fn every_parameter_has_a_budget_of_its_own() {
         let settings = settings(f64::INFINITY);
         let of = |index: usize, value: f64| {
             let mut array = [0.0; PARAMETERS];
             array[index] = value;
             Drift::from_array(array)
         };
-        for (index, built_in, more, wanted) in [
-            (0, 0.0, 0.09, 0.09),
-            (0, 0.0, 1.0, 0.1),
-            (1, 0.0, -1.0, -0.1),
-            (2, 0.0, 1.0, 0.2),
-            (5, 0.0, -0.9, -0.2),
-            (6, 0.0, 1.0, 0.4),
-            (6, 0.0, -1.0, -0.2),
-            (7, 0.0, 1.0, 0.4),
-            (7, 0.0, -1.0, -0.2),
-            (8, 0.0, -1.0, -0.03),
-            (9, 0.0, 1.0, 0.1),
-            // A part of the budget is used.
-            (0, 0.06, 1.0, 0.04),
-            (1, 0.06, -1.0, -0.16),
-            (2, 0.1, 1.0, 0.1 / 1.1),
-            (7, 0.1, 1.0, 0.3 / 1.1),
-            // More than the budget of today: it stays, may become less, and no more.
-            (0, 0.15, 0.05, 0.0),
-            (0, 0.15, -0.05, -0.05),
-            (1, -0.15, -0.05, 0.0),
-            (1, -0.15, 1.0, 0.25),
-            (5, 0.3, 0.1, 0.0),
-            (5, 0.3, -0.9, -0.5 / 1.3),
-            (7, 0.6, 0.1, 0.0),
-            (6, -0.5, -0.1, 0.0),
+        for (index, drift, wanted) in [
+            (0, 0.09, 0.09),
+            (0, 1.0, 0.1),
+            (1, -1.0, -0.1),
+            (2, 1.0, 0.2),
+            (5, -0.9, -0.2),
+            (6, 1.0, 0.4),
+            (6, -1.0, -0.2),
+            (7, 1.0, 0.4),
+            (7, -1.0, -0.2),
+            (8, -1.0, -0.03),
+            (9, 1.0, 0.1),
         ] {
-            let geometry = ModelGeometry { slow: Some(CORRECTED), ..geometry(of(index, built_in)) };
-            let found = inside(&of(index, more), &geometry, [0.0; 2], &settings).to_array();
-            let name = format!("{more} of parameter {index} after {built_in}");
+            let geometry = ModelGeometry { slow: Some(CORRECTED), ..geometry() };
+            let found = inside(&of(index, drift), &geometry, [0.0; 2], &settings).to_array();
+            let name = format!("{drift} of parameter {index}");
             near(&found, &of(index, wanted).to_array(), &name);
-            assert!(wanted != more || found[index] == more, "{name}: to the bit");
+            assert!(wanted != drift || found[index] == drift, "{name}: to the bit");
         }
         // A slow error that is not corrected has no budget.
-        let geometry = geometry(Drift::default());
+        let geometry = geometry();
         assert_eq!(inside(&of(9, 9.0), &geometry, [0.0; 2], &settings), of(9, 9.0));
         let used = BudgetUse::new(&of(9, 9.0), &geometry, [0.0; 2], &settings);
         assert_eq!(used.parameters, [0.0; PARAMETERS]);
@@ -240,30 +170,23 @@ mod tests {
 
     /// What all parameters together move at the corner where it is most.
     #[test]
-    fn the_total_counts_what_is_built_in_and_makes_all_that_comes_after_it_smaller() {
+    fn the_total_makes_all_of_it_smaller() {
         let zero = |zero: f64| Drift { zero: [zero, 0.0], ..Drift::default() };
-        for (built_in, more, total, wanted) in [
-            (0.0, 0.08, 0.04, 0.5),
-            (0.03, 0.06, 0.06, 0.5),
-            (0.03, 0.06, 0.09, 1.0),
-            // More is built in than the budget of today.
-            (0.06, 0.02, 0.04, 0.0),
-            (0.06, -0.01, 0.04, 1.0),
-        ] {
+        for (moved, total, wanted) in [(0.08, 0.04, 0.5), (0.06, 0.06, 1.0), (-0.08, 0.02, 0.25)] {
             for slow in [None, Some(CORRECTED)] {
-                let geometry = ModelGeometry { slow, ..geometry(zero(built_in)) };
-                let drift = Drift { latency_s: 0.02, ..zero(more) };
+                let geometry = ModelGeometry { slow, ..geometry() };
+                let drift = Drift { latency_s: 0.02, ..zero(moved) };
                 let found = inside(&drift, &geometry, [0.0; 2], &settings(total));
-                let name = format!("{more} after {built_in} of {total}");
+                let name = format!("{moved} of {total}");
                 near(
                     &found.to_array(),
-                    &Drift { latency_s: 0.02, ..zero(wanted * more) }.to_array(),
+                    &Drift { latency_s: 0.02, ..zero(wanted * moved) }.to_array(),
                     &name,
                 );
             }
         }
         // Zero, gain at two corners, two gaps, and the slow error along its direction.
-        let mut geometry = geometry(Drift::default());
+        let mut geometry = geometry();
         geometry.corners = vec![[0.1, 0.0], [-0.2, 0.3]];
         let gain = [[0.1, 0.0], [0.0, 0.2]];
         let drift =

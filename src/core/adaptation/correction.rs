@@ -16,7 +16,6 @@ use super::drift::Drift;
 use super::geometry::{ModelGeometry, add, inverse, pair, product, subtract};
 use super::settings::{Settings, length};
 use crate::core::motion::virtual_fixtures::CalibratedView;
-use crate::model::file::{FileDrift, ModelFile};
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
 /// The correction moves a motor by at most this share of the motion of the goal.
@@ -52,19 +51,6 @@ impl Default for Correction {
 impl Correction {
     pub fn gap_scale(&self) -> &MotorVec {
         &self.gap_scale
-    }
-
-    /// What is built into a model already; `None`: a calibration.
-    pub fn built_in(file: &ModelFile) -> Option<Self> {
-        let FileDrift { zero, gain, gap } = file.built_in_drift()?;
-        Some(Self { zero, gain, gap_scale: gap.map(|gap| 1.0 + gap) })
-    }
-
-    /// This correction of poses that have another one already.
-    pub fn after(&self, first: &Self) -> Self {
-        let file = |it: &Self| FileDrift { zero: it.zero, gain: it.gain, gap: it.drift().gap };
-        let FileDrift { zero, gain, gap } = file(self).after(&file(first));
-        Self { zero, gain, gap_scale: gap.map(|gap| 1.0 + gap) }
     }
 
     /// The adapted pose.

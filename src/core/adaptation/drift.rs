@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::file::{FileDrift, ModelFile};
-
 /// Number of parameters.
 pub const PARAMETERS: usize = 10;
 
@@ -55,18 +53,6 @@ impl Parameter {
 }
 
 impl Drift {
-    /// What is built into a model already.
-    #[must_use]
-    pub fn built_in(file: &ModelFile) -> Self {
-        let drift = file.built_in_drift();
-        drift.map_or_else(Self::default, |FileDrift { zero, gain, gap }| Self {
-            zero,
-            gain,
-            gap,
-            ..Self::default()
-        })
-    }
-
     /// The parameters in the order of [`Parameter::ALL`].
     #[must_use]
     pub fn to_array(&self) -> [f64; PARAMETERS] {

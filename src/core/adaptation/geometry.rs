@@ -1,8 +1,6 @@
 //! What the adaptation needs to know of a model: slopes, reach, and how wrong the model is.
 
 use super::Pair;
-use super::correction::Correction;
-use super::drift::Drift;
 use crate::model::file::{FamilyParameters, OutputUnit};
 use crate::model::{MAX_CORNERS, Model};
 use crate::units::{MAX_MOTORS, MotorVec};
@@ -27,8 +25,6 @@ pub(in crate::core) struct ModelGeometry {
     pub outputs: usize,
     /// What the fit learned of the slow part of its error.
     pub slow: Option<SlowError>,
-    /// What is built into the model already: it is a part of the budget.
-    pub built_in: Drift,
 }
 
 /// The slow part of the error of a model: one number along one direction.
@@ -68,16 +64,13 @@ impl ModelGeometry {
             .map(|counts| (counts, pair(&model.predict(&counts, &memory).mean)))
             .collect();
         let slope = mean_slope(&corners, outputs.len())?;
-        let base = Correction::built_in(model.file()).unwrap_or_default();
-        let calibrated = |[pitch, yaw]: Pair| pair(&base.undo(&[pitch, yaw, 0.0]));
         Some(Self {
             slope,
             inverse_slope: inverse(&slope)?,
-            corners: corners.into_iter().map(|(_, pose)| calibrated(pose)).collect(),
+            corners: corners.into_iter().map(|(_, pose)| pose).collect(),
             deviation: deviation(model),
             outputs: outputs.len(),
             slow: slow_error(model),
-            built_in: Drift::built_in(model.file()),
             has_gap: matches!(
                 model.file().family,
                 FamilyParameters::GmrPlay { .. } | FamilyParameters::ForceBalance { .. }

@@ -317,7 +317,7 @@ impl ControlCycle {
                 *calibrated = pose;
             }
         }
-        let estimates = [report.measured, joints.at_base(calibrated)];
+        let estimates = [report.measured, calibrated];
         self.plausibility.record_estimates(now, estimates);
         let outputs = joints.outputs();
         let is_implausible = self.plausibility.is_implausible(measured, outputs, is_checked, now);
@@ -404,7 +404,6 @@ impl ControlCycle {
         let fixtures = &mut self.fixtures;
         let space = self.models.active().map(|joints| {
             let calibrated = adaptation.as_ref().and_then(|it| it.calibrated_memory(joints));
-            let calibrated = calibrated.or_else(|| joints.base_memory());
             JointSpace { joints, fixtures, calibrated }
         });
         self.gate.pass(&mut self.axes, &setpoint.motion.unwrap_or(Motion::Stop), space)

@@ -25,7 +25,6 @@ pub(in crate::model) fn check(file: &ModelFile) -> Result<usize, ModelError> {
     check_outputs(file)?;
     check_records(file)?;
     check_slow_error(file)?;
-    check_built_in(file)?;
     let motors = file.hull.corners.first().map_or(0, Vec::len);
     require(
         (1..=MAX_MOTORS).contains(&motors),
@@ -45,22 +44,6 @@ pub(in crate::model) fn check_header(format: &str, schema_version: u64) -> Resul
         return Err(ModelError::SchemaVersion { found: schema_version });
     }
     Ok(())
-}
-
-fn check_built_in(file: &ModelFile) -> Result<(), ModelError> {
-    let Some(built_in) = &file.built_in else {
-        return Ok(());
-    };
-    let [[a, b], [c, d]] = built_in.gain;
-    let determinant = (1.0 + a) * (1.0 + d) - b * c;
-    let is_invertible = determinant > 0.1 && built_in.gap.iter().all(|gap| *gap > -1.0);
-    let numbers = built_in.zero.iter().chain(built_in.gain.as_flattened()).chain(&built_in.gap);
-    require(
-        is_invertible && numbers.copied().all(|value| value.abs() < LARGEST_SLOW),
-        || "built_in".to_owned(),
-        format!("{built_in:?}"),
-        "is no drift of a calibration",
-    )
 }
 
 fn check_slow_error(file: &ModelFile) -> Result<(), ModelError> {

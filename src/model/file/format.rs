@@ -40,69 +40,10 @@ pub struct ModelFile {
     /// The slow part of the error, where there is one: the adaptation follows it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slow_error: Option<SlowErrorParameters>,
-    /// The drift that was built into a calibration to make this model; absent for a calibration.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub built_in: Option<BuiltInDrift>,
     /// Why the fit found the model worthless, if it was written by `--force` all the same. The
     /// controller refuses it unless its configuration allows such models.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worthless: Option<String>,
-}
-
-/// All of the drift that was built into a calibration, at once or one after the other: `y + gain y +
-/// zero`. Budgets, plausibility and regions go by the calibration, gaps aside.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BuiltInDrift {
-    /// Identity of the calibration.
-    pub base: String,
-    /// In the unit of the outputs.
-    pub zero: [f64; 2],
-    /// Rows: outputs, columns: outputs.
-    pub gain: [[f64; 2]; 2],
-    /// Growth of the gap of every motor.
-    pub gap: [f64; 2],
-}
-
-/// A drift of the outputs, `y <- y + gain y + zero`, and of the gaps of the motors.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FileDrift {
-    /// In SI units.
-    pub zero: [f64; 2],
-    /// Rows: outputs, columns: outputs.
-    pub gain: [[f64; 2]; 2],
-    /// Growth of the gap of every motor.
-    pub gap: [f64; 2],
-}
-
-impl FileDrift {
-    /// This drift of a model that has another one already.
-    #[must_use]
-    pub fn after(&self, first: &Self) -> Self {
-        let gain = &self.gain;
-        let moved = gain.map(|[a, b]| a * first.zero[0] + b * first.zero[1]);
-        let entry = |row: usize, column: usize| {
-            let product =
-                gain[row][0] * first.gain[0][column] + gain[row][1] * first.gain[1][column];
-            gain[row][column] + first.gain[row][column] + product
-        };
-        Self {
-            zero: [0, 1].map(|row: usize| self.zero[row] + first.zero[row] + moved[row]),
-            gain: [0, 1].map(|row: usize| [0, 1].map(|column: usize| entry(row, column))),
-            gap: [0, 1]
-                .map(|motor: usize| self.gap[motor] + first.gap[motor] * (1.0 + self.gap[motor])),
-        }
-    }
-}
-
-impl ModelFile {
-    /// The drift that is built in, in SI units.
-    #[must_use]
-    pub fn built_in_drift(&self) -> Option<FileDrift> {
-        let si = self.outputs.first().map_or(1.0, |output| output.unit.si());
-        let BuiltInDrift { zero, gain, gap, .. } = self.built_in.as_ref()?;
-        Some(FileDrift { zero: zero.map(|zero| si * zero), gain: *gain, gap: *gap })
-    }
 }
 
 /// The slow part of the error of a model: one number along one direction of one or two outputs.

@@ -70,8 +70,8 @@ const DEFECTS: [(&str, &[Edit]); 16] = [
             ),
             (
                 CORRECTION,
-                "Some(all.calibrated_view())",
-                "Some(all.calibrated_view()).filter(|_| false)",
+                "self.state.correction.as_ref().map(Correction::calibrated_view)",
+                "self.state.correction.as_ref().map(Correction::calibrated_view).filter(|_| false)",
             ),
         ],
     ),

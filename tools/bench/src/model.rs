@@ -110,7 +110,6 @@ fn file(family: FamilyParameters, hull: HullParameters) -> ModelFile {
     let fit = FitMetrics { r2: 1.0, rmsd: 0.0, nrmsd: 0.0, mae: 0.0, max: 0.0 };
     ModelFile {
         slow_error: None,
-        built_in: None,
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),

@@ -103,7 +103,8 @@ class Model:
     def from_network(
         cls, network: str | Path | dict[str, Any], recording: str | Path, robot_id: str = "i2ris", hold_out: str = "blocks"
     ) -> Model:
-        """A model of a network (:func:`from_torch`, :func:`from_onnx`) and of a recording of the robot: the recording gives hull, deviation and examination. Hold out what the network has not seen."""
+        """A model of a network (:func:`from_torch`, :func:`from_onnx`) and of a recording of the robot: the recording gives
+        hull, deviation and examination. Hold out what the network has not seen."""
         with tempfile.TemporaryDirectory() as folder:
             if isinstance(network, dict):
                 path = Path(folder, "network.json")

@@ -47,24 +47,9 @@ impl JointModel {
         self.state.goal_motion = motion;
     }
 
-    /// The memory as calibrated, of a model with a drift built in that is not adapted.
-    pub fn base_memory(&self) -> Option<&Memory> {
-        self.base.as_ref().map(|_| &self.state.memory)
-    }
-
-    /// A pose of the model as its calibration has it.
-    pub fn at_base(&self, pose: OutputVec) -> OutputVec {
-        self.base.as_ref().map_or(pose, |base| base.undo(&pose))
-    }
-
     /// How the pose of the calibration follows from the pose in use; `None`: it is the same.
     pub fn calibrated_view(&self) -> Option<CalibratedView> {
-        let all = match (&self.state.correction, &self.base) {
-            (Some(correction), Some(base)) => correction.after(base),
-            (Some(one), None) | (None, Some(one)) => *one,
-            (None, None) => return None,
-        };
-        Some(all.calibrated_view())
+        self.state.correction.as_ref().map(Correction::calibrated_view)
     }
 
     /// The outputs at given counts as calibrated, with the memory that belongs to that.
@@ -74,7 +59,7 @@ impl JointModel {
         calibrated: &Memory,
     ) -> Result<OutputVec, NotFinite> {
         let pose = self.model.pose(counts, calibrated, &self.model.correction(calibrated));
-        if vector::is_finite(&pose) { Ok(self.at_base(pose)) } else { Err(NotFinite) }
+        if vector::is_finite(&pose) { Ok(pose) } else { Err(NotFinite) }
     }
 
     /// What a goal means to virtual fixtures.

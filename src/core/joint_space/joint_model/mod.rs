@@ -37,8 +37,6 @@ pub(crate) struct JointModel {
     has_memory: bool,
     /// `None`: off, or outputs that are no angles.
     bounds: Option<JointBounds>,
-    /// What is built into the model, against its calibration.
-    base: Option<Correction>,
     /// Only with the adaptation on, and for models that are adapted.
     geometry: Option<ModelGeometry>,
     state: JointModelState,
@@ -194,7 +192,6 @@ impl JointModel {
         };
         let adapts = config.adaptation.enabled;
         Self {
-            base: Correction::built_in(model.file()).filter(|_| has_angles),
             geometry: adapts.then(|| ModelGeometry::new(&model)).flatten(),
             model,
             has_memory,

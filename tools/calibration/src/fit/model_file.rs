@@ -84,7 +84,6 @@ impl FileContext<'_> {
     fn file(&self, fitted: &Fitted) -> ModelFile {
         ModelFile {
             slow_error: None,
-            built_in: None,
             format: FORMAT.to_owned(),
             schema_version: SCHEMA_VERSION,
             robot_id: self.robot_id.to_owned(),

@@ -262,7 +262,6 @@ fn file(unit: OutputUnit, family: FamilyParameters) -> ModelFile {
     let metrics = FitMetrics { r2: 1.0, rmsd: 0.1, nrmsd: 0.001, mae: 0.1, max: 0.2 };
     ModelFile {
         slow_error: None,
-        built_in: None,
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),

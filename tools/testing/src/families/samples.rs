@@ -18,7 +18,6 @@ pub fn file(outputs: usize, family: FamilyParameters, corners: Vec<Vec<f64>>) ->
     let spec = |name: &&str| OutputSpec { name: (*name).to_owned(), unit: OutputUnit::Deg };
     ModelFile {
         slow_error: None,
-        built_in: None,
         format: FORMAT.to_owned(),
         schema_version: SCHEMA_VERSION,
         robot_id: "bench".to_owned(),
