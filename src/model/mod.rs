@@ -20,10 +20,11 @@
 //! | `prepared` | [`Model`]: a checked and prepared model file, for the control loop |
 //! | `examination` | whether the inverse follows the model itself, before it moves motors |
 //! | `file` | model files: format, checks, reading and writing, identity |
-//! | `families` | linear, [`kinematic`], mixtures, [`direction`], [`hysteresis`], [`network`]; memory |
+//! | `families` | linear, mixtures, [`hysteresis`], [`network`]; memory |
 //! | `trial_path` | a path of the motors on which models are tried |
 //! | `maths` | Gaussian mixture, its regression, convex hull, damped Newton inverse |
 //! | `history` | past motor positions; they rebuild a memory |
+//! | [`kinematic`] | where the tip of a bent snake is |
 //! | `estimate`, `error`, `output_unit`, `schema_version` | results, errors, units, version |
 
 mod error;
@@ -32,6 +33,7 @@ mod examination;
 mod families;
 pub mod file;
 mod history;
+pub mod kinematic;
 mod maths;
 mod output_unit;
 mod prepared;
@@ -43,7 +45,7 @@ pub use error::ModelError;
 pub use estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, OutputMatrix, Query};
 pub use examination::Examination;
 pub use families::memory::Memory;
-pub use families::{direction, hysteresis, kinematic, network};
+pub use families::{hysteresis, network};
 pub use history::History;
 pub use maths::gaussian_mixture::MAX_COMPONENTS;
 pub use maths::hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};

@@ -8,13 +8,11 @@ use crate::file_permissions::{LONGEST_MODEL, read_trusted};
 use crate::model::error::ModelError;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Query};
 use crate::model::examination::Examination;
-use crate::model::families::direction::DirectionGmr;
 use crate::model::families::hysteresis::Operator;
 use crate::model::families::hysteresis::backlash_play::Plays;
 use crate::model::families::hysteresis::chain::Chain;
 use crate::model::families::hysteresis::force_balance::ForceBalance;
 use crate::model::families::hysteresis::residual::{Residual, ResidualParameters};
-use crate::model::families::kinematic::Kinematic;
 use crate::model::families::linear::Linear;
 use crate::model::families::memory::Memory;
 use crate::model::families::network::{Network, Recording};
@@ -182,6 +180,12 @@ impl Model {
         self.conditioning_range
     }
 
+    /// Whether the model has gaps that drift may widen: [`Memory::set_gap_scale`].
+    #[must_use]
+    pub fn has_gap(&self) -> bool {
+        self.runtime.has_gap()
+    }
+
     /// The part of [`Model::predict`] that depends on the memory alone and changes slowly, rad (m).
     /// See [`crate::model::hysteresis`].
     #[must_use]
@@ -311,14 +315,8 @@ fn prepare_sized<const D: usize, const M: usize>(
         FamilyParameters::Linear { gain, offset, covariance } => {
             Box::new(Memoryless(Box::new(Linear::<D, M>::prepare(gain, offset, covariance, si)?)))
         }
-        FamilyParameters::Kinematic { kinematics, offset, covariance } => Box::new(Memoryless(
-            Box::new(Kinematic::<D, M>::prepare(kinematics, offset, covariance, unit(file))?),
-        )),
         FamilyParameters::Gmr { mixture } => {
             Box::new(Memoryless(Box::new(Gmr::<D, M>::prepare(mixture, si)?)))
-        }
-        FamilyParameters::GmrDirection { dead_bands_counts, mixture } => {
-            Box::new(DirectionGmr::<D, M>::prepare(dead_bands_counts, mixture, si)?)
         }
         FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
             Box::new(prepare_chain::<_, D, M>(

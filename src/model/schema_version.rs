@@ -7,5 +7,4 @@ pub const FORMAT: &str = "i2ris-model";
 pub const SCHEMA_VERSION: u32 = 1;
 
 /// The families that are read, as a file names them.
-pub const FAMILIES: [&str; 7] =
-    ["linear", "kinematic", "gmr", "gmr-direction", "gmr-play", "force-balance", "network"];
+pub const FAMILIES: [&str; 5] = ["linear", "gmr", "gmr-play", "force-balance", "network"];

@@ -1,13 +1,11 @@
 //! Tests of the model runtime through its public interface.
 
 mod conformance;
-mod direction;
 mod file;
 mod force_balance;
 mod gmr;
 mod hull;
 mod inverse;
-mod kinematic;
 mod linear;
 mod network;
 mod plays;

@@ -1,7 +1,7 @@
 //! What the adaptation needs to know of a model: slopes, reach, and how wrong the model is.
 
 use super::Pair;
-use crate::model::file::{FamilyParameters, OutputUnit};
+use crate::model::file::OutputUnit;
 use crate::model::{MAX_CORNERS, Model};
 use crate::units::{MAX_MOTORS, MotorVec};
 
@@ -71,10 +71,7 @@ impl ModelGeometry {
             deviation: deviation(model),
             outputs: outputs.len(),
             slow: slow_error(model),
-            has_gap: matches!(
-                model.file().family,
-                FamilyParameters::GmrPlay { .. } | FamilyParameters::ForceBalance { .. }
-            ),
+            has_gap: model.has_gap(),
         })
     }
 

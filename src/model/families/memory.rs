@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::families::direction::travel::Travels;
 use crate::model::families::gap_scale;
 use crate::model::families::hysteresis::force_balance::state::BalanceState;
 use crate::model::families::hysteresis::play_state::PlayState;
@@ -51,8 +50,6 @@ pub(in crate::model) enum State {
     /// No state.
     #[default]
     None,
-    /// The direction of travel of every motor.
-    Travels(Travels),
     /// The state of play operators.
     Plays(PlayState),
     /// The state of a balance of forces.
@@ -68,7 +65,7 @@ impl Memory {
     pub fn set_gap_scale(&mut self, scale: &MotorVec) {
         let clamped = gap_scale::clamp(scale);
         match &mut self.state {
-            State::None | State::Travels(_) | State::Network(_) => {}
+            State::None | State::Network(_) => {}
             State::Plays(state) => state.gap_scale = clamped,
             State::Balance(state) => state.gap_scale = clamped,
         }

@@ -1,9 +1,7 @@
 //! The families of models.
 
-pub mod direction;
 pub(in crate::model) mod gap_scale;
 pub mod hysteresis;
-pub mod kinematic;
 pub(in crate::model) mod linear;
 pub(in crate::model) mod memory;
 pub mod network;

@@ -23,6 +23,11 @@ pub(in crate::model) trait Runtime: Debug + Send + Sync {
         MotorVec::default()
     }
 
+    /// See [`crate::model::Model::has_gap`].
+    fn has_gap(&self) -> bool {
+        false
+    }
+
     /// See [`crate::model::Model::memory_terms`].
     fn memory_terms(&self, _memory: &Memory) -> MemoryTerms {
         MemoryTerms::default()

@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 use crate::model::families::hysteresis::backlash_play::PlayParameters;
 use crate::model::families::hysteresis::force_balance::BalanceParameters;
 use crate::model::families::hysteresis::residual::ResidualParameters;
-use crate::model::families::kinematic::KinematicParameters;
 use crate::model::families::network::NetworkParameters;
 
 pub use crate::model::maths::gaussian_mixture::MixtureParameters;
@@ -87,25 +86,9 @@ pub enum FamilyParameters {
         /// Covariance of the residuals, m rows of m.
         covariance: Vec<Vec<f64>>,
     },
-    /// The analytic kinematic chain of the robot.
-    Kinematic {
-        /// The parameters of the robot.
-        kinematics: KinematicParameters,
-        /// Outputs of the straight snake minus the outputs of the chain at the straight pose; m.
-        offset: Vec<f64>,
-        /// Covariance of the residuals, m rows of m.
-        covariance: Vec<Vec<f64>>,
-    },
     /// Gaussian mixture regression on the counts, without memory.
     Gmr {
         /// Mixture over `[counts; outputs]`.
-        mixture: MixtureParameters,
-    },
-    /// Gaussian mixture regression on the counts and the direction of travel of every motor.
-    GmrDirection {
-        /// A motor reverses when it moves back by this distance, counts; d.
-        dead_bands_counts: Vec<f64>,
-        /// Mixture over `[counts; directions; outputs]`; a direction is 1 upwards and -1 downwards.
         mixture: MixtureParameters,
     },
     /// Play operators, then Gaussian mixture regression on the virtual counts, then a residual.

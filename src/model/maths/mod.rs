@@ -5,7 +5,6 @@ pub(in crate::model) mod gaussian_mixture_regression;
 pub(in crate::model) mod hull;
 pub(in crate::model) mod lanes;
 pub(in crate::model) mod matrix_checks;
-pub(in crate::model) mod mixture_conditioning;
 mod mixture_part;
 pub(in crate::model) mod newton_inverse;
 pub(in crate::model) mod polygon;

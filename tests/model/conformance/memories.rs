@@ -172,6 +172,7 @@ pub fn gap_scale(sample: &Sample) {
         }
     });
     let model = sample.model();
+    assert_eq!(model.has_gap(), sample.promise.has_gap);
     let path = in_steps(&[[600.0, -500.0], [-600.0, 500.0], [200.0, 0.0]], 10.0);
     let [mut usual, mut wide] = [model.new_memory(); 2];
     let mut apart = 0.0_f64;

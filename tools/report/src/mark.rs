@@ -1,24 +1,16 @@
 //! What a panel can draw. Values are in the units of the axes; values that are not finite are left
 //! out.
 
-use std::f64::consts::TAU;
-
 use crate::canvas::{Point, cut};
 use crate::decimate;
 use crate::plot::{Extent, LegendEntry, Plot, Symbol};
 use crate::style::{Color, Marker, Stroke};
-
-/// Opacity of a band.
-const OPACITY: f64 = 0.22;
 
 /// Distance between markers along a line.
 const MARKER_DISTANCE: f64 = 55.0;
 
 /// The most points of a cloud that are drawn: more make a large file and a black panel.
 const MOST: usize = 3000;
-
-/// Corners of an ellipse.
-const CORNERS: u32 = 72;
 
 /// Something that a panel can draw.
 pub trait Mark: std::fmt::Debug {
@@ -51,7 +43,7 @@ macro_rules! labelled {
     )*};
 }
 
-labelled!(Band, BoxPlot, Ellipse, Line, Scatter, ShadedInterval);
+labelled!(BoxPlot, Line, Scatter, ShadedInterval);
 
 /// A line through points in their order. A point that is not finite is a gap.
 #[derive(Debug, Clone, PartialEq)]
@@ -186,46 +178,6 @@ impl Mark for Scatter {
     }
 }
 
-/// The area between two lines over the same x. It has an outline, so that it shows on a pale print.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Band {
-    /// `[x, low, high]`.
-    points: Vec<[f64; 3]>,
-    color: Color,
-    label: Option<String>,
-}
-
-impl Band {
-    /// A band through `[x, low, high]`.
-    pub fn new(points: Vec<[f64; 3]>, color: Color) -> Self {
-        Self { points, color, label: None }
-    }
-}
-
-impl Mark for Band {
-    fn extent(&self) -> Extent {
-        let ends = |[x, low, high]: &[f64; 3]| [[*x, *low], [*x, *high]];
-        Extent::of(self.points.iter().flat_map(ends))
-    }
-
-    fn draw(&self, plot: &Plot) {
-        let points = self.points.iter();
-        let finite = points.filter(|point| point.iter().all(|value| value.is_finite()));
-        let edge = |side| plot.runs(finite.clone().map(|point| [point[0], point[side]]));
-        for (low, high) in edge(1).iter().zip(edge(2)) {
-            let mut outline = decimate::line(low);
-            outline.extend(decimate::line(&high).into_iter().rev());
-            plot.canvas.area(&outline, self.color, OPACITY);
-            outline.extend(outline.first().copied());
-            plot.canvas.line(&outline, Stroke::new(self.color, 0.5));
-        }
-    }
-
-    fn legend(&self) -> Vec<LegendEntry> {
-        entry(&self.label, Symbol::Patch(self.color, OPACITY, self.color))
-    }
-}
-
 /// An interval of x, shaded over the whole height. It does not widen an axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShadedInterval {
@@ -249,56 +201,6 @@ impl Mark for ShadedInterval {
 
     fn legend(&self) -> Vec<LegendEntry> {
         entry(&self.label, Symbol::Patch(self.color, 1.0, Color::GREY))
-    }
-}
-
-/// The line of equal density of a Gaussian in the plane, `deviations` standard deviations from its
-/// mean: `mean + deviations * L [cos t; sin t]` with the Cholesky factor `L` of the covariance.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Ellipse {
-    mean: Point,
-    covariance: [[f64; 2]; 2],
-    deviations: f64,
-    stroke: Stroke,
-    label: Option<String>,
-}
-
-impl Ellipse {
-    /// If rounding made the covariance indefinite, it is the nearest line or point.
-    pub const fn new(
-        mean: Point,
-        covariance: [[f64; 2]; 2],
-        deviations: f64,
-        stroke: Stroke,
-    ) -> Self {
-        Self { mean, covariance, deviations, stroke, label: None }
-    }
-
-    fn outline(&self) -> Vec<Point> {
-        let [[xx, xy], [_, yy]] = self.covariance;
-        let a = xx.max(0.0).sqrt();
-        let b = if a > 0.0 { xy / a } else { 0.0 };
-        let c = (yy - b * b).max(0.0).sqrt();
-        let ([x, y], n) = (self.mean, self.deviations);
-        let corner = |i| {
-            let (sin, cos) = (TAU * f64::from(i) / f64::from(CORNERS)).sin_cos();
-            [x + n * a * cos, y + n * (b * cos + c * sin)]
-        };
-        (0..=CORNERS).map(corner).collect()
-    }
-}
-
-impl Mark for Ellipse {
-    fn extent(&self) -> Extent {
-        Extent::of(self.outline())
-    }
-
-    fn draw(&self, plot: &Plot) {
-        plot.line(&self.outline(), self.stroke);
-    }
-
-    fn legend(&self) -> Vec<LegendEntry> {
-        entry(&self.label, Symbol::Line(self.stroke, None))
     }
 }
 
@@ -398,29 +300,5 @@ impl Mark for Heatmap {
     fn legend(&self) -> Vec<LegendEntry> {
         let labels = self.labels.iter().zip(Color::SEQUENTIAL);
         labels.map(|(label, fill)| (label.clone(), Symbol::Patch(fill, 1.0, Color::GREY))).collect()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    proptest! {
-        #[test]
-        fn the_outline_of_an_ellipse_has_one_mahalanobis_distance(
-            a in 0.1..5.0_f64, b in -3.0..3.0_f64, c in 0.1..5.0_f64, n in 0.5..3.0_f64
-        ) {
-            let [xx, xy, yy] = [a * a, a * b, b * b + c * c];
-            let stroke = Stroke::new(Color::BLACK, 1.0);
-            let ellipse = Ellipse::new([1.0, -2.0], [[xx, xy], [xy, yy]], n, stroke);
-            for [x, y] in ellipse.outline() {
-                let (dx, dy) = (x - 1.0, y + 2.0);
-                let form = yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy;
-                let distance = (form / (xx * yy - xy * xy)).sqrt();
-                prop_assert!((distance - n).abs() < 1e-6, "{distance}");
-            }
-        }
     }
 }

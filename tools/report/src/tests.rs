@@ -17,18 +17,15 @@ fn panel() -> Panel {
 fn everything(points: &[[f64; 2]], name: &str) -> Figure {
     let [x, y] = points.first().copied().unwrap_or_default();
     let all = || points.to_vec();
-    let band = points.iter().map(|[x, y]| [*x, y - 1.0, y + 1.0]).collect();
     let cells = points.iter().map(|point| (*point, point[1])).collect();
     let labels = ["1", "2", "3", "4", "5"].map(str::to_owned);
     let five = FiveNumbers { whiskers: [x, y], quartiles: [x, y], median: x };
     let numbers = Panel::new(name, Axis::linear(name), Axis::linear(name))
         .with(ShadedInterval::new(x, y, Color::FAINT).label(name))
         .with(Heatmap::new(cells, [1.0, 1.0], [0.0, 1.0, 2.0, 3.0], labels))
-        .with(Band::new(band, Color::SKY).label(name))
         .with(Line::new(all(), STROKE).marker(Marker::Diamond).label(name))
         .with(Scatter::new(all(), Color::PALE, 2.0).label(name))
         .with(Scatter::markers(all(), Color::BLACK, Marker::Cross).label(name))
-        .with(Ellipse::new([x, y], [[1.0, y], [y, 2.0]], 2.0, STROKE).label(name))
         .with(ReferenceLine::horizontal(y, STROKE))
         .with(ReferenceLine::vertical(x, STROKE));
     let logs = Panel::new(name, Axis::log(name), Axis::log(name));

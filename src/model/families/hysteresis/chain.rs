@@ -170,6 +170,10 @@ where
         self.operator.wipe_counts()
     }
 
+    fn has_gap(&self) -> bool {
+        true
+    }
+
     fn virtual_counts(&self, counts: &MotorVec, memory: &Memory) -> MotorVec {
         let counts = vector(&bounded(counts));
         self.with_state(memory, |state| array(&self.operator.virtual_counts(state, &counts)))

@@ -1,7 +1,6 @@
 //! The drift and its uncertainty.
 
 use i2ris::model::Model;
-use i2ris::model::file::FamilyParameters;
 use i2ris::units::MAX_MOTORS;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -71,7 +70,6 @@ pub enum DriftError {
 struct Shape {
     outputs: usize,
     motors: usize,
-    has_gain: bool,
     has_gap: bool,
 }
 
@@ -82,16 +80,8 @@ impl DriftEstimate {
     ///
     /// [`DriftError`].
     pub fn new(model: &Model, recording: &Recording) -> Result<Self, DriftError> {
-        let family = &model.file().family;
-        let shape = Shape {
-            outputs: model.outputs(),
-            motors: model.motors(),
-            has_gain: !matches!(family, FamilyParameters::Kinematic { .. }),
-            has_gap: matches!(
-                family,
-                FamilyParameters::GmrPlay { .. } | FamilyParameters::ForceBalance { .. }
-            ),
-        };
+        let shape =
+            Shape { outputs: model.outputs(), motors: model.motors(), has_gap: model.has_gap() };
         let used = |scale: &[f64; MAX_MOTORS]| points(model, recording, scale);
         let mut scale = [1.0; MAX_MOTORS];
         let first = used(&scale);
@@ -122,8 +112,7 @@ impl DriftEstimate {
 
 impl Shape {
     fn parameters(self) -> usize {
-        let gain = if self.has_gain { self.outputs * self.outputs } else { 0 };
-        self.outputs + gain + if self.has_gap { self.motors } else { 0 }
+        self.outputs + self.outputs * self.outputs + if self.has_gap { self.motors } else { 0 }
     }
 
     fn gain(self, output: usize, of: usize) -> usize {
@@ -153,10 +142,8 @@ impl Shape {
             for (index, point) in points.iter().enumerate() {
                 let row = output * rows + index;
                 features[(row, output)] = 1.0;
-                if self.has_gain {
-                    for of in 0..self.outputs {
-                        features[(row, self.gain(output, of))] = point.predicted[of];
-                    }
+                for of in 0..self.outputs {
+                    features[(row, self.gain(output, of))] = point.predicted[of];
                 }
                 target[row] = point.measured[output] - point.predicted[output];
                 if self.has_gap {
@@ -182,8 +169,7 @@ impl Shape {
             let entries = (0..self.outputs).map(|of| value(self.gain(output, of), 0.0));
             entries.collect::<Vec<_>>()
         };
-        let gain: Vec<Vec<Value>> =
-            if self.has_gain { outputs.clone().map(gain_row).collect() } else { Vec::new() };
+        let gain: Vec<Vec<Value>> = outputs.clone().map(gain_row).collect();
         let gap_scale: Vec<Value> = if self.has_gap {
             (0..self.motors).map(|motor| value(self.gap(motor), 1.0)).collect()
         } else {
@@ -193,8 +179,8 @@ impl Shape {
             let (mut old, mut left) = ([0.0; 3], [0.0; 3]);
             for output in outputs.clone() {
                 old[output] = before.measured[output] - before.predicted[output];
-                let row = gain.get(output).map_or(&[][..], Vec::as_slice);
-                let bent: f64 = row.iter().zip(after.predicted).map(|(g, y)| g.value * y).sum();
+                let bent: f64 =
+                    gain[output].iter().zip(after.predicted).map(|(g, y)| g.value * y).sum();
                 let expected = after.predicted[output] + zero[output].value + bent;
                 left[output] = after.measured[output] - expected;
             }

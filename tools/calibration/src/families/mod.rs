@@ -2,8 +2,6 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `kinematic` | the analytic chain of the robot |
-//! | `direction` | mixtures over counts, directions of travel and outputs |
 //! | `operator_trace` | hysteresis operators along the path of a series |
 //! | `chain` | regression and residual behind a hysteresis operator |
 //! | `force_balance` | gear, wires, spring and friction in a balance of forces |
@@ -12,9 +10,7 @@
 //! | `play` | play operators |
 
 pub mod chain;
-pub mod direction;
 pub mod force_balance;
-pub mod kinematic;
 pub mod operator_trace;
 pub mod play;
 pub mod play_error;

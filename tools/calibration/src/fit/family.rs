@@ -8,12 +8,8 @@ use std::str::FromStr;
 pub enum Family {
     /// Affine least squares: the baseline.
     Linear,
-    /// The analytic chain from counts to bend: the baseline with geometry.
-    Kinematic,
     /// Gaussian mixture regression on the counts, without memory.
     Gmr,
-    /// Gaussian mixture regression on the counts and the direction of travel: as published.
-    GmrDirection,
     /// Play operators, then Gaussian mixture regression and a residual.
     GmrPlay,
     /// A balance of forces between gear, wires, spring and friction, then a polynomial.
@@ -24,9 +20,7 @@ impl fmt::Display for Family {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Linear => "linear",
-            Self::Kinematic => "kinematic",
             Self::Gmr => "gmr",
-            Self::GmrDirection => "gmr-direction",
             Self::GmrPlay => "gmr-play",
             Self::ForceBalance => "force-balance",
         })
@@ -35,22 +29,13 @@ impl fmt::Display for Family {
 
 impl Family {
     /// All of them, the simplest first. Of two that do equally well the choice takes the first.
-    pub const ALL: [Self; 6] = [
-        Self::Linear,
-        Self::Kinematic,
-        Self::Gmr,
-        Self::GmrDirection,
-        Self::GmrPlay,
-        Self::ForceBalance,
-    ];
+    pub const ALL: [Self; 4] = [Self::Linear, Self::Gmr, Self::GmrPlay, Self::ForceBalance];
 
     /// How long a fit usually takes, relative to the other families.
     pub(super) fn usual_duration(self) -> f64 {
         match self {
             Self::Linear => 0.1,
-            Self::Kinematic => 0.5,
             Self::Gmr => 6.0,
-            Self::GmrDirection => 4.0,
             Self::GmrPlay => 5.0,
             Self::ForceBalance => 10.0,
         }
@@ -60,13 +45,13 @@ impl Family {
     /// plane between the axes.
     #[must_use]
     pub fn is_separable(self) -> bool {
-        matches!(self, Self::Linear | Self::Kinematic | Self::ForceBalance)
+        matches!(self, Self::Linear | Self::ForceBalance)
     }
 
     /// Whether models of the family have memory.
     #[must_use]
     pub fn has_memory(self) -> bool {
-        !matches!(self, Self::Linear | Self::Kinematic | Self::Gmr)
+        !matches!(self, Self::Linear | Self::Gmr)
     }
 }
 

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
-use i2ris::model::file::{FamilyParameters, OutputMetrics, OutputUnit};
+use i2ris::model::file::{FamilyParameters, OutputMetrics};
 use i2ris::model::{Model, ModelError};
 
 use super::error::{FitError, refused};
@@ -15,9 +15,7 @@ use super::model_file::{FileContext, Fitted};
 use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, Mechanism};
 use crate::families::chain::ChainOptions;
-use crate::families::direction::{DirectionOptions, fit_direction};
 use crate::families::force_balance::search::fit_force_balance;
-use crate::families::kinematic::{KinematicOptions, fit_kinematic};
 use crate::families::play::play_fit::fit_play;
 use crate::progress::Progress;
 use crate::quality::Finding;
@@ -81,25 +79,21 @@ impl FamilyFitter<'_> {
         }
         match family {
             Family::Linear => self.checked(family, &Fitted::from(self.straight)),
-            Family::Kinematic => self.checked(family, &self.kinematic()?),
             Family::Gmr => self.gmr(),
-            Family::GmrDirection => self.with_inverse(family, &|k| self.direction(k)),
             Family::GmrPlay => self.play(mechanism),
             Family::ForceBalance => self.force_balance(mechanism),
         }
     }
 
-    /// What learns from the rows has to explain them better than a straight line. `kinematic` is
-    /// there to be compared with.
+    /// What learns from the rows has to explain them better than a straight line.
     fn not_worse_than_linear(&self, family: Family, model: Model) -> Result<Model, FitError> {
         let square = |metrics: &OutputMetrics| metrics.training.rmsd.powi(2);
         let rms = model.file().metrics.iter().map(square).sum::<f64>().sqrt();
         let covariance = self.straight.covariance.iter().enumerate();
         let linear_rms = covariance.map(|(output, row)| row[output]).sum::<f64>().sqrt();
-        let is_baseline = matches!(family, Family::Linear | Family::Kinematic);
         let mut metrics = model.file().metrics.iter();
         let is_visible = metrics.any(|metrics| metrics.training.nrmsd > LEAST_NRMSD);
-        if !is_baseline && is_visible && rms > MOST_ERROR * linear_rms {
+        if family != Family::Linear && is_visible && rms > MOST_ERROR * linear_rms {
             return Err(FitError::WorseThanLinear { rms, linear_rms });
         }
         Ok(model)
@@ -137,9 +131,9 @@ impl FamilyFitter<'_> {
     /// The number of components of the mixture of [`Self::known`].
     fn known_components(&self) -> Option<usize> {
         match self.known? {
-            FamilyParameters::Gmr { mixture }
-            | FamilyParameters::GmrDirection { mixture, .. }
-            | FamilyParameters::GmrPlay { mixture, .. } => Some(mixture.weights.len()),
+            FamilyParameters::Gmr { mixture } | FamilyParameters::GmrPlay { mixture, .. } => {
+                Some(mixture.weights.len())
+            }
             _ => None,
         }
     }
@@ -160,21 +154,6 @@ impl FamilyFitter<'_> {
             return Err(FitError::TooFlat { components, spot });
         }
         Ok(model)
-    }
-
-    fn kinematic(&self) -> Result<Fitted, FitError> {
-        let output = self.context.recording.outputs().first();
-        let unit = output.map_or(OutputUnit::Deg, |output| output.unit);
-        let parameters = fit_kinematic(&self.series, &KinematicOptions::new(unit));
-        let parameters = parameters.map_err(|source| failed(Family::Kinematic, source))?;
-        Ok(Fitted::plain(parameters))
-    }
-
-    fn direction(&self, components: Option<usize>) -> Result<MixtureModel, Reason> {
-        let options = DirectionOptions { components, em: self.options.em.clone() };
-        let fit = fit_direction(&self.series, &options, self.progress)?;
-        let quality = (fit.log_likelihood, fit.bic);
-        Ok(self.mixture_model(fit.parameters, fit.components, quality))
     }
 
     fn play(&self, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {

@@ -13,7 +13,8 @@ use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, FitOutcome};
 use super::split::HoldOut;
 use crate::em::options::EmOptions;
-use crate::families::direction::{DirectionOptions, fit_direction};
+use crate::families::chain::ChainOptions;
+use crate::families::play::play_fit::fit_play;
 use crate::progress::Silent;
 use crate::quality::SpikeOptions;
 use crate::recording::Recording;
@@ -336,15 +337,16 @@ fn folded() -> Recording {
 #[test]
 fn a_model_with_memory_without_inverse_is_fitted_with_fewer_components() {
     let recording = folded();
-    let free = DirectionOptions { components: None, em: few_starts(3) };
-    let free = fit_direction(&Series::whole(&recording), &free, &Silent).unwrap();
-    let options = FitOptions { hold_out: HoldOut::Nothing, ..of_family(Family::GmrDirection) };
+    let free = ChainOptions { em: few_starts(3), ..ChainOptions::default() };
+    let free = fit_play(&Series::whole(&recording), &free, &Silent).unwrap();
+    let free = free.chain.mixture.weights.len();
+    let options = FitOptions { hold_out: HoldOut::Nothing, ..of_family(Family::GmrPlay) };
     let outcome = fitted(&recording, &options);
-    let FamilyParameters::GmrDirection { mixture, .. } = &outcome.model.file().family else {
+    let FamilyParameters::GmrPlay { mixture, .. } = &outcome.model.file().family else {
         panic!("another family")
     };
     let found = mixture.weights.len();
-    assert!(found < free.components, "{found} of {}", free.components);
+    assert!(found < free, "{found} of {free}");
 }
 
 /// A tendon in a sheath: full strokes only, and a gap that takes up most of what smaller ones move.

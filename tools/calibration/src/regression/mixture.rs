@@ -13,7 +13,7 @@ type Predict = dyn Fn(&[f64]) -> [f64; MAX_OUTPUTS] + Send + Sync;
 pub(crate) struct MixtureRegression(Box<Predict>);
 
 impl MixtureRegression {
-    /// Of a mixture over `[inputs; outputs]` with 1, 2 or 4 inputs.
+    /// Of a mixture over `[inputs; outputs]` with 1 or 2 inputs.
     pub fn prepare(
         mixture: &MixtureParameters,
         inputs: usize,
@@ -21,8 +21,7 @@ impl MixtureRegression {
     ) -> Result<Self, ModelError> {
         match inputs {
             1 => Self::sized::<1>(mixture, outputs),
-            2 => Self::sized::<2>(mixture, outputs),
-            _ => Self::sized::<4>(mixture, outputs),
+            _ => Self::sized::<2>(mixture, outputs),
         }
     }
 

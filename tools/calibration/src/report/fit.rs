@@ -46,21 +46,12 @@ pub struct CalibrationReport {
     /// RMS length of the error of plays with a linear read-out on the same rows; `None` where
     /// nothing is held out or nothing shows hysteresis.
     pub(super) plays: Option<f64>,
-    /// Numbers of components that were tried.
-    pub(super) candidates: Vec<CandidateFacts>,
-    /// The most components there were to choose from.
-    pub(super) max_components: Option<usize>,
-    /// Random starts of every mixture.
-    pub(super) starts: usize,
     /// How it was fitted: names and values.
     pub(super) settings: Vec<(String, String)>,
     /// The program that fitted the models, with its version.
     pub(super) software: String,
     #[serde(skip)]
     pub(super) track: Track,
-    /// The mixture of the chosen family, one view per output; none if it has no mixture.
-    #[serde(skip)]
-    pub(super) read_out: Vec<ReadOutView>,
 }
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -117,22 +108,6 @@ pub(super) struct ChoiceScore {
     pub sentence: String,
 }
 
-/// A number of components that was tried.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub(super) struct CandidateFacts {
-    pub components: usize,
-    /// Nats per row, and its spread over the starts.
-    pub log_likelihood: Option<f64>,
-    pub spread: f64,
-    pub failed_starts: usize,
-    pub converged: bool,
-    pub bic: f64,
-    /// RMS length of the error on blocks left out.
-    pub left_out: Option<f64>,
-    pub chosen: bool,
-    pub verdict: &'static str,
-}
-
 /// A model and its predictions.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub(super) struct FamilyResult {
@@ -140,11 +115,6 @@ pub(super) struct FamilyResult {
     /// Whether this is the model that was written.
     pub chosen: bool,
     pub model_id: String,
-    /// Of its mixture, if it has one.
-    pub components: Option<usize>,
-    /// Nats per row.
-    pub log_likelihood: Option<f64>,
-    pub bic: Option<f64>,
     pub fit_seconds: f64,
     /// Of every output, as in its file.
     pub metrics: Vec<OutputMetrics>,
@@ -268,35 +238,4 @@ impl Track {
 pub(super) struct Branches {
     pub rising: Vec<[f64; 3]>,
     pub falling: Vec<[f64; 3]>,
-}
-
-/// A mixture, seen along one output.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct ReadOutView {
-    /// What the mixture takes in, with its unit.
-    pub input: String,
-    /// The rows used for training: input along the output, measured output.
-    pub points: Vec<[f64; 2]>,
-    /// Components, projected on the same plane.
-    pub components: Vec<ProjectedComponent>,
-    /// The regression through the middle of the region that was visited.
-    pub section: Vec<SectionPoint>,
-}
-
-/// A Gaussian in the plane.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct ProjectedComponent {
-    /// Its share, 0 to 1.
-    pub weight: f64,
-    pub mean: [f64; 2],
-    pub covariance: [[f64; 2]; 2],
-}
-
-/// The regression at one input.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct SectionPoint {
-    /// Input along the output.
-    pub along: f64,
-    pub mean: f64,
-    pub deviation: f64,
 }

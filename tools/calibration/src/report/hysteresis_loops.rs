@@ -42,7 +42,7 @@ pub(super) fn write(page: &mut Page, data: &CalibrationReport) {
 
 fn panel(data: &CalibrationReport, index: usize, output: &OutputFacts, deviation: bool) -> Panel {
     let direction = output.straight.direction();
-    let x = Axis::linear(format!("{} (counts)", along(&direction, data.recording.motors, 'q')));
+    let x = Axis::linear(format!("{} (counts)", along(&direction, data.recording.motors)));
     let y = if deviation {
         Axis::linear(format!("{} − line ({})", output.name, output.unit))
     } else {

@@ -26,21 +26,19 @@ pub(super) fn with_unit(output: &OutputFacts) -> String {
     format!("{} ({})", output.name, output.unit)
 }
 
-/// Label of an axis of counts along a direction: `q₀`, or `0.83 q₀ − 0.56 q₁`. `q` is the
-/// symbol
-/// of the counts.
-pub(super) fn along(direction: &MotorVec, motors: usize, q: char) -> String {
+/// Label of an axis of counts along a direction: `q₀`, or `0.83 q₀ − 0.56 q₁`.
+pub(super) fn along(direction: &MotorVec, motors: usize) -> String {
     let named =
         direction.iter().zip(["₀", "₁"]).take(motors).filter(|(part, _)| part.abs() >= NEGLIGIBLE);
     let named: Vec<_> = named.collect();
     match named.as_slice() {
-        [(part, index)] if **part > 0.0 => format!("{q}{index}"),
-        [(_, index)] => format!("{MINUS}{q}{index}"),
+        [(part, index)] if **part > 0.0 => format!("q{index}"),
+        [(_, index)] => format!("{MINUS}q{index}"),
         parts => {
             let term = |(i, (part, index)): (usize, &(&f64, &str))| match (i, **part < 0.0) {
-                (0, _) => format!("{} {q}{index}", fixed(**part, 2)),
-                (_, true) => format!(" {MINUS} {} {q}{index}", fixed(part.abs(), 2)),
-                (_, false) => format!(" + {} {q}{index}", fixed(**part, 2)),
+                (0, _) => format!("{} q{index}", fixed(**part, 2)),
+                (_, true) => format!(" {MINUS} {} q{index}", fixed(part.abs(), 2)),
+                (_, false) => format!(" + {} q{index}", fixed(**part, 2)),
             };
             parts.iter().enumerate().map(term).collect()
         }
@@ -62,11 +60,11 @@ mod tests {
 
     #[test]
     fn directions_are_named() {
-        assert_eq!(along(&[1.0, 0.01], 2, 'q'), "q₀");
-        assert_eq!(along(&[0.0, -1.0], 2, 'q'), "\u{2212}q₁");
-        assert_eq!(along(&[0.8, -0.6], 2, 'q'), "0.80 q₀ \u{2212} 0.60 q₁");
-        assert_eq!(along(&[-0.6, 0.8], 2, 'v'), "\u{2212}0.60 v₀ + 0.80 v₁");
-        assert_eq!(along(&[1.0, 0.0], 1, 'q'), "q₀");
+        assert_eq!(along(&[1.0, 0.01], 2), "q₀");
+        assert_eq!(along(&[0.0, -1.0], 2), "\u{2212}q₁");
+        assert_eq!(along(&[0.8, -0.6], 2), "0.80 q₀ \u{2212} 0.60 q₁");
+        assert_eq!(along(&[-0.6, 0.8], 2), "\u{2212}0.60 q₀ + 0.80 q₁");
+        assert_eq!(along(&[1.0, 0.0], 1), "q₀");
     }
 
     #[test]

@@ -19,7 +19,7 @@
 //! | `gather`, `sweep` | that, from the fit |
 //! | `text` | as it is printed |
 //! | `page`, `choice` | as a page |
-//! | `hysteresis_loops`, `mixture`, `error_map` | figures of the model |
+//! | `hysteresis_loops`, `error_map` | figures of the model |
 //! | `residual_times`, `residual_directions` | figures of the residuals |
 //! | `labels` | numbers and names in the form of the page |
 
@@ -31,7 +31,6 @@ mod fit;
 mod gather;
 mod hysteresis_loops;
 mod labels;
-mod mixture;
 mod page;
 mod residual_directions;
 mod residual_times;

@@ -7,7 +7,7 @@ use i2ris_report::{Axis, Color, Figure, Marker, Page, Panel, ReferenceLine, Scat
 use super::choice::{self, NONE};
 use super::fit::{BASELINE, CalibrationReport, Errors, FamilyResult, OutputFacts};
 use super::labels::{NOISE, error, list, with_unit};
-use super::{error_map, hysteresis_loops, mixture, residual_directions, residual_times};
+use super::{error_map, hysteresis_loops, residual_directions, residual_times};
 
 /// A model whose error on unseen rows is this much larger than in training has learned what does
 /// not carry over.
@@ -44,7 +44,6 @@ impl CalibrationReport {
         }
         page.section("Hysteresis");
         hysteresis_loops::write(&mut page, self);
-        mixture::write(&mut page, self);
         page.section("What is left over");
         residual_times::write(&mut page, self);
         residual_directions::write(&mut page, self);
@@ -224,17 +223,12 @@ impl CalibrationReport {
             &format!("RMS, training ({unit})"),
             &format!("RMS, held out ({unit})"),
             "below linear",
-            "K",
-            "log-likelihood (nats/row)",
-            "BIC",
             "fit (s)",
             "model",
         ];
         let mut table = Table::new(
             "All families; the chosen one in bold. RMS: root mean square length of the error over \
-             all outputs. K: components of the mixture. Log-likelihood and BIC compare mixtures of \
-             the same variables only: those of families with memory see other inputs. Model: the \
-             first digits of its SHA-256.",
+             all outputs. Model: the first digits of its SHA-256.",
             header,
         );
         let or_none = |value: Option<String>| value.unwrap_or_else(|| NONE.to_owned());
@@ -251,9 +245,6 @@ impl CalibrationReport {
                 rms(&family.training),
                 rms(&family.held_out),
                 or_none(below),
-                or_none(family.components.map(|components| components.to_string())),
-                or_none(family.log_likelihood.map(|value| fixed(value, 3))),
-                or_none(family.bic.map(|value| fixed(value, 0))),
                 if seconds < 0.01 { "< 0.01".to_owned() } else { fixed(seconds, 2) },
                 family.model_id.chars().take(SHORT).collect(),
             ];

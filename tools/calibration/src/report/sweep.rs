@@ -60,13 +60,8 @@ fn step(from: MotorVec, direction: MotorVec, distance: f64) -> MotorVec {
 pub(super) fn branches(model: &Model, output: usize, straight: &Straight, unit: f64) -> Branches {
     let sweep = Sweep::new(model.hull(), straight.direction());
     let mut memory = model.new_memory();
-    let mut last = sweep.positions().next().unwrap_or_default();
     let mut point = |counts: MotorVec| {
-        // The midpoint first: families with directions need a step before the position.
-        let middle = std::array::from_fn(|motor| 0.5 * (last[motor] + counts[motor]));
-        model.advance(&mut memory, &middle);
         model.advance(&mut memory, &counts);
-        last = counts;
         let mean = model.predict(&counts, &memory).mean[output] / unit;
         [straight.along(&counts), mean, straight.at(&counts)]
     };

@@ -5,7 +5,7 @@ use std::fmt::{self, Display, Formatter};
 use i2ris::model::file::FitMetrics;
 
 use super::choice::explanation;
-use super::fit::{CalibrationReport, CandidateFacts, OutputFacts};
+use super::fit::{CalibrationReport, OutputFacts};
 use crate::quality::NoiseFloor;
 
 /// Lines of the recording that are named one by one before the rest is only counted.
@@ -15,7 +15,6 @@ impl Display for CalibrationReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         self.what_was_read(f)?;
         self.what_was_found(f)?;
-        self.write_candidates(f)?;
         self.write_metrics(f)?;
         for family in &self.families {
             if let Some(reading) = &family.reading {
@@ -134,25 +133,6 @@ impl CalibrationReport {
         )
     }
 
-    /// What was tried, where a number of components was chosen.
-    fn write_candidates(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Some(last) = self.candidates.last() else { return Ok(()) };
-        writeln!(
-            f,
-            "\ngmr: mixtures, best of {} starts each (log-likelihood and its spread over the \
-             starts: nats/row; left\nout: RMS length of the error on blocks left out)",
-            self.starts
-        )?;
-        let header = ["log-likelihood", "spread", "failed", "BIC", "left out"];
-        let [likelihood, spread, failed, bic, left_out] = header;
-        writeln!(f, "   K {likelihood:>15} {spread:>8} {failed:>7} {bic:>12} {left_out:>9}")?;
-        self.candidates.iter().try_for_each(|candidate| write_candidate(f, candidate))?;
-        match self.max_components.filter(|_| last.chosen) {
-            Some(most) => writeln!(f, "More might be better: --max-components was {most}."),
-            None => Ok(()),
-        }
-    }
-
     fn write_metrics(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let header =
             ["R2", "RMSD", "NRMSD", "MAE", "max"].map(|name| format!(" {name:>9}")).concat();
@@ -191,22 +171,6 @@ fn metrics_line(f: &mut Formatter<'_>, name: &str, metrics: Option<&FitMetrics>)
         }
         None => writeln!(f, "{name:<44} {:>9}", "constant"),
     }
-}
-
-fn write_candidate(f: &mut Formatter<'_>, candidate: &CandidateFacts) -> fmt::Result {
-    let CandidateFacts { components: k, spread, failed_starts, bic, verdict, .. } = candidate;
-    let line = match candidate.log_likelihood {
-        Some(likelihood) => {
-            let unfinished = if candidate.converged { "" } else { " (not converged)" };
-            let left_out = candidate.left_out.map_or("-".to_owned(), |rms| format!("{rms:.3}"));
-            format!(
-                "{k:>4} {likelihood:>15.4} {spread:>8.4} {failed_starts:>7} {bic:>12.1} \
-                 {left_out:>9}  {verdict}{unfinished}"
-            )
-        }
-        None => format!("{k:>4} {verdict:>15}"),
-    };
-    writeln!(f, "{}", line.trim_end())
 }
 
 fn joined(parts: impl Iterator<Item = String>) -> String {

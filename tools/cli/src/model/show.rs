@@ -135,18 +135,7 @@ fn family(model: &Model) {
     let gains = gains(model);
     match &model.file().family {
         FamilyParameters::Linear { .. } => {}
-        FamilyParameters::Kinematic { kinematics, .. } => {
-            let radii: Vec<String> =
-                kinematics.pulley_radii_mm.iter().map(|radius| format!("{radius:.3}")).collect();
-            println!("pulleys    {} mm, gear {}", radii.join(" and "), kinematics.gear_ratio);
-        }
         FamilyParameters::Gmr { mixture } => println!("mixture    K = {}", mixture.weights.len()),
-        FamilyParameters::GmrDirection { dead_bands_counts, mixture } => {
-            println!(
-                "mixture    K = {}, a motor has turned after {dead_bands_counts:.0?} counts",
-                mixture.weights.len()
-            );
-        }
         FamilyParameters::GmrPlay { plays, mixture, residual, .. } => {
             println!("mixture    K = {} on virtual counts", mixture.weights.len());
             residual_line(residual.as_ref());

@@ -330,7 +330,7 @@ fn one_axis_at_a_time_gives_a_separable_model_and_says_so() {
     let sentence = "the motors move together on 6 % of the path only, so the recording does not \
                     show the plane between their axes; record motion of both at once";
     assert_says(&text, &[&format!("warning {sentence}")]);
-    for family in ["gmr", "gmr-direction", "gmr-play"] {
+    for family in ["gmr", "gmr-play"] {
         assert_says(&text, &[&format!("No `{family}`: {sentence}.")]);
     }
     // Beyond the measured lines it is no further off than a straight line may be.

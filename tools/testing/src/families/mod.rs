@@ -25,9 +25,7 @@ macro_rules! for_each_family {
     ($then:ident) => {
         $then! {
             linear = Linear;
-            kinematic = Kinematic;
             gmr = Gmr;
-            gmr_direction = GmrDirection;
             gmr_play = GmrPlay;
             force_balance = ForceBalance;
             network = Network;

@@ -1,43 +1,13 @@
 //! Sample parameters of families, and random ones.
 
-use i2ris::model::file::{
-    FamilyParameters, HullParameters, MixtureParameters, ModelFile, OutputUnit,
-    PolynomialParameters,
-};
+use i2ris::model::file::{FamilyParameters, HullParameters, ModelFile, PolynomialParameters};
 use i2ris::model::hysteresis::backlash_play::PlayParameters;
 use i2ris::model::hysteresis::force_balance::{BalanceMotor, BalanceParameters, BalanceStop};
 use i2ris::model::hysteresis::residual::{ResidualParameters, count};
-use i2ris::model::kinematic::KinematicParameters;
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use super::samples::{REACH, SmoothMap, file, region};
-
-/// The geometry of a snake.
-pub fn robot(radii: &[f64], rotation: f64) -> KinematicParameters {
-    KinematicParameters {
-        counts_per_turn: 1024.0,
-        gear_ratio: 64.0,
-        pulley_radii_mm: radii.to_vec(),
-        axis_rotation_deg: rotation,
-    }
-}
-
-pub fn kinematic_file(
-    kinematics: KinematicParameters,
-    outputs: usize,
-    unit: OutputUnit,
-    reach: f64,
-) -> ModelFile {
-    let motors = kinematics.pulley_radii_mm.len();
-    let row = |i| (0..outputs).map(|j| if i == j { 0.04 } else { 0.0 }).collect();
-    let covariance = (0..outputs).map(row).collect();
-    let offset = [1.0, -2.0, 0.5][..outputs].to_vec();
-    let family = FamilyParameters::Kinematic { kinematics, offset, covariance };
-    let mut file = file(outputs, family, region(motors, reach));
-    file.outputs.iter_mut().for_each(|output| output.unit = unit);
-    file
-}
+use super::samples::{REACH, file, region};
 
 /// A balance of forces of a snake with slack, backlash and friction: a typical sample of
 /// [`balances`].
@@ -164,42 +134,4 @@ pub fn residual(motors: usize, lags: usize, outputs: usize, size: f64) -> Residu
     let coefficients =
         (0..outputs).map(|i| (0..features).map(|j| coefficient(i, j)).collect()).collect();
     ResidualParameters { scale_counts: REACH, shape_degree: 2, lag_degree: 1, coefficients }
-}
-
-/// The branches of a smooth map: every motor lags by its lag, counts, in the direction of its
-/// travel. The direction `s` of a motor is a variable of variance 1, and the counts of the map are
-/// `counts - lag s`.
-pub fn branches(map: &SmoothMap, lags: &[f64]) -> FamilyParameters {
-    let mixture = map.mixture();
-    let motors = lags.len();
-    let size = mixture.means[0].len() + motors;
-    // A row of the whole mixture: coefficients of the variables of the map, and of the directions.
-    let row = |variable: usize| -> (Option<usize>, Option<(usize, f64)>) {
-        if variable < motors {
-            (Some(variable), Some((variable, lags[variable])))
-        } else if variable < 2 * motors {
-            (None, Some((variable - motors, 1.0)))
-        } else {
-            (Some(variable - motors), None)
-        }
-    };
-    let covariance = |inner: &Vec<Vec<f64>>| -> Vec<Vec<f64>> {
-        let entry = |i: usize, j: usize| {
-            let ((a, s), (b, t)) = (row(i), row(j));
-            let within = a.zip(b).map_or(0.0, |(a, b)| inner[a][b]);
-            let between = s.zip(t).map_or(0.0, |((s, x), (t, y))| if s == t { x * y } else { 0.0 });
-            within + between
-        };
-        (0..size).map(|i| (0..size).map(|j| entry(i, j)).collect()).collect()
-    };
-    let mean = |inner: &Vec<f64>| -> Vec<f64> {
-        let (counts, outputs) = inner.split_at(motors);
-        [counts, &vec![0.0; motors], outputs].concat()
-    };
-    let mixture = MixtureParameters {
-        weights: mixture.weights.clone(),
-        means: mixture.means.iter().map(mean).collect(),
-        covariances: mixture.covariances.iter().map(covariance).collect(),
-    };
-    FamilyParameters::GmrDirection { dead_bands_counts: vec![4.0; motors], mixture }
 }

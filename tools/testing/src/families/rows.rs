@@ -6,9 +6,7 @@ use i2ris::model::network::Activation;
 use proptest::prelude::*;
 
 use super::networks::{averages, conv, gru, gru_of, lstm, network_file};
-use super::parameters::{
-    balance_family, balances, branches, kinematic_file, plays, residual, robot, some_balance,
-};
+use super::parameters::{balance_family, balances, plays, residual, some_balance};
 use super::samples::{REACH, SmoothMap, affine, file, region, smooth_gmr, square, two_by_two};
 use super::{Promise, Sample};
 use crate::cycle::{GAIN_DEG, HULL, balance_model, fitted_model, model, play_model};
@@ -53,28 +51,6 @@ pub fn linear() -> Sample {
     }
 }
 
-pub fn kinematic() -> Sample {
-    let random = |motors, outputs| -> Random {
-        let radius = (0.3..1.0_f64, any::<bool>());
-        let radius = radius.prop_map(|(radius, turned)| if turned { -radius } else { radius });
-        let robots = (prop::collection::vec(radius, motors), -180.0..180.0_f64, any::<bool>());
-        let made = robots.prop_map(move |(radii, rotation, is_place)| {
-            let is_place = outputs != 2 || (is_place && motors == 2);
-            let unit = if is_place { OutputUnit::Mm } else { OutputUnit::Deg };
-            // No joint of these robots reaches its stop.
-            kinematic_file(robot(&radii, rotation), outputs, unit, 1500.0)
-        });
-        made.boxed()
-    };
-    Sample {
-        file: kinematic_file(robot(&[1.1; 2], -45.0), 2, OutputUnit::Deg, HULL),
-        sizes: &[(1, 2), (2, 2), (2, 3)],
-        random,
-        flies: &[],
-        ..linear()
-    }
-}
-
 pub fn gmr() -> Sample {
     let random = |motors, outputs| -> Random {
         let smooth = smooth_gmr(motors, outputs).prop_map(|map| map.file());
@@ -84,31 +60,6 @@ pub fn gmr() -> Sample {
         prop_oneof![7 => smooth, 1 => Just(file(2, two_by_two(), square(50.0)))].boxed()
     };
     Sample { file: of_snake(snake().family()), random, flies: &[], ..linear() }
-}
-
-pub fn gmr_direction() -> Sample {
-    let random = |motors, outputs| -> Random {
-        let parts = (smooth_gmr(motors, outputs), prop::collection::vec(0.0..40.0_f64, motors));
-        let made = parts.prop_map(move |(map, lags)| {
-            file(outputs, branches(&map, &lags), region(motors, REACH))
-        });
-        made.boxed()
-    };
-    Sample {
-        file: of_snake(branches(&snake(), &[30.0; 2])),
-        sizes: &[(1, 1), (2, 2), (2, 3)],
-        random,
-        promise: Promise {
-            has_memory: true,
-            compensates: true,
-            inverse: [0.05, f64::INFINITY],
-            // The counts of the other direction may be as good.
-            stays: f64::INFINITY,
-            ..Promise::EXACT
-        },
-        flies: &[],
-        ..linear()
-    }
 }
 
 pub fn gmr_play() -> Sample {

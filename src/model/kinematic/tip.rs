@@ -11,8 +11,7 @@
 
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
-use super::JOINTS_PER_AXIS;
-use super::joint::ROLLING_RADIUS_MM;
+use super::{JOINTS_PER_AXIS, ROLLING_RADIUS_MM};
 
 /// Distance of neighbouring joints when straight, mm (the robot's drawing).
 pub const JOINT_PITCH_MM: f64 = 0.1495;
@@ -183,12 +182,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn slope_matches_the_numerical_derivative_of_the_position(
+        fn the_tip_stays_in_the_sphere_of_the_straight_snake_and_its_slope_is_the_derivative(
             pitch in -0.16..0.16_f64,
             yaw in -0.16..0.16_f64,
         ) {
             const STEP: f64 = 1e-6;
-            let slope = tip(pitch, yaw).slope;
+            let Tip { position_mm, slope } = tip(pitch, yaw);
+            prop_assert!(position_mm.norm() <= 12.0 * JOINT_PITCH_MM + 1e-9);
             let ahead = [tip(pitch + STEP, yaw), tip(pitch, yaw + STEP)];
             let behind = [tip(pitch - STEP, yaw), tip(pitch, yaw - STEP)];
             for axis in 0..2 {

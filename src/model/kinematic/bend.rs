@@ -1,7 +1,6 @@
 //! Which bend brings the tip to a place, and which rates move it with a velocity.
 
-use super::joint::STOP_RAD;
-use super::{JOINTS_PER_AXIS, TipPosition, tip_position};
+use super::{JOINTS_PER_AXIS, STOP_RAD, TipPosition, tip_position};
 
 /// The stops of the joints hold the whole bend within this, rad.
 const LARGEST_RAD: f64 = JOINTS_PER_AXIS as f64 * STOP_RAD;
