@@ -4,18 +4,20 @@
 //! it. Nothing here moves a robot. Predictions come from `i2ris::model`, the code that the
 //! controller runs, and a model that the controller would refuse is refused here first.
 //!
-//! # Modules, from the lowest layer up
+//! # Modules
+//!
+//! From the lowest layer up: a module imports only from those above it in this table.
 //!
 //! | module | contents |
 //! |---|---|
 //! | [`parallel`], [`progress`] | work on all cores; reports of its progress |
 //! | [`table`] | rows of numbers |
-//! | [`recording`] | CSV files: columns, reading, checking, writing; the latency of the stamps |
+//! | [`recording`] | CSV files: columns, reading, checking, writing |
+//! | [`series`] | the path of the motors with the samples along it |
 //! | [`em`] | Gaussian mixtures by expectation maximisation |
 //! | [`regression`] | affine, ridge and mixture regression; the number of components |
-//! | [`series`] | the path of the motors with the samples along it |
-//! | [`quality`] | of a recording alone: noise, spikes, cycles, identifiability |
-//! | [`families`] | the fit of each family: kinematic, direction, play and stop operators |
+//! | [`quality`] | of a recording alone: noise, spikes, cycles, identifiability, latency |
+//! | [`families`] | the fit of plays and of a balance of forces |
 //! | [`fit`] | all families, their model files, metrics, and the choice among them |
 //! | [`drift`] | how far a robot is from its calibration, and a new model from an old one |
 //! | [`report`] | the result on one page, with figures |

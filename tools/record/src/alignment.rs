@@ -4,7 +4,7 @@
 use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::ExternalPosition;
 use i2ris::units::{MAX_MOTORS, MotorVec};
-use i2ris_calibration::recording::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
+use i2ris_calibration::quality::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
 
 /// Encoder positions are kept at this distance.
 const STEP_S: f64 = 0.005;

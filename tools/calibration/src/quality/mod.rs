@@ -7,10 +7,16 @@
 //! | `identifiability` | whether the motion can show hysteresis |
 //! | `circulation` | motion of two motors around a closed curve |
 //! | `cycle` | the cycles of a repeating motion |
+//! | [`latency`] | how late the stamps of the outputs are |
+//! | `latency_features` | hysteresis without time, for that |
+//! | `latency_shift` | a recording without that latency |
 
 mod circulation;
 pub mod cycle;
 mod identifiability;
+pub mod latency;
+mod latency_features;
+mod latency_shift;
 mod noise;
 mod spike;
 
@@ -19,15 +25,16 @@ use std::fmt;
 use i2ris::model::file::OutputUnit;
 
 use crate::recording::Recording;
-use crate::recording::latency::Latency;
 use crate::regression::linear::{LinearError, LinearFit, fit_linear, independence};
 use crate::series::Series;
 use crate::table::DataTable;
 
 pub use identifiability::{Finding, findings};
+pub use latency_shift::counts_at;
 pub use noise::{NoiseFloor, NoiseMethod};
 pub use spike::{Spike, SpikeOptions};
 
+use latency::Latency;
 use noise::noise_floor;
 use spike::spikes;
 

@@ -8,17 +8,11 @@
 //! | `check` | requirements that every recording fulfils |
 //! | `read` | reading a file: parsed, then checked |
 //! | `write` | the common format, written row by row |
-//! | `latency` | how late the stamps of the outputs are |
-//! | `latency_features` | hysteresis without time, for that |
-//! | `latency_shift` | a recording without that latency |
 //! | `error` | what is wrong with a file, where, and what to do |
 
 mod check;
 mod columns;
 mod error;
-pub mod latency;
-mod latency_features;
-mod latency_shift;
 mod parse;
 mod read;
 mod rows;
@@ -29,7 +23,6 @@ mod write;
 pub use check::MIN_ROWS;
 pub use columns::{ColumnMap, OutputColumn, ParseColumnError, TimeColumn};
 pub use error::RecordingError;
-pub use latency_shift::counts_at;
 pub use read::{DroppedRow, ReadReport};
 pub use rows::{PathPoint, Recording, Row};
 pub use write::RecordingWriter;

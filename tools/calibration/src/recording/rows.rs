@@ -133,6 +133,11 @@ impl Recording {
         Ok(both)
     }
 
+    /// The same with another path and its rows.
+    pub(crate) fn with(&self, path: Vec<PathPoint>, rows: Vec<Row>) -> Self {
+        Self { path, rows, ..self.clone() }
+    }
+
     /// The first rows, with the path up to the last of them.
     #[must_use]
     pub fn first_rows(&self, count: usize) -> Self {

@@ -6,9 +6,9 @@ use i2ris::model::file::OutputMetrics;
 use i2ris::units::{MAX_OUTPUTS, MotorVec};
 use serde::Serialize;
 
+use crate::quality::latency::Latency;
 use crate::quality::{NoiseFloor, Spike};
 use crate::recording::ReadReport;
-use crate::recording::latency::Latency;
 
 /// The family that others are compared with.
 pub(super) const BASELINE: &str = "linear";

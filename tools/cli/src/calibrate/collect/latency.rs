@@ -5,8 +5,9 @@ use std::path::Path;
 
 use i2ris::model::file::OutputSpec;
 use i2ris::units::MotorVec;
-use i2ris_calibration::recording::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
-use i2ris_calibration::recording::{RecordingWriter, Row, counts_at};
+use i2ris_calibration::quality::counts_at;
+use i2ris_calibration::quality::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
+use i2ris_calibration::recording::{RecordingWriter, Row};
 
 use super::recorder::{GAP_NS, is_sample};
 use i2ris_report::files::replace;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use i2ris_calibration::recording::latency::Latency;
+use i2ris_calibration::quality::latency::Latency;
 
 use super::sidecar::FlagKind;
 use super::sidecar::{LatencyRecord, Sidecar};

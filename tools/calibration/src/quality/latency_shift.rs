@@ -2,9 +2,9 @@
 
 use i2ris::units::MotorVec;
 
+use super::identifiability::{Finding, findings};
 use super::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
-use super::rows::{PathPoint, Recording, Row};
-use crate::quality::{Finding, findings};
+use crate::recording::{PathPoint, Recording, Row};
 use crate::series::Series;
 use i2ris_report::statistics::median;
 
@@ -31,22 +31,22 @@ impl Recording {
     /// the motion does not show it, see [`estimate_latency`].
     #[must_use]
     pub fn latency(&self) -> Option<Latency> {
-        let times: Option<Vec<f64>> = self.path.iter().map(|point| point.time_s).collect();
+        let times: Option<Vec<f64>> = self.path().iter().map(|point| point.time_s).collect();
         let mut steps: Vec<f64> = times?.windows(2).map(|pair| pair[1] - pair[0]).collect();
         if median(&mut steps)? > SETTLED_S {
             return None;
         }
         let mut path = Vec::new();
-        for point in &self.path {
+        for point in self.path() {
             let (time_s, counts) = (point.time_s?, point.counts);
             path.push(TimedCounts { time_s, counts });
         }
         let mut measured = Vec::new();
-        for row in &self.rows {
+        for row in self.rows() {
             let (time_s, outputs) = (row.time_s?, row.outputs);
             measured.push(TimedOutputs { time_s, outputs });
         }
-        estimate_latency(&path, &measured, self.motors)
+        estimate_latency(&path, &measured, self.motors())
     }
 
     /// The recording without what is believed of its latency, and that part, s.
@@ -78,19 +78,19 @@ impl Recording {
     /// stamps stays as it is.
     #[must_use]
     pub fn shifted(&self, seconds: f64) -> Self {
-        let timed = self.path.iter().map(|point| Some((point.time_s?, point.counts)));
+        let timed = self.path().iter().map(|point| Some((point.time_s?, point.counts)));
         let Some(timed) = timed.collect::<Option<Vec<_>>>() else {
             return self.clone();
         };
         let mut steps: Vec<f64> = timed.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         let gap = GAP * median(&mut steps).unwrap_or_default();
-        let moved = self.rows.iter().filter_map(|row| {
+        let moved = self.rows().iter().filter_map(|row| {
             let time_s = row.time_s? - seconds;
             Some(Row { time_s: Some(time_s), counts: counts_at(&timed, time_s, gap)?, ..*row })
         });
-        let mut path: Vec<PathPoint> = Vec::with_capacity(2 * self.path.len());
-        let mut rows = Vec::with_capacity(self.rows.len());
-        let mut old = self.path.iter().peekable();
+        let mut path: Vec<PathPoint> = Vec::with_capacity(2 * self.path().len());
+        let mut rows = Vec::with_capacity(self.rows().len());
+        let mut old = self.path().iter().peekable();
         for row in moved {
             while let Some(position) = old.next_if(|position| position.time_s <= row.time_s) {
                 path.push(*position);
@@ -102,7 +102,7 @@ impl Recording {
             rows.push(Row { path_index: path.len() - 1, ..row });
         }
         path.extend(old);
-        Self { path, rows, ..self.clone() }
+        self.with(path, rows)
     }
 }
 
