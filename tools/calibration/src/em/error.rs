@@ -25,7 +25,7 @@ pub enum StartFailure {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum EmError {
     /// A number of variables that no model has.
-    #[error("a mixture has 2 to 7 variables, and the data have {found}")]
+    #[error("a mixture has 2 to 6 variables, and the data have {found}")]
     Variables {
         /// Columns of the data.
         found: usize,

@@ -6,14 +6,12 @@
 //! (`GaussianMixture(2, tol=1e-14, reg_covar=0)` with weights, means and precisions given), all on
 //! the data below.
 
-use i2ris::model::file::MixtureParameters;
 use nalgebra::{DMatrix, Matrix1, Matrix2, SMatrix, SVector, Vector1, Vector2};
 
 use super::component::Component;
-use super::error::EmError;
 use super::iteration::{EmResult, EmRules, iterate};
 use super::properties::{PLAIN, plane};
-use super::restarts::{fit_mixture, fit_mixture_from, parameters};
+use super::restarts::{fit_mixture, parameters};
 use super::samples::Samples;
 use crate::progress::Silent;
 use crate::table::DataTable;
@@ -104,32 +102,6 @@ fn a_converged_fit_is_scikit_learns() {
     assert_all_near(&fit.means.concat(), &means, 1e-6);
     assert_all_near(&fit.covariances[0].concat(), &first, 1e-6);
     assert_all_near(&fit.covariances[1].concat(), &second, 1e-6);
-}
-
-#[test]
-fn a_start_in_the_units_of_the_data_gives_the_same_fit() {
-    let samples = Samples::<2>::new(&plane());
-    let start = parameters(&plane_start(&samples), &samples.scaling);
-    let fit = fit_mixture_from(&plane(), &[start], &PLAIN).unwrap();
-    let rules = EmRules {
-        tolerance: PLAIN.tolerance,
-        max_iterations: PLAIN.max_iterations,
-        prior: SMatrix::zeros(),
-    };
-    let same = iterate(&samples, plane_start(&samples), &rules).unwrap();
-    assert_eq!((fit.iterations, fit.starts.log_likelihoods.len()), (same.history.len(), 1));
-    let expected = same.log_likelihood + samples.scaling.log_jacobian();
-    assert_all_near(&[fit.log_likelihood], &[expected], 1e-12);
-
-    let narrow = MixtureParameters {
-        weights: vec![1.0],
-        means: vec![vec![0.0; 2]],
-        covariances: vec![vec![vec![1.0]]],
-    };
-    assert!(matches!(
-        fit_mixture_from(&plane(), &[narrow], &PLAIN),
-        Err(EmError::NoStartSucceeded { .. })
-    ));
 }
 
 #[test]

@@ -22,7 +22,7 @@
 //! | `pass` | one pass over the data: responsibilities, likelihood, moments |
 //! | `iteration` | iterations until convergence; the objective that never falls |
 //! | `k_means` | k-means++ starts |
-//! | `restarts` | all starts for a range of numbers of components, and the best of each |
+//! | `restarts` | all starts, and the best of them |
 
 mod component;
 pub mod error;
@@ -40,4 +40,4 @@ mod samples;
 
 pub use error::{EmError, StartFailure};
 pub use options::EmOptions;
-pub use restarts::{fit_mixture, fit_mixture_from, fit_mixtures};
+pub use restarts::fit_mixture;

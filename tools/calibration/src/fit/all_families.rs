@@ -50,7 +50,6 @@ pub fn fit(
     let data = TrainingData::new(recording, training)?;
     let fitter = data.fitter(&quality, &split, options, progress);
     let wanted = Family::ALL.into_iter().filter(|family| options.choice.includes(*family));
-    let mut fitter = fitter;
     let parts = Parts::new(options.choice);
     let mut families: Vec<FamilyOutcome> = wanted
         .map(|family| {
@@ -58,7 +57,6 @@ pub fn fit(
             fitter.attempt(family)
         })
         .collect();
-    let candidates = std::mem::take(&mut fitter.candidates);
     // Where nothing shows hysteresis, plays imitate something else.
     let judged_rows = judged_rows(recording, &split, &usable);
     let plays = match quality.hides_hysteresis() {
@@ -100,7 +98,7 @@ pub fn fit(
         family,
         linear,
         families,
-        report: FitReport { split, quality, training, every, drift, candidates, scores, plays },
+        report: FitReport { split, quality, training, every, drift, scores, plays },
     })
 }
 
@@ -267,7 +265,6 @@ impl<'a> TrainingData<'a> {
             options,
             known: None,
             progress,
-            candidates: Vec::new(),
         }
     }
 }

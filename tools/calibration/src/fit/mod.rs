@@ -10,7 +10,7 @@
 //! | `drift` | slow changes of the outputs during a recording |
 //! | `slow_error` | the part of the error that a camera can follow |
 //! | `model_file` | model files with their metrics |
-//! | `gmr` | mixtures on the counts, and their number of components |
+//! | `gmr` | a mixture on the counts, and its number of components |
 //! | [`network`] | networks that were trained elsewhere |
 //! | `network_error` | why such a network is refused |
 //! | `one_family` | the fit of each family |
@@ -27,7 +27,7 @@ pub mod error;
 mod evidence;
 pub mod family;
 pub mod flatness;
-pub mod gmr;
+mod gmr;
 pub mod metrics;
 mod model_file;
 pub mod network;
@@ -43,6 +43,5 @@ mod tests;
 pub use all_families::fit;
 pub use error::FitError;
 pub use family::{Choice, Family};
-pub use gmr::{Candidate, Verdict};
 pub use options::{Components, FitOptions};
 pub use outcome::FitOutcome;

@@ -10,7 +10,7 @@ use i2ris::model::{Model, ModelError};
 use super::error::{FitError, refused};
 use super::family::{Choice, Family};
 use super::flatness::flat_spot;
-use super::gmr::{self, Candidate, GmrData};
+use super::gmr::{self, GmrData};
 use super::model_file::{FileContext, Fitted};
 use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, Mechanism};
@@ -47,12 +47,11 @@ pub(super) struct FamilyFitter<'a> {
     /// Parameters of the same family from most of the same rows: what was chosen there stays.
     pub known: Option<&'a FamilyParameters>,
     pub progress: &'a dyn Progress,
-    pub candidates: Vec<Candidate>,
 }
 
 impl FamilyFitter<'_> {
     /// Fits a family and measures the time.
-    pub fn attempt(&mut self, family: Family) -> FamilyOutcome {
+    pub fn attempt(&self, family: Family) -> FamilyOutcome {
         let begin = Instant::now();
         let mut mechanism = None;
         let result = self.fit(family, &mut mechanism);
@@ -61,11 +60,7 @@ impl FamilyFitter<'_> {
         FamilyOutcome { family, result, mechanism, seconds: begin.elapsed().as_secs_f64() }
     }
 
-    fn fit(
-        &mut self,
-        family: Family,
-        mechanism: &mut Option<Mechanism>,
-    ) -> Result<Model, FitError> {
+    fn fit(&self, family: Family, mechanism: &mut Option<Mechanism>) -> Result<Model, FitError> {
         if family.has_memory()
             && let Some(reason) = self.hidden
         {
@@ -138,15 +133,14 @@ impl FamilyFitter<'_> {
         }
     }
 
-    fn gmr(&mut self) -> Result<Model, FitError> {
+    fn gmr(&self) -> Result<Model, FitError> {
         let data = GmrData { inputs: self.inputs, outputs: self.outputs, straight: self.straight };
         let components = match self.known_components() {
             Some(components) => Components::Exactly(components),
             None => self.options.components,
         };
         let options = FitOptions { components, ..self.options.clone() };
-        let (model, candidates) = gmr::fit(&self.context, data, &options, self.progress)?;
-        self.candidates = candidates;
+        let model = gmr::fit(&self.context, data, &options, self.progress)?;
         if self.known.is_some()
             && let Some(spot) = flat_spot(&model, self.inputs, self.outputs, self.straight)
         {

@@ -9,7 +9,6 @@ use super::choice::{Score, held_out_error};
 use super::drift::Drift;
 use super::error::FitError;
 use super::family::Family;
-use super::gmr::{Candidate, Verdict};
 use super::split::Split;
 use crate::families::force_balance::mechanism::BalanceMechanism;
 use crate::families::play_mechanism::PlayMechanism;
@@ -75,9 +74,6 @@ pub struct FitReport {
     pub every: usize,
     /// How far the outputs wander away from the model that was taken.
     pub drift: Drift,
-    /// Numbers of components that were tried for `gmr`, in rising order; none where it was not
-    /// fitted.
-    pub candidates: Vec<Candidate>,
     /// Scores of the families that could be fitted, the simplest first; none where a family was
     /// asked for.
     pub scores: Vec<Score>,
@@ -115,14 +111,5 @@ impl FitOutcome {
             );
         }
         Some(text)
-    }
-}
-
-impl FitReport {
-    /// The number of components that was taken for `gmr`.
-    #[must_use]
-    pub fn chosen(&self) -> Option<&Candidate> {
-        let is_chosen = |candidate: &&Candidate| matches!(candidate.verdict, Verdict::Chosen);
-        self.candidates.iter().find(is_chosen)
     }
 }
