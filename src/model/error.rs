@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::model::output_unit::OutputUnit;
+use crate::model::estimate::OutputUnit;
 use crate::model::schema_version::{FAMILIES, FORMAT, SCHEMA_VERSION};
 use crate::units::MotorVec;
 

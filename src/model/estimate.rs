@@ -1,4 +1,7 @@
-//! Results of a model, in arrays of fixed size.
+//! Results of a model, in arrays of fixed size, and their units.
+
+use std::f64::consts::PI;
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
@@ -16,12 +19,8 @@ pub type JacobianMatrix = [[f64; MAX_MOTORS]; MAX_OUTPUTS];
 pub struct Estimate {
     /// Expected outputs, rad (m).
     pub mean: OutputVec,
-    /// Covariance of the outputs by the law of total covariance. Use this one for decisions.
+    /// Covariance of the outputs by the law of total covariance.
     pub covariance: OutputMatrix,
-    /// Sum of squared responsibility times conditional covariance: the approximation of the
-    /// calibration note. It leaves out the differences between the components, so it is never
-    /// larger than `covariance`.
-    pub covariance_within: OutputMatrix,
 }
 
 impl Estimate {
@@ -78,5 +77,35 @@ impl Query {
     #[must_use]
     pub const fn new(start: MotorVec) -> Self {
         Self { start, correction: None, compensation: 1.0 }
+    }
+}
+
+/// Unit of an output in files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OutputUnit {
+    /// Degrees; radians in code.
+    Deg,
+    /// Millimetres; metres in code.
+    Mm,
+}
+
+impl OutputUnit {
+    /// One of this unit in radians or metres.
+    #[must_use]
+    pub const fn si(self) -> f64 {
+        match self {
+            Self::Deg => PI / 180.0,
+            Self::Mm => 1e-3,
+        }
+    }
+}
+
+impl fmt::Display for OutputUnit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Deg => "deg",
+            Self::Mm => "mm",
+        })
     }
 }

@@ -25,7 +25,7 @@
 //! | `maths` | Gaussian mixture, its regression, convex hull, damped Newton inverse |
 //! | `history` | past motor positions; they rebuild a memory |
 //! | [`kinematic`] | where the tip of a bent snake is |
-//! | `estimate`, `error`, `output_unit`, `schema_version` | results, errors, units, version |
+//! | `estimate`, `error`, `schema_version` | results and their units, errors, version |
 
 mod error;
 mod estimate;
@@ -35,7 +35,6 @@ pub mod file;
 mod history;
 pub mod kinematic;
 mod maths;
-mod output_unit;
 mod prepared;
 mod schema_version;
 mod trial_path;
@@ -48,6 +47,7 @@ pub use families::memory::Memory;
 pub use families::{hysteresis, network};
 pub use history::History;
 pub use maths::gaussian_mixture::MAX_COMPONENTS;
+pub use maths::gaussian_mixture_regression::MixtureRegression;
 pub use maths::hull::{Hull, MAX_CORNERS, TOLERANCE_COUNTS};
 pub use maths::polynomial_regression;
 pub use maths::regression::Local;

@@ -6,6 +6,7 @@ use nalgebra::SVector;
 
 use crate::file_permissions::{LONGEST_MODEL, read_trusted};
 use crate::model::error::ModelError;
+use crate::model::estimate::OutputUnit;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Query};
 use crate::model::examination::Examination;
 use crate::model::families::hysteresis::Operator;
@@ -22,7 +23,6 @@ use crate::model::history::History;
 use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::Hull;
 use crate::model::maths::polynomial_regression::PolynomialRegression;
-use crate::model::output_unit::OutputUnit;
 use crate::robot::ModelId;
 use crate::units::{MotorVec, OutputVec};
 

@@ -64,11 +64,7 @@ impl<const D: usize, const M: usize> Regression<D, M> for Linear<D, M> {
     }
 
     fn predict(&self, input: &SVector<f64, D>) -> Prediction<M> {
-        Prediction {
-            mean: self.mean(input),
-            covariance: self.covariance,
-            covariance_within: self.covariance,
-        }
+        Prediction { mean: self.mean(input), covariance: self.covariance }
     }
 
     /// None: the search reaches the only minimum from every start.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::model::families::gap_scale;
 use crate::model::families::hysteresis::force_balance::state::BalanceState;
 use crate::model::families::hysteresis::play_state::PlayState;
-use crate::model::families::network::state::NetworkState;
+use crate::model::families::network::layers::NetworkState;
 use crate::units::MotorVec;
 
 /// The state that a model keeps of the past motion of the motors. It has a fixed size and uses no

@@ -4,10 +4,10 @@ use std::cmp::Ordering::Less;
 
 use crate::model::error::ModelError;
 use crate::model::estimate::Inverse;
+use crate::model::estimate::OutputUnit;
 use crate::model::maths::hull::Hull;
 use crate::model::maths::newton_inverse::one_count;
 use crate::model::maths::regression::{Local, array};
-use crate::model::output_unit::OutputUnit;
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS, MotorVec, OutputVec};
 
 /// An error below this part of a unit is none, also where all positions lie in one gap and no count

@@ -3,13 +3,13 @@
 use std::fmt::Debug;
 
 use crate::model::error::ModelError;
+use crate::model::estimate::OutputUnit;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Query};
 use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
 use crate::model::maths::hull::Hull;
 use crate::model::maths::newton_inverse;
 use crate::model::maths::regression::{Regression, array, bounded, estimate, rows, vector};
-use crate::model::output_unit::OutputUnit;
 use crate::units::{MotorVec, OutputVec};
 
 /// A family of models with its numbers of motors and outputs hidden. The provided methods suit a

@@ -10,10 +10,10 @@ use crate::model::families::hysteresis::force_balance::BalanceParameters;
 use crate::model::families::hysteresis::residual::ResidualParameters;
 use crate::model::families::network::NetworkParameters;
 
+pub use crate::model::estimate::OutputUnit;
 pub use crate::model::maths::gaussian_mixture::MixtureParameters;
 pub use crate::model::maths::hull::HullParameters;
 pub use crate::model::maths::polynomial_regression::PolynomialParameters;
-pub use crate::model::output_unit::OutputUnit;
 pub use crate::model::schema_version::{FAMILIES, FORMAT, SCHEMA_VERSION};
 
 /// A model file that is not checked yet.

@@ -13,7 +13,7 @@ mod tip;
 pub use bend::{bend_rates, bend_to};
 pub use tip::JOINT_PITCH_MM;
 
-use crate::model::output_unit::OutputUnit;
+use crate::model::estimate::OutputUnit;
 
 /// Number of pitch joints, and of yaw joints (the robot's drawing).
 pub const JOINTS_PER_AXIS: usize = 6;

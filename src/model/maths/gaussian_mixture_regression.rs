@@ -41,7 +41,8 @@ use crate::model::maths::gaussian_mixture::MixtureParameters;
 use crate::model::maths::gaussian_mixture::{Component, MAX_COMPONENTS, components};
 use crate::model::maths::lanes::{LANES, Lanes};
 use crate::model::maths::mixture_part::Part;
-use crate::model::maths::regression::{Local, Prediction, Regression};
+use crate::model::maths::regression::{Local, Prediction, Regression, array, vector};
+use crate::units::OutputVec;
 
 /// The most blocks of components, and those of mixtures as they are fitted: for these the arrays
 /// of an evaluation are short.
@@ -364,27 +365,60 @@ impl<const I: usize, const O: usize> Conditional<I, O> {
         let mut weighted = Weighted::<I, B>::none();
         let (mean, total) = self.mean_of(input, &mut weighted);
         let mut total_spread = [[Lanes::ZERO; O]; O];
-        let mut within = [[Lanes::ZERO; O]; O];
         let normal = Lanes::splat(1.0 / total);
         let entries = weighted.shares.iter().zip(&weighted.whitened);
         for ((share, whitened), block) in entries.zip(&self.blocks) {
             let share = *share * normal;
-            let squared = share * share;
             let difference = block.difference(whitened, &mean);
             for o in 0..O {
                 for p in 0..=o {
                     let spread = block.covariance[o][p] + difference[o] * difference[p];
                     total_spread[o][p] = total_spread[o][p] + spread * share;
-                    within[o][p] = within[o][p] + block.covariance[o][p] * squared;
                 }
             }
         }
-        let symmetric =
-            |lower: &[[Lanes; O]; O]| SMatrix::from_fn(|o, p| lower[o.max(p)][o.min(p)].sum());
-        Prediction {
-            mean,
-            covariance: symmetric(&total_spread),
-            covariance_within: symmetric(&within),
+        let covariance = SMatrix::from_fn(|o, p| total_spread[o.max(p)][o.min(p)].sum());
+        Prediction { mean, covariance }
+    }
+}
+
+type Predict = dyn Fn(&[f64]) -> OutputVec + Send + Sync;
+
+/// The regression of a mixture over `[inputs; outputs]` in the units of the file, of any size:
+/// calibration runs the code of the controller.
+pub struct MixtureRegression(Box<Predict>);
+
+impl MixtureRegression {
+    /// Of a mixture with 1 or 2 inputs and 1 to 3 outputs.
+    ///
+    /// # Errors
+    ///
+    /// When the mixture is refused.
+    pub fn prepare(
+        mixture: &MixtureParameters,
+        inputs: usize,
+        outputs: usize,
+    ) -> Result<Self, ModelError> {
+        match (inputs, outputs) {
+            (1, 1) => Self::sized::<1, 1>(mixture),
+            (1, 2) => Self::sized::<1, 2>(mixture),
+            (1, _) => Self::sized::<1, 3>(mixture),
+            (_, 1) => Self::sized::<2, 1>(mixture),
+            (_, 2) => Self::sized::<2, 2>(mixture),
+            (_, _) => Self::sized::<2, 3>(mixture),
         }
+    }
+
+    fn sized<const D: usize, const M: usize>(
+        mixture: &MixtureParameters,
+    ) -> Result<Self, ModelError> {
+        let gmr = Gmr::<D, M>::prepare(mixture, 1.0)?;
+        Ok(Self(Box::new(move |inputs| array(&gmr.mean(&vector(inputs))))))
+    }
+
+    /// The outputs. `inputs` may be longer than the inputs of the mixture.
+    #[must_use]
+    pub fn predict(&self, inputs: &[f64]) -> OutputVec {
+        (self.0)(inputs)
     }
 }

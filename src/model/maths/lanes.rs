@@ -1,6 +1,48 @@
 //! Numbers side by side: arithmetic that the compiler turns into instructions on all of them.
+//!
+//! Of loops over rows of numbers the compiler makes one for each width of the processor's
+//! instructions (`wide!`). The operations, their order and their rounding are the same in all of
+//! them (nothing is fused), and so are the bits on every machine.
 
 use std::ops::{Add, Mul, Sub};
+
+/// Defines functions that the compiler also makes for AVX2 and AVX-512; the processor decides at
+/// run time. What they call must be `#[inline(always)]`.
+macro_rules! wide {
+    ($(#[$attribute:meta])* $visibility:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?)
+     $body:block) => {
+        $(#[$attribute])*
+        $visibility fn $name($($argument: $type),*) {
+            #[inline(always)]
+            fn usual($($argument: $type),*) $body
+
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx512f")]
+                fn avx512($($argument: $type),*) {
+                    usual($($argument),*);
+                }
+
+                #[target_feature(enable = "avx2")]
+                fn avx2($($argument: $type),*) {
+                    usual($($argument),*);
+                }
+
+                if std::arch::is_x86_feature_detected!("avx512f") {
+                    // SAFETY: this processor has the instructions.
+                    return unsafe { avx512($($argument),*) };
+                }
+                if std::arch::is_x86_feature_detected!("avx2") {
+                    // SAFETY: this processor has the instructions.
+                    return unsafe { avx2($($argument),*) };
+                }
+            }
+            usual($($argument),*);
+        }
+    };
+}
+
+pub(in crate::model) use wide;
 
 /// Lanes of the instructions that every 64-bit processor of x86 and ARM has.
 pub(in crate::model) const LANES: usize = 2;

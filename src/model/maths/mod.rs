@@ -11,4 +11,3 @@ pub(in crate::model) mod polygon;
 pub mod polynomial_regression;
 pub(in crate::model) mod quadratic;
 pub(in crate::model) mod regression;
-pub(in crate::model) mod wide;

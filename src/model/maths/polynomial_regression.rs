@@ -155,8 +155,7 @@ impl<const D: usize, const M: usize> Regression<D, M> for PolynomialRegression<D
     }
 
     fn predict(&self, input: &SVector<f64, D>) -> Prediction<M> {
-        let (mean, covariance) = (self.mean(input), self.covariance);
-        Prediction { mean, covariance, covariance_within: covariance }
+        Prediction { mean: self.mean(input), covariance: self.covariance }
     }
 
     /// A polynomial has no other idea of where a goal might be.

@@ -18,7 +18,7 @@ pub(in crate::model) trait Regression<const D: usize, const M: usize>:
     /// The mean alone.
     fn mean(&self, input: &SVector<f64, D>) -> SVector<f64, M>;
 
-    /// Mean and both covariances.
+    /// Mean and covariance.
     fn predict(&self, input: &SVector<f64, D>) -> Prediction<M>;
 
     /// A second start of the search for the input of a goal, for use when the first start does not
@@ -40,16 +40,11 @@ pub struct Local<const D: usize, const M: usize> {
 pub(in crate::model) struct Prediction<const M: usize> {
     pub mean: SVector<f64, M>,
     pub covariance: SMatrix<f64, M, M>,
-    pub covariance_within: SMatrix<f64, M, M>,
 }
 
 /// A prediction in arrays of fixed size.
 pub(in crate::model) fn estimate<const M: usize>(prediction: &Prediction<M>) -> Estimate {
-    Estimate {
-        mean: array(&prediction.mean),
-        covariance: rows(&prediction.covariance),
-        covariance_within: rows(&prediction.covariance_within),
-    }
+    Estimate { mean: array(&prediction.mean), covariance: rows(&prediction.covariance) }
 }
 
 /// Clamps counts to the range of a drive, so that squares do not overflow.

@@ -151,26 +151,22 @@ pub fn shared_work(sample: &Sample) {
     });
 }
 
-/// Covariances are covariances, and the part within the components is a part of the whole.
+/// Covariances are covariances.
 pub fn covariances(sample: &Sample) {
     each(sample, |it| {
-        let Estimate { covariance, covariance_within, .. } = it.model.predict(&it.at, &it.memory);
-        let between = [0, 1, 2]
-            .map(|i: usize| [0, 1, 2].map(|j: usize| covariance[i][j] - covariance_within[i][j]));
+        let Estimate { covariance, .. } = it.model.predict(&it.at, &it.memory);
         let scale = (0..3).map(|i| covariance[i][i]).sum::<f64>();
         assert!(scale > 0.0);
-        for matrix in [covariance, covariance_within, between] {
-            // Sampled directions.
-            for number in 0..60 {
-                let (a, b) = (f64::from(number) * 0.21, f64::from(number) * 0.53);
-                let way = [a.cos() * b.cos(), a.sin() * b.cos(), b.sin()];
-                let row = |i: usize| way[i] * (0..3).map(|j| matrix[i][j] * way[j]).sum::<f64>();
-                let value = (0..3).map(row).sum::<f64>();
-                assert!(value >= -1e-12 * scale, "{matrix:?} has {value}");
-            }
-            let apart = |i: usize, j: usize| (matrix[i][j] - matrix[j][i]).abs();
-            assert!((0..9).all(|k| apart(k / 3, k % 3) <= 1e-12 * scale), "{matrix:?}");
+        // Sampled directions.
+        for number in 0..60 {
+            let (a, b) = (f64::from(number) * 0.21, f64::from(number) * 0.53);
+            let way = [a.cos() * b.cos(), a.sin() * b.cos(), b.sin()];
+            let row = |i: usize| way[i] * (0..3).map(|j| covariance[i][j] * way[j]).sum::<f64>();
+            let value = (0..3).map(row).sum::<f64>();
+            assert!(value >= -1e-12 * scale, "{covariance:?} has {value}");
         }
+        let apart = |i: usize, j: usize| (covariance[i][j] - covariance[j][i]).abs();
+        assert!((0..9).all(|k| apart(k / 3, k % 3) <= 1e-12 * scale), "{covariance:?}");
     });
 }
 
@@ -181,8 +177,7 @@ pub fn not_a_number(sample: &Sample) {
         for far in [[a, b], [1e9, -1e9], [f64::MAX, f64::MIN], [f64::INFINITY, 0.0], [-2e9, 3e5]] {
             let estimate = it.model.predict(&far, &it.memory);
             let jacobian = it.model.jacobian(&far, &it.memory);
-            let numbers = [estimate.covariance, estimate.covariance_within];
-            let mut all = numbers.as_flattened().as_flattened().iter().chain(&estimate.mean);
+            let mut all = estimate.covariance.as_flattened().iter().chain(&estimate.mean);
             let used = &far[..it.model.motors()];
             if used.iter().any(|counts| counts.is_nan()) {
                 assert!(all.any(|number| number.is_nan()), "{estimate:?}");

@@ -4,7 +4,7 @@ use i2ris::model::file::{OutputSpec, OutputUnit};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-use crate::em::options::EmOptions;
+use crate::em::EmOptions;
 use crate::recording::{ColumnMap, Recording, RecordingWriter, Row};
 
 /// A recording of pitch and yaw with two motors, 5 rows a second, that was written and read. `row`

@@ -82,7 +82,7 @@ pub use axis::Axis;
 pub use domain_option::DomainOption;
 pub use figure::{Figure, Panel};
 pub use interrupt::Interrupt;
-pub use mark::{BoxPlot, Heatmap, Line, Mark, ReferenceLine, Scatter, ShadedInterval};
+pub use mark::{Heatmap, Line, Mark, ReferenceLine, Scatter, ShadedInterval};
 pub use page::{Page, Table};
 pub use screen::{Screen, until_closed};
 pub use spinner::while_working;

@@ -43,7 +43,7 @@ macro_rules! labelled {
     )*};
 }
 
-labelled!(BoxPlot, Line, Scatter, ShadedInterval);
+labelled!(Line, Scatter, ShadedInterval);
 
 /// A line through points in their order. A point that is not finite is a gap.
 #[derive(Debug, Clone, PartialEq)]
@@ -201,59 +201,6 @@ impl Mark for ShadedInterval {
 
     fn legend(&self) -> Vec<LegendEntry> {
         entry(&self.label, Symbol::Patch(self.color, 1.0, Color::GREY))
-    }
-}
-
-/// A summary of a distribution.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FiveNumbers {
-    /// Low and high end of the whiskers.
-    pub whiskers: [f64; 2],
-    /// Low and high end of the box.
-    pub quartiles: [f64; 2],
-    pub median: f64,
-}
-
-/// Horizontal boxes at values of y.
-#[derive(Debug, Clone, PartialEq)]
-pub struct BoxPlot {
-    boxes: Vec<(f64, FiveNumbers)>,
-    fill: Color,
-    thickness: f64,
-    label: Option<String>,
-}
-
-impl BoxPlot {
-    /// Boxes with their values of y; `thickness` is in the unit of y.
-    pub fn new(boxes: Vec<(f64, FiveNumbers)>, fill: Color, thickness: f64) -> Self {
-        Self { boxes, fill, thickness, label: None }
-    }
-}
-
-impl Mark for BoxPlot {
-    fn extent(&self) -> Extent {
-        let ends = |(y, numbers): &(f64, FiveNumbers)| numbers.whiskers.map(|x| [x, *y]);
-        Extent::of(self.boxes.iter().flat_map(ends))
-    }
-
-    fn draw(&self, plot: &Plot) {
-        let thin = Stroke::new(Color::DARK, 0.9);
-        for (y, FiveNumbers { whiskers, quartiles: [left, right], median }) in &self.boxes {
-            let (half, cap) = (self.thickness / 2.0, self.thickness / 4.0);
-            let upright =
-                |x: f64, half: f64, stroke| plot.line(&[[x, y - half], [x, y + half]], stroke);
-            plot.line(&whiskers.map(|x| [x, *y]), thin);
-            whiskers.iter().for_each(|x| upright(*x, cap, thin));
-            let corners = [[*left, y - half], [*right, y + half]];
-            plot.rectangle(corners, self.fill);
-            let [[x1, y1], [x2, y2]] = corners;
-            plot.line(&[[x1, y1], [x2, y1], [x2, y2], [x1, y2], [x1, y1]], thin);
-            upright(*median, half, Stroke { width: 2.0, ..thin });
-        }
-    }
-
-    fn legend(&self) -> Vec<LegendEntry> {
-        entry(&self.label, Symbol::Patch(self.fill, 1.0, Color::DARK))
     }
 }
 

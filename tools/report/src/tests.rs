@@ -1,6 +1,5 @@
 //! Promises of every figure and page: well-formed, self-contained, small, only finite numbers.
 
-use crate::mark::FiveNumbers;
 use crate::page::TableRow;
 use crate::*;
 use proptest::prelude::*;
@@ -19,7 +18,6 @@ fn everything(points: &[[f64; 2]], name: &str) -> Figure {
     let all = || points.to_vec();
     let cells = points.iter().map(|point| (*point, point[1])).collect();
     let labels = ["1", "2", "3", "4", "5"].map(str::to_owned);
-    let five = FiveNumbers { whiskers: [x, y], quartiles: [x, y], median: x };
     let numbers = Panel::new(name, Axis::linear(name), Axis::linear(name))
         .with(ShadedInterval::new(x, y, Color::FAINT).label(name))
         .with(Heatmap::new(cells, [1.0, 1.0], [0.0, 1.0, 2.0, 3.0], labels))
@@ -31,8 +29,8 @@ fn everything(points: &[[f64; 2]], name: &str) -> Figure {
     let logs = Panel::new(name, Axis::log(name), Axis::log(name));
     let logs = logs.with(Line::new(all(), STROKE)).equal();
     let names = Axis::names("", vec![name.to_owned()]);
-    let boxes = BoxPlot::new(vec![(0.0, five)], Color::SKY, 0.5).label(name);
-    let names = Panel::new(name, Axis::linear(name).including(0.0), names).with(boxes);
+    let names = Panel::new(name, Axis::linear(name).including(0.0), names);
+    let names = names.with(Scatter::new(vec![[x, 0.0]], Color::SKY, 2.0).label(name));
     Figure::new(name, name, name).row(200.0, vec![numbers, logs]).row(120.0, vec![names])
 }
 

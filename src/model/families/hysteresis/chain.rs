@@ -5,6 +5,7 @@ use nalgebra::SVector;
 use super::residual::Residual;
 use super::{Lags, StoredOperator};
 use crate::model::error::ModelError;
+use crate::model::estimate::OutputUnit;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, MemoryTerms, Query};
 use crate::model::families::memory::Memory;
 use crate::model::families::round_trip;
@@ -12,7 +13,6 @@ use crate::model::families::runtime::{Runtime, invert_one};
 use crate::model::maths::hull::{Hull, TOLERANCE_COUNTS};
 use crate::model::maths::newton_inverse::{self, SearchStart};
 use crate::model::maths::regression::{Local, Regression, array, bounded, estimate, rows, vector};
-use crate::model::output_unit::OutputUnit;
 use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
 
 /// A prepared model with memory.

@@ -15,14 +15,12 @@
 //! | `play_state` | the state of play operators |
 //! | [`backlash_play`] | play operators |
 //! | [`force_balance`] | gear, wires, spring and friction in a balance of forces |
-//! | [`read_out`] | the regression alone, for calibration |
 //! | [`residual`] | the residual and its features |
 
 pub mod backlash_play;
 pub(in crate::model) mod chain;
 pub mod force_balance;
 pub(in crate::model) mod play_state;
-pub mod read_out;
 pub mod residual;
 
 use std::fmt::Debug;

@@ -2,7 +2,7 @@
 
 use super::parameters::Activation;
 use crate::model::maths::lanes::exp_above;
-use crate::model::maths::wide::wide;
+use crate::model::maths::lanes::wide;
 
 /// Below this an exponential adds nothing to 1.
 const LEAST_EXPONENT: f64 = -40.0;

@@ -1,8 +1,36 @@
-//! Prepared layers and their arithmetic, in arrays of fixed size.
+//! Prepared layers, their arithmetic and their hidden state, in arrays of fixed size.
+
+use serde::{Deserialize, Serialize};
 
 use super::matrix::Matrix;
-use super::parameters::{Activation, Layer, MAX_WIDTH};
-use crate::model::maths::wide::wide;
+use super::parameters::{Activation, Layer, MAX_STATE, MAX_WIDTH};
+use crate::model::maths::lanes::wide;
+use crate::units::MotorVec;
+
+/// Numbers per row: serialisation knows arrays of so many.
+const ROW: usize = 32;
+
+/// The hidden states of all layers with their recurrent parts, and where the last step ended.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct NetworkState {
+    pub(super) position: MotorVec,
+    rows: [[f64; ROW]; MAX_STATE / ROW],
+}
+
+impl NetworkState {
+    /// Nothing but zeros.
+    pub(super) fn at(position: MotorVec) -> Self {
+        Self { position, rows: [[0.0; ROW]; MAX_STATE / ROW] }
+    }
+
+    pub(super) fn values(&self) -> &[f64] {
+        self.rows.as_flattened()
+    }
+
+    pub(super) fn values_mut(&mut self) -> &mut [f64] {
+        self.rows.as_flattened_mut()
+    }
+}
 
 /// The most sums of a layer: four gates.
 const MAX_SUMS: usize = 4 * MAX_WIDTH;

@@ -21,20 +21,18 @@
 //! | file | contents |
 //! |---|---|
 //! | `parameters` | layers in a file, and their checks |
-//! | `layers` | prepared layers and their arithmetic |
+//! | `layers` | prepared layers, their arithmetic and their hidden state |
 //! | `scaled_layers` | layers between inputs and outputs in their units |
 //! | `matrix` | weights, and products with them |
 //! | `activation` | activations and their slopes |
-//! | `state` | the hidden state |
 //! | `runtime` | the network as a family of models |
 
 mod activation;
-mod layers;
+pub(in crate::model) mod layers;
 mod matrix;
 mod parameters;
 mod runtime;
 mod scaled_layers;
-pub(in crate::model) mod state;
 
 pub use parameters::{Activation, Layer, MAX_LAYERS, MAX_STATE, MAX_WIDTH, NetworkParameters};
 pub use runtime::walk;

@@ -2,10 +2,11 @@
 
 use nalgebra::{DMatrix, SMatrix, SVector};
 
+use super::layers::NetworkState;
 use super::parameters::{NetworkParameters, matrix, numbers};
 use super::scaled_layers::ScaledLayers;
-use super::state::NetworkState;
 use crate::model::error::{ModelError, require};
+use crate::model::estimate::OutputUnit;
 use crate::model::estimate::{Estimate, Inverse, JacobianMatrix, Query};
 use crate::model::families::memory::{Memory, State};
 use crate::model::families::round_trip;
@@ -16,7 +17,6 @@ use crate::model::maths::newton_inverse::{self, SearchStart};
 use crate::model::maths::regression::{
     Local, Prediction, Regression, array, bounded, estimate, rows, vector,
 };
-use crate::model::output_unit::OutputUnit;
 use crate::model::trial_path::TrialPath;
 use crate::units::{MotorVec, OutputVec};
 
@@ -197,8 +197,7 @@ impl<const D: usize, const M: usize> Regression<D, M> for At<'_, D, M> {
     }
 
     fn predict(&self, counts: &SVector<f64, D>) -> Prediction<M> {
-        let covariance = self.network.covariance;
-        Prediction { mean: self.mean(counts), covariance, covariance_within: covariance }
+        Prediction { mean: self.mean(counts), covariance: self.network.covariance }
     }
 
     /// A step and the rest along the straight line: where a step changes nothing, as in a gap, the

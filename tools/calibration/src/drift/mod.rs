@@ -16,8 +16,7 @@
 //! |---|---|
 //! | `regressors` | predictions and slopes along a recording |
 //! | `least_squares` | the robust fit with a prior |
-//! | `estimate` | the drift and its uncertainty |
-//! | `rest` | what is left over: how much, along which direction, how slow |
+//! | `estimate` | the drift and its uncertainty; what is left over |
 //! | `verdict` | whether it is time for a new calibration |
 //! | `refine` | a new model from a calibration and what was recorded in use |
 
@@ -25,10 +24,8 @@ mod estimate;
 mod least_squares;
 mod refine;
 mod regressors;
-mod rest;
 mod verdict;
 
-pub use estimate::{DriftError, DriftEstimate, Value};
+pub use estimate::{DriftError, DriftEstimate, Rest, Value};
 pub use refine::{RefineError, Refined, refine};
-pub use rest::Rest;
 pub use verdict::Verdict;

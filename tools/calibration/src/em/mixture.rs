@@ -2,8 +2,6 @@
 
 use i2ris::model::file::MixtureParameters;
 
-use super::error::StartFailure;
-
 /// A fitted mixture, in the units of the data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MixtureFit {
@@ -13,34 +11,6 @@ pub struct MixtureFit {
     pub log_likelihood: f64,
     /// Bayesian information criterion, see [`bic`].
     pub bic: f64,
-    /// Iterations of the best start.
-    pub iterations: usize,
-    /// Whether the best start converged within [`super::options::EmOptions::max_iterations`].
-    pub converged: bool,
-    /// The results of all starts.
-    pub starts: Starts,
-}
-
-/// Results of the starts of one fit.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Starts {
-    /// Mean log-likelihoods per row that the starts reached that went on to the end, nats, in
-    /// falling order.
-    pub log_likelihoods: Vec<f64>,
-    /// Starts that were not among the best after a few iterations.
-    pub abandoned: usize,
-    /// Why the others failed.
-    pub failures: Vec<StartFailure>,
-}
-
-impl Starts {
-    /// Difference between the best and the worst log-likelihood, nats
-    /// per row.
-    #[must_use]
-    pub fn spread(&self) -> f64 {
-        let all = &self.log_likelihoods;
-        all.first().zip(all.last()).map_or(0.0, |(best, worst)| best - worst)
-    }
 }
 
 /// Free parameters of a mixture of `components` over `variables`: weights that sum to 1, means,

@@ -14,7 +14,6 @@
 //!
 //! | file | contents |
 //! |---|---|
-//! | `options` | how to fit |
 //! | `error` | why nothing could be fitted |
 //! | `mixture` | a fitted mixture; its criterion and number of parameters |
 //! | `samples` | the data, standardised, in blocks |
@@ -22,7 +21,7 @@
 //! | `pass` | one pass over the data: responsibilities, likelihood, moments |
 //! | `iteration` | iterations until convergence; the objective that never falls |
 //! | `k_means` | k-means++ starts |
-//! | `restarts` | all starts, and the best of them |
+//! | `restarts` | options; all starts, and the best of them |
 
 mod component;
 pub mod error;
@@ -31,7 +30,6 @@ mod golden;
 mod iteration;
 mod k_means;
 pub mod mixture;
-pub mod options;
 mod pass;
 #[cfg(test)]
 mod properties;
@@ -39,5 +37,4 @@ pub mod restarts;
 mod samples;
 
 pub use error::{EmError, StartFailure};
-pub use options::EmOptions;
-pub use restarts::fit_mixture;
+pub use restarts::{EmOptions, fit_mixture};

@@ -9,8 +9,7 @@ use super::error::EmError;
 use super::iteration::{EmRules, iterate};
 use super::k_means::random_start;
 use super::mixture::MixtureFit;
-use super::options::EmOptions;
-use super::restarts::fit_mixture;
+use super::restarts::{EmOptions, fit_mixture};
 use super::samples::Samples;
 use crate::progress::Silent;
 use crate::table::DataTable;
@@ -44,16 +43,12 @@ fn the_number_of_threads_does_not_change_a_bit() {
 #[test]
 fn another_seed_gives_other_starts() {
     let with = |seed| fit_mixture(&plane(), 4, &EmOptions { seed, ..PLAIN }, &Silent).unwrap();
-    assert_ne!(with(1).starts, with(2).starts);
+    assert_ne!(with(1), with(2));
 }
 
 #[test]
-fn restarts_are_counted_and_the_best_wins() {
+fn the_best_of_the_restarts_wins() {
     let fit = fit_mixture(&plane(), 4, &EmOptions::default(), &Silent).unwrap();
-    let starts = &fit.starts;
-    let all = starts.log_likelihoods.len() + starts.abandoned + starts.failures.len();
-    assert_eq!(all, EmOptions::default().restarts);
-    assert!(starts.abandoned > starts.log_likelihoods.len() && starts.spread() > 0.0);
     let one = fit_mixture(&plane(), 4, &few_starts(1), &Silent).unwrap();
     assert!(fit.log_likelihood >= one.log_likelihood);
 }

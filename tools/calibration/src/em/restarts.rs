@@ -15,8 +15,7 @@ use super::component::Component;
 use super::error::{EmError, StartFailure};
 use super::iteration::{EmResult, EmRules, begin};
 use super::k_means::random_start;
-use super::mixture::{MixtureFit, Starts, bic, most_components};
-use super::options::EmOptions;
+use super::mixture::{MixtureFit, bic, most_components};
 use super::samples::{Samples, Scaling};
 use crate::parallel;
 use crate::progress::Progress;
@@ -27,6 +26,41 @@ const FIRST_ITERATIONS: usize = 8;
 
 /// One of so many starts goes on.
 const STARTS_PER_FINALIST: usize = 6;
+
+/// How to fit a mixture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EmOptions {
+    /// Random starts per number of components, at least 1. The best one wins.
+    pub restarts: usize,
+    /// Seed of the starts. The same seed gives the same model to the bit, on any number of cores.
+    pub seed: u64,
+    /// Iterations have converged when one raises the mean log-likelihood per row by less,
+    /// nats.
+    pub tolerance: f64,
+    /// Most iterations from a start.
+    pub max_iterations: usize,
+    /// Part of the variance of each variable that a component of average weight gets added to its
+    /// covariance. It keeps covariances positive definite.
+    pub regularisation: f64,
+    /// Part of the covariance of all rows that a component of average weight gets added to its
+    /// covariance. Where the motors moved along a line only, this gives it the
+    /// slope of the whole recording across that line instead of one made of noise. 0 for the plain
+    /// maximum of the likelihood.
+    pub shrinkage: f64,
+}
+
+impl Default for EmOptions {
+    fn default() -> Self {
+        Self {
+            restarts: 20,
+            seed: 1,
+            tolerance: 1e-5,
+            max_iterations: 500,
+            regularisation: 1e-6,
+            shrinkage: 0.01,
+        }
+    }
+}
 
 /// Fits a mixture of `components` Gaussians to the rows of `data`.
 ///
@@ -139,38 +173,27 @@ fn best<const N: usize>(
     results: &[Result<EmResult<N>, StartFailure>],
     field: &Field<N>,
 ) -> Result<MixtureFit, EmError> {
-    let log_jacobian = samples.scaling.log_jacobian();
-    let mut starts = Starts {
-        failures: field.failures.clone(),
-        abandoned: field.ranked.len().saturating_sub(results.len()),
-        ..Starts::default()
-    };
+    let mut failures = field.failures.clone();
     let mut best: Option<&EmResult<N>> = None;
     for result in results {
         match result {
             Ok(result) => {
-                starts.log_likelihoods.push(result.log_likelihood + log_jacobian);
                 let beats = |best: &EmResult<N>| result.objective() > best.objective();
                 if best.is_none_or(beats) {
                     best = Some(result);
                 }
             }
-            Err(failure) => starts.failures.push(*failure),
+            Err(failure) => failures.push(*failure),
         }
     }
-    starts.log_likelihoods.sort_by(|a, b| b.total_cmp(a));
     let Some(result) = best else {
-        let failures = starts.failures;
         return Err(EmError::NoStartSucceeded { components, failures });
     };
-    let log_likelihood = result.log_likelihood + log_jacobian;
+    let log_likelihood = result.log_likelihood + samples.scaling.log_jacobian();
     Ok(MixtureFit {
         parameters: parameters(&result.mixture, &samples.scaling),
         log_likelihood,
         bic: bic(log_likelihood, samples.rows, components, N),
-        iterations: result.history.len(),
-        converged: result.converged,
-        starts,
     })
 }
 

@@ -9,18 +9,16 @@
 
 use i2ris::model::file::{HullParameters, MixtureParameters};
 use i2ris::model::hysteresis::residual::ResidualParameters;
-use i2ris::model::{Hull, ModelError};
+use i2ris::model::{Hull, MixtureRegression, ModelError};
 use i2ris::units::MotorVec;
 use nalgebra::DMatrix;
 
 use super::operator_trace::{TracePoint, feature_matrix, shape_features};
 use crate::em::error::EmError;
 use crate::em::mixture::MixtureFit;
-use crate::em::options::EmOptions;
-use crate::em::restarts::fit_mixture;
+use crate::em::restarts::{EmOptions, fit_mixture};
 use crate::progress::Progress;
-use crate::regression::component_choice::{choose_components, fewer};
-use crate::regression::mixture::MixtureRegression;
+use crate::regression::component_choice::{choose_components, fewer, residuals};
 use crate::regression::ridge::{RidgeFit, ridge};
 use crate::series::Series;
 use crate::table::DataTable;
@@ -106,7 +104,7 @@ pub fn fit_chain(
     let mixture = mixture(&joint, components, &options.em, progress)?;
     let regression =
         MixtureRegression::prepare(&mixture.parameters, data.motors, series.outputs())?;
-    let rest = regression.residuals(&data.virtual_counts, &data.measured);
+    let rest = residuals(&regression, &data.virtual_counts, &data.measured);
     let (residual, error) = match options.residual {
         true => data.residual(&rest),
         false => (None, mean_square(&rest)),

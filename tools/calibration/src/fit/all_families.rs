@@ -6,7 +6,6 @@ use i2ris::model::file::HullParameters;
 use i2ris::model::{Hull, Model};
 
 use super::choice::{Score, best, scores};
-use super::drift::Drift;
 use super::error::{FitError, refused};
 use super::evidence::{Evidence, judged_rows, least_noise, plays_error};
 use super::family::{Choice, Family};
@@ -92,13 +91,12 @@ pub fn fit(
         Family::Linear => Arc::clone(&model),
         _ => linear,
     };
-    let drift = Drift::new(&model, recording, &usable);
     Ok(FitOutcome {
         model,
         family,
         linear,
         families,
-        report: FitReport { split, quality, training, every, drift, scores, plays },
+        report: FitReport { split, quality, training, every, scores, plays },
     })
 }
 

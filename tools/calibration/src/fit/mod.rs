@@ -7,7 +7,6 @@
 //! | `split` | training and held-out rows |
 //! | `metrics` | errors of predictions |
 //! | `flatness` | models that are flat where the robot is not |
-//! | `drift` | slow changes of the outputs during a recording |
 //! | `slow_error` | the part of the error that a camera can follow |
 //! | `model_file` | model files with their metrics |
 //! | `gmr` | a mixture on the counts, and its number of components |
@@ -22,7 +21,6 @@
 
 mod all_families;
 pub mod choice;
-pub mod drift;
 pub mod error;
 mod evidence;
 pub mod family;
@@ -35,7 +33,7 @@ pub mod network_error;
 mod one_family;
 pub mod options;
 pub mod outcome;
-mod slow_error;
+pub(crate) mod slow_error;
 pub mod split;
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@
 
 use super::family::Choice;
 use super::split::HoldOut;
-use crate::em::options::EmOptions;
+use crate::em::EmOptions;
 use crate::quality::SpikeOptions;
 
 /// How to fit.

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use i2ris::model::Model;
 
 use super::choice::{Score, held_out_error};
-use super::drift::Drift;
 use super::error::FitError;
 use super::family::Family;
 use super::split::Split;
@@ -72,8 +71,6 @@ pub struct FitReport {
     pub training: Vec<usize>,
     /// Every so many-th row that could be used was.
     pub every: usize,
-    /// How far the outputs wander away from the model that was taken.
-    pub drift: Drift,
     /// Scores of the families that could be fitted, the simplest first; none where a family was
     /// asked for.
     pub scores: Vec<Score>,

@@ -12,7 +12,7 @@ use super::metrics::predictions;
 use super::options::{Components, FitOptions};
 use super::outcome::{FamilyOutcome, FitOutcome};
 use super::split::HoldOut;
-use crate::em::options::EmOptions;
+use crate::em::EmOptions;
 use crate::families::chain::ChainOptions;
 use crate::families::play::play_fit::fit_play;
 use crate::progress::Silent;

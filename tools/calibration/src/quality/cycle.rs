@@ -34,17 +34,6 @@ pub(crate) fn last_cycle(recording: &Recording) -> Option<Cycle> {
     Some(Cycle { start: rhythm.start(1.0)?, cycles: rhythm.cycles() })
 }
 
-/// Where every whole cycle begins, counted back from the end, in order; nothing where there are no
-/// cycles.
-pub(crate) fn starts(recording: &Recording) -> Vec<usize> {
-    let Some(rhythm) = rhythm(recording) else {
-        return Vec::new();
-    };
-    // The first one may lack a little.
-    let whole = (rhythm.cycles() + 0.1).floor() as u32;
-    (1..=whole).rev().map(|back| rhythm.start(f64::from(back)).unwrap_or_default()).collect()
-}
-
 /// Phase or time at every row, and its increase in one cycle.
 struct Rhythm {
     progress: Vec<f64>,
@@ -137,10 +126,6 @@ mod tests {
         let last = last_cycle(&triangle).unwrap();
         assert_near(last.cycles, 3.98, 0.03);
         assert!((149..=151).contains(&last.start), "{last:?}");
-        let starts = starts(&triangle);
-        assert!(starts.len() == 4 && starts[0] <= 1, "{starts:?}");
-        let lengths = starts.windows(2).map(|pair| pair[1] - pair[0]);
-        assert!(lengths.into_iter().all(|length| (49..=51).contains(&length)), "{starts:?}");
     }
 
     #[test]

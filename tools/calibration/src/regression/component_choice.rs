@@ -7,9 +7,11 @@
 
 use std::ops::Range;
 
-use super::mixture::MixtureRegression;
-use crate::em::options::EmOptions;
-use crate::em::restarts::fit_mixture;
+use i2ris::model::MixtureRegression;
+use i2ris::units::MotorVec;
+use nalgebra::DMatrix;
+
+use crate::em::restarts::{EmOptions, fit_mixture};
 use crate::parallel;
 use crate::progress::{Progress, Silent};
 use crate::series::blocks;
@@ -79,6 +81,21 @@ pub(crate) fn first_near_least(errors: &[f64]) -> Option<usize> {
     let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
     let near = |error: &f64| error.is_finite() && *error <= least * (1.0 + LEAST_GAIN);
     errors.iter().position(near)
+}
+
+/// Outputs (a row per sample) less their predictions.
+pub(crate) fn residuals(
+    regression: &MixtureRegression,
+    inputs: &[MotorVec],
+    outputs: &DMatrix<f64>,
+) -> DMatrix<f64> {
+    let mut residuals = outputs.clone();
+    for (mut row, input) in residuals.row_iter_mut().zip(inputs) {
+        for (residual, predicted) in row.iter_mut().zip(regression.predict(input)) {
+            *residual -= predicted;
+        }
+    }
+    residuals
 }
 
 /// Sum of squared errors on a block, of a mixture that has not seen it.

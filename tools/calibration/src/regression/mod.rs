@@ -4,14 +4,12 @@
 //! |---|---|
 //! | `linear` | affine least squares |
 //! | `ridge` | ridge regression, its penalty chosen on blocks left out |
-//! | `mixture` | Gaussian mixture regression for any number of inputs |
 //! | [`nnls`] | least squares with unknowns that must not be negative |
 //! | `polynomial` | a smooth substitute for a mixture regression |
 //! | `component_choice` | the number of components, by the error on blocks left out |
 
 pub(crate) mod component_choice;
 pub mod linear;
-pub(crate) mod mixture;
 pub mod nnls;
 pub(crate) mod polynomial;
 pub(crate) mod ridge;

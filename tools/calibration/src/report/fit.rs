@@ -69,8 +69,6 @@ pub(super) struct RecordingFacts {
     pub held_out_rows: String,
     /// Of the rows held out.
     pub held_out_flagged: usize,
-    /// What the drift is counted over: `cycle`.
-    pub drift_per: String,
 }
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
@@ -78,8 +76,6 @@ pub(super) struct OutputFacts {
     pub name: String,
     pub unit: String,
     pub noise: Option<NoiseFloor>,
-    /// Away from the model: average of all parts of the motion, and largest step between two.
-    pub drift: [f64; 2],
     /// Of the affine model, per count of each motor.
     pub gain: Vec<f64>,
     #[serde(skip)]
@@ -223,12 +219,6 @@ impl Track {
 
     pub fn holds_nothing_out(&self) -> bool {
         self.held_out().next().is_none()
-    }
-
-    /// The rows that the error of a fit counts on: those held out, or those used for training where
-    /// none are.
-    pub fn judged(&self) -> Vec<usize> {
-        if self.holds_nothing_out() { self.training.clone() } else { self.held_out().collect() }
     }
 }
 

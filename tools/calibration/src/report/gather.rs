@@ -81,7 +81,6 @@ fn recording_facts(
         held_out: report.split.held_out().count(),
         held_out_rows: report.split.kind().to_string(),
         held_out_flagged: flagged.count(),
-        drift_per: if report.drift.cycles { "cycle" } else { "fifth of the rows" }.to_owned(),
     }
 }
 
@@ -107,7 +106,6 @@ fn output_facts(recording: &Recording, outcome: &FitOutcome) -> Vec<OutputFacts>
         name: spec.name.clone(),
         unit: spec.unit.to_string(),
         noise: report.quality.noise.get(index).copied().flatten(),
-        drift: [report.drift.per_part(index), report.drift.largest_step(index)],
         gain: gain(index).unwrap_or_default(),
         straight: straight(index).unwrap_or_default(),
     };

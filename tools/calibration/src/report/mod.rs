@@ -20,7 +20,7 @@
 //! | `text` | as it is printed |
 //! | `page`, `choice` | as a page |
 //! | `hysteresis_loops`, `error_map` | figures of the model |
-//! | `residual_times`, `residual_directions` | figures of the residuals |
+//! | `residual_times` | the residuals over time |
 //! | `labels` | numbers and names in the form of the page |
 
 mod choice;
@@ -32,7 +32,6 @@ mod gather;
 mod hysteresis_loops;
 mod labels;
 mod page;
-mod residual_directions;
 mod residual_times;
 mod sweep;
 #[cfg(test)]

@@ -7,7 +7,7 @@ use i2ris_report::{Axis, Color, Figure, Marker, Page, Panel, ReferenceLine, Scat
 use super::choice::{self, NONE};
 use super::fit::{BASELINE, CalibrationReport, Errors, FamilyResult, OutputFacts};
 use super::labels::{NOISE, error, list, with_unit};
-use super::{error_map, hysteresis_loops, residual_directions, residual_times};
+use super::{error_map, hysteresis_loops, residual_times};
 
 /// A model whose error on unseen rows is this much larger than in training has learned what does
 /// not carry over.
@@ -46,7 +46,6 @@ impl CalibrationReport {
         hysteresis_loops::write(&mut page, self);
         page.section("What is left over");
         residual_times::write(&mut page, self);
-        residual_directions::write(&mut page, self);
         error_map::write(&mut page, self);
         page.section("Where it comes from");
         page.facts(self.facts());
@@ -312,13 +311,6 @@ impl CalibrationReport {
             let (ms, deviation) = (1e3 * latency.seconds, 1e3 * latency.deviation_s);
             let late = format!("{ms:.1} ms (standard deviation {deviation:.1} ms)");
             fact("outputs are stamped late by", late);
-        }
-        for OutputFacts { name, unit, drift: [per_part, largest], .. } in &self.outputs {
-            let drift = format!(
-                "{per_part:+.3} {unit} per {}, at most {largest:.3} from one to the next",
-                recording.drift_per
-            );
-            fact(&format!("drift of {name}"), drift);
         }
         for family in &self.families {
             if let Some(lines) = &family.reading {

@@ -82,7 +82,7 @@ fn a_report_has_all_figures_and_numbers() {
     assert_valid(&text);
     assert_eq!(
         parse(&text).descendants().filter(|node| node.tag_name().name() == "svg").count(),
-        5
+        4
     );
     assert!(text.contains(recording.sha256()));
     for family in &data.families {

@@ -98,12 +98,6 @@ impl CalibrationReport {
                  {deviation:.1} ms){hint}"
             )?;
         }
-        let drift = |OutputFacts { name, unit, drift: [per_part, largest], .. }: &OutputFacts| {
-            format!("{name} {per_part:+.3} {unit} (at most {largest:.3})")
-        };
-        let drift = joined(self.outputs.iter().map(drift));
-        let per = &self.recording.drift_per;
-        write!(f, "{}", Wrapped("drift", &format!("per {per}, away from the model: {drift}")))?;
         let every = match self.recording.every {
             1 => String::new(),
             every => format!(": every {every}th, more add hardly anything"),

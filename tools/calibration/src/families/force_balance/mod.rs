@@ -14,15 +14,13 @@
 //! | `layout` | parameters as numbers of the order of 1, with what is usual |
 //! | `target` | the path, the samples along it, and the bend that parameters give there |
 //! | `read_out` | the polynomial of the outputs |
-//! | `objective` | the sum of squares |
 //! | `levenberg_marquardt` | the descent from one start |
-//! | `search` | the whole fit |
+//! | `search` | the sum of squares, and the whole fit |
 //! | `mechanism` | what the parameters say of the robot |
 
 mod layout;
 mod levenberg_marquardt;
 pub mod mechanism;
-mod objective;
 mod read_out;
 pub mod search;
 mod target;

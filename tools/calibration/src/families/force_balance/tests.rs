@@ -7,9 +7,8 @@ use nalgebra::SVector;
 
 use super::layout::Layout;
 use super::levenberg_marquardt::LeastSquares;
-use super::objective::Objective;
 use super::read_out::ReadOut;
-use super::search::{BalanceError, BalanceFit, fit_force_balance};
+use super::search::{BalanceError, BalanceFit, Objective, fit_force_balance};
 use super::target::Target;
 use crate::progress::Silent;
 use crate::recording::Recording;

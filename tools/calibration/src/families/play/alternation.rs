@@ -1,17 +1,17 @@
 //! Weights behind the mixture itself: expectation maximisation on the virtual counts and a step in
 //! the weights take turns for as long as that lowers the error on blocks left out.
 
+use i2ris::model::MixtureRegression;
 use nalgebra::DMatrix;
 
 use super::states::{PlayStates, motor_vectors};
 use super::threshold_search::{BLOCKS, ROWS};
 use super::weights::{Linearised, Weights, fit_weights};
 use crate::em::mixture::most_components;
-use crate::em::options::EmOptions;
-use crate::em::restarts::fit_mixture;
+use crate::em::restarts::{EmOptions, fit_mixture};
 use crate::parallel;
 use crate::progress::{Progress, Silent};
-use crate::regression::mixture::MixtureRegression;
+use crate::regression::component_choice::residuals;
 use crate::regression::polynomial::Polynomial;
 use crate::series::blocks;
 use crate::table::DataTable;
@@ -66,7 +66,7 @@ fn errors_after_passes(seen: &PlayStates, unseen: &PlayStates, em: &EmOptions) -
     loop {
         let regression = regression(seen, &weights, em)?;
         let inputs = motor_vectors(&unseen.virtual_counts(&weights));
-        errors.push(regression.residuals(&inputs, &unseen.outputs).norm_squared());
+        errors.push(residuals(&regression, &inputs, &unseen.outputs).norm_squared());
         if errors.len() > PASSES {
             return Some(errors);
         }
@@ -102,7 +102,7 @@ fn behind_mixture(
 ) -> Option<Linearised> {
     let virtual_counts = states.virtual_counts(weights);
     let residuals =
-        |inputs: &DMatrix<f64>| regression.residuals(&motor_vectors(inputs), &states.outputs);
+        |inputs: &DMatrix<f64>| residuals(regression, &motor_vectors(inputs), &states.outputs);
     let beside = |motor: usize, step: f64| {
         let mut beside = virtual_counts.clone();
         beside.column_mut(motor).add_scalar_mut(step);

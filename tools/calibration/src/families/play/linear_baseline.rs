@@ -6,9 +6,9 @@ use i2ris::units::MAX_OUTPUTS;
 use nalgebra::DMatrix;
 
 use super::super::operator_trace::{UnknownMemory, trace_plays};
+use super::PlayError;
 use super::threshold_search::TOPS;
 use super::thresholds::{ThresholdRange, Thresholds};
-use crate::families::play_error::PlayError;
 use crate::parallel;
 use crate::regression::ridge::ridge;
 use crate::series::Series;

@@ -5,11 +5,11 @@ use i2ris::model::hysteresis::backlash_play::PlayParameters;
 
 use super::super::chain::{ChainFit, ChainOptions, fit_chain};
 use super::super::operator_trace::{UnknownMemory, trace_plays};
+use super::PlayError;
 use super::alternation::alternate;
 use super::states::PlayStates;
 use super::threshold_search::search;
 use super::thresholds::ThresholdRange;
-use crate::families::play_error::PlayError;
 use crate::families::play_mechanism::PlayMechanism;
 use crate::progress::Progress;
 use crate::recording::MIN_ROWS;

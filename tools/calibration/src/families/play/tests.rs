@@ -5,14 +5,14 @@ use i2ris::model::hysteresis::backlash_play::{PlayParameters, Plays};
 use nalgebra::{DVector, SVector};
 use proptest::prelude::*;
 
+use super::PlayError;
 use super::linear_baseline::LinearPlays;
 use super::play_fit::fit_play;
 use super::states::PlayStates;
 use super::thresholds::Thresholds;
 use super::weights::{FIRST_WEIGHT, Weights, fit_weights, improve};
-use crate::em::options::EmOptions;
+use crate::em::EmOptions;
 use crate::families::chain::ChainOptions;
-use crate::families::play_error::PlayError;
 use crate::progress::Silent;
 use crate::recording::Recording;
 use crate::series::Series;
