@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::motion::virtual_fixtures::FixtureChange;
+use crate::core::fixture_change::FixtureChange;
 use crate::drive::AxisFeedback;
 use crate::model::ModelId;
 use crate::robot::StateCommand;

@@ -7,22 +7,26 @@
 //! From the bottom up; a part uses only parts above it in this list:
 //!
 //! - `vector`: arithmetic on small arrays.
-//! - `inputs`, `outputs`, `events`: what the cycle reads and writes.
+//! - `fixture_change`: changes of the virtual fixtures by request.
+//! - `inputs`: what the cycle reads.
+//! - `events`: what happened, for the log and the black box.
 //! - `drive_status`: status of the drives in one tick.
 //! - `faults`: `fault_detection`, `following_error`, `over_current`, `overrun` (late ticks),
 //!   `plausibility`, `debounce`.
+//! - `drift`: the drift of a calibration, and the `correction` for it.
 //! - `motion`: from a goal to the setpoints of the motors, by `goal_extrapolation`,
 //!   `tremor_filter`, `goal_lead`, `joint_limits`, `virtual_fixtures`, `backlash_dead_band`,
-//!   `velocity_limit` and `jerk_limit`;
-//!   `joint_trajectory` of `move_jp`; `conditioning`; `axis_control` of one motor.
-//! - `joint_space`: `joint_model`, a model with its memory; `inverse_setpoint`; `model_blend`;
-//!   `position_history`; `reach` of a line; `gate`, the order of all filters and the only way to a drive.
+//!   `model_blend`, `inverse_setpoint`, `velocity_limit` and `jerk_limit`; `joint_model`, a model
+//!   with its memory and the history of positions; `reach` of a line; `joint_trajectory` of
+//!   `move_jp`; `conditioning`; `axis_control` of one motor; `gate`, the order of all filters and
+//!   the only way to a drive.
 //! - [`adaptation`]: follows the drift of a calibration by the camera, inside fences.
 //! - `model_slots`: the loaded models, `model_swap`, `rollback`.
 //! - `command`: `authority`, who may do what; `admission` of servo commands, `refusal_record`,
 //!   `sequence_record`, `lease`, `deadline`, `range_check`, `clutch`, `motion_scaling`.
 //! - `states`: `control_state`, `state_machine`, `command_transitions`, `automatic_transitions`,
 //!   `homing`, `acknowledge`, `shutdown`.
+//! - `outputs`: what the cycle writes.
 //! - [`cycle`]: one tick, inputs to outputs: `commands`, `events`, `measurements` behind refusals
 //!   and faults, `setpoint_generation`; `snapshot`: its state between two ticks, for the black box.
 //!
@@ -39,11 +43,12 @@ pub mod adaptation;
 pub mod cycle;
 
 mod command;
+mod drift;
 mod drive_status;
 mod events;
 mod faults;
+mod fixture_change;
 mod inputs;
-mod joint_space;
 mod model_slots;
 mod motion;
 mod outputs;
@@ -55,16 +60,15 @@ pub use command::deadline::stale_age;
 pub use command::move_planning::LONGEST_MOVE;
 pub use command::refusal_record::ClientRefusals;
 pub use cycle::snapshot::CycleSnapshot;
-pub use events::{CycleEvent, CycleEventKind, EventList};
-pub use faults::plausibility::PlausibilityCheck;
+pub use events::{CycleEvent, CycleEventKind, EventList, PlausibilityCheck};
+pub use fixture_change::{FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
 pub use inputs::{
     CycleInputs, ExternalPose, ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest,
 };
-pub use joint_space::gate::Gated;
-pub use joint_space::joint_report::JointReport;
-pub use joint_space::position_history::HistoryCursor;
-pub use model_slots::{CandidateState, ModelCandidate};
+pub use model_slots::{CandidateState, ModelCandidate, ModelSlots};
 pub use motion::auxiliary_axis::AuxiliaryReport;
+pub use motion::gate::Gated;
+pub use motion::joint_model::position_history::HistoryCursor;
+pub use motion::joint_model::report::JointReport;
 pub use motion::velocity_limit;
-pub use motion::virtual_fixtures::{FixtureChange, FixtureSpace, SimpleRegion, SimpleShape};
-pub use outputs::{CycleOutputs, CycleReport, ModelSlots, ModelSwapReply, StateReply};
+pub use outputs::{CycleOutputs, CycleReport, ModelSwapReply, StateReply};

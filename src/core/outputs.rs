@@ -5,13 +5,13 @@ use serde::{Deserialize, Serialize};
 use crate::core::adaptation::AdaptationReport;
 use crate::core::command::refusal_record::ClientRefusals;
 use crate::core::events::CycleEvent;
-use crate::core::faults::plausibility::PlausibilityCheck;
-use crate::core::joint_space::gate::Gated;
-use crate::core::joint_space::joint_report::JointReport;
-use crate::core::joint_space::position_history::HistoryCursor;
+use crate::core::events::PlausibilityCheck;
+use crate::core::model_slots::ModelSlots;
 use crate::core::motion::auxiliary_axis::AuxiliaryReport;
+use crate::core::motion::gate::Gated;
+use crate::core::motion::joint_model::position_history::HistoryCursor;
+use crate::core::motion::joint_model::report::JointReport;
 use crate::drive::AxisFeedback;
-use crate::model::ModelId;
 use crate::robot::{Fault, Measurement, OperatingState, REFUSED_CLIENTS, Refusal, Stop};
 use crate::units::{Counts, MAX_MOTORS, Nanos};
 
@@ -116,17 +116,4 @@ pub struct CycleReport {
     pub feedback: [AxisFeedback; MAX_MOTORS],
     /// The auxiliary axis, if there is one.
     pub auxiliary: Option<AuxiliaryReport>,
-}
-
-/// Ids of the loaded models.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct ModelSlots {
-    /// The model in use.
-    pub active: Option<ModelId>,
-    /// The model that can be activated next.
-    pub staged: Option<ModelId>,
-    /// The staged model is up to date with the motors and its memory is known.
-    pub staged_known: bool,
-    /// The model that was in use before; target of a rollback.
-    pub previous: Option<ModelId>,
 }

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Pair;
-use super::drift::{Drift, PARAMETERS};
-use super::geometry::{ModelGeometry, add, product};
 use super::settings::{Settings, length};
+use crate::core::drift::Pair;
+use crate::core::drift::geometry::{ModelGeometry, add, product};
+use crate::core::drift::{Drift, PARAMETERS};
 
 /// From this share of the budget on there is a warning.
 pub(super) const WARNING: f64 = 0.7;
@@ -97,7 +97,7 @@ fn largest_shift(drift: &Drift, geometry: &ModelGeometry, gap_reach: Pair) -> f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::adaptation::geometry::SlowError;
+    use crate::core::drift::geometry::SlowError;
 
     fn geometry() -> ModelGeometry {
         ModelGeometry {

@@ -11,11 +11,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Pair;
-use super::drift::{Drift, PARAMETERS};
-use super::geometry::{ModelGeometry, SlowError};
 use super::ring::Regressors;
 use super::settings::Settings;
+use crate::core::drift::Pair;
+use crate::core::drift::geometry::{ModelGeometry, SlowError};
+use crate::core::drift::{Drift, PARAMETERS};
 
 type Row = [f64; PARAMETERS];
 

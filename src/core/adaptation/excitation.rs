@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Pair;
-use super::drift::PARAMETERS;
 use super::ring::Regressors;
 use super::settings::length;
+use crate::core::drift::PARAMETERS;
+use crate::core::drift::Pair;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Pair;
-use super::geometry::pair;
 use super::report::FrameCounts;
+use crate::core::drift::Pair;
+use crate::core::drift::geometry::pair;
 use crate::core::inputs::ExternalPose;
 use crate::core::vector;
 use crate::units::Nanos;

@@ -26,7 +26,7 @@
 //! 3. `excitation`: per parameter.
 //! 4. `score`: adapted against calibrated on the same frames; worse in three windows of 10 s takes
 //!    the correction back.
-//! 5. `correction`: moves with the goal only, along its direction, no faster than a limit.
+//! 5. `moving_correction`: moves with the goal only, along its direction, no faster than a limit.
 //! 6. The drift is offered as a model of its own; nothing is written over a calibration.
 //! 7. `plausibility` compares the camera with the calibrated pose, too.
 //! 8. What a push of tissue can do is bounded by the budget: `slip` follows small steps only.
@@ -40,14 +40,11 @@
 
 mod budget;
 mod conditions;
-mod correction;
-mod drift;
 mod estimator;
 mod excitation;
 mod frames;
-mod geometry;
 mod integral;
-mod memories;
+mod moving_correction;
 mod report;
 mod ring;
 mod score;
@@ -55,13 +52,8 @@ mod settings;
 mod slip;
 mod step;
 
-pub use drift::{Drift, PARAMETERS, Parameter};
-pub use report::{AdaptationEvent, AdaptationReport, FrameCounts, Method, Pause, Pauses};
+pub use crate::core::drift::{Drift, PARAMETERS, Parameter};
+pub use crate::core::events::AdaptationEvent;
+pub use report::{AdaptationReport, FrameCounts, Method, Pause, Pauses};
 
-pub(super) use correction::Correction;
-pub(super) use geometry::ModelGeometry;
-pub(super) use memories::DriftMemories;
 pub(super) use step::{Adaptation, AdaptationState, Surroundings};
-
-/// One value per output: only models of one or two angles are adapted.
-pub(super) type Pair = [f64; 2];

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::drift::{Drift, PARAMETERS};
+use crate::core::drift::{Drift, PARAMETERS};
 use crate::model::ModelId;
 
 /// The adaptation after one tick.
@@ -159,21 +159,4 @@ pub struct FrameCounts {
     pub too_frequent: u64,
     /// Not finite, of another number of outputs, or of poor quality.
     pub bad: u64,
-}
-
-/// An event of the adaptation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum AdaptationEvent {
-    /// 70 % of the budget of a parameter or of the total are used.
-    BudgetWarning,
-    /// The budget is used up; nothing more is learned.
-    BudgetUsed,
-    /// The adapted model was worse than the calibration in three windows of 10 s.
-    TakenBack,
-    /// The zero has slipped; the filter was opened.
-    Slip,
-    /// Most frames are refused; the camera is not believed.
-    CameraDisbelieved,
-    /// The camera is believed again.
-    CameraBelieved,
 }

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Pair;
-use super::geometry::{add, subtract};
+use crate::core::drift::Pair;
+use crate::core::drift::geometry::{add, subtract};
 use crate::units::Nanos;
 
 /// The entries are stored in rows of 32: serde has no longer arrays.

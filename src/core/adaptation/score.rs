@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Pair;
 use super::settings::length;
+use crate::core::drift::Pair;
 use crate::units::Nanos;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;

@@ -1,6 +1,6 @@
 //! Settings of the adaptation, from the configuration, in SI units.
 
-use super::Pair;
+use crate::core::drift::Pair;
 use crate::units::Nanos;
 
 /// Budget of the zero of every angle.

@@ -7,9 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Pair;
 use super::excitation::forget;
 use super::settings::length;
+use crate::core::drift::Pair;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 

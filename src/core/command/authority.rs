@@ -23,8 +23,8 @@
 //! but homing, and that refuses them. Yes means that other conditions decide, those of the state
 //! first.
 
+use crate::core::fixture_change::FixtureChange;
 use crate::core::inputs::StateRequest;
-use crate::core::motion::virtual_fixtures::FixtureChange;
 use crate::robot::StateCommand;
 
 /// Who has access to what is asked for.

@@ -2,10 +2,10 @@
 
 use crate::core::command::tip_goal::{self, ON_SURFACE_M, away_m};
 use crate::core::inputs::{ServoGoal, StateRequest};
-use crate::core::joint_space::joint_model::JointModel;
-use crate::core::joint_space::reach::reach;
 use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::joint_model::JointModel;
 use crate::core::motion::joint_trajectory::JointTrajectory;
+use crate::core::motion::reach::reach;
 use crate::core::motion::s_curve::TrajectoryLimits;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::{distance, first_entries, is_finite};

@@ -3,10 +3,10 @@
 use crate::config::CommandConfig;
 use crate::core::command::followed_command::FollowedCommand;
 use crate::core::inputs::{ServoCommand, ServoGoal};
-use crate::core::joint_space::joint_model::JointModel;
-use crate::core::joint_space::reach::reach;
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};
+use crate::core::motion::joint_model::JointModel;
+use crate::core::motion::reach::reach;
 use crate::core::vector::{distance, first_entries, largest_difference, zip_map};
 use crate::model::file::OutputUnit;
 use crate::robot::{Measurement, Quantity, Refusal};

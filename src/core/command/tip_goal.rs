@@ -4,7 +4,7 @@
 //! after this one sees joints only.
 
 use crate::core::inputs::ServoGoal;
-use crate::core::joint_space::joint_model::JointModel;
+use crate::core::motion::joint_model::JointModel;
 use crate::core::vector::{distance, first_entries, is_finite};
 use crate::model::file::OutputUnit;
 use crate::model::kinematic::{bend_rates, bend_to, tip_position};

@@ -10,14 +10,14 @@ use crate::core::command::tip_goal;
 use crate::core::cycle::ControlCycle;
 use crate::core::drive_status::DriveSummary;
 use crate::core::events::{CycleEventKind, EventList};
+use crate::core::fixture_change::FixtureChange;
 use crate::core::inputs::{ModelChange, ModelSwapRequest, ServoCommand, ServoGoal, StateRequest};
-use crate::core::joint_space::joint_model::JointModel;
 use crate::core::model_slots::loaded_models::LoadedModels;
 use crate::core::model_slots::model_swap::{SwapContext, activate};
 use crate::core::model_slots::rollback::roll_back;
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::conditioning::ConditioningCycle;
-use crate::core::motion::virtual_fixtures::FixtureChange;
+use crate::core::motion::joint_model::JointModel;
 use crate::core::outputs::ModelSwapReply;
 use crate::core::states::command_transitions::{CommandEffect, command_effect, disable};
 use crate::core::states::control_state::{

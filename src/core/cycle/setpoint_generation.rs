@@ -1,12 +1,12 @@
 //! Setpoint generation: what the setpoints of all axes shall do in a tick, as the state says.
 
 use crate::core::command::followed_command::FollowedCommand;
-use crate::core::joint_space::gate::Motion;
-use crate::core::joint_space::inverse_setpoint::{InverseSetpoint, MotionTick};
-use crate::core::joint_space::joint_model::NotFinite;
 use crate::core::motion::GoalStep;
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::conditioning::ConditioningCycle;
+use crate::core::motion::gate::Motion;
+use crate::core::motion::inverse_setpoint::{InverseSetpoint, MotionTick};
+use crate::core::motion::joint_model::NotFinite;
 use crate::core::motion::joint_trajectory::JointTrajectory;
 use crate::core::states::control_state::{ControlState, EnabledActivity};
 use crate::units::{Nanos, OutputVec};

@@ -6,8 +6,6 @@ pub(super) mod other_cameras;
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::adaptation::AdaptationEvent;
-use crate::core::faults::plausibility::PlausibilityCheck;
 use crate::drive::AxisPhase;
 use crate::model::ModelId;
 use crate::robot::{
@@ -34,6 +32,39 @@ impl CycleEvent {
         let cause = self.kind.cause()?;
         Some(Reason { cause, measurement })
     }
+}
+
+/// An event of the adaptation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum AdaptationEvent {
+    /// 70 % of the budget of a parameter or of the total are used.
+    BudgetWarning,
+    /// The budget is used up; nothing more is learned.
+    BudgetUsed,
+    /// The adapted model was worse than the calibration in three windows of 10 s.
+    TakenBack,
+    /// The zero has slipped; the filter was opened.
+    Slip,
+    /// Most frames are refused; the camera is not believed.
+    CameraDisbelieved,
+    /// The camera is believed again.
+    CameraBelieved,
+}
+
+/// Whether the pose is compared with a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum PlausibilityCheck {
+    /// There is nothing to check: switched off, robot off, not homed, memory unknown, or just
+    /// begun.
+    #[default]
+    Inactive,
+    /// Frames agree with the estimate, or do not contradict it for long enough.
+    Working,
+    /// No frame has arrived for half a second.
+    Silent,
+    /// Frames arrive, but none can be compared: they are older than half a second, or stamped by
+    /// another clock.
+    TooOld,
 }
 
 /// What happened.

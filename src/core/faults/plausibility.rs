@@ -9,6 +9,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::core::events::PlausibilityCheck;
 use crate::core::faults::debounce::Debounce;
 use crate::core::inputs::ExternalPose;
 use crate::core::vector;
@@ -26,22 +27,6 @@ const MAX_AGE: Nanos = Nanos::from_millis(500);
 
 /// Duration of the distance that leads to FAULT: several frames of the camera.
 const DEBOUNCE: Nanos = Nanos::from_millis(300);
-
-/// Whether the pose is compared with a camera.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum PlausibilityCheck {
-    /// There is nothing to check: switched off, robot off, not homed, memory unknown, or just
-    /// begun.
-    #[default]
-    Inactive,
-    /// Frames agree with the estimate, or do not contradict it for long enough.
-    Working,
-    /// No frame has arrived for half a second.
-    Silent,
-    /// Frames arrive, but none can be compared: they are older than half a second, or stamped by
-    /// another clock.
-    TooOld,
-}
 
 /// The pose with the correction of the adaptation, and as calibrated, rad.
 pub(crate) type Estimates = [OutputVec; 2];

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
-use crate::core::joint_space::joint_model::{JointModel, JointModelState};
-use crate::core::joint_space::position_history::HistoryCursor;
+use crate::core::motion::joint_model::position_history::HistoryCursor;
+use crate::core::motion::joint_model::{JointModel, JointModelState};
 use crate::model::{History, Model};
 
 /// A model that is ready to be staged, or that the cycle has released.

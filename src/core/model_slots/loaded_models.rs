@@ -5,10 +5,10 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
-use crate::core::joint_space::joint_model::{JointModel, JointModelState};
-use crate::core::joint_space::position_history::PositionHistory;
+use crate::core::model_slots::ModelSlots;
 use crate::core::model_slots::candidate::ModelCandidate;
-use crate::core::outputs::ModelSlots;
+use crate::core::motion::joint_model::position_history::PositionHistory;
+use crate::core::motion::joint_model::{JointModel, JointModelState};
 use crate::model::{Model, ModelId};
 
 /// The loaded models. All of them replay the same position history.

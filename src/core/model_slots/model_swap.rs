@@ -1,8 +1,8 @@
 //! Model swap: the staged model takes over from the active one, without a step of the motors.
 
-use crate::core::joint_space::joint_model::JointModel;
-use crate::core::joint_space::position_history::PositionHistory;
 use crate::core::model_slots::loaded_models::LoadedModels;
+use crate::core::motion::joint_model::JointModel;
+use crate::core::motion::joint_model::position_history::PositionHistory;
 use crate::drive::AxisFeedback;
 use crate::model::ModelId;
 use crate::robot::Refusal;

@@ -10,7 +10,7 @@
 //! the limits guarantee. Together: motion within the limits is followed without lag behind the
 //! commands, at every command rate above 50 Hz; `goal_lead` takes off the delay of lines and
 //! drives. The path of the limiter towards a *step* is kept in the calibrated hull by the gate
-//! (`joint_space/gate`), where the whole order of filters stands: motors with unequal distances do
+//! (`gate`), where the whole order of filters stands: motors with unequal distances do
 //! not move on a straight line.
 //!
 //! A drive that is off or not yet enabled has its own position as setpoint. When it reports to be
@@ -23,12 +23,17 @@ pub(super) mod axis_group;
 pub(super) mod backlash_dead_band;
 pub(super) mod conditioning;
 pub(super) mod conditioning_plan;
+pub(super) mod gate;
 pub(super) mod goal_extrapolation;
 mod goal_lead;
+pub(super) mod inverse_setpoint;
 mod jerk_limit;
 pub(super) mod joint_filter;
 pub(super) mod joint_limits;
+pub(super) mod joint_model;
 pub(super) mod joint_trajectory;
+mod model_blend;
+pub(super) mod reach;
 pub(super) mod s_curve;
 mod setpoint_source;
 mod tremor_filter;

@@ -10,8 +10,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-const GATE: &str = "src/core/joint_space/gate.rs";
-const CORRECTION: &str = "src/core/joint_space/joint_model/correction.rs";
+const GATE: &str = "src/core/motion/gate.rs";
+const CORRECTION: &str = "src/core/motion/joint_model/correction.rs";
 const MOTORS: &str = "src/core/motion/velocity_limit.rs";
 const BOUNDS: &str = "src/core/motion/joint_limits.rs";
 const REGIONS: &str = "src/core/motion/virtual_fixtures/distances.rs";

@@ -62,6 +62,66 @@ fn the_modules_of_the_crate_are_on_its_map_and_import_what_it_says() {
     assert_eq!(above, declared);
 }
 
+/// The parts of a crate or module, from the lowest up, as its page lists them: `//! - `name`: ...`,
+/// or the first column of a table of modules. What is no module of its own is left out.
+fn parts(text: &str, declared: &BTreeSet<String>) -> Vec<BTreeSet<String>> {
+    let named = |head: &str| {
+        let names = code(head).into_iter().map(str::to_owned);
+        names.filter(|name| declared.contains(name)).collect::<BTreeSet<String>>()
+    };
+    let lines = text.lines().map_while(|line| line.strip_prefix("//!"));
+    let heads = lines.filter_map(|line| match line.trim_start().strip_prefix("- ") {
+        Some(item) => item.split_once(':').map(|(head, _)| head),
+        None => line.trim_start().strip_prefix("| ")?.split('|').next(),
+    });
+    heads.map(named).filter(|names| !names.is_empty()).collect()
+}
+
+/// A page that says "only ... above" holds its parts in that order, all of them, and they import so.
+#[test]
+fn parts_import_only_what_stands_above_them() {
+    let pages = [("src/core/mod.rs", "crate::core::"), ("tools/calibration/src/lib.rs", "crate::")];
+    for (page, prefix) in pages {
+        let text = read(page);
+        assert!(text.contains("only parts above it") || text.contains("only from those above it"));
+        let declared = declared_modules(&text);
+        let mut above: BTreeSet<String> = BTreeSet::new();
+        for part in parts(&text, &declared) {
+            for name in &part {
+                let path = Path::new(ROOT).join(page).with_file_name(name);
+                let files = match path.is_dir() {
+                    true => sources(&path),
+                    false => vec![path.with_extension("rs")],
+                };
+                let texts = files.iter().map(|file| fs::read_to_string(file).unwrap());
+                let used: BTreeSet<String> =
+                    texts.flat_map(|text| imported(&text, prefix)).collect();
+                let used = &(&used & &declared) - &part;
+                assert!(used.is_subset(&above), "{page}: {name} uses {used:?}, which is not above");
+            }
+            above.extend(part);
+        }
+        assert_eq!(above, declared, "{page}");
+    }
+}
+
+/// The first names behind a prefix of paths, also of several in braces.
+fn imported(text: &str, prefix: &str) -> BTreeSet<String> {
+    let product = code_lines(text).collect::<Vec<_>>().join("\n");
+    let first = |path: &str| {
+        let path = path.trim_start();
+        path.chars().take_while(|c| *c == '_' || c.is_alphanumeric()).collect::<String>()
+    };
+    let behind = product.split(prefix).skip(1);
+    let names = behind.flat_map(|rest| match rest.strip_prefix('{') {
+        Some(braced) => {
+            braced.split('}').next().unwrap_or_default().split(',').map(first).collect()
+        }
+        None => vec![first(rest)],
+    });
+    names.collect()
+}
+
 #[test]
 fn files_named_on_the_page_of_the_crate_exist() {
     let text = read("src/lib.rs");

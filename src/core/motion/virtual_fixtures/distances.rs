@@ -6,32 +6,12 @@ use crate::model::file::OutputUnit;
 use crate::model::kinematic;
 use crate::units::OutputVec;
 
-use super::region::{FixtureSpace, Point, Region, dot};
+use super::region::{Point, Region, dot};
+use crate::core::drift::correction::CalibratedView;
+use crate::core::fixture_change::FixtureSpace;
 
 /// Poses that a region is kept away from: adapted and calibrated.
 pub(crate) const POSES: usize = 2;
-
-/// How the pose as calibrated follows from an adapted one: `inverse (pose - zero)`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct CalibratedView {
-    pub inverse: [[f64; 2]; 2],
-    /// rad.
-    pub zero: [f64; 2],
-}
-
-impl CalibratedView {
-    fn pose(&self, pose: &OutputVec) -> OutputVec {
-        let [x, y] = [pose[0] - self.zero[0], pose[1] - self.zero[1]];
-        let [[a, b], [c, d]] = self.inverse;
-        [a * x + b * y, c * x + d * y, pose[2]]
-    }
-
-    /// The slope in the adapted pose of what has a slope in the calibrated one.
-    fn slope(&self, slope: &OutputVec) -> OutputVec {
-        let [[a, b], [c, d]] = self.inverse;
-        [a * slope[0] + c * slope[1], b * slope[0] + d * slope[1], slope[2]]
-    }
-}
 
 /// The distance of a pose to a region, with the slope in output space. Not a number: a region in
 /// angles, and outputs that are none.

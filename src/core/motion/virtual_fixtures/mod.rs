@@ -23,7 +23,9 @@ mod region;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{FixtureRegionConfig, MAX_REGIONS};
+use crate::core::drift::correction::CalibratedView;
 use crate::core::events::fold::EventFold;
+use crate::core::fixture_change::FixtureChange;
 use crate::core::motion::GoalStep;
 use crate::core::motion::joint_limits::JointBounds;
 use crate::core::vector;
@@ -31,9 +33,7 @@ use crate::model::file::OutputUnit;
 use crate::robot::Refusal;
 use crate::units::{Nanos, OutputVec};
 
-pub(crate) use distances::CalibratedView;
 pub(crate) use region::Region;
-pub use region::{FixtureSpace, SimpleRegion, SimpleShape};
 
 use distances::{Distances, PoseDistance};
 use region::dot;
@@ -55,19 +55,6 @@ const ROUNDING: f64 = 1.0 + 1e-9;
 const BRAKING_SHARE: f64 = 0.6;
 /// Points on the line of `move_jp` that are looked at.
 const LINE_POINTS: u32 = 32;
-
-/// A change of the fixtures by request.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub enum FixtureChange {
-    /// All regions count.
-    SwitchOn,
-    /// No region counts.
-    SwitchOff,
-    /// One more region, and all regions count.
-    Add(SimpleRegion),
-    /// Removes the regions that requests have added.
-    RemoveAdded,
-}
 
 /// The regions and the goal of the last tick.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -1,6 +1,16 @@
-//! The parameters of the drift.
+//! The drift of a calibration, and the correction for it.
+//!
+//! `geometry`: what the model says about its directions and gaps. `correction`: the part of a drift
+//! that is applied to a model. `memories`: the memory as calibrated, and with larger gaps.
+
+pub(super) mod correction;
+pub(super) mod geometry;
+pub(super) mod memories;
 
 use serde::{Deserialize, Serialize};
+
+/// One value per output: only models of one or two angles are adapted.
+pub(super) type Pair = [f64; 2];
 
 /// Number of parameters.
 pub const PARAMETERS: usize = 10;

@@ -9,8 +9,8 @@
 //! and then the secant, come to the border from outside. Models do not promise that. So the border
 //! is kept between a point that can be reached and one that cannot.
 
-use crate::core::joint_space::joint_model::{JointModel, NotFinite};
 use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::joint_model::{JointModel, NotFinite};
 use crate::core::vector::{distance, interpolate, largest_difference};
 use crate::units::OutputVec;
 

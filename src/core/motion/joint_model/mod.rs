@@ -5,26 +5,29 @@
 
 mod correction;
 mod memory;
+pub(in crate::core) mod position_history;
+pub(in crate::core) mod report;
+mod velocity_estimate;
 
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
-use crate::core::adaptation::{Correction, ModelGeometry};
-use crate::core::joint_space::joint_report::JointReport;
-use crate::core::joint_space::model_blend::ModelBlend;
-use crate::core::joint_space::position_history::{HistoryCursor, PositionHistory};
-use crate::core::joint_space::velocity_estimate::rate;
+use crate::core::drift::correction::Correction;
+use crate::core::drift::geometry::ModelGeometry;
 use crate::core::motion::GoalStep;
 use crate::core::motion::backlash_dead_band::{BacklashDeadBand, DeadBandedGoal};
 use crate::core::motion::joint_filter::JointFilter;
 use crate::core::motion::joint_limits::JointBounds;
+use crate::core::motion::model_blend::ModelBlend;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
 use crate::model::file::OutputUnit;
 use crate::model::{Estimate, History, Inverse, JacobianMatrix, Memory, MemoryTerms, Model, Query};
 use crate::units::{MAX_MOTORS, MotorVec, Nanos, OutputVec};
+use position_history::{HistoryCursor, PositionHistory};
+use velocity_estimate::rate;
 
 /// Positions of the history that a model replays per tick. One takes a microsecond or two.
 const MAX_REPLAYED: usize = 8;
@@ -419,22 +422,6 @@ impl JointModel {
         } else {
             Err(NotFinite)
         }
-    }
-
-    /// Joint space in this tick. Without a goal, the goal is the setpoint.
-    pub fn report(&self, goal: Option<OutputVec>) -> Option<JointReport> {
-        let (measured, setpoint) = (self.state.measured?, self.state.setpoint?);
-        Some(JointReport {
-            model: self.model.id(),
-            outputs: self.outputs() as u32,
-            goal: goal.unwrap_or(setpoint.mean),
-            setpoint: setpoint.mean,
-            measured: measured.estimate.mean,
-            setpoint_velocity: setpoint.velocity,
-            measured_velocity: measured.velocity,
-            deviation: measured.estimate.deviation(),
-            memory_known: self.is_memory_known(),
-        })
     }
 }
 

@@ -10,13 +10,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Pair;
 use super::budget::BudgetUse;
-use super::drift::Drift;
-use super::geometry::{ModelGeometry, add, inverse, pair, product, subtract};
 use super::settings::{Settings, length};
-use crate::core::motion::virtual_fixtures::CalibratedView;
-use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
+use crate::core::drift::Drift;
+use crate::core::drift::Pair;
+use crate::core::drift::correction::Correction;
+use crate::core::drift::geometry::{ModelGeometry, add, product, subtract};
+use crate::units::{MAX_MOTORS, MotorVec};
 
 /// The correction moves a motor by at most this share of the motion of the goal.
 const SHARE: f64 = 0.5;
@@ -31,72 +31,6 @@ const GAP_SLEW_PER_S: f64 = 0.02;
 /// A gap scale changes while its motor moves at least this fast, counts/s: many times faster than
 /// the change of the scale moves it.
 const GAP_SPEED_COUNTS_S: f64 = 20.0;
-
-/// What is applied to a model: `adapted = gapped + zero + gain gapped`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(in crate::core) struct Correction {
-    /// rad.
-    zero: Pair,
-    gain: [Pair; 2],
-    /// 1 as calibrated.
-    gap_scale: MotorVec,
-}
-
-impl Default for Correction {
-    fn default() -> Self {
-        Self { zero: [0.0; 2], gain: [[0.0; 2]; 2], gap_scale: [1.0; MAX_MOTORS] }
-    }
-}
-
-impl Correction {
-    pub fn gap_scale(&self) -> &MotorVec {
-        &self.gap_scale
-    }
-
-    /// The adapted pose.
-    pub fn apply(&self, gapped: &OutputVec) -> OutputVec {
-        let at = pair(gapped);
-        let bent = product(&self.gain, at);
-        let mut adapted = *gapped;
-        for (index, adapted) in adapted.iter_mut().enumerate().take(2) {
-            *adapted = at[index] + self.zero[index] + bent[index];
-        }
-        adapted
-    }
-
-    /// The gapped pose whose adapted pose is the goal.
-    pub fn undo(&self, goal: &OutputVec) -> OutputVec {
-        let inverse = self.inverse();
-        let from_zero = [goal[0] - self.zero[0], goal[1] - self.zero[1]];
-        let found = product(&inverse, from_zero);
-        let mut gapped = *goal;
-        for (gapped, found) in gapped.iter_mut().zip(found) {
-            *gapped = found;
-        }
-        gapped
-    }
-
-    /// How the pose without the correction follows from the adapted one.
-    pub fn calibrated_view(&self) -> CalibratedView {
-        CalibratedView { inverse: self.inverse(), zero: self.zero }
-    }
-
-    fn inverse(&self) -> [Pair; 2] {
-        let [[a, b], [c, d]] = self.gain;
-        // The budget keeps the gain far from -1.
-        inverse(&[[1.0 + a, b], [c, 1.0 + d]]).unwrap_or([[1.0, 0.0], [0.0, 1.0]])
-    }
-
-    /// As a drift.
-    pub fn drift(&self) -> Drift {
-        Drift {
-            zero: self.zero,
-            gain: self.gain,
-            gap: self.gap_scale.map(|scale| scale - 1.0),
-            ..Drift::default()
-        }
-    }
-}
 
 /// The correction as it is moved: one row per motor, in counts.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

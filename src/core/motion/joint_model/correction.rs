@@ -1,8 +1,11 @@
 //! What the adaptation reads of a joint model, and the correction that it sets.
 
 use super::{JointModel, Known, MeasuredPoses, NotFinite};
-use crate::core::adaptation::{Correction, Drift, ModelGeometry};
-use crate::core::motion::virtual_fixtures::{CalibratedView, GoalSpace};
+use crate::core::drift::Drift;
+use crate::core::drift::correction::CalibratedView;
+use crate::core::drift::correction::Correction;
+use crate::core::drift::geometry::ModelGeometry;
+use crate::core::motion::virtual_fixtures::GoalSpace;
 use crate::core::vector;
 use crate::model::Memory;
 use crate::units::{MotorVec, OutputVec};
@@ -30,7 +33,7 @@ impl JointModel {
 
     /// The gap scale in use; 1 as calibrated.
     pub fn gap_scale(&self) -> MotorVec {
-        *self.state.correction.unwrap_or_default().gap_scale()
+        self.state.correction.unwrap_or_default().gap_scale
     }
 
     /// What is applied, as a drift.

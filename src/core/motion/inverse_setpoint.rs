@@ -1,10 +1,10 @@
 //! Inverse setpoint: from a goal to targets of the motors, by the inverse of the model.
 
-use crate::core::joint_space::gate::Motion;
-use crate::core::joint_space::joint_model::{JointModel, NotFinite};
 use crate::core::motion::GoalStep;
 use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::gate::Motion;
 use crate::core::motion::goal_extrapolation::ExtrapolatedGoal;
+use crate::core::motion::joint_model::{JointModel, NotFinite};
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::difference;

@@ -8,13 +8,13 @@
 //! |---|---|---|
 //! | 0 | `command/tip_goal` | a place or a velocity of the tip becomes one of the joints |
 //! | 1 | `command/clutch` | the goal of the master becomes one of the snake |
-//! | 2 | `joint_space/reach` | the goal, back on its line to what can be reached |
+//! | 2 | `motion/reach` | the goal, back on its line to what can be reached |
 //! | 3 | `motion/goal_extrapolation` | the goal between commands: extrapolated, interpolated, or a rate integrated |
 //! | 4 | `motion/tremor_filter`, `motion/goal_lead` | the goal |
 //! | 5 | `motion/joint_limits` | the goal: position, velocity, acceleration, jerk of the angles |
 //! | 6 | `motion/virtual_fixtures` | the goal, within the limits of stage 5 |
 //! | 7 | `motion/backlash_dead_band` | the goal |
-//! | 8 | `joint_space/model_blend` | the goal, after a swap of the model |
+//! | 8 | `motion/model_blend` | the goal, after a swap of the model |
 //! | 9 | inverse of the model, correction of the adaptation, position limits of the axes | counts |
 //! | 10 | `motion/velocity_limit`, `motion/jerk_limit` | the setpoints |
 //! | 11 | the gate | a setpoint that breaks a limit is slowed down, or stops |
@@ -48,9 +48,9 @@ use std::ops::Deref;
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::joint_space::joint_model::{JointModel, NotFinite};
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::axis_group::AxisGroup;
+use crate::core::motion::joint_model::{JointModel, NotFinite};
 use crate::core::motion::velocity_limit::MotorTarget;
 use crate::core::motion::virtual_fixtures::VirtualFixtures;
 use crate::core::vector::{collect, difference, zip_map};

@@ -1,9 +1,9 @@
 //! Memory of a joint model: the positions of the motors replayed into it, and the pose at them.
 
 use super::{JointModel, Known, MAX_REPLAYED, Measured, NotFinite};
-use crate::core::adaptation::DriftMemories;
-use crate::core::joint_space::position_history::{NextEntry, PositionHistory};
-use crate::core::joint_space::velocity_estimate::filtered_velocity;
+use crate::core::drift::memories::DriftMemories;
+use crate::core::motion::joint_model::position_history::{NextEntry, PositionHistory};
+use crate::core::motion::joint_model::velocity_estimate::filtered_velocity;
 use crate::core::vector;
 use crate::drive::AxisFeedback;
 use crate::model::Estimate;
@@ -19,8 +19,7 @@ impl JointModel {
     ) -> bool {
         let correction = self.state.correction;
         if let Some(correction) = &correction {
-            let scale = correction.gap_scale();
-            self.state.measured_memory.set_gap_scale(scale);
+            self.state.measured_memory.set_gap_scale(&correction.gap_scale);
         }
         for replayed in 0..MAX_REPLAYED {
             match history.next_after(self.state.cursor) {

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::JointModel;
 use crate::model::ModelId;
 use crate::units::OutputVec;
 
@@ -28,4 +29,22 @@ pub struct JointReport {
     pub deviation: OutputVec,
     /// The hysteresis memory is known.
     pub memory_known: bool,
+}
+
+impl JointModel {
+    /// Joint space in this tick. Without a goal, the goal is the setpoint.
+    pub fn report(&self, goal: Option<OutputVec>) -> Option<JointReport> {
+        let (measured, setpoint) = (self.state.measured?, self.state.setpoint?);
+        Some(JointReport {
+            model: self.model.id(),
+            outputs: self.outputs() as u32,
+            goal: goal.unwrap_or(setpoint.mean),
+            setpoint: setpoint.mean,
+            measured: measured.estimate.mean,
+            setpoint_velocity: setpoint.velocity,
+            measured_velocity: measured.velocity,
+            deviation: measured.estimate.deviation(),
+            memory_known: self.is_memory_known(),
+        })
+    }
 }

@@ -88,18 +88,18 @@ impl ModelGeometry {
 }
 
 /// The first two entries.
-pub(super) fn pair<const N: usize>(values: &[f64; N]) -> Pair {
+pub(in crate::core) fn pair<const N: usize>(values: &[f64; N]) -> Pair {
     let at = |index: usize| values.get(index).copied().unwrap_or_default();
     [at(0), at(1)]
 }
 
 /// Matrix times vector.
-pub(super) fn product(matrix: &[Pair; 2], vector: Pair) -> Pair {
+pub(in crate::core) fn product(matrix: &[Pair; 2], vector: Pair) -> Pair {
     matrix.map(|[a, b]| a * vector[0] + b * vector[1])
 }
 
 /// The inverse of a matrix; `None` if there is none.
-pub(super) fn inverse([[a, b], [c, d]]: &[Pair; 2]) -> Option<[Pair; 2]> {
+pub(in crate::core) fn inverse([[a, b], [c, d]]: &[Pair; 2]) -> Option<[Pair; 2]> {
     let determinant = a * d - b * c;
     let largest = [a, b, c, d].map(|x| x.abs()).into_iter().fold(0.0, f64::max);
     let inverse = [[d / determinant, -b / determinant], [-c / determinant, a / determinant]];
@@ -133,11 +133,11 @@ fn mean_slope(corners: &[(MotorVec, Pair)], outputs: usize) -> Option<[Pair; 2]>
     Some(cross.map(row))
 }
 
-pub(super) fn add(a: Pair, b: Pair) -> Pair {
+pub(in crate::core) fn add(a: Pair, b: Pair) -> Pair {
     [a[0] + b[0], a[1] + b[1]]
 }
 
-pub(super) fn subtract(a: Pair, b: Pair) -> Pair {
+pub(in crate::core) fn subtract(a: Pair, b: Pair) -> Pair {
     [a[0] - b[0], a[1] - b[1]]
 }
 

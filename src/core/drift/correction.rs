@@ -1,0 +1,91 @@
+//! Correction: the part of a drift that is applied to a model.
+
+use serde::{Deserialize, Serialize};
+
+use super::geometry::{inverse, pair, product};
+use super::{Drift, Pair};
+use crate::units::{MAX_MOTORS, MotorVec, OutputVec};
+
+/// What is applied to a model: `adapted = gapped + zero + gain gapped`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(in crate::core) struct Correction {
+    /// rad.
+    pub zero: Pair,
+    pub gain: [Pair; 2],
+    /// 1 as calibrated.
+    pub gap_scale: MotorVec,
+}
+
+impl Default for Correction {
+    fn default() -> Self {
+        Self { zero: [0.0; 2], gain: [[0.0; 2]; 2], gap_scale: [1.0; MAX_MOTORS] }
+    }
+}
+
+impl Correction {
+    /// The adapted pose.
+    pub fn apply(&self, gapped: &OutputVec) -> OutputVec {
+        let at = pair(gapped);
+        let bent = product(&self.gain, at);
+        let mut adapted = *gapped;
+        for (index, adapted) in adapted.iter_mut().enumerate().take(2) {
+            *adapted = at[index] + self.zero[index] + bent[index];
+        }
+        adapted
+    }
+
+    /// The gapped pose whose adapted pose is the goal.
+    pub fn undo(&self, goal: &OutputVec) -> OutputVec {
+        let inverse = self.inverse();
+        let from_zero = [goal[0] - self.zero[0], goal[1] - self.zero[1]];
+        let found = product(&inverse, from_zero);
+        let mut gapped = *goal;
+        for (gapped, found) in gapped.iter_mut().zip(found) {
+            *gapped = found;
+        }
+        gapped
+    }
+
+    /// How the pose without the correction follows from the adapted one.
+    pub fn calibrated_view(&self) -> CalibratedView {
+        CalibratedView { inverse: self.inverse(), zero: self.zero }
+    }
+
+    fn inverse(&self) -> [Pair; 2] {
+        let [[a, b], [c, d]] = self.gain;
+        // The budget keeps the gain far from -1.
+        inverse(&[[1.0 + a, b], [c, 1.0 + d]]).unwrap_or([[1.0, 0.0], [0.0, 1.0]])
+    }
+
+    /// As a drift.
+    pub fn drift(&self) -> Drift {
+        Drift {
+            zero: self.zero,
+            gain: self.gain,
+            gap: self.gap_scale.map(|scale| scale - 1.0),
+            ..Drift::default()
+        }
+    }
+}
+
+/// How the pose as calibrated follows from an adapted one: `inverse (pose - zero)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CalibratedView {
+    pub inverse: [[f64; 2]; 2],
+    /// rad.
+    pub zero: [f64; 2],
+}
+
+impl CalibratedView {
+    pub fn pose(&self, pose: &OutputVec) -> OutputVec {
+        let [x, y] = [pose[0] - self.zero[0], pose[1] - self.zero[1]];
+        let [[a, b], [c, d]] = self.inverse;
+        [a * x + b * y, c * x + d * y, pose[2]]
+    }
+
+    /// The slope in the adapted pose of what has a slope in the calibrated one.
+    pub fn slope(&self, slope: &OutputVec) -> OutputVec {
+        let [[a, b], [c, d]] = self.inverse;
+        [a * slope[0] + c * slope[1], b * slope[0] + d * slope[1], slope[2]]
+    }
+}
