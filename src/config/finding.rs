@@ -1,4 +1,5 @@
 //! What is wrong with a configuration.
+//! And help for a key that does not exist: the known key that is spelled most alike.
 
 use std::fmt::{self, Display};
 
@@ -39,5 +40,47 @@ impl Findings {
 
     pub(super) fn into_list(self) -> Vec<Finding> {
         self.0
+    }
+}
+
+/// A sentence about the unknown key or value in a message of the parser; empty if there is nothing
+/// to say. The parser names the unknown word first and then the known ones, each in back-quotes.
+pub(super) fn hint(message: &str) -> String {
+    let Some(at) = message.find("unknown field").or_else(|| message.find("unknown variant")) else {
+        return String::new();
+    };
+    let line = message[at..].lines().next().unwrap_or_default();
+    let mut quoted = line.split('`').skip(1).step_by(2);
+    let Some(unknown) = quoted.next() else {
+        return String::new();
+    };
+    let nearest = quoted.map(|word| (strsim::levenshtein(unknown, word), word)).min();
+    match nearest {
+        Some((distance, word)) if distance <= unknown.len().max(word.len()) / 2 => {
+            format!("did you mean `{word}`?\n")
+        }
+        _ => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_key_is_named() {
+        let message = "TOML parse error at line 2\nunknown field `rate_herz`, expected one of \
+                       `priority`, `rate_hz`, `cpu`";
+        assert_eq!(hint(message), "did you mean `rate_hz`?\n");
+        assert_eq!(hint("unknown field `velocity`, expected `robot_id`"), "");
+        assert_eq!(hint("invalid type: string \"x\", expected u32"), "");
+        assert_eq!(hint("unknown field"), "");
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn no_message_makes_the_hint_panic(message in ".{0,80}") {
+            let _ = hint(&format!("unknown field {message}"));
+        }
     }
 }

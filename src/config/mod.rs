@@ -12,12 +12,10 @@
 //! | `bounds` | the range of every key with a number |
 //! | `validation` | what must fit together |
 //! | `finding` | what is wrong with a value |
-//! | `key_hint` | help for a key that does not exist |
 //! | `zero_is_off` | what is on by default and can be switched off |
 
 mod bounds;
 mod finding;
-mod key_hint;
 mod line_timing;
 mod ports;
 #[cfg(test)]
@@ -108,7 +106,7 @@ pub enum ConfigError {
     #[error("configuration {0}")]
     Untrusted(UntrustedFile),
     /// Not TOML, a wrong type, or a key that does not exist.
-    #[error("configuration {path} is not valid: {source}{}", key_hint::hint(.source.message()))]
+    #[error("configuration {path} is not valid: {source}{}", finding::hint(.source.message()))]
     Parse {
         /// The file.
         path: PathBuf,

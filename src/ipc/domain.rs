@@ -21,6 +21,8 @@
 //! The location is always `/dev/shm`: it is a tmpfs, so no call waits for a disk, and it is the
 //! same for every process of a user. `XDG_RUNTIME_DIR` is not (`sudo`, services).
 
+use std::collections::hash_map::RandomState;
+use std::hash::{BuildHasher, Hasher};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -174,6 +176,15 @@ impl Domain {
     }
 }
 
+/// A random number that is not 0.
+///
+/// The standard library seeds every `RandomState` from the operating system, and SipHash turns the
+/// seed into 64 bits. Unique enough to identify processes; not a secret.
+#[must_use]
+pub fn random_id() -> u64 {
+    RandomState::new().build_hasher().finish().max(1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -207,5 +218,11 @@ mod tests {
              another domain"
         );
         assert!(taken(None).starts_with("another controller serves"));
+    }
+
+    #[test]
+    fn ids_differ_and_are_not_zero() {
+        let ids: std::collections::HashSet<u64> = (0..1000).map(|_| random_id()).collect();
+        assert!(ids.len() == 1000 && !ids.contains(&0));
     }
 }

@@ -17,8 +17,8 @@ use nix::errno::Errno;
 use nix::fcntl::{FcntlArg, fcntl};
 use nix::libc::{self, flock};
 
+use super::domain::random_id;
 use super::domain::{Domain, DomainError, SHARED_MEMORY};
-use super::random_id::random_id;
 
 /// Exclusive possession of a domain.
 ///

@@ -14,7 +14,6 @@
 //! | `watchdog_presence` | whether a watchdog runs |
 //! | `streams` | the tables of all streams and requests |
 //! | `service` | creating and opening the services of iceoryx2 |
-//! | `random_id` | random numbers for boot and client ids |
 //! | `identities` | whose a client id is |
 //! | `client_process` | process, user and program of a client |
 //! | `server` | the controller's side: all publishers, subscribers and request servers |
@@ -27,7 +26,6 @@ pub mod domain_lock;
 pub mod heartbeat;
 mod identities;
 pub mod payload;
-mod random_id;
 pub mod ready;
 pub mod server;
 mod service;
@@ -38,11 +36,11 @@ pub use crate::robot::{
     Fault, FixtureAction, FixtureKind, ModelAction, OperatingState, Refusal, StateCommand,
 };
 pub use client_process::{ClientProcess, find_client_process};
+pub use domain::random_id;
 pub use domain::{Domain, DomainError};
 pub use domain_lock::DomainLock;
 pub use identities::ShownClient;
 pub use payload::{Message, Payload};
-pub use random_id::random_id;
 pub use server::{IpcError, Server};
 pub use service::TransportError;
 pub use streams::{

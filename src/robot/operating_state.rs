@@ -1,4 +1,4 @@
-//! The operating states of the robot.
+//! The operating states of the robot, causes of FAULT, and reasons for stops that nobody asked for.
 
 use super::numbered_enum::numbered_enum;
 
@@ -14,5 +14,65 @@ numbered_enum! {
         /// A fault occurred. The robot holds its position if possible, or the drives are off. The
         /// state is latched until the fault is acknowledged.
         Fault = 3, "FAULT";
+    }
+}
+
+numbered_enum! {
+    /// The cause of the state FAULT.
+    Fault {
+        /// No fault yet.
+        None = 0, "none";
+        /// A drive reports an error. Its error code gives the cause.
+        Drive = 1, "a drive reports an error";
+        /// A drive does not respond.
+        Link = 2, "a drive does not answer";
+        /// The following error is too large: setpoint and encoder differ too much.
+        FollowingError = 3, "setpoint and encoder are too far apart";
+        /// A drive left the enabled state by itself.
+        DriveState = 4, "a drive left the enabled state by itself";
+        /// A drive did not reach the demanded state in time.
+        DriveTimeout = 5, "a drive did not reach the demanded state in time";
+        /// Homing failed.
+        Homing = 6, "homing failed";
+        /// Internal: the model gave a value that is not finite.
+        Model = 7, "the model gave a value that is not finite";
+        /// Too many ticks were late.
+        Late = 8, "too many late ticks: the computer does not keep up";
+        /// The pose that the camera measures differs from the pose of the model.
+        Implausible = 9, "the snake is not where the model says";
+        /// A motor exceeds its current limit for too long.
+        Current = 10, "a motor takes too much current for too long";
+    }
+}
+
+numbered_enum! {
+    /// The reason for a stop that nobody asked for. The robot stays ENABLED and holds; the next
+    /// accepted command moves it again. Or the end of what would have stopped it. Or what broke off
+    /// an activity that a command had begun.
+    Stop {
+        /// The followed client exceeded its deadline.
+        Stale = 1, "commands came later than their deadline, and the robot stopped in between";
+        /// The drives reported no recent position, or an axis lost its zero.
+        Feedback = 2, "a drive gave no recent position, and the motion stopped";
+        /// The watchdog ended, hangs, or lost a port.
+        Watchdog = 3, "no watchdog watches: nothing stops the drives if the controller dies";
+        /// A later command: `hold`, `pause`, `disable`, or the end of the controller.
+        Command = 4, "a later command broke it off";
+        /// A virtual fixture came into the way.
+        Fixture = 5, "a virtual fixture came into the way and broke it off";
+        /// The setpoints could not go on within their limits.
+        Limit = 6, "the limits of the motors or joints broke it off";
+        /// A fault.
+        Fault = 7, "a fault broke it off";
+    }
+}
+
+numbered_enum! {
+    /// The reason for following a nearer goal than the one asked for.
+    Clip {
+        /// The goal is outside the hull of the calibration or the position limits.
+        Reach = 1, "the goal is outside the calibrated hull or the position limits";
+        /// A virtual fixture is near or in the way.
+        Fixture = 2, "a virtual fixture slows or stops the goal";
     }
 }

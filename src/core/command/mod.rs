@@ -4,7 +4,6 @@ pub(super) mod admission;
 pub(super) mod authority;
 pub(super) mod clutch;
 pub(super) mod deadline;
-pub(super) mod followed_command;
 mod lease;
 mod motion_scaling;
 pub(super) mod move_planning;

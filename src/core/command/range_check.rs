@@ -1,7 +1,7 @@
 //! Range check: the goals that a servo command may request. Checks 10 to 13 of `admission`.
 
 use crate::config::CommandConfig;
-use crate::core::command::followed_command::FollowedCommand;
+use crate::core::command::deadline::FollowedCommand;
 use crate::core::inputs::{ServoCommand, ServoGoal};
 use crate::core::motion::axis_group::AxisGroup;
 use crate::core::motion::goal_extrapolation::{ExtrapolatedGoal, GoalExtrapolation};

@@ -3,7 +3,7 @@
 
 use crate::core::command::admission::AdmissionContext;
 use crate::core::command::authority::Access;
-use crate::core::command::followed_command::FollowedCommand;
+use crate::core::command::deadline::FollowedCommand;
 use crate::core::command::move_planning::MovePlanning;
 use crate::core::command::range_check::{CheckedGoal, require};
 use crate::core::command::tip_goal;

@@ -33,7 +33,7 @@ use crate::core::drive_status::{DriveStatus, DriveSummary, ExpectedPower};
 use crate::core::events::PlausibilityCheck;
 use crate::core::events::clips::ClipEvents;
 use crate::core::events::fold::EventFold;
-use crate::core::events::other_cameras::OtherCameras;
+use crate::core::events::fold::OtherCameras;
 use crate::core::events::{CycleEventKind, EventList};
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::PlausibilityMonitor;

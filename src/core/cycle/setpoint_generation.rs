@@ -1,6 +1,6 @@
 //! Setpoint generation: what the setpoints of all axes shall do in a tick, as the state says.
 
-use crate::core::command::followed_command::FollowedCommand;
+use crate::core::command::deadline::FollowedCommand;
 use crate::core::motion::GoalStep;
 use crate::core::motion::axis_control::AxisControl;
 use crate::core::motion::conditioning::ConditioningCycle;

@@ -12,7 +12,7 @@ use crate::core::cycle::ControlCycle;
 use crate::core::events::PlausibilityCheck;
 use crate::core::events::clips::ClipEvents;
 use crate::core::events::fold::EventFold;
-use crate::core::events::other_cameras::OtherCameras;
+use crate::core::events::fold::OtherCameras;
 use crate::core::faults::overrun::OverrunMonitor;
 use crate::core::faults::plausibility::PlausibilityMonitor;
 use crate::core::model_slots::loaded_models::{LoadedModelStates, LoadedModels};

@@ -2,7 +2,6 @@
 
 pub(super) mod clips;
 pub(super) mod fold;
-pub(super) mod other_cameras;
 
 use serde::{Deserialize, Serialize};
 

@@ -89,7 +89,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::core::command::followed_command::FollowedCommand;
+use crate::core::command::deadline::FollowedCommand;
 use crate::core::drive_status::ExpectedPower;
 use crate::core::motion::conditioning::ConditioningCycle;
 use crate::core::motion::joint_trajectory::JointTrajectory;

@@ -22,13 +22,11 @@ mod reason;
 mod requests;
 mod state_streams;
 mod teleop;
-mod text;
-mod trial;
-mod virtual_fixtures;
 
 pub use adaptation::AdaptationMsg;
 pub use command_streams::{ExternalPosition, ServoActuator, ServoJp};
 pub use definition::{Message, Payload};
+pub use definition::{padded_text, unpadded_text};
 pub use layout::{Field, FieldType, PayloadLayout};
 pub use model_requests::{ModelDifference, ModelReply, ModelRequest, ModelSlot};
 pub use period_statistics::{PeriodStatistics, SpanSummary};
@@ -40,9 +38,8 @@ pub use requests::{
 };
 pub use state_streams::{ActuatorState, EventMsg, Health, JointState, OperatingStateMsg};
 pub use teleop::TeleopMsg;
-pub use text::{padded_text, unpadded_text};
-pub use trial::TrialMsg;
-pub use virtual_fixtures::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg};
+pub use teleop::TrialMsg;
+pub use teleop::{FIXTURES, VirtualFixtureRequest, VirtualFixturesMsg};
 
 /// The layouts that the C++ header declares, in its order.
 pub const LAYOUTS: [PayloadLayout; 26] = [

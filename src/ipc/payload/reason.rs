@@ -3,8 +3,8 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
+use super::definition::{padded_text, unpadded_text};
 use super::state_streams::OperatingStateMsg;
-use super::text::{padded_text, unpadded_text};
 use crate::robot::{Cause, Fault, Measurement, OperatingState, Quantity, Reason, Refusal};
 use crate::units::Nanos;
 

@@ -3,8 +3,8 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::definition::payload;
+use super::definition::unpadded_text;
 use super::reason::MeasurementFields;
-use super::text::unpadded_text;
 use crate::robot::{Measurement, OperatingState, Refusal};
 use crate::units::{MAX_MOTORS, MAX_OUTPUTS};
 

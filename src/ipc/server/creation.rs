@@ -12,8 +12,7 @@ use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc;
 use iceoryx2::service::port_factory::{publish_subscribe, request_response};
 
-use super::error::IpcError;
-use crate::ipc::domain::Domain;
+use crate::ipc::domain::{Domain, DomainError};
 use crate::ipc::domain_lock::DomainLock;
 use crate::ipc::payload::*;
 use crate::ipc::service::{TransportError, create_node};
@@ -110,6 +109,28 @@ impl Services {
         let requests = RequestFactories::create(&node)?;
         Ok(Self { node, streams, requests })
     }
+}
+
+/// Why the controller has no shared memory.
+#[derive(Debug, thiserror::Error)]
+pub enum IpcError {
+    /// The domain cannot be used.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// A call into iceoryx2 failed.
+    #[error("{0}; if other programs left files in /dev/shm, remove those of this domain")]
+    Transport(#[from] TransportError),
+    /// Creating the services did not end, twice.
+    #[error(
+        "creating the shared memory of domain `{domain}` did not end within {seconds} s, also \
+         after a clean-up"
+    )]
+    Hangs {
+        /// The domain.
+        domain: String,
+        /// Time limit of one attempt, s.
+        seconds: u64,
+    },
 }
 
 #[cfg(test)]

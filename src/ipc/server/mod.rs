@@ -12,7 +12,6 @@
 
 mod command_turns;
 mod creation;
-mod error;
 mod request_server;
 mod stream_publisher;
 
@@ -37,7 +36,7 @@ use request_server::RequestServers;
 use stream_publisher::StreamPublishers;
 
 pub use command_turns::ReceivedCommand;
-pub use error::IpcError;
+pub use creation::IpcError;
 
 /// Time before each tick at which to poll servo commands, under SCHED_FIFO. With 50 us the thread
 /// sometimes wakes too late and the 99th percentile of the age of a command grows by one tick.

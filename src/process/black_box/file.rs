@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::tick_record::TickRecord;
+use super::ring::TickRecord;
 use crate::core::CandidateState;
 use crate::core::CycleSnapshot;
 use crate::model::ModelId;

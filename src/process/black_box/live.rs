@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::file::{BlackBox, BlackBoxHeader, OfferRecord, VERSION};
-use super::tick_record::TickRecord;
+use super::ring::TickRecord;
 use crate::core::CycleSnapshot;
 use crate::units::Nanos;
 

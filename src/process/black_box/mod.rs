@@ -2,7 +2,6 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `tick_record` | one tick, as the loop saw it |
 //! | `ring` | the last seconds, tick by tick |
 //! | `file` | the file: versioned, with a checksum |
 //! | `live` | the last seconds in shared memory: they survive SIGKILL |
@@ -21,10 +20,9 @@ mod live;
 mod recorder;
 mod replay;
 mod ring;
-mod tick_record;
 
 pub use crate::core::CycleSnapshot;
 pub use file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
 pub use recorder::{Recorder, RecorderChannels, RecorderRequest, WriteReply};
 pub use replay::{ReplayDifference, ReplayError, ReplayResult, replay};
-pub use tick_record::TickRecord;
+pub use ring::TickRecord;

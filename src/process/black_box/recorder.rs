@@ -13,7 +13,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use super::file::{BlackBox, BlackBoxError, BlackBoxHeader, OfferRecord};
 use super::live::LiveFiles;
 use super::ring::Ring;
-use super::tick_record::TickRecord;
+use super::ring::TickRecord;
 use crate::clock;
 use crate::config::Config;
 use crate::core::CycleEventKind;

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::file::{BlackBox, OfferRecord};
-use super::tick_record::TickRecord;
+use super::ring::TickRecord;
 use crate::config::{Config, ConfigError};
 use crate::core::CycleOutputs;
 use crate::core::CycleSnapshot;
