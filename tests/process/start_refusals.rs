@@ -64,7 +64,7 @@ fn a_missing_configuration_is_refused() {
 fn a_wrong_configuration_port_or_model_is_refused_with_the_reason() {
     let (here, elsewhere, newer) = (model("here", 1), model("elsewhere", 1), model("here", 99));
     for (table, model, reasons) in [
-        ("[control]\nrate = 1000", "", &["robot.toml", "unknown field `rate`", "line 3"][..]),
+        ("[control]\nrate = 1000", "", &["robot.toml", "unknown field `rate`", "line 4"][..]),
         ("[control]\nrate_hz = 20", "", &["control.rate_hz = 20: must be 100 to 4000"]),
         ("", "", &["no-such-port"]),
         (WITH_MODEL, &here, &["no-such-port"]),

@@ -10,7 +10,7 @@ fn faulted() -> PortRig {
 
 fn reset(rig: &mut PortRig) {
     rig.request(|request| request.fault_resets += 1);
-    let count = rig.requests[0].fault_resets;
+    let count = rig.newest(0).fault_resets;
     rig.until_feedback("acknowledges the reset", |feedback| feedback.fault_resets == count);
 }
 

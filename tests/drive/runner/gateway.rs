@@ -1,8 +1,6 @@
 //! Three drives on one line, one of them dead behind the gateway: a stop of the others waits for
 //! one time-out of the gateway at most.
 
-use i2ris::drive::{AxisLink, AxisRequest};
-
 use super::*;
 
 /// What the exchanges of the stop itself may take.
@@ -27,17 +25,6 @@ fn three_enabled(gateway_ms: u64, reply_ms: u64) -> PortRig {
     rig
 }
 
-/// Demands a state of every axis at an instant, also in the middle of an exchange.
-fn demand_at(rig: &mut PortRig, due: Nanos, demand: Demand) {
-    let links = std::mem::take(&mut rig.links);
-    let requests = rig.requests.clone();
-    rig.line.plan(due, move || {
-        for (AxisLink { requests: mut input, .. }, request) in links.into_iter().zip(requests) {
-            input.write(AxisRequest { demand, sequence: request.sequence + 1, ..request });
-        }
-    });
-}
-
 /// When a node was first sent this controlword since an instant, and took it.
 fn first(rig: &PortRig, node: u8, controlword: u32, since: Nanos) -> Option<Nanos> {
     let state = rig.line.state();
@@ -55,7 +42,7 @@ fn stop_at_every_phase(gateway_ms: u64, reply_ms: u64, dead: u8, demand: Demand,
         let begin = rig.line.time();
         rig.line.state().silent_node = Some(dead);
         let due = begin + Nanos::from_micros(phase * (5000 * gateway_ms + 1_500_000) / 40);
-        demand_at(&mut rig, due, demand);
+        rig.demand_at(due, demand);
         let end = due + Nanos::from_millis(8 * gateway_ms + 4000);
         while rig.line.time() < end {
             rig.turns(1);

@@ -2,7 +2,7 @@ use super::*;
 
 fn home(rig: &mut PortRig) {
     rig.start_homing();
-    let count = rig.requests[0].homings;
+    let count = rig.newest(0).homings;
     rig.until_feedback("ends homing", |feedback| feedback.homings == count);
 }
 

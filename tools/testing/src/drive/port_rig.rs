@@ -1,23 +1,51 @@
 //! A configured port on a simulated line, with the control loop's ends of its axes.
 
+use std::sync::{Arc, Mutex};
+
 use i2ris::config::PortConfig;
 use i2ris::drive::event::{PortEvent, PortEventKind};
 use i2ris::drive::{
     AxisFeedback, AxisLink, AxisPhase, AxisRequest, Demand, DriveError, Opened, Port, PortRunner,
 };
-use i2ris::units::Counts;
+use i2ris::units::{Counts, Nanos};
 
 use super::line::{SERIAL_NUMBER, SimulatedLine, port_config};
 use super::mini_drive::MiniDrive;
 
 pub const NODE: u8 = 1;
 
+/// Between two requests of the control loop.
+const LOOP: Nanos = Nanos::from_millis(10);
+
 pub struct PortRig {
     pub line: SimulatedLine,
     pub runner: PortRunner<SimulatedLine>,
-    pub links: Vec<AxisLink>,
-    pub requests: Vec<AxisRequest>,
+    ends: Arc<Mutex<Ends>>,
     pub events: Vec<PortEvent>,
+}
+
+/// The control loop's ends, and what it requests.
+struct Ends {
+    links: Vec<AxisLink>,
+    requests: Vec<AxisRequest>,
+}
+
+impl Ends {
+    fn write(&mut self) {
+        for (link, request) in self.links.iter_mut().zip(&mut self.requests) {
+            request.sequence += 1;
+            link.requests.write(*request);
+        }
+    }
+}
+
+/// Writes requests for as long as time goes on, as the control loop does.
+fn keep_writing(line: &SimulatedLine, ends: &Arc<Mutex<Ends>>, at: Nanos) {
+    let (again, all) = (line.clone(), Arc::clone(ends));
+    line.plan(at, move || {
+        all.lock().unwrap().write();
+        keep_writing(&again, &all, at + LOOP);
+    });
 }
 
 /// One drive behind the port.
@@ -61,7 +89,9 @@ impl PortRig {
     fn of(line: SimulatedLine, port: Port<Opened, SimulatedLine>) -> Self {
         let (runner, links) = port.bring_up().unwrap().split();
         let requests = vec![AxisRequest::default(); links.len()];
-        Self { line, runner, links, requests, events: Vec::new() }
+        let ends = Arc::new(Mutex::new(Ends { links, requests }));
+        keep_writing(&line, &ends, line.time());
+        Self { line, runner, ends, events: Vec::new() }
     }
 
     /// One drive, found disabled.
@@ -92,9 +122,24 @@ impl PortRig {
     }
 
     pub fn request_of(&mut self, axis: usize, change: impl FnOnce(&mut AxisRequest)) {
-        change(&mut self.requests[axis]);
-        self.requests[axis].sequence += 1;
-        self.links[axis].requests.write(self.requests[axis]);
+        let mut ends = self.ends.lock().unwrap();
+        change(&mut ends.requests[axis]);
+        ends.write();
+    }
+
+    /// The newest request of an axis.
+    pub fn newest(&self, axis: usize) -> AxisRequest {
+        self.ends.lock().unwrap().requests[axis]
+    }
+
+    /// Demands a state of every axis at an instant, also in the middle of an exchange.
+    pub fn demand_at(&mut self, due: Nanos, demand: Demand) {
+        let ends = Arc::clone(&self.ends);
+        self.line.plan(due, move || {
+            let mut ends = ends.lock().unwrap();
+            ends.requests.iter_mut().for_each(|request| request.demand = demand);
+            ends.write();
+        });
     }
 
     pub fn demand(&mut self, demand: Demand) {
@@ -103,11 +148,6 @@ impl PortRig {
 
     pub fn turns(&mut self, count: usize) {
         for _ in 0..count {
-            // As the control loop does in every tick.
-            for (link, request) in self.links.iter_mut().zip(&mut self.requests) {
-                request.sequence += 1;
-                link.requests.write(*request);
-            }
             let events = &mut self.events;
             self.runner.turn(&mut |event| events.push(event));
         }
@@ -126,7 +166,7 @@ impl PortRig {
     }
 
     pub fn feedback_of(&mut self, axis: usize) -> AxisFeedback {
-        *self.links[axis].feedback.read()
+        *self.ends.lock().unwrap().links[axis].feedback.read()
     }
 
     /// Runs turns until the first axis is in a phase.
