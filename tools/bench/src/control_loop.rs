@@ -10,9 +10,9 @@ use i2ris::units::Nanos;
 
 use crate::BenchError;
 use crate::inverse::two_clock_readings;
-use crate::model::fitted;
 use crate::outcome::{Durations, Found, Outcome, Quantity, Role, Variant};
 use crate::placement::{Run, in_thread};
+use crate::sample_models::fitted;
 use crate::tick::{Cycle, Duties};
 
 /// Duration of one turn of a variant. Short turns give all variants the same load of the machine.

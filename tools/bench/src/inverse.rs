@@ -8,9 +8,9 @@ use i2ris::model::{Memory, Model, Query};
 use i2ris::units::{Nanos, OutputVec};
 
 use crate::BenchError;
-use crate::model::model;
 use crate::outcome::{Durations, Found, Outcome, Role, Variant};
 use crate::placement::{Run, in_thread};
+use crate::sample_models::model;
 
 /// Calls that do not count.
 const WARM_UP: u64 = 1000;

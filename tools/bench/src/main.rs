@@ -9,7 +9,7 @@
 //! | `control_loop`, `inverse`, `wire`, `e2e` | the measurements |
 //! | `outcome`, `report` | variants, quantities, ratios; as text, JSON, figures and page |
 //! | `placement`, `machine` | scheduling of threads; properties and load of the machine |
-//! | `rig`, `model`, `tick` | emulated drives, models of any size, a tick with ideal drives |
+//! | `rig`, `sample_models`, `tick` | emulated drives, models of any size, a tick with ideal drives |
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -17,11 +17,11 @@ mod control_loop;
 mod e2e;
 mod inverse;
 mod machine;
-mod model;
 mod outcome;
 mod placement;
 mod report;
 mod rig;
+mod sample_models;
 mod tick;
 mod wire;
 
@@ -33,6 +33,7 @@ use std::time::Duration;
 use clap::{Parser, value_parser};
 use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
+use i2ris_bench::models;
 use i2ris_report::{Failure, Interrupt};
 use indicatif::ProgressBar;
 
@@ -105,6 +106,8 @@ enum Task {
     /// An event of an input device, setpoint of its command on the wire; with a gamepad that is
     /// played to `i2ris teleop`, and emulated drives
     Hand(HandArguments),
+    /// What the adaptation is worth on emulated snakes that age, in simulated time
+    Models(models::Arguments),
     /// Loop, inverse, wire and e2e with their defaults, one after the other; takes two minutes
     All(ControllerArgument),
 }
@@ -209,6 +212,9 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), BenchError> {
+    if let Task::Models(task) = &arguments.task {
+        return models::run(task, arguments.json).map_err(|error| error.to_string().into());
+    }
     let interrupt = Interrupt::catch()?;
     let outcomes = outcomes(arguments, &arguments.task, arguments.run(&interrupt))?;
     report::print_outcomes(&outcomes, arguments.json)?;
@@ -281,6 +287,6 @@ fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
             let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
             e2e::hand::run(&benchmark, run)
         }
-        Task::All(_) => Err("this is no single measurement".into()),
+        Task::Models(_) | Task::All(_) => Err("this is no single measurement".into()),
     }
 }

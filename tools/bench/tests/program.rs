@@ -155,3 +155,18 @@ fn the_wire_is_measured_over_rates_and_axes() {
     assert!(floor(groups[0]) >= 0.95 * bytes_ns);
     assert!(floor("115200 baud, 3 axes per port") >= 2.85 * bytes_ns);
 }
+
+#[test]
+fn models_are_refused_by_name_of_physics_and_family_and_by_hours() {
+    for (option, value, words) in [
+        ("--physics", "adder", ["adder", "--physics"]),
+        ("--family", "worst", ["worst", "force-balance"]),
+        ("--draws", "0", ["--draws", "0"]),
+        ("--drift-hours", "1000", ["--drift-hours", "0 to 100"]),
+    ] {
+        let output = program::output(&["bench", "models", option, value]);
+        let error = text(&output.stderr);
+        assert!(!output.status.success(), "{option} {value}");
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    }
+}

@@ -12,7 +12,6 @@ use i2ris_calibration::fit::split::HoldOut;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
 use i2ris_calibration::progress::Silent;
 use i2ris_calibration::quality::Finding;
-use i2ris_calibration::quality::Warning;
 use i2ris_calibration::recording::{ColumnMap, ReadReport, Recording};
 use i2ris_calibration::regression::linear::fit_linear;
 use i2ris_calibration::table::DataTable;
@@ -82,7 +81,7 @@ fn its_noise_and_its_limits_are_reported() {
     let noise: Vec<_> = quality.noise.iter().map(|noise| noise.unwrap().deviation).collect();
     assert!((noise[0] - 0.2).abs() < 0.05 && (noise[1] - 0.4).abs() < 0.05, "{noise:?}");
     assert!(quality.spikes.is_empty());
-    let [Warning::Hysteresis(Finding::Circulation { turns })] = quality.warnings[..] else {
+    let [Finding::Circulation { turns }] = quality.warnings[..] else {
         panic!("{:?}", quality.warnings)
     };
     assert!((turns - 3.97).abs() < 0.01);

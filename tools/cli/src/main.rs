@@ -10,7 +10,6 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use i2ris_report::program::{end_with_reader, finish};
 use i2ris_report::{Failure, tips};
-use i2ris_simulation::benchmark;
 
 mod calibrate;
 mod command;
@@ -82,9 +81,6 @@ enum Task {
     Replay(replay::Arguments),
     /// Have the running controller write its black box: the last seconds of every tick
     Dump(replay::DumpArguments),
-    /// Judge families of models on emulated snakes of many physics, in simulated time (speed:
-    /// bench)
-    Benchmark(benchmark::Arguments),
     /// Show the whole path on the emulator: calibrate, fit, follow, measure
     Demo(demo::Arguments),
 }
@@ -98,8 +94,7 @@ impl Task {
             | Self::Why(_)
             | Self::Config(_)
             | Self::Completions(_)
-            | Self::Replay(_)
-            | Self::Benchmark(_) => true,
+            | Self::Replay(_) => true,
             Self::Calibrate(arguments) => arguments.only_prints(),
             Self::Start(_)
             | Self::Emulate(_)
@@ -128,7 +123,6 @@ impl Task {
             Self::Completions(arguments) => completions::run(&arguments, Cli::command()),
             Self::Replay(arguments) => replay::run(&arguments),
             Self::Dump(arguments) => replay::dump(&arguments),
-            Self::Benchmark(arguments) => benchmark::run(&arguments),
             Self::Demo(arguments) => demo::run(arguments),
         }
     }

@@ -32,11 +32,7 @@ pub const PROGRAMS: [Program; 7] = [
     program("trial", "i2ris-record", "Run the trials of a study: begin, mark, end, list"),
     program("ros", "i2ris-ros", "Show and command the robot in ROS 2, as CRTK names it"),
     program("vision", "i2ris-vision", "Measure angles in microscope images"),
-    program(
-        "bench",
-        "i2ris-bench",
-        "Measure latencies of this machine and of the controller (how well models follow: benchmark)",
-    ),
+    program("bench", "i2ris-bench", "Measure latencies, and how models follow on snakes that age"),
 ];
 
 impl Program {

@@ -6,7 +6,7 @@ use clap::error::{ContextKind, ContextValue, Error};
 /// Words that a tip may name: they move nothing, switch nothing on and change no model. A new
 /// command is not among them until somebody says so here.
 const HARMLESS: &str = "stop estop disable pause release acknowledge help doctor why config model \
-     monitor record report replay dump completions emulate benchmark bench input vision trial \
+     monitor record report replay dump completions emulate bench input vision trial \
      fixture state list show check describe schema stage predict invert fit compare merge info \
      export extract test learn measure";
 /// Options that no tip names.

@@ -23,14 +23,12 @@
 //! | [`robot`] | motors and snake in simulated time, without lines and threads; pure |
 //! | [`closed_loop`] | the control cycle in front of simulated motors; pure |
 //! | [`motion`] | motions that calibrate, and motions that no calibration has seen; pure |
-//! | [`benchmark`] | `i2ris benchmark`: how well families of models follow on drawn snakes |
 //! | [`emulator`] | the drives on pseudo-terminals, with threads; scenarios and injected faults |
 //!
 //! Pure modules take time as an argument. The threads read [`i2ris::clock`].
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod ageing;
-pub mod benchmark;
 pub mod camera;
 pub mod closed_loop;
 pub mod drive;

@@ -27,7 +27,6 @@
 //! | [`rest_pose`] | the straight pose that is angle 0 |
 //! | [`view_detector`] | one view: a frame in, a reading or a cause out |
 //! | [`frame_pairing`] | pairs of frames of two views |
-//! | [`view_alignment`] | which view shows which axis, from motions of one axis |
 //! | [`joint_angles`] | one or two views to pitch, yaw and tip position |
 //! | [`angle_csv`] | angles over time as CSV |
 //! | [`session`] | frames in, rows out |
@@ -48,5 +47,4 @@ pub mod scene_setup;
 pub mod session;
 pub mod setup;
 pub mod source;
-pub mod view_alignment;
 pub mod view_detector;

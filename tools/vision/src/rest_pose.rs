@@ -1,7 +1,6 @@
 //! The straight pose: what the angles count from.
 
 use i2ris_report::statistics;
-use serde::{Deserialize, Serialize};
 
 use crate::fibre::Reading;
 
@@ -13,9 +12,7 @@ const MAX_SPREAD_DEG: f64 = 0.3;
 const MAD: f64 = 1.4826;
 
 /// What one view shows of the straight pose: medians over some frames.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestPose {
     /// Angle between base and tip, deg: how far fibre and joint zero are off.
     pub angle_deg: f64,
@@ -79,14 +76,6 @@ impl RestPoseEstimator {
         }
         let tip_px = [median(&self.tips[0]), median(&self.tips[1])];
         Ok(RestPose { angle_deg, spread_deg, length_px: median(&self.lengths), tip_px })
-    }
-}
-
-impl RestPose {
-    /// Whether all values are finite.
-    pub fn is_finite(&self) -> bool {
-        let [x, y] = self.tip_px;
-        [self.angle_deg, self.spread_deg, self.length_px, x, y].iter().all(|v| v.is_finite())
     }
 }
 

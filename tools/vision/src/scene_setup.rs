@@ -41,7 +41,6 @@ pub fn setup(rig: &Rig) -> VisionSetup {
             base_length_mm: 0.9 * camera.origin_px[0] / camera.px_per_mm,
             arc_length_mm: rig.snake.arc_mm,
             tip_length_mm: rig.snake.tip_mm,
-            rest: None,
         };
         view.set_plane(camera.plane_rad);
         view

@@ -15,24 +15,11 @@ use crate::setup::{JointAxis, VisionSetup};
 use crate::source::{DuplicateCameraMonitor, FrameFault};
 use crate::view_detector::{Rejection, ViewResult};
 
-/// What angles count from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reference {
-    /// The straight pose that the first frames show, for this long.
-    First(Nanos),
-    Setup,
-}
-
 /// Why a session cannot start or go on.
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
     #[error(transparent)]
     RestPose(#[from] RestPoseError),
-    #[error(
-        "the setup has no rest for view {view}: begin the frames at rest and give --rest-s, \
-         or calibrate"
-    )]
-    NoRest { view: String },
     #[error("no frame came")]
     NoPicture,
 }
@@ -51,7 +38,8 @@ pub struct SessionStatistics {
 #[derive(Debug)]
 pub struct Session {
     setup: VisionSetup,
-    reference: Reference,
+    /// How long the first frames show the straight pose.
+    rest: Nanos,
     duplicates: DuplicateCameraMonitor,
     pairer: FramePairer<ViewResult>,
     first: Option<Nanos>,
@@ -63,10 +51,11 @@ pub struct Session {
 }
 
 impl Session {
-    pub fn new(setup: &VisionSetup, reference: Reference) -> Result<Self, SessionError> {
+    /// Angles count from the straight pose that the first frames show, for this long.
+    pub fn new(setup: &VisionSetup, rest: Nanos) -> Self {
         let mut session = Self {
             setup: setup.clone(),
-            reference,
+            rest,
             duplicates: DuplicateCameraMonitor::default(),
             pairer: FramePairer::new(Nanos((setup.pair_within_ms * 1e6) as u64)),
             first: None,
@@ -79,14 +68,7 @@ impl Session {
         if setup.views.len() == 1 {
             session.pairer.end(1);
         }
-        if reference == Reference::Setup {
-            let missing =
-                |view: &crate::setup::View| SessionError::NoRest { view: view.name.clone() };
-            let rests: Result<Vec<RestPose>, _> =
-                setup.views.iter().map(|v| v.rest.ok_or_else(|| missing(v))).collect();
-            session.set_reference(rests?);
-        }
-        Ok(session)
+        session
     }
 
     /// The view that has to deliver next; `None`: all have ended.
@@ -151,20 +133,13 @@ impl Session {
         }
     }
 
-    fn set_reference(&mut self, rests: Vec<RestPose>) {
-        self.stereo = Some((Stereo::new(&self.setup, &rests), rests));
-    }
-
     fn process(&mut self, pair: PairResult<ViewResult>) -> Result<Vec<AngleRow>, SessionError> {
         if self.stereo.is_some() {
             return Ok(vec![self.evaluate(&pair)]);
         }
         let (stamp, results) = parts(&pair);
         let first = *self.first.get_or_insert(stamp);
-        let Reference::First(span) = self.reference else {
-            return Ok(Vec::new());
-        };
-        if stamp.since(first) < span {
+        if stamp.since(first) < self.rest {
             for (view, result) in results {
                 self.estimator[view].add(result.seen.as_ref().ok());
             }
@@ -183,7 +158,8 @@ impl Session {
         let named = self.estimator.iter().zip(&self.setup.views);
         let rests: Result<Vec<RestPose>, RestPoseError> =
             named.map(|(estimator, view)| estimator.finish(&view.name)).collect();
-        self.set_reference(rests?);
+        let rests = rests?;
+        self.stereo = Some((Stereo::new(&self.setup, &rests), rests));
         let held = std::mem::take(&mut self.held);
         Ok(held.iter().map(|pair| self.evaluate(pair)).collect())
     }

@@ -1,15 +1,12 @@
 //! Description of the views: a small TOML file written by a person.
 //!
-//! `i2ris vision calibrate` finds axis, direction, turn and rest by itself; thicknesses, lengths
-//! and scale are measured once by a person. Lengths are millimetres, so a change of the
-//! magnification changes one number.
+//! Lengths are millimetres, so a change of the magnification changes one number.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use crate::fibre::{Background, DetectorSettings, EntrySide};
-use crate::rest_pose::RestPose;
 
 /// The two joint axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -75,9 +72,6 @@ pub struct View {
     pub arc_length_mm: f64,
     /// Length of the straight stretch at the tip.
     pub tip_length_mm: f64,
-    /// The straight pose, for images that do not begin at rest.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rest: Option<RestPose>,
 }
 
 /// Why a setup cannot be used.
@@ -181,9 +175,6 @@ impl View {
         }
         if self.near_px.is_some_and(|near| near.iter().any(|v| !v.is_finite())) {
             return Err(("near_px", "must be two numbers"));
-        }
-        if self.rest.as_ref().is_some_and(|rest| !rest.is_finite()) {
-            return Err(("rest", "must be numbers"));
         }
         Ok(())
     }

@@ -17,9 +17,9 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
 use super::EndToEndBenchmark;
-use crate::model::model;
 use crate::placement::{Run, describe};
 use crate::rig::DriveRig;
+use crate::sample_models::model;
 use crate::tick::CONFIG;
 use crate::{BenchError, own_domain};
 

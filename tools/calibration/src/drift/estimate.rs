@@ -5,9 +5,8 @@ use i2ris::units::MAX_MOTORS;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::least_squares::{Problem, Solution, autocorrelation, solve};
+use super::least_squares::{Problem, Solution, solve};
 use super::regressors::{Point, points};
-use crate::fit::slow_error::principal;
 use crate::recording::Recording;
 
 /// Deviations that the prior gives a drift: zero in deg (mm), gain, gap.
@@ -47,8 +46,6 @@ pub struct DriftEstimate {
     pub rows: usize,
     /// Share of these that count as independent.
     pub independent: f64,
-    /// What is left over.
-    pub rest: Rest,
     /// For figures: time, and errors before and after, of every row.
     #[serde(skip)]
     pub errors: Vec<(f64, [f64; 3], [f64; 3])>,
@@ -191,7 +188,6 @@ impl Shape {
             length(errors.iter().map(|(_, old, _)| *old)),
             length(errors.iter().map(|(_, _, left)| *left)),
         ];
-        let rest = Rest::new(&errors, self.outputs);
         DriftEstimate {
             zero,
             gain,
@@ -199,35 +195,8 @@ impl Shape {
             rms,
             rows: errors.len(),
             independent: solution.independent,
-            rest,
             errors,
         }
-    }
-}
-
-/// The rest of a model without its drift.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Rest {
-    /// The direction of the first two outputs along which most of it lies, of length 1; the first
-    /// output where there is one only.
-    pub direction: [f64; 2],
-    /// Part of the variance along it.
-    pub share: f64,
-    /// Its correlation from a row to the next one, and to the tenth.
-    pub autocorrelation: [f64; 2],
-}
-
-impl Rest {
-    fn new(errors: &[(f64, [f64; 3], [f64; 3])], outputs: usize) -> Self {
-        let left: Vec<[f64; 2]> = errors.iter().map(|(_, _, left)| [left[0], left[1]]).collect();
-        let (direction, along, across) = match outputs {
-            2 => principal(&left),
-            _ => ([1.0, 0.0], 1.0, 0.0),
-        };
-        let share = if along > 0.0 { along / (along + across) } else { 1.0 };
-        let along = left.iter().map(|[a, b]| direction[0] * a + direction[1] * b);
-        let along: Vec<f64> = along.collect();
-        Self { direction, share, autocorrelation: [1, 10].map(|lag| autocorrelation(&along, lag)) }
     }
 }
 

@@ -80,7 +80,7 @@ impl Problem {
     /// By the autocorrelation from row to row, of the output where it is largest.
     fn independent(&self, left: &DVector<f64>) -> f64 {
         let of_output = |rest: &[f64]| {
-            let a = autocorrelation(rest, 1).max(0.0);
+            let a = autocorrelation(rest).max(0.0);
             (1.0 - a) / (1.0 + a)
         };
         let outputs = left.as_slice().chunks(self.rows.max(1));
@@ -88,11 +88,11 @@ impl Problem {
     }
 }
 
-/// Correlation of values with those `lag` places later; 0 where there are none.
-pub(super) fn autocorrelation(values: &[f64], lag: usize) -> f64 {
+/// Correlation of values with the next ones; 0 where there are none.
+fn autocorrelation(values: &[f64]) -> f64 {
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let about = |value: &f64| value - mean;
-    let pairs = values.iter().zip(values.iter().skip(lag));
+    let pairs = values.iter().zip(values.iter().skip(1));
     let cross: f64 = pairs.map(|(a, b)| about(a) * about(b)).sum();
     let square: f64 = values.iter().map(|value| about(value).powi(2)).sum();
     if square > 0.0 { cross / square } else { 0.0 }

@@ -16,7 +16,7 @@
 //! |---|---|
 //! | `regressors` | predictions and slopes along a recording |
 //! | `least_squares` | the robust fit with a prior |
-//! | `estimate` | the drift and its uncertainty; what is left over |
+//! | `estimate` | the drift and its uncertainty |
 //! | `verdict` | whether it is time for a new calibration |
 //! | `refine` | a new model from a calibration and what was recorded in use |
 
@@ -26,6 +26,6 @@ mod refine;
 mod regressors;
 mod verdict;
 
-pub use estimate::{DriftError, DriftEstimate, Rest, Value};
+pub use estimate::{DriftError, DriftEstimate, Value};
 pub use refine::{RefineError, Refined, refine};
 pub use verdict::Verdict;

@@ -69,7 +69,7 @@ fn fast_part(series: &[f64]) -> f64 {
 }
 
 /// The direction of the largest variance around 0, and the variances along and across it.
-pub(crate) fn principal(errors: &[[f64; 2]]) -> ([f64; 2], f64, f64) {
+fn principal(errors: &[[f64; 2]]) -> ([f64; 2], f64, f64) {
     let count = errors.len() as f64;
     let mean = |of: fn(&[f64; 2]) -> f64| errors.iter().map(of).sum::<f64>() / count;
     let (a, b, c) = (

@@ -26,7 +26,7 @@ const TOGETHER_PART: f64 = 0.1;
 /// Least part of the path on which the motors have to move together to cover the plane.
 const LEAST_TOGETHER: f64 = 0.1;
 
-/// A limit of what a recording can show.
+/// A limit of what a recording can show; no error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Finding {
     /// A motor that hardly ever turns back.
@@ -50,6 +50,16 @@ pub enum Finding {
     OneAxisAtATime {
         /// Part of the path on which they do, percent.
         percent: f64,
+    },
+    /// Motors that move nearly as one.
+    HardlySeparable {
+        /// Part of the motion that is independent, percent.
+        percent: f64,
+    },
+    /// Angles so small that they may be radians.
+    MaybeRadians {
+        /// The largest one, as recorded.
+        furthest: f64,
     },
 }
 
@@ -87,14 +97,23 @@ impl fmt::Display for Finding {
                 "the motors move together on {percent:.0} % of the path only, so the recording \
                  does not show the plane between their axes; record motion of both at once"
             ),
+            Self::HardlySeparable { percent } => write!(
+                f,
+                "the motors move nearly together ({percent:.1} % of their motion is independent): \
+                 their effects are hard to separate; record motion in which they move separately"
+            ),
+            Self::MaybeRadians { furthest } => write!(
+                f,
+                "no angle is further from 0 than {furthest:.3} deg; if they are radians, multiply \
+                 them by 57.29578 and fit again"
+            ),
         }
     }
 }
 
 /// The limits of the path of a series. Where it cannot show hysteresis at all, lesser findings are
 /// left out.
-#[must_use]
-pub fn findings(series: &Series) -> Vec<Finding> {
+pub(crate) fn limits_of_path(series: &Series) -> Vec<Finding> {
     let motors = (0..series.motors()).filter_map(|motor| motor_finding(series, motor));
     let mut findings: Vec<Finding> = motors.chain(plane_finding(series)).collect();
     if findings.iter().any(Finding::hides_hysteresis) {
@@ -177,7 +196,7 @@ mod tests {
     use crate::testing::{assert_contains, circle, one_motor, recording, straight, wander};
 
     fn findings_of(recording: &Recording) -> Vec<Finding> {
-        findings(&Series::whole(recording))
+        limits_of_path(&Series::whole(recording))
     }
 
     /// Findings of one motor.

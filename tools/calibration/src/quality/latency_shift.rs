@@ -2,15 +2,15 @@
 
 use i2ris::units::MotorVec;
 
-use super::identifiability::{Finding, findings};
+use super::identifiability::{Finding, limits_of_path};
 use super::latency::{Latency, TimedCounts, TimedOutputs, estimate_latency};
 use crate::recording::{PathPoint, Recording, Row};
 use crate::series::Series;
 use i2ris_report::statistics::median;
 
 /// How far hysteresis that the estimate does not know moves it, as a standard deviation: on
-/// emulated snakes of eight physics without any latency it was up to 15 ms (`i2ris benchmark
-/// --keep`).
+/// emulated snakes of eight physics without any latency it was up to 15 ms (the recordings of the
+/// benchmark of the Python package).
 const BIAS_S: f64 = 0.0075;
 
 /// No camera is later. What looks later is hysteresis.
@@ -65,7 +65,7 @@ impl Recording {
     fn believed_latency(&self) -> Option<f64> {
         let series = Series::whole(self);
         let shows = |finding: &Finding| matches!(finding, Finding::OneAxisAtATime { .. });
-        if !findings(&series).iter().all(shows) {
+        if !limits_of_path(&series).iter().all(shows) {
             return None;
         }
         let Latency { seconds, deviation_s, helps, .. } = self.latency()?;
@@ -115,8 +115,7 @@ fn shrunk(seconds: f64, deviation_s: f64) -> f64 {
 
 /// The counts at an instant, on the straight line between two positions of a path in order of time
 /// (s, counts); `None` beyond its ends and where those two are more than `gap_s` apart.
-#[must_use]
-pub fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap_s: f64) -> Option<MotorVec> {
+fn counts_at(path: &[(f64, MotorVec)], time_s: f64, gap_s: f64) -> Option<MotorVec> {
     let after = path.partition_point(|(time, _)| *time < time_s);
     let (t1, b) = path.get(after)?;
     if *t1 == time_s {

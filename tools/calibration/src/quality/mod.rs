@@ -20,8 +20,6 @@ mod latency_shift;
 mod noise;
 mod spike;
 
-use std::fmt;
-
 use i2ris::model::file::OutputUnit;
 
 use crate::recording::Recording;
@@ -29,8 +27,8 @@ use crate::regression::linear::{LinearError, LinearFit, fit_linear, independence
 use crate::series::Series;
 use crate::table::DataTable;
 
-pub use identifiability::{Finding, findings};
-pub use latency_shift::counts_at;
+pub use identifiability::Finding;
+pub(crate) use identifiability::limits_of_path;
 pub use noise::{NoiseFloor, NoiseMethod};
 pub use spike::{Spike, SpikeOptions};
 
@@ -51,46 +49,11 @@ pub struct Quality {
     /// How late the outputs are stamped against the counts, where the motion shows it.
     pub latency: Option<Latency>,
     /// Limits of the recording.
-    pub warnings: Vec<Warning>,
-}
-
-/// A limit of a recording; no error.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Warning {
-    /// Hysteresis cannot be separated from the shape of the curve, or not all of it.
-    Hysteresis(Finding),
-    /// Motors that move nearly as one.
-    HardlySeparable {
-        /// Part of the motion that is independent, percent.
-        percent: f64,
-    },
-    /// Angles so small that they may be radians.
-    MaybeRadians {
-        /// The largest one, as recorded.
-        furthest: f64,
-    },
+    pub warnings: Vec<Finding>,
 }
 
 /// No snake that is calibrated bends by less than this, deg, and none by as many radians.
 const LEAST_BEND_DEG: f64 = 1.6;
-
-impl fmt::Display for Warning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Hysteresis(finding) => finding.fmt(f),
-            Self::HardlySeparable { percent } => write!(
-                f,
-                "the motors move nearly together ({percent:.1} % of their motion is independent): \
-                 their effects are hard to separate; record motion in which they move separately"
-            ),
-            Self::MaybeRadians { furthest } => write!(
-                f,
-                "no angle is further from 0 than {furthest:.3} deg; if they are radians, multiply \
-                 them by 57.29578 and fit again"
-            ),
-        }
-    }
-}
 
 impl Quality {
     /// Examines a recording.
@@ -103,7 +66,7 @@ impl Quality {
         let indices = || 0..rows.len();
         let inputs = inputs(recording, indices());
         let linear = fit_linear(&inputs, &outputs(recording, indices()))?;
-        let warnings = warnings(recording, &inputs);
+        let warnings = findings(recording);
         let mut quality = Self { noise: Vec::new(), spikes: Vec::new(), latency: None, warnings };
         // Where hysteresis looks like a shift in phase, a shift in time does too.
         if quality.hides_hysteresis().is_none() {
@@ -125,19 +88,14 @@ impl Quality {
     /// Why hysteresis cannot be found at all, if it cannot.
     #[must_use]
     pub fn hides_hysteresis(&self) -> Option<Finding> {
-        self.warnings.iter().find_map(|warning| match warning {
-            Warning::Hysteresis(finding) if finding.hides_hysteresis() => Some(*finding),
-            _ => None,
-        })
+        self.warnings.iter().find(|finding| finding.hides_hysteresis()).copied()
     }
 
     /// Why the recording shows nothing between the axes of the motors, if it does not.
     #[must_use]
     pub fn shows_one_axis_at_a_time(&self) -> Option<Finding> {
-        self.warnings.iter().find_map(|warning| match warning {
-            Warning::Hysteresis(finding @ Finding::OneAxisAtATime { .. }) => Some(*finding),
-            _ => None,
-        })
+        let is_axes = |finding: &&Finding| matches!(finding, Finding::OneAxisAtATime { .. });
+        self.warnings.iter().find(is_axes).copied()
     }
 
     /// Whether a row was flagged, for any output.
@@ -153,24 +111,22 @@ fn residuals(measured: &[f64], inputs: &DataTable, linear: &LinearFit, output: u
     rows.map(|(measured, counts)| measured - predicted(counts)).collect()
 }
 
-fn warnings(recording: &Recording, inputs: &DataTable) -> Vec<Warning> {
-    let independent = independence(inputs);
+/// All limits of a recording.
+#[must_use]
+pub fn findings(recording: &Recording) -> Vec<Finding> {
+    let independent = independence(&inputs(recording, 0..recording.rows().len()));
     let percent = 100.0 * independent;
-    let hardly = (independent < HARDLY_SEPARABLE).then_some(Warning::HardlySeparable { percent });
-    let findings = findings(&Series::whole(recording)).into_iter();
-    hardly
-        .into_iter()
-        .chain(maybe_radians(recording))
-        .chain(findings.map(Warning::Hysteresis))
-        .collect()
+    let hardly = (independent < HARDLY_SEPARABLE).then_some(Finding::HardlySeparable { percent });
+    let limits = limits_of_path(&Series::whole(recording));
+    hardly.into_iter().chain(maybe_radians(recording)).chain(limits).collect()
 }
 
-fn maybe_radians(recording: &Recording) -> Option<Warning> {
+fn maybe_radians(recording: &Recording) -> Option<Finding> {
     let specs = recording.outputs();
     let angles = recording.rows().iter().flat_map(|row| &row.outputs[..specs.len()]);
     let furthest = angles.fold(0.0, |most: f64, angle| most.max(angle.abs()));
     let degrees = specs.iter().all(|spec| spec.unit == OutputUnit::Deg);
-    (degrees && furthest < LEAST_BEND_DEG).then_some(Warning::MaybeRadians { furthest })
+    (degrees && furthest < LEAST_BEND_DEG).then_some(Finding::MaybeRadians { furthest })
 }
 
 /// The counts of some rows, one column per motor.

@@ -8,7 +8,7 @@ use i2ris_report::page::TableRow;
 use i2ris_report::{Axis, Color, Figure, Line, Page, Panel, ReferenceLine, Stroke, Table};
 use serde::Serialize;
 
-use crate::drift::{DriftError, DriftEstimate, Rest, Value, Verdict};
+use crate::drift::{DriftError, DriftEstimate, Value, Verdict};
 use crate::recording::Recording;
 
 const HEIGHT: f64 = 165.0;
@@ -58,12 +58,6 @@ impl DriftReport {
             "On {recording}: {before:.3} {unit}, {after:.3} {unit} without the drift; {verdict}."
         ));
         page.table(&self.table());
-        let Rest { share, direction: [x, y], autocorrelation: [next, tenth] } = drift.rest;
-        page.paragraph(format!(
-            "Of what is left, {:.0} % lies along ({x:+.2}, {y:+.2}); from row to row it has a \
-             correlation of {next:.2}, to the tenth row {tenth:.2}.",
-            100.0 * share
-        ));
         let figure = Figure::new(
             "drift",
             "Errors over time",
@@ -134,12 +128,6 @@ impl fmt::Display for DriftReport {
         for (motor, scale) in drift.gap_scale.iter().enumerate() {
             writeln!(f, "  gap scale  motor {motor} {}", with(scale))?;
         }
-        let Rest { share, direction: [x, y], autocorrelation: [next, tenth] } = drift.rest;
-        writeln!(
-            f,
-            "  rest       {:.0} % along ({x:+.2}, {y:+.2}), autocorrelation {next:.2} after 1 row, \
-             {tenth:.2} after 10",
-            100.0 * share
-        )
+        Ok(())
     }
 }

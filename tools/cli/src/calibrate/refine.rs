@@ -170,7 +170,7 @@ fn joined(file: &Path, tables: &Path, outputs: &[OutputSpec]) -> Result<Recordin
     let path = tables.join(file.file_name().unwrap_or_default()).with_extension("csv");
     let motors = usize::try_from(first.count).unwrap_or(2).min(2);
     let table = File::create_new(&path)?;
-    let mut recorder = Recorder::new(table, start, motors, outputs, OUTLIER_DEG, 0.0)?;
+    let mut recorder = Recorder::new(table, start, motors, outputs, OUTLIER_DEG)?;
     for row in &positions {
         recorder.positions(&ActuatorState {
             measured_stamp_ns: [row.measured_stamp_ns_0, row.measured_stamp_ns_1],

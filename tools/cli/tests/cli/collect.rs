@@ -13,6 +13,9 @@ use i2ris::process::robot_description;
 use i2ris::units::Nanos;
 use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_testing::{Background, Controller, Program, Rig, wait_until};
+use i2ris_vision::drawing::save_grey;
+use i2ris_vision::scene::{JointPose, Rig as Scene};
+use i2ris_vision::scene_setup::setup;
 
 use crate::bench::{Bench, Said, assert_says, ends, expect_stalls, fails, nobody, run, start};
 
@@ -221,7 +224,6 @@ fn what_makes_no_sense_is_refused_before_a_controller_is_looked_for() {
         ("--speed-counts-s 0", "must be a number above 0"),
         ("--duration-s nan", "must be a number above 0"),
         ("--protocol dance", "possible values: reversals, cycles, decaying-sine, axes"),
-        ("--camera-latency-ms 5000", "must be a number from -1000 to 1000"),
         ("", "no controller serves domain"),
         ("--protocol axes", "trap"),
     ] {
@@ -330,6 +332,24 @@ fn apart_deg(one: &Recording, other: &Recording) -> (f64, usize) {
     ((squares.iter().sum::<f64>() / squares.len() as f64).sqrt(), squares.len())
 }
 
+/// Pictures of the snake at rest, before the recording begins, and of every sixth row of it.
+fn draw(recording: &Recording, folder: &Path) {
+    let rig = Scene::laboratory(640, 480, 100.0);
+    setup(&rig).save(&folder.join("vision.toml")).unwrap();
+    (0..2).for_each(|view| fs::create_dir(folder.join(format!("view{view}"))).unwrap());
+    let rest = (0..6_u32).map(|number| (1e-4 * f64::from(number), JointPose::default()));
+    let rows = recording.rows().iter().step_by(6).map(|row| {
+        let [pitch_rad, yaw_rad, _] = row.outputs.map(f64::to_radians);
+        (row.time_s.unwrap(), JointPose { pitch_rad, yaw_rad })
+    });
+    for (number, (time_s, pose)) in rest.chain(rows).enumerate() {
+        for (view, image) in rig.render_views(pose, number as u64).iter().enumerate() {
+            let name = format!("view{view}/frame_t{time_s:.9}.png");
+            save_grey(&folder.join(name), image).unwrap();
+        }
+    }
+}
+
 #[test]
 fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     let mut whole = Whole::start(|_| {});
@@ -353,10 +373,8 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     whole.fit("take.csv", "model.json");
 
     // Pictures of what was recorded, the angles that are in them, and a model of those.
-    whole.tool("vision render --angles @take.csv --output @pictures --size 640x480 --every 6");
-    let setup = "vision calibrate --setup @pictures/vision.toml --output @vision.toml";
-    whole.tool(&format!("{setup} --rest @pictures/rest0 @pictures/rest1"));
-    let measure = "vision --setup @vision.toml @pictures/view0 @pictures/view1 --rest-s 0";
+    draw(&recording, whole.rig.folder.path());
+    let measure = "vision --setup @vision.toml @view0 @view1 --rest-s 0.001";
     whole.tool(&format!("{measure} --output @angles.csv"));
     whole.tool("calibrate merge @take.csv @angles.csv --output @seen.csv");
     let (apart, common) = apart_deg(&whole.recording("seen.csv"), &recording);

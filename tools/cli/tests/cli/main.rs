@@ -3,7 +3,6 @@
 
 mod advice;
 mod bench;
-mod benchmark;
 mod collect;
 mod command;
 mod drift;

@@ -23,7 +23,7 @@ use i2ris_testing::{Rig, TIMEOUT, home_and_enable, wait_until};
 use i2ris_vision::image::GreyImage;
 use i2ris_vision::scene::{JointPose, Rig as Scene};
 use i2ris_vision::scene_setup::setup;
-use i2ris_vision::session::{Reference, Session};
+use i2ris_vision::session::Session;
 use i2ris_vision::source::{Frame, SourceItem};
 use i2ris_vision::view_detector::ViewDetector;
 use rand::{RngExt, SeedableRng};
@@ -62,7 +62,7 @@ fn film(emulator: &Emulator, look: Look, domain: &Domain, stop: &AtomicBool, see
         // Turned counterclockwise in the picture, as `--view-rotation-deg` says it.
         camera.plane_rad += look.turned_deg.to_radians();
     }
-    let mut session = Session::new(&setup, Reference::First(REST)).unwrap();
+    let mut session = Session::new(&setup, REST);
     let mut detectors: Vec<_> =
         setup.views.iter().map(|view| ViewDetector::new(view.settings())).collect();
     let mut publisher = ExternalPublisher::new(domain);

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use i2ris_simulation::benchmark::{RecordingPlan, robot, tracked};
+use i2ris_bench::models::{RecordingPlan, robot, tracked};
 use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::robot::Robot;
@@ -85,7 +85,7 @@ pub fn record(
 /// seconds of warming up, then what was asked for.
 #[pyfunction]
 pub fn tick_times(py: Python<'_>, model: &Model, ticks: usize) -> PyResult<Vec<f64>> {
-    py.detach(|| i2ris_simulation::benchmark::tick_times(&model.0, ticks)).map_err(refused)
+    py.detach(|| i2ris_bench::models::tick_times(&model.0, ticks)).map_err(refused)
 }
 
 /// RMS error of the tip, deg, while a model follows the motions of the benchmark on a snake; motion

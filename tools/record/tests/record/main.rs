@@ -7,7 +7,6 @@
     reason = "tests, which say when they skip"
 )]
 
-mod alignment;
 mod crtk;
 mod export;
 mod files;

@@ -16,7 +16,7 @@ use i2ris_record::report::TrialReport;
 use i2ris_testing::{Controller, wait_until};
 use i2ris_vision::scene::{JointPose, Rig};
 use i2ris_vision::scene_setup::setup;
-use i2ris_vision::session::{Reference, Session};
+use i2ris_vision::session::Session;
 use i2ris_vision::source::{Frame, SourceItem};
 use i2ris_vision::view_detector::ViewDetector;
 use mcap::records::Record;
@@ -141,7 +141,7 @@ fn the_motion_of_the_snake_in_its_pictures_shows_how_late_their_stamps_are() {
     let setup = setup(&rig);
     let (seconds, mut snake) = (60.0, [0.0; 2]);
     let mut alignment = Alignment::default();
-    let mut session = Session::new(&setup, Reference::First(Nanos::from_millis(500))).unwrap();
+    let mut session = Session::new(&setup, Nanos::from_millis(500));
     let mut detectors: Vec<_> =
         setup.views.iter().map(|view| ViewDetector::new(view.settings())).collect();
     let (mut rows, mut number) = (Vec::new(), 0_u64);

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 use std::fmt;
 
+use i2ris::model::{Model, Query};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -200,6 +201,33 @@ fn slow_down(path: &[[f64; 2]]) -> Vec<[f64; 2]> {
         position += (most / step[0].hypot(step[1]).max(1e-12)).min(1.0);
     }
     slowed
+}
+
+/// A goal has to be this much inside the reach of a model: gaps need room, too.
+const MARGIN: f64 = 1.15;
+
+/// Motions, made smaller where the calibrated hull of a model does not reach: what is judged is the
+/// model, not the size of the hull.
+#[must_use]
+pub fn within_reach(
+    motions: &[(Motion, Vec<[f64; 2]>)],
+    model: &Model,
+) -> Vec<(Motion, Vec<[f64; 2]>)> {
+    let memory = model.new_memory();
+    let reached = |goal: &[f64; 2], size: f64| {
+        let goal = [goal[0], goal[1], 0.0].map(|angle| (angle * size * MARGIN).to_radians());
+        !model.invert(&goal, &memory, &Query::new([0.0; 2])).clipped
+    };
+    let smaller = |(motion, path): &(Motion, Vec<[f64; 2]>)| {
+        let sizes = (4..=20).rev().map(|step| f64::from(step) / 20.0);
+        let size = sizes
+            .into_iter()
+            .find(|size| path.iter().all(|goal| reached(goal, *size)))
+            .unwrap_or(0.2);
+        let scaled = path.iter().map(|goal| goal.map(|angle| angle * size));
+        (*motion, scaled.collect())
+    };
+    motions.iter().map(smaller).collect()
 }
 
 #[cfg(test)]

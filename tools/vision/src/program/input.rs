@@ -9,7 +9,7 @@ use i2ris::units::Nanos;
 use i2ris_report::Failure;
 use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::{
-    FrameClock, FrameSource, FrameStream, ImageFolder, ImageSize, MjpegStream, SourceError,
+    FrameClock, FrameSource, FrameStream, ImageFolder, MjpegStream, SourceError,
 };
 
 /// Frames per second of a numbered folder, by default.
@@ -20,11 +20,8 @@ const BUFFER: usize = 1 << 18;
 /// How frames are read.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Format {
-    /// Streams hold grey bytes without any header, frames of this size [default: Y4M]
-    #[arg(long, value_name = "WxH")]
-    raw: Option<ImageSize>,
-    /// Streams hold JPEG files, one after the other
-    #[arg(long, conflicts_with = "raw")]
+    /// Streams hold JPEG files, one after the other [default: Y4M]
+    #[arg(long)]
     mjpeg: bool,
     /// Frames were taken at this rate: stamps by number. Streams are otherwise stamped as they
     /// arrive
@@ -75,10 +72,7 @@ impl Format {
         if self.mjpeg {
             return Ok(Box::new(MjpegStream::new(reader, self.clock())));
         }
-        Ok(match self.raw {
-            Some(size) => Box::new(FrameStream::raw(reader, size, self.clock())),
-            None => Box::new(FrameStream::y4m(reader, self.clock())?),
-        })
+        Ok(Box::new(FrameStream::y4m(reader, self.clock())?))
     }
 
     fn clock(&self) -> FrameClock {

@@ -1,5 +1,6 @@
 //! `i2ris vision`: frames in, angles out.
 
+use std::fmt::Write as _;
 use std::fs::{self, File};
 use std::io::{self, Write, stdout};
 use std::path::{Path, PathBuf};
@@ -12,14 +13,14 @@ use i2ris::ipc::client::{ClientError, ExternalPublisher};
 use i2ris::units::Nanos;
 use i2ris_vision::angle_csv::{AngleRow, Recorder};
 use i2ris_vision::drawing::overlay;
-use i2ris_vision::session::{Reference, Session};
+use i2ris_vision::rest_pose::RestPose;
+use i2ris_vision::session::{Session, SessionStatistics};
 use i2ris_vision::setup::VisionSetup;
 use i2ris_vision::source::SourceError;
 use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
 use super::hand_on::HandOn;
 use super::input::{Format, check_count};
-use super::report::report;
 use i2ris_report::Failure;
 use i2ris_report::{DomainOption, Interrupt, until_closed};
 
@@ -43,7 +44,7 @@ pub struct Arguments {
     setup: PathBuf,
     #[command(flatten)]
     format: Format,
-    /// The frames begin at rest for this long: what angles count from. 0: as the setup says
+    /// The frames begin at rest for this long: what angles count from
     #[arg(long, value_name = "SECONDS", default_value = "2", value_parser = span)]
     rest_s: Nanos,
     /// Where to write the angles, CSV [default: standard output]
@@ -63,7 +64,7 @@ pub struct Arguments {
 }
 
 /// A span of 0 to 3600 s.
-pub fn span(text: &str) -> Result<Nanos, String> {
+fn span(text: &str) -> Result<Nanos, String> {
     let seconds = text.parse().ok().filter(|s: &f64| (0.0..=3600.0).contains(s));
     seconds.map(|s| Nanos((s * 1e9) as u64)).ok_or_else(|| "must be seconds, 0 to 3600".to_owned())
 }
@@ -76,12 +77,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let Arguments { images, format, .. } = &arguments;
     check_count(images, &setup, &arguments.setup)?;
     let live = format.is_live(images);
-    let reference = if arguments.rest_s == Nanos::ZERO {
-        Reference::Setup
-    } else {
-        Reference::First(arguments.rest_s)
-    };
-    let session = Session::new(&setup, reference)?;
+    let session = Session::new(&setup, arguments.rest_s);
     let output = AngleOutput::open(&arguments, live, session.axes())?;
     let interrupt = Interrupt::catch()?;
     if arguments.pictures && !live {
@@ -113,6 +109,29 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         None if run.session.statistics().good == 0 => Err("not one angle could be measured".into()),
         None => Ok(()),
     }
+}
+
+/// Reference, counts of good rows and of every cause.
+fn report(setup: &VisionSetup, session: &Session) -> String {
+    let mut text = String::new();
+    for (view, rest) in setup.views.iter().zip(session.rests()) {
+        let RestPose { angle_deg, spread_deg, length_px, tip_px: [x, y] } = rest;
+        let _ = writeln!(
+            text,
+            "view {}: rest at {angle_deg:+.3} deg, spread {spread_deg:.3} deg, length \
+             {length_px:.1} px, tip at {x:.1}, {y:.1} px",
+            view.name
+        );
+    }
+    let SessionStatistics { rows, good, causes, skew } = session.statistics();
+    let _ = writeln!(text, "{good} of {rows} rows have angles");
+    if setup.views.len() == 2 {
+        let _ = writeln!(text, "pairs at most {:.1} ms apart", skew.as_seconds() * 1e3);
+    }
+    for ((view, cause), count) in causes {
+        let _ = writeln!(text, "{count:>7}  {view}: {cause}");
+    }
+    text
 }
 
 /// Looks at the frames of one view until they end, or until nobody listens.

@@ -43,16 +43,9 @@ impl ImageFolder {
             return Err(SourceError::file(path, "no PNG or JPEG file in this folder"));
         }
         names.sort_unstable();
-        let list = path.join(timestamps::LIST);
-        let rest = if list.exists() {
-            timestamps::read_list(&list)?
-                .into_iter()
-                .map(|(name, stamp)| (stamp, Entry::File(name)))
-                .collect()
-        } else if let Some(timed) = timed(&names) {
-            timed
-        } else {
-            numbered(&timestamps::by_number(path, names)?, fps)
+        let rest = match timed(&names) {
+            Some(timed) => timed,
+            None => numbered(&timestamps::by_number(path, names)?, fps),
         };
         Ok(Self { path: path.to_owned(), rest })
     }

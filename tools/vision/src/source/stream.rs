@@ -1,6 +1,6 @@
-//! Streams of frames: YUV4MPEG2, or grey bytes, frame after frame, without any header.
+//! Streams of frames: YUV4MPEG2.
 //!
-//! YUV4MPEG2 is what `ffmpeg -f yuv4mpegpipe` and mplayer write: a line of text for the stream, a
+//! It is what `ffmpeg -f yuv4mpegpipe` and mplayer write: a line of text for the stream, a
 //! line for each frame, then its planes. Only the first plane, brightness, is kept. 8 bit only. A
 //! program that knows when it took a frame says so with `XT=` and seconds of the monotonic clock in
 //! the line of the frame (`FRAME XT=12.345678901`): words that begin with X are left to
@@ -48,8 +48,6 @@ struct Format {
     size: ImageSize,
     /// Bytes of the planes behind the first one.
     colour_bytes: usize,
-    /// Every frame begins with a line.
-    has_lines: bool,
 }
 
 /// A stream of frames.
@@ -62,12 +60,6 @@ pub struct FrameStream<R> {
 }
 
 impl<R: Read + Send> FrameStream<R> {
-    /// Grey bytes without any header.
-    pub fn raw(reader: R, size: ImageSize, clock: FrameClock) -> Self {
-        let format = Format { size, colour_bytes: 0, has_lines: false };
-        Self { reader: BufReader::new(reader), format, clock, number: 0 }
-    }
-
     /// Reads the header of YUV4MPEG2.
     pub fn y4m(reader: R, clock: FrameClock) -> Result<Self, SourceError> {
         let mut reader = BufReader::new(reader);
@@ -78,9 +70,6 @@ impl<R: Read + Send> FrameStream<R> {
 
     /// What a frame says of its stamp; `None` at the end of the stream.
     fn begin(&mut self) -> Result<Option<Option<Nanos>>, SourceError> {
-        if !self.format.has_lines {
-            return Ok((!self.reader.fill_buf()?.is_empty()).then_some(None));
-        }
         match read_line(&mut self.reader)? {
             None => Ok(None),
             Some(line) if line == "FRAME" || line.starts_with("FRAME ") => {
@@ -149,9 +138,7 @@ fn read_line(reader: &mut impl BufRead) -> Result<Option<String>, SourceError> {
 fn parse(line: &str) -> Result<Format, String> {
     let mut words = line.split(' ');
     if words.next() != Some("YUV4MPEG2") {
-        return Err(
-            "does not begin with YUV4MPEG2; for grey bytes without a header give --raw WxH".into(),
-        );
+        return Err("does not begin with YUV4MPEG2; for JPEG files give --mjpeg".into());
     }
     let (mut width, mut height, mut colour) = ("", "", "420");
     for word in words.filter(|word| !word.is_empty()) {
@@ -176,7 +163,7 @@ fn parse(line: &str) -> Result<Format, String> {
             ));
         }
     };
-    Ok(Format { size, colour_bytes, has_lines: true })
+    Ok(Format { size, colour_bytes })
 }
 
 #[cfg(test)]

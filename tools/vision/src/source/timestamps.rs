@@ -1,7 +1,6 @@
 //! When the frames of a folder were taken.
 //!
-//! In this order: a list `frames.csv` in the folder (columns `file` and `t_s`); a time in the file
-//! names; the number in the file name and the rate.
+//! A time in the file names, or else the number in the file name and the rate.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,33 +8,6 @@ use std::path::Path;
 use i2ris::units::Nanos;
 
 use super::error::SourceError;
-
-/// Name of the list.
-pub const LIST: &str = "frames.csv";
-
-/// Reads the list of a folder: file name to stamp, in the order of the list.
-pub fn read_list(path: &Path) -> Result<Vec<(String, Nanos)>, SourceError> {
-    let bad = |line: u64, what: String| SourceError::file(path, format!("line {line}: {what}"));
-    let mut reader = csv::Reader::from_path(path).map_err(|error| bad(1, error.to_string()))?;
-    let headers = reader.headers().map_err(|error| bad(1, error.to_string()))?.clone();
-    let column = |name: &str| {
-        headers
-            .iter()
-            .position(|h| h.trim() == name)
-            .ok_or_else(|| bad(1, format!("no column {name}; expected file,t_s")))
-    };
-    let (file, time) = (column("file")?, column("t_s")?);
-    let mut list = Vec::new();
-    for (i, record) in reader.records().enumerate() {
-        let line = i as u64 + 2;
-        let record = record.map_err(|error| bad(line, error.to_string()))?;
-        let cell = |column: usize| record.get(column).unwrap_or("").trim();
-        let stamp = seconds(cell(time))
-            .ok_or_else(|| bad(line, format!("t_s is no time: {:?}", cell(time))))?;
-        list.push((cell(file).to_owned(), stamp));
-    }
-    Ok(list)
-}
 
 /// A number of seconds, 0 or more, as a stamp. Exact to the nanosecond as long as the number is.
 pub fn seconds(text: &str) -> Option<Nanos> {
@@ -70,8 +42,8 @@ pub fn by_number(path: &Path, names: Vec<String>) -> Result<BTreeMap<u64, String
     for name in names {
         let number = number(&name).ok_or_else(|| {
             let reason = format!(
-                "{name} has no number in its name; number the files, or add frames.csv with \
-                 columns file,t_s"
+                "{name} has no number in its name; number the files, or name them by their time: \
+                 frame_t12.345.png"
             );
             SourceError::file(path, reason)
         })?;

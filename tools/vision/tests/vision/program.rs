@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
@@ -14,7 +14,6 @@ use i2ris_testing::{serve, unique_domain, wait_until};
 use i2ris_vision::drawing::save_grey;
 use i2ris_vision::scene::{JointPose, Rig};
 use i2ris_vision::scene_setup::setup;
-use i2ris_vision::setup::VisionSetup;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
@@ -123,41 +122,6 @@ fn two_folders_become_angles_and_a_missing_and_a_truncated_file_become_gaps() {
     assert_eq!(fs::read_dir(&overlays).unwrap().count(), 18);
 }
 
-#[test]
-fn motions_of_one_axis_tell_which_view_is_which() {
-    let place = Place::new();
-    let mut rig = rig();
-    // Yaw with a turn, and pitch the other way round.
-    rig.cameras[0].plane_rad = f64::to_radians(94.0);
-    rig.cameras[1].plane_rad = f64::to_radians(184.0);
-    let swing = |i: u32| 25.0 * (f64::from(i) * 0.5).sin();
-    place.film("p", &rig, &(0..12).map(|i| [swing(i), 0.0]).collect::<Vec<_>>());
-    place.film("y", &rig, &(0..12).map(|i| [0.0, swing(i)]).collect::<Vec<_>>());
-    // What a person writes who does not know yet.
-    let mut guess = setup(&rig);
-    guess.views[0].set_plane(0.0);
-    guess.views[1].set_plane(std::f64::consts::FRAC_PI_2);
-    let (given, found) = (place.name("guess.toml"), place.name("found.toml"));
-    guess.save(Path::new(&given)).unwrap();
-    let folders = ["p0", "p1", "y0", "y1"].map(|name| place.name(name));
-    let [p0, p1, y0, y1] = folders.each_ref().map(String::as_str);
-    let common = ["calibrate", "--setup", &given, "--output", &found, "--rest-s", "0.2"];
-    let output = run(&[&common[..], &["--pitch", p0, p1, "--yaw", y0, y1]].concat());
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let views = VisionSetup::load(Path::new(&found)).unwrap().views;
-    for (view, deg) in views.iter().zip([94.0, 184.0]) {
-        assert!((view.plane_rad().to_degrees() - deg).abs() < 0.3, "{view:?}");
-        assert!(view.rest.is_some_and(|rest| rest.spread_deg < 0.1));
-    }
-    // With the rest from the file, frames need not begin at rest.
-    let output = run(&["--setup", &found, p0, p1, "--rest-s", "0"]);
-    let rows = rows(&text(&output.stdout));
-    assert_near(&rows[9], [swing(3), 0.0], 0.2);
-    // The wrong motions for the axes are noticed where they can be: both the same.
-    let output = run(&[&common[..], &["--pitch", p0, p1, "--yaw", p0, p1]].concat());
-    assert_refused(&output, &["disagree"]);
-}
-
 /// A stream of the first view, alone. The setup goes beside it.
 fn stream(place: &Place, rig: &Rig, poses: usize) -> Vec<u8> {
     let mut one = setup(rig);
@@ -196,22 +160,6 @@ fn a_truncated_stream_keeps_what_came_and_says_where_it_ends() {
     let rows = rows(&text(&output.stdout));
     assert_eq!(rows.len(), 8);
     assert!((number(&rows[7][1]) - f64::to_degrees(0.2)).abs() < 0.1);
-}
-
-#[test]
-fn raw_bytes_are_the_same_frames() {
-    let place = Place::new();
-    let bytes = stream(&place, &rig(), 8);
-    let header = b"YUV4MPEG2 W640 H480 F30:1 Cmono\n".len();
-    let raw: Vec<u8> =
-        bytes[header..].chunks(6 + 640 * 480).flat_map(|frame| frame[6..].to_vec()).collect();
-    let setup = place.name("one.toml");
-    let output = feed(
-        vision(&["--setup", &setup, "-", "--raw", "640x480", "--fps", "30", "--rest-s", "0.15"]),
-        raw,
-    );
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    assert_eq!(rows(&text(&output.stdout)).len(), 8);
 }
 
 #[test]
@@ -303,25 +251,6 @@ fn it_ends_when_it_is_asked_to_while_the_camera_goes_on() {
 }
 
 #[test]
-fn a_recording_is_drawn_and_measured_again() {
-    let place = Place::new();
-    fs::write(place.path("angles.csv"), "t_s,pitch_deg,yaw_deg\n3.5,10,-12\n3.6,,\n3.7,-20,15.5\n")
-        .unwrap();
-    let (angles, folder) = (place.name("angles.csv"), place.name("out"));
-    let output = run(&["render", "--angles", &angles, "--output", &folder, "--size", "640x480"]);
-    assert!(output.status.success() && text(&output.stdout).contains("2 poses"), "{output:?}");
-    let names = ["out/vision.toml", "out/view0", "out/view1", "out/rest0", "out/rest1"]
-        .map(|name| place.name(name));
-    let [setup, v0, v1, r0, r1] = names.each_ref().map(String::as_str);
-    let output = run(&["calibrate", "--setup", setup, "--rest", r0, r1, "--output", setup]);
-    assert!(output.status.success(), "{}", text(&output.stderr));
-    let output = run(&["--setup", setup, v0, v1, "--rest-s", "0"]);
-    let rows = rows(&text(&output.stdout));
-    assert_eq!((rows.len(), rows[1][0].as_str()), (2, "3.700000000"));
-    assert_near(&rows[1], [-20.0, 15.5], 0.1);
-}
-
-#[test]
 fn bad_input_is_refused_with_a_reason() {
     let place = Place::new();
     place.film("view", &rig(), &[]);
@@ -334,14 +263,8 @@ fn bad_input_is_refused_with_a_reason() {
         (vec!["--setup", setup, v0], vec!["1 sources of frames for 2 views"]),
         (vec!["--setup", setup, v0, empty], vec!["empty", "no PNG or JPEG"]),
         (vec!["--setup", setup, v0, v0], vec!["of 6 frames at rest can be measured"]),
-        (vec!["--setup", setup, v0, v1, "--rest-s", "0"], vec!["no rest for view view0"]),
         (vec!["--setup", setup, v0, v1, "--publish"], vec!["--publish", "stream"]),
         (vec!["--setup", setup, setup, setup], vec!["YUV4MPEG2"]),
-        (
-            vec!["calibrate", "--setup", setup, "--pitch", v0, v1, "--output", none],
-            vec!["--pitch and --yaw"],
-        ),
-        (vec!["render", "--angles", setup, "--output", empty], vec!["vision.toml", "t_s"]),
     ] {
         assert_refused(&run(&arguments), &words);
     }

@@ -7,7 +7,7 @@ use i2ris_vision::image::GreyImage;
 use i2ris_vision::rest_pose::RestPoseError;
 use i2ris_vision::scene::{JointPose, Rig};
 use i2ris_vision::scene_setup::setup;
-use i2ris_vision::session::{Reference, Session, SessionError, SessionStatistics};
+use i2ris_vision::session::{Session, SessionError, SessionStatistics};
 use i2ris_vision::source::{Frame, FrameFault, SourceItem};
 use i2ris_vision::view_detector::{Rejection, ViewDetector};
 
@@ -47,7 +47,7 @@ fn film(rig: &Rig) -> [Vec<SourceItem>; 2] {
 
 fn session(rig: &Rig) -> (Session, Vec<ViewDetector>) {
     let setup = setup(rig);
-    let session = Session::new(&setup, Reference::First(Nanos(REST * PERIOD))).unwrap();
+    let session = Session::new(&setup, Nanos(REST * PERIOD));
     (session, setup.views.iter().map(|view| ViewDetector::new(view.settings())).collect())
 }
 

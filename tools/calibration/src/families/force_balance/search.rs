@@ -12,7 +12,7 @@ use super::read_out::{ReadOut, Solved};
 use super::target::Target;
 use crate::parallel;
 use crate::progress::Progress;
-use crate::quality::{Finding, findings};
+use crate::quality::{Finding, limits_of_path};
 use crate::series::{Series, blocks};
 
 /// Samples and spacing of the thinned data, and of the path in the end, units of travel.
@@ -173,7 +173,7 @@ pub fn fit_force_balance(
     progress: &dyn Progress,
 ) -> Result<BalanceFit, BalanceError> {
     let few = |finding: &Finding| matches!(finding, Finding::FewReversals { .. });
-    if let Some(finding) = findings(series).into_iter().find(few) {
+    if let Some(finding) = limits_of_path(series).into_iter().find(few) {
         return Err(BalanceError::FewReversals(finding));
     }
     let (motors, outputs) = (series.motors(), series.outputs());

@@ -41,21 +41,19 @@ pub struct FrameQueue {
     outputs: usize,
     /// Distance in one output from both neighbours that makes an outlier, in the unit.
     outlier: f64,
-    /// Taken off every stamp, s.
-    latency_s: f64,
     queue: VecDeque<CameraFrame>,
     /// The last good one that was handed out.
     before: Option<CameraFrame>,
 }
 
 impl FrameQueue {
-    pub fn new(unit: OutputUnit, outputs: usize, outlier: f64, latency_s: f64) -> Self {
-        Self { unit, outputs, outlier, latency_s, queue: VecDeque::new(), before: None }
+    pub fn new(unit: OutputUnit, outputs: usize, outlier: f64) -> Self {
+        Self { unit, outputs, outlier, queue: VecDeque::new(), before: None }
     }
 
     /// Takes in what the camera sent; false if its stamp is not above that of the one before.
     pub fn push(&mut self, seen: &ExternalPosition) -> bool {
-        let stamp = Nanos((seen.stamp_ns as f64 - self.latency_s * 1e9).max(0.0) as u64);
+        let stamp = Nanos(seen.stamp_ns);
         let rises = self.queue.back().is_none_or(|last| last.stamp < stamp);
         if rises {
             let mut outputs = [0.0; MAX_OUTPUTS];
@@ -124,7 +122,7 @@ mod tests {
     }
 
     fn judge(angles: &[(u64, f64)]) -> Vec<bool> {
-        let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0, 0.0);
+        let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0);
         angles.iter().for_each(|(time, angle)| assert!(frames.push(&seen(*time, *angle))));
         std::iter::from_fn(|| frames.pop())
             .map(|frame| matches!(frame, JudgedFrame::Good(_)))
@@ -149,9 +147,9 @@ mod tests {
     }
 
     #[test]
-    fn stamps_rise_and_lose_the_latency() {
-        let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0, 0.040);
+    fn stamps_rise() {
+        let mut frames = FrameQueue::new(OutputUnit::Deg, 2, 3.0);
         assert!(frames.push(&seen(100, 1.0)) && !frames.push(&seen(100, 1.0)));
-        assert_eq!((frames.next(false), frames.next(true)), (None, Some(Nanos::from_millis(60))));
+        assert_eq!((frames.next(false), frames.next(true)), (None, Some(Nanos::from_millis(100))));
     }
 }

@@ -5,12 +5,10 @@
 //! |---|---|
 //! | `session` | driving the robot while recording motors and camera |
 //! | `recorder`, `frame_queue` | from messages to rows |
-//! | `latency` | the latency of the camera |
 //! | `sidecar` | the file beside the recording: settings, outcome, flags |
 //! | `printed_report` | the printed outcome |
 
 mod frame_queue;
-mod latency;
 mod printed_report;
 mod recorder;
 mod session;
@@ -31,11 +29,11 @@ use i2ris::ipc::payload::Version;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::process::robot_description;
 use i2ris::units::{MAX_MOTORS, MotorVec};
+use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_report::{Failure, Interrupt};
 use indicatif::ProgressBar;
 
 use crate::command::prepare::{PrepareOptions, prepare};
-use crate::numbers::within;
 use crate::progress_bar::bar_of_time;
 use i2ris_simulation::motion::protocol::{MotionRequest, Protocol, Region, above_zero};
 use recorder::RecordedRows;
@@ -83,20 +81,13 @@ pub struct Arguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Only record, until Ctrl-C: somebody else moves the robot
-    #[arg(long, conflicts_with_all = ["protocol", "duration_s", "enable", "home", "apply_latency"])]
+    #[arg(long, conflicts_with_all = ["protocol", "duration_s", "enable", "home"])]
     watch: bool,
     #[command(flatten)]
     prepare: PrepareOptions,
     /// Do without the conditioning cycle: the hysteresis at the beginning is then unknown
     #[arg(long)]
     no_condition: bool,
-    /// Take so much off the stamps of the camera
-    #[arg(long, value_name = " \
-     MS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = latency)]
-    camera_latency_ms: f64,
-    /// Take the estimated latency off the stamps when the recording has ended
-    #[arg(long)]
-    apply_latency: bool,
     /// Distance from the frames before and after, which agree, that makes a frame an outlier,
     /// deg (mm)
     #[arg(long, value_name = "DEG", default_value_t = 3.0, value_parser = above_zero)]
@@ -107,10 +98,6 @@ pub struct Arguments {
     /// Print the outcome as JSON
     #[arg(long)]
     json: bool,
-}
-
-fn latency(text: &str) -> Result<f64, String> {
-    within(-1000.0..=1000.0, "must be a number from -1000 to 1000", text)
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -140,7 +127,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = File::create_new(&arguments.output)
         .map_err(|error| cannot_write(&arguments.output, &error))?;
     sidecar.write(&arguments.output)?;
-    let latency_s = arguments.camera_latency_ms / 1e3;
     let (start, motors) = (clock::now(), request.region.motors);
     let mut recorder = Recorder::new(
         LineWriter::new(file),
@@ -148,7 +134,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         motors,
         &outputs,
         arguments.outlier_deg,
-        latency_s,
     )
     .map_err(|error| cannot_write(&arguments.output, &error))?;
     let bar = match arguments.watch {
@@ -172,14 +157,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recorded = recorder.finish().map_err(|error| cannot_write(&arguments.output, &error))?;
 
     sidecar.outcome = Some(outcome(&recorded, &ending, subscriptions.missed()));
-    sidecar.latency =
-        latency::latency(&recorded.rows, motors).map(|latency| printed_report::record(&latency));
-    if let (true, Some(latency)) = (arguments.apply_latency, &mut sidecar.latency) {
-        let rows = latency::shifted(&recorded.rows, latency.estimate_ms / 1e3);
-        latency::rewrite(&arguments.output, &rows, motors, &outputs)
-            .map_err(|error| cannot_write(&arguments.output, &error))?;
-        latency.applied = true;
-    }
+    // As `calibrate fit` finds it.
+    let read = Recording::read(&arguments.output, &ColumnMap::default()).ok();
+    let latency = read.and_then(|(recording, _)| recording.latency());
+    sidecar.latency = latency.map(|latency| printed_report::record(&latency));
     sidecar.flags = recorded.flags;
     sidecar.write(&arguments.output)?;
     printed_report::print(&sidecar, &arguments.output, arguments.json)?;
@@ -351,7 +332,6 @@ fn begin(
             range_counts: request.region.radius,
             speed_counts_s: request.speed_counts_s,
             conditioned: !arguments.no_condition && !arguments.watch,
-            camera_latency_ms: arguments.camera_latency_ms,
             limits: Limits {
                 position_min_counts: axes().map(|axis| axis.position_min_counts.0).collect(),
                 position_max_counts: axes().map(|axis| axis.position_max_counts.0).collect(),

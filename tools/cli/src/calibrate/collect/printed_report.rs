@@ -17,7 +17,6 @@ pub fn record(latency: &Latency) -> LatencyRecord {
     LatencyRecord {
         estimate_ms: round(latency.seconds),
         deviation_ms: round(latency.deviation_s),
-        applied: false,
     }
 }
 
@@ -57,11 +56,9 @@ pub fn print(sidecar: &Sidecar, recording: &Path, json: bool) -> Result<(), Fail
 fn latency_text(latency: Option<&LatencyRecord>) -> String {
     match latency {
         None => "of the camera's stamps cannot be found from this motion".to_owned(),
-        Some(LatencyRecord { estimate_ms, deviation_ms, applied }) => {
-            let what = if *applied {
-                ", taken off the stamps"
-            } else if estimate_ms.abs() > SMALL_MS.max(3.0 * deviation_ms) {
-                "; --apply-latency would take it off"
+        Some(LatencyRecord { estimate_ms, deviation_ms }) => {
+            let what = if estimate_ms.abs() > SMALL_MS.max(3.0 * deviation_ms) {
+                "; `i2ris calibrate fit` takes it off"
             } else {
                 ", as good as none"
             };

@@ -64,7 +64,6 @@ impl<W: Write> Recorder<W> {
         motors: usize,
         outputs: &[OutputSpec],
         outlier: f64,
-        latency_s: f64,
     ) -> io::Result<Self> {
         let unit = outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
         Ok(Self {
@@ -73,7 +72,7 @@ impl<W: Write> Recorder<W> {
             motors,
             outputs: outputs.len(),
             encoders: Default::default(),
-            frames: FrameQueue::new(unit, outputs.len(), outlier, latency_s),
+            frames: FrameQueue::new(unit, outputs.len(), outlier),
             next: 0,
             written: None,
             last_seen: None,
@@ -274,7 +273,7 @@ mod tests {
     }
 
     fn recorder(file: &mut Vec<u8>) -> Recorder<&mut Vec<u8>> {
-        Recorder::new(file, START, 2, &outputs(), 3.0, 0.0).unwrap()
+        Recorder::new(file, START, 2, &outputs(), 3.0).unwrap()
     }
 
     #[test]
@@ -307,7 +306,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("take.csv");
         let file = std::fs::File::create(&path).unwrap();
-        let mut recorder = Recorder::new(file, START, 2, &outputs(), 3.0, 0.0).unwrap();
+        let mut recorder = Recorder::new(file, START, 2, &outputs(), 3.0).unwrap();
         for time in (0..2000).step_by(4) {
             recorder.positions(&positions(time));
             if time % 40 == 0 {

@@ -47,8 +47,6 @@ pub struct ProtocolRecord {
     pub speed_counts_s: f64,
     /// A conditioning stroke came first; it is part of the recording.
     pub conditioned: bool,
-    /// Taken off every stamp of the camera while recording, ms.
-    pub camera_latency_ms: f64,
     pub limits: Limits,
 }
 
@@ -83,12 +81,10 @@ pub struct Outcome {
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LatencyRecord {
-    /// What is left in the stamps of the recording as it was recorded, ms.
+    /// What is in the stamps of the recording, ms.
     pub estimate_ms: f64,
     /// Standard deviation of the estimate, ms.
     pub deviation_ms: f64,
-    /// The estimate was taken off the stamps afterwards.
-    pub applied: bool,
 }
 
 impl Sidecar {

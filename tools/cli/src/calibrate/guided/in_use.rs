@@ -10,8 +10,7 @@ use i2ris::model::Model;
 use i2ris::units::Nanos;
 use i2ris_report::exit::OUT_OF_REACH;
 use i2ris_report::{Failure, Interrupt};
-use i2ris_simulation::benchmark::within_reach;
-use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ};
+use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ, within_reach};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 

@@ -3,8 +3,7 @@
 //! No controller has it. What it leaves over is what the limits of the motors cost.
 
 use i2ris::units::MotorVec;
-
-use crate::physics::Snake;
+use i2ris_simulation::physics::Snake;
 
 /// Goals are met this well, deg.
 const TOLERANCE_DEG: f64 = 0.003;
@@ -130,7 +129,7 @@ impl Search {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::physics::{DrawnSnake, Physics};
+    use i2ris_simulation::physics::{DrawnSnake, Physics};
 
     /// Around a lissajous figure with every motor at once where the inverse wants it.
     #[test]

@@ -1,9 +1,8 @@
 //! Figures from errors, one per tick.
 
 use i2ris_report::statistics::{quantile, sort};
+use i2ris_simulation::robot::TICK_S;
 use serde::Serialize;
-
-use crate::robot::TICK_S;
 
 /// Errors of pitch and yaw, deg, one per tick.
 pub type Errors = Vec<[f64; 2]>;
@@ -19,7 +18,7 @@ pub fn ticks(seconds: f64) -> usize {
     (seconds / TICK_S).round() as usize
 }
 
-pub fn windows(errors: &[[f64; 2]], seconds: f64) -> Vec<f64> {
+fn windows(errors: &[[f64; 2]], seconds: f64) -> Vec<f64> {
     errors.chunks_exact(ticks(seconds)).map(rms).collect()
 }
 

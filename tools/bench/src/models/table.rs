@@ -1,10 +1,18 @@
-//! Figures over the snakes.
+//! Figures over the snakes that age.
 
 use std::fmt::Write as _;
 
-use super::bench::Judgement;
+use i2ris_report::statistics::median;
+
 use super::measures::Steps;
-use crate::benchmark::table::spread;
+use super::subject::Judgement;
+
+/// Median and worst of a figure over the draws.
+fn spread(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let mut values: Vec<f64> = values.collect();
+    let worst = values.iter().copied().fold(f64::NAN, f64::max);
+    [median(&mut values).unwrap_or(f64::NAN), worst]
+}
 
 pub fn line(judged: &Judgement) -> String {
     let worn = &judged.worn;

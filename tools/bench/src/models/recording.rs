@@ -8,13 +8,12 @@ use std::path::Path;
 use i2ris::model::file::{OutputSpec, OutputUnit};
 use i2ris::units::MAX_OUTPUTS;
 use i2ris_calibration::recording::{RecordingWriter, Row};
+use i2ris_report::Failure;
+use i2ris_simulation::motion::paced_motion::Playback;
+use i2ris_simulation::motion::protocol::{MotionRequest, Protocol, Region};
+use i2ris_simulation::robot::{Robot, TICK_S};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-
-use super::Failure;
-use crate::motion::paced_motion::Playback;
-use crate::motion::protocol::{MotionRequest, Protocol, Region};
-use crate::robot::{Robot, TICK_S};
 
 /// The radius that `i2ris calibrate collect` takes by itself with `config/emulator.toml`, counts.
 const RADIUS_COUNTS: f64 = 1800.0;

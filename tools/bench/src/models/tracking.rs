@@ -3,13 +3,13 @@
 use i2ris::config::Config;
 use i2ris::core::ServoGoal;
 use i2ris::core::velocity_limit::{MotorLimits, MotorTarget, VelocityLimiter};
-use i2ris::units::{Counts, MotorVec, Nanos};
+use i2ris::units::{MotorVec, Nanos};
+use i2ris_simulation::closed_loop::ClosedLoop;
+use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ};
+use i2ris_simulation::robot::{Robot, TICK_S};
 
 use super::exact_inverse::ExactInverse;
 use super::recording::condition;
-use crate::closed_loop::ClosedLoop;
-use crate::motion::unseen_motion::{Motion, RATE_HZ};
-use crate::robot::{Robot, TICK_S};
 
 /// On the way to the start of a motion, deg/s, and rest there, s.
 const APPROACH_DEG_S: f64 = 15.0;
@@ -20,8 +20,8 @@ const GAP_COUNTS: f64 = 2.0;
 
 /// Moves a robot to goals, a tick at a time.
 pub trait Pilot {
-    /// One tick; the setpoints of the motors. The error says why the robot does not follow.
-    fn follow(&mut self, goal: [f64; 2]) -> Result<MotorVec, String>;
+    /// One tick. The error says why the robot does not follow.
+    fn follow(&mut self, goal: [f64; 2]) -> Result<(), String>;
 
     fn robot(&self) -> &Robot;
 
@@ -33,11 +33,10 @@ pub trait Pilot {
 }
 
 impl Pilot for ClosedLoop<Robot> {
-    fn follow(&mut self, goal: [f64; 2]) -> Result<MotorVec, String> {
+    fn follow(&mut self, goal: [f64; 2]) -> Result<(), String> {
         let [pitch, yaw] = goal.map(f64::to_radians);
         let report = self.follow(ServoGoal::Joint([pitch, yaw, 0.0], 2));
-        let setpoints = report.map(|report| report.setpoints.map(Counts::as_f64));
-        setpoints.map_err(|error| error.to_string())
+        report.map(|_| ()).map_err(|error| error.to_string())
     }
 
     fn robot(&self) -> &Robot {
@@ -45,19 +44,12 @@ impl Pilot for ClosedLoop<Robot> {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Tracking {
-    /// Root mean square of the length of the error of the tip, deg.
-    pub rms_deg: f64,
-    /// Travel of the setpoints of both motors, counts per second.
-    pub travel_counts_s: f64,
-}
-
-/// Follows motions one after the other.
+/// Follows motions one after the other: for each the root mean square of the length of the error
+/// of the tip, deg.
 pub fn follow(
     pilot: &mut impl Pilot,
     motions: &[(Motion, Vec<[f64; 2]>)],
-) -> Result<Vec<Tracking>, String> {
+) -> Result<Vec<f64>, String> {
     let mut at = [0.0; 2];
     let mut found = Vec::new();
     for (_, path) in motions {
@@ -81,20 +73,17 @@ pub fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<
     Ok(())
 }
 
-fn measure(pilot: &mut impl Pilot, path: &[[f64; 2]]) -> Result<Tracking, String> {
+fn measure(pilot: &mut impl Pilot, path: &[[f64; 2]]) -> Result<f64, String> {
     let length_s = path.len().saturating_sub(1) as f64 / RATE_HZ;
     let ticks = (length_s / TICK_S) as usize;
-    let (mut squares, mut travel) = (0.0, 0.0);
-    let mut before: Option<MotorVec> = None;
+    let mut squares = 0.0;
     for tick in 0..ticks {
         let goal = at(path, tick as f64 * TICK_S);
-        let setpoints = pilot.follow(goal)?;
-        let last = before.replace(setpoints).unwrap_or(setpoints);
-        travel += (setpoints[0] - last[0]).abs() + (setpoints[1] - last[1]).abs();
+        pilot.follow(goal)?;
         let [pitch, yaw] = pilot.error(goal);
         squares += pitch.powi(2) + yaw.powi(2);
     }
-    Ok(Tracking { rms_deg: (squares / ticks as f64).sqrt(), travel_counts_s: travel / length_s })
+    Ok((squares / ticks as f64).sqrt())
 }
 
 /// The goal at a time on a path.
@@ -157,7 +146,7 @@ impl ExactPilot {
 }
 
 impl Pilot for ExactPilot {
-    fn follow(&mut self, goal: [f64; 2]) -> Result<MotorVec, String> {
+    fn follow(&mut self, goal: [f64; 2]) -> Result<(), String> {
         self.turning_band(goal);
         let counts = self.inverse.solve(self.robot.snake(), self.goal);
         let last = self.last.replace(counts).unwrap_or(counts);
@@ -172,7 +161,7 @@ impl Pilot for ExactPilot {
             setpoints[motor] = limiter.position().round();
         }
         self.robot.tick(setpoints);
-        Ok(setpoints)
+        Ok(())
     }
 
     fn robot(&self) -> &Robot {

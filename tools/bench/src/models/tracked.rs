@@ -10,32 +10,21 @@ use i2ris::model::Model;
 use i2ris::robot::OperatingState;
 use i2ris_calibration::fit::{Choice, Family};
 use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_simulation::closed_loop::{ClosedLoop, IdealMotors, Inputs};
+use i2ris_simulation::motion::unseen_motion::{Motion, within_reach};
+use i2ris_simulation::physics::DrawnSnake;
 
-use super::ageing::worn;
-use super::judge::{MOTION_SEEDS, within_reach};
-use super::laboratory::{config, fitted};
+use super::laboratory::{config, fitted, robot};
 use super::tracking::{ExactPilot, follow};
-use crate::closed_loop::{ClosedLoop, IdealMotors, Inputs};
-use crate::motion::unseen_motion::Motion;
-use crate::physics::DrawnSnake;
-use crate::robot::Robot;
+
+/// Seed of the motions: no calibration has it.
+const MOTION_SEED: u64 = 1001;
 
 /// How long teleoperation lasts, s.
 const MOTION_S: f64 = 30.0;
 
 /// Ticks before times are taken.
 const WARM_UP: usize = 10_000;
-
-/// A snake as it was calibrated, or worn since then.
-#[must_use]
-pub fn robot(snake: DrawnSnake, is_worn: bool) -> Robot {
-    let mut robot = Robot::new(snake.build());
-    if is_worn {
-        worn().into_iter().for_each(|change| robot.age(change));
-        robot.rest(1.0);
-    }
-    robot
-}
 
 /// RMS error of the tip, deg, of every motion: of the model, of the straight line through the
 /// recording, and of the exact inverse.
@@ -54,7 +43,7 @@ pub fn tracked(
         .map_err(|error| format!("cannot read the recording: {error}"))?;
     let recording = recording.without_latency().0;
     let linear = fitted(&recording, Choice::One(Family::Linear), &config.robot_id)?.model;
-    let path = |motion: &Motion| (*motion, motion.path(MOTION_S, MOTION_SEEDS + 1));
+    let path = |motion: &Motion| (*motion, motion.path(MOTION_S, MOTION_SEED));
     let motions: Vec<_> = Motion::ALL.iter().map(path).collect();
     let motions = within_reach(&motions, &linear);
     let by = |model: &Arc<Model>| {
@@ -65,9 +54,7 @@ pub fn tracked(
     let (model, linear) = (by(model)?, by(&linear)?);
     let rows = motions.iter().zip(model).zip(linear).zip(exact);
     Ok(rows
-        .map(|(((motion, model), linear), exact)| {
-            (motion.0.to_string(), model.rms_deg, linear.rms_deg, exact.rms_deg)
-        })
+        .map(|(((motion, model), linear), exact)| (motion.0.to_string(), model, linear, exact))
         .collect())
 }
 
@@ -98,4 +85,32 @@ pub fn tick_times(model: &Arc<Model>, ticks: usize) -> Result<Vec<f64>, String> 
         }
     }
     Ok(times)
+}
+
+#[cfg(test)]
+mod tests {
+    use i2ris_simulation::motion::protocol::Protocol;
+
+    use super::super::recording::RecordingPlan;
+    use super::*;
+
+    #[test]
+    fn a_model_is_judged_beside_linear_and_the_exact_inverse() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("preisach-4.csv");
+        let snake: DrawnSnake = "preisach:4".parse().unwrap();
+        let (protocol, duration_s) = (Protocol::Reversals, 60.0);
+        let plan = RecordingPlan { protocol, duration_s, noise_deg: 0.07, latency_ms: 0, seed: 5 };
+        plan.record(&mut robot(snake, false), &file).unwrap();
+        let (recording, _) = Recording::read(&file, &ColumnMap::default()).unwrap();
+        let recording = recording.without_latency().0;
+        let linear = fitted(&recording, Choice::One(Family::Linear), "i2ris-emulated").unwrap();
+        let rows = tracked(snake, false, &linear.model, &file).unwrap();
+        assert_eq!(rows.len(), Motion::ALL.len());
+        for (motion, model, linear, exact) in rows {
+            // The exact inverse leaves what the limits of the motors cost.
+            assert!(exact < 0.15 && (0.3..5.0).contains(&linear), "{motion}: {linear} {exact}");
+            assert_eq!(model, linear, "{motion}");
+        }
+    }
 }

@@ -1,29 +1,28 @@
-//! One snake with its models and its runs.
+//! One snake that ages, with its models and its runs.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use i2ris::core::adaptation::AdaptationReport;
+use i2ris::config::Config;
 use i2ris::model::Model;
 use i2ris_calibration::fit::{Choice, Family};
-use i2ris_calibration::parallel;
-use i2ris_calibration::recording::Recording;
+use i2ris_calibration::recording::{ColumnMap, Recording};
+use i2ris_report::Failure;
+use i2ris_simulation::ageing::Change;
+use i2ris_simulation::camera::CameraConfig;
+use i2ris_simulation::closed_loop::ClosedLoop;
+use i2ris_simulation::motion::protocol::Protocol;
+use i2ris_simulation::motion::unseen_motion::{Motion, RATE_HZ, within_reach};
+use i2ris_simulation::physics::DrawnSnake;
+use i2ris_simulation::robot::{Robot, TICK_S};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::Serialize;
 
-use super::super::judge::within_reach;
-use super::super::laboratory::Laboratory;
-use super::super::tracking::{Pilot, approach, at};
-use super::super::{Arguments, Failure};
+use super::laboratory::{config, drifting, fitted, robot, slip};
 use super::measures::{Errors, Steps, rms, ticks, time_back};
-use super::worn::{drifting, slip, wearing, worn};
-use crate::ageing::Change;
-use crate::camera::CameraConfig;
-use crate::closed_loop::ClosedLoop;
-use crate::motion::unseen_motion::{Motion, RATE_HZ};
-use crate::physics::DrawnSnake;
-use crate::robot::{Robot, TICK_S};
+use super::recording::RecordingPlan;
+use super::tracking::{Pilot, approach, at};
 
 /// Motion before the judged part on a worn snake, and that part, s.
 const LEARNING_S: f64 = 120.0;
@@ -47,8 +46,9 @@ const TARGET_RANGE_DEG: f64 = 14.0;
 const PAUSE_S: f64 = 345.0;
 const MOTION_S: f64 = 15.0;
 
-/// The ten minutes of the figure, s.
-const FIGURE_S: f64 = 600.0;
+/// Deviation of the angles of both cameras, deg, and how old the frames are that the adaptation gets.
+const CAMERA_NOISE_DEG: f64 = 0.07;
+const FRAME_AGE_MS: u64 = 60;
 
 /// RMS error of the tip on one snake, deg.
 #[derive(Debug, Clone, Serialize)]
@@ -88,15 +88,11 @@ pub struct DriftErrors {
     pub adapted: f64,
 }
 
-pub struct Run {
-    pub errors: Errors,
-    /// The adaptation at the end of every second.
-    pub reports: Vec<AdaptationReport>,
-}
-
 /// Everything that is the same for all snakes.
 pub struct Bench {
-    laboratory: Laboratory,
+    config: Config,
+    plan: RecordingPlan,
+    folder: PathBuf,
     camera: CameraConfig,
     family: Choice,
 }
@@ -116,52 +112,55 @@ struct Pair {
 }
 
 impl Bench {
-    pub fn new(arguments: &Arguments, folder: PathBuf) -> Result<Self, Failure> {
-        let first = arguments.families.first().copied();
+    /// With the recordings in a folder.
+    pub fn new(family: Choice, seed: u64, folder: PathBuf) -> Result<Self, Failure> {
+        let noise_deg = CAMERA_NOISE_DEG;
         Ok(Self {
-            laboratory: Laboratory::new(arguments, folder)?,
-            camera: CameraConfig {
-                noise_deg: arguments.camera_noise_deg,
-                latency_ms: arguments.ageing.frame_age_ms,
-                ..CameraConfig::default()
+            config: config()?,
+            plan: RecordingPlan {
+                protocol: Protocol::Reversals,
+                duration_s: 300.0,
+                noise_deg,
+                latency_ms: 0,
+                seed,
             },
-            family: first.unwrap_or(Choice::Best),
+            folder,
+            camera: CameraConfig { noise_deg, latency_ms: FRAME_AGE_MS, ..CameraConfig::default() },
+            family,
         })
     }
 
     /// Records, fits and follows. The error says why there is nothing to judge.
     pub fn judge(&self, snake: DrawnSnake, hours: f64) -> Result<Judgement, String> {
         let subject = self.subject(snake)?;
-        let aged = worn();
-        let fresh = self.fit(&self.record(snake, &aged)?, self.family)?;
+        let fresh = self.fit(&self.record(snake, true)?, self.family)?;
         let motion = subject.motion(LEARNING_S + JUDGED_S, 0);
-        let mut pairs = [subject.pair(&aged, false)?, subject.pair(&aged, true)?];
+        let mut pairs = [subject.pair(true, false)?, subject.pair(true, true)?];
         let mut judged = [0.0; 2];
         for (pair, judged) in pairs.iter_mut().zip(&mut judged) {
             let run = pair.follow(&motion)?;
-            *judged = rms(&run.errors[ticks(LEARNING_S)..]);
+            *judged = rms(&run[ticks(LEARNING_S)..]);
         }
-        let mut with_fresh = subject.pair_with(&fresh, &aged, false)?;
+        let mut with_fresh = subject.pair_with(&fresh, true, false)?;
         let run = with_fresh.follow(&motion)?;
         let worn = WornErrors {
             not_adapted: judged[0],
             adapted: judged[1],
-            fresh: rms(&run.errors[ticks(LEARNING_S)..]),
+            fresh: rms(&run[ticks(LEARNING_S)..]),
         };
         let [without, with] = &mut pairs;
         let steps = [without.steps(snake.seed)?, with.steps(snake.seed)?];
         let mut taken_back = with.taken_back();
 
         let motion = subject.motion(STEADY_S, 1);
-        let mut with = subject.pair(&[], true)?;
-        let steady =
-            [subject.pair(&[], false)?.follow(&motion)?.errors, with.follow(&motion)?.errors];
+        let mut with = subject.pair(false, true)?;
+        let steady = [subject.pair(false, false)?.follow(&motion)?, with.follow(&motion)?];
         taken_back += with.taken_back();
         let slipped = [false, true].map(|is_adapted| {
-            let mut pair = subject.pair(&[], is_adapted)?;
+            let mut pair = subject.pair(false, is_adapted)?;
             pair.control.motors.age(Change { start_s: SLIP_S, ..slip() });
             let run = pair.follow(&motion)?;
-            Ok::<_, String>((run.errors, pair.taken_back()))
+            Ok::<_, String>((run, pair.taken_back()))
         });
         let [not_adapted, adapted] = slipped;
         let (not_adapted, (adapted, more)) = (not_adapted?.0, adapted?);
@@ -182,24 +181,8 @@ impl Bench {
         })
     }
 
-    /// Ten minutes of ageing, without and with adaptation.
-    pub fn ten_minutes(&self, snake: DrawnSnake) -> Result<[Run; 2], String> {
-        let subject = self.subject(snake)?;
-        let motion = subject.motion(FIGURE_S, 2);
-        let run = |is_adapted| {
-            let mut pair = subject.pair(&[], is_adapted)?;
-            for change in wearing(FIGURE_S) {
-                pair.control.motors.age(change);
-            }
-            pair.follow(&motion)
-        };
-        let mut runs = parallel::map(2, |number| run(number == 1)).into_iter();
-        let mut next = || runs.next().unwrap_or_else(|| Err("there is no run".to_owned()));
-        Ok([next()?, next()?])
-    }
-
     fn subject(&self, snake: DrawnSnake) -> Result<Subject<'_>, String> {
-        let recording = self.record(snake, &[])?;
+        let recording = self.record(snake, false)?;
         Ok(Subject {
             bench: self,
             snake,
@@ -208,24 +191,21 @@ impl Bench {
         })
     }
 
-    fn record(&self, snake: DrawnSnake, changes: &[Change]) -> Result<Recording, String> {
-        let age = if changes.is_empty() { "new" } else { "worn" };
-        let name = format!("{}-{}-{age}.csv", snake.physics, snake.seed);
-        self.laboratory.record(snake, robot(snake, changes), &name)
+    /// A recording, as `calibrate fit` reads it.
+    fn record(&self, snake: DrawnSnake, is_worn: bool) -> Result<Recording, String> {
+        let age = if is_worn { "worn" } else { "new" };
+        let file = self.folder.join(format!("{}-{}-{age}.csv", snake.physics, snake.seed));
+        let plan = RecordingPlan { seed: self.plan.seed + snake.seed, ..self.plan };
+        plan.record(&mut robot(snake, is_worn), &file)
+            .map_err(|error| format!("cannot record: {error}"))?;
+        let (recording, _) = Recording::read(&file, &ColumnMap::default())
+            .map_err(|error| format!("cannot read the recording: {error}"))?;
+        Ok(recording.without_latency().0)
     }
 
     fn fit(&self, recording: &Recording, choice: Choice) -> Result<Arc<Model>, String> {
-        let outcome = self.laboratory.fit(recording, choice);
-        outcome.map(|outcome| outcome.model).map_err(|error| format!("cannot fit: {error}"))
+        fitted(recording, choice, &self.config.robot_id).map(|outcome| outcome.model)
     }
-}
-
-fn robot(snake: DrawnSnake, changes: &[Change]) -> Robot {
-    let mut robot = Robot::new(snake.build());
-    changes.iter().for_each(|change| robot.age(*change));
-    // What changes at once has changed before anything moves.
-    robot.rest(1.0);
-    robot
 }
 
 impl Subject<'_> {
@@ -238,19 +218,19 @@ impl Subject<'_> {
         within.pop().map(|(_, path)| path).unwrap_or_default()
     }
 
-    fn pair(&self, changes: &[Change], is_adapted: bool) -> Result<Pair, String> {
-        self.pair_with(&self.model, changes, is_adapted)
+    fn pair(&self, is_worn: bool, is_adapted: bool) -> Result<Pair, String> {
+        self.pair_with(&self.model, is_worn, is_adapted)
     }
 
     fn pair_with(
         &self,
         model: &Arc<Model>,
-        changes: &[Change],
+        is_worn: bool,
         is_adapted: bool,
     ) -> Result<Pair, String> {
-        let mut config = self.bench.laboratory.config.clone();
+        let mut config = self.bench.config.clone();
         config.adaptation.enabled = is_adapted;
-        let control = ClosedLoop::conditioned(&config, model, robot(self.snake, changes));
+        let control = ClosedLoop::conditioned(&config, model, robot(self.snake, is_worn));
         let mut control = control.map_err(|error| error.to_string())?;
         if is_adapted {
             control.watch(&self.bench.camera, self.snake.seed + 77);
@@ -262,14 +242,14 @@ impl Subject<'_> {
     fn drift(&self, hours: f64) -> Result<DriftErrors, String> {
         let motions = (hours * 3600.0 / (PAUSE_S + MOTION_S)).round().max(1.0) as u64;
         let run = |is_adapted| {
-            let mut pair = self.pair(&[], is_adapted)?;
+            let mut pair = self.pair(false, is_adapted)?;
             for change in drifting(hours) {
                 pair.control.motors.age(change);
             }
             let mut each = Vec::new();
             for number in 0..motions {
                 let path = self.motion(MOTION_S, 10 + number);
-                each.push(rms(&pair.follow(&path)?.errors));
+                each.push(rms(&pair.follow(&path)?));
                 pair.control.pause(PAUSE_S);
             }
             Ok::<_, String>(each)
@@ -289,19 +269,16 @@ impl Subject<'_> {
 }
 
 impl Pair {
-    fn follow(&mut self, path: &[[f64; 2]]) -> Result<Run, String> {
+    fn follow(&mut self, path: &[[f64; 2]]) -> Result<Errors, String> {
         let first = path.first().copied().unwrap_or_default();
         approach(&mut self.control, self.goal, first)?;
         let length_s = path.len().saturating_sub(1) as f64 / RATE_HZ;
-        let mut run = Run { errors: Vec::new(), reports: Vec::new() };
+        let mut errors = Errors::new();
         for tick in 0..ticks(length_s) {
             self.goal = at(path, tick as f64 * TICK_S);
-            run.errors.push(self.tick()?);
-            if (tick + 1) % ticks(1.0) == 0 {
-                run.reports.extend(self.control.report().adaptation);
-            }
+            errors.push(self.tick()?);
         }
-        Ok(run)
+        Ok(errors)
     }
 
     /// Steps of the goal from target to target.

@@ -1,4 +1,4 @@
-//! The model of the benchmarks, of the default family; and synthetic ones of any size: two motors
+//! The model of the measurements, of the default family; and synthetic ones of any size: two motors
 //! that bend two planes by about 40 degrees in both directions.
 
 use i2ris::model::file::{
