@@ -54,7 +54,7 @@ impl Camera {
             let is_outlier = self.random.unit() < self.plan.outliers;
             let angles = angles_deg.map(|angle| {
                 let noise = self.plan.noise_deg * self.random.normal();
-                let off = if is_outlier { self.random.within(5.0) } else { 0.0 };
+                let off = if is_outlier { self.random.within(-5.0, 5.0) } else { 0.0 };
                 (angle + noise + off).to_radians()
             });
             let pose = ExternalPose {

@@ -36,8 +36,8 @@ impl Signal {
         };
         Self {
             kind: seed / 5 % KINDS,
-            offset: [random.within(6.0), random.within(6.0)],
-            frozen: [random.within(12.0), random.within(12.0)],
+            offset: [random.within(-6.0, 6.0), random.within(-6.0, 6.0)],
+            frozen: [random.within(-12.0, 12.0), random.within(-12.0, 12.0)],
             random,
             interval_ms,
         }
@@ -52,7 +52,7 @@ impl Signal {
         let [a, b] = self.offset;
         let t = now.as_seconds();
         let (angles, stamp) = match self.kind {
-            0 => ([self.random.within(40.0), self.random.within(40.0)], now),
+            0 => ([self.random.within(-40.0, 40.0), self.random.within(-40.0, 40.0)], now),
             1 => (self.frozen, now),
             2 => ([-pitch, yaw], now - ms(30)),
             3 => ([yaw, pitch], now - ms(30)),
@@ -63,7 +63,7 @@ impl Signal {
             8 => ([pitch * (1.0 + 0.1 * a), yaw * (1.0 + 0.1 * b)], now - ms(30)),
             9 => {
                 let far = self.random.unit() < 0.3;
-                let off = if far { self.random.within(20.0) } else { 0.0 };
+                let off = if far { self.random.within(-20.0, 20.0) } else { 0.0 };
                 ([pitch + off, yaw - off], now - ms(30))
             }
             10 => ([pitch + 0.05 * a * t, yaw + 0.05 * b * t], now - ms(30)),

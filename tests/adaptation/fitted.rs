@@ -81,7 +81,7 @@ fn record(snake: DrawnSnake, file: File) {
         let distance = away[0].hypot(away[1]);
         let step = SPEED_COUNTS_S * TICK_S;
         if distance <= step {
-            to = [0, 1].map(|_| random.within(1600.0));
+            to = [0, 1].map(|_| random.within(-1600.0, 1600.0));
         } else {
             at = [0, 1].map(|i| at[i] + step / distance * away[i]);
         }

@@ -2,7 +2,7 @@
 
 mod camera;
 mod fitted;
-mod random;
+pub mod random;
 mod trial;
 
 mod accuracy;

@@ -22,9 +22,21 @@ impl Random {
         (self.next() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// From `-limit` to `limit`.
-    pub fn within(&mut self, limit: f64) -> f64 {
-        limit * (2.0 * self.unit() - 1.0)
+    pub fn below(&mut self, limit: u64) -> u64 {
+        self.next() % limit
+    }
+
+    pub fn one_in(&mut self, chances: u64) -> bool {
+        self.below(chances) == 0
+    }
+
+    pub fn within(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    pub fn direction(&mut self) -> [f64; 2] {
+        let angle = self.within(0.0, std::f64::consts::TAU);
+        [angle.cos(), angle.sin()]
     }
 
     /// By Box and Muller.

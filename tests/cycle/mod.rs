@@ -9,7 +9,6 @@ mod command_table;
 mod conditioning;
 mod effects;
 mod enabling;
-mod endurance;
 mod faults;
 mod following;
 mod gate;

@@ -50,15 +50,6 @@ fn swaying(t: f64, [pitch, yaw]: [f64; 2]) -> [f64; 2] {
     [pitch + sway, yaw - sway]
 }
 
-#[test]
-fn h21_a_camera_that_makes_it_worse_is_found_out_and_the_correction_is_taken_back() {
-    let mut drifting = Drifting::new(ON);
-    drifting.follow(200.0, wandering, swaying);
-    assert!(drifting.has(AdaptationEvent::TakenBack), "{:?}", drifting.adaptation());
-    drifting.follow(20.0, wandering, truth);
-    assert!(drifting.shift([0.0, 0.0]) < 0.05, "{:?}", drifting.adaptation());
-}
-
 /// The camera may have been wrong once, so the model is tried once more; then no more.
 #[test]
 fn h21_a_correction_that_was_taken_back_twice_is_not_learned_again() {

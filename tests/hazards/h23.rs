@@ -8,20 +8,6 @@ fn slipped(_: f64, [pitch, yaw]: [f64; 2]) -> [f64; 2] {
 }
 
 #[test]
-fn h23_a_goal_at_rest_is_not_moved_by_what_was_learned() {
-    let mut drifting = Drifting::new(ON);
-    drifting.follow(20.0, wandering, truth);
-    let start = drifting.time_s;
-    let stop = move |t: f64| wandering(t.min(start + 2.0));
-    drifting.follow(2.5, stop, slipped);
-    let targets = drifting.bench.targets();
-    for _ in 0..100 {
-        drifting.follow(0.2, stop, slipped);
-        assert_eq!(drifting.bench.targets(), targets);
-    }
-}
-
-#[test]
 fn h23_the_correction_never_turns_a_motor_against_the_goal_and_keeps_its_limit() {
     for sign in [1.0, -1.0] {
         let mut drifting = Drifting::new(ON);

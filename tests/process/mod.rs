@@ -1,8 +1,6 @@
 //! The controller and its shared memory with real processes, each test in a domain of its own.
 
 mod campaign;
-mod conditioning;
-mod goal_making;
 mod health;
 mod hostile_clients;
 mod ipc_domain;

@@ -4,8 +4,8 @@ use i2ris::config::Config;
 use i2ris_testing::cycle::{GAIN_DEG, strict_config};
 
 use super::oracle::Limits;
-use super::random::Random;
 use super::zones::Zone;
+use crate::adaptation::random::Random;
 
 /// What is delivered, on the robot of the tests.
 const SHIPPED: &str = include_str!("../../../config/robot.toml");

@@ -1,16 +1,12 @@
 //! Pairs: whole situations, drawn at random, in which any stage may undo what another one limits.
 //! Limits, fixtures, adaptation, a swap in progress, conditioning, the clutch, stale streams, a
 //! camera that misleads, two clients and a clock that jumps meet in every combination.
-//!
-//! `defects`: deliberate defects in the order of filters, each of which has to be found.
 
 mod acts;
 mod asked;
-mod defects;
 mod drawing;
 mod jaw;
 mod oracle;
-mod random;
 mod routes;
 mod snake;
 mod stream;
@@ -27,11 +23,12 @@ use i2ris::model::file::OutputUnit;
 use i2ris::units::{Nanos, OutputVec};
 use i2ris_testing::cycle::{Bench, CLIENT};
 
+use crate::adaptation::random::Random;
+
 use asked::{Angles, Asked};
 use drawing::{braking, configuration, limits};
 use jaw::Jaw;
 use oracle::{Limits, Oracle, SLANTED, SQUARE, Stop};
-use random::Random;
 use snake::{Snake, Wire};
 use way::Way;
 use zones::Zone;

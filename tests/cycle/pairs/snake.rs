@@ -8,7 +8,7 @@ use i2ris::model::network::NetworkParameters;
 use i2ris::units::OutputVec;
 use i2ris_testing::cycle::{GAIN_DEG, model, scaled_balance_model, scaled_play_model, within};
 
-use super::random::Random;
+use crate::adaptation::random::Random;
 use i2ris_testing::families::{averages, gru};
 
 /// Of `balance_model`: the stiffness of two wires and of the spring, and the friction of its stop.

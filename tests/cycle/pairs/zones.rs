@@ -4,8 +4,8 @@
 use i2ris::core::{FixtureSpace, SimpleRegion, SimpleShape};
 
 use super::asked::Angles;
-use super::random::Random;
 use super::snake::Wire;
+use crate::adaptation::random::Random;
 
 /// A degree of bend moves the tip by less, mm.
 const MM_PER_DEG: f64 = 0.02;

@@ -2,11 +2,10 @@
 //! reader refuses is tested where it is; here each kind of refusal stands once.
 
 use std::fmt::Write as _;
-use std::fs;
 
 use i2ris::model::{Model, ModelError};
 
-use crate::bench::{Bench, assert_says, repository};
+use crate::bench::{Bench, assert_says};
 
 const HEADER: &str = "t_s,q0_counts,q1_counts,pitch_deg,yaw_deg";
 const FIT: &str = "calibrate fit rows.csv --output model.json";
@@ -56,11 +55,11 @@ fn gappy(rows: u32, motion: fn(f64) -> [f64; 2], view: fn([f64; 2]) -> [f64; 2])
     Bench::with("rows.csv", &text)
 }
 
-/// A good recording with the cells of a line, or of every line, replaced.
-fn with_cell(line: Option<usize>, column: usize, cell: &str) -> Bench {
+/// A good recording with a cell replaced.
+fn with_cell(line: usize, column: usize, cell: &str) -> Bench {
     let replace = |(number, text): (usize, &str)| {
         let mut cells: Vec<&str> = text.split(',').collect();
-        if line.map_or(number > 0, |line| number + 1 == line) {
+        if number + 1 == line {
             cells[column] = cell;
         }
         cells.join(",")
@@ -225,65 +224,15 @@ fn a_model_and_its_report_say_when_it_was_recorded_and_are_the_same_on_any_day()
 }
 
 #[test]
-fn a_recording_that_cannot_be_read_is_refused() {
-    let bench = Bench::with("rows.csv", "");
-    bench.refuses("", &["is empty"]);
-    fs::remove_file(bench.path("rows.csv")).unwrap();
-    bench.fails(FIT, &["rows.csv: No such file"]);
-    fs::create_dir(bench.path("rows.csv")).unwrap();
-    bench.refuses("", &["rows.csv: Is a directory"]);
-}
-
-#[test]
 fn columns_and_cells_that_make_no_sense_are_refused_with_the_option_that_helps() {
     let good = Bench::good(100);
     let there = ["no column `bend`", "`pitch_deg`, `yaw_deg`", "--angles"];
     good.refuses("--angles bend=pitch", &there);
     good.refuses("--time clock", &["no column `clock`", "--time"]);
-    with_cell(None, 2, "5").refuses("", &["column `q1_counts` is 5 on every row", "--counts"]);
-    with_cell(Some(7), 1, "left")
-        .refuses("", &["line 7, column `q0_counts`: `left` is not a number"]);
-    let twice = with_cell(Some(10), 0, "1.4");
-    twice.refuses("", &["line 10, column `t_s`: time 1.4 s occurs twice", "line 9"]);
-    twice.fits("--no-time --family linear");
     let back = "error: recording rows.csv, line 52, column `t_s`: time 0.3 s goes backwards (9.8 s \
                 in line 51); correct the stamps, cut the recording there, or read it without time \
                 (--no-time)\n";
-    assert_eq!(with_cell(Some(52), 0, "0.3").refuses("", &[]), back);
-    let as_one = |time| {
-        let counts = wander(time)[0].round();
-        [counts, 2.0 * counts]
-    };
-    let together = recording(100, as_one, |_, [q, _]| [0.02 * q, 0.015 * q]);
-    Bench::with("rows.csv", &together).refuses("", &["the motors move together", "--counts"]);
-}
-
-#[test]
-fn too_few_rows_are_refused() {
-    let one = "1 complete row(s), and a model takes at least 20";
-    Bench::good(1).refuses("", &[one]);
-    let few = Bench::good(60);
-    let most = ["60 rows of 4 variables carry at most 4", "9 are asked for"];
-    few.refuses("--family gmr --components 9 --hold-out none", &most);
-    few.refuses("--hold-out none", &["takes rows held out", "--family"]);
-    let most = ["holding out 54 of 60 rows leaves 6 for training", "--hold-out"];
-    few.refuses("--hold-out 0.9", &most);
-}
-
-#[test]
-fn a_model_that_cannot_be_inverted_is_not_written() {
-    // Both motors stay on one circle, so nothing is known of its middle, and many components make
-    // folds there.
-    let circle = |time: f64| [350.0 * (0.5 * time).cos(), 350.0 * (0.5 * time).sin()];
-    let text = recording(250, circle, |time, _| {
-        let ([q0, q1], phase, noise) = (circle(time), 0.5 * time, 0.3 * (91.0 * time).sin());
-        [
-            0.02 * q0 - 0.015 * q1 + 2.0 * (3.0 * phase).sin() + noise,
-            0.015 * q0 + 0.02 * q1 - 1.5 * (2.0 * phase).cos() - noise,
-        ]
-    });
-    let parts = ["the model of family `gmr` is refused", "the inverse fails at counts"];
-    Bench::with("rows.csv", &text).refuses("--family gmr --components 8", &parts);
+    assert_eq!(with_cell(52, 0, "0.3").refuses("", &[]), back);
 }
 
 #[test]
@@ -302,66 +251,6 @@ fn options_that_make_no_sense_are_refused() {
         assert_says(&said.error, &[part]);
         assert!(!bench.exists("model.json"));
     }
-}
-
-#[test]
-fn the_laboratorys_recording_is_fitted_as_it_is() {
-    let recording = repository("../shared/data/i2ris/output_w_angles.csv");
-    if !recording.exists() {
-        eprintln!("skipped: {} is absent", recording.display());
-        return;
-    }
-    let bench = Bench::with("rows.csv", &fs::read_to_string(&recording).unwrap());
-    let printed = bench.fits("--restarts 3");
-    let dropped = "249; 5 dropped for an empty cell:\n           line 38 (yaws), 74 (yaws), 97";
-    let warning = "warning    both motors go round";
-    assert_says(&printed, &[dropped, "5 blocks all over the recording", warning]);
-    assert_eq!(bench.model().outputs(), 2);
-}
-
-#[test]
-fn one_axis_at_a_time_gives_a_separable_model_and_says_so() {
-    let motion: fn(f64) -> [f64; 2] = |time| match time < 50.0 {
-        true => [400.0 * (0.31 * time).sin() * (0.05 * time).cos(), 0.0],
-        false => [0.0, 400.0 * (0.29 * time).sin() * (0.05 * time).cos()],
-    };
-    let bench = gappy(500, motion, |angles| angles);
-    let text = bench.prints("");
-    let sentence = "the motors move together on 6 % of the path only, so the recording does not \
-                    show the plane between their axes; record motion of both at once";
-    assert_says(&text, &[&format!("warning {sentence}")]);
-    for family in ["gmr", "gmr-play"] {
-        assert_says(&text, &[&format!("No `{family}`: {sentence}.")]);
-    }
-    // Beyond the measured lines it is no further off than a straight line may be.
-    let model = bench.model();
-    let [pitch, yaw, _] = model.predict(&[200.0; 2], &model.new_memory()).mean.map(f64::to_degrees);
-    assert!((pitch - 4.0).abs() < 1.5 && (yaw - 8.0).abs() < 1.5, "{pitch} {yaw}");
-}
-
-#[test]
-fn one_loop_is_reported() {
-    // Lines between four corners.
-    let motion: fn(f64) -> [f64; 2] = |time| {
-        let phase = (time / 10.0).rem_euclid(4.0);
-        let zigzag = |phase: f64| 400.0 * (2.0 - (phase.rem_euclid(4.0) - 2.0).abs() - 1.0);
-        [zigzag(phase), zigzag(2.0 * phase)]
-    };
-    let text = gappy(600, motion, |angles| angles).prints("");
-    for motor in 0..2 {
-        let sentence = format!(
-            "motor {motor} always turns back at the same two positions, so the recording shows one \
-             loop and nothing of the smaller ones inside; record reversals of many sizes"
-        );
-        assert_says(&text, &[&sentence]);
-    }
-}
-
-#[test]
-fn a_flat_recording_is_refused() {
-    let sentence = "error: recording rows.csv: column `pitch_deg` is 3 on every row: nothing was \
-                    measured; record motion of it, or leave it out with --angles\n";
-    assert_eq!(gappy(300, wander, |_| [3.0, 1.0]).refuses("", &[]), sentence);
 }
 
 #[test]
@@ -402,12 +291,6 @@ fn two_hundred_rows_give_a_model_and_a_hundred_thousand_are_thinned() {
     assert_says(&short.prints(""), &["training 150 row(s) held out 50 row(s)"]);
     short.model();
     assert_thinned(100_000, "every 4th, more add hardly anything");
-}
-
-#[test]
-#[ignore = "two minutes"]
-fn a_million_rows_are_thinned() {
-    assert_thinned(1_000_000, "training 19737 row(s): every 38th, more add hardly anything");
 }
 
 #[track_caller]

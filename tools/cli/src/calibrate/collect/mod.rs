@@ -128,14 +128,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(|error| cannot_write(&arguments.output, &error))?;
     sidecar.write(&arguments.output)?;
     let (start, motors) = (clock::now(), request.region.motors);
-    let mut recorder = Recorder::new(
-        LineWriter::new(file),
-        start,
-        motors,
-        &outputs,
-        arguments.outlier_deg,
-    )
-    .map_err(|error| cannot_write(&arguments.output, &error))?;
+    let mut recorder =
+        Recorder::new(LineWriter::new(file), start, motors, &outputs, arguments.outlier_deg)
+            .map_err(|error| cannot_write(&arguments.output, &error))?;
     let bar = match arguments.watch {
         true => ProgressBar::hidden(),
         false => bar_of_time(arguments.protocol.name(), 0.0),

@@ -14,10 +14,7 @@ const SMALL_MS: f64 = 4.0;
 /// As in the file.
 pub fn record(latency: &Latency) -> LatencyRecord {
     let round = |seconds: f64| (seconds * 1e5).round() / 1e2;
-    LatencyRecord {
-        estimate_ms: round(latency.seconds),
-        deviation_ms: round(latency.deviation_s),
-    }
+    LatencyRecord { estimate_ms: round(latency.seconds), deviation_ms: round(latency.deviation_s) }
 }
 
 /// Prints it, for a person or for a script.
