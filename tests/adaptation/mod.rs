@@ -5,6 +5,5 @@ mod fitted;
 pub mod random;
 mod trial;
 
-mod accuracy;
 mod campaign;
 mod fences;

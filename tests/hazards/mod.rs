@@ -1,27 +1,15 @@
 //! The hazards of the design: see the table in `README.md` beside this file. Where a test of the
-//! cycle or of the drives shows the control, the table names that one; the others are here, one
-//! module per id.
+//! cycle or of the drives shows the control, the table names that one; the others are here.
 
 use i2ris_testing::cycle::{with_family, with_other_families};
 
+mod adaptation;
 mod coverage;
 mod documents;
-mod drifting;
-mod h02;
-mod h03;
-mod h06;
-mod h08;
-mod h10;
-mod h12;
-mod h13;
-mod h15;
-mod h16;
-mod h17;
-mod h18;
-mod h21;
-mod h22;
-mod h23;
-mod h36;
+mod drives;
+mod models;
+mod processes;
+mod surroundings;
 
 #[test]
 fn other_families_fly_too() {

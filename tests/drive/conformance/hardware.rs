@@ -1,13 +1,15 @@
 //! Real drives: with a configuration named in `I2RIS_HARDWARE`, the motors move by 20 counts.
 
 use std::env;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use i2ris::config::Config;
 use i2ris::drive::{AxisPhase, Port, PortEventKind};
 use i2ris::robot::DrivePower;
 
-use super::test_bench::TestBench;
+use super::cases::ALL;
+use super::test_bench::{SETUPS, Setup, TestBench};
 
 /// How far the motor moves, counts: a twentieth of a degree of the snake.
 const DISTANCE: i32 = 20;
@@ -36,4 +38,28 @@ fn real_drives_conform() {
     println!("quick stop and back");
     assert_eq!(axis.stop().last(), Some(&PortEventKind::Ended { power: DrivePower::Off }));
     println!("ended in order");
+}
+
+/// Runs every case on every setup, one after the other, and prints the results.
+#[test]
+#[ignore = "minutes: for .ci/nightly"]
+fn matrix() {
+    let columns: Vec<Vec<bool>> = SETUPS.iter().map(column).collect();
+    let names: Vec<&str> = SETUPS.iter().map(|setup| setup.name).collect();
+    println!("| | {} |", names.join(" | "));
+    println!("|---|{}", "---|".repeat(SETUPS.len()));
+    for (row, (name, _)) in ALL.iter().enumerate() {
+        let cells: Vec<&str> =
+            columns.iter().map(|column| if column[row] { "yes" } else { "NO" }).collect();
+        println!("| {name} | {} |", cells.join(" | "));
+    }
+    assert!(columns.iter().flatten().all(|passed| *passed), "see the matrix");
+}
+
+fn column(setup: &Setup) -> Vec<bool> {
+    ALL.iter()
+        .map(|(_, case)| {
+            catch_unwind(AssertUnwindSafe(|| case(&TestBench::emulated(setup)))).is_ok()
+        })
+        .collect()
 }

@@ -9,7 +9,6 @@ mod bad_input;
 mod cases;
 mod emulated;
 mod hardware;
-mod matrix;
 mod running_axis;
 mod test_bench;
 

@@ -9,7 +9,6 @@ mod homing;
 mod lost;
 mod quick_stop;
 mod random_sequences;
-mod shutdown;
 mod two_axes;
 
 use i2ris::drive::event::{PortEventKind, TransitionError};

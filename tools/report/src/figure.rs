@@ -9,7 +9,6 @@ use crate::axis::{Axis, Scale};
 use crate::canvas::{Canvas, FONT_SIZE, content, font, text_width};
 use crate::mark::Mark;
 use crate::plot::{Extent, LegendEntry, Plot, Symbol};
-use crate::readable::readable;
 use crate::style::{Color, Stroke, UNIT, pixels};
 
 /// Width of a figure. Across the text of an A4 page (170 mm) one unit is 0.67 pt, and text about
@@ -310,6 +309,15 @@ fn draw_entry(canvas: &Canvas, (label, symbol): &LegendEntry, [left, middle]: [f
         }
     }
     canvas.text(label, [left + SYMBOL + TEXT_GAP, middle], FontStyle::Normal);
+}
+
+/// Control characters, which XML forbids, become the replacement character.
+pub fn readable(markup: Markup) -> String {
+    let is_allowed = |c: char| {
+        matches!(c, '\n' | '\t') || !(c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}'))
+    };
+    let characters = markup.into_string();
+    characters.chars().map(|c| if is_allowed(c) { c } else { '\u{fffd}' }).collect()
 }
 
 #[cfg(test)]

@@ -29,16 +29,12 @@
 //! | [`mark`] | lines, point clouds, bands, ellipses, box plots, heat maps |
 //! | `figure` | panels with a legend |
 //! | [`page`] | headings, tables and figures on one HTML page, with `maud` |
-//! | `readable` | markup as text that XML allows |
 //! | [`programs`] | the programs that `i2ris NAME` starts, and where they are found |
-//! | [`program`] | the main function of a program: command line, exit code |
+//! | [`program`] | the main function of a program: command line, exit code, `--domain`, signals |
 //! | [`description`] | a command line as JSON, for the shell completions of `i2ris` |
 //! | [`exit`] | exit codes |
-//! | [`domain_option`] | the option `--domain` |
-//! | [`interrupt`] | SIGINT, SIGTERM and SIGHUP |
 //! | [`snake`] | the links of the snake and where they are at a bend, also as a URDF |
-//! | [`screen`] | standard output, redrawn on a terminal |
-//! | [`spinner`] | a sign of life during long work |
+//! | [`screen`] | standard output, redrawn on a terminal; a sign of life during long work |
 //! | [`stop`] | holds every client and ends every activity |
 //! | [`tips`] | advice about a wrong command line |
 //! | [`files`] | atomic replacement of files |
@@ -52,12 +48,10 @@ mod axis;
 mod canvas;
 mod decimate;
 pub mod description;
-pub mod domain_option;
 pub mod exit;
 mod figure;
 pub mod files;
 pub mod hull_outline;
-pub mod interrupt;
 pub mod mark;
 pub mod model_poller;
 pub mod number;
@@ -66,10 +60,8 @@ pub mod plot;
 pub mod pose_table;
 pub mod program;
 pub mod programs;
-mod readable;
 pub mod screen;
 pub mod snake;
-pub mod spinner;
 pub mod statistics;
 pub mod stop;
 mod style;
@@ -79,13 +71,13 @@ pub mod tips;
 pub mod view;
 
 pub use axis::Axis;
-pub use domain_option::DomainOption;
 pub use figure::{Figure, Panel};
-pub use interrupt::Interrupt;
 pub use mark::{Heatmap, Line, Mark, ReferenceLine, Scatter, ShadedInterval};
 pub use page::{Page, Table};
+pub use program::DomainOption;
+pub use program::Interrupt;
+pub use screen::while_working;
 pub use screen::{Screen, until_closed};
-pub use spinner::while_working;
 pub use style::{Color, Dash, Marker, Stroke};
 
 /// Why a program ends without success: one sentence for the user.

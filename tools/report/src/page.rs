@@ -4,8 +4,7 @@ use std::fmt::{self, Display, Formatter};
 
 use maud::{Markup, PreEscaped, html};
 
-use crate::figure::Figure;
-use crate::readable::readable;
+use crate::figure::{Figure, readable};
 
 /// The style sheet for screens and A4 paper.
 const STYLE: &str = include_str!("page.css");

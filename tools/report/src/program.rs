@@ -1,9 +1,13 @@
-//! The main function of a program: command line, exit code.
+//! The main function of a program: command line, exit code, the option `--domain`, and signals that
+//! ask it to end.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Parser;
+use i2ris::ipc::{Domain, DomainError};
 use nix::sys::signal::{SigHandler, Signal, signal};
 
 use crate::description::Description;
@@ -67,5 +71,50 @@ pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
             eprintln!("error: {failure}");
             ExitCode::from(exit::code(&failure))
         }
+    }
+}
+
+/// `--domain`.
+#[derive(Debug, clap::Args)]
+pub struct DomainOption {
+    /// Domain of the controller in shared memory
+    #[arg(long, env = "I2RIS_DOMAIN", default_value = "i2ris", value_name = "NAME", global = true)]
+    domain: String,
+}
+
+impl DomainOption {
+    /// The domain.
+    pub fn domain(&self) -> Result<Domain, DomainError> {
+        Domain::new(&self.domain)
+    }
+}
+
+/// Whether the user or the system has asked the program to end.
+#[derive(Debug, Clone)]
+pub struct Interrupt(Arc<AtomicBool>);
+
+impl Interrupt {
+    /// Catches SIGINT, SIGTERM and SIGHUP. The second signal ends the program at once with exit
+    /// code 130.
+    pub fn catch() -> Result<Self, ctrlc::Error> {
+        Self::catch_with(|| ())
+    }
+
+    /// The same; the second signal calls `last` before it ends the program.
+    pub fn catch_with(last: fn()) -> Result<Self, ctrlc::Error> {
+        let flag = Arc::new(AtomicBool::new(false));
+        let caught = Arc::clone(&flag);
+        ctrlc::set_handler(move || {
+            if caught.swap(true, Ordering::SeqCst) {
+                last();
+                std::process::exit(130);
+            }
+        })?;
+        Ok(Self(flag))
+    }
+
+    /// Whether a signal has come.
+    pub fn came(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
     }
 }

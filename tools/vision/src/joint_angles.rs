@@ -16,8 +16,8 @@
 //! shows as `(1 + n/D) (1, t) + (a, c) s / D`. The other view knows `n` and `s`, so this is undone
 //! (a few rounds, because both views need each other).
 
-use crate::fibre::geometry::relative;
 use crate::fibre::{QualityIssue, Reading};
+use crate::image::relative;
 use crate::rest_pose::RestPose;
 use crate::setup::{JointAxis, View, VisionSetup};
 

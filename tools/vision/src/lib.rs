@@ -20,7 +20,7 @@
 //!
 //! | module | content |
 //! |---|---|
-//! | [`image`] | a grey image |
+//! | [`image`] | a grey image; directions and positions in it |
 //! | [`fibre`] | base line, tip line, tip position, quality, from one image |
 //! | [`source`] | frames from folders and streams, with their timestamps |
 //! | [`setup`] | description of the views, TOML |

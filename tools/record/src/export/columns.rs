@@ -4,7 +4,8 @@ use i2ris::ipc::payload::{FIXTURES, Field, FieldType, PayloadLayout, unpadded_te
 use i2ris::robot::{AxisPhase, Fault, OperatingState, Refusal};
 use i2ris::units::MAX_OUTPUTS;
 
-use crate::cdr::{Number, numbers};
+use crate::messages::cdr::{Number, numbers};
+use crate::report::Trial;
 
 /// The type of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -230,6 +231,49 @@ pub fn unit(column: &str) -> &'static str {
     }
 }
 
+/// Between two rows: a spreadsheet takes three hours of them.
+const GRID_NS: usize = 10_000_000;
+/// Samples further apart than this are not interpolated: a slow camera has ten a second.
+const GAP_NS: u64 = 110_000_000;
+
+/// Whether there is anything to put into the table for people.
+pub fn has_angles(trial: &Trial) -> bool {
+    trial.angles().iter().any(|(_, series)| !series.is_empty())
+}
+
+/// The columns of the table for people: goal, setpoint, estimate, camera and state on one grid.
+pub fn overview_columns() -> Vec<Column> {
+    let column = |name: &str, kind| Column { name: name.to_owned(), kind };
+    let mut columns = vec![
+        column("time", ColumnType::Time),
+        column("t_s", ColumnType::Seconds),
+        column("state", ColumnType::Text),
+    ];
+    for (name, _) in Trial::default().angles() {
+        for axis in ["pitch", "yaw"] {
+            columns.push(column(&format!("{name}_{axis}_deg"), ColumnType::Float));
+        }
+    }
+    columns
+}
+
+/// Its rows. Angles are interpolated between samples, and empty where there are none near.
+pub fn overview_rows(trial: &Trial) -> impl Iterator<Item = Vec<Cell>> + '_ {
+    (trial.start_ns..=trial.end_ns).step_by(GRID_NS).map(|stamp| {
+        let state = trial.state_at(stamp).unwrap_or_default().to_owned();
+        let mut cells = vec![
+            Cell::Time(trial.unix_ns(stamp)),
+            seconds(stamp, trial.start_ns),
+            Cell::Text(state),
+        ];
+        for (_, series) in trial.angles() {
+            let angles = series.value_at(stamp, GAP_NS).unwrap_or([f64::NAN; 2]);
+            cells.extend(angles.map(|angle| Cell::Number(Number::Float(angle))));
+        }
+        cells
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use i2ris::ipc::payload::{
@@ -238,7 +282,7 @@ mod tests {
     };
 
     use super::*;
-    use crate::cdr::encode;
+    use crate::messages::cdr::encode;
 
     fn angles() -> [String; 2] {
         ["pitch", "yaw"].map(str::to_owned)

@@ -10,14 +10,14 @@
 //!
 //! | file | contains |
 //! |---|---|
-//! | `columns` | the columns of a payload, and the cells of a message |
-//! | `joined` | goal, setpoint, estimate, camera and state on one grid |
+//! | `columns` | the columns of a payload and the cells of a message; all angles and the state on one grid |
+//! | [`extract`] | attachments and commands as files |
 //! | `parquet` | tables as Parquet: columns with types, a tenth of the size |
 //! | [`source`] | which recordings go into an export |
 //! | [`staged`] | a folder that is written whole or not at all |
 
 mod columns;
-mod joined;
+pub mod extract;
 mod parquet;
 pub mod source;
 pub mod staged;
@@ -32,12 +32,12 @@ use i2ris::ipc::payload::PayloadLayout;
 use i2ris::wall_clock::WallTime;
 use mcap::records::{MessageHeader, Record};
 
-use crate::joints::DEFAULT_NAMES;
+use crate::messages::standard::DEFAULT_NAMES;
+use crate::messages::topic::Topic;
 use crate::pictures::{self, Picture};
 use crate::read::{ReadError, Records};
 use crate::recorder::{ALIGNMENT, HEADER, JOINTS, OUTCOME};
 use crate::report::Trial;
-use crate::topic::Topic;
 use columns::{Cell, Column, TableWriter};
 
 /// The file format of tables.
@@ -168,12 +168,13 @@ fn joined_table(
     exported: &mut ExportedTables,
 ) -> Result<Option<OpenTable>, ExportError> {
     let trial = Trial::read(recording)?;
-    if !joined::has_angles(&trial) {
+    if !columns::has_angles(&trial) {
         return Ok(None);
     }
     let layout = Stream::Measured.layout();
-    let mut table = OpenTable::create(folder, "overview", layout, joined::columns(), format)?;
-    for row in joined::rows(&trial) {
+    let mut table =
+        OpenTable::create(folder, "overview", layout, columns::overview_columns(), format)?;
+    for row in columns::overview_rows(&trial) {
         table.write_row(row)?;
         *exported.rows.entry(table.name.clone()).or_default() += 1;
     }

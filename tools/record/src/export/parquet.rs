@@ -14,7 +14,7 @@ use ::parquet::file::writer::SerializedFileWriter;
 use ::parquet::schema::parser::parse_message_type;
 
 use super::columns::{Cell, Column, ColumnType, TableWriter};
-use crate::cdr::Number;
+use crate::messages::cdr::Number;
 
 /// Rows of a group: a minute of a stream of 1 kHz, a few megabytes.
 const GROUP_LENGTH: usize = 1 << 16;

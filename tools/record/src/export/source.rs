@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::study::journal::{Journal, Outcome, TrialState};
-use crate::study::{Study, StudyError};
+use crate::trial::journal::{Journal, Outcome, TrialState};
+use crate::trial::{Study, StudyError};
 
 /// A recording, and what is known of it.
 #[derive(Debug, Clone)]
@@ -27,7 +27,7 @@ impl Sources {
     pub fn find(paths: &[PathBuf]) -> Result<Self, StudyError> {
         let mut sources = Self::default();
         for path in paths {
-            if path.join(crate::study::STUDY).exists() {
+            if path.join(crate::trial::STUDY).exists() {
                 for trial in Study::open(path)?.trials()? {
                     let recording = trial.recording();
                     sources.add(trial.name, recording, Some(trial.state));

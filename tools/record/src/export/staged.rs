@@ -1,8 +1,7 @@
 //! A folder that is written whole or not at all.
 
-use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// In every folder of an export: what it was made of. A folder without it is nobody's to replace.
 pub const MADE_OF: &str = "i2ris-export.json";

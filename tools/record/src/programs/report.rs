@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use i2ris_record::report::TrialReport;
-use i2ris_record::study::comparison::StudyReport;
+use i2ris_record::trial::comparison::StudyReport;
 use i2ris_report::{Failure, files, while_working};
 
 /// Make a page of a recorded trial: tracking error, hysteresis, latencies, events

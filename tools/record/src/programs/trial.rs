@@ -7,12 +7,12 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use i2ris::clock;
-use i2ris_record::study::code::{Condition, Participant};
-use i2ris_record::study::journal::{Journal, Outcome};
-use i2ris_record::study::order::order;
-use i2ris_record::study::runner::Plan;
-use i2ris_record::study::workload::{SCALES, Workload};
-use i2ris_record::study::{Study, TrialFolder};
+use i2ris_record::trial::code::{Condition, Participant};
+use i2ris_record::trial::journal::{Journal, Outcome};
+use i2ris_record::trial::order::order;
+use i2ris_record::trial::runner::Plan;
+use i2ris_record::trial::workload::{SCALES, Workload};
+use i2ris_record::trial::{Study, TrialFolder};
 use i2ris_report::programs::{Program, find};
 use i2ris_report::{DomainOption, Failure};
 

@@ -3,10 +3,8 @@
 use hdrhistogram::Histogram;
 use i2ris::ipc::payload::{ActuatorState, PeriodStatistics, SpanSummary};
 use i2ris::units::MAX_MOTORS;
-use i2ris_report::statistics::quantile_of_unsorted;
+use i2ris_report::statistics::{quantile, quantile_of_unsorted, sort};
 use serde::Serialize;
-
-use super::percentiles::Percentiles;
 
 /// Longer durations count as this one, ns: ten seconds.
 const LONGEST_NS: u64 = 10_000_000_000;
@@ -113,6 +111,38 @@ fn typical(
         p90: median(|span| span.p90_ns),
         p99: median(|span| span.p99_ns),
         max: values(|span| span.max_ns).fold(0.0, f64::max),
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Percentiles {
+    pub p50: f64,
+    pub p90: f64,
+    pub p99: f64,
+    pub max: f64,
+}
+
+impl Percentiles {
+    /// Percentiles of values in any order; `None` for no values.
+    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+        sort(&mut values);
+        Some(Self {
+            p50: quantile(&values, 0.5)?,
+            p90: quantile(&values, 0.9)?,
+            p99: quantile(&values, 0.99)?,
+            max: *values.last()?,
+        })
+    }
+
+    /// Percentiles in ms of a histogram in ns; `None` if it is empty.
+    pub fn of_histogram_ms(histogram: &Histogram<u64>) -> Option<Self> {
+        let ms = |share| histogram.value_at_quantile(share) as f64 * 1e-6;
+        (!histogram.is_empty()).then(|| Self {
+            p50: ms(0.5),
+            p90: ms(0.9),
+            p99: ms(0.99),
+            max: histogram.max() as f64 * 1e-6,
+        })
     }
 }
 

@@ -5,12 +5,11 @@
 //! |---|---|
 //! | `trial` | the data of a recording, read once; when the robot followed commands |
 //! | `tracking` | tracking error by the model's estimate and by the camera |
-//! | `percentiles` | of errors and latencies |
 //! | `shortfall` | asked against reached: commands out of reach |
 //! | `reaches` | point-to-point motion and reach-and-hold tasks: time, overshoot, detour |
 //! | `pursuit` | targets that were followed: error and lag |
 //! | `hysteresis` | counts against angle, width of the loop |
-//! | `latency` | from command to serial line, age of encoder positions, the control loop |
+//! | `latency` | percentiles; from command to serial line, age of encoder positions, the control loop |
 //! | `events` | events in words |
 //! | `text`, `page`, `figures` | the writers |
 //!
@@ -21,7 +20,6 @@ mod figures;
 mod hysteresis;
 mod latency;
 mod page;
-mod percentiles;
 mod pursuit;
 mod reaches;
 mod shortfall;
@@ -39,8 +37,7 @@ use serde::Serialize;
 use crate::read::ReadError;
 use events::{TrialEvent, trial_events};
 use hysteresis::{HysteresisLoop, hysteresis_loops};
-use latency::{LoopTiming, loop_timing};
-use percentiles::Percentiles;
+use latency::{LoopTiming, Percentiles, loop_timing};
 pub(crate) use pursuit::Pursuit;
 use pursuit::pursuits;
 pub(crate) use reaches::TargetReach;

@@ -5,7 +5,7 @@ use i2ris_report::number::{fixed, milliseconds};
 use i2ris_report::page::TableRow;
 use i2ris_report::{Page, Table};
 
-use super::percentiles::Percentiles;
+use super::latency::Percentiles;
 use super::reaches::ARRIVED_DEG;
 use super::{TrialReport, figures};
 

@@ -1,7 +1,7 @@
 //! The report as a few lines of text.
 
 use super::TrialReport;
-use super::percentiles::Percentiles;
+use super::latency::Percentiles;
 use super::reaches::times;
 use super::tracking::TrackingError;
 

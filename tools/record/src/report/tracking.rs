@@ -3,7 +3,7 @@
 use i2ris_report::statistics::{TimeSeries, root_mean_square};
 use serde::Serialize;
 
-use super::percentiles::Percentiles;
+use super::latency::Percentiles;
 use super::trial::Trial;
 
 /// Goals further apart than this are not interpolated, ns: the controller publishes one every tick.

@@ -14,10 +14,10 @@ use i2ris_report::statistics::TimeSeries;
 use mcap::records::Record;
 
 use super::latency::Latencies;
-use crate::cdr;
+use crate::messages::cdr;
+use crate::messages::topic::Topic;
 use crate::read::{ReadError, Records};
 use crate::recorder::{HEADER, OUTCOME, rate_hz};
-use crate::topic::Topic;
 
 /// Outputs of models of angles. Models of the tip position have three outputs, in metres.
 const ANGLES: u32 = 2;

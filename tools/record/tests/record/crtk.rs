@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
 use i2ris::ipc::{OperatingState, StreamMessage};
 use i2ris::units::Nanos;
-use i2ris_record::joints::snake;
+use i2ris_record::messages::standard::snake;
 use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
 use i2ris_testing::run_python;
 use tempfile::TempDir;

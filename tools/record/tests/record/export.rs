@@ -9,10 +9,10 @@ use i2ris::clock;
 use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition, JointState, TeleopMsg};
 use i2ris::units::Nanos;
-use i2ris_record::joints::snake;
+use i2ris_record::messages::standard::snake;
 use i2ris_record::recorder::{RecordingHeader, TrialRecorder};
-use i2ris_record::study::Study;
-use i2ris_record::study::journal::{Journal, Outcome};
+use i2ris_record::trial::Study;
+use i2ris_record::trial::journal::{Journal, Outcome};
 use i2ris_report::snake::Bend;
 use i2ris_testing::{Controller, run_python_of};
 

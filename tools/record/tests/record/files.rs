@@ -12,7 +12,7 @@ use i2ris::ipc::{Stream, StreamMessage};
 use i2ris::units::Nanos;
 use i2ris_record::export::{TableFormat, export};
 use i2ris_record::recorder::{AttachedFile, RecordingHeader, TrialRecorder};
-use i2ris_record::recover::recover;
+use i2ris_record::recovery::recover;
 use i2ris_record::report::TrialReport;
 use i2ris_testing::{program, run_python};
 use mcap::records::op;

@@ -54,7 +54,7 @@ fn the_header_for_cpp_is_current_and_compiles() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cpp/i2ris_payload.hpp");
     let written = fs::read_to_string(&path).unwrap();
     assert!(
-        written == i2ris_record::cpp_header::cpp_header(),
+        written == i2ris_record::generated::cpp_header(),
         "run cargo run -p i2ris-record --example cpp_header > tools/cpp/i2ris_payload.hpp"
     );
     let mut compiler = Command::new("c++");

@@ -119,7 +119,7 @@ fn python_folder() -> std::path::PathBuf {
 fn the_texts_of_python_are_current() {
     let written = fs::read_to_string(python_folder().join("i2ris/reasons.py")).unwrap();
     assert!(
-        written == i2ris_record::python_reasons::python_reasons(),
+        written == i2ris_record::generated::python_reasons(),
         "run cargo run -p i2ris-record --example python_reasons > tools/python/i2ris/reasons.py"
     );
 }

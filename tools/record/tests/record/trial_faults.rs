@@ -10,8 +10,8 @@ use i2ris::ipc::client::{Client, Latest};
 use i2ris::ipc::payload::{TrialMsg, unpadded_text};
 use i2ris::units::Nanos;
 use i2ris_record::report::TrialReport;
-use i2ris_record::study::Study;
-use i2ris_record::study::journal::Journal;
+use i2ris_record::trial::Study;
+use i2ris_record::trial::journal::Journal;
 use i2ris_testing::{Controller, TIMEOUT, program, wait_until};
 
 use crate::programs::{limit_files, runs_with};

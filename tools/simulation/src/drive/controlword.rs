@@ -2,10 +2,9 @@
 
 use super::device::{Drive, Homing, Setpoints};
 use super::event::{EventKind, HostBug};
+use super::family::Mode;
 use super::fault::{Fault, Reaction};
-use super::mode::Mode;
-use super::state::{DeviceCommand, State};
-use super::task::Task;
+use super::state::{DeviceCommand, State, Task};
 
 /// Bit 4: new setpoint, or start homing.
 pub(super) const START: u16 = 1 << 4;

@@ -2,17 +2,15 @@
 
 use i2ris::units::Nanos;
 
-use super::config::DriveConfig;
 use super::dictionary::Dictionary;
 use super::event::EventKind;
+use super::family::Mode;
 use super::fault::Fault;
-use super::mode::Mode;
-use super::motor::Motor;
+use super::motor::{DriveConfig, Motor};
 use super::object_map::{Address, ObjectMap};
 use super::profile::Demand;
 use super::segmented_transfer::SegmentedTransfer;
-use super::state::State;
-use super::task::Task;
+use super::state::{State, Task};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Homing {

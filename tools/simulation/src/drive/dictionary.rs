@@ -1,8 +1,7 @@
 //! The values of all objects, and the checks on access.
 
-use super::abort::Abort;
 use super::family::Family;
-use super::object::{Access, Kind, Object};
+use super::object::{Abort, Access, Kind, Object};
 
 /// Array of the supported homing methods (EPOS4 only).
 const HOMING_METHODS: u16 = 0x60E3;

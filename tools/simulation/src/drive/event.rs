@@ -1,6 +1,6 @@
 //! What can happen on one axis, for the log.
 
-use super::mode::Mode;
+use super::family::Mode;
 use super::state::State;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

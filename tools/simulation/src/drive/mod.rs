@@ -7,23 +7,19 @@
 //! | file | content |
 //! |---|---|
 //! | `device` | [`Drive`]: its state, start-up, encoder, snapshot |
-//! | `config` | parameters of a drive |
-//! | `family`, `object_map` | EPOS4 and EPOS2, and the objects that differ between them |
-//! | `object`, `epos4_objects`, `epos2_objects` | object types and the two tables of objects |
+//! | `family`, `object_map` | EPOS4 and EPOS2, their modes of operation, and the objects that differ between them |
+//! | `object`, `epos4_objects`, `epos2_objects` | object types, abort codes, and the two tables of objects |
 //! | `dictionary` | values of the objects, and the checks on access |
-//! | `state` | CiA 402 state machine |
+//! | `state` | CiA 402 state machine, and what the drive does with its motor |
 //! | `controlword`, `statusword` | what a controlword starts; objects computed when they are read |
-//! | `mode`, `task`, `motion` | modes of operation, and what they do in every time step |
-//! | `profile`, `motor` | position demand, and the motor that follows it |
+//! | `motion` | what modes of operation do in every time step |
+//! | `profile`, `motor` | position demand, the motor that follows it, parameters of a drive |
 //! | `frame` | the V2 frame, as the drive sees it |
 //! | `command_set` | opcodes and their parameters |
-//! | `service`, `segmented_transfer` | requests to replies |
-//! | `gateway` | requests for drives behind the one at the port |
-//! | `abort`, `fault`, `event` | abort codes, fault codes, events for the log |
+//! | `service`, `segmented_transfer` | requests to replies, also of drives behind the one at the port |
+//! | `fault`, `event` | fault codes, events for the log |
 
-mod abort;
 mod command_set;
-mod config;
 mod controlword;
 mod device;
 mod dictionary;
@@ -33,8 +29,6 @@ pub(crate) mod event;
 mod family;
 mod fault;
 pub mod frame;
-mod gateway;
-mod mode;
 mod motion;
 mod motor;
 mod object;
@@ -44,17 +38,16 @@ mod segmented_transfer;
 mod service;
 mod state;
 mod statusword;
-mod task;
 #[cfg(test)]
 mod tests;
 
-pub use abort::Abort;
-pub use config::DriveConfig;
 pub use device::{Drive, DriveSnapshot};
 pub use family::Family;
+pub use family::Mode;
 pub use fault::{Fault, Reaction};
-pub use gateway::Gateway;
-pub use mode::Mode;
+pub use motor::DriveConfig;
 pub use motor::{Limits, Motor, MotorConfig};
+pub use object::Abort;
+pub use service::Gateway;
 pub use service::Reply;
 pub use state::State;

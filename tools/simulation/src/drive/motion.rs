@@ -3,12 +3,11 @@
 use super::controlword::{HALT, START};
 use super::device::{Drive, Homing, Setpoints};
 use super::event::EventKind;
+use super::family::Mode;
 use super::fault::Fault;
-use super::mode::Mode;
 use super::motor::Limits;
 use super::profile::{Demand, ProfileLimits};
-use super::state::State;
-use super::task::Task;
+use super::state::{State, Task};
 
 /// How long the current must be above its threshold to indicate a hard stop, s.
 const PRESSED_S: f64 = 0.01;

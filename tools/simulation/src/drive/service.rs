@@ -2,14 +2,12 @@
 
 use i2ris::units::Nanos;
 
-use super::abort::Abort;
 use super::command_set::{Addressed, Service, decode};
 use super::device::{Drive, factory_settings};
 use super::event::{EventKind, HostBug, LineTrouble};
 use super::family::Family;
 use super::frame::Incoming;
-use super::gateway::Gateway;
-use super::object::Kind;
+use super::object::{Abort, Kind};
 use super::state::State;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -237,5 +235,24 @@ impl Drive {
             _ => return Err(Abort::Range),
         }
         Ok(())
+    }
+}
+
+/// How a gateway treats the host. Until it has answered a request for another node it takes nothing
+/// else: what arrives meanwhile is lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Gateway {
+    /// Round trip over CAN to a node that answers.
+    pub round_trip: Nanos,
+    /// How long it waits for a node that does not.
+    pub timeout: Nanos,
+}
+
+impl Gateway {
+    /// How long a request for a node takes beside the usual time, and what the gateway answers
+    /// in the place of a node that does not.
+    #[must_use]
+    pub fn forward(self, node_answers: bool) -> (Nanos, Option<Abort>) {
+        if node_answers { (self.round_trip, None) } else { (self.timeout, Some(Abort::SdoTimeout)) }
     }
 }

@@ -1,10 +1,9 @@
 //! Statusword, and the other objects that are computed when they are read.
 
 use super::device::{Drive, Homing};
+use super::family::Mode;
 use super::fault::Fault;
-use super::mode::Mode;
-use super::state::State;
-use super::task::Task;
+use super::state::{State, Task};
 
 /// Bit 4: voltage at the power stage.
 const VOLTAGE_ENABLED: u16 = 1 << 4;

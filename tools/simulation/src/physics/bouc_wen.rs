@@ -14,9 +14,8 @@
 //! bend = travel - depth z
 //! ```
 
-use super::draw::Draw;
+use super::draw::{Draw, Pair, subtract};
 use super::hysteresis::Hysteresis;
-use super::pair::{Pair, subtract};
 use crate::ageing::AgeingEffect;
 
 #[derive(Debug, Clone, Copy, PartialEq)]

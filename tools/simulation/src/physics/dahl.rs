@@ -5,10 +5,8 @@
 //! 1968: `dF/dx = sigma (1 - F / limit sgn x')^i`. The wire stretches by the friction: travel is
 //! bend plus `F`, both in degrees. The limit grows with the load of both motors.
 
-use super::draw::Draw;
-use super::friction_growth::FrictionGrowth;
+use super::draw::{Draw, FrictionGrowth, Pair, subtract};
 use super::hysteresis::Hysteresis;
-use super::pair::{Pair, subtract};
 use crate::ageing::AgeingEffect;
 
 #[derive(Debug, Clone, Copy, PartialEq)]

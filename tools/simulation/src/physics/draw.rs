@@ -1,9 +1,8 @@
-//! Parameters at random, by a seed.
+//! What is common to the physics: pairs of values, parameters at random by a seed, and friction that
+//! grows with the bend, because the wires press harder on their guides.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-
-use super::pair::Pair;
 
 /// Half of the lost motion of a motor, counts: what robots of this kind show.
 const HALF_GAP_COUNTS: [f64; 2] = [20.0, 110.0];
@@ -41,4 +40,47 @@ impl Draw {
         let counts = self.uniform(low / 0.8, high / 1.2);
         deg_per_count.map(|gain| gain * counts * self.uniform(0.8, 1.2))
     }
+}
+
+/// Bend at which the growth is counted, degrees.
+const FULL_BEND_DEG: f64 = 40.0;
+
+/// Growth of the friction of a motor at full bend of this motor and of the other, relative to that
+/// of the straight snake.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct FrictionGrowth {
+    own: f64,
+    other: f64,
+}
+
+impl FrictionGrowth {
+    /// Up to so much growth by either motor.
+    pub(super) fn draw(draw: &mut Draw, own: f64, other: f64) -> Self {
+        Self { own: draw.uniform(0.0, own), other: draw.uniform(0.0, other) }
+    }
+
+    /// Factor on the friction at bends of this motor and of the other, degrees.
+    pub(super) fn factor(&self, own: f64, other: f64) -> f64 {
+        1.0 + (self.own * own.abs() + self.other * other.abs()) / FULL_BEND_DEG
+    }
+}
+
+/// Pitch and yaw, or motor 0 and motor 1.
+pub(super) type Pair = [f64; 2];
+
+pub(super) fn dot(a: Pair, b: Pair) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+pub(super) fn add(a: Pair, b: Pair) -> Pair {
+    [a[0] + b[0], a[1] + b[1]]
+}
+
+pub(super) fn subtract(a: Pair, b: Pair) -> Pair {
+    [a[0] - b[0], a[1] - b[1]]
+}
+
+/// Interpolates from one pair to another.
+pub(super) fn between(from: Pair, to: Pair, share: f64) -> Pair {
+    [0, 1].map(|i: usize| from[i] + share * (to[i] - from[i]))
 }

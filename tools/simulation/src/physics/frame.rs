@@ -1,8 +1,7 @@
 //! What all drawn snakes share around their hysteresis: the gains of the motors, how they pull on
 //! each other, the planes in which they bend, and the shape of the bend. No memory.
 
-use super::draw::Draw;
-use super::pair::Pair;
+use super::draw::{Draw, Pair};
 use crate::ageing::AgeingEffect;
 
 /// Largest valid motor position, counts.

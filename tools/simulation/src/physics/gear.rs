@@ -8,10 +8,8 @@
 //! The gap is crossed only where the load changes its flank: where the spring of the snake cannot
 //! overcome the friction. So the loop is widest around the straight pose.
 
-use super::draw::Draw;
-use super::friction_growth::FrictionGrowth;
+use super::draw::{Draw, FrictionGrowth, Pair};
 use super::hysteresis::{Hysteresis, SNAKE_STIFFNESS};
-use super::pair::Pair;
 use crate::ageing::AgeingEffect;
 
 /// A flank: the force at a deflection `e` is `stiffness e + hardening e^2`.

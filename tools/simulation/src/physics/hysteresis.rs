@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use super::pair::Pair;
+use super::draw::Pair;
 use crate::ageing::AgeingEffect;
 
 pub(super) trait Hysteresis: Copied + Debug + Send + Sync {

@@ -12,10 +12,8 @@
 //! The wire stretches by the friction: travel is bend plus friction, in degrees. Every step is
 //! solved for its speed, implicitly, so that long steps are stable.
 
-use super::draw::Draw;
-use super::friction_growth::FrictionGrowth;
+use super::draw::{Draw, FrictionGrowth, Pair};
 use super::hysteresis::Hysteresis;
-use super::pair::Pair;
 use crate::ageing::AgeingEffect;
 
 /// Halvings of the interval of the speed.

@@ -15,9 +15,9 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `names`, `drawn`, `draw` | names, snakes by name and seed, parameters at random |
+//! | `names`, `drawn`, `draw` | names, snakes by name and seed, parameters at random, friction |
 //! | `snake` | a snake of any physics in time steps |
-//! | `frame`, `friction_growth`, `pair` | gains, planes and shape, common to all but `springs` |
+//! | `frame` | gains, planes and shape, common to all but `springs` |
 //! | `hysteresis` | what a physics has to do |
 //! | [`springs`] | gear, loose wires, bristles and segments: the snakes of `config/snakes` |
 //! | `prandtl_ishlinskii` | generalised, asymmetric Prandtl-Ishlinskii |
@@ -33,12 +33,10 @@ mod dahl;
 mod draw;
 mod drawn;
 mod frame;
-mod friction_growth;
 mod gear;
 mod hysteresis;
 mod lugre;
 mod names;
-mod pair;
 mod prandtl_ishlinskii;
 mod preisach;
 mod snake;

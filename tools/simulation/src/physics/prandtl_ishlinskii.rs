@@ -6,9 +6,8 @@
 //! Transactions on Mechatronics 16(4), 2011. The generalised play is
 //! `w <- max(l(u) - r, min(r(u) + r, w))` with two increasing envelopes `l` and `r`.
 
-use super::draw::Draw;
+use super::draw::{Draw, Pair};
 use super::hysteresis::Hysteresis;
-use super::pair::Pair;
 use crate::ageing::AgeingEffect;
 
 /// Plays of a motor.

@@ -10,9 +10,8 @@
 
 use std::sync::Arc;
 
-use super::draw::Draw;
+use super::draw::{Draw, Pair};
 use super::hysteresis::Hysteresis;
-use super::pair::Pair;
 use crate::ageing::AgeingEffect;
 
 /// Cells along each side of the plane.

@@ -2,13 +2,12 @@
 
 use super::bouc_wen::BoucWen;
 use super::dahl::Dahl;
-use super::draw::Draw;
+use super::draw::{Draw, Pair, between, subtract};
 use super::frame::Frame;
 use super::gear::Gears;
 use super::hysteresis::Hysteresis;
 use super::lugre::LuGre;
 use super::names::Physics;
-use super::pair::{Pair, between, subtract};
 use super::prandtl_ishlinskii::PrandtlIshlinskii;
 use super::preisach::Preisach;
 use super::springs::SpringSnake;

@@ -10,9 +10,8 @@
 //! the sum of both. A turn frees one piece after the other, from the motor on; the tip rests until
 //! the last one slides.
 
-use super::draw::Draw;
+use super::draw::{Draw, Pair};
 use super::hysteresis::Hysteresis;
-use super::pair::Pair;
 use crate::ageing::AgeingEffect;
 
 /// Pieces of a wire.

@@ -1,5 +1,6 @@
 //! The configuration files in `config/` are valid and fit the emulator.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use i2ris::config::Config;
@@ -52,5 +53,23 @@ fn the_robot_template_is_valid_and_has_tighter_limits() {
     for axis in robot.axes() {
         assert!(axis.current_limit_ma < emulator.axis(axis.motor).unwrap().current_limit_ma);
         assert!(axis.position_max_counts < emulator.axis(axis.motor).unwrap().position_max_counts);
+    }
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
+}
+
+#[test]
+fn physics_ageing_and_drives_import_no_code_of_the_controller_but_units() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    for folder in ["physics", "ageing", "drive"] {
+        for file in files(&source.join(folder)) {
+            let text = fs::read_to_string(&file).unwrap();
+            for line in text.lines().filter(|line| line.contains("i2ris::")) {
+                assert!(line.contains("i2ris::units"), "{}: {line}", file.display());
+            }
+        }
     }
 }

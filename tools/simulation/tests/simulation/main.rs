@@ -9,5 +9,4 @@
 
 mod camera;
 mod config_files;
-mod independence;
 mod line;

@@ -6,4 +6,3 @@
 mod commands;
 mod links;
 mod markdown;
-mod types;

@@ -1,9 +1,8 @@
 //! Where the base comes into the image.
 
-use super::geometry::{Px, across, advance, step};
 use super::intensity_profile::{Candidate, IntensityProfile};
 use super::settings::DetectorSettings;
-use crate::image::GreyImage;
+use crate::image::{GreyImage, Px, across, advance, step};
 
 /// Sections behind the border in which the base is searched.
 const SECTIONS: usize = 9;

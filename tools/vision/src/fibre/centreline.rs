@@ -1,10 +1,9 @@
 //! Following the fibre from its base to its end.
 
 use super::base_detection::{BaseDetection, MIN_CONTRAST};
-use super::geometry::{Px, across, advance, relative, step};
 use super::intensity_profile::{Candidate, IntensityProfile};
 use super::settings::DetectorSettings;
-use crate::image::GreyImage;
+use crate::image::{GreyImage, Px, across, advance, relative, step};
 
 /// Distance between two readings along the fibre, px.
 pub const STRIDE: f64 = 2.0;

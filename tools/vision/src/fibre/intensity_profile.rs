@@ -1,8 +1,7 @@
 //! The brightness along a short line across the fibre, and the pairs of edges in it.
 
-use super::geometry::{Px, advance};
 use super::settings::Background;
-use crate::image::GreyImage;
+use crate::image::{GreyImage, Px, advance};
 
 /// Lines beside each other whose mean is read: at -1, 0 and 1 px.
 const LINES: [f64; 3] = [-1.0, 0.0, 1.0];

@@ -8,7 +8,7 @@
 
 use i2ris_report::statistics::median;
 
-use super::geometry::{Px, across, advance, relative, step};
+use crate::image::{Px, across, advance, relative, step};
 
 /// Tukey's constant: 95 % efficiency on normal errors.
 const TUKEY: f64 = 4.685;

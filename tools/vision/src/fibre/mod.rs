@@ -12,12 +12,10 @@
 //! 4. `line_fit`: robust straight lines through the first and the last section.
 //! 5. `reading`: the angle between them, and its quality.
 //!
-//! `intensity_profile` finds pairs of edges, `geometry` holds directions and positions, `settings`
-//! the parameters.
+//! `intensity_profile` finds pairs of edges, `settings` the parameters.
 
 mod base_detection;
 mod centreline;
-pub(crate) mod geometry;
 mod intensity_profile;
 mod line_fit;
 mod reading;

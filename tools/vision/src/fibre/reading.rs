@@ -2,13 +2,11 @@
 
 use i2ris_report::statistics::median;
 
-use super::base_detection;
 use super::centreline::{self, Centreline, TraceEnd};
-use super::geometry::Px;
 use super::line_fit::FittedLine;
 use super::settings::DetectorSettings;
-use super::tip_detection;
-use crate::image::GreyImage;
+use super::{base_detection, tip_detection};
+use crate::image::{GreyImage, Px};
 
 /// A reading of this quality or better is good.
 pub const GOOD: f64 = 0.5;

@@ -3,10 +3,9 @@
 use i2ris_report::statistics::median;
 
 use super::centreline::Centreline;
-use super::geometry::{Px, across, relative};
 use super::line_fit::FittedLine;
 use super::settings::{Background, DetectorSettings};
-use crate::image::GreyImage;
+use crate::image::{GreyImage, Px, across, relative};
 
 /// Ground differs from what it should be by less than this part of the contrast.
 const GROUND_LIKE: f32 = 0.4;

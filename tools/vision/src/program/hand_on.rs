@@ -1,11 +1,10 @@
 //! Pictures, handed on to recordings while they are measured. Measuring does not wait for it: a
 //! picture for which there is no room is dropped and counted.
 
-use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread;
+use std::{fmt, thread};
 
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::PicturePublisher;

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use i2ris::clock;
 use i2ris::ipc::client::{ClientError, ExternalPublisher};
 use i2ris::units::Nanos;
+use i2ris_report::{DomainOption, Failure, Interrupt, until_closed};
 use i2ris_vision::angle_csv::{AngleRow, Recorder};
 use i2ris_vision::drawing::overlay;
 use i2ris_vision::rest_pose::RestPose;
@@ -21,8 +22,6 @@ use i2ris_vision::view_detector::{ViewDetector, ViewResult};
 
 use super::hand_on::HandOn;
 use super::input::{Format, check_count};
-use i2ris_report::Failure;
-use i2ris_report::{DomainOption, Interrupt, until_closed};
 
 /// A camera without a frame for this long has stalled.
 const STALL_TIMEOUT: Duration = Duration::from_secs(1);

@@ -14,12 +14,10 @@
 //! |---|---|
 //! | `snake_shape` | the curve in space: straight base, arc, straight tip |
 //! | `camera` | position of the camera; projection to pixels |
-//! | `raster` | anti-aliased rods and ellipses |
-//! | `clutter` | instruments and specks in front |
+//! | `raster` | anti-aliased rods and ellipses; instruments and specks in front |
 //! | `optics` | grey levels, blur, uneven light, noise |
 
 mod camera;
-mod clutter;
 mod optics;
 mod raster;
 mod snake_shape;
@@ -31,8 +29,8 @@ use crate::image::GreyImage;
 use raster::Raster;
 
 pub use camera::PinholeCamera;
-pub use clutter::{Clutter, cover};
 pub use optics::{Brightness, Optics};
+pub use raster::{Clutter, cover};
 pub use snake_shape::{JointPose, SnakeShape};
 
 #[derive(Debug, Clone, PartialEq)]

@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 use i2ris::units::Nanos;
 
 use super::decode::decode;
-use super::error::SourceError;
-use super::frame::{Frame, FrameFault, SourceItem};
+use super::frame::{Frame, FrameFault, SourceError, SourceItem};
 use super::stream::FrameSource;
 use super::timestamps;
 

@@ -1,5 +1,7 @@
 //! A frame with its timestamp, or the fault in its place; and its size.
 
+use std::path::{Path, PathBuf};
+
 use i2ris::units::Nanos;
 
 use crate::image::GreyImage;
@@ -86,5 +88,25 @@ impl std::str::FromStr for ImageSize {
             .and_then(|(w, h)| Some(Self { width: w.parse().ok()?, height: h.parse().ok()? }));
         size.filter(|s| (16..=1 << 14).contains(&s.width) && (16..=1 << 14).contains(&s.height))
             .ok_or_else(|| format!("{text:?} is no size; write columns x rows, such as 1280x960"))
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum SourceError {
+    #[error("{path}: {reason}")]
+    File { path: PathBuf, reason: String },
+    #[error("frame stream: {0}")]
+    Stream(String),
+}
+
+impl SourceError {
+    pub fn file(path: &Path, reason: impl ToString) -> Self {
+        Self::File { path: path.to_owned(), reason: reason.to_string() }
+    }
+}
+
+impl From<std::io::Error> for SourceError {
+    fn from(error: std::io::Error) -> Self {
+        Self::Stream(error.to_string())
     }
 }

@@ -4,8 +4,7 @@
 use std::io::{BufReader, Read};
 
 use super::decode::decode;
-use super::error::SourceError;
-use super::frame::{Frame, FrameFault, SourceItem};
+use super::frame::{Frame, FrameFault, SourceError, SourceItem};
 use super::stream::{FrameClock, FrameSource};
 
 /// A file that is longer is none of a camera.

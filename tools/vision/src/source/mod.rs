@@ -4,7 +4,6 @@
 //! faulty frame does not end the source; an error does.
 
 mod decode;
-mod error;
 mod folder;
 mod frame;
 mod mjpeg;
@@ -13,9 +12,8 @@ mod stream_check;
 mod timestamps;
 
 pub use decode::decode;
-pub use error::SourceError;
 pub use folder::ImageFolder;
-pub use frame::{Frame, FrameFault, ImageSize, SourceItem};
+pub use frame::{Frame, FrameFault, ImageSize, SourceError, SourceItem};
 pub use mjpeg::MjpegStream;
 pub use stream::{FrameClock, FrameSource, FrameStream};
 pub use stream_check::{DuplicateCameraMonitor, StreamCheck};

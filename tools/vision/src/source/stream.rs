@@ -10,8 +10,7 @@ use std::io::{BufRead, BufReader, Read};
 
 use i2ris::units::Nanos;
 
-use super::error::SourceError;
-use super::frame::{Frame, ImageSize, SourceItem};
+use super::frame::{Frame, ImageSize, SourceError, SourceItem};
 use super::timestamps::seconds;
 use crate::image::GreyImage;
 

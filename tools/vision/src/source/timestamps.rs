@@ -7,7 +7,7 @@ use std::path::Path;
 
 use i2ris::units::Nanos;
 
-use super::error::SourceError;
+use super::frame::SourceError;
 
 /// A number of seconds, 0 or more, as a stamp. Exact to the nanosecond as long as the number is.
 pub fn seconds(text: &str) -> Option<Nanos> {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use i2ris::ipc::Domain;
 use i2ris::ipc::client::PictureSubscription;
 use i2ris::units::Nanos;
-use i2ris_record::alignment::Alignment;
+use i2ris_record::pictures::Alignment;
 use i2ris_record::recorder::{ALIGNMENT, ALIGNMENT_DEVIATION, MessageCounts, TrialRecorder};
 
 pub struct Cameras {

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use i2ris::units::Nanos;
 use i2ris::wall_clock::WallTime;
-use i2ris_record::extract::extract;
+use i2ris_record::export::extract::extract;
 use i2ris_record::read::Records;
 use i2ris_record::recorder::rate_hz;
-use i2ris_record::recover::recover;
+use i2ris_record::recovery::recover;
 use i2ris_report::{Failure, while_working};
 use mcap::records::Record;
 

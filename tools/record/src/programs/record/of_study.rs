@@ -8,9 +8,9 @@ use std::path::Path;
 use i2ris::ipc::client::{Announcer, Client, Subscription};
 use i2ris::ipc::payload::{JointState, TeleopMsg, TrialMsg, Version, unpadded_text};
 use i2ris::units::Nanos;
-use i2ris_record::study::journal::Journal;
-use i2ris_record::study::runner::Teller;
-use i2ris_record::study::{Study, StudyError};
+use i2ris_record::trial::journal::Journal;
+use i2ris_record::trial::runner::Teller;
+use i2ris_record::trial::{Study, StudyError};
 use i2ris_report::Interrupt;
 use nix::fcntl::Flock;
 

@@ -16,11 +16,11 @@ use i2ris::model::ModelId;
 use i2ris::model::file::ModelFile;
 use i2ris::process::robot_description;
 use i2ris::units::Nanos;
-use i2ris_record::joints;
+use i2ris_record::messages::standard;
+use i2ris_record::recorder::run_log::lines_of_run;
 use i2ris_record::recorder::{
     AttachedFile, MessageCounts, PictureCounts, RecordingHeader, TrialRecorder,
 };
-use i2ris_record::run_log::lines_of_run;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen};
 
 /// Waiting time for a controller that is starting.
@@ -260,9 +260,9 @@ fn header(
         about,
         attachments,
         unix_offset_ns,
-        joints: joints::names(version),
-        frame: joints::snake().base(),
-        urdf: joints::snake().urdf(),
+        joints: standard::names(version),
+        frame: standard::snake().base(),
+        urdf: standard::snake().urdf(),
         picture_budget: 0,
     })
 }

@@ -14,7 +14,7 @@ use super::config::{GearConfig, MAX_SEGMENTS, SnakeConfig};
 use super::force_law::{Force, contact, gap, return_mapping};
 use super::friction::{BreakAway, Bristles, FrictionForce};
 use super::newton::{ForceBalance, Matrix, SIZE, Vector, solve};
-use crate::physics::pair::{Pair, add, dot, subtract};
+use crate::physics::draw::{Pair, add, dot, subtract};
 
 /// The complete state of the snake, in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -2,7 +2,7 @@
 //!
 //! All of them are derivatives of convex potentials, so the balance has exactly one solution.
 
-use crate::physics::pair::Pair;
+use crate::physics::draw::Pair;
 
 /// A force and its slope over the displacement.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

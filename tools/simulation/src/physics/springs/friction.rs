@@ -2,7 +2,7 @@
 
 use super::config::{FrictionConfig, MAX_BRISTLES};
 use super::force_law::{Force, return_mapping};
-use crate::physics::pair::{Pair, add, dot};
+use crate::physics::draw::{Pair, add, dot};
 
 /// Largest bend, radians. It prevents an overflow of the capstan equation.
 const MAX_BEND_RAD: f64 = 2.0;

@@ -37,8 +37,6 @@ mod friction;
 mod model;
 mod newton;
 #[cfg(test)]
-mod schema_file;
-#[cfg(test)]
 pub(crate) mod tests;
 
 pub use config::{

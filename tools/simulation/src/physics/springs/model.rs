@@ -4,7 +4,7 @@ use super::config::SnakeConfig;
 use super::drift::Drift;
 use super::force_balance::{State, Step, flank};
 use crate::ageing::{Ageing, AgeingEffect, Change};
-use crate::physics::pair::{Pair, add, subtract};
+use crate::physics::draw::{Pair, add, subtract};
 
 /// Wire travel per inner step, degrees, about one count: the friction limits follow the tension
 /// from step to step.

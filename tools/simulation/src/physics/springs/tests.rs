@@ -6,7 +6,7 @@ use std::path::Path;
 use proptest::prelude::*;
 
 use super::*;
-use crate::physics::pair::dot;
+use crate::physics::draw::dot;
 
 const SNAKES: [&str; 3] = ["steel", "brass", "multi"];
 

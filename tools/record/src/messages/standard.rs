@@ -2,15 +2,13 @@
 //! `geometry_msgs/PoseStamped`, `tf2_msgs/TFMessage`, `crtk_msgs/OperatingState` and
 //! `std_msgs/String`.
 
-use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp};
+use i2ris::ipc::payload::{JointState, OperatingStateMsg, ServoJp, Version, unpadded_text};
 use i2ris::ipc::{OperatingState, StreamMessage};
-
 use i2ris::units::Nanos;
 use i2ris_report::snake::{Bend, LinkPose, Snake};
 
-use crate::cdr::Encoder;
-use crate::joints::snake;
-use crate::topic::Topic;
+use crate::messages::cdr::Encoder;
+use crate::messages::topic::Topic;
 
 /// Time between two poses of the tip and the links, as in ROS.
 const POSE_PERIOD: Nanos = Nanos::from_millis(20);
@@ -173,6 +171,25 @@ pub fn text(text: &str) -> Vec<u8> {
     let mut encoder = Encoder::default();
     encoder.string(text);
     encoder.finish()
+}
+
+/// Names of the joints where a controller tells none.
+pub const DEFAULT_NAMES: [&str; 2] = ["pitch", "yaw"];
+
+/// The snake in URDF and frames. All robots have the same; where several are shown together, each
+/// has a recording of its own.
+const SNAKE: &str = "i2ris";
+
+/// Names of the joints of a controller.
+pub fn names(version: &Version) -> Vec<String> {
+    let named = version.output_names.iter().map(|name| unpadded_text(name));
+    let named: Vec<String> = named.take(usize::from(version.shape[1])).collect();
+    if named.is_empty() { DEFAULT_NAMES.map(str::to_owned).to_vec() } else { named }
+}
+
+/// The snake.
+pub fn snake() -> Snake {
+    Snake::new(SNAKE)
 }
 
 #[cfg(test)]

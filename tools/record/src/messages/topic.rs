@@ -5,8 +5,8 @@ use std::io::{Seek, Write};
 
 use i2ris::ipc::Stream;
 
-use crate::cdr;
-use crate::schema::{self, StandardType};
+use crate::messages::cdr;
+use crate::messages::schema::{self, StandardType};
 
 /// The standard message with the content of a stream, if there is one.
 const fn standard(stream: Stream) -> Option<StandardType> {

@@ -6,6 +6,8 @@
 //! and messages that do not fit are dropped and counted. If the disk is full, the recording ends
 //! with an error. Pictures have a budget, on the disk and in the queue; states go on without them.
 
+pub mod run_log;
+
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter};
@@ -22,11 +24,10 @@ use i2ris::units::Nanos;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Attachment, Compression, McapError, WriteOptions, Writer};
 
-use crate::cdr;
+use crate::messages::standard::{StandardMessages, text};
+use crate::messages::topic::Topic;
+use crate::messages::{cdr, schema};
 use crate::pictures::{self, Picture};
-use crate::schema;
-use crate::standard::{StandardMessages, text};
-use crate::topic::Topic;
 
 /// The most that is lost when the program is killed.
 pub const FLUSH_PERIOD: Duration = Duration::from_millis(200);

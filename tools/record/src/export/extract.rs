@@ -11,10 +11,10 @@ use i2ris::ipc::StreamMessage;
 use i2ris::ipc::payload::ServoJp;
 use mcap::records::Record;
 
-use crate::cdr;
 use crate::export::ExportError;
+use crate::messages::cdr;
+use crate::messages::topic::Topic;
 use crate::read::{ReadError, Records};
-use crate::topic::Topic;
 
 /// Angles of a command; models of the tip have three values.
 const ANGLES: u32 = 2;

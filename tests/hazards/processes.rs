@@ -1,0 +1,173 @@
+//! H02, H03, H15, H18: clients and controllers that die, hang, start anew, or are two.
+
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use i2ris::clock;
+use i2ris::ipc::client::Client;
+use i2ris::ipc::payload::OperatingStateMsg;
+use i2ris::ipc::{Domain, OperatingState, StateCommand};
+use i2ris::units::Nanos;
+use i2ris_simulation::drive::State;
+use i2ris_simulation::log::EventKind;
+use i2ris_testing::{
+    Rig, SetOnDrop, TIMEOUT, assert_stopped_within, enable, has, settle, settle_in, stream_counts,
+    swing, wait_for, wait_for_end, wait_until, wait_until_holding, wait_until_idle,
+};
+use nix::sys::signal::Signal;
+
+/// A process that commands both motors until it is killed.
+fn spawn_commander(domain: &str) -> Child {
+    let mut command = Command::new(std::env::current_exe().unwrap());
+    command.args(["--ignored", "--exact", "hazards::processes::commander_process"]);
+    command.env("RIG_DOMAIN", domain).stdout(Stdio::null()).stderr(Stdio::null());
+    command.spawn().unwrap()
+}
+
+/// Not a test of its own: the commander that other tests kill.
+#[test]
+#[ignore = "a role: run by another test"]
+fn commander_process() {
+    let Ok(domain) = std::env::var("RIG_DOMAIN") else {
+        return;
+    };
+    let client = Client::connect(&Domain::new(&domain).unwrap(), TIMEOUT).unwrap();
+    stream_counts(&client, 60.0, swing);
+}
+
+#[test]
+fn h02_the_snake_holds_when_its_commander_is_killed() {
+    let mut rig = Rig::start();
+    let mut client = rig.enabled();
+    let mut commander = spawn_commander(&rig.config.domain);
+    wait_for(&mut client, |state| state.accepted > 50);
+    commander.kill().unwrap();
+    let killed = clock::now();
+    commander.wait().unwrap();
+    let held = wait_until_holding(&mut client);
+    assert_eq!(held.state, OperatingState::Enabled.number());
+    assert!(held.stale_stops >= 1);
+    let deadline = Nanos::from_millis(rig.config.command.deadline_ms + 250);
+    assert_stopped_within(&rig, killed..killed + deadline);
+    // The lease becomes free, so the next commander is not locked out.
+    wait_for(&mut client, |state| state.lease_client_id == 0);
+    let here = rig.positions();
+    stream_counts(&client, 0.5, |_| here);
+    let state = settle(&mut client, |state| state.lease_client_id != 0);
+    assert!(state.accepted > held.accepted);
+}
+
+/// The drives hold after a signal to the controller during fast motion.
+fn check_drives_hold_after(signal: Signal) {
+    let mut rig = Rig::start();
+    let client = rig.enabled();
+    let done = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let _end = SetOnDrop(&done);
+        scope.spawn(|| {
+            let (mut commander, start) = (client.commander(), clock::now());
+            while !done.load(Ordering::Relaxed) {
+                let t = (clock::now() - start).as_seconds();
+                // Fails when the controller has ended.
+                let _ = commander.servo_actuators(&[(1500.0 * t).min(1500.0) as i32, 0]);
+                clock::sleep(Nanos::from_millis(5));
+            }
+        });
+        let is_fast = || rig.setpoints(0).last().is_some_and(|(_, counts)| *counts > 500);
+        wait_until("it moves fast", is_fast);
+        rig.signal(signal);
+        rig.wait_until_still();
+    });
+    let setpoints = rig.setpoints(0);
+    let (_, last) = *setpoints.last().unwrap();
+    let drive = rig.emulator.snapshot().axes[0].drive;
+    assert_eq!(drive.state, State::OperationEnabled, "it holds under power");
+    assert!((100..1500).contains(&last), "{last}");
+    assert!((drive.position - last).abs() <= 3, "{drive:?}, setpoint {last}");
+    clock::sleep(Nanos::from_millis(300));
+    assert_eq!(rig.setpoints(0).len(), setpoints.len(), "no further setpoints");
+    assert_eq!(rig.positions()[0], drive.position);
+    if signal == Signal::SIGSTOP {
+        rig.signal(Signal::SIGKILL);
+    }
+    rig.wait_for_end();
+}
+
+#[test]
+fn h03_the_drives_hold_when_the_controller_is_killed() {
+    check_drives_hold_after(Signal::SIGKILL);
+}
+
+#[test]
+fn h03_the_drives_hold_when_the_controller_hangs() {
+    check_drives_hold_after(Signal::SIGSTOP);
+}
+
+/// A controller that hung and continues does not catch up.
+#[test]
+fn h03_a_controller_that_hung_continues_by_holding() {
+    let mut rig = Rig::start();
+    let mut client = rig.enabled();
+    stream_counts(&client, 0.3, |t| [(900.0 * t) as i32, 0]);
+    rig.signal(Signal::SIGSTOP);
+    clock::sleep(Nanos::from_millis(800));
+    let before = rig.setpoints(0).len();
+    rig.signal(Signal::SIGCONT);
+    wait_until_holding(&mut client);
+    clock::sleep(Nanos::from_millis(200));
+    let setpoints = rig.setpoints(0);
+    let (old, new) = setpoints.split_at(before);
+    let (first, last) = (old.last().unwrap().1, new.last().unwrap().1);
+    // At most the motion of the ticks between its last write and the tick that sees the deadline.
+    assert!((last - first).abs() <= 60, "{first} {last}");
+}
+
+/// Starts a second controller on a domain and returns the text of its refusal. The first controller
+/// stays enabled.
+fn refusal_of_second(change_domain: impl FnOnce(&mut String)) -> String {
+    let mut rig = Rig::start();
+    let mut client = rig.enabled();
+    let events = rig.emulator.log().len();
+    let domain = rig.config.domain.clone();
+    change_domain(&mut rig.config.domain);
+    let mut second = rig.spawn_controller("second");
+    rig.config.domain = domain;
+    assert_eq!(wait_for_end(&mut second).code(), Some(1));
+    let state = wait_until_idle(&mut client).state;
+    assert_eq!(state, OperatingState::Enabled.number());
+    let log = rig.emulator.log();
+    assert!(!log[events..].iter().any(|event| matches!(event.kind, EventKind::Line(_))));
+    let text = rig.log_text("second");
+    assert!(text.starts_with("error: ") && text.lines().count() == 1, "{text}");
+    text
+}
+
+#[test]
+fn h15_a_second_controller_is_refused_and_changes_nothing() {
+    let text = refusal_of_second(|_| {});
+    assert!(text.contains("already"), "{text}");
+}
+
+#[test]
+fn h15_a_second_controller_in_another_domain_gets_no_port() {
+    let text = refusal_of_second(|domain| domain.push_str("-b"));
+    assert!(text.contains("in use"), "{text}");
+}
+
+#[test]
+fn h18_a_killed_controller_is_restarted_and_continues_with_the_same_client_and_zero() {
+    let mut rig = Rig::start();
+    let mut client = rig.enabled();
+    for _ in 0..3 {
+        rig.signal(Signal::SIGKILL);
+        rig.wait_for_end();
+        rig.start_controller();
+        rig.client();
+        let state = settle_in(&mut client, OperatingState::Disabled);
+        assert!(has(&state, OperatingStateMsg::HOMED), "the drives kept their zero");
+        enable(&mut client);
+        stream_counts(&client, 0.3, |t| [(200.0 * t) as i32, 0]);
+    }
+    client.state_command(StateCommand::Disable).unwrap();
+    settle_in(&mut client, OperatingState::Disabled);
+}

@@ -1,0 +1,184 @@
+//! H13, H16, H17: a logger that blocks, false trips, a step of the wall clock.
+
+use std::fs;
+use std::os::fd::AsFd;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use i2ris::core::ExternalPose;
+use i2ris::ipc::{OperatingState, Refusal};
+use i2ris_testing::cycle::{Bench, config, standard_model};
+use i2ris_testing::{Rig, enable, home, stream_angles, stream_counts, wait_until, wait_until_idle};
+use nix::fcntl::{FcntlArg, OFlag, fcntl};
+use nix::sys::signal::Signal;
+
+/// Standard error is a full pipe that nobody reads; the folder of the black boxes is a file.
+#[test]
+fn h13_a_blocked_log_and_a_missing_record_folder_do_not_stop_the_loop() {
+    let mut rig = Rig::start();
+    fs::write(rig.folder.path().join("records"), "in the way").unwrap();
+    let (reader, writer) = std::io::pipe().unwrap();
+    fill(&writer);
+    rig.start_controller_with(Stdio::from(writer));
+    let mut client = rig.client();
+    home(&mut client);
+    enable(&mut client);
+    stream_counts(&client, 1.0, |t| [(200.0 * t) as i32, 0]);
+    let mut statistics = client.watcher().period_statistics();
+    for _ in 0..3 {
+        wait_until("a second with ticks of the loop", || {
+            let newest = statistics.newest().unwrap();
+            newest.filter(|message| message.ticks > 100)
+        });
+    }
+    let error = client.write_black_box().unwrap_err().to_string();
+    assert!(error.contains("cannot write black box"), "{error}");
+    let state = client.operating_state().unwrap().unwrap();
+    assert_eq!(state.state, OperatingState::Enabled.number());
+    // The controller ends although nobody ever reads the log.
+    rig.signal(Signal::SIGTERM);
+    assert_eq!(rig.wait_for_end().code(), Some(0));
+    drop(reader);
+}
+
+/// The run log is complete although the log for the operator is blocked.
+#[test]
+fn h13_a_blocked_log_stops_neither_the_run_log_nor_the_end() {
+    let mut rig = Rig::start();
+    let (_reader, writer) = std::io::pipe().unwrap();
+    fill(&writer);
+    rig.start_controller_with(Stdio::from(writer));
+    let mut client = rig.client();
+    home(&mut client);
+    enable(&mut client);
+    let runs = rig.folder.path().join("records/runs.jsonl");
+    let read = || fs::read_to_string(&runs).unwrap_or_default();
+    wait_until("the change of state is in the run log", || {
+        read().contains(r#""to":"ENABLED""#).then_some(())
+    });
+    rig.signal(Signal::SIGTERM);
+    assert_eq!(rig.wait_for_end().code(), Some(0));
+    let text = read();
+    assert!(text.contains(r#""event":"end""#), "{text}");
+}
+
+/// A controller that cannot start says so and ends, read or not.
+#[test]
+fn h13_a_blocked_log_does_not_stop_the_end_of_a_start_that_failed() {
+    let mut rig = Rig::start();
+    rig.config.control.model = Some("absent.json".into());
+    let (_reader, writer) = std::io::pipe().unwrap();
+    fill(&writer);
+    rig.start_controller_with(Stdio::from(writer));
+    assert_eq!(rig.wait_for_end().code(), Some(1));
+}
+
+fn fill(pipe: &std::io::PipeWriter) {
+    let set_flags = |flags| fcntl(pipe.as_fd(), FcntlArg::F_SETFL(flags)).unwrap();
+    set_flags(OFlag::O_NONBLOCK);
+    while nix::unistd::write(pipe.as_fd(), &[b' '; 4096]).is_ok() {}
+    while nix::unistd::write(pipe.as_fd(), b" ").is_ok() {}
+    set_flags(OFlag::empty());
+}
+
+/// Five minutes of counted time with every monitor on: slow lines, a camera with noise, occasional
+/// late ticks.
+#[test]
+fn h16_five_minutes_of_ordinary_use_trip_nothing() {
+    let limits =
+        config("[limits]\nover_current_ma = 250\noverrun_ticks = 100\nplausibility_deg = 1.0");
+    let mut bench = Bench::new(limits, Some(standard_model()));
+    for drive in &mut bench.drives {
+        drive.slot = 4;
+    }
+    bench.home();
+    bench.enable();
+    for k in 0..60_000_u64 {
+        let t = k as f64 * 0.005;
+        let refusal = bench.joint(10.0 * (0.7 * t).sin(), 8.0 * (1.1 * t).sin());
+        assert_eq!(refusal, Refusal::None, "at {t} s");
+        bench.missed = u32::from(k.is_multiple_of(40));
+        bench.tick();
+        bench.missed = 0;
+        bench.run(3);
+        if k.is_multiple_of(7) {
+            let noise_deg: f64 = 0.3 * (k as f64 * 12.9898).sin();
+            let mut position = bench.joints().measured;
+            for angle in position.iter_mut().take(2) {
+                *angle += noise_deg.to_radians();
+            }
+            let (stamp, outputs) = (bench.now, 2);
+            bench.external = Some(ExternalPose { stamp, position, outputs, quality: 0.0 });
+        }
+    }
+    let report = bench.report();
+    assert_eq!(bench.state(), OperatingState::Enabled);
+    assert_eq!((report.stale_stops, report.refused), (0, 0));
+}
+
+fn soak(seconds: f64) {
+    let mut rig = Rig::with_model();
+    let mut client = rig.enabled();
+    stream_angles(&client, |t| {
+        (t < seconds).then(|| [8.0 * (0.8 * t).sin(), 6.0 * (1.2 * t).sin()])
+    });
+    let (state, log) = (wait_until_idle(&mut client), rig.log_text("controller"));
+    assert_eq!(state.state, OperatingState::Enabled.number(), "{log}");
+    assert!(!log.contains("FAULT"), "{log}");
+    let (accepted, stops) = (state.accepted, state.stale_stops);
+    println!("{seconds} s, {accepted} commands, {stops} stops for a late commander, no fault");
+}
+
+#[test]
+fn h16_ten_seconds_with_real_processes_trip_nothing() {
+    soak(10.0);
+}
+
+/// For `cargo test --test real_time -- --ignored --nocapture h16_soak`; seconds in `I2RIS_SOAK_S`,
+/// default one hour.
+#[test]
+#[ignore = "takes an hour"]
+fn h16_soak() {
+    soak(std::env::var("I2RIS_SOAK_S").map_or(3600.0, |seconds| seconds.parse().unwrap()));
+}
+
+/// Names of functions and types that read a clock that can be set.
+const WALL_CLOCKS: [&str; 5] =
+    ["SystemTime", "CLOCK_REALTIME", "gettimeofday", "time::OffsetDateTime", "chrono::"];
+
+fn sources(folder: &Path, into: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap().flatten() {
+        match entry.path() {
+            path if path.is_dir() => sources(&path, into),
+            path if path.extension().is_some_and(|extension| extension == "rs") => into.push(path),
+            _ => {}
+        }
+    }
+}
+
+/// A test cannot set the clock of the machine, so it checks the sources: one file reads the wall
+/// clock, and only files for records use it.
+#[test]
+fn h17_only_file_names_and_headers_use_the_wall_clock() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    sources(&folder, &mut files);
+    assert!(files.len() > 100, "{}", files.len());
+    let (mut readers, mut users) = (Vec::new(), Vec::new());
+    for file in &files {
+        let text = fs::read_to_string(file).unwrap();
+        let name = file.strip_prefix(&folder).unwrap().to_str().unwrap().to_owned();
+        if WALL_CLOCKS.iter().any(|clock| text.contains(clock)) {
+            readers.push(name.clone());
+        }
+        if text.contains("wall_clock::") {
+            users.push(name);
+        }
+    }
+    users.sort();
+    assert_eq!(readers, ["wall_clock.rs"]);
+    assert_eq!(
+        users,
+        ["process/black_box/recorder.rs", "process/main_thread.rs", "process/run_log.rs"]
+    );
+}
