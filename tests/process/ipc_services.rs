@@ -86,26 +86,6 @@ fn only_the_newest_command_counts() {
 }
 
 #[test]
-fn other_clients_cannot_displace_the_holder_of_the_lease() {
-    let domain = unique_domain();
-    let mut server = serve(&domain);
-    let (holder, other) = (connect(&domain), connect(&domain));
-    let (mut first, mut second) = (holder.commander(), other.commander());
-    for (holder_sends, lease, expected) in [
-        (true, holder.id(), holder.id()),
-        (false, holder.id(), other.id()),
-        (true, other.id(), other.id()),
-    ] {
-        if holder_sends {
-            first.servo_jp(&[0.1, 0.0]).unwrap();
-        }
-        second.servo_jp(&[0.2, 0.0]).unwrap();
-        let command = server.poll_command(lease, |_| true).unwrap();
-        assert_eq!(command.client_id(), expected);
-    }
-}
-
-#[test]
 fn a_state_command_is_answered_or_refused_with_the_reason() {
     let domain = unique_domain();
     let (sender, received) = mpsc::channel::<StateCommandRequest>();

@@ -7,7 +7,7 @@
 //! | file | contains |
 //! |---|---|
 //! | `control_loop`, `inverse`, `wire`, `e2e` | the measurements |
-//! | `outcome`, `report` | variants, quantities, ratios; as text, JSON, figures and page |
+//! | `outcome`, `report` | variants, quantities, ratios; as text, JSON and figures |
 //! | `placement`, `machine` | scheduling of threads; properties and load of the machine |
 //! | `rig`, `sample_models`, `tick` | emulated drives, models of any size, a tick with ideal drives |
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
@@ -67,8 +67,7 @@ fn own_domain() -> Result<Domain, BenchError> {
   i2ris bench all --output latencies
   i2ris bench wire --baud 115200,1000000 --axes 1,2,4
 
-`--output` makes a folder: a page with figures (index.html), figures as SVG, numbers as
-JSON.
+`--output` makes a folder: figures as SVG, numbers as JSON.
 
 Run it on an idle machine, built with --release. Threads request SCHED_FIFO and a processor of their
 own; without permission they run without and report it. On a virtual machine ratios and medians are
@@ -79,7 +78,7 @@ struct Arguments {
     /// Print as JSON
     #[arg(long, global = true)]
     json: bool,
-    /// Write page, figures, numbers and histograms into this folder
+    /// Write figures and numbers into this folder
     #[arg(long, value_name = "DIR", global = true)]
     output: Option<PathBuf>,
     /// SCHED_FIFO priority to request; 0: normal scheduling
@@ -221,8 +220,7 @@ fn run(arguments: &Arguments) -> Result<(), BenchError> {
     let Some(folder) = &arguments.output else { return Ok(()) };
     report::write_outcomes(folder, &outcomes)?;
     if !arguments.json {
-        let page = folder.join("index.html");
-        println!("\nwritten: {}, with its numbers beside it", page.display());
+        println!("\nwritten: figures and numbers in {}", folder.display());
     }
     Ok(())
 }

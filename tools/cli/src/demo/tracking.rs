@@ -1,12 +1,9 @@
-//! Tracking of an unseen motion: goal against camera, latency, and what the demo prints of them.
+//! Tracking of an unseen motion: goal against camera, and what the demo prints of it.
 
 use i2ris::ipc::client::{Client, Subscription};
-use i2ris::ipc::payload::{
-    ActuatorState, ExternalPosition, JointState, PeriodStatistics, SpanSummary,
-};
-use i2ris::units::Nanos;
+use i2ris::ipc::payload::{ExternalPosition, JointState};
 use i2ris_report::Failure;
-use i2ris_report::statistics::{TimeSeries, quantile, quantile_of_unsorted};
+use i2ris_report::statistics::{TimeSeries, quantile_of_unsorted};
 
 use i2ris_simulation::motion::unseen_motion::Motion;
 
@@ -19,11 +16,6 @@ const NEAR_DEG: f64 = 0.2;
 pub struct MotionRun {
     /// Difference between goal and camera for every frame: pitch and yaw, degrees.
     pub errors_deg: Vec<[f64; 2]>,
-    /// From the stamp of a command until its setpoint had been handed to the serial line,
-    /// microseconds, sorted.
-    pub command_to_wire_us: Vec<f64>,
-    /// One entry a second.
-    pub statistics: Vec<PeriodStatistics>,
 }
 
 fn rms_deg(errors_deg: &[[f64; 2]]) -> [f64; 3] {
@@ -38,16 +30,12 @@ fn length_percentile_deg(errors_deg: &[[f64; 2]], share: f64) -> f64 {
     quantile_of_unsorted(&mut lengths, share).unwrap_or(f64::NAN)
 }
 
-/// Records goal, camera, latencies and statistics while another process commands.
+/// Records goal and camera while another process commands.
 pub struct TrackingRecorder {
     goal: Subscription<JointState>,
-    actuators: Subscription<ActuatorState>,
     camera: Subscription<ExternalPosition>,
-    statistics: Subscription<PeriodStatistics>,
     goals: TimeSeries<2>,
     frames: TimeSeries<2>,
-    /// Sequence of the command that each motor carried out last.
-    carried_out: [u64; 2],
     run: MotionRun,
 }
 
@@ -56,12 +44,9 @@ impl TrackingRecorder {
         let watcher = client.watcher();
         Self {
             goal: watcher.goal_js(),
-            actuators: watcher.actuators(),
             camera: watcher.external(),
-            statistics: watcher.period_statistics(),
             goals: TimeSeries::default(),
             frames: TimeSeries::default(),
-            carried_out: [0; 2],
             run: MotionRun::default(),
         }
     }
@@ -74,18 +59,6 @@ impl TrackingRecorder {
                 self.frames.push(seen.stamp_ns, degrees(seen.position));
             }
         })?;
-        let (carried_out, latencies) = (&mut self.carried_out, &mut self.run.command_to_wire_us);
-        self.actuators.drain(|state| {
-            for (motor, last) in carried_out.iter_mut().enumerate() {
-                if state.command_stamp_ns[motor] != 0 && state.command_sequence[motor] != *last {
-                    *last = state.command_sequence[motor];
-                    let span =
-                        Nanos(state.written_stamp_ns[motor]) - Nanos(state.command_stamp_ns[motor]);
-                    latencies.push(span.as_seconds() * 1e6);
-                }
-            }
-        })?;
-        self.statistics.drain(|window| self.run.statistics.push(window))?;
         Ok(())
     }
 
@@ -100,7 +73,6 @@ impl TrackingRecorder {
         };
         self.run.errors_deg =
             self.frames.iter().filter(|(stamp, _)| *stamp >= started).filter_map(error).collect();
-        self.run.command_to_wire_us.sort_by(f64::total_cmp);
         self.run
     }
 }
@@ -115,10 +87,6 @@ pub struct Followed {
 pub fn print(followed: &[Followed]) {
     tracking(followed);
     println!("  The camera adds its noise of about 0.05 degrees per axis.");
-    if let Some(last) = followed.last() {
-        statistics(&last.run.statistics);
-        latency(&last.run.command_to_wire_us);
-    }
 }
 
 fn tracking(followed: &[Followed]) {
@@ -145,67 +113,6 @@ fn tracking(followed: &[Followed]) {
             errors.len()
         );
     }
-}
-
-fn statistics(windows: &[PeriodStatistics]) {
-    let (Some(first), Some(last)) = (windows.first(), windows.last()) else {
-        println!("\nThe loop reported no statistics.");
-        return;
-    };
-    let of = |pick: fn(&PeriodStatistics) -> &SpanSummary| {
-        let us = |value: fn(&SpanSummary) -> u64| -> Vec<f64> {
-            windows.iter().map(|window| value(pick(window)) as f64 / 1e3).collect()
-        };
-        let typical = |mut values: Vec<f64>| quantile_of_unsorted(&mut values, 0.5);
-        let max = us(|times| times.max_ns).into_iter().reduce(f64::max);
-        [typical(us(|times| times.p50_ns)), typical(us(|times| times.p99_ns)), max]
-            .map(Option::unwrap_or_default)
-    };
-    let ticks: u64 = windows.iter().map(|window| window.ticks).sum();
-    let missed: u64 = windows.iter().map(|window| window.missed).sum();
-    println!(
-        "\nControl loop, {:.0} Hz: {ticks} ticks, {missed} skipped; {}",
-        1e9 / first.period_ns as f64,
-        granted(last)
-    );
-    println!("  microseconds  p50 (typical)  p99 (typical)        max");
-    for (name, [p50, p99, max]) in
-        [("lateness", of(|window| &window.lateness)), ("compute", of(|window| &window.compute))]
-    {
-        println!("  {name:12} {p50:>14.1} {p99:>14.1} {max:>10.1}");
-    }
-    println!("  typical: median over the windows of one second");
-}
-
-fn granted(statistics: &PeriodStatistics) -> String {
-    let scheduling = match statistics.priority {
-        0 => "normal scheduling".to_owned(),
-        priority => format!("SCHED_FIFO {priority}"),
-    };
-    let memory = if statistics.memory_locked == 1 { "memory locked" } else { "memory not locked" };
-    let cpu = if statistics.cpu == u32::MAX {
-        "not pinned".to_owned()
-    } else {
-        format!("pinned to processor {}", statistics.cpu)
-    };
-    format!("{scheduling}, {memory}, {cpu}")
-}
-
-fn latency(sorted_us: &[f64]) {
-    let ms = |share| quantile(sorted_us, share).unwrap_or(f64::NAN) / 1e3;
-    println!(
-        "\nCommand published by another process -> its setpoint handed to the serial line, {} \
-         commands",
-        sorted_us.len()
-    );
-    println!(
-        "  p50 {:.2} ms, p90 {:.2} ms, p99 {:.2} ms, max {:.2} ms",
-        ms(0.5),
-        ms(0.9),
-        ms(0.99),
-        ms(1.0)
-    );
-    println!("  On the wire a setpoint takes another 1.2 ms (14 bytes at 115200 baud).");
 }
 
 #[cfg(test)]

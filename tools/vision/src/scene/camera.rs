@@ -56,24 +56,3 @@ impl PinholeCamera {
         ([cx + scale * (x - cx), cy + scale * (y - cy)], scale)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_image_turned_by_the_roll_shows_the_base_at_that_angle() {
-        let camera = PinholeCamera { roll_rad: 0.2, ..PinholeCamera::microscope(640, 480, 100.0) };
-        let ([x0, y0], _) = camera.project([0.0; 3]);
-        let ([x1, y1], scale) = camera.project([0.0, 0.0, 1.0]);
-        assert_eq!(scale, 1.0);
-        assert!(((y0 - y1).atan2(x1 - x0) - 0.2).abs() < 1e-12, "upwards is counter-clockwise");
-        assert!(((x1 - x0).hypot(y1 - y0) - 100.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn what_is_nearer_is_larger() {
-        let camera = PinholeCamera::microscope(640, 480, 100.0);
-        assert!(camera.project([0.0, 1.0, 0.0]).1 > 1.01);
-    }
-}

@@ -138,33 +138,3 @@ fn blur(canvas: &mut Raster, sigma: f64) {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use rand::SeedableRng;
-    use rand_pcg::Pcg64Mcg;
-
-    use super::*;
-
-    #[test]
-    fn the_noise_has_the_stated_deviation() {
-        let mut random = Pcg64Mcg::seed_from_u64(3);
-        let mut noise = Noise { random: &mut random, spare: None };
-        let values: Vec<f32> = (0..200_000).map(|_| noise.next()).collect();
-        let mean = values.iter().sum::<f32>() / values.len() as f32;
-        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / values.len() as f32;
-        assert!(mean.abs() < 0.01 && (variance - 1.0).abs() < 0.02, "{mean} {variance}");
-    }
-
-    #[test]
-    fn blur_keeps_light_and_spreads_it_by_its_deviation() {
-        let mut canvas = Raster::new(61, 61, 0.0);
-        canvas.data[30 * 61 + 30] = 1000.0;
-        blur(&mut canvas, 2.0);
-        let sum: f32 = canvas.data.iter().sum();
-        let second: f32 =
-            (0..61 * 61).map(|i| canvas.data[i] * ((i % 61) as f32 - 30.0).powi(2)).sum();
-        assert!((sum - 1000.0).abs() < 0.1);
-        assert!((second / sum - 4.0).abs() < 0.05, "{}", second / sum);
-    }
-}
