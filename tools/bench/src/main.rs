@@ -105,7 +105,7 @@ enum Task {
     /// An event of an input device, setpoint of its command on the wire; with a gamepad that is
     /// played to `i2ris teleop`, and emulated drives
     Hand(HandArguments),
-    /// What the adaptation is worth on emulated snakes that age, in simulated time
+    /// What the adaptation is worth on emulated snakes that wear, in simulated time
     Models(models::Arguments),
     /// Loop, inverse, wire and e2e with their defaults, one after the other; takes two minutes
     All(ControllerArgument),

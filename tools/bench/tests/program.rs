@@ -157,12 +157,11 @@ fn the_wire_is_measured_over_rates_and_axes() {
 }
 
 #[test]
-fn models_are_refused_by_name_of_physics_and_family_and_by_hours() {
+fn models_are_refused_by_name_of_physics_and_family() {
     for (option, value, words) in [
         ("--physics", "adder", ["adder", "--physics"]),
         ("--family", "worst", ["worst", "force-balance"]),
         ("--draws", "0", ["--draws", "0"]),
-        ("--drift-hours", "1000", ["--drift-hours", "0 to 100"]),
     ] {
         let output = program::output(&["bench", "models", option, value]);
         let error = text(&output.stderr);

@@ -1,7 +1,5 @@
 //! What all snakes have: the configuration of the controller, fits, and how they age.
 
-use std::f64::consts::TAU;
-
 use i2ris::config::Config;
 use i2ris_calibration::fit::{Choice, FitOptions, FitOutcome, fit};
 use i2ris_calibration::progress::Silent;
@@ -21,41 +19,15 @@ const MOTOR_LAG_MS: f64 = 6.0;
 const WORN: [(Parameter, f64); 3] =
     [(Parameter::Gap, 0.4), (Parameter::Preload, -0.3), (Parameter::Friction, 0.25)];
 
-/// The direction in which the zero slips and drifts: neither axis, and no motor.
-const DIRECTION: [f64; 2] = [0.83, -0.55];
-
-fn change(parameter: Parameter, by: f64, course: Course) -> Change {
-    Change {
+fn worn() -> impl Iterator<Item = Change> {
+    WORN.into_iter().map(|(parameter, by)| Change {
         parameter,
         by,
         start_s: 0.0,
         motor: None,
-        direction: (parameter == Parameter::Zero).then_some(DIRECTION),
-        course,
-    }
-}
-
-/// At once.
-fn worn() -> Vec<Change> {
-    let of = |(parameter, by): (Parameter, f64)| change(parameter, by, Course::Step {});
-    WORN.into_iter().map(of).collect()
-}
-
-/// The zero slips by a degree.
-pub fn slip() -> Change {
-    change(Parameter::Zero, 1.0, Course::Step {})
-}
-
-/// Hours of use: the temperature of the room moves zero and gain, the zero wanders, gaps grow.
-pub fn drifting(hours: f64) -> Vec<Change> {
-    let hour = 3600.0;
-    let slow = |period_s: f64| Course::Oscillation { period_s };
-    vec![
-        change(Parameter::Zero, 0.5, slow(2.0 * hour)),
-        change(Parameter::Zero, 0.3, Course::RandomWalk { over_s: hour }),
-        change(Parameter::Gain, 0.03, slow(TAU * hour)),
-        change(Parameter::Gap, 0.2, Course::Ramp { over_s: hours * hour }),
-    ]
+        direction: None,
+        course: Course::Step {},
+    })
 }
 
 pub fn config() -> Result<Config, Failure> {
@@ -76,7 +48,7 @@ pub fn fitted(recording: &Recording, choice: Choice, robot_id: &str) -> Result<F
 pub fn robot(snake: DrawnSnake, is_worn: bool) -> Robot {
     let mut robot = Robot::new(snake.build());
     if is_worn {
-        worn().into_iter().for_each(|change| robot.age(change));
+        worn().for_each(|change| robot.age(change));
         // What changes at once has changed before anything moves.
         robot.rest(1.0);
     }

@@ -2,7 +2,7 @@
 //!
 //! For every snake: record a calibration, fit, and follow motions that no calibration has seen with
 //! the real cycle of the controller. Python judges models of anybody, beside the exact inverse of
-//! the snake itself; `i2ris bench models` judges what the adaptation is worth on snakes that age.
+//! the snake itself; `i2ris bench models` judges what the adaptation is worth on snakes that wear.
 //!
 //! | file | contents |
 //! |---|---|
@@ -11,18 +11,14 @@
 //! | `exact_inverse` | the inverse of the true snake |
 //! | `tracking` | following motions and measuring them |
 //! | `tracked` | a model of anybody on a snake, for Python |
-//! | `subject` | one snake that ages, with its models and its runs |
-//! | `measures` | figures from errors |
-//! | `table` | figures over the snakes that age |
+//! | `subject` | one snake that wears, with its models |
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command prints")]
 
 mod exact_inverse;
 mod laboratory;
-mod measures;
 mod recording;
 mod subject;
-mod table;
 mod tracked;
 mod tracking;
 
@@ -33,17 +29,18 @@ pub use tracked::{tick_times, tracked};
 use i2ris_calibration::fit::Choice;
 use i2ris_calibration::parallel;
 use i2ris_report::Failure;
+use i2ris_report::statistics::median;
 use i2ris_simulation::physics::{DrawnSnake, Physics};
 
-use subject::{Bench, Judgement};
+use subject::Judgement;
 
 /// Arguments of `i2ris bench models`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   i2ris bench models --family force-balance --draws 1
-  i2ris bench models --family force-balance --physics gear,wire --drift-hours 0
+  i2ris bench models --family force-balance --physics gear,wire
 
-Nothing moves and no process starts: drives and snakes are simulated. A snake takes some minutes of
+Nothing moves and no process starts: drives and snakes are simulated. A snake takes a minute of
 computing. Families against each other, and models by others: python -m i2ris.benchmark_table.")]
 pub struct Arguments {
     /// Physics of the snakes [default: all of them]
@@ -59,15 +56,6 @@ pub struct Arguments {
     /// Family to fit; `best` fits all and takes what `i2ris calibrate fit` would take
     #[arg(long, default_value = "best")]
     family: Choice,
-    /// Hours of slow drift, of which a quarter of a minute in six is motion; 0: none. On the first
-    /// snake of each physics only
-    #[arg(long, value_name = "H", default_value_t = 6.0, value_parser = hours)]
-    drift_hours: f64,
-}
-
-fn hours(text: &str) -> Result<f64, String> {
-    let hours = text.parse().ok().filter(|hours| (0.0..=100.0).contains(hours));
-    hours.ok_or_else(|| "must be a number of hours, 0 to 100".to_owned())
 }
 
 impl Arguments {
@@ -89,14 +77,13 @@ impl Arguments {
 /// Snakes that cannot be judged.
 pub fn run(arguments: &Arguments, as_json: bool) -> Result<(), Failure> {
     let folder = tempfile::tempdir()?;
-    let bench = Bench::new(arguments.family, arguments.first_seed, folder.path().to_owned())?;
     let snakes = arguments.snakes();
     let judged: Vec<Result<Judgement, String>> = parallel::map(snakes.len(), |index| {
         let snake = snakes[index];
-        let is_first = snake.seed == arguments.first_seed;
-        let judged = bench.judge(snake, if is_first { arguments.drift_hours } else { 0.0 });
+        let Arguments { family, first_seed, .. } = *arguments;
+        let judged = Judgement::of(snake, family, first_seed, folder.path());
         match &judged {
-            Ok(judgement) => eprintln!("{}", table::line(judgement)),
+            Ok(judgement) => eprintln!("{}", row(&snake.to_string(), &[judgement])),
             Err(reason) => eprintln!("{snake}: {reason}"),
         }
         judged
@@ -105,10 +92,36 @@ pub fn run(arguments: &Arguments, as_json: bool) -> Result<(), Failure> {
     if as_json {
         println!("{}", serde_json::to_string_pretty(&judgements)?);
     } else {
-        print!("{}", table::table(&judgements));
+        println!(
+            "RMS error of the tip, deg, as calibrated and on the worn snake, without -> with \
+             adaptation; `fresh`: a calibration of the worn snake. Medians over the snakes."
+        );
+        for physics in Physics::ALL.iter().map(ToString::to_string) {
+            let of: Vec<_> = judgements.iter().filter(|it| it.physics == physics).collect();
+            if !of.is_empty() {
+                println!("{}", row(&physics, &of));
+            }
+        }
+        println!("{}", row("all", &judgements.iter().collect::<Vec<_>>()));
     }
     match judged.iter().filter(|judged| judged.is_err()).count() {
         0 => Ok(()),
         failed => Err(format!("{failed} of {} snakes could not be judged", snakes.len()).into()),
     }
+}
+
+/// Medians over the snakes.
+fn row(name: &str, of: &[&Judgement]) -> String {
+    let of = |error: &dyn Fn(&Judgement) -> f64| {
+        let mut errors: Vec<f64> = of.iter().map(|judged| error(judged)).collect();
+        median(&mut errors).unwrap_or(f64::NAN)
+    };
+    format!(
+        "{name:<20} new {:.3} -> {:.3}   worn {:.3} -> {:.3}   fresh {:.3}",
+        of(&|it| it.new[0]),
+        of(&|it| it.new[1]),
+        of(&|it| it.worn[0]),
+        of(&|it| it.worn[1]),
+        of(&|it| it.fresh)
+    )
 }

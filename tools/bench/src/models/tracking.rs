@@ -62,7 +62,7 @@ pub fn follow(
 }
 
 /// Goes from a goal to another and rests there.
-pub fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), String> {
+fn approach(pilot: &mut impl Pilot, from: [f64; 2], to: [f64; 2]) -> Result<(), String> {
     let far = (to[0] - from[0]).hypot(to[1] - from[1]);
     let ticks = (far / (APPROACH_DEG_S * TICK_S)).ceil().max(1.0);
     let rest = (REST_S / TICK_S) as u32;
@@ -87,7 +87,7 @@ fn measure(pilot: &mut impl Pilot, path: &[[f64; 2]]) -> Result<f64, String> {
 }
 
 /// The goal at a time on a path.
-pub fn at(path: &[[f64; 2]], time_s: f64) -> [f64; 2] {
+fn at(path: &[[f64; 2]], time_s: f64) -> [f64; 2] {
     let place = time_s * RATE_HZ;
     let first = (place as usize).min(path.len() - 1);
     let next = (first + 1).min(path.len() - 1);
