@@ -324,14 +324,6 @@ impl ClosedLoop<IdealMotors> {
     }
 }
 
-impl ClosedLoop<Robot> {
-    /// Nothing happens for a time but ageing: no commands, no ticks.
-    pub fn pause(&mut self, seconds: f64) {
-        self.motors.rest(seconds);
-        self.now = self.now + Nanos((seconds * 1e9) as u64);
-    }
-}
-
 /// A state command of the client of all commands.
 pub fn state_request(command: StateCommand) -> StateRequest {
     StateRequest { id: 0, client_id: CLIENT, command, pose: None, fixture: None }
