@@ -35,17 +35,6 @@ fn jpeg(number: u64) -> Vec<u8> {
 
 /// Records so many seconds of a motion, with a hole from 1.0 to 1.5 s if asked for.
 fn record(path: &Path, seconds: u64, has_pictures: bool, has_hole: bool) {
-    let picture = has_pictures.then_some(&jpeg as &dyn Fn(u64) -> Vec<u8>);
-    record_with(path, seconds, picture, has_hole);
-}
-
-/// The same with other pictures.
-fn record_with(
-    path: &Path,
-    seconds: u64,
-    picture: Option<&dyn Fn(u64) -> Vec<u8>>,
-    has_hole: bool,
-) {
     let header = RecordingHeader {
         about: BTreeMap::from([("robot_id".to_owned(), "R1".to_owned())]),
         unix_offset_ns: UNIX,
@@ -97,12 +86,10 @@ fn record_with(
             trial.record(&StreamMessage::External(camera), stamp);
         }
     }
-    for number in 0..picture.map_or(0, |_| seconds * FPS) {
+    for number in 0..if has_pictures { seconds * FPS } else { 0 } {
         let late = LATE_MS * u64::from(number % 5 == 4);
         let stamp = Nanos::from_millis(1000 + number * 1000 / FPS + late);
-        if let Some(picture) = picture {
-            trial.record_picture("top", stamp, &picture(number), stamp);
-        }
+        trial.record_picture("top", stamp, &jpeg(number), stamp);
         clock::sleep(WRITES);
     }
     let counts = trial.finish(BTreeMap::new(), &[]).unwrap();
@@ -402,40 +389,4 @@ robot.disconnect(); hand.disconnect()
 "#;
     let modules = "lerobot.robots, iceoryx2";
     run_python_of("I2RIS_LEROBOT3_PYTHON", modules, script, &[controller.domain.name()]);
-}
-
-/// An hour of states at 1 kHz with 25 pictures a second of a camera's size. Prints how long each
-/// format takes; the aim is two minutes.
-#[test]
-#[ignore = "minutes, and gigabytes: .ci/nightly"]
-fn an_hour_is_exported_in_every_format() {
-    let seconds = std::env::var("I2RIS_EXPORT_S").map_or(3600, |text| text.parse().unwrap());
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("hour.mcap");
-    // Noise, which does not compress: about 100 kB each.
-    let pictures: Vec<Vec<u8>> = (0..20_u32)
-        .map(|seed| {
-            let next = |state: &mut u32| {
-                *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                100 + (*state >> 28) as u8
-            };
-            let mut state = seed;
-            let pixels: Vec<u8> = (0..640 * 480).map(|_| next(&mut state)).collect();
-            let mut jpeg = Vec::new();
-            let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 90);
-            encoder.encode(&pixels, 640, 480, jpeg_encoder::ColorType::Luma).unwrap();
-            jpeg
-        })
-        .collect();
-    record_with(&file, seconds, Some(&|number| pictures[number as usize % 20].clone()), false);
-    let size = fs::metadata(&file).unwrap().len();
-    println!("{seconds} s, {} MB, pictures of {} kB", size / 1_000_000, pictures[0].len() / 1000);
-    for format in ["parquet", "csv"] {
-        let begun = clock::now();
-        let output = folder.path().join(format);
-        let output = output.to_str().unwrap();
-        exports(&[file.to_str().unwrap(), "--output", output, "--format", format]);
-        println!("{format}: {:.0} s", clock::now().since(begun).as_seconds());
-        fs::remove_dir_all(output).unwrap();
-    }
 }
