@@ -28,9 +28,12 @@
 //!
 //! Two small motors pull wires that bend the snake in pitch and yaw. Backlash, friction and slack
 //! lie between motor and tip, so the angle depends on the history of the counts. This crate turns
-//! desired angles into encoder counts by inverting a Gaussian mixture regression, streams them to
-//! the motor drives over serial lines, and takes its commands from other processes through shared
-//! memory.
+//! desired angles into encoder counts by inverting a calibrated model, streams them to the motor
+//! drives over serial lines, and takes its commands from other processes through shared memory.
+//!
+//! The default model is a balance of forces (`force-balance`) with a polynomial read-out. Gaussian
+//! mixture regression (GMR) is the method of the paper: `gmr` is the baseline, and `gmr-play`, with
+//! play operators before the mixture, its version with memory.
 //!
 //! # Principles
 //!

@@ -7,6 +7,7 @@ mod map;
 mod nightly;
 mod packages;
 mod risk;
+mod versions;
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,16 +15,20 @@ use std::path::Path;
 
 pub const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Folder of the chapters for whoever has to judge the safety of the robot.
-pub const SAFETY: &str = "tools/manual/src/safety";
+/// The chapter for whoever has to judge the safety of the robot.
+pub const SAFETY: &str = "tools/manual/src/safety.md";
 
-/// Writes a document if asked to, and fails when it is out of date.
-fn require_up_to_date(path: &str, wanted: &str) {
-    let file = Path::new(ROOT).join(path);
+/// Writes a table between its mark and `<!-- end -->` if asked to, and fails when it is out of date.
+fn require_up_to_date(path: &str, name: &str, wanted: &str) {
+    let text = read(path);
+    let (head, rest) = text.split_once(&format!("<!-- {name}:")).unwrap();
+    let (mark, rest) = rest.split_once("-->\n\n").unwrap();
+    let (found, tail) = rest.split_once("\n<!-- end -->").unwrap();
     if std::env::var_os("I2RIS_UPDATE").is_some() {
-        fs::write(&file, wanted).unwrap();
+        let text = format!("{head}<!-- {name}:{mark}-->\n\n{wanted}\n<!-- end -->{tail}");
+        fs::write(Path::new(ROOT).join(path), text).unwrap();
+        return;
     }
-    let found = fs::read_to_string(&file).unwrap_or_default();
     let known: BTreeSet<&str> = found.lines().collect();
     let missing: Vec<&str> = wanted.lines().filter(|line| !known.contains(line)).take(10).collect();
     assert!(
@@ -35,6 +40,12 @@ fn require_up_to_date(path: &str, wanted: &str) {
 
 pub fn read(path: &str) -> String {
     fs::read_to_string(Path::new(ROOT).join(path)).unwrap()
+}
+
+/// The part of a page below a heading of the second rank.
+pub fn section<'a>(page: &'a str, heading: &str) -> &'a str {
+    let (_, rest) = page.split_once(&format!("\n## {heading}\n")).unwrap();
+    rest.split("\n## ").next().unwrap_or_default()
 }
 
 /// The cells of the rows of a Markdown table that begin with `start`.

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{SAFETY, code, read, rows};
+use super::{SAFETY, code, read, rows, section};
 
 /// Names of the packages of this repository, with those that they need to run.
 fn packages() -> BTreeMap<String, BTreeSet<String>> {
@@ -24,12 +24,13 @@ const CLASSES: [&str; 4] = ["C", "B", "A", "none"];
 
 #[test]
 fn every_package_has_a_class_and_uses_none_of_a_lower_one() {
-    let page = read(&format!("{SAFETY}/architecture.md"));
+    let page = read(SAFETY);
     let class = |row: &Vec<String>| {
         let class = CLASSES.iter().position(|class| *class == row[1]);
         (code(&row[0])[0].to_owned(), class.unwrap_or_else(|| panic!("no class: {row:?}")))
     };
-    let classes: BTreeMap<String, usize> = rows(&page, "| `i2ris").iter().map(class).collect();
+    let classes: BTreeMap<String, usize> =
+        rows(section(&page, "Parts"), "| `i2ris").iter().map(class).collect();
     let packages = packages();
     assert!(classes.keys().eq(packages.keys()), "{:?} {:?}", classes.keys(), packages.keys());
     for (name, uses) in &packages {
@@ -41,10 +42,10 @@ fn every_package_has_a_class_and_uses_none_of_a_lower_one() {
 
 #[test]
 fn what_the_controller_uses_directly_has_a_role() {
-    let page = read(&format!("{SAFETY}/software.md"));
-    let rows = rows(&page, "| `");
+    let page = read(SAFETY);
+    let rows = rows(section(&page, "Software of unknown provenance"), "| `");
     let named: BTreeSet<String> = rows.iter().map(|row| code(&row[0])[0].to_owned()).collect();
-    assert_eq!(named, packages()["i2ris"], "the table of {SAFETY}/software.md");
+    assert_eq!(named, packages()["i2ris"], "the table of {SAFETY}");
 }
 
 /// Fuzzers and wheel are built by other compilers, with lock files of their own.

@@ -1,4 +1,4 @@
-//! The page about risk: every hazard with severity, and probability before and after its control.
+//! The table of risks: every hazard with severity, and probability before and after its control.
 
 use super::{SAFETY, hazards, require_up_to_date};
 
@@ -60,44 +60,24 @@ const RATINGS: &[(&str, [u32; 3], &str)] = &[
 ];
 
 const HEAD: &str = "\
-# Risk
-
-Every [hazard](../../../../tests/hazards/README.md), with its risk before and after its control.
-This page is written by `I2RIS_UPDATE=1 cargo test --test real_time up_to_date` from the table of the
-hazards, with the ratings in `tests/hazards/documents/risk.rs`; a test fails when it is not up to
-date or a hazard has no rating.
-
-The ratings are estimates of the developers, made without clinical data and without a test on the
-robot. They are a draft for whoever is responsible for a use. No risk is called acceptable here.
-
-| severity | meaning | | probability | meaning |
-|---|---|---|---|---|
-| 1 | time is lost | | 1 | not seen in any test; needs several failures at once |
-| 2 | work has to be interrupted or repeated | | 2 | rare; a control can miss it |
-| 3 | the snake is not where it should be; the surgeon has to act | | 3 | within years of use |
-| 4 | tissue can be injured | | 4 | within months of use |
-| | | | 5 | daily |
-
-Risk is the product: up to 4 low, up to 9 medium, above high.
-
 | id | hazard | control | severity | before | after | what remains |
 |---|---|---|---|---|---|---|
 ";
 
-fn page() -> String {
-    let mut page = HEAD.to_owned();
+fn table() -> String {
+    let mut table = HEAD.to_owned();
     for hazard in hazards() {
         let [id, name, control] = [&hazard[0], &hazard[1], &hazard[2]];
         let rating = RATINGS.iter().find(|(rated, ..)| rated == id);
         let (_, [severity, before, after], remains) =
             rating.unwrap_or_else(|| panic!("{id} has no rating: add it to {}", file!()));
-        page += &format!(
+        table += &format!(
             "| {id} | {name} | {control} | {severity} | {} | {} | {remains} |\n",
             risk(*severity, *before),
             risk(*severity, *after)
         );
     }
-    page
+    table
 }
 
 fn risk(severity: u32, probability: u32) -> String {
@@ -110,8 +90,8 @@ fn risk(severity: u32, probability: u32) -> String {
 }
 
 #[test]
-fn the_page_about_risk_is_up_to_date() {
-    require_up_to_date(&format!("{SAFETY}/risk.md"), &page());
+fn the_table_of_risks_is_up_to_date() {
+    require_up_to_date(SAFETY, "risk", &table());
 }
 
 #[test]

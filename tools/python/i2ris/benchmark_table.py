@@ -88,6 +88,39 @@ def kind(row: Row) -> tuple[str, str, bool]:
     return row["protocol"], row["camera"], row.get("aged", False)
 
 
+#: Columns of the one table, and which rows belong to each: the usual case first, then what makes it harder.
+CASES = (
+    ("300 s", ("reversals", "usual", False)),
+    ("100 s", ("short", "usual", False)),
+    ("late camera", ("reversals", "late", False)),
+    ("noisy camera", ("reversals", "noisy", False)),
+    ("one axis at a time", ("axes", "usual", False)),
+    ("aged, no camera", ("reversals", "usual", True)),
+)
+
+
+def summary(rows: Iterable[Row]) -> str:
+    """One table: every method in every case, over all physics, with the physics where it is worst."""
+    rows = list(rows)
+    methods = [*dict.fromkeys(row["method"] for row in rows), "exact"]
+    lines = [f"| task | method | {' | '.join(name for name, _ in CASES)} |", "|---" * (len(CASES) + 2) + "|"]
+    for task in ("inverse", "forward"):
+        for method in methods[: len(methods) - (task == "forward")]:
+            cells = []
+            for _, case in CASES:
+                of = [row for row in rows if kind(row) == case]
+                found = {name: shares(of, name, method, task) for name in benchmark.PHYSICS}
+                if not all(found.values()):
+                    cells.append("-")
+                    continue
+                share, name = max((benchmark.geometric_mean(cell), name) for name, cell in found.items())
+                whole = benchmark.geometric_mean(share for cell in found.values() for share in cell)
+                cells.append(f"{whole:.3f} ({name} {share:.3f})")
+            usual = [row for row in rows if kind(row) == CASES[0][1]]
+            lines.append(f"| {task} | {method}{own_seeds(usual, method)} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
 def page(rows: Iterable[Row], curves: Iterable[Path] = (), note: str = "") -> str:
     """The tables as Markdown: geometric means over seeds, for each method and physics."""
     rows = list(rows)
@@ -97,7 +130,7 @@ def page(rows: Iterable[Row], curves: Iterable[Path] = (), note: str = "") -> st
         "Share of a straight line's error, geometric mean over the seeds; **forward** (angles from counts, after 10 s)",
         "and **inverse** (tip while the controller tracks five motions). `exact` is the inverse of the snake itself",
         "within the same limits of the motors. `-`: refused, or the robot did not follow. Written by",
-        "`python -m i2ris.benchmark_table`; how to take part: [Models from Python](python.md#the-benchmark).",
+        "`python -m i2ris.benchmark_table`; how to take part: the chapter Python of the manual.",
         *(["", note.strip()] if note else []),
     ]
     for protocol, camera, aged in sorted({kind(row) for row in rows}, key=lambda key: (key[2], key[1] != "usual", key)):

@@ -325,6 +325,19 @@ def test_the_table_takes_results_of_others_and_draws_them(tmp_path, monkeypatch)
     assert files[2].read_text().startswith("<svg") and json.loads(files[0].read_text())[0]["method"] == "theirs"
 
 
+def test_the_table_of_the_manual_is_that_of_the_results():
+    folder = Path(__file__).resolve().parents[2] / "manual" / "src"
+    text = (folder / "evidence.md").read_text()
+    head, rest = text.split("<!-- benchmark:")
+    mark, rest = rest.split("-->\n\n", 1)
+    table, tail = rest.split("\n<!-- end -->", 1)
+    wanted = benchmark_table.summary(json.loads((folder / "benchmark.json").read_text()))
+    if os.environ.get("I2RIS_UPDATE"):
+        (folder / "evidence.md").write_text(f"{head}<!-- benchmark:{mark}-->\n\n{wanted}\n<!-- end -->{tail}")
+    else:
+        assert table == wanted, "run I2RIS_UPDATE=1 python -m pytest tools/python/tests/test_model.py -k manual"
+
+
 def test_a_public_recording_is_known_by_its_hash(tmp_path):
     copy = tmp_path / "copy.csv"
     copy.write_text("something else")

@@ -10,15 +10,10 @@ use i2ris_testing::{Rig, wait_for, wait_until_idle};
 
 use crate::bench::{Bench, ends, expect_stalls, nobody, repository, run, start, succeeds};
 
-/// The chapter of the manual.
-const CHAPTER: &str = "tools/manual/src/mistakes.md";
+/// The chapter of the manual that has the table.
+const CHAPTER: &str = "tools/manual/src/stops-and-faults.md";
 const ROBOT: &str = "i2ris-emulated";
-const HEAD: &str = "# Mistakes and their messages
-
-What people do wrong in the first hours, and what the programs say. A test makes every mistake with
-real processes and compares message and exit code with this table. `FOLDER`, `DOMAIN`, `ID` and `N`
-stand for what differs from case to case.
-
+const HEAD: &str = "\
 | mistake | command | message | exit code |
 |---|---|---|---|
 ";
@@ -239,10 +234,15 @@ fn while_enabled(table: &mut Table, domain: &Domain, client: &mut Client) {
 
 fn compare(table: &str) {
     let file = repository(CHAPTER);
+    let text = fs::read_to_string(&file).unwrap();
+    let (head, rest) = text.split_once("<!-- mistakes:").unwrap();
+    let (mark, rest) = rest.split_once("-->\n\n").unwrap();
+    let (written, tail) = rest.split_once("\n<!-- end -->").unwrap();
     if std::env::var_os("I2RIS_UPDATE").is_some() {
-        fs::write(&file, table).unwrap();
+        let text = format!("{head}<!-- mistakes:{mark}-->\n\n{table}\n<!-- end -->{tail}");
+        fs::write(&file, text).unwrap();
+        return;
     }
-    let written = fs::read_to_string(&file).unwrap_or_default();
     assert!(
         written == table,
         "the messages differ from {}; look at the difference, and set I2RIS_UPDATE=1\n{table}",

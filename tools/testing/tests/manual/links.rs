@@ -48,6 +48,17 @@ fn the_readme_is_short_and_leads_to_the_manual() {
 }
 
 #[test]
+fn every_file_that_the_page_for_contributors_names_exists() {
+    let prose = Document::read(&root().join("CONTRIBUTING.md")).prose;
+    let words = prose.split('`').skip(1).step_by(2);
+    let paths: Vec<&str> = words.filter(|it| it.contains('/') && !it.contains(' ')).collect();
+    assert!(paths.len() > 20, "{paths:?}");
+    let missing = paths.iter().filter(|path| !root().join(path).exists());
+    let missing: Vec<&&str> = missing.collect();
+    assert!(missing.is_empty(), "{missing:?}");
+}
+
+#[test]
 fn every_listing_is_its_file() {
     let chapter = root().join("tools/manual/src/shared-memory.md");
     let text = fs::read_to_string(&chapter).unwrap();

@@ -55,7 +55,10 @@ impl Document {
             .map(|entry| entry.unwrap().path())
             .filter(|path| path.extension().is_some_and(|extension| extension == "md"))
             .collect();
-        for name in ["README.md", "config/system/README.md", "tests/hazards/README.md"] {
+        for name in ["README.md", "CONTRIBUTING.md", "SECURITY.md"] {
+            paths.push(root.join(name));
+        }
+        for name in ["config/system/README.md", "tests/hazards/README.md"] {
             paths.push(root.join(name));
         }
         paths.sort();
