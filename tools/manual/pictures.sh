@@ -18,9 +18,10 @@ sed -e "s#/tmp/i2ris-emulator#$work/ports#; s#domain = \"i2ris\"#domain = \"$I2R
   config/emulator.toml > "$work/emulator.toml"
 i2ris emulate --snake config/snakes/steel.toml > "$work/emulator.log" 2>&1 &
 sleep 2
+i2ris-watchdog --config "$work/emulator.toml" > "$work/watchdog.log" 2>&1 &
 i2ris-control --config "$work/emulator.toml" > "$work/controller.log" 2>&1 &
 sleep 3
-i2ris calibrate collect --config "$work/emulator.toml" --home --duration-s 100 --output "$work/first.csv"
+i2ris calibrate collect --home --duration-s 100 --output "$work/first.csv"
 i2ris calibrate fit "$work/first.csv" --family force-balance \
   --output "$work/first.json" --report "$work/first.html"
 # The first figure of the report whose title names the loops.
@@ -37,11 +38,9 @@ print(re.sub(r"(<svg[^>]*>)", lambda m: m.group(1) + "<style>" + style + "</styl
 PYTHON
 rsvg-convert --width 900 --background-color white "$work/loop.svg" --output "$images/hysteresis-loop.png"
 
-i2ris model stage "$work/first.json"
-i2ris model activate --force
-i2ris command state condition
+i2ris model use "$work/first.json"
 i2ris command circle --radius-deg 10 --period-s 6 --duration-s 40 > "$work/circle.log" 2>&1 &
-i2ris monitor --web 8799 --model "$work/first.json" > "$work/monitor.log" 2>&1 &
+i2ris status --web 8799 > "$work/monitor.log" 2>&1 &
 sleep 14
 python3 tools/manual/screenshot.py http://127.0.0.1:8799/?theme=dark 1280 900 "$images/monitor.png"
-i2ris command state disable
+i2ris disable

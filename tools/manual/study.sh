@@ -23,7 +23,7 @@ i2ris-control --config "$work/emulator.toml" > "$work/controller.log" 2>&1 &
 sleep 3
 
 # One recording, two models: with and without memory.
-i2ris calibrate collect --config "$work/emulator.toml" --home --duration-s 60 --output "$work/first.csv"
+i2ris calibrate collect --home --duration-s 60 --output "$work/first.csv"
 i2ris calibrate fit "$work/first.csv" --family linear --output "$work/without.json"
 i2ris calibrate fit "$work/first.csv" --family force-balance --output "$work/with.json"
 
@@ -34,23 +34,21 @@ sed 's/^name/dead_zone = 0.02\nname/' config/devices/xbox.toml > "$work/hand.tom
 task() {
   operator "$work/hand" "$1" "$I2RIS_DOMAIN" &
   local operator=$!
-  i2ris command "${@:2}" --played "$work/hand" --profile "$work/hand.toml"
+  i2ris teleop task "${@:2}" --device "$work/hand" --profile "$work/hand.toml"
   wait "$operator"
 }
 
-i2ris trial new "$study" --conditions without,with
-mapfile -t orders < <(i2ris trial order --participants 5 | sed 's/.*: //; s/,//g')
+mapfile -t orders < <(i2ris record trial new "$study" --condition without,with |
+  sed -n '/^participant/{s/.*: //; s/,//g; p}')
 for participant in 1 2 3 4 5; do
-  for condition in ${orders[participant - 1]}; do
-    i2ris model stage "$work/$condition.json"
-    i2ris model activate --force
-    i2ris command state enable
-    i2ris command state condition
-    i2ris trial start --participant "P0$participant" --condition "$condition" --task reach-and-pursuit
+  for condition in ${orders[(participant - 1) % ${#orders[@]}]}; do
+    i2ris enable
+    i2ris model use "$work/$condition.json"
+    i2ris record trial start --participant "P0$participant" --condition "$condition" --task reach-and-pursuit
     task "$participant" reach --targets 5 --seed "$participant" --tolerance-deg 0.3 --hold-s 0.8
-    i2ris trial mark pursuit
+    i2ris record trial mark pursuit
     task "$participant" pursuit --duration-s 16 --seed "$participant"
-    i2ris trial stop --outcome success
+    i2ris record trial stop --outcome success
   done
 done
-i2ris report "$study"
+i2ris record report "$study"
