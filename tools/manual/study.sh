@@ -38,12 +38,12 @@ task() {
   wait "$operator"
 }
 
-mapfile -t orders < <(i2ris record trial new "$study" --condition without,with |
-  sed -n '/^participant/{s/.*: //; s/,//g; p}')
+i2ris record trial new "$study" --condition without,with
+mapfile -t orders < <(i2ris record trial list | grep ^participant | sed 's/.*: //; s/,//g')
 for participant in 1 2 3 4 5; do
   for condition in ${orders[(participant - 1) % ${#orders[@]}]}; do
-    i2ris enable
-    i2ris model use "$work/$condition.json"
+    i2ris model use "$work/$condition.json" --enable
+    i2ris command state condition
     i2ris record trial start --participant "P0$participant" --condition "$condition" --task reach-and-pursuit
     task "$participant" reach --targets 5 --seed "$participant" --tolerance-deg 0.3 --hold-s 0.8
     i2ris record trial mark pursuit
