@@ -58,8 +58,8 @@ Floats = NDArray[np.float64]
 class Snake:
     """An emulated snake with motors in front of it: ``Snake("preisach", seed=3)``."""
 
-    def __init__(self, physics: str, seed: int = 1) -> None:
-        self._native = _native.Snake(physics, seed)
+    def __init__(self, physics: str, seed: int = 1, worn: bool = False) -> None:
+        self._native = _native.Snake(physics, seed, worn)
 
     def step(self, counts: ArrayLike, ticks: int = 1) -> Floats:
         """So many ticks of a millisecond with these set-points; the true pitch and yaw, deg."""

@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from i2ris import benchmark, prandtl_ishlinskii
+from i2ris import benchmark, gmr_direction, prandtl_ishlinskii
 from i2ris.model import Calibration, Model, ModelError
 
 Row = dict[str, Any]
@@ -28,7 +28,10 @@ def judge(case: benchmark.Case, method: str, folder: Path | None) -> Row:
         "camera": case.camera, "aged": case.aged, "method": method,
     }  # fmt: skip
     try:
-        if method == "prandtl-ishlinskii":
+        model: Model | gmr_direction.DirectionModel
+        if method == "gmr-direction":
+            model = gmr_direction.fit(case.train_path(), "i2ris-emulated")
+        elif method == "prandtl-ishlinskii":
             model = prandtl_ishlinskii.fit(case.train_path(), "i2ris-emulated")
         elif folder is None:
             model = Calibration(method, robot_id="i2ris-emulated").fit(case.train_path()).model_
@@ -38,7 +41,7 @@ def judge(case: benchmark.Case, method: str, folder: Path | None) -> Row:
             model = Model.from_network(path, case.train_path(), robot_id="i2ris-emulated") if is_network else Model.load(path)
         row["model"] = model.to_dict()["family"]["kind"]
         row["forward"] = benchmark.forward(case, model.predict)
-        motions = benchmark.inverse(case, model)
+        motions = benchmark.inverse(case, model) if isinstance(model, Model) else gmr_direction.inverse(case, model)
         row["motions"] = motions
         row["inverse"] = benchmark.geometric_mean(found["share"] for found in motions.values())
         row["exact"] = benchmark.geometric_mean(found["exact_deg"] / found["linear_deg"] for found in motions.values())

@@ -4,12 +4,17 @@ use std::path::PathBuf;
 
 use i2ris_bench::models::{RecordingPlan, robot, tracked};
 use i2ris_simulation::motion::protocol::Protocol;
+use i2ris_simulation::motion::unseen_motion::{Motion, within_reach};
 use i2ris_simulation::physics::DrawnSnake;
 use i2ris_simulation::robot::Robot;
 use pyo3::prelude::*;
 
 use crate::model::Model;
 use crate::refused;
+
+/// Length and seed of the motions that are followed: those of [`tracked`].
+const MOTION_S: f64 = 30.0;
+const MOTION_SEED: u64 = 1001;
 
 fn drawn(physics: &str, seed: u64) -> PyResult<DrawnSnake> {
     format!("{physics}:{seed}").parse().map_err(refused)
@@ -22,8 +27,9 @@ pub struct Snake(Robot);
 #[pymethods]
 impl Snake {
     #[new]
-    fn new(physics: &str, seed: u64) -> PyResult<Self> {
-        Ok(Self(Robot::new(drawn(physics, seed)?.build())))
+    #[pyo3(signature = (physics, seed, worn=false))]
+    fn new(physics: &str, seed: u64, worn: bool) -> PyResult<Self> {
+        Ok(Self(robot(drawn(physics, seed)?, worn)))
     }
 
     /// So many ticks of a millisecond with these setpoints, counts; the true angles, deg.
@@ -79,6 +85,23 @@ pub fn record(
     let made = py
         .detach(|| plan.record(&mut robot(snake, worn), &path).map_err(|error| error.to_string()));
     made.map_err(refused)
+}
+
+/// The goals of the motions of the benchmark, deg, 200 a second, as far as a recording reaches.
+#[pyfunction]
+pub fn motions(py: Python<'_>, recording: PathBuf) -> PyResult<Vec<(String, Vec<[f64; 2]>)>> {
+    let made = py.detach(|| {
+        let (recording, _) = Recording::read(&recording, &ColumnMap::default())
+            .map_err(|error| error.to_string())?;
+        let options = FitOptions { choice: Choice::One(Family::Linear), ..FitOptions::default() };
+        let linear = fit(&recording.without_latency().0, &options, &Silent);
+        let linear = linear.map_err(|error| error.to_string())?.model;
+        let path = |motion: &Motion| (*motion, motion.path(MOTION_S, MOTION_SEED));
+        let paths: Vec<_> = Motion::ALL.iter().map(path).collect();
+        Ok(within_reach(&paths, &linear))
+    });
+    let made: Vec<(Motion, Vec<[f64; 2]>)> = made.map_err(|error: String| refused(error))?;
+    Ok(made.into_iter().map(|(motion, goals)| (motion.to_string(), goals)).collect())
 }
 
 /// How long each tick of the control cycle takes with a model, in front of ideal motors, us: ten

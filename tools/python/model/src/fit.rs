@@ -9,15 +9,16 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use i2ris::model::file::{OutputSpec, OutputUnit};
+use i2ris::model::file::{MixtureParameters, OutputSpec, OutputUnit};
 use i2ris::units::{MAX_MOTORS, MAX_OUTPUTS};
-use i2ris_calibration::em::EmOptions;
+use i2ris_calibration::em::{self, EmOptions};
 use i2ris_calibration::fit::network::{NetworkFile, import};
 use i2ris_calibration::fit::{Components, FitOptions};
-use i2ris_calibration::progress::Progress;
+use i2ris_calibration::progress::{Progress, Silent};
 use i2ris_calibration::quality::SpikeOptions;
 use i2ris_calibration::recording::{ColumnMap, Recording, RecordingWriter, Row};
 use i2ris_calibration::report::CalibrationReport;
+use i2ris_calibration::table::DataTable;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
@@ -166,6 +167,25 @@ pub fn fit(
         Ok((Model(outcome.model), json, report.to_string(), report.html()))
     })?;
     made.map_err(|sentence: String| refused(sentence))
+}
+
+/// Weights, means and covariances of a mixture.
+type Mixture = (Vec<f64>, Vec<Vec<f64>>, Vec<Vec<Vec<f64>>>);
+
+/// Fits a Gaussian mixture to rows of numbers.
+#[pyfunction]
+pub fn fit_mixture(
+    py: Python<'_>,
+    rows: PyReadonlyArray2<'_, f64>,
+    components: usize,
+    restarts: usize,
+) -> PyResult<Mixture> {
+    let rows = rows.as_array();
+    let table = DataTable::from_rows(rows.ncols(), rows.outer_iter().map(|row| row.to_vec()));
+    let options = EmOptions { restarts, ..EmOptions::default() };
+    let found = py.detach(|| em::fit_mixture(&table, components, &options, &Silent));
+    let MixtureParameters { weights, means, covariances } = found.map_err(refused)?.parameters;
+    Ok((weights, means, covariances))
 }
 
 /// Makes a model of a network that was trained elsewhere, as `i2ris model import` does.

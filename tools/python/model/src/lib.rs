@@ -26,9 +26,9 @@ mod i2ris_native {
     #[pymodule_export]
     use super::ModelError;
     #[pymodule_export]
-    use super::benchmark::{Snake, record, tick_times, track};
+    use super::benchmark::{Snake, motions, record, tick_times, track};
     #[pymodule_export]
-    use super::fit::{fit, import_network, write_recording};
+    use super::fit::{fit, fit_mixture, import_network, write_recording};
     #[pymodule_export]
     use super::model::{Model, Tracker, walk};
 }
