@@ -13,12 +13,12 @@ use crate::model::families::hysteresis::Operator;
 use crate::model::families::hysteresis::backlash_play::Plays;
 use crate::model::families::hysteresis::chain::Chain;
 use crate::model::families::hysteresis::force_balance::ForceBalance;
-use crate::model::families::hysteresis::residual::{Residual, ResidualParameters};
+use crate::model::families::hysteresis::residual::Residual;
 use crate::model::families::linear::Linear;
 use crate::model::families::memory::Memory;
 use crate::model::families::network::{Network, Recording};
 use crate::model::families::runtime::{Memoryless, Runtime};
-use crate::model::file::{FamilyParameters, HullParameters, MixtureParameters, ModelFile, check};
+use crate::model::file::{FamilyParameters, ModelFile, check};
 use crate::model::history::History;
 use crate::model::maths::gaussian_mixture_regression::Gmr;
 use crate::model::maths::hull::Hull;
@@ -319,13 +319,15 @@ fn prepare_sized<const D: usize, const M: usize>(
             Box::new(Memoryless(Box::new(Gmr::<D, M>::prepare(mixture, si)?)))
         }
         FamilyParameters::GmrPlay { plays, mixture, residual, virtual_hull } => {
-            Box::new(prepare_chain::<_, D, M>(
-                Plays::prepare(plays)?,
-                mixture,
-                residual.as_ref(),
-                virtual_hull,
-                si,
-            )?)
+            let operator = Plays::<D>::prepare(plays)?;
+            let lags = operator.lags(&operator.begin(&SVector::zeros())).as_slice().len();
+            let prepared = |residual| Residual::prepare(residual, lags, si);
+            Box::new(Chain {
+                operator,
+                read_out: Gmr::<D, M>::prepare(mixture, si)?,
+                residual: residual.as_ref().map(prepared).transpose()?,
+                virtual_hull: Hull::new(virtual_hull, D)?,
+            })
         }
         FamilyParameters::ForceBalance { balance, read_out, virtual_hull } => Box::new(Chain {
             operator: ForceBalance::<D>::prepare(balance)?,
@@ -337,22 +339,6 @@ fn prepare_sized<const D: usize, const M: usize>(
             let recording = Recording { memory_counts, gain, covariance };
             Box::new(Network::<D, M>::prepare(network, recording, si)?)
         }
-    })
-}
-
-fn prepare_chain<O: Operator<D>, const D: usize, const M: usize>(
-    operator: O,
-    mixture: &MixtureParameters,
-    residual: Option<&ResidualParameters>,
-    virtual_hull: &HullParameters,
-    si: f64,
-) -> Result<Chain<O, Gmr<D, M>, D, M>, ModelError> {
-    let lags = operator.lags(&operator.begin(&SVector::zeros())).as_slice().len();
-    Ok(Chain {
-        operator,
-        read_out: Gmr::prepare(mixture, si)?,
-        residual: residual.map(|residual| Residual::prepare(residual, lags, si)).transpose()?,
-        virtual_hull: Hull::new(virtual_hull, D)?,
     })
 }
 

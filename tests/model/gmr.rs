@@ -87,8 +87,8 @@ fn two_motors_and_two_angles_match_the_python_package_gmr() {
         let estimate = predict(&model, counts);
         for i in 0..2 {
             near(estimate.mean[i] / DEG, mean[i], 1e-11);
-            for j in 0..2 {
-                near(estimate.covariance[i][j] / DEG / DEG, covariance[i][j], 1e-11);
+            for (found, expected) in estimate.covariance[i].iter().zip(covariance[i]) {
+                near(found / DEG / DEG, expected, 1e-11);
             }
         }
     }
