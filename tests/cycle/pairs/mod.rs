@@ -1,9 +1,12 @@
 //! Pairs: whole situations, drawn at random, in which any stage may undo what another one limits.
 //! Limits, fixtures, adaptation, a swap in progress, conditioning, the clutch, stale streams, a
 //! camera that misleads, two clients and a clock that jumps meet in every combination.
+//!
+//! `defects`: deliberate defects in the order of filters, each of which has to be found.
 
 mod acts;
 mod asked;
+mod defects;
 mod drawing;
 mod jaw;
 mod oracle;

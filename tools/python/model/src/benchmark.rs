@@ -3,6 +3,9 @@
 use std::path::PathBuf;
 
 use i2ris_bench::models::{RecordingPlan, robot, tracked};
+use i2ris_calibration::fit::{Choice, Family, FitOptions, fit};
+use i2ris_calibration::progress::Silent;
+use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_simulation::motion::protocol::Protocol;
 use i2ris_simulation::motion::unseen_motion::{Motion, within_reach};
 use i2ris_simulation::physics::DrawnSnake;
