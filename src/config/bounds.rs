@@ -1,5 +1,5 @@
 //! The ranges of all keys with a number: one table, read by the validation and by the JSON Schema,
-//! which `i2ris config` prints.
+//! which `i2ris doctor config` prints.
 
 use toml::Value;
 

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::hash::{BuildHasher, Hash, RandomState};
 
-/// Ids of one owner: `i2ris ros` speaks for several clients.
+/// Ids of one owner: `i2ris start ros` speaks for several clients.
 const IDS_PER_OWNER: usize = 64;
 /// Ids of all owners.
 const IDS: usize = 512;

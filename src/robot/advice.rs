@@ -24,7 +24,7 @@ pub(super) fn fault_advice(fault: Fault) -> &'static str {
         Fault::Homing => {
             "check the keys `homing_*` of the axis; then `i2ris command state acknowledge`"
         }
-        Fault::Model => "keep the black box (`i2ris dump`) and report it",
+        Fault::Model => "keep the black box (`i2ris record dump`) and report it",
         Fault::Late => {
             "take load off the computer, or give it real-time permission; then `i2ris command \
              state acknowledge`"
@@ -50,18 +50,18 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
              deadline of 1 s at most"
         }
         Refusal::Step => "start at `setpoint_js` and interpolate (`command.max_step_deg`)",
-        Refusal::Lease => "end the other client, or wait until it is silent (`i2ris monitor`)",
-        Refusal::NotEnabled => "`i2ris command state enable`",
+        Refusal::Lease => "end the other client, or wait until it is silent (`i2ris status`)",
+        Refusal::NotEnabled => "`i2ris enable`",
         Refusal::Paused => "`i2ris command state resume`",
         Refusal::InFault => {
-            "remove the cause of the fault (`i2ris why`), then `i2ris command state acknowledge`"
+            "remove the cause of the fault (`i2ris status`), then `i2ris command state acknowledge`"
         }
-        Refusal::NotDisabled => "`i2ris command state disable`",
+        Refusal::NotDisabled => "`i2ris disable`",
         Refusal::NoFault => "go on: nothing is to be done",
         Refusal::Unwatched => "read the log of `i2ris-watchdog`; let it hold every port, or end it",
-        Refusal::NotHomed => "straighten the snake, then `i2ris command state home`",
+        Refusal::NotHomed => "straighten the snake, then `i2ris home`",
         Refusal::NoModel => {
-            "`i2ris model stage FILE` and `i2ris model activate ID`, or name it in the \
+            "`i2ris model use FILE`, or name it in the \
              configuration"
         }
         Refusal::Range => {
@@ -76,8 +76,8 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         Refusal::CausePersists => "remove the cause of the fault first",
         Refusal::Unsupported => "use a model of angles, or another command",
         Refusal::DrivesNotReady => "wait for the drives to start; else `i2ris doctor`",
-        Refusal::NothingStaged => "stage it first (`i2ris model list`)",
-        Refusal::NoFormer => "activate a model instead (`i2ris model list`)",
+        Refusal::NothingStaged => "`i2ris model use FILE`; `i2ris model show` lists what is loaded",
+        Refusal::NoFormer => "`i2ris model use FILE` instead",
         Refusal::MemoryUnknown => "`i2ris command state condition`, or `--force`",
         Refusal::Fixture => {
             "go around the region (`i2ris command fixture list`), or switch the fixtures off"
@@ -86,7 +86,7 @@ pub(super) fn refusal_advice(refusal: Refusal) -> &'static str {
         Refusal::BrokenOff => {
             "stop sending for a second, `hold` as this client, then begin where the snake is"
         }
-        Refusal::BadModel => "read the reason in the controller's answer to `i2ris model stage`",
+        Refusal::BadModel => "read the reason in the controller's answer to `i2ris model use`",
     }
 }
 
@@ -95,10 +95,10 @@ pub(super) fn stop_advice(stop: Stop) -> &'static str {
         Stop::Stale => "send faster, or with a longer deadline; look at the load of the computer",
         Stop::Feedback => "check cable and supply (`i2ris doctor`)",
         Stop::Watchdog => "start `i2ris-watchdog --config FILE` again, and read its log",
-        Stop::Command => "ask who gave it (`i2ris monitor`), then give the command again",
+        Stop::Command => "ask who gave it (`i2ris status`), then give the command again",
         Stop::Fixture => "switch the fixtures off (`i2ris command fixture off`), then again",
         Stop::Limit => "begin further inside the limits, or correct them",
-        Stop::Fault => "remove the cause of the fault (`i2ris why`), then give the command again",
+        Stop::Fault => "remove the cause (`i2ris status`), then give the command again",
     }
 }
 
@@ -111,7 +111,7 @@ pub(super) fn clip_advice(clip: Clip) -> &'static str {
 
 pub(super) fn state_advice(state: OperatingState) -> &'static str {
     match state {
-        OperatingState::Disabled => "`i2ris command state enable`",
+        OperatingState::Disabled => "`i2ris enable`",
         OperatingState::Enabled => "send commands",
         OperatingState::Paused => "`i2ris command state resume`",
         OperatingState::Fault => "remove the cause, then `i2ris command state acknowledge`",

@@ -1,6 +1,6 @@
 //! Why the robot does not move, or not as asked: one text for every outlet.
 //!
-//! The log, the streams `error` and `warning`, the recording, `i2ris why`, the monitor and the
+//! The log, the streams `error` and `warning`, the recording, `i2ris status`, the monitor and the
 //! exceptions of the client libraries all show a [`Reason`]: code, sentence, measured value and
 //! limit, and what to do.
 

@@ -244,7 +244,7 @@ mod tests {
         assert_eq!(
             error.to_string(),
             "the controller refuses `enable` in state DISABLED: refusal 6: not homed: an axis does \
-             not know its zero; do: straighten the snake, then `i2ris command state home`"
+             not know its zero; do: straighten the snake, then `i2ris home`"
         );
     }
 

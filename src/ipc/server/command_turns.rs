@@ -6,7 +6,7 @@
 //! 3. One invalid command, in turn: its client receives the reason.
 //!
 //! Turns go by publisher and not by client id, which a faulty client may change with every command.
-//! One publisher can send for several clients: `i2ris ros`.
+//! One publisher can send for several clients: `i2ris start ros`.
 
 use std::collections::VecDeque;
 

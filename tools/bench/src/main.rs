@@ -40,6 +40,9 @@ use indicatif::ProgressBar;
 use outcome::Outcome;
 use placement::{Placement, Run};
 
+/// The ticker wakes so long before each tick and reads the clock until then.
+const SPIN: Nanos = Nanos::from_micros(100);
+
 /// Why a measurement failed: one sentence for the user, which may pass from thread to thread.
 type BenchError = Box<dyn std::error::Error + Send + Sync>;
 
@@ -75,19 +78,21 @@ meaningful, maxima are those of the host.")]
 struct Arguments {
     #[command(subcommand)]
     task: Task,
+}
+
+/// How it is measured, and what is made of it.
+#[derive(Debug, clap::Args)]
+struct Measurement {
     /// Print as JSON
-    #[arg(long, global = true)]
+    #[arg(long)]
     json: bool,
     /// Write figures and numbers into this folder
-    #[arg(long, value_name = "DIR", global = true)]
+    #[arg(long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// SCHED_FIFO priority to request; 0: normal scheduling
-    #[arg(long, value_name = "PRIORITY", default_value_t = 80, global = true,
+    /// SCHED_FIFO priority to request; 0: normal scheduling, on any processor
+    #[arg(long, value_name = "PRIORITY", default_value_t = 80,
           value_parser = value_parser!(u8).range(0..=98))]
     priority: u8,
-    /// Let the scheduler choose processors
-    #[arg(long, global = true)]
-    unpinned: bool,
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -108,7 +113,7 @@ enum Task {
     /// What the adaptation is worth on emulated snakes that wear, in simulated time
     Models(models::Arguments),
     /// Loop, inverse, wire and e2e with their defaults, one after the other; takes two minutes
-    All(ControllerArgument),
+    All(Measurement),
 }
 
 #[derive(Debug, clap::Args)]
@@ -117,9 +122,6 @@ struct LoopArguments {
     #[arg(long, value_name = "HZ", default_value = "1000", value_delimiter = ',',
           value_parser = value_parser!(u32).range(100..=4000))]
     rate_hz: Vec<u32>,
-    /// The ticker wakes this long before each tick and reads the clock until then
-    #[arg(long, value_name = "US", default_value_t = 100)]
-    spin_us: u64,
     /// Duration of the measurement of each variant
     #[arg(long, value_name = "S", default_value_t = 10,
           value_parser = value_parser!(u32).range(1..=3600))]
@@ -127,14 +129,18 @@ struct LoopArguments {
     /// The model of the controller; without, a fitted balance of forces
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    #[command(flatten)]
+    measurement: Measurement,
 }
 
 #[derive(Debug, clap::Args)]
 struct InverseArguments {
-    /// Repetitions of the motion of 2000 poses
+    /// Turns of the motion of 2000 poses
     #[arg(long, value_name = "N", default_value_t = 50,
           value_parser = value_parser!(u32).range(1..))]
-    rounds: u32,
+    turns: u32,
+    #[command(flatten)]
+    measurement: Measurement,
 }
 
 #[derive(Debug, clap::Args)]
@@ -151,6 +157,8 @@ struct WireArguments {
     #[arg(long, value_name = "N", default_value = "1", value_delimiter = ',',
           value_parser = value_parser!(u8).range(1..=wire::MAX_AXES as i64))]
     axes: Vec<u8>,
+    #[command(flatten)]
+    measurement: Measurement,
 }
 
 #[derive(Debug, clap::Args)]
@@ -170,7 +178,7 @@ struct EndToEndArguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     busy: u32,
     #[command(flatten)]
-    controller: ControllerArgument,
+    measurement: Measurement,
 }
 
 #[derive(Debug, clap::Args)]
@@ -186,21 +194,12 @@ struct HandArguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     busy: u32,
     #[command(flatten)]
-    controller: ControllerArgument,
+    measurement: Measurement,
 }
 
-#[derive(Debug, Clone, clap::Args)]
-struct ControllerArgument {
-    /// The controller [default: i2ris-control beside this program]
-    #[arg(long, value_name = "PROGRAM")]
-    controller: Option<PathBuf>,
-}
-
-impl ControllerArgument {
-    fn program(&self) -> Result<PathBuf, BenchError> {
-        let beside = || Ok(std::env::current_exe()?.with_file_name("i2ris-control"));
-        self.controller.clone().map_or_else(beside, Ok)
-    }
+/// Beside this program.
+fn controller() -> Result<PathBuf, BenchError> {
+    Ok(std::env::current_exe()?.with_file_name("i2ris-control"))
 }
 
 fn main() -> ExitCode {
@@ -211,76 +210,78 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), BenchError> {
-    if let Task::Models(task) = &arguments.task {
-        return models::run(task, arguments.json).map_err(|error| error.to_string().into());
-    }
+    let task = &arguments.task;
+    let (Measurement { json, output, priority }, is_all) = match task {
+        Task::Models(arguments) => {
+            return models::run(arguments).map_err(|error| error.to_string().into());
+        }
+        Task::Loop(arguments) => (&arguments.measurement, false),
+        Task::Inverse(arguments) => (&arguments.measurement, false),
+        Task::Wire(arguments) => (&arguments.measurement, false),
+        Task::E2e(arguments) => (&arguments.measurement, false),
+        Task::Hand(arguments) => (&arguments.measurement, false),
+        Task::All(measurement) => (measurement, true),
+    };
     let interrupt = Interrupt::catch()?;
-    let outcomes = outcomes(arguments, &arguments.task, arguments.run(&interrupt))?;
-    report::print_outcomes(&outcomes, arguments.json)?;
-    let Some(folder) = &arguments.output else { return Ok(()) };
+    let placement = Placement { priority: *priority, pinned: *priority > 0 };
+    let run = Run { placement, interrupt: &interrupt };
+    let outcomes = if is_all { all(*json, run)? } else { vec![measured(task, *json, "it", run)?] };
+    report::print_outcomes(&outcomes, *json)?;
+    let Some(folder) = output else { return Ok(()) };
     report::write_outcomes(folder, &outcomes)?;
-    if !arguments.json {
+    if !json {
         println!("\nwritten: figures and numbers in {}", folder.display());
     }
     Ok(())
 }
 
-impl Arguments {
-    fn run<'a>(&self, interrupt: &'a Interrupt) -> Run<'a> {
-        let placement = Placement { priority: self.priority, pinned: !self.unpinned };
-        Run { placement, interrupt }
-    }
+/// One measurement, behind a spinner.
+fn measured(task: &Task, json: bool, name: &str, run: Run) -> Result<Outcome, BenchError> {
+    let is_hidden = json || !stderr().is_terminal();
+    let bar = if is_hidden { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+    let bar = bar.with_message(format!("measuring {name}; Ctrl-C ends"));
+    bar.enable_steady_tick(Duration::from_millis(250));
+    let outcome = measure(task, run);
+    bar.finish_and_clear();
+    outcome
 }
 
-/// One measurement, or all with their defaults.
-fn outcomes(arguments: &Arguments, task: &Task, run: Run) -> Result<Vec<Outcome>, BenchError> {
-    let is_hidden = arguments.json || !stderr().is_terminal();
-    let measured = |name: &str, task: &Task| {
-        let bar = if is_hidden { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
-        let bar = bar.with_message(format!("measuring {name}; Ctrl-C ends"));
-        bar.enable_steady_tick(Duration::from_millis(250));
-        let outcome = measure(task, run);
-        bar.finish_and_clear();
-        outcome
+/// All with their defaults.
+fn all(json: bool, run: Run) -> Result<Vec<Outcome>, BenchError> {
+    let of = |name| {
+        let task = Arguments::try_parse_from(["i2ris-bench", name])?.task;
+        measured(&task, json, name, run)
     };
-    let Task::All(controller) = task else { return Ok(vec![measured("it", task)?]) };
-    let all = ["loop", "inverse", "wire", "e2e"].into_iter().map(|name| {
-        let mut task = Arguments::try_parse_from(["i2ris-bench", name])?.task;
-        if let Task::E2e(arguments) = &mut task {
-            arguments.controller = controller.clone();
-        }
-        measured(name, &task)
-    });
-    all.collect()
+    ["loop", "inverse", "wire", "e2e"].into_iter().map(of).collect()
 }
 
 fn measure(task: &Task, run: Run) -> Result<Outcome, BenchError> {
     match task {
-        Task::Loop(LoopArguments { rate_hz, spin_us, duration_s, model }) => {
+        Task::Loop(LoopArguments { rate_hz, duration_s, model, .. }) => {
             let period = |rate_hz: &u32| Nanos(1_000_000_000 / u64::from(*rate_hz));
             let benchmark = control_loop::LoopBenchmark {
                 periods: rate_hz.iter().map(period).collect(),
-                spin: Nanos::from_micros(*spin_us),
+                spin: SPIN,
                 turns: *duration_s,
                 model: model.clone(),
             };
             control_loop::run(&benchmark, run)
         }
-        Task::Inverse(InverseArguments { rounds }) => inverse::run(*rounds, run),
-        Task::Wire(WireArguments { duration_s, baud, axes }) => {
+        Task::Inverse(InverseArguments { turns, .. }) => inverse::run(*turns, run),
+        Task::Wire(WireArguments { duration_s, baud, axes, .. }) => {
             let on = |baud: u32| axes.iter().map(move |axes| (baud, usize::from(*axes)));
             let lines = baud.iter().copied().flat_map(on).collect();
             let seconds = f64::from(*duration_s);
             wire::run(&wire::WireBenchmark { lines, seconds }, run)
         }
         Task::E2e(arguments) => {
-            let controller = arguments.controller.program()?;
+            let controller = controller()?;
             let EndToEndArguments { commands, seed, turns, busy, .. } = *arguments;
             let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
             e2e::run(&benchmark, run)
         }
-        Task::Hand(HandArguments { events, seed, busy, controller }) => {
-            let (commands, controller) = (*events, controller.program()?);
+        Task::Hand(HandArguments { events, seed, busy, .. }) => {
+            let (commands, controller) = (*events, controller()?);
             let (seed, turns, busy) = (*seed, 1, *busy);
             let benchmark = e2e::EndToEndBenchmark { commands, controller, seed, turns, busy };
             e2e::hand::run(&benchmark, run)

@@ -4,6 +4,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use i2ris_testing::program;
 
@@ -13,9 +14,7 @@ fn text(bytes: &[u8]) -> String {
 
 /// Runs a benchmark as JSON, with normal scheduling, because other tests run at the same time.
 fn bench(arguments: &[&str]) -> serde_json::Value {
-    let output = program::output(
-        &[&["bench"], arguments, &["--json", "--priority", "0", "--unpinned"]].concat(),
-    );
+    let output = program::output(&[&["bench"], arguments, &["--json", "--priority", "0"]].concat());
     assert!(output.status.success(), "{}", text(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
 }
@@ -43,7 +42,7 @@ fn check_outcome(outcome: &serde_json::Value, groups_with_floor: &[&str]) {
 fn every_variant_is_measured_and_compared_with_its_floor() {
     let outcome = bench(&["loop", "--duration-s", "1"]);
     check_outcome(&outcome, &["lateness", "compute"]);
-    check_outcome(&bench(&["inverse", "--rounds", "1"]), &["inverse", "forward"]);
+    check_outcome(&bench(&["inverse", "--turns", "1"]), &["inverse", "forward"]);
 }
 
 #[test]
@@ -68,16 +67,12 @@ fn the_use_of_the_wire_is_measured_and_written() {
 
 #[test]
 fn without_a_controller_e2e_fails_with_a_reason() {
-    let output = program::output(&[
-        "bench",
-        "e2e",
-        "--commands",
-        "50",
-        "--priority",
-        "0",
-        "--controller",
-        "/nonexistent/i2ris-control",
-    ]);
+    let program = Path::new(env!("CARGO_BIN_EXE_i2ris-bench"));
+    let folder = tempfile::tempdir_in(program.parent().unwrap()).unwrap();
+    let alone = folder.path().join("i2ris-bench");
+    fs::hard_link(program, &alone).unwrap();
+    let arguments = ["e2e", "--commands", "50", "--priority", "0"];
+    let output = Command::new(alone).args(arguments).output().unwrap();
     let error = text(&output.stderr);
     assert!(!output.status.success() && error.contains("cannot start the controller"), "{error}");
 }
@@ -90,8 +85,7 @@ fn a_command_is_measured_to_the_wire_and_back() {
         eprintln!("skipped: there is no {}", controller.display());
         return;
     }
-    let controller = controller.to_str().unwrap();
-    let outcome = bench(&["e2e", "--commands", "80", "--busy", "1", "--controller", controller]);
+    let outcome = bench(&["e2e", "--commands", "80", "--busy", "1"]);
     let arrived = "command to last byte of the setpoint";
     let seen = "command to encoder position at the client";
     check_outcome(&outcome, &[arrived, seen]);
@@ -119,7 +113,7 @@ fn an_event_is_measured_to_the_wire() {
         eprintln!("skipped: there is no {}", controller.display());
         return;
     }
-    let outcome = bench(&["hand", "--events", "60", "--controller", controller.to_str().unwrap()]);
+    let outcome = bench(&["hand", "--events", "60"]);
     let arrived = "event to last byte of the setpoint";
     check_outcome(&outcome, &[arrived]);
     let variants = outcome["variants"].as_array().unwrap();

@@ -8,8 +8,6 @@ mod guided;
 mod merge;
 mod refine;
 
-pub use columns::ColumnArguments;
-pub use fit::check_output;
 use i2ris_report::Failure;
 
 /// `i2ris calibrate`: a step by name, or the whole way.
@@ -18,13 +16,12 @@ use i2ris_report::Failure;
     args_conflicts_with_subcommands = true,
     after_help = "Examples:
   i2ris calibrate
-  i2ris calibrate collect --config config/emulator.toml --home --output RECORDING.csv
+  i2ris calibrate collect --home --output RECORDING.csv
   i2ris calibrate fit RECORDING.csv --output config/models/snake.json
   i2ris calibrate compare linear.json config/models/snake.json --recording unseen.csv
-  i2ris calibrate refine TRIAL.mcap --model model.json --recording RECORDING.csv --output refined.json
 
-Without a command it runs every step: collect, fit, compare, stage, activate, check. It says each
-step, and goes on where it was."
+Without a command it runs every step: collect, fit, compare, use, check, refine. It says each step,
+and goes on where it was."
 )]
 pub struct Arguments {
     #[command(subcommand)]
@@ -45,12 +42,10 @@ enum Command {
     Collect(collect::Arguments),
     /// Compare models on a recording
     Compare(compare::Arguments),
-    /// Fit a model to a recording of encoder counts and angles
+    /// Make a model: fit one to a recording, make it better by a trial, or take a network
     Fit(fit::Arguments),
     /// Put angles that were measured in pictures in the place of those of a recording
     Merge(merge::Arguments),
-    /// Make a better model from a calibration and a recorded trial with a camera
-    Refine(refine::Arguments),
 }
 
 impl Command {
@@ -68,6 +63,5 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Fit(arguments) => fit::run(&arguments),
         Command::Merge(arguments) => merge::run(&arguments),
-        Command::Refine(arguments) => refine::run(&arguments),
     }
 }

@@ -17,26 +17,22 @@ use i2ris_report::{Failure, Interrupt};
 use i2ris_simulation::SnakeSource;
 
 pub use arguments::Arguments;
-use commands::{Demo, copy};
+use commands::Demo;
 
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     SnakeSource::load(&arguments.snake)?;
     let interrupt = Interrupt::catch()?;
     build_controller()?;
     let mut demo = Demo::start(arguments, interrupt)?;
-    let outcome = show(&mut demo);
-    if let Some(folder) = &demo.arguments.keep {
-        copy(&demo.folder.0, folder, |_| true)?;
-    }
-    outcome
+    show(&mut demo)
 }
 
 fn show(demo: &mut Demo) -> Result<(), Failure> {
-    if demo.arguments.from.is_none() {
+    if !demo.path("recording.csv").exists() {
         demo.collect()?;
     }
     let mut followed = Vec::new();
-    let families = demo.arguments.families.clone();
+    let families = demo.arguments.family.clone();
     for family in &families {
         demo.fit("recording.csv", family, family)?;
     }

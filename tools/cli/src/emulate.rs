@@ -25,7 +25,7 @@ const POLL_PERIOD: Nanos = Nanos::from_millis(20);
 #[command(after_help = "Examples:
   i2ris emulate --log setpoints.csv
   i2ris emulate --snake bouc-wen:7
-  i2ris emulate --family epos2
+  i2ris emulate --family epos2-v1 --wiring gateway
 
 Then, in another terminal: i2ris-control --config config/emulator.toml")]
 pub struct Arguments {
@@ -55,15 +55,9 @@ pub struct Arguments {
     /// Family of the drives
     #[arg(long, value_enum, default_value_t = FamilyName::Epos4)]
     family: FamilyName,
-    /// Framing of the lines: v1 is EPOS2 on RS232
-    #[arg(long, value_enum, default_value_t = FramingName::V2)]
-    framing: FramingName,
-    /// One port: the second drive, node 2, is behind the first, node 1
-    #[arg(long)]
-    gateway: bool,
-    /// One port with three drives: node 3 turns a gripper or a roll
-    #[arg(long)]
-    jaw: bool,
+    /// How the drives are connected
+    #[arg(long, value_enum, default_value_t = Wiring::TwoPorts)]
+    wiring: Wiring,
     /// What is done to drives, lines, wires and camera, and when, and how the snake ages (TOML)
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
@@ -82,20 +76,27 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// End after this time
-    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
-    duration: Option<Nanos>,
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    duration_s: Option<Nanos>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum FamilyName {
     Epos4,
+    /// On USB
     Epos2,
+    /// On RS232
+    Epos2V1,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum FramingName {
-    V2,
-    V1,
+enum Wiring {
+    /// Each on a port of its own
+    TwoPorts,
+    /// One port: the second drive, node 2, is behind the first, node 1
+    Gateway,
+    /// One port with three drives: node 3 turns a gripper or a roll
+    Jaw,
 }
 
 pub fn snake_help() -> String {
@@ -115,24 +116,23 @@ const GATEWAY_US: u64 = 600;
 
 impl Arguments {
     fn config(&self) -> Result<EmulatorConfig, Failure> {
-        if (self.family, self.framing) == (FamilyName::Epos4, FramingName::V1) {
-            return Err("--framing v1 is spoken by --family epos2 only".into());
-        }
         let mut config = EmulatorConfig::new(SnakeSource::load(&self.snake)?, &self.ports);
         config.seed = self.seed;
         config.camera.noise_deg = self.camera_noise_deg;
         config.log.clone_from(&self.log);
-        if self.family == FamilyName::Epos2 {
+        if self.family != FamilyName::Epos4 {
             config.drives.iter_mut().for_each(|drive| drive.family = Family::Epos2);
         }
-        if self.framing == FramingName::V1 {
+        if self.family == FamilyName::Epos2V1 {
             config.line.framing = Framing::V1;
         }
-        if self.jaw {
-            config.add_auxiliary(GATEWAY_US);
-        } else if self.gateway {
-            config.gateway_us = Some(GATEWAY_US);
-            config.drives[1].node_id = 2;
+        match self.wiring {
+            Wiring::TwoPorts => {}
+            Wiring::Jaw => config.add_auxiliary(GATEWAY_US),
+            Wiring::Gateway => {
+                config.gateway_us = Some(GATEWAY_US);
+                config.drives[1].node_id = 2;
+            }
         }
         if let Some(file) = &self.scenario {
             config.scenario = Scenario::load(file)?;
@@ -165,7 +165,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         format!("camera on domain {}", domain.name())
     };
     say(&format!("ready: snake {name}, {camera}; Ctrl-C ends"));
-    watch(&emulator, &interrupt, arguments.duration);
+    watch(&emulator, &interrupt, arguments.duration_s);
     say(&summary(&emulator.snapshot(), emulator.host_bugs()));
     Ok(())
 }

@@ -12,62 +12,68 @@ use i2ris_report::programs::{PROGRAMS, Program, find};
 
 #[derive(Debug, PartialEq, Eq)]
 pub struct Call {
-    name: String,
+    program: Program,
     arguments: Vec<OsString>,
 }
 
 impl Call {
-    /// The call that these arguments of `i2ris` ask for, if they do not ask for one of its own
-    /// subcommands: `NAME ...`, `help NAME ...`.
-    pub fn requested(own: &clap::Command, arguments: &[OsString]) -> Option<Self> {
-        let is_own = |name: &str| name == "help" || own.find_subcommand(name).is_some();
-        let is_other = |name: &&str| {
-            Program::named(name).is_some()
-                || !name.starts_with('-') && !is_own(name) && find(name).is_some()
+    /// The call that these arguments of `i2ris` ask for, if they do not ask for a command of its
+    /// own: `NAME ...`, `help NAME ...`.
+    pub fn requested(arguments: &[OsString]) -> Option<Self> {
+        let words: Vec<_> = arguments.iter().map(|word| word.to_string_lossy()).collect();
+        let is_help = words.first().is_some_and(|word| word == "help");
+        let (program, rest) = Program::of(&words[usize::from(is_help)..])?;
+        let rest = &arguments[arguments.len() - rest.len()..];
+        let arguments = match (is_help, rest) {
+            (false, rest) => rest.to_vec(),
+            (true, []) => vec!["--help".into()],
+            (true, rest) => [&["help".into()], rest].concat(),
         };
-        let name = |text: &OsString| text.to_str().filter(is_other).map(str::to_owned);
-        let (first, rest) = arguments.split_first()?;
-        if first != "help" {
-            let (name, arguments) = (name(first)?, rest.to_vec());
-            return Some(Self { name, arguments });
-        }
-        let (first, rest) = rest.split_first()?;
-        let arguments = match rest {
-            [] => vec!["--help".into()],
-            rest => [&["help".into()], rest].concat(),
-        };
-        let name = name(first)?;
-        Some(Self { name, arguments })
+        Some(Self { program, arguments })
+    }
+
+    /// The same call with another first argument.
+    pub fn with_first(mut self, first: &str) -> Self {
+        self.arguments.insert(0, first.into());
+        self
     }
 
     /// Replaces this process by the program. Returns only if that fails.
     pub fn execute(self) -> Failure {
-        let Some(program) = find(&self.name) else {
-            let known = Program::named(&self.name);
-            return known
-                .map_or_else(|| self.name.clone(), |program| program.how_to_install())
-                .into();
+        let Some(program) = find(self.program.name()) else {
+            return self.program.how_to_install().into();
         };
         let error = Command::new(&program).args(self.arguments).exec();
         format!("cannot start {}: {error}", program.display()).into()
     }
 }
 
+/// `i2ris` with the names of its programs.
 pub fn with_programs(command: clap::Command) -> clap::Command {
-    let named = |program: Program| clap::Command::new(program.name).about(program.about);
-    command.subcommands(PROGRAMS.map(named))
+    with(command, |program| clap::Command::new(program.name()))
 }
 
-/// The command lines of the programs that are found; the name and one line of the others.
+/// `i2ris` with the command lines of the programs that are found; the names of the others.
 pub fn with_descriptions(command: clap::Command) -> clap::Command {
-    command.subcommands(PROGRAMS.map(|program| {
-        let description = find(program.name).and_then(|file| describe(&file));
-        let command = match description {
-            Some(description) => description.command(program.name),
-            None => clap::Command::new(program.name),
-        };
-        command.about(program.about)
-    }))
+    with(command, |program| {
+        let description = find(program.name()).and_then(|file| describe(&file));
+        match description {
+            Some(description) => description.command(program.name()),
+            None => clap::Command::new(program.name()),
+        }
+    })
+}
+
+fn with(command: clap::Command, of: impl Fn(Program) -> clap::Command) -> clap::Command {
+    PROGRAMS.into_iter().fold(command, |command, program| {
+        let own = of(program).about(program.about);
+        match program.words.split_once(' ') {
+            Some((parent, _)) => command.mut_subcommand(parent, |parent| {
+                parent.args_conflicts_with_subcommands(true).subcommand(own)
+            }),
+            None => command.subcommand(own),
+        }
+    })
 }
 
 fn describe(program: &Path) -> Option<Description> {
@@ -81,18 +87,20 @@ mod tests {
 
     #[test]
     fn names_of_programs_are_calls_and_everything_else_is_not() {
-        let own = clap::Command::new("i2ris").subcommand(clap::Command::new("model"));
         let requested = |words: &[&str]| {
             let words: Vec<OsString> = words.iter().map(OsString::from).collect();
-            let call = Call::requested(&own, &words)?;
+            let call = Call::requested(&words)?;
             let arguments = call.arguments.into_iter().map(|word| word.into_string().unwrap());
-            Some((call.name, arguments.collect::<Vec<_>>().join(" ")))
+            Some((call.program.name(), arguments.collect::<Vec<_>>().join(" ")))
         };
         for (words, expected) in [
             (&["record", "info", "x.mcap"][..], Some(("record", "info x.mcap"))),
             (&["record", "--help"], Some(("record", "--help"))),
+            (&["start", "ros", "--name", "eye"], Some(("ros", "--name eye"))),
             (&["help", "record"], Some(("record", "--help"))),
             (&["help", "record", "info"], Some(("record", "help info"))),
+            (&["help", "start", "ros"], Some(("ros", "--help"))),
+            (&["start", "--no-monitor"], None),
             (&["model", "record"], None),
             (&["help", "model"], None),
             (&["help"], None),
@@ -100,7 +108,7 @@ mod tests {
             (&["--version"], None),
             (&[], None),
         ] {
-            let expected = expected.map(|(name, words)| (name.to_owned(), words.to_owned()));
+            let expected = expected.map(|(name, words)| (name, words.to_owned()));
             assert_eq!(requested(words), expected, "{words:?}");
         }
     }

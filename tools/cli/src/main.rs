@@ -5,16 +5,17 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
 use std::ffi::OsString;
+use std::io::{Write, stdout};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use i2ris_report::program::{end_with_reader, finish};
-use i2ris_report::{Failure, tips};
+use clap_complete::{Shell, generate};
+use i2ris::ipc::StateCommand;
+use i2ris_report::program::{DESCRIBE, PARSE, describe, end_with_reader, finish};
+use i2ris_report::{Failure, tips, until_closed};
 
 mod calibrate;
 mod command;
-mod completions;
-mod config;
 mod connection;
 mod csv_table;
 mod demo;
@@ -22,16 +23,14 @@ mod doctor;
 mod emulate;
 mod exit;
 mod external;
-mod input;
 mod model;
 mod numbers;
 mod process;
 mod progress_bar;
-mod replay;
 mod start;
+mod state;
 mod stop;
 mod teleop;
-mod why;
 
 /// Calibrate, emulate, command and watch the I2RIS snake robot.
 #[derive(Debug, Parser)]
@@ -40,106 +39,123 @@ mod why;
     version,
     propagate_version = true,
     arg_required_else_help = true,
+    args_conflicts_with_subcommands = true,
     after_help = i2ris_report::exit::HELP
 )]
 struct Cli {
+    /// Print a script that completes commands and options, those of installed programs, too:
+    /// i2ris --completions bash > ~/.local/share/bash-completion/completions/i2ris
+    #[arg(long, value_name = "SHELL", value_enum)]
+    completions: Option<Shell>,
     #[command(subcommand)]
-    task: Task,
+    task: Option<Task>,
 }
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Calibrate the robot: all steps, or one of them
-    Calibrate(calibrate::Arguments),
-    /// Look at a model, and run it without a robot
-    #[command(subcommand)]
-    Model(model::Command),
     /// Start emulator, controller and monitor, and end all three
     Start(start::Arguments),
     /// Run two emulated drives with a snake behind them
     Emulate(emulate::Arguments),
-    /// Check ports, drives and machine before the robot moves
+    /// Show the whole path on the emulator: calibrate, fit, follow, measure
+    Demo(demo::Arguments),
+    /// Check ports, drives and machine before the robot moves; look at a configuration
     Doctor(doctor::Arguments),
     /// Hold every client and end every motion, at once
     #[command(alias = "estop", alias = "e-stop", alias = "halt")]
     Stop(stop::Arguments),
-    /// Command the robot
+    /// Take the present pose as the zero (or find the hard stops): straighten the snake before
+    Home(state::Arguments),
+    /// Switch the drives on; the robot holds
+    Enable(state::Arguments),
+    /// Come to rest, then switch the drives off
+    Disable(state::Arguments),
+    /// Command the robot: poses, paths, states, virtual fixtures
     Command(command::Arguments),
     /// Steer the robot by hand: gamepad, joystick, SpaceMouse, pedal or keyboard
     Teleop(teleop::Arguments),
-    /// Look at input devices, record them and play what was recorded
+    /// Calibrate the robot: all steps, or one of them
+    Calibrate(calibrate::Arguments),
+    /// Take a model into use, look at it, and run it without a robot
     #[command(subcommand)]
-    Input(input::Command),
-    /// Say why the robot does not move as asked, and what to do
-    Why(why::Arguments),
-    /// Look at a configuration
-    #[command(subcommand)]
-    Config(config::Command),
-    /// Print what a shell needs to complete commands
-    Completions(completions::Arguments),
-    /// Run the black box of a controller again and compare to the bit
-    Replay(replay::Arguments),
-    /// Have the running controller write its black box: the last seconds of every tick
-    Dump(replay::DumpArguments),
-    /// Show the whole path on the emulator: calibrate, fit, follow, measure
-    Demo(demo::Arguments),
+    Model(model::Command),
 }
 
 impl Task {
     /// Whether it only prints, see [`end_with_reader`].
     fn only_prints(&self) -> bool {
         match self {
-            Self::Model(_)
-            | Self::Doctor(_)
-            | Self::Why(_)
-            | Self::Config(_)
-            | Self::Completions(_)
-            | Self::Replay(_) => true,
+            Self::Doctor(_) => true,
             Self::Calibrate(arguments) => arguments.only_prints(),
+            Self::Model(command) => command.only_prints(),
             Self::Start(_)
             | Self::Emulate(_)
+            | Self::Demo(_)
             | Self::Stop(_)
+            | Self::Home(_)
+            | Self::Enable(_)
+            | Self::Disable(_)
             | Self::Command(_)
-            | Self::Teleop(_)
-            | Self::Input(_)
-            | Self::Dump(_)
-            | Self::Demo(_) => false,
+            | Self::Teleop(_) => false,
         }
     }
 
     fn run(self) -> Result<(), Failure> {
         match self {
-            Self::Calibrate(arguments) => calibrate::run(arguments),
-            Self::Model(command) => model::run(command),
             Self::Start(arguments) => start::run(&arguments),
             Self::Emulate(arguments) => emulate::run(arguments),
+            Self::Demo(arguments) => demo::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Stop(arguments) => stop::run(&arguments),
+            Self::Home(arguments) => state::run(&arguments, StateCommand::Home),
+            Self::Enable(arguments) => state::run(&arguments, StateCommand::Enable),
+            Self::Disable(arguments) => state::run(&arguments, StateCommand::Disable),
             Self::Command(arguments) => command::run(arguments),
-            Self::Teleop(arguments) => teleop::run(&arguments),
-            Self::Input(command) => input::run(&command),
-            Self::Why(arguments) => why::run(&arguments),
-            Self::Config(command) => config::run(&command),
-            Self::Completions(arguments) => completions::run(&arguments, Cli::command()),
-            Self::Replay(arguments) => replay::run(&arguments),
-            Self::Dump(arguments) => replay::dump(&arguments),
-            Self::Demo(arguments) => demo::run(arguments),
+            Self::Teleop(arguments) => teleop::run(arguments),
+            Self::Calibrate(arguments) => calibrate::run(arguments),
+            Self::Model(command) => model::run(command),
         }
     }
 }
 
 fn main() -> ExitCode {
-    let arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
-    if let Some(call) = external::Call::requested(&Cli::command(), &arguments) {
+    let mut arguments: Vec<OsString> = std::env::args_os().collect();
+    let first = arguments.get(1).and_then(|word| word.to_str()).unwrap_or_default();
+    let only_parses = first == PARSE;
+    if first == DESCRIBE && arguments.len() == 2 {
+        return finish(describe(&external::with_descriptions(Cli::command())));
+    }
+    if only_parses {
+        arguments.remove(1);
+    }
+    if let Some(call) = external::Call::requested(arguments.get(1..).unwrap_or_default()) {
+        let call = if only_parses { call.with_first(PARSE) } else { call };
         return finish(Err(call.execute()));
     }
-    let matches = external::with_programs(Cli::command()).try_get_matches();
-    let task = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
-        Ok(cli) => cli.task,
+    let matches = external::with_programs(Cli::command()).try_get_matches_from(arguments);
+    let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
+        Ok(_) if only_parses => return ExitCode::SUCCESS,
+        Ok(cli) => cli,
         Err(error) => tips::harmless(error).exit(),
     };
-    if task.only_prints() {
-        end_with_reader();
-    }
-    finish(task.run().map_err(exit::with_code))
+    let outcome = match (cli.completions, cli.task) {
+        (Some(shell), _) => completions(shell),
+        (None, Some(task)) => {
+            if task.only_prints() {
+                end_with_reader();
+            }
+            task.run()
+        }
+        // Without an argument there is help.
+        (None, None) => Ok(()),
+    };
+    finish(outcome.map_err(exit::with_code))
+}
+
+fn completions(shell: Shell) -> Result<(), Failure> {
+    let mut command = external::with_descriptions(Cli::command());
+    let mut script = Vec::new();
+    generate(shell, &mut command, "i2ris", &mut script);
+    until_closed(stdout().write_all(&script))?;
+    Ok(())
 }

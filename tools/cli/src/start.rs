@@ -58,10 +58,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let config = kept_config(&folder, domain.name())?;
     let mut robot = EmulatedRobot::start(&folder, &config, &snake, &interrupt)?;
-    let (name, logs, file) = (domain.name(), folder.display(), robot.config.display());
+    let (name, logs) = (domain.name(), folder.display());
+    let is_default = arguments.domain.is_default();
+    let option = if is_default { String::new() } else { format!(" --domain {name}") };
     until_closed(Screen::stdout().say(&format!(
         "ready: emulator and controller on domain {name}, logs in {logs}\n\
-         next, in another terminal: i2ris calibrate --config {file}"
+         next, in another terminal: i2ris calibrate{option}"
     )))?;
     let outcome = watch(arguments, name, &interrupt, &mut robot);
     let ended = robot.end();
@@ -87,8 +89,6 @@ fn kept_config(folder: &Path, domain: &str) -> Result<Config, Failure> {
 
 /// Emulator and controller as processes of their own. Dropping ends both.
 pub struct EmulatedRobot {
-    /// The file that the controller runs with.
-    pub config: PathBuf,
     pub robot_id: String,
     // The controller first: it switches the drives off in order.
     controller: Process,
@@ -126,7 +126,7 @@ impl EmulatedRobot {
         wait(interrupt, &mut [&mut emulator, &mut controller], "the controller", || {
             Client::connect(&domain, Nanos::ZERO).is_ok()
         })?;
-        Ok(Self { config: file, robot_id: config.robot_id.clone(), controller, emulator })
+        Ok(Self { robot_id: config.robot_id.clone(), controller, emulator })
     }
 
     /// Fails if one of them has ended.
@@ -189,9 +189,9 @@ fn watch(
     robot: &mut EmulatedRobot,
 ) -> Result<(), Failure> {
     let has_terminal = io::stdout().is_terminal() && io::stdin().is_terminal();
-    let program = find("monitor").filter(|_| has_terminal && !arguments.no_monitor);
+    let program = find("status").filter(|_| has_terminal && !arguments.no_monitor);
     let mut monitor = match program {
-        Some(program) => Some(Command::new(program).args(["--domain", domain]).spawn()?),
+        Some(program) => Some(Command::new(program).args(["--watch", "--domain", domain]).spawn()?),
         None => None,
     };
     let outcome = loop {

@@ -1,14 +1,21 @@
-//! The robot as lines of text, for `--once` and for pipes.
+//! The robot as lines of text, for files, pipes and terminals without keys.
 
-use i2ris_report::view::{Age, ControlLoop, Motor, NOTHING, Pose, Span, State, View};
+use i2ris_report::view::{Age, ControlLoop, Motor, NOTHING, Pose, Span, State, View, Why};
 
-/// Everything, in several lines.
+/// Why it does not move: two lines each.
+pub fn reasons(view: &View) -> Vec<String> {
+    let is_free = view.state.is_some() && view.why.iter().all(|why| why.age_s.is_some());
+    let nothing = is_free.then(|| NOTHING.to_owned());
+    let lines = view.why.iter().flat_map(|Why { text, advice, age_s, .. }| {
+        let age = age_s.map(|age| format!(", {age:.1} s ago")).unwrap_or_default();
+        [format!("{text}{age}"), format!("  do: {advice}")]
+    });
+    nothing.into_iter().chain(lines).collect()
+}
+
+/// Everything else, in several lines.
 pub fn page(view: &View) -> Vec<String> {
     let mut lines = vec![state_line(view.state.as_ref()), lease_line(view.state.as_ref())];
-    if view.state.is_some() && view.why.iter().all(|why| why.age_s.is_some()) {
-        lines.push(format!("why        {NOTHING}"));
-    }
-    lines.extend(view.why.iter().map(|why| format!("why        {}; do: {}", why.text, why.advice)));
     lines.extend(angle_lines(view));
     match &view.motors {
         None => lines.push("motors     not received yet".to_owned()),
@@ -251,7 +258,8 @@ mod tests {
     }
 
     fn text(messages: &LatestMessages, now: Nanos) -> String {
-        page(&View::new(messages, now)).join("\n")
+        let view = View::new(messages, now);
+        [reasons(&view), page(&view)].concat().join("\n")
     }
 
     #[track_caller]
@@ -350,9 +358,9 @@ mod tests {
         assert_has(
             &text(&messages, NOW),
             &[
-                "why        fault 2: a drive does not answer (motor 1: 612.0 ms, limit 200.0 ms); \
-                 do: check cable",
-                "why        refusal 4: another client holds the lease; do: end",
+                "fault 2: a drive does not answer (motor 1: 612.0 ms, limit 200.0 ms)\n  do: check \
+                 cable",
+                "refusal 4: another client holds the lease, 0.0 s ago\n  do: end",
             ],
         );
         let later = text(&messages, NOW + Nanos::from_millis(6000));

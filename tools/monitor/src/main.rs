@@ -1,5 +1,5 @@
-//! `i2ris monitor`: shows the streams of the controller as a terminal screen, as lines, or as a web
-//! page.
+//! `i2ris status`: why the robot does not move and the streams of the controller: once, as a terminal
+//! screen, as lines, or as a web page.
 //!
 //! | part | does |
 //! |---|---|
@@ -7,6 +7,7 @@
 //! | `dashboard` | what is known, and the one view of it that everything below draws |
 //! | `history`, `event_log` | last seconds, last events |
 //! | `commander` | name of the process that commands |
+//! | `once` | reasons with what to do, and everything else once |
 //! | `lines` | lines of text |
 //! | `terminal` | the screen with keys; only its `operator_commands` sends requests |
 //! | `web` | the page; it holds a dashboard and no client |
@@ -20,12 +21,12 @@ mod dashboard;
 mod event_log;
 mod history;
 mod lines;
+mod once;
 mod subscriptions;
 mod terminal;
 mod web;
 
 use std::io::{self, IsTerminal};
-use std::path::PathBuf;
 
 use i2ris::clock;
 use i2ris::ipc::client::Client;
@@ -43,28 +44,33 @@ use subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
 const CONNECT: Nanos = Nanos::from_millis(2000);
 /// Time between two lines in a file.
 const LINE_PERIOD: Nanos = Nanos::from_millis(1000);
-/// Time limit for the first messages. Statistics come once a second.
-const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(1500);
 
-/// Watch the robot
+/// Say why the robot does not move, and what to do; watch it
 #[derive(Debug, Parser)]
-#[command(name = "i2ris-monitor", bin_name = "i2ris monitor", version, propagate_version = true)]
+#[command(name = "i2ris-status", bin_name = "i2ris status", version, propagate_version = true)]
 #[command(after_help = "Examples:
-  i2ris monitor                     the screen, with keys to stop the robot and to change its model
-  i2ris monitor --web               a read-only page: http://127.0.0.1:8765/
-  i2ris monitor --web 8080          the same on another port
-  i2ris monitor | head              one line a second
+  i2ris status                      why it does not move, what to do, and everything once
+  i2ris status --watch              the screen, with keys to stop the robot and to change its model
+  i2ris status --watch | head       one line a second
+  i2ris status --web                a read-only page: http://127.0.0.1:8765/
+  i2ris status --web 8080           the same on another port
+
+What keeps the robot from moving now comes first, then the last refusals, stops and clips with their \
+age. Two lines each: code, sentence, measured value and limit; and what to do.
 
 Exit codes: 0 ended as asked, 2 wrong arguments, 3 no controller (except --web, which waits for \
 one).")]
 struct Arguments {
     #[command(flatten)]
     domain: DomainOption,
-    /// Show everything once and end
+    /// Print JSON
+    #[arg(long, conflicts_with_all = ["watch", "web"])]
+    json: bool,
+    /// Go on: a screen on a terminal, or one line a second
     #[arg(long, conflicts_with = "web")]
-    once: bool,
-    /// End after this time instead of with Ctrl-C
-    #[arg(long = "duration-s", visible_alias = "duration", value_name = "S")]
+    watch: bool,
+    /// With --watch or --web: end after this time instead of with Ctrl-C
+    #[arg(long, value_name = "S")]
     duration_s: Option<f64>,
     /// Serve a read-only page for a browser at PORT, ADDRESS or ADDRESS:PORT
     #[arg(
@@ -74,33 +80,31 @@ struct Arguments {
         default_missing_value = web::DEFAULT_ADDRESS
     )]
     web: Option<web::ListenAddress>,
-    /// The file of the model in use, for its hull, where it is not where the controller says
-    #[arg(long, value_name = "FILE")]
-    model: Option<PathBuf>,
 }
 
 fn main() -> ExitCode {
-    i2ris_report::program::run(|_| false, run)
+    let only_prints = |it: &Arguments| !it.watch && it.web.is_none();
+    i2ris_report::program::run(only_prints, run)
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {
     let domain = arguments.domain.domain()?;
     let span = arguments.duration_s.map(|seconds| Nanos((seconds.max(0.0) * 1e9) as u64));
     if let Some(address) = arguments.web {
-        return web::run(&domain, address, arguments.model, span);
+        return web::run(&domain, address, span);
     }
     let mut client = Client::connect(&domain, CONNECT)?;
     let version = client.version()?;
     let title = model_poller::title(&version, domain.name(), version.model_id);
     drop(client);
     let mut subscriptions = Subscriptions::new(&domain);
-    if !arguments.once && io::stdout().is_terminal() && io::stdin().is_terminal() {
-        return terminal::run(&domain, subscriptions, title, arguments.model, span);
+    if !arguments.watch {
+        return once::run(&domain, &mut subscriptions, &title, arguments.json);
+    }
+    if io::stdout().is_terminal() && io::stdin().is_terminal() {
+        return terminal::run(&domain, subscriptions, title, span);
     }
     let interrupt = Interrupt::catch()?;
-    if arguments.once {
-        return once(&mut subscriptions, &interrupt, &title);
-    }
     plain(&mut subscriptions, &interrupt, &title, span)
 }
 
@@ -130,36 +134,10 @@ fn plain(
 fn text(dashboard: &Dashboard, screen: &Screen, title: &str, now: Nanos) -> Vec<String> {
     match &dashboard.problem {
         Some(problem) => vec![problem.clone()],
-        None if screen.is_terminal() => page(dashboard, title, now),
+        None if screen.is_terminal() => {
+            let view = dashboard.view(now);
+            [vec![title.to_owned()], lines::reasons(&view), lines::page(&view)].concat()
+        }
         None => vec![lines::line(&dashboard.view(now))],
-    }
-}
-
-fn page(dashboard: &Dashboard, title: &str, now: Nanos) -> Vec<String> {
-    [vec![title.to_owned()], lines::page(&dashboard.view(now))].concat()
-}
-
-/// Waits for a message of every stream that a controller always publishes, then shows the page.
-fn once(
-    subscriptions: &mut Subscriptions,
-    interrupt: &Interrupt,
-    title: &str,
-) -> Result<(), Failure> {
-    let start = clock::now();
-    let mut dashboard = Dashboard::default();
-    loop {
-        let now = clock::now();
-        subscriptions.refresh(&mut dashboard, now);
-        if let Some(problem) = dashboard.problem {
-            return Err(problem.into());
-        }
-        if dashboard.messages.is_complete()
-            || now.since(start) > FIRST_MESSAGE_TIMEOUT
-            || interrupt.came()
-        {
-            until_closed(Screen::stdout().draw(&page(&dashboard, title, now)))?;
-            return Ok(());
-        }
-        clock::sleep(Nanos::from_millis(5));
     }
 }

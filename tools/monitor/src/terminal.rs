@@ -7,7 +7,6 @@ mod operator_commands;
 mod screen;
 mod style;
 
-use std::path::PathBuf;
 use std::time::Duration;
 
 use i2ris::clock;
@@ -32,12 +31,11 @@ pub fn run(
     domain: &Domain,
     subscriptions: Subscriptions,
     title: String,
-    model: Option<PathBuf>,
     span: Option<Nanos>,
 ) -> Result<(), Failure> {
     // A second signal ends the program at once: not without putting the terminal back.
     let interrupt = Interrupt::catch_with(ratatui::restore)?;
-    let model_poller = ModelPoller::start(domain, model);
+    let model_poller = ModelPoller::start(domain);
     model_poller.poll_now();
     let mut session = Session {
         subscriptions,

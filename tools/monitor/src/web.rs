@@ -18,7 +18,6 @@ mod snapshot;
 mod source;
 
 use std::net::TcpListener;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use i2ris::clock;
@@ -35,12 +34,7 @@ use i2ris_report::{Interrupt, Screen, until_closed};
 
 /// Serves until a signal or the end of `span`. Needs no controller: the page says so while there is
 /// none.
-pub fn run(
-    domain: &Domain,
-    address: ListenAddress,
-    model: Option<PathBuf>,
-    span: Option<Nanos>,
-) -> Result<(), Failure> {
+pub fn run(domain: &Domain, address: ListenAddress, span: Option<Nanos>) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     let listener = TcpListener::bind(address.0).map_err(|error| {
         format!(
@@ -62,7 +56,7 @@ pub fn run(
     let outcome = Screen::stdout()
         .say(&format!("watch domain {} at http://{address}/ (read-only)", domain.name()));
     until_closed(outcome)?;
-    let model_poller = ModelPoller::start(domain, model);
+    let model_poller = ModelPoller::start(domain);
     let mut subscriptions = Subscriptions::new(domain);
     let start = clock::now();
     while !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {

@@ -1,4 +1,4 @@
-//! `i2ris monitor` against a controller without drives.
+//! `i2ris status` against a controller without drives.
 #![allow(clippy::unwrap_used)]
 
 #[path = "monitor/chromium.rs"]
@@ -22,14 +22,14 @@ use i2ris_testing::{Controller, Program, unique_domain};
 
 #[test]
 fn without_a_controller_it_says_so() {
-    let (success, _, error) = Program::run(&unique_domain(), &["monitor"]);
+    let (success, _, error) = Program::run(&unique_domain(), &["status", "--watch"]);
     assert!(!success && error.contains("no controller serves domain"), "{error}");
 }
 
 #[test]
-fn once_shows_everything_once() {
+fn without_options_it_shows_everything_once() {
     let controller = Controller::enabled();
-    let (success, output, error) = Program::run(&controller.domain, &["monitor", "--once"]);
+    let (success, output, error) = Program::run(&controller.domain, &["status"]);
     assert!(success, "{error}");
     for part in [
         controller.domain.name(),
@@ -50,7 +50,7 @@ fn once_shows_everything_once() {
 fn into_a_file_goes_one_line_a_second_until_the_time_is_over() {
     let controller = Controller::enabled();
     let (success, output, error) =
-        Program::run(&controller.domain, &["monitor", "--duration", "1.5"]);
+        Program::run(&controller.domain, &["status", "--watch", "--duration-s", "1.5"]);
     assert!(success, "{error}");
     let lines: Vec<&str> = output.lines().collect();
     assert!((1..=3).contains(&lines.len()), "{output}");
@@ -63,7 +63,7 @@ fn into_a_file_goes_one_line_a_second_until_the_time_is_over() {
 #[test]
 fn it_ends_well_with_ctrl_c_and_with_its_reader() {
     let controller = Controller::enabled();
-    let mut interrupted = Program::start(&controller.domain, &["monitor"]);
+    let mut interrupted = Program::start(&controller.domain, &["status", "--watch"]);
     let mut first = String::new();
     let mut reader = BufReader::new(interrupted.child().stdout.take().unwrap());
     reader.read_line(&mut first).unwrap();
@@ -71,7 +71,7 @@ fn it_ends_well_with_ctrl_c_and_with_its_reader() {
     let (success, _, error) = interrupted.end();
     assert!(success && error.is_empty(), "{error}");
 
-    let mut deserted = Program::start(&controller.domain, &["monitor"]);
+    let mut deserted = Program::start(&controller.domain, &["status", "--watch"]);
     drop(deserted.child().stdout.take());
     let (success, _, error) = deserted.end();
     assert!(success && error.is_empty(), "{error}");
@@ -80,7 +80,7 @@ fn it_ends_well_with_ctrl_c_and_with_its_reader() {
 #[test]
 fn a_controller_that_went_away_is_told_not_hidden() {
     let controller = Controller::enabled();
-    let mut program = Program::start(&controller.domain, &["monitor"]);
+    let mut program = Program::start(&controller.domain, &["status", "--watch"]);
     let mut lines = BufReader::new(program.child().stdout.take().unwrap()).lines();
     assert!(lines.next().unwrap().unwrap().starts_with("ENABLED"));
     drop(controller);
@@ -93,7 +93,7 @@ fn a_controller_that_went_away_is_told_not_hidden() {
 fn on_a_terminal_the_page_is_drawn_over_again() {
     let controller = Controller::enabled();
     let pty = nix::pty::openpty(None, None).unwrap();
-    let mut child = i2ris_testing::program::command(&["monitor", "--duration", "2.5"])
+    let mut child = i2ris_testing::program::command(&["status", "--watch", "--duration-s", "2.5"])
         .env("I2RIS_DOMAIN", controller.domain.name())
         .stdin(std::process::Stdio::null())
         .stdout(pty.slave)

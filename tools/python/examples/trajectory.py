@@ -2,7 +2,7 @@
 
     python examples/trajectory.py desired.csv --domain i2ris
 
-The robot has to be enabled and homed (``i2ris command state home``, ``... enable``). Ctrl-C ends it; the robot holds.
+The robot has to be enabled and homed (``i2ris home``, ``... enable``). Ctrl-C ends it; the robot holds.
 """
 
 import argparse

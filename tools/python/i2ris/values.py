@@ -19,7 +19,7 @@ FAULT_KIND, REFUSAL_KIND, STOP_KIND = 1, 2, 3
 
 
 class Refused(Exception):
-    """The controller refuses a command; nothing has changed. ``str()`` gives what ``i2ris why`` prints."""
+    """The controller refuses a command; nothing has changed. ``str()`` gives what ``i2ris status`` prints."""
 
     def __init__(self, what: str, code: int, detail: str = "", measured: str = ""):
         #: The reason, in words.
@@ -34,7 +34,7 @@ class Refused(Exception):
 
 
 class Fault(Exception):
-    """The robot is in FAULT; ``str()`` gives what ``i2ris why`` prints."""
+    """The robot is in FAULT; ``str()`` gives what ``i2ris status`` prints."""
 
     def __init__(self, what: str, code: int, measured: str = ""):
         #: The cause, in words.

@@ -51,7 +51,7 @@ def learned(train, layers=None, **changes):
 @pytest.mark.parametrize(("physics", "seed", "family"), COMPARED)
 def test_the_file_is_byte_for_byte_that_of_the_command_line(physics, seed, family, tmp_path):
     path = benchmark.Case(physics, seed, "short", folder=tmp_path).train_path()
-    options = ["--family", family, "--restarts", "2", "--max-components", "3"]
+    options = ["--family", family, "--restarts", "2", "--components", "..3"]
     run = subprocess.run([CLI, "calibrate", "fit", path, "-o", tmp_path / "cli.json", *options], capture_output=True, text=True)
     try:
         Calibration(family, restarts=2, max_components=3).fit(path).save(tmp_path / "wheel.json")

@@ -1,6 +1,6 @@
 //! Polls the models of the controller, and the hull of the model in use, in a background thread.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -54,14 +54,13 @@ pub struct ModelPoller {
 }
 
 impl ModelPoller {
-    /// Starts the thread. `file`: the model in use, if the path that the controller reports is not
-    /// valid here.
-    pub fn start(domain: &Domain, file: Option<PathBuf>) -> Self {
+    /// Starts the thread.
+    pub fn start(domain: &Domain) -> Self {
         let known = Arc::new(Mutex::new(Known::default()));
         let (requests, receiver) = sync_channel(1);
         thread::spawn({
             let (domain, known) = (domain.clone(), Arc::clone(&known));
-            move || poll_until_disconnected(&domain, file.as_deref(), &receiver, &known)
+            move || poll_until_disconnected(&domain, &receiver, &known)
         });
         Self { known, requests }
     }
@@ -78,12 +77,7 @@ impl ModelPoller {
 }
 
 /// Runs until the poller is dropped.
-fn poll_until_disconnected(
-    domain: &Domain,
-    file: Option<&Path>,
-    requests: &Receiver<()>,
-    known: &Mutex<Known>,
-) {
+fn poll_until_disconnected(domain: &Domain, requests: &Receiver<()>, known: &Mutex<Known>) {
     let mut drawn: Option<ModelId> = None;
     while requests.recv_timeout(PERIOD) != Err(RecvTimeoutError::Disconnected) {
         let answer = ask(domain);
@@ -100,9 +94,7 @@ fn poll_until_disconnected(
         let used = new.models.used.as_ref();
         if used.map(|used| used.id) != drawn {
             drawn = used.map(|used| used.id);
-            let outline = used
-                .map(|used| outline_of(file.unwrap_or(Path::new(&used.file)), used.id))
-                .transpose();
+            let outline = used.map(|used| outline_of(Path::new(&used.file), used.id)).transpose();
             new.models.hull_problem = outline.as_ref().err().map(ToString::to_string);
             new.outline = Arc::new(outline.ok().flatten().unwrap_or_default());
         }

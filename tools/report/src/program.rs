@@ -17,6 +17,8 @@ use crate::{Failure, exit, tips};
 ///
 /// [`description`]: crate::description
 pub const DESCRIBE: &str = "--describe-command-line";
+/// The first argument of a program that only reads the rest of its command line: nothing runs.
+pub const PARSE: &str = "--parse-command-line";
 
 /// Runs a program: reads its command line, does the work, reports a failure on standard error.
 ///
@@ -31,14 +33,28 @@ pub fn run<Arguments: Parser>(
     if arguments.next().is_some_and(|first| first == DESCRIBE) && arguments.next().is_none() {
         return finish(describe(&Arguments::command()));
     }
-    let arguments = Arguments::try_parse().unwrap_or_else(|error| tips::harmless(error).exit());
+    let mut words: Vec<_> = std::env::args_os().collect();
+    let only_parses = words.get(1).is_some_and(|first| first == PARSE);
+    if only_parses {
+        words.remove(1);
+    }
+    let arguments = Arguments::try_parse_from(words);
+    let arguments = arguments.unwrap_or_else(|error| tips::harmless(error).exit());
+    if only_parses {
+        return ExitCode::SUCCESS;
+    }
     if only_prints(&arguments) {
         end_with_reader();
     }
     finish(work(arguments))
 }
 
-fn describe(command: &clap::Command) -> Result<(), Failure> {
+/// Prints a command line for [`DESCRIBE`].
+///
+/// # Errors
+///
+/// A reader that went away.
+pub fn describe(command: &clap::Command) -> Result<(), Failure> {
     println!("{}", serde_json::to_string(&Description::new(command))?);
     Ok(())
 }
@@ -78,11 +94,16 @@ pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
 #[derive(Debug, clap::Args)]
 pub struct DomainOption {
     /// Domain of the controller in shared memory
-    #[arg(long, env = "I2RIS_DOMAIN", default_value = "i2ris", value_name = "NAME", global = true)]
+    #[arg(long, env = "I2RIS_DOMAIN", default_value = "i2ris", value_name = "NAME")]
     domain: String,
 }
 
 impl DomainOption {
+    /// Whether other programs find this domain without the option, where the environment names none.
+    pub fn is_default(&self) -> bool {
+        self.domain == "i2ris"
+    }
+
     /// The domain.
     pub fn domain(&self) -> Result<Domain, DomainError> {
         Domain::new(&self.domain)

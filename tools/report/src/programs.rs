@@ -5,47 +5,51 @@
 use std::env;
 use std::path::{Path, PathBuf};
 
-/// A program that `i2ris NAME` starts.
+/// A program that `i2ris` starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Program {
-    /// The name of the subcommand; the program is `i2ris-NAME`.
-    pub name: &'static str,
+    /// The words behind `i2ris` that start it; the program is `i2ris-` and the last of them.
+    pub words: &'static str,
     /// What it does, in one line.
     pub about: &'static str,
     /// The cargo package that builds it.
     pub package: &'static str,
 }
 
-const fn program(name: &'static str, package: &'static str, about: &'static str) -> Program {
-    Program { name, about, package }
+const fn program(words: &'static str, package: &'static str, about: &'static str) -> Program {
+    Program { words, about, package }
 }
 
 /// All of them, in the order of the help.
-pub const PROGRAMS: [Program; 7] = [
-    program("monitor", "i2ris-monitor", "Watch the robot"),
-    program("record", "i2ris-record", "Record trials, and make tables of recordings"),
-    program(
-        "report",
-        "i2ris-record",
-        "Make a page of a recorded trial: tracking error, hysteresis, latencies, events",
-    ),
-    program("trial", "i2ris-record", "Run the trials of a study: begin, mark, end, list"),
-    program("ros", "i2ris-ros", "Show and command the robot in ROS 2, as CRTK names it"),
+pub const PROGRAMS: [Program; 5] = [
+    program("status", "i2ris-monitor", "Say why the robot does not move, and what to do; watch it"),
+    program("record", "i2ris-record", "Record the robot; tables, pages and trials of recordings"),
+    program("start ros", "i2ris-ros", "Show and command the robot in ROS 2, as CRTK names it"),
     program("vision", "i2ris-vision", "Measure angles in microscope images"),
-    program("bench", "i2ris-bench", "Measure latencies, and how models follow on snakes that age"),
+    program("bench", "i2ris-bench", "Measure this machine, the controller, and how models follow"),
 ];
 
 impl Program {
-    /// The program with this subcommand name.
-    pub fn named(name: &str) -> Option<Self> {
-        PROGRAMS.into_iter().find(|program| program.name == name)
+    /// The program that these arguments of `i2ris` start, and the arguments that are left for it.
+    pub fn of<'a, T: AsRef<str>>(arguments: &'a [T]) -> Option<(Self, &'a [T])> {
+        PROGRAMS.into_iter().find_map(|program| {
+            let count = program.words.split(' ').count();
+            let (words, rest) = arguments.split_at_checked(count)?;
+            program.words.split(' ').eq(words.iter().map(AsRef::as_ref)).then_some((program, rest))
+        })
+    }
+
+    /// The last of its words.
+    pub fn name(&self) -> &'static str {
+        self.words.rsplit(' ').next().unwrap_or(self.words)
     }
 
     /// How to get it, in one sentence.
     pub fn how_to_install(&self) -> String {
-        let Self { name, package, .. } = self;
+        let Self { words, package, .. } = self;
+        let name = self.name();
         format!(
-            "`i2ris {name}` is the program i2ris-{name}, which is neither beside i2ris nor on \
+            "`i2ris {words}` is the program i2ris-{name}, which is neither beside i2ris nor on \
              PATH; build it with `cargo build --release -p {package}`"
         )
     }

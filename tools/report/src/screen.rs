@@ -104,7 +104,7 @@ impl Screen {
 }
 
 /// Whether the reader of standard output is still there. A reader that went away is no failure:
-/// `i2ris monitor | head`.
+/// `i2ris status --watch | head`.
 pub fn until_closed(outcome: io::Result<()>) -> io::Result<bool> {
     match outcome {
         Ok(()) => Ok(true),

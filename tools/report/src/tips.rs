@@ -5,10 +5,9 @@ use clap::error::{ContextKind, ContextValue, Error};
 
 /// Words that a tip may name: they move nothing, switch nothing on and change no model. A new
 /// command is not among them until somebody says so here.
-const HARMLESS: &str = "stop estop disable pause release acknowledge help doctor why config model \
-     monitor record report replay dump completions emulate bench input vision trial \
-     fixture state list show check describe schema stage predict invert fit compare merge info \
-     export extract test learn measure";
+const HARMLESS: &str = "stop estop disable pause acknowledge help doctor status config model record \
+     report replay dump emulate bench input vision trial fixture state list show check print schema \
+     predict invert fit compare merge info export recover learn";
 /// Options that no tip names.
 const MOVING: [&str; 3] = ["--enable", "--home", "--force"];
 

@@ -4,7 +4,7 @@
 With the calls of CRTK's Python client, on the wheel `cyclonedds`:
 
     pip install cyclonedds
-    i2ris ros &
+    i2ris start ros &
     python3 crtk_arm.py i2ris
 
 homes and enables the arm, moves it, lets it follow a circle, and holds. Types and quality of

@@ -1,4 +1,4 @@
-//! `i2ris ros`: the robot in ROS 2.
+//! `i2ris start ros`: the robot in ROS 2.
 
 use std::net::IpAddr;
 use std::path::PathBuf;
@@ -15,18 +15,18 @@ use i2ris_ros::{LARGEST_DOMAIN, MasterOptions, Options, ServiceMapping};
 #[derive(Debug, Parser)]
 #[command(
     name = "i2ris-ros",
-    bin_name = "i2ris ros",
+    bin_name = "i2ris start ros",
     version,
     propagate_version = true,
     args_conflicts_with_subcommands = true
 )]
 #[command(after_help = "Examples:
-  i2ris ros                                     topics under /i2ris, this computer only
-  i2ris ros --name eye --command                topics under /eye, every user of this computer can
+  i2ris start ros                               topics under /i2ris, this computer only
+  i2ris start ros --name eye --command          topics under /eye, every user of this computer can
                                                 command
-  i2ris ros --network 192.168.1.10              other computers of that network watch, too
-  i2ris ros urdf eye > eye.urdf                 the snake for RViz and Foxglove
-  i2ris ros master MTML --to master.pipe        steer by another arm: i2ris teleop --played
+  i2ris start ros --network 192.168.1.10        other computers of that network watch, too
+  i2ris start ros --name eye --urdf > eye.urdf  the snake for RViz and Foxglove
+  i2ris start ros master MTML --to master.pipe  steer by another arm: i2ris teleop --device
 
 No installation of ROS is needed. Topics, types and quality of service are those of CRTK: \
 measured_js, setpoint_js, goal_js, measured_cp, setpoint_cp, measured_cv, jacobian, \
@@ -44,14 +44,8 @@ struct Arguments {
 
 #[derive(Debug, clap::Subcommand)]
 enum Other {
-    /// Print a URDF of the snake
-    Urdf {
-        /// The name of the robot, with which the names of all links begin
-        #[arg(default_value = "i2ris", value_parser = name)]
-        name: String,
-    },
     /// Hold another arm as an input device: its measured_cp or measured_js, and its pedal, into a
-    /// pipe for `i2ris teleop --played`
+    /// pipe for `i2ris teleop --device`
     Master(MasterArguments),
 }
 
@@ -63,13 +57,11 @@ struct MasterArguments {
     /// Topic of the pedal that is the dead-man (sensor_msgs/Joy, first button)
     #[arg(long, default_value = "/footpedals/coag", value_name = "TOPIC")]
     pedal: String,
-    /// What goes to the right in the picture: x, y, z of measured_cp, or a joint of measured_js;
-    /// with a - it goes to the left
-    #[arg(long, default_value = "x", value_name = "AXIS", allow_hyphen_values = true)]
-    right: String,
-    /// What goes up in the picture
-    #[arg(long, default_value = "y", value_name = "AXIS", allow_hyphen_values = true)]
-    up: String,
+    /// What goes to the right in the picture, and what up: x, y, z of measured_cp, or joints of
+    /// measured_js; with a - to the left, and down
+    #[arg(long, default_value = "x,y", value_name = "RIGHT,UP", allow_hyphen_values = true,
+          value_parser = axes)]
+    axes: [String; 2],
     /// Way of full deflection, m or rad; `i2ris teleop --reach-deg` says what it does
     #[arg(long, default_value_t = 0.05, value_name = "WAY", value_parser = way)]
     full: f64,
@@ -112,17 +104,20 @@ struct RunArguments {
     /// before
     #[arg(long, requires = "command")]
     home: bool,
-    /// Time between two messages of measured_js and setpoint_js
+    /// Messages of measured_js and setpoint_js per second
     #[arg(
         long,
-        default_value_t = 10,
-        value_name = "MS",
+        default_value_t = 100,
+        value_name = "HZ",
         value_parser = clap::value_parser!(u64).range(1..=1000)
     )]
-    period_ms: u64,
+    rate_hz: u64,
     /// How services are put on DDS: as Fast DDS does, or as Cyclone DDS does
     #[arg(long, value_enum, env = "RMW_IMPLEMENTATION", default_value_t = Rmw::FastDds)]
     rmw: Rmw,
+    /// Print a URDF of the snake, and end: the names of its links begin with --name
+    #[arg(long)]
+    urdf: bool,
     #[command(flatten)]
     domain: DomainOption,
 }
@@ -145,20 +140,19 @@ impl Rmw {
 }
 
 fn main() -> ExitCode {
-    let only_prints = |arguments: &Arguments| matches!(arguments.other, Some(Other::Urdf { .. }));
+    let only_prints = |arguments: &Arguments| arguments.run.urdf;
     i2ris_report::program::run(only_prints, run)
 }
 
 fn run(arguments: Arguments) -> Result<(), Failure> {
-    match arguments.other {
-        Some(Other::Urdf { name }) => {
-            until_closed(Screen::stdout().say(Snake::new(&name).urdf().trim_end()))?;
-            return Ok(());
-        }
-        Some(Other::Master(arguments)) => return master(arguments),
-        None => {}
+    if let Some(Other::Master(arguments)) = arguments.other {
+        return master(arguments);
     }
-    let RunArguments { name, ros, command, home, period_ms, rmw, domain } = arguments.run;
+    let RunArguments { name, ros, command, home, rate_hz, rmw, urdf, domain } = arguments.run;
+    if urdf {
+        until_closed(Screen::stdout().say(Snake::new(&name).urdf().trim_end()))?;
+        return Ok(());
+    }
     let RosArguments { ros_domain, network } = ros;
     yield_to_controller();
     let options = Options {
@@ -168,7 +162,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         networks: network,
         read_only: !command,
         may_home: home,
-        period: Nanos::from_millis(period_ms),
+        period: Nanos(1_000_000_000 / rate_hz),
         services: rmw.mapping(),
     };
     let interrupt = Interrupt::catch()?;
@@ -179,10 +173,9 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
 }
 
 fn master(arguments: MasterArguments) -> Result<(), Failure> {
-    let MasterArguments { arm, pedal, right, up, full, to, ros } = arguments;
+    let MasterArguments { arm, pedal, axes, full, to, ros } = arguments;
     let RosArguments { ros_domain, network: networks } = ros;
     yield_to_controller();
-    let axes = [right, up];
     let options = MasterOptions { ros_domain, networks, arm, pedal, axes, full, pipe: to };
     let interrupt = Interrupt::catch()?;
     let mut screen = Screen::never_blocking()?;
@@ -193,6 +186,11 @@ fn master(arguments: MasterArguments) -> Result<(), Failure> {
 fn way(text: &str) -> Result<f64, String> {
     let way = text.parse().ok().filter(|way: &f64| (0.001..=10.0).contains(way));
     way.ok_or_else(|| "must be 0.001 to 10".to_owned())
+}
+
+fn axes(text: &str) -> Result<[String; 2], String> {
+    let (right, up) = text.split_once(',').ok_or("must be two, with a comma between them")?;
+    Ok([right.to_owned(), up.to_owned()])
 }
 
 /// A name that ROS takes as a part of topics, and URDF as a part of links.

@@ -1,7 +1,7 @@
 //! Another arm as an input device: a master that speaks CRTK, and its pedal.
 //!
-//! Its messages become events of a device in a pipe, as `i2ris input play` would play them, and
-//! `i2ris teleop --played` reads that. So everything that a hand is held to holds for it, too: at
+//! Its messages become events of a device in a pipe, as `i2ris teleop input play` would play them, and
+//! `i2ris teleop --device` reads that. So everything that a hand is held to holds for it, too: at
 //! rest before the clutch closes, silence, repetition, values beyond the range, identity, view.
 //!
 //! A master has no centre of its own. Its deflection counts from where it last stood still while
@@ -208,7 +208,7 @@ pub fn follow(
     };
     let _pipe = Pipe::make(&options.pipe)?;
     say(&format!(
-        "waits for /{}; `i2ris teleop --mode position --played {}` follows it; Ctrl-C ends",
+        "waits for /{}; `i2ris teleop --mode position --device {}` follows it; Ctrl-C ends",
         options.arm,
         options.pipe.display()
     ));

@@ -276,7 +276,7 @@ fn campaign_a_kilohertz_without_gaps_and_with_flat_memory() {
     };
     let seconds = std::env::var("I2RIS_SOAK_S").map_or(60, |seconds| seconds.parse().unwrap());
     let robot = robot();
-    let bridge = Bridge::start(&robot.domain(), domain, &["--period-ms", "1"]);
+    let bridge = Bridge::start(&robot.domain(), domain, &["--rate-hz", "1000"]);
     command.args(["-c", &format!("SECONDS = {seconds}\n{KILOHERTZ}")]);
     let child = command.stdout(std::process::Stdio::piped()).spawn().unwrap();
     let (mut memory, start) = (Vec::new(), clock::now());

@@ -1,4 +1,4 @@
-//! Another arm as an input device: a program that speaks CRTK, its pedal, `i2ris ros master` and
+//! Another arm as an input device: a program that speaks CRTK, its pedal, `i2ris start ros master` and
 //! `i2ris teleop` before a controller.
 
 use std::sync::Mutex;
@@ -60,7 +60,7 @@ impl Drop for Ended<'_> {
     }
 }
 
-/// The arm, `i2ris ros master` that follows it with these words, and `i2ris teleop`.
+/// The arm, `i2ris start ros master` that follows it with these words, and `i2ris teleop`.
 struct Leading {
     controller: Controller,
     hand: Mutex<Hand>,
@@ -86,7 +86,7 @@ impl Leading {
     /// Starts both programs, and waits until the master was seen at rest.
     fn start(&self, axes: &[&str]) -> [Program; 2] {
         let (pipe, number) = (self.pipe(), self.domain.to_string());
-        let words = ["ros", "master", "MTML", "--to", &pipe, "--ros-domain", &number];
+        let words = ["start", "ros", "master", "MTML", "--to", &pipe, "--ros-domain", &number];
         let master = Program::start(&self.controller.domain, &[&words[..], axes].concat());
         wait_until("the pipe", || std::path::Path::new(&pipe).exists());
         // It may be silent for longer than a loaded machine is.
@@ -95,7 +95,7 @@ impl Leading {
         std::fs::write(&profile, shipped.replace("silence_ms = 50\n", "silence_ms = 5000\n"))
             .unwrap();
         let profile = profile.to_str().unwrap();
-        let words = ["teleop", "--mode", "position", "--reach-deg", "2", "--played", &pipe];
+        let words = ["teleop", "--mode", "position", "--reach-deg", "2", "--device", &pipe];
         let words = [&words[..], &["--profile", profile]].concat();
         let teleop = Program::start(&self.controller.domain, &words);
         self.controller.wait("commands", |robot| robot.poses.len() > 100);
@@ -183,7 +183,7 @@ fn another_arm_steers_under_its_pedal_and_its_silence_opens_the_clutch() {
 
 #[test]
 fn the_joints_of_another_arm_steer_where_they_are_named() {
-    let axes = ["--right", "outer_yaw", "--up", "outer_pitch"];
+    let axes = ["--axes", "outer_yaw,outer_pitch"];
     lead(&axes, |leading, _programs| {
         leading.press(false);
         leading.holds();

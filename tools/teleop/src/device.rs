@@ -18,7 +18,7 @@ use crate::space_mouse;
 use crate::state::{Description, DeviceState, Event, Protocol, Range};
 
 /// How long the head of a played recording may take when a program starts.
-pub const HEAD: Nanos = Nanos::from_millis(10_000);
+const HEAD: Nanos = Nanos::from_millis(10_000);
 /// How much is read before what came is acted upon: a device that never stops keeps nobody waiting.
 const AT_ONCE: usize = 16;
 /// Of a pulse that a hand feels, and its strength of 65535.
@@ -32,8 +32,8 @@ pub enum DeviceError {
     #[error("{path}: {error}{remedy}", path = path.display(), remedy = remedy(error))]
     Io { path: PathBuf, error: io::Error },
     #[error(
-        "{path} is {kind} and no input device; `i2ris input list` shows them, a recording is played \
-         with --played",
+        "{path} is {kind} and no input device; `i2ris teleop input show` lists them, a recording is \
+         played by `i2ris teleop input play`",
         path = path.display()
     )]
     NoDevice { path: PathBuf, kind: &'static str },
@@ -75,7 +75,7 @@ pub struct Device {
 }
 
 impl Device {
-    /// Opens `/dev/input/event*` or `/dev/hidraw*`.
+    /// Opens `/dev/input/event*` or `/dev/hidraw*`, or a pipe through which a recording is played.
     ///
     /// # Errors
     ///
@@ -83,12 +83,11 @@ impl Device {
     pub fn open(path: &Path) -> Result<Self, DeviceError> {
         let failed = |error| DeviceError::Io { path: path.to_owned(), error };
         let kind = path.metadata().map_err(failed)?.file_type();
+        if kind.is_fifo() {
+            return Self::open_played(path, HEAD);
+        }
         if !kind.is_char_device() {
-            let kind = match kind {
-                kind if kind.is_fifo() => "a pipe",
-                kind if kind.is_dir() => "a folder",
-                _ => "a file",
-            };
+            let kind = if kind.is_dir() { "a folder" } else { "a file" };
             return Err(DeviceError::NoDevice { path: path.to_owned(), kind });
         }
         // Written to for a pulse only; who may only read has none.
@@ -108,12 +107,17 @@ impl Device {
         Ok(device)
     }
 
+    /// Whether this is a recording that is played.
+    pub const fn is_played(&self) -> bool {
+        matches!(self.stream, Stream::Played(..))
+    }
+
     /// Opens a recording that is played through a pipe: head, then frames at their times.
     ///
     /// # Errors
     ///
     /// [`DeviceError`], also when no head comes within that time.
-    pub fn open_played(path: &Path, within: Nanos) -> Result<Self, DeviceError> {
+    pub(crate) fn open_played(path: &Path, within: Nanos) -> Result<Self, DeviceError> {
         let failed = |error| DeviceError::Io { path: path.to_owned(), error };
         let wrong = |error| DeviceError::Recording { path: path.to_owned(), error };
         let mut file = open(path).map_err(failed)?;
@@ -390,7 +394,7 @@ mod tests {
             write_frame(&mut writer, Nanos::ZERO, &[1, low, high, 0, 0, 0, 0]).unwrap();
         }
         let path = PathBuf::from(format!("/proc/self/fd/{}", reader.as_raw_fd()));
-        let mut device = Device::open_played(&path, HEAD).unwrap();
+        let mut device = Device::open(&path).unwrap();
         let mut read = || {
             device.read(clock::now(), |_| {}).unwrap();
             device.parts().1.axis(Code::Absolute(0)).unwrap().value

@@ -93,8 +93,8 @@ pub fn line(found: &Found, profiles: &[Profile]) -> String {
                     device.absolute.iter().map(|range| Code::Absolute(range.code).to_string());
                 let axes = axes.collect::<Vec<_>>().join(" ");
                 format!(
-                    "{path}  {}: unknown ({axes}); `i2ris input learn {path}` asks what its controls \
-                     are",
+                    "{path}  {}: unknown ({axes}); `i2ris teleop input learn {path} --output FILE` asks \
+                     what its controls are",
                     device.identity
                 )
             }

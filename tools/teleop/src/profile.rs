@@ -196,8 +196,8 @@ impl Profile {
         let present = |name: &str, code: Code| {
             let absent = format!(
                 "{} has no {name}, which its profile `{}` names: it is in another mode, or another \
-                 driver serves it; `i2ris input test` shows what it has, `i2ris input learn` makes \
-                 a profile",
+                 driver serves it; `i2ris teleop input show` shows what it has, `i2ris teleop input \
+                 learn` makes a profile",
                 device.identity, self.name
             );
             if device.has(code) { Ok(code) } else { Err(absent) }
@@ -206,7 +206,7 @@ impl Profile {
             if device.has(name.parse()?) {
                 return Err(format!(
                     "{} has {name}: another driver serves it than the one whose names its profile \
-                     `{}` has; `i2ris input learn` makes a profile",
+                     `{}` has; `i2ris teleop input learn` makes a profile",
                     device.identity, self.name
                 ));
             }

@@ -22,7 +22,8 @@ pub type Frame = (Nanos, Vec<u8>);
 #[derive(Debug, thiserror::Error)]
 pub enum RecordingError {
     #[error(
-        "it does not begin with the description of a device; `i2ris input record` makes such files"
+        "it does not begin with the description of a device; `i2ris teleop input record` makes such \
+         files"
     )]
     Head,
     #[error("a frame of {0} bytes: longer than {MAX_FRAME}, so the file is damaged")]

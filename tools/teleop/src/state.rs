@@ -37,7 +37,7 @@ impl FromStr for Code {
         let key = || text.parse().ok().map(|KeyCode(code)| Self::Key(code));
         let code = absolute().or_else(relative).or_else(key);
         code.ok_or_else(|| {
-            format!("`{text}` is no axis or key; `i2ris input test` shows the names")
+            format!("`{text}` is no axis or key; `i2ris teleop input show` shows the names")
         })
     }
 }

@@ -11,11 +11,9 @@ use nix::unistd::Pid;
 
 /// `i2ris` with these arguments. A program that `i2ris` would only start is called directly.
 pub fn command(arguments: &[&str]) -> Command {
-    let (program, arguments) = match arguments {
-        [name, rest @ ..] if programs::Program::named(name).is_some() => {
-            (format!("i2ris-{name}"), rest)
-        }
-        _ => ("i2ris".to_owned(), arguments),
+    let (program, arguments) = match programs::Program::of(arguments) {
+        Some((program, rest)) => (format!("i2ris-{}", program.name()), rest),
+        None => ("i2ris".to_owned(), arguments),
     };
     let mut command = Command::new(path(&program));
     command.args(arguments);

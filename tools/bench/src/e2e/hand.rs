@@ -180,7 +180,7 @@ impl Hand {
         let mut pipe = options.open(&path)?;
         write_head(&mut pipe, &gamepad())?;
         let program = Command::new(benchmark.controller.with_file_name("i2ris"))
-            .args(["teleop", "--domain", controller.domain().name(), "--played"])
+            .args(["teleop", "--domain", controller.domain().name(), "--device"])
             .arg(&path)
             .stdin(Stdio::null())
             .stdout(Stdio::null())

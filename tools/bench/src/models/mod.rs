@@ -52,7 +52,10 @@ pub struct Arguments {
     draws: u64,
     /// Seed of the first snake of each physics; the others follow
     #[arg(long, value_name = "N", default_value_t = 1)]
-    first_seed: u64,
+    seed: u64,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
     /// Family to fit; `best` fits all and takes what `i2ris calibrate fit` would take
     #[arg(long, default_value = "best")]
     family: Choice,
@@ -61,7 +64,7 @@ pub struct Arguments {
 impl Arguments {
     fn snakes(&self) -> Vec<DrawnSnake> {
         let physics = if self.physics.is_empty() { Physics::ALL } else { &self.physics };
-        let seeds = self.first_seed..self.first_seed + self.draws;
+        let seeds = self.seed..self.seed + self.draws;
         let drawn = |physics: &Physics| {
             let physics = *physics;
             seeds.clone().map(move |seed| DrawnSnake { physics, seed })
@@ -75,13 +78,13 @@ impl Arguments {
 /// # Errors
 ///
 /// Snakes that cannot be judged.
-pub fn run(arguments: &Arguments, as_json: bool) -> Result<(), Failure> {
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let folder = tempfile::tempdir()?;
     let snakes = arguments.snakes();
     let judged: Vec<Result<Judgement, String>> = parallel::map(snakes.len(), |index| {
         let snake = snakes[index];
-        let Arguments { family, first_seed, .. } = *arguments;
-        let judged = Judgement::of(snake, family, first_seed, folder.path());
+        let Arguments { family, seed, .. } = *arguments;
+        let judged = Judgement::of(snake, family, seed, folder.path());
         match &judged {
             Ok(judgement) => eprintln!("{}", row(&snake.to_string(), &[judgement])),
             Err(reason) => eprintln!("{snake}: {reason}"),
@@ -89,7 +92,7 @@ pub fn run(arguments: &Arguments, as_json: bool) -> Result<(), Failure> {
         judged
     });
     let judgements: Vec<Judgement> = judged.iter().flatten().cloned().collect();
-    if as_json {
+    if arguments.json {
         println!("{}", serde_json::to_string_pretty(&judgements)?);
     } else {
         println!(

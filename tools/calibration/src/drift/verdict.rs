@@ -53,7 +53,9 @@ impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
             Self::Good => "the calibration holds",
-            Self::Refine => "it has drifted: home it anew, or `i2ris calibrate refine` it",
+            Self::Refine => {
+                "it has drifted: home it anew, or `i2ris calibrate fit` it with a trial"
+            }
             Self::Calibrate => "it is time for a new calibration",
         })
     }

@@ -14,20 +14,18 @@ pub struct ColumnArguments {
     /// `pitches=pitch,yaws=yaw`]
     #[arg(long, value_name = "COLUMN=NAME,..", value_delimiter = ',')]
     angles: Vec<OutputColumn>,
-    /// Time stamps, s [default: `t_s` or `Enc TS`, if there is one]
-    #[arg(long, value_name = "COLUMN", conflicts_with = "no_time")]
+    /// Time stamps, s; none: read the recording without [default: `t_s` or `Enc TS`, if there is
+    /// one]
+    #[arg(long, value_name = "COLUMN|none")]
     time: Option<String>,
-    /// Read the recording without time stamps
-    #[arg(long)]
-    no_time: bool,
 }
 
 impl ColumnArguments {
     /// For reading the recording.
     pub fn map(&self) -> ColumnMap {
-        let time = match &self.time {
-            Some(column) => TimeColumn::Named(column.clone()),
-            None if self.no_time => TimeColumn::Ignored,
+        let time = match self.time.as_deref() {
+            Some("none") => TimeColumn::Ignored,
+            Some(column) => TimeColumn::Named(column.to_owned()),
             None => TimeColumn::Known,
         };
         ColumnMap { time, counts: self.counts.clone(), outputs: self.angles.clone() }

@@ -8,6 +8,7 @@ use clap::builder::NonEmptyStringValueParser;
 use clap::value_parser;
 use i2ris::wall_clock::WallTime;
 use i2ris_calibration::em::EmOptions;
+use i2ris_calibration::fit::network::{NetworkFile, import};
 use i2ris_calibration::fit::split::HoldOut;
 use i2ris_calibration::fit::{Choice, Components, FitOptions, fit};
 use i2ris_calibration::quality::Quality;
@@ -16,6 +17,8 @@ use i2ris_calibration::recording::{MIN_ROWS, Recording};
 use i2ris_calibration::report::CalibrationReport;
 
 use super::columns::ColumnArguments;
+use super::refine;
+use crate::model::show;
 use crate::progress_bar::Bar;
 use i2ris_report::Failure;
 use i2ris_report::files::{check_not_there, make_folder_of, replace};
@@ -28,9 +31,37 @@ const MAX_LATENCY_MS: f64 = 1000.0;
 
 /// Arguments of `i2ris calibrate fit`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris calibrate fit recording.csv --output config/models/snake.json --report report.html
+  i2ris calibrate fit recording.csv trial.mcap --model model.json --output refined.json
+  i2ris calibrate fit recording.csv --network gru.json --output gru-model.json
+
+With a trial, the model is fitted to its own recording and to the trial together, by its family: any
+recording of `i2ris record` since, with the zero of that day and with a camera that published; begin
+it with `i2ris command state condition`. Three quarters of the trial have to make a model that is
+better on its last quarter, or nothing is written. A trial may also be a CSV file, as `i2ris calibrate
+collect` writes it.
+
+With a network, nothing is fitted: the recording gives hull, deviation and examination of a network
+that i2ris.model.from_torch or from_onnx (Python) wrote; the rows held out should be rows that it has
+not seen.")]
 pub struct Arguments {
     /// The recording: a CSV file with encoder counts and measured angles
     file: PathBuf,
+    /// A trial since then that a camera has seen: MCAP or CSV
+    #[arg(requires = "model_file", conflicts_with_all = [
+        "network", "json", "robot_id", "family", "components", "restarts", "seed", "hold_out", "force",
+        "latency_ms", "counts", "angles", "time",
+    ])]
+    trial: Option<PathBuf>,
+    /// With a trial: the model that was fitted to the recording
+    #[arg(long = "model", id = "model_file", value_name = "MODEL.json", requires = "trial")]
+    old: Option<PathBuf>,
+    /// A network that was trained elsewhere, to make a model of
+    #[arg(long, value_name = "NETWORK.json", conflicts_with_all = [
+        "json", "report", "family", "components", "restarts", "seed", "force", "latency_ms",
+    ])]
+    network: Option<PathBuf>,
     /// Where to write the model; its folder is made
     #[arg(long, short, value_name = "MODEL.json")]
     output: PathBuf,
@@ -60,15 +91,10 @@ struct ModelArguments {
     /// out is written
     #[arg(long, default_value_t = Choice::Best)]
     family: Choice,
-    /// Number of components of the mixture of `gmr` [default: chosen by the error on blocks left
-    /// out]
-    #[arg(long, value_name = "K", value_parser = value_parser!(u8).range(1..=64),
-          conflicts_with = "max_components")]
-    components: Option<u8>,
-    /// Most components to choose from
-    #[arg(long, value_name = " \
-     K", default_value_t = 12, value_parser = value_parser!(u8).range(1..=64))]
-    max_components: u8,
+    /// Components of the mixture of `gmr`, 1 to 64; ..K: up to K, chosen by the error on blocks left
+    /// out
+    #[arg(long, value_name = "K|..K", default_value = "..12", value_parser = components)]
+    components: Components,
     /// Random starts per number of components
     #[arg(long, value_name = " \
      N", default_value_t = 20, value_parser = value_parser!(u16).range(1..))]
@@ -76,17 +102,10 @@ struct ModelArguments {
     /// Seed of the random starts: the same seed gives the same model
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Part of the covariance of the whole recording that every component is given, 0 to 1
-    #[arg(long, value_name = " \
-     PART", default_value_t = EmOptions::default().shrinkage, value_parser = part)]
-    shrinkage: f64,
     /// What to hold out for testing: `blocks` all over the recording, `last-cycle`, a fraction of
     /// the rows at the end, or `none`
     #[arg(long, value_name = "WHAT", default_value_t = HoldOut::Blocks)]
     hold_out: HoldOut,
-    /// Train on readings that are flagged as spikes, too
-    #[arg(long)]
-    keep_spikes: bool,
     /// Write a model even if it is worse than a constant on the rows held out, marked: the
     /// controller refuses it
     #[arg(long)]
@@ -151,9 +170,11 @@ impl LatencyChoice {
     }
 }
 
-fn part(text: &str) -> Result<f64, String> {
-    let part = text.parse().ok().filter(|part| (0.0..=1.0).contains(part));
-    part.ok_or_else(|| "must be a number from 0 to 1".to_owned())
+fn components(text: &str) -> Result<Components, String> {
+    let up_to = text.strip_prefix("..");
+    let count = up_to.unwrap_or(text).parse().ok().filter(|count| (1..=64).contains(count));
+    let count = count.ok_or("must be 1 to 64, or ..K")?;
+    Ok(if up_to.is_some() { Components::UpTo(count) } else { Components::Exactly(count) })
 }
 
 impl Arguments {
@@ -163,26 +184,22 @@ impl Arguments {
             robot_id,
             recorded_at,
             choice: model.family,
-            components: match model.components {
-                Some(components) => Components::Exactly(components.into()),
-                None => Components::UpTo(model.max_components.into()),
-            },
+            components: model.components,
             em: EmOptions {
                 restarts: model.restarts.into(),
                 seed: model.seed,
-                shrinkage: model.shrinkage,
                 ..EmOptions::default()
             },
             hold_out: model.hold_out,
-            spikes: SpikeOptions { keep: model.keep_spikes, ..SpikeOptions::default() },
             force: model.force,
+            ..FitOptions::default()
         }
     }
 }
 
 /// Runs it. The model is written when all else has succeeded, and only then is anything printed.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { file, output, .. } = arguments;
+    let Arguments { file, output, trial, old, .. } = arguments;
     check_output("--output", output, file, arguments.overwrite)?;
     if let Some(page) = &arguments.report {
         check_output("--report", page, file, arguments.overwrite)?;
@@ -193,6 +210,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             )
             .into());
         }
+    }
+    if let (Some(trial), Some(old)) = (trial, old) {
+        return refine::run([file, old, trial], output, arguments.report.as_deref());
     }
     let beside = beside(file);
     let robot_id = match (&arguments.robot_id, &beside) {
@@ -206,6 +226,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recorded_at = started.map(|seconds| WallTime::from_unix_seconds(seconds).to_string());
     let options = arguments.options(robot_id, recorded_at);
     let (mut recording, read) = Recording::read(file, &arguments.columns.map())?;
+    if let Some(network) = &arguments.network {
+        return of_network(network, recording, &options, output);
+    }
     let taken_off;
     (recording, taken_off) = match arguments.model.latency_ms {
         Some(choice) => {
@@ -234,6 +257,22 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(page) = &arguments.report {
         println!("wrote {}", page.display());
     }
+    Ok(())
+}
+
+/// Makes a model of a network that was trained elsewhere.
+fn of_network(
+    network: &Path,
+    recording: Recording,
+    options: &FitOptions,
+    output: &Path,
+) -> Result<(), Failure> {
+    let file = NetworkFile::read(network)?;
+    let model = import(&file, &recording.without_latency().0, options)
+        .map_err(|error| format!("network {}: {error}", network.display()))?;
+    model.file().write(output)?;
+    show(output, false)?;
+    println!("\nwrote {}", output.display());
     Ok(())
 }
 

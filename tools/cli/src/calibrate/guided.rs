@@ -7,17 +7,16 @@ mod steps;
 
 use std::fs;
 use std::io::{self, BufRead, IsTerminal};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, ExitStatus};
 
-use i2ris::config::Config;
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::OperatingStateMsg;
 use i2ris::ipc::{Domain, OperatingState};
 use i2ris_calibration::fit::Choice;
 use i2ris_report::exit::Coded;
 use i2ris_report::stop::stop;
-use i2ris_report::{Failure, Interrupt, Screen, until_closed};
+use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
 use crate::connection::CONNECT;
 use i2ris_simulation::motion::protocol::above_zero;
@@ -26,15 +25,10 @@ use steps::Step;
 
 /// Length of the recording that no model has seen, s.
 const UNSEEN_S: f64 = 30.0;
-/// The configuration of `i2ris start`.
-const STARTED: &str = "i2ris-start/controller.toml";
 
 #[derive(Debug, clap::Args)]
 #[group(id = "guided")]
 pub struct Arguments {
-    /// The configuration that the controller runs with [default: that of `i2ris start` here]
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
     /// Folder for recordings, model and report; it is made. What was done in it is not done again
     #[arg(long, value_name = "DIR", default_value = "calibration")]
     folder: PathBuf,
@@ -47,39 +41,34 @@ pub struct Arguments {
     /// How long the snake moves as in use at the end, while the camera measures; the model is then
     /// fitted to that as well, and taken if it is better there. 0 leaves this out
     #[arg(long, value_name = "S", default_value_t = 60)]
-    use_s: u32,
+    motion_s: u32,
     /// Family of models, or `best`
     #[arg(long, default_value_t = Choice::Best)]
     family: Choice,
-    /// Domain of the controller [default: as in the configuration]
-    #[arg(long, env = "I2RIS_DOMAIN", value_name = "NAME")]
-    domain: Option<String>,
+    #[command(flatten)]
+    domain: DomainOption,
 }
 
 struct Guided {
-    config: PathBuf,
     domain: Domain,
     folder: PathBuf,
     duration_s: f64,
-    use_s: u32,
+    motion_s: u32,
     family: Choice,
     client: Client,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let file = config_file(arguments)?;
-    let config = Config::load(&file)?;
-    let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.domain))?;
+    let domain = arguments.domain.domain()?;
     let client = crate::connection::connect(&domain)?;
     let interrupt = Interrupt::catch()?;
     fs::create_dir_all(&arguments.folder)
         .map_err(|error| format!("--folder {}: {error}", arguments.folder.display()))?;
     let mut guided = Guided {
-        config: file,
         domain,
         folder: arguments.folder.clone(),
         duration_s: arguments.duration_s,
-        use_s: arguments.use_s,
+        motion_s: arguments.motion_s,
         family: arguments.family,
         client,
     };
@@ -109,27 +98,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let [model, report] = [progress.model_file(), "report.html"].map(|name| guided.file(name));
     let state = guided.client.wait_for(CONNECT, |_| true)?;
     let state = OperatingState::from_number(state.state).map_or("?", OperatingState::text);
-    let config = guided.config.display();
     say(&format!(
         "done: the robot is {state} and runs with {model}; the report is {report}\nafter a \
-         restart: run `i2ris calibrate` again, it goes on from here, or set control.model in \
-         {config}; to calibrate again: --folder NEW"
+         restart: run `i2ris calibrate` again, it goes on from here, or set control.model in the \
+         configuration; to calibrate again: --folder NEW"
     ))
-}
-
-fn config_file(arguments: &Arguments) -> Result<PathBuf, Failure> {
-    if let Some(file) = &arguments.config {
-        return Ok(file.clone());
-    }
-    let started = Path::new(STARTED);
-    if started.is_file() {
-        return Ok(started.to_owned());
-    }
-    Err(format!(
-        "there is no {STARTED} here: name the configuration that the controller runs with, \
-         --config FILE, or run `i2ris start` here first"
-    )
-    .into())
 }
 
 /// Homing makes the present pose the zero: somebody has to say that the snake is straight.
@@ -186,12 +159,11 @@ impl Guided {
         match step {
             Step::Collect => self.duration_s + 40.0,
             Step::Fit if self.family == Choice::Best => 240.0,
-            Step::Fit | Step::Activate => 30.0,
+            Step::Fit | Step::Use => 30.0,
             Step::Compare => UNSEEN_S + 40.0,
-            Step::Stage => 5.0,
             Step::Check if progress.was_checked_before() => 10.0,
             Step::Check => 25.0,
-            Step::Refine => f64::from(self.use_s) + 60.0,
+            Step::Refine => f64::from(self.motion_s) + 60.0,
         }
     }
 
@@ -229,14 +201,13 @@ impl Guided {
                     vec![self.collect(&unseen, UNSEEN_S, 2), compare]
                 }
             }
-            Step::Stage => vec![words(&["model", "stage", &in_use])],
-            Step::Activate => {
+            Step::Use => {
                 let mut commands = self.prepare()?;
-                // The memory of a model that takes over is unknown; conditioning makes it known.
-                if !progress.is_active(&mut self.client)? {
-                    commands.push(words(&["model", "activate", "--force"]));
-                }
-                commands.push(words(&["command", "state", "condition"]));
+                commands.push(if progress.is_active(&mut self.client)? {
+                    words(&["command", "state", "condition"])
+                } else {
+                    words(&["model", "use", &in_use])
+                });
                 commands
             }
             Step::Check => {
@@ -250,9 +221,8 @@ impl Guided {
     }
 
     fn collect(&self, output: &str, duration_s: f64, seed: u64) -> Vec<String> {
-        let (config, domain) = (self.config.display().to_string(), self.domain.name());
         let (duration, seed) = (duration_s.to_string(), seed.to_string());
-        let collect = ["calibrate", "collect", "--config", &config, "--domain", domain, "--home"];
+        let collect = ["calibrate", "collect", "--home"];
         let options = ["--duration-s", &duration, "--seed", &seed, "--output", output];
         [&collect[..], &options].concat().into_iter().map(str::to_owned).collect()
     }
@@ -289,7 +259,7 @@ impl Guided {
     /// What is done, in this order.
     fn steps(&self) -> &'static [Step] {
         let all = &Step::ALL;
-        if self.use_s == 0 { &all[..all.len() - 1] } else { all }
+        if self.motion_s == 0 { &all[..all.len() - 1] } else { all }
     }
 }
 

@@ -1,7 +1,7 @@
-//! `i2ris calibrate refine`: a better model from a calibration and a trial that a camera has seen.
+//! `i2ris calibrate fit` with a trial: a better model from a calibration and a trial that a camera has seen.
 
 use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{self, Command};
 
 use i2ris::ipc::payload::{ActuatorState, ExternalPosition};
@@ -18,64 +18,30 @@ use serde::Deserialize;
 
 use super::collect::Recorder;
 use super::compare::check;
-use super::fit::{check_output, write};
+use super::fit::write;
 use crate::progress_bar::Bar;
 
-/// A frame so far from its neighbours, which agree, is an outlier: deg.
-const OUTLIER_DEG: f64 = 3.0;
-
-/// Arguments of `i2ris calibrate refine`.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
-  i2ris calibrate refine TRIAL.mcap --model config/models/snake.json --recording RECORDING.csv \
-  --output config/models/refined.json
-
-The recording is the one that the model was calibrated with, the trial any recording of
-`i2ris record` since, with the zero of that day and with a camera that published; begin it with
-`i2ris command state condition`. Both are fitted together by the family of the model. Three quarters
-of the trial have to make a model that is better on its last quarter, or nothing is written. A trial
-may also be a CSV file, as `i2ris calibrate collect` writes it.")]
-pub struct Arguments {
-    /// The trial: a file of `i2ris record`, or a CSV file with encoder counts and measured angles
-    trial: PathBuf,
-    /// The model
-    #[arg(long, value_name = "MODEL.json")]
-    model: PathBuf,
-    /// The recording that it was fitted to
-    #[arg(long, value_name = "FILE.csv")]
-    recording: PathBuf,
-    /// Where to write the new model; its folder is made
-    #[arg(long, short, value_name = "MODEL.json")]
-    output: PathBuf,
-    /// Where to write the report of the fit
-    #[arg(long, value_name = "FILE.html")]
-    report: Option<PathBuf>,
-    /// Replace the files, if they exist
-    #[arg(long)]
-    overwrite: bool,
-}
-
-/// Runs it. The model is written when all else has succeeded.
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { output, overwrite, .. } = arguments;
-    check_output("--output", output, &arguments.recording, *overwrite)?;
-    if let Some(page) = &arguments.report {
-        check_output("--report", page, &arguments.recording, *overwrite)?;
-    }
-    let old = Model::load(&arguments.model)?;
-    let (calibration, read) = Recording::read(&arguments.recording, &ColumnMap::default())?;
+/// Fits a model to its recording and a trial. It is written when all else has succeeded. Files:
+/// the recording, the model and the trial.
+pub fn run(
+    [recording_file, model_file, trial_file]: [&Path; 3],
+    output: &Path,
+    report: Option<&Path>,
+) -> Result<(), Failure> {
+    let old = Model::load(model_file)?;
+    let (calibration, read) = Recording::read(recording_file, &ColumnMap::default())?;
     let named = &old.file().training;
     if named.data_sha256 != calibration.sha256() {
         return Err(format!(
-            "--recording {}: the model was fitted to {}; name that file",
-            arguments.recording.display(),
+            "{}: the model was fitted to {}; name that file",
+            recording_file.display(),
             named.data_file
         )
         .into());
     }
-    let trial = trial(&arguments.trial, output, calibration.outputs())?;
+    let trial = trial(trial_file, output, calibration.outputs())?;
     for recording in [&calibration, &trial] {
-        let name = arguments.model.display();
+        let name = model_file.display();
         check(&old, recording).map_err(|reason| format!("model {name}: {reason}"))?;
     }
     let (calibration, _) = calibration.without_latency();
@@ -89,21 +55,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         ..FitOptions::default()
     };
     let refined = refine(&old, &both, in_use, &options, &Bar::new())
-        .map_err(|error| format!("trial {}: {error}", arguments.trial.display()))?;
-    if let Some(page) = &arguments.report {
+        .map_err(|error| format!("trial {}: {error}", trial_file.display()))?;
+    if let Some(page) = report {
         let read = ReadReport { rows: both.rows().len(), ..read };
         let report = CalibrationReport::new(&both, &read, &options, &refined.outcome);
         write(page, &report.html())?;
     }
     refined.outcome.model.file().write(output)?;
     let [before, after] = refined.held_out;
-    println!("in use     {in_use} frames of {}", arguments.trial.display());
+    println!("in use     {in_use} frames of {}", trial_file.display());
     println!("held out   {before:.3} before, {after:.3} after, on the last quarter of them");
     if let Some(seconds) = latency {
         println!("latency    {:+.1} ms were taken off the stamps of the angles", 1e3 * seconds);
     }
     println!("\nwrote {}", output.display());
-    if let Some(page) = &arguments.report {
+    if let Some(page) = report {
         println!("wrote {}", page.display());
     }
     Ok(())
@@ -170,7 +136,7 @@ fn joined(file: &Path, tables: &Path, outputs: &[OutputSpec]) -> Result<Recordin
     let path = tables.join(file.file_name().unwrap_or_default()).with_extension("csv");
     let motors = usize::try_from(first.count).unwrap_or(2).min(2);
     let table = File::create_new(&path)?;
-    let mut recorder = Recorder::new(table, start, motors, outputs, OUTLIER_DEG)?;
+    let mut recorder = Recorder::new(table, start, motors, outputs)?;
     for row in &positions {
         recorder.positions(&ActuatorState {
             measured_stamp_ns: [row.measured_stamp_ns_0, row.measured_stamp_ns_1],

@@ -2,12 +2,14 @@
 
 use i2ris::ipc::client::Client;
 use i2ris::ipc::payload::{VirtualFixturesMsg, unpadded_text};
-use i2ris::ipc::{FixtureAction, FixtureKind};
+use i2ris::ipc::{Domain, FixtureAction, FixtureKind};
 use i2ris::units::Nanos;
 
-use i2ris_report::{Failure, Screen, until_closed};
+use i2ris_report::exit::Coded;
+use i2ris_report::{DomainOption, Failure, Screen, until_closed};
 
 use super::stream_monitor::StopReason;
+use crate::exit::name_holder;
 use crate::numbers::finite;
 
 /// Kind and values of a region, rad or m.
@@ -16,95 +18,97 @@ type Region = (FixtureKind, [f64; 4]);
 /// The stream is sent once a second.
 const WAIT: Nanos = Nanos::from_millis(3000);
 
-#[derive(Debug, Clone, clap::Subcommand)]
-pub enum FixtureCommand {
+#[derive(Debug, clap::Args)]
+#[command(
+    allow_negative_numbers = true,
+    after_help = "Examples:
+  i2ris command fixture list
+  i2ris command fixture circle 10 5 3            PITCH_DEG YAW_DEG RADIUS_DEG
+  i2ris command fixture half-plane 1 0 12        NORMAL_PITCH NORMAL_YAW OFFSET_DEG
+  i2ris command fixture ball 1 0 15 0.5          X_MM Y_MM Z_MM RADIUS_MM
+  i2ris command fixture half-space 0 0 1 18      NORMAL_X NORMAL_Y NORMAL_Z OFFSET_MM
+
+z is along the straight snake, yaw bends towards x, pitch towards y. A half-plane and a half-space
+are everything that is further than the offset in the direction of the normal."
+)]
+pub struct Arguments {
+    /// What to do
+    #[arg(value_enum)]
+    action: Action,
+    /// The numbers of a region to add
+    #[arg(value_parser = finite)]
+    numbers: Vec<f64>,
+    #[command(flatten)]
+    domain: DomainOption,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+enum Action {
+    /// Show the regions
+    List,
     /// All regions count
     On,
     /// No region counts, until `on`. Needs the lease, and a robot that follows no goal
     Off,
     /// Remove the regions that were added by request. As `off`
     Remove,
-    /// Show the regions
-    List,
     /// Forbid a circle in the plane of pitch and yaw
-    #[command(allow_negative_numbers = true)]
-    Circle {
-        #[arg(value_parser = finite)]
-        pitch_deg: f64,
-        #[arg(value_parser = finite)]
-        yaw_deg: f64,
-        #[arg(value_parser = finite)]
-        radius_deg: f64,
-    },
-    /// Forbid everything beyond a line in the plane of pitch and yaw: further than OFFSET_DEG in
-    /// the direction of the normal
-    #[command(allow_negative_numbers = true)]
-    HalfPlane {
-        #[arg(value_parser = finite)]
-        normal_pitch: f64,
-        #[arg(value_parser = finite)]
-        normal_yaw: f64,
-        #[arg(value_parser = finite)]
-        offset_deg: f64,
-    },
-    /// Forbid a ball to the tip; z is along the straight snake, yaw bends towards x, pitch towards
-    /// y
-    #[command(allow_negative_numbers = true)]
-    Ball {
-        #[arg(value_parser = finite)]
-        x_mm: f64,
-        #[arg(value_parser = finite)]
-        y_mm: f64,
-        #[arg(value_parser = finite)]
-        z_mm: f64,
-        #[arg(value_parser = finite)]
-        radius_mm: f64,
-    },
+    Circle,
+    /// Forbid everything beyond a line in the plane of pitch and yaw
+    HalfPlane,
+    /// Forbid a ball to the tip
+    Ball,
     /// Forbid everything beyond a plane to the tip
-    #[command(allow_negative_numbers = true)]
-    HalfSpace {
-        #[arg(value_parser = finite)]
-        normal_x: f64,
-        #[arg(value_parser = finite)]
-        normal_y: f64,
-        #[arg(value_parser = finite)]
-        normal_z: f64,
-        #[arg(value_parser = finite)]
-        offset_mm: f64,
-    },
+    HalfSpace,
 }
 
 /// Carries it out, and prints the regions as they are then.
-pub fn run(client: &mut Client, command: &FixtureCommand) -> Result<(), Failure> {
-    if let Some((action, region)) = request(command) {
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let request = request(arguments.action, &arguments.numbers)?;
+    let domain = arguments.domain.domain()?;
+    carry_out(&domain, request).map_err(|failure| name_holder(failure, &domain))
+}
+
+fn carry_out(
+    domain: &Domain,
+    request: Option<(FixtureAction, Option<Region>)>,
+) -> Result<(), Failure> {
+    let mut client = crate::connection::connect(domain)?;
+    if let Some((action, region)) = request {
         client.virtual_fixture(action, region)?;
     }
-    until_closed(Screen::stdout().say(&table(&newest(client)?)))?;
+    until_closed(Screen::stdout().say(&table(&newest(&client)?)))?;
     Ok(())
 }
 
 /// The request of a command; `None`: only the list is asked for.
-fn request(command: &FixtureCommand) -> Option<(FixtureAction, Option<Region>)> {
-    let rad = f64::to_radians;
-    let region = match *command {
-        FixtureCommand::On => return Some((FixtureAction::On, None)),
-        FixtureCommand::Off => return Some((FixtureAction::Off, None)),
-        FixtureCommand::Remove => return Some((FixtureAction::Remove, None)),
-        FixtureCommand::List => return None,
-        FixtureCommand::Circle { pitch_deg, yaw_deg, radius_deg } => {
-            (FixtureKind::Circle, [rad(pitch_deg), rad(yaw_deg), rad(radius_deg), 0.0])
+fn request(
+    action: Action,
+    numbers: &[f64],
+) -> Result<Option<(FixtureAction, Option<Region>)>, Failure> {
+    let (rad, m) = (f64::to_radians, |mm: f64| mm * 1e-3);
+    let region = match (action, numbers) {
+        (Action::List, []) => return Ok(None),
+        (Action::On, []) => return Ok(Some((FixtureAction::On, None))),
+        (Action::Off, []) => return Ok(Some((FixtureAction::Off, None))),
+        (Action::Remove, []) => return Ok(Some((FixtureAction::Remove, None))),
+        (Action::Circle, &[pitch, yaw, radius]) => {
+            (FixtureKind::Circle, [rad(pitch), rad(yaw), rad(radius), 0.0])
         }
-        FixtureCommand::HalfPlane { normal_pitch, normal_yaw, offset_deg } => {
-            (FixtureKind::HalfPlane, [normal_pitch, normal_yaw, rad(offset_deg), 0.0])
+        (Action::HalfPlane, &[pitch, yaw, offset]) => {
+            (FixtureKind::HalfPlane, [pitch, yaw, rad(offset), 0.0])
         }
-        FixtureCommand::Ball { x_mm, y_mm, z_mm, radius_mm } => {
-            (FixtureKind::Ball, [x_mm, y_mm, z_mm, radius_mm].map(|mm| mm * 1e-3))
-        }
-        FixtureCommand::HalfSpace { normal_x, normal_y, normal_z, offset_mm } => {
-            (FixtureKind::HalfSpace, [normal_x, normal_y, normal_z, offset_mm * 1e-3])
+        (Action::Ball, &[x, y, z, radius]) => (FixtureKind::Ball, [m(x), m(y), m(z), m(radius)]),
+        (Action::HalfSpace, &[x, y, z, offset]) => (FixtureKind::HalfSpace, [x, y, z, m(offset)]),
+        (_, numbers) => {
+            let sentence = format!(
+                "{} number(s) do not fit; `i2ris command fixture --help` shows which a region has",
+                numbers.len()
+            );
+            return Err(Coded { code: 2, sentence }.into());
         }
     };
-    Some((FixtureAction::Add, Some(region)))
+    Ok(Some((FixtureAction::Add, Some(region))))
 }
 
 /// The regions after this moment.
@@ -194,11 +198,17 @@ mod tests {
     }
 
     #[test]
-    fn degrees_and_mm_become_rad_and_m() {
-        let ball = FixtureCommand::Ball { x_mm: 1.0, y_mm: 0.0, z_mm: 1.5, radius_mm: 0.2 };
-        let (action, region) = request(&ball).unwrap();
-        assert_eq!(action, FixtureAction::Add);
-        assert_eq!(region, Some((FixtureKind::Ball, [1e-3, 0.0, 1.5e-3, 2e-4])));
-        assert_eq!(request(&FixtureCommand::List), None);
+    fn degrees_and_mm_become_rad_and_m_and_other_numbers_are_refused() {
+        let asked =
+            |action, numbers: &[f64]| request(action, numbers).map_err(|error| error.to_string());
+        let ball = Some((FixtureKind::Ball, [1e-3, 0.0, 1.5e-3, 2e-4]));
+        assert_eq!(
+            asked(Action::Ball, &[1.0, 0.0, 1.5, 0.2]),
+            Ok(Some((FixtureAction::Add, ball)))
+        );
+        assert_eq!(asked(Action::List, &[]), Ok(None));
+        for (action, numbers) in [(Action::Ball, &[1.0, 2.0][..]), (Action::Off, &[1.0])] {
+            assert!(asked(action, numbers).unwrap_err().contains("do not fit"));
+        }
     }
 }

@@ -17,11 +17,11 @@ pub const HOMING: &str = "the present pose becomes the zero (where no hard stop 
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub struct PrepareOptions {
     /// Enable the robot first, where necessary
-    #[arg(long, global = true)]
+    #[arg(long)]
     enable: bool,
     /// Home the robot first, if its zero is not known, and enable it: the present pose becomes the
     /// zero, so straighten the snake before
-    #[arg(long, global = true)]
+    #[arg(long)]
     home: bool,
 }
 
@@ -100,7 +100,7 @@ fn wait_until_idle(
     let state = match client.wait_for(MOTION_TIMEOUT, is_ended) {
         Err(ClientError::Timeout { waited }) => {
             let seconds = waited.as_seconds();
-            return Err(format!("the robot was busy for {seconds} s; see `i2ris why`").into());
+            return Err(format!("the robot was busy for {seconds} s; see `i2ris status`").into());
         }
         other => other?,
     };

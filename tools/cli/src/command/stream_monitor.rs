@@ -18,9 +18,7 @@ pub enum StopReason {
         Reason::from(Cause::Fault(*.0))
     )]
     Fault(Fault),
-    #[error(
-        "the controller is {0}, not ENABLED; add --enable, or run `i2ris command state enable`"
-    )]
+    #[error("the controller is {0}, not ENABLED; add --enable, or run `i2ris enable`")]
     NotEnabled(OperatingState),
     #[error(
         "the controller has become {0} meanwhile: somebody has paused, disabled or ended it; the \
@@ -29,7 +27,7 @@ pub enum StopReason {
     LeftEnabled(OperatingState),
     #[error(
         "the robot is not homed: its zero is not known. Homing makes the present pose the zero: \
-         straighten the snake, then add --home, or run `i2ris command state home`"
+         straighten the snake, then add --home, or run `i2ris home`"
     )]
     NotHomed,
     /// A state number of another release.

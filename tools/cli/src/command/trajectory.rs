@@ -12,12 +12,12 @@ pub type Angles = [f64; 2];
 pub enum Trajectory {
     Point(Angles),
     Sine {
-        center: Angles,
+        centre: Angles,
         amplitude: Angles,
         period_s: f64,
     },
     Circle {
-        center: Angles,
+        centre: Angles,
         radius: f64,
         period_s: f64,
     },
@@ -30,13 +30,13 @@ impl Trajectory {
     pub fn at(&self, t_s: f64) -> Angles {
         match self {
             Self::Point(angles) => *angles,
-            Self::Sine { center, amplitude, period_s } => {
+            Self::Sine { centre, amplitude, period_s } => {
                 let swing = (TAU * t_s / period_s).sin();
-                [center[0] + amplitude[0] * swing, center[1] + amplitude[1] * swing]
+                [centre[0] + amplitude[0] * swing, centre[1] + amplitude[1] * swing]
             }
-            Self::Circle { center, radius, period_s } => {
+            Self::Circle { centre, radius, period_s } => {
                 let (sin, cos) = (TAU * t_s / period_s).sin_cos();
-                [center[0] + radius * cos, center[1] + radius * sin]
+                [centre[0] + radius * cos, centre[1] + radius * sin]
             }
             Self::Waypoints(table) => table.at(t_s),
         }
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn a_circle_starts_at_its_side_and_is_closed() {
-        let circle = Trajectory::Circle { center: [1.0, 2.0], radius: 5.0, period_s: 4.0 };
+        let circle = Trajectory::Circle { centre: [1.0, 2.0], radius: 5.0, period_s: 4.0 };
         let near = |a: Angles, b: Angles| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-9;
         assert!(near(circle.at(0.0), [6.0, 2.0]));
         assert!(near(circle.at(1.0), [1.0, 7.0]));
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn a_sine_starts_in_the_middle() {
-        let sine = Trajectory::Sine { center: [0.0, 1.0], amplitude: [10.0, 0.0], period_s: 2.0 };
+        let sine = Trajectory::Sine { centre: [0.0, 1.0], amplitude: [10.0, 0.0], period_s: 2.0 };
         assert_eq!(sine.at(0.0), [0.0, 1.0]);
         assert!((sine.at(0.5)[0] - 10.0).abs() < 1e-9);
     }

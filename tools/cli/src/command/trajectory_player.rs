@@ -149,7 +149,7 @@ mod tests {
     }
 
     fn circle() -> Trajectory {
-        Trajectory::Circle { center: [0.0, 0.0], radius: 5.0, period_s: 4.0 }
+        Trajectory::Circle { centre: [0.0, 0.0], radius: 5.0, period_s: 4.0 }
     }
 
     #[test]

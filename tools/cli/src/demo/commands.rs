@@ -23,12 +23,17 @@ use i2ris_simulation::motion::unseen_motion::RATE_HZ;
 const MOTION_SEEDS: u64 = 1000;
 const READ_PERIOD: Nanos = Nanos::from_millis(5);
 
-/// A folder of this run, removed at its end.
-pub struct Folder(pub PathBuf);
+/// A folder of this run, removed at its end unless somebody named it.
+struct Folder {
+    path: PathBuf,
+    is_kept: bool,
+}
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
+        if !self.is_kept {
+            let _ = fs::remove_dir_all(&self.path);
+        }
     }
 }
 
@@ -39,7 +44,7 @@ pub struct Demo {
     domain: Domain,
     /// `None`: it was ended.
     robot: Option<EmulatedRobot>,
-    pub folder: Folder,
+    folder: Folder,
 }
 
 impl Demo {
@@ -49,30 +54,31 @@ impl Demo {
         let target =
             program.parent().and_then(Path::parent).ok_or("the program lies in no folder")?;
         let name = format!("demo-{}", std::process::id());
-        let (folder, domain) = (Folder(target.join(&name)), Domain::new(&name)?);
-        fs::create_dir_all(&folder.0)
-            .map_err(|error| format!("cannot create {}: {error}", folder.0.display()))?;
-        if let Some(from) = &arguments.from {
-            copy(from, &folder.0, |kind| kind == "json" || kind == "csv")?;
-        }
+        let (is_kept, domain) = (arguments.folder.is_some(), Domain::new(&name)?);
+        let path = arguments.folder.clone().unwrap_or_else(|| target.join(&name));
+        fs::create_dir_all(&path)
+            .map_err(|error| format!("cannot create {}: {error}", path.display()))?;
+        let folder = Folder { path: fs::canonicalize(path)?, is_kept };
+        // Of an earlier run, on another domain.
+        let _ = fs::remove_file(folder.path.join("controller.toml"));
         let mut demo = Self { arguments, interrupt, domain, robot: None, folder };
         let (seed, log) = (demo.arguments.seed.to_string(), demo.file("setpoints.csv")?);
         let snake = &demo.arguments.snake;
         let options = ["--snake", snake, "--seed", &seed, "--log", &log].map(str::to_owned);
         let bar = spinner("start emulated drives, a snake and the controller");
         // Models without memory, which it compares with the others, are wrong by a whole loop.
-        let mut config = crate::start::config(&demo.folder.0, demo.domain.name())?;
+        let mut config = crate::start::config(&demo.folder.path, demo.domain.name())?;
         config.limits.plausibility_deg = 0.0;
-        let robot = EmulatedRobot::start(&demo.folder.0, &config, &options, &demo.interrupt)?;
+        let robot = EmulatedRobot::start(&demo.folder.path, &config, &options, &demo.interrupt)?;
         demo.robot = Some(robot);
         finish(&bar, "done");
-        demo.run("home", &["command", "state", "home"])?;
-        demo.run("enable", &["command", "state", "enable"])?;
+        demo.run("home", &["home"])?;
+        demo.run("enable", &["enable"])?;
         Ok(demo)
     }
 
     pub fn path(&self, name: &str) -> PathBuf {
-        self.folder.0.join(name)
+        self.folder.path.join(name)
     }
 
     /// A file of the demo, for a command line.
@@ -108,7 +114,7 @@ impl Demo {
     ) -> Result<(), Failure> {
         let mut command = Command::new(std::env::current_exe()?);
         command.args(words).env("I2RIS_DOMAIN", self.domain.name());
-        let mut child = Process::start("tool", &mut command, &self.folder.0)?;
+        let mut child = Process::start("tool", &mut command, &self.folder.path)?;
         let start = clock::now();
         while !child.finished()? {
             let now = clock::now();
@@ -120,11 +126,10 @@ impl Demo {
     }
 
     pub fn collect(&mut self) -> Result<(), Failure> {
-        let (config, output) = (self.file("controller.toml")?, self.file("recording.csv")?);
-        let duration_s = self.arguments.calibration_s;
+        let (output, duration_s) = (self.file("recording.csv")?, self.arguments.duration_s);
         let (duration, seed) = (duration_s.to_string(), self.arguments.seed.to_string());
         let bar = bar_of_time("calibration protocol through the controller", duration_s);
-        let collect = ["calibrate", "collect", "--config", &config, "--output", &output];
+        let collect = ["calibrate", "collect", "--output", &output];
         let options = ["--duration-s", &duration, "--seed", &seed];
         self.run_behind(&[&collect[..], &options].concat(), |gone_s| {
             bar.set_position(tenths(gone_s));
@@ -151,9 +156,7 @@ impl Demo {
     /// Takes a model into use, and follows every motion with it.
     pub fn follow(&mut self, model: &str) -> Result<Vec<Followed>, Failure> {
         let file = self.file(&format!("{model}.json"))?;
-        self.run(&format!("stage `{model}`"), &["model", "stage", &file])?;
-        self.run(&format!("activate `{model}`"), &["model", "activate", "--force"])?;
-        self.run("condition the wires", &["command", "state", "condition"])?;
+        self.run(&format!("take `{model}` into use"), &["model", "use", &file])?;
         let client = self.connect()?;
         let mut followed = Vec::new();
         for motion in self.arguments.motions.clone() {
@@ -190,19 +193,4 @@ fn finish(bar: &ProgressBar, outcome: &str) {
     let what = bar.message();
     bar.finish_and_clear();
     eprintln!("{what:<50} {outcome}");
-}
-
-/// Copies the files with such an extension.
-pub fn copy(from: &Path, to: &Path, is_wanted: impl Fn(&str) -> bool) -> Result<(), Failure> {
-    fs::create_dir_all(to)?;
-    for entry in
-        fs::read_dir(from).map_err(|error| format!("cannot read {}: {error}", from.display()))?
-    {
-        let path = entry?.path();
-        let extension = path.extension().unwrap_or_default().to_string_lossy();
-        if let Some(name) = path.file_name().filter(|_| path.is_file() && is_wanted(&extension)) {
-            fs::copy(&path, to.join(name))?;
-        }
-    }
-    Ok(())
 }

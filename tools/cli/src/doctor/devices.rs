@@ -37,7 +37,7 @@ pub fn check(report: &mut Report) {
             Ok(device) => report.warn(
                 "input device",
                 format!("{} at {} is not known", device.identity, path.display()),
-                "`i2ris input learn` asks what its controls are",
+                "`i2ris teleop input learn` asks what its controls are",
             ),
             // Every keyboard is closed to who is no administrator: that is no news.
             Err(_) => {}

@@ -3,6 +3,7 @@
 //! Nothing is changed: drives are read, not written. While a controller runs it holds the ports,
 //! and the drives cannot be looked at.
 
+mod config;
 mod devices;
 mod drives;
 mod report;
@@ -12,16 +13,22 @@ use std::path::PathBuf;
 
 use i2ris::config::Config;
 
-use crate::config::as_delivered;
+use config::as_delivered;
 use i2ris_report::Failure;
 use report::Report;
 
 /// Arguments of `i2ris doctor`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:
   i2ris doctor --config my-robot.toml
-  i2ris doctor --config my-robot.toml --json --no-drives")]
+  i2ris doctor --config my-robot.toml --json --no-drives
+  i2ris doctor config check my-robot.toml        the file alone"
+)]
 pub struct Arguments {
+    #[command(subcommand)]
+    other: Option<Other>,
     /// The configuration of the controller
     #[arg(long, value_name = "FILE", default_value = "config/emulator.toml")]
     config: PathBuf,
@@ -33,8 +40,18 @@ pub struct Arguments {
     no_drives: bool,
 }
 
+#[derive(Debug, clap::Subcommand)]
+enum Other {
+    /// Look at a configuration without starting anything
+    #[command(subcommand)]
+    Config(config::Command),
+}
+
 /// Runs it. Fails when a check does.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    if let Some(Other::Config(command)) = &arguments.other {
+        return config::run(command);
+    }
     let mut report = Report::default();
     match Config::load(&arguments.config) {
         Ok(config) => {

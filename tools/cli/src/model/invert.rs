@@ -28,9 +28,8 @@ const LONGEST_REST_TICKS: u32 = 10_000;
 /// Arguments of `i2ris model invert`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris model invert steel.json --trajectory desired.csv --output counts.csv
-  i2ris model invert steel.json --trajectory desired.csv --history before.csv \\
-    --config robot.toml --output counts.csv
+  i2ris model invert steel.json desired.csv --output counts.csv
+  i2ris model invert steel.json desired.csv --history before.csv --config robot.toml --output counts.csv
 
 The trajectory has the columns t_s, pitch_deg, yaw_deg (or those of the model), joined by straight
 lines; the history has q0_counts, q1_counts. The output has the setpoints that the control loop
@@ -40,7 +39,7 @@ pub struct Arguments {
     /// The model
     model: PathBuf,
     /// The angles that are desired
-    #[arg(long, value_name = "DESIRED.csv")]
+    #[arg(value_name = "DESIRED.csv")]
     trajectory: PathBuf,
     /// The path of the motors before: it sets the memory
     #[arg(long, value_name = "COUNTS.csv")]

@@ -1,15 +1,47 @@
-//! The models of a running controller: `i2ris model list`, `stage`, `activate` and `rollback`.
+//! The models of a running controller: `i2ris model use`, `back`, and `show` without a file.
 
 use std::path::PathBuf;
 
-use i2ris::ipc::client::Client;
+use i2ris::clock;
+use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::{ModelDifference, ModelReply, ModelSlot, unpadded_text};
+use i2ris::ipc::{Refusal, StateCommand};
 use i2ris::model::ModelId;
-use i2ris_report::{DomainOption, Failure, while_working};
+use i2ris::units::Nanos;
+use i2ris_report::exit::{Coded, code};
+use i2ris_report::{DomainOption, Failure, Interrupt, while_working};
 use serde_json::{Value, json};
 
+use crate::command::prepare::{PrepareOptions, carry_out, prepare};
+use crate::exit::with_code;
+
+/// How long a staged model may take to catch up with the positions of the motors.
+const CATCH_UP: Nanos = Nanos::from_millis(5000);
+const POLL: Nanos = Nanos::from_millis(50);
+
 #[derive(Debug, clap::Args)]
-struct Common {
+#[command(after_help = "Examples:
+  i2ris model use config/models/steel.json --enable
+  i2ris model use config/models/steel.json --no-condition --force
+
+The controller checks the model and compares it with the one in use (stage); then it takes over, also
+while the robot runs (activate); and where its hysteresis memory is unknown, a decaying stroke of all
+motors makes it known (condition): the snake moves. Where one step is refused, the model that was in
+use stays, and that is said.")]
+pub struct UseArguments {
+    /// The model file; the controller reads it itself
+    model: PathBuf,
+    #[command(flatten)]
+    prepare: PrepareOptions,
+    /// Only have it checked and kept ready: the key m of `i2ris status --watch` takes it into use
+    #[arg(long, conflicts_with_all = ["no_condition", "enable", "home"])]
+    no_activate: bool,
+    /// Condition nothing, so that nothing moves; a model whose memory is unknown is then refused
+    #[arg(long)]
+    no_condition: bool,
+    /// With --no-condition: also while the hysteresis memory of the model is unknown
+    #[arg(long, requires = "no_condition")]
+    force: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -17,101 +49,133 @@ struct Common {
     domain: DomainOption,
 }
 
-impl Common {
-    fn connect(&self) -> Result<Client, Failure> {
-        Ok(crate::connection::connect(&self.domain.domain()?)?)
-    }
-
-    fn show(&self, reply: &ModelReply) -> Result<(), Failure> {
-        if self.json {
-            println!("{}", serde_json::to_string_pretty(&models(reply))?);
-            return Ok(());
-        }
-        for (name, slot) in ["in use", "staged", "previous"].iter().zip(&reply.slots) {
-            println!("{name:8} {}", line(slot));
-        }
-        Ok(())
-    }
-}
-
-#[derive(Debug, clap::Args)]
-pub struct ListArguments {
-    #[command(flatten)]
-    common: Common,
-}
-
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  i2ris model stage config/models/steel.json && i2ris model activate")]
-pub struct StageArguments {
-    /// The model file; the controller reads it itself
-    model: PathBuf,
-    #[command(flatten)]
-    common: Common,
-}
-
-#[derive(Debug, clap::Args)]
-pub struct ActivateArguments {
-    /// The beginning of the identity of the model that is expected to be staged [default: whichever
-    /// is]
-    id: Option<String>,
-    #[command(flatten)]
-    force: Force,
-    #[command(flatten)]
-    common: Common,
-}
-
-#[derive(Debug, clap::Args)]
-pub struct RollbackArguments {
-    #[command(flatten)]
-    force: Force,
-    #[command(flatten)]
-    common: Common,
-}
-
-#[derive(Debug, clap::Args)]
-struct Force {
+  i2ris model back")]
+pub struct BackArguments {
     /// Also while the hysteresis memory of the model is unknown
     #[arg(long)]
     force: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    domain: DomainOption,
 }
 
-pub fn list(arguments: &ListArguments) -> Result<(), Failure> {
-    arguments.common.show(&arguments.common.connect()?.models()?)
+pub fn list(domain: &DomainOption, json: bool) -> Result<(), Failure> {
+    show(&crate::connection::connect(&domain.domain()?)?.models()?, json)
 }
 
-pub fn stage(arguments: &StageArguments) -> Result<(), Failure> {
-    let StageArguments { model, common } = arguments;
-    let mut client = common.connect()?;
-    let reply = while_working("the controller checks the model", || client.stage_model(model))?;
-    if common.json {
-        let difference = difference_json(&reply.difference);
-        let outcome = json!({ "models": models(&reply), "difference": difference });
-        println!("{}", serde_json::to_string_pretty(&outcome)?);
-        return Ok(());
+pub fn back(arguments: &BackArguments) -> Result<(), Failure> {
+    let mut client = crate::connection::connect(&arguments.domain.domain()?)?;
+    show(&client.roll_back_model(arguments.force)?, arguments.json)
+}
+
+/// Stages, activates and conditions. What is refused leaves the model in use that was before.
+pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
+    let mut client = crate::connection::connect(&arguments.domain.domain()?)?;
+    let interrupt = Interrupt::catch()?;
+    let say = |line: String| {
+        if !arguments.json {
+            println!("{line}")
+        }
+    };
+    let before = client.models()?.slots[0];
+    let stays = |failure: Failure| stays(failure, &before);
+    let file = &arguments.model;
+    let reply = while_working("the controller checks the model", || client.stage_model(file));
+    let reply = reply.map_err(|error| stays(error.into()))?;
+    let staged = reply.slots[1];
+    say(format!("stage      {}", line(&staged)));
+    if !arguments.json {
+        print_difference(&reply.difference);
     }
-    common.show(&reply)?;
-    print_difference(&reply.difference);
+    if arguments.no_activate {
+        return print_outcome(&reply, &reply, false, arguments.json);
+    }
+    let conditions = staged.flags & ModelSlot::MEMORY_KNOWN == 0 && !arguments.no_condition;
+    if conditions {
+        prepare(&mut client, arguments.prepare, &interrupt).map_err(stays)?;
+    }
+    let id = ModelId(staged.model_id);
+    let active = activate(&mut client, id, arguments.force || conditions);
+    let active = active.map_err(|error| stays(error.into()))?;
+    say(format!("activate   {}", line(&active.slots[0])));
+    if conditions {
+        if let Err(failure) = carry_out(&mut client, StateCommand::Condition, &interrupt) {
+            return Err(taken_back(&mut client, failure, &before));
+        }
+        say("condition  done: the hysteresis memory is known".to_owned());
+    } else if !arguments.no_condition {
+        say("condition  not needed: the hysteresis memory is known".to_owned());
+    }
+    print_outcome(&reply, &client.models()?, conditions, arguments.json)
+}
+
+fn print_outcome(
+    staged: &ModelReply,
+    now: &ModelReply,
+    is_conditioned: bool,
+    json: bool,
+) -> Result<(), Failure> {
+    if json {
+        let difference = difference_json(&staged.difference);
+        let outcome = json!({
+            "models": models(now), "difference": difference, "conditioned": is_conditioned
+        });
+        println!("{}", serde_json::to_string_pretty(&outcome)?);
+    }
     Ok(())
 }
 
-pub fn activate(arguments: &ActivateArguments) -> Result<(), Failure> {
-    let mut client = arguments.common.connect()?;
-    let [_, staged, _] = client.models()?.slots;
-    let id = ModelId(staged.model_id);
-    if staged.flags & ModelSlot::PRESENT == 0 {
-        return Err("no model is staged; stage one with `i2ris model stage FILE`".into());
+/// Waits for a model that still catches up with the positions of the motors.
+fn activate(client: &mut Client, id: ModelId, force: bool) -> Result<ModelReply, ClientError> {
+    let start = clock::now();
+    loop {
+        match client.activate_model(id, force) {
+            Err(ClientError::ModelRefused { refusal: Refusal::Busy, .. })
+                if clock::now().since(start) < CATCH_UP =>
+            {
+                clock::sleep(POLL);
+            }
+            outcome => return outcome,
+        }
     }
-    let is_other = |expected: &&String| !id.to_string().starts_with(expected.as_str());
-    if let Some(expected) = arguments.id.as_ref().filter(is_other) {
-        return Err(format!("{id} is staged, not {expected}").into());
-    }
-    arguments.common.show(&client.activate_model(id, arguments.force.force)?)
 }
 
-pub fn roll_back(arguments: &RollbackArguments) -> Result<(), Failure> {
-    let mut client = arguments.common.connect()?;
-    arguments.common.show(&client.roll_back_model(arguments.force.force)?)
+/// A failure after which the model is in use that was before.
+fn stays(failure: Failure, before: &ModelSlot) -> Failure {
+    let failure = with_code(failure);
+    let sentence = format!("{failure}; in use as before: {}", line(before));
+    Coded { code: code(&failure), sentence }.into()
+}
+
+/// The conditioning failed: the model before takes over again, if there was one.
+fn taken_back(client: &mut Client, failure: Failure, before: &ModelSlot) -> Failure {
+    if before.flags & ModelSlot::PRESENT != 0 {
+        match client.roll_back_model(true) {
+            Ok(_) => return stays(failure, before),
+            Err(error) => eprintln!("warning: the model before does not take over: {error}"),
+        }
+    }
+    let failure = with_code(failure);
+    let sentence = format!(
+        "{failure}; the new model is in use, and its hysteresis memory is unknown until `i2ris \
+         command state condition`"
+    );
+    Coded { code: code(&failure), sentence }.into()
+}
+
+fn show(reply: &ModelReply, json: bool) -> Result<(), Failure> {
+    if json {
+        println!("{}", serde_json::to_string_pretty(&models(reply))?);
+        return Ok(());
+    }
+    for (name, slot) in ["in use", "staged", "previous"].iter().zip(&reply.slots) {
+        println!("{name:8} {}", line(slot));
+    }
+    Ok(())
 }
 
 fn models(reply: &ModelReply) -> Value {

@@ -10,7 +10,7 @@ use i2ris_report::Failure;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  i2ris model predict steel.json --counts path.csv --history before.csv --output angles.csv
+  i2ris model predict steel.json path.csv --history before.csv --output angles.csv
 
 The files name their columns in the first line: q0_counts, q1_counts, and t_s where time is to be
 written beside the angles.")]
@@ -18,7 +18,7 @@ pub struct Arguments {
     /// The model
     model: PathBuf,
     /// The path of the motors
-    #[arg(long, value_name = "COUNTS.csv")]
+    #[arg(value_name = "COUNTS.csv")]
     counts: PathBuf,
     /// The path of the motors before that: it sets the memory
     #[arg(long, value_name = "COUNTS.csv")]

@@ -12,27 +12,39 @@ use i2ris::wall_clock::WallTime;
 use serde_json::json;
 
 use super::columns::si;
-use i2ris_report::Failure;
+use super::loaded;
+use i2ris_report::{DomainOption, Failure};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  i2ris model show config/models/steel.json")]
+  i2ris model show config/models/steel.json
+  i2ris model show --json                        the models of the running controller")]
 pub struct Arguments {
-    /// The model
-    pub(super) model: PathBuf,
+    /// The model [default: those of the running controller]
+    model: Option<PathBuf>,
     /// Print the file with its identity as JSON
     #[arg(long)]
-    pub(super) json: bool,
+    json: bool,
+    #[command(flatten)]
+    domain: DomainOption,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let model = Model::load(&arguments.model)?;
-    if arguments.json {
+    match &arguments.model {
+        Some(file) => show(file, arguments.json),
+        None => loaded::list(&arguments.domain, arguments.json),
+    }
+}
+
+/// Prints a model file.
+pub fn show(path: &Path, json: bool) -> Result<(), Failure> {
+    let model = Model::load(path)?;
+    if json {
         let whole = json!({ "id": model.id().to_string(), "file": model.file() });
         println!("{}", serde_json::to_string_pretty(&whole)?);
         return Ok(());
     }
-    header(arguments, &model);
+    header(path, &model);
     mechanics(&model);
     examination(&model);
     family(&model);
@@ -47,13 +59,13 @@ fn written(file: &Path) -> Option<String> {
     Some(WallTime::from_unix_seconds(at.as_secs()).to_string())
 }
 
-fn header(arguments: &Arguments, model: &Model) {
+fn header(path: &Path, model: &Model) {
     let file = model.file();
     let kind = serde_json::to_value(&file.family).unwrap_or_default();
     let outputs: Vec<String> =
         file.outputs.iter().map(|output| format!("{} ({})", output.name, output.unit)).collect();
     println!("model      {}", model.id());
-    println!("file of    {}", written(&arguments.model).unwrap_or_else(|| "unknown".to_owned()));
+    println!("file of    {}", written(path).unwrap_or_else(|| "unknown".to_owned()));
     println!("family     {}", kind.get("kind").and_then(|kind| kind.as_str()).unwrap_or("?"));
     println!("robot      {}, {} motor(s)", file.robot_id, model.motors());
     println!("outputs    {}", outputs.join(", "));

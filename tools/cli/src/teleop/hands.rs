@@ -8,7 +8,7 @@ use i2ris::units::Nanos;
 use i2ris_report::Failure;
 use i2ris_teleop::clutch::Clutch;
 use i2ris_teleop::control::{Control, Fault, Reading};
-use i2ris_teleop::device::{Device, HEAD};
+use i2ris_teleop::device::Device;
 use i2ris_teleop::finder::{self, Found, known, reopen, scan};
 use i2ris_teleop::identity::Identity;
 use i2ris_teleop::profile::{Handedness, Profile};
@@ -23,10 +23,9 @@ const SEARCH: Nanos = Nanos::from_millis(500);
 /// Which devices, and how they are held.
 #[derive(Debug, Clone)]
 pub struct Chosen {
-    /// `/dev/input/event*`, `/dev/hidraw*`; none: those that are known.
+    /// `/dev/input/event*`, `/dev/hidraw*`, or pipes through which recordings are played; none:
+    /// those that are known.
     pub devices: Vec<PathBuf>,
-    /// Pipes through which recordings are played.
-    pub played: Vec<PathBuf>,
     /// Files with profiles, before the shipped ones.
     pub profiles: Vec<PathBuf>,
     pub hand: Handedness,
@@ -72,14 +71,13 @@ impl Hands {
     pub fn open(chosen: &Chosen) -> Result<Self, Failure> {
         let profiles = profiles(&chosen.profiles)?;
         let mut parts = Vec::new();
-        let real = if chosen.devices.is_empty() && chosen.played.is_empty() {
+        let devices = if chosen.devices.is_empty() {
             only_known(&scan(&profiles), &profiles)?
         } else {
             chosen.devices.clone()
         };
-        let real = real.into_iter().map(|path| (path, false));
-        for (path, is_played) in real.chain(chosen.played.iter().map(|path| (path.clone(), true))) {
-            parts.push(Part::open(&path, is_played, &profiles, chosen.hand)?);
+        for path in devices {
+            parts.push(Part::open(&path, &profiles, chosen.hand)?);
         }
         if !parts.iter().any(|part| part.control.has_axes()) {
             return Err("a device that steers is missing: a pedal alone moves nothing".into());
@@ -136,19 +134,13 @@ fn only_known(found: &[Found], profiles: &[Profile]) -> Result<Vec<PathBuf>, Fai
 }
 
 impl Part {
-    fn open(
-        path: &Path,
-        is_played: bool,
-        profiles: &[Profile],
-        hand: Handedness,
-    ) -> Result<Self, Failure> {
-        let mut device =
-            if is_played { Device::open_played(path, HEAD) } else { Device::open(path) }?;
+    fn open(path: &Path, profiles: &[Profile], hand: Handedness) -> Result<Self, Failure> {
+        let mut device = Device::open(path)?;
         let description = device.description();
         let profile = known(description, profiles).ok_or_else(|| {
             let path = path.display();
             format!(
-                "{path}: {} is not known, and nothing is guessed; `i2ris input learn {path} \
+                "{path}: {} is not known, and nothing is guessed; `i2ris teleop input learn {path} \
                  --output mine.toml` asks what its controls are, then add --profile mine.toml",
                 description.identity
             )
@@ -157,7 +149,7 @@ impl Part {
         device.grab()?;
         Ok(Self {
             path: path.to_owned(),
-            is_played,
+            is_played: device.is_played(),
             identity: device.description().identity.clone(),
             control: Control::new(profile, controls),
             device: Some(device),

@@ -119,7 +119,7 @@ impl Mover<'_> {
         if frames.len() < MIN_FRAMES {
             return Err(format!(
                 "the view cannot be measured: {} pictures in {} s; start `i2ris vision`, or type \
-                 the view with --view-rotation-deg",
+                 the view with --view",
                 frames.len(),
                 LOOK.as_seconds()
             )

@@ -6,10 +6,12 @@
 //! everything has to be at rest before the dead-man counts.
 
 mod hands;
+mod input;
 mod keyboard;
 mod measure;
 mod pulse;
 mod source;
+mod task;
 
 use std::path::PathBuf;
 
@@ -29,15 +31,16 @@ use crate::command::prepare::{PrepareOptions, prepare};
 use crate::command::progress::Progress;
 use crate::command::stream::{present_pose, two_angles};
 use crate::command::stream_monitor::StreamMonitor;
-use crate::command::task::{HandTask, TaskOptions};
 use crate::command::tracking::ClipMonitor;
+use crate::exit::name_holder;
 use crate::numbers::{finite, positive, rate, within};
 use hands::{Chosen, Hands};
 use keyboard::Keyboard;
 use pulse::Pulses;
 use source::{Asked, Source};
+use task::{HandTask, HoldStillOptions, PursuitOptions, ReachOptions, TaskOptions};
 
-pub use hands::profiles;
+use hands::profiles;
 
 /// Longest delay of a command to the control loop: some ticks.
 const COMMAND_DELAY: Nanos = Nanos::from_millis(20);
@@ -55,19 +58,70 @@ const FINE_STEP_DEG: f64 = 0.1;
 
 /// Arguments of `i2ris teleop`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "Examples:
   i2ris teleop --enable                           the known device that is plugged in, and its pedal
   i2ris teleop --keyboard --scale 0.5             space bar: dead-man; arrows steer
-  i2ris teleop --view-rotation-deg 90 --view-mirror
-  i2ris teleop --measure-view                     the snake moves by 1 deg while a camera watches
-  i2ris input list                                which devices there are
+  i2ris teleop --view 90,mirror                   how the picture of the camera lies
+  i2ris teleop --view measure                     the snake moves by 1 deg while a camera watches
+  i2ris teleop task reach --targets 5             bring the snake to targets and hold it there
+  i2ris teleop input show                         which devices there are
 
-Ctrl-C ends; the snake holds.")]
+Ctrl-C ends; the snake holds."
+)]
 pub struct Arguments {
-    #[command(flatten)]
-    domain: DomainOption,
+    #[command(subcommand)]
+    other: Option<Other>,
     #[command(flatten)]
     hand: HandOptions,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Other {
+    /// A task by hand. The monitor shows the target, `i2ris record report` scores a recording
+    #[command(subcommand)]
+    Task(Task),
+    /// Look at input devices, record them and play what was recorded
+    #[command(subcommand)]
+    Input(input::Command),
+}
+
+#[derive(Debug, clap::Subcommand)]
+#[command(after_help = "Examples:
+  i2ris teleop task reach --targets 5
+  i2ris teleop task pursuit --device /dev/input/event7
+  i2ris teleop task hold-still --duration-s 20")]
+enum Task {
+    /// Bring the snake to targets, one after the other, and hold it there. With the keys of this
+    /// terminal or --device
+    Reach {
+        #[command(flatten)]
+        task: ReachOptions,
+        #[command(flatten)]
+        hand: HandOptions,
+    },
+    /// Follow a target along a curve that cannot be foreseen
+    Pursuit {
+        #[command(flatten)]
+        task: PursuitOptions,
+        #[command(flatten)]
+        hand: HandOptions,
+    },
+    /// Keep the snake at a place
+    HoldStill {
+        #[command(flatten)]
+        task: HoldStillOptions,
+        #[command(flatten)]
+        hand: HandOptions,
+    },
+}
+
+/// What is held, and how it moves the snake.
+#[derive(Debug, clap::Args)]
+struct HandOptions {
+    #[command(flatten)]
+    domain: DomainOption,
     /// Commands per second, at least; an event of the device is sent at once
     #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate)]
     rate_hz: f64,
@@ -76,21 +130,14 @@ pub struct Arguments {
     speed_deg_s: f64,
     #[command(flatten)]
     prepare: PrepareOptions,
-}
-
-/// What is held, and how it moves the snake.
-#[derive(Debug, Clone, clap::Args)]
-pub struct HandOptions {
     /// Steer with the keys of this terminal
-    #[arg(long, conflicts_with_all = ["device", "played"])]
+    #[arg(long, conflicts_with = "device")]
     keyboard: bool,
-    /// An input device; a second one is a pedal [default: those that are known]
+    /// An input device, or a pipe through which `i2ris teleop input play` plays a recording; a second
+    /// one is a pedal [default: those that are known]
     #[arg(long, value_name = "DEVICE")]
     device: Vec<PathBuf>,
-    /// A pipe through which `i2ris input play` plays a recording, in place of a device
-    #[arg(long, value_name = "PIPE")]
-    played: Vec<PathBuf>,
-    /// The profile of a device that is not known; `i2ris input learn` makes one
+    /// The profile of a device that is not known; `i2ris teleop input learn` makes one
     #[arg(long, value_name = "FILE")]
     profile: Vec<PathBuf>,
     /// What a deflection is: a speed; a distance from where the dead-man was pressed; or a distance
@@ -114,16 +161,18 @@ pub struct HandOptions {
     /// end of the hull
     #[arg(long)]
     pulse: bool,
-    /// How the picture is turned, counterclockwise: 90, and +yaw goes up
-    #[arg(long, default_value_t = 0.0, value_name = "DEG", value_parser = finite,
+    /// How the picture lies: DEG, turned counterclockwise (90, and +yaw goes up); DEG,mirror: then
+    /// left and right are swapped; or measure: by two small motions while a camera watches
+    #[arg(long, default_value = "0", value_name = "DEG[,mirror]|measure", value_parser = view,
           allow_negative_numbers = true)]
-    view_rotation_deg: f64,
-    /// The picture is mirrored: after the turn, left and right are swapped
-    #[arg(long)]
-    view_mirror: bool,
-    /// Measure how the picture lies, by two small motions while a camera watches
-    #[arg(long, conflicts_with_all = ["view_rotation_deg", "view_mirror"])]
-    measure_view: bool,
+    view: Lie,
+}
+
+/// How the picture of the camera lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Lie {
+    Measured,
+    Typed { rotation_deg: f64, is_mirrored: bool },
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -133,49 +182,28 @@ enum ModeWord {
     Hybrid,
 }
 
-/// How often and fast.
-#[derive(Debug, Clone, Copy)]
-pub struct Pace {
-    pub rate_hz: f64,
-    pub speed_deg_s: f64,
-}
-
-/// All that a run needs.
-#[derive(Debug)]
-pub struct Plan {
-    hand: HandOptions,
-    settings: Settings,
-    period: Nanos,
-    prepare: PrepareOptions,
-    task: Option<TaskOptions>,
-}
-
 impl HandOptions {
-    pub fn plan(self, pace: Pace, prepare: PrepareOptions, task: Option<TaskOptions>) -> Plan {
-        let step_deg = if task.is_some() { FINE_STEP_DEG } else { STEP_DEG };
-        let settings = Settings {
+    fn settings(&self, is_task: bool) -> Settings {
+        let step_deg = if is_task { FINE_STEP_DEG } else { STEP_DEG };
+        Settings {
             mode: match self.mode {
                 ModeWord::Rate => Mode::Rate,
                 ModeWord::Position => Mode::Position,
                 ModeWord::Hybrid => Mode::Hybrid,
             },
-            speed_deg_s: pace.speed_deg_s,
+            speed_deg_s: self.speed_deg_s,
             reach_deg: self.reach_deg,
             step_deg: self.step_deg.unwrap_or(step_deg),
-        };
-        let period = Nanos((1e9 / pace.rate_hz) as u64);
-        Plan { hand: self, settings, period, prepare, task }
+        }
     }
 
     fn source(&self, is_task: bool) -> Result<Box<dyn Source>, Failure> {
-        let names_none = self.device.is_empty() && self.played.is_empty();
-        if self.keyboard || is_task && names_none {
+        if self.keyboard || is_task && self.device.is_empty() {
             return Ok(Box::new(Keyboard::open()?));
         }
         let hand = if self.left_hand { Handedness::Left } else { Handedness::Right };
         Ok(Box::new(Hands::open(&Chosen {
             devices: self.device.clone(),
-            played: self.played.clone(),
             profiles: self.profile.clone(),
             hand,
             pulses: self.pulse,
@@ -183,58 +211,64 @@ impl HandOptions {
     }
 }
 
-pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { domain, hand, rate_hz, speed_deg_s, prepare } = arguments;
-    let domain = domain.domain()?;
-    let mut client = crate::connection::connect(&domain)?;
-    let pace = Pace { rate_hz: *rate_hz, speed_deg_s: *speed_deg_s };
-    run_plan((&mut client, &domain), &hand.clone().plan(pace, *prepare, None), &Interrupt::catch()?)
+pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    let (hand, task) = match arguments.other {
+        None => (arguments.hand, None),
+        Some(Other::Input(command)) => return input::run(&command),
+        Some(Other::Task(Task::Reach { task, hand })) => (hand, Some(TaskOptions::Reach(task))),
+        Some(Other::Task(Task::Pursuit { task, hand })) => (hand, Some(TaskOptions::Pursuit(task))),
+        Some(Other::Task(Task::HoldStill { task, hand })) => {
+            (hand, Some(TaskOptions::HoldStill(task)))
+        }
+    };
+    let domain = hand.domain.domain()?;
+    steer(&domain, &hand, task.as_ref()).map_err(|failure| name_holder(failure, &domain))
 }
 
 /// Commands the snake until the operator or the system ends it, or the controller cannot follow any
 /// more. Then the snake holds and the lease is free.
-pub fn run_plan(
-    (client, domain): (&mut Client, &Domain),
-    plan: &Plan,
-    interrupt: &Interrupt,
-) -> Result<(), Failure> {
-    let mut source = plan.hand.source(plan.task.is_some())?;
-    let state = prepare(client, plan.prepare, interrupt)?;
+fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Result<(), Failure> {
+    let (client, interrupt) = (&mut crate::connection::connect(domain)?, &Interrupt::catch()?);
+    let settings = hand.settings(task.is_some());
+    let mut source = hand.source(task.is_some())?;
+    let state = prepare(client, hand.prepare, interrupt)?;
     let monitor = StreamMonitor::new(client.id(), &state, clock::now());
     let mut progress = Progress::new(monitor);
-    let view = if plan.hand.measure_view {
+    let is_measured = hand.view == Lie::Measured;
+    let view = if let Lie::Typed { rotation_deg, is_mirrored } = hand.view {
+        View::typed(rotation_deg, is_mirrored)
+    } else {
         progress.say("measuring the view: the snake moves by a degree in pitch and in yaw")?;
         let view = measure::measure(client, interrupt)?;
         if view.is_turned() && state.flags & OperatingStateMsg::COMPARED != 0 {
             progress.say(TOLD_TURNED)?;
         }
         view
-    } else {
-        View::typed(plan.hand.view_rotation_deg, plan.hand.view_mirror)
     };
     let mut teleoperation = Teleoperation {
-        master: Master::new(present_pose(client)?, plan.settings),
-        mode: plan.settings.mode,
+        master: Master::new(present_pose(client)?, settings),
+        mode: settings.mode,
         view,
-        scales: plan.hand.scale.clone(),
+        scales: hand.scale.clone(),
         scale: 0,
         progress,
-        is_measured: plan.hand.measure_view,
+        is_measured,
         announcer: client.announcer(),
         told: (Nanos::ZERO, None),
         event: (Nanos::ZERO, 0),
-        pulses: plan.hand.pulse.then(|| Pulses::new(client, domain)),
+        pulses: hand.pulse.then(|| Pulses::new(client, domain)),
         marked: Nanos::ZERO,
         commander: client.commander(),
         setpoint: Latest::new(client.watcher().setpoint_js()),
         goal: Latest::new(client.watcher().goal_js()),
         clips: ClipMonitor::new(clock::now()),
         is_stopped: false,
-        task: { plan.task.as_ref() }.map(|options| HandTask::new(options, client)),
+        task: task.map(|options| HandTask::new(options, client)),
     };
     teleoperation.progress.say(&source.help())?;
     teleoperation.progress.say(&format!("the view: {view}"))?;
-    let outcome = teleoperation.run(client, source.as_mut(), plan.period, interrupt);
+    let period = Nanos((1e9 / hand.rate_hz) as u64);
+    let outcome = teleoperation.run(client, source.as_mut(), period, interrupt);
     // The clutch first: the lease is valid until it is released.
     let held = teleoperation.hold();
     if teleoperation.is_stopped {
@@ -407,6 +441,20 @@ fn line(
             100.0 * scale
         ),
     }
+}
+
+fn view(text: &str) -> Result<Lie, String> {
+    if text == "measure" {
+        return Ok(Lie::Measured);
+    }
+    let (deg, is_mirrored) = match text.strip_suffix("mirror") {
+        Some(deg) => (deg.trim_end_matches(','), true),
+        None => (text, false),
+    };
+    let rotation_deg = if deg.is_empty() && is_mirrored { Ok(0.0) } else { finite(deg) };
+    rotation_deg
+        .map(|rotation_deg| Lie::Typed { rotation_deg, is_mirrored })
+        .map_err(|_| "must be DEG, DEG,mirror, mirror or measure".to_owned())
 }
 
 fn share(text: &str) -> Result<f64, String> {

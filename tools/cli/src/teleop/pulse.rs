@@ -24,7 +24,7 @@ pub(super) struct Pulses {
 impl Pulses {
     pub fn new(client: &Client, domain: &Domain) -> Self {
         let watcher = client.watcher();
-        let models = ModelPoller::start(domain, None);
+        let models = ModelPoller::start(domain);
         models.poll_now();
         Self {
             measured: Latest::new(watcher.measured_js()),

@@ -71,13 +71,13 @@ fn camera(domain: &Domain, shows: Shows) -> Background {
 fn described(controller: Controller) -> (Bench, Controller) {
     let config = Config::parse(ROBOT, Path::new("robot.toml")).unwrap();
     controller.robot().description = robot_description(&config);
-    (Bench::with("robot.toml", ROBOT), controller)
+    (Bench::new(), controller)
 }
 
 impl Bench {
     fn collect(&self, domain: &Domain, options: &str) -> Program {
-        let (config, output) = (self.file("robot.toml"), self.file("take.csv"));
-        let collect = format!("calibrate collect --config {config} --output {output} {options}");
+        let output = self.file("take.csv");
+        let collect = format!("calibrate collect --output {output} {options}");
         start(domain, &collect)
     }
 
@@ -214,13 +214,24 @@ fn a_robot_that_is_not_enabled_or_refuses_is_not_moved() {
 }
 
 #[test]
-fn what_makes_no_sense_is_refused_before_a_controller_is_looked_for() {
-    let (bench, domain) = (Bench::with("robot.toml", ROBOT), nobody());
+fn what_the_controller_does_not_allow_moves_nothing() {
+    let (bench, controller) = described(Controller::start());
+    let _camera = camera(&controller.domain, Shows::Angles);
     for (options, said) in [
         ("--range-counts 320", "leave 300 counts"),
         ("--centre-counts 500,0", "not within the position limits"),
         ("--centre-counts 5", "1 value(s) for the 2 motor(s)"),
         ("--speed-counts-s 2500", "the controller allows 500"),
+    ] {
+        bench.collects_nothing(&controller.domain, &format!("--home {options}"), &[said]);
+    }
+    assert_eq!(controller.robot().asked, []);
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_before_a_controller_is_looked_for() {
+    let (bench, domain) = (Bench::new(), nobody());
+    for (options, said) in [
         ("--speed-counts-s 0", "must be a number above 0"),
         ("--duration-s nan", "must be a number above 0"),
         ("--protocol dance", "possible values: reversals, cycles, decaying-sine, axes"),
@@ -233,29 +244,13 @@ fn what_makes_no_sense_is_refused_before_a_controller_is_looked_for() {
 
 #[test]
 fn recordings_are_not_written_over_and_folders_not_invented() {
-    let (bench, domain) = (Bench::with("robot.toml", ROBOT), nobody());
+    let (bench, domain) = (Bench::new(), nobody());
     bench.write("take.toml", "precious");
     ends(bench.collect(&domain, ""), 1, &["not written over"]);
     assert_eq!(bench.read("take.toml"), "precious");
-    let collect = format!("calibrate collect --config {} --output", bench.file("robot.toml"));
+    let collect = "calibrate collect --output";
     fails(&domain, &format!("{collect} /nowhere/take.csv"), 1, &["there is no folder"]);
     fails(&domain, &format!("{collect} take.txt"), 1, &["must end in .csv"]);
-}
-
-#[test]
-fn a_configuration_of_another_robot_or_with_other_limits_moves_nothing() {
-    let (bench, controller) = described(Controller::start());
-    let _camera = camera(&controller.domain, Shows::Angles);
-    // The domain came from the environment, and the file names another one.
-    let note = format!("note: I2RIS_DOMAIN={}", controller.domain.name());
-    for (from, to, parts) in [
-        ("\"fake\"", "\"other\"", ["`fake`", "`other`", &note]),
-        ("= -400", "= -500", ["position limits", "-500", &note]),
-    ] {
-        bench.write("robot.toml", &ROBOT.replace(from, to));
-        bench.collects_nothing(&controller.domain, "--home", &parts);
-    }
-    assert_eq!(controller.robot().asked, []);
 }
 
 /// Emulated drives, snake and camera with a controller, whose folder is the bench.
@@ -281,8 +276,6 @@ impl Whole {
         self.rig.stop_controller_thread();
         let folder = self.rig.folder.path();
         self.rig.config.control.model = model.map(|name| folder.join(name));
-        let text = toml::to_string(&self.rig.config).unwrap();
-        fs::write(folder.join("robot.toml"), text).unwrap();
         self.rig.start_controller_thread();
     }
 
@@ -353,7 +346,7 @@ fn draw(recording: &Recording, folder: &Path) {
 #[test]
 fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     let mut whole = Whole::start(|_| {});
-    let collect = "calibrate collect --config @robot.toml --output @take.csv --home --json";
+    let collect = "calibrate collect --output @take.csv --home --json";
     let motion = "--duration-s 40 --range-counts 1200 --speed-counts-s 900";
     let printed = whole.tool(&format!("{collect} {motion}"));
     let sidecar: serde_json::Value = serde_json::from_str(&printed).unwrap();
@@ -382,7 +375,7 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
     assert!(apart > 0.0, "the angles are those of the pictures");
     whole.fit("seen.csv", "seen.json");
     whole.control(Some("seen.json"));
-    whole.tool("command --enable pose 8 -6 --duration-s 1");
+    whole.tool("command pose 8 -6 --duration-s 1 --enable");
     let [pitch, yaw] = whole.rig.emulator.snapshot().angles_deg;
     // The model has no memory: half the width of the loop, and what friction has left of the motion
     // before.
@@ -393,7 +386,7 @@ fn what_was_collected_makes_a_model_by_its_angles_and_through_pictures() {
 fn collect_goes_on_from_the_setpoint_after_a_stall() {
     // After a stall, a program goes on by what a motor moves in 20 ms: 18 counts at 900 counts/s.
     let whole = Whole::start(|config| config.command.max_step_counts = 8);
-    let collect = "calibrate collect --config @robot.toml --output @take.csv --home --no-condition";
+    let collect = "calibrate collect --output @take.csv --home --no-condition";
     let motion = "--duration-s 8 --range-counts 1200 --speed-counts-s 900";
     let mut collect = start(&whole.domain, &whole.words(&format!("{collect} {motion}")));
     let position = || whole.rig.emulator.snapshot().axes.map(|axis| axis.drive.motor_counts);

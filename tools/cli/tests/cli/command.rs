@@ -43,7 +43,7 @@ fn a_pose_is_reached_without_a_jump_and_the_lease_given_back() {
 #[test]
 fn a_circle_is_round_and_ends_by_itself() {
     let controller = Controller::enabled();
-    let circle = "command circle --radius-deg 2 --center -1 0.5 --period-s 1 --duration-s 1";
+    let circle = "command circle --radius-deg 2 --centre-deg -1 0.5 --period-s 1 --duration-s 1";
     succeeds(&controller.domain, circle);
     let robot = controller.robot();
     assert_no_jump(&robot.poses, 13.0);
@@ -89,7 +89,7 @@ fn ctrl_c_stops_softly_and_gives_the_lease_back() {
 #[test]
 fn a_held_pose_stays_where_it_is() {
     let controller = Controller::enabled();
-    succeeds(&controller.domain, "command hold --duration-s 0.3");
+    succeeds(&controller.domain, "command pose --duration-s 0.3");
     let robot = controller.robot();
     assert!(robot.poses.len() > 5);
     robot.poses.iter().for_each(|(_, pose)| assert_near(*pose, [1.0, -1.0]));
@@ -97,16 +97,16 @@ fn a_held_pose_stays_where_it_is() {
 
 #[test]
 fn a_robot_that_cannot_follow_is_left_alone_and_the_reason_told() {
-    let one_sentence = fails(&nobody(), "command hold", 3, &["no controller serves domain"]);
+    let one_sentence = fails(&nobody(), "command pose", 3, &["no controller serves domain"]);
     assert_eq!(one_sentence.error.lines().count(), 1);
     let controller = Controller::start();
-    fails(&controller.domain, "command hold", 4, &["DISABLED", "--enable"]);
+    fails(&controller.domain, "command pose", 4, &["DISABLED", "--enable"]);
     assert_eq!(controller.robot().asked, []);
 
     let controller = Controller::enabled();
     controller.robot().lease = 0xabc;
     let holder = &format!("{} holds the lease", ShownClient(0xabc));
-    fails(&controller.domain, "command hold", 4, &[holder]);
+    fails(&controller.domain, "command pose", 4, &[holder]);
 
     let controller = Controller::enabled();
     controller.robot().model = false;
@@ -117,7 +117,7 @@ fn a_robot_that_cannot_follow_is_left_alone_and_the_reason_told() {
 fn what_happens_on_the_way_ends_it_with_the_cause() {
     let on_the_way = |change: fn(&Controller), code, parts: &[&str]| {
         let controller = Controller::enabled();
-        let program = start(&controller.domain, "command hold");
+        let program = start(&controller.domain, "command pose");
         controller.wait("commands arrive", |robot| robot.poses.len() > 10);
         change(&controller);
         ends(program, code, parts)
@@ -139,14 +139,14 @@ fn refusals_are_told_and_end_it_when_nothing_gets_through() {
     let controller = Controller::enabled();
     controller.robot().refuse = Some(Refusal::Step);
     let sentence = "refuses every command: refusal 3: step too large";
-    let said = fails(&controller.domain, "command hold", 4, &[sentence]);
+    let said = fails(&controller.domain, "command pose", 4, &[sentence]);
     assert_says(&said.output, &["refused: step too large"]);
 }
 
 #[test]
 fn a_controller_that_ends_ends_it() {
     let controller = Controller::enabled();
-    let program = start(&controller.domain, "command hold");
+    let program = start(&controller.domain, "command pose");
     controller.wait("commands arrive", |robot| robot.poses.len() > 10);
     drop(controller);
     ends(program, 3, &["no controller serves domain"]);
@@ -156,11 +156,11 @@ fn a_controller_that_ends_ends_it() {
 fn states_are_changed_or_the_refusal_is_told() {
     let controller = Controller::start();
     let sentence = "refuses `enable` in state DISABLED: refusal 6: not homed";
-    fails(&controller.domain, "command state enable", 4, &[sentence]);
-    let printed = succeeds(&controller.domain, "command state home --json");
+    fails(&controller.domain, "enable", 4, &[sentence]);
+    let printed = succeeds(&controller.domain, "home --json");
     let printed: serde_json::Value = serde_json::from_str(&printed).unwrap();
     assert_eq!((&printed["accepted"], &printed["state"]), (&"home".into(), &"DISABLED".into()));
-    let output = succeeds(&controller.domain, "command state enable");
+    let output = succeeds(&controller.domain, "enable");
     assert_says(&output, &["the controller is ENABLED"]);
 }
 
@@ -168,7 +168,7 @@ fn states_are_changed_or_the_refusal_is_told() {
 fn disable_in_fault_says_that_the_fault_stays() {
     let controller = Controller::enabled();
     controller.robot().state = OperatingState::Fault;
-    let output = succeeds(&controller.domain, "command state disable");
+    let output = succeeds(&controller.domain, "disable");
     assert_says(&output, &["is FAULT until `i2ris command state acknowledge`"]);
 }
 
@@ -187,7 +187,7 @@ fn a_pose_out_of_reach_is_reported_at_once_and_is_no_success() {
 #[test]
 fn homing_needs_its_own_consent() {
     let controller = Controller::start();
-    let hold = "command hold --duration-s 0.1";
+    let hold = "command pose --duration-s 0.1";
     let remedy = ["straighten the snake", "--home"];
     fails(&controller.domain, &format!("{hold} --enable"), 4, &remedy);
     assert!(!controller.robot().homed);
@@ -206,7 +206,7 @@ fn a_state_command_ends_when_it_is_carried_out_and_no_wait_before() {
     let output = succeeds(&controller.domain, &format!("{condition} --no-wait"));
     assert_says(&output, &["accepted: condition"]);
     assert!(controller.robot().is_busy());
-    let waiting = start(&controller.domain, "command hold --duration-s 0.1");
+    let waiting = start(&controller.domain, "command pose --duration-s 0.1");
     clock::sleep(Nanos::from_millis(300));
     assert!(controller.robot().poses.is_empty(), "it waits");
     controller.robot().end_activity();
@@ -236,7 +236,7 @@ fn why_names_state_and_last_refusal_with_what_to_do() {
     let controller = Controller::start();
     let refusal = Reason::from(Cause::Refusal(Refusal::Range));
     controller.robot().reasons.push((refusal, 7));
-    let output = succeeds(&controller.domain, "why");
+    let output = succeeds(&controller.domain, "status");
     let state = ["state DISABLED", "refusal 6: not homed", "straighten the snake"];
     assert_says(&output, &[&state[..], &["refusal 9: outside the position limits"]].concat());
 }

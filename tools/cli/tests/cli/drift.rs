@@ -1,4 +1,4 @@
-//! `i2ris calibrate compare --drift` and `refine` as a person meets them.
+//! `i2ris calibrate compare --drift` and `fit` with a trial as a person meets them.
 
 use std::fmt::Write as _;
 
@@ -41,7 +41,7 @@ fn the_drift_of_a_snake_is_printed_with_a_verdict_and_a_page() {
     let today = "calibrate compare model.json --recording today.csv --drift";
     let with_page = format!("{today} --report page.html");
     let text = bench.succeeds(&with_page);
-    let verdict = "it has drifted: home it anew, or `i2ris calibrate refine` it";
+    let verdict = "it has drifted: home it anew, or `i2ris calibrate fit` it with a trial";
     assert_says(&text, &["zero       pitch  +1.0", verdict]);
     assert_says(&bench.read("page.html"), &["<svg", "zero of pitch (deg)"]);
     let text = bench.succeeds("calibrate compare model.json --recording new.csv --drift");
@@ -58,23 +58,23 @@ fn the_drift_of_a_snake_is_printed_with_a_verdict_and_a_page() {
 fn a_trial_refines_the_model_where_it_helps_and_another_zero_is_refused() {
     let bench = bench();
     bench.write("trial.csv", &recording_with(300, 0.0, 90.0, 1.1));
-    let refine = "--model model.json --recording new.csv --output";
-    let text = bench.succeeds(&format!("calibrate refine trial.csv {refine} refined.json"));
+    let refine = |trial: &str, output: &str| {
+        format!("calibrate fit new.csv {trial} --model model.json --output {output}")
+    };
+    let text = bench.succeeds(&refine("trial.csv", "refined.json"));
     assert_says(&text, &["300 frames of trial.csv", "held out", "wrote refined.json"]);
     let [calibrated, refined] =
         ["model.json", "refined.json"].map(|name| Model::load(&bench.path(name)).unwrap());
     let gain = |model: &Model| model.predict(&[200.0, 0.0], &model.new_memory()).mean[0];
     assert!(gain(&refined) > 1.02 * gain(&calibrated));
     assert_eq!(refined.file().training.data_file, "new.csv and trial.csv");
-    let over = format!("calibrate refine trial.csv {refine} model.json");
-    bench.fails(&over, &["model.json: exists", "--overwrite"]);
-    for (trial, words) in [
-        ("calibrate refine today.csv", "another zero"),
-        ("calibrate refine new.csv", "no better on the rest"),
-    ] {
-        bench.fails(&format!("{trial} {refine} other.json"), &[words]);
+    bench.fails(&refine("trial.csv", "model.json"), &["model.json: exists", "--overwrite"]);
+    for (trial, words) in [("today.csv", "another zero"), ("new.csv", "no better on the rest")] {
+        bench.fails(&refine(trial, "other.json"), &[words]);
     }
-    let other = "calibrate refine trial.csv --model model.json --recording today.csv --output";
-    bench.fails(&format!("{other} other.json"), &["was fitted to new.csv"]);
+    let other = "calibrate fit today.csv trial.csv --model model.json --output other.json";
+    bench.fails(other, &["was fitted to new.csv"]);
+    let useless = format!("{} --family gmr", refine("trial.csv", "other.json"));
+    assert_says(&bench.run(&useless).error, &["cannot be used with"]);
     assert!(!bench.exists("other.json"));
 }

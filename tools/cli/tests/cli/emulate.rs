@@ -68,7 +68,7 @@ fn bad_input_is_refused_with_a_reason() {
         ("--ports file", &["file", "--ports"]),
         ("--ports ports --log /proc/none/log", &["/proc/none/log"]),
         ("--ports ports --domain a/b", &["a/b"]),
-        ("--duration nan", &["--duration", "seconds"]),
+        ("--duration-s nan", &["--duration", "seconds"]),
     ] {
         let said = bench.run(&format!("emulate {options}"));
         assert!(said.code != Some(0) && !said.error.contains("panicked"), "{}", said.error);
@@ -86,7 +86,7 @@ fn write_config(bench: &Bench, change: impl Fn(String) -> String) {
 #[test]
 fn the_doctor_looks_at_drives_and_machine() {
     let bench = Bench::new();
-    let options = "--no-camera --family epos2 --framing v1 --ports";
+    let options = "--no-camera --family epos2-v1 --ports";
     let emulate = format!("emulate {options} {}", bench.file("ports"));
     let _running = Running::until("ready", start(&nobody(), &emulate));
     let epos2 = |text: String| {
@@ -113,7 +113,7 @@ fn the_doctor_looks_at_drives_and_machine() {
 #[test]
 fn the_doctor_looks_at_three_drives_on_one_line() {
     let bench = Bench::new();
-    let emulate = format!("emulate --no-camera --jaw --ports {}", bench.file("ports"));
+    let emulate = format!("emulate --no-camera --wiring jaw --ports {}", bench.file("ports"));
     let _running = Running::until("ready", start(&nobody(), &emulate));
     write_config(&bench, |text| {
         // Both drives and a third one behind the first port.
@@ -144,7 +144,7 @@ fn the_doctor_names_a_port_that_is_not_there() {
 fn snakes_by_name_are_there_in_every_folder_and_it_ends_by_itself_when_asked() {
     for name in ["", "--snake brass", "--snake springs:2", "--snake lugre:3", "--snake wire"] {
         let domain = nobody();
-        let options = format!("--duration 0.2 --ports ports --domain {} {name}", domain.name());
+        let options = format!("--duration-s 0.2 --ports ports --domain {} {name}", domain.name());
         let printed = Bench::new().succeeds(&format!("emulate {options}"));
         let name = name.strip_prefix("--snake ").unwrap_or("steel");
         assert_says(&printed, &[&format!("ready: snake {name}"), "ended: 0 and 0 requests"]);

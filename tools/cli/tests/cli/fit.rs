@@ -105,7 +105,7 @@ impl Bench {
 #[test]
 fn a_good_recording_gives_a_model_and_a_table() {
     let bench = Bench::good(300);
-    let printed = bench.fits("--max-components 4 --restarts 4 --robot-id left");
+    let printed = bench.fits("--components ..4 --restarts 4 --robot-id left");
     let id = format!("model id   {}", bench.model().id());
     let head = ["rows       300; 0 dropped", "spikes     0", "noise      pitch", "chosen"];
     let table = ["held out   ", "RMSD", "pitch (deg) linear", "yaw (deg)   linear", &id];
@@ -231,7 +231,7 @@ fn columns_and_cells_that_make_no_sense_are_refused_with_the_option_that_helps()
     good.refuses("--time clock", &["no column `clock`", "--time"]);
     let back = "error: recording rows.csv, line 52, column `t_s`: time 0.3 s goes backwards (9.8 s \
                 in line 51); correct the stamps, cut the recording there, or read it without time \
-                (--no-time)\n";
+                (--time none)\n";
     assert_eq!(with_cell(52, 0, "0.3").refuses("", &[]), back);
 }
 
@@ -241,9 +241,9 @@ fn options_that_make_no_sense_are_refused() {
     for (options, part) in [
         ("--family cubic", "`cubic` is no family"),
         ("--hold-out 1.5", "`1.5` is neither `blocks`"),
-        ("--components 0", "1..=64"),
+        ("--components 0", "must be 1 to 64"),
         ("--restarts 0", "--restarts"),
-        ("--shrinkage 2", "from 0 to 1"),
+        ("--components ..65", "must be 1 to 64"),
         ("--angles a=", "`a=` names no output"),
     ] {
         let said = bench.run(&format!("{FIT} {options}"));

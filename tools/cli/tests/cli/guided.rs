@@ -25,7 +25,7 @@ fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
     rig.config.limits.plausibility_deg = 0.0;
     rig.start_controller_thread();
     let (domain, mut client) = (rig.domain(), rig.client());
-    let bench = Bench::with("robot.toml", &toml::to_string(&rig.config).unwrap());
+    let bench = Bench::new();
     fs::create_dir(bench.path("here")).unwrap();
     let rows = (0..100).map(|k| {
         let (t, q) = (f64::from(k) * 0.1, 5.0 * f64::from(k));
@@ -46,17 +46,15 @@ fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
         bench.write(&format!("here/{step}.done"), &format!("{id}\n"));
     }
 
-    let (config, folder) = (bench.file("robot.toml"), bench.file("here"));
-    let words = format!("calibrate --config {config} --folder {folder} --home");
+    let words = format!("calibrate --folder {} --home", bench.file("here"));
     let said = end(start(&domain, &words));
     assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
     let steps = [
-        "step 2 of 7: fit: done before",
-        "$ i2ris model stage ",
-        "$ i2ris command state home",
-        "$ i2ris command state enable",
-        "$ i2ris model activate --force",
-        "$ i2ris command state condition",
+        "step 2 of 6: fit: done before",
+        "$ i2ris home",
+        "$ i2ris enable",
+        "$ i2ris model use ",
+        "condition  done",
         "--duration-s 6 --enable",
         "done: the robot is ENABLED and runs with ",
     ];
@@ -68,8 +66,11 @@ fn on_the_second_day_one_command_goes_on_with_the_model_of_the_first() {
     settle_in(&mut client, OperatingState::Disabled);
     let said = end(start(&domain, &words));
     assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
-    assert!(!said.output.contains("model activate"), "{}", said.output);
-    assert_says(&said.output, &["$ i2ris command state enable", "done: the robot is ENABLED"]);
+    assert!(!said.output.contains("model use"), "{}", said.output);
+    assert_says(
+        &said.output,
+        &["$ i2ris enable", "$ i2ris command state condition", "done: the robot is ENABLED"],
+    );
 }
 
 #[test]
@@ -105,18 +106,17 @@ fn it_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use
     rig.config.command.max_step_counts = 250;
     rig.start_controller_thread();
     let (domain, mut client) = (rig.domain(), rig.client());
-    let bench = Bench::with("robot.toml", &toml::to_string(&rig.config).unwrap());
-    let (config, folder) = (bench.file("robot.toml"), bench.file("here"));
+    let bench = Bench::new();
     let words = format!(
-        "calibrate --config {config} --folder {folder} --home --duration-s 60 --use-s 20 \
-         --family force-balance"
+        "calibrate --folder {} --home --duration-s 60 --motion-s 20 --family force-balance",
+        bench.file("here")
     );
 
     // Ctrl-C while it records: what was recorded is put aside, and nothing else is lost.
     let mut first = start(&domain, &words);
     let mut lines = BufReader::new(first.child().stdout.take().unwrap()).lines();
     let line = lines.next().unwrap().unwrap();
-    assert!(line.starts_with("step 1 of 7: collect: ") && line.contains(" to go"), "{line}");
+    assert!(line.starts_with("step 1 of 6: collect: ") && line.contains(" to go"), "{line}");
     settle_in(&mut client, OperatingState::Enabled);
     wait_until("it records", || {
         fs::metadata(bench.path("here/recording.csv")).is_ok_and(|data| data.len() > 2000)
@@ -134,17 +134,16 @@ fn it_says_every_step_goes_on_after_an_interruption_and_ends_with_a_model_in_use
     let said = end(start(&domain, &words));
     assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
     let steps = [
-        "step 1 of 7: collect: ",
-        "step 1 of 7 done; next: fit",
+        "step 1 of 6: collect: ",
+        "step 1 of 6 done; next: fit",
         "$ i2ris calibrate fit ",
-        "step 3 of 7 done; next: stage",
-        "$ i2ris model stage ",
-        "$ i2ris model activate --force",
+        "step 3 of 6 done; next: use",
+        "$ i2ris model use ",
         "$ i2ris command state condition",
         "$ i2ris command circle ",
         "$ i2ris calibrate collect ",
         "$ i2ris command file ",
-        "$ i2ris calibrate refine ",
+        "in use     ",
         "done: the robot is ENABLED and runs with ",
     ];
     assert_says(&said.output, &steps);

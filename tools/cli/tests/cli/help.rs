@@ -6,9 +6,8 @@ use crate::bench::{Bench, assert_says};
 
 #[test]
 fn every_command_has_an_example_and_the_first_page_tells_every_exit_code() {
-    let own =
-        "calibrate model start emulate doctor command why config completions replay dump demo";
-    for name in own.split(' ').chain(PROGRAMS.map(|program| program.name)) {
+    let own = "start emulate demo doctor home enable disable command teleop calibrate model";
+    for name in own.split(' ').chain(PROGRAMS.map(|program| program.words)) {
         let help = Bench::new().succeeds(&format!("{name} --help"));
         assert_says(&help, &["Example", &format!("i2ris {name}")]);
     }

@@ -94,7 +94,6 @@ fn write_files(bench: &Bench) {
         ("there.json", "{}".to_owned()),
         ("typo.toml", config.replacen("robot_id", "robot_name", 1)),
         ("broken.toml", "robot_id = [".to_owned()),
-        ("other.toml", config.replacen("i2ris-emulated", "another-robot", 1)),
     ] {
         bench.write(name, &text);
     }
@@ -114,7 +113,6 @@ fn mistakes_of_new_users_end_with_a_sentence_and_the_right_exit_code() {
     rig.start_controller_thread();
     let (domain, mut client) = (rig.domain(), rig.client());
     wait_until_idle(&mut client);
-    table.bench.write("robot.toml", &toml::to_string(&rig.config).unwrap());
     let other = rig.sample_model("other-robot.json", "another-robot", 1.0);
     fs::copy(other, table.bench.path("other-robot.json")).unwrap();
     before_homing(&mut table, &domain);
@@ -125,10 +123,10 @@ fn mistakes_of_new_users_end_with_a_sentence_and_the_right_exit_code() {
 
 fn without_a_controller(table: &mut Table, domain: &Domain) {
     for (what, code, words) in [
-        ("no controller runs", 3, "command state enable"),
-        ("a wrong domain", 3, "command state enable --domain elsewhere"),
-        ("a domain with a slash", 2, "command state enable --domain a/b"),
-        ("a typing error in a command", 2, "comand state enable"),
+        ("no controller runs", 3, "enable"),
+        ("a wrong domain", 3, "enable --domain elsewhere"),
+        ("a domain with a slash", 2, "enable --domain a/b"),
+        ("a typing error in a command", 2, "comand state pause"),
         ("an option is missing", 2, "calibrate fit FOLDER/there.csv"),
         ("a number that is none", 2, "command circle --radius-deg five --period-s 6"),
         ("no such recording", 1, "calibrate fit FOLDER/none.csv --output FOLDER/new.json"),
@@ -155,22 +153,10 @@ fn without_a_controller(table: &mut Table, domain: &Domain) {
         ),
         ("a CSV file for a model", 1, "model show FOLDER/there.csv"),
         ("a CSV file for an MCAP file", 1, "record info FOLDER/there.csv"),
-        ("a CSV file for a black box", 1, "replay FOLDER/there.csv"),
-        (
-            "no such configuration",
-            6,
-            "calibrate collect --config FOLDER/none.toml --output FOLDER/new.csv",
-        ),
-        (
-            "a key that does not exist",
-            6,
-            "calibrate collect --config FOLDER/typo.toml --output FOLDER/new.csv",
-        ),
-        (
-            "a configuration that is no TOML",
-            6,
-            "calibrate collect --config FOLDER/broken.toml --output FOLDER/new.csv",
-        ),
+        ("a CSV file for a black box", 1, "record replay FOLDER/there.csv"),
+        ("no such configuration", 6, "doctor config check FOLDER/none.toml"),
+        ("a key that does not exist", 6, "doctor config check FOLDER/typo.toml"),
+        ("a configuration that is no TOML", 6, "doctor config check FOLDER/broken.toml"),
         ("no such snake", 1, "emulate --snake FOLDER/none.toml --ports FOLDER/ports"),
     ] {
         table.make(domain, what, code, words);
@@ -179,43 +165,25 @@ fn without_a_controller(table: &mut Table, domain: &Domain) {
 
 fn before_homing(table: &mut Table, domain: &Domain) {
     for (what, code, words) in [
-        ("enable before home", 4, "command state enable"),
+        ("enable before home", 4, "enable"),
         ("a circle while the drives are off", 4, "command circle --radius-deg 5 --period-s 6"),
         ("acknowledge without a fault", 4, "command state acknowledge"),
         ("resume without pause", 4, "command state resume"),
-        (
-            "all steps in a script, before home",
-            1,
-            "calibrate --config FOLDER/robot.toml --folder FOLDER/here",
-        ),
-        (
-            "a folder that is missing",
-            1,
-            "calibrate collect --config FOLDER/robot.toml --output FOLDER/none/new.csv",
-        ),
-        (
-            "a recording that is there",
-            1,
-            "calibrate collect --config FOLDER/robot.toml --output FOLDER/there.csv",
-        ),
-        (
-            "the configuration of another robot",
-            1,
-            "calibrate collect --config FOLDER/other.toml --output FOLDER/new.csv",
-        ),
-        ("a model file that is missing", 4, "model stage FOLDER/none.json"),
-        ("a model of another robot", 4, "model stage FOLDER/other-robot.json"),
-        ("activate before stage", 1, "model activate"),
-        ("roll back without a previous model", 4, "model rollback"),
+        ("all steps in a script, before home", 1, "calibrate --folder FOLDER/here"),
+        ("a folder that is missing", 1, "calibrate collect --output FOLDER/none/new.csv"),
+        ("a recording that is there", 1, "calibrate collect --output FOLDER/there.csv"),
+        ("a model file that is missing", 4, "model use FOLDER/none.json"),
+        ("a model of another robot", 4, "model use FOLDER/other-robot.json"),
+        ("roll back without a previous model", 4, "model back"),
     ] {
         table.make(domain, what, code, words);
     }
 }
 
 fn while_enabled(table: &mut Table, domain: &Domain, client: &mut Client) {
-    succeeds(domain, "command state home");
-    succeeds(domain, "command state enable");
-    table.make(domain, "home while enabled", 4, "command state home");
+    succeeds(domain, "home");
+    succeeds(domain, "enable");
+    table.make(domain, "home while enabled", 4, "home");
     table.make(domain, "a table with semicolons", 1, "command file FOLDER/waypoints.csv");
     table.make(
         domain,
@@ -223,7 +191,7 @@ fn while_enabled(table: &mut Table, domain: &Domain, client: &mut Client) {
         7,
         "command pose 60 0 --speed-deg-s 30 --duration-s 0.5",
     );
-    let mut first = start(domain, "command hold");
+    let mut first = start(domain, "command pose");
     wait_for(client, |state| state.lease_client_id != 0);
     table.make(domain, "a second commander", 4, "command pose 1 1 --duration-s 0.5");
     first.interrupt();

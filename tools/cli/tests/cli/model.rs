@@ -48,7 +48,7 @@ fn show_tells_a_person_what_the_model_is() {
 fn counts_lead_to_angles_and_angles_to_counts() {
     let bench = bench();
     bench.write("wanted.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n1,4,-2\n1.5,4,-2\n");
-    bench.succeeds("model invert model.json --trajectory wanted.csv --output counts.csv");
+    bench.succeeds("model invert model.json wanted.csv --output counts.csv");
     let rows = bench.rows("counts.csv", COUNTS);
     assert_eq!(rows.len(), 1501, "one per tick of 1 ms");
     for row in &rows {
@@ -59,7 +59,7 @@ fn counts_lead_to_angles_and_angles_to_counts() {
         );
     }
     assert_eq!(rows.last().unwrap()[1..], [4.0, -2.0, 400.0, -200.0]);
-    bench.succeeds("model predict model.json --counts counts.csv --output angles.csv");
+    bench.succeeds("model predict model.json counts.csv --output angles.csv");
     let angles = bench.rows("angles.csv", COUNTS);
     assert_eq!(angles.len(), rows.len());
     assert!(angles.iter().zip(&rows).all(|(angle, row)| (angle[1] - row[3] * 0.01).abs() < 1e-9));
@@ -69,7 +69,7 @@ fn counts_lead_to_angles_and_angles_to_counts() {
 fn limits_hold_unless_they_are_lifted() {
     let bench = bench();
     bench.write("jump.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n0.001,8,0\n0.1,8,0\n");
-    let arguments = "model invert model.json --trajectory jump.csv --output counts.csv";
+    let arguments = "model invert model.json jump.csv --output counts.csv";
     bench.fails(arguments, &["jump.csv at t_s = 0.001", "--no-limits"]);
     assert!(!bench.exists("counts.csv"));
     let free = format!("{arguments} --no-limits --json");
@@ -86,7 +86,7 @@ fn limits_hold_unless_they_are_lifted() {
 fn a_goal_outside_the_hull_is_clipped_and_said() {
     let bench = bench();
     bench.write("far.csv", "t_s,pitch_deg,yaw_deg\n0,8,0\n4,12,0\n");
-    let invert = "model invert model.json --trajectory far.csv --output counts.csv";
+    let invert = "model invert model.json far.csv --output counts.csv";
     assert_says(&bench.succeeds(invert), &["were clipped"]);
     let rows = bench.rows("counts.csv", COUNTS);
     assert_eq!(rows.last().unwrap()[3], 900.0);
@@ -152,8 +152,8 @@ fn mistakes_are_named_with_file_and_remedy() {
     let port = "robot_id = \"other\"\n[[ports]]\ndevice = \"/dev/null\"\n";
     bench.write("other.toml", &format!("{port}{}", axes.concat()));
     bench.write("good.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n1,1,1\n");
-    let invert = "model invert model.json --output out.csv --trajectory";
-    let predict = "model predict model.json --counts text.csv --output";
+    let invert = "model invert model.json --output out.csv";
+    let predict = "model predict model.json text.csv --output";
     for (command, more, said) in [
         (invert, "wanted.csv", "no column `yaw_deg`"),
         (invert, "nothing.csv", "cannot read nothing.csv"),

@@ -59,7 +59,7 @@ fn film(emulator: &Emulator, look: Look, domain: &Domain, stop: &AtomicBool, see
     let mut scene = Scene::laboratory(640, 480, 100.0);
     let setup = setup(&scene);
     for camera in &mut scene.cameras {
-        // Turned counterclockwise in the picture, as `--view-rotation-deg` says it.
+        // Turned counterclockwise in the picture, as `--view` says it.
         camera.plane_rad += look.turned_deg.to_radians();
     }
     let mut session = Session::new(&setup, REST);
@@ -255,9 +255,9 @@ fn session(look: Look, is_measured: bool, targets: &[[f64; 2]]) -> Vec<Option<Re
         scope.spawn(|| film(&rig.emulator, look, &domain, &stop, &picture));
         wait_until("a picture", || picture.lock().unwrap().0 > Nanos::ZERO);
         let mouse = Played::new(&space_mouse::description(identity(0x256f, 0xc635, "")));
-        let measure = if is_measured { " --measure-view" } else { "" };
+        let measure = if is_measured { " --view measure" } else { "" };
         let (file, profile) = (mouse.file(), mouse.patient_profile());
-        let words = format!("teleop --played {file} --profile {profile}");
+        let words = format!("teleop --device {file} --profile {profile}");
         let words = format!("{words} --speed-deg-s {SPEED_DEG_S}{measure}");
         let mut program = start(&domain, &words);
         let watcher = Client::connect(&domain, TIMEOUT).unwrap();

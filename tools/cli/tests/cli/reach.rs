@@ -54,7 +54,7 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
     let file = bench.file("task.mcap");
     let mut record = start(&domain, &format!("record --output {file}"));
     wait_until("it records", || fs::metadata(&file).is_ok_and(|data| data.len() > 0));
-    let words = "command reach --targets 2 --seed 3 --range-deg 2 --hold-s 0.5 --limit-s 100";
+    let words = "teleop task reach --targets 2 --seed 3 --range-deg 2 --hold-s 0.5 --limit-s 100";
     let words: Vec<&str> = words.split(' ').collect();
     let mut terminal = Terminal::start(&domain, &words, 24, 80);
     terminal.wait_for("2 targets; close the clutch to begin");
@@ -68,7 +68,7 @@ fn a_person_reaches_targets_with_keys_and_the_report_scores_the_recording() {
     clock::sleep(Nanos::from_millis(500));
     record.interrupt();
     ends(record, 0, &[]);
-    let json = succeeds(&domain, &format!("report {file} --json"));
+    let json = succeeds(&domain, &format!("record report {file} --json"));
     let report: serde_json::Value = serde_json::from_str(&json).unwrap();
     let score = &report["targets"];
     assert_eq!((&score["by"], &score["held"]), (&"estimate".into(), &1.0.into()), "{score}");
@@ -108,9 +108,9 @@ fn a_target_is_followed_by_keys_and_the_report_scores_it() {
         clock::sleep(Nanos::from_millis(500));
         record.interrupt();
         ends(record, 0, &[]);
-        let text = succeeds(&controller.domain, &format!("report {file}"));
+        let text = succeeds(&controller.domain, &format!("record report {file}"));
         assert!(text.contains(lag) && text.contains("from the target by the estimate"), "{text}");
-        let json = succeeds(&controller.domain, &format!("report {file} --json"));
+        let json = succeeds(&controller.domain, &format!("record report {file} --json"));
         let report: serde_json::Value = serde_json::from_str(&json).unwrap();
         let pursuits = report["pursuits"].as_array().unwrap();
         assert_eq!((pursuits.len(), &pursuits[0]["moves"]), (1, &moves.into()), "{json}");
@@ -121,6 +121,6 @@ fn a_target_is_followed_by_keys_and_the_report_scores_it() {
 #[test]
 fn a_task_without_a_terminal_and_without_targets_is_refused() {
     let controller = Controller::enabled();
-    fails(&controller.domain, "command reach", 1, &["needs a terminal"]);
-    fails(&controller.domain, "command reach --targets 0", 2, &["1..=1000"]);
+    fails(&controller.domain, "teleop task reach", 1, &["needs a terminal"]);
+    fails(&controller.domain, "teleop task reach --targets 0", 2, &["1..=1000"]);
 }

@@ -23,16 +23,16 @@ fn the_exit_code_tells_what_kind_of_failure_it_was() {
     let controller = Controller::start();
     let domain = &controller.domain;
     for (domain, words, expected) in [
-        (&nobody, "completions bash", 0),
+        (&nobody, "--completions bash", 0),
         (&nobody, "model show /nonexistent.json", 1),
         (&nobody, "nonsense", 2),
         (&nobody, "command", 2),
-        (&nobody, "command --domain a/b hold", 2),
-        (&nobody, "command hold", 3),
-        (&nobody, "model list", 3),
-        (domain, "command state enable", 4),
-        (domain, "command hold", 4),
-        (domain, &format!("config check {}", bench.file("bad.toml")), 6),
+        (&nobody, "command pose --domain a/b", 2),
+        (&nobody, "command pose", 3),
+        (&nobody, "model show", 3),
+        (domain, "enable", 4),
+        (domain, "command pose", 4),
+        (domain, &format!("doctor config check {}", bench.file("bad.toml")), 6),
     ] {
         assert_eq!(code(domain, words), Some(expected), "{words}");
     }
@@ -42,7 +42,7 @@ fn the_exit_code_tells_what_kind_of_failure_it_was() {
     assert_eq!(code(domain, "command pose 1 1"), Some(4), "every command refused");
     controller.robot().fault = Fault::Drive;
     controller.robot().state = OperatingState::Fault;
-    assert_eq!(code(domain, "command hold"), Some(5));
+    assert_eq!(code(domain, "command pose"), Some(5));
 }
 
 /// `| head -0`: nobody reads any of it.
@@ -51,9 +51,9 @@ fn a_reader_that_goes_away_is_no_error() {
     let config = repository("config/robot.toml");
     let config = config.to_str().unwrap();
     for arguments in [
-        &["config", "schema"][..],
-        &["config", "print", config],
-        &["completions", "zsh"],
+        &["doctor", "config", "schema"][..],
+        &["doctor", "config", "print", config],
+        &["--completions", "zsh"],
         &["doctor", "--config", config, "--no-drives"],
     ] {
         let mut child = program::command(arguments)
@@ -73,7 +73,7 @@ fn a_reader_that_goes_away_is_no_error() {
 
 #[test]
 fn the_schema_knows_every_table_and_an_editor_can_read_it() {
-    let output = Bench::new().succeeds("config schema");
+    let output = Bench::new().succeeds("doctor config schema");
     let schema: serde_json::Value = serde_json::from_str(&output).unwrap();
     assert!(schema["$schema"].as_str().unwrap().contains("json-schema.org"));
     for table in ["control", "ipc", "command", "limits", "compensation", "record", "ports"] {
@@ -86,12 +86,12 @@ fn the_schema_knows_every_table_and_an_editor_can_read_it() {
 fn a_configuration_is_judged_and_printed_with_its_defaults() {
     let good = fs::read_to_string(repository("config/emulator.toml")).unwrap();
     let bench = Bench::with("good.toml", &good);
-    let output = bench.succeeds("config check good.toml");
+    let output = bench.succeeds("doctor config check good.toml");
     assert_says(&output, &["valid; robot i2ris-emulated, 2 axes, 2 of the snake"]);
-    bench.write("printed.toml", &bench.succeeds("config print good.toml"));
-    bench.succeeds("config check printed.toml");
+    bench.write("printed.toml", &bench.succeeds("doctor config print good.toml"));
+    bench.succeeds("doctor config check printed.toml");
     bench.write("bad.toml", &good.replace("rate_hz", "rate_herz"));
-    let said = bench.run("config check bad.toml");
+    let said = bench.run("doctor config check bad.toml");
     assert_eq!(said.code, Some(6));
     assert_says(&said.error, &["bad.toml", "rate_herz"]);
 }
@@ -100,7 +100,7 @@ fn a_configuration_is_judged_and_printed_with_its_defaults() {
 fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
     let template = fs::read_to_string(repository("config/robot.toml")).unwrap();
     let bench = Bench::with("robot.toml", &template);
-    let said = bench.run("config check robot.toml");
+    let said = bench.run("doctor config check robot.toml");
     assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
     let marked = template.lines().filter(|line| line.ends_with("# CHECK")).count();
     assert_eq!(said.output.matches("as delivered").count(), marked, "{}", said.output);
@@ -112,12 +112,12 @@ fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
     let jaw = "[[ports.axes]]\nmotor = 2\nauxiliary_counts_per_deg = 20.0\nnode_id = 3\n\
                serial_number = 12\nposition_min_counts = -9\nposition_max_counts = 9\n";
     bench.write("robot.toml", &format!("{ready}{jaw}"));
-    let output = bench.succeeds("config check robot.toml");
+    let output = bench.succeeds("doctor config check robot.toml");
     assert_says(&output, &["3 axes, 2 of the snake", "older than 45 ms, FAULT after 135 ms"]);
     // What is right for a drive alone stops two nodes on one port by itself.
     let limits = "[limits]\nfeedback_stale_ms = 20\n";
     bench.write("robot.toml", &format!("{ready}{jaw}{limits}"));
-    let said = bench.run("config check robot.toml --json");
+    let said = bench.run("doctor config check robot.toml --json");
     assert_eq!(said.code, Some(9), "{}{}", said.output, said.error);
     let json: serde_json::Value = serde_json::from_str(&said.output).unwrap();
     assert_eq!((&json["axes"], &json["motors"]), (&3.into(), &2.into()));
@@ -127,8 +127,8 @@ fn a_template_that_nobody_has_edited_is_not_ready_and_says_what_is_missing() {
 #[test]
 fn shells_are_told_every_subcommand() {
     for shell in ["bash", "zsh", "fish"] {
-        let script = Bench::new().succeeds(&format!("completions {shell}"));
-        assert_says(&script, &["calibrate", "vision", "record", "monitor"]);
+        let script = Bench::new().succeeds(&format!("--completions {shell}"));
+        assert_says(&script, &["calibrate", "vision", "record", "status", "master"]);
     }
 }
 

@@ -76,7 +76,7 @@ fn drives_that_do_not_answer_are_not_said_to_be_off() {
     rig.emulator.mute(1, true);
     wait_for(&mut client, |state| state.state == OperatingState::Fault.number());
     let parts = ["effect of `disable` is not known to be there", "cut the power"];
-    fails(&rig.domain(), "command state disable", 8, &parts);
+    fails(&rig.domain(), "disable", 8, &parts);
     fails(&rig.domain(), "stop", 8, &["FAULT, NOT KNOWN to be still"]);
     rig.emulator.mute(1, false);
 }
@@ -106,7 +106,7 @@ fn stop_holds_every_client_ends_every_motion_and_says_so() {
     let state = wait_until_holding(&mut client);
     assert!(has(&state, OperatingStateMsg::AT_REST) && !is_busy(&state));
     assert_says(&succeeds(&domain, "stop"), &["holds still; stopped: nobody"]);
-    succeeds(&domain, "command state disable");
+    succeeds(&domain, "disable");
     assert_says(&succeeds(&domain, "stop"), &["DISABLED, every drive is off"]);
     fails(&nobody(), "stop", 3, &["NOT KNOWN to be stopped: no controller serves domain"]);
 }
@@ -126,7 +126,7 @@ fn s_stops_in_the_screens_with_keys() {
     let robot = controller.robot();
     assert_eq!(robot.asked, [StateCommand::Hold, StateCommand::Release]);
     drop(robot);
-    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 40, 100);
+    let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 40, 100);
     terminal.wait_for("ENABLED");
     terminal.type_keys("s");
     terminal.wait_for("stop: the robot is ENABLED, holds still");
@@ -151,21 +151,21 @@ fn no_tip_names_what_moves_or_switches_on() {
         "demo1",
         "star",
         "trail",
-        "command hol-still",
+        "teleop task hol-still",
         "command circl",
         "command pos",
         "command stat stop",
-        "command state enabl",
-        "command state hom",
+        "enabl",
+        "hom",
         "command state conditon",
         "command state resum",
-        "command state enable --hom",
-        "command hold --enabl",
-        "model activat",
-        "model rolback",
-        "model activate --forc",
+        "enable --hom",
+        "command pose --enabl",
+        "model us",
+        "model bak",
+        "model back --forc",
         "calibrate colect",
-        "config chek",
+        "doctor config chek",
         "doctr",
     ] {
         let said = run(&nobody, words);
@@ -186,8 +186,8 @@ fn no_tip_names_what_moves_or_switches_on() {
         "home",
         "condition",
         "resume",
-        "activate",
-        "rollback",
+        "use",
+        "back",
         "collect",
         "--home",
         "--enable",

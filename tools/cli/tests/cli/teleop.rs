@@ -44,7 +44,7 @@ fn assert_holds(controller: &Controller) -> [f64; 2] {
 fn a_gamepad_steers_while_its_dead_man_is_held_and_is_found_again_by_what_it_is() {
     let controller = Controller::enabled();
     let mut device = Played::new(&pad("1"));
-    let words = format!("teleop --played {} --speed-deg-s 20 --scale 0.5", device.file());
+    let words = format!("teleop --device {} --speed-deg-s 20 --scale 0.5", device.file());
     let mut program = start(&controller.domain, &words);
     controller.wait("commands with an open clutch", |robot| robot.poses.len() > 50);
     assert_holds(&controller);
@@ -105,7 +105,7 @@ fn a_space_mouse_steers_under_a_pedal_and_the_loss_of_either_opens_the_clutch() 
     let mouse_description = space_mouse::description(identity(0x256f, 0xc635, ""));
     let (mut mouse, mut foot) = (Played::new(&mouse_description), Played::new(&pedal()));
     let (files, profile) = ([mouse.file(), foot.file()], mouse.patient_profile());
-    let words = format!("teleop --played {} --mode position", files.join(" --played "));
+    let words = format!("teleop --device {} --mode position", files.join(" --device "));
     let words = format!("{words} --profile {profile}");
     let mut program = start(&controller.domain, &words);
     mouse.report(&[1, 0, 0, 0, 0, 0, 0]);
@@ -159,7 +159,7 @@ fn a_view_that_was_measured_lets_right_be_right_and_up_be_up() {
     let stop = AtomicBool::new(false);
     thread::scope(|scope| {
         scope.spawn(|| show_turned(&controller.domain, &stop));
-        let words = format!("teleop --played {} --measure-view", device.file());
+        let words = format!("teleop --device {} --view measure", device.file());
         let mut program = start(&controller.domain, &words);
         controller.wait("the measurement", |robot| robot.poses.len() > 500);
         controller.wait("its end", |robot| clutch_is_open(robot.flags));
@@ -186,8 +186,8 @@ fn a_view_that_was_measured_lets_right_be_right_and_up_be_up() {
 fn without_a_camera_the_view_is_not_measured_and_said() {
     let controller = Controller::enabled();
     let device = Played::new(&pad("1"));
-    let words = format!("teleop --played {} --measure-view", device.file());
-    fails(&controller.domain, &words, 1, &["0 pictures", "--view-rotation-deg"]);
+    let words = format!("teleop --device {} --view measure", device.file());
+    fails(&controller.domain, &words, 1, &["0 pictures", "--view"]);
 }
 
 #[test]
@@ -196,7 +196,7 @@ fn an_event_is_told_with_its_time_and_its_command_and_a_button_marks() {
     let client = Client::connect(&controller.domain, TIMEOUT).unwrap();
     let mut stream = client.watcher().teleop();
     let mut device = Played::new(&pad("1"));
-    let mut program = start(&controller.domain, &format!("teleop --played {}", device.file()));
+    let mut program = start(&controller.domain, &format!("teleop --device {}", device.file()));
     let mut told = TeleopMsg::default();
     let mut wait = |what: &str, is_so: &dyn Fn(&TeleopMsg) -> bool| {
         wait_until(what, || {
@@ -234,7 +234,7 @@ fn an_hour_of_reports_leaves_the_memory_as_it_was_and_commands_go_on_meanwhile()
     const REPORTS: u32 = 125 * 3600;
     let controller = Controller::enabled();
     let mut mouse = Played::new(&space_mouse::description(identity(0x256f, 0xc635, "")));
-    let mut program = start(&controller.domain, &format!("teleop --played {}", mouse.file()));
+    let mut program = start(&controller.domain, &format!("teleop --device {}", mouse.file()));
     controller.wait("commands", |robot| robot.poses.len() > 50);
     let id = program.child().id();
     let (mut warm, mut commands) = (0, 0);
@@ -269,7 +269,7 @@ fn the_snake_of_the_emulator_follows_a_device_and_holds_when_it_is_gone() {
     let mut client = rig.client();
     home_and_enable(&mut client, TIMEOUT).unwrap();
     let mut device = Played::new(&pad("1"));
-    let mut program = start(&rig.domain(), &format!("teleop --played {}", device.file()));
+    let mut program = start(&rig.domain(), &format!("teleop --device {}", device.file()));
     let mut measured = Latest::new(client.watcher().measured_js());
     let mut yaw_deg = || {
         let joint = measured.refresh().unwrap().copied();
@@ -303,12 +303,12 @@ fn a_device_is_recorded_played_and_learned() {
     let played = device.file();
     fails(
         &controller.domain,
-        &format!("teleop --played {played}"),
+        &format!("teleop --device {played}"),
         1,
-        &["input learn", "not known"],
+        &["teleop input learn", "not known"],
     );
     device.plug_in(&unknown);
-    let words = format!("input record --played {played} --output {file}");
+    let words = format!("teleop input record {played} --output {file}");
     let mut program = start(&controller.domain, &words);
     wait_until("it records", || bench.exists("device.input"));
     device.tell(AXIS, X, 32767);
@@ -329,7 +329,7 @@ fn a_device_is_recorded_played_and_learned() {
     device.unplug();
     device.plug_in(&unknown);
     let mut learn = i2ris_testing::program::command(&[
-        "input", "learn", "--played", &played, "--output", &profile,
+        "teleop", "input", "learn", &played, "--output", &profile,
     ]);
     let learn = learn.stdin(std::process::Stdio::piped()).stdout(std::process::Stdio::piped());
     let mut learn = learn.spawn().unwrap();
@@ -354,8 +354,8 @@ fn a_device_is_recorded_played_and_learned() {
     }
     // The recording, played by the program: known now, and it steers nothing, as it was never at rest.
     device.unplug();
-    let words = format!("teleop --played {played} --profile {profile}");
-    let play = start(&controller.domain, &format!("input play {file} --to {played}"));
+    let words = format!("teleop --device {played} --profile {profile}");
+    let play = start(&controller.domain, &format!("teleop input play {file} --to {played}"));
     let mut teleop = start(&controller.domain, &words);
     controller.wait("commands", |robot| robot.poses.len() > 50);
     assert_near(assert_holds(&controller), [1.0, -1.0]);
@@ -405,13 +405,12 @@ fn devices_that_are_none_and_two_masters_at_once_are_refused() {
     let (pipe, folder) = (device.file(), device.bench.file(""));
     for (words, code, parts) in [
         ("--device /nonexistent/event7".to_owned(), 1, &["/nonexistent/event7: No such"][..]),
-        (format!("--device {pipe}"), 1, &["is a pipe and no input device", "--played"]),
         (format!("--device {folder}"), 1, &["is a folder"]),
-        (format!("--played {pipe}"), 1, &["a pedal alone moves nothing"]),
-        ("--played /dev/null".to_owned(), 1, &["/dev/null: it does not begin"]),
+        (format!("--device {pipe}"), 1, &["a pedal alone moves nothing"]),
+        ("--device /dev/null".to_owned(), 1, &["/dev/null: "]),
         ("--keyboard".to_owned(), 1, &["needs a terminal"]),
         ("--keyboard --device x".to_owned(), 2, &["cannot be used with"]),
-        ("--measure-view --view-mirror".to_owned(), 2, &["cannot be used with"]),
+        ("--view upside-down".to_owned(), 2, &["DEG,mirror"]),
         ("--profile /nonexistent.toml".to_owned(), 1, &["/nonexistent.toml: No such"]),
         ("--scale 1,7".to_owned(), 2, &["0.01 to 1"]),
     ] {

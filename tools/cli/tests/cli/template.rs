@@ -43,7 +43,7 @@ impl FirstDay {
     fn controller(&self, table: &str, axes: &str) -> Program {
         self.bench.write("robot.toml", &format!("{table}{SHARED_MACHINE}{axes}"));
         let controller = self.start("control --config @robot.toml");
-        wait_until("the controller", || self.run("command state disable").code == Some(0));
+        wait_until("the controller", || self.run("disable").code == Some(0));
         controller
     }
 }
@@ -81,23 +81,22 @@ fn first_day(user: Option<u32>, has_jaw: bool) {
     chown(day.bench.path(""), user, user).unwrap();
     let (head, ports) = filled_in(&day.bench, &day.domain, has_jaw);
     let snake = repository("config/snakes/steel.toml");
-    let jaw = if has_jaw { "--jaw" } else { "" };
+    let jaw = if has_jaw { "--wiring jaw" } else { "" };
     let mut emulator =
         day.start(&format!("emulate --ports @ports --snake {} {jaw}", snake.display()));
     wait_until("the ports", || day.bench.exists("ports/axis0"));
 
     // Counts and conditioning, before anybody knows what an angle is.
     let mut controller = day.controller(&head, &ports);
-    let collect = "calibrate collect --config @robot.toml --home --output @take.csv";
+    let collect = "calibrate collect --home --output @take.csv";
     day.succeeds(&format!("{collect} --duration-s 12"));
     day.succeeds("calibrate fit @take.csv --robot-id i2ris-1 --family linear --output @model.json");
-    day.succeeds("model stage @model.json");
-    day.succeeds("model activate --force");
+    day.succeeds("model use @model.json --no-condition --force");
     // Now the limits of angles hold, and the same works.
     day.succeeds("command state condition");
     day.succeeds("command circle --radius-deg 2 --period-s 4 --duration-s 4");
     day.succeeds("command state hold");
-    day.succeeds("command state disable");
+    day.succeeds("disable");
     controller.interrupt();
     let said = end(controller);
     assert_eq!(said.code, Some(0), "{}{}", said.output, said.error);
@@ -105,7 +104,7 @@ fn first_day(user: Option<u32>, has_jaw: bool) {
 
     let head = format!("{head}[control]\nmodel = \"model.json\"\n");
     let mut controller = day.controller(&head, &ports);
-    day.succeeds("command state enable");
+    day.succeeds("enable");
     day.succeeds("command pose 1 1 --duration-s 1");
     controller.interrupt();
     let said = end(controller);

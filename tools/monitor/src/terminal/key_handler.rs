@@ -129,7 +129,7 @@ impl KeyHandler {
 
     fn ask_to_swap(&mut self, models: &Models, now: Nanos) {
         let Some(staged) = &models.staged else {
-            let text = "no model is staged: i2ris model stage FILE";
+            let text = "no model is staged: i2ris model use FILE --no-activate";
             return self.show_result(CommandResult { good: false, text: text.to_owned() }, now);
         };
         let memory = if staged.memory_known { "" } else { ", its memory unknown" };

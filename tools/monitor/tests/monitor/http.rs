@@ -1,4 +1,4 @@
-//! `i2ris monitor --web` as a process, and just enough of a browser to ask it.
+//! `i2ris status --web` as a process, and just enough of a browser to ask it.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -20,7 +20,7 @@ pub struct Served {
 impl Served {
     /// Serves at a free port of this machine.
     pub fn start(domain: &Domain) -> Self {
-        Self::with(domain, &["monitor", "--web", "127.0.0.1:0"])
+        Self::with(domain, &["status", "--web", "127.0.0.1:0"])
     }
 
     /// Serves as the arguments say.

@@ -1,4 +1,4 @@
-//! `i2ris monitor` on a terminal: what it shows at every size, what its keys do, and how it leaves
+//! `i2ris status` on a terminal: what it shows at every size, what its keys do, and how it leaves
 //! the terminal.
 
 use std::fs::{self, File};
@@ -28,7 +28,7 @@ const KEYS: [&str; 9] = [
 #[test]
 fn forty_columns_hold_every_number_and_every_key() {
     let controller = Controller::enabled();
-    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 40, 40);
+    let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 40, 40);
     let text = terminal
         .wait("everything", |text| text.contains("SCHEDULING") && text.contains("previous none"));
     let parts = [
@@ -64,7 +64,7 @@ fn forty_columns_hold_every_number_and_every_key() {
 #[test]
 fn a_screen_that_is_too_small_says_what_is_missing_and_one_that_is_large_shows_everything() {
     let controller = Controller::enabled();
-    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 16, 40);
+    let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 16, 40);
     let first =
         terminal.wait("a hint", |text| text.contains("lines 1 to") && text.contains("ENABLED"));
     assert!(!first.contains("SCHEDULING"), "{first}");
@@ -93,7 +93,7 @@ fn a_screen_that_is_too_small_says_what_is_missing_and_one_that_is_large_shows_e
 #[test]
 fn keys_stop_the_robot_and_acknowledge_its_faults() {
     let controller = Controller::enabled();
-    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 40, 60);
+    let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 40, 60);
     terminal.wait_for("ENABLED");
     terminal.type_keys("s");
     terminal.wait_for("stop: the robot is ENABLED, holds still");
@@ -126,7 +126,7 @@ fn keys_stop_the_robot_and_acknowledge_its_faults() {
 fn a_model_is_changed_only_after_a_confirmation() {
     let controller = Controller::enabled();
     controller.robot().models = [1, 0, 0];
-    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 45, 60);
+    let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 45, 60);
     terminal.wait_for("in use linear 01010101");
     terminal.type_keys("my");
     terminal.wait_for("no model is staged");
@@ -152,7 +152,7 @@ fn a_model_is_changed_only_after_a_confirmation() {
 fn the_terminal_is_put_back_by_q_and_by_signals() {
     let controller = Controller::enabled();
     for end in [None, Some(Signal::SIGINT), Some(Signal::SIGTERM)] {
-        let mut terminal = Terminal::start(&controller.domain, &["monitor"], 24, 80);
+        let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 24, 80);
         terminal.wait_for("ENABLED");
         assert!(terminal.is_raw() && terminal.screen.screen().alternate_screen());
         match end {
@@ -177,7 +177,7 @@ fn a_terminal_that_is_gone_ends_it_without_a_signal() {
     let mut options = File::options();
     options.read(true).write(true).custom_flags(OFlag::O_NOCTTY.bits());
     let slave = options.open(ptsname_r(&master).unwrap()).unwrap();
-    let mut command = program::command(&["monitor"]);
+    let mut command = program::command(&["status", "--watch"]);
     command.env("I2RIS_DOMAIN", controller.domain.name()).env("TERM", "xterm-256color");
     command.stdin(slave.try_clone().unwrap()).stdout(slave.try_clone().unwrap());
     let mut child = command.stderr(slave).spawn().unwrap();
@@ -192,7 +192,7 @@ fn a_terminal_that_is_gone_ends_it_without_a_signal() {
 #[test]
 fn a_window_that_is_closed_ends_it() {
     let controller = Controller::enabled();
-    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 24, 80);
+    let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 24, 80);
     terminal.wait_for("ENABLED");
     terminal.hang_up();
     terminal.end();
@@ -200,7 +200,7 @@ fn a_window_that_is_closed_ends_it() {
 
 #[test]
 fn a_controller_that_is_absent_or_of_another_version_is_said_before_anything_is_drawn() {
-    let mut terminal = Terminal::start(&unique_domain(), &["monitor"], 24, 80);
+    let mut terminal = Terminal::start(&unique_domain(), &["status", "--watch"], 24, 80);
     assert_eq!(terminal.end().code(), Some(3));
     terminal.assert_restored();
     let text = terminal.screen.screen().contents();
@@ -214,7 +214,7 @@ fn a_controller_that_is_absent_or_of_another_version_is_said_before_anything_is_
     let other = 99;
     fs::write(domain.directory().join("ready"), format!("{:016x} {other} 1", server.boot_id()))
         .unwrap();
-    let mut terminal = Terminal::start(&domain, &["monitor"], 24, 80);
+    let mut terminal = Terminal::start(&domain, &["status", "--watch"], 24, 80);
     assert_eq!(terminal.end().code(), Some(3));
     let text = terminal.screen.screen().contents();
     assert!(text.contains(&format!("interface version {other}")), "{text}");
@@ -224,7 +224,7 @@ fn a_controller_that_is_absent_or_of_another_version_is_said_before_anything_is_
 fn a_controller_that_goes_leaves_old_numbers_that_say_how_old_they_are() {
     let controller = Controller::enabled();
     let domain = controller.domain.clone();
-    let mut terminal = Terminal::start(&domain, &["monitor"], 45, 60);
+    let mut terminal = Terminal::start(&domain, &["status", "--watch"], 45, 60);
     terminal.wait_for("+1.00");
     drop(controller);
     let text = terminal
@@ -239,7 +239,7 @@ fn a_controller_that_goes_leaves_old_numbers_that_say_how_old_they_are() {
 #[test]
 fn the_line_with_process_and_model_follows_the_controller() {
     let controller = Controller::enabled();
-    let mut terminal = Terminal::start(&controller.domain, &["monitor"], 50, 140);
+    let mut terminal = Terminal::start(&controller.domain, &["status", "--watch"], 50, 140);
     let process = format!("process {}, model", std::process::id());
     terminal.wait("the first model", |text| text.contains(&format!("{process} 01010101")));
     controller.robot().models = [7, 0, 1];

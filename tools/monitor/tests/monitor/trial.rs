@@ -36,7 +36,7 @@ fn both_pages_show_the_trial_its_newest_mark_and_that_it_is_not_recorded() {
             clock::sleep(Nanos::from_millis(100));
         }
     });
-    let (success, once, error) = Program::run(&controller.domain, &["monitor", "--once"]);
+    let (success, once, error) = Program::run(&controller.domain, &["status"]);
     let line = "study      trial P07-joystick-02 for ";
     assert!(success && once.contains(line) && once.contains(", mark 2: contact"), "{once}{error}");
     let pages = ["", "operator"].map(|page| served.open(page, [1280, 800]));

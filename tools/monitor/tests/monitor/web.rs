@@ -1,4 +1,4 @@
-//! `i2ris monitor --web`: what it answers, what it refuses, and that nobody can hold it up.
+//! `i2ris status --web`: what it answers, what it refuses, and that nobody can hold it up.
 
 use std::fmt::Debug;
 use std::io::Write;
@@ -177,18 +177,18 @@ fn it_ends_with_ctrl_c_and_a_place_that_is_taken_is_named() {
     let controller = Controller::enabled();
     let mut served = Served::start(&controller.domain);
     let place = served.address.to_string();
-    let (success, _, error) = Program::run(&controller.domain, &["monitor", "--web", &place]);
+    let (success, _, error) = Program::run(&controller.domain, &["status", "--web", &place]);
     assert!(!success && error.contains(&place) && error.contains("--web ADDRESS:PORT"), "{error}");
     served.program.interrupt();
     assert!(served.program.end().0);
-    let (success, _, error) = Program::run(&controller.domain, &["monitor", "--web", "somewhere"]);
+    let (success, _, error) = Program::run(&controller.domain, &["status", "--web", "somewhere"]);
     assert!(!success && error.contains("192.168.1.5:8080"), "{error}");
 }
 
 #[test]
 fn an_address_for_others_is_warned_about() {
     let controller = Controller::enabled();
-    let mut served = Served::with(&controller.domain, &["monitor", "--web", "0.0.0.0:0"]);
+    let mut served = Served::with(&controller.domain, &["status", "--web", "0.0.0.0:0"]);
     assert_eq!(served.ask("GET", "/live").0, 200);
     served.program.interrupt();
     let (success, _, error) = served.program.end();

@@ -295,7 +295,7 @@ fn write_events(page: &mut Page, report: &TrialReport) {
     page.table(&table);
     if report.events.len() > MOST_EVENTS {
         let more = report.events.len() - MOST_EVENTS;
-        page.paragraph(format!("And {more} more, which `i2ris report --json` lists."));
+        page.paragraph(format!("And {more} more, which `i2ris record report --json` lists."));
     }
 }
 

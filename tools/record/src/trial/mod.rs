@@ -43,7 +43,7 @@ pub enum StudyError {
     #[error("{path}: {error}", path = path.display())]
     Io { path: PathBuf, error: io::Error },
     #[error(
-        "{path} is no study: it has no study.json; make one with `i2ris trial new FOLDER`, name it \
+        "{path} is no study: it has no study.json; make one with `i2ris record trial new FOLDER`, name it \
          with --study",
         path = path.display()
     )]
@@ -66,15 +66,15 @@ pub enum StudyError {
     Robot { known: String, found: String },
     #[error(transparent)]
     Code(#[from] CodeError),
-    #[error("{0} runs: end it with `i2ris trial stop` first")]
+    #[error("{0} runs: end it with `i2ris record trial stop` first")]
     Runs(String),
-    #[error("another `i2ris trial start` is at work in this study")]
+    #[error("another `i2ris record trial start` is at work in this study")]
     Starts,
-    #[error("no trial runs; `i2ris trial start` begins one")]
+    #[error("no trial runs; `i2ris record trial start` begins one")]
     NoneRuns,
     #[error("no trial has ended yet")]
     NoneEnded,
-    #[error("{0} is no trial of this study; see `i2ris trial list`")]
+    #[error("{0} is no trial of this study; see `i2ris record trial list`")]
     NoTrial(String),
     #[error("the trial is not recorded: {0}")]
     Recorder(String),

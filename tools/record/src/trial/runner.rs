@@ -63,7 +63,7 @@ impl Study {
         let mut recorder = Command::new(plan.recorder)
             .arg("--output")
             .arg(folder.join("recording.mcap"))
-            .arg("--of-trial")
+            .arg("--study")
             .arg(folder)
             .args(["--domain", plan.domain, "--note", note.trim()])
             .stdin(Stdio::null())
@@ -105,7 +105,7 @@ impl Study {
         while Journal::is_held(&running.folder) {
             if clock::now().since(start) > END {
                 return Err(StudyError::Recorder(format!(
-                    "its recorder, process {}, does not end; end it, then run `i2ris trial stop` \
+                    "its recorder, process {}, does not end; end it, then run `i2ris record trial stop` \
                      again",
                     pid.unwrap_or(0)
                 )));

@@ -1,4 +1,4 @@
-//! `i2ris record` and `i2ris report` against a controller without drives.
+//! `i2ris record` and `i2ris record report` against a controller without drives.
 
 use std::fs;
 use std::os::unix::process::CommandExt;
@@ -219,12 +219,12 @@ fn a_report_is_made_of_complete_and_of_cut_off_recordings() {
     let options = ["--duration-s", "1", "--note", "a <short> one"];
     let (success, error) = record(&controller, &file, &options);
     assert!(success, "{error}");
-    let (success, _, error) = run(&["report", name(&file)]);
+    let (success, _, error) = run(&["record", "report", name(&file)]);
     assert!(success, "{error}");
     let page = fs::read_to_string(folder.path().join("trial.html")).unwrap();
     assert!(page.contains("a &lt;short&gt; one") && page.contains("<svg"), "{page}");
     assert!(!page.contains("<script"), "{page}");
-    let (_, output, _) = run(&["report", name(&file), "--json"]);
+    let (_, output, _) = run(&["record", "report", name(&file), "--json"]);
     let summary: serde_json::Value = serde_json::from_str(&output).unwrap();
     assert!(summary["estimate"]["samples"].as_u64().unwrap() > 50, "{summary}");
     let rms = summary["estimate"]["length_rms_deg"].as_f64().unwrap();
@@ -234,10 +234,10 @@ fn a_report_is_made_of_complete_and_of_cut_off_recordings() {
     let cut = folder.path().join("cut.mcap");
     let bytes = fs::read(&file).unwrap();
     fs::write(&cut, &bytes[..bytes.len() * 2 / 3]).unwrap();
-    let (success, _, error) = run(&["report", name(&cut)]);
+    let (success, _, error) = run(&["record", "report", name(&cut)]);
     assert!(success && error.contains("not complete"), "{error}");
     fs::write(&cut, "no recording at all, whatever its name says").unwrap();
-    let (success, _, error) = run(&["report", name(&cut)]);
+    let (success, _, error) = run(&["record", "report", name(&cut)]);
     assert!(!success && error.contains("cut.mcap"), "{error}");
 }
 
@@ -255,7 +255,7 @@ fn reports_and_tables_on_a_full_disk_end_with_a_reason() {
         assert!(!output.status.success() && error.contains("cannot write"), "{error}");
         assert!(error.contains(format), "{error}");
     }
-    let output = with_full_disk(&["report", name(&file)], 5000);
+    let output = with_full_disk(&["record", "report", name(&file)], 5000);
     let error = text(&output.stderr);
     assert!(!output.status.success() && error.contains("trial.html"), "{error}");
     assert!(!folder.path().join("trial.html").exists(), "there must be no incomplete page");
@@ -363,7 +363,7 @@ fn configuration_and_run_log_come_from_the_controller_that_serves_and_are_taken_
     let (code, _, error) = recorder.code();
     assert_eq!((code, error.as_str()), (Some(0), ""));
     let parts = folder.path().join("parts");
-    let extract = ["record", "extract", name(&file), "--output", name(&parts)];
+    let extract = ["record", "info", name(&file), "--output", name(&parts)];
     let (success, output, error) = run(&extract);
     assert!(success && output.contains(" commands"), "{output}{error}");
     let served = rig.folder.path().join("robot.toml");

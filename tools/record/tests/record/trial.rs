@@ -18,7 +18,7 @@ use nix::unistd::Pid;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed, TestRunner};
 
-/// Runs `i2ris trial` in a study: exit code and what it printed.
+/// Runs `i2ris record trial` in a study: exit code and what it printed.
 pub struct Bench {
     folder: tempfile::TempDir,
     domain: Domain,
@@ -27,7 +27,7 @@ pub struct Bench {
 impl Bench {
     pub fn new(domain: &Domain) -> Self {
         let bench = Self { folder: tempfile::tempdir().unwrap(), domain: domain.clone() };
-        bench.succeeds("new STUDY --conditions joystick,keyboard");
+        bench.succeeds("new STUDY --condition joystick,keyboard");
         bench
     }
 
@@ -41,15 +41,19 @@ impl Bench {
         (output.status.code(), String::from_utf8(text).unwrap())
     }
 
-    /// `i2ris trial` with these words; STUDY is its folder.
+    /// `i2ris record trial` with these words; STUDY is its folder.
     pub fn command(&self, words: &str) -> Command {
         let study = self.study();
         let words = words.split_whitespace().map(|word| match word {
             "STUDY" => study.to_str().unwrap(),
             word => word,
         });
-        let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-trial"));
-        command.args(words).env("I2RIS_STUDY", &study).env("I2RIS_DOMAIN", self.domain.name());
+        let mut command = Command::new(env!("CARGO_BIN_EXE_i2ris-record"));
+        command
+            .arg("trial")
+            .args(words)
+            .env("I2RIS_STUDY", &study)
+            .env("I2RIS_DOMAIN", self.domain.name());
         command
     }
 
@@ -87,7 +91,7 @@ fn a_trial_is_recorded_with_its_marks_and_told_to_those_who_watch() {
     let mut stream = client.watcher().trial();
     // Two at once: the second neither begins nor takes the first for cut off.
     let another = Study::open(&bench.study()).unwrap().lock().unwrap();
-    bench.fails(START, "another `i2ris trial start` is at work");
+    bench.fails(START, "another `i2ris record trial start` is at work");
     drop(another);
     assert!(bench.succeeds(START).starts_with("P07-joystick-01 is being recorded"));
     bench.fails(START, "P07-joystick-01 runs: end it");
@@ -117,8 +121,9 @@ fn a_trial_is_recorded_with_its_marks_and_told_to_those_who_watch() {
     bench.succeeds(START);
     bench.succeeds("stop --outcome success");
     let list = bench.succeeds("list");
-    assert!(list.lines().count() == 2 && list.contains("P07-joystick-02"), "{list}");
-    let show = bench.succeeds("show P07-joystick-01");
+    let trials = list.lines().filter(|line| line.starts_with("P07-joystick-0")).count();
+    assert_eq!(trials, 2, "{list}");
+    let show = bench.succeeds("list P07-joystick-01");
     assert!(show.contains("mark   1") && show.contains("contact"), "{show}");
     let json: serde_json::Value = serde_json::from_str(&bench.succeeds("list --json")).unwrap();
     assert_eq!(json["P07-joystick-01"]["marks"][1]["text"], "free");
@@ -164,16 +169,18 @@ fn what_is_no_code_no_condition_or_no_study_is_refused_and_leaves_nothing() {
         ("start --participant 1990-01-31 --condition joystick", "date of birth"),
         ("start --participant P07 --condition mouse", "none of this study: joystick, keyboard"),
         ("start --participant P07 --condition joystick", "no controller"),
-        ("new STUDY --conditions joystick", "is there already"),
+        ("new STUDY --condition joystick", "is there already"),
         ("list --study /nonexistent", "is no study"),
-        ("show P01-joystick-01", "is no trial"),
+        ("list P01-joystick-01", "is no trial"),
     ] {
         bench.fails(words, part);
     }
-    assert_eq!(bench.succeeds("list"), "no trial yet; `i2ris trial start` begins one\n");
+    let list = bench.succeeds("list");
+    assert!(list.starts_with("no trial yet; `i2ris record trial start` begins one\n"), "{list}");
+    for order in ["participant 1, 3, ...: joystick, keyboard", "2, 4, ...: keyboard, joystick"] {
+        assert!(list.contains(order), "{list}");
+    }
     assert_eq!(fs::read_dir(bench.study()).unwrap().count(), 1, "study.json alone");
-    let order = bench.succeeds("order --participants 2");
-    assert!(order.contains("1: joystick, keyboard") && order.contains("2: keyboard, joystick"));
     let description = fs::read_to_string(bench.study().join("study.json")).unwrap();
     let later = description.replace("\"format\": 1", "\"format\": 2");
     fs::write(bench.study().join("study.json"), later).unwrap();

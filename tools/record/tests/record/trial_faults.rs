@@ -51,7 +51,7 @@ fn the_workload_is_asked_and_stored_with_the_trial_that_ended_last() {
     assert!(show.contains("workload 40 of 100: mental 55, physical 30"), "{show}");
     // In page and tables.
     let study = bench.study();
-    let output = program::output(&["report", study.to_str().unwrap()]);
+    let output = program::output(&["record", "report", study.to_str().unwrap()]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(fs::read_to_string(study.join("report.html")).unwrap().contains("workload (0 to 100)"));
     let table = fs::read_to_string(study.join("report.csv")).unwrap();
@@ -114,7 +114,7 @@ fn a_full_disk_in_a_trial_is_said_at_once_and_the_robot_and_what_was_written_sta
         told.flags & TrialMsg::FAILED != 0
     });
     assert_eq!(told.flags, TrialMsg::FAILED, "it goes on unrecorded");
-    let (found, why, _) = i2ris_testing::Program::run(&controller.domain, &["why"]);
+    let (found, why, _) = i2ris_testing::Program::run(&controller.domain, &["status"]);
     assert!(found && why.contains("P07-joystick-02 is not recorded any more"), "{why}");
     let list = bench.succeeds("list");
     assert!(list.contains("runs, but is not recorded any more"), "{list}");

@@ -59,8 +59,8 @@ impl Trial {
     /// What is wrong with it, and what to do.
     pub(super) fn why(&self) -> Option<Why> {
         let text = format!("trial {} is not recorded any more: {}", self.name, self.problem?);
-        let advice = "make room on the disk where it is full, then `i2ris trial stop --outcome \
-                      aborted`, and begin it again; the robot goes on";
+        let advice = "make room on the disk where it is full, then `i2ris record trial stop \
+                      --outcome aborted`, and begin it again; the robot goes on";
         let (sentence, advice) = (text.clone(), advice.to_owned());
         Some(Why { sentence, text, advice, age_s: Some(0.0), ..Why::default() })
     }

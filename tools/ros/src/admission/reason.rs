@@ -55,7 +55,9 @@ pub enum Reason {
     Waiting,
     #[error("a stop came after it")]
     Overtaken,
-    #[error("homing makes the present pose the zero; start `i2ris ros` with --home to allow it")]
+    #[error(
+        "homing makes the present pose the zero; start `i2ris start ros` with --home to allow it"
+    )]
     NoHoming,
     #[error("{0}")]
     Failed(String),

@@ -20,16 +20,24 @@ const BUFFER: usize = 1 << 18;
 /// How frames are read.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Format {
-    /// Streams hold JPEG files, one after the other [default: Y4M]
-    #[arg(long)]
-    mjpeg: bool,
+    /// What streams hold
+    #[arg(long, value_enum, default_value_t = StreamFormat::Y4m)]
+    format: StreamFormat,
     /// Frames were taken at this rate: stamps by number. Streams are otherwise stamped as they
     /// arrive
-    #[arg(long, value_name = "PER-SECOND", value_parser = positive)]
+    #[arg(long, value_name = "HZ", value_parser = positive)]
     fps: Option<f64>,
     /// Frames arrive this long after they were taken
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = not_negative)]
     latency_ms: f64,
+}
+
+/// What a stream holds.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum StreamFormat {
+    Y4m,
+    /// JPEG files, one after the other
+    Mjpeg,
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -69,10 +77,10 @@ impl Format {
         from: R,
     ) -> Result<Box<dyn FrameSource>, SourceError> {
         let reader = BufReader::with_capacity(BUFFER, from);
-        if self.mjpeg {
-            return Ok(Box::new(MjpegStream::new(reader, self.clock())));
-        }
-        Ok(Box::new(FrameStream::y4m(reader, self.clock())?))
+        Ok(match self.format {
+            StreamFormat::Mjpeg => Box::new(MjpegStream::new(reader, self.clock())),
+            StreamFormat::Y4m => Box::new(FrameStream::y4m(reader, self.clock())?),
+        })
     }
 
     fn clock(&self) -> FrameClock {

@@ -137,7 +137,7 @@ fn read_line(reader: &mut impl BufRead) -> Result<Option<String>, SourceError> {
 fn parse(line: &str) -> Result<Format, String> {
     let mut words = line.split(' ');
     if words.next() != Some("YUV4MPEG2") {
-        return Err("does not begin with YUV4MPEG2; for JPEG files give --mjpeg".into());
+        return Err("does not begin with YUV4MPEG2; for JPEG files give --format mjpeg".into());
     }
     let (mut width, mut height, mut colour) = ("", "", "420");
     for word in words.filter(|word| !word.is_empty()) {

@@ -23,14 +23,11 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::value_parser;
 use i2ris::clock;
-use i2ris::config::Config;
-use i2ris::ipc::Domain;
-use i2ris::ipc::payload::Version;
+use i2ris::ipc::payload::{Version, unpadded_text};
 use i2ris::model::file::{OutputSpec, OutputUnit};
-use i2ris::process::robot_description;
 use i2ris::units::{MAX_MOTORS, MotorVec};
 use i2ris_calibration::recording::{ColumnMap, Recording};
-use i2ris_report::{Failure, Interrupt};
+use i2ris_report::{DomainOption, Failure, Interrupt};
 use indicatif::ProgressBar;
 
 use crate::command::prepare::{PrepareOptions, prepare};
@@ -45,17 +42,15 @@ const USED_PART: f64 = 0.75;
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris calibrate collect --config config/emulator.toml --home --output steel.csv
-  i2ris calibrate collect --config robot.toml --range-counts 300 --output first.csv
-  i2ris calibrate collect --config robot.toml --protocol cycles --json --output cycles.csv
+  i2ris calibrate collect --home --output steel.csv
+  i2ris calibrate collect --range-counts 300 --output first.csv
+  i2ris calibrate collect --protocol cycles --json --output cycles.csv
 
-The controller has to run, and a camera process that publishes external/measured_jp. Ctrl-C stops
+The controller has to run: robot and limits are its own; and a camera process that publishes
+external/measured_jp. Ctrl-C stops
 the robot and keeps the recording. Beside FILE.csv, FILE.toml holds the settings, the outcome and
 the flagged moments.")]
 pub struct Arguments {
-    /// The configuration that the controller runs with: its limits, its robot, its domain
-    #[arg(long, value_name = "FILE")]
-    config: PathBuf,
     /// Where to record: a CSV file that does not exist yet
     #[arg(long, short, value_name = "FILE.csv")]
     output: PathBuf,
@@ -88,21 +83,14 @@ pub struct Arguments {
     /// Do without the conditioning cycle: the hysteresis at the beginning is then unknown
     #[arg(long)]
     no_condition: bool,
-    /// Distance from the frames before and after, which agree, that makes a frame an outlier,
-    /// deg (mm)
-    #[arg(long, value_name = "DEG", default_value_t = 3.0, value_parser = above_zero)]
-    outlier_deg: f64,
-    /// Domain of the controller [default: as in the configuration]
-    #[arg(long, env = "I2RIS_DOMAIN", value_name = "NAME")]
-    domain: Option<String>,
+    #[command(flatten)]
+    domain: DomainOption,
     /// Print the outcome as JSON
     #[arg(long)]
     json: bool,
 }
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let config = Config::load(&arguments.config)?;
-    let request = request(arguments, &config)?;
     check_output(&arguments.output)?;
     if arguments.protocol == Protocol::Axes {
         eprintln!(
@@ -111,26 +99,24 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
              --protocol reversals to calibrate."
         );
     }
-    let domain = Domain::new(arguments.domain.as_deref().unwrap_or(&config.domain))?;
-    tell_of_environment(domain.name(), &config, &arguments.config);
+    let domain = arguments.domain.domain()?;
     let interrupt = Interrupt::catch()?;
     let mut client = crate::connection::connect(&domain)?;
     let version = client.version()?;
-    check_robot(&version, &config, &arguments.config)?;
+    let request = request(arguments, &version)?;
     let (mut subscriptions, count) = Subscriptions::open(&client, domain.name(), &interrupt)?;
     let outputs = outputs(&version, count);
     if !arguments.watch {
         prepare(&mut client, arguments.prepare, &interrupt)?;
     }
 
-    let mut sidecar = begin(arguments, &config, &request, &version);
+    let mut sidecar = begin(arguments, &request, &version);
     let file = File::create_new(&arguments.output)
         .map_err(|error| cannot_write(&arguments.output, &error))?;
     sidecar.write(&arguments.output)?;
     let (start, motors) = (clock::now(), request.region.motors);
-    let mut recorder =
-        Recorder::new(LineWriter::new(file), start, motors, &outputs, arguments.outlier_deg)
-            .map_err(|error| cannot_write(&arguments.output, &error))?;
+    let mut recorder = Recorder::new(LineWriter::new(file), start, motors, &outputs)
+        .map_err(|error| cannot_write(&arguments.output, &error))?;
     let bar = match arguments.watch {
         true => ProgressBar::hidden(),
         false => bar_of_time(arguments.protocol.name(), 0.0),
@@ -168,14 +154,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// The requested motion, within the limits of the controller.
-fn request(arguments: &Arguments, config: &Config) -> Result<MotionRequest, Failure> {
-    let motors = config.motors().min(MAX_MOTORS);
-    let file = arguments.config.display();
+fn request(arguments: &Arguments, version: &Version) -> Result<MotionRequest, Failure> {
+    let motors = usize::from(version.shape[0]).min(MAX_MOTORS);
     let mut centre = MotorVec::default();
     if !arguments.centre_counts.is_empty() && arguments.centre_counts.len() != motors {
         let given = arguments.centre_counts.len();
         return Err(format!(
-            "--centre-counts: {given} value(s) for the {motors} motor(s) of {file}"
+            "--centre-counts: {given} value(s) for the {motors} motor(s) of the robot"
         )
         .into());
     }
@@ -185,31 +170,27 @@ fn request(arguments: &Arguments, config: &Config) -> Result<MotionRequest, Fail
         .for_each(|(centre, given)| *centre = f64::from(*given));
     let mut room = f64::INFINITY;
     for (motor, centre) in centre.iter().enumerate().take(motors) {
-        let Some(axis) = config.axis(motor) else {
-            continue;
-        };
         room = room
-            .min(axis.position_max_counts.as_f64() - centre)
-            .min(centre - axis.position_min_counts.as_f64());
+            .min(f64::from(version.position_max_counts[motor]) - centre)
+            .min(centre - f64::from(version.position_min_counts[motor]));
     }
     if room <= 0.0 {
-        return Err(format!("--centre-counts: is not within the position limits of {file}").into());
+        return Err("--centre-counts: is not within the position limits of the controller".into());
     }
     let radius = arguments.range_counts.unwrap_or(USED_PART * room);
     if radius > room {
         return Err(format!(
-            "--range-counts {radius}: the position limits of {file} leave {room} counts around the \
-             centre; ask for less, move the centre with --centre-counts, or widen the limits there \
+            "--range-counts {radius}: the position limits leave {room} counts around the centre; ask \
+             for less, move the centre with --centre-counts, or widen the limits in the configuration \
              and restart the controller"
         )
         .into());
     }
-    let most = config.limits.velocity_counts_s;
+    let most = version.velocity_counts_s;
     if arguments.speed_counts_s > most {
         let given = arguments.speed_counts_s;
         return Err(format!(
-            "--speed-counts-s {given}: the controller allows {most} (limits.velocity_counts_s of \
-             {file})"
+            "--speed-counts-s {given}: the controller allows {most} (limits.velocity_counts_s)"
         )
         .into());
     }
@@ -249,37 +230,6 @@ fn check_output(output: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-fn check_robot(version: &Version, config: &Config, file: &Path) -> Result<(), Failure> {
-    let (running, named) = (usize::from(version.shape[0]), config.motors());
-    let file = file.display();
-    if running != named {
-        return Err(format!(
-            "the controller turns {running} motor(s), but {file} names {named}: it runs with \
-             another file"
-        )
-        .into());
-    }
-    version.robot_difference(&robot_description(config)).map_or(Ok(()), |difference| {
-        Err(format!(
-            "{difference} as {file} says: it runs with another file, or was not restarted \
-                 since; name its file, or its domain with --domain"
-        )
-        .into())
-    })
-}
-
-/// A domain of the environment that beats that of the file is easily forgotten.
-fn tell_of_environment(domain: &str, config: &Config, file: &Path) {
-    let from_environment = std::env::var("I2RIS_DOMAIN").is_ok_and(|name| name == domain);
-    if from_environment && domain != config.domain {
-        eprintln!(
-            "note: I2RIS_DOMAIN={domain} is used, and not the domain `{}` of {}",
-            config.domain,
-            file.display()
-        );
-    }
-}
-
 /// Outputs of the camera: as the controller's model names it, if there is one that fits.
 fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
     let (unit, known): (_, &[&str]) = if count == 3 {
@@ -297,21 +247,15 @@ fn outputs(version: &Version, count: usize) -> Vec<OutputSpec> {
     (0..count).map(|output| OutputSpec { name: name(output), unit }).collect()
 }
 
-fn begin(
-    arguments: &Arguments,
-    config: &Config,
-    request: &MotionRequest,
-    version: &Version,
-) -> Sidecar {
+fn begin(arguments: &Arguments, request: &MotionRequest, version: &Version) -> Sidecar {
     let motors = request.region.motors;
-    let axes = || (0..motors).filter_map(|motor| config.axis(motor));
     let name = arguments.output.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let [major, minor, patch] = version.software;
     Sidecar {
         format: "i2ris-recording",
         schema_version: 1,
         recording: name,
-        robot_id: config.robot_id.clone(),
+        robot_id: unpadded_text(&version.robot_id),
         software: format!("i2ris {}", env!("CARGO_PKG_VERSION")),
         controller: format!("i2ris-control {major}.{minor}.{patch}"),
         model_id: (version.model_id != [0; 32])
@@ -328,10 +272,10 @@ fn begin(
             speed_counts_s: request.speed_counts_s,
             conditioned: !arguments.no_condition && !arguments.watch,
             limits: Limits {
-                position_min_counts: axes().map(|axis| axis.position_min_counts.0).collect(),
-                position_max_counts: axes().map(|axis| axis.position_max_counts.0).collect(),
-                velocity_counts_s: config.limits.velocity_counts_s,
-                acceleration_counts_s2: config.limits.acceleration_counts_s2,
+                position_min_counts: version.position_min_counts[..motors].to_vec(),
+                position_max_counts: version.position_max_counts[..motors].to_vec(),
+                velocity_counts_s: version.velocity_counts_s,
+                acceleration_counts_s2: version.acceleration_counts_s2,
             },
         },
         outcome: None,

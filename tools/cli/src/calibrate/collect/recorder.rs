@@ -56,15 +56,12 @@ pub fn is_sample(row: &Row) -> bool {
     row.outputs.iter().all(|output| output.is_finite())
 }
 
+/// A frame so far from its neighbours, which agree, is an outlier: deg (mm).
+const OUTLIER: f64 = 3.0;
+
 impl<W: Write> Recorder<W> {
     /// Begins with the header. `start` is the instant that the recording counts from.
-    pub fn new(
-        to: W,
-        start: Nanos,
-        motors: usize,
-        outputs: &[OutputSpec],
-        outlier: f64,
-    ) -> io::Result<Self> {
+    pub fn new(to: W, start: Nanos, motors: usize, outputs: &[OutputSpec]) -> io::Result<Self> {
         let unit = outputs.first().map_or(OutputUnit::Deg, |output| output.unit);
         Ok(Self {
             writer: RecordingWriter::new(to, true, motors, outputs)?,
@@ -72,7 +69,7 @@ impl<W: Write> Recorder<W> {
             motors,
             outputs: outputs.len(),
             encoders: Default::default(),
-            frames: FrameQueue::new(unit, outputs.len(), outlier),
+            frames: FrameQueue::new(unit, outputs.len(), OUTLIER),
             next: 0,
             written: None,
             last_seen: None,
@@ -273,7 +270,7 @@ mod tests {
     }
 
     fn recorder(file: &mut Vec<u8>) -> Recorder<&mut Vec<u8>> {
-        Recorder::new(file, START, 2, &outputs(), 3.0).unwrap()
+        Recorder::new(file, START, 2, &outputs()).unwrap()
     }
 
     #[test]
@@ -306,7 +303,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("take.csv");
         let file = std::fs::File::create(&path).unwrap();
-        let mut recorder = Recorder::new(file, START, 2, &outputs(), 3.0).unwrap();
+        let mut recorder = Recorder::new(file, START, 2, &outputs()).unwrap();
         for time in (0..2000).step_by(4) {
             recorder.positions(&positions(time));
             if time % 40 == 0 {

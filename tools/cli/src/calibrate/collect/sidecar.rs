@@ -50,7 +50,7 @@ pub struct ProtocolRecord {
     pub limits: Limits,
 }
 
-/// The controller's limits, from its configuration.
+/// The controller's limits.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Limits {
     pub position_min_counts: Vec<i32>,

@@ -39,7 +39,7 @@ impl Guided {
         self.record_use(&in_use, interrupt)?;
         // One of an earlier model would be taken for this one's.
         let _ = fs::remove_file(self.folder.join(REFINED));
-        let refine = ["calibrate", "refine", &in_use, "--model", &model, "--recording", &recording];
+        let refine = ["calibrate", "fit", &recording, &in_use, "--model", &model];
         let refine = words(&[&refine[..], &["--output", &refined]].concat());
         let status = self.command(&refine)?.status()?;
         if interrupt.came() {
@@ -48,19 +48,12 @@ impl Guided {
         if !status.success() {
             return say("the model of the calibration stays");
         }
-        for words in [
-            words(&["model", "stage", &refined]),
-            words(&["model", "activate", "--force"]),
-            words(&["command", "state", "condition"]),
-        ] {
-            self.run(Step::Refine, &words, interrupt)?;
-        }
-        Ok(())
+        self.run(Step::Refine, &words(&["model", "use", &refined]), interrupt)
     }
 
     /// A motion as of a hand, in the reach of the model.
     fn write_path(&self, model: &Model) -> Result<(), Failure> {
-        let path = Motion::Teleoperation.path(f64::from(self.use_s), SEED);
+        let path = Motion::Teleoperation.path(f64::from(self.motion_s), SEED);
         let within = within_reach(&[(Motion::Teleoperation, path)], model);
         let mut text = "t_s,pitch_deg,yaw_deg\n".to_owned();
         for (number, [pitch, yaw]) in within.iter().flat_map(|(_, path)| path).enumerate() {
@@ -73,10 +66,7 @@ impl Guided {
 
     /// Moves along the path while another process records.
     fn record_use(&self, output: &str, interrupt: &Interrupt) -> Result<(), Failure> {
-        let config = self.config.display().to_string();
-        let domain = self.domain.name();
-        let watch = ["calibrate", "collect", "--config", &config, "--domain", domain, "--watch"];
-        let watch = words(&[&watch[..], &["--output", output]].concat());
+        let watch = words(&["calibrate", "collect", "--watch", "--output", output]);
         let mut watcher = self.command(&watch)?.stdout(Stdio::null()).spawn()?;
         while watcher.try_wait()?.is_none() && !self.folder.join("use.csv").exists() {
             clock::sleep(Nanos::from_millis(20));

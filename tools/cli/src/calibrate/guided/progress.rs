@@ -62,12 +62,9 @@ impl Progress {
         progress.checked_before = progress.is_done(Step::Check);
         progress.refined = progress.read_refined();
         let in_use = progress.refined.unwrap_or(model);
-        let [active, staged, _] = client.models()?.slots;
-        if is(&active, in_use) || is(&staged, in_use) {
-            progress.done.push(Step::Stage);
-        }
+        let [active, ..] = client.models()?.slots;
         if is(&active, in_use) && is_ready(client)? {
-            progress.done.push(Step::Activate);
+            progress.done.push(Step::Use);
         } else {
             // The circle was followed with another start of the controller.
             progress.done.retain(|step| *step != Step::Check);

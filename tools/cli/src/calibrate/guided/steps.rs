@@ -8,8 +8,7 @@ pub enum Step {
     Collect,
     Fit,
     Compare,
-    Stage,
-    Activate,
+    Use,
     Check,
     Refine,
 }
@@ -20,8 +19,7 @@ impl fmt::Display for Step {
             Self::Collect => "collect",
             Self::Fit => "fit",
             Self::Compare => "compare",
-            Self::Stage => "stage",
-            Self::Activate => "activate",
+            Self::Use => "use",
             Self::Check => "check",
             Self::Refine => "refine",
         })
@@ -29,19 +27,12 @@ impl fmt::Display for Step {
 }
 
 impl Step {
-    pub const ALL: [Self; 7] = [
-        Self::Collect,
-        Self::Fit,
-        Self::Compare,
-        Self::Stage,
-        Self::Activate,
-        Self::Check,
-        Self::Refine,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::Collect, Self::Fit, Self::Compare, Self::Use, Self::Check, Self::Refine];
 
     /// The robot moves, so its zero has to be known.
     pub fn moves(self) -> bool {
-        matches!(self, Self::Collect | Self::Activate | Self::Check | Self::Refine)
+        matches!(self, Self::Collect | Self::Use | Self::Check | Self::Refine)
     }
 
     pub fn purpose(self) -> &'static str {
@@ -49,8 +40,10 @@ impl Step {
             Self::Collect => "the motors move through the plane while the camera measures",
             Self::Fit => "a model is fitted to the recording",
             Self::Compare => "the model is judged on a short recording that it has not seen",
-            Self::Stage => "the controller reads and checks the model; the robot stays as it is",
-            Self::Activate => "the model takes over, and a conditioning cycle makes it exact",
+            Self::Use => {
+                "the controller checks the model, which takes over; a conditioning cycle \
+                          makes it exact"
+            }
             Self::Check => "the snake follows a circle, and the camera measures the error",
             Self::Refine => "the snake moves as in use, and the model is fitted to that as well",
         }

@@ -1,7 +1,7 @@
-//! Commands for existing recordings: recover, extract, info.
+//! Commands for existing recordings: recover, info.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use i2ris::units::Nanos;
 use i2ris::wall_clock::WallTime;
@@ -27,8 +27,12 @@ pub struct RecoverArguments {
 pub struct InfoArguments {
     /// The recording, complete or cut off
     recording: PathBuf,
+    /// New folder for what is attached (configuration, models, run log) and for the commands of each
+    /// client, for `i2ris command file`
+    #[arg(long, short, value_name = "DIR")]
+    output: Option<PathBuf>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, conflicts_with = "output")]
     json: bool,
 }
 
@@ -47,21 +51,11 @@ pub fn copy(arguments: &RecoverArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Arguments of `i2ris record extract`.
-#[derive(Debug, clap::Args)]
-pub struct ExtractArguments {
-    /// The recording, complete or cut off
-    recording: PathBuf,
-    /// Folder for the files, which must not be there yet
-    #[arg(long, short, value_name = "DIR")]
-    output: PathBuf,
-}
-
 /// Writes attachments and commands.
-pub fn parts(arguments: &ExtractArguments) -> Result<(), Failure> {
-    let extracted = extract(&arguments.recording, &arguments.output)?;
+fn take_out(recording: &Path, output: &Path) -> Result<(), Failure> {
+    let extracted = extract(recording, output)?;
     for (name, what) in &extracted.files {
-        println!("{what:>16}  {}", arguments.output.join(name).display());
+        println!("{what:>16}  {}", output.join(name).display());
     }
     if let Some(error) = extracted.stopped_by {
         eprintln!("warning: the recording is not complete: {error}");
@@ -148,8 +142,11 @@ impl Content {
     }
 }
 
-/// Prints the content of a recording.
+/// Prints the content of a recording, or takes it out.
 pub fn info(arguments: &InfoArguments) -> Result<(), Failure> {
+    if let Some(output) = &arguments.output {
+        return take_out(&arguments.recording, output);
+    }
     let mut records = Records::open(&arguments.recording)?;
     let content = Content::read(&mut records);
     if arguments.json {

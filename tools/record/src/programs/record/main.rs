@@ -1,29 +1,35 @@
-//! `i2ris record`: records trials as MCAP files, exports and recovers them.
+//! `i2ris record`: records trials as MCAP files, exports, reports and recovers them; trials of
+//! studies; the black box of a controller.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
 
+mod black_box;
 mod cameras;
 mod existing;
 mod export;
 mod of_study;
 mod recording;
+mod report;
+mod trial;
 
 use std::process::ExitCode;
 
 use clap::Parser;
 use i2ris_report::Failure;
 
-/// Record trials, and make tables of recordings
+/// Record the robot; tables, pages and trials of recordings
 #[derive(Debug, Parser)]
 #[command(name = "i2ris-record", bin_name = "i2ris record", version, propagate_version = true)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[command(after_help = "Examples:
   i2ris record --output trial.mcap --note 'circle, 5 deg'
-  i2ris record info trial.mcap
+  i2ris record report trial.mcap
+  i2ris record info trial.mcap --output parts
   i2ris record export trial.mcap --output tables
   i2ris record export trial.mcap --output parquet --format parquet
   i2ris record export reach-study --output reach --format parquet --pictures
-  i2ris record extract trial.mcap --output parts
   i2ris record recover killed.mcap --output whole.mcap
+  i2ris record trial start --study reach-study --participant P07 --condition joystick
+  i2ris record replay $(i2ris record dump)
 
 Ctrl-C ends a recording. The file opens in Lichtblick, Foxglove, PlotJuggler, rosbags and
 the Python package mcap: topics /measured_js, /setpoint_js and /goal_js as sensor_msgs/JointState,
@@ -41,11 +47,18 @@ enum Task {
     Recover(existing::RecoverArguments),
     /// Write recordings, or the trials of a study, as tables (CSV or Parquet)
     Export(export::Arguments),
-    /// Take out what is attached (configuration, models, run log) and the commands of each client,
-    /// for `i2ris command file`
-    Extract(existing::ExtractArguments),
-    /// Print the content of a recording
+    /// Print the content of a recording, and take out what is in it
     Info(existing::InfoArguments),
+    /// Make a page of a recorded trial: tracking error, hysteresis, latencies, events; or of all
+    /// trials of a study
+    Report(report::Arguments),
+    /// Run the trials of a study: begin, mark, end, list
+    #[command(subcommand)]
+    Trial(trial::Task),
+    /// Have the running controller write its black box: the last seconds of every tick
+    Dump(black_box::DumpArguments),
+    /// Run the black box of a controller again and compare to the bit
+    Replay(black_box::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -57,7 +70,10 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         None => recording::run(&arguments.trial),
         Some(Task::Recover(arguments)) => existing::copy(&arguments),
         Some(Task::Export(arguments)) => export::run(&arguments),
-        Some(Task::Extract(arguments)) => existing::parts(&arguments),
         Some(Task::Info(arguments)) => existing::info(&arguments),
+        Some(Task::Report(arguments)) => report::run(&arguments),
+        Some(Task::Trial(task)) => trial::run(task),
+        Some(Task::Dump(arguments)) => black_box::dump(&arguments),
+        Some(Task::Replay(arguments)) => black_box::run(&arguments),
     }
 }

@@ -24,7 +24,7 @@ use i2ris_record::recorder::{
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen};
 
 /// Waiting time for a controller that is starting.
-const CONNECT_TIMEOUT: Nanos = Nanos::from_millis(2000);
+pub const CONNECT_TIMEOUT: Nanos = Nanos::from_millis(2000);
 /// Time between two reads. Buffers hold an eighth of a second.
 const READ_PERIOD: Nanos = Nanos::from_millis(4);
 const JSON_LINES: &str = "application/jsonl";
@@ -52,8 +52,8 @@ pub struct Arguments {
     pictures_mb: u64,
     #[command(flatten)]
     domain: DomainOption,
-    /// Folder of the trial of a study that this records: `i2ris trial start` gives it
-    #[arg(long, value_name = "FOLDER", hide = true)]
+    /// Folder of the trial of a study that this records: `i2ris record trial start` gives it
+    #[arg(long = "study", value_name = "FOLDER", hide = true)]
     of_trial: Option<PathBuf>,
     /// Print the outcome as JSON
     #[arg(long)]

@@ -1,25 +1,20 @@
-//! `i2ris report`: the report of a recorded trial as a page or as numbers.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
+//! `i2ris record report`: the report of a recorded trial as a page or as numbers.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use clap::Parser;
 use i2ris_record::report::TrialReport;
 use i2ris_record::trial::comparison::StudyReport;
 use i2ris_report::{Failure, files, while_working};
 
-/// Make a page of a recorded trial: tracking error, hysteresis, latencies, events
-#[derive(Debug, Parser)]
-#[command(name = "i2ris-report", bin_name = "i2ris report", version, propagate_version = true)]
+#[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
-  i2ris report trial.mcap
-  i2ris report trial.mcap --output page.html
-  i2ris report trial.mcap --json
-  i2ris report reach-study                  all trials of a study, page and CSV
+  i2ris record report trial.mcap
+  i2ris record report trial.mcap --output page.html
+  i2ris record report trial.mcap --json
+  i2ris record report reach-study                  all trials of a study, page and CSV
 
 The page needs nothing but itself: no network, no scripts. It prints on A4.")]
-struct Arguments {
+pub struct Arguments {
     /// The recording, complete or cut off; or the folder of a study
     recording: PathBuf,
     /// HTML file to write [default: beside the recording]
@@ -30,13 +25,9 @@ struct Arguments {
     json: bool,
 }
 
-fn main() -> ExitCode {
-    i2ris_report::program::run(|_| true, run)
-}
-
-fn run(arguments: Arguments) -> Result<(), Failure> {
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.recording.is_dir() {
-        return study(&arguments);
+        return study(arguments);
     }
     let report = while_working("reading", || TrialReport::read(&arguments.recording))?;
     let output = match (&arguments.output, arguments.json) {

@@ -1,8 +1,8 @@
 //! Tasks of a person with whatever a hand holds: reach (targets, one after the other), pursuit (a
 //! target that moves), and holding still.
 //!
-//! The target is published, so that the monitor shows it and a recording has it; `i2ris report`
-//! scores it, by the camera's angles if there is a camera, otherwise by the model's estimate.
+//! The target is published, so that the monitor shows it and a recording has it; `i2ris record
+//! report` scores it, by the camera's angles if there is a camera, otherwise by the model's estimate.
 
 mod follow;
 mod reach;
@@ -13,7 +13,7 @@ use i2ris::ipc::payload::{ExternalPosition, JointState, ReachTarget};
 use i2ris::units::Nanos;
 use i2ris_report::Failure;
 
-use super::trajectory::Angles;
+use crate::command::trajectory::Angles;
 use crate::numbers::{finite, pair, positive};
 use follow::{Curve, Follow};
 use reach::{Disc, Reach, Settings, seeded_targets};
@@ -94,11 +94,11 @@ pub struct PursuitOptions {
 /// Where targets are.
 #[derive(Debug, Clone, clap::Args)]
 struct AreaOptions {
-    /// Middle of where the target may be
+    /// Centre of where the target may be
     #[arg(long, num_args = 2, value_names = ["PITCH_DEG", "YAW_DEG"], default_values_t = [0.0, 0.0],
           value_parser = finite, allow_negative_numbers = true)]
-    center: Vec<f64>,
-    /// Largest distance of a target from the middle
+    centre_deg: Vec<f64>,
+    /// Largest distance of a target from the centre
     #[arg(long, default_value_t = 8.0, value_name = "DEG", value_parser = positive)]
     range_deg: f64,
 }
@@ -111,7 +111,7 @@ pub struct HoldStillOptions {
     /// Where
     #[arg(long, num_args = 2, value_names = ["PITCH_DEG", "YAW_DEG"], default_values_t = [0.0, 0.0],
           value_parser = finite, allow_negative_numbers = true)]
-    at: Vec<f64>,
+    centre_deg: Vec<f64>,
 }
 
 pub struct HandTask {
@@ -130,7 +130,7 @@ impl HandTask {
         let (course, period): (Box<dyn Course>, _) = match options {
             TaskOptions::Reach(options) => {
                 let area = &options.area;
-                let disc = Disc { center: pair(&area.center), range_deg: area.range_deg };
+                let disc = Disc { centre: pair(&area.centre_deg), range_deg: area.range_deg };
                 let settings = Settings {
                     tolerance_deg: options.tolerance_deg,
                     hold: seconds(options.hold_s),
@@ -141,11 +141,11 @@ impl HandTask {
             }
             TaskOptions::Pursuit(options) => {
                 let area = &options.area;
-                let curve = Curve::seeded(pair(&area.center), area.range_deg, options.seed);
+                let curve = Curve::seeded(pair(&area.centre_deg), area.range_deg, options.seed);
                 (Box::new(Follow::new(curve, seconds(options.duration_s))), MOVING_PERIOD)
             }
             TaskOptions::HoldStill(options) => {
-                let curve = Curve::at_rest(pair(&options.at));
+                let curve = Curve::at_rest(pair(&options.centre_deg));
                 (Box::new(Follow::new(curve, seconds(options.duration_s))), MOVING_PERIOD)
             }
         };

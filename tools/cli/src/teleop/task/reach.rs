@@ -176,7 +176,7 @@ fn distance(a: Angles, b: Angles) -> f64 {
 
 #[derive(Debug, Clone, Copy)]
 pub struct Disc {
-    pub center: Angles,
+    pub centre: Angles,
     pub range_deg: f64,
 }
 
@@ -184,12 +184,12 @@ pub struct Disc {
 /// one before.
 pub fn seeded_targets(number: usize, seed: u64, disc: Disc) -> Vec<Angles> {
     let mut random = Pcg64::seed_from_u64(seed);
-    let mut last = disc.center;
+    let mut last = disc.centre;
     let next = |_| {
         loop {
             let (sin, cos) = random.random_range(0.0..TAU).sin_cos();
             let radius = disc.range_deg * random.random_range(0.0_f64..1.0).sqrt();
-            let target = [disc.center[0] + radius * cos, disc.center[1] + radius * sin];
+            let target = [disc.centre[0] + radius * cos, disc.centre[1] + radius * sin];
             // More than half of the disc is that far away from any point of it.
             if (target[0] - last[0]).hypot(target[1] - last[1]) >= 0.5 * disc.range_deg {
                 last = target;
@@ -284,11 +284,11 @@ mod tests {
         fn targets_are_in_the_disc_apart_and_the_same_for_the_same_seed(
             seed in any::<u64>(), range_deg in 0.5..20.0_f64, pitch in -5.0..5.0_f64,
         ) {
-            let disc = Disc { center: [pitch, 1.0], range_deg };
+            let disc = Disc { centre: [pitch, 1.0], range_deg };
             let targets = seeded_targets(20, seed, disc);
             prop_assert_eq!(&targets, &seeded_targets(20, seed, disc));
             let distance = |a: Angles, b: Angles| (a[0] - b[0]).hypot(a[1] - b[1]);
-            let is_inside = targets.iter().all(|at| distance(*at, disc.center) < range_deg + 1e-9);
+            let is_inside = targets.iter().all(|at| distance(*at, disc.centre) < range_deg + 1e-9);
             let mut steps = targets.windows(2).map(|pair| distance(pair[0], pair[1]));
             prop_assert!(is_inside && steps.all(|step| step >= 0.5 * range_deg));
         }

@@ -17,9 +17,9 @@ pub enum Kind {
 
 pub const fn text(kind: Kind) -> &'static str {
     match kind {
-        Kind::Controller => include_str!("../../../../config/schema/controller.json"),
-        Kind::Snake => include_str!("../../../../config/schema/snake.json"),
-        Kind::Vision => include_str!("../../../../config/schema/vision.json"),
+        Kind::Controller => include_str!("../../../../../config/schema/controller.json"),
+        Kind::Snake => include_str!("../../../../../config/schema/snake.json"),
+        Kind::Vision => include_str!("../../../../../config/schema/vision.json"),
     }
 }
 

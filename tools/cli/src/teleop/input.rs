@@ -1,4 +1,4 @@
-//! `i2ris input`: looks at input devices, records them, and plays what was recorded.
+//! `i2ris teleop input`: looks at input devices, records them, and plays what was recorded.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufRead, BufWriter, Write};
@@ -7,29 +7,37 @@ use std::path::{Path, PathBuf};
 use i2ris::clock;
 use i2ris::units::Nanos;
 use i2ris_report::{Failure, Interrupt, Screen, until_closed};
-use i2ris_teleop::device::{Device, HEAD};
+use i2ris_teleop::device::Device;
 use i2ris_teleop::evdev_decoder::stamp_anew;
 use i2ris_teleop::finder;
 use i2ris_teleop::learning::{self, QUESTIONS, Snapshot};
 use i2ris_teleop::recording;
 use i2ris_teleop::state::Protocol;
 
+use super::profiles;
 use crate::numbers::seconds;
-use crate::teleop::profiles;
 
 const POLL: Nanos = Nanos::from_millis(5);
 const DRAW: Nanos = Nanos::from_millis(100);
 
 #[derive(Debug, clap::Subcommand)]
+#[command(after_help = "Examples:
+  i2ris teleop input show                        which devices there are
+  i2ris teleop input show /dev/input/event7      what one of them tells
+  i2ris teleop input record /dev/input/event7 --output hand.input
+  mkfifo hand && i2ris teleop input play hand.input --to hand
+  i2ris teleop input learn /dev/input/event7 --output mine.toml")]
 pub enum Command {
-    /// List the devices that a hand may hold, and whether they are known
-    List,
-    /// Show what a device tells, by the names that a profile uses
-    Test(Chosen),
+    /// List the devices that a hand may hold, and whether they are known; of one device, show what
+    /// it tells, by the names that a profile uses
+    Show {
+        /// The device: /dev/input/event* or /dev/hidraw*, or a pipe through which one is played
+        device: Option<PathBuf>,
+    },
     /// Record what a device tells: its description, and raw bytes with their times
     Record {
-        #[command(flatten)]
-        device: Chosen,
+        /// The device
+        device: PathBuf,
         /// The new file
         #[arg(long, value_name = "FILE")]
         output: PathBuf,
@@ -37,7 +45,7 @@ pub enum Command {
         #[arg(long, value_name = "S", value_parser = seconds)]
         duration_s: Option<Nanos>,
     },
-    /// Play a recording through a pipe (`mkfifo`), for `i2ris teleop --played PIPE`
+    /// Play a recording through a pipe (`mkfifo`), for `i2ris teleop --device PIPE`
     Play {
         /// The recording
         recording: PathBuf,
@@ -47,43 +55,26 @@ pub enum Command {
     },
     /// Ask what the controls of an unknown device are, and write its profile
     Learn {
-        #[command(flatten)]
-        device: Chosen,
+        /// The device
+        device: PathBuf,
         /// The new profile
         #[arg(long, value_name = "FILE")]
         output: PathBuf,
     },
 }
 
-#[derive(Debug, clap::Args)]
-pub struct Chosen {
-    /// The device: /dev/input/event* or /dev/hidraw*
-    #[arg(value_name = "DEVICE")]
-    path: PathBuf,
-    /// It is a pipe through which a recording is played
-    #[arg(long)]
-    played: bool,
-}
-
-impl Chosen {
-    fn open(&self) -> Result<Device, Failure> {
-        let Self { path, played } = self;
-        Ok(if *played { Device::open_played(path, HEAD)? } else { Device::open(path)? })
-    }
-}
-
 pub fn run(command: &Command) -> Result<(), Failure> {
     match command {
-        Command::List => list(),
-        Command::Test(device) => test(device.open()?, &Interrupt::catch()?),
+        Command::Show { device: None } => list(),
+        Command::Show { device: Some(device) } => test(Device::open(device)?, &Interrupt::catch()?),
         Command::Record { output, .. } | Command::Learn { output, .. } if output.exists() => {
             Err(format!("--output {}: exists; name another file", output.display()).into())
         }
         Command::Record { device, output, duration_s } => {
-            record(device.open()?, output, *duration_s, &Interrupt::catch()?)
+            record(Device::open(device)?, output, *duration_s, &Interrupt::catch()?)
         }
         Command::Play { recording, to } => play(recording, to),
-        Command::Learn { device, output } => learn(device.open()?, output),
+        Command::Learn { device, output } => learn(Device::open(device)?, output),
     }
 }
 

@@ -22,18 +22,18 @@ const DRAWN_DEG: f64 = 0.5;
 /// Where the target is, over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Curve {
-    center: Angles,
+    centre: Angles,
     /// Amplitudes (deg) and phases (rad) of the sines; all 0: at rest.
     sines: [[(f64, f64); 4]; 2],
 }
 
 impl Curve {
-    pub fn at_rest(center: Angles) -> Self {
-        Self { center, sines: [[(0.0, 0.0); 4]; 2] }
+    pub fn at_rest(centre: Angles) -> Self {
+        Self { centre, sines: [[(0.0, 0.0); 4]; 2] }
     }
 
     /// Never further from the middle than `range_deg`. Slow sines are wide, so all are as fast.
-    pub fn seeded(center: Angles, range_deg: f64, seed: u64) -> Self {
+    pub fn seeded(centre: Angles, range_deg: f64, seed: u64) -> Self {
         let mut random = Pcg64::seed_from_u64(seed);
         let sines = FREQUENCIES_HZ.map(|frequencies| {
             let periods: f64 = frequencies.iter().map(|frequency| 1.0 / frequency).sum();
@@ -42,7 +42,7 @@ impl Curve {
                 (share * range_deg * FRAC_1_SQRT_2, random.random_range(0.0..TAU))
             })
         });
-        Self { center, sines }
+        Self { centre, sines }
     }
 
     pub fn at(&self, t_s: f64) -> Angles {
@@ -52,7 +52,7 @@ impl Curve {
             let sines = self.sines[axis].iter().zip(FREQUENCIES_HZ[axis]);
             let sum: f64 =
                 sines.map(|((wide, phase), hz)| wide * (TAU * hz * t_s + phase).sin()).sum();
-            self.center[axis] + share * sum
+            self.centre[axis] + share * sum
         })
     }
 }
@@ -200,12 +200,12 @@ mod tests {
         fn a_curve_begins_in_its_middle_stays_in_its_disc_and_is_never_fast(
             seed in any::<u64>(), range_deg in 0.5..20.0_f64, t_s in 0.0..100.0_f64,
         ) {
-            let center = [1.0, -2.0];
-            let curve = Curve::seeded(center, range_deg, seed);
-            prop_assert_eq!(&curve, &Curve::seeded(center, range_deg, seed));
-            prop_assert_eq!(curve.at(0.0), center);
+            let centre = [1.0, -2.0];
+            let curve = Curve::seeded(centre, range_deg, seed);
+            prop_assert_eq!(&curve, &Curve::seeded(centre, range_deg, seed));
+            prop_assert_eq!(curve.at(0.0), centre);
             let [pitch, yaw] = curve.at(t_s);
-            prop_assert!((pitch - center[0]).hypot(yaw - center[1]) <= range_deg + 1e-9);
+            prop_assert!((pitch - centre[0]).hypot(yaw - centre[1]) <= range_deg + 1e-9);
             let next = curve.at(t_s + 0.01);
             let speed = (next[0] - pitch).hypot(next[1] - yaw) / 0.01;
             prop_assert!(speed < 1.5 * range_deg, "{} deg/s", speed);

@@ -1,17 +1,18 @@
-//! `i2ris replay`: the last seconds of a controller once more, through the same cycle; and
-//! `i2ris dump`, which writes them down.
+//! `i2ris record replay`: the last seconds of a controller once more, through the same cycle; and
+//! `i2ris record dump`, which writes them down.
 
 use std::path::PathBuf;
 
 use i2ris::core::{CycleEventKind, CycleOutputs};
+use i2ris::ipc::client::Client;
 use i2ris::process::black_box::{BlackBox, ReplayDifference, ReplayResult, replay};
 use i2ris_report::{DomainOption, Failure, while_working};
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  i2ris replay $(i2ris dump)")]
+  i2ris record replay $(i2ris record dump)")]
 pub struct Arguments {
-    /// The black box: a file that i2ris-control wrote on a fault, at its end, or for `i2ris dump`
+    /// The black box: a file that i2ris-control wrote on a fault, at its end, or for `i2ris record dump`
     file: PathBuf,
     /// Print every event, too
     #[arg(long)]
@@ -20,14 +21,15 @@ pub struct Arguments {
 
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:
-  i2ris replay $(i2ris dump)")]
+  i2ris record replay $(i2ris record dump)")]
 pub struct DumpArguments {
     #[command(flatten)]
     domain: DomainOption,
 }
 
 pub fn dump(arguments: &DumpArguments) -> Result<(), Failure> {
-    let mut client = crate::connection::connect(&arguments.domain.domain()?)?;
+    let mut client =
+        Client::connect(&arguments.domain.domain()?, super::recording::CONNECT_TIMEOUT)?;
     println!("{}", while_working("the controller writes", || client.write_black_box())?.display());
     Ok(())
 }

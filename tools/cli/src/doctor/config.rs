@@ -1,4 +1,4 @@
-//! `i2ris config`: looking at a configuration without starting anything.
+//! `i2ris doctor config`: looking at a configuration without starting anything.
 
 mod describe;
 mod schema;
@@ -13,18 +13,18 @@ use i2ris_report::exit::{Coded, NOT_READY};
 use schema::Kind;
 
 /// As delivered.
-const TEMPLATE: &str = include_str!("../../../config/robot.toml");
+const TEMPLATE: &str = include_str!("../../../../config/robot.toml");
 
 /// Behind every line of it that a person has to look at.
 const MARK: &str = " # CHECK";
 
-/// What `i2ris config` can do.
+/// What `i2ris doctor config` can do.
 #[derive(Debug, clap::Subcommand)]
 #[command(after_help = "Examples:
-  i2ris config check my-robot.toml
-  i2ris config print config/robot.toml           every key with its meaning and its value
-  i2ris config schema > robot.schema.json        for editors: completion, meanings, unknown keys
-  i2ris config schema vision                     of the file that describes the views")]
+  i2ris doctor config check my-robot.toml
+  i2ris doctor config print config/robot.toml           every key with its meaning and its value
+  i2ris doctor config schema > robot.schema.json        for editors: completion, meanings, unknown keys
+  i2ris doctor config schema vision                     of the file that describes the views")]
 pub enum Command {
     /// Say whether a configuration is valid, or what is wrong with it and where
     Check {

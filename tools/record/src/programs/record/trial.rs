@@ -1,11 +1,9 @@
-//! `i2ris trial`: the trials of a study, from a participant at the console to a recording with marks.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a command-line program prints")]
+//! `i2ris record trial`: the trials of a study, from a participant at the console to a recording
+//! with marks.
 
 use std::io;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
-use clap::Parser;
 use i2ris::clock;
 use i2ris_record::trial::code::{Condition, Participant};
 use i2ris_record::trial::journal::{Journal, Outcome};
@@ -16,51 +14,35 @@ use i2ris_record::trial::{Study, TrialFolder};
 use i2ris_report::programs::{Program, find};
 use i2ris_report::{DomainOption, Failure};
 
-/// Run the trials of a study: begin, mark, end, list
-#[derive(Debug, Parser)]
-#[command(name = "i2ris-trial", bin_name = "i2ris trial", version, propagate_version = true)]
-#[command(
-    arg_required_else_help = true,
-    after_help = "Examples:
-  i2ris trial new reach-study --conditions joystick,keyboard
-  i2ris trial order --study reach-study --participants 8
-  i2ris trial start --study reach-study --participant P07 --condition joystick --task reach
-  i2ris trial mark contact --study reach-study
-  i2ris trial stop --outcome success --study reach-study
-  i2ris trial workload --study reach-study
-  i2ris trial list --study reach-study
-
-I2RIS_STUDY names the study for all of them. Participants are codes; names are refused."
-)]
-struct Arguments {
-    #[command(subcommand)]
-    task: Task,
-}
-
 #[derive(Debug, clap::Args)]
-struct InStudy {
+pub struct InStudy {
     /// Folder of the study
     #[arg(long, value_name = "FOLDER", env = "I2RIS_STUDY", default_value = ".")]
     study: PathBuf,
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum Task {
-    /// Make the folder of a study
+#[command(
+    arg_required_else_help = true,
+    after_help = "Examples:
+  i2ris record trial new reach-study --condition joystick,keyboard
+  i2ris record trial start --study reach-study --participant P07 --condition joystick --task reach
+  i2ris record trial mark contact --study reach-study
+  i2ris record trial stop --outcome success --study reach-study
+  i2ris record trial workload --study reach-study
+  i2ris record trial list --study reach-study
+
+I2RIS_STUDY names the study for all of them. Participants are codes; names are refused."
+)]
+pub enum Task {
+    /// Make the folder of a study, and print in which order each participant meets the conditions: a
+    /// balanced Latin square
     New {
         /// The new folder
         study: PathBuf,
         /// What is compared, as joystick,keyboard
         #[arg(long, required = true, value_delimiter = ',', value_name = "NAMES")]
-        conditions: Vec<Condition>,
-    },
-    /// Print in which order each participant meets the conditions: a balanced Latin square
-    Order {
-        #[command(flatten)]
-        study: InStudy,
-        /// Number of participants
-        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
-        participants: u32,
+        condition: Vec<Condition>,
     },
     /// Begin a trial; its recording runs until `stop`
     Start {
@@ -109,45 +91,29 @@ enum Task {
         #[command(flatten)]
         study: InStudy,
     },
-    /// List all trials
+    /// List all trials, and in which order participants meet the conditions; or show one trial with
+    /// its marks
     List {
+        /// Its name, as P07-joystick-02
+        #[arg(conflicts_with = "json")]
+        name: Option<String>,
         #[command(flatten)]
         study: InStudy,
         /// Print JSON
         #[arg(long)]
         json: bool,
     },
-    /// Show one trial with its marks
-    Show {
-        /// Its name, as P07-joystick-02
-        name: String,
-        #[command(flatten)]
-        study: InStudy,
-    },
 }
 
-fn main() -> ExitCode {
-    i2ris_report::program::run(|_| true, run)
-}
-
-fn run(arguments: Arguments) -> Result<(), Failure> {
+pub fn run(task: Task) -> Result<(), Failure> {
     // Before anything else: a mark is where it was asked for.
     let now = clock::now();
-    match arguments.task {
-        Task::New { study, conditions } => {
+    match task {
+        Task::New { study, condition } => {
             let software = format!("i2ris {}", env!("CARGO_PKG_VERSION"));
-            Study::create(&study, conditions, &software)?;
-            println!("made: {}; `i2ris trial start --study {0}`", study.display());
-        }
-        Task::Order { study, participants } => {
-            let study = Study::open(&study.study)?;
-            let conditions = study.conditions();
-            for participant in 0..participants as usize {
-                let order = order(conditions.len(), participant);
-                let names: Vec<_> =
-                    order.into_iter().map(|index| conditions[index].to_string()).collect();
-                println!("participant {:>4}: {}", participant + 1, names.join(", "));
-            }
+            Study::create(&study, condition, &software)?;
+            println!("made: {}; `i2ris record trial start --study {0}`", study.display());
+            orders(&Study::open(&study)?);
         }
         Task::Start { study, domain, participant, condition, task, note } => {
             let study = Study::open(&study.study)?;
@@ -155,9 +121,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             for name in study.close_cut_off()? {
                 println!("{name} had been cut off: closed as aborted; what was recorded is kept");
             }
-            let recorder = find("record").ok_or_else(|| {
-                Program::named("record").map(|program| program.how_to_install()).unwrap_or_default()
-            })?;
+            let recorder = std::env::current_exe()?;
             let trial = study.start(&Plan {
                 participant: &participant,
                 condition: &condition,
@@ -167,7 +131,7 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
                 recorder: &recorder,
             })?;
             println!(
-                "{} is being recorded; `i2ris trial stop --outcome success` ends it",
+                "{} is being recorded; `i2ris record trial stop --outcome success` ends it",
                 trial.name
             );
         }
@@ -185,8 +149,8 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
             Journal::open(&trial.folder)?.workload(answers)?;
             println!("{}: workload {:.0} of 100", trial.name, answers.mean());
         }
-        Task::List { study, json } => list(&Study::open(&study.study)?, json)?,
-        Task::Show { name, study } => show(&Study::open(&study.study)?, &name)?,
+        Task::List { name: None, study, json } => list(&Study::open(&study.study)?, json)?,
+        Task::List { name: Some(name), study, .. } => show(&Study::open(&study.study)?, &name)?,
     }
     Ok(())
 }
@@ -240,11 +204,25 @@ fn list(study: &Study, json: bool) -> Result<(), Failure> {
             .collect::<Result<_, serde_json::Error>>()?;
         println!("{}", serde_json::to_string_pretty(&trials)?);
     } else if trials.is_empty() {
-        println!("no trial yet; `i2ris trial start` begins one");
+        println!("no trial yet; `i2ris record trial start` begins one");
     } else {
         trials.iter().for_each(|trial| println!("{}", line(trial)));
     }
+    if !json {
+        orders(study);
+    }
     Ok(())
+}
+
+/// The square; a participant beyond it begins it again.
+fn orders(study: &Study) {
+    let conditions = study.conditions();
+    let rows = conditions.len() * (1 + conditions.len() % 2);
+    for row in 0..rows {
+        let names = order(conditions.len(), row).into_iter().map(|it| conditions[it].to_string());
+        let names = names.collect::<Vec<_>>().join(", ");
+        println!("participant {}, {}, ...: {names}", row + 1, row + 1 + rows);
+    }
 }
 
 fn show(study: &Study, name: &str) -> Result<(), Failure> {

@@ -1,0 +1,68 @@
+//! `i2ris status` without more: why the robot does not move, what to do, and everything else once.
+
+use i2ris::clock;
+use i2ris::ipc::Domain;
+use i2ris::ipc::client::{ClientError, Subscription, Watcher};
+use i2ris::ipc::payload::ReasonMsg;
+use i2ris::units::Nanos;
+use i2ris_report::view::{View, reasons};
+use i2ris_report::{Failure, Screen, until_closed};
+
+use super::dashboard::Dashboard;
+use super::lines;
+use super::subscriptions::Subscriptions;
+
+/// Time limit for the first messages. Statistics come once a second.
+const FIRST_MESSAGES: Nanos = Nanos::from_millis(1500);
+/// Time for the last messages of `error` and `warning`, which a controller sends to new
+/// subscribers every 50 ms, and for what a recorder says of its trial, twice a second.
+const LAST_REASONS: Nanos = Nanos::from_millis(700);
+const POLL_PERIOD: Nanos = Nanos::from_millis(5);
+
+/// Waits for a message of every stream that a controller always publishes, then prints.
+pub fn run(
+    domain: &Domain,
+    subscriptions: &mut Subscriptions,
+    title: &str,
+    is_json: bool,
+) -> Result<(), Failure> {
+    let watcher = Watcher::new(domain);
+    let (mut error, mut warning) = (watcher.error(), watcher.warning());
+    let (mut errors, mut warnings) = (Vec::new(), Vec::new());
+    let (start, mut dashboard) = (clock::now(), Dashboard::default());
+    let now = loop {
+        let now = clock::now();
+        subscriptions.refresh(&mut dashboard, now);
+        if let Some(problem) = dashboard.problem {
+            return Err(problem.into());
+        }
+        receive(&mut error, &mut errors)?;
+        receive(&mut warning, &mut warnings)?;
+        let waited = now.since(start);
+        if waited > FIRST_MESSAGES || dashboard.messages.is_complete() && waited > LAST_REASONS {
+            break now;
+        }
+        clock::sleep(POLL_PERIOD);
+    };
+    let view = dashboard.view(now);
+    let messages = &dashboard.messages;
+    let (hand, trial) = (messages.hand.as_ref(), messages.trial.as_ref());
+    let why = messages.state.as_ref();
+    let why = why.map(|state| reasons(state, errors.last(), &warnings, hand, trial, now));
+    let view = View { why: why.unwrap_or_default(), ..view };
+    let lines = if is_json {
+        vec![serde_json::to_string(&view)?]
+    } else {
+        let rest = [vec![String::new(), title.to_owned()], lines::page(&view)].concat();
+        [lines::reasons(&view), rest].concat()
+    };
+    until_closed(Screen::stdout().draw(&lines))?;
+    Ok(())
+}
+
+fn receive(
+    stream: &mut Subscription<ReasonMsg>,
+    messages: &mut Vec<ReasonMsg>,
+) -> Result<(), ClientError> {
+    stream.drain(|message| messages.push(message)).map(drop)
+}
