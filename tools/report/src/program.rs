@@ -39,14 +39,26 @@ pub fn run<Arguments: Parser>(
         words.remove(1);
     }
     let arguments = Arguments::try_parse_from(words);
-    let arguments = arguments.unwrap_or_else(|error| tips::harmless(error).exit());
     if only_parses {
-        return ExitCode::SUCCESS;
+        return parsed(arguments);
     }
+    let arguments = arguments.unwrap_or_else(|error| tips::harmless(error).exit());
     if only_prints(&arguments) {
         end_with_reader();
     }
     finish(work(arguments))
+}
+
+/// The outcome of [`PARSE`]: prints what kind of mistake was made.
+pub fn parsed<T>(arguments: Result<T, clap::Error>) -> ExitCode {
+    match arguments {
+        Ok(_) => ExitCode::SUCCESS,
+        Err(error) if error.exit_code() == 0 => ExitCode::SUCCESS,
+        Err(error) => {
+            println!("{:?}", error.kind());
+            ExitCode::from(2)
+        }
+    }
 }
 
 /// Prints a command line for [`DESCRIBE`].

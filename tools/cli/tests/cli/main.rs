@@ -20,5 +20,6 @@ mod python_effects;
 mod reach;
 mod shell;
 mod stop;
+mod surface;
 mod teleop;
 mod template;

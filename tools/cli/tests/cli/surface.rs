@@ -1,0 +1,52 @@
+//! How large the command line is: it grows by a decision, and not silently.
+
+use std::collections::BTreeSet;
+
+use i2ris_report::program::DESCRIBE;
+use i2ris_testing::program;
+use serde_json::Value;
+
+#[derive(Debug, Default)]
+struct Surface {
+    leaves: BTreeSet<String>,
+    options: BTreeSet<String>,
+}
+
+impl Surface {
+    /// A leaf is what runs: it has no subcommands, or arguments of its own.
+    fn add(&mut self, command: &Value, words: &str) {
+        let arguments = command["arguments"].as_array().unwrap().iter();
+        let is_own = |it: &&Value| !["help", "version"].contains(&it["id"].as_str().unwrap());
+        let own: Vec<&Value> = arguments.filter(is_own).collect();
+        let subcommands = subcommands(command);
+        if subcommands.is_empty() || !own.is_empty() {
+            self.leaves.insert(words.to_owned());
+        }
+        self.options.extend(own.iter().filter_map(|it| Some(it["long"].as_str()?.to_owned())));
+        for subcommand in subcommands {
+            let name = subcommand["name"].as_str().unwrap();
+            self.add(subcommand, format!("{words} {name}").trim());
+        }
+    }
+}
+
+fn subcommands(command: &Value) -> Vec<&Value> {
+    let all = command["subcommands"].as_array().unwrap().iter();
+    all.filter(|it| it["name"] != "help").collect()
+}
+
+#[test]
+fn the_command_line_has_at_most_16_commands_60_leaves_and_110_options() {
+    let output = program::command(&[DESCRIBE]).output().unwrap();
+    let description: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let mut surface = Surface::default();
+    surface.add(&description, "");
+    surface.leaves.remove("");
+    assert_eq!(subcommands(&description).len(), 16);
+    assert!(surface.leaves.len() <= 60, "{}: {:#?}", surface.leaves.len(), surface.leaves);
+    assert!(surface.options.len() <= 110, "{}: {:#?}", surface.options.len(), surface.options);
+    // The programs were found and described.
+    for leaf in ["record trial start", "start ros master", "vision", "bench loop", "status"] {
+        assert!(surface.leaves.contains(leaf), "{leaf}");
+    }
+}
