@@ -1,7 +1,6 @@
 //! `i2ris calibrate`: from recordings to models.
 
 mod collect;
-mod columns;
 mod compare;
 mod fit;
 mod guided;

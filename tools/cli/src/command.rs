@@ -187,5 +187,5 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
 }
 
 fn follow(domain: &Domain, plan: Plan) -> Result<(), Failure> {
-    stream::run(&mut crate::connection::connect(domain)?, plan, &Interrupt::catch()?)
+    stream::run(&mut prepare::connect(domain)?, plan, &Interrupt::catch()?)
 }

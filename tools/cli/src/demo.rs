@@ -3,21 +3,64 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `arguments` | its command line |
 //! | `commands` | the emulated robot, and commands of `i2ris` on it |
 //! | `tracking` | the tracking error, and what is printed at the end |
 
-mod arguments;
 mod commands;
 mod tracking;
 
+use std::path::PathBuf;
 use std::process::Command;
 
 use i2ris_report::{Failure, Interrupt};
 use i2ris_simulation::SnakeSource;
+use i2ris_simulation::motion::unseen_motion::Motion;
 
-pub use arguments::Arguments;
+use crate::emulate::snake_help;
+
 use commands::Demo;
+
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  i2ris demo
+  i2ris demo --snake brass --duration-s 300 --motions teleoperation,circle,square,points --motion-s 60
+  i2ris demo --snake preisach:3 --duration-s 300 --family best")]
+pub struct Arguments {
+    /// The snake behind the drives, as for `i2ris emulate`: steel (mild), brass (a wide, asymmetric
+    /// gap, and slack around the straight pose), multi (several slopes on one stroke), NAME:SEED
+    /// of a physics, or a file
+    #[arg(
+        long,
+        value_name = "NAME[:SEED]|FILE",
+        default_value = "steel",
+        long_help = snake_help()
+    )]
+    snake: String,
+    /// How long to calibrate
+    #[arg(long, value_name = "S", default_value_t = 90.0)]
+    duration_s: f64,
+    /// Families of models to compare, with commas between them; `best` is the one with the least error on what was held out
+    #[arg(
+        long,
+        value_name = "FAMILY,..",
+        value_delimiter = ',',
+        default_value = "linear,gmr,best"
+    )]
+    family: Vec<String>,
+    /// What to follow
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Motion::Teleoperation])]
+    motions: Vec<Motion>,
+    /// How long teleoperation lasts
+    #[arg(long, value_name = "S", default_value_t = 20.0)]
+    motion_s: f64,
+    /// Seed of everything random; no calibration has the one of the motions
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Keep recording, models and logs in this folder; what is in it already, recording.csv and
+    /// FAMILY.json, is not made again
+    #[arg(long, value_name = "DIR")]
+    folder: Option<PathBuf>,
+}
 
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     SnakeSource::load(&arguments.snake)?;

@@ -11,12 +11,11 @@ use std::process::ExitCode;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::{Shell, generate};
 use i2ris::ipc::StateCommand;
-use i2ris_report::program::{DESCRIBE, PARSE, describe, end_with_reader, finish};
+use i2ris_report::program::{DESCRIBE, PARSE, describe, end_with_reader, finish, parsed};
 use i2ris_report::{Failure, tips, until_closed};
 
 mod calibrate;
 mod command;
-mod connection;
 mod csv_table;
 mod demo;
 mod doctor;
@@ -133,11 +132,11 @@ fn main() -> ExitCode {
         return finish(Err(call.execute()));
     }
     let matches = external::with_programs(Cli::command()).try_get_matches_from(arguments);
-    let cli = match matches.and_then(|matches| Cli::from_arg_matches(&matches)) {
-        Ok(_) if only_parses => return ExitCode::SUCCESS,
-        Ok(cli) => cli,
-        Err(error) => tips::harmless(error).exit(),
-    };
+    let cli = matches.and_then(|matches| Cli::from_arg_matches(&matches));
+    if only_parses {
+        return parsed(cli);
+    }
+    let cli = cli.unwrap_or_else(|error| tips::harmless(error).exit());
     let outcome = match (cli.completions, cli.task) {
         (Some(shell), _) => completions(shell),
         (None, Some(task)) => {

@@ -31,7 +31,7 @@ pub fn run(arguments: &Arguments, command: StateCommand) -> Result<(), Failure> 
 }
 
 fn change(domain: &Domain, arguments: &Arguments, command: StateCommand) -> Result<(), Failure> {
-    let (mut client, interrupt) = (crate::connection::connect(domain)?, Interrupt::catch()?);
+    let (mut client, interrupt) = (crate::command::prepare::connect(domain)?, Interrupt::catch()?);
     let state = if arguments.no_wait {
         client.state_command(command)?
     } else {

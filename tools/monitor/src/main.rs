@@ -38,7 +38,7 @@ use i2ris_report::Failure;
 use i2ris_report::model_poller;
 use i2ris_report::{DomainOption, Interrupt, Screen, until_closed};
 use std::process::ExitCode;
-use subscriptions::{DRAW_PERIOD, READ_PERIOD, Subscriptions};
+use subscriptions::{READ_PERIOD, Subscriptions};
 
 /// Time to wait for a controller that is starting.
 const CONNECT: Nanos = Nanos::from_millis(2000);
@@ -105,39 +105,29 @@ fn run(arguments: Arguments) -> Result<(), Failure> {
         return terminal::run(&domain, subscriptions, title, span);
     }
     let interrupt = Interrupt::catch()?;
-    plain(&mut subscriptions, &interrupt, &title, span)
+    plain(&mut subscriptions, &interrupt, span)
 }
 
-/// Lines into a file or a pipe; the same page again and again on a terminal that has no keyboard.
+/// A line a second, into a file, a pipe, or a terminal without a keyboard.
 fn plain(
     subscriptions: &mut Subscriptions,
     interrupt: &Interrupt,
-    title: &str,
     span: Option<Nanos>,
 ) -> Result<(), Failure> {
     let start = clock::now();
     let (mut screen, mut dashboard) = (Screen::stdout(), Dashboard::default());
-    let period = if screen.is_terminal() { DRAW_PERIOD } else { LINE_PERIOD };
-    let (mut next_draw, mut open) = (start + READ_PERIOD + READ_PERIOD, true);
+    let (mut next_line, mut open) = (start + READ_PERIOD + READ_PERIOD, true);
     while open && !interrupt.came() && span.is_none_or(|span| clock::now().since(start) < span) {
         let now = clock::now();
         subscriptions.refresh(&mut dashboard, now);
-        if now >= next_draw {
-            next_draw = now + period;
-            open = until_closed(screen.draw(&text(&dashboard, &screen, title, now)))?;
+        if now >= next_line {
+            next_line = now + LINE_PERIOD;
+            let problem = dashboard.problem.clone();
+            open = until_closed(
+                screen.say(&problem.unwrap_or_else(|| lines::line(&dashboard.view(now)))),
+            )?;
         }
         clock::sleep(READ_PERIOD);
     }
     Ok(())
-}
-
-fn text(dashboard: &Dashboard, screen: &Screen, title: &str, now: Nanos) -> Vec<String> {
-    match &dashboard.problem {
-        Some(problem) => vec![problem.clone()],
-        None if screen.is_terminal() => {
-            let view = dashboard.view(now);
-            [vec![title.to_owned()], lines::reasons(&view), lines::page(&view)].concat()
-        }
-        None => vec![lines::line(&dashboard.view(now))],
-    }
 }

@@ -13,7 +13,6 @@ mod http;
 mod listen_address;
 mod route;
 mod server;
-mod since;
 mod snapshot;
 mod source;
 

@@ -16,7 +16,7 @@ mod trial;
 #[path = "monitor/web.rs"]
 mod web;
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 
 use i2ris_testing::{Controller, Program, unique_domain};
 
@@ -87,26 +87,4 @@ fn a_controller_that_went_away_is_told_not_hidden() {
     assert!(lines.any(|line| line.unwrap().contains("no controller serves domain")));
     program.interrupt();
     assert!(program.end().0);
-}
-
-#[test]
-fn on_a_terminal_the_page_is_drawn_over_again() {
-    let controller = Controller::enabled();
-    let pty = nix::pty::openpty(None, None).unwrap();
-    let mut child = i2ris_testing::program::command(&["status", "--watch", "--duration-s", "2.5"])
-        .env("I2RIS_DOMAIN", controller.domain.name())
-        .stdin(std::process::Stdio::null())
-        .stdout(pty.slave)
-        .spawn()
-        .unwrap();
-    // Reading ends with an error once the last writer has closed the other end.
-    let mut text = Vec::new();
-    let _ = std::fs::File::from(pty.master).read_to_end(&mut text);
-    assert!(child.wait().unwrap().success());
-    let text = String::from_utf8(text).unwrap();
-    let pages = text.matches("real time  ").count();
-    assert!(pages >= 2, "{text}");
-    // Every page but the first goes up over the one before, as far as that was long.
-    let lines = text.split("\u{1b}[J").next().unwrap().lines().count();
-    assert_eq!(text.matches(&format!("\u{1b}[{lines}A")).count(), pages - 1, "{text}");
 }

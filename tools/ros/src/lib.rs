@@ -12,7 +12,7 @@
 //! | `worker` | a thread that asks the controller and waits for its answers |
 //! | `outbound` | from the controller to ROS |
 //! | `master` | another arm as an input device of `i2ris teleop` |
-//! | `event`, `error` | between the threads; why it cannot run |
+//! | `event` | between the threads |
 //!
 //! ```text
 //! ROS 2 (DDS)        servo_jp, state_command, ...      measured_js, operating_state, ...
@@ -28,7 +28,6 @@
 
 mod admission;
 mod clock;
-mod error;
 mod event;
 mod inbound;
 mod master;
@@ -39,6 +38,7 @@ mod refusals;
 mod topics;
 mod worker;
 
+use std::io;
 use std::net::IpAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -47,7 +47,6 @@ use i2ris::ipc::Domain;
 use i2ris::units::Nanos;
 pub use ros2_client::ServiceMapping;
 
-pub use error::RosError;
 pub use master::{MasterOptions, follow};
 pub use participant::{LARGEST_DOMAIN, NODE, join};
 
@@ -139,4 +138,25 @@ fn reach(networks: &[IpAddr]) -> String {
     }
     let networks: Vec<String> = networks.iter().map(IpAddr::to_string).collect();
     format!("in the network of {}", networks.join(", "))
+}
+
+/// Why the program cannot run.
+#[derive(Debug, thiserror::Error)]
+pub enum RosError {
+    #[error("cannot take part in domain {domain} of ROS: {reason}")]
+    Join { domain: u16, reason: String },
+    #[error(
+        "cannot keep ROS on this computer ({0}); Linux 5.7 or newer can; with --network others watch"
+    )]
+    Loopback(#[source] io::Error),
+    #[error("cannot make {name}: {reason}")]
+    Topic { name: String, reason: String },
+    #[error("cannot {action}: {source}")]
+    System { action: &'static str, source: io::Error },
+}
+
+impl RosError {
+    pub(crate) fn thread(source: io::Error) -> Self {
+        Self::System { action: "start a thread", source }
+    }
 }

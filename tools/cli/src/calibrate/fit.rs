@@ -16,7 +16,7 @@ use i2ris_calibration::quality::SpikeOptions;
 use i2ris_calibration::recording::{MIN_ROWS, Recording};
 use i2ris_calibration::report::CalibrationReport;
 
-use super::columns::ColumnArguments;
+use super::compare::ColumnArguments;
 use super::refine;
 use crate::model::show;
 use crate::progress_bar::Bar;

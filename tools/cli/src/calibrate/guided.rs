@@ -18,7 +18,7 @@ use i2ris_report::exit::Coded;
 use i2ris_report::stop::stop;
 use i2ris_report::{DomainOption, Failure, Interrupt, Screen, until_closed};
 
-use crate::connection::CONNECT;
+use crate::command::prepare::CONNECT;
 use i2ris_simulation::motion::protocol::above_zero;
 use progress::{Progress, is_complete};
 use steps::Step;
@@ -60,7 +60,7 @@ struct Guided {
 
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let domain = arguments.domain.domain()?;
-    let client = crate::connection::connect(&domain)?;
+    let client = crate::command::prepare::connect(&domain)?;
     let interrupt = Interrupt::catch()?;
     fs::create_dir_all(&arguments.folder)
         .map_err(|error| format!("--folder {}: {error}", arguments.folder.display()))?;

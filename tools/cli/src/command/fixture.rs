@@ -73,7 +73,7 @@ fn carry_out(
     domain: &Domain,
     request: Option<(FixtureAction, Option<Region>)>,
 ) -> Result<(), Failure> {
-    let mut client = crate::connection::connect(domain)?;
+    let mut client = crate::command::prepare::connect(domain)?;
     if let Some((action, region)) = request {
         client.virtual_fixture(action, region)?;
     }

@@ -1,13 +1,15 @@
-//! Brings the robot to ENABLED, and waits for the effect of state commands.
+//! Connects to a controller, brings the robot to ENABLED, and waits for the effect of state commands.
 
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::OperatingStateMsg;
-use i2ris::ipc::{OperatingState, Refusal, StateCommand};
+use i2ris::ipc::{Domain, OperatingState, Refusal, StateCommand};
 use i2ris::units::Nanos;
 use i2ris_report::{Failure, Interrupt, while_working};
 
 use super::stream_monitor::{StopReason, enabled};
 
+/// How long to wait for a controller that is just starting.
+pub const CONNECT: Nanos = Nanos::from_millis(2000);
 pub(super) const FIRST_MESSAGE_TIMEOUT: Nanos = Nanos::from_millis(2000);
 /// Time limit for what somebody else began.
 const MOTION_TIMEOUT: Nanos = Nanos::from_millis(300_000);
@@ -23,6 +25,10 @@ pub struct PrepareOptions {
     /// zero, so straighten the snake before
     #[arg(long)]
     home: bool,
+}
+
+pub fn connect(domain: &Domain) -> Result<Client, ClientError> {
+    Client::connect(domain, CONNECT)
 }
 
 /// Brings the controller to ENABLED, as far as the options permit it, and returns the state.

@@ -11,7 +11,7 @@ use i2ris::units::Nanos;
 use i2ris_report::{Failure, Interrupt};
 use indicatif::ProgressBar;
 
-use super::arguments::Arguments;
+use super::Arguments;
 use super::tracking::{Followed, TrackingRecorder};
 use crate::csv_table;
 use crate::process::Process;
@@ -87,7 +87,7 @@ impl Demo {
     }
 
     fn connect(&self) -> Result<Client, Failure> {
-        Ok(crate::connection::connect(&self.domain)?)
+        Ok(crate::command::prepare::connect(&self.domain)?)
     }
 
     /// Fails when the demo is interrupted, or emulator or controller has ended.

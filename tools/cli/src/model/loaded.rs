@@ -64,17 +64,17 @@ pub struct BackArguments {
 }
 
 pub fn list(domain: &DomainOption, json: bool) -> Result<(), Failure> {
-    show(&crate::connection::connect(&domain.domain()?)?.models()?, json)
+    show(&crate::command::prepare::connect(&domain.domain()?)?.models()?, json)
 }
 
 pub fn back(arguments: &BackArguments) -> Result<(), Failure> {
-    let mut client = crate::connection::connect(&arguments.domain.domain()?)?;
+    let mut client = crate::command::prepare::connect(&arguments.domain.domain()?)?;
     show(&client.roll_back_model(arguments.force)?, arguments.json)
 }
 
 /// Stages, activates and conditions. What is refused leaves the model in use that was before.
 pub fn take_into_use(arguments: &UseArguments) -> Result<(), Failure> {
-    let mut client = crate::connection::connect(&arguments.domain.domain()?)?;
+    let mut client = crate::command::prepare::connect(&arguments.domain.domain()?)?;
     let interrupt = Interrupt::catch()?;
     let say = |line: String| {
         if !arguments.json {

@@ -228,7 +228,8 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
 /// Commands the snake until the operator or the system ends it, or the controller cannot follow any
 /// more. Then the snake holds and the lease is free.
 fn steer(domain: &Domain, hand: &HandOptions, task: Option<&TaskOptions>) -> Result<(), Failure> {
-    let (client, interrupt) = (&mut crate::connection::connect(domain)?, &Interrupt::catch()?);
+    let (client, interrupt) =
+        (&mut crate::command::prepare::connect(domain)?, &Interrupt::catch()?);
     let settings = hand.settings(task.is_some());
     let mut source = hand.source(task.is_some())?;
     let state = prepare(client, hand.prepare, interrupt)?;

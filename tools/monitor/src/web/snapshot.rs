@@ -6,7 +6,7 @@ use i2ris::units::Nanos;
 use i2ris_report::view::{Cue, Pair, Pose, View};
 use serde::Serialize;
 
-use super::since::Since;
+use super::route::Since;
 use crate::dashboard::Dashboard;
 use crate::history::{CameraFrame, Sample};
 

@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use i2ris::clock;
 use i2ris::units::Nanos;
 
-use super::since::Since;
+use super::route::Since;
 use super::snapshot::Snapshot;
 use crate::dashboard::Dashboard;
 

@@ -101,7 +101,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let domain = arguments.domain.domain()?;
     let interrupt = Interrupt::catch()?;
-    let mut client = crate::connection::connect(&domain)?;
+    let mut client = crate::command::prepare::connect(&domain)?;
     let version = client.version()?;
     let request = request(arguments, &version)?;
     let (mut subscriptions, count) = Subscriptions::open(&client, domain.name(), &interrupt)?;

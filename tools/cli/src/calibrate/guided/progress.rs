@@ -12,7 +12,7 @@ use i2ris_calibration::recording::{ColumnMap, Recording};
 use i2ris_report::Failure;
 
 use super::steps::Step;
-use crate::connection::CONNECT;
+use crate::command::prepare::CONNECT;
 
 /// The model that was fitted to the use as well, if it is better there.
 pub const REFINED: &str = "refined.json";
