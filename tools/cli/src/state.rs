@@ -11,7 +11,6 @@ use crate::exit::name_holder;
 #[command(after_help = "Examples:
   i2ris home && i2ris enable
   i2ris disable
-  i2ris command state acknowledge
 
 `i2ris command state` has the other changes: pause, resume, condition, acknowledge, ...")]
 pub struct Arguments {

@@ -10,7 +10,7 @@ use i2ris::units::Nanos;
 /// Time between two attempts to find a process: it costs reading a folder.
 const RETRY: Nanos = Nanos::from_millis(1000);
 
-/// As `i2ris calibrate collect, process 12, user 1000`: what a program of many commands does says
+/// As "i2ris calibrate collect, process 12, user 1000": what a program of many commands does says
 /// more than its name.
 fn name(process: &ClientProcess) -> String {
     let line = fs::read(format!("/proc/{}/cmdline", process.pid)).unwrap_or_default();

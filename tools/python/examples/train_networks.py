@@ -2,7 +2,7 @@
 
     python train_networks.py FOLDER --physics preisach --seeds 1 --protocol reversals --minutes 2
 
-writes ``FOLDER/gru/PHYSICS-SEED.json`` and ``FOLDER/tcn/...`` (for ``i2ris benchmark --models gru=FOLDER/gru``) and
+writes ``FOLDER/gru/PHYSICS-SEED.json`` and ``FOLDER/tcn/...`` (for ``python -m i2ris.benchmark_table``) and
 beside each its training curve. Both learn what a straight line leaves over, on exactly what the controller does: a row
 is one step from the hidden state after the steps before it. Pieces of the path begin anywhere, positions jitter by some
 counts and features drop out: a recording has few rows, and without these a network learns them by heart. The rows that

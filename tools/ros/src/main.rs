@@ -26,7 +26,7 @@ use i2ris_ros::{LARGEST_DOMAIN, MasterOptions, Options, ServiceMapping};
                                                 command
   i2ris start ros --network 192.168.1.10        other computers of that network watch, too
   i2ris start ros --name eye --urdf > eye.urdf  the snake for RViz and Foxglove
-  i2ris start ros master MTML --to master.pipe  steer by another arm: i2ris teleop --device
+  i2ris start ros master MTML --to arm          another arm: `i2ris teleop --device arm` follows it
 
 No installation of ROS is needed. Topics, types and quality of service are those of CRTK: \
 measured_js, setpoint_js, goal_js, measured_cp, setpoint_cp, measured_cv, jacobian, \

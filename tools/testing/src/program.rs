@@ -9,11 +9,13 @@ use i2ris_report::programs;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 
-/// `i2ris` with these arguments. A program that `i2ris` would only start is called directly.
+/// `i2ris` with these arguments. A program that `i2ris` would only start is called directly, and so
+/// is the controller as `control`.
 pub fn command(arguments: &[&str]) -> Command {
-    let (program, arguments) = match programs::Program::of(arguments) {
-        Some((program, rest)) => (format!("i2ris-{}", program.name()), rest),
-        None => ("i2ris".to_owned(), arguments),
+    let (program, arguments) = match (programs::Program::of(arguments), arguments) {
+        (Some((program, rest)), _) => (format!("i2ris-{}", program.name()), rest),
+        (None, ["control", rest @ ..]) => ("i2ris-control".to_owned(), rest),
+        (None, arguments) => ("i2ris".to_owned(), arguments),
     };
     let mut command = Command::new(path(&program));
     command.args(arguments);

@@ -173,14 +173,14 @@ impl Guided {
         let is_in = |wanted: OperatingState| state.state == wanted.number();
         let mut commands = Vec::new();
         if state.flags & OperatingStateMsg::HOMED == 0 {
-            commands.push("home");
+            commands.push(words(&["home"]));
         }
         if is_in(OperatingState::Paused) {
-            commands.push("resume");
+            commands.push(words(&["command", "state", "resume"]));
         } else if !is_in(OperatingState::Enabled) {
-            commands.push("enable");
+            commands.push(words(&["enable"]));
         }
-        Ok(commands.into_iter().map(|command| words(&["command", "state", command])).collect())
+        Ok(commands)
     }
 
     fn commands(&mut self, step: Step, progress: &Progress) -> Result<Vec<Vec<String>>, Failure> {

@@ -147,7 +147,11 @@ fn activate(client: &mut Client, id: ModelId, force: bool) -> Result<ModelReply,
 /// A failure after which the model is in use that was before.
 fn stays(failure: Failure, before: &ModelSlot) -> Failure {
     let failure = with_code(failure);
-    let sentence = format!("{failure}; in use as before: {}", line(before));
+    let stays = match before.flags & ModelSlot::PRESENT {
+        0 => "no model is in use, as before",
+        _ => "the model in use stays",
+    };
+    let sentence = format!("{failure}; {stays}");
     Coded { code: code(&failure), sentence }.into()
 }
 

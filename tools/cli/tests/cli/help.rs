@@ -2,7 +2,11 @@
 
 use i2ris_report::programs::PROGRAMS;
 
-use crate::bench::{Bench, assert_says};
+use std::fs;
+
+use i2ris_testing::Rig;
+
+use crate::bench::{Bench, assert_says, expect_stalls, repository, run};
 
 #[test]
 fn every_command_has_an_example_and_the_first_page_tells_every_exit_code() {
@@ -18,4 +22,44 @@ fn every_command_has_an_example_and_the_first_page_tells_every_exit_code() {
     for code in ["0 ", "1 ", "2 ", "3 ", "4 ", "5 ", "6 ", "7 ", "8 ", "130 "] {
         assert!(help.lines().any(|line| line.trim_start().starts_with(code)), "{code}: {help}");
     }
+}
+
+/// Examples that need no hand and end by themselves, as printed, on a robot with emulated drives.
+#[test]
+fn examples_of_the_help_run_as_printed() {
+    let mut rig = Rig::with_model();
+    expect_stalls(&mut rig);
+    rig.start_controller_thread();
+    let (bench, domain) = (Bench::new(), rig.domain());
+    let here = |words: &str| {
+        let files = ["steel.json", "newer.json", "snake.json", "desired.csv", "before.csv"];
+        let files = files.iter().chain(&["path.csv", "robot.toml", "counts.csv", "angles.csv"]);
+        files.fold(words.replace("config/models/", ""), |words, name| {
+            words.replace(&format!(" {name}"), &format!(" {}", bench.file(name)))
+        })
+    };
+    let model = rig.sample_model("sample.json", "rig", 1.0);
+    for name in ["steel.json", "newer.json", "snake.json"] {
+        fs::copy(&model, bench.path(name)).unwrap();
+    }
+    bench.write("desired.csv", "t_s,pitch_deg,yaw_deg\n0,0,0\n1,1,-1\n");
+    let counts = "t_s,q0_counts,q1_counts\n0,0,0\n1,20,-30\n";
+    bench.write("before.csv", counts);
+    bench.write("path.csv", counts);
+    let config = fs::read_to_string(repository("config/emulator.toml")).unwrap();
+    bench.write("robot.toml", &config.replace("i2ris-emulated", "rig"));
+    let mut ran = 0;
+    for command in
+        ["home", "model use", "model back", "model show", "model invert", "model predict"]
+    {
+        let help = bench.succeeds(&format!("{command} --help"));
+        let examples = help.lines().filter_map(|line| line.strip_prefix("  i2ris "));
+        for words in examples.flat_map(|line| line.split("   ").next().unwrap().split("&& i2ris "))
+        {
+            let said = run(&domain, &here(&format!(" {words}")));
+            assert_eq!(said.code, Some(0), "i2ris {words}: {}{}", said.output, said.error);
+            ran += 1;
+        }
+    }
+    assert!(ran >= 10, "{ran}");
 }

@@ -91,7 +91,7 @@ fn a_target_is_followed_by_keys_and_the_report_scores_it() {
         let file = bench.file(&format!("{lag}.mcap"));
         let mut record = start(&controller.domain, &format!("record --output {file}"));
         wait_until("it records", || fs::metadata(&file).is_ok_and(|data| data.len() > 0));
-        let words = format!("command {words} --duration-s 6");
+        let words = format!("teleop task {words} --duration-s 6");
         let words: Vec<&str> = words.split(' ').collect();
         let mut terminal = Terminal::start(&controller.domain, &words, 24, 80);
         terminal.wait_for("close the clutch to begin");

@@ -12,18 +12,17 @@ use serde_json::Value;
 use super::markdown::{Document, root};
 
 /// What is forgiven to a command that is only named, and not printed to be typed.
-const INCOMPLETE: [&str; 7] = [
+const INCOMPLETE: [&str; 6] = [
     "MissingRequiredArgument",
     "MissingSubcommand",
     "DisplayHelpOnMissingArgumentOrSubcommand",
     "ValueValidation",
-    "InvalidValue",
     "WrongNumberOfValues",
     "TooFewValues",
 ];
 
-/// Commands that are no command of this program: others' words, and those that tests make up.
-const NO_COMMANDS: [&str; 1] = ["NAME"];
+/// What stands for words of a command.
+const PLACEHOLDERS: [&str; 3] = ["NAME", "{words}", "{command}"];
 
 /// The mistakes in printed commands, each with its place.
 #[derive(Default)]
@@ -46,8 +45,9 @@ impl Printed {
             let Some(quoted) = text[offset + 1..].split('`').next() else { continue };
             let line = 1 + text[..offset].matches('\n').count();
             let quoted = quoted.replace(['\n', '\t'], " ");
-            let quoted = quoted.replace("\\ ", " ").replace(" /// ", " ").replace(" //! ", " ");
-            if quoted.split_whitespace().any(|word| NO_COMMANDS.contains(&word)) {
+            let quoted = quoted.replace("\\n", " ").replace("\\ ", " ");
+            let quoted = quoted.replace(" /// ", " ").replace(" //! ", " ");
+            if quoted.split_whitespace().any(|word| PLACEHOLDERS.contains(&word)) {
                 continue;
             }
             for words in commands(&quoted) {
