@@ -11,7 +11,6 @@ use i2ris_record::trial::order::order;
 use i2ris_record::trial::runner::Plan;
 use i2ris_record::trial::workload::{SCALES, Workload};
 use i2ris_record::trial::{Study, TrialFolder};
-use i2ris_report::programs::{Program, find};
 use i2ris_report::{DomainOption, Failure};
 
 #[derive(Debug, clap::Args)]
