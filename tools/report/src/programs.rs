@@ -31,7 +31,7 @@ pub const PROGRAMS: [Program; 5] = [
 
 impl Program {
     /// The program that these arguments of `i2ris` start, and the arguments that are left for it.
-    pub fn of<'a, T: AsRef<str>>(arguments: &'a [T]) -> Option<(Self, &'a [T])> {
+    pub fn of<T: AsRef<str>>(arguments: &[T]) -> Option<(Self, &[T])> {
         PROGRAMS.into_iter().find_map(|program| {
             let count = program.words.split(' ').count();
             let (words, rest) = arguments.split_at_checked(count)?;
