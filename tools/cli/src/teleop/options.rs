@@ -1,0 +1,133 @@
+//! What a hand holds, and how it moves the snake: the options.
+
+use std::path::PathBuf;
+
+use i2ris_report::{DomainOption, Failure};
+use i2ris_teleop::master::{Mode, Settings};
+use i2ris_teleop::profile::Handedness;
+
+use super::hands::{Chosen, Hands};
+use super::keyboard::Keyboard;
+use super::source::Source;
+use crate::command::prepare::PrepareOptions;
+use crate::numbers::{finite, positive, rate, within};
+
+const STEP_DEG: f64 = 0.25;
+/// The same in a task: steps of the former would miss targets.
+const FINE_STEP_DEG: f64 = 0.1;
+
+/// What is held, and how it moves the snake.
+#[derive(Debug, clap::Args)]
+pub(super) struct HandOptions {
+    #[command(flatten)]
+    pub domain: DomainOption,
+    /// Commands per second, at least; an event of the device is sent at once
+    #[arg(long, default_value_t = 200.0, value_name = "HZ", value_parser = rate)]
+    pub rate_hz: f64,
+    /// Speed of the snake at full deflection, and its limit
+    #[arg(long, default_value_t = 10.0, value_name = "DEG_PER_S", value_parser = positive)]
+    speed_deg_s: f64,
+    #[command(flatten)]
+    pub prepare: PrepareOptions,
+    /// Steer with the keys of this terminal
+    #[arg(long, conflicts_with = "device")]
+    keyboard: bool,
+    /// An input device, or a pipe through which `i2ris teleop input play` plays a recording; a second
+    /// one is a pedal [default: those that are known]
+    #[arg(long, value_name = "DEVICE")]
+    device: Vec<PathBuf>,
+    /// The profile of a device that is not known; `i2ris teleop input learn` makes one
+    #[arg(long, value_name = "FILE")]
+    profile: Vec<PathBuf>,
+    /// What a deflection is: a speed; a distance from where the dead-man was pressed; or a distance
+    /// inside and a speed at the rim
+    #[arg(long, value_enum, default_value_t = ModeWord::Rate)]
+    mode: ModeWord,
+    /// Distance of full deflection in position and hybrid
+    #[arg(long, default_value_t = 1.5, value_name = "DEG", value_parser = positive)]
+    reach_deg: f64,
+    /// How much of the motion reaches the snake; several are steps for a button of the device
+    #[arg(long, value_delimiter = ',', default_values_t = [1.0, 0.5, 0.25], value_name = "SHARE",
+          value_parser = share)]
+    pub scale: Vec<f64>,
+    /// How far one key press goes [default: 0.25, and 0.1 in a task]
+    #[arg(long, value_name = "DEG", value_parser = step)]
+    step_deg: Option<f64>,
+    /// The device is held in the left hand: its controls of the other side are used
+    #[arg(long)]
+    left_hand: bool,
+    /// Let the device pulse, if it can: faster the nearer the tip is to a virtual fixture or to the
+    /// end of the hull
+    #[arg(long)]
+    pub pulse: bool,
+    /// How the picture lies: DEG, turned counterclockwise (90, and +yaw goes up); DEG,mirror: then
+    /// left and right are swapped; or measure: by two small motions while a camera watches
+    #[arg(long, default_value = "0", value_name = "DEG[,mirror]|measure", value_parser = view,
+          allow_negative_numbers = true)]
+    pub view: Lie,
+}
+
+/// How the picture of the camera lies.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Lie {
+    Measured,
+    Typed { rotation_deg: f64, is_mirrored: bool },
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+pub(super) enum ModeWord {
+    Rate,
+    Position,
+    Hybrid,
+}
+
+impl HandOptions {
+    pub fn settings(&self, is_task: bool) -> Settings {
+        let step_deg = if is_task { FINE_STEP_DEG } else { STEP_DEG };
+        Settings {
+            mode: match self.mode {
+                ModeWord::Rate => Mode::Rate,
+                ModeWord::Position => Mode::Position,
+                ModeWord::Hybrid => Mode::Hybrid,
+            },
+            speed_deg_s: self.speed_deg_s,
+            reach_deg: self.reach_deg,
+            step_deg: self.step_deg.unwrap_or(step_deg),
+        }
+    }
+
+    pub fn source(&self, is_task: bool) -> Result<Box<dyn Source>, Failure> {
+        if self.keyboard || is_task && self.device.is_empty() {
+            return Ok(Box::new(Keyboard::open()?));
+        }
+        let hand = if self.left_hand { Handedness::Left } else { Handedness::Right };
+        Ok(Box::new(Hands::open(&Chosen {
+            devices: self.device.clone(),
+            profiles: self.profile.clone(),
+            hand,
+            pulses: self.pulse,
+        })?))
+    }
+}
+
+fn view(text: &str) -> Result<Lie, String> {
+    if text == "measure" {
+        return Ok(Lie::Measured);
+    }
+    let (deg, is_mirrored) = match text.strip_suffix("mirror") {
+        Some(deg) => (deg.trim_end_matches(','), true),
+        None => (text, false),
+    };
+    let rotation_deg = if deg.is_empty() && is_mirrored { Ok(0.0) } else { finite(deg) };
+    rotation_deg
+        .map(|rotation_deg| Lie::Typed { rotation_deg, is_mirrored })
+        .map_err(|_| "must be DEG, DEG,mirror, mirror or measure".to_owned())
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    within(0.01..=1.0, "must be 0.01 to 1", text)
+}
+
+fn step(text: &str) -> Result<f64, String> {
+    within(0.01..=2.0, "must be 0.01 to 2", text)
+}
