@@ -2,6 +2,7 @@
 
 mod collect;
 mod compare;
+mod files;
 mod fit;
 mod guided;
 mod merge;

@@ -3,12 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use i2ris::model::Model;
-use i2ris::model::file::OutputSpec;
-use i2ris_calibration::recording::{ColumnMap, OutputColumn, Recording, TimeColumn};
+use i2ris_calibration::recording::Recording;
 use i2ris_calibration::report::{Comparison, DriftReport};
 use i2ris_report::{Failure, while_working};
 
-use super::fit::{check_output, write};
+use super::files::{ColumnArguments, check, check_output, write};
 
 /// Arguments of `i2ris calibrate compare`.
 #[derive(Debug, clap::Args)]
@@ -40,36 +39,6 @@ pub struct Arguments {
     json: bool,
     #[command(flatten)]
     columns: ColumnArguments,
-}
-
-/// Which columns of a recording are what.
-#[derive(Debug, clap::Args)]
-#[command(next_help_heading = "Columns of the recording")]
-pub struct ColumnArguments {
-    /// Encoder counts of motor 0 and motor 1 [default: `q0_counts,q1_counts` or
-    /// `Encoder counts 0,Encoder counts 1`]
-    #[arg(long, value_name = "COLUMN,..", value_delimiter = ',')]
-    counts: Vec<String>,
-    /// Measured angles, deg, and what they are [default: `pitch_deg,yaw_deg` or
-    /// `pitches=pitch,yaws=yaw`]
-    #[arg(long, value_name = "COLUMN=NAME,..", value_delimiter = ',')]
-    angles: Vec<OutputColumn>,
-    /// Time stamps, s; none: read the recording without [default: `t_s` or `Enc TS`, if there is
-    /// one]
-    #[arg(long, value_name = "COLUMN|none")]
-    time: Option<String>,
-}
-
-impl ColumnArguments {
-    /// For reading the recording.
-    pub fn map(&self) -> ColumnMap {
-        let time = match self.time.as_deref() {
-            Some("none") => TimeColumn::Ignored,
-            Some(column) => TimeColumn::Named(column.to_owned()),
-            None => TimeColumn::Known,
-        };
-        ColumnMap { time, counts: self.counts.clone(), outputs: self.angles.clone() }
-    }
 }
 
 /// Runs it.
@@ -126,27 +95,4 @@ fn load(file: &Path, recording: &Recording) -> Result<Model, Failure> {
     let model = Model::load(file)?;
     check(&model, recording).map_err(|reason| format!("model {}: {reason}", file.display()))?;
     Ok(model)
-}
-
-/// Whether model and recording are of the same motors and outputs.
-pub fn check(model: &Model, recording: &Recording) -> Result<(), String> {
-    if model.motors() != recording.motors() {
-        return Err(format!(
-            "is for {} motor(s), the recording has {}",
-            model.motors(),
-            recording.motors()
-        ));
-    }
-    let names = |outputs: &[OutputSpec]| {
-        outputs
-            .iter()
-            .map(|output| format!("{} ({})", output.name, output.unit))
-            .collect::<Vec<_>>()
-            .join(", ")
-    };
-    if model.file().outputs != recording.outputs() {
-        let (of_model, of_recording) = (names(&model.file().outputs), names(recording.outputs()));
-        return Err(format!("has the outputs {of_model}, the recording {of_recording}"));
-    }
-    Ok(())
 }

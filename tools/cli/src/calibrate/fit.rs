@@ -16,12 +16,11 @@ use i2ris_calibration::quality::SpikeOptions;
 use i2ris_calibration::recording::{MIN_ROWS, Recording};
 use i2ris_calibration::report::CalibrationReport;
 
-use super::compare::ColumnArguments;
+use super::files::{ColumnArguments, check_output, same, write};
 use super::refine;
 use crate::model::show;
 use crate::progress_bar::Bar;
 use i2ris_report::Failure;
-use i2ris_report::files::{check_not_there, make_folder_of, replace};
 
 /// The robot of recordings that name none.
 const ROBOT_ID: &str = "i2ris";
@@ -276,24 +275,6 @@ fn of_network(
     Ok(())
 }
 
-/// Checks an output file before the long work. `option` names the file to write.
-pub fn check_output(
-    option: &str,
-    output: &Path,
-    recording: &Path,
-    overwrite: bool,
-) -> Result<(), Failure> {
-    let shown = output.display();
-    if output.is_dir() {
-        return Err(format!("{option} {shown}: is a folder; name a file in it").into());
-    }
-    if same(output, recording) {
-        return Err(format!("{option} {shown}: is the recording itself; name another file").into());
-    }
-    check_not_there(option, output, overwrite)?;
-    Ok(make_folder_of(option, output)?)
-}
-
 /// What the file beside a recording says of it, as `i2ris calibrate collect` writes it.
 #[derive(serde::Deserialize)]
 struct Beside {
@@ -313,20 +294,4 @@ fn beside(recording: &Path) -> Result<Option<Beside>, String> {
             error.message()
         )
     })
-}
-
-/// Whether two names mean one file, which need not exist yet.
-fn same(a: &Path, b: &Path) -> bool {
-    match (fs::canonicalize(a), fs::canonicalize(b)) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => std::path::absolute(a)
-            .ok()
-            .is_some_and(|a| std::path::absolute(b).is_ok_and(|b| a == b)),
-    }
-}
-
-/// Writes a page all at once: who looks at it finds the old one or the new one.
-pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    replace(path, text.as_bytes())
-        .map_err(|error| format!("{}: {error}; choose another --report", path.display()).into())
 }

@@ -17,8 +17,7 @@ use i2ris_report::programs::find;
 use serde::Deserialize;
 
 use super::collect::Recorder;
-use super::compare::check;
-use super::fit::write;
+use super::files::{check, write};
 use crate::progress_bar::Bar;
 
 /// Fits a model to its recording and a trial. It is written when all else has succeeded. Files:

@@ -1,0 +1,97 @@
+//! What every command on recordings has: options for their columns, checks, files that are written.
+
+use std::fs;
+use std::path::Path;
+
+use i2ris::model::Model;
+use i2ris::model::file::OutputSpec;
+use i2ris_calibration::recording::{ColumnMap, OutputColumn, Recording, TimeColumn};
+use i2ris_report::Failure;
+use i2ris_report::files::{check_not_there, make_folder_of, replace};
+
+/// Which columns of a recording are what.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Columns of the recording")]
+pub struct ColumnArguments {
+    /// Encoder counts of motor 0 and motor 1 [default: `q0_counts,q1_counts` or
+    /// `Encoder counts 0,Encoder counts 1`]
+    #[arg(long, value_name = "COLUMN,..", value_delimiter = ',')]
+    counts: Vec<String>,
+    /// Measured angles, deg, and what they are [default: `pitch_deg,yaw_deg` or
+    /// `pitches=pitch,yaws=yaw`]
+    #[arg(long, value_name = "COLUMN=NAME,..", value_delimiter = ',')]
+    angles: Vec<OutputColumn>,
+    /// Time stamps, s; none: read the recording without [default: `t_s` or `Enc TS`, if there is
+    /// one]
+    #[arg(long, value_name = "COLUMN|none")]
+    time: Option<String>,
+}
+
+impl ColumnArguments {
+    /// For reading the recording.
+    pub fn map(&self) -> ColumnMap {
+        let time = match self.time.as_deref() {
+            Some("none") => TimeColumn::Ignored,
+            Some(column) => TimeColumn::Named(column.to_owned()),
+            None => TimeColumn::Known,
+        };
+        ColumnMap { time, counts: self.counts.clone(), outputs: self.angles.clone() }
+    }
+}
+
+/// Checks an output file before the long work. `option` names the file to write.
+pub fn check_output(
+    option: &str,
+    output: &Path,
+    recording: &Path,
+    overwrite: bool,
+) -> Result<(), Failure> {
+    let shown = output.display();
+    if output.is_dir() {
+        return Err(format!("{option} {shown}: is a folder; name a file in it").into());
+    }
+    if same(output, recording) {
+        return Err(format!("{option} {shown}: is the recording itself; name another file").into());
+    }
+    check_not_there(option, output, overwrite)?;
+    Ok(make_folder_of(option, output)?)
+}
+
+/// Whether two names mean one file, which need not exist yet.
+pub fn same(a: &Path, b: &Path) -> bool {
+    match (fs::canonicalize(a), fs::canonicalize(b)) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => std::path::absolute(a)
+            .ok()
+            .is_some_and(|a| std::path::absolute(b).is_ok_and(|b| a == b)),
+    }
+}
+
+/// Writes a page all at once: who looks at it finds the old one or the new one.
+pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    replace(path, text.as_bytes())
+        .map_err(|error| format!("{}: {error}; choose another --report", path.display()).into())
+}
+
+/// Whether model and recording are of the same motors and outputs.
+pub fn check(model: &Model, recording: &Recording) -> Result<(), String> {
+    if model.motors() != recording.motors() {
+        return Err(format!(
+            "is for {} motor(s), the recording has {}",
+            model.motors(),
+            recording.motors()
+        ));
+    }
+    let names = |outputs: &[OutputSpec]| {
+        outputs
+            .iter()
+            .map(|output| format!("{} ({})", output.name, output.unit))
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    if model.file().outputs != recording.outputs() {
+        let (of_model, of_recording) = (names(&model.file().outputs), names(recording.outputs()));
+        return Err(format!("has the outputs {of_model}, the recording {of_recording}"));
+    }
+    Ok(())
+}
