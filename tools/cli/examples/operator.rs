@@ -1,8 +1,8 @@
-//! A scripted operator: sees the angles of the camera and the target of a task, and moves the stick of
-//! a gamepad that is played through a pipe, for `i2ris teleop task reach --device PIPE`.
+//! A scripted operator: sees the angles of the camera and the target of a task, and moves the stick
+//! of a gamepad that is played through a pipe, for `i2ris teleop task reach --device PIPE`.
 //!
-//! A person as the crossover model has one (McRuer and Jex, 1967): the deflection is what the snake was
-//! away a reaction time ago, times a gain, with noise. Gain, reaction and noise are those of a
+//! A person as the crossover model has one (McRuer and Jex, 1967): the deflection is what the snake
+//! was away a reaction time ago, times a gain, with noise. Gain, reaction and noise are those of a
 //! participant, by number. It knows nothing of models and hysteresis.
 //!
 //! `operator PIPE PARTICIPANT [DOMAIN]`; `tools/manual/study.sh` uses it.

@@ -39,7 +39,8 @@ pub struct Arguments {
     /// How long to calibrate
     #[arg(long, value_name = "S", default_value_t = 90.0)]
     duration_s: f64,
-    /// Families of models to compare, with commas between them; `best` is the one with the least error on what was held out
+    /// Families of models to compare, with commas between them; `best` is the one with the least
+    /// error on what was held out
     #[arg(
         long,
         value_name = "FAMILY,..",

@@ -1,4 +1,5 @@
-//! `i2ris calibrate fit` with a trial: a better model from a calibration and a trial that a camera has seen.
+//! `i2ris calibrate fit` with a trial: a better model from a calibration and a trial that a camera
+//! has seen.
 
 use std::fs::{self, File};
 use std::path::Path;

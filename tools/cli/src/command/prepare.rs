@@ -1,4 +1,5 @@
-//! Connects to a controller, brings the robot to ENABLED, and waits for the effect of state commands.
+//! Connects to a controller, brings the robot to ENABLED, and waits for the effect of state
+//! commands.
 
 use i2ris::ipc::client::{Client, ClientError};
 use i2ris::ipc::payload::OperatingStateMsg;
@@ -96,8 +97,8 @@ fn silent(error: ClientError) -> Failure {
     }
 }
 
-/// Waits until the robot is not busy with what somebody else began. A fault or an interrupt ends the
-/// wait.
+/// Waits until the robot is not busy with what somebody else began. A fault or an interrupt ends
+/// the wait.
 fn wait_until_idle(
     client: &mut Client,
     interrupt: &Interrupt,
